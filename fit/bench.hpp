@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "fit/angle.hpp"
+#include "fit/estimate.hpp"
+
+namespace fit {
+
+/// Where the lidar's optical centre sits on the stage: its origin at stage angle 0 and its yaw.
+struct Mount {
+  Estimate x_mm{0}, y_mm{0}, yaw_rad{0};
+};
+
+/// The lidar's scan pattern. Beam k points to `beam_angle(k)` in the lidar's frame, counter-clockwise.
+struct LidarGeometry {
+  std::string model = "UST-10LX";
+  int steps = 1081;
+  int front_step = 540;
+  double step_rad = 0.25 * rad_per_deg;
+  double scan_hz = 40;
+  Mount mount;
+
+  [[nodiscard]] double beam_angle(double step) const { return (step - front_step) * step_rad; }
+  /// Seconds from the scan's time stamp (step 0 is passed) to beam k; a full turn takes 1 / scan_hz.
+  [[nodiscard]] double beam_time_s(double step) const { return step * step_rad / (2 * pi * scan_hz); }
+};
+
+/// A flat target seen from above: the segment from `from` to `to` in the world frame.
+struct Target {
+  std::string name;
+  Eigen::Vector2d from_mm = Eigen::Vector2d::Zero(), to_mm = Eigen::Vector2d::Zero();
+  double u_mm = 0;   ///< Standard uncertainty of the offset along the normal.
+  double u_rad = 0;  ///< Standard uncertainty of the orientation.
+  std::optional<double> reflectance;
+
+  /// Unit normal that points away from the stage's axis (the direction of a capture's target_shift_mm).
+  [[nodiscard]] Eigen::Vector2d outward_normal() const;
+};
+
+/// A mechanism that is already part of the simulation. Parameters carry units in their names, as in the file;
+/// text parameters (a target's name, say) are kept apart.
+struct KnownMechanism {
+  std::string mechanism;
+  std::map<std::string, Estimate> parameters;
+  std::map<std::string, std::string> texts;
+};
+
+/// What the operator knows of the set-up: the prior of every fit and the scene of the simulator
+/// (formats.md, `bench/1`).
+struct Bench {
+  LidarGeometry lidar;
+  double stage_resolution_rad = 0.01 * rad_per_deg;
+  std::vector<Target> targets;
+  std::vector<KnownMechanism> known;
+  /// The document it came from, with everything this struct does not model (stage language, units per turn,
+  /// soft limits ...): JSON text. Kept so that a bench written back loses nothing.
+  std::string document = "{}";
+
+  [[nodiscard]] const Target* target(const std::string& name) const;
+  [[nodiscard]] const KnownMechanism* knows(const std::string& mechanism) const;
+};
+
+/// Reads a bench file's text (JSON with comments). Throws std::invalid_argument whose message names the place
+/// ("NAME:LINE:COLUMN" or the JSON path), what was expected and what to do. `name` is only used in messages.
+Bench parse_bench(const std::string& text, const std::string& name = "bench");
+
+/// The bench as JSON text: `document` with targets, mount and known mechanisms brought up to date.
+std::string to_json_text(const Bench& bench);
+
+}  // namespace fit

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "fit/bench.hpp"
+
+namespace fit {
+
+/// One capture's circumstances (the `capture` table of formats.md), angles in radians.
+struct CaptureInfo {
+  std::int64_t id = 0;
+  std::string step;
+  std::int64_t started_us = 0;
+  double stage_rad = 0;
+  std::optional<double> stage_readback_rad;
+  int approach = 0;
+  std::optional<std::string> target;
+  double target_shift_mm = 0;
+  std::optional<double> reflectance;
+  std::optional<double> temperature_c;
+  std::optional<double> since_power_on_s;
+  double stage_rate_rad_s = 0;
+  int first_step = 0, last_step = 0, cluster = 1;
+
+  /// Values per scan: one for each step, or for each cluster of steps.
+  [[nodiscard]] int beams() const { return (last_step - first_step) / cluster + 1; }
+};
+
+/// Own geometry of one scan, for lidars whose scans differ (the `scan_geometry` table).
+struct ScanGeometry {
+  double first_rad = 0, step_rad = 0;
+  std::optional<double> scan_s;
+};
+
+/// One scan, borrowed: valid only during the call that hands it over.
+struct ScanView {
+  std::int64_t seq = 0;
+  std::int64_t device_ms = 0;
+  std::int64_t host_us = 0;
+  std::span<const std::uint16_t> range_mm;   ///< 0 = no echo or an error code.
+  std::span<const std::uint16_t> intensity;  ///< Empty when not recorded.
+  std::optional<ScanGeometry> geometry;
+};
+
+/// Odometry or stage track of a moving session (the `pose` table).
+struct TrackPose {
+  std::int64_t host_us = 0;
+  std::optional<double> x_mm, y_mm, heading_rad, wheel_left_rad, wheel_right_rad, stage_rad;
+};
+
+/// A recording that can be walked scan by scan without holding all of it in memory. `rig` reads sessions into
+/// this shape; tests and simulators make it directly.
+class Recording {
+ public:
+  virtual ~Recording() = default;
+  [[nodiscard]] virtual const Bench& bench() const = 0;
+  [[nodiscard]] virtual const std::vector<CaptureInfo>& captures() const = 0;
+  /// Calls `visit` for every scan of the capture at `index` in captures(), in order of seq.
+  virtual void for_each_scan(std::size_t index, const std::function<void(const ScanView&)>& visit) const = 0;
+  [[nodiscard]] virtual const std::vector<TrackPose>& track() const = 0;
+};
+
+}  // namespace fit

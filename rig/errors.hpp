@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <stdexcept>
+
+namespace rig {
+
+// What `rig` could not do, by exit status. what() is written for the operator: what happened, what the rig did,
+// what to do next.
+
+/// Wrong usage or an unreadable file: exit status 2.
+class UsageError : public std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// A device failed or was lost: exit status 3.
+class DeviceError : public std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// The measurement or the fit failed, with its reason: exit status 1.
+class MeasurementError : public std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// The stage refused, failed or was lost.
+class StageError : public DeviceError {
+  using DeviceError::DeviceError;
+};
+
+}  // namespace rig

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "fit/recording.hpp"
+
+namespace rig {
+
+/// A session file (`*.rig`, formats.md): crash-safe, one SQLite database. Opening a file that is not one, or
+/// one of a later version, throws std::runtime_error saying what it is and what to do.
+class SessionStore {
+ public:
+  enum class Mode { create, append, read };
+
+  SessionStore(const std::string& path, Mode mode);
+  ~SessionStore();
+  SessionStore(const SessionStore&) = delete;
+  SessionStore& operator=(const SessionStore&) = delete;
+
+  void set(const std::string& key, const std::string& value);
+  [[nodiscard]] std::optional<std::string> get(const std::string& key) const;
+
+  /// Starts a capture; its id is assigned and returned. Nothing is visible to readers before commit_capture().
+  std::int64_t begin_capture(const fit::CaptureInfo& info);
+  void add_scan(std::int64_t capture, const fit::ScanView& scan);
+  /// Makes the capture durable (synchronous to the disk) before it returns.
+  void commit_capture(std::int64_t capture);
+  /// Forgets a capture that was begun and not committed.
+  void abandon_capture(std::int64_t capture);
+
+  void add_pose(const fit::TrackPose& pose);
+  void add_result(const std::string& kind, const std::string& json);
+  [[nodiscard]] std::optional<std::string> latest_result(const std::string& kind) const;
+  void add_event(std::int64_t host_us, const std::string& level, const std::string& text);
+
+  struct Event {
+    std::int64_t host_us;
+    std::string level, text;
+  };
+  [[nodiscard]] std::vector<Event> events() const;
+
+  /// The recording for analysis; shares the open database. The bench is the session's own, or `bench` if given.
+  [[nodiscard]] std::unique_ptr<fit::Recording> recording(const std::optional<fit::Bench>& bench = {}) const;
+  /// SHA-256 (hex) of the bench, captures and scans in order: what certificates print to name the data.
+  [[nodiscard]] std::string content_hash() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rig

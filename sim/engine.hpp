@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <string>
+
+#include "fit/bench.hpp"
+
+namespace sim {
+
+/// The operator's side of the bench, changed by prompts and by the operator port.
+struct SceneState {
+  std::string target;           ///< The target the following values are about.
+  double target_shift_mm = 0;   ///< Along its normal, away from the axis.
+  double reflectance = -1;      ///< Negative: as the bench says.
+  double temperature_c = 25;
+};
+
+/// Where the bench is at one moment of simulated time.
+struct StageMoment {
+  double angle_rad = 0;       ///< True angle of the stage's table (the simulated stage adds its own errors).
+  double rate_rad_s = 0;
+};
+
+/// Makes what a lidar would measure. Engines hold no clock and no socket; random numbers come from their seed,
+/// so the same calls give the same scans.
+class Engine {
+ public:
+  virtual ~Engine() = default;
+  /// Fills one value per step. `scan_s` is the simulated time since power-on at which step 0 is passed;
+  /// `stage_at` gives the stage at any later time of the scan. Codes: 4 = too near, 65533 = no echo.
+  virtual void scan(double scan_s, const std::function<StageMoment(double time_s)>& stage_at,
+                    std::span<std::uint32_t> range_mm, std::span<std::uint32_t> intensity) = 0;
+  virtual void set_scene(const SceneState& scene) = 0;
+};
+
+}  // namespace sim
