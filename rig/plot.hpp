@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+namespace rig {
+
+/// One set of points in a plot. `u` (same length, or empty) draws error bars of one standard uncertainty
+/// times `u_factor`; non-finite points leave a gap.
+struct Series {
+  enum class Style { points, line, errorbars, steps, ellipse, band, bars };
+  std::string name;
+  Style style = Style::points;
+  std::vector<double> x, y, u;
+};
+
+/// A picture with labelled axes. Units belong in the labels ("error (mm)").
+struct Plot {
+  std::string title, x_label, y_label;
+  std::vector<Series> series;
+  bool equal_axes = false;  ///< One millimetre is as long on x as on y: maps, ellipses.
+  bool log_y = false;
+  int width_px = 720, height_px = 400;
+};
+
+/// Draws the plot as an SVG element that can stand in HTML and prints well (gnuplot does the drawing; the
+/// same plot gives the same bytes). Without gnuplot, or with nothing to draw, an SVG that says so.
+[[nodiscard]] std::string to_svg(const Plot& plot);
+
+/// Reads the "plots" entries of a result document (docs/results.md).
+[[nodiscard]] Plot plot_from_json(const nlohmann::json& json);
+
+}  // namespace rig

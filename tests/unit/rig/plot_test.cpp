@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: MIT
+#include "rig/plot.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+using rig::Plot;
+using rig::Series;
+
+TEST_CASE("a plot is one SVG element with its labels, the same bytes each time") {
+  const Plot plot{"Edge <profile>",
+                  "stage angle (deg)",
+                  "range (mm)",
+                  {{"mean", Series::Style::errorbars, {0, 1, 2}, {5, std::nan(""), 7}, {0.1, 0.1, 0.2}}}};
+  const std::string svg = rig::to_svg(plot);
+  CHECK(svg.rfind("<svg", 0) == 0);
+  CHECK(svg.find("</svg>") != std::string::npos);
+  CHECK(svg.find("currentColor") == std::string::npos);
+  CHECK(svg.find("stage angle (deg)") != std::string::npos);
+  CHECK(svg == rig::to_svg(plot));
+}
+
+TEST_CASE("hostile text in a plot stays text") {
+  const Plot plot{"'; system 'touch /tmp/rig-plot-hostile'",
+                  "x",
+                  "y",
+                  {{"it's", Series::Style::line, {0, 1}, {0, 1}, {}}}};
+  const std::string svg = rig::to_svg(plot);
+  CHECK(svg.find("system") != std::string::npos);
+  FILE* made = fopen("/tmp/rig-plot-hostile", "r");
+  CHECK(made == nullptr);
+  if (made) fclose(made);
+}
+
+TEST_CASE("a plot without a finite point says so instead of failing") {
+  CHECK(rig::to_svg({"Empty", "x", "y", {{"none", Series::Style::points, {std::nan("")}, {1}, {}}}})
+            .find("nothing to draw") != std::string::npos);
+}
+
+TEST_CASE("a plot is read from a result document, gaps included") {
+  const auto plot = rig::plot_from_json(nlohmann::json::parse(
+      R"j({"title":"t","x_label":"x (mm)","y_label":"y (mm)","equal_axes":true,
+          "series":[{"name":"a","style":"ellipse","x":[1,null],"y":[2,3]}]})j"));
+  REQUIRE(plot.series.size() == 1);
+  CHECK(plot.equal_axes);
+  CHECK(plot.series[0].style == Series::Style::ellipse);
+  CHECK(std::isnan(plot.series[0].x[1]));
+}
