@@ -35,6 +35,11 @@ class SessionStore {
   void add_pose(const fit::TrackPose& pose);
   void add_result(const std::string& kind, const std::string& json);
   [[nodiscard]] std::optional<std::string> latest_result(const std::string& kind) const;
+  struct Result {
+    std::string kind, created_utc, json;
+  };
+  /// The newest result of every kind, in the order in which the kinds first appeared.
+  [[nodiscard]] std::vector<Result> latest_results() const;
   void add_event(std::int64_t host_us, const std::string& level, const std::string& text);
 
   struct Event {
