@@ -59,3 +59,29 @@ ${calls}  return items;
 " @ONLY)
   target_sources(${target} PRIVATE ${generated})
 endfunction()
+
+# Compiles a text file into TARGET as `extern const char* const NAMESPACE::VARIABLE`: programs carry their assets.
+function(rig_embed target file namespace variable)
+  set(source ${CMAKE_CURRENT_SOURCE_DIR}/${file})
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${source})
+  file(READ ${source} text)
+  # A raw string literal may hold 65,535 characters at most; longer files are cut into pieces that the compiler joins.
+  string(LENGTH "${text}" length)
+  set(literal "")
+  set(at 0)
+  while(at LESS length)
+    string(SUBSTRING "${text}" ${at} 8000 piece)
+    string(APPEND literal "R\"~~~(${piece})~~~\"\n")
+    math(EXPR at "${at} + 8000")
+  endwhile()
+  set(generated ${CMAKE_CURRENT_BINARY_DIR}/embedded_${variable}.cpp)
+  file(GENERATE OUTPUT ${generated} CONTENT
+"// Generated from ${file}.
+namespace ${namespace} {
+extern const char* const ${variable};
+const char* const ${variable} =
+${literal};
+}
+")
+  target_sources(${target} PRIVATE ${generated})
+endfunction()

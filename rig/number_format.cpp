@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: MIT
+#include "rig/number_format.hpp"
+
+#include <array>
+#include <boost/math/distributions/students_t.hpp>
+#include <cmath>
+#include <cstdio>
+
+namespace rig {
+namespace {
+
+std::string fixed(double value, int decimals) {
+  std::array<char, 400> text{};
+  if (decimals < 0) {
+    const double unit = std::pow(10.0, -decimals);
+    value = std::round(value / unit) * unit;
+    decimals = 0;
+  }
+  std::snprintf(text.data(), text.size(), "%.*f", decimals, value);
+  std::string out = text.data();
+  if (out[0] == '-' && out.find_first_not_of("-0.") == std::string::npos) out.erase(0, 1);  // no "-0.00"
+  return out;
+}
+
+/// Decimals that leave two significant digits of `u`, after rounding (0.0996 -> 0.10).
+int decimals_for(double u) {
+  const int exponent = static_cast<int>(std::floor(std::log10(u)));
+  const int decimals = 1 - exponent;
+  const double rounded = std::round(u * std::pow(10.0, decimals)) / std::pow(10.0, decimals);
+  return std::floor(std::log10(rounded)) > exponent ? decimals - 1 : decimals;
+}
+
+}  // namespace
+
+std::string format_uncertainty(double expanded) {
+  if (!std::isfinite(expanded)) return "not determined";
+  if (expanded <= 0) return "0";
+  return fixed(expanded, decimals_for(expanded));
+}
+
+std::string format_value(double value, double expanded) {
+  if (!std::isfinite(value)) return "not determined";
+  if (std::isfinite(expanded) && expanded > 0) return fixed(value, decimals_for(expanded));
+  std::array<char, 64> text{};
+  std::snprintf(text.data(), text.size(), "%.6g", value);
+  return text.data();
+}
+
+double coverage_factor(double degrees_of_freedom) {
+  if (!std::isfinite(degrees_of_freedom) || degrees_of_freedom > 200 || degrees_of_freedom <= 0) return 2;
+  const boost::math::students_t distribution(std::max(1.0, degrees_of_freedom));
+  return boost::math::quantile(distribution, 0.5 + 0.9545 / 2);
+}
+
+}  // namespace rig

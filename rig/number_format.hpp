@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <string>
+
+namespace rig {
+
+/// An uncertainty with two significant digits (GUM 7.2.6): 0.123 -> "0.12", 0 -> "0".
+[[nodiscard]] std::string format_uncertainty(double expanded);
+
+/// A value rounded to the place of its uncertainty's second digit: (-1.6342, 0.123) -> "-1.63" (with a
+/// hyphen-minus). Without an uncertainty, six significant digits. Non-finite: "not determined".
+[[nodiscard]] std::string format_value(double value, double expanded);
+
+/// Coverage factor for 95.45 % at `degrees_of_freedom` (GUM G.2); 2 when they are infinite, unknown or large.
+[[nodiscard]] double coverage_factor(double degrees_of_freedom);
+
+}  // namespace rig

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: MIT
+#include "rig/number_format.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <limits>
+
+TEST_CASE("a value is rounded to the place of its uncertainty's second digit") {
+  CHECK(rig::format_value(-1.6342, 0.1234) == "-1.63");
+  CHECK(rig::format_uncertainty(0.1234) == "0.12");
+  CHECK(rig::format_value(1234.6, 37.2) == "1235");
+  CHECK(rig::format_value(123456, 2345) == "123500");
+  CHECK(rig::format_uncertainty(2345) == "2300");
+  CHECK(rig::format_value(0.0501, 0.0996) == "0.05");
+  CHECK(rig::format_uncertainty(0.0996) == "0.10");
+  CHECK(rig::format_value(-0.001, 0.12) == "0.00");
+}
+
+TEST_CASE("what is not a number is not printed as one") {
+  CHECK(rig::format_value(std::nan(""), 1) == "not determined");
+  CHECK(rig::format_uncertainty(std::numeric_limits<double>::infinity()) == "not determined");
+  CHECK(rig::format_value(3.25, 0) == "3.25");
+}
+
+TEST_CASE("the coverage factor agrees with GUM table G.2 at 95.45 percent") {
+  CHECK(rig::coverage_factor(4) == Approx(2.87).margin(0.005));
+  CHECK(rig::coverage_factor(9) == Approx(2.32).margin(0.005));
+  CHECK(rig::coverage_factor(20) == Approx(2.13).margin(0.005));
+  CHECK(rig::coverage_factor(50) == Approx(2.05).margin(0.005));
+  CHECK(rig::coverage_factor(std::numeric_limits<double>::infinity()) == 2);
+}
