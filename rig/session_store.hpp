@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -11,9 +13,17 @@
 namespace rig {
 
 /// A session file (`*.rig`, formats.md): crash-safe, one SQLite database. Opening a file that is not one, or
-/// one of a later version, throws std::runtime_error saying what it is and what to do.
+/// one of a later version, throws UsageError saying what it is and what to do; a full or failing disk throws
+/// MeasurementError. Whatever was committed before stays intact in either case.
+///
+///   SessionStore store("run.rig", SessionStore::Mode::create);
+///   const auto id = store.begin_capture(info);
+///   store.add_scan(id, scan);      // as often as needed
+///   store.commit_capture(id);      // on the disk when this returns
 class SessionStore {
  public:
+  /// create: a new file, refused if one with data is there. append: an existing file, refused while another
+  /// program writes it. read: never changes the file; works on read-only media and beside a writer.
   enum class Mode { create, append, read };
 
   SessionStore(const std::string& path, Mode mode);
@@ -24,13 +34,19 @@ class SessionStore {
   void set(const std::string& key, const std::string& value);
   [[nodiscard]] std::optional<std::string> get(const std::string& key) const;
 
-  /// Starts a capture; its id is assigned and returned. Nothing is visible to readers before commit_capture().
+  /// Starts a capture; its id is assigned and returned. Nothing is visible to readers before
+  /// commit_capture(), and nothing remains of it after a crash. One capture at a time.
   std::int64_t begin_capture(const fit::CaptureInfo& info);
   void add_scan(std::int64_t capture, const fit::ScanView& scan);
   /// Makes the capture durable (synchronous to the disk) before it returns.
   void commit_capture(std::int64_t capture);
   /// Forgets a capture that was begun and not committed.
   void abandon_capture(std::int64_t capture);
+
+  /// What a resumed run needs to know of a step that is done (JSON). Between begin_capture and commit_capture
+  /// it becomes durable together with the capture: either both are there or neither.
+  void set_progress(const std::string& step, const std::string& json);
+  [[nodiscard]] std::map<std::string, std::string> progress() const;
 
   void add_pose(const fit::TrackPose& pose);
   void add_result(const std::string& kind, const std::string& json);
@@ -40,6 +56,7 @@ class SessionStore {
   };
   /// The newest result of every kind, in the order in which the kinds first appeared.
   [[nodiscard]] std::vector<Result> latest_results() const;
+  /// Events of a capture that is abandoned are kept.
   void add_event(std::int64_t host_us, const std::string& level, const std::string& text);
 
   struct Event {
@@ -48,10 +65,13 @@ class SessionStore {
   };
   [[nodiscard]] std::vector<Event> events() const;
 
-  /// The recording for analysis; shares the open database. The bench is the session's own, or `bench` if given.
+  /// The recording for analysis; shares the open database, which must outlive it. Captures are those
+  /// committed when it is made. The bench is the session's own, or `bench` if given.
   [[nodiscard]] std::unique_ptr<fit::Recording> recording(const std::optional<fit::Bench>& bench = {}) const;
-  /// SHA-256 (hex) of the bench, captures and scans in order: what certificates print to name the data.
+  /// SHA-256 (hex) of the bench, captures, scans and poses in order: what certificates print to name the
+  /// data.
   [[nodiscard]] std::string content_hash() const;
+  [[nodiscard]] const std::string& path() const;
 
  private:
   struct Impl;
