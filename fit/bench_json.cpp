@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: MIT
+#include <array>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "fit/bench.hpp"
+#include "fit/json_position.hpp"
+
+namespace fit {
+namespace {
+
+using json = nlohmann::json;
+
+/// A part of the document together with where it stands, so that every complaint names its place.
+class Reader {
+ public:
+  Reader(const json& value, std::string pointer, const std::string& text, const std::string& name)
+      : value_(value), pointer_(std::move(pointer)), text_(text), name_(name) {}
+
+  [[nodiscard]] const json& value() const { return value_; }
+  [[nodiscard]] bool has(const std::string& key) const { return value_.contains(key); }
+
+  [[noreturn]] void refuse(const std::string& complaint) const {
+    const TextPosition at = position_of(text_, pointer_);
+    throw std::invalid_argument(name_ + ":" + std::to_string(at.line) + ":" + std::to_string(at.column) +
+                                ": " + (pointer_.empty() ? "" : "\"" + pointer_.substr(1) + "\" ") +
+                                complaint);
+  }
+
+  [[nodiscard]] Reader at(const std::string& key) const {
+    if (!has(key)) refuse("needs the key \"" + key + "\", which is missing");
+    return {value_.at(key), pointer_ + "/" + key, text_, name_};
+  }
+
+  [[nodiscard]] Reader at(std::size_t index) const {
+    return {value_.at(index), pointer_ + "/" + std::to_string(index), text_, name_};
+  }
+
+  void must_be_object() const {
+    if (!value_.is_object()) refuse("must be an object {...}");
+  }
+
+  void must_be_array() const {
+    if (!value_.is_array()) refuse("must be a list [...]");
+  }
+
+  /// Other tools may add keys, which are kept; one that looks like a slip of the pen is refused.
+  template <std::size_t n>
+  void refuse_misspelt(const std::array<const char*, n>& known) const {
+    for (const auto& [key, ignored] : value_.items()) {
+      bool is_known = false;
+      for (const char* name : known) is_known = is_known || key == name;
+      if (is_known) continue;
+      const std::string meant = nearest_word(key, known);
+      if (!meant.empty() && !has(meant) && edit_distance(key, meant) <= 2)
+        Reader(value_.at(key), pointer_ + "/" + key, text_, name_)
+            .refuse("is not a key of a bench file; did you mean \"" + meant + "\"?");
+    }
+  }
+
+  [[nodiscard]] double number() const {
+    if (!value_.is_number()) refuse("must be a number, not " + value_.dump());
+    const double number = value_.get<double>();
+    if (!std::isfinite(number)) refuse("must be a finite number");
+    return number;
+  }
+
+  [[nodiscard]] double number_from(double low, double high) const {
+    const double read = number();
+    if (read < low || read > high)
+      refuse("is " + json(read).dump() + " but must lie between " + json(low).dump() + " and " +
+             json(high).dump());
+    return read;
+  }
+
+  [[nodiscard]] int integer_from(int low, int high) const {
+    const double read = number_from(low, high);
+    if (read != std::floor(read)) refuse("must be a whole number");
+    return static_cast<int>(read);
+  }
+
+  [[nodiscard]] std::string string() const {
+    if (!value_.is_string()) refuse("must be text in quotes");
+    return value_.get<std::string>();
+  }
+
+  /// A bare number (known exactly) or {"value": v, "u": u}.
+  [[nodiscard]] Estimate estimate() const {
+    if (!value_.is_object()) return number();
+    refuse_misspelt(std::array{"value", "u"});
+    const double u = has("u") ? at("u").number() : 0;
+    if (u < 0) at("u").refuse("is a standard uncertainty and cannot be negative");
+    return {at("value").number(), u};
+  }
+
+  [[nodiscard]] Eigen::Vector2d point() const {
+    if (!value_.is_array() || value_.size() != 2) refuse("must be a point [x, y] in millimetres");
+    return {at(0).number(), at(1).number()};
+  }
+
+ private:
+  const json& value_;
+  std::string pointer_;
+  const std::string& text_;
+  const std::string& name_;
+};
+
+Estimate scaled(const Estimate& estimate, double factor) {
+  return {estimate.value * factor, estimate.u * std::abs(factor)};
+}
+
+Mount read_mount(const Reader& reader) {
+  reader.must_be_object();
+  reader.refuse_misspelt(std::array{"x_mm", "y_mm", "yaw_deg"});
+  Mount mount;
+  if (reader.has("x_mm")) mount.x_mm = reader.at("x_mm").estimate();
+  if (reader.has("y_mm")) mount.y_mm = reader.at("y_mm").estimate();
+  if (reader.has("yaw_deg")) mount.yaw_rad = scaled(reader.at("yaw_deg").estimate(), rad_per_deg);
+  return mount;
+}
+
+LidarGeometry read_lidar(const Reader& reader) {
+  reader.must_be_object();
+  reader.refuse_misspelt(std::array{"model", "steps", "front_step", "step_deg", "scan_hz", "mount"});
+  LidarGeometry lidar;
+  if (reader.has("model")) lidar.model = reader.at("model").string();
+  if (reader.has("steps")) lidar.steps = reader.at("steps").integer_from(1, 100000);
+  if (reader.has("front_step")) lidar.front_step = reader.at("front_step").integer_from(-100000, 100000);
+  if (reader.has("step_deg")) lidar.step_rad = reader.at("step_deg").number_from(1e-4, 90) * rad_per_deg;
+  if (reader.has("scan_hz")) lidar.scan_hz = reader.at("scan_hz").number_from(1e-3, 1e4);
+  if (reader.has("mount")) lidar.mount = read_mount(reader.at("mount"));
+  return lidar;
+}
+
+Target read_target(const Reader& reader) {
+  reader.must_be_object();
+  reader.refuse_misspelt(std::array{"name", "from_mm", "to_mm", "u_mm", "u_deg", "reflectance"});
+  Target target;
+  target.name = reader.at("name").string();
+  target.from_mm = reader.at("from_mm").point();
+  target.to_mm = reader.at("to_mm").point();
+  if ((target.to_mm - target.from_mm).norm() < 1e-6)
+    reader.refuse("has no length: from_mm and to_mm are the same point");
+  if (reader.has("u_mm")) target.u_mm = reader.at("u_mm").number_from(0, 1e6);
+  if (reader.has("u_deg")) target.u_rad = reader.at("u_deg").number_from(0, 360) * rad_per_deg;
+  if (reader.has("reflectance") && !reader.at("reflectance").value().is_null())
+    target.reflectance = reader.at("reflectance").number_from(0, 1000);
+  return target;
+}
+
+KnownMechanism read_known(const Reader& reader) {
+  reader.must_be_object();
+  reader.refuse_misspelt(std::array{"mechanism", "parameters"});
+  KnownMechanism known;
+  known.mechanism = reader.at("mechanism").string();
+  if (!reader.has("parameters")) return known;
+  const Reader parameters = reader.at("parameters");
+  parameters.must_be_object();
+  for (const auto& [key, value] : parameters.value().items()) {
+    if (value.is_string())
+      known.texts[key] = value.get<std::string>();
+    else if (value.is_number() || (value.is_object() && value.contains("value")))
+      known.parameters[key] = parameters.at(key).estimate();
+    // anything else (a table of an empirical correction, say) stays in the document for whoever reads it
+    // there
+  }
+  return known;
+}
+
+json estimate_json(const Estimate& estimate) {
+  if (estimate.u == 0) return estimate.value;
+  return {{"value", estimate.value}, {"u", estimate.u}};
+}
+
+json target_json(const Target& target, json document) {
+  document["name"] = target.name;
+  document["from_mm"] = {target.from_mm.x(), target.from_mm.y()};
+  document["to_mm"] = {target.to_mm.x(), target.to_mm.y()};
+  document["u_mm"] = target.u_mm;
+  document["u_deg"] = target.u_rad * deg_per_rad;
+  if (target.reflectance) document["reflectance"] = *target.reflectance;
+  return document;
+}
+
+/// The entry of the document that describes the same thing, so that keys we do not model survive.
+json entry_with(const json& list, const char* key, const std::string& name) {
+  if (list.is_array())
+    for (const json& entry : list)
+      if (entry.is_object() && entry.value(key, "") == name) return entry;
+  return json::object();
+}
+
+}  // namespace
+
+Bench parse_bench(const std::string& text, const std::string& name) {
+  json document;
+  try {
+    document = json::parse(text, nullptr, true, true);
+  } catch (const json::parse_error& error) {
+    const TextPosition at = position_at(text, error.byte > 0 ? error.byte - 1 : 0);
+    throw std::invalid_argument(
+        name + ":" + std::to_string(at.line) + ":" + std::to_string(at.column) +
+        ": not JSON here: look for a missing comma, quote or bracket just before this place");
+  }
+  const Reader reader(document, "", text, name);
+  reader.must_be_object();
+  if (!reader.has("schema")) reader.refuse("not a bench file: the key \"schema\": \"bench/1\" is missing");
+  if (reader.at("schema").string() != "bench/1")
+    reader.at("schema").refuse("says " + document.at("schema").dump() + "; this program reads \"bench/1\"");
+  reader.refuse_misspelt(std::array{"schema", "lidar", "stage", "targets", "known", "certificate"});
+  Bench bench;
+  bench.document = document.dump();
+  if (reader.has("lidar")) bench.lidar = read_lidar(reader.at("lidar"));
+  if (reader.has("stage")) {
+    reader.at("stage").must_be_object();
+    if (reader.at("stage").has("resolution_deg"))
+      bench.stage_resolution_rad =
+          reader.at("stage").at("resolution_deg").number_from(1e-7, 90) * rad_per_deg;
+  }
+  if (reader.has("targets")) {
+    const Reader targets = reader.at("targets");
+    targets.must_be_array();
+    for (std::size_t i = 0; i < targets.value().size(); ++i) {
+      bench.targets.push_back(read_target(targets.at(i)));
+      for (std::size_t j = 0; j < i; ++j)
+        if (bench.targets[j].name == bench.targets[i].name)
+          targets.at(i).refuse("has the name \"" + bench.targets[i].name +
+                               "\" of an earlier target; names must differ");
+    }
+  }
+  if (reader.has("known")) {
+    const Reader known = reader.at("known");
+    known.must_be_array();
+    for (std::size_t i = 0; i < known.value().size(); ++i) bench.known.push_back(read_known(known.at(i)));
+  }
+  return bench;
+}
+
+std::string to_json_text(const Bench& bench) {
+  json document = json::parse(bench.document, nullptr, false);
+  if (!document.is_object()) document = json::object();
+  const json old_targets = document.value("targets", json::array()),
+             old_known = document.value("known", json::array());
+  document["schema"] = "bench/1";
+  json& lidar = document["lidar"];
+  lidar["model"] = bench.lidar.model;
+  lidar["steps"] = bench.lidar.steps;
+  lidar["front_step"] = bench.lidar.front_step;
+  lidar["step_deg"] = bench.lidar.step_rad * deg_per_rad;
+  lidar["scan_hz"] = bench.lidar.scan_hz;
+  lidar["mount"] = {{"x_mm", estimate_json(bench.lidar.mount.x_mm)},
+                    {"y_mm", estimate_json(bench.lidar.mount.y_mm)},
+                    {"yaw_deg", estimate_json(scaled(bench.lidar.mount.yaw_rad, deg_per_rad))}};
+  document["stage"]["resolution_deg"] = bench.stage_resolution_rad * deg_per_rad;
+  document["targets"] = json::array();
+  for (const Target& target : bench.targets)
+    document["targets"].push_back(target_json(target, entry_with(old_targets, "name", target.name)));
+  document["known"] = json::array();
+  for (const KnownMechanism& known : bench.known) {
+    json entry = entry_with(old_known, "mechanism", known.mechanism);
+    entry["mechanism"] = known.mechanism;
+    json& parameters = entry["parameters"];
+    if (!parameters.is_object()) parameters = json::object();
+    for (const auto& [key, value] : known.parameters) parameters[key] = estimate_json(value);
+    for (const auto& [key, value] : known.texts) parameters[key] = value;
+    document["known"].push_back(entry);
+  }
+  return document.dump(2);
+}
+
+}  // namespace fit

@@ -1,0 +1,302 @@
+// SPDX-License-Identifier: MIT
+#include "rig/live/live_server.hpp"
+
+#include <algorithm>
+#include <boost/asio/awaitable.hpp>
+#include <boost/asio/co_spawn.hpp>
+#include <boost/asio/detached.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/redirect_error.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/asio/use_awaitable.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
+#include <list>
+#include <nlohmann/json.hpp>
+
+#include "rig/errors.hpp"
+
+namespace rig {
+
+extern const char* const live_page;
+
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace http = beast::http;
+namespace websocket = beast::websocket;
+using asio::awaitable;
+using asio::use_awaitable;
+using Clock = std::chrono::steady_clock;
+using namespace std::chrono_literals;
+
+constexpr auto request_limit = 10s;
+constexpr auto frame_spacing = 50ms;
+constexpr std::size_t most_browsers = 32;
+constexpr std::size_t largest_command_bytes = 4096;
+
+using Request = http::request<http::string_body>;
+using Response = http::response<http::string_body>;
+using WebSocket = websocket::stream<beast::tcp_stream>;
+
+/// Compares without giving away by its duration where two secrets differ.
+bool same_secret(std::string_view a, std::string_view b) {
+  unsigned difference = a.size() == b.size() ? 0 : 1;
+  for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i)
+    difference |= static_cast<unsigned char>(a[i]) ^ static_cast<unsigned char>(b[i]);
+  return difference == 0;
+}
+
+std::string_view host_without_port(std::string_view host) {
+  if (host.starts_with('[')) return host.substr(0, host.find(']') + 1);
+  return host.substr(0, host.rfind(':'));
+}
+
+bool is_loopback_name(std::string_view host) {
+  return host == "localhost" || host == "127.0.0.1" || host == "[::1]";
+}
+
+std::string query_value(std::string_view target, std::string_view key) {
+  const std::size_t question = target.find('?');
+  if (question == std::string_view::npos) return "";
+  std::string_view rest = target.substr(question + 1);
+  while (!rest.empty()) {
+    const std::string_view pair = rest.substr(0, rest.find('&'));
+    if (pair.starts_with(key) && pair.size() > key.size() && pair[key.size()] == '=')
+      return std::string(pair.substr(key.size() + 1));
+    rest.remove_prefix(std::min(rest.size(), pair.size() + 1));
+  }
+  return "";
+}
+
+Response answer(const Request& request, http::status status, const char* type, std::string body) {
+  Response response{status, request.version()};
+  response.set(http::field::server, "rig");
+  response.set(http::field::content_type, type);
+  response.set(http::field::cache_control, "no-store");
+  response.set("X-Content-Type-Options", "nosniff");
+  response.set("X-Frame-Options", "DENY");
+  response.set("Referrer-Policy", "no-referrer");
+  response.set("Content-Security-Policy",
+               "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; connect-src "
+               "'self'; img-src data:");
+  response.keep_alive(false);
+  response.body() = std::move(body);
+  response.prepare_payload();
+  return response;
+}
+
+}  // namespace
+
+struct LiveServer::Impl : std::enable_shared_from_this<LiveServer::Impl> {
+  struct Browser {
+    explicit Browser(beast::tcp_stream&& stream, const asio::any_io_executor& executor)
+        : socket(std::move(stream)), wake(executor) {}
+    WebSocket socket;
+    asio::steady_timer wake;
+    std::uint64_t seen = 0;
+  };
+
+  Impl(const asio::any_io_executor& executor_, const Options& options_, OnCommand on_command_)
+      : executor(executor_), options(options_), on_command(std::move(on_command_)), acceptor(executor_) {}
+
+  asio::any_io_executor executor;
+  Options options;
+  OnCommand on_command;
+  asio::ip::tcp::acceptor acceptor;
+  std::uint16_t port = 0;
+  std::list<std::shared_ptr<Browser>> browsers;
+  std::shared_ptr<const std::string> state = std::make_shared<const std::string>("{}");
+  std::uint64_t version = 1;
+  bool stopped = false;
+
+  void listen();
+  awaitable<void> accept_browsers();
+  awaitable<void> serve(asio::ip::tcp::socket socket);
+  awaitable<void> serve_websocket(beast::tcp_stream stream, Request request);
+  awaitable<void> send_states(std::shared_ptr<Browser> browser);
+  awaitable<void> receive_commands(std::shared_ptr<Browser> browser);
+  [[nodiscard]] bool admits(const Request& request) const;
+  [[nodiscard]] Response respond(const Request& request) const;
+};
+
+void LiveServer::Impl::listen() {
+  boost::system::error_code failed;
+  const auto address = asio::ip::make_address(options.address, failed);
+  if (failed)
+    throw UsageError("--live: '" + options.address +
+                     "' is not an IP address; use 127.0.0.1 or the address of a network card");
+  if (!address.is_loopback() && options.token.empty())
+    throw UsageError("--live on " + options.address +
+                     " would let the whole network stop the stage: give --live-token SECRET, or leave the "
+                     "address at 127.0.0.1");
+  const asio::ip::tcp::endpoint endpoint(address, options.port);
+  acceptor.open(endpoint.protocol(), failed);
+  if (!failed) acceptor.set_option(asio::socket_base::reuse_address(true), failed);
+  if (!failed) acceptor.bind(endpoint, failed);
+  if (!failed) acceptor.listen(asio::socket_base::max_listen_connections, failed);
+  if (failed)
+    throw UsageError("the live page cannot use " + options.address + ":" + std::to_string(options.port) +
+                     " (" + failed.message() + "): choose another port with --live PORT");
+  port = acceptor.local_endpoint().port();
+}
+
+awaitable<void> LiveServer::Impl::accept_browsers() {
+  const auto self = shared_from_this();
+  while (!stopped) {
+    boost::system::error_code failed;
+    auto socket = co_await acceptor.async_accept(asio::redirect_error(use_awaitable, failed));
+    if (stopped) break;
+    if (failed) {  // out of descriptors, say: try again shortly instead of spinning
+      asio::steady_timer pause(executor, 100ms);
+      co_await pause.async_wait(asio::redirect_error(use_awaitable, failed));
+      continue;
+    }
+    auto session = serve(std::move(socket));
+    asio::co_spawn(executor, std::move(session), [self](const std::exception_ptr&) {});
+  }
+}
+
+/// Loopback pages may be asked for by anyone on this computer, but not by a foreign page in its browser: Host
+/// must be a loopback name (against DNS rebinding), Origin, where sent, must be ours. With a token, the token
+/// decides.
+bool LiveServer::Impl::admits(const Request& request) const {
+  const std::string host(request[http::field::host]);
+  if (options.token.empty() && !is_loopback_name(host_without_port(host))) return false;
+  const auto origin = request.find(http::field::origin);
+  if (origin != request.end() && origin->value() != "http://" + host) return false;
+  if (options.token.empty()) return true;
+  return same_secret(query_value(std::string_view(request.target().data(), request.target().size()), "token"),
+                     options.token);
+}
+
+Response LiveServer::Impl::respond(const Request& request) const {
+  const std::string target(request.target().substr(0, request.target().find('?')));
+  if (!admits(request))
+    return answer(request, http::status::forbidden, "text/plain; charset=utf-8",
+                  "Refused: open the exact address that rig printed, with its token.\n");
+  if (request.method() != http::verb::get && request.method() != http::verb::head)
+    return answer(request, http::status::method_not_allowed, "text/plain; charset=utf-8", "Only GET.\n");
+  if (target == "/") return answer(request, http::status::ok, "text/html; charset=utf-8", live_page);
+  if (target == "/state") return answer(request, http::status::ok, "application/json", *state);
+  return answer(request, http::status::not_found, "text/plain; charset=utf-8",
+                "Nothing here: the page is at /\n");
+}
+
+awaitable<void> LiveServer::Impl::serve(asio::ip::tcp::socket socket) {
+  const auto self = shared_from_this();
+  beast::tcp_stream stream(std::move(socket));
+  beast::flat_buffer buffer;
+  http::request_parser<http::string_body> parser;
+  parser.body_limit(largest_command_bytes);
+  parser.header_limit(8192);
+  stream.expires_after(request_limit);
+  boost::system::error_code failed;
+  co_await http::async_read(stream, buffer, parser, asio::redirect_error(use_awaitable, failed));
+  if (failed) co_return;
+  Request request = parser.release();
+  if (websocket::is_upgrade(request) && admits(request) && browsers.size() < most_browsers) {
+    auto upgraded = serve_websocket(std::move(stream), std::move(request));
+    co_await std::move(upgraded);
+    co_return;
+  }
+  const Response response = respond(request);
+  stream.expires_after(request_limit);
+  co_await http::async_write(stream, response, asio::redirect_error(use_awaitable, failed));
+  stream.socket().shutdown(asio::ip::tcp::socket::shutdown_send, failed);
+}
+
+awaitable<void> LiveServer::Impl::serve_websocket(beast::tcp_stream stream, Request request) {
+  const auto self = shared_from_this();
+  const auto browser = std::make_shared<Browser>(std::move(stream), executor);
+  beast::get_lowest_layer(browser->socket).expires_never();
+  auto timeout = websocket::stream_base::timeout::suggested(beast::role_type::server);
+  timeout.idle_timeout = 20s;  // with pings: a browser that vanished is noticed and dropped
+  timeout.keep_alive_pings = true;
+  browser->socket.set_option(timeout);
+  browser->socket.read_message_max(largest_command_bytes);
+  boost::system::error_code failed;
+  co_await browser->socket.async_accept(request, asio::redirect_error(use_awaitable, failed));
+  if (failed || stopped) co_return;
+  browsers.push_back(browser);
+  auto sending = send_states(browser);
+  asio::co_spawn(executor, std::move(sending), asio::detached);
+  auto receiving = receive_commands(browser);
+  co_await std::move(receiving);
+  browsers.remove(browser);
+  browser->wake.cancel();
+}
+
+awaitable<void> LiveServer::Impl::send_states(std::shared_ptr<Browser> browser) {
+  const auto self = shared_from_this();
+  boost::system::error_code failed;
+  while (!stopped && browser->socket.is_open()) {
+    if (browser->seen == version) {
+      browser->wake.expires_after(5s);
+      co_await browser->wake.async_wait(asio::redirect_error(use_awaitable, failed));
+      continue;
+    }
+    browser->seen = version;
+    const auto text = state;
+    browser->socket.text(true);
+    co_await browser->socket.async_write(asio::buffer(*text), asio::redirect_error(use_awaitable, failed));
+    if (failed) co_return;
+    asio::steady_timer pace(executor, frame_spacing);
+    co_await pace.async_wait(asio::redirect_error(use_awaitable, failed));
+  }
+}
+
+awaitable<void> LiveServer::Impl::receive_commands(std::shared_ptr<Browser> browser) {
+  const auto self = shared_from_this();
+  boost::system::error_code failed;
+  while (!stopped) {
+    beast::flat_buffer buffer;
+    co_await browser->socket.async_read(buffer, asio::redirect_error(use_awaitable, failed));
+    if (failed) co_return;
+    const auto command = nlohmann::json::parse(beast::buffers_to_string(buffer.data()), nullptr, false);
+    if (command.is_object() && command.contains("command") && command.at("command").is_string())
+      on_command(command);
+  }
+}
+
+LiveServer::LiveServer(boost::asio::any_io_executor executor, const Options& options, OnCommand on_command)
+    : impl_(std::make_shared<Impl>(executor, options, std::move(on_command))) {
+  impl_->listen();
+  auto accepting = impl_->accept_browsers();
+  asio::co_spawn(executor, std::move(accepting), asio::detached);
+}
+
+LiveServer::~LiveServer() { stop(); }
+
+std::uint16_t LiveServer::port() const { return impl_->port; }
+
+std::string LiveServer::url() const {
+  const std::string host = impl_->options.address.find(':') == std::string::npos
+                               ? impl_->options.address
+                               : "[" + impl_->options.address + "]";
+  return "http://" + host + ":" + std::to_string(impl_->port) + "/" +
+         (impl_->options.token.empty() ? "" : "?token=" + impl_->options.token);
+}
+
+void LiveServer::publish(const nlohmann::json& state) {
+  if (impl_->stopped) return;
+  impl_->state = std::make_shared<const std::string>(
+      state.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+  ++impl_->version;
+  for (const auto& browser : impl_->browsers) browser->wake.cancel();
+}
+
+void LiveServer::stop() {
+  if (impl_->stopped) return;
+  impl_->stopped = true;
+  boost::system::error_code ignored;
+  impl_->acceptor.close(ignored);
+  for (const auto& browser : impl_->browsers) {
+    browser->wake.cancel();
+    beast::get_lowest_layer(browser->socket).close();
+  }
+}
+
+}  // namespace rig

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: MIT
+#include <catch2/catch.hpp>
+
+#include "fit/bench.hpp"
+#include "fit/json_position.hpp"
+
+namespace {
+
+const std::string example = R"j({
+  "schema": "bench/1", // the operator's knowledge
+  "lidar": {"steps": 1081, "front_step": 540, "step_deg": 0.25, "scan_hz": 40,
+            "mount": {"x_mm": {"value": 1, "u": 3}, "y_mm": -2, "yaw_deg": {"value": 90, "u": 0.3}}},
+  "stage": {"resolution_deg": 0.01, "language": "zaber"},
+  "targets": [
+    {"name": "board", "from_mm": [1400, -200], "to_mm": [1400, 200], "u_mm": 1.0, "u_deg": 0.1, "reflectance": 0.85, "colour": "white"}
+  ],
+  "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 8, "u": 1}}},
+            {"mechanism": "subsurface", "parameters": {"offset_mm": 2, "target": "board"}}]
+})j";
+
+std::string complaint_of(const std::string& text) {
+  try {
+    fit::parse_bench(text, "b.json");
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+std::string example_with(const std::string& from, const std::string& to) {
+  std::string text = example;
+  return text.replace(text.find(from), from.size(), to);
+}
+
+}  // namespace
+
+TEST_CASE("a bench file is read with its uncertainties, angles in radians") {
+  const fit::Bench bench = fit::parse_bench(example);
+  CHECK(bench.lidar.mount.x_mm == fit::Estimate{1, 3});
+  CHECK(bench.lidar.mount.y_mm == fit::Estimate{-2, 0});
+  CHECK(bench.lidar.mount.yaw_rad.value == Approx(fit::pi / 2));
+  REQUIRE(bench.target("board") != nullptr);
+  CHECK(bench.target("board")->outward_normal().x() == Approx(1));
+  CHECK(bench.knows("range-noise")->parameters.at("sigma_mm") == fit::Estimate{8, 1});
+  CHECK(bench.knows("subsurface")->texts.at("target") == "board");
+}
+
+TEST_CASE("a bench written back reads the same and loses nothing it does not know") {
+  const fit::Bench bench = fit::parse_bench(example);
+  const std::string text = fit::to_json_text(bench);
+  CHECK(text.find("\"zaber\"") != std::string::npos);
+  CHECK(text.find("\"white\"") != std::string::npos);
+  const fit::Bench again = fit::parse_bench(text);
+  CHECK(again.lidar.mount.yaw_rad.value == Approx(bench.lidar.mount.yaw_rad.value));
+  CHECK(again.knows("subsurface")->texts.at("target") == "board");
+  CHECK(again.targets.size() == 1);
+}
+
+TEST_CASE("a wrong bench file is refused with place, expectation and remedy") {
+  CHECK(complaint_of("{").find("b.json:1:") == 0);
+  CHECK(complaint_of(R"({"lidar": {}})").find("\"schema\": \"bench/1\" is missing") != std::string::npos);
+  CHECK(complaint_of(example_with("bench/1", "bench/9")).find("b.json:2:13: \"schema\" says \"bench/9\"") ==
+        0);
+  CHECK(
+      complaint_of(example_with("\"reflectance\"", "\"refletance\"")).find("did you mean \"reflectance\"?") !=
+      std::string::npos);
+  CHECK(complaint_of(example_with("\"u_mm\": 1.0", "\"u_mm\": -1.0"))
+            .find("b.json:7:78: \"targets/0/u_mm\" is -1.0 but must lie between") == 0);
+  CHECK(complaint_of(example_with("[1400, 200]", "[1400, -200]")).find("has no length") != std::string::npos);
+  CHECK(complaint_of(example_with("\"steps\": 1081", "\"steps\": 10.5")).find("whole number") !=
+        std::string::npos);
+  CHECK(complaint_of(example_with("\"value\": 1,", "\"value\": \"1\",")).find("must be a number") !=
+        std::string::npos);
+}
