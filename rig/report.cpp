@@ -129,7 +129,7 @@ json conditions(const SessionStore& session, const fit::Recording& recording) {
   add(rows, "Measured", session.get("created_utc").value_or(""));
   add(rows, "Captures", std::to_string(recording.captures().size()));
   add(rows, "Duration up to the last capture",
-      started.empty() ? "" : Span{0, started.high - started.low}.text("min"));
+      started.empty() ? "" : Span{started.high - started.low, started.high - started.low}.text("min"));
   add(rows, "Stage angles", stage.text("deg", "%.2f"));
   add(rows, "Lidar housing", temperature.text("\u00b0C"));
   add(rows, "Time since power-on", warm.text("min", "%.0f"));
@@ -177,7 +177,6 @@ Plot scan_picture(const fit::Recording& recording, std::string& caption) {
     echoes.x.push_back(ox + range * std::cos(direction));
     echoes.y.push_back(oy + range * std::sin(direction));
   }
-  plot.series.push_back(echoes);
   for (const fit::Target& target : bench.targets) {
     const Eigen::Vector2d shift = capture.target == target.name
                                       ? Eigen::Vector2d(target.outward_normal() * capture.target_shift_mm)
@@ -188,6 +187,7 @@ Plot scan_picture(const fit::Recording& recording, std::string& caption) {
                            {target.from_mm.y() + shift.y(), target.to_mm.y() + shift.y()},
                            {}});
   }
+  plot.series.push_back(std::move(echoes));
   plot.series.push_back({"stage axis", Series::Style::points, {0}, {0}, {}});
   caption = "The scene in the world frame: capture " + std::to_string(capture.id) + " at stage angle " +
             Span{theta * fit::deg_per_rad, theta * fit::deg_per_rad}.text("deg", "%.2f") +
@@ -514,7 +514,7 @@ void write_report(const std::string& session_file, const std::string& output) {
   if (ending == ".html") return write_file_atomically(output, html);
   const std::string page = output + ".part.html", pdf = output + ".part";
   write_file_atomically(page, html);
-  const int status = run_quietly({"weasyprint", "-q", "-f", "pdf", page, pdf});
+  const int status = run_quietly({"weasyprint", "-q", page, pdf});
   std::error_code ignored;
   std::filesystem::remove(page, ignored);
   if (status != 0 || !std::filesystem::exists(pdf)) {

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: MIT
+#include "rig/report.hpp"
+
+#include <unistd.h>
+
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "rig/errors.hpp"
+
+namespace {
+
+struct Folder {
+  Folder() : path(std::filesystem::temp_directory_path() / ("rig-report-" + std::to_string(getpid()))) {
+    std::filesystem::create_directories(path);
+  }
+  ~Folder() { std::filesystem::remove_all(path); }
+  std::filesystem::path path;
+};
+
+std::string make_session(const Folder& folder) {
+  const std::string file = (folder.path / "small.rig").string();
+  std::filesystem::remove(file);
+  rig::SessionStore store(file, rig::SessionStore::Mode::create);
+  store.set("bench",
+            R"({"schema":"bench/1","targets":[{"name":"board","from_mm":[1400,-200],"to_mm":[1400,200]}],
+                          "certificate":{"laboratory":"Bench <3>"}})");
+  store.set("lidar", R"({"PROD":"UST-10LX","SERI":"H0001","FIRM":"1.0"})");
+  store.set("created_utc", "2026-05-04T10:00:00Z");
+  fit::CaptureInfo capture;
+  capture.first_step = 500;
+  capture.last_step = 580;
+  const auto id = store.begin_capture(capture);
+  const std::vector<std::uint16_t> ranges(81, 1400);
+  fit::ScanView scan;
+  scan.range_mm = ranges;
+  store.add_scan(id, scan);
+  store.commit_capture(id);
+  store.add_result("centre", R"j({"schema":"result/1","kind":"centre","method":"Triangle method.",
+    "values":[{"name":"centre x","value":-1.6342,"u":0.0617,"unit":"mm","k":2}],
+    "budget":[{"source":"range noise","kind":"A","u":0.05,"unit":"mm"}],
+    "tables":[{"title":"Pairs","columns":["pair","x (mm)"],"rows":[["1-2",-3.63]]}],
+    "undetermined":["yaw of the mount"]})j");
+  store.add_result("limits", R"({"schema":"limits/1","rule":"guard band w = U",
+    "checks":[{"name":"centre x","value":-1.6,"U":0.12,"unit":"mm","min":-2,"max":2,"verdict":"pass"}]})");
+  store.add_event(1000, "warning", "2 scans lost");
+  return file;
+}
+
+std::string contents(const std::string& path) {
+  std::ifstream in(path);
+  std::stringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+}  // namespace
+
+TEST_CASE(
+    "the certificate states results with expanded uncertainty, verdict, budget and what was not determined") {
+  const Folder folder;
+  const std::string session = make_session(folder), page = (folder.path / "c.html").string();
+  rig::write_report(session, page);
+  const std::string html = contents(page);
+  for (const char* expected :
+       {"-1.63 mm", "0.12 mm", "PASS", "guard band w = U", "range noise", "yaw of the mount", "2 scans lost",
+        "H0001", "Bench &lt;3&gt;", "Triangle method.", "-3.63", "SHA-256", "</svg>"})
+    CHECK_THAT(html, Catch::Contains(expected));
+  CHECK(html.find("{{") == std::string::npos);
+  CHECK(html.find("http://") == html.find("http://www.w3.org"));
+}
+
+TEST_CASE("the same certificate comes as data") {
+  const Folder folder;
+  const std::string session = make_session(folder), file = (folder.path / "c.json").string();
+  rig::write_report(session, file);
+  const auto certificate = nlohmann::json::parse(contents(file));
+  CHECK(certificate.at("schema") == "certificate/1");
+  CHECK(certificate.at("results").at(0).at("result").at("values").at(0).at("value") == -1.6342);
+}
+
+TEST_CASE("a certificate that cannot be written says why and leaves nothing behind") {
+  const Folder folder;
+  const std::string session = make_session(folder);
+  CHECK_THROWS_AS(rig::write_report(session, (folder.path / "c.docx").string()), rig::UsageError);
+  CHECK_THROWS_AS(rig::write_report(session, (folder.path / "none" / "c.html").string()), rig::UsageError);
+  CHECK(!std::filesystem::exists(folder.path / "c.docx"));
+}
