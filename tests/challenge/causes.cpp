@@ -471,10 +471,14 @@ struct TargetCurvature : Subsurface {  // a board bent to a circle between its s
 struct MixedPixel : Cause {
   double pulse_mm = 700;
   MixedPixel() { observable = "range-distribution"; }
-  void draw(Session&, Random& random) override { pulse_mm = random.uniform(300, 1200); }
-  double footprint() const override { return strength * 0.15 * degree; }
+  double divergence_deg = 0.2;
+  void draw(Session&, Random& random) override {
+    pulse_mm = random.uniform(300, 1200);
+    divergence_deg = random.log_uniform(0.04, 0.5);
+  }
+  bool has_size() const override { return false; }  // seen at once or, below the stage's steps, not at all
+  double footprint() const override { return divergence_deg * degree; }
   bool merges(double gap) const override { return gap < pulse_mm; }
-  double largest_strength() const override { return 10; }
   json parameters() const override {
     return {{"divergence_deg", footprint() / degree}, {"pulse_mm", pulse_mm}};
   }

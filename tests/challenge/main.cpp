@@ -200,6 +200,7 @@ std::string scene_for(const Wanted& wanted, Random& random) {
 }
 
 void conceal(const Wanted& wanted) {
+  for (const std::string& kind : wanted.kinds) make_cause(kind);  // unknown names are refused first
   Random random(wanted.seed);
   Session session = make_scene(scene_for(wanted, random), random);
   Causes causes;
