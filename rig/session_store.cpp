@@ -465,6 +465,12 @@ struct SessionStore::Impl {
     statement.exec();
   }
 
+  void execute(const char* statement, std::int64_t id) {
+    SQLite::Statement query(*database, statement);
+    query.bind(1, id);
+    query.exec();
+  }
+
   void require_open(std::int64_t capture) const {
     if (open_capture != capture)
       throw std::logic_error("capture " + std::to_string(capture) + " is not open");
@@ -638,6 +644,51 @@ std::map<std::string, std::string> SessionStore::progress() const {
     SQLite::Statement row(*impl_->database, "SELECT step, json FROM progress");
     while (row.executeStep()) steps[row.getColumn(0).getString()] = row.getColumn(1).getString();
     return steps;
+  });
+}
+
+void SessionStore::mark_short(std::int64_t capture) {
+  impl_->require_open(capture);
+  guarded(impl_->path,
+          [&] { impl_->execute("UPDATE capture SET step = step || ' (short)' WHERE id = ?", capture); });
+}
+
+void SessionStore::replace_capture(std::int64_t old_capture) {
+  if (!impl_->open_capture) throw std::logic_error("only an open capture replaces another");
+  guarded(impl_->path, [&] {
+    impl_->execute("DELETE FROM scan_geometry WHERE capture = ?", old_capture);
+    impl_->execute("DELETE FROM scan WHERE capture = ?", old_capture);
+    impl_->execute("DELETE FROM capture WHERE id = ?", old_capture);
+  });
+}
+
+void SessionStore::forget_progress(const std::vector<std::string>& steps,
+                                   const std::vector<std::int64_t>& captures) {
+  if (impl_->open_capture) throw std::logic_error("progress is not forgotten inside a capture");
+  guarded(impl_->path, [&] {
+    SQLite::Transaction transaction(*impl_->database, SQLite::TransactionBehavior::IMMEDIATE);
+    SQLite::Statement forget(*impl_->database, "DELETE FROM progress WHERE step = ?");
+    for (const auto& step : steps) {
+      forget.reset();
+      forget.bind(1, step);
+      forget.exec();
+    }
+    for (const auto id : captures)
+      impl_->execute("UPDATE capture SET step = step || ' (repeated)' WHERE id = ?", id);
+    transaction.commit();
+  });
+}
+
+void SessionStore::for_each_scan(std::int64_t capture,
+                                 const std::function<void(const fit::ScanView&)>& visit) const {
+  guarded(impl_->path, [&] {
+    std::string query = select_captures;
+    query.replace(query.find(" ORDER BY"), std::string::npos, " WHERE id = ?");
+    SQLite::Statement row(*impl_->database, query);
+    row.bind(1, capture);
+    if (!row.executeStep())
+      throw MeasurementError(impl_->path + " has no capture " + std::to_string(capture) + ".");
+    ScanReader(*impl_->database, impl_->path).walk(read_capture(row, impl_->path), visit);
   });
 }
 

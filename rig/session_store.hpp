@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -40,6 +41,8 @@ class SessionStore {
   void add_scan(std::int64_t capture, const fit::ScanView& scan);
   /// Makes the capture durable (synchronous to the disk) before it returns.
   void commit_capture(std::int64_t capture);
+  /// Says of the open capture that it holds fewer scans than were asked for: its step's name gets " (short)".
+  void mark_short(std::int64_t capture);
   /// Forgets a capture that was begun and not committed.
   void abandon_capture(std::int64_t capture);
 
@@ -47,6 +50,14 @@ class SessionStore {
   /// it becomes durable together with the capture: either both are there or neither.
   void set_progress(const std::string& step, const std::string& json);
   [[nodiscard]] std::map<std::string, std::string> progress() const;
+  /// Takes back that steps are done, so that they are measured again. Their captures stay, their steps' names
+  /// get " (repeated)".
+  void forget_progress(const std::vector<std::string>& steps, const std::vector<std::int64_t>& captures);
+  /// Removes a committed capture that a full one replaces; between begin_capture and commit_capture of that
+  /// one.
+  void replace_capture(std::int64_t old_capture);
+  /// Walks the scans of one committed capture.
+  void for_each_scan(std::int64_t capture, const std::function<void(const fit::ScanView&)>& visit) const;
 
   void add_pose(const fit::TrackPose& pose);
   void add_result(const std::string& kind, const std::string& json);

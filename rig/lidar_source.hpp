@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <boost/asio/awaitable.hpp>
+#include <cstdint>
+#include <nlohmann/json_fwd.hpp>
+
+#include "lidar/scan.hpp"
+
+namespace rig {
+
+/// What to stream; a class with a constructor because it is passed to coroutines.
+struct LidarStream {
+  LidarStream() {}
+  int first_step = 0, last_step = 1080, cluster = 1;
+  int skip = 0;  ///< Scans left out between two that are sent.
+  bool intensity = true;
+};
+
+/// The runner's narrow view of a lidar; the real one is a lidar::Client, tests bring their own.
+class LidarSource {
+ public:
+  template <class T>
+  using awaitable = boost::asio::awaitable<T>;
+
+  virtual ~LidarSource() = default;
+  /// Connects, or connects anew after a loss; stops whatever the device was streaming. Returns its identity
+  /// (VV, PP, II as JSON). Throws DeviceError.
+  virtual awaitable<nlohmann::json> connect() = 0;
+  virtual awaitable<void> start(LidarStream stream) = 0;
+  /// The next scan with good checksums; has a deadline of its own. Throws DeviceError or a system error when
+  /// the lidar is lost.
+  virtual awaitable<lidar::Scan> next() = 0;
+  virtual awaitable<void> stop() = 0;
+  /// Answers thrown away so far because of a wrong checksum or shape.
+  [[nodiscard]] virtual std::uint64_t rejected() const = 0;
+  /// True when the device's clock does not run with the host's: a simulation faster than real time. Its own
+  /// clock is then the session's.
+  [[nodiscard]] virtual bool own_time() const = 0;
+};
+
+}  // namespace rig

@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: MIT
+#include "rig/procedure.hpp"
+
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "rig/procedure_plan.hpp"
+
+using Catch::Matchers::Contains;
+using Catch::Matchers::StartsWith;
+using rig::parse_procedure;
+using rig::Unknown;
+using rig::Value;
+
+namespace {
+
+const std::string head = "procedure: test\nsteps:\n";
+
+fit::Bench bench() {
+  fit::Bench result;
+  fit::Target board;
+  board.name = "board";
+  board.from_mm = {1400, -200};
+  board.to_mm = {1400, 200};
+  result.targets = {board};
+  result.document = R"({"stage": {"limits_deg": [-170, 170], "speed_deg_s": 20}})";
+  return result;
+}
+
+std::vector<rig::PlannedStep> planned(const std::string& steps) {
+  // The plan points into the procedure, which must live as long.
+  static std::vector<std::unique_ptr<rig::Procedure>> kept;
+  kept.push_back(std::make_unique<rig::Procedure>(parse_procedure(head + steps, "p.yaml")));
+  return rig::unroll(*kept.back(), bench());
+}
+
+}  // namespace
+
+TEST_CASE("expressions are calculated as on paper") {
+  const rig::Variables variables = {
+      {"a", 3.0}, {"far", 1500.0}, {"word", std::string("board")}, {"later", Unknown{}}};
+  const auto number = [&](const char* text) { return std::get<double>(rig::evaluate_text(text, variables)); };
+  CHECK(number("${1 + 2 * 3}") == 7);
+  CHECK(number("${(1 + 2) * a - -4 / 2}") == 11);
+  CHECK(number("${max(a, 10) + abs(0 - 2) + round(1.6)}") == 14);
+  CHECK(number("0.25") == 0.25);
+  CHECK(std::get<std::string>(rig::evaluate_text("${word}", variables)) == "board");
+  CHECK(std::get<std::string>(rig::evaluate_text("at ${far - 200} mm", variables)) == "at 1300 mm");
+  CHECK(std::holds_alternative<Unknown>(rig::evaluate_text("${later + 1}", variables)));
+  CHECK(std::get<std::string>(rig::evaluate_text("plain", variables)) == "plain");
+}
+
+TEST_CASE("expressions that cannot be calculated say why") {
+  const auto evaluate = [](const char* text) {
+    return rig::evaluate_text(text, {{"distance", 1.0}, {"word", std::string("x")}});
+  };
+  CHECK_THROWS_WITH(evaluate("${distanse}"), Contains("did you mean 'distance'"));
+  CHECK_THROWS_WITH(evaluate("${1 / 0}"), Contains("finite"));
+  CHECK_THROWS_WITH(evaluate("${1 +"), Contains("'}' is missing"));
+  CHECK_THROWS_WITH(evaluate("${1 +}"), Contains("ends where"));
+  CHECK_THROWS_WITH(evaluate("${word * 2}"), Contains("only numbers"));
+  CHECK_THROWS_WITH(evaluate(("${" + std::string(1000, '(') + "}").c_str()), Contains("too deeply"));
+}
+
+TEST_CASE("a wrong procedure is told by file, line, column and remedy") {
+  const auto refuse = [](const std::string& text) {
+    try {
+      (void)parse_procedure(text, "p.yaml");
+    } catch (const rig::ProcedureError& error) {
+      return std::string(error.what());
+    }
+    return std::string("accepted");
+  };
+  CHECK_THAT(refuse(head + "  - capture: {sampels: 10}\n"),
+             StartsWith("p.yaml:3:15: ") && Contains("did you mean 'samples'?"));
+  CHECK_THAT(refuse(head + "  - captur: {samples: 10}\n"),
+             StartsWith("p.yaml:3:5: ") && Contains("did you mean 'capture'?"));
+  CHECK_THAT(refuse(head + "  - capture: {samples: ten}\n"),
+             StartsWith("p.yaml:3:24: ") && Contains("whole number"));
+  CHECK_THAT(refuse(head + "  - capture: {samples: 0}\n"), Contains("at least 1"));
+  CHECK_THAT(refuse(head + "  - capture: {samples: 1.5}\n"), Contains("whole number"));
+  CHECK_THAT(refuse(head + "  - capture: {}\n"), Contains("needs 'samples'"));
+  CHECK_THAT(refuse(head + "  - move: {to_deg: '${edge_dig + 1}'}\n"),
+             Contains("p.yaml:3:") && Contains("edge_dig"));
+  CHECK_THAT(refuse(head + "  - move: {to_deg: 1, approach: positiv}\n"),
+             Contains("did you mean 'positive'?") || Contains("Did you mean 'positive'?"));
+  CHECK_THAT(refuse("procedure: x\nstep: []\n"), Contains("did you mean 'steps'?"));
+  CHECK_THAT(refuse("procedure: x\n"), Contains("'steps' is missing"));
+  CHECK_THAT(refuse("procedure: x\nsteps: [home, {home: , home: }]\n"), Contains("given twice"));
+  CHECK_THAT(refuse("procedure: [\n"), Contains("not YAML"));
+  CHECK_THAT(refuse(head + "  - report: {file: ../../etc/passwd}\n"), Contains("inside the output folder"));
+  CHECK_THAT(refuse(head + "  - report: {file: /etc/passwd}\n"), Contains("inside the output folder"));
+  CHECK_THAT(refuse(head + "  - for-each: {x: []}\n    steps: [home]\n"), Contains("for-each"));
+  CHECK_THAT(refuse(head + "  - for-each: {x: {from: 1, to: 0, step: 1}}\n    steps: [home]\n"),
+             Contains("empty"));
+  CHECK_THAT(refuse(head + "  - home\nlimits:\n  - {name: w, of: centre, max: 1}\n"), Contains("KIND.VALUE"));
+}
+
+TEST_CASE("a name may be used only after the step that gives it its value") {
+  CHECK_THROWS_WITH(planned("  - home\n  - move: {to_deg: '${edge_deg}'}\n"),
+                    Contains("nothing is called 'edge_deg'"));
+  CHECK_NOTHROW(planned(
+      "  - home\n  - find-edge: {target: board, beam_deg: 0}\n  - move: {to_deg: '${edge_deg + 1}'}\n"));
+}
+
+TEST_CASE("aliases cannot blow a file up") {
+  std::string text = head + "  - home\nvariables:\n  a: &a [x,x,x,x,x,x,x,x,x,x]\n";
+  for (char c = 'b'; c < 'j'; ++c) {
+    const std::string before = std::string("*") + static_cast<char>(c - 1);
+    text += std::string("  ") + c + ": &" + c + " [";
+    for (int i = 0; i < 10; ++i) text += (i ? "," : "") + before;
+    text += "]\n";
+  }
+  CHECK_THROWS_WITH(parse_procedure(text, "bomb.yaml"), Contains("aliases"));
+}
+
+TEST_CASE("loops are unrolled with every turn's own key") {
+  const auto plan = planned(
+      "  - home\n"
+      "  - for-each: {distance_mm: {from: 200, to: 400, step: 100}, name: [a, b]}\n"
+      "    steps:\n"
+      "      - prompt: {title: 'Put it at ${distance_mm} mm', place: {target: board, at_mm: "
+      "'${distance_mm}'}}\n"
+      "      - capture: {samples: 10}\n");
+  REQUIRE(plan.size() == 13);
+  CHECK(plan[1].key == "2.1[distance_mm=200][name=a]");
+  CHECK(plan[12].key == "2.2[distance_mm=400][name=b]");
+  CHECK(plan[1].says == "prompt: Put it at 200 mm");
+}
+
+TEST_CASE("a range is counted, so its last value is exact") {
+  const auto plan = planned(
+      "  - home\n  - for-each: {a: {from: 0, to: 36, step: 0.01}}\n    steps: [{move: {to_deg: '${a}'}}]\n");
+  REQUIRE(plan.size() == 3602);
+  CHECK(std::get<double>(plan.back().loop_variables.at("a")) == 36.0);
+}
+
+TEST_CASE("what the bench forbids is found before anything moves") {
+  CHECK_THROWS_WITH(planned("  - home\n  - move: {to_deg: 171}\n"),
+                    Contains("p.yaml:4:") && Contains("soft limits"));
+  CHECK_THROWS_WITH(planned("  - move: {to_deg: 1}\n"), Contains("before it is homed"));
+  CHECK_THROWS_WITH(planned("  - home\n  - sweep: {start_deg: 165, stop_deg: 175, samples: 1}\n"),
+                    Contains("soft limits"));
+  CHECK_THROWS_WITH(planned("  - capture: {samples: 1, target: bord}\n"), Contains("did you mean 'board'?"));
+  CHECK_THROWS_WITH(planned("  - capture: {samples: 1, beams_deg: [-140, 0]}\n"),
+                    Contains("the lidar sees from -135"));
+  CHECK_THROWS_WITH(planned("  - prompt: {title: x, place: {target: wall}}\n"), Contains("no target 'wall'"));
+}
+
+TEST_CASE("the dry run tells steps, travel, time and limits") {
+  const auto procedure =
+      parse_procedure(head +
+                          "  - home\n  - sweep: {start_deg: 1, stop_deg: 2, samples: 1000}\n"
+                          "limits:\n  - {name: Window, of: sensitivity.window_deg, max: 0.1}\n",
+                      "p.yaml");
+  const auto text = rig::dry_run_text(procedure, bench(), rig::unroll(procedure, bench()));
+  CHECK_THAT(text, Contains("sweep 1 to 2 deg, 101 stops of 1000 scans"));
+  CHECK_THAT(text, Contains("101,000 scans"));
+  CHECK_THAT(text, Contains("Window (sensitivity.window_deg): at most 0.1"));
+  CHECK_THAT(text, Contains("-170 to 170"));
+}
+
+TEST_CASE("command-line variables replace the file's and nothing else") {
+  const std::string text =
+      "procedure: x\nvariables: {samples: 10000}\nsteps:\n  - capture: {samples: '${samples}'}\n";
+  const auto procedure = parse_procedure(text, "p.yaml", {{"samples", 5.0}});
+  CHECK(rig::unroll(procedure, bench()).front().scans == 5);
+  CHECK_THROWS_WITH(parse_procedure(text, "p.yaml", {{"sample", 5.0}}), Contains("did you mean 'samples'?"));
+}
+
+TEST_CASE("the schema that editors use is the one the checks use") {
+  const auto path = std::filesystem::path(RIG_SOURCE_DIR) / "procedures" / "procedure.schema.json";
+  if (std::getenv("RIG_UPDATE_SCHEMA")) std::ofstream(path) << rig::procedure_schema();
+  std::stringstream text;
+  text << std::ifstream(path).rdbuf();
+  INFO("update it with RIG_UPDATE_SCHEMA=1 test_rig \"the schema*\"");
+  CHECK(text.str() == rig::procedure_schema());
+}

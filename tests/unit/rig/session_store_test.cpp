@@ -1,0 +1,266 @@
+// SPDX-License-Identifier: MIT
+#include "rig/session_store.hpp"
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <catch2/catch.hpp>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+
+#include "rig/errors.hpp"
+#include "rig/sha256.hpp"
+
+using rig::SessionStore;
+using Mode = rig::SessionStore::Mode;
+
+namespace {
+
+/// A folder of its own that is gone after the test.
+struct Folder {
+  std::filesystem::path path;
+  Folder() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "session-XXXXXX").string();
+    path = mkdtemp(pattern.data());
+  }
+  ~Folder() {
+    std::error_code ignored;
+    std::filesystem::permissions(path, std::filesystem::perms::owner_all, ignored);
+    std::filesystem::remove_all(path, ignored);
+  }
+  std::string file(const std::string& name = "run.rig") const { return (path / name).string(); }
+};
+
+const std::optional<fit::Bench>& plain_bench() {
+  static std::optional<fit::Bench> bench;
+  if (!bench) bench.emplace();
+  return bench;
+}
+
+fit::CaptureInfo small_capture() {
+  fit::CaptureInfo info;
+  info.step = "look";
+  info.started_us = 123;
+  info.stage_rad = 0.3 * fit::rad_per_deg;
+  info.stage_readback_rad = 0.31 * fit::rad_per_deg;
+  info.approach = 1;
+  info.target = "board";
+  info.target_shift_mm = 100;
+  info.reflectance = 0.5;
+  info.first_step = 10;
+  info.last_step = 12;
+  return info;
+}
+
+fit::ScanView scan_of(std::int64_t seq, const std::vector<std::uint16_t>& ranges,
+                      const std::vector<std::uint16_t>& intensities = {}) {
+  fit::ScanView scan;
+  scan.seq = seq;
+  scan.device_ms = 25 * seq;
+  scan.host_us = 25'000 * seq;
+  scan.range_mm = ranges;
+  scan.intensity = intensities;
+  return scan;
+}
+
+void add_capture(SessionStore& store, int scans) {
+  const auto id = store.begin_capture(small_capture());
+  for (int i = 0; i < scans; ++i) store.add_scan(id, scan_of(i, {1, 2, 65535}));
+  store.commit_capture(id);
+}
+
+}  // namespace
+
+TEST_CASE("SHA-256 gives the digests of FIPS 180-4") {
+  rig::Sha256 empty;
+  CHECK(empty.hex() == "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
+  rig::Sha256 abc;
+  abc.feed("abc");
+  CHECK(abc.hex() == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  rig::Sha256 million;
+  for (int i = 0; i < 1000; ++i) million.feed(std::string(1000, 'a'));
+  CHECK(million.hex() == "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0");
+}
+
+TEST_CASE("a capture comes back as it was written") {
+  const Folder folder;
+  {
+    SessionStore store(folder.file(), Mode::create);
+    auto info = small_capture();
+    info.stage_rate_rad_s = 10 * fit::rad_per_deg;
+    const auto id = store.begin_capture(info);
+    store.add_scan(id, scan_of(0, {100, 0, 65535}, {7, 8, 9}));
+    const std::vector<std::uint16_t> five = {1, 2, 3, 4, 5};
+    auto own = scan_of(1, five);
+    own.geometry = fit::ScanGeometry{0.1, 0.01, 0.2};
+    store.add_scan(id, own);
+    store.add_pose({5, 1.0, 2.0, 0.5, {}, {}, {}});
+    store.commit_capture(id);
+  }
+  const SessionStore store(folder.file(), Mode::read);
+  const auto recording = store.recording(plain_bench());
+  REQUIRE(recording->captures().size() == 1);
+  const auto& info = recording->captures()[0];
+  CHECK(info.step == "look");
+  CHECK(info.started_us == 123);
+  CHECK(info.stage_rad == Approx(0.3 * fit::rad_per_deg).epsilon(1e-14));
+  CHECK(*info.stage_readback_rad == Approx(0.31 * fit::rad_per_deg).epsilon(1e-14));
+  CHECK(info.approach == 1);
+  CHECK(info.target == "board");
+  CHECK(info.target_shift_mm == 100);
+  CHECK(info.reflectance == 0.5);
+  CHECK_FALSE(info.temperature_c);
+  CHECK(info.stage_rate_rad_s == Approx(10 * fit::rad_per_deg));
+  CHECK(info.beams() == 3);
+  std::vector<std::vector<std::uint16_t>> ranges, intensities;
+  std::vector<bool> own;
+  recording->for_each_scan(0, [&](const fit::ScanView& scan) {
+    ranges.emplace_back(scan.range_mm.begin(), scan.range_mm.end());
+    intensities.emplace_back(scan.intensity.begin(), scan.intensity.end());
+    own.push_back(scan.geometry.has_value());
+    CHECK(scan.device_ms == 25 * scan.seq);
+  });
+  CHECK(ranges == std::vector<std::vector<std::uint16_t>>{{100, 0, 65535}, {1, 2, 3, 4, 5}});
+  CHECK(intensities == std::vector<std::vector<std::uint16_t>>{{7, 8, 9}, {}});
+  CHECK(own == std::vector<bool>{false, true});
+  REQUIRE(recording->track().size() == 1);
+  CHECK(recording->track()[0].heading_rad == Approx(0.5).epsilon(1e-9));
+  CHECK_FALSE(recording->track()[0].stage_rad);
+}
+
+TEST_CASE("the file is what formats.md says: degrees, little-endian blobs, application id") {
+  const Folder folder;
+  {
+    SessionStore store(folder.file(), Mode::create);
+    const auto id = store.begin_capture(small_capture());
+    store.add_scan(id, scan_of(0, {0x0102, 0, 0xfffe}));
+    store.commit_capture(id);
+  }
+  SQLite::Database database(folder.file(), SQLite::OPEN_READONLY);
+  CHECK(database.execAndGet("PRAGMA application_id").getInt() == 0x52494731);
+  CHECK(database.execAndGet("PRAGMA user_version").getInt() == 1);
+  CHECK(database.execAndGet("SELECT stage_deg FROM capture").getDouble() == 0.3);
+  CHECK(database.execAndGet("SELECT hex(range_mm) FROM scan").getString() == "02010000FEFF");
+  CHECK(database.execAndGet("SELECT intensity IS NULL FROM scan").getInt() == 1);
+  CHECK(database.execAndGet("PRAGMA journal_mode").getString() == "delete");
+}
+
+TEST_CASE("an abandoned capture leaves nothing but its events") {
+  const Folder folder;
+  SessionStore store(folder.file(), Mode::create);
+  const auto id = store.begin_capture(small_capture());
+  store.add_scan(id, scan_of(0, {1, 2, 3}));
+  store.set_progress("look", "{}");
+  store.add_event(1, "error", "lidar lost");
+  store.abandon_capture(id);
+  CHECK(store.recording(plain_bench())->captures().empty());
+  CHECK(store.progress().empty());
+  REQUIRE(store.events().size() == 1);
+  CHECK(store.events()[0].text == "lidar lost");
+}
+
+TEST_CASE("a reader beside the writer sees only captures that are committed") {
+  const Folder folder;
+  SessionStore writer(folder.file(), Mode::create);
+  add_capture(writer, 2);
+  const auto id = writer.begin_capture(small_capture());
+  writer.add_scan(id, scan_of(0, {1, 2, 3}));
+  const SessionStore reader(folder.file(), Mode::read);
+  CHECK(reader.recording(plain_bench())->captures().size() == 1);
+  writer.commit_capture(id);
+  CHECK(reader.recording(plain_bench())->captures().size() == 2);
+}
+
+TEST_CASE("a writer that is killed in a capture loses that capture and nothing before it") {
+  const Folder folder;
+  const pid_t child = fork();
+  if (child == 0) {
+    SessionStore store(folder.file(), Mode::create);
+    add_capture(store, 3);
+    store.set_progress("first", "{}");
+    const auto id = store.begin_capture(small_capture());
+    for (int i = 0; i < 2000; ++i) store.add_scan(id, scan_of(i, {1, 2, 3}));
+    store.set_progress("second", "{}");
+    raise(SIGKILL);
+  }
+  int status = 0;
+  REQUIRE(waitpid(child, &status, 0) == child);
+  REQUIRE(WIFSIGNALED(status));
+  SessionStore store(folder.file(), Mode::append);
+  CHECK(store.recording(plain_bench())->captures().size() == 1);
+  CHECK(store.progress().count("first") == 1);
+  CHECK(store.progress().count("second") == 0);
+  add_capture(store, 1);
+  CHECK(store.recording(plain_bench())->captures().size() == 2);
+}
+
+TEST_CASE("files that are no sessions are refused in words") {
+  const Folder folder;
+  using Catch::Matchers::Contains;
+  CHECK_THROWS_WITH(SessionStore(folder.file("none.rig"), Mode::read), Contains("no such session file"));
+  std::ofstream(folder.file("text.rig")) << std::string(5000, 'x');
+  CHECK_THROWS_WITH(SessionStore(folder.file("text.rig"), Mode::read), Contains("not a session file"));
+  {
+    SQLite::Database(folder.file("other.rig"), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE)
+        .exec("CREATE TABLE t(x)");
+  }
+  CHECK_THROWS_WITH(SessionStore(folder.file("other.rig"), Mode::read),
+                    Contains("not a session file of rig"));
+  { SessionStore(folder.file("later.rig"), Mode::create); }
+  { SQLite::Database(folder.file("later.rig"), SQLite::OPEN_READWRITE).exec("PRAGMA user_version = 2"); }
+  CHECK_THROWS_WITH(SessionStore(folder.file("later.rig"), Mode::read), Contains("later version"));
+  CHECK_THROWS_AS(SessionStore(folder.file("later.rig"), Mode::append), rig::UsageError);
+}
+
+TEST_CASE("a session is never overwritten and never written by two at once") {
+  const Folder folder;
+  using Catch::Matchers::Contains;
+  SessionStore store(folder.file(), Mode::create);
+  CHECK_THROWS_WITH(SessionStore(folder.file(), Mode::create), Contains("exists already"));
+  CHECK_THROWS_WITH(SessionStore(folder.file(), Mode::append), Contains("another program"));
+}
+
+TEST_CASE("damaged scans are refused rather than misread") {
+  const Folder folder;
+  {
+    SessionStore store(folder.file(), Mode::create);
+    add_capture(store, 1);
+  }
+  { SQLite::Database(folder.file(), SQLite::OPEN_READWRITE).exec("UPDATE scan SET range_mm = x'0102'"); }
+  const SessionStore store(folder.file(), Mode::read);
+  CHECK_THROWS_WITH(store.recording(plain_bench())->for_each_scan(0, [](const fit::ScanView&) {}),
+                    Catch::Matchers::Contains("holds 1 values where 3"));
+}
+
+TEST_CASE("the content hash names the data and not how it was written") {
+  const Folder folder;
+  for (const char* name : {"a.rig", "b.rig", "c.rig"}) {
+    SessionStore store(folder.file(name), Mode::create);
+    store.set("bench", "{}");
+    store.set("software", name);
+    add_capture(store, name == std::string("c.rig") ? 2 : 1);
+  }
+  const auto hash = [&](const char* name) {
+    return SessionStore(folder.file(name), Mode::read).content_hash();
+  };
+  CHECK(hash("a.rig").size() == 64);
+  CHECK(hash("a.rig") == hash("b.rig"));
+  CHECK(hash("a.rig") != hash("c.rig"));
+}
+
+TEST_CASE("the newest result of a kind is the one that counts") {
+  const Folder folder;
+  SessionStore store(folder.file(), Mode::create);
+  CHECK_FALSE(store.latest_result("centre"));
+  store.add_result("centre", "1");
+  store.add_result("centre", "2");
+  CHECK(store.latest_result("centre") == "2");
+  store.add_result("range", "3");
+  store.add_result("centre", "4");
+  const auto newest = store.latest_results();
+  REQUIRE(newest.size() == 2);
+  CHECK(newest[0].json == "4");
+  CHECK(newest[1].kind == "range");
+}
