@@ -6,7 +6,8 @@
 
 namespace lidar {
 
-/// What a SCIP lidar says of one scan, codes already turned to 0 (no echo). One value for each cluster of steps.
+/// What a SCIP lidar says of one scan, codes already turned to 0 (no echo). One value for each cluster of
+/// steps.
 struct Scan {
   std::uint64_t device_ms = 0;  ///< The lidar's own stamp, 24-bit wraps undone.
   std::int64_t host_us = 0;     ///< Host time (monotonic, microseconds) at which step 0 was passed.

@@ -5,8 +5,8 @@
 
 namespace rig {
 
-// What `rig` could not do, by exit status. what() is written for the operator: what happened, what the rig
-// did, what to do next.
+// What `rig` could not do, by exit status. what() is written for the operator: what happened, what the rig did,
+// what to do next.
 
 /// Wrong usage or an unreadable file: exit status 2.
 class UsageError : public std::runtime_error {

@@ -11,13 +11,11 @@ std::vector<std::unique_ptr<Command>> all();
 }
 
 int main(int argc, char** argv) {
-  CLI::App app{
-      "Calibration rig controller: runs procedures on a lidar and a rotary stage, fits, explains, reports."};
+  CLI::App app{"Calibration rig controller: runs procedures on a lidar and a rotary stage, fits, explains, reports."};
   app.set_version_flag("--version", "rig " RIG_VERSION);
   app.require_subcommand(1);
-  app.footer(
-      "Exit status: 0 done; 1 the measurement or fit failed; 2 wrong usage or an unreadable file; "
-      "3 a device failed or was lost.");
+  app.footer("Exit status: 0 done; 1 the measurement or fit failed; 2 wrong usage or an unreadable file; "
+             "3 a device failed or was lost.");
   auto commands = rig::commands::all();
   std::vector<CLI::App*> declared;
   for (const auto& command : commands) declared.push_back(command->declare(app));

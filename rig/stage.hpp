@@ -23,9 +23,10 @@ struct StageStatus {
   std::vector<std::string> warnings;  ///< In words, worst first.
 };
 
+
 /// A rotary stage, whatever its language. Angles in degrees, counter-clockwise, as commanded by procedures.
-/// Every operation has a deadline of its own and throws StageError (rig/errors.hpp); every one may be
-/// cancelled (the stage is then stopped by the caller with stop(), which is never refused).
+/// Every operation has a deadline of its own and throws StageError (rig/errors.hpp); every one may be cancelled (the stage is
+/// then stopped by the caller with stop(), which is never refused).
 class Stage {
  public:
   template <class T>
@@ -35,8 +36,8 @@ class Stage {
   virtual awaitable<StageIdentity> identify() = 0;
   virtual awaitable<StageStatus> status() = 0;
   virtual awaitable<void> home() = 0;
-  /// Moves to an absolute angle, rounded to whole device units; returns the angle the stage reads back after
-  /// it has settled. The caller judges the difference.
+  /// Moves to an absolute angle, rounded to whole device units; returns the angle the stage reads back after it
+  /// has settled. The caller judges the difference.
   virtual awaitable<double> move_to(double target_deg) = 0;
   /// Turns at a constant rate until stop() or another move.
   virtual awaitable<void> turn(double rate_deg_s) = 0;

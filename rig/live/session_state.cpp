@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: MIT
+#include "rig/live/session_state.hpp"
+
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "rig/number_format.hpp"
+
+namespace rig {
+namespace {
+
+using json = nlohmann::json;
+constexpr std::size_t longest_history = 500;
+
+std::string clock_text(std::int64_t host_us) {
+  const auto s = host_us / 1'000'000;
+  char text[32];
+  std::snprintf(text, sizeof text, "%d:%02d:%02d", static_cast<int>(s / 3600), static_cast<int>(s / 60 % 60),
+                static_cast<int>(s % 60));
+  return text;
+}
+
+/// The last scan of the newest capture and the recent history of its middle beam.
+void add_newest_capture(json& state, const fit::Recording& recording) {
+  const auto& captures = recording.captures();
+  if (captures.empty()) return;
+  const fit::CaptureInfo& capture = captures.back();
+  const fit::LidarGeometry& lidar = recording.bench().lidar;
+  std::vector<std::uint16_t> ranges, history;
+  double first_rad = lidar.beam_angle(capture.first_step), step_rad = lidar.step_rad * capture.cluster;
+  recording.for_each_scan(captures.size() - 1, [&](const fit::ScanView& scan) {
+    ranges.assign(scan.range_mm.begin(), scan.range_mm.end());
+    if (scan.geometry) {
+      first_rad = scan.geometry->first_rad;
+      step_rad = scan.geometry->step_rad;
+    }
+    if (!ranges.empty()) history.push_back(ranges[ranges.size() / 2]);
+  });
+  if (history.size() > longest_history) history.erase(history.begin(), history.end() - longest_history);
+  state["scan"] = {{"first_deg", first_rad * fit::deg_per_rad},
+                   {"step_deg", step_rad * fit::deg_per_rad},
+                   {"range_mm", ranges}};
+  state["beam"] = {{"step", (capture.first_step + capture.last_step) / 2}, {"range_mm", history}};
+  state["stage_deg"] = capture.stage_readback_rad.value_or(capture.stage_rad) * fit::deg_per_rad;
+}
+
+void add_results(json& state, const SessionStore& session) {
+  for (const SessionStore::Result& result : session.latest_results()) {
+    const json document = json::parse(result.json, nullptr, false);
+    if (!document.is_object() || !document.contains("values") || !document.at("values").is_array()) continue;
+    for (const json& value : document.at("values")) {
+      if (!value.is_object() || !value.contains("value") || !value.at("value").is_number()) continue;
+      const double expanded = value.value("U", 2 * value.value("u", 0.0));
+      state["results"].push_back(
+          {{"name", value.value("label", value.value("name", result.kind))},
+           {"text", format_value(value.at("value").get<double>(), expanded) + " " + value.value("unit", "") +
+                        (expanded > 0 ? ", U " + format_uncertainty(expanded) : "")}});
+    }
+  }
+}
+
+}  // namespace
+
+json state_of(const SessionStore& session) {
+  json state = {
+      {"schema", "live/1"},
+      {"phase", "watching"},
+      {"procedure", session.get("procedure_name").value_or(session.get("kind").value_or("recording"))},
+      {"session", std::filesystem::path(session.path()).filename().string()},
+      {"steps", json::array()},
+      {"messages", json::array()},
+      {"results", json::array()}};
+  const auto recording = session.recording();
+  const std::size_t captures = recording->captures().size();
+  std::string previous;
+  for (const fit::CaptureInfo& capture : recording->captures()) {
+    if (capture.step != previous) state["steps"].push_back({{"text", capture.step}, {"state", "recorded"}});
+    previous = capture.step;
+  }
+  state["step"] = {
+      {"n", captures},
+      {"of", captures},
+      {"text", std::to_string(captures) + (captures == 1 ? " capture" : " captures") + " recorded"}};
+  add_newest_capture(state, *recording);
+  for (const SessionStore::Event& event : session.events())
+    state["messages"].push_back(
+        {{"time", clock_text(event.host_us)}, {"level", event.level}, {"text", event.text}});
+  add_results(state, session);
+  return state;
+}
+
+}  // namespace rig

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "rig/session_store.hpp"
+
+namespace rig {
+
+/// What a session file tells of a run, finished or going on elsewhere, as the live page's state
+/// (docs/live.md).
+[[nodiscard]] nlohmann::json state_of(const SessionStore& session);
+
+}  // namespace rig

@@ -1,0 +1,46 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""Conceals every kind once and checks the session against the contract (formats.md)."""
+import json, pathlib, sqlite3, struct, subprocess, sys, tempfile
+
+conceal = sys.argv[1]
+listing = subprocess.run([conceal, "--list"], check=True, capture_output=True, text=True).stdout
+kinds = {}
+for line in listing.splitlines():
+    if line.startswith("  "):
+        name, scenes = line.split(":")
+        kinds[name.strip()] = scenes.split()
+small = ["ladder", "reflectance-ladder", "boards", "two-sided", "edge", "panels", "box"]
+
+
+def check(kind, scene, folder):
+    command = [conceal, "--scene", scene, "--snr", "20", "--seed", "11", "--no-rivals", "--out", folder, "--name", "case"]
+    if kind:
+        command += ["--kind", kind]
+    subprocess.run(command, check=True, capture_output=True)
+    truth = json.loads((pathlib.Path(folder) / "case.truth.json").read_text())
+    if kind and kind not in ("mixed-pixel", "rounding"):
+        reached = truth["snr"][kind]
+        assert 0 < reached < 21, (kind, scene, reached)
+    database = sqlite3.connect(pathlib.Path(folder) / "case.rig")
+    assert database.execute("PRAGMA application_id").fetchone()[0] == 0x52494731
+    bench = json.loads(database.execute("SELECT value FROM session WHERE key='bench'").fetchone()[0])
+    assert bench["schema"] == "bench/1" and [k["mechanism"] for k in bench["known"]] == ["range-noise"]
+    count = 0
+    for first, last, blob, light in database.execute(
+            "SELECT first_step, last_step, range_mm, intensity FROM scan JOIN capture ON capture.id = scan.capture"):
+        assert len(blob) == len(light) == 2 * (last - first + 1)
+        count += 1
+    assert count > 0
+    values = struct.unpack(f"<{len(blob) // 2}H", blob)
+    assert any(values), (kind, scene)
+    database.close()
+
+
+with tempfile.TemporaryDirectory() as folder:
+    check(None, "room", folder)
+    for kind, scenes in kinds.items():
+        check(kind, min(scenes, key=lambda s: small.index(s) if s in small else 99), folder)
+    bad = subprocess.run([conceal, "--kind", "gremlins"], capture_output=True, text=True)
+    assert bad.returncode == 2 and "gremlins" in bad.stderr
+print(f"{len(kinds)} kinds")

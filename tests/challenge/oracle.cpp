@@ -1,0 +1,317 @@
+// SPDX-License-Identifier: MIT
+#include "oracle.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace challenge {
+namespace {
+
+/// Expected log-likelihood ratio of a normal sample whose variance grew from 1 to `ratio`.
+double variance_information(double ratio) { return 0.5 * (ratio - 1 - std::log(ratio)); }
+
+/// The same for echo states. A small floor stands for what no model foresees. Which surface a beam without
+/// width meets is geometry, not a state: only a beam with a footprint is judged by it.
+double state_information(const Expectation& with, const Expectation& plain) {
+  constexpr double floor = 3e-4;
+  const bool footprint = with.far_share + with.between_share > 0;
+  if (!footprint && with.lost == plain.lost && with.stray == plain.stray) return 0;
+  const double valid = (1 - with.lost) * (1 - with.stray);
+  const double other = with.sight.wall == plain.sight.wall ? with.far_share : 1 - with.far_share;
+  const double seen[] = {with.lost, (1 - with.lost) * with.stray, valid * with.between_share,
+                         footprint && with.between_share == 0 ? valid * other : 0};
+  double sum = 0, rest = 1;
+  for (const double p : seen) {
+    sum += (p + floor) * std::log((p + floor) / floor);
+    rest -= p + floor;
+  }
+  if (rest > 1e-9) sum += rest * std::log(rest / (1 - 4 * floor));
+  return std::max(0.0, sum);
+}
+
+/// Entropy lost per sample by memory: minus half the mean logarithm of the spectrum of unit-variance noise.
+double memory_information(const std::vector<std::pair<double, double>>& memory) {
+  constexpr int steps = 512;
+  double white = 1, sum = 0;
+  for (const auto& component : memory) white -= component.first;
+  for (int i = 0; i < steps; ++i) {
+    const double w = pi * (i + 0.5) / steps;
+    double power = white;
+    for (const auto& [share, rho] : memory) {
+      power += share * (1 - rho * rho) / (1 - 2 * rho * std::cos(w) + rho * rho);
+    }
+    sum += std::log(power);
+  }
+  return -0.5 * sum / steps;
+}
+
+Nuisance moved(const Session& session, std::size_t index) {
+  Nuisance nuisance = session.truth;
+  const std::size_t walls = session.walls.size();
+  if (index == 0) nuisance.x_mm += 0.1;
+  if (index == 1) nuisance.y_mm += 0.1;
+  if (index == 2) nuisance.yaw_rad += 1e-4;
+  if (index >= 3 && index < 3 + walls) nuisance.offset_mm[index - 3] += 0.1;
+  if (index >= 3 + walls) nuisance.tilt_rad[index - 3 - walls] += 1e-4;
+  return nuisance;
+}
+
+/// Prior standard deviations over the step that moved() makes.
+double prior(const Session& session, std::size_t index) {
+  const std::size_t walls = session.walls.size();
+  if (index < 2) return session.u_mount_mm / 0.1;
+  if (index == 2) return session.u_yaw_deg * degree / 1e-4;
+  if (index < 3 + walls) return session.walls[index - 3].u_mm / 0.1;
+  return session.walls[index - 3 - walls].u_deg * degree / 1e-4;
+}
+
+}  // namespace
+
+Oracle::Oracle(const Session& session, const Causes& causes, std::size_t cells) : session_(session) {
+  const bool turns =
+      std::ranges::any_of(session.captures, [](const Capture& c) { return c.rate_deg_s != 0; });
+  const bool each_scan =
+      turns || std::ranges::any_of(causes, [](const auto& cause) { return cause->differs_within_capture(); });
+  std::size_t all = 0;
+  for (const Capture& c : session.captures) {
+    all += static_cast<std::size_t>(c.last_step - c.first_step + 1) *
+           (each_scan ? static_cast<std::size_t>(c.scans) : 1);
+  }
+  const int stride = std::max(1, static_cast<int>((all + cells - 1) / cells));
+  const World plain(session, {}, session.truth);
+  for (std::size_t c = 0; c < session.captures.size(); ++c) {
+    const Capture& capture = session.captures[c];
+    const int groups = each_scan ? capture.scans : 1;
+    for (int group = 0; group < groups; ++group) {
+      const int seq = each_scan ? group : capture.scans / 2;
+      const int phase = static_cast<int>(c * 7 + static_cast<std::size_t>(group) * 3) % stride;
+      for (int step = capture.first_step + phase; step <= capture.last_step; step += stride) {
+        Cell cell{c, seq, step, static_cast<double>(stride) * capture.scans / groups, {}, 0, true};
+        const Moment moment = plain.moment(c, seq, step);
+        cell.plain = plain.expect(moment);
+        if (cell.plain.sight.wall < 0) continue;
+        const Sight left = plain.look(moment, 2e-3), right = plain.look(moment, -2e-3);
+        cell.lever = (left.range_mm - right.range_mm) / 4e-3;
+        cell.smooth = left.wall == right.wall && std::abs(cell.plain.sight.incidence) < 80 * degree;
+        cells_.push_back(cell);
+      }
+    }
+  }
+  const auto n = static_cast<Eigen::Index>(cells_.size());
+  const std::size_t parameters = 3 + 2 * session.walls.size();
+  weight_.resize(n);
+  nuisance_.resize(n, static_cast<Eigen::Index>(parameters));
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Cell& cell = cells_[static_cast<std::size_t>(i)];
+    weight_[i] = cell.smooth ? cell.weight / cell.plain.variance_mm2 : 0;
+  }
+  for (std::size_t p = 0; p < parameters; ++p) {
+    const World other(session, {}, moved(session, p));
+    nuisance_.col(static_cast<Eigen::Index>(p)) = shift(other, nullptr) * prior(session, p);
+  }
+  Eigen::MatrixXd normal = nuisance_.transpose() * weight_.asDiagonal() * nuisance_;
+  const auto size = normal.rows();
+  const Eigen::MatrixXd one = Eigen::MatrixXd::Identity(size, size);
+  inverse_with_ = (normal + one).ldlt().solve(one);
+  inverse_without_ = (normal + 1e-8 * one).ldlt().solve(one);
+}
+
+Eigen::VectorXd Oracle::shift(const World& world, std::vector<Expectation>* seen) const {
+  Eigen::VectorXd result(static_cast<Eigen::Index>(cells_.size()));
+  for (std::size_t i = 0; i < cells_.size(); ++i) {
+    const Cell& cell = cells_[i];
+    const Expectation with = world.expect(world.moment(cell.capture, cell.seq, cell.step));
+    const double step = with.mean_mm - cell.plain.mean_mm;
+    const bool comparable = cell.smooth && with.sight.wall >= 0 && std::abs(step) < 300;
+    result[static_cast<Eigen::Index>(i)] = comparable ? step : 0;
+    if (seen) seen->push_back(with);
+  }
+  return result;
+}
+
+Eigen::VectorXd Oracle::project(const Eigen::VectorXd& shift, bool with_priors) const {
+  const Eigen::VectorXd right = nuisance_.transpose() * weight_.cwiseProduct(shift);
+  return shift - nuisance_ * ((with_priors ? inverse_with_ : inverse_without_) * right);
+}
+
+Oracle::Verdict Oracle::judge(const Causes& causes) const {
+  const World world(session_, causes, session_.truth);
+  std::vector<Expectation> seen;
+  const Eigen::VectorXd raw = shift(world, &seen);
+  Verdict verdict;
+  verdict.shift = project(raw, true);
+  // The priors resist as well: what is left is shift' W (shift - J beta).
+  verdict.mean = std::max(0.0, raw.dot(weight_.cwiseProduct(verdict.shift)));
+  const Eigen::VectorXd free = project(raw, false);
+  verdict.snr_with_free_nuisances = std::sqrt(std::max(0.0, raw.dot(weight_.cwiseProduct(free))));
+  verdict.information = weight_.cwiseProduct(verdict.shift).cwiseProduct(verdict.shift);
+
+  // The overall noise is known only as well as the bench says: its scale is fitted under that prior.
+  const double u = 2 * session_.u_sigma_mm / session_.sigma_mm;
+  double best = 1e300, scale = 1;
+  for (double log_scale = -0.5; log_scale <= 6; log_scale += 0.01) {
+    double sum = 0.5 * std::pow(log_scale / u, 2);
+    for (std::size_t i = 0; i < cells_.size(); ++i) {
+      if (!cells_[i].smooth) continue;
+      const double ratio = seen[i].variance_mm2 / cells_[i].plain.variance_mm2;
+      if (ratio == 1 && log_scale == 0) continue;
+      sum += cells_[i].weight * variance_information(ratio / std::exp(log_scale));
+    }
+    if (sum < best) {
+      best = sum;
+      scale = std::exp(log_scale);
+    }
+  }
+  verdict.variance = best < 1e-6 ? 0 : 2 * best;
+
+  double samples = 0, squares = 0, floor = 0;
+  for (std::size_t i = 0; i < cells_.size(); ++i) {
+    const Cell& cell = cells_[i];
+    const auto row = static_cast<Eigen::Index>(i);
+    if (cell.smooth) {
+      const double own =
+          2 * cell.weight * variance_information(seen[i].variance_mm2 / cell.plain.variance_mm2 / scale);
+      if (verdict.variance > 0) verdict.information[row] += own;
+      samples += cell.weight;
+      squares += cell.weight * (seen[i].variance_mm2 + verdict.shift[row] * verdict.shift[row]);
+      floor += cell.weight * seen[i].variance_mm2;
+    }
+    const double states = 2 * cell.weight * state_information(seen[i], cell.plain);
+    verdict.states += states;
+    verdict.information[row] += states;
+  }
+  verdict.rms_before_mm = std::sqrt(squares / std::max(1.0, samples));
+  verdict.rms_floor_mm = std::sqrt(floor / std::max(1.0, samples));
+
+  for (const auto& cause : causes) {
+    if (cause->output_step_mm() > 1) {  // Multiples of the step only: each of the others is news.
+      verdict.states += 2 * samples * std::log(cause->output_step_mm());
+    }
+    const double angle = cause->scan_angle_sigma();
+    if (angle > 0) {
+      std::vector<double> levers(session_.captures.size());
+      for (const Cell& cell : cells_) {
+        if (!cell.smooth) continue;
+        levers[cell.capture] += cell.weight / session_.captures[cell.capture].scans * cell.lever *
+                                cell.lever / cell.plain.variance_mm2;
+      }
+      for (std::size_t c = 0; c < levers.size(); ++c) {
+        const double s = angle * angle * levers[c];
+        verdict.jitter += session_.captures[c].scans * (s - std::log1p(s));
+      }
+      for (std::size_t i = 0; i < cells_.size(); ++i) {
+        const double s = angle * cells_[i].lever;
+        verdict.information[static_cast<Eigen::Index>(i)] += weight_[static_cast<Eigen::Index>(i)] * s * s;
+      }
+    }
+    const auto memory = cause->memory();
+    if (!memory.empty()) {
+      for (const Capture& capture : session_.captures) {
+        const double beams = capture.last_step - capture.first_step + 1;
+        if (cause->memory_is_common()) {
+          double share = 0;
+          for (const auto& component : memory) share += component.first;
+          const double s = beams * share / std::max(1e-3, 1 - share);
+          verdict.memory += capture.scans * (s - std::log1p(s));
+        } else {
+          verdict.memory += 2 * (capture.scans - 1) * beams * memory_information(memory);
+        }
+      }
+    }
+  }
+  const double squared = verdict.mean + verdict.variance + verdict.states + verdict.jitter + verdict.memory;
+  verdict.snr = std::sqrt(squared);
+  verdict.log_likelihood_gain = squared / 2;
+  return verdict;
+}
+
+std::vector<double> Oracle::left_by(const Causes& cause, const std::vector<Causes>& rivals) const {
+  const Eigen::VectorXd own = shift(World(session_, cause, session_.truth), nullptr);
+  const Eigen::VectorXd own_left = project(own, true);
+  const double total = own.dot(weight_.cwiseProduct(own_left));
+  std::vector<double> left;
+  for (const Causes& rival : rivals) {
+    const Eigen::VectorXd other = shift(World(session_, rival, session_.truth), nullptr);
+    const Eigen::VectorXd other_left = project(other, true);
+    const double cross = own.dot(weight_.cwiseProduct(other_left));
+    const double size = other.dot(weight_.cwiseProduct(other_left));
+    left.push_back(std::sqrt(std::max(0.0, total - (size > 1e-9 ? cross * cross / size : 0))));
+  }
+  return left;
+}
+
+double Oracle::coordinate(const Cell& cell, const std::string& name) const {
+  const Capture& capture = session_.captures[cell.capture];
+  if (name == "beam_deg") return session_.beam_rad(cell.step) / degree;
+  if (name == "stage_deg") return capture.stage_deg;
+  if (name == "range_mm") return cell.plain.sight.range_mm;
+  if (name == "intensity") return cell.plain.sight.counts;
+  if (name == "incidence_deg") return cell.plain.sight.incidence / degree;
+  if (name == "edge_distance_deg") return cell.plain.sight.end_mm / cell.plain.sight.range_mm / degree;
+  if (name == "time_s") return capture.since_power_on_s;
+  if (name == "temperature_c") return capture.temperature_c;
+  if (name == "approach") return capture.approach;
+  if (name == "stage_rate_deg_s") return capture.rate_deg_s;
+  if (name == "range_rate") return cell.lever;
+  if (name == "scan_seq") return cell.seq;
+  if (name == "target") return cell.plain.sight.wall;
+  throw std::logic_error("no coordinate " + name);
+}
+
+std::vector<Oracle::Interval> Oracle::located(const Verdict& verdict, const std::string& name) const {
+  double low = 1e300, high = -1e300;
+  for (const Cell& cell : cells_) {
+    low = std::min(low, coordinate(cell, name));
+    high = std::max(high, coordinate(cell, name));
+  }
+  constexpr int bins = 30;
+  const double width = std::max(1e-9, (high - low) / bins);
+  std::vector<double> information(bins);
+  for (std::size_t i = 0; i < cells_.size(); ++i) {
+    const int bin = std::min(bins - 1, static_cast<int>((coordinate(cells_[i], name) - low) / width));
+    information[static_cast<std::size_t>(bin)] += verdict.information[static_cast<Eigen::Index>(i)];
+  }
+  const double best = *std::ranges::max_element(information);
+  std::vector<Interval> intervals;
+  for (int bin = 0; bin < bins; ++bin) {
+    if (information[static_cast<std::size_t>(bin)] < best / 4) continue;
+    const double from = low + bin * width;
+    if (!intervals.empty() && from - intervals.back().to < 2.5 * width) {
+      intervals.back().to = from + width;
+    } else {
+      intervals.push_back({from, from + width});
+    }
+  }
+  return intervals;
+}
+
+double calibrate(const std::shared_ptr<Cause>& shared, Session& session, double snr) {
+  Cause& cause = *shared;
+  const auto measure = [&](double strength) {
+    cause.strength = std::min(strength, cause.largest_strength());
+    cause.build(session);
+    return Oracle(session, {shared}).judge({shared}).snr;
+  };
+  double strength = 1, reached = measure(strength), slope = 1;
+  if (!cause.has_size()) return reached;
+  for (int i = 0; i < 14 && std::abs(reached / snr - 1) > 0.02; ++i) {
+    if (!(reached > 1e-6)) {
+      if (strength > 1e4) throw std::runtime_error(cause.id + " does not show in the scene " + session.scene);
+      reached = measure(strength *= 10);
+      continue;
+    }
+    const double factor = std::clamp(std::pow(snr / reached, 1 / slope), 0.02, 50.0);
+    const double before = reached;
+    if (strength * factor > cause.largest_strength() && strength >= cause.largest_strength()) break;
+    const double old = strength;
+    strength = std::min(strength * factor, cause.largest_strength());
+    reached = measure(strength);
+    const double found = std::log(reached / before) / std::log(strength / old);
+    if (std::isfinite(found)) slope = std::clamp(found, 0.3, 3.0);
+  }
+  return reached;
+}
+
+}  // namespace challenge
