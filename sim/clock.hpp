@@ -8,10 +8,10 @@ namespace sim {
 
 /// Simulated time since the bench was switched on, shared by the lidar and the stage.
 ///
-/// At a finite speed it follows the host's clock times `speed`. At maximum speed it stands still until somebody who
-/// produces data moves it on: the lidar by one scan period with every scan it sends, and the stage a little with
-/// every poll while it moves (so that a move ends after a bounded number of polls even when no scan is asked for).
-/// Either way it never goes back, and everything stamped with it is consistent.
+/// At a finite speed it follows the host's clock times `speed`. At maximum speed it stands still until
+/// somebody who produces data moves it on: the lidar by one scan period with every scan it sends, and the
+/// stage a little with every poll while it moves (so that a move ends after a bounded number of polls even
+/// when no scan is asked for). Either way it never goes back, and everything stamped with it is consistent.
 class SimClock {
  public:
   using Host = std::chrono::steady_clock;
@@ -35,7 +35,8 @@ class SimClock {
   /// When the host's clock will show that simulated time (now, at maximum speed).
   [[nodiscard]] Host::time_point when(double time_s) const {
     if (is_max()) return Host::now();
-    return started_ + std::chrono::duration_cast<Host::duration>(std::chrono::duration<double>(time_s / speed_));
+    return started_ +
+           std::chrono::duration_cast<Host::duration>(std::chrono::duration<double>(time_s / speed_));
   }
 
  private:

@@ -12,20 +12,20 @@ namespace sim {
 
 /// The operator's side of the bench, changed by prompts and by the operator port.
 struct SceneState {
-  std::string target;           ///< The target the following values are about.
-  double target_shift_mm = 0;   ///< Along its normal, away from the axis.
-  double reflectance = -1;      ///< Negative: as the bench says.
+  std::string target;          ///< The target the following values are about.
+  double target_shift_mm = 0;  ///< Along its normal, away from the axis.
+  double reflectance = -1;     ///< Negative: as the bench says.
   double temperature_c = 25;
 };
 
 /// Where the bench is at one moment of simulated time.
 struct StageMoment {
-  double angle_rad = 0;       ///< True angle of the stage's table (the simulated stage adds its own errors).
+  double angle_rad = 0;  ///< True angle of the stage's table (the simulated stage adds its own errors).
   double rate_rad_s = 0;
 };
 
-/// Makes what a lidar would measure. Engines hold no clock and no socket; random numbers come from their seed,
-/// so the same calls give the same scans.
+/// Makes what a lidar would measure. Engines hold no clock and no socket; random numbers come from their
+/// seed, so the same calls give the same scans.
 class Engine {
  public:
   virtual ~Engine() = default;

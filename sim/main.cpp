@@ -1,2 +1,111 @@
+// SPDX-License-Identifier: MIT
+#include <CLI/CLI.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/signal_set.hpp>
 #include <cstdio>
-int main() { std::puts("rig-sim"); }
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "sim/scip_server.hpp"
+#include "sim/simple_engine.hpp"
+#include "sim/ust_device.hpp"
+
+namespace {
+
+struct Options {
+  std::string bench_file, truth_file, speed = "real", listen = "127.0.0.1", stage_link;
+  std::uint16_t lidar_port = 10940;
+  std::uint64_t seed = 1;
+  double clock_ppm = 50, scan_period_ms = 25;
+};
+
+fit::Bench read_bench(const std::string& path) {
+  std::ifstream in(path);
+  std::stringstream text;
+  text << in.rdbuf();
+  if (!in)
+    throw std::invalid_argument("cannot read the bench file " + path + ": check the name and the permission");
+  return fit::parse_bench(text.str(), path);
+}
+
+double speed_factor(const std::string& text) {
+  if (text == "real") return 1;
+  if (text == "max") return sim::SimClock::max_speed;
+  std::size_t used = 0;
+  double factor = 0;
+  try {
+    factor = std::stod(text, &used);
+  } catch (const std::exception&) {
+    used = 0;
+  }
+  if (used != text.size() || !(factor > 0) || factor > 1e6)
+    throw std::invalid_argument("--speed takes real, max or a factor such as 10, not '" + text + "'");
+  return factor;
+}
+
+int serve(const Options& options) {
+  // The operator's bench file is the scene; a truth file, where given, is what the bench really is.
+  const fit::Bench bench = read_bench(options.bench_file);
+  const fit::Bench scene = options.truth_file.empty() ? bench : read_bench(options.truth_file);
+  boost::asio::io_context io(1);
+  sim::SimClock clock(speed_factor(options.speed));
+  sim::UstIdentity identity;
+  identity.model = scene.lidar.model;
+  identity.clock_ppm = options.clock_ppm;
+  identity.scan_period_s = options.scan_period_ms / 1e3;
+  auto engine = std::make_shared<sim::SimpleEngine>(scene, sim::simple_options(scene), options.seed);
+  sim::UstDevice device(scene.lidar, identity, engine, [](double) { return sim::StageMoment{}; });
+  sim::ScipServer::Options server_options;
+  server_options.address = options.listen;
+  server_options.port = options.lidar_port;
+  sim::ScipServer server(io.get_executor(), server_options, clock, device);
+  const nlohmann::ordered_json ready = {
+      {"lidar_port", server.port()},
+      {"lidar", "tcp://" + options.listen + ":" + std::to_string(server.port())}};
+  std::printf("%s\n", ready.dump().c_str());
+  std::fflush(stdout);
+  boost::asio::signal_set signals(io, SIGINT, SIGTERM);
+  signals.async_wait([&](const boost::system::error_code&, int) {
+    server.stop();
+    io.stop();
+  });
+  io.run();
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "Simulated calibration bench: a scanning lidar on TCP and a rotary stage on a pseudo-terminal."};
+  Options options;
+  app.set_version_flag("--version", "rig-sim " RIG_VERSION);
+  app.add_option("--bench", options.bench_file, "Bench file: the scene, the lidar, the stage")->required();
+  app.add_option("--truth", options.truth_file,
+                 "Bench file of what is really there, when the operator's is not exact");
+  app.add_option("--lidar-port", options.lidar_port, "TCP port of the lidar; 0 picks a free one")
+      ->capture_default_str();
+  app.add_option("--stage-link", options.stage_link, "Where to link the stage's pseudo-terminal");
+  app.add_option("--speed", options.speed, "real, max, or a factor")->capture_default_str();
+  app.add_option("--seed", options.seed, "The same seed gives the same measurements")->capture_default_str();
+  app.add_option("--listen", options.listen, "Address of the lidar")->capture_default_str();
+  app.add_option("--clock-ppm", options.clock_ppm, "How much the lidar's clock is fast")
+      ->capture_default_str();
+  app.add_option("--scan-period-ms", options.scan_period_ms, "One turn of the lidar's motor")
+      ->capture_default_str();
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  try {
+    return serve(options);
+  } catch (const std::invalid_argument& error) {
+    std::fprintf(stderr, "rig-sim: %s\n", error.what());
+    return 2;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "rig-sim: %s\n", error.what());
+    return 3;
+  }
+}

@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: MIT
+#include "sim/scip_server.hpp"
+
+#include <array>
+#include <boost/asio/co_spawn.hpp>
+#include <boost/asio/detached.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/redirect_error.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/asio/use_awaitable.hpp>
+#include <boost/asio/write.hpp>
+
+namespace sim {
+
+namespace asio = boost::asio;
+using asio::awaitable;
+using asio::redirect_error;
+using asio::use_awaitable;
+using asio::ip::tcp;
+using boost::system::error_code;
+
+namespace {
+constexpr std::size_t longest_request = 1024;  // far beyond any command: what is longer is noise
+constexpr std::size_t waiting_limit =
+    256 * 1024;  // about 38 full scans; beyond, a real device has long dropped some
+constexpr std::size_t batch_bytes = 64 * 1024;  // at maximum speed: as much as one write takes well
+constexpr auto idle_check =
+    std::chrono::seconds(1);  // no wait without a limit: look again at least this often
+}  // namespace
+
+struct ScipServer::Impl : std::enable_shared_from_this<ScipServer::Impl> {
+  /// One host. Reader, writer and streamer share it; the first that fails closes the socket and so ends all.
+  struct Connection {
+    explicit Connection(tcp::socket&& socket_)
+        : socket(std::move(socket_)),
+          wake_writer(socket.get_executor()),
+          wake_streamer(socket.get_executor()) {}
+    tcp::socket socket;
+    std::string outbox;
+    bool closed = false, writing = false;
+    asio::steady_timer wake_writer, wake_streamer;
+    void close() {
+      error_code ignored;
+      closed = true;
+      socket.close(ignored);
+      wake_writer.cancel();
+      wake_streamer.cancel();
+    }
+    [[nodiscard]] std::size_t waiting() const { return outbox.size() + (writing ? batch_bytes : 0); }
+  };
+
+  Impl(const asio::any_io_executor& executor_, SimClock& clock_, UstDevice& device_)
+      : executor(executor_), acceptor(executor_), clock(clock_), device(device_) {}
+
+  asio::any_io_executor executor;
+  tcp::acceptor acceptor;
+  SimClock& clock;
+  UstDevice& device;
+  Fault fault;
+  std::shared_ptr<Connection> connection;
+  bool stopped = false;
+
+  void send(Connection& to, std::string bytes) {
+    bool drop = false;
+    if (fault.to_host) bytes = fault.to_host(std::move(bytes), drop);
+    to.outbox += bytes;
+    to.wake_writer.cancel();
+    if (drop) to.close();
+  }
+
+  awaitable<void> accept_hosts();
+  awaitable<void> read_requests(std::shared_ptr<Connection> host);
+  awaitable<void> write_answers(std::shared_ptr<Connection> host);
+  awaitable<void> stream_scans(std::shared_ptr<Connection> host);
+  void answer(const std::shared_ptr<Connection>& host, std::string_view line);
+};
+
+awaitable<void> ScipServer::Impl::accept_hosts() {
+  const auto self = shared_from_this();
+  while (!stopped) {
+    error_code failed;
+    tcp::socket socket = co_await acceptor.async_accept(redirect_error(use_awaitable, failed));
+    if (stopped) co_return;
+    if (failed) {
+      asio::steady_timer pause(executor, idle_check);
+      co_await pause.async_wait(redirect_error(use_awaitable, failed));
+      continue;
+    }
+    socket.set_option(tcp::no_delay(true), failed);
+    const auto host = std::make_shared<Connection>(std::move(socket));
+    connection = host;
+    auto writing = write_answers(host);
+    asio::co_spawn(executor, std::move(writing), asio::detached);
+    auto streaming = stream_scans(host);
+    asio::co_spawn(executor, std::move(streaming), asio::detached);
+    auto reading = read_requests(host);
+    co_await std::move(reading);
+    host->close();
+    device.disconnected();
+    connection.reset();
+    if (device.take_reboot_request()) device.reboot(clock.now_s());
+  }
+}
+
+void ScipServer::Impl::answer(const std::shared_ptr<Connection>& host, std::string_view line) {
+  if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
+  std::string reply = device.handle(line, clock.now_s());
+  if (!reply.empty()) send(*host, std::move(reply));
+  if (device.streaming()) host->wake_streamer.cancel();
+}
+
+awaitable<void> ScipServer::Impl::read_requests(std::shared_ptr<Connection> host) {
+  const auto self = shared_from_this();
+  std::string pending;
+  std::array<char, 4096> bytes{};
+  while (!host->closed) {
+    error_code failed;
+    const std::size_t n =
+        co_await host->socket.async_read_some(asio::buffer(bytes), redirect_error(use_awaitable, failed));
+    if (failed) co_return;
+    std::string arrived(bytes.data(), n);
+    if (fault.to_device) arrived = fault.to_device(std::move(arrived));
+    pending += arrived;
+    // LF, CR and CR LF all end a request; the empty line between CR and LF gets no answer anyway.
+    for (std::size_t end = pending.find_first_of("\r\n"); end != std::string::npos;
+         end = pending.find_first_of("\r\n")) {
+      const std::string line = pending.substr(0, end);
+      pending.erase(0, end + 1);
+      answer(host, line);
+    }
+    if (pending.size() > longest_request) pending.clear();
+    if (device.take_reboot_request()) {
+      device.reboot(clock.now_s());
+      asio::steady_timer before_drop(executor, std::chrono::milliseconds(20));  // the answer goes out first
+      co_await before_drop.async_wait(redirect_error(use_awaitable, failed));
+      co_return;
+    }
+  }
+}
+
+awaitable<void> ScipServer::Impl::write_answers(std::shared_ptr<Connection> host) {
+  const auto self = shared_from_this();
+  error_code failed;
+  while (!host->closed) {
+    if (host->outbox.empty()) {
+      host->wake_writer.expires_after(idle_check);
+      co_await host->wake_writer.async_wait(redirect_error(use_awaitable, failed));
+      continue;
+    }
+    const std::string bytes = std::exchange(host->outbox, std::string());
+    host->writing = true;
+    failed = {};
+    co_await asio::async_write(host->socket, asio::buffer(bytes), redirect_error(use_awaitable, failed));
+    host->writing = false;
+    if (failed) {
+      host->close();
+      co_return;
+    }
+    host->wake_streamer.cancel();
+  }
+}
+
+awaitable<void> ScipServer::Impl::stream_scans(std::shared_ptr<Connection> host) {
+  const auto self = shared_from_this();
+  error_code ignored;
+  std::string bytes;
+  while (!host->closed) {
+    if (!device.streaming() || (clock.is_max() && host->waiting() > 0)) {
+      host->wake_streamer.expires_after(idle_check);
+      co_await host->wake_streamer.async_wait(redirect_error(use_awaitable, ignored));
+      continue;
+    }
+    const double ready_s = device.next_scan_ready_s(clock.now_s());
+    if (!clock.is_max() && ready_s > clock.now_s()) {
+      host->wake_streamer.expires_at(std::min(clock.when(ready_s), SimClock::Host::now() + idle_check));
+      co_await host->wake_streamer.async_wait(redirect_error(use_awaitable, ignored));
+      continue;
+    }
+    bytes.clear();
+    do {
+      device.append_next_scan(bytes);
+      clock.advance_to(device.scan_end_s());
+    } while (clock.is_max() && device.streaming() && bytes.size() < batch_bytes);
+    if (host->waiting() < waiting_limit) send(*host, bytes);
+  }
+}
+
+ScipServer::ScipServer(boost::asio::any_io_executor executor, const Options& options, SimClock& clock,
+                       UstDevice& device)
+    : impl_(std::make_shared<Impl>(executor, clock, device)) {
+  const tcp::endpoint endpoint(asio::ip::make_address(options.address), options.port);
+  impl_->acceptor.open(endpoint.protocol());
+  impl_->acceptor.set_option(asio::socket_base::reuse_address(true));
+  impl_->acceptor.bind(endpoint);
+  impl_->acceptor.listen();
+  auto accepting = impl_->accept_hosts();
+  asio::co_spawn(executor, std::move(accepting), asio::detached);
+}
+
+ScipServer::~ScipServer() { stop(); }
+
+std::uint16_t ScipServer::port() const { return impl_->acceptor.local_endpoint().port(); }
+
+void ScipServer::set_fault(Fault fault) { impl_->fault = std::move(fault); }
+
+void ScipServer::drop_connection() {
+  if (impl_->connection) impl_->connection->close();
+}
+
+void ScipServer::stop() {
+  if (impl_->stopped) return;
+  impl_->stopped = true;
+  error_code ignored;
+  impl_->acceptor.close(ignored);
+  drop_connection();
+}
+
+}  // namespace sim

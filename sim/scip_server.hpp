@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <boost/asio/any_io_executor.hpp>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "sim/clock.hpp"
+#include "sim/ust_device.hpp"
+
+namespace sim {
+
+/// Serves a simulated UST-10LX on TCP to one host at a time, as the device does: further connections wait
+/// until the first has gone. Answers in order, streams at simulated time, drops scans that the host is too
+/// slow to take (at maximum speed it waits for the host instead).
+class ScipServer {
+ public:
+  struct Options {
+    Options() = default;
+    std::string address = "127.0.0.1";
+    std::uint16_t port = 0;  ///< 0: any free one.
+  };
+  /// What a fault does to bytes on their way to the host: returns what is sent instead; may drop the
+  /// connection.
+  struct Fault {
+    std::function<std::string(std::string bytes, bool& drop_connection)> to_host;
+    std::function<std::string(std::string bytes)> to_device;
+  };
+
+  /// Throws boost::system::system_error when the port is taken.
+  ScipServer(boost::asio::any_io_executor executor, const Options& options, SimClock& clock,
+             UstDevice& device);
+  ~ScipServer();
+  ScipServer(const ScipServer&) = delete;
+  ScipServer& operator=(const ScipServer&) = delete;
+
+  [[nodiscard]] std::uint16_t port() const;
+  void set_fault(Fault fault);
+  /// Drops the present connection, as a reset or a reboot does.
+  void drop_connection();
+  void stop();
+
+ private:
+  struct Impl;
+  std::shared_ptr<Impl> impl_;
+};
+
+}  // namespace sim

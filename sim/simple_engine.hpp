@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <limits>
+#include <map>
+#include <vector>
+
+#include "sim/engine.hpp"
+#include "sim/random.hpp"
+
+namespace sim {
+
+/// What the simple engine needs beyond the scene. In a bench file: the section "sim" (docs/simulator.md).
+struct SimpleOptions {
+  double sigma_mm =
+      3;  ///< Range noise; a UST-10LX stays under 30 mm (manual), 3 mm is a good one on white paper.
+  double edge_window_rad = 0.05 * fit::rad_per_deg;  ///< Where a beam at an edge sees now one surface, now
+                                                     ///< the other (Zhao et al., table 4).
+  double intensity_at_reference = 2400;  ///< Counts at 200 mm on a white surface met squarely (Zhao et al.).
+  double intensity_falloff_mm = 3000;    ///< Range at which the echo has fallen to half.
+  double relative_intensity_noise = 0.01;
+  double min_range_mm = 21,
+         max_range_mm = 30000;  ///< Nearer: code 4; farther or no target: code 65533 (manual, table 3).
+};
+
+/// Planar scene, one ray a beam, Gaussian noise, 1 mm steps; at edges a beam sees one surface or the other at
+/// random within the window. What does not change between scans is computed once per stage angle, so a
+/// standing stage costs only the noise.
+class SimpleEngine : public Engine {
+ public:
+  SimpleEngine(fit::Bench bench, SimpleOptions options, std::uint64_t seed);
+  void scan(double scan_s, const std::function<StageMoment(double)>& stage_at,
+            std::span<std::uint32_t> range_mm, std::span<std::uint32_t> intensity) override;
+  void set_scene(const SceneState& scene) override;
+
+ private:
+  struct Wall {
+    Eigen::Vector2d from, along;  ///< Start, and the vector to the other end.
+    double reflectance;
+  };
+  struct Hit {
+    float range_mm = 0, intensity = 0;  ///< 0: nothing there.
+  };
+  /// What one beam may see: the surface in front, and, in an edge's window, the one behind with its
+  /// probability.
+  struct Sight {
+    Hit front, back;
+    float back_probability = 0;
+  };
+  [[nodiscard]] Hit cast(const Eigen::Vector2d& origin, double direction, int* wall = nullptr) const;
+  [[nodiscard]] Sight look(const Eigen::Vector2d& origin, double direction) const;
+  void prepare(double stage_rad);
+  void build_walls();
+  std::uint32_t measure(const Hit& hit, std::uint32_t& intensity);
+
+  fit::Bench bench_;
+  SimpleOptions options_;
+  Random random_;
+  std::map<std::string, SceneState> changes_;
+  std::vector<Wall> walls_;
+  std::vector<Sight> sights_;
+  double prepared_for_ = std::numeric_limits<double>::quiet_NaN();
+};
+
+/// Reads the "sim" section and the known range-noise of a bench.
+[[nodiscard]] SimpleOptions simple_options(const fit::Bench& bench);
+
+}  // namespace sim

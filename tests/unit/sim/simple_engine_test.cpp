@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: MIT
+#include "sim/simple_engine.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+
+namespace {
+
+fit::Bench edge_bench() {
+  return fit::parse_bench(R"j({"schema": "bench/1", "lidar": {"mount": {"x_mm": 5, "y_mm": -3}},
+    "targets": [{"name": "board", "from_mm": [1500, -2000], "to_mm": [1500, 0], "reflectance": 0.8},
+                {"name": "back", "from_mm": [2300, -4000], "to_mm": [2300, 4000], "reflectance": 0.4}]})j");
+}
+
+struct Scan {
+  explicit Scan(sim::SimpleEngine& engine, double stage_rad = 0, double rate = 0)
+      : range(1081), intensity(1081) {
+    engine.scan(
+        10,
+        [&](double t) {
+          return sim::StageMoment{stage_rad + rate * (t - 10), rate};
+        },
+        range, intensity);
+  }
+  std::vector<std::uint32_t> range, intensity;
+};
+
+sim::SimpleOptions quiet() {
+  sim::SimpleOptions options;
+  options.sigma_mm = 0;
+  options.relative_intensity_noise = 0;
+  return options;
+}
+
+}  // namespace
+
+TEST_CASE("the simulated range is the distance along the beam from the optical centre to the wall") {
+  sim::SimpleEngine engine(edge_bench(), quiet(), 1);
+  for (const double stage : {0.0, 0.3, -0.2}) {
+    const Scan scan(engine, stage);
+    for (const int step : {200, 400, 500, 600}) {
+      const double direction = stage + (step - 540) * 0.25 * fit::rad_per_deg;
+      const double ox = 5 * std::cos(stage) + 3 * std::sin(stage),
+                   oy = 5 * std::sin(stage) - 3 * std::cos(stage);
+      double expected = (1500 - ox) / std::cos(direction);
+      const double y = oy + expected * std::sin(direction);
+      if (y > 0 || y < -2000) expected = (2300 - ox) / std::cos(direction);
+      INFO(stage << " " << step);
+      if (std::cos(direction) > 0 && std::abs(oy + expected * std::sin(direction)) < 4000)
+        CHECK(scan.range[static_cast<std::size_t>(step)] == Approx(expected).margin(0.51));
+    }
+  }
+}
+
+TEST_CASE("a beam with nothing before it reports no echo") {
+  sim::SimpleEngine engine(edge_bench(), quiet(), 1);
+  CHECK(Scan(engine).range[0] == 65533);
+}
+
+TEST_CASE("at an edge a beam sees both surfaces within the window and one outside of it") {
+  sim::SimpleEngine engine(edge_bench(), quiet(), 7);
+  const double edge = std::atan2(3.0, 1495.0);  // the board ends at y = 0, the optical centre is at (5, -3)
+  for (const double off_deg : {-0.03, -0.02, 0.0, 0.02, 0.03}) {
+    // the stage brings beam 540 to `off_deg` beyond the edge; a small turn hardly moves the optical centre
+    int back = 0;
+    for (int i = 0; i < 400; ++i) back += Scan(engine, edge + off_deg * fit::rad_per_deg).range[540] > 2000;
+    INFO(off_deg);
+    if (off_deg < -0.025)
+      CHECK(back == 0);
+    else if (off_deg > 0.026)
+      CHECK(back == 400);
+    else
+      CHECK((back > 0 && back < 400));
+  }
+}
+
+TEST_CASE("noise has the size it was given and a seed repeats it") {
+  sim::SimpleOptions options;
+  options.sigma_mm = 8;
+  sim::SimpleEngine a(edge_bench(), options, 42), b(edge_bench(), options, 42), c(edge_bench(), options, 43);
+  double sum = 0, squares = 0;
+  bool same = true, other = true;
+  for (int i = 0; i < 2000; ++i) {
+    const double range = Scan(a).range[500];
+    same = same && range == Scan(b).range[500];
+    other = other && range == Scan(c).range[500];
+    sum += range;
+    squares += range * range;
+  }
+  CHECK(same);
+  CHECK(!other);
+  const double variance = squares / 2000 - sum * sum / 4e6;
+  CHECK(variance == Approx(64 + 1 / 12.0).epsilon(0.12));
+}
+
+TEST_CASE("the echo weakens with distance, slant and darkness") {
+  sim::SimpleEngine engine(edge_bench(), quiet(), 1);
+  const Scan scan(engine);
+  CHECK(scan.intensity[500] > scan.intensity[700]);  // the board before the darker background
+  CHECK(scan.intensity[530] > scan.intensity[350]);  // square on before a slant
+  sim::SceneState darker;
+  darker.target = "board";
+  darker.reflectance = 0.2;
+  darker.target_shift_mm = 100;
+  engine.set_scene(darker);
+  const Scan changed(engine);
+  CHECK(changed.intensity[500] < scan.intensity[500] / 3);
+  CHECK(changed.range[540 - 20] - scan.range[540 - 20] == Approx(100).margin(2));
+}
+
+TEST_CASE("when the stage turns, each beam is fired from where the stage is at its own time") {
+  sim::SimpleEngine engine(edge_bench(), quiet(), 1);
+  const double rate = 40 * fit::rad_per_deg;
+  const Scan turning(engine, -0.1, rate);
+  // Beam 400 is fired 400/1440 of a turn after the stamp.
+  const Scan standing(engine, -0.1 + rate * 0.025 * 400 / 1440);
+  CHECK(turning.range[400] == standing.range[400]);
+}

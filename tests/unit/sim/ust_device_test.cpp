@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: MIT
+#include "sim/ust_device.hpp"
+
+#include <catch2/catch.hpp>
+
+#include "lidar/scip_reply.hpp"
+#include "sim/simple_engine.hpp"
+
+namespace scip = lidar::scip;
+
+namespace {
+
+struct Bed {
+  Bed(sim::UstIdentity identity = {}) {
+    const auto bench = fit::parse_bench(R"j({"schema": "bench/1",
+      "targets": [{"name": "wall", "from_mm": [1400, -9000], "to_mm": [1400, 9000]}]})j");
+    sim::SimpleOptions options;
+    options.sigma_mm = 0;
+    device = std::make_unique<sim::UstDevice>(bench.lidar, identity,
+                                              std::make_shared<sim::SimpleEngine>(bench, options, 1),
+                                              [](double) { return sim::StageMoment{}; });
+  }
+  std::string status(const std::string& line, double now_s = 1) {
+    reader.feed(device->handle(line, now_s));
+    const auto frame = reader.next();
+    if (!frame || !*frame) return "silent";
+    return std::string((*frame)->status);
+  }
+  scip::RawScan next_scan() {
+    std::string bytes;
+    device->append_next_scan(bytes);
+    reader.feed(bytes);
+    const auto frame = reader.next();
+    REQUIRE(frame.has_value());
+    REQUIRE(frame->has_value());
+    echo = (*frame)->echo;
+    scip::RawScan scan;
+    REQUIRE(scip::decode_scan(**frame, scan).has_value());
+    return scan;
+  }
+  std::unique_ptr<sim::UstDevice> device;
+  scip::FrameReader reader;
+  std::string echo;
+};
+
+}  // namespace
+
+TEST_CASE("the simulated lidar answers with the statuses of the UST family") {
+  Bed bed;
+  CHECK(bed.status("VV") == "00");
+  CHECK(bed.status("PP") == "00");
+  CHECK(bed.status("II") == "00");
+  CHECK(bed.status("GD0000108001") == "10");  // laser off
+  CHECK(bed.status("BM") == "00");
+  CHECK(bed.status("BM") == "02");
+  CHECK(bed.status("GD0000108001") == "00");
+  CHECK(bed.status("GD0000108101") == "04");
+  CHECK(bed.status("GD0010000901") == "05");
+  CHECK(bed.status("MD0000108101000") == "04");
+  CHECK(bed.status("HD0000108001") == "silent");
+  CHECK(bed.status("") == "silent");
+  CHECK(bed.status("NONSENSE") == "0E");
+  CHECK(bed.status("SS115200") == "0F");
+}
+
+TEST_CASE("a stream counts down in its echo and ends with the laser off") {
+  Bed bed;
+  CHECK(bed.status("ME0530055001002;x") == "00");
+  bed.next_scan();
+  CHECK(bed.echo == "ME0530055001001;x");
+  REQUIRE(bed.device->streaming());
+  bed.next_scan();
+  CHECK(bed.echo == "ME0530055001000;x");
+  CHECK(!bed.device->streaming());
+  CHECK(bed.status("GD0000108001") == "10");
+}
+
+TEST_CASE("clusters give the least of their steps and skipped scans take their time") {
+  Bed bed;
+  CHECK(bed.status("MD0000108004100") == "00");
+  const auto first = bed.next_scan(), second = bed.next_scan();
+  CHECK(first.range.size() == 271);
+  CHECK(first.range[135] == 1400);
+  CHECK(second.stamp.value - first.stamp.value == Approx(50).margin(1));
+}
+
+TEST_CASE("time adjustment refuses measurements and TM1 tells the device's time") {
+  Bed bed;
+  CHECK(bed.status("TM0") == "00");
+  CHECK(bed.status("ME0000108001000") == "10");
+  CHECK(bed.status("PP") == "10");
+  bed.reader.feed(bed.device->handle("TM1;a", 100.0));
+  const auto frame = bed.reader.next();
+  CHECK(scip::decode_time(**frame)->value == Approx(100.0 * (1 + 50e-6) * 1000).margin(1));
+  CHECK(bed.status("TM2") == "00");
+  CHECK(bed.status("TM2") == "03");
+}
+
+TEST_CASE("the 24-bit timer wraps, and a reset sets it to zero") {
+  sim::UstIdentity identity;
+  identity.clock_start_ms = 0xffffff - 500;
+  identity.clock_ppm = 0;
+  Bed bed(identity);
+  bed.reader.feed(bed.device->handle("TM1", 1.0));
+  const auto frame = bed.reader.next();
+  CHECK(scip::decode_time(**frame)->value < 1000);
+  CHECK(bed.status("RS", 5.0) == "00");
+  bed.reader.feed(bed.device->handle("TM1", 5.25));
+  const auto after = bed.reader.next();
+  CHECK(scip::decode_time(**after)->value == 250);
+}
+
+TEST_CASE("two RB within a second reboot, one does not") {
+  Bed bed;
+  CHECK(bed.status("RB", 1.0) == "01");
+  CHECK(bed.status("RB", 3.0) == "01");
+  CHECK(!bed.device->take_reboot_request());
+  CHECK(bed.status("RB", 3.5) == "00");
+  CHECK(bed.device->take_reboot_request());
+}
