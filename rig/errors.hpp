@@ -28,4 +28,9 @@ class StageError : public DeviceError {
   using DeviceError::DeviceError;
 };
 
+/// The link to the stage is gone (unplugged, switched off, silent): Stage::reopen() may bring it back.
+class StageLost : public StageError {
+  using StageError::StageError;
+};
+
 }  // namespace rig

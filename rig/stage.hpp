@@ -23,10 +23,11 @@ struct StageStatus {
   std::vector<std::string> warnings;  ///< In words, worst first.
 };
 
-
 /// A rotary stage, whatever its language. Angles in degrees, counter-clockwise, as commanded by procedures.
-/// Every operation has a deadline of its own and throws StageError (rig/errors.hpp); every one may be cancelled (the stage is
-/// then stopped by the caller with stop(), which is never refused).
+/// Every operation has a deadline of its own and throws StageError (rig/errors.hpp), or StageLost when the
+/// link is gone; every one may be cancelled (the stage is then stopped by the caller with stop(), which is
+/// never refused). stop() may be called while another operation waits: it goes before all others, and that
+/// operation then ends with StageError.
 class Stage {
  public:
   template <class T>
@@ -36,12 +37,15 @@ class Stage {
   virtual awaitable<StageIdentity> identify() = 0;
   virtual awaitable<StageStatus> status() = 0;
   virtual awaitable<void> home() = 0;
-  /// Moves to an absolute angle, rounded to whole device units; returns the angle the stage reads back after it
-  /// has settled. The caller judges the difference.
+  /// Moves to an absolute angle, rounded to whole device units; returns the angle the stage reads back after
+  /// it has settled. The caller judges the difference.
   virtual awaitable<double> move_to(double target_deg) = 0;
   /// Turns at a constant rate until stop() or another move.
   virtual awaitable<void> turn(double rate_deg_s) = 0;
   virtual awaitable<void> stop() = 0;
+  /// After StageLost: closes the port, opens it again by its name, identifies the device (which must be the
+  /// same) and stops it if it moves. It may have to be homed again; status() says so.
+  virtual awaitable<void> reopen() = 0;
 };
 
 }  // namespace rig
