@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: MIT
+#include "fit/mechanism.hpp"
+
+#include <algorithm>
+#include <cstdio>
+
+namespace fit::mechanisms {
+std::vector<Mechanism> all();
+}
+
+namespace fit {
+
+Effect& Effect::operator+=(const Effect& other) {
+  range_mm += other.range_mm;
+  beam_rad += other.beam_rad;
+  stage_rad += other.stage_rad;
+  origin_mm += other.origin_mm;
+  variance_mm2 += other.variance_mm2;
+  scan_angle_variance_rad2 += other.scan_angle_variance_rad2;
+  if (other.memory_share > memory_share) {
+    memory_share = other.memory_share;
+    memory_rho = other.memory_rho;
+  }
+  lost = 1 - (1 - lost) * (1 - other.lost);
+  stray = 1 - (1 - stray) * (1 - other.stray);
+  footprint_rad = std::hypot(footprint_rad, other.footprint_rad);
+  output_step_mm = std::max(output_step_mm, other.output_step_mm);
+  log_intensity += other.log_intensity;
+  return *this;
+}
+
+const char* name_of(Observable observable) {
+  switch (observable) {
+    case Observable::range_mean:
+      return "range-mean";
+    case Observable::range_variance:
+      return "range-variance";
+    case Observable::range_distribution:
+      return "range-distribution";
+    case Observable::intensity:
+      return "intensity";
+    case Observable::dropout:
+      return "dropout";
+    case Observable::time_correlation:
+      return "time-correlation";
+  }
+  return "";
+}
+
+const char* name_of(Coordinate coordinate) {
+  static const char* const names[] = {"beam_deg",      "stage_deg",         "range_mm",   "intensity",
+                                      "incidence_deg", "edge_distance_deg", "time_s",     "temperature_c",
+                                      "approach",      "stage_rate_deg_s",  "range_rate", "scan_seq",
+                                      "target"};
+  return names[static_cast<int>(coordinate)];
+}
+
+Estimate Finding::at(const std::string& name) const {
+  const auto found = parameters.find(name);
+  return found == parameters.end() ? Estimate{} : found->second;
+}
+
+std::vector<double> Mechanism::values(const std::map<std::string, Estimate>& given) const {
+  std::vector<double> list;
+  for (const Parameter& parameter : parameters) {
+    const auto found = given.find(parameter.name);
+    if (found != given.end())
+      list.push_back(found->second.value);
+    else
+      list.push_back(parameter.role == Parameter::Role::shape ? parameter.lower : parameter.expected);
+  }
+  return list;
+}
+
+const std::vector<Mechanism>& catalogue() {
+  static const std::vector<Mechanism> mechanisms = mechanisms::all();
+  return mechanisms;
+}
+
+const Mechanism* find_mechanism(const std::string& id) {
+  for (const Mechanism& mechanism : catalogue())
+    if (mechanism.id == id) return &mechanism;
+  return nullptr;
+}
+
+std::string rounded(double value, int digits) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.*g", digits, value);
+  return text;
+}
+
+std::string with_uncertainty(const Estimate& estimate, const std::string& unit) {
+  char text[80];
+  int decimals = 3;
+  if (estimate.u > 0) decimals = std::clamp(static_cast<int>(std::ceil(1 - std::log10(estimate.u))), 0, 8);
+  const std::string space = unit.empty() ? "" : " " + unit;
+  std::snprintf(text, sizeof text, "%.*f +/- %.*f", decimals, estimate.value, decimals, estimate.u);
+  return text + space;
+}
+
+}  // namespace fit

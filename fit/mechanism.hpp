@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <limits>
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "fit/angle.hpp"
+#include "fit/estimate.hpp"
+
+namespace fit {
+
+/// Everything about one beam of one scan that a mechanism may depend on. Millimetres, radians, seconds,
+/// kelvin.
+struct Circumstances {
+  double range_mm = 0;       ///< True range.
+  double intensity = 0;      ///< Counts; NaN when it is not known.
+  double incidence_rad = 0;  ///< Signed: positive where the range grows with the beam angle.
+  double beam_rad = 0;       ///< In the lidar's frame.
+  double stage_rad = 0;      ///< Commanded.
+  double bearing_rad = 0;    ///< Of the beam in the world frame.
+  double time_s = 0;         ///< Since power-on.
+  double temperature_k = 0;  ///< Minus the session's first temperature; NaN when there was no thermometer.
+  double since_move_s = 0;   ///< From the end of the stage's last move to this scan.
+  double beam_time_s = 0;    ///< From the scan's time stamp to this beam.
+  double stage_rate_rad_s = 0;
+  int approach = 0;     ///< Sign of the stage's last move.
+  int seq = 0;          ///< Number of the scan in its capture.
+  int target = -1;      ///< Index of the bench's target that the beam meets.
+  double along_mm = 0;  ///< Position on the target from its middle.
+  double half_length_mm = 1;
+  double corner_mm = std::numeric_limits<double>::infinity();  ///< To the next inner corner along the target.
+  /// To the next edge with something behind it; positive on the nearer surface.
+  double edge_rad = std::numeric_limits<double>::infinity();
+  double gap_mm = 0;  ///< Depth of that edge.
+  double pull_mm =
+      0;  ///< Range of the brighter neighbouring surface minus own, weighted by its share of light.
+  Eigen::Vector2d normal = Eigen::Vector2d::UnitX();  ///< Unit normal of the target, away from the axis.
+  double cos_incidence = 1;
+};
+
+/// What a mechanism does to the measurement in given circumstances. Effects of several mechanisms add.
+struct Effect {
+  double range_mm = 0;
+  double beam_rad = 0;                                  ///< True minus nominal beam angle.
+  double stage_rad = 0;                                 ///< True minus commanded stage angle.
+  Eigen::Vector2d origin_mm = Eigen::Vector2d::Zero();  ///< Shift of the optical centre, world frame.
+  double variance_mm2 = 0;                              ///< White noise, one draw for each sample.
+  double scan_angle_variance_rad2 = 0;                  ///< One angle for a whole scan.
+  double memory_rho = 0;                                ///< The noise remembers: AR(1) from scan to scan ...
+  double memory_share = 0;                              ///< ... for this share of the variance.
+  double lost = 0;                                      ///< Probability of no echo.
+  double stray = 0;           ///< Probability of a range that has nothing to do with the target.
+  double footprint_rad = 0;   ///< Standard width of the beam: an edge mixes front and back.
+  double output_step_mm = 0;  ///< Results are multiples of this.
+  double log_intensity = 0;   ///< Added to the logarithm of the intensity.
+
+  Effect& operator+=(const Effect& other);
+};
+
+enum class Observable {
+  range_mean,
+  range_variance,
+  range_distribution,
+  intensity,
+  dropout,
+  time_correlation
+};
+enum class Coordinate {
+  beam,
+  stage,
+  range,
+  intensity,
+  incidence,
+  edge_distance,
+  time,
+  temperature,
+  approach,
+  stage_rate,
+  range_rate,
+  scan_seq,
+  target
+};
+[[nodiscard]] const char* name_of(Observable);
+[[nodiscard]] const char* name_of(Coordinate);
+
+/// One parameter of a mechanism, in the unit its name says.
+struct Parameter {
+  enum class Role {
+    size,   ///< The effect is proportional to it.
+    phase,  ///< Degrees; turns the size before it: size * sin(x + phase).
+    shape   ///< Anything else: searched between its bounds.
+  };
+  std::string name;
+  Role role = Role::size;
+  double typical = 1;  ///< Size: standard deviation of the prior around `expected`.
+  double expected = 0;
+  int sign = 0;                 ///< Size: +1 or -1 when physics allows only one sign.
+  double lower = 0, upper = 1;  ///< Shape: bounds.
+  int starts = 8;  ///< Shape: points of the first search, spread by the logarithm if `logarithmic`.
+  bool logarithmic = true;
+};
+
+/// A mechanism with its parameters found, as sentences need it.
+struct Finding {
+  std::map<std::string, Estimate> parameters;
+  std::string target;     ///< For a mechanism that acts on one target.
+  double largest_mm = 0;  ///< Largest effect on a mean in this session.
+  double largest_at = 0;  ///< Where on the mechanism's coordinate, in the coordinate's own file unit.
+  [[nodiscard]] Estimate at(const std::string& name) const;
+};
+
+/// One physical mechanism of the catalogue. Each lives in its own file mechanisms/NAME.cpp, which defines
+/// `fit::Mechanism fit::mechanisms::make_NAME()`; the build finds it by its name. The same `act` serves the
+/// simulator, which generates with it, and the fitter, which differentiates it.
+struct Mechanism {
+  std::string id;     ///< Of the catalogue: a contract.
+  std::string cause;  ///< "the code disk sits off the mirror's axis"
+  Observable observable = Observable::range_mean;
+  Coordinate coordinate = Coordinate::range;
+  std::vector<Parameter> parameters;
+  bool one_target = false;  ///< Acts on one target, named by the text parameter "target".
+  bool geometric = false;   ///< Works through angles or places, not through the measured distance itself.
+  /// Values in the order of `parameters`.
+  std::function<Effect(const Circumstances&, std::span<const double> values)> act;
+  std::function<std::string(const Finding&)> says;
+  /// What separates it from its rivals: one clause for the operator.
+  std::string separate;
+
+  [[nodiscard]] std::vector<double> values(const std::map<std::string, Estimate>& parameters) const;
+};
+
+/// The whole catalogue, in alphabetical order.
+[[nodiscard]] const std::vector<Mechanism>& catalogue();
+/// The mechanism of that id, or nullptr.
+[[nodiscard]] const Mechanism* find_mechanism(const std::string& id);
+
+/// "0.121 deg +/- 0.004 deg": the value with two digits of its uncertainty.
+[[nodiscard]] std::string with_uncertainty(const Estimate& estimate, const std::string& unit);
+[[nodiscard]] std::string rounded(double value, int digits = 3);
+
+}  // namespace fit

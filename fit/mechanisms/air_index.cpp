@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: MIT
+#include "fit/mechanism.hpp"
+
+namespace fit::mechanisms {
+
+// The firmware's refractive index is not this air's (Ciddor 1996: 2.8e-4 in all, 1e-6 per kelvin). Below
+// resolution at the ranges of these lidars unless left out altogether.
+Mechanism make_air_index() {
+  Mechanism m;
+  m.id = "air-index";
+  m.cause = "the refractive index of the air is not the one the lidar assumes";
+  m.coordinate = Coordinate::range;
+  m.parameters = {{.name = "index_error", .typical = 1e-4}};
+  m.act = [](const Circumstances& c, std::span<const double> p) {
+    return Effect{.range_mm = p[0] * c.range_mm};
+  };
+  m.says = [](const Finding& f) {
+    return "Distances are in proportion off by " +
+           with_uncertainty({1e6 * f.at("index_error").value, 1e6 * f.at("index_error").u}, "ppm") +
+           ", as little as the air's refractive index can cause.";
+  };
+  m.separate = "repeat on a day of other temperature and pressure";
+  return m;
+}
+
+}  // namespace fit::mechanisms

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: MIT
+#include "fit/mechanism.hpp"
+
+namespace fit::mechanisms {
+
+// Random beam angles: one draw for a scan, a packet or a beam; seen through the range's slope over the angle.
+Mechanism make_angle_jitter() {
+  Mechanism m;
+  m.id = "angle-jitter";
+  m.cause = "the mirror's angle is not known exactly from scan to scan";
+  m.observable = Observable::range_variance;
+  m.coordinate = Coordinate::range_rate;
+  m.geometric = true;
+  m.parameters = {{.name = "sigma_deg", .typical = 0.1, .sign = 1}};
+  m.act = [](const Circumstances&, std::span<const double> p) {
+    return Effect{.scan_angle_variance_rad2 = p[0] * p[0] * rad_per_deg * rad_per_deg};
+  };
+  m.says = [](const Finding& f) {
+    return "Beam angles scatter by " + with_uncertainty(f.at("sigma_deg"), "deg") +
+           ": walls at a slant are noisier than walls square on at the same range.";
+  };
+  m.separate = "compare a wall square on with one at a slant, at the same range";
+  return m;
+}
+
+}  // namespace fit::mechanisms

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: MIT
+#include "fit/mechanism.hpp"
+
+namespace fit::mechanisms {
+
+// AR(1) between scans: of N samples only N (1 - rho) / (1 + rho) count.
+Mechanism make_correlated_noise() {
+  Mechanism m;
+  m.id = "correlated-noise";
+  m.cause = "the noise remembers the scans before";
+  m.observable = Observable::time_correlation;
+  m.coordinate = Coordinate::time;
+  m.parameters = {{.name = "rho", .typical = 0.5, .sign = 1},
+                  {.name = "share",
+                   .role = Parameter::Role::shape,
+                   .lower = 0.05,
+                   .upper = 1,
+                   .starts = 5,
+                   .logarithmic = false}};
+  m.act = [](const Circumstances&, std::span<const double> p) {
+    return Effect{.memory_rho = p[0], .memory_share = p[1]};
+  };
+  m.says = [](const Finding& f) {
+    return "The noise remembers: " + rounded(100 * f.at("share").value, 2) +
+           " % of its variance carries over from scan to scan with rho = " +
+           with_uncertainty(f.at("rho"), "") +
+           ", so averages over many scans are worth less than their number.";
+  };
+  m.separate = "record one parked pose for long, with the lamps off";
+  return m;
+}
+
+}  // namespace fit::mechanisms

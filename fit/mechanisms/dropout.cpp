@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: MIT
+#include "fit/mechanism.hpp"
+
+namespace fit::mechanisms {
+
+// No echo below the comparator's threshold: P = logistic((I_min - I) / w).
+Mechanism make_dropout() {
+  Mechanism m;
+  m.id = "dropout";
+  m.cause = "weak echoes stay below the receiver's threshold";
+  m.observable = Observable::dropout;
+  m.coordinate = Coordinate::intensity;
+  m.parameters = {
+      {.name = "intensity_min", .role = Parameter::Role::shape, .lower = 5, .upper = 1500, .starts = 20},
+      {.name = "width", .role = Parameter::Role::shape, .lower = 5, .upper = 300, .starts = 6}};
+  m.act = [](const Circumstances& c, std::span<const double> p) {
+    return Effect{.lost = std::isfinite(c.intensity) ? 1 / (1 + std::exp((c.intensity - p[0]) / p[1])) : 0};
+  };
+  m.says = [](const Finding& f) {
+    return "Weak echoes are lost: half of them at " + with_uncertainty(f.at("intensity_min"), "counts") + ".";
+  };
+  m.separate = "darken or brighten the target at a fixed distance";
+  return m;
+}
+
+}  // namespace fit::mechanisms

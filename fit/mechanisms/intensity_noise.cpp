@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: MIT
+#include "fit/mechanism.hpp"
+
+namespace fit::mechanisms {
+
+// sigma^2 = s0^2 + s1^2 / I (Wujanz et al. 2018): weak echoes scatter more. The exponent is left free.
+Mechanism make_intensity_noise() {
+  Mechanism m;
+  m.id = "intensity-noise";
+  m.cause = "weak echoes scatter more";
+  m.observable = Observable::range_variance;
+  m.coordinate = Coordinate::intensity;
+  m.parameters = {{.name = "sigma_mm_at_1000_counts", .typical = 3, .sign = 1},
+                  {.name = "exponent",
+                   .role = Parameter::Role::shape,
+                   .lower = 1,
+                   .upper = 4,
+                   .starts = 5,
+                   .logarithmic = false}};
+  m.act = [](const Circumstances& c, std::span<const double> p) {
+    if (!std::isfinite(c.intensity)) return Effect{};
+    return Effect{.variance_mm2 = p[0] * p[0] * std::pow(1000 / std::max(20.0, c.intensity), p[1])};
+  };
+  m.says = [](const Finding& f) {
+    return "Weak echoes scatter more: beside the constant noise there is " +
+           with_uncertainty(f.at("sigma_mm_at_1000_counts"), "mm") +
+           " at 1000 counts, its variance growing with the power " + rounded(f.at("exponent").value, 2) +
+           " of one over the intensity.";
+  };
+  m.separate = "change the target's reflectance at a fixed distance";
+  return m;
+}
+
+}  // namespace fit::mechanisms

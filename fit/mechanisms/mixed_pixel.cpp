@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: MIT
+#include "fit/mechanism.hpp"
+
+namespace fit::mechanisms {
+
+// Within half a footprint of an edge the echo is front, back or between (Cooper et al. 2018; physics of the
+// footprint: weight Phi(d / w)).
+Mechanism make_mixed_pixel() {
+  Mechanism m;
+  m.id = "mixed-pixel";
+  m.cause = "the beam is wide, and at an edge it meets both surfaces";
+  m.observable = Observable::range_distribution;
+  m.coordinate = Coordinate::edge_distance;
+  m.geometric = true;
+  m.parameters = {{.name = "width_deg", .typical = 0.2, .sign = 1}};
+  m.act = [](const Circumstances&, std::span<const double> p) {
+    return Effect{.footprint_rad = p[0] * rad_per_deg};
+  };
+  m.says = [](const Finding& f) {
+    return "At edges echoes come from the front, from the back or from between: the beam's standard half "
+           "width is " +
+           with_uncertainty(f.at("width_deg"), "deg") + ".";
+  };
+  m.separate = "look at an outer edge with a far background, and at an inner corner";
+  return m;
+}
+
+}  // namespace fit::mechanisms

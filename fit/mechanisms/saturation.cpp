@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: MIT
+#include "fit/mechanism.hpp"
+
+namespace fit::mechanisms {
+
+// The receiver clips, the trigger moves (Pesci & Teza, IJRS 2008): a kink at the top of the intensity axis.
+Mechanism make_saturation() {
+  Mechanism m;
+  m.id = "saturation";
+  m.cause = "bright echoes clip in the receiver and trigger early";
+  m.coordinate = Coordinate::intensity;
+  m.parameters = {{.name = "slope_mm_per_100_counts", .typical = 4},
+                  {.name = "threshold_counts",
+                   .role = Parameter::Role::shape,
+                   .lower = 700,
+                   .upper = 3500,
+                   .starts = 12}};
+  m.act = [](const Circumstances& c, std::span<const double> p) {
+    constexpr double width = 60;  // counts over which clipping sets in
+    const double over = (c.intensity - p[1]) / width;
+    const double soft = over > 30 ? over : std::log1p(std::exp(over));
+    return Effect{.range_mm = std::isfinite(c.intensity) ? -p[0] / 100 * width * soft : 0};
+  };
+  m.says = [](const Finding& f) {
+    return "Echoes above " + rounded(f.at("threshold_counts").value, 3) + " counts read " +
+           std::string(f.at("slope_mm_per_100_counts").value > 0 ? "short" : "long") + " by " +
+           with_uncertainty(
+               {std::abs(f.at("slope_mm_per_100_counts").value), f.at("slope_mm_per_100_counts").u}, "mm") +
+           " for every 100 counts more: the receiver is saturated.";
+  };
+  m.separate = "put a grey filter over the bright target: only saturation goes away";
+  return m;
+}
+
+}  // namespace fit::mechanisms

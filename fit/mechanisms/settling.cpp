@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: MIT
+#include "fit/mechanism.hpp"
+
+namespace fit::mechanisms {
+
+// A table on a springy shaft rings after a move.
+Mechanism make_settling() {
+  Mechanism m;
+  m.id = "settling";
+  m.cause = "the stage still rings or creeps when the first scans of a capture are taken";
+  m.coordinate = Coordinate::scan_seq;
+  m.geometric = true;
+  m.parameters = {{.name = "amplitude_deg", .typical = 0.06},
+                  {.name = "phase_deg", .role = Parameter::Role::phase},
+                  {.name = "tau_s", .role = Parameter::Role::shape, .lower = 0.03, .upper = 2, .starts = 6},
+                  {.name = "frequency_hz",
+                   .role = Parameter::Role::shape,
+                   .lower = 0,
+                   .upper = 19,
+                   .starts = 39,
+                   .logarithmic = false}};
+  m.act = [](const Circumstances& c, std::span<const double> p) {
+    if (c.approach == 0) return Effect{};
+    const double at = 2 * pi * p[3] * c.since_move_s + pi / 2 + p[1] * rad_per_deg;
+    return Effect{.stage_rad =
+                      p[0] * rad_per_deg * c.approach * std::exp(-c.since_move_s / p[2]) * std::sin(at)};
+  };
+  m.says = [](const Finding& f) {
+    return "After a move the stage still swings by " + with_uncertainty(f.at("amplitude_deg"), "deg") +
+           " at " + rounded(f.at("frequency_hz").value, 2) + " Hz and comes to rest within " +
+           rounded(3 * f.at("tau_s").value, 2) + " s.";
+  };
+  m.separate = "wait longer between the move and the first scan";
+  return m;
+}
+
+}  // namespace fit::mechanisms

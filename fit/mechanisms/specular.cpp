@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: MIT
+#include "fit/mechanism.hpp"
+
+namespace fit::mechanisms {
+
+// Glossy targets: the intensity peaks square on.
+Mechanism make_specular() {
+  Mechanism m;
+  m.id = "specular";
+  m.cause = "a glossy target reflects most of the light like a mirror";
+  m.observable = Observable::intensity;
+  m.coordinate = Coordinate::incidence;
+  m.parameters = {
+      {.name = "gain", .typical = 3, .sign = 1},
+      {.name = "width_deg", .role = Parameter::Role::shape, .lower = 0.5, .upper = 15, .starts = 6}};
+  m.act = [](const Circumstances& c, std::span<const double> p) {
+    const double away = c.incidence_rad * deg_per_rad / p[1];
+    return Effect{.log_intensity = std::log1p(std::max(-0.9, p[0]) * std::exp(-away * away))};
+  };
+  m.says = [](const Finding& f) {
+    return "Square on, targets are brighter by a factor of " + rounded(1 + f.at("gain").value, 2) +
+           " within " + with_uncertainty(f.at("width_deg"), "deg") + ": they are glossy.";
+  };
+  m.separate = "turn the target by one or two degrees";
+  return m;
+}
+
+}  // namespace fit::mechanisms

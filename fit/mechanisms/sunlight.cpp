@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: MIT
+#include "fit/mechanism.hpp"
+
+namespace fit::mechanisms {
+
+// Shot noise of background light over part of the field of view: more variance, and dropouts.
+Mechanism make_sunlight() {
+  Mechanism m;
+  m.id = "sunlight";
+  m.cause = "background light falls into part of the field of view";
+  m.observable = Observable::range_variance;
+  m.coordinate = Coordinate::beam;
+  m.parameters = {
+      {.name = "sigma_mm", .typical = 6, .sign = 1},
+      {.name = "centre_deg",
+       .role = Parameter::Role::shape,
+       .lower = -135,
+       .upper = 135,
+       .starts = 37,
+       .logarithmic = false},
+      {.name = "width_deg", .role = Parameter::Role::shape, .lower = 3, .upper = 50, .starts = 4}};
+  m.act = [](const Circumstances& c, std::span<const double> p) {
+    const double away = wrap_angle(c.beam_rad - p[1] * rad_per_deg) * deg_per_rad / p[2];
+    return Effect{.variance_mm2 = p[0] * p[0] * std::exp(-away * away / 2)};
+  };
+  m.says = [](const Finding& f) {
+    return "Around " + with_uncertainty(f.at("centre_deg"), "deg") + " (within " +
+           rounded(f.at("width_deg").value, 2) + " deg) the range scatters by " +
+           with_uncertainty(f.at("sigma_mm"), "mm") + " more: light falls in there.";
+  };
+  m.separate = "close the blinds; turn the stage and see whether the noise stays in the room";
+  return m;
+}
+
+}  // namespace fit::mechanisms

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: MIT
+#include "fit/mechanism.hpp"
+
+namespace fit::mechanisms {
+
+// A target stands elsewhere along its normal than the bench file says.
+Mechanism make_target_offset() {
+  Mechanism m;
+  m.id = "target-offset";
+  m.cause = "a target does not stand where the bench file says";
+  m.coordinate = Coordinate::target;
+  m.one_target = true;
+  m.geometric = true;
+  m.parameters = {{.name = "offset_mm", .typical = 8}};
+  m.act = [](const Circumstances& c, std::span<const double> p) {
+    return Effect{.range_mm = p[0] / std::max(0.05, c.cos_incidence)};
+  };
+  m.says = [](const Finding& f) {
+    return "Target '" + f.target + "' stands " + with_uncertainty(f.at("offset_mm"), "mm") +
+           " farther out along its normal than the bench file's uncertainty allows.";
+  };
+  m.separate = "move or turn the target, not the lidar";
+  return m;
+}
+
+}  // namespace fit::mechanisms

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: MIT
+#include "fit/mechanism.hpp"
+
+namespace fit::mechanisms {
+
+// Bins of the time-to-digital converter (65 ps = 9.7 mm): the range is rounded before noise is added.
+Mechanism make_time_quantisation() {
+  Mechanism m;
+  m.id = "time-quantisation";
+  m.cause = "the flight time is counted in coarse bins";
+  m.coordinate = Coordinate::range;
+  m.parameters = {{.name = "share", .typical = 0.1, .expected = 1},
+                  {.name = "bin_mm", .role = Parameter::Role::shape, .lower = 4, .upper = 40, .starts = 400}};
+  m.act = [](const Circumstances& c, std::span<const double> p) {
+    return Effect{.range_mm = p[0] * (p[1] * std::round(c.range_mm / p[1]) - c.range_mm)};
+  };
+  m.says = [](const Finding& f) {
+    return "Distances come in bins of " + with_uncertainty(f.at("bin_mm"), "mm") +
+           ": the flight time is counted coarsely.";
+  };
+  m.separate = "look along a slanted wall, where the range changes slowly from beam to beam";
+  return m;
+}
+
+}  // namespace fit::mechanisms

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: MIT
+#include "fit/mechanism.hpp"
+
+namespace fit::mechanisms {
+
+// A glint of the housing overlaps the echo at certain mirror positions (github iliasam/OpenTOFLidar#17).
+Mechanism make_window_reflection() {
+  Mechanism m;
+  m.id = "window-reflection";
+  m.cause = "the housing's window reflects part of the pulse at certain beam angles";
+  m.coordinate = Coordinate::beam;
+  m.parameters = {
+      {.name = "amplitude_mm", .typical = 20},
+      {.name = "reach_mm", .role = Parameter::Role::shape, .lower = 100, .upper = 700, .starts = 3},
+      {.name = "centre_deg",
+       .role = Parameter::Role::shape,
+       .lower = -135,
+       .upper = 135,
+       .starts = 28,
+       .logarithmic = false},
+      {.name = "width_deg", .role = Parameter::Role::shape, .lower = 4, .upper = 40, .starts = 3}};
+  m.act = [](const Circumstances& c, std::span<const double> p) {
+    const double away = (c.beam_rad * deg_per_rad - p[2]) / p[3];
+    return Effect{.range_mm = p[0] * std::exp(-c.range_mm / p[1] - away * away / 2)};
+  };
+  m.says = [](const Finding& f) {
+    return "Near targets read up to " + rounded(std::abs(f.largest_mm), 2) + " mm " +
+           std::string(f.largest_mm > 0 ? "long" : "short") + " around beam " +
+           with_uncertainty(f.at("centre_deg"), "deg") + ": a reflection from the window.";
+  };
+  m.separate = "turn the stage so that other beams look at the same near target";
+  return m;
+}
+
+}  // namespace fit::mechanisms
