@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: MIT
+#include <cstdio>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "rig/command.hpp"
+#include "rig/errors.hpp"
+#include "rig/fitting.hpp"
+#include "rig/report.hpp"
+
+namespace rig::commands {
+namespace {
+
+/// "k=3" to {"k": 3}: numbers, true and false as such, everything else as text.
+nlohmann::json options_from(const std::vector<std::string>& pairs) {
+  nlohmann::json options = nlohmann::json::object();
+  for (const std::string& pair : pairs) {
+    const std::size_t equals = pair.find('=');
+    if (equals == std::string::npos || equals == 0)
+      throw UsageError("--option takes NAME=VALUE, not '" + pair + "'");
+    const std::string text = pair.substr(equals + 1);
+    nlohmann::json value = nlohmann::json::parse(text, nullptr, false);
+    options[pair.substr(0, equals)] = value.is_discarded() ? nlohmann::json(text) : value;
+  }
+  return options;
+}
+
+bool is_session(const std::string& path) {
+  std::FILE* file = std::fopen(path.c_str(), "rb");
+  if (!file) throw UsageError("cannot open " + path + ": check the name and the permission");
+  char head[16] = {};
+  const std::size_t n = std::fread(head, 1, sizeof head, file);
+  std::fclose(file);
+  return std::string(head, n).rfind("SQLite format 3", 0) == 0 || path.ends_with(".rig");
+}
+
+class Fit : public Command {
+ public:
+  CLI::App* declare(CLI::App& root) override {
+    auto* command = root.add_subcommand("fit", "A calibration from recordings");
+    std::string kinds;
+    for (const auto& fitting : all_fittings()) {
+      kinds += "\n  " + fitting->kind() + ": " + fitting->describes();
+      for (const auto& [name, meaning] : fitting->options())
+        kinds += "\n      --option " + name + "=...  " + meaning;
+    }
+    command->add_option("kind", kind_, "Which calibration")->required();
+    command->add_option("session", sessions_, "Session files")->required();
+    command->add_option("--option", options_, "NAME=VALUE, see below");
+    command->add_option("--json", json_, "Write the result to FILE, or '-' for standard output");
+    command->add_flag("--no-store", no_store_, "Leave the session file as it is");
+    command->footer("Calibrations:" + kinds);
+    return command;
+  }
+
+  int run() override {
+    std::vector<std::unique_ptr<SessionStore>> stores;
+    std::vector<FitSource> sources;
+    for (const std::string& path : sessions_) {
+      sources.push_back({path, nullptr});
+      if (!is_session(path)) continue;
+      stores.push_back(std::make_unique<SessionStore>(path, SessionStore::Mode::read));
+      sources.back().session = stores.back().get();
+    }
+    const nlohmann::json result = run_fit(kind_, sources, options_from(options_));
+    stores.clear();
+    if (!no_store_) store(sources.front(), result);
+    std::fputs(to_text(result).c_str(), stderr);
+    if (json_ == "-")
+      std::printf("%s\n", result.dump(1).c_str());
+    else if (!json_.empty())
+      write_file_atomically(json_, result.dump(1) + "\n");
+    return 0;
+  }
+
+ private:
+  /// A recording on read-only media can be fitted all the same; the result is then only printed.
+  static void store(const FitSource& source, const nlohmann::json& result) {
+    if (!source.session) return;
+    try {
+      SessionStore session(source.path, SessionStore::Mode::append);
+      session.add_result(result.value("kind", "fit"), result.dump());
+    } catch (const std::exception& error) {
+      std::fprintf(stderr, "note: the result is not kept in %s (%s)\n", source.path.c_str(), error.what());
+    }
+  }
+
+  std::string kind_, json_;
+  std::vector<std::string> sessions_, options_;
+  bool no_store_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> make_fit() { return std::make_unique<Fit>(); }
+
+}  // namespace rig::commands

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "fit/angle.hpp"
+#include "rig/errors.hpp"
+#include "rig/fitting.hpp"
+
+namespace rig::fittings {
+namespace {
+
+using nlohmann::json;
+
+/// Running sums of one beam: mean, variance and correlation of neighbouring scans, in one pass.
+struct BeamSums {
+  long n = 0, none = 0, pairs = 0;
+  double shift = 0, sum = 0, square = 0, product = 0, previous = 0;
+
+  void add(std::uint16_t range_mm) {
+    if (range_mm == 0) {
+      ++none;
+      return;
+    }
+    if (n == 0) shift = range_mm;  // Sums about the first value keep their digits.
+    const double x = range_mm - shift;
+    if (n > 0) {
+      product += x * previous;
+      ++pairs;
+    }
+    previous = x;
+    sum += x;
+    square += x * x;
+    ++n;
+  }
+  [[nodiscard]] double mean() const { return shift + sum / static_cast<double>(n); }
+  [[nodiscard]] double variance() const {
+    const double m = sum / static_cast<double>(n);
+    return std::max(0.0, (square - static_cast<double>(n) * m * m) / static_cast<double>(n - 1));
+  }
+  [[nodiscard]] double correlation() const {
+    const double m = sum / static_cast<double>(n), v = variance();
+    return v > 0 ? (product / static_cast<double>(pairs) - m * m) / v : 0;
+  }
+};
+
+double median_of(std::vector<double> values) {
+  if (values.empty()) return std::nan("");
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
+
+/// Noise as recorded, without any model: where to look before anything is fitted.
+class Noise : public Fitting {
+ public:
+  std::string kind() const override { return "noise"; }
+  std::string describes() const override {
+    return "standard deviation, correlation and dropouts of every capture";
+  }
+
+  json run(const std::vector<FitSource>& sources, const json&) const override {
+    const auto recording = sources.front().session->recording();
+    json rows = json::array();
+    std::vector<double> range, sigma, sigmas, correlations;
+    long values = 0, none = 0;
+    for (std::size_t i = 0; i < recording->captures().size(); ++i) {
+      const fit::CaptureInfo& capture = recording->captures()[i];
+      std::vector<BeamSums> beams(static_cast<std::size_t>(capture.beams()));
+      long scans = 0;
+      recording->for_each_scan(i, [&](const fit::ScanView& scan) {
+        ++scans;
+        for (std::size_t k = 0; k < std::min(beams.size(), scan.range_mm.size()); ++k)
+          beams[k].add(scan.range_mm[k]);
+      });
+      std::vector<double> of_capture;
+      for (const BeamSums& beam : beams) {
+        values += beam.n + beam.none;
+        none += beam.none;
+        if (beam.n < 20) continue;
+        range.push_back(beam.mean());
+        sigma.push_back(std::sqrt(beam.variance()));
+        of_capture.push_back(sigma.back());
+        sigmas.push_back(sigma.back());
+        correlations.push_back(beam.correlation());
+      }
+      rows.push_back({capture.id, capture.step, capture.stage_rad * fit::deg_per_rad, scans, beams.size(),
+                      number(median_of(of_capture))});
+    }
+    if (sigmas.empty())
+      throw MeasurementError("no beam of " + sources.front().path +
+                             " has 20 valid samples in one capture: capture more scans at each position");
+    return document(rows, range, sigma, median_of(sigmas), median_of(correlations), values, none);
+  }
+
+ private:
+  static json document(const json& rows, const std::vector<double>& range, const std::vector<double>& sigma,
+                       double typical, double correlation, long values, long none) {
+    json out = {{"schema", "result/1"}, {"kind", "noise"}};
+    out["method"] =
+        "Sample standard deviation of each beam within each capture and the correlation of one scan with the "
+        "next; no model.";
+    const double u = typical / std::sqrt(2.0 * static_cast<double>(sigma.size()));
+    out["values"] = {{{"name", "noise_median_mm"},
+                      {"label", "Standard deviation, median beam"},
+                      {"value", typical},
+                      {"u", u},
+                      {"unit", "mm"},
+                      {"k", 2},
+                      {"U", 2 * u}},
+                     {{"name", "scan_correlation"},
+                      {"label", "Correlation of neighbouring scans, median beam"},
+                      {"value", correlation},
+                      {"u", nullptr},
+                      {"unit", ""}},
+                     {{"name", "dropout_share"},
+                      {"label", "Share of samples without echo"},
+                      {"value", values ? static_cast<double>(none) / static_cast<double>(values) : 0.0},
+                      {"u", nullptr},
+                      {"unit", ""}}};
+    out["tables"] = {{{"title", "Captures"},
+                      {"columns",
+                       {"capture",
+                        "step",
+                        {{"name", "stage"}, {"unit", "deg"}},
+                        "scans",
+                        "beams",
+                        {{"name", "median standard deviation"}, {"unit", "mm"}}}},
+                      {"rows", rows}}};
+    out["plots"] = {{{"title", "Noise against range"},
+                     {"x_label", "mean range (mm)"},
+                     {"y_label", "standard deviation (mm)"},
+                     {"series", {{{"name", "beams"}, {"style", "points"}, {"x", range}, {"y", sigma}}}}}};
+    out["notes"] = json::array();
+    if (std::abs(correlation) > 0.1)
+      out["notes"].push_back(
+          "Neighbouring scans are correlated: means are less certain than their number of samples says.");
+    return out;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Fitting> make_noise() { return std::make_unique<Noise>(); }
+
+}  // namespace rig::fittings
