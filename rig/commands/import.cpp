@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: MIT
+#include <cstdio>
+#include <fstream>
+#include <sstream>
+
+#include "rig/command.hpp"
+#include "rig/errors.hpp"
+#include "rig/import_session.hpp"
+
+namespace rig::commands {
+namespace {
+
+class Import : public Command {
+ public:
+  CLI::App* declare(CLI::App& root) override {
+    auto* command =
+        root.add_subcommand("import", "Reads other tools' recordings into a session, one capture a file");
+    command->add_option("files", request_.files, "Recordings: " + formats())->required();
+    command->add_option("-o,--output", request_.output, "Session to make (*.rig)")->required();
+    command->add_option("--bench", bench_, "Bench file; without it one is made from the recording");
+    command->add_option("--target", request_.target, "Name of the target the captures are about")
+        ->capture_default_str();
+    command
+        ->add_option(
+            "--true-mm", request_.true_mm,
+            "True distance of the target in each file, in mm: 500,1000,...; default: from the file names")
+        ->delimiter(',');
+    command->add_option("--true-u-mm", request_.true_u_mm, "Standard uncertainty of these distances")
+        ->capture_default_str()
+        ->check(CLI::PositiveNumber);
+    command->add_option("--target-width-mm", request_.target_width_mm, "Width of the target")
+        ->capture_default_str()
+        ->check(CLI::PositiveNumber);
+    auto& options = request_.options;
+    command->add_option("--topic", options.scan_topic,
+                        "Topic of the scans; default: the first with LaserScan");
+    command->add_option("--odometry-topic", options.odometry_topic,
+                        "Topic of the odometry; default: the first");
+    command->add_option("--wheel-left", options.left_wheel, "Joint of the left wheel; default: named 'left'");
+    command->add_option("--wheel-right", options.right_wheel,
+                        "Joint of the right wheel; default: named 'right'");
+    return command;
+  }
+
+  int run() override {
+    if (!bench_.empty()) request_.bench = contents(bench_);
+    ImportReport report;
+    try {
+      report = import_session(request_);
+    } catch (const std::invalid_argument& error) {
+      throw UsageError(error.what());
+    }
+    for (const auto& note : report.notes) std::fprintf(stderr, "rig: %s\n", note.c_str());
+    std::fprintf(stderr, "import: %llu scans in %zu captures and %llu poses -> %s\n",
+                 static_cast<unsigned long long>(report.scans), request_.files.size(),
+                 static_cast<unsigned long long>(report.poses), request_.output.c_str());
+    return 0;
+  }
+
+ private:
+  static std::string formats() {
+    std::string list;
+    for (const auto& importer : importers::all()) list += (list.empty() ? "" : "; ") + importer->name();
+    return list;
+  }
+  static std::string contents(const std::string& path) {
+    std::ifstream in(path);
+    if (!in) throw UsageError(path + " cannot be opened. Check the name and the permissions.");
+    std::stringstream text;
+    text << in.rdbuf();
+    return text.str();
+  }
+
+  ImportRequest request_;
+  std::string bench_;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> make_import() { return std::make_unique<Import>(); }
+
+}  // namespace rig::commands
