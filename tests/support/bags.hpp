@@ -133,7 +133,8 @@ class McapWriter {
     number(crc, 0, 4);
     record(file_, 15, crc);
     record(file_, 2, Bytes(20, 0));
-    for (const std::uint8_t byte : {0x89, 'M', 'C', 'A', 'P', '0', '\r', '\n'})
+    for (const std::uint8_t byte :
+         std::initializer_list<std::uint8_t>{0x89, 'M', 'C', 'A', 'P', '0', '\r', '\n'})
       file_.push_back(static_cast<std::uint8_t>(byte));
     return file_;
   }

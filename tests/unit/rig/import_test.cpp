@@ -2,6 +2,7 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <filesystem>
@@ -254,8 +255,8 @@ TEST_CASE("a message whose array claims more than it holds is refused, not alloc
 }
 
 TEST_CASE("big-endian messages are understood") {
-  const bags::Bytes bytes{0, 0, 0, 0, 0x00, 0x00, 0x01, 0x02, 0,    0,    0, 3, 'a', 'b', 0, 0,
-                          0, 0, 0, 1, 0,    0,    0,    0,    0x3f, 0xf8, 0, 0, 0,   0,   0, 0};
+  const bags::Bytes bytes{0, 0, 0, 0, 0, 0, 1,    2,    0, 0, 0, 3, 'a', 'b',
+                          0, 0, 0, 0, 0, 1, 0x3f, 0xf8, 0, 0, 0, 0, 0,   0};
   rig::CdrReader in(bytes);
   CHECK(in.value<std::int32_t>() == 258);
   CHECK(in.text() == "ab");
@@ -364,4 +365,21 @@ TEST_CASE("the public recordings of a wall and of a drive are read whole") {
   CHECK(database.execAndGet("SELECT count(*) FROM imu").getInt() == 1256);
   const rig::SessionStore store(folder.file("drive.rig"), rig::SessionStore::Mode::read);
   CHECK(nlohmann::json::parse(store.get("lidar_on_robot").value())["x_mm"].get<double>() == Approx(-32));
+}
+
+TEST_CASE("seeds of the fuzz corpora are written", "[.corpus]") {
+  const fs::path corpus = fs::path(RIG_SOURCE_DIR) / "tests/fuzz/corpus";
+  const auto write = [&](const std::string& name, const bags::Bytes& bytes) {
+    std::ofstream(corpus / name, std::ios::binary)
+        .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  };
+  for (const char* compression : {"", "lz4", "zstd"})
+    write(std::string("mcap/robot-") + (*compression ? compression : "none"), robot_mcap(compression));
+  const std::vector<std::string> types{"LaserScan", "Odometry", "JointState", "Imu", "TFMessage"};
+  for (const auto& message : robot_messages()) {
+    const std::string type = message.type.substr(message.type.rfind('/') + 1);
+    bags::Bytes bytes = message.data;
+    bytes.insert(bytes.begin(), static_cast<std::uint8_t>(std::ranges::find(types, type) - types.begin()));
+    write("cdr/" + type, bytes);
+  }
 }
