@@ -10,7 +10,7 @@
 #include <string>
 
 #include "lidar/clock_estimator.hpp"
-#include "lidar/reply.hpp"
+#include "lidar/identity.hpp"
 #include "lidar/scan.hpp"
 
 namespace lidar {
@@ -33,17 +33,6 @@ class LidarError : public std::runtime_error {
 
  private:
   Kind kind_;
-};
-
-/// Who answered: VV, PP and II as they came, and the numbers needed to use them.
-struct Identity {
-  KeyValues version, parameters, information;
-  std::string model, firmware, serial;
-  int min_step = 0, max_step = 1080, front_step = 540;
-  int steps_per_turn = 1440;
-  double scan_period_s = 0.025;
-  int min_range_mm = 20, max_range_mm = 30000;
-  std::string json;  ///< Everything above as one JSON object: the session's 'lidar' entry.
 };
 
 /// Which scans to send. Steps are the device's, first and last included; a cluster of n merges n steps into

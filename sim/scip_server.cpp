@@ -182,6 +182,10 @@ awaitable<void> ScipServer::Impl::stream_scans(std::shared_ptr<Connection> host)
       clock.advance_to(device.scan_end_s());
     } while (clock.is_max() && device.streaming() && bytes.size() < batch_bytes);
     if (host->waiting() < waiting_limit) send(*host, bytes);
+    if (clock.is_max() && host->waiting() == 0) {  // a fault swallowed them all: let others run
+      host->wake_streamer.expires_after(std::chrono::milliseconds(1));
+      co_await host->wake_streamer.async_wait(redirect_error(use_awaitable, ignored));
+    }
   }
 }
 
