@@ -7,14 +7,16 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "sim/pty_port.hpp"
 #include "sim/scip_server.hpp"
 #include "sim/simple_engine.hpp"
+#include "sim/stage_bench.hpp"
 #include "sim/ust_device.hpp"
 
 namespace {
 
 struct Options {
-  std::string bench_file, truth_file, speed = "real", listen = "127.0.0.1", stage_link;
+  std::string bench_file, truth_file, speed = "real", listen = "127.0.0.1", stage_link, stage_language;
   std::uint16_t lidar_port = 10940;
   std::uint64_t seed = 1;
   double clock_ppm = 50, scan_period_ms = 25;
@@ -55,14 +57,26 @@ int serve(const Options& options) {
   identity.clock_ppm = options.clock_ppm;
   identity.scan_period_s = options.scan_period_ms / 1e3;
   auto engine = std::make_shared<sim::SimpleEngine>(scene, sim::simple_options(scene), options.seed);
-  sim::UstDevice device(scene.lidar, identity, engine, [](double) { return sim::StageMoment{}; });
+  const auto stage = sim::make_stage_device(sim::stage_device_options(scene, options.stage_language));
+  const int direction = sim::stage_direction(scene);
+  const auto stage_at = [&stage, direction](double time_s) {
+    const sim::StageMoment counted = stage->mechanics().truth(time_s);
+    return sim::StageMoment{direction * counted.angle_rad, direction * counted.rate_rad_s};
+  };
+  sim::UstDevice device(scene.lidar, identity, engine, stage_at);
   sim::ScipServer::Options server_options;
   server_options.address = options.listen;
   server_options.port = options.lidar_port;
   sim::ScipServer server(io.get_executor(), server_options, clock, device);
+  sim::PtyPort::Options port_options;
+  port_options.link = options.stage_link;
+  sim::PtyPort port(io.get_executor(), *stage, clock, port_options);
+  const std::string stage_path = options.stage_link.empty() ? port.path() : options.stage_link;
   const nlohmann::ordered_json ready = {
       {"lidar_port", server.port()},
-      {"lidar", "tcp://" + options.listen + ":" + std::to_string(server.port())}};
+      {"lidar", "tcp://" + options.listen + ":" + std::to_string(server.port())},
+      {"stage_port", stage_path},
+      {"stage", "serial:" + stage_path + (clock.is_max() ? "?settle_s=0" : "")}};
   std::printf("%s\n", ready.dump().c_str());
   std::fflush(stdout);
   boost::asio::signal_set signals(io, SIGINT, SIGTERM);
@@ -87,6 +101,8 @@ int main(int argc, char** argv) {
   app.add_option("--lidar-port", options.lidar_port, "TCP port of the lidar; 0 picks a free one")
       ->capture_default_str();
   app.add_option("--stage-link", options.stage_link, "Where to link the stage's pseudo-terminal");
+  app.add_option("--stage-language", options.stage_language,
+                 "What the stage speaks: zaber, shot, gsc, falcon; default: as the bench file says");
   app.add_option("--speed", options.speed, "real, max, or a factor")->capture_default_str();
   app.add_option("--seed", options.seed, "The same seed gives the same measurements")->capture_default_str();
   app.add_option("--listen", options.listen, "Address of the lidar")->capture_default_str();

@@ -30,7 +30,7 @@ constexpr auto tick = std::chrono::milliseconds(10);
 constexpr std::size_t most_unsent_bytes = 1 << 20;
 /// At maximum speed each look at a moving stage brings it by this part of the remaining time nearer to rest,
 /// or by the least step. It arrives exactly, so that the time of arrival does not depend on the number of
-/// looks.
+/// looks. Once the motor stands, the next look finds the table settled.
 constexpr double part_per_look = 0.3, least_step_s = 0.02;
 
 [[noreturn]] void refuse(const std::string& what) {
@@ -169,6 +169,7 @@ void PtyPort::Impl::remove_link() {
 void PtyPort::Impl::look() {
   const double now_s = clock.now_s();
   const double rest_s = device.mechanics().rest_s();
+  if (!device.mechanics().moving(now_s)) return clock.advance_to(rest_s);
   if (rest_s > now_s)
     clock.advance_to(std::min(rest_s, now_s + std::max(least_step_s, part_per_look * (rest_s - now_s))));
 }

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <boost/asio/any_io_executor.hpp>
+#include <boost/asio/awaitable.hpp>
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <string>
+
+namespace rig {
+
+/// A serial line, read by lines. Real ports are opened through libserialport; pseudo-terminals and whatever
+/// else the kernel does not list as a port are opened directly. A path may be a symbolic link
+/// (/dev/serial/by-id/...).
+///
+/// Bytes that arrived stay in the link's own buffer when a wait times out or is cancelled. Use it on one
+/// thread.
+class SerialLink {
+ public:
+  using Clock = std::chrono::steady_clock;
+  template <class T>
+  using awaitable = boost::asio::awaitable<T>;
+
+  /// Opens `path` exclusively at 8N1. Throws StageError saying what is wrong and what to do: not there, no
+  /// permission, in use, not a serial port, a baud rate it does not have.
+  SerialLink(const boost::asio::any_io_executor& executor, std::string path, int baud,
+             bool hardware_flow_control);
+  ~SerialLink();
+  SerialLink(const SerialLink&) = delete;
+  SerialLink& operator=(const SerialLink&) = delete;
+
+  [[nodiscard]] const std::string& path() const;
+  /// Closes the port and opens it again by its name; throws as the constructor does.
+  void reopen();
+
+  /// Throws StageLost when the port is gone or does not take the bytes by the deadline.
+  awaitable<void> write(std::string bytes, Clock::time_point deadline);
+  /// Hands over what the line takes at once, for commands that must not wait their turn; never throws.
+  void write_now(const std::string& bytes) noexcept;
+  /// The next line that is not empty, without its CR or LF; nothing if none came whole by the deadline. Lines
+  /// longer than `longest_line` are noise and are dropped. Throws StageLost when the port is gone.
+  awaitable<std::optional<std::string>> read_line(Clock::time_point deadline);
+  /// Drops what has arrived.
+  void discard() noexcept;
+  /// Drops what has arrived and reads on until the line has been quiet for `quiet`, for at most five times as
+  /// long.
+  awaitable<void> drain(Clock::duration quiet);
+
+  static constexpr std::size_t longest_line = 1024;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rig

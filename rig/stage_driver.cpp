@@ -1,0 +1,336 @@
+// SPDX-License-Identifier: MIT
+#include "rig/stage_driver.hpp"
+
+#include <algorithm>
+#include <array>
+#include <boost/asio/redirect_error.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/asio/use_awaitable.hpp>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+#include <vector>
+
+namespace rig {
+
+namespace asio = boost::asio;
+using asio::awaitable;
+using Clock = std::chrono::steady_clock;
+
+namespace {
+
+constexpr double first_look_s = 0.001,
+                 longest_look_s = 0.05;  // polled ever more slowly: short moves are noticed soon
+constexpr double no_progress_s = 5;      // says that it moves, but the position has not changed for so long
+constexpr double longest_stop_s = 10;    // from full speed at a gentle deceleration
+constexpr double longest_turn_s = 30;    // for the line: far beyond any command with all its repetitions
+const std::string stopping = "stopping";
+constexpr int most_reads = 6;  // to see the same position twice
+
+Clock::duration duration(double seconds) {
+  return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+}
+
+std::string text_of(double number) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.7g", std::round(number * 1e4) / 1e4);
+  return text.data();
+}
+
+std::string in_deg(double deg) { return text_of(deg) + " deg"; }
+
+}  // namespace
+
+struct StageDriver::Line {
+  bool taken = false;
+  std::vector<asio::steady_timer*> waiting;
+};
+
+class StageDriver::Turn {
+ public:
+  explicit Turn(Line& line) : line_(&line) { line.taken = true; }
+  Turn(Turn&& other) noexcept : line_(std::exchange(other.line_, nullptr)) {}
+  Turn& operator=(Turn&&) = delete;
+  ~Turn() {
+    if (line_ == nullptr) return;
+    line_->taken = false;
+    for (asio::steady_timer* timer : line_->waiting) timer->cancel();
+  }
+
+ private:
+  Line* line_;
+};
+
+StageDriver::StageDriver(asio::any_io_executor executor, StageOptions options,
+                         std::unique_ptr<SerialLink> link, std::unique_ptr<StageProtocol> protocol)
+    : executor_(std::move(executor)),
+      options_(std::move(options)),
+      link_(std::move(link)),
+      protocol_(std::move(protocol)),
+      line_(std::make_unique<Line>()) {}
+
+StageDriver::~StageDriver() = default;
+
+// --- the line ---
+
+awaitable<StageDriver::Turn> StageDriver::take_turn(std::size_t stops) {
+  const auto end = Clock::now() + duration(longest_turn_s);
+  while (line_->taken) {
+    if (Clock::now() > end) throw StageError("the stage's line stayed busy. Nothing was sent; try again.");
+    asio::steady_timer timer(executor_, end);
+    line_->waiting.push_back(&timer);
+    boost::system::error_code woken;
+    co_await timer.async_wait(asio::redirect_error(asio::use_awaitable, woken));
+    std::erase(line_->waiting, &timer);
+  }
+  demand_not_stopped(stops);
+  co_return Turn(*line_);
+}
+
+awaitable<void> StageDriver::pause(double seconds) const {
+  if (!(seconds > 0)) co_return;
+  asio::steady_timer timer(executor_, duration(seconds));
+  co_await timer.async_wait(asio::use_awaitable);
+}
+
+void StageDriver::demand_not_stopped(std::size_t stops) const {
+  if (stops != stops_)
+    throw StageError("the stage was stopped. It stands where it is; give the command again to go on.");
+}
+
+awaitable<StageReading> StageDriver::read(std::size_t stops) {
+  auto taking = take_turn(stops);
+  const Turn turn = co_await std::move(taking);
+  auto reading = protocol_->read();
+  co_return co_await std::move(reading);
+}
+
+awaitable<StageReading> StageDriver::read_twice(std::size_t stops) {
+  StageReading before = co_await read(stops);
+  for (int i = 0; i < most_reads; ++i) {
+    StageReading again = co_await read(stops);
+    if (again.position == before.position) co_return again;
+    before = again;
+  }
+  throw StageError(
+      "the stage says that it stands, but its position reads differently every time. The capture there was "
+      "not "
+      "begun. Look for vibration, a closed-loop hunting, or a noisy cable.");
+}
+
+// --- angles and limits ---
+
+long long StageDriver::to_units(double deg) const {
+  return std::llround(deg * options_.direction * identity_.units_per_deg);
+}
+
+double StageDriver::to_deg(double units) const {
+  return units / identity_.units_per_deg * options_.direction;
+}
+
+void StageDriver::demand_within_limits(double deg) const {
+  if (!std::isfinite(deg))
+    throw StageError("the stage was told to go to an angle that is not a number. Nothing was moved.");
+  if (deg >= options_.min_deg && deg <= options_.max_deg) return;
+  throw StageError(
+      "the stage was told to go to " + in_deg(deg) + ", beyond its soft limits " + in_deg(options_.min_deg) +
+      " to " + in_deg(options_.max_deg) +
+      ". Nothing was moved. Change the procedure, or limits_deg in the bench file if the cable allows it.");
+}
+
+awaitable<void> StageDriver::demand_homed(std::size_t stops) {
+  if (!options_.needs_homing) co_return;
+  const StageReading reading = co_await read(stops);
+  if (!reading.homed)
+    throw StageError(
+        "the stage has not been homed since it was switched on, so its angles mean nothing. Nothing was "
+        "moved. "
+        "Home it first (step `home`), or set needs_homing: false in the bench file if any zero will do.");
+}
+
+// --- what every stage does ---
+
+awaitable<void> StageDriver::start() {
+  link_->discard();
+  identity_ = co_await protocol_->identify();
+  const StageReading reading = co_await protocol_->read();
+  // Somebody left it turning: a procedure must not begin on a moving stage.
+  if (reading.moving) co_await stop();
+  const double speed = options_.speed_deg_s * identity_.units_per_deg;
+  const double acceleration = options_.acceleration_deg_s2 * identity_.units_per_deg;
+  if (speed > 0 || acceleration > 0) co_await protocol_->set_speed(speed, acceleration);
+  speed_deg_s_ = options_.speed_deg_s;
+}
+
+awaitable<StageIdentity> StageDriver::identify() {
+  auto taking = take_turn(stops_);
+  const Turn turn = co_await std::move(taking);
+  auto asking = protocol_->identify();
+  identity_ = co_await std::move(asking);
+  co_return identity_;
+}
+
+awaitable<StageStatus> StageDriver::status() {
+  const StageReading reading = co_await read(stops_);
+  StageStatus status;
+  status.position_deg = to_deg(reading.position);
+  status.moving = reading.moving;
+  status.homed = reading.homed;
+  status.warnings = reading.warnings;
+  if (!reading.fault.empty()) status.warnings.insert(status.warnings.begin(), reading.fault);
+  co_return status;
+}
+
+awaitable<void> StageDriver::home() {
+  const std::size_t stops = stops_;
+  {
+    auto taking = take_turn(stops);
+    const Turn turn = co_await std::move(taking);
+    auto starting = protocol_->start_homing();
+    co_await std::move(starting);
+  }
+  const StageReading reading = co_await wait_for_rest("homing", options_.home_s, stops);
+  if (!reading.homed)
+    throw StageError(
+        "the stage ended homing without finding its reference. It is not homed. Check that nothing blocks it "
+        "and "
+        "that its home sensor is connected, and home it again.");
+}
+
+awaitable<void> StageDriver::start_move(long long units, std::size_t stops) {
+  auto taking = take_turn(stops);
+  const Turn turn = co_await std::move(taking);
+  auto starting = protocol_->start_move(units);
+  co_await std::move(starting);
+}
+
+awaitable<double> StageDriver::move_to(double target_deg) {
+  const std::size_t stops = stops_;
+  demand_within_limits(target_deg);
+  co_await demand_homed(stops);
+  co_await use_speed(options_.speed_deg_s, stops);
+  const long long target = to_units(target_deg);
+  co_await start_move(target, stops);
+  const std::string activity = "the move to " + in_deg(target_deg);
+  // As long as it makes progress it may take its time: fixed limits kill good moves.
+  StageReading reading = co_await wait_for_rest(activity, 3600, stops);
+  if (options_.needs_homing && !reading.homed)
+    throw StageError(
+        "the stage lost its reference during " + activity +
+        ": its power was interrupted. Its angles mean nothing now. Check its supply, home it and resume.");
+  co_await pause(options_.settle_s);
+  reading = co_await read_twice(stops);
+  const double readback_deg = to_deg(reading.position);
+  if (std::abs(readback_deg - target_deg) > options_.tolerance_deg)
+    throw StageError(
+        activity + " ended at " + in_deg(readback_deg) + ", off by more than the tolerance of " +
+        in_deg(options_.tolerance_deg) +
+        (reading.warnings.empty() ? "" : " (the stage warns: " + reading.warnings.front() + ")") +
+        ". Nothing was measured there. Check that the stage turns freely and home it again.");
+  co_return readback_deg;
+}
+
+awaitable<void> StageDriver::use_speed(double deg_s, std::size_t stops) {
+  if (deg_s == speed_deg_s_) co_return;
+  auto taking = take_turn(stops);
+  const Turn turn = co_await std::move(taking);
+  auto setting = protocol_->set_speed(deg_s * identity_.units_per_deg, 0);
+  co_await std::move(setting);
+  speed_deg_s_ = deg_s;
+}
+
+awaitable<void> StageDriver::turn(double rate_deg_s) {
+  const std::size_t stops = stops_;
+  if (!std::isfinite(rate_deg_s) || rate_deg_s == 0)
+    throw StageError("the stage was told to turn at a rate of " + text_of(rate_deg_s) +
+                     " deg/s. Nothing was moved.");
+  co_await demand_homed(stops);
+  const double end_deg = rate_deg_s > 0 ? options_.max_deg : options_.min_deg;
+  if (std::isfinite(end_deg)) {
+    // As a move to the soft limit: the stage ends there by itself even if this computer is gone.
+    co_await use_speed(std::abs(rate_deg_s), stops);
+    co_await start_move(to_units(end_deg), stops);
+    co_return;
+  }
+  auto taking = take_turn(stops);
+  const Turn turn = co_await std::move(taking);
+  auto starting = protocol_->start_turn(rate_deg_s * options_.direction * identity_.units_per_deg);
+  co_await std::move(starting);
+}
+
+awaitable<void> StageDriver::stop() {
+  const std::size_t stops = ++stops_;
+  if (line_->taken) {
+    link_->write_now(protocol_->stop_now());
+    protocol_->forget_answers();
+  }
+  {
+    auto taking = take_turn(stops);
+    const Turn turn = co_await std::move(taking);
+    auto stopping = protocol_->start_stop();
+    co_await std::move(stopping);
+  }
+  try {
+    co_await wait_for_rest(stopping, longest_stop_s, stops);
+  } catch (const StageLost&) {
+    throw;
+  } catch (const StageError&) {
+    if (stops == stops_) throw;  // Otherwise a later stop() has taken over.
+  }
+}
+
+awaitable<StageReading> StageDriver::wait_for_rest(const std::string& activity, double longest_s,
+                                                   std::size_t stops) {
+  const auto end = Clock::now() + duration(longest_s);
+  auto progressed = Clock::now();
+  double look_s = first_look_s;
+  StageReading before;
+  for (bool is_first = true;; is_first = false) {
+    // At least one look after the acknowledgement: it may say "idle" before the motion has begun.
+    StageReading reading = co_await read(stops);
+    if (!reading.fault.empty() && (reading.moving || activity != stopping))
+      throw StageError(activity + " failed: " + reading.fault + " (at " + in_deg(to_deg(reading.position)) +
+                       "). The stage stands. Free it or switch it off and on, home it, and resume.");
+    if (!reading.moving) co_return reading;
+    if (is_first || reading.position != before.position) progressed = Clock::now();
+    if (Clock::now() > progressed + duration(no_progress_s) || Clock::now() > end) {
+      const std::string why = Clock::now() > end
+                                  ? " takes longer than " + text_of(longest_s) + " s"
+                                  : " does not go on: the stage says that it moves, but its position stays";
+      throw StageError(activity + why + " (at " + in_deg(to_deg(reading.position)) +
+                       "). Stop it, check that nothing blocks the stage, home it and resume.");
+    }
+    before = reading;
+    co_await pause(look_s);
+    look_s = std::min(1.5 * look_s, longest_look_s);
+  }
+}
+
+awaitable<void> StageDriver::reopen() {
+  const std::size_t stops = ++stops_;
+  auto taking = take_turn(stops);
+  {
+    const Turn turn = co_await std::move(taking);
+    link_->reopen();
+    protocol_->forget_answers();
+    auto asking = protocol_->identify();
+    const StageIdentity now = co_await std::move(asking);
+    if (now.serial != identity_.serial || now.model != identity_.model)
+      throw StageError("another stage answers on " + link_->path() + " (" + now.model + " " + now.serial +
+                       " instead of " + identity_.model + " " + identity_.serial +
+                       "). It was not moved. Plug the right one in, or begin a new session.");
+    speed_deg_s_ = 0;
+    const double speed = options_.speed_deg_s * identity_.units_per_deg;
+    const double acceleration = options_.acceleration_deg_s2 * identity_.units_per_deg;
+    if (speed > 0 || acceleration > 0) {
+      auto setting = protocol_->set_speed(speed, acceleration);
+      co_await std::move(setting);
+      speed_deg_s_ = options_.speed_deg_s;
+    }
+  }
+  const StageReading reading = co_await read(stops);
+  if (reading.moving) co_await stop();
+}
+
+}  // namespace rig
