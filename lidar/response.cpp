@@ -2,6 +2,7 @@
 #include "lidar/response.hpp"
 
 #include <algorithm>
+#include <array>
 
 #include "lidar/encoding.hpp"
 
@@ -25,31 +26,62 @@ std::string build_line_response(std::string_view echo, std::string_view status, 
   return out;
 }
 
-void append_clipped(std::string& out, std::uint32_t value, int characters) {
-  append_value(out, std::min(value, (1u << 6 * characters) - 1), characters);
-}
+/// Writes data in lines of 64 characters, each with its sum.
+class BlockWriter {
+ public:
+  explicit BlockWriter(std::string& out) : out_(out) {}
+  ~BlockWriter() {
+    if (used_ > 0) end_line();
+  }
+  BlockWriter(const BlockWriter&) = delete;
+  BlockWriter& operator=(const BlockWriter&) = delete;
 
-std::string encode_payload(const ScanCommand& command, const ScanData& data) {
+  void put(char c) {
+    line_[used_++] = c;
+    sum_ += static_cast<unsigned char>(c);
+    if (used_ == block) end_line();
+  }
+  /// The number, or the largest that so many characters can hold.
+  void put(std::uint32_t value, int characters) {
+    value = std::min(value, (1u << 6 * characters) - 1);
+    for (int shift = 6 * (characters - 1); shift >= 0; shift -= 6)
+      put(static_cast<char>((value >> shift & 0x3F) + 0x30));
+  }
+
+ private:
+  void end_line() {
+    line_[used_++] = static_cast<char>((sum_ & 0x3F) + 0x30);
+    line_[used_++] = '\n';
+    out_.append(line_.data(), used_);
+    used_ = 0;
+    sum_ = 0;
+  }
+
+  std::string& out_;
+  std::array<char, block + 2> line_{};
+  std::size_t used_ = 0;
+  unsigned sum_ = 0;
+};
+
+void append_payload(std::string& out, const ScanCommand& command, const ScanData& data) {
   const bool with_intensity = command.format == ScanFormat::distance_intensity;
   const int characters = command.format == ScanFormat::distance2 ? 2 : 3;
-  std::string payload;
-  payload.reserve(data.range_mm.size() * (with_intensity ? 7 : 4));
+  BlockWriter writer(out);
   std::size_t step = 0;
   int echoes_left = 0;
   for (std::size_t i = 0; i < data.range_mm.size(); ++i) {
     if (command.multi_echo) {
       const bool same_step = echoes_left > 0;
       if (same_step) {
-        payload += '&';
+        writer.put('&');
       } else {
         echoes_left = data.echoes.empty() ? 1 : std::max<int>(1, data.echoes[step++]);
       }
       --echoes_left;
     }
-    append_clipped(payload, data.range_mm[i], characters);
-    if (with_intensity) append_clipped(payload, data.intensity[i], 3);
+    writer.put(data.range_mm[i], characters);
+    if (with_intensity) writer.put(data.intensity[i], 3);
   }
-  return payload;
 }
 
 }  // namespace
@@ -89,10 +121,7 @@ void append_scan_response(std::string& out, std::string_view echo, std::string_v
   std::string stamp;
   append_value(stamp, data.stamp, command.microseconds ? 11 : 4);
   append_checked_line(out, stamp);
-  const std::string payload = encode_payload(command, data);
-  for (std::size_t at = 0; at < payload.size(); at += block) {
-    append_checked_line(out, std::string_view(payload).substr(at, block));
-  }
+  append_payload(out, command, data);
   out += '\n';
 }
 

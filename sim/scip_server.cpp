@@ -20,7 +20,6 @@ using asio::ip::tcp;
 using boost::system::error_code;
 
 namespace {
-constexpr std::size_t longest_request = 1024;  // far beyond any command: what is longer is noise
 constexpr std::size_t waiting_limit =
     256 * 1024;  // about 38 full scans; beyond, a real device has long dropped some
 constexpr std::size_t batch_bytes = 64 * 1024;  // at maximum speed: as much as one write takes well
@@ -103,7 +102,6 @@ awaitable<void> ScipServer::Impl::accept_hosts() {
 }
 
 void ScipServer::Impl::answer(const std::shared_ptr<Connection>& host, std::string_view line) {
-  if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
   std::string reply = device.handle(line, clock.now_s());
   if (!reply.empty()) send(*host, std::move(reply));
   if (device.streaming()) host->wake_streamer.cancel();
@@ -111,7 +109,7 @@ void ScipServer::Impl::answer(const std::shared_ptr<Connection>& host, std::stri
 
 awaitable<void> ScipServer::Impl::read_requests(std::shared_ptr<Connection> host) {
   const auto self = shared_from_this();
-  std::string pending;
+  lidar::RequestReader requests;
   std::array<char, 4096> bytes{};
   while (!host->closed) {
     error_code failed;
@@ -120,15 +118,10 @@ awaitable<void> ScipServer::Impl::read_requests(std::shared_ptr<Connection> host
     if (failed) co_return;
     std::string arrived(bytes.data(), n);
     if (fault.to_device) arrived = fault.to_device(std::move(arrived));
-    pending += arrived;
-    // LF, CR and CR LF all end a request; the empty line between CR and LF gets no answer anyway.
-    for (std::size_t end = pending.find_first_of("\r\n"); end != std::string::npos;
-         end = pending.find_first_of("\r\n")) {
-      const std::string line = pending.substr(0, end);
-      pending.erase(0, end + 1);
-      answer(host, line);
-    }
-    if (pending.size() > longest_request) pending.clear();
+    requests.feed(arrived);
+    // What is longer than any request is noise and gets no answer.
+    for (auto line = requests.next(); !line || line->has_value(); line = requests.next())
+      if (line) answer(host, **line);
     if (device.take_reboot_request()) {
       device.reboot(clock.now_s());
       asio::steady_timer before_drop(executor, std::chrono::milliseconds(20));  // the answer goes out first

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "fit/bench.hpp"
-#include "lidar/scip_request.hpp"
+#include "lidar/request.hpp"
 #include "sim/engine.hpp"
 
 namespace sim {
@@ -55,32 +55,31 @@ class UstDevice {
 
  private:
   struct Stream {
-    lidar::scip::Request request;
+    lidar::Request request;
     int remaining = 0;  ///< Scans still to send; 0 with `endless`.
     bool endless = false;
     std::int64_t next_index = 0;  ///< Number of the next scan since power-on.
   };
 
   [[nodiscard]] std::uint32_t stamp_ms(double time_s) const;
-  [[nodiscard]] std::string check_steps(const lidar::scip::Request& request) const;
+  [[nodiscard]] std::string check_steps(const lidar::ScanCommand& scan) const;
   [[nodiscard]] std::string identify(std::string_view echo) const;
   [[nodiscard]] std::string parameters(std::string_view echo) const;
   [[nodiscard]] std::string state(std::string_view echo, double now_s) const;
-  [[nodiscard]] std::string time_adjust(std::string_view echo, const std::string& digit, double now_s);
-  [[nodiscard]] std::string single_scan(std::string_view echo, const lidar::scip::Request& request,
-                                        double now_s);
-  [[nodiscard]] std::string start_stream(std::string_view echo, const lidar::scip::Request& request,
-                                         double now_s);
+  [[nodiscard]] std::string time_adjust(std::string_view echo, lidar::Command command, double now_s);
+  [[nodiscard]] std::string single_scan(std::string_view echo, const lidar::Request& request, double now_s);
+  [[nodiscard]] std::string start_stream(std::string_view echo, const lidar::Request& request, double now_s);
   [[nodiscard]] std::string reset(std::string_view echo, double now_s);
   [[nodiscard]] std::string restart(std::string_view echo, double now_s);
-  void measure(const lidar::scip::Request& request, std::int64_t scan_index, const std::string& echo,
+  void measure(const lidar::Request& request, std::int64_t scan_index, const std::string& echo,
                std::string_view status, std::string& out);
 
   fit::LidarGeometry lidar_;
   UstIdentity identity_;
   std::shared_ptr<Engine> engine_;
   std::function<StageMoment(double)> stage_at_;
-  std::vector<std::uint32_t> range_, intensity_;
+  std::vector<std::uint32_t> range_, intensity_;            ///< Of all steps.
+  std::vector<std::uint32_t> sent_range_, sent_intensity_;  ///< Of the clusters that were asked for.
   bool laser_on_ = false, adjusting_time_ = false, reboot_requested_ = false;
   double timer_zero_s_ = 0, scan_end_s_ = 0, first_restart_s_ = -1;
   std::int64_t clock_offset_ms_ = 0;

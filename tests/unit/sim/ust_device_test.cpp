@@ -3,10 +3,8 @@
 
 #include <catch2/catch.hpp>
 
-#include "lidar/scip_reply.hpp"
+#include "lidar/reply.hpp"
 #include "sim/simple_engine.hpp"
-
-namespace scip = lidar::scip;
 
 namespace {
 
@@ -26,7 +24,7 @@ struct Bed {
     if (!frame || !*frame) return "silent";
     return std::string((*frame)->status);
   }
-  scip::RawScan next_scan() {
+  lidar::RawScan next_scan() {
     std::string bytes;
     device->append_next_scan(bytes);
     reader.feed(bytes);
@@ -34,12 +32,14 @@ struct Bed {
     REQUIRE(frame.has_value());
     REQUIRE(frame->has_value());
     echo = (*frame)->echo;
-    scip::RawScan scan;
-    REQUIRE(scip::decode_scan(**frame, scan).has_value());
-    return scan;
+    const auto request = lidar::parse_request(echo);
+    REQUIRE(request.has_value());
+    const auto scan = lidar::decode_scan((*frame)->body, request->scan);
+    REQUIRE(scan.has_value());
+    return *scan;
   }
   std::unique_ptr<sim::UstDevice> device;
-  scip::FrameReader reader;
+  lidar::FrameReader reader;
   std::string echo;
 };
 
@@ -79,9 +79,9 @@ TEST_CASE("clusters give the least of their steps and skipped scans take their t
   Bed bed;
   CHECK(bed.status("MD0000108004100") == "00");
   const auto first = bed.next_scan(), second = bed.next_scan();
-  CHECK(first.range.size() == 271);
-  CHECK(first.range[135] == 1400);
-  CHECK(second.stamp.value - first.stamp.value == Approx(50).margin(1));
+  CHECK(first.range_mm.size() == 271);
+  CHECK(first.range_mm[135] == 1400);
+  CHECK(second.stamp - first.stamp == Approx(50).margin(1));
 }
 
 TEST_CASE("time adjustment refuses measurements and TM1 tells the device's time") {
@@ -91,7 +91,7 @@ TEST_CASE("time adjustment refuses measurements and TM1 tells the device's time"
   CHECK(bed.status("PP") == "10");
   bed.reader.feed(bed.device->handle("TM1;a", 100.0));
   const auto frame = bed.reader.next();
-  CHECK(scip::decode_time(**frame)->value == Approx(100.0 * (1 + 50e-6) * 1000).margin(1));
+  CHECK(*lidar::decode_time((*frame)->body) == Approx(100.0 * (1 + 50e-6) * 1000).margin(1));
   CHECK(bed.status("TM2") == "00");
   CHECK(bed.status("TM2") == "03");
 }
@@ -103,11 +103,11 @@ TEST_CASE("the 24-bit timer wraps, and a reset sets it to zero") {
   Bed bed(identity);
   bed.reader.feed(bed.device->handle("TM1", 1.0));
   const auto frame = bed.reader.next();
-  CHECK(scip::decode_time(**frame)->value < 1000);
+  CHECK(*lidar::decode_time((*frame)->body) < 1000);
   CHECK(bed.status("RS", 5.0) == "00");
   bed.reader.feed(bed.device->handle("TM1", 5.25));
   const auto after = bed.reader.next();
-  CHECK(scip::decode_time(**after)->value == 250);
+  CHECK(*lidar::decode_time((*after)->body) == 250);
 }
 
 TEST_CASE("two RB within a second reboot, one does not") {
