@@ -1,0 +1,318 @@
+// SPDX-License-Identifier: MIT
+#include "fit/odometry.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <boost/math/distributions/chi_squared.hpp>
+#include <limits>
+#include <numeric>
+#include <stdexcept>
+
+namespace fit {
+namespace {
+
+using Vector5 = Eigen::Matrix<double, 5, 1>;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+using Indices = std::vector<std::size_t>;
+
+/// sin(a)/a and (1-cos(a))/a, also at 0.
+std::pair<double, double> arc_factors(double a) {
+  if (std::abs(a) < 1e-6) return {1 - a * a / 6, a / 2};
+  return {std::sin(a) / a, (1 - std::cos(a)) / a};
+}
+
+/// The second row of the Jacobian J of the wheels (J21, J22) and its covariance per unit of heading variance.
+struct TurnGains {
+  Eigen::Vector2d gain;
+  Eigen::Matrix2d cofactor;
+};
+
+TurnGains fit_turn_gains(const std::vector<WheelSample>& samples, const Indices& used) {
+  Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d right = Eigen::Vector2d::Zero();
+  for (const std::size_t k : used) {
+    const WheelSample& s = samples[k];
+    const Eigen::Vector2d row = Eigen::Vector2d(s.left_rad_s, s.right_rad_s) * s.interval_s;
+    const double weight = 1 / (s.relative_u_rad * s.relative_u_rad);
+    normal += weight * row * row.transpose();
+    right += weight * row * s.match.heading_rad;
+  }
+  const Eigen::CompleteOrthogonalDecomposition<Eigen::Matrix2d> solver(normal);
+  return {solver.solve(right), solver.pseudoInverse()};
+}
+
+/// The quadratic form of l (+) s = r (+) l in (b, l_x, l_y, cos l_theta, sin l_theta).
+Eigen::Matrix<double, 5, 5> quadratic_form(const std::vector<WheelSample>& samples, const Indices& used,
+                                           const Eigen::Vector2d& gain) {
+  Eigen::Matrix<double, 5, 5> form = Eigen::Matrix<double, 5, 5>::Zero();
+  for (const std::size_t k : used) {
+    const WheelSample& s = samples[k];
+    const double left = s.left_rad_s * s.interval_s, right = s.right_rad_s * s.interval_s;
+    const double turn = gain.dot(Eigen::Vector2d(left, right));
+    const auto [along, across] = arc_factors(turn);
+    const double per_separation = 0.5 * (-gain[0] * left + gain[1] * right);
+    const double c = std::cos(turn), sn = std::sin(turn);
+    Vector5 x, y;
+    x << -per_separation * along, 1 - c, sn, s.match.x_mm, -s.match.y_mm;
+    y << -per_separation * across, -sn, 1 - c, s.match.y_mm, s.match.x_mm;
+    form += (x * x.transpose() + y * y.transpose()) / (s.relative_u_mm * s.relative_u_mm);
+  }
+  return form;
+}
+
+/// Minimum of the form under cos^2 + sin^2 = 1: the first three unknowns are eliminated, and of the 2 x 2
+/// form that remains the eigenvector of the smaller eigenvalue (the smaller Lagrange multiplier) is the
+/// minimum, the other one a saddle. The sign is the one with a positive separation.
+RobotGeometry solve_constrained(const Eigen::Matrix<double, 5, 5>& form, const Eigen::Vector2d& gain) {
+  const Eigen::Matrix<double, 3, 3> head = form.topLeftCorner<3, 3>();
+  const Eigen::Matrix<double, 3, 2> mixed = form.topRightCorner<3, 2>();
+  const Eigen::CompleteOrthogonalDecomposition<Eigen::Matrix3d> solver(head);
+  const Eigen::Matrix<double, 3, 2> eliminated = solver.solve(mixed);
+  const Eigen::Matrix2d rest = form.bottomRightCorner<2, 2>() - mixed.transpose() * eliminated;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(0.5 * (rest + rest.transpose()));
+  Eigen::Vector2d direction = eigen.eigenvectors().col(0);
+  Eigen::Vector3d others = -eliminated * direction;
+  if (others[0] < 0) {
+    direction = -direction;
+    others = -others;
+  }
+  RobotGeometry robot;
+  robot.separation_mm = others[0];
+  robot.left_radius_mm = -gain[0] * others[0];
+  robot.right_radius_mm = gain[1] * others[0];
+  robot.lidar = {others[1], others[2], std::atan2(direction[1], direction[0])};
+  return robot;
+}
+
+RobotGeometry solve_closed_form(const std::vector<WheelSample>& samples, const Indices& used) {
+  const TurnGains gains = fit_turn_gains(samples, used);
+  return solve_constrained(quadratic_form(samples, used, gains.gain), gains.gain);
+}
+
+Eigen::Vector3d in_own_units(const Eigen::Vector3d& residual, const WheelSample& s) {
+  return {residual[0] / s.relative_u_mm, residual[1] / s.relative_u_mm, residual[2] / s.relative_u_rad};
+}
+
+Eigen::Vector3d residual_rms(const std::vector<WheelSample>& samples, const Indices& used,
+                             const RobotGeometry& robot) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const std::size_t k : used)
+    sum += in_own_units(odometry_residual(robot, samples[k]), samples[k]).cwiseAbs2();
+  return (sum / static_cast<double>(used.size())).cwiseSqrt();
+}
+
+/// d(lidar motion)/d(parameters), by central differences with steps that suit the parameters.
+Eigen::Matrix<double, 3, 6> motion_jacobian(const RobotGeometry& robot, const WheelSample& sample) {
+  Eigen::Matrix<double, 3, 6> jacobian;
+  const Vector6 at = robot.vector();
+  for (int i = 0; i < 6; ++i) {
+    const double step = i < 5 ? 1e-4 : 1e-6;
+    Vector6 up = at, down = at;
+    up[i] += step;
+    down[i] -= step;
+    const Pose2 a = lidar_motion(RobotGeometry::from(up), sample),
+                b = lidar_motion(RobotGeometry::from(down), sample);
+    jacobian.col(i) =
+        Eigen::Vector3d(a.x_mm - b.x_mm, a.y_mm - b.y_mm, a.heading_rad - b.heading_rad) / (2 * step);
+  }
+  return jacobian;
+}
+
+struct NormalEquations {
+  Matrix6 information = Matrix6::Zero();
+  Vector6 gradient = Vector6::Zero();
+};
+
+NormalEquations linearise(const std::vector<WheelSample>& samples, const Indices& used,
+                          const RobotGeometry& robot, const Eigen::Vector3d& noise) {
+  NormalEquations out;
+  for (const std::size_t k : used) {
+    const WheelSample& s = samples[k];
+    const Eigen::Vector3d scale(1 / (noise[0] * s.relative_u_mm), 1 / (noise[1] * s.relative_u_mm),
+                                1 / (noise[2] * s.relative_u_rad));
+    const Eigen::Matrix<double, 3, 6> j = scale.asDiagonal() * motion_jacobian(robot, s);
+    out.information += j.transpose() * j;
+    out.gradient += j.transpose() * (scale.asDiagonal() * odometry_residual(robot, s));
+  }
+  return out;
+}
+
+/// Gauss-Newton on all six parameters; keeps the start if that does not help.
+RobotGeometry refine(const std::vector<WheelSample>& samples, const Indices& used, RobotGeometry robot,
+                     const Eigen::Vector3d& noise) {
+  for (int round = 0; round < 20; ++round) {
+    const NormalEquations at = linearise(samples, used, robot, noise);
+    const Vector6 step = at.information.ldlt().solve(at.gradient);
+    if (!step.allFinite()) return robot;
+    robot = RobotGeometry::from(robot.vector() + step);
+    if (step.transpose() * at.information * step < 1e-10) break;
+  }
+  return robot;
+}
+
+/// How much smaller the variance of a Gaussian with three components gets when all but the best `share` of
+/// the samples by chi are dropped (truncated chi-squared).
+double trimmed_variance(double share) {
+  if (share >= 1) return 1;
+  const boost::math::chi_squared three(3), five(5);
+  return boost::math::cdf(five, boost::math::quantile(three, share)) / share;
+}
+
+Matrix6 inverse_information(const Matrix6& information, const Vector6& scale) {
+  const Matrix6 scaled = scale.asDiagonal() * information * scale.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(scaled);
+  Matrix6 inverse = Matrix6::Zero();
+  for (int i = 0; i < 6; ++i) {
+    const double value = std::max(eigen.eigenvalues()[i], 1e-12);
+    inverse += eigen.eigenvectors().col(i) * eigen.eigenvectors().col(i).transpose() / value;
+  }
+  return scale.asDiagonal() * inverse * scale.asDiagonal();
+}
+
+/// Sizes at which an uncertainty makes a parameter worthless: a tenth of a wheel, 30 mm, 5 degrees.
+Vector6 worthless(const RobotGeometry& robot) {
+  const double b = std::max(1.0, std::abs(robot.separation_mm));
+  const double r = std::max(0.1, 0.5 * (std::abs(robot.left_radius_mm) + std::abs(robot.right_radius_mm)));
+  Vector6 scale;
+  scale << 0.1 * r, 0.1 * r, 0.1 * b, 30, 30, 5 * rad_per_deg;
+  return scale;
+}
+
+MotionShares judge_motion(const std::vector<WheelSample>& samples, const Indices& used,
+                          const RobotGeometry& robot, const Eigen::Vector3d& noise) {
+  MotionShares shares;
+  const double one = 1.0 / static_cast<double>(used.size());
+  for (const std::size_t k : used) {
+    // The wheels tell how the robot moved even where its geometry is not known: by the ratio of their speeds.
+    const WheelSample& s = samples[k];
+    const double left = s.left_rad_s * s.interval_s, right = s.right_rad_s * s.interval_s;
+    const double big = std::max(std::abs(left), std::abs(right));
+    const double r = std::max(1e-9, std::abs(robot.left_radius_mm));
+    if (big * r < 2 * std::max(noise[0], noise[1]) && std::abs(s.match.heading_rad) < 3 * noise[2])
+      shares.still += one;
+    else if (std::abs(left - right) < 0.1 * big)
+      shares.straight += one;
+    else if (std::abs(left + right) < 0.1 * big)
+      shares.on_the_spot += one;
+    else
+      shares.curve += one;
+  }
+  return shares;
+}
+
+std::string remedy(const MotionShares& motion) {
+  if (motion.still > 0.9) return "The robot hardly moved: drive it.";
+  if (motion.straight > 0.9 * (1 - motion.still))
+    return "The robot drove only straight: then the lidar's position and how the wheels turn the robot leave "
+           "no trace. Add curves and turns on the spot, both ways.";
+  if (motion.on_the_spot > 0.9 * (1 - motion.still))
+    return "The robot only turned on the spot: then wheel size and separation cannot be told apart, nor the "
+           "lidar's yaw from the direction of its offset. Add straight stretches.";
+  return "Drive longer, with straight stretches and turns both ways, in a scene that is not a bare corridor.";
+}
+
+/// Names what the information does not reach.
+std::vector<std::string> find_undetermined(const OdometryFit& fit, const TurnGains& gains) {
+  static const char* const names[] = {"left wheel's radius", "right wheel's radius",
+                                      "wheel separation",    "lidar's x",
+                                      "lidar's y",           "lidar's yaw"};
+  const Vector6 limit = worthless(fit.robot);
+  std::string weak;
+  const auto add = [&](const std::string& what) { weak += (weak.empty() ? "" : ", ") + what; };
+  const double turn_u = fit.noise[2] * std::sqrt(gains.cofactor.diagonal().maxCoeff());
+  const bool turns_unknown =
+      !(gains.cofactor.diagonal().minCoeff() > 0) || turn_u > 0.1 * gains.gain.cwiseAbs().maxCoeff();
+  for (int i = 0; i < 6; ++i) {
+    const double u = std::sqrt(fit.covariance(i, i));
+    if (!(u < limit[i]) || (turns_unknown && i < 3)) add(names[i]);
+  }
+  const bool impossible =
+      !(fit.robot.separation_mm > 0 && fit.robot.left_radius_mm > 0 && fit.robot.right_radius_mm > 0);
+  if (weak.empty() && impossible)
+    return {"The fit gives a wheel of negative size: left and right wheel are swapped, or a sign is."};
+  if (weak.empty()) return {};
+  return {"These samples do not determine: " + weak + ". " + remedy(fit.motion)};
+}
+
+Indices without_worst(const std::vector<WheelSample>& samples, const Indices& used,
+                      const OdometryRound& round, double share) {
+  std::vector<std::pair<double, std::size_t>> chi;
+  for (const std::size_t k : used) {
+    const Eigen::Vector3d e = in_own_units(odometry_residual(round.robot, samples[k]), samples[k]);
+    chi.emplace_back(e.cwiseQuotient(round.residual_rms.cwiseMax(1e-12)).squaredNorm(), k);
+  }
+  std::sort(chi.begin(), chi.end());
+  const double keep = static_cast<double>(used.size()) * (1 - share);
+  chi.resize(std::max<std::size_t>(20, static_cast<std::size_t>(keep)));
+  Indices left;
+  for (const auto& [value, k] : chi) left.push_back(k);
+  std::sort(left.begin(), left.end());
+  return left;
+}
+
+}  // namespace
+
+Eigen::Matrix<double, 6, 1> RobotGeometry::vector() const {
+  Vector6 v;
+  v << left_radius_mm, right_radius_mm, separation_mm, lidar.x_mm, lidar.y_mm, lidar.heading_rad;
+  return v;
+}
+
+RobotGeometry RobotGeometry::from(const Vector6& v) { return {v[0], v[1], v[2], {v[3], v[4], v[5]}}; }
+
+Pose2 wheel_motion(const RobotGeometry& robot, const WheelSample& sample) {
+  const double left = robot.left_radius_mm * sample.left_rad_s * sample.interval_s;
+  const double right = robot.right_radius_mm * sample.right_rad_s * sample.interval_s;
+  const double way = 0.5 * (left + right), turn = (right - left) / robot.separation_mm;
+  const auto [along, across] = arc_factors(turn);
+  return {way * along, way * across, turn};
+}
+
+Pose2 lidar_motion(const RobotGeometry& robot, const WheelSample& sample) {
+  return robot.lidar.inverse() * wheel_motion(robot, sample) * robot.lidar;
+}
+
+Eigen::Vector3d odometry_residual(const RobotGeometry& robot, const WheelSample& sample) {
+  const Pose2 predicted = lidar_motion(robot, sample);
+  return {sample.match.x_mm - predicted.x_mm, sample.match.y_mm - predicted.y_mm,
+          wrap_angle(sample.match.heading_rad - predicted.heading_rad)};
+}
+
+OdometryFit fit_odometry(const std::vector<WheelSample>& samples, const OdometryOptions& options) {
+  if (samples.size() < 20)
+    throw std::invalid_argument("at least 20 samples are needed, not " + std::to_string(samples.size()));
+  OdometryFit fit;
+  Indices used(samples.size());
+  std::iota(used.begin(), used.end(), 0);
+  Indices after_first = used;
+  for (int round = 0; round <= options.rounds; ++round) {
+    OdometryRound now;
+    now.samples = used.size();
+    now.robot = solve_closed_form(samples, used);
+    now.residual_rms = residual_rms(samples, used, now.robot);
+    if (options.refine && round == options.rounds) {
+      now.robot = refine(samples, used, now.robot, now.residual_rms.cwiseMax(1e-12));
+      now.residual_rms = residual_rms(samples, used, now.robot);
+    }
+    fit.rounds.push_back(now);
+    if (round == 1) after_first = used;
+    if (round < options.rounds) used = without_worst(samples, used, now, options.outlier_share);
+  }
+  fit.robot = fit.rounds.back().robot;
+  const double kept = static_cast<double>(used.size()) / static_cast<double>(samples.size());
+  fit.noise = fit.rounds.back().residual_rms.cwiseMax(1e-9) / std::sqrt(trimmed_variance(kept));
+  const Vector6 scale = worthless(fit.robot);
+  fit.covariance = inverse_information(linearise(samples, used, fit.robot, fit.noise).information, scale);
+  const Eigen::Vector3d early =
+      residual_rms(samples, after_first, fit.rounds[fit.rounds.size() > 1 ? 1 : 0].robot);
+  fit.first_round_covariance =
+      inverse_information(linearise(samples, used, fit.robot, early.cwiseMax(1e-9)).information, scale);
+  fit.used.assign(samples.size(), false);
+  for (const std::size_t k : used) fit.used[k] = true;
+  fit.motion = judge_motion(samples, used, fit.robot, fit.noise);
+  fit.undetermined = find_undetermined(fit, fit_turn_gains(samples, used));
+  return fit;
+}
+
+}  // namespace fit
