@@ -202,6 +202,8 @@ Bench parse_bench(const std::string& text, const std::string& name) {
     throw std::invalid_argument(
         name + ":" + std::to_string(at.line) + ":" + std::to_string(at.column) +
         ": not JSON here: look for a missing comma, quote or bracket just before this place");
+  } catch (const json::exception&) {
+    throw std::invalid_argument(name + ": holds a number that is too large for any quantity of a bench");
   }
   const Reader reader(document, "", text, name);
   reader.must_be_object();

@@ -61,7 +61,7 @@ class Copier {
       if (key.kind != Node::Kind::scalar) throw ProcedureError(key.place, "a key must be a plain word");
       if (!seen.insert(key.scalar).second)
         throw ProcedureError(key.place, "'" + key.scalar + "' is given twice; remove one");
-      node.members.emplace_back(std::move(key), copy(member.second, depth + 1));
+      node.members.push_back({std::move(key), copy(member.second, depth + 1)});
     }
   }
 

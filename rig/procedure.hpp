@@ -34,9 +34,14 @@ struct Node {
   Place place;
   std::string scalar;
   std::vector<Node> items;
-  std::vector<std::pair<Node, Node>> members;
+  struct Member;
+  std::vector<Member> members;
 
   [[nodiscard]] const Node* find(const std::string& key) const;
+};
+
+struct Node::Member {
+  Node first, second;  ///< Key and value.
 };
 
 /// One option of a step: what it is called, what it takes, and what a person needs to know. From these come

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: MIT
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <valijson/adapters/nlohmann_json_adapter.hpp>
+#include <valijson/schema.hpp>
+#include <valijson/schema_parser.hpp>
+#include <valijson/validation_results.hpp>
+#include <valijson/validator.hpp>
+
+#include "fit/bench.hpp"
+
+namespace {
+
+using nlohmann::json;
+const std::filesystem::path source_dir = RIG_SOURCE_DIR;
+
+std::string text_of(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  REQUIRE(file.good());
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+/// What the schema says against the document; empty when it is content.
+std::string complaints(const std::string& schema_file, const json& document) {
+  const json text = json::parse(text_of(source_dir / "procedures" / schema_file));
+  valijson::Schema schema;
+  valijson::SchemaParser().populateSchema(valijson::adapters::NlohmannJsonAdapter(text), schema);
+  valijson::ValidationResults results;
+  valijson::Validator validator;
+  if (validator.validate(schema, valijson::adapters::NlohmannJsonAdapter(document), &results)) return "";
+  std::string out;
+  for (const auto& error : results) {
+    for (const std::string& part : error.context) out += part;
+    out += ": " + error.description + "\n";
+  }
+  return out.empty() ? "refused" : out;
+}
+
+}  // namespace
+
+TEST_CASE("Every bench file of the project satisfies the published schema and the reader") {
+  int seen = 0;
+  for (const char* folder : {"procedures", "sim", "docs"}) {
+    if (!std::filesystem::exists(source_dir / folder)) continue;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(source_dir / folder)) {
+      if (!entry.path().string().ends_with(".bench.json")) continue;
+      ++seen;
+      const std::string text = text_of(entry.path());
+      INFO(entry.path());
+      CHECK(complaints("bench.schema.json", json::parse(text, nullptr, true, true)).empty());
+      CHECK_NOTHROW(fit::parse_bench(text, entry.path().filename().string()));
+    }
+  }
+  INFO("bench files found: " << seen);
+  CHECK(seen > 0);
+}
+
+TEST_CASE("The schema and the reader refuse the same wrong bench files") {
+  const json good = {{"schema", "bench/1"},
+                     {"targets", {{{"name", "board"}, {"from_mm", {1, 2}}, {"to_mm", {3, 4}}}}}};
+  REQUIRE(complaints("bench.schema.json", good).empty());
+  REQUIRE_NOTHROW(fit::parse_bench(good.dump()));
+  std::vector<json> wrong(6, good);
+  wrong[0]["schema"] = "bench/2";
+  wrong[1]["targets"][0].erase("to_mm");
+  wrong[2]["lidar"] = {{"steps", "many"}};
+  wrong[3]["lidar"] = {{"mount", {{"x_mm", {{"value", 1}, {"u", -1}}}}}};
+  wrong[4]["known"] = {{{"parameters", {{"sigma_mm", 1}}}}};
+  wrong[5]["targets"][0]["from_mm"] = {1, 2, 3};
+  for (const json& document : wrong) {
+    INFO(document.dump());
+    CHECK_FALSE(complaints("bench.schema.json", document).empty());
+    CHECK_THROWS_AS(fit::parse_bench(document.dump()), std::invalid_argument);
+  }
+}
