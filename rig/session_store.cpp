@@ -13,6 +13,7 @@
 #include <cstring>
 #include <ctime>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <stdexcept>
 
@@ -823,6 +824,14 @@ std::string SessionStore::content_hash() const {
               " ORDER BY rowid");
     return hash.hex();
   });
+}
+
+bool is_session_file(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw UsageError("cannot open " + path + ": check the name and the permission");
+  std::string head(15, '\0');
+  file.read(head.data(), static_cast<std::streamsize>(head.size()));
+  return head == "SQLite format 3" || path.ends_with(".rig");
 }
 
 }  // namespace rig

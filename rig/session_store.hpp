@@ -89,4 +89,7 @@ class SessionStore {
   std::unique_ptr<Impl> impl_;
 };
 
+/// Whether the file begins like a session, or is named like one. Throws UsageError when it cannot be opened.
+[[nodiscard]] bool is_session_file(const std::string& path);
+
 }  // namespace rig

@@ -25,15 +25,6 @@ nlohmann::json options_from(const std::vector<std::string>& pairs) {
   return options;
 }
 
-bool is_session(const std::string& path) {
-  std::FILE* file = std::fopen(path.c_str(), "rb");
-  if (!file) throw UsageError("cannot open " + path + ": check the name and the permission");
-  char head[16] = {};
-  const std::size_t n = std::fread(head, 1, sizeof head, file);
-  std::fclose(file);
-  return std::string(head, n).rfind("SQLite format 3", 0) == 0 || path.ends_with(".rig");
-}
-
 class Fit : public Command {
  public:
   CLI::App* declare(CLI::App& root) override {
@@ -58,7 +49,7 @@ class Fit : public Command {
     std::vector<FitSource> sources;
     for (const std::string& path : sessions_) {
       sources.push_back({path, nullptr});
-      if (!is_session(path)) continue;
+      if (!is_session_file(path)) continue;
       stores.push_back(std::make_unique<SessionStore>(path, SessionStore::Mode::read));
       sources.back().session = stores.back().get();
     }

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: MIT
+#include <cstdio>
+#include <filesystem>
+
+#include "rig/command.hpp"
+#include "rig/errors.hpp"
+#include "rig/exporter.hpp"
+
+namespace rig::commands {
+namespace {
+
+class Export : public Command {
+ public:
+  CLI::App* declare(CLI::App& root) override {
+    auto* command = root.add_subcommand("export", "Writes a session or a result in another tool's format");
+    std::string formats;
+    for (const auto& exporter : all_exporters())
+      formats += "\n  " + exporter->format() + ": " + exporter->describes();
+    command->add_option("session", source_, "Session file (*.rig), or a correction (*.json)")->required();
+    command->add_option("--format", format_, "See below")->required();
+    command->add_option("-o,--output", output_, "File to write")->required();
+    command->footer("Formats:" + formats);
+    return command;
+  }
+
+  int run() override {
+    std::unique_ptr<SessionStore> session;
+    if (is_session_file(source_)) session = std::make_unique<SessionStore>(source_, SessionStore::Mode::read);
+    run_export(format_, {source_, session.get()}, output_);
+    std::fprintf(stderr, "exported: %s\n", std::filesystem::absolute(output_).c_str());
+    return 0;
+  }
+
+ private:
+  std::string source_, format_, output_;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> make_export() { return std::make_unique<Export>(); }
+
+}  // namespace rig::commands

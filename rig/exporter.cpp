@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: MIT
+#include "rig/exporter.hpp"
+
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "fit/json_position.hpp"
+#include "rig/errors.hpp"
+
+namespace rig {
+
+namespace exporters {
+std::vector<std::unique_ptr<Exporter>> all();
+}
+
+const std::vector<std::unique_ptr<Exporter>>& all_exporters() {
+  static const std::vector<std::unique_ptr<Exporter>> all = exporters::all();
+  return all;
+}
+
+namespace {
+
+const Exporter& exporter_of(const std::string& format) {
+  std::vector<std::string> names;
+  std::string list;
+  for (const auto& exporter : all_exporters()) {
+    if (exporter->format() == format) return *exporter;
+    names.push_back(exporter->format());
+    list += (list.empty() ? "" : ", ") + names.back();
+  }
+  const std::string meant = fit::nearest_word(format, names);
+  throw UsageError("there is no export format '" + format + "'" +
+                   (meant.empty() ? "" : "; did you mean '" + meant + "'?") + " There are: " + list);
+}
+
+}  // namespace
+
+void run_export(const std::string& format, const ExportSource& source, const std::string& output) {
+  const Exporter& exporter = exporter_of(format);
+  if (!source.session && !exporter.accepts_files())
+    throw UsageError(source.path + " is not a session file (*.rig), which the format '" + format + "' needs");
+  // Written beside its place and moved there when whole: a reader never sees half of it.
+  const std::filesystem::path part = output + ".part" + std::to_string(::getpid());
+  std::error_code ignored;
+  try {
+    exporter.write(source, part.string());
+    std::filesystem::rename(part, output);
+  } catch (const std::filesystem::filesystem_error& error) {
+    std::filesystem::remove(part, ignored);
+    throw UsageError("cannot write " + output + ": " + error.code().message());
+  } catch (...) {
+    std::filesystem::remove(part, ignored);
+    throw;
+  }
+}
+
+}  // namespace rig
