@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: MIT
+#include <hdf5.h>
+
+#include <catch2/catch.hpp>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "rig/cdr.hpp"
+#include "rig/errors.hpp"
+#include "rig/exporter.hpp"
+#include "rig/mcap.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using Catch::Matchers::Contains;
+
+struct Folder {
+  fs::path path;
+  Folder() {
+    std::string pattern = (fs::temp_directory_path() / "export-XXXXXX").string();
+    path = mkdtemp(pattern.data());
+  }
+  ~Folder() { fs::remove_all(path); }
+  [[nodiscard]] std::string file(const std::string& name) const { return (path / name).string(); }
+};
+
+/// Two captures: 3 scans of 4 beams with intensity, 300 scans of 2 beams without.
+std::string small_session(const Folder& folder) {
+  const std::string path = folder.file("run.rig");
+  rig::SessionStore store(path, rig::SessionStore::Mode::create);
+  store.set("created_utc", "2026-01-02T03:04:05Z");
+  store.set("bench", R"({"schema": "bench/1"})");
+  fit::CaptureInfo info;
+  info.step = "near, \"white\"";
+  info.stage_rad = 12.5 * fit::rad_per_deg;
+  info.first_step = 540;
+  info.last_step = 543;
+  const auto with_intensity = store.begin_capture(info);
+  for (std::uint16_t i = 0; i < 3; ++i) {
+    const std::vector<std::uint16_t> range = {static_cast<std::uint16_t>(1000 + i), 1001, 0, 65535},
+                                     intensity = {7, 8, 9, 10};
+    fit::ScanView scan;
+    scan.seq = i;
+    scan.device_ms = 25 * i;
+    scan.host_us = 25000 * i;
+    scan.range_mm = range;
+    scan.intensity = intensity;
+    store.add_scan(with_intensity, scan);
+  }
+  store.commit_capture(with_intensity);
+  info.step = "many";
+  info.last_step = 541;
+  const auto many = store.begin_capture(info);
+  for (int i = 0; i < 300; ++i) {
+    const std::vector<std::uint16_t> range = {static_cast<std::uint16_t>(i + 1), 5};
+    fit::ScanView scan;
+    scan.seq = i;
+    scan.host_us = 1'000'000 + 25000 * i;
+    scan.range_mm = range;
+    store.add_scan(many, scan);
+  }
+  store.commit_capture(many);
+  store.add_result("noise", R"({"schema": "result/1", "kind": "noise"})");
+  return path;
+}
+
+std::string exported(const Folder& folder, const std::string& format) {
+  const std::string path = small_session(folder), out = folder.file("out." + format);
+  const rig::SessionStore session(path, rig::SessionStore::Mode::read);
+  rig::run_export(format, {path, &session}, out);
+  return out;
+}
+
+std::string text_of(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+}  // namespace
+
+TEST_CASE("CSV has one row for each value, quoted where commas are") {
+  const Folder folder;
+  const std::string text = text_of(exported(folder, "csv"));
+  std::istringstream lines(text);
+  std::vector<std::string> rows;
+  for (std::string line; std::getline(lines, line);) rows.push_back(line);
+  REQUIRE(rows.size() == 1 + 3 * 4 + 300 * 2);
+  CHECK(rows[1] == "1,\"near, \"\"white\"\"\",12.5,,0,0,0,0,540,0,1000,7");
+  CHECK(rows[4] == "1,\"near, \"\"white\"\"\",12.5,,0,0,0,0,543,0.75,65535,10");
+  CHECK(rows.back() == "2,many,12.5,,0,299,0,8475000,541,0.25,5,");
+}
+
+TEST_CASE("HDF5 holds every scan of every capture") {
+  const Folder folder;
+  const std::string path = exported(folder, "hdf5");
+  const hid_t file = H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
+  REQUIRE(file >= 0);
+  const hid_t data = H5Dopen2(file, "/captures/2/range_mm", H5P_DEFAULT);
+  REQUIRE(data >= 0);
+  const hid_t space = H5Dget_space(data);
+  hsize_t size[2] = {};
+  REQUIRE(H5Sget_simple_extent_dims(space, size, nullptr) == 2);
+  CHECK(size[0] == 300);
+  CHECK(size[1] == 2);
+  std::vector<std::uint16_t> values(600);
+  REQUIRE(H5Dread(data, H5T_NATIVE_UINT16, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) >= 0);
+  for (std::size_t i = 0; i < 300; ++i) REQUIRE(values[2 * i] == i + 1);
+  CHECK(H5Lexists(file, "/captures/1/intensity", H5P_DEFAULT) > 0);
+  CHECK(H5Lexists(file, "/captures/2/intensity", H5P_DEFAULT) == 0);
+  H5Sclose(space);
+  H5Dclose(data);
+  H5Fclose(file);
+}
+
+TEST_CASE("h5py opens the HDF5 file") {
+  if (std::system("python3 -c 'import h5py' 2>/dev/null") != 0) {
+    WARN("skipped: python3-h5py is not installed");
+    return;
+  }
+  const Folder folder;
+  const std::string path = exported(folder, "hdf5");
+  const std::string script =
+      "import h5py, sys; f = h5py.File(sys.argv[1]); c = f['captures/1']; "
+      "assert c['range_mm'].shape == (3, 4); assert c['range_mm'][2, 0] == 1002; assert c.attrs['stage_deg'] "
+      "== 12.5; "
+      "assert c['step'].asstr()[()] == 'near, \"white\"'";
+  std::ofstream(folder.file("check.py")) << script;
+  CHECK(std::system(("python3 " + folder.file("check.py") + " " + path).c_str()) == 0);
+}
+
+TEST_CASE("a ROS 2 bag gives back each scan in metres with its time and angles") {
+  const Folder folder;
+  std::ifstream file(exported(folder, "mcap"), std::ios::binary);
+  int scans = 0, joints = 0;
+  const auto summary = rig::read_mcap(file, [&](const rig::McapMessage& message) {
+    rig::CdrReader in(message.data);
+    const auto seconds = in.value<std::int32_t>();
+    const auto nanoseconds = in.value<std::uint32_t>();
+    CHECK(message.log_time_ns == static_cast<std::uint64_t>(seconds) * 1'000'000'000 + nanoseconds);
+    if (message.type == "sensor_msgs/msg/JointState") {
+      ++joints;
+      return true;
+    }
+    REQUIRE(message.type == "sensor_msgs/msg/LaserScan");
+    if (scans++ != 1) return true;
+    CHECK(seconds == 1767323045);  // 2026-01-02T03:04:05Z
+    CHECK(nanoseconds == 25'000'000);
+    CHECK(in.text() == "laser");
+    CHECK(in.value<float>() == Approx(0));
+    CHECK(in.value<float>() == Approx(0.75 * fit::rad_per_deg));
+    CHECK(in.value<float>() == Approx(0.25 * fit::rad_per_deg));
+    CHECK(in.value<float>() == Approx(0.025 / 1440));
+    CHECK(in.value<float>() == Approx(0.025));
+    in.skip<float>(2);
+    const auto ranges = in.sequence<float>();
+    REQUIRE(ranges.size() == 4);
+    CHECK(ranges[0] == Approx(1.001));
+    CHECK(std::isinf(ranges[2]));
+    CHECK(in.sequence<float>() == std::vector<float>{7, 8, 9, 10});
+    return true;
+  });
+  CHECK(scans == 303);
+  CHECK(joints == 303);
+  CHECK_FALSE(summary.truncated);
+  CHECK(summary.notes.empty());
+}
+
+TEST_CASE("JSON holds circumstances and results") {
+  const Folder folder;
+  const auto document = nlohmann::json::parse(text_of(exported(folder, "json")));
+  CHECK(document.at("captures").size() == 2);
+  CHECK(document.at("captures")[0].at("stage_deg") == 12.5);
+  CHECK(document.at("results").at("noise").at("kind") == "noise");
+}
+
+TEST_CASE("an export that fails leaves nothing behind and says what is wrong") {
+  const Folder folder;
+  const std::string path = small_session(folder);
+  const rig::SessionStore session(path, rig::SessionStore::Mode::read);
+  CHECK_THROWS_WITH(rig::run_export("cvs", {path, &session}, folder.file("x")),
+                    Contains("did you mean 'csv'"));
+  CHECK_THROWS_AS(rig::run_export("csv", {path, &session}, folder.file("none/x.csv")), rig::UsageError);
+  CHECK_THROWS_WITH(rig::run_export("csv", {folder.file("a.json"), nullptr}, folder.file("x.csv")),
+                    Contains("is not a session file"));
+  int files = 0;
+  for ([[maybe_unused]] const auto& entry : fs::directory_iterator(folder.path)) ++files;
+  CHECK(files <= 3);  // the session and its log
+}
+
+TEST_CASE("the Python example reads a session with the standard library alone") {
+  const Folder folder;
+  const std::string path = small_session(folder);
+  const std::string command =
+      "python3 " RIG_SOURCE_DIR "/docs/examples/read_session.py " + path + " > " + folder.file("out.txt");
+  REQUIRE(std::system(command.c_str()) == 0);
+  CHECK_THAT(text_of(folder.file("out.txt")), Contains("1\tnear, \"white\"\t12.50\t540\t1001.000\t3"));
+  CHECK_THAT(text_of(folder.file("out.txt")), Contains("2\tmany\t12.50\t540\t150.500\t300"));
+}
