@@ -119,7 +119,7 @@ TEST_CASE("HDF5 holds every scan of every capture") {
 }
 
 TEST_CASE("h5py opens the HDF5 file") {
-  if (std::system("python3 -c 'import h5py' 2>/dev/null") != 0) {
+  if (std::system("/usr/bin/python3 -c 'import h5py' 2>/dev/null") != 0) {
     WARN("skipped: python3-h5py is not installed");
     return;
   }
@@ -131,7 +131,7 @@ TEST_CASE("h5py opens the HDF5 file") {
       "== 12.5; "
       "assert c['step'].asstr()[()] == 'near, \"white\"'";
   std::ofstream(folder.file("check.py")) << script;
-  CHECK(std::system(("python3 " + folder.file("check.py") + " " + path).c_str()) == 0);
+  CHECK(std::system(("/usr/bin/python3 " + folder.file("check.py") + " " + path).c_str()) == 0);
 }
 
 TEST_CASE("a ROS 2 bag gives back each scan in metres with its time and angles") {
