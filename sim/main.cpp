@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "sim/operator_port.hpp"
 #include "sim/pty_port.hpp"
 #include "sim/scip_server.hpp"
 #include "sim/simple_engine.hpp"
@@ -17,7 +18,7 @@ namespace {
 
 struct Options {
   std::string bench_file, truth_file, speed = "real", listen = "127.0.0.1", stage_link, stage_language;
-  std::uint16_t lidar_port = 10940;
+  std::uint16_t lidar_port = 10940, operator_port = 0;
   std::uint64_t seed = 1;
   double clock_ppm = 50, scan_period_ms = 25;
 };
@@ -72,11 +73,26 @@ int serve(const Options& options) {
   port_options.link = options.stage_link;
   sim::PtyPort port(io.get_executor(), *stage, clock, port_options);
   const std::string stage_path = options.stage_link.empty() ? port.path() : options.stage_link;
+  sim::OperatorPort::Options operator_options;
+  operator_options.address = options.listen;
+  operator_options.port = options.operator_port;
+  for (const fit::Target& target : scene.targets) operator_options.targets.push_back(target.name);
+  sim::OperatorPort::Bench at_the_bench;
+  at_the_bench.place = [&](const sim::SceneState& placed) { engine->set_scene(placed); };
+  at_the_bench.fault = [](const std::string&) { throw std::invalid_argument("no faults yet"); };
+  at_the_bench.state = [&] {
+    return nlohmann::json{{"time_s", clock.now_s()},
+                          {"stage_deg", stage_at(clock.now_s()).angle_rad * fit::deg_per_rad},
+                          {"scans", device.scans_made()}};
+  };
+  sim::OperatorPort operator_port(io.get_executor(), operator_options, std::move(at_the_bench));
   const nlohmann::ordered_json ready = {
       {"lidar_port", server.port()},
       {"lidar", "tcp://" + options.listen + ":" + std::to_string(server.port())},
       {"stage_port", stage_path},
-      {"stage", "serial:" + stage_path + (clock.is_max() ? "?settle_s=0" : "")}};
+      {"stage", "serial:" + stage_path + (clock.is_max() ? "?settle_s=0" : "")},
+      {"operator_port", operator_port.port()},
+      {"operator", options.listen + ":" + std::to_string(operator_port.port())}};
   std::printf("%s\n", ready.dump().c_str());
   std::fflush(stdout);
   boost::asio::signal_set signals(io, SIGINT, SIGTERM);
@@ -99,6 +115,9 @@ int main(int argc, char** argv) {
   app.add_option("--truth", options.truth_file,
                  "Bench file of what is really there, when the operator's is not exact");
   app.add_option("--lidar-port", options.lidar_port, "TCP port of the lidar; 0 picks a free one")
+      ->capture_default_str();
+  app.add_option("--operator-port", options.operator_port,
+                 "TCP port where prompts of a procedure change the bench; 0 picks a free one")
       ->capture_default_str();
   app.add_option("--stage-link", options.stage_link, "Where to link the stage's pseudo-terminal");
   app.add_option("--stage-language", options.stage_language,

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: MIT
+#include "sim/operator_port.hpp"
+
+#include <boost/asio/io_context.hpp>
+#include <catch2/catch.hpp>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+using nlohmann::json;
+
+TEST_CASE("the operator port places targets, keeps what is not mentioned and refuses what there is not") {
+  boost::asio::io_context io;
+  std::vector<sim::SceneState> seen;
+  sim::OperatorPort::Options options;
+  options.targets = {"board", "wall"};
+  sim::OperatorPort::Bench bench;
+  bench.place = [&](const sim::SceneState& scene) { seen.push_back(scene); };
+  bench.fault = [](const std::string& fault) {
+    if (fault != "stage stall") throw std::invalid_argument("no such fault");
+  };
+  bench.state = [] { return json{{"time_s", 1.5}}; };
+  sim::OperatorPort port(io.get_executor(), options, bench);
+  const auto say = [&](const std::string& line) { return json::parse(port.answer(line)); };
+
+  CHECK(say(R"({"place": {"target": "board", "shift_mm": 100, "reflectance": 0.2}})") == json{{"ok", true}});
+  CHECK(say(R"({"place": {"target": "board", "temperature_c": 31}})")["ok"] == true);
+  CHECK(say(R"({"place": {"target": "wall", "shift_mm": -5}})")["ok"] == true);
+  REQUIRE(seen.size() == 3);
+  CHECK(seen[1].target_shift_mm == 100);
+  CHECK(seen[1].reflectance == 0.2);
+  CHECK(seen[2].temperature_c == 31);
+  CHECK(seen[2].reflectance < 0);
+  CHECK(say(R"({"get": "state"})")["time_s"] == 1.5);
+  CHECK(say(R"({"fault": "stage stall"})")["ok"] == true);
+  for (const char* wrong :
+       {"", "nonsense", "[]", "{}", R"({"place": {"target": "door"}})", R"({"place": {"shift_mm": 5}})",
+        R"({"place": {"target": "board", "shift_mm": "far"}})", R"({"place": {"target": 5}})",
+        R"({"place": {"colour": 1}})", R"({"fault": "x"})", R"({"get": "rich"})"})
+    CHECK(say(wrong)["ok"] == false);
+  CHECK(seen.size() == 3);
+}
