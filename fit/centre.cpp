@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: MIT
+#include "fit/centre.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <boost/math/distributions/chi_squared.hpp>
+#include <cmath>
+#include <stdexcept>
+
+namespace fit {
+namespace {
+
+Eigen::Matrix2d rotation(double rad) {
+  Eigen::Matrix2d r;
+  r << std::cos(rad), -std::sin(rad), std::sin(rad), std::cos(rad);
+  return r;
+}
+
+/// Square root of a sight's covariance, columns radial and tangential.
+Eigen::Matrix2d root_covariance(const CentrePoint& point) {
+  return rotation(point.beam_rad) *
+         Eigen::Vector2d(point.u_range_mm, point.range_mm * point.u_angle_rad).asDiagonal();
+}
+
+void judge(CentreFit& fit) {
+  if (fit.degrees_of_freedom < 1) return;
+  const boost::math::chi_squared_distribution<double> expected(fit.degrees_of_freedom);
+  if (fit.chi2 <= quantile(expected, 0.99)) return;
+  fit.inflation = std::sqrt(fit.chi2 / fit.degrees_of_freedom);
+  for (Eigen::Matrix2d* part : {&fit.covariance, &fit.from_range, &fit.from_angle})
+    *part *= fit.inflation * fit.inflation;
+}
+
+double condition_of(Eigen::MatrixXd design) {
+  for (int column = 0; column < design.cols(); ++column) {
+    const double length = design.col(column).norm();
+    if (length > 0) design.col(column) /= length;
+  }
+  const Eigen::VectorXd values = design.jacobiSvd().singularValues();
+  return values(values.size() - 1) > 0 ? values(0) / values(values.size() - 1)
+                                       : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
+Eigen::Vector2d centre_from_pair(const Eigen::Vector2d& before, const Eigen::Vector2d& after,
+                                 double turn_rad) {
+  if (std::abs(std::sin(turn_rad / 2)) < 1e-9)
+    throw std::invalid_argument(
+        "the lidar did not turn between the two sights: they say nothing of its axis");
+  const double q = 0.5 / std::tan(turn_rad / 2);
+  return {(before.x() + after.x()) / 2 - q * (before.y() - after.y()),
+          (before.y() + after.y()) / 2 + q * (before.x() - after.x())};
+}
+
+CentrePair centre_of_pair(const std::vector<CentrePoint>& points, std::size_t first, std::size_t second) {
+  const CentrePoint &a = points.at(first), &b = points.at(second);
+  CentrePair pair{first, second, b.stage_rad - a.stage_rad, {}, Eigen::Matrix2d::Zero()};
+  pair.centre = centre_from_pair(a.position(), b.position(), pair.turn_rad);
+  // after = R(-turn) before + (I - R(-turn)) centre.
+  const Eigen::Matrix2d turn = rotation(-pair.turn_rad);
+  const Eigen::Matrix2d inverse = (Eigen::Matrix2d::Identity() - turn).inverse();
+  const Eigen::Matrix2d from_a = -inverse * turn * root_covariance(a), from_b = inverse * root_covariance(b);
+  pair.covariance = from_a * from_a.transpose() + from_b * from_b.transpose();
+  return pair;
+}
+
+CentreFit fit_centre(const std::vector<CentrePoint>& points) {
+  const auto n = static_cast<Eigen::Index>(points.size());
+  if (n < 2)
+    throw std::invalid_argument("the rotation centre needs the same point seen from two stage angles");
+  Eigen::MatrixXd design(2 * n, 4);
+  Eigen::VectorXd seen(2 * n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const CentrePoint& point = points[static_cast<std::size_t>(i)];
+    const Eigen::Matrix2d whiten = root_covariance(point).inverse();
+    design.block<2, 2>(2 * i, 0) = whiten * rotation(-point.stage_rad);
+    design.block<2, 2>(2 * i, 2) = whiten;
+    seen.segment<2>(2 * i) = whiten * point.position();
+  }
+  if (!design.allFinite()) throw std::invalid_argument("a sight has no uncertainty, so it cannot be weighed");
+  CentreFit fit;
+  fit.condition = condition_of(design);
+  if (fit.condition > 1e7)
+    throw std::invalid_argument("the lidar hardly turned between the sights: they say nothing of its axis");
+  const Eigen::MatrixXd inverse = design.completeOrthogonalDecomposition().pseudoInverse();
+  const Eigen::Vector4d solution = inverse * seen;
+  fit.point = solution.head<2>();
+  fit.centre = solution.tail<2>();
+  const Eigen::VectorXd residual = seen - design * solution;
+  fit.chi2 = residual.squaredNorm();
+  fit.degrees_of_freedom = static_cast<int>(2 * n - 4);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const CentrePoint& point = points[static_cast<std::size_t>(i)];
+    fit.residuals.emplace_back(residual(2 * i) * point.u_range_mm,
+                               residual(2 * i + 1) * point.range_mm * point.u_angle_rad);
+    const Eigen::Vector2d radial = inverse.block<2, 1>(2, 2 * i),
+                          tangential = inverse.block<2, 1>(2, 2 * i + 1);
+    fit.from_range += radial * radial.transpose();
+    fit.from_angle += tangential * tangential.transpose();
+  }
+  fit.covariance = fit.from_range + fit.from_angle;
+  judge(fit);
+  return fit;
+}
+
+CentreFit fit_centre_from_lines(const std::vector<BoardLine>& lines) {
+  const auto n = static_cast<Eigen::Index>(lines.size());
+  if (n < 3)
+    throw std::invalid_argument("the centre from the board's line needs the board from three stage angles");
+  Eigen::MatrixXd design(n, 3);
+  Eigen::VectorXd seen(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const BoardLine& line = lines[static_cast<std::size_t>(i)];
+    design.row(i) =
+        Eigen::RowVector3d(1, std::cos(line.normal_rad), std::sin(line.normal_rad)) / line.u_distance_mm;
+    seen(i) = line.distance_mm / line.u_distance_mm;
+  }
+  CentreFit fit;
+  fit.condition = condition_of(design);
+  if (!design.allFinite() || fit.condition > 1e7)
+    throw std::invalid_argument("the lidar hardly turned between the sights of the board");
+  const Eigen::MatrixXd inverse = design.completeOrthogonalDecomposition().pseudoInverse();
+  const Eigen::Vector3d solution = inverse * seen;
+  fit.centre = solution.tail<2>();
+  fit.point = {solution(0), 0};
+  const Eigen::VectorXd residual = seen - design * solution;
+  fit.chi2 = residual.squaredNorm();
+  fit.degrees_of_freedom = static_cast<int>(n - 3);
+  const Eigen::MatrixXd rows = inverse.bottomRows<2>();
+  fit.covariance = fit.from_range = rows * rows.transpose();
+  for (Eigen::Index i = 0; i < n; ++i)
+    fit.residuals.emplace_back(residual(i) * lines[static_cast<std::size_t>(i)].u_distance_mm, 0);
+  judge(fit);
+  return fit;
+}
+
+Eigen::Vector2d about_centre(const Eigen::Vector2d& point, const Eigen::Vector2d& centre) {
+  return point - centre;
+}
+
+Eigen::Vector2d to_map(double corrected_mm, double beam_rad, const Eigen::Vector2d& mount,
+                       const Eigen::Vector2d& centre, const RobotPose& robot) {
+  const Eigen::Vector2d seen(corrected_mm * std::cos(beam_rad), corrected_mm * std::sin(beam_rad));
+  return rotation(robot.heading_rad) * (seen + mount - centre) + Eigen::Vector2d(robot.x_mm, robot.y_mm);
+}
+
+}  // namespace fit

@@ -1,0 +1,392 @@
+// SPDX-License-Identifier: MIT
+#include "fit/edge.hpp"
+
+#include <algorithm>
+#include <array>
+#include <boost/math/distributions/binomial.hpp>
+#include <boost/math/distributions/chi_squared.hpp>
+#include <cmath>
+#include <map>
+
+namespace fit {
+namespace {
+
+constexpr double no_echo_mm = 65535;  // Sorts behind everything.
+
+/// Ranges of one beam in one capture, counted.
+class Histogram {
+ public:
+  void add(double range_mm) { ++counts_[static_cast<int>(range_mm)], ++n_; }
+  [[nodiscard]] long n() const { return n_; }
+  [[nodiscard]] double median() const {
+    long seen = 0;
+    for (const auto& [range, count] : counts_)
+      if (2 * (seen += count) >= n_) return range;
+    return 0;
+  }
+  [[nodiscard]] double robust_sigma(double about) const {
+    std::map<int, long> deviations;
+    for (const auto& [range, count] : counts_)
+      deviations[static_cast<int>(std::lround(std::abs(range - about)))] += count;
+    long seen = 0;
+    for (const auto& [deviation, count] : deviations)
+      if (2 * (seen += count) >= n_) return 1.4826 * std::max(0.5, static_cast<double>(deviation));
+    return 1;
+  }
+  [[nodiscard]] long farther_than(double range_mm) const {
+    long total = 0;
+    for (auto it = counts_.upper_bound(static_cast<int>(std::floor(range_mm))); it != counts_.end(); ++it)
+      total += it->second;
+    return total;
+  }
+  [[nodiscard]] long within(double about, double gate) const {
+    long total = 0;
+    for (const auto& [range, count] : counts_)
+      if (std::abs(range - about) <= gate) total += count;
+    return total;
+  }
+  [[nodiscard]] std::pair<double, double> mean_and_sd() const {
+    double n = 0, sum = 0, square = 0;
+    for (const auto& [range, count] : counts_) {
+      if (range >= no_echo_mm) continue;
+      const double weight = static_cast<double>(count);
+      n += weight, sum += weight * range, square += weight * range * range;
+    }
+    if (n < 1) return {0, 0};
+    return {sum / n, n > 1 ? std::sqrt(std::max(0.0, (square - sum * sum / n) / (n - 1))) : 0};
+  }
+
+ private:
+  std::map<int, long> counts_;
+  long n_ = 0;
+};
+
+struct BeamStop {
+  std::size_t capture;
+  double stage_rad;
+  Histogram histogram;
+  double median_mm = 0, sigma_mm = 1;
+};
+
+/// A surface as smooth stops show it.
+struct Level {
+  double median_mm = 0, gate_mm = 3, outside = 0;
+};
+
+Level level_of(const BeamStop& stop) {
+  Level level{stop.median_mm, std::max(3.0, 5 * stop.sigma_mm), 0};
+  const auto n = static_cast<double>(stop.histogram.n());
+  const auto outside = n - static_cast<double>(stop.histogram.within(level.median_mm, level.gate_mm));
+  level.outside = (outside + 1) / (n + 2);  // Rule of succession: a short reference promises nothing.
+  return level;
+}
+
+bool leaves(long outside, long n, double expected, double chance) {
+  if (outside == 0) return false;
+  const boost::math::binomial_distribution<double> by_chance(static_cast<double>(n), std::min(expected, 0.5));
+  return cdf(complement(by_chance, static_cast<double>(outside - 1))) < chance;
+}
+
+using BeamStops = std::map<std::pair<int, int>, std::vector<BeamStop>>;  // By beam and approach.
+
+BeamStops collect(const Recording& recording, const EdgeOptions& options) {
+  BeamStops beams;
+  for (std::size_t i = 0; i < recording.captures().size(); ++i) {
+    const CaptureInfo& capture = recording.captures()[i];
+    if (capture.stage_rate_rad_s != 0) continue;
+    if (options.target && capture.target && *capture.target != *options.target) continue;
+    std::vector<Histogram> histograms(static_cast<std::size_t>(capture.beams()));
+    recording.for_each_scan(i, [&](const ScanView& scan) {
+      for (std::size_t k = 0; k < std::min(histograms.size(), scan.range_mm.size()); ++k)
+        histograms[k].add(scan.range_mm[k] == 0 || scan.range_mm[k] >= 65500 ? no_echo_mm : scan.range_mm[k]);
+    });
+    const double stage = capture.stage_readback_rad.value_or(capture.stage_rad);
+    for (std::size_t k = 0; k < histograms.size(); ++k) {
+      if (histograms[k].n() < 10) continue;
+      const int step = capture.first_step + static_cast<int>(k) * capture.cluster;
+      BeamStop stop{i, stage, std::move(histograms[k])};
+      stop.median_mm = stop.histogram.median();
+      stop.sigma_mm = stop.histogram.robust_sigma(stop.median_mm);
+      beams[{step, capture.approach}].push_back(std::move(stop));
+    }
+  }
+  for (auto& [key, stops] : beams)
+    std::ranges::sort(stops, {}, [](const BeamStop& stop) { return stop.stage_rad; });
+  return beams;
+}
+
+bool is_step(const BeamStop& a, const BeamStop& b) {
+  const double gap = std::abs(a.median_mm - b.median_mm);
+  return gap > 50 && gap > 10 * std::min(a.sigma_mm, b.sigma_mm);
+}
+
+/// Stops whose spread is the surface's own noise: at least most of their samples see one surface.
+std::vector<std::size_t> calm_stops(const std::vector<BeamStop>& stops) {
+  std::vector<double> sigmas;
+  for (const BeamStop& stop : stops) sigmas.push_back(stop.sigma_mm);
+  const auto quarter = sigmas.begin() + static_cast<std::ptrdiff_t>(sigmas.size() / 4);
+  std::nth_element(sigmas.begin(), quarter, sigmas.end());
+  std::vector<std::size_t> calm;
+  for (std::size_t i = 0; i < stops.size(); ++i)
+    if (stops[i].sigma_mm <= 2.5 * *quarter + 1) calm.push_back(i);
+  return calm;
+}
+
+/// The stops of one beam about one edge; `from` and `to` are indices, the ends on different surfaces.
+struct Passage {
+  const std::vector<BeamStop>& stops;
+  std::size_t from, to;
+  double first_mm, last_mm;  ///< Levels at the ends.
+
+  [[nodiscard]] bool rising() const { return last_mm > first_mm; }
+  [[nodiscard]] bool like_first(std::size_t i) const {
+    return std::abs(stops[i].median_mm - first_mm) < std::abs(first_mm - last_mm) / 4;
+  }
+  [[nodiscard]] bool like_last(std::size_t i) const {
+    return std::abs(stops[i].median_mm - last_mm) < std::abs(first_mm - last_mm) / 4;
+  }
+  /// The level of the first or last surface at stop i: a slanted surface's range drifts from stop to stop, so
+  /// the nearest stop that shows it is asked.
+  [[nodiscard]] double level_mm(std::size_t i, bool first) const {
+    const auto shows = [&](std::size_t j) { return first ? like_first(j) : like_last(j); };
+    for (std::size_t j = i;; first ? --j : ++j) {
+      if (shows(j)) return stops[j].median_mm;
+      if (j == (first ? from : to)) return first ? first_mm : last_mm;
+    }
+  }
+};
+
+/// Widens a passage to the stops around it that still show the same two surfaces.
+void widen(Passage& passage, double reach_rad) {
+  const auto& stops = passage.stops;
+  const double first_rad = stops[passage.from].stage_rad, last_rad = stops[passage.to].stage_rad;
+  while (passage.from > 0 && first_rad - stops[passage.from - 1].stage_rad < reach_rad &&
+         passage.like_first(passage.from - 1))
+    --passage.from;
+  while (passage.to + 1 < stops.size() && stops[passage.to + 1].stage_rad - last_rad < reach_rad &&
+         passage.like_last(passage.to + 1))
+    ++passage.to;
+}
+
+EdgeCrossing crossing_of(const Passage& passage, const EdgeOptions& options) {
+  const bool rising = passage.rising();
+  const Level front = level_of(passage.stops[rising ? passage.from : passage.to]);
+  const Level back = level_of(passage.stops[rising ? passage.to : passage.from]);
+  EdgeCrossing crossing;
+  crossing.right = !rising;
+  crossing.front_mm = std::min(passage.first_mm, passage.last_mm);
+  crossing.back_mm = back.median_mm >= no_echo_mm ? 0 : std::max(passage.first_mm, passage.last_mm);
+  for (std::size_t i = passage.from; i <= passage.to; ++i) {
+    const BeamStop& stop = passage.stops[i];
+    const double front_mm = passage.level_mm(i, rising), back_mm = passage.level_mm(i, !rising);
+    const double between = back_mm >= no_echo_mm ? front_mm + 20 * front.gate_mm : (front_mm + back_mm) / 2;
+    EdgeStop out;
+    out.capture = stop.capture, out.stage_rad = stop.stage_rad, out.n = stop.histogram.n();
+    out.back = stop.histogram.farther_than(between);
+    out.outside_front = out.n - stop.histogram.within(front_mm, front.gate_mm);
+    out.outside_back = out.n - stop.histogram.within(back_mm, back.gate_mm);
+    std::tie(out.mean_mm, out.sd_mm) = stop.histogram.mean_and_sd();
+    out.state = !leaves(out.outside_front, out.n, front.outside, options.chance) ? EdgeStop::State::front
+                : !leaves(out.outside_back, out.n, back.outside, options.chance) ? EdgeStop::State::back
+                                                                                 : EdgeStop::State::jitter;
+    crossing.stops.push_back(out);
+  }
+  return crossing;
+}
+
+/// Keeps what belongs to the edge: the jittering stops and a few smooth ones on each side.
+void trim(EdgeCrossing& crossing, const EdgeOptions& options) {
+  auto& stops = crossing.stops;
+  double first = 1e9, last = -1e9;
+  for (std::size_t i = 0; i < stops.size(); ++i) {
+    if (stops[i].state == EdgeStop::State::jitter) {
+      first = std::min(first, stops[i].stage_rad);
+      last = std::max(last, stops[i].stage_rad);
+    }
+    if (i > 0 && stops[i].state != stops[i - 1].state) {
+      first = std::min(first, stops[i].stage_rad);
+      last = std::max(last, stops[i - 1].stage_rad);
+    }
+  }
+  if (first > last) std::swap(first, last);
+  std::erase_if(stops, [&](const EdgeStop& stop) {
+    return stop.stage_rad < first - options.reach_rad || stop.stage_rad > last + options.reach_rad;
+  });
+  double least = 1e9;
+  for (std::size_t i = 1; i < stops.size(); ++i)
+    if (stops[i].stage_rad > first - 1e-3 && stops[i].stage_rad < last + 1e-3 &&
+        stops[i].stage_rad - stops[i - 1].stage_rad > 1e-7)
+      least = std::min(least, stops[i].stage_rad - stops[i - 1].stage_rad);
+  crossing.step_rad = least < 1e9 ? least : 0;
+  for (const EdgeStop& stop : stops) {
+    if (stop.state != EdgeStop::State::jitter) continue;
+    if (!crossing.jitter_rad) crossing.jitter_rad = {stop.stage_rad, stop.stage_rad};
+    crossing.jitter_rad->second = stop.stage_rad;
+  }
+}
+
+/// Distance between the last stop wholly in front and the first wholly behind.
+double bracket(const EdgeCrossing& crossing) {
+  double front = -1e9, back = 1e9;
+  for (const EdgeStop& stop : crossing.stops) {
+    const double along = crossing.right ? -stop.stage_rad : stop.stage_rad;
+    if (stop.state == EdgeStop::State::front) front = std::max(front, along);
+    if (stop.state == EdgeStop::State::back) back = std::min(back, along);
+  }
+  return back - front;
+}
+
+double log_likelihood(const std::vector<EdgeStop>& stops, bool rising, double edge, double window, bool ramp,
+                      double stray) {
+  double sum = 0;
+  for (const EdgeStop& stop : stops) {
+    const double along = (rising ? 1 : -1) * (stop.stage_rad - edge) / window;
+    // The Gaussian's standard deviation is the window over 4.653: from 1 % to 99 %.
+    const double seen =
+        ramp ? std::clamp(0.5 + along, 0.0, 1.0) : std::erfc(-along * 4.652696 / std::numbers::sqrt2) / 2;
+    const double share = stray + (1 - 2 * stray) * seen;
+    sum += static_cast<double>(stop.back) * std::log(share) +
+           static_cast<double>(stop.n - stop.back) * std::log1p(-share);
+  }
+  return sum;
+}
+
+constexpr std::array<double, 4> strays = {1e-6, 1e-4, 1e-3, 1e-2};
+
+struct Posterior {
+  double edge = 0, window = 0, u_edge = 0, u_window = 0, ramp = 0.5;
+  double best_edge = 0, best_window = 0, best_stray = 0;
+  bool best_ramp = true;
+};
+
+struct Box {
+  double edge_from, edge_to, window_from, window_to;
+};
+
+/// One pass over a grid; shrinks the box to where the posterior is.
+Posterior sum_over(const std::vector<EdgeStop>& stops, bool rising, Box& box, double dispersion) {
+  constexpr int cells = 41;
+  struct Cell {
+    double edge, window, value;
+    bool ramp;
+    double stray;
+  };
+  std::vector<Cell> grid;
+  double best = -1e300;
+  Posterior out;
+  for (int i = 0; i < cells; ++i)
+    for (int j = 0; j < cells; ++j)
+      for (const bool ramp : {true, false})
+        for (const double stray : strays) {
+          const double edge = box.edge_from + (i + 0.5) / cells * (box.edge_to - box.edge_from);
+          const double window = box.window_from + (j + 0.5) / cells * (box.window_to - box.window_from);
+          const double value = log_likelihood(stops, rising, edge, window, ramp, stray) / dispersion;
+          grid.push_back({edge, window, value, ramp, stray});
+          if (value <= best) continue;
+          best = value;
+          out.best_edge = edge, out.best_window = window, out.best_stray = stray, out.best_ramp = ramp;
+        }
+  double total = 0, edge = 0, window = 0, edge2 = 0, window2 = 0, ramp = 0;
+  Box kept{1e9, -1e9, 1e9, -1e9};
+  for (const Cell& cell : grid) {
+    if (cell.value < best - 18) continue;
+    const double weight = std::exp(cell.value - best), e = cell.edge - out.best_edge;
+    total += weight, edge += weight * e, edge2 += weight * e * e;
+    window += weight * cell.window, window2 += weight * cell.window * cell.window;
+    ramp += cell.ramp ? weight : 0;
+    kept = {std::min(kept.edge_from, cell.edge), std::max(kept.edge_to, cell.edge),
+            std::min(kept.window_from, cell.window), std::max(kept.window_to, cell.window)};
+  }
+  out.edge = out.best_edge + edge / total;
+  out.u_edge = std::sqrt(std::max(0.0, edge2 / total - edge / total * (edge / total)));
+  out.window = window / total;
+  out.u_window = std::sqrt(std::max(0.0, window2 / total - out.window * out.window));
+  out.ramp = ramp / total;
+  const double dx = 1.5 * (box.edge_to - box.edge_from) / cells,
+               dw = 1.5 * (box.window_to - box.window_from) / cells;
+  box = {std::max(box.edge_from, kept.edge_from - dx), std::min(box.edge_to, kept.edge_to + dx),
+         std::max(box.window_from, kept.window_from - dw), std::min(box.window_to, kept.window_to + dw)};
+  return out;
+}
+
+Posterior zoom(const std::vector<EdgeStop>& stops, bool rising, Box box, double dispersion) {
+  Posterior posterior = sum_over(stops, rising, box, dispersion);
+  for (int round = 0; round < 6; ++round) {
+    const double width = box.edge_to - box.edge_from, height = box.window_to - box.window_from;
+    posterior = sum_over(stops, rising, box, dispersion);
+    if (box.edge_to - box.edge_from > 0.8 * width && box.window_to - box.window_from > 0.8 * height) break;
+  }
+  return posterior;
+}
+
+/// Pearson's chi-square per degree of freedom at the best response, if chance alone would not make it (1 %).
+double dispersion_at(const std::vector<EdgeStop>& stops, bool rising, const Posterior& at) {
+  double chi2 = 0;
+  int informative = 0;
+  for (const EdgeStop& stop : stops) {
+    const double along = (rising ? 1 : -1) * (stop.stage_rad - at.best_edge) / at.best_window;
+    const double seen = at.best_ramp ? std::clamp(0.5 + along, 0.0, 1.0)
+                                     : std::erfc(-along * 4.652696 / std::numbers::sqrt2) / 2;
+    const double n = static_cast<double>(stop.n), p = at.best_stray + (1 - 2 * at.best_stray) * seen;
+    if (n * p < 3 || n * (1 - p) < 3) continue;
+    ++informative;
+    chi2 += std::pow(static_cast<double>(stop.back) - n * p, 2) / (n * p * (1 - p));
+  }
+  const int freedom = informative - 2;
+  if (freedom < 1) return 1;
+  const boost::math::chi_squared_distribution<double> expected(freedom);
+  return chi2 > quantile(expected, 0.99) ? chi2 / freedom : 1;
+}
+
+}  // namespace
+
+EdgeResponse fit_edge_response(const std::vector<EdgeStop>& stops, bool rising) {
+  double front = -1e9, back = 1e9;
+  int inside = 0;
+  for (const EdgeStop& stop : stops) {
+    const double along = rising ? stop.stage_rad : -stop.stage_rad;
+    if (stop.state == EdgeStop::State::front) front = std::max(front, along);
+    if (stop.state == EdgeStop::State::back) back = std::min(back, along);
+    inside += stop.state == EdgeStop::State::jitter;
+  }
+  const double width = std::max(back - front, 1e-5);
+  // The likelihood decides; the box only has to hold it: a wide Gaussian's tails reach over smooth stops.
+  const double low = std::min(front, back) - width, high = std::max(front, back) + width;
+  const Box box{rising ? low : -high, rising ? high : -low, width / 500, 3 * width};
+  Posterior posterior = zoom(stops, rising, box, 1);
+  EdgeResponse response;
+  response.dispersion = dispersion_at(stops, rising, posterior);
+  if (response.dispersion > 1) posterior = zoom(stops, rising, box, response.dispersion);
+  response.edge_rad = {posterior.edge, posterior.u_edge};
+  response.window_rad = {posterior.window, posterior.u_window};
+  response.ramp_probability = posterior.ramp;
+  response.stops_inside = inside;
+  return response;
+}
+
+std::vector<EdgeCrossing> find_edge_crossings(const Recording& recording, const EdgeOptions& options) {
+  std::vector<EdgeCrossing> crossings;
+  for (const auto& [key, stops] : collect(recording, options)) {
+    const std::vector<std::size_t> calm = calm_stops(stops);
+    for (std::size_t c = 0; c + 1 < calm.size(); ++c) {
+      const BeamStop &before = stops[calm[c]], &after = stops[calm[c + 1]];
+      if (!is_step(before, after) || after.stage_rad - before.stage_rad > options.reach_rad) continue;
+      Passage passage{stops, calm[c], calm[c + 1], before.median_mm, after.median_mm};
+      if (options.right && *options.right == passage.rising()) continue;
+      widen(passage, options.reach_rad);
+      EdgeCrossing crossing = crossing_of(passage, options);
+      crossing.step = key.first;
+      crossing.beam_rad = recording.bench().lidar.beam_angle(key.first);
+      crossing.approach = key.second;
+      trim(crossing, options);
+      const double width = bracket(crossing);
+      if (width > options.least_gap_rad || width < 0) continue;
+      crossing.response = fit_edge_response(crossing.stops, passage.rising());
+      crossings.push_back(std::move(crossing));
+    }
+  }
+  std::ranges::sort(crossings, {}, [](const EdgeCrossing& c) { return c.response.edge_rad.u; });
+  return crossings;
+}
+
+}  // namespace fit

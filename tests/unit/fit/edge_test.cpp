@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: MIT
+#include "fit/edge.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <random>
+
+#include "synthetic_recording.hpp"
+
+namespace {
+
+constexpr double deg = fit::rad_per_deg;
+
+enum class Shape { ramp, gaussian };
+
+/// A board at 1.5 m square to the view, its right edge at bearing `edge_deg`, a background 0.8 m behind;
+/// beams see behind with a probability that rises across the window.
+SyntheticRecording edge_bench(double edge_deg, double window_deg, Shape shape, unsigned seed,
+                              double drift_mm_per_deg = 0) {
+  auto random = std::make_shared<std::mt19937_64>(seed);
+  return {fit::Bench{}, [=](const fit::CaptureInfo& capture, std::int64_t, auto& range, auto& intensity) {
+            std::normal_distribution<double> noise(0, 4);
+            std::uniform_real_distribution<double> chance;
+            const fit::LidarGeometry lidar;
+            for (std::size_t k = 0; k < range.size(); ++k) {
+              const double bearing =
+                  (capture.stage_rad + lidar.beam_angle(capture.first_step + static_cast<double>(k))) / deg;
+              const double along = (edge_deg - bearing) / window_deg;
+              const double behind = shape == Shape::ramp ? std::clamp(0.5 + along, 0.0, 1.0)
+                                                         : std::erfc(-along * 4.6527 / std::sqrt(2.0)) / 2;
+              const double level =
+                  (chance(*random) < behind ? 2300 : 1500) + drift_mm_per_deg * (bearing - edge_deg);
+              range[k] = static_cast<std::uint16_t>(std::lround(level + noise(*random)));
+              intensity[k] = 1800;
+            }
+          }};
+}
+
+void sweep(SyntheticRecording& recording, double from_deg, double to_deg, double step_deg, long scans) {
+  for (double angle = from_deg; angle < to_deg + 1e-9; angle += step_deg) {
+    fit::CaptureInfo capture;
+    capture.stage_rad = angle * deg;
+    capture.approach = 1;
+    capture.target = "board";
+    capture.first_step = 540, capture.last_step = 544;
+    recording.add(capture, scans);
+  }
+}
+
+/// The beam of step 540 points along the stage's angle.
+const fit::EdgeCrossing& front_beam(const std::vector<fit::EdgeCrossing>& crossings) {
+  for (const auto& crossing : crossings)
+    if (crossing.step == 540) return crossing;
+  FAIL("the front beam's crossing was not found");
+  return crossings.front();
+}
+
+}  // namespace
+
+TEST_CASE("a sweep over a board's edge gives its angle and the window of jitter as in the paper") {
+  auto recording = edge_bench(40.023, 0.05, Shape::ramp, 1);
+  sweep(recording, 39.9, 40.15, 0.01, 1000);
+  const auto crossings = fit::find_edge_crossings(recording);
+  const auto& crossing = front_beam(crossings);
+  CHECK(crossing.right);
+  CHECK(std::abs(crossing.response.edge_rad.value / deg - 40.023) < 3 * crossing.response.edge_rad.u / deg);
+  CHECK(crossing.response.edge_rad.u / deg < 0.001);
+  CHECK(std::abs(crossing.response.window_rad.value / deg - 0.05) < 3 * crossing.response.window_rad.u / deg);
+  CHECK(crossing.response.window_rad.u / deg < 0.003);
+  CHECK(crossing.response.ramp_probability > 0.9);
+  REQUIRE(crossing.jitter_rad);
+  CHECK(crossing.jitter_rad->first / deg == Approx(40.00));
+  CHECK(crossing.jitter_rad->second / deg == Approx(40.04));
+  CHECK(crossing.step_rad / deg == Approx(0.01));
+}
+
+TEST_CASE("edge and window lie within k = 2 of the truth as often as promised") {
+  for (const Shape shape : {Shape::ramp, Shape::gaussian}) {
+    int edge_inside = 0, window_inside = 0;
+    constexpr int seeds = 50;
+    for (unsigned seed = 0; seed < seeds; ++seed) {
+      const double edge = 40.02 + 0.0002 * seed;
+      auto recording = edge_bench(edge, 0.06, shape, 100 + seed);
+      sweep(recording, 39.9, 40.15, 0.01, 200);
+      const auto crossings = fit::find_edge_crossings(recording);
+      const auto& response = front_beam(crossings).response;
+      edge_inside += std::abs(response.edge_rad.value / deg - edge) < 2 * response.edge_rad.u / deg;
+      window_inside += std::abs(response.window_rad.value / deg - 0.06) < 2 * response.window_rad.u / deg;
+    }
+    INFO((shape == Shape::ramp ? "ramp" : "gaussian")
+         << ": edge " << edge_inside << ", window " << window_inside);
+    CHECK(edge_inside >= 44);
+    CHECK(window_inside >= 44);
+  }
+}
+
+TEST_CASE("a window narrower than a step is bounded from above, not invented") {
+  auto recording = edge_bench(40.025, 0.002, Shape::ramp, 3);
+  sweep(recording, 39.9, 40.15, 0.01, 300);
+  const auto crossings = fit::find_edge_crossings(recording);
+  const auto& response = front_beam(crossings).response;
+  CHECK(response.stops_inside == 0);
+  CHECK(response.window_rad.u > response.window_rad.value / 4);
+  CHECK(std::abs(response.edge_rad.value / deg - 40.025) < 2 * response.edge_rad.u / deg);
+}
+
+TEST_CASE("a slanted board's drifting range is not taken for jitter") {
+  auto recording = edge_bench(40.02, 0.05, Shape::ramp, 4, 15);
+  sweep(recording, 39.0, 41.0, 0.05, 200);
+  sweep(recording, 39.97, 40.08, 0.01, 200);
+  const auto crossings = fit::find_edge_crossings(recording);
+  const auto& crossing = front_beam(crossings);
+  REQUIRE(crossing.jitter_rad);
+  CHECK(crossing.jitter_rad->first / deg > 39.98);
+  CHECK(crossing.jitter_rad->second / deg < 40.06);
+  CHECK(std::abs(crossing.response.edge_rad.value / deg - 40.02) < 3 * crossing.response.edge_rad.u / deg);
+}
