@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: MIT
+#include <cmath>
+
+#include "rig/runner_impl.hpp"
+#include "rig/scan_gate.hpp"
+
+namespace rig {
+namespace {
+
+constexpr double turn_run_up_s = 0.5;
+
+}  // namespace
+
+fit::CaptureInfo Runner::Impl::info_of(const CaptureRequest& request) {
+  fit::CaptureInfo info;
+  info.step = request.name;
+  info.started_us = now_us();
+  info.stage_rad = position_deg * fit::rad_per_deg;
+  info.stage_readback_rad = readback_deg * fit::rad_per_deg;
+  info.approach = last_approach;
+  info.target = request.target;
+  if (request.target)
+    if (const auto placed = scene.find(*request.target); placed != scene.end()) {
+      info.target_shift_mm = placed->second.shift_mm.value_or(0);
+      info.reflectance = placed->second.reflectance;
+    }
+  if (const auto air = scene.find(""); air != scene.end()) info.temperature_c = air->second.temperature_c;
+  info.first_step = request.first_step;
+  info.last_step = request.last_step;
+  info.cluster = request.cluster;
+  return info;
+}
+
+awaitable<std::int64_t> Runner::Impl::capture(CaptureRequest request) {
+  if (recorded(request.key)) co_return progress_of(request.key).value("capture", std::int64_t{0});
+  if (request.rate_deg_s) {
+    auto turning = turning_capture(request);
+    co_return co_await std::move(turning);
+  }
+  stop_if_aborted();
+  const std::int64_t id = session.begin_capture(info_of(request));
+  std::exception_ptr why;
+  long got = 0;
+  try {
+    auto filling = fill(id, request, got);
+    co_await std::move(filling);
+    replace_short_one(request);
+    record(request.key, {{"capture", id}, {"samples", got}});
+    session.commit_capture(id);
+  } catch (...) {
+    why = std::current_exception();
+  }
+  if (why) {
+    progress.erase(request.key);
+    keep_short(id, request, got);
+    std::rethrow_exception(why);
+  }
+  co_return id;
+}
+
+void Runner::Impl::keep_short(std::int64_t id, const CaptureRequest& request, long got) {
+  try {
+    if (got == 0) {
+      session.abandon_capture(id);
+      return;
+    }
+    replace_short_one(request);
+    session.mark_short(id);
+    record(request.key + "/short", {{"capture", id}, {"samples", got}, {"asked", request.samples}});
+    session.commit_capture(id);
+    note("warning",
+         request.name + " is short: " + grouped(got) + " of " + grouped(request.samples) + " scans");
+  } catch (const std::exception&) {
+    // The disk refuses; the capture is lost, as the caller's error says.
+    progress.erase(request.key + "/short");
+  }
+}
+
+void Runner::Impl::replace_short_one(const CaptureRequest& request) {
+  const json before = progress_of(request.key + "/short");
+  if (before.is_object() && before.contains("capture"))
+    session.replace_capture(before["capture"].get<std::int64_t>());
+}
+
+awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& request, long& got) {
+  const int skip = skip_for(request.spacing_s, known_bench.lidar.scan_hz);
+  ScanGate gate(request, known_bench.lidar.scan_hz, skip);
+  state.activity = "capturing";
+  const bool counts = request.samples >= 200 || state.total <= 1;
+  const auto rejected_before = parts.lidar.rejected();
+  int failures = 0;
+  while (got < request.samples) {
+    stop_if_aborted();
+    std::exception_ptr why;
+    lidar::Scan scan;
+    try {
+      if (!streaming) {
+        gate.restart();
+        auto starting = start_stream(stream_for(request, skip));
+        co_await std::move(starting);
+      }
+      auto reading = parts.lidar.next();
+      scan = co_await std::move(reading);
+    } catch (...) {
+      why = std::current_exception();
+    }
+    if (why) {
+      stop_if_aborted();
+      if (++failures > failures_without_scan) std::rethrow_exception(why);
+      auto reconnecting = reconnect_lidar(why);
+      co_await std::move(reconnecting);
+      continue;
+    }
+    if (!gate.takes(scan, own_time ? 0 : settled_us)) {
+      if (gate.hopeless()) throw DeviceError(unfit_scans(request));
+      continue;
+    }
+    failures = 0;
+    store(id, got, scan);
+    ++got;
+    if (counts) state.done = got, state.total = request.samples, state.unit = "scans";
+    show(scan);
+    changed();
+  }
+  auto stopping = stop_stream();
+  co_await std::move(stopping);
+  tell_losses(request, gate.lost(), parts.lidar.rejected() - rejected_before);
+}
+
+std::string Runner::Impl::unfit_scans(const CaptureRequest& request) {
+  return "The lidar sends scans that do not belong to the capture (other steps than " +
+         std::to_string(request.first_step) + " to " + std::to_string(request.last_step) +
+         ", or stamps that do not advance). None was stored. Switch it off and on, then go on with "
+         "--resume.";
+}
+
+void Runner::Impl::store(std::int64_t id, long seq, const lidar::Scan& scan) {
+  fit::ScanView view;
+  view.seq = seq;
+  view.device_ms = static_cast<std::int64_t>(scan.device_ms);
+  view.host_us = session_us(scan);
+  view.range_mm = scan.range_mm;
+  view.intensity = scan.intensity;
+  session.add_scan(id, view);
+}
+
+void Runner::Impl::tell_losses(const CaptureRequest& request, std::uint64_t lost, std::uint64_t rejected) {
+  state.scans_lost += lost;
+  if (lost > 0)
+    note("warning",
+         request.name + ": " + std::to_string(lost) + " scans were lost on the way; the capture is complete");
+  if (rejected > 0)
+    note("warning",
+         request.name + ": " + std::to_string(rejected) + " answers with wrong checksums were thrown away");
+}
+
+awaitable<std::int64_t> Runner::Impl::turning_capture(CaptureRequest request) {
+  if (own_time)
+    throw MeasurementError(
+        "A turning capture needs scans and stage positions on one clock, and this lidar's clock does not "
+        "run with this "
+        "computer's. Run the simulator with --speed real.");
+  ScanGate gate(request, known_bench.lidar.scan_hz, 0);
+  const std::int64_t ready_us = parts.clock.host_us() + static_cast<std::int64_t>(1e6 * turn_run_up_s);
+  std::vector<lidar::Scan> scans;
+  Track track;
+  auto starting = start_stream(stream_for(request, 0));
+  co_await std::move(starting);
+  while (scans.size() < static_cast<std::size_t>(request.samples)) {
+    stop_if_aborted();
+    auto reading = parts.lidar.next();
+    lidar::Scan scan = co_await std::move(reading);
+    if (!gate.takes(scan, ready_us)) {
+      if (gate.hopeless()) throw DeviceError(unfit_scans(request));
+      continue;
+    }
+    show(scan);
+    scans.push_back(std::move(scan));
+    state.done = static_cast<long>(scans.size()), state.total = request.samples, state.unit = "scans";
+    changed();
+    if (scans.size() % 4 == 1) {
+      auto asking = track_stage(track);
+      co_await std::move(asking);
+    }
+  }
+  auto asking = track_stage(track);
+  co_await std::move(asking);
+  auto stopping = stop_stream();
+  co_await std::move(stopping);
+  co_return store_turning(request, scans, track, gate.lost());
+}
+
+awaitable<void> Runner::Impl::track_stage(Track& track) {
+  const std::int64_t before_us = parts.clock.host_us();
+  auto asking = stage_status();
+  const StageStatus status = co_await std::move(asking);
+  const std::int64_t middle_us = session_us((before_us + parts.clock.host_us()) / 2);
+  if (status.position_deg < limits.min_deg || status.position_deg > limits.max_deg)
+    throw MeasurementError("The turning stage passed its soft limits at " + to_text(status.position_deg) +
+                           " deg and was stopped. Lower the rate or the number of samples.");
+  position_deg = status.position_deg;
+  track.add(static_cast<double>(middle_us) / 1e6, status.position_deg);
+  fit::TrackPose pose;
+  pose.host_us = middle_us;
+  pose.stage_rad = status.position_deg * fit::rad_per_deg;
+  session.add_pose(pose);
+}
+
+std::int64_t Runner::Impl::store_turning(const CaptureRequest& request, const std::vector<lidar::Scan>& scans,
+                                         const Track& track, std::uint64_t lost) {
+  fit::CaptureInfo info = info_of(request);
+  info.started_us = session_us(scans.front());
+  const auto [start_deg, rate_deg_s] = track.at_and_rate(static_cast<double>(info.started_us) / 1e6);
+  info.stage_rad = start_deg * fit::rad_per_deg;
+  info.stage_readback_rad.reset();
+  info.approach = rate_deg_s > 0 ? 1 : -1;
+  info.stage_rate_rad_s = rate_deg_s * fit::rad_per_deg;
+  const std::int64_t id = session.begin_capture(info);
+  for (std::size_t i = 0; i < scans.size(); ++i) store(id, static_cast<long>(i), scans[i]);
+  record(request.key, {{"capture", id}, {"samples", scans.size()}});
+  session.commit_capture(id);
+  tell_losses(request, lost, 0);
+  return id;
+}
+
+awaitable<void> Runner::Impl::wait(double seconds) {
+  LidarStream stream;
+  stream.first_step = stream.last_step = known_bench.lidar.front_step;
+  stream.skip = 9;
+  std::optional<std::uint64_t> first_ms;
+  state.activity = "waiting";
+  int failures = 0;
+  for (double passed_s = 0; passed_s < seconds;) {
+    stop_if_aborted();
+    std::exception_ptr why;
+    try {
+      if (!streaming) {
+        auto starting = start_stream(stream);
+        co_await std::move(starting);
+      }
+      auto reading = parts.lidar.next();
+      const lidar::Scan scan = co_await std::move(reading);
+      if (!first_ms || scan.device_ms < *first_ms) first_ms = scan.device_ms;
+      passed_s = static_cast<double>(scan.device_ms - *first_ms) / 1e3;
+      (void)session_us(scan);
+      failures = 0;
+    } catch (...) {
+      why = std::current_exception();
+    }
+    if (why) {
+      stop_if_aborted();
+      if (++failures > failures_without_scan) std::rethrow_exception(why);
+      auto reconnecting = reconnect_lidar(why);
+      co_await std::move(reconnecting);
+    }
+    state.done = std::lround(passed_s), state.total = std::lround(seconds), state.unit = "s";
+    changed();
+  }
+  auto stopping = stop_stream();
+  co_await std::move(stopping);
+}
+
+}  // namespace rig

@@ -1,0 +1,280 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+// The inside of Runner, shared by the runner_*.cpp files only.
+
+#include <boost/asio/redirect_error.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/asio/this_coro.hpp>
+#include <boost/asio/use_awaitable.hpp>
+#include <deque>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "rig/runner.hpp"
+
+namespace rig {
+
+namespace asio = boost::asio;
+using asio::awaitable;
+using nlohmann::json;
+
+constexpr int failures_without_scan = 3;  // A lidar that reconnects and never measures is lost.
+
+/// Opens once; waiting for an open gate returns at once.
+class Gate {
+ public:
+  awaitable<void> wait() {
+    while (!open_) {
+      asio::steady_timer timer(co_await asio::this_coro::executor, asio::steady_timer::time_point::max());
+      waiting_ = &timer;
+      boost::system::error_code ignored;
+      co_await timer.async_wait(asio::redirect_error(asio::use_awaitable, ignored));
+      waiting_ = nullptr;
+      const auto cancelled = co_await asio::this_coro::cancellation_state;
+      if (cancelled.cancelled() != asio::cancellation_type::none) co_return;
+    }
+  }
+  void open() {
+    open_ = true;
+    if (waiting_) waiting_->cancel();
+  }
+  void close() { open_ = false; }
+  [[nodiscard]] bool is_open() const { return open_; }
+
+ private:
+  bool open_ = false;
+  asio::steady_timer* waiting_ = nullptr;
+};
+
+/// What an exception says to the operator.
+std::string words_of(const std::exception_ptr& why);
+json json_of(const Value& value);
+Value value_of(const json& stored);
+struct Track;
+
+struct Runner::Impl final : StepContext {
+  Procedure procedure;
+  fit::Bench known_bench;
+  SessionStore& session;
+  RunnerParts parts;
+  std::vector<PlannedStep> plan;
+  StageLimits limits;
+  RunState state;
+  std::vector<Observer> observers;
+
+  std::map<std::string, std::string> progress;  // As in the session.
+  Variables variables;
+  std::map<std::string, Placement> scene;  // By target; the temperature under "".
+  std::set<std::string> skipped_turns;
+  std::size_t current = 0;
+  std::string current_name;
+  json outputs;  // Variables set by the running step, kept for a resumed run.
+  std::optional<std::size_t> jump;
+
+  bool aborted = false, paused = false, streaming = false, connected = false;
+  Gate abort_gate, resume_gate, answer_gate;
+  std::optional<Answer> answered;
+
+  double position_deg = 0;
+  double readback_deg = 0;
+  int last_approach = 0;
+  std::int64_t settled_us = 0;
+  std::int64_t host_start_us = 0, session_offset_us = 0;
+  // Lidar time as session time, when its clock does not run with the host's.
+  bool own_time = false;
+  std::optional<std::uint64_t> own_anchor_ms;
+  std::int64_t own_now_us = 0, own_anchor_us = 0;
+  double seconds_done = 0, seconds_planned = 0;
+
+  Impl(Procedure procedure_, fit::Bench bench_, SessionStore& session_, RunnerParts parts_);
+
+  // What the session knows
+
+  void check_same_procedure();
+
+  json variables_json() const;
+
+  void describe_session();
+
+  json progress_of(const std::string& part) const;
+
+  void record(const std::string& part, const json& what);
+
+  bool recorded(const std::string& part) const override { return progress.count(part) > 0; }
+
+  // Time
+
+  std::int64_t session_us(std::int64_t host_us) const { return host_us - host_start_us + session_offset_us; }
+  std::int64_t now_us() const { return own_time ? own_now_us : session_us(parts.clock.host_us()); }
+
+  std::int64_t session_us(const lidar::Scan& scan);
+
+  void estimate_time_left();
+  double seconds_skipped = 0;  // Of steps that an earlier run recorded.
+  double passed_planned() const;
+
+  // Observers, events
+
+  void changed();
+
+  void note(const std::string& level, const std::string& text) override;
+
+  void stop_if_aborted() const;
+
+  // StepContext
+
+  const fit::Bench& bench() const override { return known_bench; }
+  const StageRules& rules() const override { return procedure.stage; }
+  const std::string& key() const override { return plan[current].key; }
+  const std::string& name() const override { return current_name; }
+  double stage_deg() const override { return position_deg; }
+
+  awaitable<void> checkpoint(long done, long total) override;
+
+  void set(const std::string& variable, const Value& value) override;
+
+  void skip_rest_of_iteration() override;
+
+  json fit(const std::string& kind, const json& options) override;
+
+  void report(const std::string& file) override;
+
+  void for_each_scan(std::int64_t capture,
+                     const std::function<void(const fit::ScanView&)>& visit) const override;
+
+  // Stage
+
+  awaitable<void> home(bool again) override;
+
+  awaitable<StageStatus> stage_status();
+
+  void check_soft_limits(double target_deg, const Place& place) const;
+
+  awaitable<double> move_to(double target_deg, int approach, const Place& place) override;
+
+  /// One move of the stage, tried again when the link or the stage failed in a way that it recovers from.
+  awaitable<double> drive_to(double target_deg);
+
+  awaitable<void> recover_stage(int attempt, bool link_lost);
+
+  awaitable<void> turn(double rate_deg_s, const Place& place) override;
+
+  awaitable<void> stop_turning() override;
+
+  // Lidar
+
+  awaitable<void> start_stream(LidarStream stream);
+
+  awaitable<void> stop_stream();
+
+  awaitable<void> connect_lidar();
+
+  /// Brings a lost lidar back or gives up with a DeviceError.
+  awaitable<void> reconnect_lidar(std::exception_ptr why);
+
+  /// Whether the device's clock runs with the host's: a simulation at full speed does not.
+  awaitable<void> compare_clocks();
+
+  void show(const lidar::Scan& scan);
+
+  // Capture
+
+  fit::CaptureInfo info_of(const CaptureRequest& request);
+
+  awaitable<std::int64_t> capture(CaptureRequest request) override;
+
+  /// What was measured before an interruption is kept, marked short, until a full capture replaces it.
+  void keep_short(std::int64_t id, const CaptureRequest& request, long got);
+
+  void replace_short_one(const CaptureRequest& request);
+
+  awaitable<void> fill(std::int64_t id, const CaptureRequest& request, long& got);
+
+  static std::string unfit_scans(const CaptureRequest& request);
+
+  void store(std::int64_t id, long seq, const lidar::Scan& scan);
+
+  void tell_losses(const CaptureRequest& request, std::uint64_t lost, std::uint64_t rejected);
+
+  /// Captures while the stage turns. Scans wait in memory until the stage's track during them is known: the
+  /// angle at the start comes from a line through the positions that the stage reported meanwhile.
+  awaitable<std::int64_t> turning_capture(CaptureRequest request);
+
+  awaitable<void> track_stage(Track& track);
+
+  std::int64_t store_turning(const CaptureRequest& request, const std::vector<lidar::Scan>& scans,
+                             const Track& track, std::uint64_t lost);
+
+  awaitable<void> wait(double seconds) override;
+
+  // Prompts
+
+  awaitable<Answer> ask(Prompt prompt) override;
+
+  /// The operator's answer, from wherever it comes first: the terminal, the bench, the live page.
+  awaitable<Answer> ask_once(Prompt prompt);
+  std::exception_ptr operator_failed;
+
+  awaitable<void> ask_operator(Prompt prompt);
+
+  static std::string wrong_answer(const Prompt& prompt, Answer& answer);
+
+  void apply(const Prompt& prompt);
+
+  void restore_scene();
+
+  /// A simulated bench may have been restarted meanwhile: it is put as it was.
+  awaitable<void> place_again();
+
+  /// What is wrong with what the rig sees; empty if nothing is.
+  awaitable<std::string> look_at(Sight sight);
+
+  std::string judge(const Sight& sight, int first_step, const std::vector<std::vector<double>>& ranges) const;
+
+  static double largest_deviation_from_line(const std::vector<double>& x, const std::vector<double>& y);
+
+  /// Goes back to the loop's turn before this one; its captures stay in the session under another name.
+  bool repeat_previous_turn();
+
+  // The run
+
+  awaitable<void> prepare();
+
+  /// Takes over what a step gave that an earlier run recorded.
+  void take_over(std::size_t index);
+  json resume_at;  // Where the stage stood after the last recorded step, and from which side it came.
+
+  void mark_done(std::size_t index);
+
+  bool in_skipped_turn(std::size_t index) const;
+
+  /// Before the first step that a resumed run does itself: the stage goes where it stood, from the same side.
+  awaitable<void> return_to_place();
+
+  awaitable<void> run_step();
+  bool homed = false, moved = false;
+
+  awaitable<void> run_steps();
+
+  void go_back();
+
+  /// run_steps with its failure as a value: `||` goes on waiting when one side throws.
+  awaitable<void> run_steps_quietly();
+  std::exception_ptr failure;
+
+  /// Stage stopped, laser off, whatever happened. Each with the device's own deadline.
+  awaitable<void> make_safe();
+  std::string safe_problems;
+
+  void store_limits();
+
+  bool limits_met() const;
+
+  void conclude();
+
+  static bool is_stopped(const std::exception_ptr& why);
+};
+
+}  // namespace rig

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: MIT
+#include "rig/runner_impl.hpp"
+
+namespace rig {
+namespace {
+
+constexpr int connect_attempts = 4;  // 0.5, 1, 2, 4 s apart: an UST-10LX is back about 3 s after power-up.
+
+}  // namespace
+
+awaitable<void> Runner::Impl::start_stream(LidarStream stream) {
+  auto starting = parts.lidar.start(stream);
+  co_await std::move(starting);
+  streaming = true;
+}
+
+awaitable<void> Runner::Impl::stop_stream() {
+  if (!streaming) co_return;
+  streaming = false;
+  auto stopping = parts.lidar.stop();
+  co_await std::move(stopping);
+}
+
+awaitable<void> Runner::Impl::connect_lidar() {
+  auto connecting = parts.lidar.connect();
+  const json identity = co_await std::move(connecting);
+  connected = true;
+  const auto before = session.get("lidar");
+  if (!before) {
+    session.set("lidar", identity.dump());
+    co_return;
+  }
+  const auto serial = [](const json& who) {
+    if (who.contains("SERI")) return who["SERI"].dump();
+    for (const auto& part : who)
+      if (part.is_object() && part.contains("SERI")) return part["SERI"].dump();
+    return std::string();
+  };
+  const json known = json::parse(*before, nullptr, false);
+  if (serial(known) != serial(identity))
+    throw DeviceError("This is another lidar (" + serial(identity) +
+                      ") than the one the session was begun with (" + serial(known) +
+                      "). Connect that one, or begin a new session.");
+}
+
+awaitable<void> Runner::Impl::reconnect_lidar(std::exception_ptr why) {
+  streaming = false;
+  note("warning", "lidar lost: " + words_of(why) + "; connecting anew");
+  double pause_s = 0.5;
+  for (int attempt = 1; attempt <= connect_attempts; ++attempt, pause_s *= 2) {
+    stop_if_aborted();
+    auto resting = parts.clock.sleep(pause_s);
+    co_await std::move(resting);
+    try {
+      auto connecting = connect_lidar();
+      co_await std::move(connecting);
+      why = nullptr;
+    } catch (...) {
+      why = std::current_exception();
+    }
+    if (!why) {
+      ++state.reconnects;
+      // A device that was switched off counts from zero again.
+      own_anchor_ms.reset();
+      note("info", "lidar is back");
+      co_return;
+    }
+  }
+  stop_if_aborted();
+  throw DeviceError("The lidar was lost and did not come back: " + words_of(why) +
+                    " The stage stands, and what was captured is in " + session.path() +
+                    ". Check the lidar's power and cable, then go on with --resume.");
+}
+
+awaitable<void> Runner::Impl::compare_clocks() {
+  constexpr int scans = 12;
+  auto starting = start_stream(LidarStream());
+  co_await std::move(starting);
+  std::uint64_t first_ms = 0, last_ms = 0;
+  std::int64_t first_us = 0, last_us = 0;
+  for (int i = 0; i < scans; ++i) {
+    auto reading = parts.lidar.next();
+    const lidar::Scan scan = co_await std::move(reading);
+    last_ms = scan.device_ms;
+    last_us = parts.clock.host_us();
+    if (i == 1) first_ms = last_ms, first_us = last_us;
+    show(scan);
+  }
+  auto stopping = stop_stream();
+  co_await std::move(stopping);
+  const double device_s = static_cast<double>(last_ms - first_ms) / 1e3;
+  const double host_s = static_cast<double>(last_us - first_us) / 1e6;
+  own_time = parts.lidar.own_time() || host_s < 0.8 * device_s || host_s > 1.5 * device_s + 0.2;
+  own_now_us = session_us(parts.clock.host_us());
+  if (own_time)
+    note("info", "the lidar's clock does not run with this computer's: its time is the session's");
+}
+
+void Runner::Impl::show(const lidar::Scan& scan) {
+  state.scan = scan;
+  state.scan_seen = true;
+}
+
+}  // namespace rig

@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <boost/asio/experimental/awaitable_operators.hpp>
+#include <cmath>
+
+#include "rig/runner_impl.hpp"
+#include "rig/scan_gate.hpp"
+
+namespace rig {
+namespace {
+
+using namespace asio::experimental::awaitable_operators;
+
+constexpr int looks_of_nobody = 3;  // A simulated bench that placed it wrongly three times will not learn.
+constexpr int scans_of_a_look = 10;
+
+json json_of(const Placement& place) {
+  json result = {{"target", place.target}};
+  if (place.shift_mm) result["shift_mm"] = *place.shift_mm;
+  if (place.reflectance) result["reflectance"] = *place.reflectance;
+  if (place.temperature_c) result["temperature_c"] = *place.temperature_c;
+  return result;
+}
+
+std::optional<double> maybe(const json& object, const char* key) {
+  if (!object.contains(key) || !object[key].is_number()) return std::nullopt;
+  return object[key].get<double>();
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
+  const auto before = state.phase;
+  for (int look = 1;; ++look) {
+    state.phase = RunState::Phase::prompt;
+    state.prompt = prompt;
+    state.activity = "prompt: " + prompt.title;
+    note("info", "asks: " + prompt.title);
+    auto asking = ask_once(prompt);
+    Answer answer = co_await std::move(asking);
+    state.prompt.reset();
+    state.phase = before;
+    stop_if_aborted();
+    if (answer.kind == Answer::Kind::skipped && prompt.skippable) {
+      note("info", "skipped: " + prompt.title);
+      co_return answer;
+    }
+    if (answer.kind == Answer::Kind::repeat && repeat_previous_turn()) co_return answer;
+    if (answer.kind != Answer::Kind::confirmed) continue;
+    prompt.check = wrong_answer(prompt, answer);
+    if (prompt.check.empty()) {
+      apply(prompt);
+      if (prompt.until) {
+        auto looking = look_at(*prompt.until);
+        prompt.check = co_await std::move(looking);
+      }
+    }
+    if (prompt.check.empty()) {
+      note("info", "done: " + prompt.title);
+      co_return answer;
+    }
+    note("warning", prompt.title + ": " + prompt.check);
+    if (parts.operator_.unattended() && look >= looks_of_nobody)
+      throw MeasurementError("'" + prompt.title + "' is not as asked: " + prompt.check +
+                             " Nobody is there to mend it. The stage stands; go on with --resume.");
+  }
+}
+
+awaitable<Answer> Runner::Impl::ask_once(Prompt prompt) {
+  answered.reset();
+  answer_gate.close();
+  auto asking = ask_operator(prompt);
+  auto elsewhere = answer_gate.wait();
+  if (prompt.timeout_s > 0) {
+    auto late = parts.clock.sleep(prompt.timeout_s);
+    co_await (std::move(asking) || std::move(elsewhere) || std::move(late));
+  } else {
+    co_await (std::move(asking) || std::move(elsewhere));
+  }
+  stop_if_aborted();
+  if (operator_failed) std::rethrow_exception(std::exchange(operator_failed, nullptr));
+  if (!answered)
+    throw RunStopped("Nobody answered '" + prompt.title + "' in " + duration_text(prompt.timeout_s) +
+                     " min. The stage stands, and what was captured is in " + session.path() +
+                     ". Go on with --resume.");
+  co_return *answered;
+}
+
+awaitable<void> Runner::Impl::ask_operator(Prompt prompt) {
+  try {
+    auto asking = parts.operator_.ask(prompt);
+    const Answer given = co_await std::move(asking);
+    if (!answered) answered = given;
+  } catch (...) {
+    if (!answered) operator_failed = std::current_exception();
+  }
+}
+
+std::string Runner::Impl::wrong_answer(const Prompt& prompt, Answer& answer) {
+  if (!prompt.question) return "";
+  const Question& question = *prompt.question;
+  if (!answer.value) answer.value = question.otherwise;
+  const auto* number = answer.value ? std::get_if<double>(&*answer.value) : nullptr;
+  const std::string wanted =
+      "a number" + (question.unit.empty() ? "" : " in " + question.unit) +
+      (question.min ? " of at least " + to_text(*question.min) : "") +
+      (question.max ? (question.min ? " and" : " of") + (" at most " + to_text(*question.max)) : "");
+  if (!number) return "the answer must be " + wanted + ".";
+  if ((question.min && *number < *question.min) || (question.max && *number > *question.max))
+    return to_text(*number) + " is not believed; the answer must be " + wanted + ".";
+  return "";
+}
+
+void Runner::Impl::apply(const Prompt& prompt) {
+  if (!prompt.place) return;
+  const Placement& place = *prompt.place;
+  Placement& known = scene[place.target];
+  known.target = place.target;
+  if (place.shift_mm) known.shift_mm = place.shift_mm;
+  if (place.reflectance) known.reflectance = place.reflectance;
+  if (place.temperature_c) scene[""].temperature_c = place.temperature_c;
+  json all = json::array();
+  for (const auto& [target, each] : scene) all.push_back(json_of(each));
+  record("scene", all);
+}
+
+void Runner::Impl::restore_scene() {
+  const json all = progress_of("scene");
+  if (!all.is_array()) return;
+  for (const json& each : all) {
+    Placement place;
+    place.target = each.value("target", "");
+    place.shift_mm = maybe(each, "shift_mm");
+    place.reflectance = maybe(each, "reflectance");
+    place.temperature_c = maybe(each, "temperature_c");
+    scene[place.target] = place;
+  }
+}
+
+awaitable<void> Runner::Impl::place_again() {
+  if (!parts.operator_.unattended()) co_return;
+  for (const auto& [target, place] : scene) {
+    Prompt prompt;
+    prompt.title = "put back " + (target.empty() ? "the temperature" : target);
+    prompt.place = place;
+    auto asking = parts.operator_.ask(prompt);
+    co_await std::move(asking);
+  }
+}
+
+awaitable<std::string> Runner::Impl::look_at(Sight sight) {
+  CaptureRequest request;
+  const fit::LidarGeometry& lidar = known_bench.lidar;
+  const double step_deg = lidar.step_rad * fit::deg_per_rad;
+  request.first_step = static_cast<int>(std::lround(lidar.front_step + sight.from_deg / step_deg));
+  request.last_step = static_cast<int>(std::lround(lidar.front_step + sight.to_deg / step_deg));
+  const auto beams = static_cast<std::size_t>(request.last_step - request.first_step + 1);
+  std::vector<std::vector<double>> ranges(beams);
+  ScanGate gate(request, lidar.scan_hz, 0);
+  auto starting = start_stream(stream_for(request, 0));
+  co_await std::move(starting);
+  for (int got = 0; got < scans_of_a_look;) {
+    stop_if_aborted();
+    auto reading = parts.lidar.next();
+    const lidar::Scan scan = co_await std::move(reading);
+    if (!gate.takes(scan, 0)) {
+      if (gate.hopeless()) throw DeviceError(unfit_scans(request));
+      continue;
+    }
+    ++got;
+    for (std::size_t i = 0; i < beams; ++i)
+      if (scan.range_mm[i] > 0) ranges[i].push_back(scan.range_mm[i]);
+    show(scan);
+  }
+  auto stopping = stop_stream();
+  co_await std::move(stopping);
+  co_return judge(sight, request.first_step, ranges);
+}
+
+std::string Runner::Impl::judge(const Sight& sight, int first_step,
+                                const std::vector<std::vector<double>>& ranges) const {
+  std::vector<double> medians, x, y;
+  for (std::size_t i = 0; i < ranges.size(); ++i) {
+    if (ranges[i].size() < scans_of_a_look / 2) continue;
+    medians.push_back(median(ranges[i]));
+    const double angle = known_bench.lidar.beam_angle(first_step + static_cast<double>(i));
+    x.push_back(medians.back() * std::cos(angle));
+    y.push_back(medians.back() * std::sin(angle));
+  }
+  if (medians.size() * 2 < ranges.size()) return "the rig sees nothing there (no echo from most beams).";
+  const double seen_mm = median(medians);
+  if (sight.within_mm && (seen_mm < sight.within_mm->first || seen_mm > sight.within_mm->second))
+    return "the rig sees " + to_text(seen_mm) + " mm and wants " + to_text(sight.within_mm->first) + " to " +
+           to_text(sight.within_mm->second) + " mm.";
+  const double rough_mm = largest_deviation_from_line(x, y);
+  if (sight.flat_within_mm && rough_mm > *sight.flat_within_mm)
+    return "what the rig sees is not flat: " + to_text(std::round(rough_mm)) + " mm off a straight line, " +
+           to_text(*sight.flat_within_mm) + " mm allowed.";
+  return "";
+}
+
+double Runner::Impl::largest_deviation_from_line(const std::vector<double>& x, const std::vector<double>& y) {
+  if (x.size() < 3) return 0;
+  const double n = static_cast<double>(x.size());
+  double mx = 0, my = 0, xx = 0, xy = 0, yy = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) mx += x[i] / n, my += y[i] / n;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    xx += (x[i] - mx) * (x[i] - mx);
+    xy += (x[i] - mx) * (y[i] - my);
+    yy += (y[i] - my) * (y[i] - my);
+  }
+  const double along = 0.5 * std::atan2(2 * xy, xx - yy);
+  double largest = 0;
+  for (std::size_t i = 0; i < x.size(); ++i)
+    largest = std::max(largest, std::abs(-std::sin(along) * (x[i] - mx) + std::cos(along) * (y[i] - my)));
+  return largest;
+}
+
+bool Runner::Impl::repeat_previous_turn() {
+  const PlannedStep& here = plan[current];
+  if (here.turns.empty()) return false;
+  std::optional<std::size_t> previous;
+  for (std::size_t i = current; i-- > 0;)
+    if (plan[i].turns.size() == here.turns.size() && plan[i].turns.back() != here.turns.back()) {
+      previous = i;
+      break;
+    }
+  if (!previous) return false;
+  const std::string turn = plan[*previous].turns.back();
+  std::size_t first = *previous;
+  while (first > 0 && !plan[first - 1].turns.empty() && plan[first - 1].turns.back() == turn) --first;
+  std::vector<std::string> parts_done;
+  std::vector<std::int64_t> captures;
+  for (std::size_t i = first; i < current; ++i)
+    for (const auto& [part, text] : progress)
+      if (part == plan[i].key || part.starts_with(plan[i].key + "/")) {
+        parts_done.push_back(part);
+        const json what = json::parse(text, nullptr, false);
+        if (what.is_object() && what.contains("capture"))
+          captures.push_back(what["capture"].get<std::int64_t>());
+      }
+  session.forget_progress(parts_done, captures);
+  for (const auto& part : parts_done) progress.erase(part);
+  skipped_turns.erase(turn);
+  jump = first;
+  note("info", "repeats " + turn);
+  return true;
+}
+
+}  // namespace rig

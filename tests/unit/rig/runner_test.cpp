@@ -1,0 +1,515 @@
+// SPDX-License-Identifier: MIT
+#include "rig/runner.hpp"
+
+#include <boost/asio/co_spawn.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/this_coro.hpp>
+#include <boost/asio/use_awaitable.hpp>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <unistd.h>
+
+using Catch::Matchers::Contains;
+using nlohmann::json;
+namespace asio = boost::asio;
+using asio::awaitable;
+
+namespace {
+
+/// Lets everything else that is ready run first.
+awaitable<void> yield() {
+  auto executor = co_await asio::this_coro::executor;
+  co_await asio::post(executor, asio::use_awaitable);
+}
+
+class FakeClock final : public rig::RunClock {
+ public:
+  std::int64_t now_us = 1'000'000;
+  std::int64_t host_us() const override { return now_us; }
+  std::int64_t unix_us() const override { return 1'700'000'000'000'000 + now_us; }
+  awaitable<void> sleep(double seconds) override {
+    now_us += std::llround(seconds * 1e6);
+    co_await yield();
+  }
+};
+
+/// A bench in a few lines: the range depends on the stage's angle alone.
+struct FakeBench {
+  FakeClock clock;
+  double stage_deg = 0, board_mm = 1400;
+  double edge_deg = 1e9;  ///< Below it the followed beam misses the board and sees 2200 mm.
+  double window_deg = 0.05;
+  std::uint64_t scans = 0;
+  std::uint16_t range() {
+    const double behind = 2200, inside = (stage_deg - edge_deg) / window_deg + 0.5;
+    if (edge_deg > 1e8) return static_cast<std::uint16_t>(board_mm);
+    if (inside >= 1 || (inside > 0 && scans % 3 != 0)) return static_cast<std::uint16_t>(board_mm);
+    return static_cast<std::uint16_t>(behind);
+  }
+};
+
+class FakeLidar final : public rig::LidarSource {
+ public:
+  explicit FakeLidar(FakeBench& bench) : bench_(bench) {}
+  std::function<void(std::uint64_t number)> before_scan = [](std::uint64_t) {};
+  std::function<void(lidar::Scan&)> tamper = [](lidar::Scan&) {};
+  bool dead = false;
+  int connects = 0, stops = 0;
+  rig::LidarStream stream;
+
+  awaitable<json> connect() override {
+    ++connects;
+    co_await yield();
+    if (dead) throw rig::DeviceError("nothing listens at the lidar's address.");
+    co_return json{{"version", {{"SERI", "H123"}}}};
+  }
+  awaitable<void> start(rig::LidarStream wanted) override {
+    stream = wanted;
+    co_await yield();
+    if (dead) throw rig::DeviceError("the lidar is gone.");
+  }
+  awaitable<lidar::Scan> next() override {
+    co_await yield();
+    ++bench_.scans;
+    bench_.clock.now_us += 25'000 * (stream.skip + 1);
+    before_scan(bench_.scans);
+    if (dead) throw rig::DeviceError("the lidar is gone.");
+    lidar::Scan scan;
+    scan.device_ms = static_cast<std::uint64_t>(bench_.clock.now_us / 1000);
+    scan.host_us = bench_.clock.now_us;
+    scan.first_step = stream.first_step, scan.last_step = stream.last_step, scan.cluster = stream.cluster;
+    scan.range_mm.assign(
+        static_cast<std::size_t>((stream.last_step - stream.first_step) / stream.cluster + 1),
+        bench_.range());
+    scan.intensity.assign(scan.range_mm.size(), 2000);
+    tamper(scan);
+    co_return scan;
+  }
+  awaitable<void> stop() override {
+    ++stops;
+    co_await yield();
+  }
+  std::uint64_t rejected() const override { return 0; }
+  bool own_time() const override { return false; }
+
+ private:
+  FakeBench& bench_;
+};
+
+class FakeStage final : public rig::Stage {
+ public:
+  explicit FakeStage(FakeBench& bench) : bench_(bench) {}
+  std::vector<double> moves;
+  bool homed = false, moving = false;
+  int stops = 0, homings = 0, reopens = 0;
+  double readback_error_deg = 0;
+  int loses_link_at_move = -1;  ///< Counted from 0.
+
+  awaitable<rig::StageIdentity> identify() override {
+    rig::StageIdentity who;
+    who.language = "zaber", who.model = "test";
+    co_return who;
+  }
+  awaitable<rig::StageStatus> status() override {
+    rig::StageStatus status;
+    status.position_deg = bench_.stage_deg, status.homed = homed, status.moving = moving;
+    co_return status;
+  }
+  awaitable<void> home() override {
+    ++homings;
+    homed = true;
+    bench_.stage_deg = 0;
+    co_await yield();
+  }
+  awaitable<double> move_to(double target_deg) override {
+    co_await yield();
+    if (static_cast<int>(moves.size()) == loses_link_at_move) {
+      loses_link_at_move = -1;
+      homed = false;
+      throw rig::StageLost("the stage does not answer.");
+    }
+    moves.push_back(target_deg);
+    bench_.clock.now_us += 300'000;
+    bench_.stage_deg = target_deg;
+    co_return target_deg + readback_error_deg;
+  }
+  awaitable<void> turn(double) override {
+    moving = true;
+    co_await yield();
+  }
+  awaitable<void> stop() override {
+    ++stops;
+    moving = false;
+    co_await yield();
+  }
+  awaitable<void> reopen() override {
+    ++reopens;
+    co_await yield();
+  }
+
+ private:
+  FakeBench& bench_;
+};
+
+class FakeOperator final : public rig::Operator {
+ public:
+  std::function<rig::Answer(const rig::Prompt&)> answers = [](const rig::Prompt&) { return rig::Answer{}; };
+  std::vector<std::string> asked;
+  bool nobody = true;
+  awaitable<rig::Answer> ask(rig::Prompt prompt) override {
+    co_await yield();
+    asked.push_back(prompt.title);
+    co_return answers(prompt);
+  }
+  bool unattended() const override { return nobody; }
+};
+
+fit::Bench small_bench() {
+  fit::Bench bench;
+  fit::Target board;
+  board.name = "board";
+  board.from_mm = {1400, -200}, board.to_mm = {1400, 200};
+  bench.targets = {board};
+  bench.document = R"({"stage": {"limits_deg": [-170, 170], "speed_deg_s": 20}})";
+  return bench;
+}
+
+/// One session file and the fakes around it; run() may be called again to resume.
+struct Rig {
+  FakeBench world;
+  FakeLidar lidar{world};
+  FakeStage stage{world};
+  FakeOperator person;
+  std::string text;
+  std::filesystem::path file;
+  std::function<void(rig::Runner&)> prepare = [](rig::Runner&) {};
+  json fitted = {{"values", json::array()}};
+
+  explicit Rig(const std::string& steps, const std::string& head = "")
+      : text("procedure: test\n" + head + "steps:\n" + steps) {
+    static int number = 0;
+    file = std::filesystem::temp_directory_path() /
+           ("runner-test-" + std::to_string(getpid()) + "-" + std::to_string(++number) + ".rig");
+    std::filesystem::remove(file);
+  }
+  ~Rig() {
+    for (const char* ending : {"", "-wal", "-shm"}) std::filesystem::remove(file.string() + ending);
+  }
+
+  bool run() {
+    const bool again = std::filesystem::exists(file);
+    rig::SessionStore session(file,
+                              again ? rig::SessionStore::Mode::append : rig::SessionStore::Mode::create);
+    rig::RunnerParts parts{lidar,
+                           stage,
+                           world.clock,
+                           person,
+                           [this](const std::string&, rig::SessionStore&, const json&) { return fitted; },
+                           [](const rig::SessionStore&, const std::string&) {}};
+    rig::Runner runner(rig::parse_procedure(text, "test.yaml"), small_bench(), session, parts);
+    prepare(runner);
+    asio::io_context io(1);
+    std::exception_ptr why;
+    bool met = false, ended = false;
+    asio::co_spawn(io, runner.run(),
+                   [&](std::exception_ptr error, bool result) { why = error, met = result, ended = true; });
+    io.run();
+    REQUIRE(ended);
+    if (why) std::rethrow_exception(why);
+    return met;
+  }
+
+  struct Seen {
+    std::string step;
+    double stage_deg;
+    int approach;
+    std::vector<std::int64_t> stamps;
+    std::size_t beams = 0;
+    std::uint16_t range = 0;
+    double shift_mm = 0;
+  };
+  std::vector<Seen> captures() const {
+    const rig::SessionStore session(file, rig::SessionStore::Mode::read);
+    const auto recording = session.recording();
+    std::vector<Seen> all;
+    for (std::size_t i = 0; i < recording->captures().size(); ++i) {
+      const fit::CaptureInfo& info = recording->captures()[i];
+      Seen seen{info.step, std::round(info.stage_rad * fit::deg_per_rad * 1e6) / 1e6, info.approach, {}};
+      seen.shift_mm = info.target_shift_mm;
+      recording->for_each_scan(i, [&](const fit::ScanView& scan) {
+        seen.stamps.push_back(scan.device_ms);
+        seen.beams = scan.range_mm.size();
+        seen.range = scan.range_mm[0];
+      });
+      all.push_back(seen);
+    }
+    return all;
+  }
+  bool told(const std::string& words) const {
+    const rig::SessionStore session(file, rig::SessionStore::Mode::read);
+    for (const auto& event : session.events())
+      if (event.text.find(words) != std::string::npos) return true;
+    return false;
+  }
+};
+
+}  // namespace
+
+TEST_CASE("a capture holds exactly the scans and beams that were asked for") {
+  Rig rig("  - home\n  - capture: {samples: 25, beams_deg: [-10, -5]}\n");
+  CHECK(rig.run());
+  const auto captures = rig.captures();
+  REQUIRE(captures.size() == 1);
+  CHECK(captures[0].stamps.size() == 25);
+  CHECK(captures[0].beams == 21);
+  CHECK(rig.stage.stops >= 1);
+}
+
+TEST_CASE("every stop of a sweep is reached from the same side") {
+  Rig rig("  - home\n  - sweep: {start_deg: 1, stop_deg: 0, step_deg: 0.25, samples: 2}\n");
+  rig.run();
+  const auto captures = rig.captures();
+  REQUIRE(captures.size() == 5);
+  for (const auto& capture : captures) CHECK(capture.approach == 1);
+  CHECK(captures[4].stage_deg == 0);
+}
+
+TEST_CASE("a lidar that is lost in the middle of a capture comes back and the capture is complete") {
+  Rig rig("  - home\n  - capture: {samples: 50}\n");
+  rig.lidar.before_scan = [&](std::uint64_t number) {
+    if (number == 40) throw rig::DeviceError("cable pulled.");
+  };
+  rig.run();
+  CHECK(rig.captures()[0].stamps.size() == 50);
+  CHECK(rig.lidar.connects == 2);
+  CHECK(rig.told("lidar is back"));
+}
+
+TEST_CASE("a lidar that stays away ends the run safely, and a resumed run replaces the short capture") {
+  Rig rig("  - home\n  - capture: {samples: 50}\n  - capture: {samples: 5}\n");
+  rig.lidar.before_scan = [&](std::uint64_t number) { rig.lidar.dead = number >= 40; };
+  CHECK_THROWS_WITH(rig.run(), Contains("did not come back") && Contains("--resume"));
+  CHECK(rig.stage.stops >= 1);
+  auto captures = rig.captures();
+  REQUIRE(captures.size() == 1);
+  CHECK_THAT(captures[0].step, Contains("(short)"));
+  CHECK(captures[0].stamps.size() < 50);
+
+  rig.lidar.dead = false;
+  rig.lidar.before_scan = [](std::uint64_t) {};
+  rig.run();
+  captures = rig.captures();
+  REQUIRE(captures.size() == 2);
+  CHECK(captures[0].stamps.size() == 50);
+  CHECK_THAT(captures[0].step, !Contains("(short)"));
+}
+
+TEST_CASE("what was recorded is not measured again by a resumed run") {
+  Rig rig(
+      "  - home\n  - sweep: {start_deg: 0, stop_deg: 1, step_deg: 0.1, samples: 10}\n"
+      "  - capture: {samples: 10}\n");
+  rig.lidar.before_scan = [&](std::uint64_t number) { rig.lidar.dead = number >= 60; };
+  CHECK_THROWS(rig.run());
+  const auto before = rig.captures();
+  rig.lidar.dead = false;
+  rig.lidar.before_scan = [](std::uint64_t) {};
+  rig.run();
+  const auto after = rig.captures();
+  REQUIRE(after.size() == 12);
+  for (std::size_t i = 0; i + 1 < before.size(); ++i) CHECK(after[i].stamps == before[i].stamps);
+  CHECK(after[11].stage_deg == 1);
+}
+
+TEST_CASE("a resumed run refuses another procedure") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n");
+  rig.run();
+  rig.text += "  - capture: {samples: 6}\n";
+  CHECK_THROWS_WITH(rig.run(), Contains("differs from the procedure"));
+}
+
+TEST_CASE("scans that are stale or of other beams never enter a capture") {
+  Rig rig("  - home\n  - capture: {samples: 30, beams_deg: [-10, -5]}\n");
+  rig.lidar.tamper = [&](lidar::Scan& scan) {
+    if (rig.world.scans % 5 == 0) scan.device_ms -= 5000;
+    if (rig.world.scans % 7 == 0) scan.range_mm.resize(3);
+    if (rig.world.scans % 11 == 0) scan.first_step = 0;
+    if (rig.world.scans % 13 == 0) scan.host_us -= 60'000'000;
+  };
+  rig.run();
+  const auto captures = rig.captures();
+  REQUIRE(captures.size() == 1);
+  CHECK(captures[0].stamps.size() == 30);
+  CHECK(std::ranges::is_sorted(captures[0].stamps));
+  CHECK(captures[0].beams == 21);
+}
+
+TEST_CASE("a lidar whose scans never fit is refused instead of waited for") {
+  Rig rig("  - home\n  - capture: {samples: 30, beams_deg: [-10, -5]}\n");
+  rig.lidar.tamper = [&](lidar::Scan& scan) { scan.range_mm.resize(2); };
+  CHECK_THROWS_WITH(rig.run(), Contains("do not belong"));
+}
+
+TEST_CASE("a stage that does not arrive is sent again, then stopped with a reason") {
+  Rig rig("  - home\n  - move: {to_deg: 10}\n  - capture: {samples: 5}\n");
+  rig.stage.readback_error_deg = 0.1;
+  CHECK_THROWS_WITH(rig.run(), Contains("reads back 10.1") && Contains("3 times"));
+  CHECK(rig.stage.stops >= 1);
+  CHECK(rig.captures().empty());
+}
+
+TEST_CASE("a stage that lost its link is opened again, homed again, and reached from the right side") {
+  Rig rig("  - home\n  - sweep: {start_deg: 0, stop_deg: 1, step_deg: 0.25, samples: 3}\n");
+  rig.stage.loses_link_at_move = 3;
+  rig.run();
+  CHECK(rig.stage.reopens == 1);
+  CHECK(rig.stage.homings == 2);
+  REQUIRE(rig.captures().size() == 5);
+  for (const auto& capture : rig.captures()) CHECK(capture.approach == 1);
+}
+
+TEST_CASE("a stage that is found moving is stopped before anything else") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n");
+  rig.stage.moving = true;
+  rig.run();
+  CHECK(rig.told("found moving"));
+}
+
+TEST_CASE("an abort stops the stage, keeps what was captured and says how to go on") {
+  Rig rig("  - home\n  - capture: {samples: 500}\n");
+  rig.prepare = [&](rig::Runner& runner) {
+    rig.lidar.before_scan = [&](std::uint64_t number) {
+      if (number == 100) runner.abort();
+    };
+  };
+  CHECK_THROWS_AS(rig.run(), rig::RunStopped);
+  CHECK(rig.stage.stops >= 1);
+  CHECK(rig.lidar.stops >= 1);
+  REQUIRE(rig.captures().size() == 1);
+  CHECK_THAT(rig.captures()[0].step, Contains("(short)"));
+}
+
+TEST_CASE("a pause holds the run at the next checkpoint until it is resumed") {
+  Rig rig("  - home\n  - sweep: {start_deg: 0, stop_deg: 1, step_deg: 0.5, samples: 3}\n");
+  bool paused = false;
+  rig.prepare = [&](rig::Runner& runner) {
+    rig.lidar.before_scan = [&](std::uint64_t number) {
+      if (number == 14) runner.pause();
+    };
+    runner.observe([&](const rig::RunState& state) {
+      if (state.phase != rig::RunState::Phase::paused || std::exchange(paused, true)) return;
+      runner.resume();
+    });
+  };
+  rig.run();
+  CHECK(paused);
+  CHECK(rig.captures().size() == 3);
+}
+
+TEST_CASE("a prompt is asked again until the rig sees what was asked for") {
+  Rig rig(
+      "  - home\n"
+      "  - prompt: {title: Place it, place: {target: board, shift_mm: 100}, until: {beams_deg: [-1, 1], "
+      "within_mm: "
+      "[1450, 1550]}}\n"
+      "  - capture: {samples: 5, target: board}\n");
+  rig.person.answers = [&](const rig::Prompt& prompt) {
+    if (!prompt.check.empty()) rig.world.board_mm = 1500;
+    return rig::Answer{};
+  };
+  rig.run();
+  CHECK(rig.person.asked.size() == 2);
+  CHECK(rig.captures()[0].range == 1500);
+  CHECK(rig.captures()[0].shift_mm == 100);
+}
+
+TEST_CASE("nobody is asked for ever: a bench that contradicts the captures ends the run") {
+  Rig rig("  - home\n  - prompt: {title: Place it, until: {beams_deg: [-1, 1], within_mm: [1450, 1550]}}\n");
+  CHECK_THROWS_WITH(rig.run(), Contains("sees 1400 mm") && Contains("wants 1450 to 1550"));
+}
+
+TEST_CASE("skipping a prompt skips the rest of its turn only") {
+  Rig rig(
+      "  - home\n"
+      "  - for-each: {d: [1, 2, 3]}\n"
+      "    steps:\n"
+      "      - prompt: {title: 'Place ${d}'}\n"
+      "      - capture: {samples: 5}\n"
+      "        name: 'at ${d}'\n");
+  rig.person.answers = [](const rig::Prompt& prompt) {
+    rig::Answer answer;
+    if (prompt.title == "Place 2") answer.kind = rig::Answer::Kind::skipped;
+    return answer;
+  };
+  rig.run();
+  const auto captures = rig.captures();
+  REQUIRE(captures.size() == 2);
+  CHECK(captures[0].step == "at 1");
+  CHECK(captures[1].step == "at 3");
+}
+
+TEST_CASE("a repeated turn is measured again and the first measurement is kept under another name") {
+  Rig rig(
+      "  - home\n"
+      "  - for-each: {d: [1, 2]}\n"
+      "    steps:\n"
+      "      - prompt: {title: 'Place ${d}'}\n"
+      "      - capture: {samples: 5}\n"
+      "        name: 'at ${d}'\n");
+  bool repeated = false;
+  rig.person.answers = [&](const rig::Prompt& prompt) {
+    rig::Answer answer;
+    if (prompt.title == "Place 2" && !std::exchange(repeated, true)) answer.kind = rig::Answer::Kind::repeat;
+    return answer;
+  };
+  rig.run();
+  const auto captures = rig.captures();
+  REQUIRE(captures.size() == 3);
+  CHECK_THAT(captures[0].step, Contains("(repeated)"));
+  CHECK(captures[1].step == "at 1");
+  CHECK(captures[2].step == "at 2");
+}
+
+TEST_CASE("an edge is found with its window, and again from the same captures when resumed") {
+  const std::string steps =
+      "  - home\n  - find-edge: {target: board, beam_deg: 0, samples: 60}\n"
+      "  - move: {to_deg: '${edge_smooth_deg}'}\n  - capture: {samples: 5}\n";
+  Rig whole(steps);
+  // The board's right end, (1400, -200), is seen by beam 0 at -8.13 deg.
+  whole.world.edge_deg = -8.2;
+  whole.run();
+  const double smooth_deg = whole.captures().back().stage_deg;
+  CHECK(smooth_deg == Approx(-8.2 + 0.025).margin(0.0101));
+
+  Rig broken(steps);
+  broken.world.edge_deg = -8.2;
+  broken.lidar.before_scan = [&](std::uint64_t number) { broken.lidar.dead = number >= 400; };
+  CHECK_THROWS(broken.run());
+  broken.lidar.dead = false;
+  broken.lidar.before_scan = [](std::uint64_t) {};
+  broken.run();
+  CHECK(broken.captures().back().stage_deg == Approx(smooth_deg).margin(0.0101));
+}
+
+TEST_CASE("samples may be spaced out in time") {
+  Rig rig("  - home\n  - capture: {samples: 10, spacing_s: 0.5}\n");
+  rig.run();
+  const auto stamps = rig.captures()[0].stamps;
+  for (std::size_t i = 1; i < stamps.size(); ++i) CHECK(stamps[i] - stamps[i - 1] == 500);
+}
+
+TEST_CASE("a limit that is not met is the run's result, not an error") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n  - fit: {kind: noise}\n",
+          "limits:\n  - {name: noise, of: noise.sigma, max: 5}\n");
+  rig.fitted = {{"schema", "result/1"},
+                {"kind", "noise"},
+                {"values", {{{"name", "sigma"}, {"value", 9.0}, {"u", 0.1}, {"unit", "mm"}}}}};
+  CHECK_FALSE(rig.run());
+  rig.fitted["values"][0]["value"] = 3.0;
+  Rig good("  - home\n  - capture: {samples: 5}\n  - fit: {kind: noise}\n",
+           "limits:\n  - {name: noise, of: noise.sigma, max: 5}\n");
+  good.fitted = rig.fitted;
+  CHECK(good.run());
+}
