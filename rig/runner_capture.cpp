@@ -95,7 +95,7 @@ awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& reques
     lidar::Scan scan;
     try {
       if (!streaming) {
-        gate.restart();
+        gate.restart(seen_ms);
         auto starting = start_stream(stream_for(request, skip));
         co_await std::move(starting);
       }
@@ -161,6 +161,7 @@ awaitable<std::int64_t> Runner::Impl::turning_capture(CaptureRequest request) {
         "run with this "
         "computer's. Run the simulator with --speed real.");
   ScanGate gate(request, known_bench.lidar.scan_hz, 0);
+  gate.restart(seen_ms);
   const std::int64_t ready_us = parts.clock.host_us() + static_cast<std::int64_t>(1e6 * turn_run_up_s);
   std::vector<lidar::Scan> scans;
   Track track;

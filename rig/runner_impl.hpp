@@ -86,6 +86,7 @@ struct Runner::Impl final : StepContext {
   bool own_time = false;
   std::optional<std::uint64_t> own_anchor_ms;
   std::int64_t own_now_us = 0, own_anchor_us = 0;
+  std::optional<std::uint64_t> seen_ms;  // The latest stamp since the lidar was connected.
   double seconds_done = 0, seconds_planned = 0;
 
   Impl(Procedure procedure_, fit::Bench bench_, SessionStore& session_, RunnerParts parts_);

@@ -25,6 +25,7 @@ awaitable<void> Runner::Impl::connect_lidar() {
   auto connecting = parts.lidar.connect();
   const json identity = co_await std::move(connecting);
   connected = true;
+  seen_ms.reset();
   const auto before = session.get("lidar");
   if (!before) {
     session.set("lidar", identity.dump());
@@ -97,6 +98,7 @@ awaitable<void> Runner::Impl::compare_clocks() {
 }
 
 void Runner::Impl::show(const lidar::Scan& scan) {
+  if (!seen_ms || scan.device_ms > *seen_ms) seen_ms = scan.device_ms;
   state.scan = scan;
   state.scan_seen = true;
 }

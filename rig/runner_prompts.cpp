@@ -163,6 +163,7 @@ awaitable<std::string> Runner::Impl::look_at(Sight sight) {
   const auto beams = static_cast<std::size_t>(request.last_step - request.first_step + 1);
   std::vector<std::vector<double>> ranges(beams);
   ScanGate gate(request, lidar.scan_hz, 0);
+  gate.restart(seen_ms);
   auto starting = start_stream(stream_for(request, 0));
   co_await std::move(starting);
   for (int got = 0; got < scans_of_a_look;) {

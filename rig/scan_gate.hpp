@@ -13,7 +13,8 @@
 
 namespace rig {
 
-constexpr int refusals_in_a_row = 400;  // Ten seconds of scans that do not belong to the capture.
+constexpr int refusals_in_a_row = 400;    // Ten seconds of scans that do not belong to the capture.
+constexpr double longest_gap_ms = 3.6e6;  // No stream is silent so long: a stamp beyond it is wrong.
 
 /// Decides for every scan of a stream whether it belongs to the capture, and counts what is missing.
 class ScanGate {
@@ -21,10 +22,12 @@ class ScanGate {
   ScanGate(const CaptureRequest& request, double scan_hz, int skip)
       : request_(request), period_ms_(1000.0 / scan_hz * (skip + 1)), half_scan_ms_(500.0 / scan_hz) {}
 
-  /// A stream begins anew: its first scan may have begun before the command, and older stamps mean nothing.
-  void restart() {
+  /// A stream begins anew: its first scan may have begun before the command. Scans of before `seen_ms`, the
+  /// latest stamp since the lidar was connected, are an earlier stream's.
+  void restart(std::optional<std::uint64_t> seen_ms) {
     fresh_ = true;
     last_ms_.reset();
+    seen_ms_ = seen_ms;
   }
 
   /// `settled_us`: host time before which the stage had not settled, or 0 if host times say nothing.
@@ -32,8 +35,9 @@ class ScanGate {
     if (!fits(scan)) return refuse();
     if (std::exchange(fresh_, false)) return false;
     if (settled_us != 0 && scan.host_us < settled_us) return refuse();
+    if (seen_ms_ && scan.device_ms <= *seen_ms_) return refuse();
     const auto stamp = static_cast<double>(scan.device_ms);
-    if (last_ms_ && stamp <= *last_ms_) return refuse();
+    if (last_ms_ && (stamp <= *last_ms_ || stamp > *last_ms_ + longest_gap_ms)) return refuse();
     // Stamps count whole milliseconds, so a gap is a lost scan from one and a half periods on.
     if (last_ms_)
       lost_ += static_cast<std::uint64_t>(std::max(0L, std::lround((stamp - *last_ms_) / period_ms_) - 1));
@@ -63,6 +67,7 @@ class ScanGate {
   const CaptureRequest& request_;
   double period_ms_, half_scan_ms_;
   bool fresh_ = true;
+  std::optional<std::uint64_t> seen_ms_;
   std::optional<double> last_ms_, taken_ms_;
   std::uint64_t lost_ = 0;
   int refused_in_a_row_ = 0;

@@ -27,7 +27,7 @@ awaitable<void> yield() {
 
 class FakeClock final : public rig::RunClock {
  public:
-  std::int64_t now_us = 1'000'000;
+  std::int64_t now_us = 100'000'000;
   std::int64_t host_us() const override { return now_us; }
   std::int64_t unix_us() const override { return 1'700'000'000'000'000 + now_us; }
   awaitable<void> sleep(double seconds) override {
