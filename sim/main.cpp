@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "sim/faults.hpp"
 #include "sim/operator_port.hpp"
 #include "sim/pty_port.hpp"
 #include "sim/scip_server.hpp"
@@ -18,6 +19,7 @@ namespace {
 
 struct Options {
   std::string bench_file, truth_file, speed = "real", listen = "127.0.0.1", stage_link, stage_language;
+  std::vector<std::string> faults, fault_files;
   std::uint16_t lidar_port = 10940, operator_port = 0;
   std::uint64_t seed = 1;
   double clock_ppm = 50, scan_period_ms = 25;
@@ -73,17 +75,29 @@ int serve(const Options& options) {
   port_options.link = options.stage_link;
   sim::PtyPort port(io.get_executor(), *stage, clock, port_options);
   const std::string stage_path = options.stage_link.empty() ? port.path() : options.stage_link;
+  sim::FaultInjector::Bench faulty;
+  faulty.server = &server;
+  faulty.lidar = &device;
+  faulty.port = &port;
+  faulty.stage = stage.get();
+  sim::FaultInjector faults(io.get_executor(), clock, faulty, options.seed);
+  faults.observe([](const sim::FaultEvent& event) {
+    std::fprintf(stderr, "rig-sim: fault at %.3f s: %s\n", event.time_s, event.text.c_str());
+  });
+  for (const std::string& fault : options.faults) faults.add(fault);
+  for (const std::string& file : options.fault_files) faults.add_file(file);
   sim::OperatorPort::Options operator_options;
   operator_options.address = options.listen;
   operator_options.port = options.operator_port;
   for (const fit::Target& target : scene.targets) operator_options.targets.push_back(target.name);
   sim::OperatorPort::Bench at_the_bench;
   at_the_bench.place = [&](const sim::SceneState& placed) { engine->set_scene(placed); };
-  at_the_bench.fault = [](const std::string&) { throw std::invalid_argument("no faults yet"); };
+  at_the_bench.fault = [&](const std::string& fault) { faults.add(fault); };
   at_the_bench.state = [&] {
     return nlohmann::json{{"time_s", clock.now_s()},
                           {"stage_deg", stage_at(clock.now_s()).angle_rad * fit::deg_per_rad},
-                          {"scans", device.scans_made()}};
+                          {"scans", device.scans_made()},
+                          {"faults", faults.count()}};
   };
   sim::OperatorPort operator_port(io.get_executor(), operator_options, std::move(at_the_bench));
   const nlohmann::ordered_json ready = {
@@ -122,6 +136,19 @@ int main(int argc, char** argv) {
   app.add_option("--stage-link", options.stage_link, "Where to link the stage's pseudo-terminal");
   app.add_option("--stage-language", options.stage_language,
                  "What the stage speaks: zaber, shot, gsc, falcon; default: as the bench file says");
+  app.add_option(
+         "--fault", options.faults,
+         "What goes wrong: \"at=12.5s lidar reset\", \"every=60s stage delay s=0.4\", \"random rate=0.02 "
+         "stage\"; may be repeated")
+      ->allow_extra_args(false);
+  app.add_option("--faults", options.fault_files, "File of such lines")->allow_extra_args(false);
+  app.add_flag_callback(
+      "--list-faults",
+      [] {
+        std::fputs(sim::FaultInjector::catalogue().c_str(), stdout);
+        throw CLI::Success();
+      },
+      "Lists the faults there are");
   app.add_option("--speed", options.speed, "real, max, or a factor")->capture_default_str();
   app.add_option("--seed", options.seed, "The same seed gives the same measurements")->capture_default_str();
   app.add_option("--listen", options.listen, "Address of the lidar")->capture_default_str();

@@ -31,6 +31,7 @@ constexpr std::size_t most_unsent_bytes = 1 << 20;
 /// At maximum speed each look at a moving stage brings it by this part of the remaining time nearer to rest,
 /// or by the least step. It arrives exactly, so that the time of arrival does not depend on the number of
 /// looks. Once the motor stands, the next look finds the table settled.
+constexpr double pause_within_line_s = 0.02;
 constexpr double part_per_look = 0.3, least_step_s = 0.02;
 
 [[noreturn]] void refuse(const std::string& what) {
@@ -84,6 +85,7 @@ struct PtyPort::Impl : std::enable_shared_from_this<PtyPort::Impl> {
   void read();
   void take(std::string bytes);
   void send(const std::string& bytes);
+  void deliver(const std::string& bytes, double delay_s);
   void flush();
   void wait_for_tick();
   /// A client, or the device itself, looks at the stage: at maximum speed this is what lets time pass.
@@ -222,14 +224,20 @@ void PtyPort::Impl::send(const std::string& bytes) {
     if (fault) passage = fault(Direction::to_client, std::string(passage.bytes));
     if (!baud_agrees())
       for (char& c : passage.bytes) c = static_cast<char>(~c);
-    if (passage.bytes.empty()) continue;
-    after(passage.delay_s, [this, line = passage.bytes] {
-      if (unsent_bytes + line.size() > most_unsent_bytes) return;
-      unsent_bytes += line.size();
-      unsent.push_back(line);
-      flush();
-    });
+    const std::size_t first = passage.split ? passage.bytes.size() / 2 : passage.bytes.size();
+    deliver(passage.bytes.substr(0, first), passage.delay_s);
+    deliver(passage.bytes.substr(first), passage.delay_s + pause_within_line_s);
   }
+}
+
+void PtyPort::Impl::deliver(const std::string& bytes, double delay_s) {
+  if (bytes.empty()) return;
+  after(delay_s, [this, bytes] {
+    if (unsent_bytes + bytes.size() > most_unsent_bytes) return;
+    unsent_bytes += bytes.size();
+    unsent.push_back(bytes);
+    flush();
+  });
 }
 
 void PtyPort::Impl::flush() {

@@ -21,6 +21,7 @@ class PtyPort {
     Passage(std::string bytes_, double delay_s_ = 0) : bytes(std::move(bytes_)), delay_s(delay_s_) {}
     std::string bytes;
     double delay_s = 0;  ///< Real seconds.
+    bool split = false;  ///< The second half comes after a pause (towards the client only).
   };
   /// Called for each piece that arrives and for each line that leaves.
   using LineFault = std::function<Passage(Direction direction, const std::string& bytes)>;

@@ -9,6 +9,7 @@
 #include <boost/asio/steady_timer.hpp>
 #include <boost/asio/use_awaitable.hpp>
 #include <boost/asio/write.hpp>
+#include <vector>
 
 namespace sim {
 
@@ -36,12 +37,12 @@ struct ScipServer::Impl : std::enable_shared_from_this<ScipServer::Impl> {
           wake_streamer(socket.get_executor()) {}
     tcp::socket socket;
     std::string outbox;
-    bool closed = false, writing = false;
+    bool closed = false, writing = false, abandoned = false;
     asio::steady_timer wake_writer, wake_streamer;
     void close() {
       error_code ignored;
       closed = true;
-      socket.close(ignored);
+      if (!abandoned) socket.close(ignored);
       wake_writer.cancel();
       wake_streamer.cancel();
     }
@@ -57,7 +58,10 @@ struct ScipServer::Impl : std::enable_shared_from_this<ScipServer::Impl> {
   UstDevice& device;
   Fault fault;
   std::shared_ptr<Connection> connection;
-  bool stopped = false;
+  bool stopped = false, keeps_streaming = false;
+  std::vector<std::shared_ptr<Connection>> abandoned;  ///< Still open, as far as their hosts know.
+  SimClock::Host::time_point held_until{}, split_until{};
+  std::size_t piece_bytes = 1;
 
   void send(Connection& to, std::string bytes) {
     bool drop = false;
@@ -70,6 +74,7 @@ struct ScipServer::Impl : std::enable_shared_from_this<ScipServer::Impl> {
   awaitable<void> accept_hosts();
   awaitable<void> read_requests(std::shared_ptr<Connection> host);
   awaitable<void> write_answers(std::shared_ptr<Connection> host);
+  awaitable<error_code> write_pieces(std::shared_ptr<Connection> host, const std::string& bytes);
   awaitable<void> stream_scans(std::shared_ptr<Connection> host);
   void answer(const std::shared_ptr<Connection>& host, std::string_view line);
 };
@@ -95,7 +100,7 @@ awaitable<void> ScipServer::Impl::accept_hosts() {
     auto reading = read_requests(host);
     co_await std::move(reading);
     host->close();
-    device.disconnected();
+    if (!std::exchange(keeps_streaming, false)) device.disconnected();
     connection.reset();
     if (device.take_reboot_request()) device.reboot(clock.now_s());
   }
@@ -140,10 +145,15 @@ awaitable<void> ScipServer::Impl::write_answers(std::shared_ptr<Connection> host
       co_await host->wake_writer.async_wait(redirect_error(use_awaitable, failed));
       continue;
     }
+    if (held_until > SimClock::Host::now()) {
+      host->wake_writer.expires_at(held_until);
+      co_await host->wake_writer.async_wait(redirect_error(use_awaitable, failed));
+      continue;
+    }
     const std::string bytes = std::exchange(host->outbox, std::string());
     host->writing = true;
-    failed = {};
-    co_await asio::async_write(host->socket, asio::buffer(bytes), redirect_error(use_awaitable, failed));
+    auto writing = write_pieces(host, bytes);
+    failed = co_await std::move(writing);
     host->writing = false;
     if (failed) {
       host->close();
@@ -151,6 +161,29 @@ awaitable<void> ScipServer::Impl::write_answers(std::shared_ptr<Connection> host
     }
     host->wake_streamer.cancel();
   }
+}
+
+awaitable<error_code> ScipServer::Impl::write_pieces(std::shared_ptr<Connection> host,
+                                                     const std::string& bytes) {
+  constexpr int most_pieces = 100;  // the rest of a long batch leaves whole
+  constexpr auto between_pieces = std::chrono::milliseconds(1);
+  error_code failed;
+  std::size_t sent = 0;
+  asio::steady_timer pause(executor);
+  for (int i = 0; i < most_pieces && split_until > SimClock::Host::now() && sent < bytes.size() && !failed;
+       ++i) {
+    const std::size_t size = std::min(piece_bytes, bytes.size() - sent);
+    co_await asio::async_write(host->socket, asio::buffer(bytes.data() + sent, size),
+                               redirect_error(use_awaitable, failed));
+    sent += size;
+    error_code ignored;
+    pause.expires_after(between_pieces);
+    co_await pause.async_wait(redirect_error(use_awaitable, ignored));
+  }
+  if (failed || host->closed) co_return failed;
+  co_await asio::async_write(host->socket, asio::buffer(bytes.data() + sent, bytes.size() - sent),
+                             redirect_error(use_awaitable, failed));
+  co_return failed;
 }
 
 awaitable<void> ScipServer::Impl::stream_scans(std::shared_ptr<Connection> host) {
@@ -204,12 +237,43 @@ void ScipServer::drop_connection() {
   if (impl_->connection) impl_->connection->close();
 }
 
+void ScipServer::reset_connection() {
+  if (!impl_->connection) return;
+  error_code ignored;
+  impl_->connection->socket.set_option(asio::socket_base::linger(true, 0), ignored);
+  impl_->connection->close();
+}
+
+void ScipServer::abandon_connection() {
+  if (!impl_->connection) return;
+  const auto host = impl_->connection;
+  host->abandoned = true;
+  host->close();
+  error_code ignored;
+  host->socket.cancel(ignored);
+  impl_->abandoned.push_back(host);
+}
+
+void ScipServer::hold_output(double seconds) {
+  impl_->held_until = SimClock::Host::now() + std::chrono::duration_cast<SimClock::Host::duration>(
+                                                  std::chrono::duration<double>(seconds));
+}
+
+void ScipServer::split_output(std::size_t piece, double seconds) {
+  impl_->piece_bytes = std::max<std::size_t>(piece, 1);
+  impl_->split_until = SimClock::Host::now() + std::chrono::duration_cast<SimClock::Host::duration>(
+                                                   std::chrono::duration<double>(seconds));
+}
+
+void ScipServer::keep_streaming_once() { impl_->keeps_streaming = true; }
+
 void ScipServer::stop() {
   if (impl_->stopped) return;
   impl_->stopped = true;
   error_code ignored;
   impl_->acceptor.close(ignored);
   drop_connection();
+  impl_->abandoned.clear();
 }
 
 }  // namespace sim

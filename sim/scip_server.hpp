@@ -38,8 +38,19 @@ class ScipServer {
 
   [[nodiscard]] std::uint16_t port() const;
   void set_fault(Fault fault);
-  /// Drops the present connection, as a reset or a reboot does.
+  /// Closes the present connection in good order.
   void drop_connection();
+  /// Ends it with a reset, as a reboot does.
+  void reset_connection();
+  /// Never serves it again and never closes it: to the host it looks as if the cable were cut. Others may
+  /// connect.
+  void abandon_connection();
+  /// Nothing leaves for so many real seconds; then everything does.
+  void hold_output(double seconds);
+  /// For so many real seconds bytes leave in pieces of this size, with pauses.
+  void split_output(std::size_t piece, double seconds);
+  /// The next host that leaves finds the device still streaming when it comes back.
+  void keep_streaming_once();
   void stop();
 
  private:

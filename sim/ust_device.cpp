@@ -49,6 +49,8 @@ std::string UstDevice::handle(std::string_view line, double now_s) {
   if (!request) return lidar::build_status_response(line, lidar::status_of(request.error()));
   const Command command = request->command;
   if (command != Command::reboot) first_restart_s_ = -1;
+  if (refuses_queries_ && stream_ && (command == Command::version || command == Command::information))
+    return lidar::build_status_response(line, "10");
   switch (command) {
     case Command::version:
       return identify(line);

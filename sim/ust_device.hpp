@@ -50,6 +50,12 @@ class UstDevice {
   /// True once after the second RB: the connection is to be dropped.
   [[nodiscard]] bool take_reboot_request() { return std::exchange(reboot_requested_, false); }
   void shift_clock_ms(std::int64_t by) { clock_offset_ms_ += by; }
+  /// The 24-bit timer will wrap in so many milliseconds.
+  void wrap_clock_in_ms(double now_s, std::int64_t ms) {
+    clock_offset_ms_ += 0x1000000 - ms - stamp_ms(now_s);
+  }
+  /// Some firmwares answer VV, PP and II with an error while they stream.
+  void refuse_queries_while_streaming(bool refuse) { refuses_queries_ = refuse; }
   /// Scans that were produced, for logs.
   [[nodiscard]] std::uint64_t scans_made() const { return scans_made_; }
 
@@ -80,7 +86,7 @@ class UstDevice {
   std::function<StageMoment(double)> stage_at_;
   std::vector<std::uint32_t> range_, intensity_;            ///< Of all steps.
   std::vector<std::uint32_t> sent_range_, sent_intensity_;  ///< Of the clusters that were asked for.
-  bool laser_on_ = false, adjusting_time_ = false, reboot_requested_ = false;
+  bool laser_on_ = false, adjusting_time_ = false, reboot_requested_ = false, refuses_queries_ = false;
   double timer_zero_s_ = 0, scan_end_s_ = 0, first_restart_s_ = -1;
   std::int64_t clock_offset_ms_ = 0;
   std::uint64_t scans_made_ = 0;
