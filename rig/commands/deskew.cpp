@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: MIT
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "rig/command.hpp"
+#include "rig/deskew_session.hpp"
+#include "rig/errors.hpp"
+#include "rig/fitting.hpp"
+#include "rig/report.hpp"
+
+namespace rig::commands {
+namespace {
+
+class Deskew : public Command {
+ public:
+  CLI::App* declare(CLI::App& root) override {
+    auto* command = root.add_subcommand("deskew", "Removes the motion distortion of a moving lidar's scans");
+    command->add_option("session", request_.input, "Session with odometry or a stage track")->required();
+    command->add_option("-o,--output", request_.output, "Session to make (*.rig)")->required();
+    command->add_option("--offset-ms", request_.offset_ms,
+                        "Path time minus scan time; default: estimated from the scans");
+    command
+        ->add_option("--beam-order", order_, "forward, reverse or auto: how beams follow each other in time")
+        ->check(CLI::IsMember({"forward", "reverse", "auto"}))
+        ->capture_default_str();
+    command->add_flag("--odometry-only", odometry_only_, "No matching: odometry at each beam's own time");
+    command
+        ->add_option("--odometry-u", request_.odometry_u,
+                     "Relative standard uncertainty of the odometry over one scan")
+        ->check(CLI::Range(0.001, 10.0))
+        ->capture_default_str();
+    command->add_option("--json", json_, "Write the result to FILE, or '-' for standard output");
+    return command;
+  }
+
+  int run() override {
+    request_.fuse = !odometry_only_;
+    if (order_ != "auto") request_.reversed = order_ == "reverse";
+    const nlohmann::json result = deskew_session(request_);
+    std::fputs(to_text(result).c_str(), stderr);
+    for (const auto& row : result["tables"][0]["rows"])
+      std::fprintf(stderr, "  %-42s within 20 scans %s mm, whole map %s mm\n",
+                   row[0].get<std::string>().c_str(), row[1].dump().substr(0, 5).c_str(),
+                   row[2].dump().substr(0, 5).c_str());
+    if (json_ == "-")
+      std::printf("%s\n", result.dump(1).c_str());
+    else if (!json_.empty())
+      write_file_atomically(json_, result.dump(1) + "\n");
+    return 0;
+  }
+
+ private:
+  DeskewRequest request_;
+  std::string order_ = "auto", json_;
+  bool odometry_only_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> make_deskew() { return std::make_unique<Deskew>(); }
+
+}  // namespace rig::commands
