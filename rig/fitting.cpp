@@ -63,6 +63,10 @@ std::string padded(const std::string& text, std::size_t width) {
 
 }  // namespace
 
+void check_fit(const std::string& kind, const nlohmann::json& options) {
+  check_options(fitting_of(kind), options);
+}
+
 const std::vector<std::unique_ptr<Fitting>>& all_fittings() {
   static const std::vector<std::unique_ptr<Fitting>> fittings = fittings::all();
   return fittings;

@@ -38,6 +38,9 @@ class Fitting {
 /// Every calibration there is, in the order of their file names.
 [[nodiscard]] const std::vector<std::unique_ptr<Fitting>>& all_fittings();
 
+/// Throws the UsageError of run_fit() without running anything.
+void check_fit(const std::string& kind, const nlohmann::json& options);
+
 /// Runs the calibration of that kind. Throws UsageError for an unknown kind (with what there is) or option.
 [[nodiscard]] nlohmann::json run_fit(const std::string& kind, const std::vector<FitSource>& sources,
                                      const nlohmann::json& options);

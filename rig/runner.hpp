@@ -68,9 +68,15 @@ struct RunState {
   double stage_deg = 0;
   std::uint64_t scans_lost = 0, scans_rejected = 0;
   int reconnects = 0;
-  std::vector<Message> messages;   ///< The latest hundred.
+  std::vector<Message> messages;  ///< The latest hundred.
+  std::uint64_t messages_total = 0;
+  std::vector<std::uint16_t> beam_mm;  ///< What the middle beam of the latest scans saw, oldest first.
+  int beam_step = 0;
   std::string checks_text = "[]";  ///< The limits checked so far, JSON as in docs/report.md.
 };
+
+/// "running", "prompt" ...
+const char* phase_word(RunState::Phase phase);
 
 /// The state as the live page's document (docs/live.md).
 nlohmann::json to_json(const RunState& state, const fit::Bench& bench);

@@ -99,6 +99,17 @@ awaitable<void> Runner::Impl::compare_clocks() {
 
 void Runner::Impl::show(const lidar::Scan& scan) {
   if (!seen_ms || scan.device_ms > *seen_ms) seen_ms = scan.device_ms;
+  constexpr std::size_t kept = 400;
+  const int middle = (scan.first_step + scan.last_step) / 2;
+  if (middle != state.beam_step || state.beam_mm.size() >= 2 * kept) {
+    const auto end = state.beam_mm.end();
+    if (middle == state.beam_step)
+      state.beam_mm.erase(state.beam_mm.begin(), end - kept);
+    else
+      state.beam_mm.clear();
+    state.beam_step = middle;
+  }
+  if (!scan.range_mm.empty()) state.beam_mm.push_back(scan.range_mm[scan.range_mm.size() / 2]);
   state.scan = scan;
   state.scan_seen = true;
 }

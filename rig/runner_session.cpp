@@ -175,6 +175,7 @@ void Runner::Impl::changed() {
 void Runner::Impl::note(const std::string& level, const std::string& text) {
   session.add_event(now_us(), level, text);
   state.messages.push_back({now_us(), level, text});
+  ++state.messages_total;
   if (state.messages.size() > messages_kept) state.messages.erase(state.messages.begin());
   changed();
 }

@@ -8,26 +8,6 @@ namespace {
 
 using nlohmann::json;
 
-const char* word(RunState::Phase phase) {
-  switch (phase) {
-    case RunState::Phase::starting:
-      return "starting";
-    case RunState::Phase::running:
-      return "running";
-    case RunState::Phase::prompt:
-      return "prompt";
-    case RunState::Phase::paused:
-      return "paused";
-    case RunState::Phase::done:
-      return "done";
-    case RunState::Phase::failed:
-      return "failed";
-    case RunState::Phase::aborted:
-      return "aborted";
-  }
-  return "";
-}
-
 const char* word(RunState::StepState state) {
   switch (state) {
     case RunState::StepState::not_started:
@@ -78,9 +58,29 @@ json steps_json(const RunState& state) {
 
 }  // namespace
 
+const char* phase_word(RunState::Phase phase) {
+  switch (phase) {
+    case RunState::Phase::starting:
+      return "starting";
+    case RunState::Phase::running:
+      return "running";
+    case RunState::Phase::prompt:
+      return "prompt";
+    case RunState::Phase::paused:
+      return "paused";
+    case RunState::Phase::done:
+      return "done";
+    case RunState::Phase::failed:
+      return "failed";
+    case RunState::Phase::aborted:
+      return "aborted";
+  }
+  return "";
+}
+
 json to_json(const RunState& state, const fit::Bench& bench) {
   json document = {{"schema", "live/1"},
-                   {"phase", word(state.phase)},
+                   {"phase", phase_word(state.phase)},
                    {"procedure", state.procedure},
                    {"session", state.session},
                    {"steps", steps_json(state)},
@@ -103,6 +103,7 @@ json to_json(const RunState& state, const fit::Bench& bench) {
                         {"range_mm", state.scan.range_mm},
                         {"intensity", state.scan.intensity}};
   }
+  if (!state.beam_mm.empty()) document["beam"] = {{"step", state.beam_step}, {"range_mm", state.beam_mm}};
   document["health"] = {
       {{"name", "scans lost"}, {"text", std::to_string(state.scans_lost)}, {"good", state.scans_lost == 0}},
       {{"name", "answers refused"},

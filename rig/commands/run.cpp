@@ -1,0 +1,266 @@
+// SPDX-License-Identifier: MIT
+#include <unistd.h>
+
+#include <boost/asio/co_spawn.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <boost/asio/use_awaitable.hpp>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "rig/command.hpp"
+#include "rig/errors.hpp"
+#include "rig/fitting.hpp"
+#include "rig/live/live_server.hpp"
+#include "rig/operators.hpp"
+#include "rig/report.hpp"
+#include "rig/run_view.hpp"
+#include "rig/scip_source.hpp"
+#include "rig/stage_factory.hpp"
+
+namespace rig::commands {
+namespace {
+
+namespace asio = boost::asio;
+using nlohmann::json;
+using std::chrono::steady_clock;
+
+constexpr std::uint16_t scip_port = 10940;
+
+std::string text_of(const std::string& path) {
+  std::ifstream in(path);
+  std::stringstream text;
+  text << in.rdbuf();
+  if (!in) throw UsageError("cannot read the bench file " + path + ": check the name and the permission.");
+  return text.str();
+}
+
+fit::Bench read_bench(const std::string& text, const std::string& path) {
+  try {
+    return fit::parse_bench(text, path);
+  } catch (const std::invalid_argument& error) {
+    throw UsageError(error.what());
+  }
+}
+
+/// A calibration that does not exist is found before the hours of its captures.
+void check_fits(const std::vector<Step>& steps) {
+  for (const Step& step : steps) {
+    check_fits(step.steps);
+    const Node* kind = step.kind->name() == "fit" ? step.options.find("kind") : nullptr;
+    if (!kind || has_expression(kind->scalar)) continue;
+    try {
+      check_fit(kind->scalar, nullptr);
+    } catch (const UsageError& error) {
+      throw ProcedureError(kind->place, error.what());
+    }
+  }
+}
+
+/// Publishes the run to the live page, which shows at most 20 states a second.
+class LiveView final : public RunView {
+ public:
+  LiveView(LiveServer& live, const fit::Bench& bench) : live_(live), bench_(bench) {}
+  void show(const RunState& state) override {
+    const auto now = steady_clock::now();
+    const bool turned = state.phase != phase_ || state.step != step_ || state.messages_total != messages_;
+    if (!turned && now - last_ < std::chrono::milliseconds(50)) return;
+    last_ = now, phase_ = state.phase, step_ = state.step, messages_ = state.messages_total;
+    live_.publish(to_json(state, bench_));
+  }
+
+ private:
+  LiveServer& live_;
+  const fit::Bench& bench_;
+  steady_clock::time_point last_{};
+  RunState::Phase phase_ = RunState::Phase::starting;
+  std::size_t step_ = 0;
+  std::uint64_t messages_ = 0;
+};
+
+class Run : public Command {
+ public:
+  CLI::App* declare(CLI::App& root) override {
+    auto* run = root.add_subcommand("run", "Runs a procedure on a lidar and a stage");
+    run->add_option("procedure", procedure_, "Procedure file, or the name of a ready one")->required();
+    run->add_option("--lidar", lidar_, "tcp://HOST[:PORT]");
+    run->add_option("--stage", stage_, "serial:PATH[?language=zaber&baud=...] (docs/stages.md)");
+    run->add_option("--bench", bench_, "Bench file; a resumed run takes it from its session");
+    run->add_option("--out", out_, "Session file to write; default: the procedure's name with .rig");
+    run->add_flag("--resume", resume_, "Go on with the session file where it was interrupted");
+    run->add_option("--set", settings_, "NAME=VALUE: replaces a variable of the procedure");
+    run->add_flag("--dry-run", dry_run_, "Print steps, travel, time and limits; touch no device");
+    run->add_flag("--yes", yes_, "Confirm every prompt: nobody is there");
+    run->add_option("--operator", operator_, "HOST:PORT of a simulated bench that answers prompts itself");
+    live_option_ = run->add_option("--live", live_.port, "Serve the live page; on PORT if given")
+                       ->expected(0, 1)
+                       ->default_str("0");
+    run->add_option("--live-listen", live_.address,
+                    "Address of the live page; others than loopback need "
+                    "--live-token")
+        ->capture_default_str();
+    run->add_option("--live-token", live_.token, "Secret that the live page's address must carry");
+    run->add_flag("--json-log", json_log_, "One JSON object a line on standard output, for machines");
+    run->footer(
+        "Ctrl-C stops the stage, switches the lidar's laser off and keeps all data; --resume goes on.");
+    return run;
+  }
+
+  int run() override {
+    const Procedure procedure = read_procedure(find_procedure(procedure_), overrides());
+    check_fits(procedure.steps);
+    if (out_.empty()) out_ = procedure.name + ".rig";
+    const fit::Bench bench = known_bench();
+    const auto plan =
+        unroll(procedure, bench);  // What the bench forbids is found before anything is touched.
+    if (dry_run_) {
+      std::fputs(dry_run_text(procedure, bench, plan).c_str(), stdout);
+      return 0;
+    }
+    if (lidar_.empty())
+      throw UsageError("--lidar is missing: give tcp://HOST:PORT (`rig devices` looks for it).");
+    if (stage_.empty())
+      throw UsageError("--stage is missing: give serial:PATH (`rig devices` lists the ports).");
+    return run_on_devices(procedure, bench);
+  }
+
+ private:
+  Variables overrides() const {
+    Variables values;
+    for (const std::string& setting : settings_) {
+      const auto equals = setting.find('=');
+      if (equals == std::string::npos || equals == 0)
+        throw UsageError("--set takes NAME=VALUE, not '" + setting + "'.");
+      values[setting.substr(0, equals)] = value_of_text(setting.substr(equals + 1));
+    }
+    return values;
+  }
+
+  bool continues() const { return resume_ && std::filesystem::exists(out_); }
+
+  fit::Bench known_bench() const {
+    std::optional<std::string> stored;
+    if (continues()) stored = SessionStore(out_, SessionStore::Mode::read).get("bench");
+    if (bench_.empty() && !stored)
+      throw UsageError("--bench is missing: the bench file says what stands where.");
+    if (bench_.empty()) return read_bench(*stored, out_ + " (its bench)");
+    fit::Bench bench = read_bench(text_of(bench_), bench_);
+    if (stored && json::parse(*stored) != json::parse(fit::to_json_text(bench)))
+      throw UsageError(
+          bench_ + " differs from the bench that " + out_ +
+          " was begun with, so it cannot be resumed. Leave --bench out, or begin a new session.");
+    return bench;
+  }
+
+  int run_on_devices(const Procedure& procedure, const fit::Bench& bench) {
+    const Endpoint lidar_address = parse_endpoint(lidar_, "--lidar", scip_port);
+    const auto document = json::parse(bench.document, nullptr, false, true);
+    const StageOptions stage_options_ = stage_options(document.value("stage", json::object()));
+    SessionStore session(out_, continues() ? SessionStore::Mode::append : SessionStore::Mode::create);
+    asio::io_context io(1);
+    const auto lidar = make_scip_source(io.get_executor(), lidar_address);
+    const auto clock = make_real_clock();
+    const auto person = make_operator(io.get_executor());
+
+    const auto started = steady_clock::now();
+    std::unique_ptr<Stage> stage;
+    std::exception_ptr failure;
+    bool stopped = false;
+    {
+      // Only to open the stage: the runner owns Ctrl-C afterwards.
+      asio::signal_set signals(io, SIGINT, SIGTERM, SIGHUP);
+      signals.async_wait([&](const boost::system::error_code& error, int) {
+        if (!error) stopped = true, io.stop();
+      });
+      auto opening = open_stage(io.get_executor(), stage_, stage_options_);
+      asio::co_spawn(io, std::move(opening), [&](std::exception_ptr why, std::unique_ptr<Stage> opened) {
+        failure = why;
+        stage = std::move(opened);
+        io.stop();
+      });
+      io.run();
+    }
+    if (failure) std::rethrow_exception(failure);
+    if (stopped || !stage) throw RunStopped("Stopped by the operator before anything moved.");
+    io.restart();
+    RunnerParts parts{*lidar, *stage, *clock, *person, fit_function(), report_function()};
+    Runner runner(procedure, bench, session, parts);
+    return conduct(io, runner, bench, session, started);
+  }
+
+  std::unique_ptr<Operator> make_operator(const asio::any_io_executor& executor) const {
+    if (yes_ && !operator_.empty()) throw UsageError("give one of --yes and --operator.");
+    if (yes_) return make_absent_operator();
+    if (!operator_.empty()) return make_bench_operator(executor, parse_endpoint(operator_, "--operator", 0));
+    return make_terminal_operator(executor, live_option_->count() > 0);
+  }
+
+  static std::function<json(const std::string&, SessionStore&, const json&)> fit_function() {
+    return [](const std::string& kind, SessionStore& session, const json& options) {
+      return run_fit(kind, {{session.path(), &session}}, options);
+    };
+  }
+
+  static std::function<void(const SessionStore&, const std::string&)> report_function() {
+    return [](const SessionStore& session, const std::string& file) { write_report(session.path(), file); };
+  }
+
+  int conduct(asio::io_context& io, Runner& runner, const fit::Bench& bench, SessionStore& session,
+              steady_clock::time_point started) {
+    std::unique_ptr<LiveServer> live;
+    std::vector<std::unique_ptr<RunView>> views;
+    if (live_option_->count() > 0) {
+      live = std::make_unique<LiveServer>(io.get_executor(), live_,
+                                          [&runner](const json& command) { runner.command(command); });
+      std::fprintf(stderr, "live page: %s\n", live->url().c_str());
+      views.push_back(std::make_unique<LiveView>(*live, bench));
+    }
+    views.push_back(make_terminal_view(stderr, isatty(STDERR_FILENO) != 0));
+    if (json_log_) views.push_back(make_json_log(stdout));
+    for (const auto& view : views) runner.observe([&view](const RunState& state) { view->show(state); });
+
+    asio::signal_set signals(io, SIGINT, SIGTERM, SIGHUP);
+    signals.async_wait([&runner](const boost::system::error_code& error, int) {
+      if (error) return;
+      std::signal(SIGINT, SIG_DFL);  // A second Ctrl-C ends the program at once.
+      runner.abort();
+    });
+    std::exception_ptr failure;
+    bool met = false;
+    auto running = runner.run();
+    asio::co_spawn(io, std::move(running), [&](std::exception_ptr why, bool limits_met) {
+      failure = why;
+      met = limits_met;
+      signals.cancel();
+      if (live) live->stop();
+      io.stop();
+    });
+    io.run();
+    views.clear();
+    const double seconds = std::chrono::duration<double>(steady_clock::now() - started).count();
+    if (!failure || isatty(STDERR_FILENO) != 0) {
+      std::fputs(summary_text(runner.state(), session, seconds).c_str(), stderr);
+    }
+    if (failure) std::rethrow_exception(failure);
+    if (!met)
+      throw MeasurementError("not every limit is met; the list above and the report say which and why.");
+    return 0;
+  }
+
+  std::string procedure_, lidar_, stage_, bench_, out_, operator_;
+  std::vector<std::string> settings_;
+  bool resume_ = false, dry_run_ = false, yes_ = false, json_log_ = false;
+  LiveServer::Options live_;
+  CLI::Option* live_option_ = nullptr;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> make_run() { return std::make_unique<Run>(); }
+
+}  // namespace rig::commands
