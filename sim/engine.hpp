@@ -34,6 +34,9 @@ class Engine {
   virtual void scan(double scan_s, const std::function<StageMoment(double time_s)>& stage_at,
                     std::span<std::uint32_t> range_mm, std::span<std::uint32_t> intensity) = 0;
   virtual void set_scene(const SceneState& scene) = 0;
+  /// Told where the stage's drive stands when a move begins, ends or turns back. Engines with gear play and
+  /// ringing need it for moves that happen between two scans; the others ignore it.
+  virtual void stage_moves(double /*time_s*/, const StageMoment& /*stage*/) {}
 };
 
 }  // namespace sim

@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <cmath>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "fit/angle.hpp"
+#include "sim/world.hpp"
+
+namespace causal_test {
+
+/// Boards given as {name, x1, y1, x2, y2, reflectance}, lidar at the axis with an exact mount.
+struct Board {
+  std::string name;
+  double x1, y1, x2, y2, reflectance = 1;
+};
+
+inline sim::World world_of(const std::vector<Board>& boards) {
+  sim::World world;
+  world.bench.lidar.mount = {fit::Estimate{0}, fit::Estimate{0}, fit::Estimate{0}};
+  for (const Board& board : boards) {
+    fit::Target target;
+    target.name = board.name;
+    target.from_mm = {board.x1, board.y1};
+    target.to_mm = {board.x2, board.y2};
+    target.reflectance = board.reflectance;
+    world.bench.targets.push_back(target);
+  }
+  // No self-heating: tests of other effects look at one moment.
+  world.heat.rise_fast_k = world.heat.rise_slow_k = 0;
+  return world;
+}
+
+/// A wall square on straight ahead.
+inline sim::World wall_at(double distance_mm, double reflectance = 1) {
+  return world_of({{"wall", distance_mm, -4000, distance_mm, 4000, reflectance}});
+}
+
+/// A wall straight ahead, seen at that incidence.
+inline sim::World slanted(double distance_mm, double incidence_deg, double reflectance = 1) {
+  const double a = (90 + incidence_deg) * fit::rad_per_deg;
+  const double dx = 3000 * std::cos(a), dy = 3000 * std::sin(a);
+  return world_of({{"wall", distance_mm - dx, -dy, distance_mm + dx, dy, reflectance}});
+}
+
+struct Cell {
+  std::vector<double> ranges;
+  double intensity = 0;  ///< Mean.
+  int lost = 0;
+
+  [[nodiscard]] double mean() const {
+    double sum = 0;
+    for (const double r : ranges) sum += r;
+    return sum / static_cast<double>(ranges.size());
+  }
+  [[nodiscard]] double sd() const {
+    const double m = mean();
+    double sum = 0;
+    for (const double r : ranges) sum += (r - m) * (r - m);
+    return std::sqrt(sum / static_cast<double>(ranges.size() - 1));
+  }
+};
+
+struct Recording {
+  std::vector<Cell> cells;
+  [[nodiscard]] const Cell& at(double beam_deg) const {
+    return cells[static_cast<std::size_t>(std::lround(540 + 4 * beam_deg))];
+  }
+};
+
+/// Records scans from one engine; `stage_deg` as a function of the time since power-on.
+inline Recording record(sim::Engine& engine, int scans, double from_s = 0,
+                        const std::function<sim::StageMoment(double)>& stage = [](double) { return sim::StageMoment{}; }) {
+  Recording recording;
+  std::vector<std::uint32_t> range(1081), intensity(1081);
+  recording.cells.resize(1081);
+  for (int i = 0; i < scans; ++i) {
+    engine.scan(from_s + i * 0.025, stage, range, intensity);
+    for (std::size_t k = 0; k < range.size(); ++k) {
+      Cell& cell = recording.cells[k];
+      if (range[k] <= 4 || range[k] >= 65000) {
+        ++cell.lost;
+        continue;
+      }
+      cell.ranges.push_back(range[k]);
+      cell.intensity += intensity[k];
+    }
+  }
+  for (Cell& cell : recording.cells) {
+    if (!cell.ranges.empty()) cell.intensity /= static_cast<double>(cell.ranges.size());
+  }
+  return recording;
+}
+
+inline Recording record(const sim::World& world, int scans, double from_s = 0, std::uint64_t seed = 1) {
+  const auto engine = sim::make_causal_engine(world, seed);
+  return record(*engine, scans, from_s);
+}
+
+}  // namespace causal_test
