@@ -69,8 +69,9 @@ struct World {
     double parallax_mm = 0;        ///< Distance between emitter and detector.
     double stray = 0;  ///< Share of the light of beams up to `stray_width` beside that is received.
     double stray_width_rad = 0.01;
-    double counts = 2400;  ///< Intensity at 1 m from white, and its power law.
+    double counts = 900;  ///< Intensity at 1 m from white, and its power law ...
     double counts_exponent = 0.5;
+    double counts_full = 2800;  ///< ... which bends over towards this.
   } receiver;
 
   struct Counter {

@@ -192,8 +192,7 @@ class CausalEngine : public Engine {
     const Disturbance disturbance = disturb(step, scan_s, echoes_.front().t_ns);
     const Reading reading = receiver_.detect(echoes_, disturbance, heat_.gain());
     if (!reading.found) return;
-    intensity = static_cast<std::uint32_t>(std::clamp(
-        world_.receiver.counts * std::pow(reading.peak, world_.receiver.counts_exponent), 0.0, 65000.0));
+    intensity = counts(reading.peak);
     double t = reading.t_ns + world_.housing.delay_ns + heat_.delay_ns();
     if (world_.counter.bin_ns > 0) t = world_.counter.bin_ns * std::floor(t / world_.counter.bin_ns + 0.5);
     const double range = t * light_mm_per_ns * (1 + 1e-6 * world_.counter.ppm) + rotor_.facet_mm();
@@ -203,6 +202,12 @@ class CausalEngine : public Engine {
     }
     const double rounded = world_.firmware.step_mm * std::floor(range / world_.firmware.step_mm + 0.5);
     range_mm = rounded > 30000 ? no_echo : static_cast<std::uint32_t>(rounded);
+  }
+
+  [[nodiscard]] std::uint32_t counts(double peak) const {
+    const World::Receiver& r = world_.receiver;
+    const double raw = r.counts * std::pow(peak, r.counts_exponent);
+    return static_cast<std::uint32_t>(std::clamp(raw / std::hypot(1, raw / r.counts_full), 0.0, 65000.0));
   }
 
   /// Median over neighbouring beams, codes left out.
