@@ -5,34 +5,25 @@
 #include <cstdio>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
+#include "sim/engine_factory.hpp"
 #include "sim/faults.hpp"
 #include "sim/operator_port.hpp"
 #include "sim/pty_port.hpp"
 #include "sim/scip_server.hpp"
-#include "sim/simple_engine.hpp"
 #include "sim/stage_bench.hpp"
 #include "sim/ust_device.hpp"
+#include "sim/world.hpp"
 
 namespace {
 
 struct Options {
-  std::string bench_file, truth_file, speed = "real", listen = "127.0.0.1", stage_link, stage_language;
+  sim::EngineChoice choice;
+  std::string conceal_file, speed = "real", listen = "127.0.0.1", stage_link, stage_language;
   std::vector<std::string> faults, fault_files;
   std::uint16_t lidar_port = 10940, operator_port = 0;
-  std::uint64_t seed = 1;
   double clock_ppm = 50, scan_period_ms = 25;
 };
-
-fit::Bench read_bench(const std::string& path) {
-  std::ifstream in(path);
-  std::stringstream text;
-  text << in.rdbuf();
-  if (!in)
-    throw std::invalid_argument("cannot read the bench file " + path + ": check the name and the permission");
-  return fit::parse_bench(text.str(), path);
-}
 
 double speed_factor(const std::string& text) {
   if (text == "real") return 1;
@@ -49,17 +40,24 @@ double speed_factor(const std::string& text) {
   return factor;
 }
 
+/// Writes what the operator of a world would know.
+int conceal(const Options& options) {
+  std::ofstream out(options.conceal_file);
+  out << sim::compile_world(sim::load_world(options.choice.world_file)) << '\n';
+  if (!out.flush()) throw std::runtime_error("cannot write " + options.conceal_file);
+  return 0;
+}
+
 int serve(const Options& options) {
-  // The operator's bench file is the scene; a truth file, where given, is what the bench really is.
-  const fit::Bench bench = read_bench(options.bench_file);
-  const fit::Bench scene = options.truth_file.empty() ? bench : read_bench(options.truth_file);
+  const sim::SimulatedBench simulated = sim::make_simulated_bench(options.choice);
+  const fit::Bench& scene = simulated.scene;
+  const std::shared_ptr<sim::Engine> engine = simulated.engine;
   boost::asio::io_context io(1);
   sim::SimClock clock(speed_factor(options.speed));
   sim::UstIdentity identity;
   identity.model = scene.lidar.model;
   identity.clock_ppm = options.clock_ppm;
   identity.scan_period_s = options.scan_period_ms / 1e3;
-  auto engine = std::make_shared<sim::SimpleEngine>(scene, sim::simple_options(scene), options.seed);
   const auto stage = sim::make_stage_device(sim::stage_device_options(scene, options.stage_language));
   const int direction = sim::stage_direction(scene);
   const auto stage_at = [&stage, direction](double time_s) {
@@ -80,7 +78,7 @@ int serve(const Options& options) {
   faulty.lidar = &device;
   faulty.port = &port;
   faulty.stage = stage.get();
-  sim::FaultInjector faults(io.get_executor(), clock, faulty, options.seed);
+  sim::FaultInjector faults(io.get_executor(), clock, faulty, options.choice.seed);
   faults.observe([](const sim::FaultEvent& event) {
     std::fprintf(stderr, "rig-sim: fault at %.3f s: %s\n", event.time_s, event.text.c_str());
   });
@@ -125,9 +123,16 @@ int main(int argc, char** argv) {
       "Simulated calibration bench: a scanning lidar on TCP and a rotary stage on a pseudo-terminal."};
   Options options;
   app.set_version_flag("--version", "rig-sim " RIG_VERSION);
-  app.add_option("--bench", options.bench_file, "Bench file: the scene, the lidar, the stage")->required();
-  app.add_option("--truth", options.truth_file,
+  app.add_option("--bench", options.choice.bench_file, "Bench file: the scene, the lidar, the stage");
+  app.add_option("--truth", options.choice.truth_file,
                  "Bench file of what is really there, when the operator's is not exact");
+  app.add_option("--world", options.choice.world_file,
+                 "World file: causes from which the causal engine makes the measurements (docs/world.md)");
+  app.add_option("--conceal", options.conceal_file,
+                 "Write the bench file that the operator of the --world would have, and end");
+  app.add_option("--engine", options.choice.engine, "simple, causal, or auto: whichever the files ask for")
+      ->check(CLI::IsMember({"auto", "simple", "causal"}))
+      ->capture_default_str();
   app.add_option("--lidar-port", options.lidar_port, "TCP port of the lidar; 0 picks a free one")
       ->capture_default_str();
   app.add_option("--operator-port", options.operator_port,
@@ -150,7 +155,8 @@ int main(int argc, char** argv) {
       },
       "Lists the faults there are");
   app.add_option("--speed", options.speed, "real, max, or a factor")->capture_default_str();
-  app.add_option("--seed", options.seed, "The same seed gives the same measurements")->capture_default_str();
+  app.add_option("--seed", options.choice.seed, "The same seed gives the same measurements")
+      ->capture_default_str();
   app.add_option("--listen", options.listen, "Address of the lidar")->capture_default_str();
   app.add_option("--clock-ppm", options.clock_ppm, "How much the lidar's clock is fast")
       ->capture_default_str();
@@ -162,7 +168,7 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : 2;
   }
   try {
-    return serve(options);
+    return options.conceal_file.empty() ? serve(options) : conceal(options);
   } catch (const std::invalid_argument& error) {
     std::fprintf(stderr, "rig-sim: %s\n", error.what());
     return 2;

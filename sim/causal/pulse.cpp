@@ -36,8 +36,8 @@ Pulse::Pulse(const std::string& shape, double rise_ns, double tail_ns) : rise_(r
   double delayed = 0;
   for (std::size_t i = 0; i < count; ++i) {
     const double now = shape_at(shape, rise_ns, begin_ + static_cast<double>(i) * step);
-    // One-pole recursion: the discrete exponential of unit area.
-    delayed += tail_ns > 0 ? (now - delayed) * (1 - std::exp(-step / tail_ns)) : 0;
+    // One-pole recursion: a discrete exponential of unit area and the right mean.
+    delayed += tail_ns > 0 ? (now - delayed) * step / (tail_ns + step) : 0;
     table_[i] = tail_ns > 0 ? delayed : now;
   }
   table_.front() = 0;

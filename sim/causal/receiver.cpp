@@ -34,6 +34,16 @@ double crossing(const Signal& signal, double low, double high, double level) {
   return (low + high) / 2;
 }
 
+/// The summit near `top` by the parabola through three places.
+template <typename Signal>
+void refine(const Signal& signal, double top, double step, double& peak) {
+  const double left = signal(top - step), here = signal(top), right = signal(top + step);
+  const double bend = left - 2 * here + right;
+  if (bend >= 0) return;
+  const double aside = std::clamp(0.5 * (left - right) / bend, -1.0, 1.0);
+  if (std::abs(aside) > 1e-3) peak = std::max(peak, signal(top + aside * step));
+}
+
 }  // namespace
 
 Receiver::Receiver(const World& world)
@@ -107,8 +117,8 @@ bool Receiver::next_event(const Signal& signal, std::span<const Echo> echoes, do
     if (here >= threshold) event.up = crossing(signal, before, t, threshold);
   }
   // On to the last echo's peak, or until the comparator falls before it.
-  event.peak = std::max(signal(std::max(event.up, t)), threshold);
-  double place = std::max(event.up, t);
+  double place = std::max(event.up, t), top = place;
+  event.peak = std::max(signal(place), threshold);
   while (place < last) {
     place = std::min(last, place + step);
     const double here = signal(place);
@@ -117,14 +127,19 @@ bool Receiver::next_event(const Signal& signal, std::span<const Echo> echoes, do
       from = place;
       return true;
     }
-    if (here > event.peak) event.peak = here;
+    if (here > event.peak) {
+      event.peak = here;
+      top = place;
+    }
   }
   double ahead = signal(place + step);
   while (ahead > event.peak) {  // a tail, or sub-rays that add up after the last one
     event.peak = ahead;
     place += step;
+    top = place;
     ahead = signal(place + step);
   }
+  refine(signal, top, step / 2, event.peak);
   double down = place + step, above = place;
   if (centre_ || strongest_) {
     while (signal(down) >= threshold) {
@@ -162,11 +177,13 @@ double Receiver::timed(const Signal& signal, const Event& event, double disturba
 Reading Receiver::raw(std::span<const Echo> echoes, const Disturbance& disturbance, double gain) const {
   Reading reading;
   if (echoes.empty()) return reading;
+  const double fired = pulse_.begins_ns();
   const auto signal = [&](double t) {
     double sum = 0;
     for (const Echo& echo : echoes) sum += echo.amplitude * (*echo.pulse)(t - echo.t_ns);
     sum *= gain;
-    if (disturbance.flash != 0 && t > 0) sum += disturbance.flash * std::exp(-t / flash_decay_ns_);
+    if (disturbance.flash != 0 && t > fired)
+      sum += disturbance.flash * std::exp((fired - t) / flash_decay_ns_);
     return clipped(sum);
   };
   // Noise at the comparator is the same as a threshold that shakes; on a fraction of the peak it shakes the

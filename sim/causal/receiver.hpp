@@ -20,7 +20,7 @@ struct Echo {
 struct Disturbance {
   double threshold = 0;  ///< Added to the threshold: noise, wander, interference.
   double peak = 0;       ///< Added to the measured peak.
-  double flash = 0;      ///< Amplitude of the pulse's own light at the moment of firing.
+  double flash = 0;      ///< What the firing itself leaves in the receiver, when the pulse begins.
 };
 
 struct Reading {

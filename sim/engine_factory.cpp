@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: MIT
+#include "sim/engine_factory.hpp"
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <stdexcept>
+
+#include "sim/simple_engine.hpp"
+#include "sim/world.hpp"
+
+namespace sim {
+namespace {
+
+fit::Bench read_bench(const std::string& path) {
+  std::ifstream in(path);
+  const std::string text{std::istreambuf_iterator<char>(in), {}};
+  if (!in.is_open())
+    throw std::invalid_argument("cannot read the bench file " + path + ": check the name and the permission");
+  return fit::parse_bench(text, path);
+}
+
+std::string engine_for(const EngineChoice& choice) {
+  if (choice.engine != "auto") return choice.engine;
+  return choice.world_file.empty() ? "simple" : "causal";
+}
+
+}  // namespace
+
+fit::Bench take_play(World& world) {
+  fit::Bench bench = world.bench;
+  auto document = nlohmann::json::parse(bench.document, nullptr, true, true);
+  if (world.stage.play_rad > 0)
+    document["stage"]["physics"]["backlash_deg"] = world.stage.play_rad * fit::deg_per_rad;
+  bench.document = document.dump();
+  world.stage.play_rad = 0;
+  return bench;
+}
+
+SimulatedBench make_simulated_bench(const EngineChoice& choice) {
+  if (choice.world_file.empty() && choice.bench_file.empty())
+    throw std::invalid_argument("nothing to simulate: give a bench file (--bench) or a world file (--world)");
+  const std::string engine = engine_for(choice);
+  SimulatedBench simulated;
+  simulated.engine_name = engine;
+  if (engine == "causal") {
+    std::optional<fit::Bench> operators;
+    if (!choice.bench_file.empty()) operators = read_bench(choice.bench_file);
+    World world;
+    if (choice.world_file.empty()) {
+      world.bench = *operators;
+    } else {
+      world = load_world(choice.world_file, operators);
+    }
+    simulated.scene = take_play(world);
+    simulated.engine = make_causal_engine(world, choice.seed);
+    return simulated;
+  }
+  if (!choice.world_file.empty())
+    throw std::invalid_argument("a world file needs the causal engine, not \"" + engine + "\"");
+  // The operator's bench file is the scene; a truth file, where given, is what the bench really is.
+  simulated.scene = read_bench(choice.bench_file);
+  if (!choice.truth_file.empty()) simulated.scene = read_bench(choice.truth_file);
+  simulated.engine =
+      std::make_shared<SimpleEngine>(simulated.scene, simple_options(simulated.scene), choice.seed);
+  return simulated;
+}
+
+}  // namespace sim
