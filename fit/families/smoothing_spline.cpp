@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: MIT
+#include "fit/family.hpp"
+
+namespace fit::families {
+
+// No equation: what a curve without a prescribed form would say. It judges the others.
+Family make_smoothing_spline() {
+  Family f;
+  f.id = "smoothing-spline";
+  f.title = "smoothing spline";
+  f.honest_reference = true;
+  return f;
+}
+
+}  // namespace fit::families
