@@ -8,6 +8,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "sim/model_engine.hpp"
 #include "sim/simple_engine.hpp"
 #include "sim/world.hpp"
 
@@ -24,7 +25,11 @@ fit::Bench read_bench(const std::string& path) {
 
 std::string engine_for(const EngineChoice& choice) {
   if (choice.engine != "auto") return choice.engine;
-  return choice.world_file.empty() ? "simple" : "causal";
+  return choice.world_file.empty() ? "" : "causal";
+}
+
+bool knows_physics(const fit::Bench& bench) {
+  return std::ranges::any_of(bench.known, [](const auto& known) { return known.mechanism != "range-noise"; });
 }
 
 }  // namespace
@@ -44,7 +49,6 @@ SimulatedBench make_simulated_bench(const EngineChoice& choice) {
     throw std::invalid_argument("nothing to simulate: give a bench file (--bench) or a world file (--world)");
   const std::string engine = engine_for(choice);
   SimulatedBench simulated;
-  simulated.engine_name = engine;
   if (engine == "causal") {
     std::optional<fit::Bench> operators;
     if (!choice.bench_file.empty()) operators = read_bench(choice.bench_file);
@@ -55,6 +59,7 @@ SimulatedBench make_simulated_bench(const EngineChoice& choice) {
       world = load_world(choice.world_file, operators);
     }
     simulated.scene = take_play(world);
+    simulated.engine_name = engine;
     simulated.engine = make_causal_engine(world, choice.seed);
     return simulated;
   }
@@ -63,8 +68,13 @@ SimulatedBench make_simulated_bench(const EngineChoice& choice) {
   // The operator's bench file is the scene; a truth file, where given, is what the bench really is.
   simulated.scene = read_bench(choice.bench_file);
   if (!choice.truth_file.empty()) simulated.scene = read_bench(choice.truth_file);
-  simulated.engine =
-      std::make_shared<SimpleEngine>(simulated.scene, simple_options(simulated.scene), choice.seed);
+  simulated.engine_name = !engine.empty() ? engine : knows_physics(simulated.scene) ? "model" : "simple";
+  if (simulated.engine_name == "model") {
+    simulated.engine = make_model_engine(simulated.scene, choice.seed);
+  } else {
+    simulated.engine =
+        std::make_shared<SimpleEngine>(simulated.scene, simple_options(simulated.scene), choice.seed);
+  }
   return simulated;
 }
 

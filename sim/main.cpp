@@ -130,8 +130,10 @@ int main(int argc, char** argv) {
                  "World file: causes from which the causal engine makes the measurements (docs/world.md)");
   app.add_option("--conceal", options.conceal_file,
                  "Write the bench file that the operator of the --world would have, and end");
-  app.add_option("--engine", options.choice.engine, "simple, causal, or auto: whichever the files ask for")
-      ->check(CLI::IsMember({"auto", "simple", "causal"}))
+  app.add_option(
+         "--engine", options.choice.engine,
+         "simple, model (mechanisms known to the bench), causal, or auto: whichever the files ask for")
+      ->check(CLI::IsMember({"auto", "simple", "model", "causal"}))
       ->capture_default_str();
   app.add_option("--lidar-port", options.lidar_port, "TCP port of the lidar; 0 picks a free one")
       ->capture_default_str();

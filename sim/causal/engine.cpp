@@ -11,6 +11,7 @@
 #include "sim/causal/rotor.hpp"
 #include "sim/causal/scene.hpp"
 #include "sim/causal/stage_mechanics.hpp"
+#include "sim/stage_follower.hpp"
 #include "sim/world.hpp"
 
 namespace sim {
@@ -69,35 +70,17 @@ class CausalEngine : public Engine {
     const double rho = std::exp(-std::max(0.0, scan_s - last_scan_s_) / world_.receiver.wander_memory_s);
     wander_ = rho * wander_ + std::sqrt(1 - rho * rho) * random_.normal();
     jitter_ = world_.rotor.index_jitter_rad > 0 ? world_.rotor.index_jitter_rad * random_.normal() : 0;
-    if (world_.stage.ring_rad > 0) follow(scan_s, stage_at);
+    if (world_.stage.ring_rad > 0) {  // begins at the moment the stage stopped
+      follow_stage(last_scan_s_, scan_s, stage_at, [this](double time_s, const StageMoment& moment) {
+        mechanics_.drive(time_s, moment.angle_rad, moment.rate_rad_s);
+      });
+    }
     const double span = world_.rotor.rolling ? beam_s(static_cast<double>(world_.bench.lidar.steps - 1)) : 0;
     for (std::size_t i = 0; i < knots; ++i) {
       const double time = scan_s + span * static_cast<double>(i) / (knots - 1);
       const StageMoment moment = stage_at(time - world_.stage.late_s);
       mechanics_.drive(time, moment.angle_rad, moment.rate_rad_s);
       table_[i] = mechanics_.table_rad(time, moment.angle_rad);
-    }
-  }
-
-  /// What the stage did since the last scan: ringing begins at the moment it stopped.
-  void follow(double now_s, const std::function<StageMoment(double)>& stage_at) {
-    constexpr int looks = 64;
-    double before = std::max(last_scan_s_, now_s - 9);
-    const double step = (now_s - before) / looks;
-    if (step <= 0) return;
-    for (int i = 0; i < looks; ++i, before += step) {
-      const StageMoment then = stage_at(before), now = stage_at(before + step);
-      if (now.rate_rad_s == 0 && now.angle_rad != then.angle_rad) {
-        double moving = before, standing = before + step;
-        for (int halving = 0; halving < 30; ++halving) {
-          const double middle = (moving + standing) / 2;
-          const StageMoment at = stage_at(middle);
-          (at.rate_rad_s == 0 && at.angle_rad == now.angle_rad ? standing : moving) = middle;
-        }
-        mechanics_.drive(standing, now.angle_rad, 0);
-      } else {
-        mechanics_.drive(before + step, now.angle_rad, now.rate_rad_s);
-      }
     }
   }
 

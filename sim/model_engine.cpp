@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: MIT
+#include "sim/model_engine.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <stdexcept>
+
+#include "fit/json_position.hpp"
+#include "fit/mechanism.hpp"
+#include "sim/causal/random.hpp"
+#include "sim/model_scene.hpp"
+#include "sim/simple_engine.hpp"
+#include "sim/stage_follower.hpp"
+
+namespace sim {
+namespace {
+
+constexpr std::uint32_t too_near = 4, no_echo = 65533;
+/// Echoes of front and back merge to one where the gap is below about this (half of a 2 ns pulse's length).
+constexpr double merging_gap_mm = 150;
+
+/// A known mechanism, ready to act.
+struct Active {
+  const fit::Mechanism* mechanism;
+  std::vector<double> values;
+  int target = -1;  ///< The only one it acts on; -1: all.
+};
+
+std::vector<Active> active_mechanisms(const fit::Bench& bench) {
+  std::vector<Active> active;
+  for (const fit::KnownMechanism& known : bench.known) {
+    const fit::Mechanism* mechanism = fit::find_mechanism(known.mechanism);
+    if (!mechanism) {
+      std::set<std::string> ids;
+      for (const fit::Mechanism& one : fit::catalogue()) ids.insert(one.id);
+      const std::string meant = fit::nearest_word(known.mechanism, ids);
+      throw std::invalid_argument("the bench knows the mechanism \"" + known.mechanism +
+                                  "\", which the catalogue does not have" +
+                                  (meant.empty() ? "" : "; did you mean \"" + meant + "\"?"));
+    }
+    Active one{mechanism, mechanism->values(known.parameters), -1};
+    if (const auto text = known.texts.find("target"); text != known.texts.end()) {
+      const auto found = std::ranges::find(bench.targets, text->second, &fit::Target::name);
+      if (found == bench.targets.end())
+        throw std::invalid_argument("the bench's " + known.mechanism + " acts on a target \"" + text->second +
+                                    "\", which is not among its targets");
+      one.target = static_cast<int>(found - bench.targets.begin());
+    }
+    active.push_back(std::move(one));
+  }
+  return active;
+}
+
+/// How strong an echo is said to be: counts = at_1m * (reflectance * cos(i)^incidence) ^ power / r^range.
+struct IntensityLaw {
+  double at_1m = 0;  ///< 0: the simple engine's law.
+  double reflectance_power = 1, incidence_power = 1, range_power = 1;
+  double relative_noise = 0.01;
+};
+
+IntensityLaw intensity_law(const fit::Bench& bench) {
+  IntensityLaw law;
+  const auto document = nlohmann::json::parse(bench.document, nullptr, false);
+  if (!document.is_object() || !document.contains("sim") || !document["sim"].contains("intensity"))
+    return law;
+  const auto& given = document["sim"]["intensity"];
+  law.at_1m = given.value("counts_at_1m", 1000.0);
+  law.reflectance_power = given.value("reflectance_power", 1.0);
+  law.incidence_power = given.value("incidence_power", 1.0);
+  law.range_power = given.value("range_power", 1.0);
+  law.relative_noise = given.value("relative_noise", 0.01);
+  return law;
+}
+
+class ModelEngine : public Engine {
+ public:
+  ModelEngine(fit::Bench bench, std::uint64_t seed)
+      : bench_(std::move(bench)),
+        options_(simple_options(bench_)),
+        law_(intensity_law(bench_)),
+        scene_(bench_),
+        active_(active_mechanisms(bench_)),
+        random_(seed),
+        memory_(static_cast<std::size_t>(bench_.lidar.steps)) {
+    for (double& state : memory_) state = random_.normal();
+  }
+
+  void set_scene(const SceneState& state) override {
+    scene_.set(state);
+    temperature_c_ = state.temperature_c;
+    seen_from_ = std::numeric_limits<double>::quiet_NaN();
+  }
+
+  void scan(double scan_s, const StageAt& stage_at, std::span<std::uint32_t> range_mm,
+            std::span<std::uint32_t> intensity) override {
+    last_move_.follow(scan_s, stage_at);
+    if (first_temperature_c_ < -1e3) first_temperature_c_ = temperature_c_;
+    const StageMoment stage = stage_at(scan_s);
+    prepare(stage.angle_rad);
+    scan_normal_ = random_.normal();
+    for (std::size_t step = 0; step < range_mm.size(); ++step)
+      measure(step, scan_s, stage, range_mm[step], intensity[step]);
+    ++scans_;
+  }
+
+ private:
+  [[nodiscard]] Eigen::Vector2d origin(double stage_rad) const {
+    const fit::Mount& mount = bench_.lidar.mount;
+    const double c = std::cos(stage_rad), s = std::sin(stage_rad);
+    return {c * mount.x_mm.value - s * mount.y_mm.value, s * mount.x_mm.value + c * mount.y_mm.value};
+  }
+
+  [[nodiscard]] double counts(int target, double bearing, double range) const {
+    const double facing = scene_.cos_incidence(target, bearing), rho = scene_.reflectance(target);
+    if (law_.at_1m > 0)
+      return law_.at_1m * std::pow(rho, law_.reflectance_power) * std::pow(facing, law_.incidence_power) /
+             std::pow(range / 1000, law_.range_power);
+    const double falloff = 1 + std::pow(range / options_.intensity_falloff_mm, 2);
+    const double reference = 1 + std::pow(200 / options_.intensity_falloff_mm, 2);
+    return options_.intensity_at_reference * std::min(1.0, rho * facing * reference / falloff);
+  }
+
+  /// What does not change from scan to scan while the stage stands.
+  void prepare(double stage_rad) {
+    if (stage_rad == seen_from_) return;
+    seen_from_ = stage_rad;
+    const Eigen::Vector2d here = origin(stage_rad);
+    edges_ = scene_.edges(here);
+    sights_.assign(static_cast<std::size_t>(bench_.lidar.steps), {});
+    for (std::size_t step = 0; step < sights_.size(); ++step) {
+      const double beam = bench_.lidar.beam_angle(static_cast<double>(step));
+      const double bearing = stage_rad + bench_.lidar.mount.yaw_rad.value + beam;
+      const ModelScene::Hit hit = scene_.cast(here, bearing);
+      if (hit.target < 0) {
+        sights_[step].bearing_rad = bearing;
+        continue;
+      }
+      fit::Circumstances& c = sights_[step] = scene_.describe(here, bearing, hit, edges_);
+      c.beam_rad = beam;
+      c.stage_rad = stage_rad;
+      c.beam_time_s = bench_.lidar.beam_time_s(static_cast<double>(step));
+      c.intensity = counts(hit.target, bearing, hit.range_mm);
+    }
+  }
+
+  [[nodiscard]] fit::Effect effect(const fit::Circumstances& c) const {
+    fit::Effect sum;
+    for (const Active& one : active_) {
+      if (one.target >= 0 && one.target != c.target) continue;
+      sum += one.mechanism->act(c, one.values);
+    }
+    return sum;
+  }
+
+  [[nodiscard]] double noise(std::size_t step, const fit::Effect& e) {
+    const double variance = e.variance_mm2 > 0 ? e.variance_mm2 : options_.sigma_mm * options_.sigma_mm;
+    double white = random_.normal();
+    if (e.memory_share > 0) {
+      double& state = memory_[step];
+      const double rho = std::clamp(e.memory_rho, 0.0, 0.9999);
+      state = rho * state + std::sqrt(1 - rho * rho) * random_.normal();
+      white = std::sqrt(e.memory_share) * state + std::sqrt(std::max(0.0, 1 - e.memory_share)) * white;
+    }
+    return std::sqrt(variance) * white;
+  }
+
+  /// At an edge an echo comes from the front, the back, or, where the gap is short, from between.
+  [[nodiscard]] ModelScene::Hit mix(const ModelScene::Hit& hit, const Eigen::Vector2d& from, double bearing,
+                                    double footprint) {
+    const ModelScene::Edge* edge = scene_.nearest_edge(edges_, bearing);
+    if (footprint <= 0 || !edge || edge->far_target < 0) return hit;
+    const double inside = fit::wrap_angle(bearing - edge->bearing_rad) * edge->near_side;
+    if (std::abs(inside) > 4 * footprint) return hit;
+    const double front_share = 0.5 * std::erfc(-inside / footprint / std::sqrt(2.0));
+    const double aside = std::max(1e-5, std::abs(inside)) * edge->near_side;
+    const ModelScene::Hit front = scene_.cast(from, edge->bearing_rad + aside);
+    const ModelScene::Hit back = scene_.cast(from, edge->bearing_rad - aside);
+    if (front.target < 0 || back.target < 0) return hit;
+    if (back.range_mm - front.range_mm < merging_gap_mm)
+      return {front_share > 0.5 ? front.target : back.target,
+              front_share * front.range_mm + (1 - front_share) * back.range_mm};
+    return random_.uniform() < front_share ? front : back;
+  }
+
+  void measure(std::size_t step, double scan_s, const StageMoment& stage, std::uint32_t& range_mm,
+               std::uint32_t& intensity) {
+    range_mm = no_echo;
+    intensity = 0;
+    fit::Circumstances& c = sights_[step];
+    if (c.target < 0) return;
+    c.time_s = scan_s + c.beam_time_s;
+    c.temperature_k = temperature_c_ - first_temperature_c_;
+    c.since_move_s = last_move_.since_s(c.time_s);
+    c.approach = last_move_.approach();
+    c.stage_rate_rad_s = stage.rate_rad_s;
+    c.seq = static_cast<int>(scans_ % 27720);  // whatever the number of facets
+    const fit::Effect e = effect(c);
+    if (e.lost > 0 && random_.uniform() < e.lost) return;
+    const double true_stage = stage.angle_rad + e.stage_rad;
+    const double bearing =
+        c.bearing_rad + e.stage_rad + e.beam_rad + std::sqrt(e.scan_angle_variance_rad2) * scan_normal_;
+    const Eigen::Vector2d from = origin(true_stage) + e.origin_mm;
+    const ModelScene::Hit hit = mix(scene_.cast(from, bearing), from, bearing, e.footprint_rad);
+    if (hit.target < 0) return;
+    double range = hit.range_mm + e.range_mm + noise(step, e);
+    if (e.stray > 0 && random_.uniform() < e.stray) range = 60 + 9940 * random_.uniform();
+    if (range < options_.min_range_mm) {
+      range_mm = too_near;
+      return;
+    }
+    if (range > options_.max_range_mm) return;
+    const double unit = e.output_step_mm > 1 ? e.output_step_mm : 1;
+    range_mm = static_cast<std::uint32_t>(std::lround(unit * std::floor(range / unit + 0.5)));
+    const double strength = counts(hit.target, bearing, hit.range_mm) * std::exp(e.log_intensity);
+    intensity = static_cast<std::uint32_t>(
+        std::clamp(std::lround(strength * (1 + law_.relative_noise * random_.normal())), 1L, 65000L));
+  }
+
+  fit::Bench bench_;
+  SimpleOptions options_;
+  IntensityLaw law_;
+  ModelScene scene_;
+  std::vector<Active> active_;
+  causal::Random random_;
+  std::vector<double> memory_;
+  LastMove last_move_;
+  double temperature_c_ = 25, first_temperature_c_ = -1e9;
+  double seen_from_ = std::numeric_limits<double>::quiet_NaN();
+  double scan_normal_ = 0;
+  std::int64_t scans_ = 0;
+  std::vector<fit::Circumstances> sights_;
+  std::vector<ModelScene::Edge> edges_;
+};
+
+}  // namespace
+
+std::unique_ptr<Engine> make_model_engine(const fit::Bench& bench, std::uint64_t seed) {
+  return std::make_unique<ModelEngine>(bench, seed);
+}
+
+}  // namespace sim
