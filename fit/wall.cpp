@@ -1,0 +1,500 @@
+// SPDX-License-Identifier: MIT
+#include "fit/wall.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <functional>
+#include <iterator>
+#include <numeric>
+#include <stdexcept>
+
+#include "fit/angle.hpp"
+
+namespace fit {
+namespace {
+
+using Eigen::Vector2d;
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+
+/// The mean range of one beam over the scans of a capture, and the wall it sees.
+struct Beam {
+  double angle = 0, range = 0, scans = 0;
+  int wall = -1;
+  [[nodiscard]] Vector2d point() const { return {range * std::cos(angle), range * std::sin(angle)}; }
+};
+
+struct Station {
+  double stage_rad = 0;
+  std::vector<Beam> beams;
+  std::vector<std::vector<std::uint16_t>> scans;  ///< Those that make points of the trajectory.
+};
+
+double median_of(std::vector<double>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// Mean of the samples near their median: what passes by now and then does not count.
+void set_mean(Beam& beam, std::vector<double>& samples) {
+  if (samples.empty()) return;
+  const double middle = median_of(samples);
+  std::vector<double> deviations;
+  for (const double value : samples) deviations.push_back(std::abs(value - middle));
+  const double gate = std::max(5.0, 5 * 1.4826 * median_of(deviations));
+  double sum = 0;
+  for (const double value : samples) {
+    if (std::abs(value - middle) > gate) continue;
+    sum += value;
+    ++beam.scans;
+  }
+  beam.range = sum / beam.scans;
+}
+
+Station read_station(const Recording& recording, std::size_t index, std::size_t most_scans) {
+  const CaptureInfo& capture = recording.captures()[index];
+  const LidarGeometry& lidar = recording.bench().lidar;
+  Station station;
+  station.stage_rad = capture.stage_readback_rad.value_or(capture.stage_rad);
+  std::vector<std::vector<double>> samples;
+  recording.for_each_scan(index, [&](const ScanView& scan) {
+    if (scan.geometry) return;  // Scans whose beams differ cannot be averaged beam by beam.
+    samples.resize(std::max(samples.size(), scan.range_mm.size()));
+    for (std::size_t k = 0; k < scan.range_mm.size(); ++k)
+      if (scan.range_mm[k] >= 20) samples[k].push_back(scan.range_mm[k]);
+    if (station.scans.size() < most_scans)
+      station.scans.emplace_back(scan.range_mm.begin(), scan.range_mm.end());
+  });
+  station.beams.resize(samples.size());
+  for (std::size_t k = 0; k < samples.size(); ++k) {
+    station.beams[k].angle = lidar.beam_angle(capture.first_step + 0.5 * (capture.cluster - 1) +
+                                              static_cast<double>(k) * capture.cluster);
+    set_mean(station.beams[k], samples[k]);
+  }
+  return station;
+}
+
+/// Lines in a station, longest first, with the beams on them.
+struct SeenLine {
+  LineFit fit;
+  std::vector<std::size_t> beams;
+};
+
+std::vector<SeenLine> lines_of(const Station& station, double tolerance) {
+  std::vector<std::size_t> left;
+  for (std::size_t k = 0; k < station.beams.size(); ++k)
+    if (station.beams[k].scans > 0) left.push_back(k);
+  std::vector<SeenLine> lines;
+  RansacOptions options;
+  options.tolerance = tolerance;
+  while (lines.size() < 6 && left.size() >= 20) {
+    std::vector<Vector2d> points;
+    for (const std::size_t k : left) points.push_back(station.beams[k].point());
+    const auto found = find_line(points, options);
+    if (!found || found->inliers.size() < 20) break;
+    SeenLine line{found->fit, {}};
+    for (const std::size_t i : found->inliers) line.beams.push_back(left[i]);
+    std::vector<std::size_t> rest;
+    std::set_difference(left.begin(), left.end(), line.beams.begin(), line.beams.end(),
+                        std::back_inserter(rest));
+    left = std::move(rest);
+    lines.push_back(std::move(line));
+  }
+  return lines;
+}
+
+/// Beams at the ends of a run may see an edge or the corner.
+std::vector<std::size_t> without_ends(const std::vector<std::size_t>& beams, std::size_t ends = 3) {
+  std::vector<std::size_t> kept;
+  for (std::size_t first = 0; first < beams.size();) {
+    std::size_t last = first;
+    while (last + 1 < beams.size() && beams[last + 1] <= beams[last] + 2) ++last;
+    for (std::size_t i = first + ends; i + ends <= last; ++i) kept.push_back(beams[i]);
+    first = last + 1;
+  }
+  return kept;
+}
+
+/// Marks each beam with the wall it sees: the line in which `wall` is expected, if there is one.
+void assign(Station& station, const WallInBench* walls, double yaw, const WallOptions& options) {
+  for (const SeenLine& line : lines_of(station, options.tolerance_mm)) {
+    for (int j = 0; j < 2; ++j) {
+      const double expected = walls[j].line.normal_rad - station.stage_rad - yaw;
+      if (std::abs(wrap_angle(line.fit.line.normal_rad - expected)) > 15 * rad_per_deg) continue;
+      if (std::abs(line.fit.line.distance_mm - walls[j].line.distance_mm) > 400) continue;
+      const bool taken = std::ranges::any_of(station.beams, [j](const Beam& b) { return b.wall == j; });
+      if (taken) continue;
+      for (const std::size_t k : without_ends(line.beams)) station.beams[k].wall = j;
+    }
+  }
+}
+
+// --- the boards ---------------------------------------------------------------------------------------
+
+WallInBench in_bench(const Target& target) {
+  const Vector2d n = target.outward_normal();
+  return {target.name, {std::atan2(n.y(), n.x()), n.dot(target.from_mm)}, target.u_rad};
+}
+
+/// Without boards in the bench: the two longest square lines of the station nearest to stage angle 0, taken
+/// to stand parallel and square to the stage's zero (the patent's premise).
+void walls_from(const Station& station, double yaw, WallInBench* walls) {
+  const auto lines = lines_of(station, 20);
+  const auto place = [&](const SeenLine& line) {
+    const double normal = line.fit.line.normal_rad + station.stage_rad + yaw;
+    return Line2{std::round(normal / (pi / 2)) * (pi / 2), line.fit.line.distance_mm};
+  };
+  for (std::size_t a = 0; a < lines.size(); ++a)
+    for (std::size_t b = a + 1; b < lines.size(); ++b) {
+      const Line2 first = place(lines[a]), second = place(lines[b]);
+      if (std::abs(std::cos(first.normal_rad - second.normal_rad)) > 0.1) continue;
+      const bool swap = std::abs(wrap_angle(second.normal_rad)) < std::abs(wrap_angle(first.normal_rad));
+      walls[0] = {"front wall", swap ? second : first, 0};
+      walls[1] = {"side wall", swap ? first : second, 0};
+      return;
+    }
+  throw std::invalid_argument(
+      "The bench names no two boards at a right angle, and none were found in the scan nearest to stage "
+      "angle 0. "
+      "Add both boards to the bench file, or name them with the options front and side");
+}
+
+void find_walls(const Bench& bench, const Station& nearest_zero, const WallOptions& options, WallFit& fit) {
+  std::vector<const Target*> boards;
+  for (const std::string& name : {options.front, options.side}) {
+    if (name.empty()) continue;
+    const Target* target = bench.target(name);
+    if (!target) throw std::invalid_argument("The bench has no board named " + name);
+    boards.push_back(target);
+  }
+  for (const Target& target : bench.targets) {
+    if (boards.size() >= 2) break;
+    if (std::ranges::find(boards, &target) != boards.end()) continue;
+    const bool square =
+        boards.empty() || std::abs(boards[0]->outward_normal().dot(target.outward_normal())) < 0.2;
+    if (square) boards.push_back(&target);
+  }
+  if (boards.size() < 2) {
+    walls_from(nearest_zero, bench.lidar.mount.yaw_rad.value, fit.walls);
+    fit.notes.push_back(
+        "The bench names no two boards at a right angle: the two longest walls at stage angle 0 were taken "
+        "to "
+        "stand parallel and square to the stage's zero.");
+    return;
+  }
+  for (int j = 0; j < 2; ++j) fit.walls[j] = in_bench(*boards[static_cast<std::size_t>(j)]);
+}
+
+// --- joint least squares ------------------------------------------------------------------------------
+
+/// One residual of the joint fit: how far the mean of a beam ends before its wall, in units of range.
+struct JointRow {
+  double error = 0, weight = 0;
+  Vector6 slope;
+};
+
+struct JointModel {
+  const WallInBench* walls;
+  Vector6 at;
+
+  /// n . (R(stage) (m + rho u(yaw + alpha))) = D, divided by the cosine of incidence: noise is that of range.
+  [[nodiscard]] JointRow row(const Station& station, const Beam& beam) const {
+    const double normal = walls[beam.wall].line.normal_rad + (beam.wall == 1 ? at[5] : 0);
+    const double mount_turn = normal - station.stage_rad, beam_turn = mount_turn - at[0] - beam.angle;
+    const double c = std::cos(beam_turn), s = std::sin(beam_turn);
+    const double mc = std::cos(mount_turn), ms = std::sin(mount_turn);
+    const double ending = at[1] * mc + at[2] * ms + beam.range * c;
+    JointRow out;
+    const double distance = at[3 + beam.wall];
+    out.error = (ending - distance) / c;
+    out.slope.setZero();
+    out.slope[0] = beam.range * s;
+    out.slope[1] = mc;
+    out.slope[2] = ms;
+    out.slope[3 + beam.wall] = -1;
+    if (beam.wall == 1) out.slope[5] = -at[1] * ms + at[2] * mc - beam.range * s;
+    out.slope /= c;
+    out.weight = c > 0.2 ? beam.scans : 0;
+    return out;
+  }
+};
+
+struct JointSums {
+  Matrix6 information = Matrix6::Zero();
+  Vector6 gradient = Vector6::Zero();
+  Matrix6 scatter = Matrix6::Zero();  ///< Of the captures' contributions to the gradient.
+  double squares = 0;
+  std::size_t rows = 0, captures = 0;
+};
+
+/// `scale`: standard deviation of one range; residuals beyond 2.5 of it count less (Huber).
+JointSums accumulate(const JointModel& model, const std::vector<Station>& stations, double scale) {
+  JointSums sums;
+  for (const Station& station : stations) {
+    Vector6 own = Vector6::Zero();
+    bool any = false;
+    for (const Beam& beam : station.beams) {
+      if (beam.wall < 0) continue;
+      const JointRow row = model.row(station, beam);
+      if (row.weight <= 0) continue;
+      const double size = std::abs(row.error) * std::sqrt(row.weight) / scale;
+      const double w = row.weight * (size > 2.5 ? 2.5 / size : 1);
+      sums.information += w * row.slope * row.slope.transpose();
+      own -= w * row.error * row.slope;
+      sums.squares += w * row.error * row.error;
+      ++sums.rows;
+      any = true;
+    }
+    sums.gradient += own;
+    sums.scatter += own * own.transpose();
+    sums.captures += any;
+  }
+  return sums;
+}
+
+double scale_of(const JointModel& model, const std::vector<Station>& stations) {
+  std::vector<double> sizes;
+  for (const Station& station : stations)
+    for (const Beam& beam : station.beams) {
+      if (beam.wall < 0) continue;
+      const JointRow row = model.row(station, beam);
+      if (row.weight > 0) sizes.push_back(std::abs(row.error) * std::sqrt(row.weight));
+    }
+  return sizes.empty() ? 1 : std::max(1e-3, 1.4826 * median_of(sizes));
+}
+
+void check_observable(const JointSums& sums, std::size_t stations) {
+  if (sums.rows < 50)
+    throw std::invalid_argument(
+        "The two walls were seen by only " + std::to_string(sums.rows) + " beams in " +
+        std::to_string(stations) +
+        " captures at rest. Check that the boards stand where the bench file says and nothing hides them");
+  Vector6 size = sums.information.diagonal().cwiseSqrt();
+  if (!(size.minCoeff() > 0))
+    throw std::invalid_argument(
+        "One of the two walls was not seen in any capture at rest. Check where the "
+        "boards stand, and the names given as front and side");
+}
+
+void check_turned(const std::vector<Station>& stations) {
+  double widest = 0;
+  for (const Station& a : stations)
+    for (const Station& b : stations)
+      widest = std::max(widest, std::abs(wrap_angle(a.stage_rad - b.stage_rad)));
+  if (widest < 5 * rad_per_deg)
+    throw std::invalid_argument(
+        "The captures do not tell the lidar's offset from the distances of the walls: the stage hardly "
+        "turned "
+        "between them. Capture at stage angles at least 20 deg apart, better over the whole turn");
+}
+
+void fit_joint(const std::vector<Station>& stations, double yaw, const Mount& mount, WallFit& fit) {
+  JointModel model{fit.walls, Vector6::Zero()};
+  model.at << yaw, mount.x_mm.value, mount.y_mm.value, fit.walls[0].line.distance_mm,
+      fit.walls[1].line.distance_mm, 0;
+  double scale = 1e6;  // first round: plain least squares
+  for (int round = 0; round < 30; ++round) {
+    const JointSums sums = accumulate(model, stations, scale);
+    if (round == 0) check_observable(sums, stations.size());
+    const Vector6 step = sums.information.ldlt().solve(sums.gradient);
+    model.at += step;
+    scale = scale_of(model, stations);
+    if (round > 3 && step.cwiseAbs().maxCoeff() < 1e-9) break;
+  }
+  const JointSums sums = accumulate(model, stations, scale);
+  fit.joint = model.at;
+  fit.beams = sums.rows;
+  const double variance = sums.squares / std::max(1.0, static_cast<double>(sums.rows) - 6);
+  fit.range_noise_mm = std::sqrt(variance);
+  const Matrix6 inverse = sums.information.inverse();
+  fit.covariance = variance * inverse;
+  if (sums.captures >= 8) {
+    // Stage errors and the beams' own errors are common to a capture: where captures scatter more than their
+    // beams allow, that scatter counts.
+    const auto captures = static_cast<double>(sums.captures);
+    const Matrix6 between = inverse * sums.scatter * inverse * captures / std::max(1.0, captures - 6);
+    const Vector6 widen = between.diagonal().cwiseQuotient(fit.covariance.diagonal()).cwiseMax(1).cwiseSqrt();
+    fit.capture_inflation = widen.maxCoeff();
+    fit.covariance = widen.asDiagonal() * fit.covariance * widen.asDiagonal();
+  }
+  const Vector2d m = model.at.segment<2>(1);
+  const Eigen::Matrix2d c = fit.covariance.block<2, 2>(1, 1);
+  const double r = std::max(1e-9, m.norm());
+  const Vector2d radial = m / r, tangential(-radial.y(), radial.x());
+  fit.radius_mm = {r, std::sqrt(radial.dot(c * radial))};
+  fit.direction_rad = {std::atan2(m.y(), m.x()), std::sqrt(tangential.dot(c * tangential)) / r};
+}
+
+// --- the patent's ways --------------------------------------------------------------------------------
+
+/// Both walls and the square beams of one scan.
+WallSight sight_of(const Station& station, std::size_t capture, const WallInBench* walls, double yaw,
+                   const std::function<double(std::size_t)>& range) {
+  WallSight sight;
+  sight.stage_rad = station.stage_rad;
+  sight.capture = capture;
+  for (int j = 0; j < 2; ++j) {
+    std::vector<Vector2d> points;
+    const double square = walls[j].line.normal_rad - station.stage_rad - yaw;
+    double nearest = 1;
+    for (std::size_t k = 0; k < station.beams.size(); ++k) {
+      const Beam& beam = station.beams[k];
+      const double mm = range(k);
+      if (beam.wall != j || mm < 20 || std::abs(mm - beam.range) > 150) continue;
+      points.emplace_back(mm * std::cos(beam.angle), mm * std::sin(beam.angle));
+      const double off = std::abs(wrap_angle(beam.angle - square));
+      if (off > 1 * rad_per_deg || off >= nearest) continue;
+      nearest = off;
+      sight.square_range_mm[j] = mm;
+    }
+    if (points.size() >= 20) sight.walls[j] = fit_line(points);
+  }
+  return sight;
+}
+
+/// Where the lidar is in the wall frame, from its distances to both walls. The frame's axes point away from
+/// the walls and towards them; its origin is the corner.
+Vector2d position_from(const WallInBench* walls, double corner, double front_mm, double side_mm) {
+  Eigen::Matrix2d normals;
+  normals.row(0) = walls[0].line.normal();
+  const Line2 side{walls[1].line.normal_rad + corner, 0};
+  normals.row(1) = side.normal();
+  return normals.inverse() * Vector2d(-front_mm, -side_mm);
+}
+
+/// Direction of the offset: the phase at which the positions run round the circle's centre.
+Estimate phase_of(const Circle& circle, const std::vector<Vector2d>& points,
+                  const std::vector<double>& stages, const std::vector<std::size_t>& inliers, double rms) {
+  double c = 0, s = 0;
+  for (const std::size_t i : inliers) {
+    const Vector2d arm = points[i] - circle.centre;
+    const double angle = std::atan2(arm.y(), arm.x()) - stages[i];
+    c += std::cos(angle), s += std::sin(angle);
+  }
+  const double n = std::max<double>(1, static_cast<double>(inliers.size()));
+  return {std::atan2(s, c), rms / (std::max(1e-9, circle.radius) * std::sqrt(n))};
+}
+
+/// Both circles through the positions: the geometric one after RANSAC, and the algebraic one through the
+/// same.
+void add_circles(const std::string& way, const std::vector<Vector2d>& points,
+                 const std::vector<double>& stages, bool algebraic_too, WallFit& fit) {
+  WallCircle geometric{way, std::nullopt, {}, {}, points.size(), 0};
+  const auto found = find_circle(points, 20, 10, 2000);
+  if (found) {
+    geometric.circle = found->fit;
+    geometric.inliers = found->inliers.size();
+    geometric.radius_mm = {found->fit.circle.radius, std::sqrt(found->fit.covariance(2, 2))};
+    geometric.direction_rad = phase_of(found->fit.circle, points, stages, found->inliers, found->fit.rms);
+  }
+  fit.ways.push_back(geometric);
+  if (!found || !algebraic_too) return;
+  std::vector<Vector2d> kept;
+  for (const std::size_t i : found->inliers) kept.push_back(points[i]);
+  WallCircle algebraic = geometric;
+  algebraic.way = way + ", algebraic circle";
+  algebraic.circle = fit_circle_algebraic(kept);
+  algebraic.radius_mm = {algebraic.circle->circle.radius, std::sqrt(algebraic.circle->covariance(2, 2))};
+  algebraic.direction_rad =
+      phase_of(algebraic.circle->circle, points, stages, found->inliers, algebraic.circle->rms);
+  fit.ways.push_back(algebraic);
+}
+
+/// The stage angle at which the front wall is nearest, as the patent reads the direction of the offset.
+void add_nearest_angle(WallFit& fit) {
+  double least = 1e18, at = 0;
+  for (const WallSight& sight : fit.means) {
+    if (!sight.walls[0] || sight.walls[0]->line.distance_mm >= least) continue;
+    least = sight.walls[0]->line.distance_mm;
+    at = sight.stage_rad;
+  }
+  if (least > 1e17) return;
+  WallCircle way{"stage angle at which the front wall is nearest", std::nullopt, {}, {}, fit.means.size(), 0};
+  way.direction_rad = {wrap_angle(fit.walls[0].line.normal_rad - at), 0};
+  fit.ways.push_back(way);
+}
+
+void patent_angle(WallFit& fit) {
+  std::vector<double> slopes;
+  double from_lines = 0;
+  for (const WallSight& sight : fit.means) {
+    if (std::abs(wrap_angle(sight.stage_rad)) > 0.05 * rad_per_deg || !sight.walls[0]) continue;
+    slopes.push_back(
+        wrap_angle(fit.walls[0].line.normal_rad - sight.stage_rad - sight.walls[0]->line.normal_rad));
+    from_lines += sight.walls[0]->covariance(0, 0);
+  }
+  fit.repeats = slopes.size();
+  if (slopes.empty()) return;
+  const auto n = static_cast<double>(slopes.size());
+  const double mean = std::accumulate(slopes.begin(), slopes.end(), 0.0) / n;
+  double squares = 0;
+  for (const double slope : slopes) squares += (slope - mean) * (slope - mean);
+  const double between = n >= 3 ? std::sqrt(squares / (n - 1) / n) : 0;
+  fit.patent_angle_rad = {mean, std::max(between, std::sqrt(from_lines) / n)};
+}
+
+void fit_patent(const std::vector<Station>& stations, WallFit& fit) {
+  const double yaw = fit.joint[0];
+  std::vector<double> stages, single_stages;
+  for (std::size_t i = 0; i < stations.size(); ++i) {
+    const Station& station = stations[i];
+    const auto sight = [&](const std::function<double(std::size_t)>& range) {
+      return sight_of(station, i, fit.walls, yaw, range);
+    };
+    fit.means.push_back(sight([&](std::size_t k) { return station.beams[k].range; }));
+    for (const auto& scan : station.scans) {
+      const WallSight now = sight([&](std::size_t k) { return k < scan.size() ? double(scan[k]) : 0; });
+      if (now.walls[0] && now.walls[1]) {
+        fit.trajectory.push_back(position_from(fit.walls, fit.joint[5], now.walls[0]->line.distance_mm,
+                                               now.walls[1]->line.distance_mm));
+        stages.push_back(station.stage_rad);
+      }
+      if (now.square_range_mm[0] > 0 && now.square_range_mm[1] > 0) {
+        fit.single_beam.push_back(
+            position_from(fit.walls, fit.joint[5], now.square_range_mm[0], now.square_range_mm[1]));
+        single_stages.push_back(station.stage_rad);
+      }
+    }
+  }
+  patent_angle(fit);
+  add_circles("both walls in every scan, geometric circle", fit.trajectory, stages, true, fit);
+  add_circles("patent: one square beam a wall, geometric circle", fit.single_beam, single_stages, true, fit);
+  add_nearest_angle(fit);
+}
+
+}  // namespace
+
+WallFit fit_wall(const std::vector<const Recording*>& recordings, const WallOptions& options) {
+  WallFit fit;
+  std::vector<Station> stations;
+  std::size_t moving = 0, shifted = 0;
+  for (const Recording* recording : recordings)
+    for (std::size_t i = 0; i < recording->captures().size(); ++i) {
+      const CaptureInfo& capture = recording->captures()[i];
+      if (capture.stage_rate_rad_s != 0) {
+        ++moving;
+      } else if (capture.target_shift_mm != 0) {
+        ++shifted;
+      } else {
+        stations.push_back(read_station(*recording, i, options.scans_per_capture));
+      }
+    }
+  if (moving + shifted > 0)
+    fit.notes.push_back(std::to_string(moving + shifted) +
+                        " captures were left out: the stage turned, or a board was shifted.");
+  if (stations.empty() || recordings.empty())
+    throw std::invalid_argument("There is no capture with the stage at rest");
+  const Bench& bench = recordings.front()->bench();
+  const auto nearest = std::ranges::min_element(
+      stations, {}, [](const Station& s) { return std::abs(wrap_angle(s.stage_rad)); });
+  find_walls(bench, *nearest, options, fit);
+  const double yaw = bench.lidar.mount.yaw_rad.value;
+  for (Station& station : stations) assign(station, fit.walls, yaw, options);
+  check_turned(stations);
+  fit_joint(stations, yaw, bench.lidar.mount, fit);
+  fit_patent(stations, fit);
+  return fit;
+}
+
+}  // namespace fit

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "fit/circle.hpp"
+#include "fit/estimate.hpp"
+#include "fit/line.hpp"
+#include "fit/recording.hpp"
+
+namespace fit {
+
+struct WallOptions {
+  std::string front, side;             ///< Names of the two boards; empty: the bench's first two.
+  double tolerance_mm = 20;            ///< Of the RANSAC for lines.
+  std::size_t scans_per_capture = 50;  ///< Scans of a capture that make points of the trajectory, at most.
+};
+
+/// A board as the bench tells it: direction of its normal away from the axis, and distance from the axis.
+struct WallInBench {
+  std::string name;
+  Line2 line;
+  double u_rad = 0;
+};
+
+/// Both walls seen in one scan (or in the mean of a capture), in the lidar's frame.
+struct WallSight {
+  double stage_rad = 0;
+  std::size_t capture = 0;             ///< Of all sources' captures, counted through.
+  std::optional<LineFit> walls[2];     ///< Front, side.
+  double square_range_mm[2] = {0, 0};  ///< Of the beam that meets the wall squarely; 0: none.
+};
+
+/// A way to the offset of the lidar from the axis.
+struct WallCircle {
+  std::string way;
+  std::optional<CircleFit> circle;
+  Estimate radius_mm, direction_rad;
+  std::size_t points = 0, inliers = 0;
+};
+
+struct WallFit {
+  WallInBench walls[2];
+  /// Mounting angle (yaw of the lidar against the front wall at stage angle 0), lidar's x and y on the stage,
+  /// distances of front and side wall from the axis, and deviation of the corner from the bench's.
+  Eigen::Matrix<double, 6, 1> joint = Eigen::Matrix<double, 6, 1>::Zero();
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  Estimate radius_mm, direction_rad;
+  double range_noise_mm = 0;  ///< Standard deviation of one range, from the scatter of the beams' means.
+  double capture_inflation =
+      1;                      ///< How much wider the scatter between captures made the uncertainty, at most.
+  std::size_t beams = 0;      ///< Means of beams used.
+  Estimate patent_angle_rad;  ///< Mean slope of the front wall over the repeats at stage angle 0.
+  std::size_t repeats = 0;
+  std::vector<WallCircle> ways;  ///< Both walls in every scan (geometric, algebraic), single beam.
+  std::vector<WallSight> means;  ///< One a capture.
+  std::vector<Eigen::Vector2d> trajectory,
+      single_beam;  ///< In the wall frame: minus the distances from the walls.
+  std::vector<std::string> notes;
+};
+
+/// Right-angle wall calibration (source C) on a stage: the lidar turns before two walls. Both walls are found
+/// by RANSAC and fitted by least squares in every scan; the joint least-squares fit of mounting angle, offset
+/// and walls uses the means of all beams, weighted by incidence, its covariance widened where captures
+/// scatter more than their noise; the patent's circle through the positions, from both walls and from single
+/// beams, stands beside. Throws std::invalid_argument saying what is missing.
+WallFit fit_wall(const std::vector<const Recording*>& recordings, const WallOptions& options = {});
+
+}  // namespace fit
