@@ -31,8 +31,8 @@ using Kind = LidarError::Kind;
 namespace {
 
 constexpr std::size_t read_bytes = 64 * 1024;
-constexpr int attempts = 3;           // of a request that may be repeated without harm
-constexpr int exchanges_wanted = 30;  // TM1 rounds: the increment of the stamp is met from all sides
+constexpr int attempts = 3;                                  // of a request that may be repeated without harm
+constexpr int random_exchanges = 10, exchanges_wanted = 40;  // TM1 rounds of a synchronisation
 constexpr auto no_deadline = steady_clock::time_point::max();
 
 std::int64_t now_us() {
@@ -193,6 +193,7 @@ struct Client::Impl {
   awaitable<void> leave_time_adjust();
   awaitable<Identity> identify();
   awaitable<Identity> connect();
+  awaitable<Identity> connect_first();
   awaitable<Identity> reconnect();
   awaitable<void> start(StreamRequest wanted);
   awaitable<Scan> next();
@@ -398,15 +399,25 @@ awaitable<Identity> Client::Impl::connect() {
   }
   if (mute) throw *mute;
   co_await leave_time_adjust();
-  identity = co_await identify();
-  clock = ClockEstimator(identity.scan_period_s * 1000);
+  auto identifying = identify();
+  identity = co_await std::move(identifying);
   co_return identity;
+}
+
+/// What was known of a clock holds for as long as it is the same lidar: reconnect() keeps it.
+awaitable<Identity> Client::Impl::connect_first() {
+  auto connecting = connect();
+  Identity found = co_await std::move(connecting);
+  const double period_ms = found.scan_period_s * 1000;
+  clock = ClockEstimator(period_ms, period_ms * found.max_step / found.steps_per_turn);
+  co_return found;
 }
 
 awaitable<Identity> Client::Impl::reconnect() {
   const std::string serial = identity.serial;
   const Statistics before = statistics;
-  const Identity again = co_await connect();
+  auto connecting = connect();
+  const Identity again = co_await std::move(connecting);
   const Statistics since = statistics;
   statistics = before;
   statistics.bytes += since.bytes;
@@ -459,6 +470,7 @@ awaitable<void> Client::Impl::start(StreamRequest wanted) {
     streaming = true;
     bad_in_a_row = 0;
     scan_seen = false;
+    clock.begin_stream();
     co_return;
   }
   fail(Kind::no_answer, "the lidar at " + address() + " did not answer the request to measure");
@@ -514,10 +526,8 @@ std::optional<Scan> Client::Impl::scan_in(const Frame& frame) {
   const auto stamp = static_cast<std::uint32_t>(raw->stamp & 0xFFFFFF);
   Scan scan = scan_from(std::move(*raw), request, identity);
   scan.device_ms = clock.unwrap(stamp, static_cast<double>(arrived_us));
-  const double scan_ms =
-      static_cast<double>(identity.max_step) / identity.steps_per_turn * identity.scan_period_s * 1000;
   scan.host_us = static_cast<std::int64_t>(
-      std::llround(clock.add_scan(scan.device_ms, static_cast<double>(arrived_us), scan_ms)));
+      std::llround(clock.add_scan(scan.device_ms, static_cast<double>(arrived_us))));
   if (scan_seen) {
     const double period_ms = identity.scan_period_s * 1000 * (request.skip + 1);
     const auto passed = std::llround(static_cast<double>(scan.device_ms - last_scan_ms) / period_ms);
@@ -558,25 +568,34 @@ awaitable<void> Client::Impl::stop() {
 
 // --- the clock --------------------------------------------------------------------------------------------
 
-/// TM1 rounds with pauses of random length, so that the stamp's increment is met from all sides.
+/// Rounds of TM1: the first at random moments, so that the timer's step is met from all sides, the others so
+/// that the lidar reads its timer where the step is thought to be.
 awaitable<void> Client::Impl::exchange_times() {
   std::minstd_rand random(1);
   asio::steady_timer pause(executor);
+  double late_us = 50;  // how much later than asked a timer of this host wakes us
+  clock.begin_exchanges();
   for (int round = 0; round < exchanges_wanted; ++round) {
-    const double sent = static_cast<double>(now_us());
+    const auto now = static_cast<double>(now_us());
+    const double send_at = round < random_exchanges ? now + static_cast<double>(random() % 2000)
+                                                    : clock.best_time_to_send(now + late_us + 100);
+    pause.expires_after(std::chrono::microseconds(std::llround(send_at - late_us - now)));
+    error_code failed;
+    co_await pause.async_wait(redirect_error(use_awaitable, failed));
+    if (failed) throw boost::system::system_error(failed);
+    const auto sent = static_cast<double>(now_us());
+    late_us += (sent - send_at) / 4;
+    late_us = std::clamp(late_us, 0.0, 1000.0);
     auto asking = exchange(Request(Command::time_read));
     const std::optional<Answer> answer = co_await std::move(asking);
     if (!answer) continue;
     if (const auto stamp = decode_time(answer->body)) {
-      const double received = static_cast<double>(arrived_us);
+      const auto received = static_cast<double>(arrived_us);
       const auto device = clock.unwrap(static_cast<std::uint32_t>(*stamp & 0xFFFFFF), received);
       clock.add_exchange(sent, received, device);
     }
-    pause.expires_after(std::chrono::microseconds(random() % 2000));
-    error_code failed;
-    co_await pause.async_wait(redirect_error(use_awaitable, failed));
-    if (failed) throw boost::system::system_error(failed);
   }
+  clock.end_exchanges();
 }
 
 awaitable<ClockEstimate> Client::Impl::synchronise() {
@@ -641,7 +660,7 @@ Client::~Client() {
 }
 
 awaitable<Identity> Client::connect() {
-  auto work = impl_->connect();
+  auto work = impl_->connect_first();
   return ending_in_silence(*impl_, std::move(work));
 }
 awaitable<Identity> Client::reconnect() {

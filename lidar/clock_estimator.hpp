@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <deque>
+
+#include "lidar/offset_filter.hpp"
+#include "lidar/scan_grid.hpp"
 
 namespace lidar {
 
@@ -16,6 +20,7 @@ struct ClockEstimate {
   double device_ms = 0;    ///< The anchor, device side (24-bit wraps undone).
   double host_us = 0;      ///< The anchor, host side.
   double offset_u_us = 0;  ///< Standard uncertainty of host_us.
+  double scan_u_us = 0;    ///< Standard uncertainty of the last scan's host time.
   double drift_ppm = 0;    ///< How much faster than the host's the device's clock runs.
   double drift_u_ppm = 0;  ///< Standard uncertainty of drift_ppm.
   int exchanges = 0;       ///< TM exchanges used.
@@ -25,14 +30,14 @@ struct ClockEstimate {
 /// Relates a lidar's millisecond timer to the host's clock, and each scan to the moment at which its step 0
 /// was passed. Pure: the caller says when things happened.
 ///
-/// A TM exchange says: at some moment between sending and receiving, the timer stood in [stamp, stamp + 1
-/// ms). Each bounds the offset from both sides; where the stamp's increment falls narrows it far below 1 ms.
-/// A scan stamp is the floor of a steady grid of scan starts: the grid that fits all recent floors is known
-/// to a few hundredths of a millisecond (the idea of snapping to the grid: urg_stamped; the intersection of
-/// bounds in place of a median is ours).
+/// An exchange of TM1 says: at some moment between sending and receiving, the timer stood in [stamp, stamp +
+/// 1 ms). Each exchange bounds the offset from both sides; what all allow together is far narrower than 1 ms.
+/// ScanGrid says when scans began on the lidar's clock; OffsetFilter carries the offset on from the exchanges
+/// by the scans that were least late.
 class ClockEstimator {
  public:
-  explicit ClockEstimator(double nominal_period_ms = 25) : nominal_period_ms_(nominal_period_ms) {}
+  /// A scan ends `scan_ms` after its step 0, and cannot arrive before.
+  explicit ClockEstimator(double nominal_period_ms = 25, double scan_ms = 18.75);
 
   /// The stamp with its 24-bit wraps undone. A timer that started again goes on from where the host's clock
   /// says it would be, and is counted.
@@ -40,46 +45,71 @@ class ClockEstimator {
 
   /// One TM1: sent and received by the host's clock.
   void add_exchange(double sent_us, double received_us, std::uint64_t device_ms);
+  /// When to send the next TM1, not before `earliest_us`, so that it tells most: so that the lidar reads its
+  /// timer where the next millisecond is thought to begin.
+  [[nodiscard]] double best_time_to_send(double earliest_us) const;
+  /// A new round of exchanges begins; earlier ones stay in the filter, not in the bounds.
+  void begin_exchanges();
+  /// The round is over: its bounds become one measurement.
+  void end_exchanges();
 
-  /// A scan that arrived; returns the host time of its step 0, microseconds. The scan ended `scan_ms` after
-  /// step 0 and cannot have arrived before.
-  double add_scan(std::uint64_t device_ms, double arrival_us, double scan_ms);
+  /// A stream starts: scans come another way, or with another size, than those before.
+  void begin_stream();
+  /// A scan that arrived; returns the host time of its step 0, microseconds.
+  double add_scan(std::uint64_t device_ms, double arrival_us);
+  /// Standard uncertainty of what add_scan returned last, microseconds. Of the lidar's own clock when that is
+  /// followed.
+  [[nodiscard]] double u_scan_us() const;
 
   [[nodiscard]] ClockEstimate estimate() const;
 
  private:
   struct Exchange {
     double device_ms, earliest_us,
-        latest_us;  ///< Bounds of the host time at which the timer showed device_ms.
+        latest_us;  ///< Bounds of the host time at which the timer came to device_ms.
   };
-  struct Stamp {
-    std::int64_t index;
-    double device_ms;
+  struct Bounds {
+    double low_us, high_us;
+    int used;
   };
-  struct Arrival {
-    double device_ms, latest_us;
+  struct Moment {
+    double device_ms, host_us;
+  };
+  /// The scans of a while: the three least late, and where in the timer's millisecond they began.
+  struct While {
+    int scans = 0;
+    double begun_ms = 0;
+    std::array<double, 3> lateness_us{};
+    double device_ms = 0;  ///< Of the least late.
+    std::uint32_t phases = 0;
+    double u_start_ms = 0;
   };
 
-  void fit_exchanges();
-  void judge_rate(double device_ms, double arrival_us);
-  void note_arrival(double device_ms, double latest_us);
-  double on_the_grid(double device_ms);
+  [[nodiscard]] Bounds bounds() const;
+  [[nodiscard]] std::uint64_t forward_through_silence(std::uint32_t forward, double host_us) const;
+  void start_again();
+  void follow_device(Moment from);
+  void judge_rate(Moment arrival);
+  void note_lateness(const ScanGrid::Start& start, double arrival_us);
+  void close_while();
   [[nodiscard]] double to_host(double device_ms) const;
 
-  double nominal_period_ms_;
-  ClockEstimate estimate_;
-  bool anchored_ = false, seen_ = false;
+  double nominal_period_ms_, scan_ms_;
+  bool seen_ = false, synchronised_ = false, follows_host_ = true;
   std::uint64_t unwrapped_ = 0;
   double last_host_us_ = 0;
+  int resets_ = 0, exchanges_used_ = 0;
   std::deque<Exchange> exchanges_;
-  std::deque<Stamp> grid_;
-  double period_ms_ = 0;
-  Arrival first_{};
-  bool first_seen_ = false;
-  double window_start_ms_ = 0;
-  Arrival best_in_window_{};
-  bool window_open_ = false;
-  std::deque<Arrival> envelope_;  ///< The earliest arrival of each window: the line they lie on is the clock.
+  ScanGrid grid_;
+  OffsetFilter filter_;
+  bool offset_known_ = false;
+  double origin_us_ = 0;  ///< host = origin + 1000 device + the filter's offset: keeps its numbers small.
+  While while_;
+  int whiles_closed_ = 0, late_whiles_ = 0;
+  bool rate_judged_from_ = false;
+  Moment rate_from_{};
+  Moment anchor_{};  ///< When the lidar's own clock is followed.
+  double last_start_ms_ = 0, u_start_us_ = 0;
 };
 
 }  // namespace lidar

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: MIT
+#include "lidar/scan_grid.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace lidar {
+namespace {
+
+constexpr double period_tolerance = 0.01;       // of the nominal period; real motors stay within 0.2 %
+constexpr double least_start_wander_ms = 2e-4;  // a second, before anything else is known of a motor
+constexpr double least_period_wander_ms = 1e-5;
+constexpr double widening_interval_ms = 1000;
+constexpr double largest_misfit_ms = 2;   // beyond, it is another grid
+constexpr double wander_memory = 0.99;    // of the wandering that was seen, a second
+constexpr std::size_t most_corners = 24;  // more say nothing that matters
+constexpr double smallest_side_ms = 1e-7;
+
+}  // namespace
+
+ScanGrid::ScanGrid(double nominal_period_ms)
+    : nominal_period_ms_(nominal_period_ms),
+      start_wander_ms_(least_start_wander_ms),
+      period_wander_ms_(least_period_wander_ms) {
+  centre_.period = nominal_period_ms;
+}
+
+void ScanGrid::restart() { begun_ = false; }
+
+void ScanGrid::begin(std::uint64_t stamp_ms) {
+  const double least = nominal_period_ms_ * (1 - period_tolerance),
+               most = nominal_period_ms_ * (1 + period_tolerance);
+  polygon_ = {{0, least}, {1, least}, {1, most}, {0, most}};
+  begun_ = true;
+  stamp_ms_ = stamp_ms;
+  since_widened_ms_ = 0;
+  summarise();
+}
+
+ScanGrid::Start ScanGrid::add(std::uint64_t stamp_ms) {
+  const double gap_ms = static_cast<double>(stamp_ms - stamp_ms_);
+  if (!begun_ || stamp_ms <= stamp_ms_) {
+    begin(stamp_ms);
+  } else {
+    stamp_ms_ = stamp_ms;
+    advance(gap_ms);
+  }
+  return {static_cast<double>(stamp_ms) + centre_.start, u_start_};
+}
+
+/// Moves the polygon on to the scan that was stamped `gap_ms` later and cuts it to what that stamp allows.
+void ScanGrid::advance(double gap_ms) {
+  since_widened_ms_ += gap_ms;
+  if (since_widened_ms_ > widening_interval_ms) {
+    const double seconds = since_widened_ms_ / 1000;
+    widen(start_wander_ms_ * seconds, period_wander_ms_ * seconds);
+    const double kept = std::pow(wander_memory, seconds);
+    start_wander_ms_ = std::max(least_start_wander_ms, kept * start_wander_ms_);
+    period_wander_ms_ = std::max(least_period_wander_ms, kept * period_wander_ms_);
+    since_widened_ms_ = 0;
+  }
+  const double turns = std::round(gap_ms / centre_.period);
+  double low = 1e300, high = -1e300;
+  for (Point& corner : polygon_) {
+    corner.start += turns * corner.period - gap_ms;
+    low = std::min(low, corner.start);
+    high = std::max(high, corner.start);
+  }
+  const double misfit = std::max({0.0, -high, low - 1});
+  if (turns < 1 || misfit > largest_misfit_ms || high - low > nominal_period_ms_ / 2) return begin(stamp_ms_);
+  if (misfit > 0) {
+    start_wander_ms_ = std::max(1.5 * start_wander_ms_, misfit);
+    period_wander_ms_ = std::max(1.5 * period_wander_ms_, misfit / 40);
+    widen(misfit + start_wander_ms_, period_wander_ms_);
+    low -= misfit + start_wander_ms_;
+    high += misfit + start_wander_ms_;
+  }
+  if (low < 0 || high > 1) cut(0, 1);
+  summarise();
+}
+
+/// The polygon's Minkowski sum with a box: the hull of its corners, each moved to the box's four.
+void ScanGrid::widen(double start, double period) {
+  scratch_.clear();
+  for (const Point& corner : polygon_)
+    for (const double s : {-start, start})
+      for (const double p : {-period, period}) scratch_.push_back({corner.start + s, corner.period + p});
+  std::sort(scratch_.begin(), scratch_.end(), [](const Point& a, const Point& b) {
+    return a.start < b.start || (a.start == b.start && a.period < b.period);
+  });
+  const auto turns_left = [](const Point& o, const Point& a, const Point& b) {
+    return (a.start - o.start) * (b.period - o.period) - (a.period - o.period) * (b.start - o.start) > 0;
+  };
+  polygon_.clear();
+  const auto add_chain = [&](auto first, auto last) {  // Andrew's monotone chain
+    const std::size_t base = polygon_.size();
+    for (; first != last; ++first) {
+      while (polygon_.size() >= base + 2 && !turns_left(polygon_.end()[-2], polygon_.end()[-1], *first))
+        polygon_.pop_back();
+      polygon_.push_back(*first);
+    }
+    polygon_.pop_back();
+  };
+  add_chain(scratch_.begin(), scratch_.end());
+  add_chain(scratch_.rbegin(), scratch_.rend());
+}
+
+/// Keeps what lies between two values of `start` (Sutherland and Hodgman).
+void ScanGrid::cut(double low, double high) {
+  const auto keep = [&](double bound, double sign) {
+    scratch_.clear();
+    for (std::size_t i = 0; i < polygon_.size(); ++i) {
+      const Point &here = polygon_[i], &next = polygon_[(i + 1) % polygon_.size()];
+      const double inside = sign * (here.start - bound), inside_next = sign * (next.start - bound);
+      if (inside >= 0) scratch_.push_back(here);
+      if ((inside >= 0) == (inside_next >= 0)) continue;
+      const double share = inside / (inside - inside_next);
+      scratch_.push_back({bound, here.period + share * (next.period - here.period)});
+    }
+    polygon_.swap(scratch_);
+  };
+  keep(low, 1);
+  keep(high, -1);
+  if (polygon_.size() <= most_corners) return;
+  // Corners that are almost the same say the same. What is lost is far below a nanosecond.
+  scratch_.clear();
+  for (const Point& corner : polygon_)
+    if (scratch_.empty() || std::abs(corner.start - scratch_.back().start) > smallest_side_ms)
+      scratch_.push_back(corner);
+  if (scratch_.size() >= 3) polygon_.swap(scratch_);
+}
+
+/// Centre of mass of the polygon, and the spread of `start` over it: the moments of a uniform distribution.
+void ScanGrid::summarise() {
+  const Point& origin = polygon_.front();
+  double area = 0, start = 0, period = 0, start_squared = 0;
+  for (std::size_t i = 1; i + 1 < polygon_.size(); ++i) {
+    const double ax = polygon_[i].start - origin.start, ay = polygon_[i].period - origin.period;
+    const double bx = polygon_[i + 1].start - origin.start, by = polygon_[i + 1].period - origin.period;
+    const double triangle = ax * by - ay * bx;
+    area += triangle;
+    start += triangle * (ax + bx) / 3;
+    period += triangle * (ay + by) / 3;
+    start_squared += triangle * (ax * ax + ax * bx + bx * bx) / 6;
+  }
+  if (!(area > 1e-18)) {  // a line or a point: its middle
+    const auto [least, most] = std::minmax_element(
+        polygon_.begin(), polygon_.end(), [](const Point& a, const Point& b) { return a.start < b.start; });
+    centre_ = {(least->start + most->start) / 2, (least->period + most->period) / 2};
+    u_start_ = (most->start - least->start) / std::sqrt(12.0);
+    return;
+  }
+  start /= area;
+  centre_ = {origin.start + start, origin.period + period / area};
+  u_start_ = std::sqrt(std::max(0.0, start_squared / area - start * start));
+}
+
+}  // namespace lidar
