@@ -31,8 +31,8 @@ using Kind = LidarError::Kind;
 namespace {
 
 constexpr std::size_t read_bytes = 64 * 1024;
-constexpr int attempts = 3;                                  // of a request that may be repeated without harm
-constexpr int random_exchanges = 10, exchanges_wanted = 40;  // TM1 rounds of a synchronisation
+constexpr int attempts = 3;  // of a request that may be repeated without harm
+constexpr int random_exchanges = 10, exchanges_wanted = 150;  // TM1 rounds of a synchronisation
 constexpr auto no_deadline = steady_clock::time_point::max();
 
 std::int64_t now_us() {
@@ -409,7 +409,9 @@ awaitable<Identity> Client::Impl::connect_first() {
   auto connecting = connect();
   Identity found = co_await std::move(connecting);
   const double period_ms = found.scan_period_s * 1000;
-  clock = ClockEstimator(period_ms, period_ms * found.max_step / found.steps_per_turn);
+  clock = ClockEstimator(period_ms, period_ms * found.max_step / found.steps_per_turn,
+                         found.model.starts_with("UST") ? ClockEstimator::Departure::on_tick
+                                                        : ClockEstimator::Departure::unknown);
   co_return found;
 }
 

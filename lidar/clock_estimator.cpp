@@ -18,11 +18,19 @@ constexpr double exchange_baseline_ms = 30;     // shorter, an exchange's own le
 constexpr std::size_t most_exchanges = 400;
 constexpr double unknown_rate = 100e-6;  // what exchanges may drift apart within a round
 constexpr double delay_beyond_scan_us = 500, u_delay_us = 500;  // 1 ms frame, 6.7 kB at 100 Mbit/s, a queue
-constexpr double u_delay_of_stream_us = 30;                     // from one stream to the next
-constexpr int first_while = 10, longest_while = 80;             // scans
+constexpr double u_delay_for_window_us = 150;                   // better known, ticks are told apart by it
+constexpr double earliest_for_window_us = -300;
+constexpr double scattered_us = 330;  // mean lateness behind a tick; 455 when there are no ticks
+constexpr double alone = 6;           // steps between neighbours; one is usual
+constexpr int scattered_believed = 4, whiles_until_lost = 2;
+constexpr double usual_wait_us = 500, u_first_offset_us = 600;  // of a single scan
+constexpr double u_completion_us = 150;      // how long a complete scan is worked on before it may leave
+constexpr double u_delay_of_stream_us = 30;  // from one stream to the next
+constexpr int first_while = 20, longest_while = 80;  // scans
 constexpr double longest_while_ms = 5000;
 constexpr double least_u_lateness_us = 4;
 constexpr double outlier = 5, outlier_us = 200;
+constexpr double believed = 3;  // standard uncertainties; who is further off is less sure than he says
 constexpr int late_whiles_believed = 10;
 
 /// The largest part of the millisecond in which no scan began.
@@ -39,11 +47,12 @@ double largest_gap(std::uint32_t phases) {
 
 }  // namespace
 
-ClockEstimator::ClockEstimator(double nominal_period_ms, double scan_ms)
+ClockEstimator::ClockEstimator(double nominal_period_ms, double scan_ms, Departure departure)
     : nominal_period_ms_(nominal_period_ms),
       scan_ms_(scan_ms),
       grid_(nominal_period_ms),
-      filter_(1000 * scan_ms + delay_beyond_scan_us, u_delay_us) {}
+      filter_(delay_beyond_scan_us + (departure == Departure::on_tick ? 0 : 1000 * scan_ms), u_delay_us),
+      departure_(departure) {}
 
 std::uint64_t ClockEstimator::unwrap(std::uint32_t stamp_ms, double host_us) {
   if (!seen_) {
@@ -84,8 +93,11 @@ void ClockEstimator::start_again() {
   exchanges_.clear();
   grid_.restart();
   filter_.forget_offset();
+  // The delay is known, the offset is not: now it matters which of the timer's ticks a scan left on.
+  tick_unknown_ = true;
+  filter_.doubt_delay(u_completion_us);
   offset_known_ = synchronised_ = rate_judged_from_ = false;
-  while_ = {};
+  while_.begin();
 }
 
 double ClockEstimator::to_host(double device_ms) const {
@@ -110,11 +122,11 @@ void ClockEstimator::add_exchange(double sent_us, double received_us, std::uint6
     follow_device({last.device_ms, last.latest_us});
 }
 
-/// What all exchanges allow for the host time of the newest one's millisecond. Where they contradict each
-/// other, the newest win.
-ClockEstimator::Bounds ClockEstimator::bounds() const {
-  const double reference = exchanges_.back().device_ms, rate = 1000 + filter_.rate_ppm() / 1000;
-  const double doubt = std::min(unknown_rate, 2e-6 * filter_.u_rate_ppm());
+/// What all exchanges allow for the host time of a moment of the timer. Where they contradict each other, the
+/// newest win.
+ClockEstimator::Bounds ClockEstimator::bounds(double reference) const {
+  const double rate = 1000 + filter_.rate_ppm() / 1000;
+  const double doubt = std::min(unknown_rate, 1e-6 * filter_.u_rate_ppm());
   Bounds all{-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(), 0};
   for (auto exchange = exchanges_.rbegin(); exchange != exchanges_.rend(); ++exchange) {
     const double ahead = rate * (reference - exchange->device_ms);
@@ -131,19 +143,22 @@ ClockEstimator::Bounds ClockEstimator::bounds() const {
 
 double ClockEstimator::best_time_to_send(double earliest_us) const {
   if (exchanges_.empty()) return earliest_us;
-  const Bounds known = bounds();
+  const Bounds known = bounds(exchanges_.back().device_ms);
   const double tick_us = (known.low_us + known.high_us) / 2;
   double shortest_us = std::numeric_limits<double>::infinity();
   for (const Exchange& exchange : exchanges_)
     shortest_us = std::min(shortest_us, exchange.latest_us - exchange.earliest_us - 1000);
-  const double wanted = tick_us - shortest_us / 2;
+  // By turns so that a quick answer was read just behind the tick, and so that it was read just before it.
+  const double wanted = tick_us - shortest_us * (exchanges_.size() % 2 == 0 ? 0.5 : 1.0);
   return wanted + 1000 * std::ceil((earliest_us - wanted) / 1000);
 }
 
 void ClockEstimator::end_exchanges() {
   if (exchanges_.empty() || !follows_host_) return;
-  const Bounds known = bounds();
-  const double device_ms = exchanges_.back().device_ms, middle_us = (known.low_us + known.high_us) / 2;
+  // In the middle of the round the unknown rate does least harm.
+  const double device_ms = std::round((exchanges_.front().device_ms + exchanges_.back().device_ms) / 2);
+  const Bounds known = bounds(device_ms);
+  const double middle_us = (known.low_us + known.high_us) / 2;
   if (!offset_known_) {
     origin_us_ = middle_us - 1000 * device_ms;
     filter_.forget_offset();
@@ -153,6 +168,7 @@ void ClockEstimator::end_exchanges() {
   filter_.measure_offset(middle_us - 1000 * device_ms - origin_us_,
                          (known.high_us - known.low_us) / std::sqrt(12.0));
   exchanges_used_ = known.used;
+  tick_unknown_ = false;
   synchronised_ = true;
 }
 
@@ -160,8 +176,8 @@ void ClockEstimator::end_exchanges() {
 // ----------------------------------------------------------------------------------------------------
 
 void ClockEstimator::begin_stream() {
-  while_ = {};
-  whiles_closed_ = late_whiles_ = 0;
+  while_.begin();
+  whiles_closed_ = late_whiles_ = scattered_whiles_ = 0;
   filter_.doubt_delay(u_delay_of_stream_us);
 }
 
@@ -197,58 +213,130 @@ double ClockEstimator::add_scan(std::uint64_t device_ms, double arrival_us) {
     return to_host(start.device_ms);
   }
   if (!offset_known_) {
-    origin_us_ = arrival_us - 1000 * (scan_ms_ + stamp) - delay_beyond_scan_us;
+    origin_us_ = arrival_us - 1000 * (scan_ms_ + start.device_ms) - usual_wait_us - delay_beyond_scan_us;
     filter_.forget_offset();
-    filter_.advance_to(stamp, 0, 0);
-    filter_.measure_offset(0, 3 * u_delay_us);
+    filter_.advance_to(start.device_ms, 0, 0);
+    filter_.measure_offset(0, u_first_offset_us);
     offset_known_ = true;
   }
-  note_lateness(start, arrival_us);
+  note_lateness(start, device_ms, arrival_us);
   last_start_ms_ = start.device_ms;
   return to_host(start.device_ms);
 }
 
-void ClockEstimator::note_lateness(const ScanGrid::Start& start, double arrival_us) {
-  if (while_.scans == 0) {
-    while_.begun_ms = start.device_ms;
-    while_.lateness_us.fill(std::numeric_limits<double>::infinity());
-  }
-  ++while_.scans;
-  // The rate of the moment keeps a long while from leaning.
-  const double late = arrival_us - to_host(start.device_ms);
-  if (late < while_.lateness_us[2]) {
-    if (late < while_.lateness_us[0]) {
-      while_.device_ms = start.device_ms;
-      while_.u_start_ms = start.u_ms;
-    }
-    while_.lateness_us[2] = late;
-    std::sort(while_.lateness_us.begin(), while_.lateness_us.end());
-  }
+void ClockEstimator::While::begin() {
+  of_starts.clear();
+  of_stamps.clear();
+  phases = 0;
+}
+
+void ClockEstimator::note_lateness(const ScanGrid::Start& start, std::uint64_t stamp_ms, double arrival_us) {
+  if (while_.of_starts.empty()) while_.begun_ms = start.device_ms;
+  // Behind what the rate of the moment says, which keeps a long while from leaning.
+  while_.of_starts.push_back({arrival_us - to_host(start.device_ms), start.device_ms, start.u_ms});
+  while_.of_stamps.push_back(
+      {arrival_us - to_host(static_cast<double>(stamp_ms)), start.device_ms, start.u_ms});
   const double phase = start.device_ms - std::floor(start.device_ms);
   while_.phases |= 1u << std::min(31, static_cast<int>(phase * 32));
   const int enough = std::min(longest_while, first_while << std::min(whiles_closed_, 8));
-  if (while_.scans >= enough || start.device_ms - while_.begun_ms > longest_while_ms) close_while();
+  if (static_cast<int>(while_.of_starts.size()) >= enough ||
+      start.device_ms - while_.begun_ms > longest_while_ms)
+    close_while();
 }
 
-/// The least late scan of the while measures the filter's sum of offset, delay and wait.
 void ClockEstimator::close_while() {
-  const While ended = while_;
-  while_ = {};
   ++whiles_closed_;
-  const double gap = largest_gap(ended.phases);
+  if (departure_ == Departure::on_tick)
+    measure_by_ticks();
+  else
+    measure_by_starts();
+  while_.begin();
+}
+
+/// Where the densest quarter begins, once those before it that stand close together are taken in: what stands
+/// alone in front is a delay that was folded over. Delays are taken to be exponential beyond the least, so
+/// that the least is late by about as much as its neighbours stand apart.
+ClockEstimator::Least ClockEstimator::least_of(std::vector<Lateness>& scans) {
+  std::sort(scans.begin(), scans.end(), [](const Lateness& a, const Lateness& b) { return a.us < b.us; });
+  const std::size_t count = scans.size(), quarter = std::max<std::size_t>(4, count / 4);
+  if (count < 8) return {scans[0].us, 1000 / std::sqrt(12.0), scans[0].device_ms, 0};
+  std::size_t first = 0;
+  for (std::size_t i = 1; i + quarter < count; ++i)
+    if (scans[i + quarter].us - scans[i].us < scans[first + quarter].us - scans[first].us) first = i;
+  const double excess = (scans[count * 3 / 4].us - scans[count / 4].us) / std::log(3.0);
+  const double step = std::max(excess / static_cast<double>(count),
+                               (scans[first + quarter].us - scans[first].us) / static_cast<double>(quarter));
+  while (first > 0 && scans[first].us - scans[first - 1].us < alone * step + least_u_lateness_us) --first;
+  const double spread = std::max(1.5 * step, scans[first + 2].us - scans[first].us);
+  const double u = std::hypot(std::max(spread, least_u_lateness_us), 1000 * scans[first].u_start_ms);
+  return {scans[first].us - step, u, scans[first].device_ms, excess};
+}
+
+/// Folds lateness to one millisecond, so that it begins where the tick is expected, or, while that is not
+/// known, behind the longest part of the millisecond in which nothing came.
+ClockEstimator::Least ClockEstimator::least_behind_tick(std::vector<Lateness>& scans) const {
+  for (Lateness& scan : scans) scan.u_start_ms = 0;  // ticks do not depend on it
+  const double predicted = filter_.delay_us();
+  const bool lost = late_whiles_ + scattered_whiles_ >= whiles_until_lost;
+  double from = predicted + earliest_for_window_us;
+  const auto fold = [&] {
+    for (Lateness& scan : scans) scan.us -= 1000 * std::floor((scan.us - from) / 1000);
+  };
+  if (lost || filter_.u_delay_us() > u_delay_for_window_us) {
+    fold();
+    std::sort(scans.begin(), scans.end(), [](const Lateness& a, const Lateness& b) { return a.us < b.us; });
+    double longest = 0, begins = from;
+    for (std::size_t i = 0; i < scans.size(); ++i) {
+      const double before = i > 0 ? scans[i - 1].us : scans.back().us - 1000;
+      if (scans[i].us - before <= longest) continue;
+      longest = scans[i].us - before;
+      begins = scans[i].us;
+    }
+    from = begins - longest / 2 - 1000 * std::round((begins - predicted) / 1000);
+  }
+  fold();
+  return least_of(scans);
+}
+
+void ClockEstimator::measure_by_ticks() {
+  if (tick_unknown_) return measure_by_starts();
+  const Least least = least_behind_tick(while_.of_stamps);
+  if (least.excess_us > scattered_us) {
+    if (++scattered_whiles_ >= scattered_believed) give_up_ticks();
+    return;
+  }
+  scattered_whiles_ = 0;
+  filter_.advance_to(least.device_ms, 0, 0);
+  measure(least);
+}
+
+void ClockEstimator::give_up_ticks() {
+  departure_ = Departure::unknown;
+  filter_.replace_delay(1000 * scan_ms_ + delay_beyond_scan_us, u_delay_us);
+}
+
+/// How much of the millisecond a scan waits for is not known, only that it changes as the scans pass through.
+void ClockEstimator::measure_by_starts() {
+  const double gap = largest_gap(while_.phases);
   // How long the scans take to pass through the whole millisecond.
   const double turn = grid_.period_ms(), advance = std::abs(turn - std::round(turn));
   const double sweep_s = turn / 1000 / std::max(advance, 1e-3);
-  const double lateness = ended.lateness_us[0] + filter_.offset_us(ended.device_ms);
-  const double spacing =
-      ended.scans >= 3 ? ended.lateness_us[2] - ended.lateness_us[0] : 1000 / std::sqrt(12.0);
-  const double u = std::hypot(std::max(spacing, least_u_lateness_us), 1000 * ended.u_start_ms);
-  filter_.advance_to(ended.device_ms, gap * 1000 / std::sqrt(12.0), sweep_s);
-  const OffsetFilter::Innovation surprise = filter_.lateness_innovation(lateness, u);
+  Least least = least_of(while_.of_starts);
+  if (departure_ == Departure::on_tick) least.us -= 1000 * scan_ms_;  // what its delay is counted from
+  filter_.advance_to(least.device_ms, gap * 1000 / std::sqrt(12.0), sweep_s);
+  measure(least);
+}
+
+void ClockEstimator::measure(const Least& least) {
+  const double lateness = least.us + filter_.offset_us(least.device_ms);
+  const OffsetFilter::Innovation surprise = filter_.lateness_innovation(lateness, least.u_us);
+  double u = least.u_us;
   if (std::abs(surprise.us) > std::max(outlier * surprise.u_us, outlier_us)) {
     // All scans of a while can be late, never early: the way must have become shorter.
     if (surprise.us > 0 && ++late_whiles_ < late_whiles_believed) return;
     filter_.doubt_delay(std::abs(surprise.us));
+  } else {
+    u = std::max(u, std::abs(surprise.us) / believed);
   }
   late_whiles_ = 0;
   filter_.measure_lateness(lateness, u);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <deque>
+#include <vector>
 
 #include "lidar/offset_filter.hpp"
 #include "lidar/scan_grid.hpp"
@@ -34,10 +34,21 @@ struct ClockEstimate {
 /// 1 ms). Each exchange bounds the offset from both sides; what all allow together is far narrower than 1 ms.
 /// ScanGrid says when scans began on the lidar's clock; OffsetFilter carries the offset on from the exchanges
 /// by the scans that were least late.
+///
+/// A UST hands a scan over when its timer next comes to a whole millisecond (urg_stamped README). Arrivals
+/// then lie a whole number of milliseconds behind a tick of the timer plus the way to the host, so that each
+/// says where the tick is. Where arrivals do not look like that, they are taken to come at some moment within
+/// a millisecond of the scan's end.
 class ClockEstimator {
  public:
+  /// How scans leave the lidar.
+  enum class Departure {
+    on_tick,  ///< Of the timer: the UST family. Given up when arrivals contradict it.
+    unknown,
+  };
   /// A scan ends `scan_ms` after its step 0, and cannot arrive before.
-  explicit ClockEstimator(double nominal_period_ms = 25, double scan_ms = 18.75);
+  explicit ClockEstimator(double nominal_period_ms = 25, double scan_ms = 18.75,
+                          Departure departure = Departure::on_tick);
 
   /// The stamp with its 24-bit wraps undone. A timer that started again goes on from where the host's clock
   /// says it would be, and is counted.
@@ -75,23 +86,38 @@ class ClockEstimator {
   struct Moment {
     double device_ms, host_us;
   };
-  /// The scans of a while: the three least late, and where in the timer's millisecond they began.
+  /// How late a scan came, behind whatever it is counted from.
+  struct Lateness {
+    double us, device_ms, u_start_ms;
+  };
+  /// The scans of a while, and where in the timer's millisecond they began.
   struct While {
-    int scans = 0;
     double begun_ms = 0;
-    std::array<double, 3> lateness_us{};
-    double device_ms = 0;  ///< Of the least late.
+    std::vector<Lateness> of_starts;  ///< Behind the scan's start.
+    std::vector<Lateness> of_stamps;  ///< Behind the stamp, a whole millisecond.
     std::uint32_t phases = 0;
-    double u_start_ms = 0;
+    void begin();
+  };
+  /// The least lateness possible, as a while's scans show it.
+  struct Least {
+    double us, u_us;
+    double device_ms;  ///< Of the scan that shows it.
+    double excess_us;  ///< How much later scans were in the mean.
   };
 
-  [[nodiscard]] Bounds bounds() const;
+  [[nodiscard]] Bounds bounds(double reference) const;
   [[nodiscard]] std::uint64_t forward_through_silence(std::uint32_t forward, double host_us) const;
   void start_again();
   void follow_device(Moment from);
   void judge_rate(Moment arrival);
-  void note_lateness(const ScanGrid::Start& start, double arrival_us);
+  void note_lateness(const ScanGrid::Start& start, std::uint64_t stamp_ms, double arrival_us);
   void close_while();
+  void measure_by_ticks();
+  void measure_by_starts();
+  void measure(const Least& least);
+  void give_up_ticks();
+  [[nodiscard]] Least least_behind_tick(std::vector<Lateness>& scans) const;
+  [[nodiscard]] static Least least_of(std::vector<Lateness>& scans);
   [[nodiscard]] double to_host(double device_ms) const;
 
   double nominal_period_ms_, scan_ms_;
@@ -102,10 +128,11 @@ class ClockEstimator {
   std::deque<Exchange> exchanges_;
   ScanGrid grid_;
   OffsetFilter filter_;
-  bool offset_known_ = false;
+  bool offset_known_ = false, tick_unknown_ = true;
   double origin_us_ = 0;  ///< host = origin + 1000 device + the filter's offset: keeps its numbers small.
   While while_;
-  int whiles_closed_ = 0, late_whiles_ = 0;
+  Departure departure_;
+  int whiles_closed_ = 0, late_whiles_ = 0, scattered_whiles_ = 0;
   bool rate_judged_from_ = false;
   Moment rate_from_{};
   Moment anchor_{};  ///< When the lidar's own clock is followed.

@@ -85,6 +85,14 @@ void OffsetFilter::measure_lateness(double lateness_us, double u_us) {
 
 void OffsetFilter::doubt_delay(double by_us) { covariance_[delay][delay] += squared(by_us); }
 
+void OffsetFilter::replace_delay(double delay_us, double u_us) {
+  for (const int gone : {delay, wait})
+    for (int i = 0; i < states; ++i) covariance_[gone][i] = covariance_[i][gone] = 0;
+  state_[delay] = delay_us;
+  state_[wait] = 0;
+  covariance_[delay][delay] = squared(u_us);
+}
+
 void OffsetFilter::forget_offset() {
   for (int i = 0; i < states; ++i) covariance_[offset][i] = covariance_[i][offset] = 0;
   covariance_[offset][offset] = squared(u_offset_unknown_us);
@@ -100,6 +108,8 @@ double OffsetFilter::u_offset_us(double device_ms) const {
   return std::sqrt(covariance_[offset][offset] + 2 * seconds * covariance_[offset][rate] +
                    squared(seconds) * covariance_[rate][rate]);
 }
+
+double OffsetFilter::u_delay_us() const { return std::sqrt(covariance_[delay][delay]); }
 
 double OffsetFilter::u_rate_ppm() const { return std::sqrt(covariance_[rate][rate]); }
 

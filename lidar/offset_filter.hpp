@@ -30,11 +30,15 @@ class OffsetFilter {
   void measure_lateness(double lateness_us, double u_us);
   /// The way to the host may have changed by so much.
   void doubt_delay(double by_us);
+  /// From now on lateness is counted from another moment.
+  void replace_delay(double delay_us, double u_us);
   /// The offset is not known any more, the rate and the delay are.
   void forget_offset();
 
   [[nodiscard]] double offset_us(double device_ms) const;
   [[nodiscard]] double u_offset_us(double device_ms) const;
+  [[nodiscard]] double delay_us() const { return state_[delay] + state_[wait]; }
+  [[nodiscard]] double u_delay_us() const;
   [[nodiscard]] double rate_ppm() const { return state_[rate]; }
   [[nodiscard]] double u_rate_ppm() const;
 

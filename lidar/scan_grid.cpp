@@ -122,10 +122,11 @@ void ScanGrid::cut(double low, double high) {
   keep(low, 1);
   keep(high, -1);
   if (polygon_.size() <= most_corners) return;
-  // Corners that are almost the same say the same. What is lost is far below a nanosecond.
+  // Corners that are almost the same say the same. What is lost is a nanosecond at most.
   scratch_.clear();
   for (const Point& corner : polygon_)
-    if (scratch_.empty() || std::abs(corner.start - scratch_.back().start) > smallest_side_ms)
+    if (scratch_.empty() || std::abs(corner.start - scratch_.back().start) > smallest_side_ms ||
+        std::abs(corner.period - scratch_.back().period) > smallest_side_ms / 1000)
       scratch_.push_back(corner);
   if (scratch_.size() >= 3) polygon_.swap(scratch_);
 }
