@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/mean_model.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fit::explain {
+namespace {
+
+constexpr double never_mm = 1e-3;  // no mean is believed to better than this
+constexpr int pooled_beams = 12;
+
+/// Rounding to 1 mm leaves the mean this uncertain when the noise does not smear it out (first harmonic of the
+/// sawtooth).
+double rounding_variance(double sigma_mm) { return std::exp(-4 * pi * pi * sigma_mm * sigma_mm) / 12; }
+
+}  // namespace
+
+std::vector<double> pooled_variance(const Reduced& reduced) {
+  std::vector<double> pooled(reduced.cells.size(), 0.0);
+  std::vector<double> typical;
+  for (const Group& group : reduced.groups)
+    if (group.scans > 2) typical.push_back(group.sigma_mm * group.sigma_mm);
+  double elsewhere = 100;
+  if (!typical.empty()) {
+    std::ranges::nth_element(typical, typical.begin() + static_cast<std::ptrdiff_t>(typical.size() / 2));
+    elsewhere = typical[typical.size() / 2];
+  }
+  for (const Group& group : reduced.groups) {
+    const std::size_t count = group.last_cell - group.first_cell;
+    std::vector<double> squares(count + 1, 0.0), freedom(count + 1, 0.0);
+    for (std::size_t k = 0; k < count; ++k) {
+      const Cell& cell = reduced.cells[group.first_cell + k];
+      const bool good = cell.smooth && cell.n > 1 && cell.sight.target >= 0;
+      squares[k + 1] = squares[k] + (good ? cell.variance_mm2 * (cell.n - 1) : 0);
+      freedom[k + 1] = freedom[k] + (good ? cell.n - 1 : 0);
+    }
+    for (std::size_t k = 0; k < count; ++k) {
+      const int target = reduced.cells[group.first_cell + k].sight.target;
+      std::size_t low = k, high = k + 1;
+      while (low > 0 && k - low < pooled_beams && reduced.cells[group.first_cell + low - 1].sight.target == target)
+        --low;
+      while (high < count && high - k < pooled_beams &&
+             reduced.cells[group.first_cell + high].sight.target == target)
+        ++high;
+      const double own = freedom[high] - freedom[low];
+      // A handful of samples is helped by what the session's other captures show.
+      constexpr double borrowed = 20;
+      const double prior = group.scans > 2 ? group.sigma_mm * group.sigma_mm : elsewhere;
+      pooled[group.first_cell + k] =
+          std::max(1.0 / 12, (squares[high] - squares[low] + borrowed * prior) / (own + borrowed));
+    }
+  }
+  return pooled;
+}
+
+MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise, int stride) : reduced_(&reduced) {
+  const std::vector<double> variance = pooled_variance(reduced);
+  std::vector<double> weights, residuals;
+  for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
+    const Group& group = reduced.groups[g];
+    const auto first = static_cast<Eigen::Index>(row_.size());
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+      const Cell& cell = reduced.cells[i];
+      if (!cell.smooth || static_cast<int>(i % static_cast<std::size_t>(stride)) != 0) continue;
+      row_.push_back(i);
+      const double v = variance[i];
+      weights.push_back(
+          1 / std::sqrt(noise.factor * v / cell.n + rounding_variance(std::sqrt(v)) + never_mm * never_mm));
+      residuals.push_back(cell.mean_mm - cell.nominal_mm);
+    }
+    group_rows_.emplace_back(first, static_cast<Eigen::Index>(row_.size()));
+    Common common;
+    if (!noise.range_mm2.empty()) common.range_sigma = std::sqrt(noise.range_mm2[g]);
+    if (!noise.angle_rad2.empty()) common.angle_sigma = std::sqrt(noise.angle_rad2[g]);
+    has_common_ = has_common_ || common.range_sigma > 0 || common.angle_sigma > 0;
+    common_.push_back(common);
+  }
+  weight_ = Eigen::Map<Eigen::VectorXd>(weights.data(), static_cast<Eigen::Index>(weights.size()));
+  residual_ = Eigen::Map<Eigen::VectorXd>(residuals.data(), static_cast<Eigen::Index>(residuals.size()));
+  if (has_common_) {
+    for (std::size_t g = 0; g < group_rows_.size(); ++g) {
+      Eigen::Matrix2d square = Eigen::Matrix2d::Zero();
+      for (Eigen::Index i = group_rows_[g].first; i < group_rows_[g].second; ++i) {
+        const Eigen::Vector2d z(weight_[i] * common_[g].range_sigma,
+                                weight_[i] * cell(i).sight.stage_lever() * common_[g].angle_sigma);
+        square += z * z.transpose();
+      }
+      const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(square);
+      Eigen::Vector2d shrink;
+      for (int k = 0; k < 2; ++k) {
+        const double lambda = std::max(0.0, eigen.eigenvalues()[k]);
+        shrink[k] = lambda > 1e-12 ? (1 - 1 / std::sqrt(1 + lambda)) / lambda : 0;
+      }
+      common_[g].shrink = eigen.eigenvectors() * shrink.asDiagonal() * eigen.eigenvectors().transpose();
+    }
+  }
+  white_ = whitened(residual_);
+  set_base(Eigen::MatrixXd(rows(), 0), {});
+}
+
+Eigen::MatrixXd MeanModel::whitened(const Eigen::MatrixXd& columns) const {
+  Eigen::MatrixXd white = weight_.asDiagonal() * columns;
+  if (!has_common_) return white;
+  for (std::size_t g = 0; g < group_rows_.size(); ++g) {
+    const auto [first, last] = group_rows_[g];
+    if (first == last) continue;
+    Eigen::MatrixXd z(last - first, 2);
+    for (Eigen::Index i = first; i < last; ++i) {
+      z(i - first, 0) = weight_[i] * common_[g].range_sigma;
+      z(i - first, 1) = weight_[i] * cell(i).sight.stage_lever() * common_[g].angle_sigma;
+    }
+    auto block = white.middleRows(first, last - first);
+    block -= z * (common_[g].shrink * (z.transpose() * block).eval());
+  }
+  return white;
+}
+
+Eigen::MatrixXd MeanModel::nuisance_columns() const {
+  const auto targets = static_cast<Eigen::Index>(reduced_->bench.targets.size());
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(rows(), 3 + 2 * targets);
+  for (Eigen::Index i = 0; i < rows(); ++i) {
+    const Sight& sight = cell(i).sight;
+    const double stage = group(i).stage_rad, c = std::cos(stage), s = std::sin(stage);
+    const double cosine = sight.cos_incidence();
+    columns(i, 0) = -(sight.normal.x() * c + sight.normal.y() * s) / cosine;
+    columns(i, 1) = -(-sight.normal.x() * s + sight.normal.y() * c) / cosine;
+    columns(i, 2) = sight.beam_lever();
+    columns(i, 3 + 2 * sight.target) = 1 / cosine;
+    columns(i, 4 + 2 * sight.target) = sight.turn_lever;
+  }
+  return columns;
+}
+
+void MeanModel::set_base(const Eigen::MatrixXd& columns, const Prior& prior) {
+  base_sigma_ = prior.sigma;
+  base_mean_ = prior.mean;
+  const Eigen::MatrixXd white = whitened(columns);
+  centred_ = white_;
+  if (columns.cols() > 0) centred_ -= white * prior.mean;
+  base_ = white * prior.sigma.asDiagonal();
+  Eigen::MatrixXd normal = base_.transpose() * base_;
+  normal.diagonal().array() += 1;
+  factor_.compute(normal);
+  along_ = base_.transpose() * centred_;
+}
+
+MeanModel::Products MeanModel::products(const Eigen::MatrixXd& columns) const {
+  const Eigen::MatrixXd white = whitened(columns);
+  const Eigen::MatrixXd cross = base_.transpose() * white;
+  Products p;
+  p.square = white.transpose() * white;
+  p.along = white.transpose() * centred_;
+  if (base_.cols() > 0) {
+    p.square -= cross.transpose() * factor_.solve(cross);
+    p.along -= cross.transpose() * factor_.solve(along_);
+  }
+  return p;
+}
+
+MeanModel::Fit MeanModel::solve(const Products& p, const Prior& prior, bool stretch) {
+  const Eigen::Index k = p.along.size();
+  Prior wide = prior;
+  Fit fit;
+  for (int pass = 0; pass < (stretch ? 3 : 1); ++pass) {
+    // In units of the prior's sigma: (S A S + I) x = S (b - A m).
+    const Eigen::VectorXd b = p.along - p.square * wide.mean;
+    Eigen::MatrixXd normal = wide.sigma.asDiagonal() * p.square * wide.sigma.asDiagonal();
+    normal.diagonal().array() += 1;
+    const Eigen::LLT<Eigen::MatrixXd> factor(normal);
+    const Eigen::VectorXd rhs = wide.sigma.cwiseProduct(b), x = factor.solve(rhs);
+    const double shifted = p.along.dot(wide.mean) - 0.5 * wide.mean.dot(p.square * wide.mean);
+    double log_det = 0;
+    for (Eigen::Index i = 0; i < k; ++i) log_det += std::log(factor.matrixL()(i, i));
+    fit.value = wide.mean + wide.sigma.cwiseProduct(x);
+    const Eigen::MatrixXd inverse = factor.solve(Eigen::MatrixXd::Identity(k, k));
+    fit.sigma = (inverse.diagonal().cwiseSqrt()).cwiseProduct(wide.sigma);
+    fit.evidence = shifted + 0.5 * rhs.dot(x) - log_det;
+    fit.gain = fit.value.dot(p.along) - 0.5 * fit.value.dot(p.square * fit.value);
+    if (!stretch) break;
+    for (Eigen::Index i = 0; i < k; ++i) {
+      const double away = std::abs(fit.value[i] - wide.mean[i]);
+      if (away > wide.sigma[i]) wide.sigma[i] = std::min(away * 1.2, prior.sigma[i] * 1000);
+    }
+  }
+  if (stretch)
+    for (Eigen::Index i = 0; i < k; ++i) fit.evidence -= 0.5 * std::log(wide.sigma[i] / prior.sigma[i]);
+  return fit;
+}
+
+MeanModel::Fit MeanModel::with(const Eigen::MatrixXd& columns, const Prior& prior, bool stretch) const {
+  return solve(products(columns), prior, stretch);
+}
+
+MeanModel::Posterior MeanModel::posterior() const {
+  Posterior result;
+  const Eigen::VectorXd x = factor_.solve(along_);
+  const Eigen::Index k = base_.cols();
+  result.value = base_mean_ + base_sigma_.cwiseProduct(x);
+  result.covariance =
+      base_sigma_.asDiagonal() * factor_.solve(Eigen::MatrixXd::Identity(k, k)) * base_sigma_.asDiagonal();
+  double log_det = 0;
+  for (Eigen::Index i = 0; i < k; ++i) log_det += std::log(factor_.matrixL()(i, i));
+  result.log_evidence = -0.5 * centred_.squaredNorm() + 0.5 * along_.dot(x) - log_det;
+  return result;
+}
+
+Eigen::VectorXd MeanModel::residual() const {
+  const Eigen::VectorXd white = centred_ - base_ * factor_.solve(along_);
+  // Correlated parts stay in; only the scale goes back to millimetres.
+  return white.cwiseQuotient(weight_);
+}
+
+MeanModel::HeldOut MeanModel::held_out(const std::vector<int>& block_of_row, int blocks) const {
+  HeldOut sum;
+  const Eigen::Index k = base_.cols();
+  std::vector<Eigen::MatrixXd> square(static_cast<std::size_t>(blocks), Eigen::MatrixXd::Zero(k, k));
+  std::vector<Eigen::VectorXd> along(static_cast<std::size_t>(blocks), Eigen::VectorXd::Zero(k));
+  constexpr Eigen::Index chunk = 256;
+  // Rows of one block come in runs; each run is added at once.
+  for (Eigen::Index first = 0; first < rows();) {
+    const int block = block_of_row[static_cast<std::size_t>(first)];
+    Eigen::Index last = first + 1;
+    while (last < rows() && last - first < chunk && block_of_row[static_cast<std::size_t>(last)] == block) ++last;
+    const auto part = base_.middleRows(first, last - first);
+    square[static_cast<std::size_t>(block)] += part.transpose() * part;
+    along[static_cast<std::size_t>(block)] += part.transpose() * centred_.segment(first, last - first);
+    first = last;
+  }
+  Eigen::MatrixXd all = Eigen::MatrixXd::Identity(k, k);
+  Eigen::VectorXd all_along = Eigen::VectorXd::Zero(k);
+  for (std::size_t b = 0; b < square.size(); ++b) {
+    all += square[b];
+    all_along += along[b];
+  }
+  for (int b = 0; b < blocks; ++b) {
+    const Eigen::LLT<Eigen::MatrixXd> rest(all - square[static_cast<std::size_t>(b)]);
+    const Eigen::VectorXd x = rest.solve(all_along - along[static_cast<std::size_t>(b)]);
+    for (Eigen::Index i = 0; i < rows(); ++i) {
+      if (block_of_row[static_cast<std::size_t>(i)] != b) continue;
+      const double z = centred_[i] - (k > 0 ? base_.row(i).dot(x) : 0.0);
+      sum.log_likelihood += -0.5 * z * z - 0.5 * std::log(2 * pi) + std::log(weight_[i]);
+      sum.squares += z * z / (weight_[i] * weight_[i]);
+      sum.within_2u += std::abs(z) < 1.96;
+      sum.cells += 1;
+    }
+  }
+  return sum;
+}
+
+double excess_scatter(const MeanModel& model) {
+  const Eigen::VectorXd residual = model.residual();
+  std::vector<double> ratios;
+  for (Eigen::Index i = 1; i + 1 < model.rows(); ++i) {
+    const Cell &a = model.cell(i - 1), &b = model.cell(i), &c = model.cell(i + 1);
+    if (a.group != c.group || a.at.target != c.at.target || b.at.target != c.at.target) continue;
+    if (std::abs(c.beam_rad - a.beam_rad) > 3 * rad_per_deg) continue;
+    const double sa = model.sigma_of_mean(i - 1), sb = model.sigma_of_mean(i), sc = model.sigma_of_mean(i + 1);
+    const double bend = residual[i] - (residual[i - 1] + residual[i + 1]) / 2;
+    ratios.push_back(bend * bend / (sb * sb + (sa * sa + sc * sc) / 4));
+  }
+  if (ratios.size() < 60) return 1;
+  std::ranges::nth_element(ratios, ratios.begin() + static_cast<std::ptrdiff_t>(ratios.size() / 2));
+  return ratios[ratios.size() / 2] / 0.4549;
+}
+
+}  // namespace fit::explain

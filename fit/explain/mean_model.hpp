@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <Eigen/Dense>
+#include <vector>
+
+#include "fit/explain/reduce.hpp"
+
+namespace fit::explain {
+
+/// How well the means of cells are known: factor on the white noise, and what all cells of a group have in
+/// common beyond it.
+struct MeanNoise {
+  double factor = 1;                   ///< On the variance of every mean: noise with memory.
+  std::vector<double> range_mm2;       ///< Variance of a range common to a group; empty: none.
+  std::vector<double> angle_rad2;      ///< Variance of an angle common to a group; empty: none.
+};
+
+/// A prior for coefficients: independent normal ones.
+struct Prior {
+  Eigen::VectorXd mean, sigma;
+};
+
+/// Linear Gaussian model of the cells' means around the last prediction. The base (nuisance parameters,
+/// accepted mechanisms) is marginalised, so that nothing is blamed on a suspect which they explain.
+class MeanModel {
+ public:
+  /// `stride` thins the cells for a search; every weight stays.
+  MeanModel(const Reduced& reduced, const MeanNoise& noise, int stride = 1);
+
+  [[nodiscard]] Eigen::Index rows() const { return static_cast<Eigen::Index>(row_.size()); }
+  [[nodiscard]] const Cell& cell(Eigen::Index row) const {
+    return reduced_->cells[row_[static_cast<std::size_t>(row)]];
+  }
+  [[nodiscard]] const Group& group(Eigen::Index row) const {
+    return reduced_->groups[static_cast<std::size_t>(cell(row).group)];
+  }
+  [[nodiscard]] double sigma_of_mean(Eigen::Index row) const { return 1 / weight_[row]; }
+  /// Divides by the noise of the means, correlations included.
+  [[nodiscard]] Eigen::MatrixXd whitened(const Eigen::MatrixXd& columns_mm) const;
+  /// d range / d nuisance parameter.
+  [[nodiscard]] Eigen::MatrixXd nuisance_columns() const;
+
+  /// `columns` in mm; coefficients are relative to those in the prediction.
+  void set_base(const Eigen::MatrixXd& columns_mm, const Prior& prior);
+
+  struct Fit {
+    double evidence = 0;  ///< Log of the Bayes factor against the base alone.
+    double gain = 0;      ///< Of the log-likelihood at the best coefficients, priors apart.
+    Eigen::VectorXd value, sigma;
+  };
+  /// Adds columns to the base. `stretch`: a prior that turns out too narrow is widened to the value found, at
+  /// its price (empirical Bayes), because sizes in the catalogue are orders of magnitude.
+  [[nodiscard]] Fit with(const Eigen::MatrixXd& columns_mm, const Prior& prior, bool stretch = true) const;
+  /// The same for columns given by their products with the residual and among themselves.
+  struct Products {
+    Eigen::MatrixXd square;
+    Eigen::VectorXd along;
+  };
+  [[nodiscard]] Products products(const Eigen::MatrixXd& columns_mm) const;
+  [[nodiscard]] static Fit solve(const Products& products, const Prior& prior, bool stretch);
+
+  /// Posterior of the base.
+  struct Posterior {
+    Eigen::VectorXd value;
+    Eigen::MatrixXd covariance;
+    double log_evidence = 0;  ///< Up to a constant of the data and their noise.
+  };
+  [[nodiscard]] Posterior posterior() const;
+  /// Residual means less the base's best fit, mm.
+  [[nodiscard]] Eigen::VectorXd residual() const;
+  [[nodiscard]] const Eigen::VectorXd& raw_residual() const { return residual_; }
+
+  struct HeldOut {
+    double log_likelihood = 0;  ///< Sum over cells predicted by the other blocks.
+    double squares = 0;         ///< Of residuals in mm^2.
+    double within_2u = 0;       ///< Cells within the predicted 95 % interval.
+    double cells = 0;
+  };
+  /// Predicts every block of `block_of_row` from all others.
+  [[nodiscard]] HeldOut held_out(const std::vector<int>& block_of_row, int blocks) const;
+
+ private:
+  const Reduced* reduced_;
+  std::vector<std::size_t> row_;
+  std::vector<std::pair<Eigen::Index, Eigen::Index>> group_rows_;
+  Eigen::VectorXd weight_, residual_, white_;
+  struct Common {
+    Eigen::Matrix2d shrink = Eigen::Matrix2d::Zero();
+    double range_sigma = 0, angle_sigma = 0;
+  };
+  std::vector<Common> common_;
+  bool has_common_ = false;
+  Eigen::MatrixXd base_;  ///< Whitened, scaled by the priors' sigmas.
+  Eigen::VectorXd base_sigma_, base_mean_, along_;
+  Eigen::LLT<Eigen::MatrixXd> factor_;
+  Eigen::VectorXd centred_;
+};
+
+/// Variance of one sample of a cell, pooled over its neighbours on the same target.
+[[nodiscard]] std::vector<double> pooled_variance(const Reduced& reduced);
+/// Factor by which means scatter more than their samples say, from neighbouring cells.
+[[nodiscard]] double excess_scatter(const MeanModel& model);
+
+}  // namespace fit::explain

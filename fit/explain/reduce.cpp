@@ -1,0 +1,425 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/reduce.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fit::explain {
+namespace {
+
+constexpr int sectors_per_scan = 8;
+constexpr int scans_per_group = 200;  // a longer capture is split in time
+constexpr int turning_beams = 3;      // beams taken together where every scan has its own stage angle
+constexpr double edge_margin_rad = 1.5 * rad_per_deg;
+constexpr double edge_window_rad = 2.5 * rad_per_deg;
+constexpr double grazing_rad = 78 * rad_per_deg;
+constexpr double no_echo_above_mm = 65000, no_echo_below_mm = 22;
+
+struct Samples {
+  int scans = 0, beams = 0;
+  std::vector<std::uint16_t> range, intensity;
+  std::vector<double> since_start_s;
+  std::vector<std::int64_t> seq;
+  [[nodiscard]] double at(int scan, int beam) const {
+    return range[static_cast<std::size_t>(scan) * static_cast<std::size_t>(beams) +
+                 static_cast<std::size_t>(beam)];
+  }
+};
+
+bool is_echo(double range) { return range >= no_echo_below_mm && range < no_echo_above_mm; }
+
+double median_of(std::vector<double>& values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// Reads one capture's scans into blocks and reduces each.
+class Reducer {
+ public:
+  Reducer(const Recording& recording, Reduced& out)
+      : recording_(recording), out_(out), nuisance_(recording.bench()) {}
+
+  void capture(std::size_t index) {
+    index_ = index;
+    info_ = &out_.captures[index];
+    beams_ = info_->beams();
+    if (beams_ <= 0) return;
+    turning_ = std::abs(info_->stage_rate_rad_s) > 1e-9;
+    Samples block = empty_block();
+    recording_.for_each_scan(index, [&](const ScanView& scan) {
+      if (scan.geometry || static_cast<int>(scan.range_mm.size()) < beams_) return;
+      block.range.insert(block.range.end(), scan.range_mm.begin(), scan.range_mm.begin() + beams_);
+      if (static_cast<int>(scan.intensity.size()) >= beams_)
+        block.intensity.insert(block.intensity.end(), scan.intensity.begin(), scan.intensity.begin() + beams_);
+      block.since_start_s.push_back(static_cast<double>(scan.host_us - info_->started_us) * 1e-6);
+      block.seq.push_back(scan.seq);
+      ++block.scans;
+      if (turning_ || block.scans == scans_per_group) {
+        reduce_block(block);
+        block = empty_block();
+      }
+    });
+    if (block.scans > 0) reduce_block(block);
+  }
+
+ private:
+  Samples empty_block() const {
+    Samples block;
+    block.beams = beams_;
+    return block;
+  }
+
+  void reduce_block(const Samples& block) {
+    Group group;
+    group.capture = static_cast<int>(index_);
+    group.scans = block.scans;
+    const double middle_s = (block.since_start_s.front() + block.since_start_s.back()) / 2;
+    group.stage_rad = info_->stage_rad + (turning_ ? info_->stage_rate_rad_s * middle_s : 0);
+    group.time_s = info_->since_power_on_s.value_or(static_cast<double>(info_->started_us) * 1e-6) + middle_s;
+    group.first_cell = out_.cells.size();
+    group.sigma_mm = typical_spread(block);
+    const Scene scene(out_.bench, nuisance_, *info_);
+    const auto edges = scene.edges(group.stage_rad);
+    const int stride = turning_ ? turning_beams : 1;
+    index_of_beam_.assign(static_cast<std::size_t>(block.beams), -1);
+    for (int beam = 0; beam + stride <= block.beams; beam += stride) {
+      Cell cell = place(scene, edges, group, block, beam, stride);
+      if (cell.sight.target < 0) continue;
+      summarise(block, beam, stride, group, scene, cell);
+      index_of_beam_[static_cast<std::size_t>(beam)] = static_cast<int>(out_.cells.size());
+      cell.group = static_cast<int>(out_.groups.size());
+      if (!cell.smooth) ++out_.left_out;
+      out_.cells.push_back(cell);
+    }
+    group.last_cell = out_.cells.size();
+    if (!turning_ && block.scans > 2) look_at_scans(block, group);
+    count_remainders(block);
+    out_.groups.push_back(group);
+  }
+
+  [[nodiscard]] double beam_angle(double step) const {
+    return out_.bench.lidar.beam_angle(info_->first_step + step * info_->cluster);
+  }
+
+  Cell place(const Scene& scene, const std::vector<Edge>& edges, const Group& group, const Samples& block,
+             int beam, int stride) const {
+    Cell cell;
+    const double step = beam + (stride - 1) / 2.0;
+    cell.beam_rad = beam_angle(step);
+    cell.sight = scene.look(group.stage_rad, cell.beam_rad);
+    if (cell.sight.target < 0) return cell;
+    Circumstances& c = cell.at;
+    scene.describe(cell.sight, group.stage_rad, edges, c);
+    c.beam_rad = cell.beam_rad;
+    c.stage_rad = group.stage_rad;
+    c.time_s = group.time_s;
+    c.temperature_k = info_->temperature_c ? *info_->temperature_c - out_.first_temperature_c
+                                           : std::numeric_limits<double>::quiet_NaN();
+    c.beam_time_s = out_.bench.lidar.beam_time_s(info_->first_step + step * info_->cluster);
+    c.since_move_s = block.since_start_s.front() + c.beam_time_s;
+    c.stage_rate_rad_s = info_->stage_rate_rad_s;
+    c.approach = info_->approach;
+    c.seq = static_cast<int>(block.seq.front());
+    c.intensity = std::numeric_limits<double>::quiet_NaN();
+    const bool near_corner = c.corner_mm < 4 + cell.sight.range_mm * 0.006;
+    cell.smooth = std::abs(c.edge_rad) > edge_margin_rad && !near_corner &&
+                  std::abs(cell.sight.incidence_rad) < grazing_rad;
+    if (stride > 1) {
+      const Sight left = scene.look(group.stage_rad, beam_angle(beam)),
+                  right = scene.look(group.stage_rad, beam_angle(beam + stride - 1));
+      if (left.target != right.target) cell.smooth = false;
+    }
+    cell.nominal_mm = cell.sight.range_mm;
+    double nearest = 1e9;
+    for (const Edge& edge : edges) {
+      const double away = std::abs(wrap_angle(cell.sight.bearing_rad - edge.bearing_rad));
+      if (away >= nearest) continue;
+      nearest = away;
+      cell.edge = edge.id;
+    }
+    return cell;
+  }
+
+  /// Median over beams of each beam's own robust spread.
+  [[nodiscard]] double typical_spread(const Samples& block) const {
+    std::vector<double> spreads, values;
+    for (int beam = 0; beam < block.beams; beam += std::max(1, block.beams / 200)) {
+      double sum = 0;
+      int count = 0;
+      for (int scan = 1; scan < block.scans; ++scan) {
+        const double a = block.at(scan, beam), b = block.at(scan - 1, beam);
+        if (!is_echo(a) || !is_echo(b) || std::abs(a - b) > 400) continue;
+        sum += std::abs(a - b);
+        ++count;
+      }
+      if (count > 0) spreads.push_back(sum / count * 0.8862);
+    }
+    const double stated = stated_sigma(out_.bench);
+    if (spreads.empty()) return stated;
+    return std::max(0.3, median_of(spreads));
+  }
+
+  static double stated_sigma(const Bench& bench) {
+    if (const KnownMechanism* noise = bench.knows("range-noise")) {
+      const auto found = noise->parameters.find("sigma_mm");
+      if (found != noise->parameters.end() && found->second.value > 0) return found->second.value;
+    }
+    return 10;
+  }
+
+  void summarise(const Samples& block, int beam, int stride, const Group& group, const Scene& scene,
+                 Cell& cell) {
+    values_.clear();
+    double intensity = 0;
+    int lit = 0;
+    for (int scan = 0; scan < block.scans; ++scan) {
+      for (int k = 0; k < stride; ++k) {
+        const double range = block.at(scan, beam + k);
+        if (!is_echo(range)) {
+          ++cell.lost;
+          continue;
+        }
+        // Beams taken together are brought to their middle.
+        const double own = stride == 1 ? 0
+                                       : scene.look(group.stage_rad, beam_angle(beam + k)).range_mm -
+                                             cell.nominal_mm;
+        values_.push_back(range - own);
+        if (!block.intensity.empty()) {
+          intensity += block.intensity[static_cast<std::size_t>(scan) * static_cast<std::size_t>(block.beams) +
+                                       static_cast<std::size_t>(beam + k)];
+          ++lit;
+        }
+      }
+    }
+    out_.samples += static_cast<long>(values_.size());
+    if (lit > 0) {
+      cell.at.intensity = intensity / lit;
+      out_.has_intensity = true;
+    }
+    if (values_.empty()) {
+      cell.smooth = false;
+      return;
+    }
+    at_edge(cell, group);
+    sorted_ = values_;
+    const double middle = turning_ ? cell.nominal_mm : median_of(sorted_);
+    for (double& v : sorted_) v = std::abs(v - middle);
+    const double own = 1.4826 * median_of(sorted_);
+    const double reach = turning_ ? std::max(60.0, 10 * group.sigma_mm)
+                                  : std::max({25.0, 6 * group.sigma_mm, 5 * own});
+    double sum = 0, squares = 0;
+    for (const double v : values_) {
+      if (std::abs(v - middle) > reach) {
+        ++cell.stray;
+        if (std::abs(v - middle) > std::max({reach, 12 * group.sigma_mm, 60.0})) ++cell.far;
+        continue;
+      }
+      sum += v - middle;
+      squares += (v - middle) * (v - middle);
+      ++cell.n;
+    }
+    if (cell.n == 0) {
+      cell.smooth = false;
+      return;
+    }
+    cell.mean_mm = middle + sum / cell.n;
+    if (cell.n > 1) cell.variance_mm2 = std::max(0.0, (squares - sum * sum / cell.n) / (cell.n - 1));
+    if (own > 4 * group.sigma_mm + 20) cell.smooth = false;
+    if (std::abs(cell.mean_mm - cell.nominal_mm) > 400 || cell.n * 2 < block.scans * stride - cell.lost)
+      cell.smooth = false;
+  }
+
+  /// Near an edge: where between the two surfaces the samples lie.
+  void at_edge(Cell& cell, const Group& group) const {
+    const Circumstances& c = cell.at;
+    if (!(std::abs(c.edge_rad) < edge_window_rad) || c.gap_mm < 12 * group.sigma_mm + 30) return;
+    const bool on_near = c.edge_rad > 0;
+    const double near = on_near ? cell.nominal_mm : cell.nominal_mm - c.gap_mm;
+    double sum = 0;
+    for (const double v : values_) {
+      const double place = (v - near) / c.gap_mm;
+      sum += std::clamp(place, 0.0, 1.0);
+      const double margin = (6 * group.sigma_mm + 15) / c.gap_mm;
+      if (place > margin && place < 1 - margin) ++cell.between;
+    }
+    cell.far_share = sum / static_cast<double>(values_.size());
+  }
+
+  /// What all beams of a scan have in common, and how noise remembers the scans before.
+  void look_at_scans(const Samples& block, Group& group) {
+    const int width = std::max(1, (block.beams + sectors_per_scan - 1) / sectors_per_scan);
+    std::vector<std::vector<double>> history(4, std::vector<double>(static_cast<std::size_t>(block.beams)));
+    std::vector<std::vector<char>> valid(4, std::vector<char>(static_cast<std::size_t>(block.beams), 0));
+    for (int scan = 0; scan < block.scans; ++scan) {
+      auto& now = history[static_cast<std::size_t>(scan % 4)];
+      auto& good = valid[static_cast<std::size_t>(scan % 4)];
+      std::ranges::fill(good, 0);
+      double sum = 0, weight = 0, lever = 0, square = 0, moment = 0;
+      const std::size_t first_sector = out_.sectors.size();
+      for (int beam = 0; beam < block.beams; ++beam) {
+        const int index = index_of_beam_[static_cast<std::size_t>(beam)];
+        if (index < 0) continue;
+        const Cell& cell = out_.cells[static_cast<std::size_t>(index)];
+        const double range = block.at(scan, beam);
+        if (!cell.smooth || cell.stray > 0 || !is_echo(range)) continue;
+        const double d = range - cell.mean_mm, v = cell.sight.stage_lever();
+        const int number = beam / width;
+        if (out_.sectors.size() == first_sector || out_.sectors.back().number != number) {
+          Sector sector;
+          sector.group = static_cast<int>(out_.groups.size());
+          sector.seq = static_cast<int>(block.seq[static_cast<std::size_t>(scan)]);
+          sector.number = number;
+          sector.since_move_s = block.since_start_s[static_cast<std::size_t>(scan)] +
+                                out_.bench.lidar.beam_time_s(info_->first_step +
+                                                             (number + 0.5) * width * info_->cluster);
+          sector.approach = info_->approach;
+          out_.sectors.push_back(sector);
+        }
+        Sector& sector = out_.sectors.back();
+        sector.w += 1;
+        sector.wv += v;
+        sector.wvv += v * v;
+        sector.wd += d;
+        sector.wdv += d * v;
+        weight += 1;
+        sum += d;
+        lever += v;
+        square += v * v;
+        moment += d * v;
+        now[static_cast<std::size_t>(beam)] = d;
+        good[static_cast<std::size_t>(beam)] = 1;
+      }
+      if (weight < 1) continue;
+      // Common range and common angle of the scan are taken off before the memory of single beams is judged.
+      const double det = weight * square - lever * lever;
+      double common = weight > 3 ? sum / weight : 0, angle = 0;
+      if (weight > 8 && det > 1e-6 * weight * square) {
+        angle = (weight * moment - lever * sum) / det;
+        common = (sum - angle * lever) / weight;
+      }
+      for (int beam = 0; beam < block.beams; ++beam) {
+        if (!good[static_cast<std::size_t>(beam)]) continue;
+        const Cell& cell =
+            out_.cells[static_cast<std::size_t>(index_of_beam_[static_cast<std::size_t>(beam)])];
+        double& d = now[static_cast<std::size_t>(beam)];
+        d -= common + angle * cell.sight.stage_lever();
+        group.lagged[0] += d * d;
+        for (int lag = 1; lag <= std::min(3, scan); ++lag) {
+          const auto before = static_cast<std::size_t>((scan - lag) % 4);
+          if (valid[before][static_cast<std::size_t>(beam)])
+            group.lagged[static_cast<std::size_t>(lag)] += d * history[before][static_cast<std::size_t>(beam)];
+        }
+        if (scan > 0) ++group.pairs;
+      }
+    }
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i)
+      if (out_.cells[i].smooth && out_.cells[i].stray == 0) ++group.cells;
+  }
+
+  void count_remainders(const Samples& block) {
+    const std::size_t stride = std::max<std::size_t>(1, block.range.size() / 2000);
+    for (std::size_t i = 0; i < block.range.size(); i += stride) {
+      const std::uint16_t r = block.range[i];
+      if (!is_echo(r)) continue;
+      for (std::size_t q = 2; q <= 24; ++q) ++out_.remainder[q * 25 + r % q];
+    }
+  }
+
+  const Recording& recording_;
+  Reduced& out_;
+  Nuisance nuisance_;
+  std::size_t index_ = 0;
+  const CaptureInfo* info_ = nullptr;
+  int beams_ = 0;
+  bool turning_ = false;
+  std::vector<double> values_, sorted_;
+  std::vector<int> index_of_beam_;
+};
+
+}  // namespace
+
+Reduced reduce(const Recording& recording, const Progress& progress) {
+  Reduced out;
+  out.bench = recording.bench();
+  out.captures = recording.captures();
+  out.remainder.assign(25 * 25, 0);
+  for (const CaptureInfo& capture : out.captures) {
+    if (!capture.temperature_c) continue;
+    out.first_temperature_c = *capture.temperature_c;
+    break;
+  }
+  for (const CaptureInfo& capture : out.captures)
+    if (capture.temperature_c && std::abs(*capture.temperature_c - out.first_temperature_c) > 0.2)
+      out.has_temperature = true;
+  Reducer reducer(recording, out);
+  for (std::size_t i = 0; i < out.captures.size(); ++i) {
+    reducer.capture(i);
+    if (progress && i % 8 == 0)
+      progress(static_cast<double>(i) / static_cast<double>(out.captures.size()), "reading");
+  }
+  return out;
+}
+
+void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work) {
+  for (const Group& group : reduced.groups) {
+    const CaptureInfo& info = reduced.captures[static_cast<std::size_t>(group.capture)];
+    const Scene scene(reduced.bench, nuisance, info);
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+      Cell& cell = reduced.cells[i];
+      if (!cell.smooth) continue;
+      Effect effect;
+      for (const Active& active : at_work)
+        if (active.target < 0 || active.target == cell.at.target)
+          effect += active.mechanism->act(cell.at, active.values);
+      const Sight sight = scene.look(group.stage_rad, cell.beam_rad, effect);
+      if (sight.target != cell.sight.target) {
+        cell.smooth = false;
+        ++reduced.left_out;
+        continue;
+      }
+      cell.sight = sight;
+      cell.at.range_mm = sight.range_mm;
+      cell.at.incidence_rad = sight.incidence_rad;
+      cell.at.cos_incidence = sight.cos_incidence();
+      cell.at.bearing_rad = sight.bearing_rad;
+      cell.at.along_mm = sight.along_mm;
+      cell.nominal_mm = sight.range_mm + effect.range_mm;
+    }
+  }
+}
+
+double value_of(Coordinate coordinate, const Cell& cell, const Group& group) {
+  switch (coordinate) {
+    case Coordinate::beam:
+      return cell.beam_rad * deg_per_rad;
+    case Coordinate::stage:
+      return group.stage_rad * deg_per_rad;
+    case Coordinate::range:
+      return cell.at.range_mm;
+    case Coordinate::intensity:
+      return cell.at.intensity;
+    case Coordinate::incidence:
+      return cell.at.incidence_rad * deg_per_rad;
+    case Coordinate::edge_distance:
+      return cell.at.edge_rad * deg_per_rad;
+    case Coordinate::time:
+      return group.time_s;
+    case Coordinate::temperature:
+      return cell.at.temperature_k;
+    case Coordinate::approach:
+      return cell.at.approach;
+    case Coordinate::stage_rate:
+      return cell.at.stage_rate_rad_s * deg_per_rad;
+    case Coordinate::range_rate:
+      return cell.sight.beam_lever();
+    case Coordinate::scan_seq:
+      return cell.at.seq;
+    case Coordinate::target:
+      return cell.at.target;
+  }
+  return 0;
+}
+
+}  // namespace fit::explain

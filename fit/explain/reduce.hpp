@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <array>
+#include <functional>
+#include <vector>
+
+#include "fit/explain/scene.hpp"
+
+namespace fit::explain {
+
+/// Statistics of one beam in one group of scans: what remains of the samples.
+struct Cell {
+  int group = 0;
+  double beam_rad = 0;
+  int n = 0;       ///< Samples that belong to the target.
+  int lost = 0;    ///< Samples without echo.
+  int stray = 0;   ///< Samples far from all others.
+  int far = 0;     ///< Of these, samples too far for any noise.
+  int edge = -1;   ///< The edge within reach: 2 * target + (0: its start, 1: its end); -1: none.
+  double mean_mm = 0, variance_mm2 = 0;
+  double far_share = -1;  ///< Mean place between the two surfaces of a near edge (0 near, 1 far); -1: no edge.
+  int between = 0;        ///< Samples on neither of them.
+  bool smooth = false;    ///< The mean may be compared with a surface: no edge near, not grazing, one echo.
+  Circumstances at;
+  Sight sight;            ///< At the nuisance parameters last used for prediction.
+  double nominal_mm = 0;  ///< Predicted range.
+};
+
+/// Scans that share all circumstances: a capture, a span of a long one, or one scan of a turning one.
+struct Group {
+  int capture = 0;
+  int scans = 0;
+  double stage_rad = 0;
+  double time_s = 0;
+  double sigma_mm = 0;  ///< Robust spread of a sample.
+  /// Sums over cells and scans of d_t d_(t+k), k = 0..3, d the deviation from the cell's mean less that of
+  /// its scan.
+  std::array<double, 4> lagged{};
+  long pairs = 0, cells = 0;
+  std::size_t first_cell = 0, last_cell = 0;
+};
+
+/// One sector of one scan: sums over its cells of w = 1, v (mm per rad of stage angle) and d, the deviation of
+/// the sample from its cell's mean. Whatever a whole scan has in common is in here.
+struct Sector {
+  int group = 0, seq = 0, number = 0;
+  double since_move_s = 0;  ///< Of the sector's middle beam.
+  int approach = 0;
+  double w = 0, wv = 0, wvv = 0, wd = 0, wdv = 0;
+};
+
+struct Reduced {
+  Bench bench;
+  std::vector<CaptureInfo> captures;
+  std::vector<Group> groups;
+  std::vector<Cell> cells;
+  std::vector<Sector> sectors;
+  std::vector<long> remainder;     ///< Counts of (range mod q) = r for q = 2..24, at q * 24 + r.
+  long samples = 0;
+  double first_temperature_c = 0;
+  bool has_intensity = false, has_temperature = false;
+  int left_out = 0;  ///< Cells that no mean is taken of.
+};
+
+/// Called with the share done, 0..1.
+using Progress = std::function<void(double share, const char* what)>;
+
+/// Walks the recording once. Cells of captures about nothing in the scene are left out.
+[[nodiscard]] Reduced reduce(const Recording& recording, const Progress& progress);
+
+/// Predicts every cell anew with other nuisance parameters and with mechanisms at work, to all orders in
+/// geometry. `nominal_mm`, `sight` and the place in `at` are replaced.
+void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work);
+
+/// Value of a coordinate of formats.md, in its file unit.
+[[nodiscard]] double value_of(Coordinate coordinate, const Cell& cell, const Group& group);
+
+}  // namespace fit::explain

@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/scene.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fit::explain {
+namespace {
+
+constexpr double joined_within_mm = 5;    // ends of targets closer than this form a corner
+constexpr double joined_reach_mm = 150;   // how far past a corner a wall may be met
+constexpr double nearest_echo_mm = 1;
+
+Eigen::Vector2d turned(const Eigen::Vector2d& v, double angle) {
+  const double c = std::cos(angle), s = std::sin(angle);
+  return {c * v.x() - s * v.y(), s * v.x() + c * v.y()};
+}
+
+Eigen::Vector2d quarter(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
+
+}  // namespace
+
+Nuisance::Nuisance(const Bench& bench)
+    : x_mm(bench.lidar.mount.x_mm.value),
+      y_mm(bench.lidar.mount.y_mm.value),
+      yaw_rad(bench.lidar.mount.yaw_rad.value),
+      offset_mm(bench.targets.size(), 0.0),
+      turn_rad(bench.targets.size(), 0.0) {}
+
+Eigen::VectorXd Nuisance::as_vector() const {
+  Eigen::VectorXd v(3 + 2 * static_cast<Eigen::Index>(offset_mm.size()));
+  v[0] = x_mm;
+  v[1] = y_mm;
+  v[2] = yaw_rad;
+  for (std::size_t i = 0; i < offset_mm.size(); ++i) {
+    v[3 + 2 * static_cast<Eigen::Index>(i)] = offset_mm[i];
+    v[4 + 2 * static_cast<Eigen::Index>(i)] = turn_rad[i];
+  }
+  return v;
+}
+
+void Nuisance::set(const Eigen::VectorXd& v) {
+  x_mm = v[0];
+  y_mm = v[1];
+  yaw_rad = v[2];
+  for (std::size_t i = 0; i < offset_mm.size(); ++i) {
+    offset_mm[i] = v[3 + 2 * static_cast<Eigen::Index>(i)];
+    turn_rad[i] = v[4 + 2 * static_cast<Eigen::Index>(i)];
+  }
+}
+
+Eigen::VectorXd Nuisance::prior_sigma(const Bench& bench) {
+  Eigen::VectorXd v(3 + 2 * static_cast<Eigen::Index>(bench.targets.size()));
+  v[0] = bench.lidar.mount.x_mm.u;
+  v[1] = bench.lidar.mount.y_mm.u;
+  v[2] = bench.lidar.mount.yaw_rad.u;
+  for (std::size_t i = 0; i < bench.targets.size(); ++i) {
+    v[3 + 2 * static_cast<Eigen::Index>(i)] = bench.targets[i].u_mm;
+    v[4 + 2 * static_cast<Eigen::Index>(i)] = bench.targets[i].u_rad;
+  }
+  return v;
+}
+
+double Sight::stage_lever() const { return beam_lever() - normal.dot(quarter(origin)) / cos_incidence(); }
+
+double Sight::shift(const Effect& effect) const {
+  return effect.range_mm + beam_lever() * effect.beam_rad + stage_lever() * effect.stage_rad -
+         normal.dot(effect.origin_mm) / cos_incidence();
+}
+
+Scene::Scene(const Bench& bench, const Nuisance& nuisance, const CaptureInfo& capture) : nuisance_(nuisance) {
+  const auto meets = [&](std::size_t own, const Eigen::Vector2d& end) {
+    for (std::size_t j = 0; j < bench.targets.size(); ++j) {
+      if (j == own) continue;
+      if ((bench.targets[j].from_mm - end).norm() < joined_within_mm ||
+          (bench.targets[j].to_mm - end).norm() < joined_within_mm)
+        return true;
+    }
+    return false;
+  };
+  for (std::size_t i = 0; i < bench.targets.size(); ++i) {
+    const Target& target = bench.targets[i];
+    const bool moved = capture.target && *capture.target == target.name;
+    const double shift = nuisance.offset_mm[i] + (moved ? capture.target_shift_mm : 0);
+    Segment s;
+    s.half_mm = (target.to_mm - target.from_mm).norm() / 2;
+    const Eigen::Vector2d stated = (target.to_mm - target.from_mm).normalized();
+    s.along = turned(stated, nuisance.turn_rad[i]);
+    s.middle = (target.from_mm + target.to_mm) / 2 + shift * target.outward_normal();
+    s.outward = turned(target.outward_normal(), nuisance.turn_rad[i]);
+    s.from = s.middle - s.half_mm * s.along;
+    s.to = s.middle + s.half_mm * s.along;
+    s.reflectance = moved && capture.reflectance ? *capture.reflectance : target.reflectance.value_or(0.5);
+    s.joined_from = !moved && meets(i, target.from_mm);
+    s.joined_to = !moved && meets(i, target.to_mm);
+    segments_.push_back(s);
+  }
+}
+
+Sight Scene::look(double stage_rad, double beam_rad, const Effect& effect) const {
+  const double stage = stage_rad + effect.stage_rad;
+  Sight best;
+  best.origin = turned({nuisance_.x_mm, nuisance_.y_mm}, stage) + effect.origin_mm;
+  best.bearing_rad = stage + nuisance_.yaw_rad + beam_rad + effect.beam_rad;
+  const Eigen::Vector2d ray(std::cos(best.bearing_rad), std::sin(best.bearing_rad));
+  double nearest = 1e12;
+  for (std::size_t i = 0; i < segments_.size(); ++i) {
+    const Segment& s = segments_[i];
+    Eigen::Vector2d normal = s.outward;
+    double facing = normal.dot(ray);
+    if (std::abs(facing) < 1e-4) continue;
+    const double distance = normal.dot(s.middle - best.origin) / facing;
+    if (distance <= nearest_echo_mm || distance >= nearest) continue;
+    const double place = s.along.dot(best.origin + distance * ray - s.middle);
+    const double below = s.joined_from ? joined_reach_mm : 0, above = s.joined_to ? joined_reach_mm : 0;
+    if (place < -s.half_mm - below || place > s.half_mm + above) continue;
+    nearest = distance;
+    if (facing < 0) {
+      normal = -normal;
+      facing = -facing;
+    }
+    best.target = static_cast<int>(i);
+    best.range_mm = distance;
+    best.along_mm = place;
+    best.normal = normal;
+    best.incidence_rad = std::atan2(quarter(normal).dot(ray), facing);
+    best.turn_lever = place * normal.dot(quarter(s.along)) / std::max(0.02, facing);
+  }
+  return best;
+}
+
+std::vector<Edge> Scene::edges(double stage_rad) const {
+  const Eigen::Vector2d origin = turned({nuisance_.x_mm, nuisance_.y_mm}, stage_rad);
+  constexpr double aside = 2e-4;
+  std::vector<Edge> found;
+  for (std::size_t i = 0; i < segments_.size(); ++i) {
+    for (const bool start : {true, false}) {
+      if (start ? segments_[i].joined_from : segments_[i].joined_to) continue;
+      const Eigen::Vector2d end = (start ? segments_[i].from : segments_[i].to) - origin;
+      const double bearing = std::atan2(end.y(), end.x());
+      const double beam = bearing - stage_rad - nuisance_.yaw_rad;
+      const Sight low = look(stage_rad, beam - aside), high = look(stage_rad, beam + aside);
+      if (low.target == high.target) continue;
+      const bool on_low = low.target == static_cast<int>(i) &&
+                          (high.target < 0 || high.range_mm > low.range_mm);
+      const bool on_high = high.target == static_cast<int>(i) &&
+                           (low.target < 0 || low.range_mm > high.range_mm);
+      if (!on_low && !on_high) continue;
+      const Sight& near = on_low ? low : high;
+      const Sight& far = on_low ? high : low;
+      found.push_back({bearing, near.range_mm, far.target < 0 ? 0 : far.range_mm,
+                       2 * static_cast<int>(i) + (start ? 0 : 1), on_low ? -1 : 1});
+    }
+  }
+  return found;
+}
+
+double Scene::echo_power(const Sight& sight) const {
+  const double cosine = std::cos(sight.incidence_rad);
+  return segments_[static_cast<std::size_t>(sight.target)].reflectance * cosine * 1e6 /
+         (sight.range_mm * sight.range_mm);
+}
+
+/// Stray light of neighbouring surfaces within a degree, weighted by its angular distance.
+double Scene::pull(const Sight& sight, double stage_rad) const {
+  const double own = echo_power(sight);
+  double sum = 0;
+  for (const int side : {-4, -3, -2, -1, 1, 2, 3, 4}) {
+    const double angle = side * 0.25 * rad_per_deg;
+    const Sight other = look(stage_rad, sight.bearing_rad - stage_rad - nuisance_.yaw_rad + angle);
+    if (other.target < 0 || other.target == sight.target) continue;
+    const double gap = other.range_mm - sight.range_mm;
+    if (std::abs(gap) > 500) continue;
+    constexpr double halo = 0.7 * rad_per_deg;
+    sum += echo_power(other) / own * gap / (1 + angle * angle / (halo * halo));
+  }
+  return sum;
+}
+
+void Scene::describe(const Sight& sight, double stage_rad, const std::vector<Edge>& edges,
+                     Circumstances& c) const {
+  c.range_mm = sight.range_mm;
+  c.incidence_rad = sight.incidence_rad;
+  c.cos_incidence = sight.cos_incidence();
+  c.bearing_rad = sight.bearing_rad;
+  c.target = sight.target;
+  c.along_mm = sight.along_mm;
+  c.normal = sight.normal;
+  const Segment& s = segments_[static_cast<std::size_t>(sight.target)];
+  c.half_length_mm = s.half_mm;
+  if (s.joined_from) c.corner_mm = std::min(c.corner_mm, std::abs(sight.along_mm + s.half_mm));
+  if (s.joined_to) c.corner_mm = std::min(c.corner_mm, std::abs(sight.along_mm - s.half_mm));
+  for (const Edge& edge : edges) {
+    const double away = wrap_angle(sight.bearing_rad - edge.bearing_rad) * edge.near_side;
+    if (std::abs(away) >= std::abs(c.edge_rad)) continue;
+    c.edge_rad = away;
+    c.gap_mm = edge.far_mm > 0 ? edge.far_mm - edge.near_mm : 0;
+  }
+  if (std::abs(c.edge_rad) < 1.2 * rad_per_deg && c.gap_mm != 0) c.pull_mm = pull(sight, stage_rad);
+}
+
+}  // namespace fit::explain

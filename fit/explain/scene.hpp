@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "fit/mechanism.hpp"
+#include "fit/recording.hpp"
+
+namespace fit::explain {
+
+/// Where things stand against the bench file: what is fitted along with every suspect. In the order of
+/// `as_vector`: mount x, y (mm), yaw (rad), then for every target its offset along the outward normal (mm) and
+/// its rotation about its middle (rad, counter-clockwise).
+struct Nuisance {
+  double x_mm = 0, y_mm = 0, yaw_rad = 0;
+  std::vector<double> offset_mm, turn_rad;
+
+  explicit Nuisance(const Bench& bench);
+  [[nodiscard]] Eigen::VectorXd as_vector() const;
+  void set(const Eigen::VectorXd& values);
+  [[nodiscard]] static Eigen::VectorXd prior_sigma(const Bench& bench);
+};
+
+/// A mechanism at work, with its values in the order of its parameters.
+struct Active {
+  const Mechanism* mechanism = nullptr;
+  std::vector<double> values;
+  int target = -1;  ///< The only target it acts on; -1: all.
+};
+
+/// What one beam meets in one stage position.
+struct Sight {
+  int target = -1;  ///< -1: nothing.
+  double range_mm = 0;
+  double along_mm = 0;
+  double incidence_rad = 0;  ///< Positive where the range grows with the beam angle.
+  double bearing_rad = 0;
+  Eigen::Vector2d origin = Eigen::Vector2d::Zero(), normal = Eigen::Vector2d::UnitX();
+  double turn_lever = 0;  ///< d range / d turn of the target, mm per rad.
+
+  [[nodiscard]] double cos_incidence() const { return std::max(0.02, std::cos(incidence_rad)); }
+  /// d range / d beam angle, mm per rad.
+  [[nodiscard]] double beam_lever() const { return range_mm * std::tan(incidence_rad); }
+  /// d range / d stage angle, mm per rad: the optical centre travels too.
+  [[nodiscard]] double stage_lever() const;
+  /// Change of the measured range that an effect makes to first order, mm.
+  [[nodiscard]] double shift(const Effect& effect) const;
+};
+
+/// A place where a nearer surface ends before a farther one.
+struct Edge {
+  double bearing_rad = 0;
+  double near_mm = 0, far_mm = 0;
+  int id = 0;         ///< 2 * target + (0: its start, 1: its end).
+  int near_side = 1;  ///< +1: the nearer surface lies at larger bearings.
+};
+
+/// The targets as they stand in one capture. Targets whose ends meet form a closed outline there.
+class Scene {
+ public:
+  Scene(const Bench& bench, const Nuisance& nuisance, const CaptureInfo& capture);
+
+  /// What the beam meets from the stage angle, other angles and places taken from `effect`.
+  [[nodiscard]] Sight look(double stage_rad, double beam_rad, const Effect& effect = {}) const;
+  [[nodiscard]] std::vector<Edge> edges(double stage_rad) const;
+  /// Fills what depends on the place only: range, incidence, target, edge, corner, neighbours.
+  void describe(const Sight& sight, double stage_rad, const std::vector<Edge>& edges, Circumstances& c) const;
+
+ private:
+  struct Segment {
+    Eigen::Vector2d from, to, middle, along, outward;
+    double half_mm, reflectance;
+    bool joined_from, joined_to;
+  };
+  [[nodiscard]] double echo_power(const Sight& sight) const;
+  [[nodiscard]] double pull(const Sight& sight, double stage_rad) const;
+
+  Nuisance nuisance_;
+  std::vector<Segment> segments_;
+};
+
+}  // namespace fit::explain

@@ -1,0 +1,947 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/spread.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace fit::explain {
+namespace {
+
+constexpr double accept_at = 5.5;  // log Bayes factor that outweighs the number of suspects
+constexpr double told_apart_at = 2.2;
+
+double price_of_size(double gain) { return 0.5 * std::log(1 + 2 * std::max(0.0, gain)) + 0.7; }
+
+const Mechanism* mechanism(const char* id) { return find_mechanism(id); }
+
+// ---- variance --------------------------------------------------------------------------------------------
+
+/// Neighbouring cells of one target in one group.
+struct Pool {
+  double freedom = 0, variance = 0, beam_deg = 0, intensity = 0, lever2 = 0;
+};
+
+std::vector<Pool> pools_of(const Reduced& reduced) {
+  std::vector<Pool> pools;
+  constexpr int beams = 8;
+  for (const Group& group : reduced.groups) {
+    if (group.scans < 3) continue;
+    Pool pool;
+    int count = 0, target = -1;
+    const auto finish = [&] {
+      if (count > 0 && pool.freedom > 0) {
+        pool.variance /= pool.freedom;
+        pool.beam_deg /= count;
+        pool.intensity /= count;
+        pool.lever2 /= count;
+        pools.push_back(pool);
+      }
+      pool = Pool();
+      count = 0;
+    };
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+      const Cell& cell = reduced.cells[i];
+      if (!cell.smooth || cell.n < 2) continue;
+      if (count == beams || cell.at.target != target) finish();
+      target = cell.at.target;
+      const double lever = cell.sight.beam_lever();
+      pool.freedom += cell.n - 1;
+      pool.variance += (cell.n - 1) * cell.variance_mm2;
+      pool.beam_deg += cell.beam_rad * deg_per_rad;
+      pool.intensity += cell.at.intensity;
+      pool.lever2 += lever * lever;
+      ++count;
+    }
+    finish();
+  }
+  return pools;
+}
+
+/// Sum of variances with non-negative sizes, fitted by the likelihood of the pools' sample variances.
+class VarianceModel {
+ public:
+  VarianceModel(const std::vector<Pool>& pools, Estimate stated, double fixed, double discount)
+      : pools_(pools), stated_(stated), fixed_(fixed), discount_(discount) {}
+
+  struct Fit {
+    Eigen::VectorXd value, sigma;  ///< First: the constant variance, then one for each column.
+    double log_likelihood = 0;
+  };
+  /// `columns`: variance for size one of every term at every pool. `free`: the stated noise is no constraint.
+  [[nodiscard]] Fit fit(const std::vector<std::vector<double>>& columns, bool free) const {
+    const auto k = static_cast<Eigen::Index>(columns.size()) + 1;
+    const double s0 = stated_.value, prior_mean = s0 * s0;
+    const double prior_sigma = std::max(0.02 * s0 * s0, 2 * s0 * stated_.u);
+    double mean = 0, freedom = 0;
+    for (const Pool& p : pools_) {
+      mean += p.freedom * p.variance;
+      freedom += p.freedom;
+    }
+    mean = freedom > 0 ? mean / freedom : prior_mean;
+    Eigen::VectorXd x = Eigen::VectorXd::Zero(k);
+    x[0] = std::max(0.05 * mean, mean - fixed_);
+    for (Eigen::Index j = 1; j < k; ++j) {
+      double scale = 0;
+      for (const double c : columns[static_cast<std::size_t>(j - 1)]) scale += c;
+      scale /= static_cast<double>(std::max<std::size_t>(1, pools_.size()));
+      x[j] = scale > 0 ? 0.05 * mean / scale : 0;
+    }
+    Eigen::MatrixXd normal(k, k);
+    Eigen::VectorXd row(k);
+    for (int iteration = 0; iteration < 12; ++iteration) {
+      Eigen::VectorXd rhs = Eigen::VectorXd::Zero(k);
+      normal.setZero();
+      for (std::size_t i = 0; i < pools_.size(); ++i) {
+        row[0] = 1;
+        for (Eigen::Index j = 1; j < k; ++j) row[j] = columns[static_cast<std::size_t>(j - 1)][i];
+        const double v = std::max(1e-3, row.dot(x) + fixed_);
+        const double w = discount_ * pools_[i].freedom / (2 * v * v);
+        normal.noalias() += w * row * row.transpose();
+        rhs.noalias() += w * (pools_[i].variance - fixed_) * row;
+      }
+      if (!free) {
+        normal(0, 0) += 1 / (prior_sigma * prior_sigma);
+        rhs[0] += prior_mean / (prior_sigma * prior_sigma);
+      }
+      for (Eigen::Index j = 0; j < k; ++j) normal(j, j) *= 1 + 1e-9;
+      Eigen::VectorXd next = normal.ldlt().solve(rhs);
+      if (!next.allFinite()) break;
+      next = next.cwiseMax(0.0);
+      next[0] = std::max(next[0], 1e-3 * mean);
+      const bool settled = (next - x).norm() < 1e-6 * (1 + x.norm());
+      x = next;
+      if (settled) break;
+    }
+    Fit result;
+    result.value = x;
+    result.sigma = normal.inverse().diagonal().cwiseAbs().cwiseSqrt();
+    result.log_likelihood = likelihood(columns, x);
+    if (!free) result.log_likelihood -= 0.5 * std::pow((x[0] - prior_mean) / prior_sigma, 2);
+    return result;
+  }
+
+  [[nodiscard]] const std::vector<Pool>& pools() const { return pools_; }
+
+ private:
+  [[nodiscard]] double likelihood(const std::vector<std::vector<double>>& columns,
+                                  const Eigen::VectorXd& x) const {
+    double sum = 0;
+    for (std::size_t i = 0; i < pools_.size(); ++i) {
+      double v = x[0] + fixed_;
+      for (std::size_t j = 0; j < columns.size(); ++j) v += columns[j][i] * x[static_cast<Eigen::Index>(j) + 1];
+      v = std::max(1e-3, v);
+      sum -= discount_ * pools_[i].freedom / 2 * (std::log(v) + pools_[i].variance / v);
+    }
+    return sum;
+  }
+
+  const std::vector<Pool>& pools_;
+  Estimate stated_;
+  double fixed_, discount_;
+};
+
+/// Standard uncertainty of a size from that of its square.
+Estimate root(double square, double sigma) {
+  const double size = std::sqrt(std::max(0.0, square));
+  return {size, size > 0 ? std::min(sigma / (2 * size), std::sqrt(sigma)) : std::sqrt(sigma)};
+}
+
+class VarianceSearch {
+ public:
+  VarianceSearch(const VarianceModel& model, bool has_intensity)
+      : model_(model), has_intensity_(has_intensity) {}
+
+  void run(SpreadResult& result, double jitter_rad2) {
+    if (model_.pools().size() < 3) return;
+    if (jitter_rad2 > 0) columns_.push_back(lever_column());
+    for (int step = 0; step < 2; ++step) {
+      std::vector<Suspect> suspects;
+      base_ = model_.fit(columns_, free_);
+      if (has_intensity_ && !taken("intensity-noise", result)) suspects.push_back(intensity_noise());
+      if (!taken("sunlight", result)) suspects.push_back(sunlight());
+      if (!free_) suspects.push_back(range_noise());
+      if (!taken("angle-jitter", result)) suspects.push_back(angle_jitter());
+      std::ranges::sort(suspects, [](const auto& a, const auto& b) { return a.evidence > b.evidence; });
+      if (suspects.empty() || suspects.front().evidence < accept_at) break;
+      std::vector<Suspect> set{suspects.front()};
+      for (std::size_t i = 1; i < suspects.size(); ++i)
+        if (suspects[i].evidence > suspects.front().evidence - told_apart_at) set.push_back(suspects[i]);
+      if (set.size() > 1) {
+        result.undecided.push_back(set);
+        break;
+      }
+      accept(set.front(), result);
+    }
+    base_ = model_.fit(columns_, free_);
+    result.sigma_mm = std::sqrt(base_.value[0]);
+  }
+
+ private:
+  static bool taken(const char* id, const SpreadResult& result) {
+    return std::ranges::any_of(result.accepted, [&](const Suspect& s) { return s.mechanism->id == id; });
+  }
+
+  void accept(const Suspect& suspect, SpreadResult& result) {
+    const std::string& id = suspect.mechanism->id;
+    const auto at = [&](const char* name) { return suspect.parameters.at(name).value; };
+    if (id == "intensity-noise") columns_.push_back(intensity_column(at("exponent")));
+    if (id == "sunlight") columns_.push_back(light_column(at("centre_deg"), at("width_deg")));
+    if (id == "angle-jitter") columns_.push_back(lever_column());
+    if (id == "range-noise") free_ = true;
+    result.accepted.push_back(suspect);
+  }
+
+  std::vector<double> intensity_column(double exponent) const {
+    std::vector<double> column;
+    for (const Pool& p : model_.pools())
+      column.push_back(std::isfinite(p.intensity) ? std::pow(1000 / std::max(20.0, p.intensity), exponent) : 0);
+    return column;
+  }
+  std::vector<double> light_column(double centre, double width) const {
+    std::vector<double> column;
+    for (const Pool& p : model_.pools()) {
+      const double away = wrap_angle((p.beam_deg - centre) * rad_per_deg) * deg_per_rad / width;
+      column.push_back(std::exp(-away * away / 2));
+    }
+    return column;
+  }
+  std::vector<double> lever_column() const {
+    std::vector<double> column;
+    for (const Pool& p : model_.pools()) column.push_back(p.lever2);
+    return column;
+  }
+
+  /// Log-likelihood gain of one more column.
+  VarianceModel::Fit more(const std::vector<double>& column, double& gain) const {
+    auto columns = columns_;
+    columns.push_back(column);
+    const auto fit = model_.fit(columns, free_);
+    gain = fit.log_likelihood - base_.log_likelihood;
+    return fit;
+  }
+
+  Suspect intensity_noise() const {
+    Suspect best;
+    best.mechanism = mechanism("intensity-noise");
+    for (const double exponent : {1.0, 1.5, 2.0, 2.5, 3.0, 4.0}) {
+      double gain = 0;
+      const auto fit = more(intensity_column(exponent), gain);
+      if (gain <= best.gain) continue;
+      best.gain = gain;
+      const Eigen::Index last = fit.value.size() - 1;
+      best.parameters = {{"sigma_mm_at_1000_counts", root(fit.value[last], fit.sigma[last])},
+                         {"exponent", {exponent, 1 / std::sqrt(1 + gain)}}};
+    }
+    best.evidence = best.gain - price_of_size(best.gain) - price_of_shape(best.gain, 2);
+    return best;
+  }
+
+  Suspect sunlight() const {
+    Suspect best;
+    best.mechanism = mechanism("sunlight");
+    double low = 1e9, high = -1e9;
+    for (const Pool& p : model_.pools()) {
+      low = std::min(low, p.beam_deg);
+      high = std::max(high, p.beam_deg);
+    }
+    const auto look = [&](double centre, double width) {
+      double gain = 0;
+      const auto fit = more(light_column(centre, width), gain);
+      if (gain <= best.gain) return;
+      best.gain = gain;
+      const Eigen::Index last = fit.value.size() - 1;
+      const double u = width / std::sqrt(1 + 2 * gain);
+      best.parameters = {{"sigma_mm", root(fit.value[last], fit.sigma[last])},
+                         {"centre_deg", {centre, u}},
+                         {"width_deg", {width, u}}};
+    };
+    if (high - low > 20) {
+      for (const double width : {5.0, 9.0, 16.0, 28.0})
+        for (double centre = low; centre <= high; centre += 0.8 * width) look(centre, width);
+      if (best.gain > 2) {
+        for (int pass = 0; pass < 3; ++pass) {
+          const double centre = best.parameters.at("centre_deg").value,
+                       width = best.parameters.at("width_deg").value, step = width * 0.3 / (1 << pass);
+          for (const double c : {centre - step, centre + step}) look(c, width);
+          for (const double w : {width / (1 + 0.3 / (1 << pass)), width * (1 + 0.3 / (1 << pass))})
+            look(centre, w);
+        }
+      }
+    }
+    best.evidence = best.gain - price_of_size(best.gain) - price_of_shape(best.gain, (high - low) / 12) -
+                    price_of_shape(best.gain, 2);
+    return best;
+  }
+
+  Suspect range_noise() const {
+    Suspect suspect;
+    suspect.mechanism = mechanism("range-noise");
+    const auto fit = model_.fit(columns_, true);
+    suspect.gain = fit.log_likelihood - base_.log_likelihood;
+    const double extra = fit.value[0] - base_stated();
+    suspect.parameters = {{"sigma_mm", root(std::max(0.0, extra), std::hypot(fit.sigma[0], stated_variance_u()))}};
+    suspect.evidence = extra > 0 ? suspect.gain - 2 : -1;
+    return suspect;
+  }
+
+  Suspect angle_jitter() const {
+    Suspect suspect;
+    suspect.mechanism = mechanism("angle-jitter");
+    const auto fit = more(lever_column(), suspect.gain);
+    const Eigen::Index last = fit.value.size() - 1;
+    const double degree2 = deg_per_rad * deg_per_rad;
+    suspect.parameters = {{"sigma_deg", root(fit.value[last] * degree2, fit.sigma[last] * degree2)}};
+    suspect.evidence = suspect.gain - price_of_size(suspect.gain);
+    return suspect;
+  }
+
+  [[nodiscard]] double base_stated() const { return stated.value * stated.value; }
+  [[nodiscard]] double stated_variance_u() const { return 2 * stated.value * stated.u; }
+
+  const VarianceModel& model_;
+  bool has_intensity_;
+  bool free_ = false;
+  std::vector<std::vector<double>> columns_;
+  VarianceModel::Fit base_;
+
+ public:
+  Estimate stated;
+};
+
+// ---- scans -------------------------------------------------------------------------------------------------
+
+/// What one scan's cells say together of a common range and a common angle: information and score.
+struct Scan {
+  int group = 0, seq = 0, scans = 0;
+  Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d score = Eigen::Vector2d::Zero();
+};
+
+std::vector<Scan> scans_of(const Reduced& reduced) {
+  std::vector<Scan> scans;
+  for (const Sector& s : reduced.sectors) {
+    const Group& group = reduced.groups[static_cast<std::size_t>(s.group)];
+    if (scans.empty() || scans.back().group != s.group || scans.back().seq != s.seq) {
+      Scan scan;
+      scan.group = s.group;
+      scan.seq = s.seq;
+      scan.scans = group.scans;
+      scans.push_back(scan);
+    }
+    const double precision = 1 / (group.sigma_mm * group.sigma_mm + 1.0 / 12);
+    Scan& scan = scans.back();
+    Eigen::Matrix2d information;
+    information << s.w, s.wv, s.wv, s.wvv;
+    scan.information += precision * information;
+    scan.score += precision * Eigen::Vector2d(s.wd, s.wdv);
+  }
+  return scans;
+}
+
+/// Common ranges that depend on the scan's number only: mirror faces, or anything else.
+void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
+  if (scans.size() < 20) return;
+  // Spread of the scans' common range beyond their own noise, within any pattern: from differences over
+  // captures of scans with the same number.
+  std::map<int, std::vector<const Scan*>> by_number;
+  for (const Scan& s : scans)
+    if (s.information(0, 0) > 0) by_number[s.seq].push_back(&s);
+  double excess = 0, count = 0;
+  const bool few = by_number.size() * 2 > scans.size();
+  for (const auto& [seq, list] : by_number) {
+    if (list.size() < 2) continue;
+    double mean = 0, weight = 0;
+    for (const Scan* s : list) {
+      mean += s->score[0];
+      weight += s->information(0, 0);
+    }
+    mean /= weight;
+    for (const Scan* s : list) {
+      const double d = s->score[0] / s->information(0, 0) - mean;
+      excess += d * d * s->information(0, 0);
+      count += 1;
+    }
+    count -= 1;
+  }
+  const double inflate = count > 10 ? std::max(1.0, excess / count) : few ? 1.5 : 1.0;
+  const auto classes = [&](int modulus, std::vector<double>* values, double* likelihood) {
+    std::vector<double> score(static_cast<std::size_t>(modulus)), information(static_cast<std::size_t>(modulus));
+    for (const Scan& s : scans) {
+      const auto at = static_cast<std::size_t>(s.seq % modulus);
+      score[at] += s.score[0];
+      information[at] += s.information(0, 0);
+    }
+    double sum = 0, price = 0;
+    for (std::size_t c = 0; c < score.size(); ++c) {
+      if (information[c] <= 0) continue;
+      sum += 0.5 * score[c] * score[c] / information[c] / inflate;
+      price += 0.5 * std::log(1 + information[c] / inflate);
+      if (values) values->push_back(score[c] / information[c]);
+    }
+    *likelihood = sum;
+    return sum - price * (modulus - 1.0) / modulus;
+  };
+  int longest = 0;
+  for (const Scan& s : scans) longest = std::max(longest, s.seq + 1);
+  Suspect facet;
+  facet.mechanism = mechanism("facet-wobble");
+  facet.evidence = -1;
+  std::vector<double> best_values;
+  for (int facets = 2; facets <= std::min(8, longest / 2); ++facets) {
+    std::vector<double> values;
+    double gain = 0;
+    const double evidence = classes(facets, &values, &gain) - std::log(4.0);
+    if (evidence <= facet.evidence + 3) continue;  // a multiple of the right number fits as well
+    facet.evidence = evidence;
+    facet.gain = gain;
+    best_values = values;
+    double sine = 0, cosine = 0;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      const double x = 2 * pi * static_cast<double>(i) / facets;
+      sine += 2 * values[i] * std::sin(x) / facets;
+      cosine += 2 * values[i] * std::cos(x) / facets;
+    }
+    double information = 0;
+    for (const Scan& s : scans) information += s.information(0, 0);
+    const double u = std::sqrt(2 * inflate / information);
+    double amplitude = std::hypot(sine, cosine);
+    double phase = std::atan2(cosine, sine) * deg_per_rad;
+    if (facets == 2) {
+      amplitude = std::abs(values[0] - values[1]) / 2;
+      phase = values[0] > values[1] ? 90 : -90;
+    }
+    facet.parameters = {{"amplitude_mm", {amplitude, u}},
+                        {"phase_deg", {phase, facets == 2 ? 0 : u / std::max(u, amplitude) * deg_per_rad}},
+                        {"facets", {static_cast<double>(facets), 0}}};
+  }
+  double every_gain = 0;
+  const double every = longest <= 400 ? classes(longest, nullptr, &every_gain) : -1;
+  if (facet.evidence > accept_at && facet.evidence > every - 3) {
+    result.accepted.push_back(facet);
+  } else if (every > accept_at) {
+    Unexplained u;
+    u.observable = Observable::range_mean;
+    u.coordinate = Coordinate::scan_seq;
+    u.gain = every_gain;
+    u.evidence = every;
+    u.from = 0;
+    u.to = longest - 1;
+    u.describes = "the range depends on the number of the scan in its capture in a way that no mirror face and "
+                  "no swinging stage makes";
+    result.unknown.push_back(u);
+  }
+}
+
+/// A stage that still swings: an angle that depends on the time since the move, the same in every capture.
+void swinging(Reduced& reduced, SpreadResult& result) {
+  struct Row {
+    std::size_t first, last;
+  };
+  std::vector<Sector*> rows;
+  for (Sector& s : reduced.sectors)
+    if (s.approach != 0 && s.wvv > 0) rows.push_back(&s);
+  if (rows.size() < 60) return;
+  std::map<std::pair<int, int>, std::vector<std::size_t>> blocks;
+  for (std::size_t i = 0; i < rows.size(); ++i) blocks[{rows[i]->group, rows[i]->number}].push_back(i);
+  std::vector<double> precision;
+  for (const Sector* s : rows) {
+    const double sigma = reduced.groups[static_cast<std::size_t>(s->group)].sigma_mm;
+    precision.push_back(1 / (sigma * sigma + 1.0 / 12));
+  }
+  Eigen::MatrixXd wave(static_cast<Eigen::Index>(rows.size()), 2);
+  const auto shape = [&](double tau, double hz) {
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const double t = rows[i]->since_move_s, size = rows[i]->approach * std::exp(-t / tau);
+      wave(static_cast<Eigen::Index>(i), 0) = size * std::cos(2 * pi * hz * t);
+      wave(static_cast<Eigen::Index>(i), 1) = -size * std::sin(2 * pi * hz * t);
+    }
+    for (const auto& [key, list] : blocks) {
+      Eigen::RowVector2d mean = Eigen::RowVector2d::Zero();
+      for (const std::size_t i : list) mean += wave.row(static_cast<Eigen::Index>(i));
+      mean /= static_cast<double>(list.size());
+      for (const std::size_t i : list) wave.row(static_cast<Eigen::Index>(i)) -= mean;
+    }
+    Eigen::Matrix2d square = Eigen::Matrix2d::Zero();
+    Eigen::Vector2d along = Eigen::Vector2d::Zero();
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const Eigen::Vector2d x = wave.row(static_cast<Eigen::Index>(i)).transpose();
+      square.noalias() += precision[i] * rows[i]->wvv * x * x.transpose();
+      along += precision[i] * rows[i]->wdv * x;
+    }
+    square.diagonal().array() += 1e-9 + 1e-9 * square.diagonal().maxCoeff();
+    struct Result {
+      double gain;
+      Eigen::Vector2d value;
+      Eigen::Matrix2d covariance;
+    };
+    const Eigen::Matrix2d covariance = square.inverse();
+    const Eigen::Vector2d value = covariance * along;
+    return Result{0.5 * along.dot(value), value, covariance};
+  };
+  Suspect suspect;
+  suspect.mechanism = mechanism("settling");
+  double best_tau = 0.1, best_hz = 0;
+  Eigen::Vector2d value = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
+  const auto look = [&](double tau, double hz) {
+    const auto r = shape(tau, hz);
+    if (r.gain <= suspect.gain) return;
+    suspect.gain = r.gain;
+    best_tau = tau;
+    best_hz = hz;
+    value = r.value;
+    covariance = r.covariance;
+  };
+  for (const double tau : {0.05, 0.1, 0.2, 0.4, 1.0})
+    for (double hz = 0; hz < 19.5; hz += 0.5) look(tau, hz);
+  double step_tau = 1.4, step_hz = 0.3;
+  for (int pass = 0; pass < 12; ++pass) {
+    const double tau = best_tau, hz = best_hz;
+    for (const double t : {tau / step_tau, tau * step_tau}) look(std::clamp(t, 0.02, 3.0), hz);
+    for (const double f : {hz - step_hz, hz + step_hz}) look(best_tau, std::clamp(f, 0.0, 19.9));
+    if (best_tau == tau && best_hz == hz) {
+      step_tau = std::sqrt(step_tau);
+      step_hz /= 2;
+    }
+  }
+  // Random angles of whole scans look like a swing now and then: their spread is the noise to be beaten.
+  double excess = 0, count = 0;
+  for (const Scan& s : scans_of(reduced)) {
+    if (s.information(1, 1) <= 0) continue;
+    excess += s.score[1] * s.score[1] / s.information(1, 1);
+    count += 1;
+  }
+  const double inflate = count > 10 ? std::max(1.0, (excess - 2 * suspect.gain) / count) : 1;
+  suspect.gain /= inflate;
+  suspect.evidence = suspect.gain - 2 * price_of_size(suspect.gain) - price_of_shape(suspect.gain, 3) -
+                     price_of_shape(suspect.gain, 20);
+  if (suspect.evidence < accept_at) return;
+  const double amplitude = value.norm(), u = std::sqrt(covariance.trace() / 2 * inflate);
+  suspect.parameters = {
+      {"amplitude_deg", {amplitude * deg_per_rad, u * deg_per_rad}},
+      {"phase_deg", {std::atan2(value[1], value[0]) * deg_per_rad, u / amplitude * deg_per_rad}},
+      {"tau_s", {best_tau, best_tau * 1.5 / std::sqrt(1 + 2 * suspect.gain)}},
+      {"frequency_hz", {best_hz, 1 / (2 * pi * best_tau) / std::sqrt(1 + 2 * suspect.gain)}}};
+  result.accepted.push_back(suspect);
+  shape(best_tau, best_hz);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const double angle = wave.row(static_cast<Eigen::Index>(i)).dot(value);
+    rows[i]->wd -= rows[i]->wv * angle;
+    rows[i]->wdv -= rows[i]->wvv * angle;
+  }
+}
+
+/// Random ranges and angles that a whole scan has in common.
+void common_noise(const std::vector<Scan>& scans, const Reduced& reduced, SpreadResult& result) {
+  if (scans.size() < 10) return;
+  const auto likelihood = [&](double range2, double angle2) {
+    double sum = 0;
+    for (const Scan& s : scans) {
+      if (s.scans < 2) continue;
+      const double keep = 1 - 1.0 / s.scans;
+      Eigen::Matrix2d d;
+      d << range2 * keep, 0, 0, angle2 * keep;
+      const Eigen::Matrix2d m = Eigen::Matrix2d::Identity() + d * s.information;
+      sum += 0.5 * s.score.dot(m.inverse() * d * s.score) - 0.5 * std::log(std::max(1e-300, m.determinant()));
+    }
+    return sum;
+  };
+  // Profile on logarithmic grids, finer in each pass.
+  double range2 = 0, angle2 = 0, best = 0;
+  const auto improve = [&](double r, double a) {
+    const double l = likelihood(r, a);
+    if (l > best) {
+      best = l;
+      range2 = r;
+      angle2 = a;
+    }
+  };
+  double only_range = 0, only_range2 = 0, only_angle = 0, only_angle2 = 0;
+  for (double r = 0.003; r < 20; r *= 1.5) {
+    const double l = likelihood(r * r, 0);
+    if (l > only_range) {
+      only_range = l;
+      only_range2 = r * r;
+    }
+  }
+  for (double a = 0.001; a < 3; a *= 1.5) {
+    const double l = likelihood(0, std::pow(a * rad_per_deg, 2));
+    if (l > only_angle) {
+      only_angle = l;
+      only_angle2 = std::pow(a * rad_per_deg, 2);
+    }
+  }
+  improve(only_range2, 0);
+  improve(0, only_angle2);
+  improve(only_range2, only_angle2);
+  double step = 1.4;
+  for (int pass = 0; pass < 20 && best > 0; ++pass) {
+    const double r = range2, a = angle2;
+    for (const double f : {step, 1 / step}) improve(r * f, a);
+    for (const double f : {step, 1 / step}) improve(range2, a * f);
+    improve(0, angle2);
+    improve(range2, 0);
+    if (r == range2 && a == angle2) step = std::sqrt(step);
+  }
+  const double range_gain = best - only_angle, angle_gain = best - only_range;
+  const auto curvature = [&](double at, bool of_angle) {
+    const double h = 0.1 * at;
+    const auto l = [&](double x) { return of_angle ? likelihood(range2, x) : likelihood(x, angle2); };
+    const double c = -(l(at + h) - 2 * l(at) + l(at - h)) / (h * h);
+    return c > 0 ? 1 / std::sqrt(c) : at;
+  };
+  if (angle2 > 0 && angle_gain - price_of_size(angle_gain) > accept_at) {
+    Suspect suspect;
+    suspect.mechanism = mechanism("angle-jitter");
+    suspect.gain = angle_gain;
+    suspect.evidence = angle_gain - price_of_size(angle_gain);
+    const double degree2 = deg_per_rad * deg_per_rad;
+    suspect.parameters = {{"sigma_deg", root(angle2 * degree2, curvature(angle2, true) * degree2)}};
+    result.accepted.push_back(suspect);
+    for (const Group& group : reduced.groups)
+      result.noise.angle_rad2.push_back(angle2 / std::max(1, group.scans));
+  }
+  if (range2 > 0 && range_gain - price_of_size(range_gain) > accept_at) {
+    // The memory of the common range: lag-one correlation of its estimates.
+    double products = 0, squares = 0;
+    for (std::size_t i = 1; i < scans.size(); ++i) {
+      if (scans[i].group != scans[i - 1].group) continue;
+      const double a = scans[i].score[0] / std::max(1e-9, scans[i].information(0, 0)),
+                   b = scans[i - 1].score[0] / std::max(1e-9, scans[i - 1].information(0, 0));
+      products += a * b;
+      squares += (a * a + b * b) / 2;
+    }
+    const double n = scans.front().scans;
+    const double rho = std::clamp(squares > 0 ? products / squares + 1.5 / n : 0.0, 0.05, 0.98);
+    double sigma2 = 0;
+    for (const Group& group : reduced.groups) sigma2 = std::max(sigma2, group.sigma_mm * group.sigma_mm);
+    Suspect suspect;
+    suspect.mechanism = mechanism("correlated-noise");
+    suspect.gain = range_gain;
+    suspect.evidence = range_gain - price_of_size(range_gain);
+    suspect.parameters = {{"rho", {rho, std::sqrt((1 - rho * rho) / static_cast<double>(scans.size()))}},
+                          {"share", {std::min(1.0, range2 / (sigma2 + 1e-9)), 0.1}}};
+    result.accepted.push_back(suspect);
+    for (const Group& group : reduced.groups) {
+      // Variance of the mean of n correlated values.
+      double factor = 1;
+      for (int k = 1; k < group.scans; ++k)
+        factor += 2 * (1 - static_cast<double>(k) / group.scans) * std::pow(rho, k);
+      result.noise.range_mm2.push_back(range2 * factor / std::max(1, group.scans));
+    }
+  }
+}
+
+// ---- memory ------------------------------------------------------------------------------------------------
+
+/// Expected sums of lagged products of n demeaned AR(1) values of variance one, lags 0..3.
+std::array<double, 4> lagged_of(int n, double rho) {
+  std::array<double, 4> sums{};
+  std::vector<double> row(static_cast<std::size_t>(n));
+  double mean = 0;
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) row[static_cast<std::size_t>(i)] += std::pow(rho, std::abs(i - j)) / n;
+    mean += row[static_cast<std::size_t>(i)] / n;
+  }
+  for (int lag = 0; lag <= 3; ++lag)
+    for (int i = 0; i + lag < n; ++i)
+      sums[static_cast<std::size_t>(lag)] += (lag == 0 ? 1 : std::pow(rho, lag)) -
+                                             row[static_cast<std::size_t>(i)] -
+                                             row[static_cast<std::size_t>(i + lag)] + mean;
+  return sums;
+}
+
+void memory(const Reduced& reduced, SpreadResult& result, double* discount) {
+  std::map<int, std::pair<std::array<double, 4>, double>> by_length;  // sums in units of variance, cells
+  for (const Group& group : reduced.groups) {
+    if (group.scans < 4 || group.cells == 0) continue;
+    auto& [sums, cells] = by_length[std::min(group.scans, 200)];
+    const double scale = group.lagged[0] / (group.scans - 1.0) / static_cast<double>(group.cells);
+    if (scale <= 0) continue;
+    for (std::size_t k = 0; k < 4; ++k) sums[k] += group.lagged[k] / scale;
+    cells += static_cast<double>(group.cells);
+  }
+  if (by_length.empty()) return;
+  const auto misfit = [&](double rho, double share) {
+    double sum = 0;
+    for (const auto& [n, entry] : by_length) {
+      const auto& [sums, cells] = entry;
+      const auto ar = lagged_of(n, rho), white = lagged_of(n, 0);
+      const double unit = sums[0] / (share * ar[0] + (1 - share) * white[0]);
+      for (std::size_t k = 1; k <= 3 && static_cast<int>(k) < n; ++k) {
+        const double expected = unit * (share * ar[k] + (1 - share) * white[k]);
+        sum += std::pow(sums[k] - expected, 2) / (cells * (n - static_cast<double>(k)));
+      }
+    }
+    return sum;
+  };
+  const double before = misfit(0, 0);
+  double best = before, rho = 0, share = 0;
+  for (const double r : {0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.87, 0.93, 0.97})
+    for (const double s : {0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0}) {
+      const double m = misfit(r, s);
+      if (m >= best) continue;
+      best = m;
+      rho = r;
+      share = s;
+    }
+  Suspect suspect;
+  suspect.mechanism = mechanism("correlated-noise");
+  suspect.gain = (before - best) / 2;
+  suspect.evidence = suspect.gain - price_of_size(suspect.gain) - price_of_shape(suspect.gain, 2);
+  if (suspect.evidence < accept_at) return;
+  const double u = 1 / std::sqrt(1 + suspect.gain);
+  suspect.parameters = {{"rho", {rho, u}}, {"share", {share, u}}};
+  const bool there = std::ranges::any_of(
+      result.accepted, [](const Suspect& s) { return s.mechanism->id == "correlated-noise"; });
+  if (!there) result.accepted.push_back(suspect);
+  *discount = (1 - rho * rho) / (1 + rho * rho) * share + (1 - share);
+}
+
+// ---- echoes ------------------------------------------------------------------------------------------------
+
+void strays(const Reduced& reduced, SpreadResult& result) {
+  double strays = 0, samples = 0;
+  for (const Cell& cell : reduced.cells) {
+    if (!cell.smooth || reduced.groups[static_cast<std::size_t>(cell.group)].scans < 4) continue;
+    strays += cell.far;
+    samples += cell.n + cell.stray;
+  }
+  if (samples < 100) return;
+  Suspect suspect;
+  suspect.mechanism = mechanism("outliers");
+  suspect.gain = 4 * strays;  // each lies where the noise leaves less than e^-18; distances are log-uniform
+  suspect.evidence = suspect.gain - 4;
+  const double fraction = strays / samples;
+  suspect.parameters = {{"fraction", {fraction, std::sqrt(strays + 0.25) / samples}}};
+  if (suspect.evidence > accept_at) result.accepted.push_back(suspect);
+}
+
+void output_steps(const Reduced& reduced, SpreadResult& result, double* fixed_variance) {
+  double best_step = 1, share = 0, total = 0;
+  for (std::size_t q = 2; q <= 24; ++q) {
+    double sum = 0;
+    std::uint64_t most = 0;
+    for (std::size_t r = 0; r < q; ++r) {
+      const auto n = static_cast<std::uint64_t>(reduced.remainder[q * 25 + r]);
+      sum += static_cast<double>(n);
+      most = std::max(most, n);
+    }
+    if (sum < 200 || static_cast<double>(most) < 0.97 * sum) continue;
+    best_step = static_cast<double>(q);
+    share = static_cast<double>(most);
+    total = sum;
+  }
+  if (best_step < 2) return;
+  // A parked target without noise repeats itself too: then its spread is far below the step.
+  double typical = 0;
+  for (const Group& group : reduced.groups) typical += group.sigma_mm / static_cast<double>(reduced.groups.size());
+  if (typical < 0.25 * best_step && reduced.cells.size() < 50) return;
+  Suspect suspect;
+  suspect.mechanism = mechanism("rounding");
+  suspect.gain = share * std::log(best_step) - (total - share) * 5;
+  suspect.evidence = suspect.gain - 4;
+  suspect.parameters = {{"step_mm", {best_step, 0}}};
+  if (suspect.evidence < accept_at) return;
+  result.accepted.push_back(suspect);
+  *fixed_variance = best_step * best_step / 12;
+}
+
+void losses(const Reduced& reduced, SpreadResult& result) {
+  struct Count {
+    double intensity, beam_deg, lost, all;
+  };
+  std::vector<Count> counts;
+  double lost = 0, all = 0;
+  for (const Cell& cell : reduced.cells) {
+    if (std::abs(cell.at.incidence_rad) > 75 * rad_per_deg || std::abs(cell.at.edge_rad) < 1.5 * rad_per_deg)
+      continue;
+    if (cell.n + cell.lost == 0) continue;
+    counts.push_back({cell.at.intensity, cell.beam_rad * deg_per_rad, static_cast<double>(cell.lost),
+                      static_cast<double>(cell.n + cell.stray + cell.lost)});
+    lost += cell.lost;
+    all += counts.back().all;
+  }
+  if (lost < 3 || all < 100) return;
+  // Cells that lost everything are as dark as the darkest seen.
+  double darkest = 1e9;
+  for (const Count& c : counts)
+    if (std::isfinite(c.intensity)) darkest = std::min(darkest, c.intensity);
+  for (Count& c : counts)
+    if (!std::isfinite(c.intensity)) c.intensity = darkest;
+  const double floor = 1e-6, rate = std::clamp(lost / all, floor, 1 - floor);
+  const double constant = lost * std::log(rate) + (all - lost) * std::log(1 - rate);
+  const double none = lost * std::log(1e-6);
+  const auto likelihood = [&](auto probability) {
+    double sum = 0;
+    for (const Count& c : counts) {
+      const double p = std::clamp(probability(c), floor, 1 - floor);
+      sum += c.lost * std::log(p) + (c.all - c.lost) * std::log(1 - p);
+    }
+    return sum;
+  };
+  double best = constant, at = 0, width = 0;
+  if (reduced.has_intensity) {
+    double top = 0;
+    for (const Count& c : counts) top = std::max(top, c.intensity);
+    for (double i = std::max(3.0, darkest * 0.3); i < top; i *= 1.12)
+      for (const double w : {0.03, 0.06, 0.1, 0.2, 0.35}) {
+        const double l = likelihood([&](const Count& c) { return 1 / (1 + std::exp((c.intensity - i) / (w * i))); });
+        if (l <= best) continue;
+        best = l;
+        at = i;
+        width = w * i;
+      }
+  }
+  double window = constant, centre = 0;
+  for (double c0 = -130; c0 <= 130; c0 += 6)
+    for (const double w : {8.0, 14.0, 22.0}) {
+      double in_lost = 0, in_all = 0;
+      for (const Count& c : counts)
+        if (std::abs(c.beam_deg - c0) < w) {
+          in_lost += c.lost;
+          in_all += c.all;
+        }
+      if (in_all < 1) continue;
+      const double p_in = std::clamp(in_lost / in_all, floor, 1 - floor);
+      const double p_out = std::clamp((lost - in_lost) / std::max(1.0, all - in_all), floor, 1 - floor);
+      const double l = in_lost * std::log(p_in) + (in_all - in_lost) * std::log(1 - p_in) +
+                       (lost - in_lost) * std::log(p_out) +
+                       (all - in_all - lost + in_lost) * std::log(1 - p_out);
+      if (l > window) {
+        window = l;
+        centre = c0;
+      }
+    }
+  const bool light = std::ranges::any_of(
+      result.accepted, [](const Suspect& s) { return s.mechanism->id == "sunlight"; });
+  if (light && window > best - 8) return;  // part of it: background light also hides echoes
+  Suspect suspect;
+  suspect.mechanism = mechanism("dropout");
+  suspect.gain = best - none;
+  suspect.evidence = suspect.gain - 8;
+  if (suspect.evidence < accept_at) return;
+  if (at > 0 && best - constant > 4 && best >= window - 3) {
+    const double u = width / std::sqrt(1 + lost);
+    suspect.parameters = {{"intensity_min", {at, u}}, {"width", {width, u}}};
+    result.accepted.push_back(suspect);
+    return;
+  }
+  if (window - constant > 8) {
+    Suspect sun;
+    sun.mechanism = mechanism("sunlight");
+    sun.gain = window - none;
+    sun.evidence = window - none - 8;
+    sun.parameters = {{"sigma_mm", {0, 1}}, {"centre_deg", {centre, 5}}, {"width_deg", {14, 5}}};
+    if (!light) result.accepted.push_back(sun);
+    return;
+  }
+  Unexplained u;
+  u.observable = Observable::dropout;
+  u.coordinate = Coordinate::beam;
+  u.gain = constant - none;
+  u.evidence = u.gain - 8;
+  u.describes = "echoes are missing, " + rounded(100 * rate, 2) + " % of all, whatever their strength and angle";
+  u.from = -135;
+  u.to = 135;
+  if (lost >= 10) result.unknown.push_back(u);
+}
+
+/// Edges: how gradually the farther surface takes over.
+void edges(const Reduced& reduced, SpreadResult& result) {
+  struct Place {
+    double away_deg, share, n;
+  };
+  std::map<int, std::vector<Place>> by_edge;
+  int between = 0, mixed = 0;
+  for (const Cell& cell : reduced.cells) {
+    if (cell.far_share < 0 || cell.edge < 0) continue;
+    const int n = cell.n + cell.stray;
+    if (n < 2) continue;
+    by_edge[cell.edge].push_back({cell.at.edge_rad * deg_per_rad, cell.far_share, std::min(20.0, 1.0 * n)});
+    between += cell.between;
+    mixed += cell.far_share > 0.04 && cell.far_share < 0.96;
+  }
+  const auto fit = [&](double width) {
+    double sum = 0;
+    for (const auto& [edge, places] : by_edge) {
+      double best = -1e300;
+      for (double shift = -1.2; shift <= 1.2; shift += std::clamp(width / 3, 0.01, 0.05)) {
+        double l = 0;
+        for (const Place& p : places) {
+          const double far = std::clamp(0.5 * std::erfc((p.away_deg - shift) / width / std::sqrt(2.0)), 0.004, 0.996);
+          l += p.n * (p.share * std::log(far) + (1 - p.share) * std::log(1 - far));
+        }
+        best = std::max(best, l);
+      }
+      sum += best;
+    }
+    return sum;
+  };
+  if (by_edge.empty() || mixed < 2) return;
+  constexpr double hard_deg = 0.004;
+  const double hard = fit(hard_deg);
+  double best = hard, width = hard_deg;
+  for (double w = 0.008; w < 0.6; w *= 1.25) {
+    const double l = fit(w);
+    if (l <= best) continue;
+    best = l;
+    width = w;
+  }
+  Suspect suspect;
+  suspect.mechanism = mechanism("mixed-pixel");
+  suspect.gain = best - hard + (between > 2 ? 2.0 * between : 0);
+  suspect.evidence = suspect.gain - price_of_size(suspect.gain) - 2;
+  suspect.parameters = {{"width_deg", {width, std::max(0.002, width * 0.8 / std::sqrt(1 + mixed))}}};
+  if (suspect.evidence > accept_at) result.accepted.push_back(suspect);
+}
+
+Estimate stated_noise(const Bench& bench) {
+  Estimate stated{10, 10};
+  if (const KnownMechanism* known = bench.knows("range-noise")) {
+    const auto found = known->parameters.find("sigma_mm");
+    if (found != known->parameters.end()) stated = found->second;
+  }
+  stated.u = std::max(stated.u, 0.02 * stated.value);
+  return stated;
+}
+
+}  // namespace
+
+double price_of_shape(double gain, double places) {
+  return std::max(0.0, std::log(places)) + 0.5 * std::log(1 + std::max(0.0, gain) / 2);
+}
+
+SpreadResult explain_spread(const Reduced& given) {
+  Reduced reduced;  // only the sectors are changed: what a swinging stage explains is taken off
+  reduced.bench = given.bench;
+  reduced.groups = given.groups;
+  reduced.sectors = given.sectors;
+  SpreadResult result;
+  double fixed = 1.0 / 12, discount = 1;
+  output_steps(given, result, &fixed);
+  strays(given, result);
+  edges(given, result);
+  swinging(reduced, result);
+  const std::vector<Scan> scans = scans_of(reduced);
+  scan_numbers(scans, result);
+  const bool numbered = !result.unknown.empty() || std::ranges::any_of(result.accepted, [](const Suspect& s) {
+    return s.mechanism->id == "facet-wobble";
+  });
+  if (!numbered) common_noise(scans, reduced, result);
+  if (!numbered) memory(given, result, &discount);
+  const std::vector<Pool> pools = pools_of(given);
+  const Estimate stated = stated_noise(given.bench);
+  const VarianceModel model(pools, stated, fixed, discount);
+  VarianceSearch search(model, given.has_intensity);
+  search.stated = stated;
+  double jitter = 0;
+  for (const Suspect& s : result.accepted)
+    if (s.mechanism->id == "angle-jitter") jitter = 1;
+  search.run(result, jitter);
+  losses(given, result);
+  return result;
+}
+
+}  // namespace fit::explain

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "fit/explain/mean_model.hpp"
+
+namespace fit::explain {
+
+/// A suspect that acts on something other than the cells' means, with its evidence.
+struct Suspect {
+  const Mechanism* mechanism = nullptr;
+  std::map<std::string, Estimate> parameters;
+  double gain = 0;      ///< Of the log-likelihood.
+  double evidence = 0;  ///< Log Bayes factor.
+};
+
+/// Something that no mechanism of the catalogue explains.
+struct Unexplained {
+  Observable observable = Observable::range_mean;
+  Coordinate coordinate = Coordinate::beam;
+  std::string describes;
+  double gain = 0, evidence = 0;
+  double from = 0, to = 0;
+};
+
+/// What noise, echoes, distributions and memory say.
+struct SpreadResult {
+  std::vector<Suspect> accepted;
+  std::vector<std::vector<Suspect>> undecided;  ///< Each a set whose members explain about the same.
+  std::vector<Suspect> rejected;                ///< Seen, but explained better by an accepted one.
+  std::vector<Unexplained> unknown;
+  MeanNoise noise;
+  double sigma_mm = 0;  ///< White noise of one sample, fitted.
+};
+
+[[nodiscard]] SpreadResult explain_spread(const Reduced& reduced);
+
+/// Price of one searched parameter that ended up with a signal of that log-likelihood gain.
+[[nodiscard]] double price_of_shape(double gain, double independent_places);
+
+}  // namespace fit::explain
