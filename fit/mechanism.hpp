@@ -99,6 +99,7 @@ struct Parameter {
   Role role = Role::size;
   double typical = 1;  ///< Size: standard deviation of the prior around `expected`.
   double expected = 0;
+  double largest = std::numeric_limits<double>::infinity();  ///< Size: what physics allows at most.
   int sign = 0;                 ///< Size: +1 or -1 when physics allows only one sign.
   double lower = 0, upper = 1;  ///< Shape: bounds.
   int starts = 8;  ///< Shape: points of the first search, spread by the logarithm if `logarithmic`.

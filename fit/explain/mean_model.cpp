@@ -10,8 +10,8 @@ namespace {
 constexpr double never_mm = 1e-3;  // no mean is believed to better than this
 constexpr int pooled_beams = 12;
 
-/// Rounding to 1 mm leaves the mean this uncertain when the noise does not smear it out (first harmonic of the
-/// sawtooth).
+/// Rounding to 1 mm leaves the mean this uncertain when the noise does not smear it out (first harmonic of
+/// the sawtooth).
 double rounding_variance(double sigma_mm) { return std::exp(-4 * pi * pi * sigma_mm * sigma_mm) / 12; }
 
 }  // namespace
@@ -38,7 +38,8 @@ std::vector<double> pooled_variance(const Reduced& reduced) {
     for (std::size_t k = 0; k < count; ++k) {
       const int target = reduced.cells[group.first_cell + k].sight.target;
       std::size_t low = k, high = k + 1;
-      while (low > 0 && k - low < pooled_beams && reduced.cells[group.first_cell + low - 1].sight.target == target)
+      while (low > 0 && k - low < pooled_beams &&
+             reduced.cells[group.first_cell + low - 1].sight.target == target)
         --low;
       while (high < count && high - k < pooled_beams &&
              reduced.cells[group.first_cell + high].sight.target == target)
@@ -211,6 +212,12 @@ Eigen::VectorXd MeanModel::residual() const {
   return white.cwiseQuotient(weight_);
 }
 
+Eigen::VectorXd MeanModel::remainder(const Eigen::VectorXd& column) const {
+  const Eigen::VectorXd white = whitened(column);
+  if (base_.cols() == 0) return white.cwiseQuotient(weight_);
+  return (white - base_ * factor_.solve(base_.transpose() * white)).cwiseQuotient(weight_);
+}
+
 MeanModel::HeldOut MeanModel::held_out(const std::vector<int>& block_of_row, int blocks) const {
   HeldOut sum;
   const Eigen::Index k = base_.cols();
@@ -221,7 +228,8 @@ MeanModel::HeldOut MeanModel::held_out(const std::vector<int>& block_of_row, int
   for (Eigen::Index first = 0; first < rows();) {
     const int block = block_of_row[static_cast<std::size_t>(first)];
     Eigen::Index last = first + 1;
-    while (last < rows() && last - first < chunk && block_of_row[static_cast<std::size_t>(last)] == block) ++last;
+    while (last < rows() && last - first < chunk && block_of_row[static_cast<std::size_t>(last)] == block)
+      ++last;
     const auto part = base_.middleRows(first, last - first);
     square[static_cast<std::size_t>(block)] += part.transpose() * part;
     along[static_cast<std::size_t>(block)] += part.transpose() * centred_.segment(first, last - first);
@@ -255,7 +263,8 @@ double excess_scatter(const MeanModel& model) {
     const Cell &a = model.cell(i - 1), &b = model.cell(i), &c = model.cell(i + 1);
     if (a.group != c.group || a.at.target != c.at.target || b.at.target != c.at.target) continue;
     if (std::abs(c.beam_rad - a.beam_rad) > 3 * rad_per_deg) continue;
-    const double sa = model.sigma_of_mean(i - 1), sb = model.sigma_of_mean(i), sc = model.sigma_of_mean(i + 1);
+    const double sa = model.sigma_of_mean(i - 1), sb = model.sigma_of_mean(i),
+                 sc = model.sigma_of_mean(i + 1);
     const double bend = residual[i] - (residual[i - 1] + residual[i + 1]) / 2;
     ratios.push_back(bend * bend / (sb * sb + (sa * sa + sc * sc) / 4));
   }

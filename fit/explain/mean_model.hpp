@@ -11,9 +11,9 @@ namespace fit::explain {
 /// How well the means of cells are known: factor on the white noise, and what all cells of a group have in
 /// common beyond it.
 struct MeanNoise {
-  double factor = 1;                   ///< On the variance of every mean: noise with memory.
-  std::vector<double> range_mm2;       ///< Variance of a range common to a group; empty: none.
-  std::vector<double> angle_rad2;      ///< Variance of an angle common to a group; empty: none.
+  double factor = 1;               ///< On the variance of every mean: noise with memory.
+  std::vector<double> range_mm2;   ///< Variance of a range common to a group; empty: none.
+  std::vector<double> angle_rad2;  ///< Variance of an angle common to a group; empty: none.
 };
 
 /// A prior for coefficients: independent normal ones.
@@ -29,6 +29,7 @@ class MeanModel {
   MeanModel(const Reduced& reduced, const MeanNoise& noise, int stride = 1);
 
   [[nodiscard]] Eigen::Index rows() const { return static_cast<Eigen::Index>(row_.size()); }
+  [[nodiscard]] const Bench& bench() const { return reduced_->bench; }
   [[nodiscard]] const Cell& cell(Eigen::Index row) const {
     return reduced_->cells[row_[static_cast<std::size_t>(row)]];
   }
@@ -67,6 +68,8 @@ class MeanModel {
     double log_evidence = 0;  ///< Up to a constant of the data and their noise.
   };
   [[nodiscard]] Posterior posterior() const;
+  /// What the base cannot take up of an effect, mm; its priors resist.
+  [[nodiscard]] Eigen::VectorXd remainder(const Eigen::VectorXd& column_mm) const;
   /// Residual means less the base's best fit, mm.
   [[nodiscard]] Eigen::VectorXd residual() const;
   [[nodiscard]] const Eigen::VectorXd& raw_residual() const { return residual_; }

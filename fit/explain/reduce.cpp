@@ -52,7 +52,8 @@ class Reducer {
       if (scan.geometry || static_cast<int>(scan.range_mm.size()) < beams_) return;
       block.range.insert(block.range.end(), scan.range_mm.begin(), scan.range_mm.begin() + beams_);
       if (static_cast<int>(scan.intensity.size()) >= beams_)
-        block.intensity.insert(block.intensity.end(), scan.intensity.begin(), scan.intensity.begin() + beams_);
+        block.intensity.insert(block.intensity.end(), scan.intensity.begin(),
+                               scan.intensity.begin() + beams_);
       block.since_start_s.push_back(static_cast<double>(scan.host_us - info_->started_us) * 1e-6);
       block.seq.push_back(scan.seq);
       ++block.scans;
@@ -182,13 +183,13 @@ class Reducer {
           continue;
         }
         // Beams taken together are brought to their middle.
-        const double own = stride == 1 ? 0
-                                       : scene.look(group.stage_rad, beam_angle(beam + k)).range_mm -
-                                             cell.nominal_mm;
+        const double own =
+            stride == 1 ? 0 : scene.look(group.stage_rad, beam_angle(beam + k)).range_mm - cell.nominal_mm;
         values_.push_back(range - own);
         if (!block.intensity.empty()) {
-          intensity += block.intensity[static_cast<std::size_t>(scan) * static_cast<std::size_t>(block.beams) +
-                                       static_cast<std::size_t>(beam + k)];
+          intensity +=
+              block.intensity[static_cast<std::size_t>(scan) * static_cast<std::size_t>(block.beams) +
+                              static_cast<std::size_t>(beam + k)];
           ++lit;
         }
       }
@@ -207,8 +208,8 @@ class Reducer {
     const double middle = turning_ ? cell.nominal_mm : median_of(sorted_);
     for (double& v : sorted_) v = std::abs(v - middle);
     const double own = 1.4826 * median_of(sorted_);
-    const double reach = turning_ ? std::max(60.0, 10 * group.sigma_mm)
-                                  : std::max({25.0, 6 * group.sigma_mm, 5 * own});
+    const double reach =
+        turning_ ? std::max(60.0, 10 * group.sigma_mm) : std::max({25.0, 6 * group.sigma_mm, 5 * own});
     double sum = 0, squares = 0;
     for (const double v : values_) {
       if (std::abs(v - middle) > reach) {
@@ -271,9 +272,9 @@ class Reducer {
           sector.group = static_cast<int>(out_.groups.size());
           sector.seq = static_cast<int>(block.seq[static_cast<std::size_t>(scan)]);
           sector.number = number;
-          sector.since_move_s = block.since_start_s[static_cast<std::size_t>(scan)] +
-                                out_.bench.lidar.beam_time_s(info_->first_step +
-                                                             (number + 0.5) * width * info_->cluster);
+          sector.since_move_s =
+              block.since_start_s[static_cast<std::size_t>(scan)] +
+              out_.bench.lidar.beam_time_s(info_->first_step + (number + 0.5) * width * info_->cluster);
           sector.approach = info_->approach;
           out_.sectors.push_back(sector);
         }
@@ -309,7 +310,8 @@ class Reducer {
         for (int lag = 1; lag <= std::min(3, scan); ++lag) {
           const auto before = static_cast<std::size_t>((scan - lag) % 4);
           if (valid[before][static_cast<std::size_t>(beam)])
-            group.lagged[static_cast<std::size_t>(lag)] += d * history[before][static_cast<std::size_t>(beam)];
+            group.lagged[static_cast<std::size_t>(lag)] +=
+                d * history[before][static_cast<std::size_t>(beam)];
         }
         if (scan > 0) ++group.pairs;
       }
@@ -362,7 +364,8 @@ Reduced reduce(const Recording& recording, const Progress& progress) {
   return out;
 }
 
-void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work) {
+void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
+             bool may_leave_out) {
   for (const Group& group : reduced.groups) {
     const CaptureInfo& info = reduced.captures[static_cast<std::size_t>(group.capture)];
     const Scene scene(reduced.bench, nuisance, info);
@@ -375,6 +378,7 @@ void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
           effect += active.mechanism->act(cell.at, active.values);
       const Sight sight = scene.look(group.stage_rad, cell.beam_rad, effect);
       if (sight.target != cell.sight.target) {
+        if (!may_leave_out) continue;
         cell.smooth = false;
         ++reduced.left_out;
         continue;
@@ -388,6 +392,32 @@ void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
       cell.nominal_mm = sight.range_mm + effect.range_mm;
     }
   }
+}
+
+void append(Reduced& reduced, const Reduced& other) {
+  const auto captures = static_cast<int>(reduced.captures.size()),
+             groups = static_cast<int>(reduced.groups.size());
+  const std::size_t cells = reduced.cells.size();
+  reduced.captures.insert(reduced.captures.end(), other.captures.begin(), other.captures.end());
+  for (Group group : other.groups) {
+    group.capture += captures;
+    group.first_cell += cells;
+    group.last_cell += cells;
+    reduced.groups.push_back(group);
+  }
+  for (Cell cell : other.cells) {
+    cell.group += groups;
+    reduced.cells.push_back(cell);
+  }
+  for (Sector sector : other.sectors) {
+    sector.group += groups;
+    reduced.sectors.push_back(sector);
+  }
+  for (std::size_t i = 0; i < reduced.remainder.size(); ++i) reduced.remainder[i] += other.remainder[i];
+  reduced.samples += other.samples;
+  reduced.has_intensity = reduced.has_intensity || other.has_intensity;
+  reduced.has_temperature = reduced.has_temperature || other.has_temperature;
+  reduced.left_out += other.left_out;
 }
 
 double value_of(Coordinate coordinate, const Cell& cell, const Group& group) {

@@ -13,15 +13,16 @@ namespace fit::explain {
 struct Cell {
   int group = 0;
   double beam_rad = 0;
-  int n = 0;       ///< Samples that belong to the target.
-  int lost = 0;    ///< Samples without echo.
-  int stray = 0;   ///< Samples far from all others.
-  int far = 0;     ///< Of these, samples too far for any noise.
-  int edge = -1;   ///< The edge within reach: 2 * target + (0: its start, 1: its end); -1: none.
+  int n = 0;      ///< Samples that belong to the target.
+  int lost = 0;   ///< Samples without echo.
+  int stray = 0;  ///< Samples far from all others.
+  int far = 0;    ///< Of these, samples too far for any noise.
+  int edge = -1;  ///< The edge within reach: 2 * target + (0: its start, 1: its end); -1: none.
   double mean_mm = 0, variance_mm2 = 0;
-  double far_share = -1;  ///< Mean place between the two surfaces of a near edge (0 near, 1 far); -1: no edge.
-  int between = 0;        ///< Samples on neither of them.
-  bool smooth = false;    ///< The mean may be compared with a surface: no edge near, not grazing, one echo.
+  double far_share =
+      -1;               ///< Mean place between the two surfaces of a near edge (0 near, 1 far); -1: no edge.
+  int between = 0;      ///< Samples on neither of them.
+  bool smooth = false;  ///< The mean may be compared with a surface: no edge near, not grazing, one echo.
   Circumstances at;
   Sight sight;            ///< At the nuisance parameters last used for prediction.
   double nominal_mm = 0;  ///< Predicted range.
@@ -41,8 +42,8 @@ struct Group {
   std::size_t first_cell = 0, last_cell = 0;
 };
 
-/// One sector of one scan: sums over its cells of w = 1, v (mm per rad of stage angle) and d, the deviation of
-/// the sample from its cell's mean. Whatever a whole scan has in common is in here.
+/// One sector of one scan: sums over its cells of w = 1, v (mm per rad of stage angle) and d, the deviation
+/// of the sample from its cell's mean. Whatever a whole scan has in common is in here.
 struct Sector {
   int group = 0, seq = 0, number = 0;
   double since_move_s = 0;  ///< Of the sector's middle beam.
@@ -56,7 +57,7 @@ struct Reduced {
   std::vector<Group> groups;
   std::vector<Cell> cells;
   std::vector<Sector> sectors;
-  std::vector<long> remainder;     ///< Counts of (range mod q) = r for q = 2..24, at q * 24 + r.
+  std::vector<long> remainder;  ///< Counts of (range mod q) = r for q = 2..24, at q * 24 + r.
   long samples = 0;
   double first_temperature_c = 0;
   bool has_intensity = false, has_temperature = false;
@@ -70,8 +71,13 @@ using Progress = std::function<void(double share, const char* what)>;
 [[nodiscard]] Reduced reduce(const Recording& recording, const Progress& progress);
 
 /// Predicts every cell anew with other nuisance parameters and with mechanisms at work, to all orders in
-/// geometry. `nominal_mm`, `sight` and the place in `at` are replaced.
-void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work);
+/// geometry. `nominal_mm`, `sight` and the place in `at` are replaced. A cell that now meets another target
+/// is left out if `may_leave_out`; otherwise it keeps what it had.
+void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
+             bool may_leave_out);
+
+/// Joins the cells of another session on the same bench.
+void append(Reduced& reduced, const Reduced& other);
 
 /// Value of a coordinate of formats.md, in its file unit.
 [[nodiscard]] double value_of(Coordinate coordinate, const Cell& cell, const Group& group);

@@ -7,8 +7,8 @@
 namespace fit::explain {
 namespace {
 
-constexpr double joined_within_mm = 5;    // ends of targets closer than this form a corner
-constexpr double joined_reach_mm = 150;   // how far past a corner a wall may be met
+constexpr double joined_within_mm = 5;   // ends of targets closer than this form a corner
+constexpr double joined_reach_mm = 150;  // how far past a corner a wall may be met
 constexpr double nearest_echo_mm = 1;
 
 Eigen::Vector2d turned(const Eigen::Vector2d& v, double angle) {
@@ -141,10 +141,10 @@ std::vector<Edge> Scene::edges(double stage_rad) const {
       const double beam = bearing - stage_rad - nuisance_.yaw_rad;
       const Sight low = look(stage_rad, beam - aside), high = look(stage_rad, beam + aside);
       if (low.target == high.target) continue;
-      const bool on_low = low.target == static_cast<int>(i) &&
-                          (high.target < 0 || high.range_mm > low.range_mm);
-      const bool on_high = high.target == static_cast<int>(i) &&
-                           (low.target < 0 || low.range_mm > high.range_mm);
+      const bool on_low =
+          low.target == static_cast<int>(i) && (high.target < 0 || high.range_mm > low.range_mm);
+      const bool on_high =
+          high.target == static_cast<int>(i) && (low.target < 0 || low.range_mm > high.range_mm);
       if (!on_low && !on_high) continue;
       const Sight& near = on_low ? low : high;
       const Sight& far = on_low ? high : low;

@@ -10,8 +10,8 @@
 namespace fit::explain {
 
 /// Where things stand against the bench file: what is fitted along with every suspect. In the order of
-/// `as_vector`: mount x, y (mm), yaw (rad), then for every target its offset along the outward normal (mm) and
-/// its rotation about its middle (rad, counter-clockwise).
+/// `as_vector`: mount x, y (mm), yaw (rad), then for every target its offset along the outward normal (mm)
+/// and its rotation about its middle (rad, counter-clockwise).
 struct Nuisance {
   double x_mm = 0, y_mm = 0, yaw_rad = 0;
   std::vector<double> offset_mm, turn_rad;

@@ -129,7 +129,8 @@ class VarianceModel {
     double sum = 0;
     for (std::size_t i = 0; i < pools_.size(); ++i) {
       double v = x[0] + fixed_;
-      for (std::size_t j = 0; j < columns.size(); ++j) v += columns[j][i] * x[static_cast<Eigen::Index>(j) + 1];
+      for (std::size_t j = 0; j < columns.size(); ++j)
+        v += columns[j][i] * x[static_cast<Eigen::Index>(j) + 1];
       v = std::max(1e-3, v);
       sum -= discount_ * pools_[i].freedom / 2 * (std::log(v) + pools_[i].variance / v);
     }
@@ -195,7 +196,8 @@ class VarianceSearch {
   std::vector<double> intensity_column(double exponent) const {
     std::vector<double> column;
     for (const Pool& p : model_.pools())
-      column.push_back(std::isfinite(p.intensity) ? std::pow(1000 / std::max(20.0, p.intensity), exponent) : 0);
+      column.push_back(std::isfinite(p.intensity) ? std::pow(1000 / std::max(20.0, p.intensity), exponent)
+                                                  : 0);
     return column;
   }
   std::vector<double> light_column(double centre, double width) const {
@@ -280,7 +282,8 @@ class VarianceSearch {
     const auto fit = model_.fit(columns_, true);
     suspect.gain = fit.log_likelihood - base_.log_likelihood;
     const double extra = fit.value[0] - base_stated();
-    suspect.parameters = {{"sigma_mm", root(std::max(0.0, extra), std::hypot(fit.sigma[0], stated_variance_u()))}};
+    suspect.parameters = {
+        {"sigma_mm", root(std::max(0.0, extra), std::hypot(fit.sigma[0], stated_variance_u()))}};
     suspect.evidence = extra > 0 ? suspect.gain - 2 : -1;
     return suspect;
   }
@@ -309,7 +312,8 @@ class VarianceSearch {
   Estimate stated;
 };
 
-// ---- scans -------------------------------------------------------------------------------------------------
+// ---- scans
+// -------------------------------------------------------------------------------------------------
 
 /// What one scan's cells say together of a common range and a common angle: information and score.
 struct Scan {
@@ -366,7 +370,8 @@ void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
   }
   const double inflate = count > 10 ? std::max(1.0, excess / count) : few ? 1.5 : 1.0;
   const auto classes = [&](int modulus, std::vector<double>* values, double* likelihood) {
-    std::vector<double> score(static_cast<std::size_t>(modulus)), information(static_cast<std::size_t>(modulus));
+    std::vector<double> score(static_cast<std::size_t>(modulus)),
+        information(static_cast<std::size_t>(modulus));
     for (const Scan& s : scans) {
       const auto at = static_cast<std::size_t>(s.seq % modulus);
       score[at] += s.score[0];
@@ -427,8 +432,9 @@ void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
     u.evidence = every;
     u.from = 0;
     u.to = longest - 1;
-    u.describes = "the range depends on the number of the scan in its capture in a way that no mirror face and "
-                  "no swinging stage makes";
+    u.describes =
+        "the range depends on the number of the scan in its capture in a way that no mirror face and "
+        "no swinging stage makes";
     result.unknown.push_back(u);
   }
 }
@@ -633,7 +639,8 @@ void common_noise(const std::vector<Scan>& scans, const Reduced& reduced, Spread
   }
 }
 
-// ---- memory ------------------------------------------------------------------------------------------------
+// ---- memory
+// ------------------------------------------------------------------------------------------------
 
 /// Expected sums of lagged products of n demeaned AR(1) values of variance one, lags 0..3.
 std::array<double, 4> lagged_of(int n, double rho) {
@@ -696,10 +703,24 @@ void memory(const Reduced& reduced, SpreadResult& result, double* discount) {
   const bool there = std::ranges::any_of(
       result.accepted, [](const Suspect& s) { return s.mechanism->id == "correlated-noise"; });
   if (!there) result.accepted.push_back(suspect);
+  // The mean of n such values scatters more than their number says, and they scatter less about it.
+  double number = 0, factor = 0;
+  for (const auto& [n, entry] : by_length) {
+    double of_mean = 1, within = 1;
+    for (int k = 1; k < n; ++k) {
+      const double pair = 2 * (1 - static_cast<double>(k) / n) * std::pow(rho, k) * share;
+      of_mean += pair;
+      within -= pair / (n - 1.0);
+    }
+    factor += entry.second * of_mean / std::max(0.05, within);
+    number += entry.second;
+  }
+  result.noise.factor = std::max(1.0, factor / number);
   *discount = (1 - rho * rho) / (1 + rho * rho) * share + (1 - share);
 }
 
-// ---- echoes ------------------------------------------------------------------------------------------------
+// ---- echoes
+// ------------------------------------------------------------------------------------------------
 
 void strays(const Reduced& reduced, SpreadResult& result) {
   double strays = 0, samples = 0;
@@ -736,7 +757,8 @@ void output_steps(const Reduced& reduced, SpreadResult& result, double* fixed_va
   if (best_step < 2) return;
   // A parked target without noise repeats itself too: then its spread is far below the step.
   double typical = 0;
-  for (const Group& group : reduced.groups) typical += group.sigma_mm / static_cast<double>(reduced.groups.size());
+  for (const Group& group : reduced.groups)
+    typical += group.sigma_mm / static_cast<double>(reduced.groups.size());
   if (typical < 0.25 * best_step && reduced.cells.size() < 50) return;
   Suspect suspect;
   suspect.mechanism = mechanism("rounding");
@@ -787,7 +809,8 @@ void losses(const Reduced& reduced, SpreadResult& result) {
     for (const Count& c : counts) top = std::max(top, c.intensity);
     for (double i = std::max(3.0, darkest * 0.3); i < top; i *= 1.12)
       for (const double w : {0.03, 0.06, 0.1, 0.2, 0.35}) {
-        const double l = likelihood([&](const Count& c) { return 1 / (1 + std::exp((c.intensity - i) / (w * i))); });
+        const double l =
+            likelihood([&](const Count& c) { return 1 / (1 + std::exp((c.intensity - i) / (w * i))); });
         if (l <= best) continue;
         best = l;
         at = i;
@@ -814,8 +837,8 @@ void losses(const Reduced& reduced, SpreadResult& result) {
         centre = c0;
       }
     }
-  const bool light = std::ranges::any_of(
-      result.accepted, [](const Suspect& s) { return s.mechanism->id == "sunlight"; });
+  const bool light =
+      std::ranges::any_of(result.accepted, [](const Suspect& s) { return s.mechanism->id == "sunlight"; });
   if (light && window > best - 8) return;  // part of it: background light also hides echoes
   Suspect suspect;
   suspect.mechanism = mechanism("dropout");
@@ -842,7 +865,8 @@ void losses(const Reduced& reduced, SpreadResult& result) {
   u.coordinate = Coordinate::beam;
   u.gain = constant - none;
   u.evidence = u.gain - 8;
-  u.describes = "echoes are missing, " + rounded(100 * rate, 2) + " % of all, whatever their strength and angle";
+  u.describes =
+      "echoes are missing, " + rounded(100 * rate, 2) + " % of all, whatever their strength and angle";
   u.from = -135;
   u.to = 135;
   if (lost >= 10) result.unknown.push_back(u);
@@ -870,7 +894,8 @@ void edges(const Reduced& reduced, SpreadResult& result) {
       for (double shift = -1.2; shift <= 1.2; shift += std::clamp(width / 3, 0.01, 0.05)) {
         double l = 0;
         for (const Place& p : places) {
-          const double far = std::clamp(0.5 * std::erfc((p.away_deg - shift) / width / std::sqrt(2.0)), 0.004, 0.996);
+          const double far =
+              std::clamp(0.5 * std::erfc((p.away_deg - shift) / width / std::sqrt(2.0)), 0.004, 0.996);
           l += p.n * (p.share * std::log(far) + (1 - p.share) * std::log(1 - far));
         }
         best = std::max(best, l);

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <Eigen/Dense>
+#include <string>
+#include <vector>
+
+#include "fit/explain/mean_model.hpp"
+
+namespace fit::explain {
+
+/// A mechanism that moves means, with its values (in the order of its parameters).
+struct Term {
+  const Mechanism* mechanism = nullptr;
+  int target = -1;
+  std::vector<double> values;
+  std::vector<double> sigma;  ///< Standard uncertainties of `values`; empty before the fit.
+
+  [[nodiscard]] Active active() const { return {mechanism, values, target}; }
+  [[nodiscard]] bool same(const Term& other) const {
+    return mechanism == other.mechanism && target == other.target;
+  }
+};
+
+/// Where an unnamed function acts.
+enum class Channel { range, beam_angle, stage_angle };
+
+/// An unnamed function of one coordinate: what physics outside the catalogue looks like.
+struct Shape {
+  enum class Kind { smooth, step, wave };
+  Kind kind = Kind::smooth;
+  Coordinate coordinate = Coordinate::beam;
+  Channel channel = Channel::range;
+  double length = 0.3;         ///< smooth: correlation length as a share of the span.
+  double at = 0;               ///< step: place; wave: period. File unit of the coordinate.
+  double size = 1;             ///< Standard size of the prior: mm or rad.
+  std::vector<double> values;  ///< Coefficients, after a fit.
+};
+
+/// Columns with priors, and what they mean.
+struct Columns {
+  Eigen::MatrixXd columns_mm;
+  Prior prior;
+  double price = 0;  ///< Log of what their search costs beyond the prior.
+};
+
+/// Linear coefficients of a term: sizes as they are, a size with a phase as its sine and cosine part.
+[[nodiscard]] std::vector<double> linear_coefficients(const Term& term);
+/// Puts linear coefficients back, with their covariance (for uncertainties), shape parameters after them.
+void set_coefficients(Term& term, const Eigen::VectorXd& values, const Eigen::MatrixXd& covariance);
+
+/// Columns of the linear coefficients at the term's shape values, and their prior around zero.
+[[nodiscard]] Columns linear_columns(const MeanModel& model, const Term& term);
+/// Derivatives by the shape parameters, in the unit in which they are searched (logarithm or value).
+[[nodiscard]] Columns shape_columns(const MeanModel& model, const Term& term);
+/// A smooth correction of a few per cent on the term's own coordinate: real causes only resemble formulas.
+[[nodiscard]] Columns freedom_columns(const MeanModel& model, const Term& term);
+[[nodiscard]] Columns shape_of(const MeanModel& model, const Shape& shape);
+
+/// Value of the shape function at one row, mm.
+[[nodiscard]] double coordinate_at(const MeanModel& model, Coordinate coordinate, Eigen::Index row);
+
+/// Joins columns side by side.
+void add(Columns& all, const Columns& more);
+
+}  // namespace fit::explain

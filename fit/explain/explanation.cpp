@@ -1,0 +1,409 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/explanation.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <stdexcept>
+
+namespace fit::explain {
+namespace {
+
+constexpr double sure = 0.9;
+constexpr double close_behind = 3.5;  // log of the odds within which suspects are not told apart
+
+double largest_effect(const Reduced& reduced, const Term& term, double* at) {
+  double largest = 0;
+  for (const Cell& cell : reduced.cells) {
+    if (!cell.smooth || (term.target >= 0 && term.target != cell.at.target)) continue;
+    const double e = cell.sight.shift(term.mechanism->act(cell.at, term.values));
+    if (!(std::abs(e) > std::abs(largest))) continue;
+    largest = e;
+    *at = value_of(term.mechanism->coordinate, cell, reduced.groups[static_cast<std::size_t>(cell.group)]);
+  }
+  return largest;
+}
+
+std::map<std::string, Estimate> parameters_of(const Term& term) {
+  std::map<std::string, Estimate> map;
+  for (std::size_t k = 0; k < term.values.size(); ++k)
+    map[term.mechanism->parameters[k].name] = {term.values[k], k < term.sigma.size() ? term.sigma[k] : 0.0};
+  return map;
+}
+
+Finding finding_of(const Reduced& reduced, const Term& term) {
+  Finding f;
+  f.parameters = parameters_of(term);
+  if (term.target >= 0) f.target = reduced.bench.targets[static_cast<std::size_t>(term.target)].name;
+  f.largest_mm = largest_effect(reduced, term, &f.largest_at);
+  return f;
+}
+
+std::string name_of_rival(const Rival& rival) {
+  if (rival.term) return rival.term->mechanism->id;
+  if (rival.shape) return std::string("an unnamed function of ") + name_of(rival.shape->coordinate);
+  return "nothing";
+}
+
+std::string evidence_of(const MeanResult& means, std::size_t t) {
+  std::string text = "On captures it was not fitted to, it raises the log-likelihood by " +
+                     rounded(means.after.log_likelihood - means.without[t].log_likelihood, 3) + ".";
+  int told = 0;
+  for (const Rival& rival : means.rivals[t]) {
+    if (told == 2) break;
+    text += std::string(told == 0 ? " Next best: " : "; then ") + name_of_rival(rival) + ", e^" +
+            rounded(rival.behind, 3) + " times less probable";
+    ++told;
+  }
+  return text + (told > 0 ? "." : "");
+}
+
+std::string describe(const Shape& shape, const MeanModel& model, double* from, double* to) {
+  const std::string coordinate = name_of(shape.coordinate);
+  const bool angle = shape.channel != Channel::range;
+  const std::string unit = angle ? " deg" : " mm";
+  const double scale = angle ? deg_per_rad : 1;
+  const std::string what = shape.channel == Channel::range        ? "range"
+                           : shape.channel == Channel::beam_angle ? "beam angle"
+                                                                  : "stage angle";
+  double low = 1e300, high = -1e300;
+  const Columns columns = shape_of(model, shape);
+  double least = 1e300, most = -1e300, least_at = 0, most_at = 0;
+  for (Eigen::Index i = 0; i < model.rows(); ++i) {
+    const double v = coordinate_at(model, shape.coordinate, i);
+    if (!std::isfinite(v)) continue;
+    low = std::min(low, v);
+    high = std::max(high, v);
+    const Sight& sight = model.cell(i).sight;
+    const double lever = shape.channel == Channel::range        ? 1
+                         : shape.channel == Channel::beam_angle ? sight.beam_lever()
+                                                                : sight.stage_lever();
+    if (std::abs(lever) < (angle ? 100 : 0.5)) continue;
+    double y = 0;
+    for (std::size_t k = 0; k < shape.values.size(); ++k)
+      y += shape.values[k] * columns.columns_mm(i, static_cast<Eigen::Index>(k)) / lever;
+    if (y < least) least = y, least_at = v;
+    if (y > most) most = y, most_at = v;
+  }
+  *from = low;
+  *to = high;
+  const std::string unit_of_coordinate = coordinate.ends_with("_deg")  ? " deg"
+                                         : coordinate.ends_with("_mm") ? " mm"
+                                         : coordinate.ends_with("_s")  ? " s"
+                                         : coordinate.ends_with("_c")  ? " K"
+                                         : coordinate == "intensity"   ? " counts"
+                                                                       : "";
+  if (shape.kind == Shape::Kind::step) {
+    *from = shape.at - (high - low) / 30;
+    *to = shape.at + (high - low) / 30;
+    return "the " + what + " steps by " + rounded(shape.values.empty() ? 0 : shape.values[0] * scale, 3) +
+           unit + " at " + coordinate + " = " + rounded(shape.at, 4) + unit_of_coordinate;
+  }
+  if (shape.kind == Shape::Kind::wave) {
+    const double size = shape.values.size() > 1 ? std::hypot(shape.values[0], shape.values[1]) : 0;
+    return "the " + what + " waves along " + coordinate + ": period " + rounded(shape.at, 4) +
+           unit_of_coordinate + ", amplitude " + rounded(size * scale, 3) + unit;
+  }
+  return "the " + what + " follows a smooth function of " + coordinate + ": from " +
+         rounded(least * scale, 3) + unit + " at " + rounded(least_at, 4) + unit_of_coordinate + " to " +
+         rounded(most * scale, 3) + unit + " at " + rounded(most_at, 4) + unit_of_coordinate;
+}
+
+std::vector<Located> locate_suspect(const Suspect& suspect, const Reduced& reduced) {
+  const Coordinate coordinate = suspect.mechanism->coordinate;
+  double low = 1e300, high = -1e300;
+  for (const Cell& cell : reduced.cells) {
+    const double v = value_of(coordinate, cell, reduced.groups[static_cast<std::size_t>(cell.group)]);
+    if (!std::isfinite(v)) continue;
+    low = std::min(low, v);
+    high = std::max(high, v);
+  }
+  if (coordinate == Coordinate::scan_seq)
+    for (const Sector& s : reduced.sectors) {
+      low = std::min(low, 1.0 * s.seq);
+      high = std::max(high, 1.0 * s.seq);
+    }
+  if (!(high >= low)) return {};
+  const auto at = [&](const char* name) {
+    const auto found = suspect.parameters.find(name);
+    return found == suspect.parameters.end() ? 0.0 : found->second.value;
+  };
+  const double p = std::max(1e-300, std::exp(-std::min(600.0, suspect.gain)));
+  const Observable observable = suspect.mechanism->observable;
+  const std::string& id = suspect.mechanism->id;
+  if (id == "sunlight")
+    return {{coordinate, at("centre_deg") - 1.2 * at("width_deg"), at("centre_deg") + 1.2 * at("width_deg"),
+             observable, p}};
+  if (id == "mixed-pixel") {
+    const double reach = std::max(0.03, 1.5 * at("width_deg"));
+    return {{coordinate, -reach, reach, observable, p}};
+  }
+  if (id == "intensity-noise") {
+    const double top = low * std::pow(4.0, 1 / std::max(1.0, at("exponent")));
+    return {{coordinate, low, std::min(high, std::max(top, low + (high - low) / 30)), observable, p}};
+  }
+  if (id == "dropout")
+    return {{coordinate, low, std::clamp(at("intensity_min") + 2 * at("width"), low, high), observable, p}};
+  if (id == "angle-jitter")
+    return {{coordinate, low, low / 2, observable, p}, {coordinate, high / 2, high, observable, p}};
+  return {{coordinate, low, high, observable, p}};
+}
+
+Reduced reduce_all(const std::vector<const Recording*>& recordings, const Progress& progress) {
+  Reduced all;
+  for (std::size_t i = 0; i < recordings.size(); ++i) {
+    Reduced one = reduce(*recordings[i], [&](double share, const char* what) {
+      if (progress)
+        progress(0.3 * (static_cast<double>(i) + share) / static_cast<double>(recordings.size()), what);
+    });
+    if (i == 0) {
+      all = std::move(one);
+      continue;
+    }
+    bool same = one.bench.targets.size() == all.bench.targets.size();
+    for (std::size_t t = 0; same && t < one.bench.targets.size(); ++t)
+      same = one.bench.targets[t].name == all.bench.targets[t].name &&
+             (one.bench.targets[t].from_mm - all.bench.targets[t].from_mm).norm() < 1e-6 &&
+             (one.bench.targets[t].to_mm - all.bench.targets[t].to_mm).norm() < 1e-6;
+    if (!same)
+      throw std::invalid_argument(
+          "the sessions' benches have different targets, so they cannot be explained together. Explain them "
+          "one by "
+          "one, or name one bench for all with --bench");
+    append(all, one);
+  }
+  return all;
+}
+
+class Writer {
+ public:
+  Writer(Reduced& reduced, const MeanResult& means, const SpreadResult& spread)
+      : reduced_(reduced), means_(means), spread_(spread) {}
+
+  Explanation write() {
+    out_.before = means_.before;
+    out_.after = means_.after;
+    out_.noise_floor_mm = means_.noise_floor_mm;
+    out_.samples = reduced_.samples;
+    out_.cells = reduced_.cells.size();
+    out_.left_out = reduced_.left_out;
+    means();
+    spread();
+    unknown();
+    locate();
+    notes();
+    out_.verdict = out_.unknown                      ? "unknown-physics"
+                   : !out_.undecided_between.empty() ? "undecided"
+                   : !out_.mechanisms.empty()        ? "explained"
+                                                     : "nothing-missing";
+    bench();
+    return std::move(out_);
+  }
+
+ private:
+  void means() {
+    for (std::size_t t = 0; t < means_.best.terms.size(); ++t) {
+      const Term& term = means_.best.terms[t];
+      std::vector<std::string> set{term.mechanism->id};
+      std::vector<Term> members{term};
+      for (const Rival& rival : means_.rivals[t]) {
+        if (!rival.term || rival.behind > close_behind) continue;
+        if (std::ranges::count(set, rival.term->mechanism->id)) continue;
+        if (std::ranges::any_of(means_.best.terms,
+                                [&](const Term& o) { return o.mechanism == rival.term->mechanism; }))
+          continue;
+        set.push_back(rival.term->mechanism->id);
+        members.push_back(*rival.term);
+      }
+      if (set.size() > 1) {
+        out_.undecided_between.push_back(set);
+        out_.suspects.insert(out_.suspects.end(), members.begin(), members.end());
+        continue;
+      }
+      if (means_.probability[t] < 0.3) continue;
+      Found found;
+      found.mechanism = term.mechanism;
+      const Finding finding = finding_of(reduced_, term);
+      found.target = finding.target;
+      found.parameters = finding.parameters;
+      found.probability = std::min(0.999, means_.probability[t]);
+      found.says = term.mechanism->says(finding);
+      found.evidence = evidence_of(means_, t);
+      found.log_likelihood_gain = means_.after.log_likelihood - means_.without[t].log_likelihood;
+      found.rms_before_mm = means_.without[t].rms_mm;
+      found.rms_after_mm = means_.after.rms_mm;
+      out_.mechanisms.push_back(found);
+      known_.push_back({term.mechanism->id, finding.parameters, {}});
+      if (!found.target.empty()) known_.back().texts["target"] = found.target;
+    }
+  }
+
+  void spread() {
+    for (const Suspect& suspect : spread_.accepted) {
+      if (reduced_.bench.knows(suspect.mechanism->id) && suspect.mechanism->id != "range-noise") continue;
+      Found found;
+      found.mechanism = suspect.mechanism;
+      found.parameters = suspect.parameters;
+      found.probability = std::min(0.999, 1 / (1 + std::exp(3 - suspect.evidence)));
+      Finding finding;
+      finding.parameters = suspect.parameters;
+      found.says = suspect.mechanism->says(finding);
+      found.log_likelihood_gain = suspect.gain - static_cast<double>(suspect.parameters.size());
+      found.evidence = "Its log-likelihood is higher by " + rounded(suspect.gain, 3) + ", of which " +
+                       rounded(suspect.gain - suspect.evidence, 2) + " would be chance.";
+      found.rms_before_mm = means_.after.rms_mm;
+      found.rms_after_mm = means_.after.rms_mm;
+      out_.mechanisms.push_back(found);
+      if (suspect.mechanism->id != "range-noise")
+        known_.push_back({suspect.mechanism->id, suspect.parameters, {}});
+    }
+    for (const auto& set : spread_.undecided) {
+      std::vector<std::string> names;
+      for (const Suspect& s : set) names.push_back(s.mechanism->id);
+      out_.undecided_between.push_back(names);
+    }
+  }
+
+  void unknown() {
+    if (!means_.best.shapes.empty()) {
+      const MeanModel model(reduced_, means_.noise);
+      Unexplained u;
+      const Shape& shape = means_.best.shapes.front();
+      u.observable = Observable::range_mean;
+      u.coordinate = shape.coordinate;
+      u.describes = describe(shape, model, &u.from, &u.to);
+      for (std::size_t i = 1; i < means_.best.shapes.size(); ++i) {
+        double from = 0, to = 0;
+        u.describes += "; and " + describe(means_.best.shapes[i], model, &from, &to);
+      }
+      u.evidence = means_.after.log_likelihood - means_.before.log_likelihood;
+      out_.unknown = u;
+    } else if (!spread_.unknown.empty()) {
+      out_.unknown = spread_.unknown.front();
+    }
+  }
+
+  void locate() {
+    Hypothesis nothing(reduced_.bench);
+    nothing.nuisance = means_.best.nuisance;
+    predict_at(reduced_, nothing);
+    MeanModel before(reduced_, means_.noise);
+    const Base base = base_columns(before, nothing);
+    before.set_base(base.all.columns_mm, base.all.prior);
+    std::set<Coordinate> taken;
+    for (const Term& term : means_.best.terms) {
+      if (!taken.insert(term.mechanism->coordinate).second) continue;
+      for (const Located& l : locate_term(before, term)) out_.located.push_back(l);
+    }
+    for (const Suspect& suspect : spread_.accepted) {
+      for (const Located& l : locate_suspect(suspect, reduced_)) out_.located.push_back(l);
+    }
+    if (out_.unknown && means_.best.shapes.empty())
+      out_.located.push_back({out_.unknown->coordinate, out_.unknown->from, out_.unknown->to,
+                              out_.unknown->observable, std::exp(-std::min(600.0, out_.unknown->evidence))});
+    if (!means_.best.terms.empty() || !means_.best.shapes.empty())
+      for (const Located& l : locate_residuals(before, 0.01))
+        if (!taken.contains(l.coordinate)) out_.located.push_back(l);
+    // Pictures.
+    predict_at(reduced_, means_.best);
+    MeanModel after(reduced_, means_.noise);
+    const Base full = base_columns(after, means_.best);
+    after.set_base(full.all.columns_mm, full.all.prior);
+    predict_at(reduced_, nothing);
+    std::vector<Coordinate> wanted;
+    for (const Term& term : means_.best.terms) wanted.push_back(term.mechanism->coordinate);
+    for (const Shape& shape : means_.best.shapes) wanted.push_back(shape.coordinate);
+    for (const Coordinate c : {Coordinate::beam, Coordinate::range, Coordinate::time}) wanted.push_back(c);
+    std::set<Coordinate> drawn;
+    for (const Coordinate c : wanted) {
+      if (!drawn.insert(c).second) continue;
+      Curve curve = curve_of(before, after, c);
+      if (curve.at.size() > 1) out_.curves.push_back(std::move(curve));
+    }
+    predict_at(reduced_, means_.best);
+  }
+
+  void notes() {
+    if (reduced_.left_out > 0)
+      out_.notes.push_back(std::to_string(reduced_.left_out) + " of " +
+                           std::to_string(reduced_.cells.size()) +
+                           " cells were left out of the means: edges, grazing incidence, doubtful walls.");
+    if (means_.excess > 1)
+      out_.notes.push_back("The means of neighbouring beams scatter " + rounded(std::sqrt(means_.excess), 3) +
+                           " times more than their samples say; everything was weighed accordingly.");
+    if (means_.scatter_mm > 0)
+      out_.notes.push_back("Whole captures are off at random by " + rounded(means_.scatter_mm, 2) +
+                           " mm; their cells were not counted as independent.");
+    // A nuisance far outside its prior is a wrong bench file, not physics.
+    const Eigen::VectorXd stated = Nuisance(reduced_.bench).as_vector(),
+                          found = means_.best.nuisance.as_vector(), u = Nuisance::prior_sigma(reduced_.bench);
+    for (Eigen::Index i = 0; i < stated.size(); ++i) {
+      if (u[i] <= 0 || std::abs(found[i] - stated[i]) < 3.5 * u[i]) continue;
+      const bool angle = i == 2 || (i > 3 && i % 2 == 0);
+      const std::string what =
+          i == 0   ? "The lidar's mount x"
+          : i == 1 ? "The lidar's mount y"
+          : i == 2 ? "The lidar's mount yaw"
+                   : "Target '" + reduced_.bench.targets[static_cast<std::size_t>((i - 3) / 2)].name + "' " +
+                         (angle ? "orientation" : "offset");
+      const double scale = angle ? deg_per_rad : 1;
+      out_.notes.push_back(what + " comes out " + rounded((found[i] - stated[i]) * scale, 3) +
+                           (angle ? " deg" : " mm") + " from what the bench file states, " +
+                           rounded(std::abs(found[i] - stated[i]) / u[i], 2) +
+                           " times its uncertainty: check the bench file before looking for physics.");
+    }
+  }
+
+  void bench() {
+    out_.bench = reduced_.bench;
+    for (const KnownMechanism& known : known_) out_.bench.known.push_back(known);
+    Mount& mount = out_.bench.lidar.mount;
+    const Nuisance& n = means_.best.nuisance;
+    mount.x_mm.value = n.x_mm;
+    mount.y_mm.value = n.y_mm;
+    mount.yaw_rad.value = n.yaw_rad;
+    for (std::size_t i = 0; i < out_.bench.targets.size(); ++i) {
+      Target& target = out_.bench.targets[i];
+      const Eigen::Vector2d middle = (target.from_mm + target.to_mm) / 2 +
+                                     n.offset_mm[i] * target.outward_normal(),
+                            half = (target.to_mm - target.from_mm) / 2;
+      const Eigen::Vector2d turned = Eigen::Rotation2Dd(n.turn_rad[i]) * half;
+      target.from_mm = middle - turned;
+      target.to_mm = middle + turned;
+    }
+    for (KnownMechanism& known : out_.bench.known)
+      if (known.mechanism == "range-noise" && spread_.sigma_mm > 0)
+        known.parameters["sigma_mm"].value = spread_.sigma_mm;
+  }
+
+  Reduced& reduced_;
+  const MeanResult& means_;
+  const SpreadResult& spread_;
+  std::vector<KnownMechanism> known_;
+  Explanation out_;
+};
+
+}  // namespace
+
+Explanation explain(const std::vector<const Recording*>& recordings, const Progress& progress) {
+  if (recordings.empty()) throw std::invalid_argument("no recording was given");
+  Reduced reduced = reduce_all(recordings, progress);
+  if (reduced.bench.targets.empty())
+    throw std::invalid_argument(
+        "the bench has no targets, so there is nothing to compare the recording with. Describe the walls or "
+        "boards "
+        "under 'targets' and give the bench with --bench");
+  if (reduced.cells.empty())
+    throw std::invalid_argument(
+        "no beam of the recording meets a target of the bench. Check the targets' places and the frames of "
+        "the scans");
+  const SpreadResult spread = explain_spread(reduced);
+  const MeanResult means = search_means(reduced, spread.noise, [&](double share, const char* what) {
+    if (progress) progress(0.35 + 0.63 * share, what);
+  });
+  Explanation explanation = Writer(reduced, means, spread).write();
+  if (progress) progress(1, "done");
+  return explanation;
+}
+
+}  // namespace fit::explain

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "fit/explain/mean_search.hpp"
+#include "fit/explain/spread.hpp"
+
+namespace fit::explain {
+
+/// A stretch of one coordinate on which simulation and recording differ.
+struct Located {
+  Coordinate coordinate = Coordinate::beam;
+  double from = 0, to = 0;  ///< File unit of the coordinate.
+  Observable observable = Observable::range_mean;
+  double p_value = 1;
+};
+
+/// One mechanism that is part of the explanation.
+struct Found {
+  const Mechanism* mechanism = nullptr;
+  std::string target;  ///< Of a mechanism that acts on one target.
+  double probability = 0;
+  std::map<std::string, Estimate> parameters;
+  std::string says, evidence;
+  double log_likelihood_gain = 0, rms_before_mm = 0, rms_after_mm = 0;
+};
+
+/// A curve for the report: residual means against a coordinate, before and after.
+struct Curve {
+  Coordinate coordinate = Coordinate::beam;
+  std::vector<double> at, before_mm, after_mm, sigma_mm;
+};
+
+/// The answer to "what did the simulation leave out?" (formats.md, `explanation/1`).
+struct Explanation {
+  std::string verdict;
+  std::vector<Located> located;
+  std::vector<Found> mechanisms;
+  std::vector<std::vector<std::string>> undecided_between;
+  std::optional<Unexplained> unknown;
+  HeldOutFigures before, after;
+  double noise_floor_mm = 0;
+  Bench bench;  ///< With what was found.
+  std::vector<Curve> curves;
+  std::vector<std::string> notes;
+  long samples = 0;
+  std::size_t cells = 0;
+  int left_out = 0;
+  std::vector<Term> suspects;  ///< Members of undecided sets, with their values: for the next experiment.
+};
+
+/// Explains one or several recordings of the same bench together. Throws std::invalid_argument when there is
+/// nothing to compare: no targets, no scans that meet one, or benches that differ.
+[[nodiscard]] Explanation explain(const std::vector<const Recording*>& recordings, const Progress& progress);
+
+/// `explanation/1`; `next_experiment` is the caller's.
+[[nodiscard]] nlohmann::json to_json(const Explanation& explanation);
+/// The answer in a few lines for a terminal.
+[[nodiscard]] std::string to_text(const Explanation& explanation);
+
+/// Where an effect shows (information by bins of its coordinate), and where residuals are significant with a
+/// controlled false-discovery rate.
+[[nodiscard]] std::vector<Located> locate_term(const MeanModel& model, const Term& term);
+[[nodiscard]] std::vector<Located> locate_residuals(const MeanModel& model, double false_discoveries);
+[[nodiscard]] Curve curve_of(const MeanModel& before, const MeanModel& after, Coordinate coordinate);
+
+}  // namespace fit::explain

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: MIT
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "fit/explain/explanation.hpp"
+
+namespace fit::explain {
+
+using nlohmann::json;
+
+namespace {
+
+json number(double v) { return std::isfinite(v) ? json(v) : json(nullptr); }
+
+json found_json(const Found& found) {
+  json parameters = json::object();
+  for (const auto& [name, e] : found.parameters)
+    parameters[name] = {{"value", number(e.value)}, {"u", number(e.u)}};
+  if (!found.target.empty()) parameters["target"] = found.target;
+  return {{"mechanism", found.mechanism->id},
+          {"probability", found.probability},
+          {"parameters", parameters},
+          {"says", found.says},
+          {"evidence", found.evidence},
+          {"held_out",
+           {{"log_likelihood_gain", number(found.log_likelihood_gain)},
+            {"rms_before_mm", number(found.rms_before_mm)},
+            {"rms_after_mm", number(found.rms_after_mm)}}}};
+}
+
+}  // namespace
+
+json to_json(const Explanation& e) {
+  json located = json::array(), mechanisms = json::array(), curves = json::array();
+  for (const Located& l : e.located)
+    located.push_back({{"coordinate", name_of(l.coordinate)},
+                       {"from", number(l.from)},
+                       {"to", number(l.to)},
+                       {"observable", name_of(l.observable)},
+                       {"p_value", number(l.p_value)}});
+  for (const Found& found : e.mechanisms) mechanisms.push_back(found_json(found));
+  for (const Curve& c : e.curves)
+    curves.push_back({{"coordinate", name_of(c.coordinate)},
+                      {"at", c.at},
+                      {"before_mm", c.before_mm},
+                      {"after_mm", c.after_mm},
+                      {"u_mm", c.sigma_mm}});
+  const double cells = std::max(1.0, e.after.cells);
+  json out{{"schema", "explanation/1"},
+           {"verdict", e.verdict},
+           {"located", located},
+           {"mechanisms", mechanisms},
+           {"undecided_between", e.undecided_between},
+           {"next_experiment", nullptr},
+           {"fit",
+            {{"rms_before_mm", number(e.before.rms_mm)},
+             {"rms_after_mm", number(e.after.rms_mm)},
+             {"noise_floor_mm", number(e.noise_floor_mm)},
+             {"held_out_log_likelihood_before", number(e.before.log_likelihood / cells)},
+             {"held_out_log_likelihood_after", number(e.after.log_likelihood / cells)},
+             {"coverage_95_before", number(e.before.coverage)},
+             {"coverage_95_after", number(e.after.coverage)}}},
+           {"cells", e.cells},
+           {"samples", e.samples},
+           {"cells_left_out", e.left_out},
+           {"notes", e.notes},
+           {"curves", curves},
+           {"bench", json::parse(to_json_text(e.bench))}};
+  if (e.unknown)
+    out["unknown"] = {{"coordinate", name_of(e.unknown->coordinate)},
+                      {"observable", name_of(e.unknown->observable)},
+                      {"describes", e.unknown->describes},
+                      {"from", number(e.unknown->from)},
+                      {"to", number(e.unknown->to)}};
+  return out;
+}
+
+std::string to_text(const Explanation& e) {
+  std::string text;
+  if (e.verdict == "nothing-missing")
+    text += "Nothing is missing: the simulation explains this recording to its noise.\n";
+  for (const Found& found : e.mechanisms)
+    text += found.mechanism->id + " (probability " + rounded(found.probability, 3) + "): " + found.says +
+            "\n    " + found.evidence + "\n";
+  for (const auto& set : e.undecided_between) {
+    text += "Undecided between";
+    for (std::size_t i = 0; i < set.size(); ++i)
+      text += (i == 0 ? " " : i + 1 == set.size() ? " and " : ", ") + set[i];
+    text += ": this recording cannot tell them apart.\n";
+  }
+  if (e.unknown) text += "Unknown physics: " + e.unknown->describes + ".\n";
+  text += "Held-out means: rms " + rounded(e.before.rms_mm, 3) + " mm before, " + rounded(e.after.rms_mm, 3) +
+          " mm after, noise floor " + rounded(e.noise_floor_mm, 3) + " mm; 95 % intervals hold " +
+          rounded(100 * e.before.coverage, 3) + " % before, " + rounded(100 * e.after.coverage, 3) +
+          " % after.\n";
+  for (const std::string& note : e.notes) text += "Note: " + note + "\n";
+  return text;
+}
+
+}  // namespace fit::explain

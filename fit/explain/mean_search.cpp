@@ -1,0 +1,727 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/mean_search.hpp"
+
+#include <nlopt.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "fit/explain/spread.hpp"
+
+namespace fit::explain {
+namespace {
+
+using Role = Parameter::Role;
+
+constexpr double price_of_mechanism = 4.0;  // log odds against any one of the catalogue
+constexpr double price_of_unknown = 7.0;    // the catalogue is tried first
+constexpr double worth_a_move = 1.5;
+constexpr Eigen::Index rows_of_search = 9000;
+constexpr std::size_t finalists = 7;
+
+bool moves_means(const Mechanism& m) {
+  if (m.observable != Observable::range_mean) return false;
+  return m.coordinate !=
+         Coordinate::scan_seq;  // differs within a capture: seen in its scans, not in its means
+}
+
+bool is_known(const Bench& bench, const Term& term) {
+  for (const KnownMechanism& known : bench.known) {
+    if (known.mechanism != term.mechanism->id) continue;
+    if (!term.mechanism->one_target) return true;
+    const auto target = known.texts.find("target");
+    if (target != known.texts.end() && term.target >= 0 &&
+        target->second == bench.targets[static_cast<std::size_t>(term.target)].name)
+      return true;
+  }
+  return false;
+}
+
+struct Scored {
+  Term term;
+  std::optional<Shape> shape;
+  double evidence = -1e300, gain = 0;
+};
+
+/// Independent places that the search over a shape parameter looks at.
+double places_of(const Parameter& p) { return std::max(1.5, p.starts / 3.0); }
+
+/// Periods of gears are whole fractions of a turn.
+bool possible(const Mechanism& m, const std::vector<double>& values) {
+  if (m.id != "stage-periodic") return true;
+  const double period = values[2];
+  if (period < 24) return true;
+  return std::abs(360 / period - std::round(360 / period)) < 0.02;
+}
+
+std::vector<double> starts_of(const Mechanism& m, const Parameter& p) {
+  std::vector<double> list;
+  if (m.id == "stage-periodic") {
+    for (const double turn : {360.0, 180.0, 120.0, 90.0, 72.0, 60.0, 45.0, 36.0, 30.0}) list.push_back(turn);
+    for (double v = 24; v > p.lower; v *= 0.965) list.push_back(v);
+    return list;
+  }
+  for (int i = 0; i < p.starts; ++i) {
+    const double x = p.starts > 1 ? static_cast<double>(i) / (p.starts - 1) : 0.5;
+    list.push_back(p.logarithmic ? p.lower * std::pow(p.upper / p.lower, x)
+                                 : p.lower + x * (p.upper - p.lower));
+  }
+  return list;
+}
+
+/// How far out of the ordinary a size is: catalogues' orders of magnitude may be wrong, but not by anything.
+double implausible(const Term& term) {
+  double price = 0;
+  for (std::size_t k = 0; k < term.values.size(); ++k) {
+    const Parameter& p = term.mechanism->parameters[k];
+    if (p.role != Role::size) continue;
+    const double ratio = std::abs(term.values[k] - p.expected) / p.typical;
+    if (ratio > 10) price += 0.5 * std::pow((ratio - 10) / 3, 2);
+    const double u = term.sigma.empty() ? 0 : std::max(1e-12, term.sigma[k]);
+    if (std::abs(term.values[k]) > p.largest)
+      price += u > 0 ? 0.5 * std::pow((std::abs(term.values[k]) - p.largest) / u, 2) : 50;
+    const bool phased = k + 1 < term.values.size() && term.mechanism->parameters[k + 1].role == Role::phase;
+    if (p.sign != 0 && !phased && term.values[k] * p.sign < 0)
+      price += u > 0 ? 0.7 + 0.5 * std::pow(term.values[k] / u, 2) : 50;
+  }
+  return price;
+}
+
+class Search {
+ public:
+  Search(Reduced& reduced, MeanNoise noise, const Progress& progress)
+      : reduced_(reduced), noise_(std::move(noise)), progress_(progress) {}
+
+  MeanResult run() {
+    Hypothesis empty(reduced_.bench);
+    settle_cells(empty);
+    find_excess(empty);
+    fit(empty);
+    report(0.05);
+    Hypothesis best = climb(empty, true);
+    report(0.5);
+    if (best.terms.size() + best.shapes.size() > 0) {
+      // Another way up: whatever is there may be one unnamed function instead of several mechanisms.
+      Hypothesis other = from_unnamed(empty);
+      if (other.evidence > best.evidence) best = other;
+    }
+    report(0.7);
+    MeanResult result(reduced_.bench);
+    judge(best, result);
+    report(1);
+    return result;
+  }
+
+  double scatter_of_groups(const Hypothesis& best);
+  [[nodiscard]] const MeanNoise& noise() const { return noise_; }
+
+ private:
+  void report(double share) const {
+    if (progress_) progress_(share, "comparing mechanisms");
+  }
+
+  /// Leaves out the cells whose wall is doubtful, once: evidences compare on the same cells only.
+  void settle_cells(Hypothesis& empty) {
+    for (int pass = 0; pass < 2; ++pass) {
+      place(empty, true);
+      step(empty);
+    }
+    place(empty, true);
+  }
+
+  void place(const Hypothesis& h, bool may_leave_out = false) { predict_at(reduced_, h, may_leave_out); }
+
+  void find_excess(Hypothesis& empty) {
+    MeanModel model(reduced_, noise_);
+    const Base base = base_columns(model, empty);
+    model.set_base(base.all.columns_mm, base.all.prior);
+    excess_ = excess_scatter(model);
+    const double doubt = 4 * 1.7 * std::sqrt(2.0 / std::max<double>(60, static_cast<double>(model.rows())));
+    if (excess_ > 1 + doubt)
+      noise_.factor *= excess_;
+    else
+      excess_ = 1;
+  }
+
+  /// One Gauss-Newton step at the present prediction; the evidence is that before the step.
+  void step(Hypothesis& h) {
+    MeanModel model(reduced_, noise_);
+    const Base base = base_columns(model, h);
+    model.set_base(base.all.columns_mm, base.all.prior);
+    const MeanModel::Posterior posterior = model.posterior();
+    h.evidence = posterior.log_evidence - base.all.price -
+                 price_of_mechanism * static_cast<double>(h.terms.size()) -
+                 price_of_unknown * static_cast<double>(h.shapes.size());
+    const Eigen::VectorXd nuisance = h.nuisance.as_vector();
+    h.nuisance.set(nuisance + posterior.value.head(nuisance.size()));
+    for (std::size_t t = 0; t < h.terms.size(); ++t) {
+      Term& term = h.terms[t];
+      const auto first = base.term_first[t], count = base.term_count[t];
+      const std::vector<double> now = linear_coefficients(term);
+      Eigen::VectorXd x = posterior.value.segment(first, count);
+      for (std::size_t k = 0; k < now.size(); ++k) x[static_cast<Eigen::Index>(k)] += now[k];
+      set_coefficients(term, x, posterior.covariance.block(first, first, count, count));
+      h.evidence -= implausible(term);
+    }
+    for (std::size_t s = 0; s < h.shapes.size(); ++s) {
+      const Eigen::Index first = base.shape_first[s], last = base.shape_first[s + 1];
+      h.shapes[s].values.assign(posterior.value.data() + first, posterior.value.data() + last);
+    }
+  }
+
+  void fit(Hypothesis& h, int passes = 2) {
+    Hypothesis best = h;
+    best.evidence = -1e300;
+    for (int pass = 0; pass <= passes; ++pass) {
+      place(h);
+      const Hypothesis before = h;
+      step(h);
+      if (h.evidence > best.evidence) {
+        best = before;
+        best.evidence = h.evidence;
+        for (std::size_t t = 0; t < h.terms.size(); ++t) best.terms[t].sigma = h.terms[t].sigma;
+        for (std::size_t s = 0; s < h.shapes.size(); ++s) best.shapes[s].values = h.shapes[s].values;
+      }
+    }
+    h = best;
+  }
+
+  // ---- looking for one more
+  // --------------------------------------------------------------------------------
+  int stride_of_search() const {
+    Eigen::Index smooth = 0;
+    for (const Cell& cell : reduced_.cells) smooth += cell.smooth;
+    return static_cast<int>(std::max<Eigen::Index>(1, (smooth + rows_of_search - 1) / rows_of_search));
+  }
+
+  /// Every mechanism not in `h` (nor in `but`), on top of it.
+  std::vector<Scored> scan(const Hypothesis& h, const Term* but, bool named, bool unnamed) {
+    place(h);
+    const int stride = stride_of_search();
+    MeanModel model(reduced_, noise_, stride);
+    const Base base = base_columns(model, h);
+    model.set_base(base.all.columns_mm, base.all.prior);
+    std::vector<Scored> list;
+    if (named) {
+      for (const Mechanism& m : catalogue()) {
+        if (!moves_means(m)) continue;
+        for (int target = m.one_target ? 0 : -1;
+             target < (m.one_target ? static_cast<int>(reduced_.bench.targets.size()) : 0); ++target) {
+          Term term{&m, target, std::vector<double>(m.parameters.size(), 0.0), {}};
+          if (h.has(term) || (but && but->same(term)) || is_known(reduced_.bench, term)) continue;
+          const Scored scored = look(model, term);
+          if (scored.evidence > 0) list.push_back(scored);
+        }
+      }
+    }
+    if (unnamed) look_unnamed(model, list);
+    std::ranges::sort(list, [](const Scored& a, const Scored& b) { return a.evidence > b.evidence; });
+    return list;
+  }
+
+  static MeanModel::Fit evaluate(const MeanModel& model, const Term& term) {
+    const Columns c = linear_columns(model, term);
+    return MeanModel::solve(model.products(c.columns_mm), c.prior, true);
+  }
+
+  /// Best shape of one mechanism: grid, then NLopt from the best places.
+  Scored look(const MeanModel& model, Term term) const {
+    const auto& parameters = term.mechanism->parameters;
+    std::vector<std::size_t> shapes;
+    for (std::size_t k = 0; k < parameters.size(); ++k)
+      if (parameters[k].role == Role::shape) shapes.push_back(k);
+    Scored best;
+    best.term = term;
+    std::vector<std::pair<double, std::vector<double>>> tried;
+    const auto attempt = [&](const std::vector<double>& values) {
+      Term t = term;
+      t.values = values;
+      if (!possible(*t.mechanism, values)) return -1e300;
+      const MeanModel::Fit f = evaluate(model, t);
+      if (f.evidence > best.evidence) {
+        best.evidence = f.evidence;
+        best.gain = f.gain;
+        set_coefficients(t, f.value, f.sigma.cwiseAbs2().asDiagonal());
+        best.term = t;
+      }
+      return f.evidence;
+    };
+    std::vector<std::vector<double>> grids{term.values};
+    for (const std::size_t k : shapes) {
+      std::vector<std::vector<double>> more;
+      for (const auto& values : grids)
+        for (const double v : starts_of(*term.mechanism, parameters[k])) {
+          more.push_back(values);
+          more.back()[k] = v;
+        }
+      grids = std::move(more);
+    }
+    for (const auto& values : grids) tried.emplace_back(attempt(values), values);
+    if (!shapes.empty() && best.gain > 3) {
+      std::ranges::sort(tried, [](const auto& a, const auto& b) { return a.first > b.first; });
+      for (std::size_t s = 0; s < std::min<std::size_t>(2, tried.size()); ++s)
+        if (tried[s].first > tried[0].first - 8) refine(tried[s].second, shapes, term, attempt);
+    }
+    for (const std::size_t k : shapes) best.evidence -= price_of_shape(best.gain, places_of(parameters[k]));
+    best.evidence -= implausible(best.term);
+    if (term.mechanism->one_target)
+      best.evidence -= 0.5 * std::log(static_cast<double>(reduced_.bench.targets.size()));
+    return best;
+  }
+
+  template <typename Attempt>
+  void refine(const std::vector<double>& start, const std::vector<std::size_t>& shapes, const Term& term,
+              const Attempt& attempt) const {
+    const auto& parameters = term.mechanism->parameters;
+    const auto n = static_cast<unsigned>(shapes.size());
+    struct Context {
+      const Attempt& attempt;
+      std::vector<double> values;
+      const std::vector<std::size_t>& shapes;
+      const std::vector<Parameter>& parameters;
+    } context{attempt, start, shapes, parameters};
+    std::vector<double> x, lower, upper, first;
+    for (const std::size_t k : shapes) {
+      const Parameter& p = parameters[k];
+      const auto in = [&](double v) { return p.logarithmic ? std::log(v) : v; };
+      x.push_back(in(std::clamp(start[k], p.lower, p.upper)));
+      lower.push_back(in(p.lower));
+      upper.push_back(in(p.upper));
+      first.push_back((upper.back() - lower.back()) / std::max(2, p.starts) / 2);
+    }
+    nlopt_opt optimiser = nlopt_create(NLOPT_LN_NELDERMEAD, n);
+    nlopt_set_lower_bounds(optimiser, lower.data());
+    nlopt_set_upper_bounds(optimiser, upper.data());
+    nlopt_set_initial_step(optimiser, first.data());
+    nlopt_set_maxeval(optimiser, 15 + 15 * static_cast<int>(n));
+    nlopt_set_ftol_abs(optimiser, 0.02);
+    nlopt_set_max_objective(
+        optimiser,
+        [](unsigned size, const double* at, double*, void* data) {
+          auto& c = *static_cast<Context*>(data);
+          std::vector<double> values = c.values;
+          for (unsigned i = 0; i < size; ++i)
+            values[c.shapes[i]] = c.parameters[c.shapes[i]].logarithmic ? std::exp(at[i]) : at[i];
+          return c.attempt(values);
+        },
+        &context);
+    double value = 0;
+    nlopt_optimize(optimiser, x.data(), &value);
+    nlopt_destroy(optimiser);
+  }
+
+  void look_unnamed(const MeanModel& model, std::vector<Scored>& list) const {
+    const std::vector<double> sizes_mm{0.3, 1, 3, 10, 30};
+    const auto sizes = [&](Channel channel) {
+      std::vector<double> s = sizes_mm;
+      if (channel != Channel::range)
+        for (double& v : s) v *= 0.02 * rad_per_deg;
+      return s;
+    };
+    const auto consider = [&](Shape shape, double price) {
+      shape.size = 1;
+      const Columns unit = shape_of(model, shape);
+      const MeanModel::Products products = model.products(unit.columns_mm);
+      if (products.square.trace() < 1e-9) return;
+      Scored best;
+      for (const double size : sizes(shape.channel)) {
+        Prior prior = unit.prior;
+        prior.sigma *= size;
+        const MeanModel::Fit f = MeanModel::solve(products, prior, false);
+        if (f.evidence - price <= best.evidence) continue;
+        best.evidence = f.evidence - price;
+        best.gain = f.gain;
+        shape.size = size;
+        best.shape = shape;
+      }
+      if (best.evidence > 0) list.push_back(best);
+    };
+    struct Place {
+      Coordinate coordinate;
+      Channel channel;
+    };
+    const std::vector<Place> places{
+        {Coordinate::beam, Channel::range},       {Coordinate::beam, Channel::beam_angle},
+        {Coordinate::stage, Channel::range},      {Coordinate::stage, Channel::stage_angle},
+        {Coordinate::range, Channel::range},      {Coordinate::intensity, Channel::range},
+        {Coordinate::incidence, Channel::range},  {Coordinate::time, Channel::range},
+        {Coordinate::time, Channel::stage_angle}, {Coordinate::temperature, Channel::range}};
+    for (const Place& place : places) {
+      double low = 1e300, high = -1e300;
+      std::set<double> values;
+      for (Eigen::Index i = 0; i < model.rows(); ++i) {
+        const double v = coordinate_at(model, place.coordinate, i);
+        if (!std::isfinite(v)) continue;
+        low = std::min(low, v);
+        high = std::max(high, v);
+        if (values.size() < 400) values.insert(v);
+      }
+      if (!(high - low > 1e-6) || values.size() < 4) continue;
+      for (const double length : {0.5, 0.2, 0.08})
+        if (values.size() > 2 / length)
+          consider({Shape::Kind::smooth, place.coordinate, place.channel, length, 0, 1, {}}, 1.5);
+      if (place.coordinate == Coordinate::incidence || place.coordinate == Coordinate::temperature) continue;
+      const std::vector<double> steps = quantiles(model, place.coordinate, 40);
+      for (const double at : steps)
+        consider({Shape::Kind::step, place.coordinate, place.channel, 0, at, 1, {}},
+                 std::log(static_cast<double>(steps.size())));
+      if (place.coordinate == Coordinate::beam) {
+        for (int lobes = 3; lobes <= 12; ++lobes)
+          consider({Shape::Kind::wave, place.coordinate, place.channel, 0, 360.0 / lobes, 1, {}},
+                   std::log(10.0));
+      } else if (place.coordinate == Coordinate::time) {
+        for (double turns = 1.5; turns < 12; turns *= 1.08)
+          consider({Shape::Kind::wave, place.coordinate, place.channel, 0, (high - low) / turns, 1, {}},
+                   std::log(15.0));
+      }
+    }
+  }
+
+  static std::vector<double> quantiles(const MeanModel& model, Coordinate coordinate, int count) {
+    std::vector<double> values;
+    for (Eigen::Index i = 0; i < model.rows(); i += std::max<Eigen::Index>(1, model.rows() / 4000)) {
+      const double v = coordinate_at(model, coordinate, i);
+      if (std::isfinite(v)) values.push_back(v);
+    }
+    std::ranges::sort(values);
+    std::vector<double> list;
+    for (int q = 1; q < count; ++q) {
+      const std::size_t i = values.size() * static_cast<std::size_t>(q) / static_cast<std::size_t>(count);
+      const double v = values[i];
+      double next = v;
+      for (std::size_t j = i; j < values.size() && next <= v; ++j) next = values[j];
+      const double middle = (v + next) / 2;
+      if (next > v && (list.empty() || middle > list.back() + 1e-9)) list.push_back(middle);
+    }
+    return list;
+  }
+
+  // ---- moves
+  // -----------------------------------------------------------------------------------------------
+  Hypothesis extended(const Hypothesis& h, const Scored& scored) {
+    Hypothesis more = h;
+    if (scored.shape) {
+      more.shapes.push_back(*scored.shape);
+    } else {
+      Term term = scored.term;
+      term.sigma.clear();
+      more.terms.push_back(term);
+    }
+    fit(more);
+    return more;
+  }
+
+  std::vector<Hypothesis> best_of(const Hypothesis& h, const std::vector<Scored>& list) {
+    std::vector<Hypothesis> results;
+    for (const Scored& scored : list) {
+      if (results.size() >= finalists || scored.evidence < list.front().evidence - 15) break;
+      results.push_back(extended(h, scored));
+    }
+    std::ranges::sort(results, [](const auto& a, const auto& b) { return a.evidence > b.evidence; });
+    return results;
+  }
+
+  /// Adds, drops and exchanges until nothing helps.
+  Hypothesis climb(Hypothesis h, bool may_be_unnamed) {
+    for (int move = 0; move < 8; ++move) {
+      bool moved = false;
+      if (h.terms.size() + h.shapes.size() < 4) {
+        std::vector<Scored> list = scan(h, nullptr, true, may_be_unnamed && h.shapes.size() < 2);
+        // Unnamed functions are many: only the best of them competes.
+        bool unnamed = false;
+        std::erase_if(list, [&](const Scored& s) { return s.shape ? std::exchange(unnamed, true) : false; });
+        const auto candidates = best_of(h, list);
+        if (!candidates.empty() && candidates.front().evidence > h.evidence + worth_a_move) {
+          h = candidates.front();
+          moved = true;
+        }
+      }
+      if (moved) {
+        h = pruned(h);
+        continue;
+      }
+      const Hypothesis other = exchanged(h);
+      if (other.evidence > h.evidence + 0.5) {
+        h = pruned(other);
+        moved = true;
+      }
+      if (!moved) break;
+    }
+    return h;
+  }
+
+  Hypothesis without(const Hypothesis& h, std::size_t term) {
+    Hypothesis less = h;
+    less.terms.erase(less.terms.begin() + static_cast<std::ptrdiff_t>(term));
+    fit(less);
+    return less;
+  }
+
+  Hypothesis pruned(Hypothesis h) {
+    for (bool again = true; again && h.terms.size() + h.shapes.size() > 1;) {
+      again = false;
+      for (std::size_t t = 0; t < h.terms.size() && !again; ++t) {
+        const Hypothesis less = without(h, t);
+        if (less.evidence < h.evidence - worth_a_move) continue;
+        h = less;
+        again = true;
+      }
+      for (std::size_t s = 0; s < h.shapes.size() && !again; ++s) {
+        Hypothesis less = h;
+        less.shapes.erase(less.shapes.begin() + static_cast<std::ptrdiff_t>(s));
+        fit(less);
+        if (less.evidence < h.evidence - worth_a_move) continue;
+        h = less;
+        again = true;
+      }
+    }
+    return h;
+  }
+
+  Hypothesis exchanged(const Hypothesis& h) {
+    Hypothesis best = h;
+    for (std::size_t t = 0; t < h.terms.size(); ++t) {
+      const Hypothesis less = without(h, t);
+      for (Hypothesis& other : best_of(less, scan(less, &h.terms[t], true, false)))
+        if (other.evidence > best.evidence) best = other;
+    }
+    return best;
+  }
+
+  Hypothesis from_unnamed(const Hypothesis& empty) {
+    auto list = scan(empty, nullptr, false, true);
+    if (list.empty()) return empty;
+    std::vector<Hypothesis> starts = best_of(empty, list);
+    Hypothesis best = starts.front();
+    for (std::size_t i = 0; i < std::min<std::size_t>(2, starts.size()); ++i) {
+      const Hypothesis other = climb(starts[i], true);
+      if (other.evidence > best.evidence) best = other;
+    }
+    return best;
+  }
+
+  // ---- judgement
+  // -------------------------------------------------------------------------------------------
+  void judge(Hypothesis& best, MeanResult& result);
+  HeldOutFigures held_out(const Hypothesis& h, const std::vector<int>& blocks, int count);
+
+  Reduced& reduced_;
+  MeanNoise noise_;
+  const Progress& progress_;
+  double excess_ = 1;
+};
+
+/// Whole captures go to one block each in turn; a session of few captures is cut into sectors of beams.
+std::vector<int> blocks_of(const MeanModel& model, const Reduced& reduced, int* count) {
+  std::vector<int> blocks;
+  const bool few = reduced.captures.size() < 6;
+  *count = few ? 6 : static_cast<int>(std::min<std::size_t>(8, reduced.captures.size()));
+  for (Eigen::Index i = 0; i < model.rows(); ++i) {
+    if (few) {
+      blocks.push_back(static_cast<int>((model.cell(i).beam_rad + 4) * deg_per_rad / 9) % *count);
+    } else {
+      blocks.push_back(model.group(i).capture % *count);
+    }
+  }
+  return blocks;
+}
+
+HeldOutFigures Search::held_out(const Hypothesis& h, const std::vector<int>& blocks, int count) {
+  place(h);
+  MeanModel model(reduced_, noise_);
+  const Base base = base_columns(model, h);
+  model.set_base(base.all.columns_mm, base.all.prior);
+  const MeanModel::HeldOut out = model.held_out(blocks, count);
+  const double n = std::max(1.0, out.cells);
+  return {out.log_likelihood, std::sqrt(out.squares / n), out.within_2u / n, out.cells};
+}
+
+void Search::judge(Hypothesis& best, MeanResult& result) {
+  int count = 0;
+  std::vector<int> blocks;
+  {
+    const MeanModel model(reduced_, noise_);
+    blocks = blocks_of(model, reduced_, &count);
+    double sum = 0;
+    for (Eigen::Index i = 0; i < model.rows(); ++i) sum += model.sigma_of_mean(i) * model.sigma_of_mean(i);
+    result.noise_floor_mm = std::sqrt(sum / std::max<double>(1, static_cast<double>(model.rows())));
+  }
+  // What does not help on captures it has not seen is not believed.
+  for (bool again = true; again;) {
+    again = false;
+    result.without.clear();
+    result.after = held_out(best, blocks, count);
+    for (std::size_t t = 0; t < best.terms.size(); ++t) {
+      const Hypothesis less = without(best, t);
+      result.without.push_back(held_out(less, blocks, count));
+      if (result.without.back().log_likelihood < result.after.log_likelihood) continue;
+      best = less;
+      again = true;
+      break;
+    }
+  }
+  Hypothesis nothing(reduced_.bench);
+  fit(nothing);
+  result.before = held_out(nothing, blocks, count);
+  for (std::size_t t = 0; t < best.terms.size(); ++t) {
+    std::vector<Rival> rivals;
+    const Hypothesis less = without(best, t);
+    rivals.push_back({{}, {}, best.evidence - less.evidence});
+    for (const Scored& scored : scan(less, &best.terms[t], true, best.shapes.empty())) {
+      if (rivals.size() > finalists) break;
+      const Hypothesis other = extended(less, scored);
+      Rival rival;
+      if (scored.shape)
+        rival.shape = scored.shape;
+      else
+        rival.term = other.terms.back();
+      rival.behind = best.evidence - other.evidence;
+      rivals.push_back(rival);
+    }
+    std::ranges::sort(rivals, [](const Rival& a, const Rival& b) { return a.behind < b.behind; });
+    double others = 0;
+    for (const Rival& rival : rivals) others += std::exp(-std::clamp(rival.behind, -30.0, 60.0));
+    result.probability.push_back(1 / (1 + others));
+    result.rivals.push_back(rivals);
+  }
+  fit(best);
+  place(best);
+  result.best = best;
+  result.noise = noise_;
+  result.excess = excess_;
+}
+
+/// Variance (mm^2) of what whole groups are off beyond what their cells say.
+double Search::scatter_of_groups(const Hypothesis& best) {
+  place(best);
+  MeanModel model(reduced_, noise_);
+  const Base base = base_columns(model, best);
+  model.set_base(base.all.columns_mm, base.all.prior);
+  const Eigen::VectorXd residual = model.residual();
+  std::vector<double> sum(reduced_.groups.size(), 0.0), weight(reduced_.groups.size(), 0.0);
+  for (Eigen::Index i = 0; i < model.rows(); ++i) {
+    const auto g = static_cast<std::size_t>(model.cell(i).group);
+    const double w = 1 / (model.sigma_of_mean(i) * model.sigma_of_mean(i));
+    sum[g] += w * residual[i];
+    weight[g] += w;
+  }
+  double squares = 0, typical = 0;
+  int groups = 0;
+  for (std::size_t g = 0; g < sum.size(); ++g) {
+    if (weight[g] <= 0) continue;
+    squares += sum[g] * sum[g] / weight[g];
+    typical += 1 / weight[g];
+    ++groups;
+  }
+  if (groups < 10) return 0;
+  const double ratio = squares / groups;
+  if (ratio < 1 + 4 * std::sqrt(2.0 / groups)) return 0;
+  return (ratio - 1) * typical / groups;
+}
+
+}  // namespace
+
+void predict_at(Reduced& reduced, const Hypothesis& h, bool may_leave_out) {
+  std::vector<Active> at_work = h.active();
+  for (const Term& known : known_terms(reduced.bench)) at_work.push_back(known.active());
+  predict(reduced, h.nuisance, at_work, may_leave_out);
+}
+
+bool Hypothesis::has(const Term& term) const {
+  return std::ranges::any_of(terms, [&](const Term& t) { return t.same(term); });
+}
+
+std::vector<Active> Hypothesis::active() const {
+  std::vector<Active> list;
+  for (const Term& term : terms) list.push_back(term.active());
+  return list;
+}
+
+std::vector<Term> known_terms(const Bench& bench) {
+  std::vector<Term> list;
+  for (const KnownMechanism& known : bench.known) {
+    const Mechanism* m = find_mechanism(known.mechanism);
+    if (!m || m->observable != Observable::range_mean) continue;
+    Term term{m, -1, m->values(known.parameters), {}};
+    for (const Parameter& p : m->parameters) {
+      const auto found = known.parameters.find(p.name);
+      term.sigma.push_back(found == known.parameters.end() ? 0 : found->second.u);
+    }
+    if (m->one_target) {
+      const auto name = known.texts.find("target");
+      for (std::size_t i = 0; i < bench.targets.size(); ++i)
+        if (name != known.texts.end() && bench.targets[i].name == name->second)
+          term.target = static_cast<int>(i);
+      if (term.target < 0) continue;
+    }
+    list.push_back(term);
+  }
+  return list;
+}
+
+Base base_columns(const MeanModel& model, const Hypothesis& h) {
+  Base base;
+  const Bench& bench = model.bench();
+  base.all.columns_mm = model.nuisance_columns();
+  const Nuisance stated(bench);
+  base.all.prior.mean = stated.as_vector() - h.nuisance.as_vector();
+  base.all.prior.sigma = Nuisance::prior_sigma(bench);
+  for (const Term& term : known_terms(bench)) {
+    Columns c = linear_columns(model, term);
+    std::size_t k = 0;
+    for (std::size_t p = 0; p < term.values.size(); ++p) {
+      if (term.mechanism->parameters[p].role != Role::size) continue;
+      const bool phased = p + 1 < term.values.size() && term.mechanism->parameters[p + 1].role == Role::phase;
+      const double u = phased ? std::hypot(term.sigma[p], term.values[p] * term.sigma[p + 1] * rad_per_deg)
+                              : term.sigma[p];
+      for (int copy = 0; copy < (phased ? 2 : 1); ++copy, ++k) {
+        c.prior.mean[static_cast<Eigen::Index>(k)] = 0;
+        c.prior.sigma[static_cast<Eigen::Index>(k)] = std::max(1e-12, 1.5 * u);
+      }
+    }
+    add(base.all, c);
+    add(base.all, freedom_columns(model, term));
+  }
+  for (const Term& term : h.terms) {
+    Columns c = linear_columns(model, term);
+    const std::vector<double> now = linear_coefficients(term);
+    for (std::size_t k = 0; k < now.size(); ++k) {
+      const auto i = static_cast<Eigen::Index>(k);
+      const double away = std::abs(now[k] - c.prior.mean[i]), typical = c.prior.sigma[i];
+      c.prior.mean[i] -= now[k];
+      if (away > typical) {
+        c.prior.sigma[i] = 1.2 * away;
+        c.price += 0.5 * std::log(c.prior.sigma[i] / typical);
+      }
+    }
+    add(c, shape_columns(model, term));
+    base.term_first.push_back(base.all.columns_mm.cols());
+    base.term_count.push_back(c.columns_mm.cols());
+    add(base.all, c);
+    add(base.all, freedom_columns(model, term));
+  }
+  for (const Shape& shape : h.shapes) {
+    base.shape_first.push_back(base.all.columns_mm.cols());
+    add(base.all, shape_of(model, shape));
+  }
+  base.shape_first.push_back(base.all.columns_mm.cols());
+  return base;
+}
+
+MeanResult search_means(Reduced& reduced, const MeanNoise& noise, const Progress& progress) {
+  Search search(reduced, noise, progress);
+  MeanResult result = search.run();
+  const double scatter2 = search.scatter_of_groups(result.best);
+  if (scatter2 <= 0 || !noise.range_mm2.empty()) return result;
+  // Whole captures are off at random: their cells are worth far less than their number says.
+  MeanNoise wider = noise;
+  wider.range_mm2.assign(reduced.groups.size(), scatter2);
+  Search again(reduced, wider, progress);
+  MeanResult second = again.run();
+  second.scatter_mm = std::sqrt(scatter2);
+  return second;
+}
+
+}  // namespace fit::explain

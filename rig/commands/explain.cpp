@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: MIT
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdio>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "fit/explain/explanation.hpp"
+#include "rig/command.hpp"
+#include "rig/errors.hpp"
+#include "rig/report.hpp"
+#include "rig/session_store.hpp"
+
+namespace rig::commands {
+namespace {
+
+/// One line on the terminal with the share done and the time left; silent when nobody watches.
+class ProgressLine {
+ public:
+  void operator()(double share, const char* what) {
+    if (!shown_) return;
+    const auto now = std::chrono::steady_clock::now();
+    if (now - last_ < std::chrono::milliseconds(200)) return;
+    last_ = now;
+    const double spent = std::chrono::duration<double>(now - start_).count();
+    const double left = share > 0.02 ? spent * (1 - share) / share : 0;
+    std::fprintf(stderr, "\r%3.0f %% %-24s %4.0f s left ", 100 * share, what, left);
+    written_ = true;
+  }
+  ~ProgressLine() {
+    if (written_) std::fprintf(stderr, "\r%50s\r", "");
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point start_ = Clock::now(), last_ = start_;
+  bool shown_ = isatty(2) != 0, written_ = false;
+};
+
+fit::Bench read_bench(const std::string& path) {
+  std::ifstream file(path);
+  if (!file) throw UsageError(path + " cannot be read. Give a bench file (*.bench.json) with --bench");
+  std::stringstream text;
+  text << file.rdbuf();
+  try {
+    return fit::parse_bench(text.str(), path);
+  } catch (const std::invalid_argument& error) {
+    throw UsageError(error.what());
+  }
+}
+
+class Explain : public Command {
+ public:
+  CLI::App* declare(CLI::App& root) override {
+    auto* command =
+        root.add_subcommand("explain", "Finds what physics the simulation left out of a recording");
+    command
+        ->add_option("session", sessions_,
+                     "Session files (*.rig) of one bench; several are explained together")
+        ->required();
+    command->add_option("--bench", bench_, "Bench file; default: the one in the session");
+    command->add_option("--json", json_, "Write the explanation to FILE, or '-' for standard output");
+    command->add_flag("--no-store", no_store_, "Leave the session file as it is");
+    return command;
+  }
+
+  int run() override {
+    std::optional<fit::Bench> bench;
+    if (!bench_.empty()) bench = read_bench(bench_);
+    const nlohmann::json document = explained(bench);
+    if (!no_store_ && sessions_.size() == 1) store(document);
+    if (json_ == "-")
+      std::printf("%s\n", document.dump(1).c_str());
+    else if (!json_.empty())
+      write_file_atomically(json_, document.dump(1) + "\n");
+    return 0;
+  }
+
+ private:
+  nlohmann::json explained(const std::optional<fit::Bench>& bench) {
+    std::vector<std::unique_ptr<SessionStore>> stores;
+    std::vector<std::unique_ptr<fit::Recording>> recordings;
+    std::vector<const fit::Recording*> list;
+    for (const std::string& path : sessions_) {
+      stores.push_back(std::make_unique<SessionStore>(path, SessionStore::Mode::read));
+      recordings.push_back(stores.back()->recording(bench));
+      list.push_back(recordings.back().get());
+    }
+    try {
+      const auto explanation = [&] {
+        ProgressLine line;
+        return fit::explain::explain(list, [&](double share, const char* what) { line(share, what); });
+      }();
+      std::fputs(fit::explain::to_text(explanation).c_str(), stderr);
+      return fit::explain::to_json(explanation);
+    } catch (const std::invalid_argument& error) {
+      throw MeasurementError(std::string("nothing was explained: ") + error.what());
+    }
+  }
+
+  /// A recording on read-only media can be explained all the same.
+  void store(const nlohmann::json& document) {
+    try {
+      SessionStore session(sessions_.front(), SessionStore::Mode::append);
+      session.add_result("explanation", document.dump());
+    } catch (const std::exception& error) {
+      std::fprintf(stderr, "note: the explanation is not kept in %s (%s)\n", sessions_.front().c_str(),
+                   error.what());
+    }
+  }
+
+  std::vector<std::string> sessions_;
+  std::string bench_, json_;
+  bool no_store_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> make_explain() { return std::make_unique<Explain>(); }
+
+}  // namespace rig::commands
