@@ -15,6 +15,7 @@
 #include "lidar/frame_reader.hpp"
 #include "lidar/identity.hpp"
 #include "lidar/request.hpp"
+#include "lidar/scan_receiver.hpp"
 #include "lidar/status.hpp"
 
 namespace lidar {
@@ -41,14 +42,11 @@ std::int64_t now_us() {
 }
 
 /// What a scan's stamp and values become for users: codes and values that are no range are 0.
-Scan scan_from(RawScan&& raw, const StreamRequest& request, const Identity& identity) {
+Scan scan_from(const RawScan& raw, const Identity& identity) {
   Scan scan;
-  scan.first_step = request.first_step;
-  scan.last_step = request.last_step;
-  scan.cluster = request.cluster;
   scan.range_mm.reserve(raw.range_mm.size());
   const auto least = static_cast<std::uint32_t>(identity.min_range_mm),
-             most = static_cast<std::uint32_t>(identity.max_range_mm);
+             most = std::uint32_t{largest_range_mm(identity.max_range_mm)};
   for (const std::uint32_t range : raw.range_mm)
     scan.range_mm.push_back(range < least || range > most ? std::uint16_t{0}
                                                           : static_cast<std::uint16_t>(range));
@@ -119,6 +117,7 @@ struct Client::Impl {
   StreamRequest request;
   std::string stream_echo, stream_tag;  ///< What a scan's echo begins and ends with.
   ScanCommand stream_command;
+  ScanReceiver receiver;  ///< Takes what is as expected; the rest goes the long way.
   bool connected = false, streaming = false;
   unsigned requests = 0;
   int bad_in_a_row = 0;
@@ -201,6 +200,7 @@ struct Client::Impl {
   awaitable<ClockEstimate> synchronise();
   awaitable<void> exchange_times();
   std::optional<Scan> scan_in(const Frame& frame);
+  Scan place_in_time(Scan&& scan, std::uint32_t stamp);
   [[nodiscard]] std::optional<Frame> scan_frame_in_wreck(std::string_view bytes) const;
   void judge_stream_status(const Frame& frame);
   void count_damage(const std::string& what);
@@ -467,6 +467,8 @@ awaitable<void> Client::Impl::start(StreamRequest wanted) {
            "the lidar at " + address() + " will not measure: status " + answer->status + ", " +
                meaning_of(answer->status, asked) + ". Switch it off and on if this does not pass");
     stream_tag = ";r" + std::to_string((requests + 999999) % 1000000);
+    receiver =
+        ScanReceiver(stream_command, stream_tag.substr(1), identity.min_range_mm, identity.max_range_mm);
     stream_echo = build_line(asked);
     stream_echo.resize(stream_echo.size() - 2);  // the number of scans that remain changes
     streaming = true;
@@ -524,9 +526,15 @@ std::optional<Scan> Client::Impl::scan_in(const Frame& frame) {
     const auto inner = scan_frame_in_wreck(frame.body);
     return inner ? scan_in(*inner) : std::nullopt;
   }
+  return place_in_time(scan_from(*raw, identity), static_cast<std::uint32_t>(raw->stamp & 0xFFFFFF));
+}
+
+/// Completes a good scan with what is known of it beside its values, and counts it.
+Scan Client::Impl::place_in_time(Scan&& scan, std::uint32_t stamp) {
   bad_in_a_row = 0;
-  const auto stamp = static_cast<std::uint32_t>(raw->stamp & 0xFFFFFF);
-  Scan scan = scan_from(std::move(*raw), request, identity);
+  scan.first_step = request.first_step;
+  scan.last_step = request.last_step;
+  scan.cluster = request.cluster;
   scan.device_ms = clock.unwrap(stamp, static_cast<double>(arrived_us));
   scan.host_us = static_cast<std::int64_t>(
       std::llround(clock.add_scan(scan.device_ms, static_cast<double>(arrived_us))));
@@ -538,13 +546,18 @@ std::optional<Scan> Client::Impl::scan_in(const Frame& frame) {
   scan_seen = true;
   last_scan_ms = scan.device_ms;
   ++statistics.scans;
-  return scan;
+  return std::move(scan);
 }
 
 awaitable<Scan> Client::Impl::next() {
   if (!streaming) fail(Kind::wrong_use, "no stream runs: call start() first");
   const auto until = steady_clock::now() + options.scan_timeout;
+  Scan expected;
   while (true) {
+    if (const auto stamp = receiver.take(reader.waiting(), expected)) {
+      reader.consume(receiver.message_bytes());
+      co_return place_in_time(std::move(expected), *stamp);
+    }
     const auto frame = reader.next();
     if (!frame) {
       ++statistics.resynchronised;

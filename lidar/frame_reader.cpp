@@ -30,6 +30,12 @@ void FrameReader::feed(std::string_view bytes) {
   commit(bytes.size());
 }
 
+void FrameReader::consume(std::size_t bytes) {
+  begin_ += std::min(bytes, end_ - begin_);
+  scanned_ = std::max(scanned_, begin_);
+  last_ = {};
+}
+
 void FrameReader::clear() {
   begin_ = scanned_ = end_ = 0;
   skipping_ = false;

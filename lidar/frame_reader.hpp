@@ -52,6 +52,13 @@ class FrameReader {
   /// Every byte of the frame or error that next() gave last, without the empty line. Borrowed like the frame.
   [[nodiscard]] std::string_view last_bytes() const { return last_; }
 
+  /// What waits, from the beginning of a frame on; nothing inside one that was too long. For who knows the
+  /// frame well enough to take it whole: consume() what was taken.
+  [[nodiscard]] std::string_view waiting() const {
+    return skipping_ ? std::string_view() : std::string_view(buffer_.data() + begin_, end_ - begin_);
+  }
+  void consume(std::size_t bytes);
+
   /// Bytes that wait for their frame's end.
   [[nodiscard]] std::size_t pending() const { return end_ - begin_; }
   void clear();
