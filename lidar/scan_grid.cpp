@@ -10,11 +10,12 @@ namespace {
 constexpr double period_tolerance = 0.01;       // of the nominal period; real motors stay within 0.2 %
 constexpr double least_start_wander_ms = 2e-4;  // a second, before anything else is known of a motor
 constexpr double least_period_wander_ms = 1e-5;
-constexpr double widening_interval_ms = 1000;
+constexpr double widening_interval_ms = 2000;
 constexpr double largest_misfit_ms = 2;   // beyond, it is another grid
 constexpr double wander_memory = 0.99;    // of the wandering that was seen, a second
-constexpr std::size_t most_corners = 24;  // more say nothing that matters
-constexpr double smallest_side_ms = 1e-7;
+constexpr double cut_slack_ms = 1e-3;     // less is not worth a cut
+constexpr std::size_t most_corners = 10;  // more say nothing that matters
+constexpr double smallest_side_ms = 2e-5;
 
 }  // namespace
 
@@ -33,6 +34,7 @@ void ScanGrid::begin(std::uint64_t stamp_ms) {
   polygon_ = {{0, least}, {1, least}, {1, most}, {0, most}};
   begun_ = true;
   stamp_ms_ = stamp_ms;
+  turns_ = gap_ms_ = 0;
   since_widened_ms_ = 0;
   summarise();
 }
@@ -45,13 +47,25 @@ ScanGrid::Start ScanGrid::add(std::uint64_t stamp_ms) {
     stamp_ms_ = stamp_ms;
     advance(gap_ms);
   }
-  return {static_cast<double>(stamp_ms) + centre_.start, u_start_};
+  const double variance = start_variance_ + turns_ * (2 * covariance_ + turns_ * period_variance_);
+  return {static_cast<double>(stamp_ms) + centre_.later(turns_, gap_ms_), std::sqrt(std::max(0.0, variance))};
 }
 
-/// Moves the polygon on to the scan that was stamped `gap_ms` later and cuts it to what that stamp allows.
+/// Brings the polygon to the newest scan.
+void ScanGrid::rebase() {
+  for (Point& corner : polygon_) corner.start = corner.later(turns_, gap_ms_);
+  turns_ = gap_ms_ = 0;
+}
+
+/// Goes on to the scan that was stamped `gap_ms` later and cuts the polygon to what that stamp allows.
 void ScanGrid::advance(double gap_ms) {
   since_widened_ms_ += gap_ms;
-  if (since_widened_ms_ > widening_interval_ms) {
+  const double turns = std::round(gap_ms / centre_.period);
+  turns_ += turns;
+  gap_ms_ += gap_ms;
+  const bool widens = since_widened_ms_ > widening_interval_ms;
+  if (widens) {
+    rebase();
     const double seconds = since_widened_ms_ / 1000;
     widen(start_wander_ms_ * seconds, period_wander_ms_ * seconds);
     const double kept = std::pow(wander_memory, seconds);
@@ -59,15 +73,16 @@ void ScanGrid::advance(double gap_ms) {
     period_wander_ms_ = std::max(least_period_wander_ms, kept * period_wander_ms_);
     since_widened_ms_ = 0;
   }
-  const double turns = std::round(gap_ms / centre_.period);
   double low = 1e300, high = -1e300;
-  for (Point& corner : polygon_) {
-    corner.start += turns * corner.period - gap_ms;
-    low = std::min(low, corner.start);
-    high = std::max(high, corner.start);
+  for (const Point& corner : polygon_) {
+    const double start = corner.later(turns_, gap_ms_);
+    low = std::min(low, start);
+    high = std::max(high, start);
   }
   const double misfit = std::max({0.0, -high, low - 1});
   if (turns < 1 || misfit > largest_misfit_ms || high - low > nominal_period_ms_ / 2) return begin(stamp_ms_);
+  if (!widens && low > -cut_slack_ms && high < 1 + cut_slack_ms) return;
+  rebase();
   if (misfit > 0) {
     start_wander_ms_ = std::max(1.5 * start_wander_ms_, misfit);
     period_wander_ms_ = std::max(1.5 * period_wander_ms_, misfit / 40);
@@ -75,7 +90,8 @@ void ScanGrid::advance(double gap_ms) {
     low -= misfit + start_wander_ms_;
     high += misfit + start_wander_ms_;
   }
-  if (low < 0 || high > 1) cut(0, 1);
+  if (low < 0) cut(0, 1);
+  if (high > 1) cut(1, -1);
   summarise();
 }
 
@@ -105,24 +121,20 @@ void ScanGrid::widen(double start, double period) {
   add_chain(scratch_.rbegin(), scratch_.rend());
 }
 
-/// Keeps what lies between two values of `start` (Sutherland and Hodgman).
-void ScanGrid::cut(double low, double high) {
-  const auto keep = [&](double bound, double sign) {
-    scratch_.clear();
-    for (std::size_t i = 0; i < polygon_.size(); ++i) {
-      const Point &here = polygon_[i], &next = polygon_[(i + 1) % polygon_.size()];
-      const double inside = sign * (here.start - bound), inside_next = sign * (next.start - bound);
-      if (inside >= 0) scratch_.push_back(here);
-      if ((inside >= 0) == (inside_next >= 0)) continue;
-      const double share = inside / (inside - inside_next);
-      scratch_.push_back({bound, here.period + share * (next.period - here.period)});
-    }
-    polygon_.swap(scratch_);
-  };
-  keep(low, 1);
-  keep(high, -1);
+/// Keeps what lies beyond a value of `start`, above it with sign 1 (Sutherland and Hodgman).
+void ScanGrid::cut(double bound, double sign) {
+  scratch_.clear();
+  for (std::size_t i = 0; i < polygon_.size(); ++i) {
+    const Point &here = polygon_[i], &next = polygon_[i + 1 < polygon_.size() ? i + 1 : 0];
+    const double inside = sign * (here.start - bound), inside_next = sign * (next.start - bound);
+    if (inside >= 0) scratch_.push_back(here);
+    if ((inside >= 0) == (inside_next >= 0)) continue;
+    const double share = inside / (inside - inside_next);
+    scratch_.push_back({bound, here.period + share * (next.period - here.period)});
+  }
+  polygon_.swap(scratch_);
   if (polygon_.size() <= most_corners) return;
-  // Corners that are almost the same say the same. What is lost is a nanosecond at most.
+  // Corners that are almost the same say the same. What is lost is some nanoseconds.
   scratch_.clear();
   for (const Point& corner : polygon_)
     if (scratch_.empty() || std::abs(corner.start - scratch_.back().start) > smallest_side_ms ||
@@ -131,10 +143,10 @@ void ScanGrid::cut(double low, double high) {
   if (scratch_.size() >= 3) polygon_.swap(scratch_);
 }
 
-/// Centre of mass of the polygon, and the spread of `start` over it: the moments of a uniform distribution.
+/// Centre of mass of the polygon and its second moments: those of a uniform distribution over it.
 void ScanGrid::summarise() {
   const Point& origin = polygon_.front();
-  double area = 0, start = 0, period = 0, start_squared = 0;
+  double area = 0, start = 0, period = 0, start_squared = 0, period_squared = 0, product = 0;
   for (std::size_t i = 1; i + 1 < polygon_.size(); ++i) {
     const double ax = polygon_[i].start - origin.start, ay = polygon_[i].period - origin.period;
     const double bx = polygon_[i + 1].start - origin.start, by = polygon_[i + 1].period - origin.period;
@@ -143,17 +155,24 @@ void ScanGrid::summarise() {
     start += triangle * (ax + bx) / 3;
     period += triangle * (ay + by) / 3;
     start_squared += triangle * (ax * ax + ax * bx + bx * bx) / 6;
+    period_squared += triangle * (ay * ay + ay * by + by * by) / 6;
+    product += triangle * (2 * ax * ay + ax * by + bx * ay + 2 * bx * by) / 12;
   }
   if (!(area > 1e-18)) {  // a line or a point: its middle
     const auto [least, most] = std::minmax_element(
         polygon_.begin(), polygon_.end(), [](const Point& a, const Point& b) { return a.start < b.start; });
     centre_ = {(least->start + most->start) / 2, (least->period + most->period) / 2};
-    u_start_ = (most->start - least->start) / std::sqrt(12.0);
+    const double width = most->start - least->start;
+    start_variance_ = width * width / 12;
+    period_variance_ = covariance_ = 0;
     return;
   }
   start /= area;
-  centre_ = {origin.start + start, origin.period + period / area};
-  u_start_ = std::sqrt(std::max(0.0, start_squared / area - start * start));
+  period /= area;
+  centre_ = {origin.start + start, origin.period + period};
+  start_variance_ = start_squared / area - start * start;
+  period_variance_ = period_squared / area - period * period;
+  covariance_ = product / area - start * period;
 }
 
 }  // namespace lidar

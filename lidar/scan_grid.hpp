@@ -32,22 +32,25 @@ class ScanGrid {
 
  private:
   struct Point {
-    double start;   ///< Of the newest scan, behind its stamp, ms.
+    double start;   ///< Of the scan that the polygon was last brought to, behind its stamp, ms.
     double period;  ///< ms
+    [[nodiscard]] double later(double turns, double gap_ms) const { return start + turns * period - gap_ms; }
   };
 
   void begin(std::uint64_t stamp_ms);
   void advance(double gap_ms);
+  void rebase();
   void widen(double start, double period);
-  void cut(double low, double high);
+  void cut(double bound, double sign);
   void summarise();
 
   double nominal_period_ms_;
   bool begun_ = false;
   std::uint64_t stamp_ms_ = 0;
   std::vector<Point> polygon_, scratch_;  ///< Corners, anticlockwise.
+  double turns_ = 0, gap_ms_ = 0;         ///< From that scan to the newest.
   Point centre_{};
-  double u_start_ = 0;
+  double start_variance_ = 0, period_variance_ = 0, covariance_ = 0;
   double since_widened_ms_ = 0;
   double start_wander_ms_, period_wander_ms_;  ///< Allowed for each second.
 };
