@@ -48,14 +48,12 @@ Eigen::Matrix<double, 5, 5> quadratic_form(const std::vector<WheelSample>& sampl
   Eigen::Matrix<double, 5, 5> form = Eigen::Matrix<double, 5, 5>::Zero();
   for (const std::size_t k : used) {
     const WheelSample& s = samples[k];
-    const double left = s.left_rad_s * s.interval_s, right = s.right_rad_s * s.interval_s;
-    const double turn = gain.dot(Eigen::Vector2d(left, right));
-    const auto [along, across] = arc_factors(turn);
-    const double per_separation = 0.5 * (-gain[0] * left + gain[1] * right);
-    const double c = std::cos(turn), sn = std::sin(turn);
+    // With the gains known, the robot's way is proportional to the separation.
+    const Pose2 unit = wheel_motion({-gain[0], gain[1], 1, {}}, s);
+    const double c = std::cos(unit.heading_rad), sn = std::sin(unit.heading_rad);
     Vector5 x, y;
-    x << -per_separation * along, 1 - c, sn, s.match.x_mm, -s.match.y_mm;
-    y << -per_separation * across, -sn, 1 - c, s.match.y_mm, s.match.x_mm;
+    x << -unit.x_mm, 1 - c, sn, s.match.x_mm, -s.match.y_mm;
+    y << -unit.y_mm, -sn, 1 - c, s.match.y_mm, s.match.x_mm;
     form += (x * x.transpose() + y * y.transpose()) / (s.relative_u_mm * s.relative_u_mm);
   }
   return form;
@@ -261,12 +259,23 @@ Eigen::Matrix<double, 6, 1> RobotGeometry::vector() const {
 
 RobotGeometry RobotGeometry::from(const Vector6& v) { return {v[0], v[1], v[2], {v[3], v[4], v[5]}}; }
 
-Pose2 wheel_motion(const RobotGeometry& robot, const WheelSample& sample) {
-  const double left = robot.left_radius_mm * sample.left_rad_s * sample.interval_s;
-  const double right = robot.right_radius_mm * sample.right_rad_s * sample.interval_s;
+namespace {
+
+Pose2 arc(const RobotGeometry& robot, const Eigen::Vector2d& turned) {
+  const double left = robot.left_radius_mm * turned[0], right = robot.right_radius_mm * turned[1];
   const double way = 0.5 * (left + right), turn = (right - left) / robot.separation_mm;
   const auto [along, across] = arc_factors(turn);
   return {way * along, way * across, turn};
+}
+
+}  // namespace
+
+Pose2 wheel_motion(const RobotGeometry& robot, const WheelSample& sample) {
+  if (sample.pieces.empty())
+    return arc(robot, Eigen::Vector2d(sample.left_rad_s, sample.right_rad_s) * sample.interval_s);
+  Pose2 motion;
+  for (const Eigen::Vector2d& turned : sample.pieces) motion = motion * arc(robot, turned);
+  return motion;
 }
 
 Pose2 lidar_motion(const RobotGeometry& robot, const WheelSample& sample) {

@@ -17,6 +17,10 @@ struct WheelSample {
   Pose2 match;
   /// Standard uncertainties of the match relative to those of the other samples; only their ratios matter.
   double relative_u_mm = 1, relative_u_rad = 1;
+  /// How far the left and right wheel turned (rad) in each piece of the interval, one after the other; empty:
+  /// evenly all the time.
+  std::vector<Eigen::Vector2d> pieces = {};
+  double begin_s = 0;  ///< When it began, where that is known.
 };
 
 /// What is sought, in the order of the covariance.
@@ -29,7 +33,7 @@ struct RobotGeometry {
   static RobotGeometry from(const Eigen::Matrix<double, 6, 1>& v);
 };
 
-/// Motion of the robot over the sample's interval at constant wheel speeds: an arc.
+/// Motion of the robot over the sample's interval: an arc, or one arc for each of its pieces.
 Pose2 wheel_motion(const RobotGeometry& robot, const WheelSample& sample);
 /// Motion of the lidar in its own frame: (-)l (+) r (+) l.
 Pose2 lidar_motion(const RobotGeometry& robot, const WheelSample& sample);

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: MIT
+#include "fit/drive.hpp"
+
+#include <catch2/catch.hpp>
+#include <random>
+
+#include "tests/support/moving_room.hpp"
+
+namespace {
+
+using room::deg;
+
+/// A robot driving curves there and back in a room, and resting now and then; its lidar turns ten times a
+/// second.
+struct Robot {
+  double left_radius = 32.6, right_radius = 33.0, separation = 168;
+  room::Place lidar{-42, 6, 1.5 * deg};
+  double wheels_late_s = 0.04, sigma_mm = 10, seconds = 60;
+
+  struct State {
+    room::Place at;
+    double left = 0, right = 0;
+  };
+  /// The state at every millisecond.
+  [[nodiscard]] std::vector<State> drive() const {
+    std::vector<State> states(1);
+    for (int ms = 1; ms < 1000 * (seconds + 1); ++ms) {
+      const double t = 1e-3 * ms;
+      const bool rests = std::fmod(t, 20) > 16;
+      const double v = rests ? 0 : 170 * std::cos(0.35 * t),
+                   w = rests ? 0 : 0.45 * std::sin(0.9 * t) + 0.1 * std::cos(0.23 * t);
+      State next = states.back();
+      next.at.heading += 5e-4 * w;
+      next.at.x += 1e-3 * v * std::cos(next.at.heading);
+      next.at.y += 1e-3 * v * std::sin(next.at.heading);
+      next.at.heading += 5e-4 * w;
+      next.left += 1e-3 * (v - 0.5 * w * separation) / left_radius;
+      next.right += 1e-3 * (v + 0.5 * w * separation) / right_radius;
+      states.push_back(next);
+    }
+    return states;
+  }
+};
+
+class Drive : public fit::Recording {
+ public:
+  Drive(const Robot& robot, unsigned seed)
+      : bench_(fit::parse_bench(
+            R"({"schema": "bench/1", "lidar": {"model": "slow", "steps": 240, "front_step": 120,
+          "step_deg": 1.5, "scan_hz": 10, "mount": {"x_mm": -32, "y_mm": 0, "yaw_deg": 0}}})")) {
+    const auto states = robot.drive();
+    const auto walls = room::furnished();
+    std::mt19937 random(seed);
+    std::normal_distribution<double> gauss(0, robot.sigma_mm);
+    fit::CaptureInfo capture;
+    capture.last_step = 239;
+    captures_.push_back(capture);
+    for (double t = 0.2; t < robot.seconds; t += 0.1) {
+      std::vector<std::uint16_t> ranges;
+      for (int k = 0; k < 240; ++k) {
+        const auto& at = states[static_cast<std::size_t>(1000 * (t + 0.1 * k / 240))].at;
+        const room::Point origin = room::placed(at, robot.lidar.x, robot.lidar.y);
+        const double mm = room::range_to(
+            walls, {origin.x, origin.y, at.heading + robot.lidar.heading + (k - 120) * 1.5 * deg});
+        ranges.push_back(mm < 9000 ? static_cast<std::uint16_t>(std::lround(mm + gauss(random))) : 0);
+      }
+      times_.push_back(std::llround(1e6 * t));
+      scans_.push_back(ranges);
+    }
+    for (double t = 0; t < robot.seconds; t += 0.05) {
+      const auto& state = states[static_cast<std::size_t>(1000 * t)];
+      fit::TrackPose pose;
+      pose.host_us = std::llround(1e6 * (t + robot.wheels_late_s));
+      pose.wheel_left_rad = state.left;
+      pose.wheel_right_rad = state.right;
+      track_.push_back(pose);
+    }
+  }
+  const fit::Bench& bench() const override { return bench_; }
+  const std::vector<fit::CaptureInfo>& captures() const override { return captures_; }
+  const std::vector<fit::TrackPose>& track() const override { return track_; }
+  void for_each_scan(std::size_t, const std::function<void(const fit::ScanView&)>& visit) const override {
+    for (std::size_t i = 0; i < scans_.size(); ++i)
+      visit({static_cast<std::int64_t>(i), times_[i] / 1000, times_[i], scans_[i], {}, {}});
+  }
+  void forget_wheels() { track_.clear(); }
+
+ private:
+  fit::Bench bench_;
+  std::vector<fit::CaptureInfo> captures_;
+  std::vector<fit::TrackPose> track_;
+  std::vector<std::int64_t> times_;
+  std::vector<std::vector<std::uint16_t>> scans_;
+};
+
+fit::DriveOptions from_nominal() {
+  fit::DriveOptions options;
+  options.guess.left_radius_mm = options.guess.right_radius_mm = 33;
+  options.guess.separation_mm = 160;
+  options.fit.refine = true;
+  return options;
+}
+
+}  // namespace
+
+TEST_CASE("a drive past walls calibrates wheels and lidar pose") {
+  const Robot truth;
+  const double expected[6] = {truth.left_radius, truth.right_radius, truth.separation,
+                              truth.lidar.x,     truth.lidar.y,      truth.lidar.heading};
+  for (const unsigned seed : {1u, 2u}) {
+    const auto fit = fit::fit_drive(Drive(truth, seed), from_nominal());
+    CHECK(fit.odometry.undetermined.empty());
+    for (int i = 0; i < 6; ++i) {
+      const double u = std::sqrt(fit.odometry.covariance(i, i)),
+                   e = fit.odometry.robot.vector()[i] - expected[i];
+      CAPTURE(seed, i, e, u, fit.jackknife_u[i]);
+      CHECK(std::abs(e) < 3 * u);
+      const double enough[6] = {0.3, 0.3, 2, 5, 5, 0.5 * deg};
+      CHECK(u < enough[i]);
+      if (std::getenv("SHOW")) WARN(i << ": " << e << " +/- " << u << " jackknife " << fit.jackknife_u[i]);
+    }
+    CHECK(fit.offset_s.value == Approx(0.04).margin(0.01));
+    CHECK_FALSE(fit.timing.timing.reversed);
+    CHECK(fit.still_s == Approx(12).margin(2));
+    CHECK(fit.still_noise[0] < 5);
+  }
+}
+
+TEST_CASE("a drive without wheels or without motion is refused in words") {
+  const Robot truth;
+  Robot resting = truth;
+  resting.seconds = 10;
+  Drive drive(resting, 3);
+  drive.forget_wheels();
+  CHECK_THROWS_WITH(fit::fit_drive(drive, from_nominal()), Catch::Contains("no wheel angles"));
+  CHECK_THROWS_WITH(fit::fit_drive(Drive(resting, 3)), Catch::Contains("nominal wheels"));
+}
