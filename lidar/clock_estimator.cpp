@@ -48,8 +48,7 @@ double largest_gap(std::uint32_t phases) {
 }  // namespace
 
 ClockEstimator::ClockEstimator(double nominal_period_ms, double scan_ms, Departure departure)
-    : nominal_period_ms_(nominal_period_ms),
-      scan_ms_(scan_ms),
+    : scan_ms_(scan_ms),
       grid_(nominal_period_ms),
       filter_(delay_beyond_scan_us + (departure == Departure::on_tick ? 0 : 1000 * scan_ms), u_delay_us),
       departure_(departure) {}

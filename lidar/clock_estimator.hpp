@@ -120,7 +120,7 @@ class ClockEstimator {
   [[nodiscard]] static Least least_of(std::vector<Lateness>& scans);
   [[nodiscard]] double to_host(double device_ms) const;
 
-  double nominal_period_ms_, scan_ms_;
+  double scan_ms_;
   bool seen_ = false, synchronised_ = false, follows_host_ = true;
   std::uint64_t unwrapped_ = 0;
   double last_host_us_ = 0;
