@@ -252,6 +252,8 @@ SerialLink::~SerialLink() = default;
 
 const std::string& SerialLink::path() const { return impl_->path; }
 
+int SerialLink::descriptor() const { return impl_->port.is_open() ? impl_->port.native_handle() : -1; }
+
 void SerialLink::reopen() {
   boost::system::error_code ignored;
   impl_->port.close(ignored);

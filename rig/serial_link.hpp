@@ -31,6 +31,8 @@ class SerialLink {
   SerialLink& operator=(const SerialLink&) = delete;
 
   [[nodiscard]] const std::string& path() const;
+  /// The open port; -1 when it is lost.
+  [[nodiscard]] int descriptor() const;
   /// Closes the port and opens it again by its name; throws as the constructor does.
   void reopen();
 

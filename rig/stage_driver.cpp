@@ -12,6 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include "rig/stage_guard.hpp"
+
 namespace rig {
 
 namespace asio = boost::asio;
@@ -25,6 +27,7 @@ constexpr double first_look_s = 0.001,
 constexpr double no_progress_s = 5;      // says that it moves, but the position has not changed for so long
 constexpr double longest_stop_s = 10;    // from full speed at a gentle deceleration
 constexpr double longest_turn_s = 30;    // for the line: far beyond any command with all its repetitions
+constexpr auto beat_interval = std::chrono::seconds(1);
 const std::string stopping = "stopping";
 constexpr int most_reads = 6;  // to see the same position twice
 
@@ -45,6 +48,29 @@ std::string in_deg(double deg) { return text_of(deg) + " deg"; }
 struct StageDriver::Line {
   bool taken = false;
   std::vector<asio::steady_timer*> waiting;
+};
+
+struct StageDriver::Heart : std::enable_shared_from_this<StageDriver::Heart> {
+  explicit Heart(const asio::any_io_executor& executor) : timer(executor) {}
+
+  void beat() {
+    is_moving = true;
+    if (guard) guard->moving();
+    timer.expires_after(beat_interval);
+    timer.async_wait([weak = weak_from_this()](const boost::system::error_code& stopped) {
+      const auto self = weak.lock();
+      if (!stopped && self) self->beat();
+    });
+  }
+  void rest() {
+    is_moving = false;
+    timer.cancel();
+    if (guard) guard->standing();
+  }
+
+  asio::steady_timer timer;
+  std::unique_ptr<StageGuard> guard;
+  bool is_moving = false;
 };
 
 class StageDriver::Turn {
@@ -68,9 +94,14 @@ StageDriver::StageDriver(asio::any_io_executor executor, StageOptions options,
       options_(std::move(options)),
       link_(std::move(link)),
       protocol_(std::move(protocol)),
-      line_(std::make_unique<Line>()) {}
+      line_(std::make_unique<Line>()),
+      heart_(std::make_shared<Heart>(executor_)) {}
 
-StageDriver::~StageDriver() = default;
+/// Whoever forgets the stage must not leave it moving.
+StageDriver::~StageDriver() {
+  heart_->timer.cancel();
+  if (heart_->is_moving) link_->write_now(protocol_->stop_for_good());
+}
 
 // --- the line ---
 
@@ -122,11 +153,11 @@ awaitable<StageReading> StageDriver::read_twice(std::size_t stops) {
 // --- angles and limits ---
 
 long long StageDriver::to_units(double deg) const {
-  return std::llround(deg * options_.direction * identity_.units_per_deg);
+  return std::llround((deg * options_.direction + options_.zero_deg.value_or(0)) * identity_.units_per_deg);
 }
 
 double StageDriver::to_deg(double units) const {
-  return units / identity_.units_per_deg * options_.direction;
+  return (units / identity_.units_per_deg - options_.zero_deg.value_or(0)) * options_.direction;
 }
 
 void StageDriver::demand_within_limits(double deg) const {
@@ -154,6 +185,7 @@ awaitable<void> StageDriver::demand_homed(std::size_t stops) {
 awaitable<void> StageDriver::start() {
   link_->discard();
   identity_ = co_await protocol_->identify();
+  heart_->guard = std::make_unique<StageGuard>(link_->descriptor(), protocol_->stop_for_good());
   const StageReading reading = co_await protocol_->read();
   // Somebody left it turning: a procedure must not begin on a moving stage.
   if (reading.moving) co_await stop();
@@ -173,6 +205,7 @@ awaitable<StageIdentity> StageDriver::identify() {
 
 awaitable<StageStatus> StageDriver::status() {
   const StageReading reading = co_await read(stops_);
+  if (!reading.moving) heart_->rest();
   StageStatus status;
   status.position_deg = to_deg(reading.position);
   status.moving = reading.moving;
@@ -187,6 +220,7 @@ awaitable<void> StageDriver::home() {
   {
     auto taking = take_turn(stops);
     const Turn turn = co_await std::move(taking);
+    heart_->beat();
     auto starting = protocol_->start_homing();
     co_await std::move(starting);
   }
@@ -201,6 +235,7 @@ awaitable<void> StageDriver::home() {
 awaitable<void> StageDriver::start_move(long long units, std::size_t stops) {
   auto taking = take_turn(stops);
   const Turn turn = co_await std::move(taking);
+  heart_->beat();
   auto starting = protocol_->start_move(units);
   co_await std::move(starting);
 }
@@ -245,6 +280,11 @@ awaitable<void> StageDriver::turn(double rate_deg_s) {
   if (!std::isfinite(rate_deg_s) || rate_deg_s == 0)
     throw StageError("the stage was told to turn at a rate of " + text_of(rate_deg_s) +
                      " deg/s. Nothing was moved.");
+  if (!protocol_->has_speed())
+    throw StageError(
+        "the stage was told to turn at a given rate, but its language has no speed. Nothing was moved. Use a "
+        "sweep "
+        "of steps instead.");
   co_await demand_homed(stops);
   const double end_deg = rate_deg_s > 0 ? options_.max_deg : options_.min_deg;
   if (std::isfinite(end_deg)) {
@@ -255,6 +295,7 @@ awaitable<void> StageDriver::turn(double rate_deg_s) {
   }
   auto taking = take_turn(stops);
   const Turn turn = co_await std::move(taking);
+  heart_->beat();
   auto starting = protocol_->start_turn(rate_deg_s * options_.direction * identity_.units_per_deg);
   co_await std::move(starting);
 }
@@ -292,7 +333,10 @@ awaitable<StageReading> StageDriver::wait_for_rest(const std::string& activity, 
     if (!reading.fault.empty() && (reading.moving || activity != stopping))
       throw StageError(activity + " failed: " + reading.fault + " (at " + in_deg(to_deg(reading.position)) +
                        "). The stage stands. Free it or switch it off and on, home it, and resume.");
-    if (!reading.moving) co_return reading;
+    if (!reading.moving) {
+      heart_->rest();
+      co_return reading;
+    }
     if (is_first || reading.position != before.position) progressed = Clock::now();
     if (Clock::now() > progressed + duration(no_progress_s) || Clock::now() > end) {
       const std::string why = Clock::now() > end
@@ -312,6 +356,8 @@ awaitable<void> StageDriver::reopen() {
   auto taking = take_turn(stops);
   {
     const Turn turn = co_await std::move(taking);
+    heart_->timer.cancel();
+    heart_->guard.reset();  // It holds the old port, and the lock on it.
     link_->reopen();
     protocol_->forget_answers();
     auto asking = protocol_->identify();
@@ -320,6 +366,7 @@ awaitable<void> StageDriver::reopen() {
       throw StageError("another stage answers on " + link_->path() + " (" + now.model + " " + now.serial +
                        " instead of " + identity_.model + " " + identity_.serial +
                        "). It was not moved. Plug the right one in, or begin a new session.");
+    heart_->guard = std::make_unique<StageGuard>(link_->descriptor(), protocol_->stop_for_good());
     speed_deg_s_ = 0;
     const double speed = options_.speed_deg_s * identity_.units_per_deg;
     const double acceleration = options_.acceleration_deg_s2 * identity_.units_per_deg;

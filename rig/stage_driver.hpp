@@ -28,8 +28,9 @@ class StageDriver : public Stage {
   awaitable<void> reopen() override;
 
  private:
-  struct Line;  ///< Who uses the line, and who waits for it.
-  class Turn;   ///< The right to use it.
+  struct Line;   ///< Who uses the line, and who waits for it.
+  struct Heart;  ///< Tells the guard that this program is alive while the stage moves.
+  class Turn;    ///< The right to use it.
 
   awaitable<Turn> take_turn(std::size_t stops);
   awaitable<void> pause(double seconds) const;
@@ -51,6 +52,7 @@ class StageDriver : public Stage {
   std::unique_ptr<StageProtocol> protocol_;
   StageIdentity identity_;
   std::unique_ptr<Line> line_;
+  std::shared_ptr<Heart> heart_;
   std::size_t stops_ = 0;   ///< Counts stop(): whoever began before the last one gives up.
   double speed_deg_s_ = 0;  ///< As last commanded; 0: the device's own.
 };

@@ -8,6 +8,7 @@
 #include <boost/asio/use_awaitable.hpp>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -91,6 +92,8 @@ bool set_option(StageOptions& options, const std::string& key, const json& value
   } else if (key == "direction") {
     options.direction = whole(key, value, -1, 1);
     if (options.direction == 0) wrong(key, value, "1 or -1");
+  } else if (key == "zero_deg") {
+    options.zero_deg = number(key, value, -1e6, 1e6, "an angle in degrees");
   } else if (key == "limits_deg") {
     set_limits(options, value);
   } else if (key == "min_deg") {
@@ -189,6 +192,7 @@ awaitable<std::optional<StageIdentity>> who_answers(boost::asio::any_io_executor
                                                     const StageLanguage& language, std::string dialect) {
   port.options.reply_s = probe_reply_s;
   const auto link = open_link(executor, port, language);
+  port.options.language.clear();  // What is only guessed must prove itself.
   const auto protocol = language.create(dialect, *link, port.options);
   try {
     auto asking = protocol->identify();
@@ -201,7 +205,8 @@ awaitable<std::optional<StageIdentity>> who_answers(boost::asio::any_io_executor
 
 /// The dialect spoken at the port, with who speaks it.
 awaitable<std::optional<StageIdentity>> find_speaker(boost::asio::any_io_executor executor, PortUrl port) {
-  const auto all = stages::all();
+  auto all = stages::all();
+  std::ranges::stable_sort(all, std::greater(), &StageLanguage::baud);  // Fast lines are asked sooner.
   for (const StageLanguage& language : all) {
     for (const std::string& dialect : language.names) {
       auto asking = who_answers(executor, port, language, dialect);
@@ -242,6 +247,7 @@ awaitable<std::unique_ptr<Stage>> open_stage(boost::asio::any_io_executor execut
   if (language == nullptr)
     throw UsageError("the rig does not speak the stage language '" + port.options.language +
                      "'. Choose one of " + known_languages() + ".");
+  if (!port.options.zero_deg) port.options.zero_deg = language->zero_deg;
   auto link = open_link(executor, port, *language);
   auto protocol = language->create(port.options.language, *link, port.options);
   auto stage = std::make_unique<StageDriver>(executor, port.options, std::move(link), std::move(protocol));

@@ -21,6 +21,8 @@ struct StageOptions {
   std::string language;      ///< "zaber", "shot", "gsc", "falcon"; empty: find out by asking.
   std::string model;         ///< "X-RSW60A" ...; gives the units per degree when the device cannot.
   double units_per_deg = 0;  ///< Device units in a degree.
+  std::optional<double>
+      zero_deg;       ///< The rig's zero on the stage's own scale; usual for the language: 0, falcon 180.
   int direction = 1;  ///< -1: the stage counts clockwise; angles are counter-clockwise everywhere else.
   double min_deg =
       -std::numeric_limits<double>::infinity();  ///< Soft limits: nothing is commanded beyond them.

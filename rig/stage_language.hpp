@@ -47,12 +47,16 @@ class StageProtocol {
   virtual awaitable<void> set_speed(double speed, double acceleration) = 0;
   virtual awaitable<void> start_homing() = 0;
   virtual awaitable<void> start_move(long long target) = 0;
+  /// False: set_speed does nothing, the stage moves as fast as it does.
+  [[nodiscard]] virtual bool has_speed() const { return true; }
   /// Turns without end, as far as the language can.
   virtual awaitable<void> start_turn(double speed) = 0;
   virtual awaitable<void> start_stop() = 0;
   /// The bytes that stop the stage, sent before anything that waits its turn. Their answer must not be
   /// mistaken for another's.
   [[nodiscard]] virtual std::string stop_now() = 0;
+  /// The bytes that stop whatever goes on, for StageGuard to send when this program is no more.
+  [[nodiscard]] virtual std::string stop_for_good() = 0;
   /// An answer may still come to a question nobody waits for any more.
   virtual void forget_answers() = 0;
 };
@@ -63,6 +67,7 @@ struct StageLanguage {
   std::vector<std::string> names;  ///< Its dialects.
   int baud = 9600;                 ///< What is usual.
   bool hardware_flow_control = false;
+  double zero_deg = 0;  ///< Where the rig's zero is usually laid on the stage's own scale.
   std::function<std::unique_ptr<StageProtocol>(const std::string& dialect, SerialLink& link,
                                                const StageOptions& options)>
       create;

@@ -59,10 +59,9 @@ int serve(const Options& options) {
   identity.clock_ppm = options.clock_ppm;
   identity.scan_period_s = options.scan_period_ms / 1e3;
   const auto stage = sim::make_stage_device(sim::stage_device_options(scene, options.stage_language));
-  const int direction = sim::stage_direction(scene);
-  const auto stage_at = [&stage, direction](double time_s) {
-    const sim::StageMoment counted = stage->mechanics().truth(time_s);
-    return sim::StageMoment{direction * counted.angle_rad, direction * counted.rate_rad_s};
+  const sim::StageFrame frame = sim::stage_frame(scene, options.stage_language);
+  const auto stage_at = [&stage, frame](double time_s) {
+    return frame.on_bench(stage->mechanics().truth(time_s));
   };
   sim::UstDevice device(scene.lidar, identity, engine, stage_at);
   sim::ScipServer::Options server_options;

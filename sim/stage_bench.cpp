@@ -55,14 +55,22 @@ void set_physics(StagePhysics& physics, const json& causes) {
   }
 }
 
+/// What is known of a stage by its name (docs/stages.md gives the sources).
+void set_model(StagePhysics& physics, const std::string& model) {
+  if (model == "X-RSW60A") physics.units_per_deg = 1536000.0 / 360;
+  if (model == "X-RSW60C") physics.units_per_deg = 384000.0 / 360;
+  if (model == "OSMS-40YAW" || model == "OSMS-60YAW") {
+    physics.min_deg = -2.5;  // A hard stop clockwise; the other way it turns without end.
+    physics.backlash_deg = 0.1;
+  }
+}
+
 /// Speed and units are the operator's as well as the device's.
 void set_common(StagePhysics& physics, const json& stage) {
   for (const char* key : {"units_per_deg", "speed_deg_s", "acceleration_deg_s2"})
     if (stage.contains(key)) physics.*(members.at(key)) = number(key, stage[key]);
   if (stage.contains("units_per_turn"))
     physics.units_per_deg = number("units_per_turn", stage["units_per_turn"]) / 360;
-  if (stage.value("model", "") == "X-RSW60C" && !stage.contains("units_per_deg"))
-    physics.units_per_deg = 384000.0 / 360;
   if (!(physics.units_per_deg > 0) || !(physics.speed_deg_s > 0) || !(physics.acceleration_deg_s2 > 0))
     throw std::invalid_argument(
         "the bench file's stage: units_per_deg, speed_deg_s and acceleration_deg_s2 must be above 0");
@@ -89,16 +97,29 @@ StageDeviceOptions stage_device_options(const fit::Bench& bench, const std::stri
   StageDeviceOptions options;
   options.language = language_override.empty() ? text(stage, "language", "zaber") : language_override;
   options.physics = usual_stage_physics(options.language);
+  set_model(options.physics, text(stage, "model", ""));
   set_common(options.physics, stage);
   if (stage.contains("physics")) set_physics(options.physics, stage["physics"]);
   if (stage.contains("address")) options.address = static_cast<int>(number("address", stage["address"]));
   if (stage.contains("homed")) options.homed = stage["homed"] == true;
+  if (stage.contains("axes")) options.axes = static_cast<int>(number("axes", stage["axes"]));
+  if (stage.contains("acknowledges")) options.acknowledges = stage["acknowledges"] == true;
   return options;
 }
 
-int stage_direction(const fit::Bench& bench) {
+StageFrame stage_frame(const fit::Bench& bench, const std::string& language_override) {
   const json stage = stage_of(bench);
-  return stage.contains("direction") && number("direction", stage["direction"]) < 0 ? -1 : 1;
+  StageFrame frame;
+  if (stage.contains("direction") && number("direction", stage["direction"]) < 0) frame.direction = -1;
+  const std::string language =
+      language_override.empty() ? text(stage, "language", "zaber") : language_override;
+  frame.zero_deg =
+      stage.contains("zero_deg") ? number("zero_deg", stage["zero_deg"]) : usual_stage_zero_deg(language);
+  return frame;
+}
+
+StageMoment StageFrame::on_bench(const StageMoment& on_stage) const {
+  return {direction * (on_stage.angle_rad - zero_deg * fit::rad_per_deg), direction * on_stage.rate_rad_s};
 }
 
 }  // namespace sim

@@ -11,7 +11,13 @@ namespace sim {
 /// usual for the language. Throws std::invalid_argument naming the key.
 StageDeviceOptions stage_device_options(const fit::Bench& bench, const std::string& language_override = "");
 
-/// +1, or -1 if the stage counts clockwise.
-int stage_direction(const fit::Bench& bench);
+/// How the bench's angles lie on the stage's own scale.
+struct StageFrame {
+  int direction = 1;    ///< -1: the stage counts clockwise.
+  double zero_deg = 0;  ///< The bench's zero, on the stage's scale.
+  [[nodiscard]] StageMoment on_bench(const StageMoment& on_stage) const;
+};
+
+StageFrame stage_frame(const fit::Bench& bench, const std::string& language_override = "");
 
 }  // namespace sim

@@ -33,4 +33,6 @@ StagePhysics usual_stage_physics(const std::string& language) {
   return physics;
 }
 
+double usual_stage_zero_deg(const std::string& language) { return language_called(language).zero_deg; }
+
 }  // namespace sim

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -13,7 +14,8 @@ namespace sim {
 
 /// What can go wrong with a simulated stage beyond its line (whose faults are PtyPort's).
 enum class StageFault {
-  stall,          ///< The rotor stands in the middle of a move; the controller notices and says so.
+  stall,  ///< The rotor stands in the middle of a move; the controller notices and says so, if it has a word
+          ///< for it.
   limit_switch,   ///< An end switch is hit where none should be; the motion stops.
   lost_position,  ///< The rotor slips by 10 full steps; nothing notices.
   reject_next,    ///< The next motion command is refused.
@@ -43,6 +45,9 @@ struct StageDeviceOptions {
   std::string language = "zaber";  ///< "zaber", "shot", "gsc", "falcon".
   int address = 1;                 ///< On a shared line (Zaber).
   bool homed = false;              ///< Starts homed, as a stage that kept its power.
+  int axes = 2;                    ///< Of the controller, the stage being on the first (shot, gsc).
+  std::optional<bool>
+      acknowledges;  ///< Answers commands with OK or NG; by default `shot` does and `gsc` not.
 };
 
 /// A language a simulated stage can speak. Each lives in its own file stages/NAME.cpp, which defines
@@ -51,12 +56,15 @@ struct StageLanguage {
   std::vector<std::string> names;  ///< Its dialects.
   std::function<std::unique_ptr<StageDevice>(const StageDeviceOptions&)> create;
   std::function<void(StagePhysics&)>
-      usual;  ///< Fills in what is usual for a stage of this kind (units per degree, ends).
+      usual;            ///< Fills in what is usual for a stage of this kind (units per degree, ends).
+  double zero_deg = 0;  ///< Where the bench's zero is usually laid on the stage's own scale.
 };
 
 /// Throws std::invalid_argument naming the known languages if this one is not among them.
 std::unique_ptr<StageDevice> make_stage_device(const StageDeviceOptions& options);
 /// The physics of an ideal stage that usually speaks `language`. Throws as above.
 StagePhysics usual_stage_physics(const std::string& language);
+/// Where the bench's zero is usually laid on the stage's own scale, degrees. Throws as above.
+double usual_stage_zero_deg(const std::string& language);
 
 }  // namespace sim

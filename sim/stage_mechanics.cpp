@@ -81,8 +81,11 @@ double StageMechanics::rest_s() const {
 void StageMechanics::cut(double now_s) {
   const std::size_t i = segment_at(now_s);
   segments_.erase(segments_.begin() + static_cast<std::ptrdiff_t>(i) + 1, segments_.end());
-  while (segments_.size() > 2 && segments_[1].start_s < now_s - past_kept_s) segments_.pop_front();
   if (homed_from_s_ > now_s) homed_from_s_ = never_s;  // Homing was interrupted.
+}
+
+void StageMechanics::forget_before(double time_s) {
+  while (segments_.size() > 2 && segments_[1].start_s < time_s) segments_.pop_front();
 }
 
 void StageMechanics::append(double start_s, double rate, double acceleration) {
@@ -93,6 +96,7 @@ void StageMechanics::append(double start_s, double rate, double acceleration) {
 
 void StageMechanics::plan_rate(double now_s, double rate) {
   cut(now_s);
+  forget_before(now_s - past_kept_s);
   double v = segments_.back().rate_at(now_s);
   double t = now_s;
   if (v * rate < 0) {  // Through standstill, so that a segment never reverses.
@@ -150,6 +154,7 @@ void StageMechanics::plan_to(double now_s, double target, double speed) {
 }
 
 void StageMechanics::move_to(double now_s, double target_units) {
+  forget_before(now_s - past_kept_s);
   plan_to(now_s, std::round(target_units) + counter_offset(now_s), speed_);
 }
 
@@ -164,13 +169,17 @@ void StageMechanics::stop(double now_s) {
 
 void StageMechanics::halt(double now_s) {
   cut(now_s);
+  forget_before(now_s - past_kept_s);
   append(now_s, 0, 0);
   segments_.back().motor = std::round(segments_.back().motor);
 }
 
-void StageMechanics::home(double now_s) {
+void StageMechanics::home(double now_s, double overrun_units) {
   const double offset = counter_offset(now_s);
-  plan_to(now_s, 0, physics_.homing_speed_deg_s * physics_.units_per_deg);
+  const double speed = physics_.homing_speed_deg_s * physics_.units_per_deg;
+  forget_before(now_s - past_kept_s);
+  plan_to(now_s, -overrun_units, speed);
+  if (overrun_units != 0) plan_to(std::max(now_s, segments_.back().start_s), 0, speed);
   offset_before_home_ = offset;
   offset_ = 0;
   homed_from_s_ = std::max(now_s, segments_.back().start_s);

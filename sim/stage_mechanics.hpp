@@ -47,8 +47,9 @@ class StageMechanics {
   void turn(double now_s, double units_per_s);
   void stop(double now_s);  ///< Decelerates.
   void halt(double now_s);  ///< Stands at once.
-  /// Moves to the home switch and counts from there; homed() from then on.
-  void home(double now_s);
+  /// Moves to the home switch and counts from there; homed() from then on. Some controllers run past it
+  /// first, by `overrun_units`, as far as the limit switch.
+  void home(double now_s, double overrun_units = 0);
   /// Counts from here on as if the present position were `units`.
   void count_from(double now_s, double units);
 
@@ -88,8 +89,9 @@ class StageMechanics {
   [[nodiscard]] double settling_deg(std::size_t index, double time_s) const;
   [[nodiscard]] double counter_offset(double time_s) const;
   [[nodiscard]] double settle_s() const;
-  /// Cuts what was planned after `now_s` and forgets what is long past.
+  /// Cuts what was planned after `now_s`.
   void cut(double now_s);
+  void forget_before(double time_s);
   void append(double start_s, double rate, double acceleration);
   void plan_to(double now_s, double motor_target, double speed);
   void plan_rate(double now_s, double rate);

@@ -3,15 +3,12 @@
 // carries an id and a checksum; answers are matched by address, axis and id, never by their order, because
 // alerts interleave.
 #include <algorithm>
-#include <array>
-#include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <optional>
-#include <string_view>
 
 #include "rig/stage_language.hpp"
+#include "rig/stage_reply.hpp"
 
 namespace rig::stages {
 
@@ -86,68 +83,6 @@ std::string in_words(const std::map<std::string, std::string>& words, const std:
   return found == words.end() ? code : found->second + " (" + code + ")";
 }
 
-std::string two_digits(int number) {
-  std::array<char, 16> text{};
-  std::snprintf(text.data(), text.size(), "%02d", number);
-  return text.data();
-}
-
-/// Sum of all bytes after the start character plus the checksum is 0 modulo 256.
-std::string checksum(std::string_view text) {
-  unsigned sum = 0;
-  for (const char c : text) sum += static_cast<unsigned char>(c);
-  std::array<char, 8> hex{};
-  std::snprintf(hex.data(), hex.size(), "%02X", (256 - sum % 256) % 256);
-  return hex.data();
-}
-
-std::optional<long long> whole_number(std::string_view text) {
-  long long number = 0;
-  const auto [end, failed] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (failed != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return number;
-}
-
-std::vector<std::string> words_of(std::string_view text) {
-  std::vector<std::string> words;
-  for (std::size_t at = 0; (at = text.find_first_not_of(' ', at)) != std::string_view::npos;) {
-    const std::size_t end = std::min(text.find(' ', at), text.size());
-    words.emplace_back(text.substr(at, end - at));
-    at = end;
-  }
-  return words;
-}
-
-struct Reply {
-  Reply() {}
-  bool accepted = false, busy = false;
-  std::string flag, data;
-};
-
-/// The reply to command `id` of this device and axis; nothing if the line is anything else or is damaged.
-std::optional<Reply> reply_of(std::string_view line, int device, int axis, int id) {
-  const std::size_t start = line.rfind('@');
-  if (start == std::string_view::npos) return std::nullopt;
-  line.remove_prefix(start + 1);
-  if (line.size() >= 3 && line[line.size() - 3] == ':') {
-    if (checksum(line.substr(0, line.size() - 3)) != line.substr(line.size() - 2)) return std::nullopt;
-    line.remove_suffix(3);
-  }
-  const std::vector<std::string> words = words_of(line);
-  if (words.size() < 7 || whole_number(words[0]) != device || whole_number(words[1]) != axis ||
-      whole_number(words[2]) != id)
-    return std::nullopt;
-  if ((words[3] != "OK" && words[3] != "RJ") || (words[4] != "BUSY" && words[4] != "IDLE") ||
-      words[5].size() != 2)
-    return std::nullopt;
-  Reply reply;
-  reply.accepted = words[3] == "OK";
-  reply.busy = words[4] == "BUSY";
-  reply.flag = words[5];
-  for (std::size_t i = 6; i < words.size(); ++i) reply.data += (i > 6 ? " " : "") + words[i];
-  return reply;
-}
-
 class ZaberProtocol : public StageProtocol {
  public:
   ZaberProtocol(SerialLink& link, const StageOptions& options) : link_(link), options_(options) {}
@@ -160,12 +95,13 @@ class ZaberProtocol : public StageProtocol {
   awaitable<void> start_turn(double speed) override;
   awaitable<void> start_stop() override;
   std::string stop_now() override { return command("stop", options_.axis, stop_id); }
+  std::string stop_for_good() override { return "\n" + command("stop", options_.axis, stop_id); }
   void forget_answers() override {}  // Ids tell them apart.
 
  private:
   [[nodiscard]] std::string command(const std::string& words, int axis, int id) const;
-  awaitable<std::optional<Reply>> ask_once(const std::string& words, int axis);
-  awaitable<Reply> ask(std::string words, int axis);
+  awaitable<std::optional<ZaberReply>> ask_once(const std::string& words, int axis);
+  awaitable<ZaberReply> ask(std::string words, int axis);
   awaitable<long long> get(std::string setting, int axis);
   awaitable<std::optional<std::string>> get_maybe(std::string setting, int axis);
   awaitable<std::vector<std::string>> flags(std::string highest);
@@ -180,12 +116,10 @@ class ZaberProtocol : public StageProtocol {
 // --- one question, one answer ---
 
 std::string ZaberProtocol::command(const std::string& words, int axis, int id) const {
-  const std::string text =
-      std::to_string(options_.address) + " " + std::to_string(axis) + " " + two_digits(id) + " " + words;
-  return "/" + text + ":" + checksum(text) + "\n";
+  return zaber_command(words, options_.address, axis, id);
 }
 
-awaitable<std::optional<Reply>> ZaberProtocol::ask_once(const std::string& words, int axis) {
+awaitable<std::optional<ZaberReply>> ZaberProtocol::ask_once(const std::string& words, int axis) {
   id_ = id_ % highest_id + 1;
   const auto deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(
                                            std::chrono::duration<double>(options_.reply_s));
@@ -196,15 +130,15 @@ awaitable<std::optional<Reply>> ZaberProtocol::ask_once(const std::string& words
     auto reading = link_.read_line(deadline);
     const std::optional<std::string> line = co_await std::move(reading);
     if (!line) co_return std::nullopt;
-    if (auto reply = reply_of(*line, options_.address, axis, id_)) co_return reply;
+    if (auto reply = zaber_reply(*line, options_.address, axis, id_)) co_return reply;
   }
 }
 
 /// Repeats what got no answer: moves are absolute, so saying them twice does no harm.
-awaitable<Reply> ZaberProtocol::ask(std::string words, int axis) {
+awaitable<ZaberReply> ZaberProtocol::ask(std::string words, int axis) {
   for (int attempt = 0; attempt < most_attempts; ++attempt) {
     auto asking = ask_once(words, axis);
-    const std::optional<Reply> reply = co_await std::move(asking);
+    const std::optional<ZaberReply> reply = co_await std::move(asking);
     if (!reply || (!reply->accepted && (reply->data == "AGAIN" || reply->data == "STATUSBUSY") &&
                    attempt + 1 < most_attempts))
       continue;
@@ -222,7 +156,7 @@ awaitable<Reply> ZaberProtocol::ask(std::string words, int axis) {
 
 awaitable<long long> ZaberProtocol::get(std::string setting, int axis) {
   auto asking = ask("get " + setting, axis);
-  const Reply reply = co_await std::move(asking);
+  const ZaberReply reply = co_await std::move(asking);
   const auto number = whole_number(reply.data.substr(0, reply.data.find(' ')));
   if (!number)
     throw StageError("the stage answered `get " + setting + "` with '" + reply.data +
@@ -233,7 +167,7 @@ awaitable<long long> ZaberProtocol::get(std::string setting, int axis) {
 awaitable<std::optional<std::string>> ZaberProtocol::get_maybe(std::string setting, int axis) {
   try {
     auto asking = ask("get " + setting, axis);
-    const Reply reply = co_await std::move(asking);
+    const ZaberReply reply = co_await std::move(asking);
     co_return reply.data;
   } catch (const StageRefusal&) {
     co_return std::nullopt;
@@ -281,7 +215,7 @@ awaitable<StageIdentity> ZaberProtocol::identify() {
 awaitable<std::vector<std::string>> ZaberProtocol::flags(std::string highest) {
   if (highest == "--") co_return std::vector<std::string>();
   auto asking = ask("warnings", options_.axis);
-  const Reply reply = co_await std::move(asking);
+  const ZaberReply reply = co_await std::move(asking);
   std::vector<std::string> all;
   for (const std::string& word : words_of(reply.data))
     if (word.size() == 2 && !whole_number(word) && word != "--") all.push_back(word);
@@ -291,7 +225,7 @@ awaitable<std::vector<std::string>> ZaberProtocol::flags(std::string highest) {
 
 awaitable<StageReading> ZaberProtocol::read() {
   auto asking = ask("get pos", options_.axis);
-  const Reply reply = co_await std::move(asking);
+  const ZaberReply reply = co_await std::move(asking);
   const auto position = whole_number(reply.data.substr(0, reply.data.find(' ')));
   if (!position)
     throw StageError("the stage answered `get pos` with '" + reply.data + "' instead of a number.");

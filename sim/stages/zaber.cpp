@@ -404,11 +404,13 @@ void ZaberStage::inject(StageFault fault, double now_s) {
 }  // namespace
 
 StageLanguage make_zaber() {
-  return {{"zaber"},
-          [](const StageDeviceOptions& options) -> std::unique_ptr<StageDevice> {
-            return std::make_unique<ZaberStage>(options);
-          },
-          [](StagePhysics&) {}};
+  StageLanguage language;
+  language.names = {"zaber"};
+  language.create = [](const StageDeviceOptions& options) -> std::unique_ptr<StageDevice> {
+    return std::make_unique<ZaberStage>(options);
+  };
+  language.usual = [](StagePhysics&) {};
+  return language;
 }
 
 }  // namespace sim::stages
