@@ -65,17 +65,18 @@ MatrixXd published_jacobian(const Family& family, const std::vector<double>& coe
   return out;
 }
 
-/// The points without one block of neighbours, in turn. Ends stay in: a correction is used between them.
+/// The points without one block of neighbours, in turn. Ends stay in, because a correction is used between
+/// them, unless there are so few points that each is left out in turn.
 std::vector<std::pair<std::vector<CurvePoint>, std::vector<CurvePoint>>> blocks(
     std::span<const CurvePoint> points, int count) {
   std::vector<CurvePoint> sorted(points.begin(), points.end());
   std::ranges::sort(sorted, {}, &CurvePoint::x);
   std::vector<std::pair<std::vector<CurvePoint>, std::vector<CurvePoint>>> out;
-  const long inner = static_cast<long>(sorted.size()) - 2;
+  const long end = sorted.size() < 8 ? 0 : 1, inner = static_cast<long>(sorted.size()) - 2 * end;
   const long wanted = std::min<long>(count, inner);
   for (long b = 0; b < wanted; ++b) {
-    const auto first = sorted.begin() + 1 + b * inner / wanted,
-               last = sorted.begin() + 1 + (b + 1) * inner / wanted;
+    const auto first = sorted.begin() + end + b * inner / wanted,
+               last = sorted.begin() + end + (b + 1) * inner / wanted;
     std::vector<CurvePoint> rest(sorted.begin(), first);
     rest.insert(rest.end(), last, sorted.end());
     out.emplace_back(std::move(rest), std::vector<CurvePoint>(first, last));

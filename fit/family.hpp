@@ -34,6 +34,8 @@ struct Family {
   std::vector<std::string>
       derivatives;                 ///< Of the equation with respect to each coefficient, the same syntax.
   int constant = -1;               ///< Which coefficient only adds to the curve; -1: none.
+  /// Column of the fitted form without which the others no longer hold a constant; -1: they hold none.
+  int constant_column = -1;
   bool positive_argument = false;  ///< Needs x > 0.
   bool honest_reference = false;   ///< A smoother without an equation: judges the others, is not exported.
 

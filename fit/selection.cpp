@@ -26,13 +26,19 @@ struct Location {
   double median = 0, sigma = 0;
 };
 
-/// Whole millimetres make the median absolute deviation 0 for a quiet lidar: never below the rounding's own.
+/// Whole millimetres, or a device's own coarser levels, make the median absolute deviation 0 for a quiet
+/// lidar: there the mean deviation, of which no sample makes more than 10 mm, says more. Never below the
+/// rounding's own.
 Location robust_location(const std::vector<double>& values) {
   Location location{median_of(values), 0};
   std::vector<double> deviations;
   deviations.reserve(values.size());
   for (const double value : values) deviations.push_back(std::abs(value - location.median));
-  location.sigma = std::max(sd_of_mad * median_of(std::move(deviations)), 1 / std::sqrt(12.0));
+  double mean = 0;
+  for (const double deviation : deviations)
+    mean += std::min(deviation, 10.0) / static_cast<double>(deviations.size());
+  const double mad = median_of(std::move(deviations));
+  location.sigma = std::max({sd_of_mad * mad, mad < 1 ? 1.2533 * mean : 0, 1 / std::sqrt(12.0)});
   return location;
 }
 

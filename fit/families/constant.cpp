@@ -8,6 +8,7 @@ Family make_constant() {
   f.id = "constant";
   f.title = "constant";
   f.coefficients = {"a"};
+  f.constant_column = 0;
   f.equation = "a";
   f.derivatives = {"1"};
   f.constant = 0;

@@ -48,6 +48,7 @@ Family make_fourier_2() {
   f.id = "fourier-2";
   f.title = "Fourier(2)";
   f.coefficients = {"a0", "a1", "b1", "a2", "b2", "w"};
+  f.constant_column = 0;
   f.equation = "a0 + a1 * cos(w * x) + b1 * sin(w * x) + a2 * cos(2 * w * x) + b2 * sin(2 * w * x)";
   f.derivatives = {
       "1",

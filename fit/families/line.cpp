@@ -8,6 +8,7 @@ Family make_line() {
   f.id = "line";
   f.title = "straight line";
   f.coefficients = {"a", "b"};
+  f.constant_column = 0;
   f.equation = "a + b * x";
   f.derivatives = {"1", "x"};
   f.constant = 0;

@@ -9,6 +9,7 @@ Family make_polynomial_3() {
   f.id = "polynomial-3";
   f.title = "polynomial(3)";
   f.coefficients = {"p1", "p2", "p3", "p4"};
+  f.constant_column = 0;
   f.equation = "((p1 * x + p2) * x + p3) * x + p4";
   f.derivatives = {"x * x * x", "x * x", "x", "1"};
   f.constant = 3;

@@ -34,6 +34,7 @@ Family make_power_2() {
   f.id = "power-2";
   f.title = "power(2)";
   f.coefficients = {"a", "b", "c"};
+  f.constant_column = 0;
   f.equation = "a * pow(x, b) + c";
   f.derivatives = {"pow(x, b)", "a * log(x) * pow(x, b)", "1"};
   f.constant = 2;

@@ -105,6 +105,7 @@ Family make_rational_33() {
   f.id = "rational-33";
   f.title = "rational(3,3)";
   f.coefficients = {"p1", "p2", "p3", "p4", "q1", "q2", "q3"};
+  f.constant_column = 0;
   f.equation = "(((p1 * x + p2) * x + p3) * x + p4) / (((x + q1) * x + q2) * x + q3)";
   const std::string below = "(((x + q1) * x + q2) * x + q3)", above = "(((p1 * x + p2) * x + p3) * x + p4)";
   for (const char* power : {"x * x * x", "x * x", "x", "1"})

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "fit/estimate.hpp"
+
+namespace fit {
+
+/// One part of a range correction: a curve over the echo's intensity or over the range.
+struct CorrectionTerm {
+  enum class Argument { intensity, range };
+  Argument argument = Argument::range;
+  std::string family;
+  std::vector<double> coefficients;
+  double from = 0, to = 0;        ///< Where it was calibrated.
+  std::optional<double> zero_at;  ///< The curve counts from its value here; none: as it is.
+
+  [[nodiscard]] double value(double x) const;
+  /// With respect to the coefficients; same errors as value().
+  [[nodiscard]] std::vector<double> gradient(double x) const;
+};
+
+/// What to subtract from a measured range (source A: L_Q = (1 + k) L + u, gathered in one error curve).
+///
+///   error = zero + intensity term (I) + range term (r),  r = measured - zero - intensity term
+///
+/// Either term may be missing. Its covariance is kept as a factor, which holds twice the digits.
+struct Correction {
+  Estimate zero_mm{0, 0};  ///< At the reference condition.
+  std::optional<CorrectionTerm> intensity, range;
+  Eigen::MatrixXd factor;  ///< Rows: zero, the intensity term's coefficients, the range term's.
+  double common_u_mm = 0;  ///< Of the targets' distance: the same for every range, not in `factor`.
+  double reference_mm = 200, reference_intensity = 2400;
+  std::string lidar_model, lidar_serial, lidar_firmware;
+  std::string created_utc, procedure, software;
+  std::vector<std::string> session_sha256;
+  std::vector<std::string> notes;
+
+  struct Corrected {
+    double range_mm = 0;  ///< Corrected. Outside the calibrated region: by the error at its border.
+    double error_mm = 0;  ///< That was subtracted.
+    bool range_outside = false, intensity_outside = false;
+    [[nodiscard]] bool inside() const { return !range_outside && !intensity_outside; }
+  };
+  [[nodiscard]] Corrected apply(double range_mm, double intensity) const;
+  /// Standard uncertainty of the error that apply() subtracts (not of one sample's noise).
+  [[nodiscard]] double u(double range_mm, double intensity) const;
+  [[nodiscard]] std::vector<std::string> parameter_names() const;
+};
+
+/// As JSON (`correction/1`, docs/correction.md), every number with all its digits.
+[[nodiscard]] std::string to_json_text(const Correction& correction);
+
+/// Reads `correction/1`. Throws std::invalid_argument that names the place, what was expected and what to do.
+[[nodiscard]] Correction parse_correction(const std::string& text, const std::string& name = "correction");
+
+}  // namespace fit

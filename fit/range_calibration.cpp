@@ -1,0 +1,576 @@
+// SPDX-License-Identifier: MIT
+#include "fit/range_calibration.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <map>
+#include <numeric>
+
+namespace fit {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::RowVectorXd;
+using Eigen::VectorXd;
+
+std::string text(const char* format, double a, double b = 0, double c = 0) {
+  char out[400];
+  std::snprintf(out, sizeof out, format, a, b, c);
+  return out;
+}
+
+/// One term of the joint model: a family over a scaled argument, counted from its value at `zero_at`.
+struct TermModel {
+  const Family* family = nullptr;
+  ArgumentScale scale;
+  double zero_at = 0;
+  SeparableModel model;
+
+  TermModel(const Family& of, const ArgumentScale& s, double zero)
+      : family(&of), scale(s), zero_at(zero), model(of.model(s)) {}
+  [[nodiscard]] int columns() const { return model.linear - (family->constant_column >= 0 ? 1 : 0); }
+
+  /// Columns for these arguments; `beta` are this term's own.
+  void fill(const VectorXd& x, const VectorXd& beta, MatrixXd& phi, std::vector<MatrixXd>* dphi, int column,
+            int first_beta) const {
+    const Index n = x.size();
+    VectorXd t(n + 1);
+    for (Index i = 0; i < n; ++i) t[i] = scale.to_scaled(x[i]);
+    t[n] = scale.to_scaled(zero_at);
+    MatrixXd own(n + 1, model.linear);
+    std::vector<MatrixXd> own_d(static_cast<std::size_t>(model.nonlinear), own);
+    model.basis(t, beta, own, dphi ? &own_d : nullptr);
+    const auto place = [&](const MatrixXd& from, MatrixXd& to) {
+      int at = column;
+      for (int j = 0; j < model.linear; ++j)
+        if (j != family->constant_column) to.col(at++) = from.col(j).head(n).array() - from(n, j);
+    };
+    place(own, phi);
+    if (!dphi) return;
+    for (int k = 0; k < model.nonlinear; ++k)
+      place(own_d[static_cast<std::size_t>(k)], (*dphi)[static_cast<std::size_t>(first_beta + k)]);
+  }
+
+  [[nodiscard]] CorrectionTerm publish(CorrectionTerm::Argument argument, const VectorXd& beta,
+                                       const VectorXd& c) const {
+    VectorXd all = VectorXd::Zero(model.linear);
+    Index at = 0;
+    for (int j = 0; j < model.linear; ++j)
+      if (j != family->constant_column) all[j] = c[at++];
+    CorrectionTerm term;
+    term.argument = argument;
+    term.family = family->id;
+    term.coefficients = family->publish(scale, beta, all);
+    term.zero_at = zero_at;
+    return term;
+  }
+};
+
+/// zero + intensity term + distance term.
+struct JointModel {
+  TermModel intensity, distance;
+  VectorXd counts, range_mm;  ///< Arguments of every point.
+
+  [[nodiscard]] SeparableModel separable() const {
+    SeparableModel m;
+    const int bi = intensity.model.nonlinear, bd = distance.model.nonlinear;
+    m.linear = 1 + intensity.columns() + distance.columns();
+    m.nonlinear = bi + bd;
+    m.basis = [this, bi, bd](const VectorXd&, const VectorXd& beta, MatrixXd& phi,
+                             std::vector<MatrixXd>* dphi) {
+      if (dphi)
+        for (MatrixXd& d : *dphi) d.setZero();
+      phi.col(0).setOnes();
+      intensity.fill(counts, beta.head(bi), phi, dphi, 1, 0);
+      distance.fill(range_mm, beta.tail(bd), phi, dphi, 1 + intensity.columns(), bi);
+    };
+    m.lower.resize(m.nonlinear), m.upper.resize(m.nonlinear);
+    if (bi) m.lower.head(bi) = intensity.model.lower, m.upper.head(bi) = intensity.model.upper;
+    if (bd) m.lower.tail(bd) = distance.model.lower, m.upper.tail(bd) = distance.model.upper;
+    m.feasible = [this, bi, bd](const VectorXd& beta) {
+      return (!intensity.model.feasible || intensity.model.feasible(beta.head(bi))) &&
+             (!distance.model.feasible || distance.model.feasible(beta.tail(bd)));
+    };
+    return m;
+  }
+};
+
+std::vector<CurvePoint> curve(const std::vector<RangePoint>& points, bool RangePoint::*which,
+                              double RangePoint::*x, double scatter) {
+  std::vector<CurvePoint> out;
+  for (const RangePoint& p : points)
+    if (p.*which) out.push_back({p.*x, p.error_mm(), std::hypot(p.u_mm, scatter)});
+  return out;
+}
+
+/// Scatter of the points themselves; where too few show it, what the bench says of the placement.
+double scatter_of(const std::vector<CurvePoint>& points, double placement_u_mm) {
+  return points.size() < 7 ? placement_u_mm : extra_scatter(points);
+}
+
+const FamilyFit* chosen(const std::vector<FamilyFit>& table, const std::string& wanted) {
+  if (wanted.empty()) return best_of(table);
+  for (const FamilyFit& fit : table)
+    if (fit.family == wanted && fit.usable && !fit.spline) return &fit;
+  return nullptr;
+}
+
+/// A correction with one term, its curve as it is.
+Correction single(const FamilyFit& fit, CorrectionTerm::Argument argument) {
+  Correction c;
+  CorrectionTerm term;
+  term.argument = argument;
+  term.family = fit.family, term.coefficients = fit.coefficients;
+  term.from = fit.from, term.to = fit.to;
+  (argument == CorrectionTerm::Argument::intensity ? c.intensity : c.range) = term;
+  c.factor = MatrixXd::Zero(fit.factor.rows() + 1, fit.factor.cols());
+  c.factor.bottomRows(fit.factor.rows()) = fit.factor;
+  return c;
+}
+
+/// A1's curve first; A2's errors less that curve, whose uncertainty goes with them; then A2's curve.
+Correction sequential_of(const FamilyFit& intensity, const std::vector<RangePoint>& points, double scatter,
+                         const std::string& wanted, std::vector<FamilyFit>& table) {
+  std::vector<CurvePoint> rest;
+  for (const RangePoint& p : points) {
+    if (!p.for_distance) continue;
+    const double counts = std::clamp(p.intensity, intensity.from, intensity.to), error = intensity(counts);
+    rest.push_back({p.measured_mm - error, p.error_mm() - error,
+                    std::sqrt(p.u_mm * p.u_mm + scatter * scatter + std::pow(intensity.u(counts), 2))});
+  }
+  table = compare_families(rest);
+  Correction out = single(intensity, CorrectionTerm::Argument::intensity);
+  const FamilyFit* distance = chosen(table, wanted);
+  if (!distance) return out;
+  const Correction second = single(*distance, CorrectionTerm::Argument::range);
+  out.range = second.range;
+  const Index a = out.factor.rows(), ac = out.factor.cols(), b = distance->factor.rows(),
+              bc = distance->factor.cols();
+  MatrixXd factor = MatrixXd::Zero(a + b, ac + bc);
+  factor.topLeftCorner(a, ac) = out.factor;
+  factor.bottomRightCorner(b, bc) = distance->factor;
+  out.factor = factor;
+  return out;
+}
+
+MatrixXd joint_jacobian(const Correction& c, const JointModel& model, const VectorXd& weight) {
+  const auto names = c.parameter_names();
+  MatrixXd out(model.counts.size(), static_cast<Index>(names.size()));
+  for (Index i = 0; i < out.rows(); ++i) {
+    Index at = 0;
+    out(i, at++) = 1;
+    for (const double g : c.intensity->gradient(model.counts[i])) out(i, at++) = g;
+    for (const double g : c.range->gradient(model.range_mm[i])) out(i, at++) = g;
+    out.row(i) *= std::sqrt(weight[i]);
+  }
+  return out;
+}
+
+/// Columns that the model holds at 0 (a term's constant) get no uncertainty.
+CovarianceFactor factor_of(const MatrixXd& jacobian) {
+  std::vector<Index> free;
+  for (Index j = 0; j < jacobian.cols(); ++j)
+    if (jacobian.col(j).norm() > 0) free.push_back(j);
+  MatrixXd some(jacobian.rows(), static_cast<Index>(free.size()));
+  for (std::size_t j = 0; j < free.size(); ++j) some.col(static_cast<Index>(j)) = jacobian.col(free[j]);
+  CovarianceFactor out = covariance_factor(some);
+  MatrixXd whole = MatrixXd::Zero(jacobian.cols(), out.factor.cols());
+  for (std::size_t j = 0; j < free.size(); ++j) whole.row(free[j]) = out.factor.row(static_cast<Index>(j));
+  out.factor = whole;
+  return out;
+}
+
+/// Largest cosine between a curve over intensity and a curve over distance, at these points.
+double canonical_correlation(const MatrixXd& tangent, Index intensity_columns,
+                             const std::vector<Index>& of_intensity, const std::vector<Index>& of_distance) {
+  (void)intensity_columns;
+  const auto orthonormal = [&](const std::vector<Index>& columns) {
+    MatrixXd part(tangent.rows(), static_cast<Index>(columns.size()));
+    for (std::size_t j = 0; j < columns.size(); ++j) {
+      VectorXd column = tangent.col(columns[j]);
+      // The constant belongs to neither.
+      const VectorXd one = tangent.col(0);
+      column -= one * (one.dot(column) / one.squaredNorm());
+      part.col(static_cast<Index>(j)) = column / std::max(1e-300, column.norm());
+    }
+    const Eigen::ColPivHouseholderQR<MatrixXd> qr(part);
+    const Index rank = qr.rank();
+    return MatrixXd(MatrixXd(qr.householderQ()).leftCols(rank));
+  };
+  const MatrixXd a = orthonormal(of_intensity), b = orthonormal(of_distance);
+  if (a.cols() == 0 || b.cols() == 0) return 0;
+  return std::min(1.0, Eigen::JacobiSVD<MatrixXd>(a.transpose() * b).singularValues()[0]);
+}
+
+struct JointFit {
+  Correction correction;
+  double condition = 0, correlation = 0, held_out = 0;
+  bool ok = false;
+};
+
+ArgumentScale scale_over(const VectorXd& x) {
+  ArgumentScale s{(x.minCoeff() + x.maxCoeff()) / 2, (x.maxCoeff() - x.minCoeff()) / 2};
+  if (s.half <= 0) s.half = 1;
+  return s;
+}
+
+double predict_held_out(const JointModel& model, const WeightedPoints& points, const VectorXd& beta) {
+  const SeparableModel whole = model.separable();
+  const Index n = points.x.size();
+  double square = 0;
+  long count = 0;
+  for (Index block = 0; block < 10; ++block) {
+    std::vector<Index> in, out;
+    for (Index i = 0; i < n; ++i) (i % 10 == block ? out : in).push_back(i);
+    if (out.empty() || static_cast<int>(in.size()) <= whole.linear + whole.nonlinear) continue;
+    JointModel part = model;
+    const auto few = static_cast<Index>(in.size());
+    part.counts.resize(few), part.range_mm.resize(few);
+    WeightedPoints rest{VectorXd::Zero(few), VectorXd(few), VectorXd(few)};
+    for (Index j = 0; j < few; ++j) {
+      const Index i = in[static_cast<std::size_t>(j)];
+      part.counts[j] = model.counts[i], part.range_mm[j] = model.range_mm[i];
+      rest.y[j] = points.y[i], rest.weight[j] = points.weight[i];
+    }
+    const SeparableFit fit = solve_separable(part.separable(), rest, beta);
+    if (!std::isfinite(fit.chi2)) continue;
+    MatrixXd phi(n, whole.linear);
+    whole.basis(points.x, fit.beta, phi, nullptr);
+    for (const Index i : out) square += std::pow(points.y[i] - phi.row(i).dot(fit.c), 2), ++count;
+  }
+  return count ? std::sqrt(square / static_cast<double>(count)) : std::nan("");
+}
+
+JointFit fit_joint(const std::vector<RangePoint>& points, const FamilyFit& intensity,
+                   const FamilyFit& distance, double scatter_i, double scatter_d, double reference_mm,
+                   double reference_counts) {
+  const auto n = static_cast<Index>(points.size());
+  VectorXd counts(n), range(n);
+  WeightedPoints data{VectorXd::Zero(n), VectorXd(n), VectorXd(n)};
+  for (Index i = 0; i < n; ++i) {
+    const RangePoint& p = points[static_cast<std::size_t>(i)];
+    counts[i] = p.intensity, range[i] = p.true_mm;
+    data.y[i] = p.error_mm();
+    data.weight[i] = 1 / (p.u_mm * p.u_mm + std::pow(p.for_distance ? scatter_d : scatter_i, 2));
+  }
+  JointModel model{TermModel(*find_family(intensity.family), scale_over(counts), reference_counts),
+                   TermModel(*find_family(distance.family), scale_over(range), reference_mm), counts, range};
+  // The best of each alone is where to begin; a term's scale may differ, so its starts are looked at again.
+  std::vector<VectorXd> starts;
+  const auto alone = [](const TermModel& term, const FamilyFit& fit) {
+    std::vector<VectorXd> out;
+    if (term.family->starts) out = term.family->starts(term.scale);
+    if (out.empty()) out.emplace_back(VectorXd(0));
+    if (fit.beta.size()) out.push_back(fit.beta);
+    return out;
+  };
+  for (const VectorXd& a : alone(model.intensity, intensity))
+    for (const VectorXd& b : alone(model.distance, distance)) {
+      VectorXd both(a.size() + b.size());
+      both << a, b;
+      starts.push_back(both);
+    }
+  JointFit out;
+  if (n <= model.separable().linear + model.separable().nonlinear) return out;
+  SeparableFit best;
+  for (int round = 0; round < 4; ++round) {
+    const SeparableModel whole = model.separable();
+    if (round == 0) {
+      SearchResult found = search_separable(whole, data, starts);
+      if (found.minima.empty()) return out;
+      best = found.best();
+    } else {
+      best = solve_separable(whole, data, best.beta);
+    }
+    if (!std::isfinite(best.chi2)) return out;
+    const int bi = model.intensity.model.nonlinear, bd = model.distance.model.nonlinear;
+    out.correction.zero_mm.value = best.c[0];
+    out.correction.intensity =
+        model.intensity.publish(CorrectionTerm::Argument::intensity, best.beta.head(bi),
+                                best.c.segment(1, model.intensity.columns()));
+    out.correction.range = model.distance.publish(CorrectionTerm::Argument::range, best.beta.tail(bd),
+                                                  best.c.tail(model.distance.columns()));
+    // The range term's argument is the measured range less the error known so far.
+    for (Index i = 0; i < n; ++i)
+      model.range_mm[i] = points[static_cast<std::size_t>(i)].measured_mm - best.c[0] -
+                          out.correction.intensity->value(model.counts[i]);
+  }
+  const double freedom = static_cast<double>(n - best.tangent.cols());
+  const double widening = std::sqrt(std::max(1.0, best.chi2 / freedom));
+  CovarianceFactor factor = factor_of(joint_jacobian(out.correction, model, data.weight));
+  out.correction.factor = factor.factor * widening;
+  out.correction.zero_mm.u = out.correction.factor.row(0).norm();
+  out.condition = covariance_factor(best.tangent).condition;
+  std::vector<Index> of_i, of_d;
+  const int li = model.intensity.columns(), ld = model.distance.columns(),
+            bi = model.intensity.model.nonlinear;
+  for (int j = 0; j < li; ++j) of_i.push_back(1 + j);
+  for (int j = 0; j < ld; ++j) of_d.push_back(1 + li + j);
+  for (int j = 0; j < best.beta.size(); ++j) (j < bi ? of_i : of_d).push_back(1 + li + ld + j);
+  out.correlation = canonical_correlation(best.tangent, li, of_i, of_d);
+  out.held_out = predict_held_out(model, data, best.beta);
+  out.ok = true;
+  return out;
+}
+
+void state_identifiability(RangeCalibration& out, const std::vector<RangePoint>& points) {
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  for (const RangePoint& p : points)
+    if (p.for_intensity) low = std::min(low, p.intensity), high = std::max(high, p.intensity);
+  double from = std::numeric_limits<double>::infinity(), to = 0;
+  int outside = 0;
+  for (const RangePoint& p : points) {
+    if (!p.for_distance || (p.intensity >= low && p.intensity <= high)) continue;
+    ++outside;
+    from = std::min(from, p.true_mm), to = std::max(to, p.true_mm);
+  }
+  if (outside > 0)
+    out.identifiability.push_back(text("at %.0f distances between %.0f and ", outside, from) +
+                                  text("%.0f mm", to) +
+                                  text(" the echo's intensity lay outside the %.0f to %.0f counts that "
+                                       "changed surfaces covered: there only the "
+                                       "sum of intensity and distance error is known, for this surface. Add "
+                                       "surfaces of that intensity at the "
+                                       "reference distance.",
+                                       low, high));
+  if (out.correlation > 0.999)
+    out.identifiability.push_back(
+        text("intensity and distance changed together (canonical correlation %.5f): how the error is split "
+             "between "
+             "them is hardly known, only their sum",
+             out.correlation));
+}
+
+double rms_of(const std::vector<RangePoint>& points, const Correction* correction) {
+  double sum = 0;
+  for (const RangePoint& p : points)
+    sum += std::pow(
+        (correction ? correction->apply(p.measured_mm, p.intensity).range_mm : p.measured_mm) - p.true_mm, 2);
+  return std::sqrt(sum / static_cast<double>(points.size()));
+}
+
+void set_ranges(Correction& c, const std::vector<RangePoint>& points) {
+  const auto by = [&](auto key) {
+    const auto [a, b] = std::ranges::minmax(points, {}, key);
+    return std::pair(key(a), key(b));
+  };
+  if (c.intensity)
+    std::tie(c.intensity->from, c.intensity->to) = by([](const RangePoint& p) { return p.intensity; });
+  if (c.range) {
+    // Half a step beyond the ends: a sample's own noise must not put it outside.
+    const auto [low, high] = by([](const RangePoint& p) { return p.true_mm; });
+    const auto [low_m, high_m] = by([](const RangePoint& p) { return p.measured_mm; });
+    c.range->from = std::min(low, low_m), c.range->to = std::max(high, high_m);
+  }
+}
+
+}  // namespace
+
+void sort_into_experiments(std::vector<RangePoint>& points) {
+  std::map<long, std::vector<std::size_t>> places;
+  std::vector<std::size_t> order(points.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::sort(order, {}, [&](std::size_t i) { return points[i].true_mm; });
+  long place = 0;
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    if (k > 0 && points[order[k]].true_mm - points[order[k - 1]].true_mm > 2) ++place;
+    places[place].push_back(order[k]);
+  }
+  const auto most = std::ranges::max_element(
+      places, [](const auto& a, const auto& b) { return a.second.size() < b.second.size(); });
+  if (most == places.end()) return;
+  std::vector<double> counts;
+  for (const std::size_t i : most->second) counts.push_back(points[i].intensity);
+  std::ranges::sort(counts);
+  int different = counts.empty() ? 0 : 1;
+  double last = counts.empty() ? 0 : counts.front();
+  for (const double c : counts)
+    if (c > 1.03 * last) ++different, last = c;
+  const bool has_intensity = different >= 4;
+  if (has_intensity)
+    for (const std::size_t i : most->second) points[i].for_intensity = true;
+  if (places.size() < 3) return;
+  for (auto& [key, members] : places)
+    if (key != most->first || !has_intensity)
+      for (const std::size_t i : members) points[i].for_distance = true;
+  if (!has_intensity) return;
+  // The surface that was carried along the rail also stood at the reference distance.
+  const auto next = std::next(most) != places.end() ? std::next(most) : std::prev(most);
+  const double carried = points[next->second.front()].intensity;
+  const auto nearest = std::ranges::min_element(most->second, {}, [&](std::size_t i) {
+    return std::abs(std::log(std::max(1.0, points[i].intensity) / std::max(1.0, carried)));
+  });
+  points[*nearest].for_distance = true;
+}
+
+RangeCalibration calibrate_range(std::vector<RangePoint> points, const RangeOptions& options) {
+  RangeCalibration out;
+  sort_into_experiments(points);
+  const auto any = [&](bool RangePoint::*which) { return std::ranges::any_of(points, which); };
+  const bool with_intensity = any(&RangePoint::for_intensity), with_distance = any(&RangePoint::for_distance);
+  out.scatter_intensity_mm = scatter_of(curve(points, &RangePoint::for_intensity, &RangePoint::intensity, 0),
+                                        options.placement_u_mm);
+  out.scatter_distance_mm =
+      scatter_of(curve(points, &RangePoint::for_distance, &RangePoint::true_mm, 0), options.placement_u_mm);
+  const FamilyFit *intensity = nullptr, *distance = nullptr;
+  double reference_mm = 0, reference_counts = options.reference_intensity;
+  if (with_intensity) {
+    out.intensity_table = compare_families(
+        curve(points, &RangePoint::for_intensity, &RangePoint::intensity, out.scatter_intensity_mm));
+    intensity = chosen(out.intensity_table, options.intensity_family);
+    for (const RangePoint& p : points)
+      if (p.for_intensity) {
+        reference_mm = p.true_mm;
+        if (options.reference_intensity <= 0) reference_counts = std::max(reference_counts, p.intensity);
+      }
+    if (intensity)
+      out.sequential = sequential_of(*intensity, points, out.scatter_distance_mm, options.distance_family,
+                                     out.distance_table);
+  }
+  if (with_distance && !out.sequential)
+    out.distance_table = compare_families(
+        curve(points, &RangePoint::for_distance, &RangePoint::measured_mm, out.scatter_distance_mm));
+  if (with_distance) distance = chosen(out.distance_table, options.distance_family);
+  out.rms_before_mm = points.empty() ? std::nan("") : rms_of(points, nullptr);
+  if (intensity && distance) {
+    const JointFit joint = fit_joint(points, *intensity, *distance, out.scatter_intensity_mm,
+                                     out.scatter_distance_mm, reference_mm, reference_counts);
+    if (joint.ok) {
+      out.joint = joint.correction;
+      out.condition = joint.condition, out.correlation = joint.correlation, out.held_out_mm = joint.held_out;
+    } else {
+      out.notes.emplace_back("there are too few points for both curves at once; the sequential way was used");
+      out.joint = out.sequential;
+    }
+    state_identifiability(out, points);
+  } else if (intensity) {
+    out.joint = single(*intensity, CorrectionTerm::Argument::intensity);
+    out.held_out_mm = intensity->held_out;
+    out.identifiability.emplace_back(
+        "the distance was not changed: an error that grows with distance is not in this correction");
+  } else if (distance) {
+    out.joint = single(*distance, CorrectionTerm::Argument::range);
+    out.held_out_mm = distance->held_out;
+    out.identifiability.emplace_back(
+        "only one surface was measured, and its echo's intensity changes with distance: how much of the "
+        "error is due "
+        "to distance and how much to intensity cannot be told, and the curve holds for such a surface only. "
+        "Measure "
+        "several surfaces at one distance (procedure range-intensity) as well");
+    if (!any(&RangePoint::for_distance)) out.joint.reset();
+  } else {
+    out.why_not = with_intensity || with_distance
+                      ? "no family of curves could be fitted to these points"
+                      : "a range correction needs at least three distances, or four surfaces at one distance";
+  }
+  out.sequential = intensity && distance ? out.sequential : std::nullopt;
+  for (auto* correction : {&out.joint, &out.sequential}) {
+    if (!*correction) continue;
+    (*correction)->reference_mm = reference_mm, (*correction)->reference_intensity = reference_counts;
+    (*correction)->common_u_mm = options.placement_u_mm;
+    set_ranges(**correction, points);
+  }
+  if (out.joint) out.rms_after_mm = rms_of(points, &*out.joint);
+  return out;
+}
+
+namespace {
+
+struct Spread {
+  double sd, low, high;
+};
+
+/// Jackknife over ten blocks of neighbours: the differences overlap and are far from independent.
+Spread spread_of(const std::vector<double>& differences) {
+  const auto sd_without = [&](std::size_t from, std::size_t to) {
+    double n = 0, mean = 0, square = 0;
+    for (std::size_t i = 0; i < differences.size(); ++i) {
+      if (i >= from && i < to) continue;
+      ++n;
+      const double d = differences[i] - mean;
+      mean += d / n;
+      square += d * (differences[i] - mean);
+    }
+    return n > 1 ? std::sqrt(square / (n - 1)) : std::nan("");
+  };
+  const double whole = sd_without(0, 0);
+  constexpr std::size_t blocks = 10;
+  double mean = 0, square = 0;
+  std::vector<double> logs;
+  for (std::size_t b = 0; b < blocks; ++b)
+    logs.push_back(
+        std::log(sd_without(b * differences.size() / blocks, (b + 1) * differences.size() / blocks)));
+  for (const double value : logs) mean += value / blocks;
+  for (const double value : logs) square += (value - mean) * (value - mean);
+  // Student's 97.5 % point with 9 degrees of freedom.
+  const double reach = 2.262 * std::sqrt(square * (blocks - 1) / blocks);
+  return {whole, whole * std::exp(-reach), whole * std::exp(reach)};
+}
+
+}  // namespace
+
+DifferenceSpread difference_spread(std::span<const Eigen::Vector2d> points, int lag) {
+  DifferenceSpread out;
+  const auto step = static_cast<std::size_t>(lag);
+  if (points.size() < step + 20) {
+    out.sd_mm = out.plane_sd_mm = std::nan("");
+    return out;
+  }
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  for (const auto& p : points) mean += p / static_cast<double>(points.size());
+  Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
+  for (const auto& p : points) scatter += (p - mean) * (p - mean).transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(scatter);
+  const Eigen::Vector2d normal = axes.eigenvectors().col(0);
+  std::vector<double> plain, flat;
+  for (std::size_t i = step; i < points.size(); ++i) {
+    plain.push_back(points[i].y() - points[i - step].y());
+    flat.push_back(normal.dot(points[i] - points[i - step]));
+  }
+  const Spread paper = spread_of(plain), plane = spread_of(flat);
+  out.sd_mm = paper.sd, out.low_mm = paper.low, out.high_mm = paper.high;
+  out.plane_sd_mm = plane.sd, out.plane_low_mm = plane.low, out.plane_high_mm = plane.high;
+  out.pairs = static_cast<long>(plain.size());
+  return out;
+}
+
+namespace {
+
+/// To the line through neighbouring points; neighbours farther apart than the gate are not joined.
+double distance_to(const Eigen::Vector2d& p, std::span<const Eigen::Vector2d> scene, double gate_mm) {
+  double nearest = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < scene.size(); ++i) {
+    nearest = std::min(nearest, (p - scene[i]).norm());
+    if (i == 0) continue;
+    const Eigen::Vector2d along = scene[i] - scene[i - 1];
+    const double length = along.norm();
+    if (length <= 0 || length > gate_mm) continue;
+    const double place = std::clamp((p - scene[i - 1]).dot(along) / (length * length), 0.0, 1.0);
+    nearest = std::min(nearest, (p - scene[i - 1] - place * along).norm());
+  }
+  return nearest;
+}
+
+}  // namespace
+
+SceneDistance scene_distance(std::span<const Eigen::Vector2d> a, std::span<const Eigen::Vector2d> b,
+                             double gate_mm) {
+  SceneDistance out;
+  double sum = 0, square = 0;
+  for (const auto& p : a) {
+    const double nearest = distance_to(p, b, gate_mm);
+    if (nearest > gate_mm) continue;
+    sum += nearest, square += nearest * nearest, ++out.pairs;
+  }
+  const auto n = static_cast<double>(out.pairs);
+  out.mean_mm = out.pairs ? sum / n : std::nan("");
+  out.u_mm = out.pairs > 1 ? std::sqrt(std::max(0.0, square / n - out.mean_mm * out.mean_mm) / (n - 1))
+                           : std::nan("");
+  return out;
+}
+
+}  // namespace fit

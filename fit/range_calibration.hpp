@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "fit/correction.hpp"
+#include "fit/family.hpp"
+
+namespace fit {
+
+/// One capture of a flat target: its true distance, and what the beam square on it measured.
+struct RangePoint {
+  double true_mm = 0;
+  double measured_mm = 0;
+  double u_mm = 1;  ///< Of the measured mean.
+  double intensity = 0;
+  bool for_intensity = false;  ///< Taken at the distance at which surfaces were changed (experiment A1).
+  bool for_distance = false;   ///< One of the same surface at many distances (A2).
+  [[nodiscard]] double error_mm() const { return measured_mm - true_mm; }
+};
+
+/// Sorts captures into the two experiments by what was changed: A1 is the true distance (within 2 mm) at
+/// which there are most captures, if at least four of them differ in intensity by 3 % or more; A2 is
+/// everything when there are three distances or more, but of A1's captures only the one whose intensity is
+/// nearest to that of the next distance. `least` is below 4 only in tests.
+void sort_into_experiments(std::vector<RangePoint>& points);
+
+struct RangeOptions {
+  std::string intensity_family, distance_family;  ///< Empty: what predicts best.
+  double reference_intensity = 0;                 ///< 0: the largest of A1.
+  double placement_u_mm = 0;  ///< Used as scatter where there are too few points to see it.
+};
+
+/// Errors of echo strength and of distance, from the points of one selection of samples.
+struct RangeCalibration {
+  std::vector<FamilyFit> intensity_table,
+      distance_table;                    ///< As the paper's tables; sorted by held-out error.
+  std::optional<Correction> joint;       ///< Both at once; also when only one of the two could be fitted.
+  std::optional<Correction> sequential;  ///< The paper's way: A1 first, then A2 corrected by it.
+  double scatter_intensity_mm = 0, scatter_distance_mm = 0;  ///< Beyond the means' own uncertainty.
+  double rms_before_mm = 0, rms_after_mm = 0;                ///< Of the points' errors.
+  double held_out_mm = 0;  ///< Of the joint model, each tenth of the points predicted from the others.
+  double condition = 0;    ///< Of the joint model.
+  double correlation = 0;  ///< Largest canonical correlation of intensity and distance parts.
+  std::vector<std::string> identifiability;  ///< What these points cannot separate.
+  std::vector<std::string> notes;
+  std::string why_not;  ///< Why there is no correction.
+};
+
+[[nodiscard]] RangeCalibration calibrate_range(std::vector<RangePoint> points,
+                                               const RangeOptions& options = {});
+
+/// Source A, experiment A3: standard deviation of the difference between each ordinate and the `lag`-th
+/// before it, with a 95 % interval from blocks of neighbours left out in turn (jackknife). As the paper
+/// computes it, and after the best plane was removed (a slanted wall alone gives a large figure).
+struct DifferenceSpread {
+  double sd_mm = 0, low_mm = 0, high_mm = 0;
+  double plane_sd_mm = 0, plane_low_mm = 0, plane_high_mm = 0;
+  long pairs = 0;
+};
+[[nodiscard]] DifferenceSpread difference_spread(std::span<const Eigen::Vector2d> points, int lag);
+
+/// Source A, experiment A6: distance from each point of `a` to the line through neighbouring points of `b`,
+/// averaged over those nearer than `gate_mm`. NaN when there is none.
+struct SceneDistance {
+  double mean_mm = 0, u_mm = 0;
+  long pairs = 0;
+};
+[[nodiscard]] SceneDistance scene_distance(std::span<const Eigen::Vector2d> a,
+                                           std::span<const Eigen::Vector2d> b, double gate_mm);
+
+}  // namespace fit

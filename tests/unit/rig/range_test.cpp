@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: MIT
+#include <unistd.h>
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "rig/errors.hpp"
+#include "rig/fitting.hpp"
+#include "rig/import_session.hpp"
+#include "rig/report.hpp"
+
+namespace {
+
+struct Place {
+  Place() : path(std::filesystem::temp_directory_path() / ("rig-range-" + std::to_string(getpid()))) {
+    std::filesystem::create_directories(path);
+  }
+  ~Place() { std::filesystem::remove_all(path); }
+  std::string file(const std::string& name) const { return (path / name).string(); }
+  std::filesystem::path path;
+};
+
+nlohmann::json value_of(const nlohmann::json& result, const std::string& name) {
+  for (const auto& value : result.at("values"))
+    if (value.at("name") == name) return value;
+  FAIL("no value " << name);
+  return {};
+}
+
+}  // namespace
+
+TEST_CASE("four real recordings before a wall give range errors with honest uncertainty, and no Fourier(2)") {
+  const std::filesystem::path real =
+      std::filesystem::path(RIG_SOURCE_DIR) / ".." / "shared" / "real" / "lds02-wall";
+  if (!std::filesystem::exists(real)) {
+    WARN("skipped: the real recordings are not here (" << real.string() << ")");
+    return;
+  }
+  const Place place;
+  rig::ImportRequest request;
+  for (const char* name : {"0.5m", "1m", "1.5m", "2m"})
+    request.files.push_back((real / (std::string("lidar_calibration_") + name)).string());
+  request.output = place.file("wall.rig");
+  rig::import_session(request);
+  nlohmann::json result;
+  {
+    const rig::SessionStore session(request.output, rig::SessionStore::Mode::read);
+    result = rig::run_fit("range", {{request.output, &session}}, nlohmann::json::object());
+  }
+  for (const char* name : {"error_at_500_mm", "error_at_1000_mm", "error_at_1500_mm", "error_at_2000_mm"}) {
+    const auto value = value_of(result, name);
+    INFO(value.dump());
+    // The distances themselves are only known to 5 mm: no smaller uncertainty may be claimed.
+    CHECK(value.at("u").get<double>() >= 5);
+    CHECK(value.at("u").get<double>() < 6);
+    CHECK(std::abs(value.at("value").get<double>()) < 2 * value.at("U").get<double>());
+  }
+  const auto& captures = result.at("tables").at(0).at("rows");
+  REQUIRE(captures.size() == 4);
+  for (const auto& row : captures) {
+    CHECK(std::abs(row.at(2).get<double>()) < 3);  // The beam square on the wall lies around angle 0.
+    CHECK(row.at(4).get<double>() > 200);          // Most frequent intensity.
+  }
+  const std::string text = result.dump();
+  CHECK_THAT(text, Catch::Contains("has 6 coefficients and needs points at 8 places or more; there are 4"));
+  CHECK_THAT(text, Catch::Contains("only one surface was measured"));
+  // Two levels 4 mm apart are how this device reports 1 m; neither is nonsense.
+  for (const auto& row : result.at("tables").back().at("rows")) CHECK(row.at(4).get<int>() < 5);
+  {
+    rig::SessionStore session(request.output, rig::SessionStore::Mode::append);
+    session.add_result("range", result.dump());
+  }
+  rig::write_report(request.output, place.file("wall.html"));
+  CHECK(std::filesystem::file_size(place.file("wall.html")) > 20000);
+}
