@@ -540,8 +540,8 @@ const std::vector<Kind>& kinds() {
        [](S, D, double) {
          return json{{"share", 1}};
        },
-       1,
-       false,
+       3,
+       true,
        true},
       {"time-offset",
        {"turning"},
@@ -715,11 +715,16 @@ class WorldCause : public Cause {
     shape_.sign = random.sign();
     shape_.power = power_span(session);
     shape_.wall = static_cast<std::size_t>(random.integer(0, static_cast<int>(session.walls.size()) - 1));
+    for (const Capture& capture : session.captures) rates_.push_back(capture.rate_deg_s);
     plain_ = Table(session, plain_world(session), kind_.each_scan);
   }
 
   void build(Session& session) override {
     session_ = &session;
+    if (id == "motion-skew") {  // its strength is how fast the stage turns
+      for (std::size_t i = 0; i < rates_.size(); ++i) session.captures[i].rate_deg_s = rates_[i] * strength;
+      plain_ = Table(session, plain_world(session), true);
+    }
     const json world = add_to(plain_world(session));
     if (kind_.shifts) with_ = Table(session, world, kind_.each_scan);
     if (id == "intensity-noise" || id == "sunlight") probe(session, world);
@@ -792,6 +797,7 @@ class WorldCause : public Cause {
   const Kind& kind_;
   Shape shape_;
   const Session* session_ = nullptr;
+  std::vector<double> rates_;
   Table plain_, with_, steeper_;
   double probe_ = 1;
 };
