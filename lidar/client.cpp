@@ -151,6 +151,8 @@ struct Client::Impl {
 
   /// One read; returns false when the deadline passed first. Bytes read before it are kept.
   awaitable<bool> fill(steady_clock::time_point until, const char* during) {
+    // Bytes that never cease would otherwise always be there before the watchdog wakes.
+    if (steady_clock::now() >= until) co_return false;
     const std::span<char> room = reader.prepare(read_bytes);
     watchdog->guard(socket, until);
     error_code failed;
