@@ -392,11 +392,12 @@ awaitable<Identity> Client::Impl::connect() {
   } catch (const LidarError& error) {
     mute = error;
   }
-  if (mute && mute->kind() == Kind::no_answer) {
+  if (mute && (mute->kind() == Kind::no_answer || mute->kind() == Kind::connection_lost)) {
+    const bool hung_up = mute->kind() == Kind::connection_lost;
     close();
     throw LidarError(Kind::not_a_lidar,
-                     "something listens at " + address() +
-                         " but does not answer in SCIP. Check the address and port (a UST-10LX uses 10940), "
+                     "something listens at " + address() + (hung_up ? " but hangs up" : "") +
+                         " and does not answer in SCIP. Check the address and port (a UST-10LX uses 10940), "
                          "and that no other program is connected to it");
   }
   if (mute) throw *mute;
