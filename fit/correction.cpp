@@ -168,6 +168,8 @@ json parse_text(const std::string& text, const std::string& name) {
     throw std::invalid_argument(name + ":" + std::to_string(place.line) + ":" + std::to_string(place.column) +
                                 ": this is not JSON; a correction is written by 'rig export SESSION --format "
                                 "correction'");
+  } catch (const json::exception& error) {
+    throw std::invalid_argument(name + ": " + error.what());
   }
 }
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "rig/range_source.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -87,25 +86,30 @@ Normal normal_of(const fit::Recording& recording, std::size_t index, const Board
     }
   });
   const Normal by_bench{board.normal_rad, bench_u_rad, false};
-  double angle = board.normal_rad, sigma = 0, spread = 0;
+  // Depth against place along the board, as the bench has it: a slope is a turn of the normal.
+  const Vector2d along(-board.normal.y(), board.normal.x());
+  double slope = 0, sigma = 0, spread = 0;
   for (int round = 0; round < 4; ++round) {
     if (seen.size() < 50) return by_bench;
+    const auto n = static_cast<double>(seen.size());
     Vector2d mean = Vector2d::Zero();
-    for (const Vector2d& p : seen) mean += p / static_cast<double>(seen.size());
-    Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
-    for (const Vector2d& p : seen)
-      scatter += (p - mean) * (p - mean).transpose() / static_cast<double>(seen.size());
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(scatter);
-    Vector2d normal = axes.eigenvectors().col(0);
-    if (normal.dot(mean) < 0) normal = -normal;
-    angle = std::atan2(normal.y(), normal.x());
-    sigma = std::sqrt(std::max(0.0, axes.eigenvalues()[0])), spread = std::sqrt(axes.eigenvalues()[1]);
-    const double distance = normal.dot(mean);
-    std::erase_if(seen,
-                  [&](const Vector2d& p) { return std::abs(normal.dot(p) - distance) > 3.5 * sigma + 0.5; });
+    for (const Vector2d& p : seen) mean += p / n;
+    double square = 0, product = 0, residual = 0;
+    for (const Vector2d& p : seen) {
+      const double t = along.dot(p - mean), q = board.normal.dot(p - mean);
+      square += t * t, product += t * q;
+    }
+    if (square <= 0) return by_bench;
+    slope = product / square;
+    const auto off = [&](const Vector2d& p) {
+      return board.normal.dot(p - mean) - slope * along.dot(p - mean);
+    };
+    for (const Vector2d& p : seen) residual += off(p) * off(p);
+    sigma = std::sqrt(residual / n), spread = std::sqrt(square / n);
+    std::erase_if(seen, [&](const Vector2d& p) { return std::abs(off(p)) > 3.5 * sigma + 0.5; });
   }
-  if (spread < 3 * sigma) return by_bench;
-  // Errors of neighbouring beams go together (surface, walk error): count scans as one in ten.
+  const double angle = board.normal_rad - std::atan(slope);
+  // Errors of neighbouring beams go together (surface, walk error): count ten samples as one.
   const double u = std::max(1e-4, sigma / spread / std::sqrt(static_cast<double>(seen.size()) / 10));
   if (u >= bench_u_rad) return by_bench;
   return {angle, u, true};

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: MIT
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "rig/apply_session.hpp"
+#include "rig/command.hpp"
+#include "rig/correction_source.hpp"
+#include "rig/report.hpp"
+
+namespace rig::commands {
+namespace {
+
+double percent(long part, long whole) {
+  return whole ? 100.0 * static_cast<double>(part) / static_cast<double>(whole) : 0;
+}
+
+class Apply : public Command {
+ public:
+  CLI::App* declare(CLI::App& root) override {
+    auto* command = root.add_subcommand("apply", "Corrects the ranges of a session");
+    command
+        ->add_option("correction", request_.correction_name,
+                     "Correction (*.json), or a session that holds one")
+        ->required();
+    command->add_option("session", request_.input, "Session to correct")->required();
+    command->add_option("-o,--output", request_.output, "Session to make (*.rig)")->required();
+    command
+        ->add_option("--outside", outside_,
+                     "What becomes of samples outside the calibrated region: hold corrects them as at its "
+                     "border, drop leaves them out")
+        ->check(CLI::IsMember({"hold", "drop"}))
+        ->capture_default_str();
+    command->add_flag("--any-lidar", request_.any_lidar,
+                      "Also for another lidar than the one that was calibrated");
+    command->add_option("--json", json_, "Write what was done to FILE, or '-' for standard output");
+    return command;
+  }
+
+  int run() override {
+    request_.correction = load_correction(request_.correction_name);
+    request_.drop_outside = outside_ == "drop";
+    const ApplyReport report = apply_to_session(request_);
+    std::fprintf(stderr, "apply: %ld samples of %ld scans corrected, by %.2f mm on average -> %s\n",
+                 report.samples, report.scans, report.mean_error_mm, request_.output.c_str());
+    if (report.outside_range + report.outside_intensity > 0)
+      std::fprintf(
+          stderr,
+          "apply: %.1f %% of the samples lie outside the calibrated distances, %.1f %% outside the "
+          "calibrated intensities; "
+          "they were %s\n",
+          percent(report.outside_range, report.samples), percent(report.outside_intensity, report.samples),
+          request_.drop_outside ? "left out" : "corrected as at the border of the calibrated region");
+    const nlohmann::json out = {{"schema", "apply/1"},
+                                {"scans", report.scans},
+                                {"samples", report.samples},
+                                {"without_echo", report.without_echo},
+                                {"outside_range", report.outside_range},
+                                {"outside_intensity", report.outside_intensity},
+                                {"mean_error_mm", report.mean_error_mm}};
+    if (json_ == "-")
+      std::printf("%s\n", out.dump(1).c_str());
+    else if (!json_.empty())
+      write_file_atomically(json_, out.dump(1) + "\n");
+    return 0;
+  }
+
+ private:
+  ApplyRequest request_;
+  std::string outside_ = "hold", json_;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> make_apply() { return std::make_unique<Apply>(); }
+
+}  // namespace rig::commands
