@@ -67,7 +67,8 @@ std::vector<double> Mechanism::values(const std::map<std::string, Estimate>& giv
     if (found != given.end())
       list.push_back(found->second.value);
     else
-      list.push_back(parameter.role == Parameter::Role::shape ? parameter.lower : parameter.expected);
+      list.push_back(parameter.role == Parameter::Role::shape && parameter.expected == 0 ? parameter.lower
+                                                                                         : parameter.expected);
   }
   return list;
 }

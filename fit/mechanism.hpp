@@ -97,8 +97,8 @@ struct Parameter {
   };
   std::string name;
   Role role = Role::size;
-  double typical = 1;  ///< Size: standard deviation of the prior around `expected`.
-  double expected = 0;
+  double typical = 1;   ///< Size: standard deviation of the prior around `expected`.
+  double expected = 0;  ///< Shape: what a bench file that leaves it out means; 0: the lower bound.
   double largest = std::numeric_limits<double>::infinity();  ///< Size: what physics allows at most.
   int sign = 0;                 ///< Size: +1 or -1 when physics allows only one sign.
   double lower = 0, upper = 1;  ///< Shape: bounds.
@@ -125,7 +125,10 @@ struct Mechanism {
   Coordinate coordinate = Coordinate::range;
   std::vector<Parameter> parameters;
   bool one_target = false;  ///< Acts on one target, named by the text parameter "target".
-  bool geometric = false;   ///< Works through angles or places, not through the measured distance itself.
+  /// How far real causes differ from the formula, as a share of the effect: a scale is a scale, a pulse on a
+  /// threshold only resembles an exponential.
+  double formula_error = 0.1;
+  bool geometric = false;  ///< Works through angles or places, not through the measured distance itself.
   /// Values in the order of `parameters`.
   std::function<Effect(const Circumstances&, std::span<const double> values)> act;
   std::function<std::string(const Finding&)> says;

@@ -151,6 +151,8 @@ struct Client::Impl {
 
   /// One read; returns false when the deadline passed first. Bytes read before it are kept.
   awaitable<bool> fill(steady_clock::time_point until, const char* during) {
+    // Bytes that never cease would otherwise always be there before the watchdog wakes.
+    if (steady_clock::now() >= until) co_return false;
     const std::span<char> room = reader.prepare(read_bytes);
     watchdog->guard(socket, until);
     error_code failed;
@@ -390,11 +392,12 @@ awaitable<Identity> Client::Impl::connect() {
   } catch (const LidarError& error) {
     mute = error;
   }
-  if (mute && mute->kind() == Kind::no_answer) {
+  if (mute && (mute->kind() == Kind::no_answer || mute->kind() == Kind::connection_lost)) {
+    const bool hung_up = mute->kind() == Kind::connection_lost;
     close();
     throw LidarError(Kind::not_a_lidar,
-                     "something listens at " + address() +
-                         " but does not answer in SCIP. Check the address and port (a UST-10LX uses 10940), "
+                     "something listens at " + address() + (hung_up ? " but hangs up" : "") +
+                         " and does not answer in SCIP. Check the address and port (a UST-10LX uses 10940), "
                          "and that no other program is connected to it");
   }
   if (mute) throw *mute;

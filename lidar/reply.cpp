@@ -40,6 +40,17 @@ bool sum_matches(std::string_view text, char sum) {
   return comment != std::string_view::npos && checksum(text.substr(0, comment)) == sum;
 }
 
+/// A number of two or three characters; empty when one is no data character.
+std::optional<std::uint32_t> short_value(std::string_view characters) {
+  std::uint32_t value = 0, outside = 0;
+  for (const char c : characters) {
+    const std::uint32_t number = static_cast<unsigned char>(c - 0x30);
+    outside |= number;
+    value = value << 6 | number;
+  }
+  return outside < 0x40 ? std::optional(value) : std::nullopt;
+}
+
 /// Joins the lines of data, each verified.
 tl::expected<std::string, DataError> join(std::string_view body) {
   std::string payload;
@@ -162,13 +173,15 @@ tl::expected<RawScan, DataError> decode_scan(std::string_view body, const ScanCo
   const bool with_intensity = command.format == ScanFormat::distance_intensity;
   const std::size_t characters = command.format == ScanFormat::distance2 ? 2 : 3;
   const std::size_t value_size = characters + (with_intensity ? 3 : 0);
+  scan.range_mm.reserve(payload.size() / value_size);
+  if (with_intensity) scan.intensity.reserve(payload.size() / value_size);
   std::string_view rest = payload;
   while (!rest.empty()) {
     const bool further = multi_echo && rest.front() == '&';
     if (further) rest.remove_prefix(1);
     if (rest.size() < value_size) return tl::unexpected<DataError>(DataError::wrong_count);
-    const auto range = decode_value(rest.substr(0, characters));
-    const auto intensity = with_intensity ? decode_value(rest.substr(3, 3)) : std::optional<std::uint64_t>(0);
+    const auto range = short_value(rest.substr(0, characters));
+    const auto intensity = short_value(with_intensity ? rest.substr(3, 3) : std::string_view());
     if (!range || !intensity) return tl::unexpected<DataError>(DataError::bad_character);
     if (multi_echo) {
       if (further && (scan.echoes.empty() || scan.echoes.back() >= 3)) {
@@ -179,8 +192,8 @@ tl::expected<RawScan, DataError> decode_scan(std::string_view body, const ScanCo
       else
         scan.echoes.push_back(1);
     }
-    scan.range_mm.push_back(static_cast<std::uint32_t>(*range));
-    if (with_intensity) scan.intensity.push_back(static_cast<std::uint32_t>(*intensity));
+    scan.range_mm.push_back(*range);
+    if (with_intensity) scan.intensity.push_back(*intensity);
     rest.remove_prefix(value_size);
   }
   const std::size_t steps = multi_echo ? scan.echoes.size() : scan.range_mm.size();

@@ -13,7 +13,7 @@ constexpr double least_period_wander_ms = 1e-5;
 constexpr double widening_interval_ms = 2000;
 constexpr double largest_misfit_ms = 2;   // beyond, it is another grid
 constexpr double wander_memory = 0.99;    // of the wandering that was seen, a second
-constexpr double cut_slack_ms = 1e-3;     // less is not worth a cut
+constexpr double cut_share = 0.02;        // of the polygon's width: less is not worth a cut
 constexpr std::size_t most_corners = 10;  // more say nothing that matters
 constexpr double smallest_side_ms = 2e-5;
 
@@ -81,7 +81,8 @@ void ScanGrid::advance(double gap_ms) {
   }
   const double misfit = std::max({0.0, -high, low - 1});
   if (turns < 1 || misfit > largest_misfit_ms || high - low > nominal_period_ms_ / 2) return begin(stamp_ms_);
-  if (!widens && low > -cut_slack_ms && high < 1 + cut_slack_ms) return;
+  const double slack = cut_share * (high - low);
+  if (!widens && low > -slack && high < 1 + slack) return;
   rebase();
   if (misfit > 0) {
     start_wander_ms_ = std::max(1.5 * start_wander_ms_, misfit);

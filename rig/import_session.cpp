@@ -115,8 +115,9 @@ class SessionWriter : public ImportSink {
     step_sum_ += scan.geometry.step_rad;
     first_sum_ += scan.geometry.first_rad;
     with_intensity_ += scan.intensity.empty() ? 0 : 1;
-    if (scan.geometry.scan_s) {
-      scan_s_sum_ += *scan.geometry.scan_s;
+    const double swept_rad = std::abs(scan.geometry.step_rad) * static_cast<double>(scan.range_mm.size());
+    if (scan.geometry.scan_s && *scan.geometry.scan_s > 0 && swept_rad > 0) {
+      turn_s_sum_ += *scan.geometry.scan_s * 2 * fit::pi / swept_rad;
       ++timed_;
     }
   }
@@ -157,7 +158,7 @@ class SessionWriter : public ImportSink {
   [[nodiscard]] double mean_first_rad() const { return first_sum_ / scans(); }
   [[nodiscard]] double mean_step_rad() const { return step_sum_ / scans(); }
   [[nodiscard]] double scan_hz() const {
-    return timed_ > 0 && scan_s_sum_ > 0 ? static_cast<double>(timed_) / scan_s_sum_ : 10;
+    return timed_ > 0 && turn_s_sum_ > 0 ? static_cast<double>(timed_) / turn_s_sum_ : 10;
   }
   [[nodiscard]] const std::string& source() const { return source_; }
   [[nodiscard]] const std::map<std::string, std::string>& properties() const { return properties_; }
@@ -198,7 +199,7 @@ class SessionWriter : public ImportSink {
   std::string file_, frame_, source_, tracked_;
   std::int64_t capture_ = 0, seq_ = 0;
   std::size_t most_beams_ = 0;
-  double step_sum_ = 0, first_sum_ = 0, scan_s_sum_ = 0;
+  double step_sum_ = 0, first_sum_ = 0, turn_s_sum_ = 0;
   std::uint64_t timed_ = 0, with_intensity_ = 0;
   std::map<std::string, ImportedTransform> transforms_;
   std::map<std::string, std::string> properties_;

@@ -52,6 +52,8 @@ class ImportSink {
 /// What the operator chooses where a recording holds several of a kind; empty: the first found.
 struct ImportOptions {
   std::string scan_topic, odometry_topic, left_wheel, right_wheel;
+  /// How the beams lie, for tables that do not say it (CSV).
+  std::optional<double> first_deg, step_deg, scan_hz;
 };
 
 /// One file format of other tools. Each lives in its own file importers/NAME.cpp, which defines

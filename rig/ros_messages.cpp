@@ -146,7 +146,10 @@ void RosMessages::laser_scan(const std::string& topic, std::int64_t log_time_ns,
   scan.geometry.first_rad = first;
   scan.geometry.step_rad = step;
   // The time between beams says more than the time between scans: some drivers give only one of them.
-  const double sweep_s = beam_s > 0 ? beam_s * static_cast<double>(ranges.size()) : scan_s;
+  // Drivers that leave the time of a beam out give that of a whole turn.
+  const double turn = std::abs(scan.geometry.step_rad) * static_cast<double>(ranges.size()) / (2 * fit::pi);
+  const double sweep_s =
+      beam_s > 0 ? beam_s * static_cast<double>(ranges.size()) : scan_s * std::min(1.0, turn);
   if (std::isfinite(sweep_s) && sweep_s > 0 && sweep_s < 100) scan.geometry.scan_s = sweep_s;
   range_mm_.clear();
   for (const float range_m : ranges) {

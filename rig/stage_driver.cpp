@@ -359,7 +359,7 @@ awaitable<void> StageDriver::reopen() {
     heart_->timer.cancel();
     heart_->guard.reset();  // It holds the old port, and the lock on it.
     link_->reopen();
-    protocol_->forget_answers();
+    protocol_->link_was_lost();
     auto asking = protocol_->identify();
     const StageIdentity now = co_await std::move(asking);
     if (now.serial != identity_.serial || now.model != identity_.model)

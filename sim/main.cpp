@@ -48,6 +48,15 @@ int conceal(const Options& options) {
   return 0;
 }
 
+/// What the driver must know and the bench file may not say.
+std::string stage_url(const std::string& path, const Options& options, bool at_max_speed) {
+  std::string url = "serial:" + path;
+  if (at_max_speed) url += "?settle_s=0";
+  if (!options.stage_language.empty())
+    url += (at_max_speed ? "&" : "?") + ("language=" + options.stage_language);
+  return url;
+}
+
 int serve(const Options& options) {
   const sim::SimulatedBench simulated = sim::make_simulated_bench(options.choice);
   const fit::Bench& scene = simulated.scene;
@@ -101,7 +110,7 @@ int serve(const Options& options) {
       {"lidar_port", server.port()},
       {"lidar", "tcp://" + options.listen + ":" + std::to_string(server.port())},
       {"stage_port", stage_path},
-      {"stage", "serial:" + stage_path + (clock.is_max() ? "?settle_s=0" : "")},
+      {"stage", stage_url(stage_path, options, clock.is_max())},
       {"operator_port", operator_port.port()},
       {"operator", options.listen + ":" + std::to_string(operator_port.port())}};
   std::printf("%s\n", ready.dump().c_str());

@@ -56,10 +56,11 @@ void set_physics(StagePhysics& physics, const json& causes) {
 }
 
 /// What is known of a stage by its name (docs/stages.md gives the sources).
-void set_model(StagePhysics& physics, const std::string& model) {
-  if (model == "X-RSW60A") physics.units_per_deg = 1536000.0 / 360;
-  if (model == "X-RSW60C") physics.units_per_deg = 384000.0 / 360;
-  if (model == "OSMS-40YAW" || model == "OSMS-60YAW") {
+void set_model(StagePhysics& physics, const std::string& model, const std::string& language) {
+  const bool is_sigma_koki = language == "shot" || language == "gsc";
+  if (language == "zaber" && model == "X-RSW60A") physics.units_per_deg = 1536000.0 / 360;
+  if (language == "zaber" && model == "X-RSW60C") physics.units_per_deg = 384000.0 / 360;
+  if (is_sigma_koki && (model == "OSMS-40YAW" || model == "OSMS-60YAW")) {
     physics.min_deg = -2.5;  // A hard stop clockwise; the other way it turns without end.
     physics.backlash_deg = 0.1;
   }
@@ -97,7 +98,7 @@ StageDeviceOptions stage_device_options(const fit::Bench& bench, const std::stri
   StageDeviceOptions options;
   options.language = language_override.empty() ? text(stage, "language", "zaber") : language_override;
   options.physics = usual_stage_physics(options.language);
-  set_model(options.physics, text(stage, "model", ""));
+  set_model(options.physics, text(stage, "model", ""), options.language);
   set_common(options.physics, stage);
   if (stage.contains("physics")) set_physics(options.physics, stage["physics"]);
   if (stage.contains("address")) options.address = static_cast<int>(number("address", stage["address"]));

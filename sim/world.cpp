@@ -196,6 +196,8 @@ void read_optics(Section& top, World& w) {
   top.section("counter", [&](Section& s) {
     s.number("bin_ns", w.counter.bin_ns, 1, 0, 100);
     s.number("ppm", w.counter.ppm, 1, -1e5, 1e5);
+    s.number("jitter_ns", w.counter.jitter_ns, 1, 0, 100);
+    s.number("jitter_memory", w.counter.jitter_memory, 1, 0, 0.9999);
     s.number("leak", w.counter.leak, 1, -1, 1);
     s.positive("leak_mhz", w.counter.leak_mhz);
     s.number("leak_phase_deg", w.counter.leak_phase_rad, deg);
@@ -226,6 +228,10 @@ void read_mechanics(Section& top, World& w) {
     s.number("speed_error", w.rotor.speed_error, 1, -0.2, 0.2);
     s.number("ripple_deg", w.rotor.ripple_rad, deg, 0, 5);
     s.whole("ripple_order", w.rotor.ripple_order, 1, 1000);
+    s.number("lost_slit_deg", w.rotor.lost_slit_rad, deg, -5, 5);
+    s.number("lost_slit_at_deg", w.rotor.lost_slit_at_rad, deg);
+    s.number("interpolation_deg", w.rotor.interpolation_rad, deg, 0, 5);
+    s.whole("slits", w.rotor.slits, 0, 100000);
     s.number("index_jitter_deg", w.rotor.index_jitter_rad, deg, 0, 5);
     s.number("plane_tilt_deg", w.rotor.plane_tilt_rad, deg, -45, 45);
     s.number("plane_axis_deg", w.rotor.plane_axis_rad, deg);
@@ -321,6 +327,7 @@ World parse_world(const std::string& text, const std::string& name, const std::o
     top.refuse("", "needs a \"bench\": what the operator knows, or give a bench file beside it");
   }
   top.find("says");        // prose for the reader
+  top.find("$schema");     // for editors
   top.find("bench_file");  // load_world() has read it
   top.section("truth", [&](Section& s) { read_truth(s, world); });
   read_optics(top, world);

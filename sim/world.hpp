@@ -75,9 +75,11 @@ struct World {
   } receiver;
 
   struct Counter {
-    double bin_ns = 0;  ///< Bins of the time counter; 0: as fine as one likes.
-    double ppm = 0;     ///< Error of its clock.
-    double leak = 0;    ///< Its clock's leak into the comparator.
+    double bin_ns = 0;         ///< Bins of the time counter; 0: as fine as one likes.
+    double ppm = 0;            ///< Error of its clock.
+    double jitter_ns = 0;      ///< Random error of every reading ...
+    double jitter_memory = 0;  ///< ... which may remember the scan before (0..1).
+    double leak = 0;           ///< Its clock's leak into the comparator.
     double leak_mhz = 100;
     double leak_phase_rad = 0;
   } counter;
@@ -99,10 +101,14 @@ struct World {
     double disk_phase_rad = 0;
     double disk_lean_rad = 0;  ///< Code disk leaning on its axis.
     double disk_lean_phase_rad = 0;
-    double speed_error = 0;       ///< Relative; the firing clock starts right at the front.
-    double ripple_rad = 0;        ///< Cogging of the motor ...
-    int ripple_order = 6;         ///< ... that many times a turn.
-    double index_jitter_rad = 0;  ///< Of the index pulse: one draw a scan.
+    double speed_error = 0;        ///< Relative; the firing clock starts right at the front.
+    double ripple_rad = 0;         ///< Cogging of the motor ...
+    int ripple_order = 6;          ///< ... that many times a turn.
+    double lost_slit_rad = 0;      ///< Angles behind a lost slit of the disk are off by this ...
+    double lost_slit_at_rad = 0;   ///< ... from that beam on.
+    double interpolation_rad = 0;  ///< Sawtooth between two slits: its amplitude ...
+    int slits = 0;                 ///< ... and their number.
+    double index_jitter_rad = 0;   ///< Of the index pulse: one draw a scan.
     double plane_tilt_rad = 0, plane_axis_rad = 0;
     bool rolling = true;  ///< Beams are fired one after the other.
     struct Facet {
@@ -165,7 +171,9 @@ World load_world(const std::filesystem::path& path, const std::optional<fit::Ben
 /// and the range noise one measures on such a device. JSON text.
 std::string compile_world(const World& world);
 
-/// The causal engine: rays, pulses, gears and heat, see sim/causal/. Expected values are those of the seed.
-std::unique_ptr<Engine> make_causal_engine(const World& world, std::uint64_t seed);
+/// The causal engine: rays, pulses, gears and heat, see sim/causal/. `exact_mm`, if given, receives with
+/// every scan the ranges before rounding (NaN: no echo); it must outlive the engine.
+std::unique_ptr<Engine> make_causal_engine(const World& world, std::uint64_t seed,
+                                           std::vector<double>* exact_mm = nullptr);
 
 }  // namespace sim

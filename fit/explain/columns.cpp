@@ -9,9 +9,6 @@ namespace {
 
 using Role = Parameter::Role;
 
-/// How far a cause may differ from its formula, as a share of its effect.
-constexpr double formula_error = 0.12;
-
 bool acts_on(const Term& term, const Cell& cell) { return term.target < 0 || cell.at.target == term.target; }
 
 Eigen::VectorXd effect_column(const MeanModel& model, const Term& term, const std::vector<double>& values) {
@@ -203,6 +200,8 @@ Columns shape_columns(const MeanModel& model, const Term& term) {
 Columns freedom_columns(const MeanModel& model, const Term& term) {
   Columns c;
   const Mechanism& mechanism = *term.mechanism;
+  const double formula_error = mechanism.formula_error;
+  if (formula_error <= 0) return c;
   const Coordinate coordinate = mechanism.coordinate;
   if (coordinate == Coordinate::approach || mechanism.one_target || coordinate == Coordinate::stage_rate)
     return c;

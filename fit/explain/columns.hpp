@@ -34,6 +34,7 @@ struct Shape {
   double length = 0.3;         ///< smooth: correlation length as a share of the span.
   double at = 0;               ///< step: place; wave: period. File unit of the coordinate.
   double size = 1;             ///< Standard size of the prior: mm or rad.
+  double price = 0;            ///< Log of the number of such functions that were tried.
   std::vector<double> values;  ///< Coefficients, after a fit.
 };
 

@@ -16,8 +16,7 @@ double rounding_variance(double sigma_mm) { return std::exp(-4 * pi * pi * sigma
 
 }  // namespace
 
-std::vector<double> pooled_variance(const Reduced& reduced) {
-  std::vector<double> pooled(reduced.cells.size(), 0.0);
+void pool_variances(Reduced& reduced) {
   std::vector<double> typical;
   for (const Group& group : reduced.groups)
     if (group.scans > 2) typical.push_back(group.sigma_mm * group.sigma_mm);
@@ -48,15 +47,13 @@ std::vector<double> pooled_variance(const Reduced& reduced) {
       // A handful of samples is helped by what the session's other captures show.
       constexpr double borrowed = 20;
       const double prior = group.scans > 2 ? group.sigma_mm * group.sigma_mm : elsewhere;
-      pooled[group.first_cell + k] =
+      reduced.cells[group.first_cell + k].pooled_mm2 =
           std::max(1.0 / 12, (squares[high] - squares[low] + borrowed * prior) / (own + borrowed));
     }
   }
-  return pooled;
 }
 
 MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise, int stride) : reduced_(&reduced) {
-  const std::vector<double> variance = pooled_variance(reduced);
   std::vector<double> weights, residuals;
   for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
     const Group& group = reduced.groups[g];
@@ -65,7 +62,7 @@ MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise, int stride)
       const Cell& cell = reduced.cells[i];
       if (!cell.smooth || static_cast<int>(i % static_cast<std::size_t>(stride)) != 0) continue;
       row_.push_back(i);
-      const double v = variance[i];
+      const double v = cell.pooled_mm2;
       weights.push_back(
           1 / std::sqrt(noise.factor * v / cell.n + rounding_variance(std::sqrt(v)) + never_mm * never_mm));
       residuals.push_back(cell.mean_mm - cell.nominal_mm);

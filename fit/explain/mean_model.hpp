@@ -100,8 +100,9 @@ class MeanModel {
   Eigen::VectorXd centred_;
 };
 
-/// Variance of one sample of a cell, pooled over its neighbours on the same target.
-[[nodiscard]] std::vector<double> pooled_variance(const Reduced& reduced);
+/// Sets every cell's variance of one sample, pooled over its neighbours on the same target. Needed before any
+/// MeanModel is made.
+void pool_variances(Reduced& reduced);
 /// Factor by which means scatter more than their samples say, from neighbouring cells.
 [[nodiscard]] double excess_scatter(const MeanModel& model);
 

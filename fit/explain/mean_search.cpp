@@ -4,8 +4,10 @@
 #include <nlopt.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <set>
+#include <thread>
 #include <utility>
 
 #include "fit/explain/spread.hpp"
@@ -89,6 +91,16 @@ double implausible(const Term& term) {
   return price;
 }
 
+template <typename Work>
+void on_two_cores(std::size_t count, const Work& work) {
+  std::atomic<std::size_t> next{0};
+  const auto run = [&] {
+    for (std::size_t i = next++; i < count; i = next++) work(i);
+  };
+  std::jthread other(run);
+  run();
+}
+
 class Search {
  public:
   Search(Reduced& reduced, MeanNoise noise, const Progress& progress)
@@ -96,18 +108,27 @@ class Search {
 
   MeanResult run() {
     Hypothesis empty(reduced_.bench);
-    settle_cells(empty);
+    pool_variances(reduced_);
+    place(empty, true);  // with what the bench knows at work, once: evidences compare on the same cells only
     find_excess(empty);
+    // A large session is searched in a thinned form first; what it finds is the start of the full one.
+    stride_ = stride_of_search();
     fit(empty);
     report(0.05);
-    Hypothesis best = climb(empty, true);
-    report(0.5);
+    Hypothesis best = climb(empty, finalists);
+    report(0.4);
     if (best.terms.size() + best.shapes.size() > 0) {
       // Another way up: whatever is there may be one unnamed function instead of several mechanisms.
       Hypothesis other = from_unnamed(empty);
       if (other.evidence > best.evidence) best = other;
     }
-    report(0.7);
+    report(0.6);
+    if (stride_ > 1) {
+      stride_ = 1;
+      fit(best);
+      best = climb(best, 3, false);
+    }
+    report(0.8);
     MeanResult result(reduced_.bench);
     judge(best, result);
     report(1);
@@ -122,16 +143,9 @@ class Search {
     if (progress_) progress_(share, "comparing mechanisms");
   }
 
-  /// Leaves out the cells whose wall is doubtful, once: evidences compare on the same cells only.
-  void settle_cells(Hypothesis& empty) {
-    for (int pass = 0; pass < 2; ++pass) {
-      place(empty, true);
-      step(empty);
-    }
-    place(empty, true);
+  void place(const Hypothesis& h, bool may_leave_out = false) {
+    predict_at(reduced_, h, may_leave_out, may_leave_out ? 1 : stride_);
   }
-
-  void place(const Hypothesis& h, bool may_leave_out = false) { predict_at(reduced_, h, may_leave_out); }
 
   void find_excess(Hypothesis& empty) {
     MeanModel model(reduced_, noise_);
@@ -147,13 +161,14 @@ class Search {
 
   /// One Gauss-Newton step at the present prediction; the evidence is that before the step.
   void step(Hypothesis& h) {
-    MeanModel model(reduced_, noise_);
+    MeanModel model(reduced_, noise_, stride_);
     const Base base = base_columns(model, h);
     model.set_base(base.all.columns_mm, base.all.prior);
     const MeanModel::Posterior posterior = model.posterior();
     h.evidence = posterior.log_evidence - base.all.price -
                  price_of_mechanism * static_cast<double>(h.terms.size()) -
                  price_of_unknown * static_cast<double>(h.shapes.size());
+    for (const Shape& shape : h.shapes) h.evidence -= shape.price;
     const Eigen::VectorXd nuisance = h.nuisance.as_vector();
     h.nuisance.set(nuisance + posterior.value.head(nuisance.size()));
     for (std::size_t t = 0; t < h.terms.size(); ++t) {
@@ -176,21 +191,15 @@ class Search {
     best.evidence = -1e300;
     for (int pass = 0; pass <= passes; ++pass) {
       place(h);
-      const Hypothesis before = h;
       step(h);
-      if (h.evidence > best.evidence) {
-        best = before;
-        best.evidence = h.evidence;
-        for (std::size_t t = 0; t < h.terms.size(); ++t) best.terms[t].sigma = h.terms[t].sigma;
-        for (std::size_t s = 0; s < h.shapes.size(); ++s) best.shapes[s].values = h.shapes[s].values;
-      }
+      if (h.evidence > best.evidence - 1) best = h;  // the evidence holds for the values after the step
     }
     h = best;
   }
 
   // ---- looking for one more
   // --------------------------------------------------------------------------------
-  int stride_of_search() const {
+  [[nodiscard]] int stride_of_search() const {
     Eigen::Index smooth = 0;
     for (const Cell& cell : reduced_.cells) smooth += cell.smooth;
     return static_cast<int>(std::max<Eigen::Index>(1, (smooth + rows_of_search - 1) / rows_of_search));
@@ -203,7 +212,7 @@ class Search {
     MeanModel model(reduced_, noise_, stride);
     const Base base = base_columns(model, h);
     model.set_base(base.all.columns_mm, base.all.prior);
-    std::vector<Scored> list;
+    std::vector<Term> terms;
     if (named) {
       for (const Mechanism& m : catalogue()) {
         if (!moves_means(m)) continue;
@@ -211,12 +220,16 @@ class Search {
              target < (m.one_target ? static_cast<int>(reduced_.bench.targets.size()) : 0); ++target) {
           Term term{&m, target, std::vector<double>(m.parameters.size(), 0.0), {}};
           if (h.has(term) || (but && but->same(term)) || is_known(reduced_.bench, term)) continue;
-          const Scored scored = look(model, term);
-          if (scored.evidence > 0) list.push_back(scored);
+          terms.push_back(term);
         }
       }
     }
-    if (unnamed) look_unnamed(model, list);
+    const std::vector<Shape> shapes = unnamed ? shapes_to_try(model) : std::vector<Shape>();
+    std::vector<Scored> list(terms.size() + shapes.size());
+    on_two_cores(list.size(), [&](std::size_t i) {
+      list[i] = i < terms.size() ? look(model, terms[i]) : look(model, shapes[i - terms.size()]);
+    });
+    std::erase_if(list, [](const Scored& s) { return !(s.evidence > 0); });
     std::ranges::sort(list, [](const Scored& a, const Scored& b) { return a.evidence > b.evidence; });
     return list;
   }
@@ -312,31 +325,33 @@ class Search {
     nlopt_destroy(optimiser);
   }
 
-  void look_unnamed(const MeanModel& model, std::vector<Scored>& list) const {
-    const std::vector<double> sizes_mm{0.3, 1, 3, 10, 30};
-    const auto sizes = [&](Channel channel) {
-      std::vector<double> s = sizes_mm;
-      if (channel != Channel::range)
-        for (double& v : s) v *= 0.02 * rad_per_deg;
-      return s;
-    };
+  static Scored look(const MeanModel& model, Shape shape) {
+    Scored best;
+    const double price = shape.price;
+    shape.size = 1;
+    const Columns unit = shape_of(model, shape);
+    const MeanModel::Products products = model.products(unit.columns_mm);
+    if (products.square.trace() < 1e-9) return best;
+    for (double size : {0.3, 1.0, 3.0, 10.0, 30.0}) {
+      if (shape.channel != Channel::range) size *= 0.02 * rad_per_deg;
+      Prior prior = unit.prior;
+      prior.sigma *= size;
+      const MeanModel::Fit f = MeanModel::solve(products, prior, false);
+      if (f.evidence - price <= best.evidence) continue;
+      best.evidence = f.evidence - price;
+      best.gain = f.gain;
+      shape.size = size;
+      best.shape = shape;
+    }
+    return best;
+  }
+
+  /// Unnamed functions of every coordinate, with the price of having looked at so many.
+  static std::vector<Shape> shapes_to_try(const MeanModel& model) {
+    std::vector<Shape> list;
     const auto consider = [&](Shape shape, double price) {
-      shape.size = 1;
-      const Columns unit = shape_of(model, shape);
-      const MeanModel::Products products = model.products(unit.columns_mm);
-      if (products.square.trace() < 1e-9) return;
-      Scored best;
-      for (const double size : sizes(shape.channel)) {
-        Prior prior = unit.prior;
-        prior.sigma *= size;
-        const MeanModel::Fit f = MeanModel::solve(products, prior, false);
-        if (f.evidence - price <= best.evidence) continue;
-        best.evidence = f.evidence - price;
-        best.gain = f.gain;
-        shape.size = size;
-        best.shape = shape;
-      }
-      if (best.evidence > 0) list.push_back(best);
+      shape.price = price;
+      list.push_back(shape);
     };
     struct Place {
       Coordinate coordinate;
@@ -361,22 +376,23 @@ class Search {
       if (!(high - low > 1e-6) || values.size() < 4) continue;
       for (const double length : {0.5, 0.2, 0.08})
         if (values.size() > 2 / length)
-          consider({Shape::Kind::smooth, place.coordinate, place.channel, length, 0, 1, {}}, 1.5);
+          consider({Shape::Kind::smooth, place.coordinate, place.channel, length, 0, 1, 0, {}}, 1.5);
       if (place.coordinate == Coordinate::incidence || place.coordinate == Coordinate::temperature) continue;
       const std::vector<double> steps = quantiles(model, place.coordinate, 40);
       for (const double at : steps)
-        consider({Shape::Kind::step, place.coordinate, place.channel, 0, at, 1, {}},
+        consider({Shape::Kind::step, place.coordinate, place.channel, 0, at, 1, 0, {}},
                  std::log(static_cast<double>(steps.size())));
       if (place.coordinate == Coordinate::beam) {
         for (int lobes = 3; lobes <= 12; ++lobes)
-          consider({Shape::Kind::wave, place.coordinate, place.channel, 0, 360.0 / lobes, 1, {}},
+          consider({Shape::Kind::wave, place.coordinate, place.channel, 0, 360.0 / lobes, 1, 0, {}},
                    std::log(10.0));
       } else if (place.coordinate == Coordinate::time) {
         for (double turns = 1.5; turns < 12; turns *= 1.08)
-          consider({Shape::Kind::wave, place.coordinate, place.channel, 0, (high - low) / turns, 1, {}},
+          consider({Shape::Kind::wave, place.coordinate, place.channel, 0, (high - low) / turns, 1, 0, {}},
                    std::log(15.0));
       }
     }
+    return list;
   }
 
   static std::vector<double> quantiles(const MeanModel& model, Coordinate coordinate, int count) {
@@ -413,10 +429,10 @@ class Search {
     return more;
   }
 
-  std::vector<Hypothesis> best_of(const Hypothesis& h, const std::vector<Scored>& list) {
+  std::vector<Hypothesis> best_of(const Hypothesis& h, const std::vector<Scored>& list, std::size_t tries) {
     std::vector<Hypothesis> results;
     for (const Scored& scored : list) {
-      if (results.size() >= finalists || scored.evidence < list.front().evidence - 15) break;
+      if (results.size() >= tries || scored.evidence < list.front().evidence - 15) break;
       results.push_back(extended(h, scored));
     }
     std::ranges::sort(results, [](const auto& a, const auto& b) { return a.evidence > b.evidence; });
@@ -424,15 +440,15 @@ class Search {
   }
 
   /// Adds, drops and exchanges until nothing helps.
-  Hypothesis climb(Hypothesis h, bool may_be_unnamed) {
+  Hypothesis climb(Hypothesis h, std::size_t tries, bool exchange = true) {
     for (int move = 0; move < 8; ++move) {
       bool moved = false;
       if (h.terms.size() + h.shapes.size() < 4) {
-        std::vector<Scored> list = scan(h, nullptr, true, may_be_unnamed && h.shapes.size() < 2);
+        std::vector<Scored> list = scan(h, nullptr, true, h.shapes.size() < 2);
         // Unnamed functions are many: only the best of them competes.
         bool unnamed = false;
         std::erase_if(list, [&](const Scored& s) { return s.shape ? std::exchange(unnamed, true) : false; });
-        const auto candidates = best_of(h, list);
+        const auto candidates = best_of(h, list, tries);
         if (!candidates.empty() && candidates.front().evidence > h.evidence + worth_a_move) {
           h = candidates.front();
           moved = true;
@@ -442,12 +458,10 @@ class Search {
         h = pruned(h);
         continue;
       }
-      const Hypothesis other = exchanged(h);
-      if (other.evidence > h.evidence + 0.5) {
-        h = pruned(other);
-        moved = true;
-      }
-      if (!moved) break;
+      if (!exchange) break;
+      const Hypothesis other = exchanged(h, tries);
+      if (other.evidence <= h.evidence + 0.5) break;
+      h = pruned(other);
     }
     return h;
   }
@@ -480,11 +494,11 @@ class Search {
     return h;
   }
 
-  Hypothesis exchanged(const Hypothesis& h) {
+  Hypothesis exchanged(const Hypothesis& h, std::size_t tries) {
     Hypothesis best = h;
     for (std::size_t t = 0; t < h.terms.size(); ++t) {
       const Hypothesis less = without(h, t);
-      for (Hypothesis& other : best_of(less, scan(less, &h.terms[t], true, false)))
+      for (Hypothesis& other : best_of(less, scan(less, &h.terms[t], true, false), tries))
         if (other.evidence > best.evidence) best = other;
     }
     return best;
@@ -493,10 +507,10 @@ class Search {
   Hypothesis from_unnamed(const Hypothesis& empty) {
     auto list = scan(empty, nullptr, false, true);
     if (list.empty()) return empty;
-    std::vector<Hypothesis> starts = best_of(empty, list);
+    std::vector<Hypothesis> starts = best_of(empty, list, 3);
     Hypothesis best = starts.front();
     for (std::size_t i = 0; i < std::min<std::size_t>(2, starts.size()); ++i) {
-      const Hypothesis other = climb(starts[i], true);
+      const Hypothesis other = climb(starts[i], finalists);
       if (other.evidence > best.evidence) best = other;
     }
     return best;
@@ -511,6 +525,8 @@ class Search {
   MeanNoise noise_;
   const Progress& progress_;
   double excess_ = 1;
+  int stride_ = 1;
+  bool may_change_ = true;  ///< The last comparison may still find a better explanation, once.
 };
 
 /// Whole captures go to one block each in turn; a session of few captures is cut into sectors of beams.
@@ -539,6 +555,7 @@ HeldOutFigures Search::held_out(const Hypothesis& h, const std::vector<int>& blo
 }
 
 void Search::judge(Hypothesis& best, MeanResult& result) {
+  result = MeanResult(reduced_.bench);
   int count = 0;
   std::vector<int> blocks;
   {
@@ -567,10 +584,15 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
   result.before = held_out(nothing, blocks, count);
   for (std::size_t t = 0; t < best.terms.size(); ++t) {
     std::vector<Rival> rivals;
+    std::optional<Hypothesis> better;
     const Hypothesis less = without(best, t);
     rivals.push_back({{}, {}, best.evidence - less.evidence});
-    for (const Scored& scored : scan(less, &best.terms[t], true, best.shapes.empty())) {
-      if (rivals.size() > finalists) break;
+    const std::vector<Scored> list = scan(less, &best.terms[t], true, best.shapes.empty());
+    const double first_evidence = list.empty() ? 0 : list.front().evidence;
+    bool unnamed = false;
+    for (const Scored& scored : list) {
+      if (scored.shape && std::exchange(unnamed, true)) continue;
+      if (rivals.size() > 5 || scored.evidence < 0.3 * first_evidence) break;
       const Hypothesis other = extended(less, scored);
       Rival rival;
       if (scored.shape)
@@ -578,9 +600,15 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
       else
         rival.term = other.terms.back();
       rival.behind = best.evidence - other.evidence;
+      if (rival.behind < -0.5 && (!better || better->evidence < other.evidence)) better = other;
       rivals.push_back(rival);
     }
     std::ranges::sort(rivals, [](const Rival& a, const Rival& b) { return a.behind < b.behind; });
+    if (may_change_ && better) {
+      best = *better;
+      may_change_ = false;
+      return judge(best, result);
+    }
     double others = 0;
     for (const Rival& rival : rivals) others += std::exp(-std::clamp(rival.behind, -30.0, 60.0));
     result.probability.push_back(1 / (1 + others));
@@ -623,10 +651,10 @@ double Search::scatter_of_groups(const Hypothesis& best) {
 
 }  // namespace
 
-void predict_at(Reduced& reduced, const Hypothesis& h, bool may_leave_out) {
+void predict_at(Reduced& reduced, const Hypothesis& h, bool may_leave_out, int stride) {
   std::vector<Active> at_work = h.active();
   for (const Term& known : known_terms(reduced.bench)) at_work.push_back(known.active());
-  predict(reduced, h.nuisance, at_work, may_leave_out);
+  predict(reduced, h.nuisance, at_work, may_leave_out, stride);
 }
 
 bool Hypothesis::has(const Term& term) const {

@@ -10,7 +10,8 @@ namespace {
 constexpr int sectors_per_scan = 8;
 constexpr int scans_per_group = 200;  // a longer capture is split in time
 constexpr int turning_beams = 3;      // beams taken together where every scan has its own stage angle
-constexpr double edge_margin_rad = 1.5 * rad_per_deg;
+constexpr double edge_margin_rad = 1.3 * rad_per_deg;   // half a footprint and doubt about the yaw
+constexpr double brink_margin_rad = 0.8 * rad_per_deg;  // where nothing lies behind the edge: only the yaw
 constexpr double edge_window_rad = 2.5 * rad_per_deg;
 constexpr double grazing_rad = 78 * rad_per_deg;
 constexpr double no_echo_above_mm = 65000, no_echo_below_mm = 22;
@@ -125,8 +126,8 @@ class Reducer {
     c.seq = static_cast<int>(block.seq.front());
     c.intensity = std::numeric_limits<double>::quiet_NaN();
     const bool near_corner = c.corner_mm < 4 + cell.sight.range_mm * 0.006;
-    cell.smooth = std::abs(c.edge_rad) > edge_margin_rad && !near_corner &&
-                  std::abs(cell.sight.incidence_rad) < grazing_rad;
+    cell.smooth = std::abs(c.edge_rad) > (c.gap_mm > 0 ? edge_margin_rad : brink_margin_rad) &&
+                  !near_corner && std::abs(cell.sight.incidence_rad) < grazing_rad;
     if (stride > 1) {
       const Sight left = scene.look(group.stage_rad, beam_angle(beam)),
                   right = scene.look(group.stage_rad, beam_angle(beam + stride - 1));
@@ -365,18 +366,20 @@ Reduced reduce(const Recording& recording, const Progress& progress) {
 }
 
 void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
-             bool may_leave_out) {
+             bool may_leave_out, int stride) {
   for (const Group& group : reduced.groups) {
     const CaptureInfo& info = reduced.captures[static_cast<std::size_t>(group.capture)];
     const Scene scene(reduced.bench, nuisance, info);
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       Cell& cell = reduced.cells[i];
-      if (!cell.smooth) continue;
+      if (!cell.smooth || i % static_cast<std::size_t>(stride) != 0) continue;
       Effect effect;
       for (const Active& active : at_work)
         if (active.target < 0 || active.target == cell.at.target)
           effect += active.mechanism->act(cell.at, active.values);
-      const Sight sight = scene.look(group.stage_rad, cell.beam_rad, effect);
+      const Sight sight = may_leave_out
+                              ? scene.look(group.stage_rad, cell.beam_rad, effect)
+                              : scene.look_at(cell.sight.target, group.stage_rad, cell.beam_rad, effect);
       if (sight.target != cell.sight.target) {
         if (!may_leave_out) continue;
         cell.smooth = false;

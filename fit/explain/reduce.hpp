@@ -26,6 +26,7 @@ struct Cell {
   Circumstances at;
   Sight sight;            ///< At the nuisance parameters last used for prediction.
   double nominal_mm = 0;  ///< Predicted range.
+  double pooled_mm2 = 0;  ///< Variance of one sample, shared with its neighbours; 0: not yet pooled.
 };
 
 /// Scans that share all circumstances: a capture, a span of a long one, or one scan of a turning one.
@@ -72,9 +73,10 @@ using Progress = std::function<void(double share, const char* what)>;
 
 /// Predicts every cell anew with other nuisance parameters and with mechanisms at work, to all orders in
 /// geometry. `nominal_mm`, `sight` and the place in `at` are replaced. A cell that now meets another target
-/// is left out if `may_leave_out`; otherwise it keeps what it had.
+/// is left out if `may_leave_out`; otherwise it is seen on its own target's plane. `stride`: only every so
+/// manieth cell.
 void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
-             bool may_leave_out);
+             bool may_leave_out, int stride = 1);
 
 /// Joins the cells of another session on the same bench.
 void append(Reduced& reduced, const Reduced& other);

@@ -61,8 +61,6 @@ Eigen::VectorXd Nuisance::prior_sigma(const Bench& bench) {
   return v;
 }
 
-double Sight::stage_lever() const { return beam_lever() - normal.dot(quarter(origin)) / cos_incidence(); }
-
 double Sight::shift(const Effect& effect) const {
   return effect.range_mm + beam_lever() * effect.beam_rad + stage_lever() * effect.stage_rad -
          normal.dot(effect.origin_mm) / cos_incidence();
@@ -97,36 +95,61 @@ Scene::Scene(const Bench& bench, const Nuisance& nuisance, const CaptureInfo& ca
   }
 }
 
-Sight Scene::look(double stage_rad, double beam_rad, const Effect& effect) const {
+Sight Scene::aim(double stage_rad, double beam_rad, const Effect& effect) const {
   const double stage = stage_rad + effect.stage_rad;
-  Sight best;
-  best.origin = turned({nuisance_.x_mm, nuisance_.y_mm}, stage) + effect.origin_mm;
-  best.bearing_rad = stage + nuisance_.yaw_rad + beam_rad + effect.beam_rad;
-  const Eigen::Vector2d ray(std::cos(best.bearing_rad), std::sin(best.bearing_rad));
+  Sight sight;
+  sight.origin = turned({nuisance_.x_mm, nuisance_.y_mm}, stage) + effect.origin_mm;
+  sight.bearing_rad = stage + nuisance_.yaw_rad + beam_rad + effect.beam_rad;
+  return sight;
+}
+
+bool Scene::meet(std::size_t index, Sight& sight) const {
+  const Segment& s = segments_[index];
+  const Eigen::Vector2d ray(std::cos(sight.bearing_rad), std::sin(sight.bearing_rad));
+  Eigen::Vector2d normal = s.outward;
+  double facing = normal.dot(ray);
+  if (std::abs(facing) < 1e-4) return false;
+  const double distance = normal.dot(s.middle - sight.origin) / facing;
+  if (distance <= nearest_echo_mm) return false;
+  if (facing < 0) {
+    normal = -normal;
+    facing = -facing;
+  }
+  sight.target = static_cast<int>(index);
+  sight.range_mm = distance;
+  sight.along_mm = s.along.dot(sight.origin + distance * ray - s.middle);
+  sight.normal = normal;
+  sight.incidence_rad = std::atan2(quarter(normal).dot(ray), facing);
+  sight.turn_lever = sight.along_mm * normal.dot(quarter(s.along)) / std::max(0.02, facing);
+  sight.cosine = std::max(0.02, facing);
+  return true;
+}
+
+void Scene::finish(Sight& sight) {
+  sight.beam_lever_mm = sight.range_mm * std::tan(sight.incidence_rad);
+  sight.stage_lever_mm = sight.beam_lever_mm - sight.normal.dot(quarter(sight.origin)) / sight.cosine;
+}
+
+Sight Scene::look(double stage_rad, double beam_rad, const Effect& effect) const {
+  Sight best = aim(stage_rad, beam_rad, effect);
   double nearest = 1e12;
   for (std::size_t i = 0; i < segments_.size(); ++i) {
     const Segment& s = segments_[i];
-    Eigen::Vector2d normal = s.outward;
-    double facing = normal.dot(ray);
-    if (std::abs(facing) < 1e-4) continue;
-    const double distance = normal.dot(s.middle - best.origin) / facing;
-    if (distance <= nearest_echo_mm || distance >= nearest) continue;
-    const double place = s.along.dot(best.origin + distance * ray - s.middle);
+    Sight sight = best;
+    if (!meet(i, sight) || sight.range_mm >= nearest) continue;
     const double below = s.joined_from ? joined_reach_mm : 0, above = s.joined_to ? joined_reach_mm : 0;
-    if (place < -s.half_mm - below || place > s.half_mm + above) continue;
-    nearest = distance;
-    if (facing < 0) {
-      normal = -normal;
-      facing = -facing;
-    }
-    best.target = static_cast<int>(i);
-    best.range_mm = distance;
-    best.along_mm = place;
-    best.normal = normal;
-    best.incidence_rad = std::atan2(quarter(normal).dot(ray), facing);
-    best.turn_lever = place * normal.dot(quarter(s.along)) / std::max(0.02, facing);
+    if (sight.along_mm < -s.half_mm - below || sight.along_mm > s.half_mm + above) continue;
+    nearest = sight.range_mm;
+    best = sight;
   }
+  if (best.target >= 0) finish(best);
   return best;
+}
+
+Sight Scene::look_at(int target, double stage_rad, double beam_rad, const Effect& effect) const {
+  Sight sight = aim(stage_rad, beam_rad, effect);
+  if (meet(static_cast<std::size_t>(target), sight)) finish(sight);
+  return sight;
 }
 
 std::vector<Edge> Scene::edges(double stage_rad) const {

@@ -39,11 +39,13 @@ struct Sight {
   Eigen::Vector2d origin = Eigen::Vector2d::Zero(), normal = Eigen::Vector2d::UnitX();
   double turn_lever = 0;  ///< d range / d turn of the target, mm per rad.
 
-  [[nodiscard]] double cos_incidence() const { return std::max(0.02, std::cos(incidence_rad)); }
-  /// d range / d beam angle, mm per rad.
-  [[nodiscard]] double beam_lever() const { return range_mm * std::tan(incidence_rad); }
-  /// d range / d stage angle, mm per rad: the optical centre travels too.
-  [[nodiscard]] double stage_lever() const;
+  double cosine = 1;          ///< Of the incidence, not below 0.02.
+  double beam_lever_mm = 0;   ///< d range / d beam angle, mm per rad.
+  double stage_lever_mm = 0;  ///< d range / d stage angle, mm per rad: the optical centre travels too.
+
+  [[nodiscard]] double cos_incidence() const { return cosine; }
+  [[nodiscard]] double beam_lever() const { return beam_lever_mm; }
+  [[nodiscard]] double stage_lever() const { return stage_lever_mm; }
   /// Change of the measured range that an effect makes to first order, mm.
   [[nodiscard]] double shift(const Effect& effect) const;
 };
@@ -63,6 +65,8 @@ class Scene {
 
   /// What the beam meets from the stage angle, other angles and places taken from `effect`.
   [[nodiscard]] Sight look(double stage_rad, double beam_rad, const Effect& effect = {}) const;
+  /// The same for the plane of one target, whatever stands before it and wherever it ends.
+  [[nodiscard]] Sight look_at(int target, double stage_rad, double beam_rad, const Effect& effect) const;
   [[nodiscard]] std::vector<Edge> edges(double stage_rad) const;
   /// Fills what depends on the place only: range, incidence, target, edge, corner, neighbours.
   void describe(const Sight& sight, double stage_rad, const std::vector<Edge>& edges, Circumstances& c) const;
@@ -73,6 +77,10 @@ class Scene {
     double half_mm, reflectance;
     bool joined_from, joined_to;
   };
+  [[nodiscard]] Sight aim(double stage_rad, double beam_rad, const Effect& effect) const;
+  /// Fills in where the beam meets that segment's plane; false if it does not.
+  [[nodiscard]] bool meet(std::size_t segment, Sight& sight) const;
+  static void finish(Sight& sight);
   [[nodiscard]] double echo_power(const Sight& sight) const;
   [[nodiscard]] double pull(const Sight& sight, double stage_rad) const;
 

@@ -10,6 +10,7 @@ Mechanism make_air_index() {
   m.id = "air-index";
   m.cause = "the refractive index of the air is not the one the lidar assumes";
   m.coordinate = Coordinate::range;
+  m.formula_error = 0.02;
   m.parameters = {{.name = "index_error", .typical = 1e-4, .largest = 3.2e-4}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = p[0] * c.range_mm};

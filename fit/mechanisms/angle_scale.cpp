@@ -10,6 +10,7 @@ Mechanism make_angle_scale() {
   m.cause = "the mirror turns faster or slower than the firing clock assumes";
   m.coordinate = Coordinate::beam;
   m.geometric = true;
+  m.formula_error = 0.02;
   m.parameters = {{.name = "scale", .typical = 2e-3}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.beam_rad = p[0] * c.beam_rad};

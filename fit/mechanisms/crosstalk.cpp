@@ -10,6 +10,7 @@ Mechanism make_crosstalk() {
   m.cause = "stray light of a bright neighbouring surface pulls weak echoes towards it";
   m.coordinate = Coordinate::beam;
   m.geometric = true;
+  m.formula_error = 0.25;
   m.parameters = {{.name = "leak", .typical = 0.02, .sign = 1}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = p[0] * c.pull_mm};

@@ -9,6 +9,7 @@ Mechanism make_cyclic_error() {
   m.id = "cyclic-error";
   m.cause = "the counter's own clock leaks into the receiver";
   m.coordinate = Coordinate::range;
+  m.formula_error = 0.15;
   m.parameters = {
       {.name = "amplitude_mm", .typical = 6},
       {.name = "phase_deg", .role = Parameter::Role::phase},

@@ -11,6 +11,7 @@ Mechanism make_encoder_eccentricity() {
   m.cause = "the code disk sits off the mirror's axis";
   m.coordinate = Coordinate::beam;
   m.geometric = true;
+  m.formula_error = 0.05;
   m.parameters = {{.name = "amplitude_deg", .typical = 0.15},
                   {.name = "phase_deg", .role = Parameter::Role::phase}};
   m.act = [](const Circumstances& c, std::span<const double> p) {

@@ -10,6 +10,7 @@ Mechanism make_encoder_second_harmonic() {
   m.cause = "the code disk is tilted on its axis and looks like an ellipse";
   m.coordinate = Coordinate::beam;
   m.geometric = true;
+  m.formula_error = 0.05;
   m.parameters = {{.name = "amplitude_deg", .typical = 0.08},
                   {.name = "phase_deg", .role = Parameter::Role::phase}};
   m.act = [](const Circumstances& c, std::span<const double> p) {

@@ -9,6 +9,7 @@ Mechanism make_incidence_bias() {
   m.id = "incidence-bias";
   m.cause = "a slanted wall stretches the pulse and shifts its trigger";
   m.coordinate = Coordinate::incidence;
+  m.formula_error = 0.25;
   m.parameters = {{.name = "amplitude_mm", .typical = 4}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double slope = std::tan(std::min(std::abs(c.incidence_rad), 85 * rad_per_deg));

@@ -10,6 +10,7 @@ Mechanism make_index_offset() {
   m.cause = "the lidar's zero direction is not where the bench file says";
   m.coordinate = Coordinate::beam;
   m.geometric = true;
+  m.formula_error = 0;
   m.parameters = {{.name = "offset_deg", .typical = 0.7}};
   m.act = [](const Circumstances&, std::span<const double> p) {
     return Effect{.beam_rad = p[0] * rad_per_deg};

@@ -11,6 +11,7 @@ Mechanism make_lidar_arm() {
   m.cause = "the optical centre sits farther off the stage's axis than the bench file says";
   m.coordinate = Coordinate::stage;
   m.geometric = true;
+  m.formula_error = 0.01;
   m.parameters = {{.name = "x_mm", .typical = 15}, {.name = "y_mm", .typical = 15}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double cos = std::cos(c.stage_rad), sin = std::sin(c.stage_rad);

@@ -10,6 +10,7 @@ Mechanism make_motion_skew() {
   m.cause = "the stage turns on while the mirror sweeps, so later beams are seen at later stage angles";
   m.coordinate = Coordinate::stage_rate;
   m.geometric = true;
+  m.formula_error = 0.02;
   m.parameters = {{.name = "share", .typical = 0.05, .expected = 1}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.stage_rad = p[0] * c.stage_rate_rad_s * c.beam_time_s};

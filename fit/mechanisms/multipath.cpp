@@ -10,6 +10,7 @@ Mechanism make_multipath() {
   m.cause = "near an inner corner light comes back over the other wall";
   m.coordinate = Coordinate::target;
   m.geometric = true;
+  m.formula_error = 0.3;
   m.parameters = {
       {.name = "amplitude_mm", .typical = 25, .sign = 1},
       {.name = "reach_mm", .role = Parameter::Role::shape, .lower = 40, .upper = 600, .starts = 6}};

@@ -9,6 +9,7 @@ Mechanism make_near_field() {
   m.id = "near-field";
   m.cause = "at short range stray light and partial overlap of the optics shift the echo";
   m.coordinate = Coordinate::range;
+  m.formula_error = 0.25;
   m.parameters = {
       {.name = "amplitude_mm", .typical = 15},
       {.name = "reach_mm", .role = Parameter::Role::shape, .lower = 60, .upper = 500, .starts = 6}};

@@ -10,6 +10,7 @@ Mechanism make_range_scale() {
   m.id = "range-scale";
   m.cause = "the clock that counts the flight time runs fast or slow";
   m.coordinate = Coordinate::range;
+  m.formula_error = 0.02;
   m.parameters = {{.name = "scale", .typical = 3e-3}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = p[0] * c.range_mm};

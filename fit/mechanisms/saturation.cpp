@@ -9,6 +9,7 @@ Mechanism make_saturation() {
   m.id = "saturation";
   m.cause = "bright echoes clip in the receiver and trigger early";
   m.coordinate = Coordinate::intensity;
+  m.formula_error = 0.3;
   m.parameters = {{.name = "slope_mm_per_100_counts", .typical = 4},
                   {.name = "threshold_counts",
                    .role = Parameter::Role::shape,

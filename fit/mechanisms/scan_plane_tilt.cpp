@@ -4,12 +4,14 @@
 namespace fit::mechanisms {
 
 // Mirror or mount leans: rays climb by tilt * cos(a - axis), so upright walls are met at r / cos(climb):
-// second order.
+// second order. Seen from above the leaning circle is an ellipse, which bends beams by tilt^2/4 sin 2(a -
+// axis).
 Mechanism make_scan_plane_tilt() {
   Mechanism m;
   m.id = "scan-plane-tilt";
   m.cause = "the scan plane leans, so that rays climb and meet upright walls farther out";
   m.coordinate = Coordinate::beam;
+  m.formula_error = 0.1;
   m.parameters = {{.name = "tilt_squared_deg2", .typical = 4, .sign = 1},
                   {.name = "axis_deg",
                    .role = Parameter::Role::shape,
@@ -18,8 +20,9 @@ Mechanism make_scan_plane_tilt() {
                    .starts = 12,
                    .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    const double climb = std::cos(c.beam_rad - p[1] * rad_per_deg);
-    return Effect{.range_mm = c.range_mm / 2 * p[0] * rad_per_deg * rad_per_deg * climb * climb};
+    const double x = c.beam_rad - p[1] * rad_per_deg, tilt2 = p[0] * rad_per_deg * rad_per_deg;
+    return Effect{.range_mm = c.range_mm / 2 * tilt2 * std::cos(x) * std::cos(x),
+                  .beam_rad = tilt2 / 4 * std::sin(2 * x)};
   };
   m.says = [](const Finding& f) {
     const double tilt = std::sqrt(std::max(0.0, f.at("tilt_squared_deg2").value));

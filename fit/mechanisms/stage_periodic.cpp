@@ -10,6 +10,7 @@ Mechanism make_stage_periodic() {
   m.cause = "the stage's worm or wheel runs off its axis";
   m.coordinate = Coordinate::stage;
   m.geometric = true;
+  m.formula_error = 0.15;
   m.parameters = {
       {.name = "amplitude_deg", .typical = 0.05},
       {.name = "phase_deg", .role = Parameter::Role::phase},

@@ -10,6 +10,7 @@ Mechanism make_stage_scale() {
   m.cause = "the stage turns in proportion more or less than commanded";
   m.coordinate = Coordinate::stage;
   m.geometric = true;
+  m.formula_error = 0.02;
   m.parameters = {{.name = "scale", .typical = 2e-3}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.stage_rad = p[0] * c.stage_rad};

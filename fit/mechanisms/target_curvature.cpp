@@ -11,6 +11,7 @@ Mechanism make_target_curvature() {
   m.coordinate = Coordinate::target;
   m.one_target = true;
   m.geometric = true;
+  m.formula_error = 0.15;
   m.parameters = {{.name = "sagitta_mm", .typical = 4}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double x = c.along_mm / std::max(1.0, c.half_length_mm);

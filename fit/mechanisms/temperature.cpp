@@ -9,6 +9,7 @@ Mechanism make_temperature() {
   m.id = "temperature";
   m.cause = "the receiver's delay depends on the housing's temperature";
   m.coordinate = Coordinate::temperature;
+  m.formula_error = 0.15;
   m.parameters = {{.name = "slope_mm_per_k", .typical = 0.7}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = std::isfinite(c.temperature_k) ? p[0] * c.temperature_k : 0};

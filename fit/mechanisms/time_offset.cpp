@@ -11,6 +11,7 @@ Mechanism make_time_offset() {
   m.cause = "the stage's time stamps are late or early against the lidar's";
   m.coordinate = Coordinate::stage_rate;
   m.geometric = true;
+  m.formula_error = 0.02;
   m.parameters = {{.name = "offset_ms", .typical = 15}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.stage_rad = p[0] / 1000 * c.stage_rate_rad_s};

@@ -9,6 +9,7 @@ Mechanism make_time_quantisation() {
   m.id = "time-quantisation";
   m.cause = "the flight time is counted in coarse bins";
   m.coordinate = Coordinate::range;
+  m.formula_error = 0.1;
   m.parameters = {{.name = "share", .typical = 0.1, .expected = 1},
                   {.name = "bin_mm", .role = Parameter::Role::shape, .lower = 4, .upper = 40, .starts = 400}};
   m.act = [](const Circumstances& c, std::span<const double> p) {

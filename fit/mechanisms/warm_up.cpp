@@ -9,6 +9,7 @@ Mechanism make_warm_up() {
   m.id = "warm-up";
   m.cause = "the lidar's electronics drift while they warm up";
   m.coordinate = Coordinate::time;
+  m.formula_error = 0.25;
   m.parameters = {
       {.name = "amplitude_mm", .typical = 10},
       {.name = "tau_s", .role = Parameter::Role::shape, .lower = 150, .upper = 5000, .starts = 7}};

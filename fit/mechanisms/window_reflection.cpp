@@ -9,6 +9,7 @@ Mechanism make_window_reflection() {
   m.id = "window-reflection";
   m.cause = "the housing's window reflects part of the pulse at certain beam angles";
   m.coordinate = Coordinate::beam;
+  m.formula_error = 0.25;
   m.parameters = {
       {.name = "amplitude_mm", .typical = 20},
       {.name = "reach_mm", .role = Parameter::Role::shape, .lower = 100, .upper = 700, .starts = 3},

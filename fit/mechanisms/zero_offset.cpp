@@ -11,6 +11,7 @@ Mechanism make_zero_offset() {
   m.cause =
       "every distance is off by the same amount: a delay in the receiver or another origin of the scale";
   m.coordinate = Coordinate::target;
+  m.formula_error = 0;
   m.parameters = {{.name = "offset_mm", .typical = 12}};
   m.act = [](const Circumstances&, std::span<const double> p) { return Effect{.range_mm = p[0]}; };
   m.says = [](const Finding& f) {

@@ -39,6 +39,11 @@ class Import : public Command {
     command->add_option("--wheel-left", options.left_wheel, "Joint of the left wheel; default: named 'left'");
     command->add_option("--wheel-right", options.right_wheel,
                         "Joint of the right wheel; default: named 'right'");
+    command->add_option("--first-deg", options.first_deg,
+                        "Direction of the first beam, for CSV tables that do not say it (UST-10LX: -135)");
+    command->add_option("--step-deg", options.step_deg, "Angle from beam to beam, likewise (UST-10LX: 0.25)");
+    command->add_option("--scan-hz", options.scan_hz, "Turns of the lidar a second, likewise (UST-10LX: 40)")
+        ->check(CLI::PositiveNumber);
     return command;
   }
 

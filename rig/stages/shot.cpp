@@ -48,6 +48,7 @@ class ShotProtocol : public StageProtocol {
   std::string stop_now() override;
   std::string stop_for_good() override { return "\r\nL:E\r\n"; }
   void forget_answers() override { is_dirty_ = true; }
+  void link_was_lost() override;
 
  private:
   [[nodiscard]] bool is_gsc() const { return dialect_ == "gsc"; }
@@ -236,6 +237,14 @@ awaitable<StageReading> ShotProtocol::read() {
   if (!is_moving) judge_rest(now, reading);
   reading.homed = homed_;
   co_return reading;
+}
+
+/// It may have lost its power with its port, and would not say so.
+void ShotProtocol::link_was_lost() {
+  is_dirty_ = true;
+  homed_ = false;
+  left_at_.reset();
+  doing_ = Doing::standing;
 }
 
 // --- motion ---

@@ -24,8 +24,9 @@ constexpr std::uint32_t too_near = 4, no_echo = 65533;
 /// The whole chain: stage, rotor, optics, receiver, counter, firmware.
 class CausalEngine : public Engine {
  public:
-  CausalEngine(World world, std::uint64_t seed)
+  CausalEngine(World world, std::uint64_t seed, std::vector<double>* exact_mm)
       : world_(std::move(world)),
+        exact_mm_(exact_mm),
         scene_(world_),
         optics_(world_, scene_),
         receiver_(world_),
@@ -39,6 +40,9 @@ class CausalEngine : public Engine {
         memory_(static_cast<std::size_t>(world_.bench.lidar.steps)),
         wander_(random_.normal()) {
     for (double& state : memory_) state = random_.normal();
+    if (world_.counter.jitter_memory > 0) {
+      for (int step = 0; step < world_.bench.lidar.steps; ++step) jitter_state_.push_back(random_.normal());
+    }
   }
 
   void scan(double scan_s, const std::function<StageMoment(double)>& stage_at,
@@ -47,6 +51,7 @@ class CausalEngine : public Engine {
     rotor_.turn(scans_++);
     begin(scan_s, stage_at);
     if (world_.receiver.stray > 0) survey(range_mm.size());
+    if (exact_mm_) exact_mm_->assign(range_mm.size(), std::nan(""));
     for (std::size_t step = 0; step < range_mm.size(); ++step)
       measure(step, scan_s, range_mm[step], intensity[step]);
     if (world_.firmware.median > 1) smooth(range_mm);
@@ -200,14 +205,22 @@ class CausalEngine : public Engine {
     if (!reading.found) return;
     intensity = counts(reading.peak);
     double t = reading.t_ns + world_.housing.delay_ns + heat_.delay_ns();
+    if (world_.counter.jitter_ns > 0) t += world_.counter.jitter_ns * counter_noise(step);
     if (world_.counter.bin_ns > 0) t = world_.counter.bin_ns * std::floor(t / world_.counter.bin_ns + 0.5);
     const double range = t * light_mm_per_ns * (1 + 1e-6 * world_.counter.ppm) + rotor_.facet_mm();
+    if (exact_mm_) (*exact_mm_)[step] = range;
     if (range < 21) {
       range_mm = too_near;
       return;
     }
     const double rounded = world_.firmware.step_mm * std::floor(range / world_.firmware.step_mm + 0.5);
     range_mm = rounded > 30000 ? no_echo : static_cast<std::uint32_t>(rounded);
+  }
+
+  [[nodiscard]] double counter_noise(std::size_t step) {
+    const double rho = world_.counter.jitter_memory, white = random_.normal();
+    if (rho <= 0) return white;
+    return jitter_state_[step] = rho * jitter_state_[step] + std::sqrt(1 - rho * rho) * white;
   }
 
   [[nodiscard]] std::uint32_t counts(double peak) const {
@@ -236,6 +249,7 @@ class CausalEngine : public Engine {
   }
 
   World world_;
+  std::vector<double>* exact_mm_;
   Scene scene_;
   Optics optics_;
   Receiver receiver_;
@@ -245,7 +259,7 @@ class CausalEngine : public Engine {
   Random random_;
   Eigen::Vector2d mount_;
   double yaw_;
-  std::vector<double> memory_;
+  std::vector<double> memory_, jitter_state_;
   double wander_, jitter_ = 0;
   double room_c_ = 25;
   double last_scan_s_ = 0;
@@ -258,8 +272,9 @@ class CausalEngine : public Engine {
 
 }  // namespace
 
-std::unique_ptr<Engine> make_causal_engine(const World& world, std::uint64_t seed) {
-  return std::make_unique<CausalEngine>(world, seed);
+std::unique_ptr<Engine> make_causal_engine(const World& world, std::uint64_t seed,
+                                           std::vector<double>* exact_mm) {
+  return std::make_unique<CausalEngine>(world, seed, exact_mm);
 }
 
 }  // namespace sim

@@ -35,6 +35,11 @@ Rotor::Direction Rotor::trace(double nominal, double facet_rad) const {
       std::atan2(std::sin(lean), std::cos(lean) * std::cos(settings_.disk_lean_rad)) - lean, 2 * fit::pi);
   angle += settings_.speed_error * nominal;
   angle += settings_.ripple_rad * std::sin(settings_.ripple_order * nominal);
+  if (nominal >= settings_.lost_slit_at_rad) angle += settings_.lost_slit_rad;
+  if (settings_.slits > 0) {
+    const double turns = nominal * settings_.slits / (2 * fit::pi);
+    angle += settings_.interpolation_rad * (2 * (turns - std::floor(turns)) - 1);
+  }
   angle += facet_rad;
   if (settings_.plane_tilt_rad == 0) return {angle, 0};
   // Beams turn in a plane that leans by the tilt about plane_axis: exact rotation of the unit vector.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// rig-conceal: makes a session in which some physics is concealed from the bench file it carries, and a
-// separate file with the truth. It shares nothing with rig/ and fit/.
+// Makes a session in which some physics is concealed from the bench file it carries, and a separate file with
+// the truth. Two programs are built from it: rig-conceal, whose effects are written in causes.cpp and which
+// links nothing of rig/, sim/ and fit/, and rig-conceal-world, which records the causal engine of sim/.
 #include <SQLiteCpp/SQLiteCpp.h>
 
 #include <CLI/CLI.hpp>
@@ -12,6 +13,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "concealed.hpp"
 #include "oracle.hpp"
 #include "world.hpp"
 
@@ -93,15 +95,14 @@ void write_captures(SQLite::Database& database, const Session& session) {
 }
 
 void write_scans(SQLite::Database& database, const Session& session, const Causes& causes, Random& random) {
-  const World world(session, causes, session.truth);
+  const auto recorder = make_recorder(session, causes);
   SQLite::Statement insert(database, "INSERT INTO scan VALUES(?,?,?,?,?,?)");
   const double start = session.captures.front().since_power_on_s;
-  World::Noise noise;
   std::vector<std::uint16_t> range, intensity;
   for (std::size_t i = 0; i < session.captures.size(); ++i) {
     const Capture& capture = session.captures[i];
     for (int seq = 0; seq < capture.scans; ++seq) {
-      world.scan(i, seq, random, noise, range, intensity);
+      recorder->scan(i, seq, random, range, intensity);
       const double seconds = seq / session.scan_hz + capture.first_scan_s;
       insert.reset();
       insert.bind(1, static_cast<std::int64_t>(i + 1));
@@ -189,7 +190,7 @@ std::string scene_for(const Wanted& wanted, Random& random) {
   }
   std::vector<std::string> common;
   for (std::size_t i = 0; i < wanted.kinds.size(); ++i) {
-    for (const auto& [id, in] : cause_scenes()) {
+    for (const auto& [id, in] : concealed_scenes()) {
       if (id != wanted.kinds[i]) continue;
       if (i == 0) common = in;
       std::erase_if(common, [&](const std::string& s) { return !std::ranges::count(in, s); });
@@ -200,16 +201,17 @@ std::string scene_for(const Wanted& wanted, Random& random) {
 }
 
 void conceal(const Wanted& wanted) {
-  for (const std::string& kind : wanted.kinds) make_cause(kind);  // unknown names are refused first
+  for (const std::string& kind : wanted.kinds) make_concealed(kind);  // unknown names are refused first
   Random random(wanted.seed);
   Session session = make_scene(scene_for(wanted, random), random);
+  prepare(session);
   Causes causes;
   ordered_json snr = ordered_json::object(), parameters = ordered_json::object();
   ordered_json located = ordered_json::array(), rivals = ordered_json::object();
   ordered_json free_snr = ordered_json::object(), given = ordered_json::object();
   bool outside = false;
   for (const std::string& kind : wanted.kinds) {
-    auto cause = make_cause(kind);
+    auto cause = make_concealed(kind);
     cause->draw(session, random);
     snr[kind] = calibrate(cause, session, wanted.snr);
     const Oracle oracle(session, {cause});
@@ -264,6 +266,8 @@ void conceal(const Wanted& wanted) {
                              {"yaw_deg", session.truth.yaw_rad / degree},
                              {"offset_mm", session.truth.offset_mm},
                              {"sigma_mm", session.sigma_mm}}}};
+  if (const std::string world = world_file(session, causes); !world.empty())
+    std::ofstream(wanted.out / (name + ".world.json")) << world << '\n';
   std::ofstream(wanted.out / (name + ".truth.json")) << truth.dump(1) << '\n';
   std::cout << ordered_json{{"session", (wanted.out / (name + ".rig")).string()}, {"snr", snr}}.dump()
             << '\n';
@@ -271,7 +275,7 @@ void conceal(const Wanted& wanted) {
 
 void list() {
   std::cout << "kinds and the scenes that show them:\n";
-  for (const auto& [id, in] : cause_scenes()) {
+  for (const auto& [id, in] : concealed_scenes()) {
     std::cout << "  " << id << ":";
     for (const std::string& scene : in) std::cout << ' ' << scene;
     std::cout << '\n';

@@ -8,75 +8,15 @@
 #include <boost/asio/write.hpp>
 #include <catch2/catch.hpp>
 
-#include "lidar/client.hpp"
-#include "sim/scip_server.hpp"
-#include "sim/simple_engine.hpp"
-#include "sim/ust_device.hpp"
+#include "tests/support/lidar_bench.hpp"
 
 using Catch::Matchers::Contains;
 namespace asio = boost::asio;
 using asio::awaitable;
 using namespace asio::experimental::awaitable_operators;
 
-namespace {
-
-fit::Bench room() {
-  fit::Bench bench;
-  fit::Target board;
-  board.name = "board";
-  board.from_mm = {1000, -500};
-  board.to_mm = {1000, 500};
-  bench.targets = {board};
-  return bench;
-}
-
-/// A simulated lidar on a free port and a client, all on one thread.
-struct Bench {
-  asio::io_context io{1};
-  sim::SimClock clock;
-  sim::UstDevice device;
-  sim::ScipServer server;
-
-  explicit Bench(double speed = sim::SimClock::max_speed)
-      : clock(speed),
-        device(fit::LidarGeometry{}, sim::UstIdentity{},
-               std::make_shared<sim::SimpleEngine>(room(), sim::SimpleOptions{}, 1),
-               [](double) { return sim::StageMoment{}; }),
-        server(io.get_executor(), sim::ScipServer::Options(), clock, device) {}
-
-  /// Runs the coroutine to its end; whatever it throws is thrown here. Nothing may take a minute.
-  template <class Make>
-  void run(Make make) {
-    std::exception_ptr why;
-    bool ended = false;
-    auto work = make();
-    asio::co_spawn(io, std::move(work), [&](std::exception_ptr failed) {
-      why = failed;
-      ended = true;
-      server.stop();
-      io.stop();
-    });
-    io.run_for(std::chrono::seconds(60));
-    if (why) std::rethrow_exception(why);
-    REQUIRE(ended);
-  }
-  [[nodiscard]] lidar::Client client(lidar::Options options = {}) {
-    return {io.get_executor(), "127.0.0.1", server.port(), options};
-  }
-};
-
-lidar::LidarError::Kind kind_of_failure(const std::function<void()>& act, std::string* what = nullptr) {
-  try {
-    act();
-  } catch (const lidar::LidarError& error) {
-    if (what) *what = error.what();
-    return error.kind();
-  }
-  FAIL("nothing was thrown");
-  return lidar::LidarError::Kind::wrong_use;
-}
-
-}  // namespace
+using lidar_bench::Bench;
+using lidar_bench::kind_of_failure;
 
 TEST_CASE("a lidar is identified, streams whole scans in order, and is silent after stop") {
   Bench bench;

@@ -78,3 +78,24 @@ TEST_CASE("The schema and the reader refuse the same wrong bench files") {
     CHECK_THROWS_AS(fit::parse_bench(document.dump()), std::invalid_argument);
   }
 }
+
+TEST_CASE("Every world file of the project satisfies the published schema, and wrong ones do not") {
+  int seen = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(source_dir / "sim/worlds")) {
+    if (!entry.path().string().ends_with(".world.json")) continue;
+    ++seen;
+    INFO(entry.path());
+    CHECK(
+        complaints("../sim/worlds/world.schema.json", json::parse(text_of(entry.path()), nullptr, true, true))
+            .empty());
+  }
+  CHECK(seen > 40);
+  const json good = {{"schema", "world/1"}, {"bench_file", "room.bench.json"}};
+  REQUIRE(complaints("../sim/worlds/world.schema.json", good).empty());
+  for (const char* wrong : {R"({"rotor": {"disk_ofset": 1}})", R"({"receiver": {"threshold": -1}})",
+                            R"({"pulse": {"shape": "square"}})", R"({"schema": "world/2"})"}) {
+    json document = good;
+    document.merge_patch(json::parse(wrong));
+    CHECK_FALSE(complaints("../sim/worlds/world.schema.json", document).empty());
+  }
+}

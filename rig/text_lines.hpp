@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <cstdint>
+#include <istream>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace rig {
+
+/// The next line without its line end, whatever system wrote it. False at the end of the file, and for a line
+/// of more than `longest` characters, which `too_long` then tells.
+bool next_line(std::istream& in, std::string& line, bool& too_long, std::size_t longest = 4 << 20);
+
+/// The pieces between separators; a separator at the very end makes no empty piece.
+[[nodiscard]] std::vector<std::string_view> split(std::string_view text, char separator);
+
+[[nodiscard]] std::string_view trimmed(std::string_view text);
+
+/// The whole piece as a finite number, or nothing.
+[[nodiscard]] std::optional<double> number_in(std::string_view text);
+
+/// A range in millimetres as sessions hold it: 0 for codes (below 20), what is too far, and what is no
+/// number.
+[[nodiscard]] std::uint16_t range_of(std::optional<double> mm);
+[[nodiscard]] std::uint16_t intensity_of(std::optional<double> counts);
+
+}  // namespace rig

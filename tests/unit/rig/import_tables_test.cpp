@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: MIT
+#include <unistd.h>
+
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "fit/angle.hpp"
+#include "rig/errors.hpp"
+#include "rig/import_session.hpp"
+#include "rig/session_store.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using Catch::Matchers::Contains;
+
+struct Folder {
+  Folder() : path(fs::temp_directory_path() / ("rig-import-tables-" + std::to_string(::getpid()))) {
+    fs::remove_all(path);
+    fs::create_directories(path);
+  }
+  ~Folder() { fs::remove_all(path); }
+  [[nodiscard]] std::string file(const std::string& name) const { return (path / name).string(); }
+  std::string write(const std::string& name, const std::string& text) const {
+    std::ofstream(file(name), std::ios::binary) << text;
+    return file(name);
+  }
+  fs::path path;
+};
+
+struct Scan {
+  std::vector<std::uint16_t> range_mm, intensity;
+  std::int64_t host_us = 0;
+  fit::ScanGeometry geometry;
+};
+
+struct Imported {
+  rig::ImportReport report;
+  std::vector<Scan> scans;
+  std::string notes;
+};
+
+Imported import(const Folder& folder, const std::string& file, rig::ImportOptions options = {}) {
+  rig::ImportRequest request;
+  request.files = {file};
+  request.output = folder.file("out.rig");
+  request.options = options;
+  fs::remove(request.output);
+  Imported out;
+  out.report = rig::import_session(request);
+  for (const auto& note : out.report.notes) out.notes += note + "\n";
+  const rig::SessionStore store(request.output, rig::SessionStore::Mode::read);
+  const auto recording = store.recording();
+  recording->for_each_scan(0, [&](const fit::ScanView& scan) {
+    out.scans.push_back({{scan.range_mm.begin(), scan.range_mm.end()},
+                         {scan.intensity.begin(), scan.intensity.end()},
+                         scan.host_us,
+                         scan.geometry.value_or(fit::ScanGeometry{})});
+  });
+  return out;
+}
+
+const std::string ubh_header =
+    "[appName]\r\nUrgBenri\r\n[model]\r\nUST-10LX(Hokuyo Automatic "
+    "Co.,Ltd.)\r\n[serialNumber]\r\nH1234567\r\n"
+    "[frontStep]\r\n540\r\n[totalSteps]\r\n1440\r\n[startStep]\r\n538\r\n[endStep]\r\n542\r\n[grouping]"
+    "\r\n1\r\n"
+    "[motorSpeed]\r\n2400\r\n[scanMsec]\r\n25\r\n[captureMode]\r\nGE_Capture_mode\r\n";
+
+std::string ubh_scan(long ms, const std::string& values) {
+  return "[timestamp]\r\n" + std::to_string(ms) + "\r\n[logtime]\r\n2024-05-06 07:08:09.123\r\n[scan]\r\n" +
+         values + "\r\n";
+}
+
+}  // namespace
+
+TEST_CASE("a UrgBenri log becomes a session with the lidar's own angles and times") {
+  const Folder folder;
+  const auto in = import(
+      folder,
+      folder.write("a.ubh", ubh_header + ubh_scan(16'777'200, "1000|2000;1001|2001;4|0;1003|2003;65533|0") +
+                                ubh_scan(9, "1010|2010;1011|2011;1012|2012;1013|2013;1014|2014")));
+  REQUIRE(in.scans.size() == 2);
+  CHECK(in.scans[0].range_mm == std::vector<std::uint16_t>{1000, 1001, 0, 1003, 0});
+  CHECK(in.scans[0].intensity == std::vector<std::uint16_t>{2000, 2001, 0, 2003, 0});
+  CHECK(in.scans[0].geometry.first_rad * fit::deg_per_rad == Approx(-0.5));
+  CHECK(in.scans[0].geometry.step_rad * fit::deg_per_rad == Approx(0.25));
+  CHECK(in.scans[0].geometry.scan_s.value() == Approx(0.025 * 5 / 1440));
+  CHECK(in.scans[1].host_us - in.scans[0].host_us == 25'000);  // over the wrap of the 24-bit timer
+  const rig::SessionStore store(folder.file("out.rig"), rig::SessionStore::Mode::read);
+  CHECK_THAT(store.get("lidar").value(), Contains("UST-10LX") && Contains("H1234567"));
+}
+
+TEST_CASE("a UrgBenri log of several echoes, without intensity, cut at its end, is read as far as it goes") {
+  const Folder folder;
+  const auto in = import(
+      folder, folder.write("b.ubh", ubh_header + ubh_scan(100, "500&900;501;502;503;504") +
+                                        ubh_scan(125, "510;511;512;513;514") + ubh_scan(150, "520;52")));
+  REQUIRE(in.scans.size() == 2);
+  CHECK(in.scans[0].range_mm.front() == 500);
+  CHECK(in.scans[0].intensity.empty());
+  CHECK_THAT(in.notes, Contains("several echoes") && Contains("1 scans were cut"));
+}
+
+TEST_CASE(
+    "a UrgBenri log that does not say its steps is understood for known models and refused for others") {
+  const Folder folder;
+  const auto in = import(folder, folder.write("c.ubh", "[model]\nUST-20LX\n" + ubh_scan(1, "100;200;300") +
+                                                           ubh_scan(26, "100;200;300")));
+  CHECK(in.scans[0].geometry.first_rad * fit::deg_per_rad == Approx(-135));
+  CHECK_THAT(in.notes, Contains("were assumed"));
+  CHECK_THROWS_WITH(import(folder, folder.write("d.ubh", "[model]\nXYZ\n" + ubh_scan(1, "100;200;300"))),
+                    Contains("frontStep"));
+  CHECK_THROWS_WITH(import(folder, folder.write("e.ubh", ubh_header)), Contains("holds no scan"));
+}
+
+TEST_CASE("a table with one row a scan is read, as UrgBenri writes it and without any header") {
+  const Folder folder;
+  std::string text = "Timestamp,", second = "Timestamp,";
+  for (int k = 0; k < 3; ++k)
+    for (int echo = 0; echo < 3; ++echo) {
+      text += "Step " + std::to_string(k) + ",";
+      second += "Range " + std::to_string(echo) + ",";
+    }
+  text += "\n" + second + "\n1000,500,0,0,600,900,0,3,0,0,\n1025,501,0,0,601,901,0,701,0,0,\n";
+  rig::ImportOptions options;
+  options.first_deg = -10;
+  options.step_deg = 0.5;
+  const auto in = import(folder, folder.write("urgbenri.csv", text), options);
+  REQUIRE(in.scans.size() == 2);
+  CHECK(in.scans[0].range_mm == std::vector<std::uint16_t>{500, 600, 0});
+  CHECK(in.scans[1].range_mm == std::vector<std::uint16_t>{501, 601, 701});
+  CHECK(in.scans[1].host_us == 25'000);
+  CHECK(in.scans[0].geometry.first_rad * fit::deg_per_rad == Approx(-10));
+  CHECK_THAT(in.notes, Contains("several echoes"));
+  CHECK_THROWS_WITH(import(folder, folder.file("urgbenri.csv")), Contains("--first-deg"));
+
+  std::string bare;
+  for (int row = 0; row < 2; ++row) {
+    for (int k = 0; k < 1081; ++k) bare += (k ? "; " : "") + std::to_string(1000 + row + k);
+    bare += "\n";
+  }
+  const auto plain = import(folder, folder.write("bare.csv", bare));
+  REQUIRE(plain.scans.size() == 2);
+  CHECK(plain.scans[1].range_mm.size() == 1081);
+  CHECK(plain.scans[1].range_mm[7] == 1008);
+  CHECK(plain.scans[1].host_us == 25'000);
+  CHECK(plain.scans[0].geometry.first_rad * fit::deg_per_rad == Approx(-135));
+  CHECK_THAT(plain.notes, Contains("UST-10LX"));
+}
+
+TEST_CASE("a table with one row a value is read, as rig export writes it") {
+  const Folder folder;
+  std::string text =
+      "capture,step,stage_deg,target,target_shift_mm,seq,device_ms,host_us,beam,beam_deg,range_mm,"
+      "intensity\n";
+  for (int seq = 0; seq < 3; ++seq)
+    for (int beam = 0; beam < 4; ++beam)
+      text += "1,cap,0,,0," + std::to_string(seq) + ",5," + std::to_string(7000 + 25'000 * seq) + "," +
+              std::to_string(beam) + "," + std::to_string(-0.5 + 0.25 * beam) + "," +
+              std::to_string(1000 + 10 * seq + beam) + ",2400\n";
+  const auto in = import(folder, folder.write("export.csv", text));
+  REQUIRE(in.scans.size() == 3);
+  CHECK(in.scans[2].range_mm == std::vector<std::uint16_t>{1020, 1021, 1022, 1023});
+  CHECK(in.scans[2].intensity == std::vector<std::uint16_t>(4, 2400));
+  CHECK(in.scans[2].host_us == 50'000);
+  CHECK(in.scans[0].geometry.first_rad * fit::deg_per_rad == Approx(-0.5));
+  CHECK(in.scans[0].geometry.step_rad * fit::deg_per_rad == Approx(0.25));
+}
+
+TEST_CASE("tables that are none are refused in words") {
+  const Folder folder;
+  CHECK_THROWS_AS(import(folder, folder.write("words.csv", "hello,world\nand,more\n")), std::exception);
+  CHECK_THROWS_WITH(
+      import(folder, folder.write("level.csv", "Timestamp,Step 0,Step 1\nTimestamp,Level,Level\n1,2,3\n")),
+      Contains("intensities without ranges"));
+  CHECK_THROWS_WITH(import(folder, folder.write("header.csv", "Timestamp,Step 0\n")),
+                    Contains("holds no scan"));
+}
