@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <utility>
 #include <vector>
 
@@ -25,8 +26,9 @@ namespace {
 constexpr double first_look_s = 0.001,
                  longest_look_s = 0.05;  // polled ever more slowly: short moves are noticed soon
 constexpr double no_progress_s = 5;      // says that it moves, but the position has not changed for so long
-constexpr double longest_stop_s = 10;    // from full speed at a gentle deceleration
-constexpr double longest_turn_s = 30;    // for the line: far beyond any command with all its repetitions
+constexpr double first_return_s = 0.3, longest_return_s = 2;  // how long a lost port may take to come back
+constexpr double longest_stop_s = 10;                         // from full speed at a gentle deceleration
+constexpr double longest_turn_s = 30;  // for the line: far beyond any command with all its repetitions
 constexpr auto beat_interval = std::chrono::seconds(1);
 const std::string stopping = "stopping";
 constexpr int most_reads = 6;  // to see the same position twice
@@ -300,7 +302,32 @@ awaitable<void> StageDriver::turn(double rate_deg_s) {
   co_await std::move(starting);
 }
 
+/// A port that has just been lost often comes back at once, and a stage that may still move is worth a few
+/// attempts.
 awaitable<void> StageDriver::stop() {
+  std::exception_ptr lost;
+  for (double wait_s = first_return_s; wait_s < longest_return_s; wait_s *= 2) {
+    bool is_reopened = false;
+    try {
+      auto stopping_it = stop_once();
+      co_await std::move(stopping_it);
+      co_return;
+    } catch (const StageLost&) {
+      lost = std::current_exception();
+    }
+    co_await pause(wait_s);
+    try {
+      auto opening = reopen();  // Which stops it.
+      co_await std::move(opening);
+      is_reopened = true;
+    } catch (const StageError&) {
+    }
+    if (is_reopened) co_return;
+  }
+  std::rethrow_exception(lost);
+}
+
+awaitable<void> StageDriver::stop_once() {
   const std::size_t stops = ++stops_;
   if (line_->taken) {
     link_->write_now(protocol_->stop_now());
@@ -377,7 +404,7 @@ awaitable<void> StageDriver::reopen() {
     }
   }
   const StageReading reading = co_await read(stops);
-  if (reading.moving) co_await stop();
+  if (reading.moving) co_await stop_once();
 }
 
 }  // namespace rig

@@ -33,6 +33,7 @@ class StageDriver : public Stage {
   class Turn;    ///< The right to use it.
 
   awaitable<Turn> take_turn(std::size_t stops);
+  awaitable<void> stop_once();
   awaitable<void> pause(double seconds) const;
   awaitable<StageReading> read(std::size_t stops);
   /// Two equal answers in a row: a byte spoilt on the line must not become a measured angle.

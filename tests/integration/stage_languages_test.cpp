@@ -207,6 +207,23 @@ TEST_CASE("a stage of any language is found again after it was unplugged") {
   CHECK(rig.run(rig.stage->move_to(4)) == Approx(4));
 }
 
+TEST_CASE("a stage whose port comes back under another name is stopped all the same") {
+  const std::string language = GENERATE("zaber", "shot", "gsc", "falcon");
+  INFO(language);
+  StageRig rig(language, 1, true);
+  rig.options.needs_homing = false;
+  rig.port_options.link =
+      (std::filesystem::temp_directory_path() / ("stop_" + language + std::to_string(::getpid()))).string();
+  rig.open();
+  const std::string why = why_failed(rig, 90, [&] { rig.port->unplug(); });
+  CHECK_THAT(why, Contains("is lost"));
+  boost::asio::steady_timer plugging(rig.io, std::chrono::milliseconds(500));
+  plugging.async_wait([&](const boost::system::error_code&) { rig.port->replug(); });
+  rig.run(rig.stage->stop());
+  CHECK_FALSE(rig.device->mechanics().moving(rig.clock.now_s()));
+  CHECK(bench_deg(rig) < 89);
+}
+
 TEST_CASE("every language is found by asking") {
   const std::string language = GENERATE("zaber", "shot", "gsc", "falcon");
   INFO(language);
