@@ -55,7 +55,7 @@ Receiver::Receiver(const World& world)
       centre_(settings_.timing == "centre"),
       clips_(false) {
   // The firmware's table was made in the factory with lone echoes of every strength, none of them clipped.
-  constexpr int points = 400;
+  constexpr int points = 1200;
   nominal_first_ = std::log(settings_.threshold * 1.0005);
   nominal_step_ = (std::log(1e4) - nominal_first_) / (points - 1);
   for (int i = 0; i < points; ++i) {

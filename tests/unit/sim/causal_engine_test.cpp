@@ -64,6 +64,25 @@ TEST_CASE("a good device is right within a millimetre whatever the target") {
   }
 }
 
+TEST_CASE("without noise and footprint a good device tells the geometry to a hundredth of a millimetre") {
+  sim::World world = narrow(slanted(2500, 20, 0.6), 60);
+  world.receiver.noise = 0;
+  world.beam.long_rad = world.beam.short_rad = 2e-5;
+  world.beam.aperture_mm = 0.02;
+  std::vector<double> exact;
+  const auto engine = sim::make_causal_engine(world, 1, &exact);
+  std::vector<std::uint32_t> range(exact.size()), intensity;
+  range.resize(static_cast<std::size_t>(world.bench.lidar.steps));
+  intensity.resize(range.size());
+  engine->scan(0, [](double) { return sim::StageMoment{}; }, range, intensity);
+  double worst = 0;
+  for (std::size_t k = 0; k < exact.size(); ++k) {
+    const double bearing = world.bench.lidar.beam_angle(static_cast<double>(k));
+    if (!std::isnan(exact[k])) worst = std::max(worst, std::abs(exact[k] - along_slant(2500, 20, bearing)));
+  }
+  CHECK(worst < 0.01);
+}
+
 TEST_CASE("on a fixed threshold weak echoes read long, as the flank of a Gaussian pulse says") {
   const auto at = [](double reflectance) {
     sim::World world = wall_at(1500, reflectance);
