@@ -593,7 +593,7 @@ awaitable<void> Client::Impl::exchange_times() {
   asio::steady_timer pause(executor);
   double late_us = 50;  // how much later than asked a timer of this host wakes us
   clock.begin_exchanges();
-  for (int round = 0; round < exchanges_wanted; ++round) {
+  for (int round = 0; round < exchanges_wanted && clock.follows_host(); ++round) {
     const auto now = static_cast<double>(now_us());
     const double send_at = round < random_exchanges ? now + static_cast<double>(random() % 2000)
                                                     : clock.best_time_to_send(now + late_us + 100);

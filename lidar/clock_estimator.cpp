@@ -21,7 +21,10 @@ constexpr double delay_beyond_scan_us = 500, u_delay_us = 500;  // 1 ms frame, 6
 constexpr double u_delay_for_window_us = 150;                   // better known, ticks are told apart by it
 constexpr double earliest_for_window_us = -300;
 constexpr double scattered_us = 330;  // mean lateness behind a tick; 455 when there are no ticks
-constexpr double alone = 6;           // steps between neighbours; one is usual
+constexpr double too_slow_us = 800;  // mean lateness, beyond which one tick's scans come after the next one's
+constexpr double lost_us = 1500;     // more than a whole millisecond that scans may wait
+constexpr int lost_believed = 2;
+constexpr double alone = 6;  // steps between neighbours; one is usual
 constexpr int scattered_believed = 4, whiles_until_lost = 2;
 constexpr double usual_wait_us = 500, u_first_offset_us = 600;  // of a single scan
 constexpr double u_completion_us = 150;      // how long a complete scan is worked on before it may leave
@@ -176,7 +179,7 @@ void ClockEstimator::end_exchanges() {
 
 void ClockEstimator::begin_stream() {
   while_.begin();
-  whiles_closed_ = late_whiles_ = scattered_whiles_ = 0;
+  whiles_closed_ = late_whiles_ = scattered_whiles_ = lost_whiles_ = 0;
   filter_.doubt_delay(u_delay_of_stream_us);
 }
 
@@ -245,11 +248,32 @@ void ClockEstimator::note_lateness(const ScanGrid::Start& start, std::uint64_t s
 
 void ClockEstimator::close_while() {
   ++whiles_closed_;
-  if (departure_ == Departure::on_tick)
-    measure_by_ticks();
-  else
-    measure_by_starts();
+  const Least least = least_of(while_.of_starts);
+  if (whiles_closed_ == 1) usual_late_us_ = least.us;
+  const double beyond_us = least.us - usual_late_us_;
+  lost_whiles_ = std::abs(beyond_us) > lost_us ? lost_whiles_ + 1 : 0;
+  if (lost_whiles_ >= lost_believed) {
+    begin_anew(least.device_ms, beyond_us);
+  } else {
+    if (departure_ == Departure::on_tick && !tick_unknown_)
+      measure_by_ticks(least.excess_us > too_slow_us);
+    else
+      measure_by_starts(least);
+  }
   while_.begin();
+}
+
+/// Scans come milliseconds later or earlier than they did, for seconds: the estimate went astray. What is
+/// left is when they came at first.
+void ClockEstimator::begin_anew(double device_ms, double beyond_us) {
+  const double offset_us = filter_.offset_us(device_ms) + beyond_us;
+  const double to_end_us = departure_ == Departure::on_tick ? 0 : 1000 * scan_ms_;
+  filter_ = OffsetFilter(to_end_us + delay_beyond_scan_us, u_delay_us);
+  filter_.advance_to(device_ms, 0, 0);
+  filter_.measure_offset(offset_us, u_first_offset_us);
+  tick_unknown_ = true;
+  synchronised_ = false;
+  late_whiles_ = scattered_whiles_ = lost_whiles_ = 0;
 }
 
 /// Where the densest quarter begins, once those before it that stand close together are taken in: what stands
@@ -297,10 +321,9 @@ ClockEstimator::Least ClockEstimator::least_behind_tick(std::vector<Lateness>& s
   return least_of(scans);
 }
 
-void ClockEstimator::measure_by_ticks() {
-  if (tick_unknown_) return measure_by_starts();
+void ClockEstimator::measure_by_ticks(bool slow) {
   const Least least = least_behind_tick(while_.of_stamps);
-  if (least.excess_us > scattered_us) {
+  if (slow || least.excess_us > scattered_us) {
     if (++scattered_whiles_ >= scattered_believed) give_up_ticks();
     return;
   }
@@ -315,12 +338,11 @@ void ClockEstimator::give_up_ticks() {
 }
 
 /// How much of the millisecond a scan waits for is not known, only that it changes as the scans pass through.
-void ClockEstimator::measure_by_starts() {
+void ClockEstimator::measure_by_starts(Least least) {
   const double gap = largest_gap(while_.phases);
   // How long the scans take to pass through the whole millisecond.
   const double turn = grid_.period_ms(), advance = std::abs(turn - std::round(turn));
   const double sweep_s = turn / 1000 / std::max(advance, 1e-3);
-  Least least = least_of(while_.of_starts);
   if (departure_ == Departure::on_tick) least.us -= 1000 * scan_ms_;  // what its delay is counted from
   filter_.advance_to(least.device_ms, gap * 1000 / std::sqrt(12.0), sweep_s);
   measure(least);

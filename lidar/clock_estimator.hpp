@@ -73,6 +73,8 @@ class ClockEstimator {
   [[nodiscard]] double u_scan_us() const;
 
   [[nodiscard]] ClockEstimate estimate() const;
+  /// False once the lidar's second is no second of the host's.
+  [[nodiscard]] bool follows_host() const { return follows_host_; }
 
  private:
   struct Exchange {
@@ -112,8 +114,9 @@ class ClockEstimator {
   void judge_rate(Moment arrival);
   void note_lateness(const ScanGrid::Start& start, std::uint64_t stamp_ms, double arrival_us);
   void close_while();
-  void measure_by_ticks();
-  void measure_by_starts();
+  void measure_by_ticks(bool slow);
+  void measure_by_starts(Least least);
+  void begin_anew(double device_ms, double beyond_us);
   void measure(const Least& least);
   void give_up_ticks();
   [[nodiscard]] Least least_behind_tick(std::vector<Lateness>& scans) const;
@@ -132,7 +135,8 @@ class ClockEstimator {
   double origin_us_ = 0;  ///< host = origin + 1000 device + the filter's offset: keeps its numbers small.
   While while_;
   Departure departure_;
-  int whiles_closed_ = 0, late_whiles_ = 0, scattered_whiles_ = 0;
+  int whiles_closed_ = 0, late_whiles_ = 0, scattered_whiles_ = 0, lost_whiles_ = 0;
+  double usual_late_us_ = 0;  ///< Of the stream's first while, behind the scans' starts.
   bool rate_judged_from_ = false;
   Moment rate_from_{};
   Moment anchor_{};  ///< When the lidar's own clock is followed.

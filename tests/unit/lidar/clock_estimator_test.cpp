@@ -67,6 +67,23 @@ TEST_CASE("scan times state their uncertainty where less is known") {
     CHECK(all.rms_us < 300);
     CHECK(all.covered > 0.9);
   }
+  SECTION("a network with delays of 0.4 ms") {
+    s.delay_us = 400;
+    const Summary all = over_seeds(s, 20);
+    CHECK(all.rms_us < 300);
+    CHECK(all.covered > 0.9);
+  }
+  SECTION("a network with delays of 1 ms: far off, but never lost") {
+    s.delay_us = 1000;
+    const Summary all = over_seeds(s, 20);
+    CHECK(all.worst_rms_us < 2000);
+  }
+  SECTION("a timer that starts again and is not synchronised anew") {
+    s.reboot_at = 2000;
+    const Summary all = over_seeds(s, 20);
+    CHECK(all.rms_us < 500);
+    CHECK(all.covered > 0.9);
+  }
   SECTION("clocks never synchronised") {
     s.synchronise = false;
     const Summary all = over_seeds(s, 20);
