@@ -206,6 +206,7 @@ struct Client::Impl {
   [[nodiscard]] std::optional<Frame> scan_frame_in_wreck(std::string_view bytes) const;
   void judge_stream_status(const Frame& frame);
   void count_damage(const std::string& what);
+  [[noreturn]] void no_scan_came();
 };
 
 // --- requests and their answers ----------------------------------------------------------------------------
@@ -571,12 +572,19 @@ awaitable<Scan> Client::Impl::next() {
       if (std::optional<Scan> scan = scan_in(**frame)) co_return std::move(*scan);
     } else {
       const bool arrived = co_await fill(until, "waiting for a scan");
-      if (!arrived)
-        fail(Kind::no_answer, "the lidar at " + address() + " sent no scan for " +
-                                  std::to_string(options.scan_timeout.count()) +
-                                  " ms. Check its power and network cable; reconnect to go on");
+      if (!arrived) no_scan_came();
     }
   }
+}
+
+void Client::Impl::no_scan_came() {
+  const std::string limit = std::to_string(options.scan_timeout.count()) + " ms";
+  if (bad_in_a_row > 0)
+    fail(Kind::bad_answer, "only damaged scans (" + std::to_string(bad_in_a_row) +
+                               ") arrived from the lidar at " + address() + " in " + limit +
+                               ". Check the network cable; reconnecting may help");
+  fail(Kind::no_answer, "the lidar at " + address() + " sent no scan for " + limit +
+                            ". Check its power and network cable; reconnect to go on");
 }
 
 awaitable<void> Client::Impl::stop() {

@@ -322,7 +322,7 @@ TEST_CASE("a lidar that sends nothing but damage is given up with a count") {
     message[message.size() / 2] = static_cast<char>(message[message.size() / 2] ^ 1);
     return message;
   });
-  lidar::Client client = bench.client(impatient());
+  lidar::Client client = bench.client();
   std::string what;
   auto session = [&]() -> awaitable<void> {
     co_await client.connect();
