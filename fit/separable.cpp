@@ -236,7 +236,7 @@ class Refinement {
 
  private:
   static double cost_of(unsigned n, const double* x, double* gradient, void* self) {
-    return static_cast<Refinement*>(self)->cost({Eigen::Map<const VectorXd>(x, n)}, gradient);
+    return static_cast<Refinement*>(self)->cost(Eigen::Map<const VectorXd>(x, n), gradient);
   }
   double cost(const VectorXd& beta, double* gradient) {
     const double value = projection_.evaluate(beta, gradient != nullptr);
