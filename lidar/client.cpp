@@ -87,6 +87,7 @@ struct Client::Impl {
     void stop() {
       relax();
       guarded = nullptr;
+      armed = false;
       timer.cancel();
     }
     void arm() {
