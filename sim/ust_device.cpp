@@ -12,7 +12,8 @@ using lidar::Command;
 
 namespace {
 
-constexpr double frame_s = 1e-3;        // a UST hands scans over on the next 1 ms frame (urg_stamped README)
+constexpr double frame_s =
+    1e-3;  // a UST hands scans over on its timer's next 1 ms frame (urg_stamped README)
 constexpr double restart_window_s = 1;  // the second RB must come within it (hokuyolx)
 
 constexpr std::uint32_t nearest_mm = 21, farthest_mm = 65532;  // what is neither code (manual, table 3)
@@ -175,7 +176,8 @@ double UstDevice::next_scan_ready_s(double now_s) {
   const double period = identity_.scan_period_s;
   const auto ready = [&](std::int64_t index) {
     const double complete = static_cast<double>(index) * period + lidar_.beam_time_s(lidar_.steps);
-    return std::ceil(complete / frame_s) * frame_s;
+    const double tick_s = frame_s / (1 + identity_.clock_ppm * 1e-6);
+    return timer_zero_s_ + std::ceil((complete - timer_zero_s_) / tick_s) * tick_s;
   };
   while (ready(stream_->next_index) < now_s - period) stream_->next_index += stream_->request.scan.skip + 1;
   return ready(stream_->next_index);
