@@ -72,8 +72,8 @@ awaitable<void> Runner::Impl::prepare() {
 
 void Runner::Impl::take_over(std::size_t index) {
   const json what = progress_of(plan[index].key);
-  for (const auto& [name, value] : what.value("set", json::object()).items())
-    variables[name] = value_of(value);
+  const json outputs_before = what.value("set", json::object());
+  for (const auto& [name, value] : outputs_before.items()) variables[name] = value_of(value);
   if (what.contains("skip")) skipped_turns.insert(what["skip"].get<std::string>());
   if (what.contains("stage_deg")) resume_at = what;
   mark_done(index);

@@ -78,8 +78,9 @@ void Runner::Impl::keep_short(std::int64_t id, const CaptureRequest& request, lo
 
 void Runner::Impl::replace_short_one(const CaptureRequest& request) {
   const json before = progress_of(request.key + "/short");
-  if (before.is_object() && before.contains("capture"))
-    session.replace_capture(before["capture"].get<std::int64_t>());
+  if (!before.is_object() || !before.contains("capture")) return;
+  session.replace_capture(before["capture"].get<std::int64_t>());
+  record(request.key + "/short", json::object());
 }
 
 awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& request, long& got) {

@@ -174,6 +174,15 @@ std::string immutable_uri(const std::string& path) {
   return uri + "?immutable=1";
 }
 
+/// A name is on the disk only when its folder is.
+void sync_folder(const std::string& path) {
+  const auto folder = std::filesystem::absolute(path).parent_path();
+  const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) return;
+  ::fsync(fd);
+  ::close(fd);
+}
+
 bool has_data(const std::string& path) {
   std::error_code ignored;
   const auto size = std::filesystem::file_size(path, ignored);
@@ -406,17 +415,37 @@ struct SessionStore::Impl {
     if (::access(folder.c_str(), W_OK) != 0)
       throw UsageError(folder.string() + " cannot be written, so " + path +
                        " cannot be made. Choose another folder or mend its permissions.");
-    database = std::make_unique<SQLite::Database>(path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE, 5000);
-    database->exec("PRAGMA page_size = " + std::to_string(page_bytes));
-    make_durable();
-    SQLite::Transaction transaction(*database);
-    database->exec("PRAGMA application_id = " + std::to_string(application_id));
-    database->exec("PRAGMA user_version = " + std::to_string(schema_version));
-    database->exec(schema);
-    transaction.commit();
+    make_empty();
     lock = std::make_unique<WriterLock>(path);
-    put("created_utc", utc_now());
-    put("software", "rig " RIG_VERSION);
+    database = std::make_unique<SQLite::Database>(path, SQLite::OPEN_READWRITE, 5000);
+    make_durable();
+  }
+
+  /// Made under another name and renamed, so that a session that exists is whole whenever the power fails.
+  void make_empty() {
+    const std::string unfinished = path + ".new";
+    try {
+      for (const char* ending : {"", "-journal"}) std::filesystem::remove(unfinished + ending);
+      database =
+          std::make_unique<SQLite::Database>(unfinished, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE, 5000);
+      database->exec("PRAGMA page_size = " + std::to_string(page_bytes));
+      database->exec("PRAGMA synchronous = FULL");
+      SQLite::Transaction transaction(*database);
+      database->exec("PRAGMA application_id = " + std::to_string(application_id));
+      database->exec("PRAGMA user_version = " + std::to_string(schema_version));
+      database->exec(schema);
+      put("created_utc", utc_now());
+      put("software", "rig " RIG_VERSION);
+      transaction.commit();
+      database.reset();
+      std::filesystem::rename(unfinished, path);
+      sync_folder(path);
+    } catch (...) {
+      database.reset();
+      std::error_code ignored;
+      std::filesystem::remove(unfinished, ignored);
+      throw;
+    }
   }
 
   void append() {
@@ -472,9 +501,20 @@ struct SessionStore::Impl {
     query.exec();
   }
 
-  void require_open(std::int64_t capture) const {
+  void require_open(std::int64_t capture) {
     if (open_capture != capture)
       throw std::logic_error("capture " + std::to_string(capture) + " is not open");
+    require_transaction();
+  }
+
+  /// A failing disk makes SQLite roll back by itself: what follows must not be written without the capture.
+  void require_transaction() {
+    if (!open_capture || sqlite3_get_autocommit(database->getHandle()) == 0) return;
+    rollback();
+    throw MeasurementError(
+        "The disk refused the capture that was being written to " + path +
+        ". What was captured before is intact. Free some space or check the disk, then run again with "
+        "--resume.");
   }
 
   void write_poses() {
@@ -616,7 +656,12 @@ void SessionStore::commit_capture(std::int64_t capture) {
     impl_->write_events();
     impl_->insert_scan->reset();
     impl_->insert_geometry->reset();
-    impl_->database->exec("COMMIT");
+    try {
+      impl_->database->exec("COMMIT");
+    } catch (...) {
+      impl_->rollback();
+      throw;
+    }
     impl_->open_capture.reset();
   });
 }
@@ -630,6 +675,7 @@ void SessionStore::abandon_capture(std::int64_t capture) {
 }
 
 void SessionStore::set_progress(const std::string& step, const std::string& json) {
+  impl_->require_transaction();
   guarded(impl_->path, [&] {
     SQLite::Statement statement(*impl_->database, "INSERT OR REPLACE INTO progress VALUES(?, ?)");
     statement.bind(1, step);
@@ -655,7 +701,8 @@ void SessionStore::mark_short(std::int64_t capture) {
 }
 
 void SessionStore::replace_capture(std::int64_t old_capture) {
-  if (!impl_->open_capture) throw std::logic_error("only an open capture replaces another");
+  if (!impl_->open_capture || impl_->open_capture == old_capture)
+    throw std::logic_error("only an open capture replaces another");
   guarded(impl_->path, [&] {
     impl_->execute("DELETE FROM scan_geometry WHERE capture = ?", old_capture);
     impl_->execute("DELETE FROM scan WHERE capture = ?", old_capture);

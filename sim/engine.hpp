@@ -37,6 +37,9 @@ class Engine {
   /// Told where the stage's drive stands when a move begins, ends or turns back. Engines with gear play and
   /// ringing need it for moves that happen between two scans; the others ignore it.
   virtual void stage_moves(double /*time_s*/, const StageMoment& /*stage*/) {}
+  /// The lidar begins a stream. Engines that repeat measurements (`rig-sim --repeatable`) begin their noise
+  /// anew.
+  virtual void begin_stream() {}
 };
 
 }  // namespace sim

@@ -48,6 +48,8 @@ SimulatedBench make_simulated_bench(const EngineChoice& choice) {
   if (choice.world_file.empty() && choice.bench_file.empty())
     throw std::invalid_argument("nothing to simulate: give a bench file (--bench) or a world file (--world)");
   const std::string engine = engine_for(choice);
+  if (choice.repeatable && !choice.world_file.empty())
+    throw std::invalid_argument("--repeatable is for benches that the simple engine serves");
   SimulatedBench simulated;
   if (engine == "causal") {
     std::optional<fit::Bench> operators;
@@ -72,8 +74,9 @@ SimulatedBench make_simulated_bench(const EngineChoice& choice) {
   if (simulated.engine_name == "model") {
     simulated.engine = make_model_engine(simulated.scene, choice.seed);
   } else {
-    simulated.engine =
-        std::make_shared<SimpleEngine>(simulated.scene, simple_options(simulated.scene), choice.seed);
+    SimpleOptions options = simple_options(simulated.scene);
+    options.repeatable = choice.repeatable;
+    simulated.engine = std::make_shared<SimpleEngine>(simulated.scene, options, choice.seed);
   }
   return simulated;
 }

@@ -17,6 +17,7 @@ struct EngineChoice {
   std::string world_file;       ///< Causes (docs/world.md); empty: none.
   std::string engine = "auto";  ///< "simple", "model", "causal", or "auto": whichever the files ask for.
   std::uint64_t seed = 1;
+  bool repeatable = false;  ///< SimpleOptions::repeatable; the simple engine only.
 };
 
 struct World;

@@ -167,6 +167,9 @@ int main(int argc, char** argv) {
   app.add_option("--speed", options.speed, "real, max, or a factor")->capture_default_str();
   app.add_option("--seed", options.choice.seed, "The same seed gives the same measurements")
       ->capture_default_str();
+  app.add_flag("--repeatable", options.choice.repeatable,
+               "Noise depends on the stage's place and the scan's number in its stream alone: a resumed run "
+               "measures what an undisturbed one does");
   app.add_option("--listen", options.listen, "Address of the lidar")->capture_default_str();
   app.add_option("--clock-ppm", options.clock_ppm, "How much the lidar's clock is fast")
       ->capture_default_str();

@@ -38,7 +38,7 @@ SimpleOptions simple_options(const fit::Bench& bench) {
 }
 
 SimpleEngine::SimpleEngine(fit::Bench bench, SimpleOptions options, std::uint64_t seed)
-    : bench_(std::move(bench)), options_(options), random_(seed) {
+    : bench_(std::move(bench)), options_(options), seed_(seed), random_(seed) {
   build_walls();
 }
 
@@ -140,6 +140,10 @@ void SimpleEngine::scan(double scan_s, const std::function<StageMoment(double)>&
                         std::span<std::uint32_t> range_mm, std::span<std::uint32_t> intensity) {
   const fit::LidarGeometry& lidar = bench_.lidar;
   const StageMoment start = stage_at(scan_s), end = stage_at(scan_s + lidar.beam_time_s(lidar.steps));
+  if (options_.repeatable) {
+    const auto place = static_cast<std::uint64_t>(std::llround(start.angle_rad * 1e7));
+    random_ = Random(seed_ ^ place * 0x9e3779b97f4a7c15 ^ ++scan_in_stream_ * 0xbf58476d1ce4e5b9);
+  }
   if (start.angle_rad == end.angle_rad) {
     prepare(start.angle_rad);
     for (std::size_t i = 0; i < range_mm.size(); ++i) {

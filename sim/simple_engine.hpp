@@ -19,6 +19,9 @@ struct SimpleOptions {
   double intensity_at_reference = 2400;  ///< Counts at 200 mm on a white surface met squarely (Zhao et al.).
   double intensity_falloff_mm = 3000;    ///< Range at which the echo has fallen to half.
   double relative_intensity_noise = 0.01;
+  /// Noise depends on the seed, the stage's place and the number of the scan in its stream alone, not on what
+  /// was measured before: a run that was interrupted and resumed measures what an undisturbed one does.
+  bool repeatable = false;
   double min_range_mm = 21,
          max_range_mm = 30000;  ///< Nearer: code 4; farther or no target: code 65533 (manual, table 3).
 };
@@ -32,6 +35,7 @@ class SimpleEngine : public Engine {
   void scan(double scan_s, const std::function<StageMoment(double)>& stage_at,
             std::span<std::uint32_t> range_mm, std::span<std::uint32_t> intensity) override;
   void set_scene(const SceneState& scene) override;
+  void begin_stream() override { scan_in_stream_ = 0; }
 
  private:
   struct Wall {
@@ -55,6 +59,7 @@ class SimpleEngine : public Engine {
 
   fit::Bench bench_;
   SimpleOptions options_;
+  std::uint64_t seed_, scan_in_stream_ = 0;
   Random random_;
   std::map<std::string, SceneState> changes_;
   std::vector<Wall> walls_;

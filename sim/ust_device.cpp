@@ -167,6 +167,7 @@ std::string UstDevice::start_stream(std::string_view echo, const lidar::Request&
   if (const std::string wrong = check_steps(request.scan); !wrong.empty())
     return lidar::build_status_response(echo, wrong);
   laser_on_ = true;
+  engine_->begin_stream();
   stream_ = Stream{request, request.scan.count, request.scan.count == 0,
                    static_cast<std::int64_t>(std::ceil(now_s / identity_.scan_period_s)) + 1};
   return lidar::build_status_response(echo, "00");

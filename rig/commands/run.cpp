@@ -141,7 +141,11 @@ class Run : public Command {
     return values;
   }
 
-  bool continues() const { return resume_ && std::filesystem::exists(out_); }
+  bool continues() const {
+    std::error_code missing;
+    const auto size = std::filesystem::file_size(out_, missing);
+    return resume_ && !missing && size > 0;
+  }
 
   fit::Bench known_bench() const {
     std::optional<std::string> stored;
@@ -158,6 +162,8 @@ class Run : public Command {
   }
 
   int run_on_devices(const Procedure& procedure, const fit::Bench& bench) {
+    std::signal(SIGXFSZ, SIG_IGN);  // A file that may not grow is a full disk, told in words.
+    std::signal(SIGPIPE, SIG_IGN);
     const Endpoint lidar_address = parse_endpoint(lidar_, "--lidar", scip_port);
     const auto document = json::parse(bench.document, nullptr, false, true);
     const StageOptions stage_options_ = stage_options(document.value("stage", json::object()));

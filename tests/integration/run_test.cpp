@@ -1,0 +1,376 @@
+// SPDX-License-Identifier: MIT
+// `rig run` as its operator meets it: two programs, real sockets, a real pseudo-terminal.
+#include <catch2/catch.hpp>
+#include <random>
+
+#include "rig/session_store.hpp"
+#include "tests/support/programs.hpp"
+
+using Catch::Matchers::Contains;
+using nlohmann::json;
+
+namespace {
+
+const std::string procedures = RIG_SOURCE_DIR "/procedures/";
+
+/// A board that the rig sees at 1.4 m with a wall behind it; small enough for a run of a second.
+constexpr const char* small_bench = R"({
+  "schema": "bench/1",
+  "lidar": {"model": "UST-10LX", "mount": {"x_mm": {"value": 0, "u": 15}, "y_mm": {"value": 0, "u": 15}}},
+  "stage": {"language": "zaber", "model": "X-RSW60A", "limits_deg": [-170, 170], "speed_deg_s": 20},
+  "targets": [
+    {"name": "board", "from_mm": [1400, -200], "to_mm": [1400, 200], "reflectance": 0.85},
+    {"name": "background", "from_mm": [2200, -900], "to_mm": [2200, 900], "reflectance": 0.6}],
+  "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": 5}}]
+})";
+
+struct Bench {
+  explicit Bench(std::vector<std::string> sim_options = {}, const std::string& truth = small_bench) {
+    write("bench.json", small_bench);
+    write("truth.json", truth);
+    sim = std::make_unique<SimProgram>(folder, folder / "truth.json", std::move(sim_options));
+  }
+
+  void write(const std::string& name, const std::string& text) const { std::ofstream(folder / name) << text; }
+
+  std::vector<std::string> command(const std::string& procedure, std::vector<std::string> more = {}) const {
+    std::vector<std::string> words = {RIG_BIN_DIR "/rig",
+                                      "run",
+                                      procedure,
+                                      "--lidar",
+                                      lidar.empty() ? sim->lidar() : lidar,
+                                      "--stage",
+                                      sim->stage(),
+                                      "--bench",
+                                      folder / "bench.json",
+                                      "--operator",
+                                      sim->person(),
+                                      "--out",
+                                      folder / "out.rig"};
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  }
+  /// Writes the steps as a procedure and runs it to its end.
+  int run(const std::string& steps, std::vector<std::string> more = {}) {
+    write("p.yaml", "procedure: test\nsteps:\n" + steps);
+    Program rig(command(folder / "p.yaml", std::move(more)), folder, before);
+    const int status = rig.exit_status();
+    said = rig.errors();
+    return status;
+  }
+
+  TestFolder folder;
+  std::unique_ptr<SimProgram> sim;
+  std::string lidar, said;
+  std::function<void()> before = [] {};
+};
+
+/// Everything that a calibration depends on, capture by capture.
+std::vector<std::string> measured(const std::string& file) {
+  const rig::SessionStore session(file, rig::SessionStore::Mode::read);
+  const auto recording = session.recording();
+  std::vector<std::string> all;
+  for (std::size_t i = 0; i < recording->captures().size(); ++i) {
+    const auto& info = recording->captures()[i];
+    std::string text = info.step + " " + std::to_string(info.stage_rad) + " " + std::to_string(info.approach);
+    recording->for_each_scan(i, [&](const fit::ScanView& scan) {
+      for (const auto range : scan.range_mm) text += " " + std::to_string(range);
+      for (const auto level : scan.intensity) text += " " + std::to_string(level);
+    });
+    all.push_back(std::to_string(std::hash<std::string>{}(text)) + " " + text.substr(0, 60));
+  }
+  return all;
+}
+
+json values_of(const std::string& file, const std::string& kind) {
+  const rig::SessionStore session(file, rig::SessionStore::Mode::read);
+  return json::parse(session.latest_result(kind).value_or("{}")).value("values", json::array());
+}
+
+json value_of(const std::string& file, const std::string& kind, const std::string& name) {
+  for (const json& value : values_of(file, kind))
+    if (value["name"] == name) return value;
+  throw std::runtime_error("no result " + kind + "." + name);
+}
+
+}  // namespace
+
+TEST_CASE("the demo calibrates the simulated bench within its stated uncertainty") {
+  TestFolder folder;
+  SimProgram sim(folder, procedures + "demo.truth.bench.json");
+  Program rig({RIG_BIN_DIR "/rig", "run", procedures + "demo.yaml", "--bench", procedures + "demo.bench.json",
+               "--lidar", sim.lidar(), "--stage", sim.stage(), "--operator", sim.person(), "--out",
+               folder / "demo.rig", "--set", "samples=1000", "--set", "edge_samples=200"},
+              folder);
+  const int status = rig.exit_status(std::chrono::seconds(120));
+  INFO(rig.errors());
+  REQUIRE(status == 0);
+  const json x = value_of(folder / "demo.rig", "centre", "centre_x_mm");
+  const json y = value_of(folder / "demo.rig", "centre", "centre_y_mm");
+  const json window = value_of(folder / "demo.rig", "sensitivity", "window_deg");
+  // Three expanded uncertainties: the coverage itself is tested over many seeds elsewhere.
+  CHECK(x["value"].get<double>() == Approx(-1.63).margin(3 * x["u"].get<double>()));
+  CHECK(y["value"].get<double>() == Approx(-12.65).margin(3 * y["u"].get<double>()));
+  CHECK(window["value"].get<double>() == Approx(0.05).margin(0.01));
+  CHECK_THAT(file_text(folder / "demo.html"), Contains("</html>"));
+  CHECK_THAT(rig.errors(), Contains("Limits:") && Contains("pass"));
+}
+
+TEST_CASE("a run that is killed at any moment and resumed ends as an undisturbed one") {
+  const std::string steps =
+      "  - home\n"
+      "  - find-edge: {target: board, beam_deg: 0, samples: 40, search_deg: 2, spread: 1}\n"
+      "  - move: {to_deg: '${edge_smooth_deg}'}\n"
+      "  - capture: {samples: 2000, beams_deg: [-5, 5], target: board}\n"
+      "  - sweep: {start_deg: -1, stop_deg: 1, step_deg: 0.5, samples: 100}\n"
+      "  - fit: {kind: noise}\n";
+  Bench bench({"--repeatable"});
+  REQUIRE(bench.run(steps) == 0);
+  const auto undisturbed = measured(bench.folder / "out.rig");
+  const json values = values_of(bench.folder / "out.rig", "noise");
+  REQUIRE(undisturbed.size() > 10);
+  std::filesystem::remove(bench.folder / "out.rig");
+
+  std::mt19937 random(7);
+  int kills = 0, status = -1;
+  while (status != 0) {
+    REQUIRE(kills < 100);
+    Program rig(bench.command(bench.folder / "p.yaml", {"--resume"}), bench.folder);
+    // Early runs are killed soon, so that every phase has its turn; later ones get on.
+    const auto life = std::chrono::milliseconds(20 + random() % (200 + 60 * static_cast<unsigned>(kills)));
+    if (kills < 12 && !rig.ends_within(life)) {
+      rig.signal(SIGKILL);
+      if (rig.exit_status() == -SIGKILL) {
+        ++kills;
+        continue;
+      }
+    }
+    status = rig.exit_status();
+    INFO(rig.errors());
+    REQUIRE(status == 0);
+  }
+  CHECK(kills >= 5);
+  CHECK(measured(bench.folder / "out.rig") == undisturbed);
+  CHECK(values_of(bench.folder / "out.rig", "noise") == values);
+}
+
+TEST_CASE("Ctrl-C stops the stage and keeps the data") {
+  Bench bench({"--speed", "real"});
+  bench.write("p.yaml", "procedure: test\nsteps:\n  - home\n  - capture: {samples: 4000}\n");
+  Program rig(bench.command(bench.folder / "p.yaml", {"--json-log"}), bench.folder);
+  for (int done = 0; done < 5;) {
+    const auto line = rig.line();
+    REQUIRE(line);
+    const json what = json::parse(*line);
+    if (what["type"] == "progress" && what["activity"] == "capturing") done = what["done"];
+  }
+  rig.signal(SIGINT);
+  CHECK(rig.exit_status(std::chrono::seconds(15)) == 1);
+  CHECK_THAT(rig.errors(), Contains("Stopped by the operator") && Contains("--resume"));
+  const rig::SessionStore session(bench.folder / "out.rig", rig::SessionStore::Mode::read);
+  REQUIRE(session.recording()->captures().size() == 1);
+  CHECK_THAT(session.recording()->captures()[0].step, Contains("(short)"));
+}
+
+TEST_CASE("a session is not written over and a finished one is not added to") {
+  Bench bench;
+  const std::string steps = "  - home\n  - capture: {samples: 5}\n";
+  REQUIRE(bench.run(steps) == 0);
+  const auto before = measured(bench.folder / "out.rig");
+  CHECK(bench.run(steps) == 2);
+  CHECK_THAT(bench.said, Contains("out.rig") && Contains("--resume"));
+  CHECK(bench.run(steps, {"--resume"}) == 0);
+  CHECK(measured(bench.folder / "out.rig") == before);
+}
+
+TEST_CASE("a full disk ends the run with all that was captured and with room it goes on") {
+  Bench bench({"--repeatable"});
+  const std::string steps =
+      "  - home\n  - sweep: {start_deg: -2, stop_deg: 2, step_deg: 0.5, samples: 120}\n";
+  REQUIRE(bench.run(steps) == 0);
+  const auto undisturbed = measured(bench.folder / "out.rig");
+  std::filesystem::remove(bench.folder / "out.rig");
+  bench.before = [] {
+    const rlimit limit{4'000'000, RLIM_INFINITY};
+    ::setrlimit(RLIMIT_FSIZE, &limit);
+  };
+  CHECK(bench.run(steps) == 1);
+  INFO(bench.said);
+  CHECK_THAT(bench.said, Contains("intact") && Contains("--resume"));
+  const auto kept = measured(bench.folder / "out.rig");
+  CHECK(kept.size() >= 2);
+  CHECK(kept.size() < undisturbed.size());
+  bench.before = [] {};
+  CHECK(bench.run(steps, {"--resume"}) == 0);
+  CHECK(measured(bench.folder / "out.rig") == undisturbed);
+}
+
+// What goes wrong at a bench: each names the fault and its remedy, and ends with its own exit status.
+
+TEST_CASE("nothing that listens at the lidar's address is told as such") {
+  Bench bench;
+  bench.lidar = "tcp://127.0.0.1:1";
+  CHECK(bench.run("  - home\n  - capture: {samples: 5}\n") == 3);
+  CHECK_THAT(bench.said, Contains("no lidar answers at 127.0.0.1:1") && Contains("Check"));
+}
+
+namespace {
+
+/// Something that listens and answers whatever it hears with the same text.
+class OtherService {
+ public:
+  OtherService(const TestFolder& folder, const std::string& says)
+      : program_({"/usr/bin/python3", "-c",
+                  "import socket,sys\n"
+                  "s=socket.create_server(('127.0.0.1',0)); print(s.getsockname()[1],flush=True)\n"
+                  "while True:\n"
+                  "  c,_=s.accept()\n"
+                  "  try:\n"
+                  "    while c.recv(4096): c.sendall(sys.argv[1].encode('latin-1'))\n"
+                  "  except OSError: pass\n",
+                  says},
+                 folder) {
+    port_ = program_.line().value_or("");
+  }
+  [[nodiscard]] std::string address() const { return "tcp://127.0.0.1:" + port_; }
+
+ private:
+  Program program_;
+  std::string port_;
+};
+
+}  // namespace
+
+TEST_CASE("another service at the lidar's port is told from a lidar") {
+  Bench bench;
+  const OtherService service(bench.folder, "HTTP/1.1 400 Bad Request\r\nConnection: keep-alive\r\n\r\n");
+  bench.lidar = service.address();
+  CHECK(bench.run("  - home\n  - capture: {samples: 5}\n") == 3);
+  CHECK_THAT(bench.said, Contains("SCIP") && Contains(service.address().substr(6)));
+}
+
+TEST_CASE("a device that answers garbage ends the run, and endless garbage does not fill the memory") {
+  Bench bench;
+  const OtherService service(bench.folder, std::string(200'000, '\x7f'));
+  bench.lidar = service.address();
+  bench.before = [] {
+    const rlimit limit{600'000'000, RLIM_INFINITY};
+    ::setrlimit(RLIMIT_DATA, &limit);
+  };
+  CHECK(bench.run("  - home\n  - capture: {samples: 5}\n") == 3);
+  CHECK_THAT(bench.said, Contains("lidar") || Contains("SCIP"));
+}
+
+TEST_CASE("a serial port without permission is told with its remedy") {
+  Bench bench;
+  if (::geteuid() == 0) {
+    // Root may open everything, so the program runs as nobody, in a folder that nobody may write.
+    std::filesystem::permissions(bench.folder.path(), std::filesystem::perms::all);
+    bench.before = [] {
+      if (::setgid(65534) != 0 || ::setuid(65534) != 0 || ::access(RIG_BIN_DIR "/rig", X_OK) != 0)
+        ::_exit(77);
+    };
+  }
+  std::filesystem::permissions(bench.folder / "stage", std::filesystem::perms::none);
+  const int status = bench.run("  - home\n  - capture: {samples: 5}\n");
+  if (status == 77) return WARN("skipped: the build folder is closed to other users");
+  CHECK(status == 3);
+  CHECK_THAT(bench.said, Contains("stage") && Contains("dialout"));
+}
+
+TEST_CASE("a serial port that is not there is told with its remedy") {
+  Bench bench;
+  Program rig(
+      {RIG_BIN_DIR "/rig", "run", procedures + "demo.yaml", "--bench", bench.folder / "bench.json", "--lidar",
+       bench.sim->lidar(), "--stage", "serial:/dev/ttyNOT0", "--out", bench.folder / "out.rig"},
+      bench.folder);
+  CHECK(rig.exit_status() == 3);
+  CHECK_THAT(rig.errors(), Contains("/dev/ttyNOT0") && Contains("rig devices"));
+}
+
+TEST_CASE("a procedure that forgets homing is refused before anything moves") {
+  Bench bench;
+  CHECK(bench.run("  - move: {to_deg: 10}\n  - capture: {samples: 5}\n") == 2);
+  CHECK_THAT(bench.said, Contains("p.yaml:3") && Contains("home"));
+}
+
+TEST_CASE("a stage that stalls again and again is stopped with a reason") {
+  Bench bench({"--fault", "every=0.05s stage stall"});
+  CHECK(bench.run("  - home\n  - move: {to_deg: 100}\n  - capture: {samples: 5}\n") == 3);
+  CHECK_THAT(bench.said, Contains("stall"));
+}
+
+TEST_CASE("a misspelt key of a procedure is told with its place and what was meant") {
+  Bench bench;
+  CHECK(bench.run("  - home\n  - capture: {sample: 5}\n") == 2);
+  CHECK_THAT(bench.said, Contains("p.yaml:4:15") && Contains("samples"));
+}
+
+TEST_CASE("a procedure with a calibration that does not exist is refused before hours of captures") {
+  Bench bench;
+  CHECK(bench.run("  - home\n  - capture: {samples: 5}\n  - fit: {kind: center}\n") == 2);
+  CHECK_THAT(bench.said, Contains("p.yaml:5") && Contains("centre"));
+}
+
+TEST_CASE("a bench that the captures contradict ends the run with what was seen and what was expected") {
+  std::string elsewhere = small_bench;
+  for (std::size_t at = 0; (at = elsewhere.find("[1400, ", at)) != std::string::npos; ++at)
+    elsewhere.replace(at, 7, "[1900, ");
+  Bench bench({}, elsewhere);
+  CHECK(bench.run("  - home\n"
+                  "  - prompt: {title: Put the board there, until: {beams_deg: [-2, 2], within_mm: [1380, "
+                  "1420]}}\n") == 1);
+  CHECK_THAT(bench.said, Contains("sees 1900 mm") && Contains("1380 to 1420"));
+  std::filesystem::remove(bench.folder / "out.rig");
+  CHECK(bench.run(
+            "  - home\n"
+            "  - find-edge: {target: board, beam_deg: 0, near_deg: 60, search_deg: 2, samples: 20}\n") == 1);
+  CHECK_THAT(bench.said, Contains("no edge of 'board'") && Contains("Compare the target's place"));
+}
+
+TEST_CASE("a person at the terminal is asked in plain words and answers by typing") {
+  Bench bench;
+  bench.write(
+      "p.yaml",
+      "procedure: test\nsteps:\n  - home\n"
+      "  - prompt: {title: Measure the rail, text: With the tape., ask: {name: rail, unit: m, min: 1, max: "
+      "2}}\n"
+      "  - capture: {samples: 5}\n    name: 'at ${rail}'\n");
+  std::vector<std::string> command = {
+      RIG_BIN_DIR "/rig",          "run",     bench.folder / "p.yaml", "--lidar",
+      bench.sim->lidar(),          "--stage", bench.sim->stage(),      "--bench",
+      bench.folder / "bench.json", "--out",   bench.folder / "out.rig"};
+  Program rig(command, bench.folder);
+  rig.type("5\n1.25\n");
+  CHECK(rig.exit_status() == 0);
+  CHECK_THAT(rig.errors(), Contains("Measure the rail") && Contains("With the tape.") &&
+                               Contains("in m, 1 to 2") && Contains("5 is not believed"));
+  const rig::SessionStore session(bench.folder / "out.rig", rig::SessionStore::Mode::read);
+  CHECK(session.recording()->captures().at(0).step == "at 1.25");
+
+  std::filesystem::remove(bench.folder / "out.rig");
+  Program alone(command, bench.folder);
+  alone.end_input();
+  CHECK(alone.exit_status() == 2);
+  CHECK_THAT(alone.errors(), Contains("Nobody can answer") && Contains("--yes"));
+}
+
+TEST_CASE("a limit that is not met is exit status 1 with the limit in the summary") {
+  Bench bench;
+  bench.write("p.yaml",
+              "procedure: test\nsteps:\n  - home\n  - capture: {samples: 50}\n  - fit: {kind: noise}\n"
+              "limits:\n  - {name: Noise, of: noise.sigma_mm, max: 1}\n");
+  Program rig(bench.command(bench.folder / "p.yaml"), bench.folder);
+  CHECK(rig.exit_status() == 1);
+  CHECK_THAT(rig.errors(), Contains("fail") && Contains("Noise") && Contains("not every limit is met"));
+}
+
+TEST_CASE("a procedure can write a report nowhere but beside its session") {
+  Bench bench;
+  for (const char* place : {"../escaped.html", "/tmp/escaped.html", "a/../../escaped.html"}) {
+    CHECK(bench.run("  - home\n  - report: {file: " + std::string(place) + "}\n") == 2);
+    CHECK(!std::filesystem::exists("/tmp/escaped.html"));
+    CHECK(!std::filesystem::exists(bench.folder / "../escaped.html"));
+    std::filesystem::remove(bench.folder / "out.rig");
+  }
+}
