@@ -93,7 +93,8 @@ class TerminalView final : public RunView {
   void print(const RunState::Message& message) {
     if (!is_terminal_ && message.level == "info") return;
     if (message.text.starts_with("asks: ")) return;  // The operator says it at length.
-    const char* mark = message.level == "error" ? "error: " : message.level == "warning" ? "warning: " : "";
+    if (message.level == "error") return;            // Why the run failed is the program's last line.
+    const char* mark = message.level == "warning" ? "warning: " : "";
     std::fprintf(out_, "%s%s\n", mark, message.text.c_str());
   }
   void clear() {
