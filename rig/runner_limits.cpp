@@ -21,6 +21,16 @@ json value_of(const SessionStore& session, const Limit& limit) {
   return nullptr;
 }
 
+/// What there is instead, for a misspelt limit.
+std::string names_in(const SessionStore& session, const std::string& kind) {
+  const json result = json::parse(session.latest_result(kind).value_or("null"), nullptr, false);
+  if (!result.is_object() || !result.contains("values") || !result["values"].is_array()) return "";
+  std::string names;
+  for (const json& value : result["values"])
+    if (value.is_object()) names += (names.empty() ? "; there are " : ", ") + value.value("name", "");
+  return names;
+}
+
 double number_or(const json& object, const char* key, double otherwise) {
   return object.contains(key) && object[key].is_number() ? object[key].get<double>() : otherwise;
 }
@@ -56,7 +66,7 @@ json check(const Limit& limit, const SessionStore& session) {
   const double number = value.is_object() ? number_or(value, "value", NAN) : NAN;
   if (!std::isfinite(number)) {
     result["verdict"] = "inconclusive";
-    result["reason"] = "no result " + limit.kind + "." + limit.value;
+    result["reason"] = "no result " + limit.kind + "." + limit.value + names_in(session, limit.kind);
     return result;
   }
   const double expanded = expanded_uncertainty(value);

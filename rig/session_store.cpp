@@ -133,6 +133,8 @@ auto guarded(const std::string& path, F work) {
       case SQLITE_READONLY:
       case SQLITE_PERM:
         throw UsageError(path + " cannot be written. Check the permissions of the file and its folder.");
+      case SQLITE_CANTOPEN:
+        throw UsageError(path + " cannot be opened or made. Choose another folder or mend its permissions.");
       case SQLITE_IOERR:
         throw MeasurementError(
             "Reading or writing " + path + " failed (" + error.what() +

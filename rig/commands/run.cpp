@@ -9,10 +9,9 @@
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
+#include "rig/bench_file.hpp"
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting.hpp"
@@ -22,6 +21,7 @@
 #include "rig/run_view.hpp"
 #include "rig/scip_source.hpp"
 #include "rig/stage_factory.hpp"
+#include "rig/watchdog.hpp"
 
 namespace rig::commands {
 namespace {
@@ -31,22 +31,6 @@ using nlohmann::json;
 using std::chrono::steady_clock;
 
 constexpr std::uint16_t scip_port = 10940;
-
-std::string text_of(const std::string& path) {
-  std::ifstream in(path);
-  std::stringstream text;
-  text << in.rdbuf();
-  if (!in) throw UsageError("cannot read the bench file " + path + ": check the name and the permission.");
-  return text.str();
-}
-
-fit::Bench read_bench(const std::string& text, const std::string& path) {
-  try {
-    return fit::parse_bench(text, path);
-  } catch (const std::invalid_argument& error) {
-    throw UsageError(error.what());
-  }
-}
 
 /// A calibration that does not exist is found before the hours of its captures.
 void check_fits(const std::vector<Step>& steps) {
@@ -152,8 +136,8 @@ class Run : public Command {
     if (continues()) stored = SessionStore(out_, SessionStore::Mode::read).get("bench");
     if (bench_.empty() && !stored)
       throw UsageError("--bench is missing: the bench file says what stands where.");
-    if (bench_.empty()) return read_bench(*stored, out_ + " (its bench)");
-    fit::Bench bench = read_bench(text_of(bench_), bench_);
+    if (bench_.empty()) return read_bench_text(*stored, out_ + " (its bench)");
+    fit::Bench bench = read_bench_file(bench_);
     if (stored && json::parse(*stored) != json::parse(fit::to_json_text(bench)))
       throw UsageError(
           bench_ + " differs from the bench that " + out_ +
@@ -165,8 +149,8 @@ class Run : public Command {
     std::signal(SIGXFSZ, SIG_IGN);  // A file that may not grow is a full disk, told in words.
     std::signal(SIGPIPE, SIG_IGN);
     const Endpoint lidar_address = parse_endpoint(lidar_, "--lidar", scip_port);
-    const auto document = json::parse(bench.document, nullptr, false, true);
-    const StageOptions stage_options_ = stage_options(document.value("stage", json::object()));
+    const StageOptions known_stage = bench_stage_options(bench);
+    const Watchdog watchdog(lidar_address, stage_, known_stage);
     SessionStore session(out_, continues() ? SessionStore::Mode::append : SessionStore::Mode::create);
     asio::io_context io(1);
     const auto lidar = make_scip_source(io.get_executor(), lidar_address);
@@ -183,7 +167,7 @@ class Run : public Command {
       signals.async_wait([&](const boost::system::error_code& error, int) {
         if (!error) stopped = true, io.stop();
       });
-      auto opening = open_stage(io.get_executor(), stage_, stage_options_);
+      auto opening = open_stage(io.get_executor(), stage_, known_stage);
       asio::co_spawn(io, std::move(opening), [&](std::exception_ptr why, std::unique_ptr<Stage> opened) {
         failure = why;
         stage = std::move(opened);

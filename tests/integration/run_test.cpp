@@ -362,7 +362,7 @@ TEST_CASE("a limit that is not met is exit status 1 with the limit in the summar
   Bench bench;
   bench.write("p.yaml",
               "procedure: test\nsteps:\n  - home\n  - capture: {samples: 50}\n  - fit: {kind: noise}\n"
-              "limits:\n  - {name: Noise, of: noise.sigma_median_mm, max: 1}\n");
+              "limits:\n  - {name: Noise, of: noise.noise_median_mm, max: 1}\n");
   Program rig(bench.command(bench.folder / "p.yaml"), bench.folder);
   CHECK(rig.exit_status() == 1);
   CHECK_THAT(rig.errors(), Contains("fail") && Contains("Noise") && Contains("not every limit is met"));

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: MIT
+#include <boost/asio/bind_cancellation_slot.hpp>
+#include <boost/asio/cancellation_signal.hpp>
+#include <boost/asio/co_spawn.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <boost/asio/use_awaitable.hpp>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "rig/bench_check.hpp"
+#include "rig/bench_file.hpp"
+#include "rig/command.hpp"
+#include "rig/errors.hpp"
+#include "rig/operators.hpp"
+#include "rig/report.hpp"
+#include "rig/scip_source.hpp"
+#include "rig/stage_factory.hpp"
+#include "rig/watchdog.hpp"
+
+namespace rig::commands {
+namespace {
+
+namespace asio = boost::asio;
+using nlohmann::json;
+
+const char* word(CheckLine::Verdict verdict) {
+  switch (verdict) {
+    case CheckLine::Verdict::good:
+      return "good";
+    case CheckLine::Verdict::look:
+      return "look";
+    case CheckLine::Verdict::bad:
+      return "BAD";
+  }
+  return "";
+}
+
+void print(const CheckLine& line) {
+  std::fprintf(stderr, "%-4s  %-16s %s\n", word(line.verdict), line.what.c_str(), line.says.c_str());
+  if (line.verdict != CheckLine::Verdict::good)
+    std::fprintf(stderr, "      %-16s -> %s\n", "", line.remedy.c_str());
+}
+
+class Check : public Command {
+ public:
+  CLI::App* declare(CLI::App& root) override {
+    auto* check =
+        root.add_subcommand("check", "Walks through the bench before a long run and says what to fix");
+    check->add_option("--lidar", lidar_, "tcp://HOST[:PORT]")->required();
+    check->add_option("--stage", stage_, "serial:PATH[?language=zaber&baud=...]")->required();
+    check->add_option("--bench", bench_, "Bench file")->required();
+    check->add_flag("--stay-still", stay_still_, "Do not home or move the stage");
+    check->add_option("--json", json_, "Write what was found to FILE, or '-' for standard output");
+    return check;
+  }
+
+  int run() override {
+    const fit::Bench bench = read_bench_file(bench_);
+    const Endpoint address = parse_endpoint(lidar_, "--lidar", 10940);
+    const StageOptions options = bench_stage_options(bench);
+    const Watchdog watchdog(address, stage_, options);
+    asio::io_context io(1);
+    std::exception_ptr failure;
+    std::vector<CheckLine> lines;
+    asio::signal_set signals(io, SIGINT, SIGTERM);
+    bool stopped = false;
+    auto checking = walk(bench, address, options);
+    // Cancellation reaches whatever waits; the drivers end in a stop.
+    asio::cancellation_signal cancel;
+    signals.async_wait([&](const boost::system::error_code& error, int) {
+      if (!error) stopped = true, cancel.emit(asio::cancellation_type::terminal);
+    });
+    asio::co_spawn(io, std::move(checking),
+                   asio::bind_cancellation_slot(cancel.slot(),
+                                                [&](std::exception_ptr why, std::vector<CheckLine> found) {
+                                                  failure = why;
+                                                  lines = std::move(found);
+                                                  signals.cancel();
+                                                }));
+    io.run();
+    if (stopped) throw MeasurementError("Stopped by the operator.");
+    if (failure) std::rethrow_exception(failure);
+    return conclude(lines);
+  }
+
+ private:
+  asio::awaitable<std::vector<CheckLine>> walk(const fit::Bench& bench, Endpoint address,
+                                               StageOptions options) {
+    const auto executor = co_await asio::this_coro::executor;
+    const auto lidar = make_scip_source(executor, address);
+    const auto clock = make_real_clock();
+    auto opening = open_stage(executor, stage_, options);
+    const auto stage = co_await std::move(opening);
+    std::exception_ptr failure;
+    std::vector<CheckLine> lines;
+    try {
+      const std::function<void(const CheckLine&)> tell = print;
+      auto checking = check_bench(bench, *lidar, *stage, *clock, stay_still_, tell);
+      lines = co_await std::move(checking);
+    } catch (...) {
+      failure = std::current_exception();
+    }
+    co_await asio::this_coro::reset_cancellation_state(asio::disable_cancellation());
+    auto stopping = stage->stop();
+    co_await std::move(stopping);
+    if (failure) std::rethrow_exception(failure);
+    co_return lines;
+  }
+
+  int conclude(const std::vector<CheckLine>& lines) const {
+    json all = json::array();
+    bool bad = false;
+    for (const CheckLine& line : lines) {
+      bad |= line.verdict == CheckLine::Verdict::bad;
+      all.push_back({{"what", line.what}, {"verdict", word(line.verdict)}, {"says", line.says}});
+      if (line.verdict != CheckLine::Verdict::good) all.back()["remedy"] = line.remedy;
+    }
+    const std::string text = json{{"schema", "check/1"}, {"lines", all}}.dump(1) + "\n";
+    if (json_ == "-")
+      std::fputs(text.c_str(), stdout);
+    else if (!json_.empty())
+      write_file_atomically(json_, text);
+    if (bad) throw MeasurementError("the bench is not ready: mend what is marked BAD and check again.");
+    return 0;
+  }
+
+  std::string lidar_, stage_, bench_, json_;
+  bool stay_still_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> make_check() { return std::make_unique<Check>(); }
+
+}  // namespace rig::commands

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: MIT
+#include <boost/asio/co_spawn.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/use_awaitable.hpp>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "lidar/client.hpp"
+#include "rig/command.hpp"
+#include "rig/endpoint.hpp"
+#include "rig/errors.hpp"
+#include "rig/report.hpp"
+#include "rig/stage_factory.hpp"
+
+namespace rig::commands {
+namespace {
+
+namespace asio = boost::asio;
+using nlohmann::json;
+
+constexpr const char* factory_address = "192.168.0.10:10940";  // As a UST-10LX leaves the factory.
+
+class Devices : public Command {
+ public:
+  CLI::App* declare(CLI::App& root) override {
+    auto* devices =
+        root.add_subcommand("devices", "Finds stages and lidars; sends queries only, nothing moves");
+    devices->add_option(
+        "--lidar", lidars_,
+        std::string("Address to ask, tcp://HOST[:PORT]; may be repeated; default: ") + factory_address);
+    devices->add_option("--stage", stages_, "Another port to ask, serial:PATH; may be repeated");
+    devices->add_flag("--no-probe", no_probe_, "List the serial ports and ask nobody");
+    devices->add_option("--json", json_, "Write what was found to FILE, or '-' for standard output");
+    return devices;
+  }
+
+  int run() override {
+    asio::io_context io(1);
+    std::exception_ptr failure;
+    auto searching = search();
+    asio::co_spawn(io, std::move(searching), [&](std::exception_ptr why) { failure = why; });
+    io.run();
+    if (failure) std::rethrow_exception(failure);
+    const std::string text = found_.dump(1) + "\n";
+    if (json_ == "-")
+      std::fputs(text.c_str(), stdout);
+    else if (!json_.empty())
+      write_file_atomically(json_, text);
+    if (asked_in_vain_) throw DeviceError("not every device that was asked for answers; see above.");
+    return 0;
+  }
+
+ private:
+  asio::awaitable<void> search() {
+    std::fputs("Serial ports:\n", stderr);
+    std::vector<SerialPortInfo> ports = list_serial_ports();
+    if (ports.empty() && stages_.empty())
+      std::fputs("  none; is the stage's USB cable plugged in?\n", stderr);
+    for (const SerialPortInfo& port : ports) {
+      auto asking = ask_port(port, false);
+      co_await std::move(asking);
+    }
+    for (const std::string& url : stages_) {
+      SerialPortInfo port;
+      port.path = url.substr(url.starts_with("serial:") ? 7 : 0);
+      port.path = port.path.substr(0, port.path.find('?'));
+      auto asking = ask_port(port, true);
+      co_await std::move(asking);
+    }
+    std::fputs("Lidars:\n", stderr);
+    const bool wanted = !lidars_.empty();
+    if (!wanted) lidars_.emplace_back(factory_address);
+    for (const std::string& address : lidars_) {
+      auto asking = ask_lidar(address, wanted);
+      co_await std::move(asking);
+    }
+  }
+
+  asio::awaitable<void> ask_port(SerialPortInfo port, bool wanted) {
+    json entry = {{"path", port.path}, {"description", port.description}};
+    std::string line = "  " + port.path;
+    if (!port.description.empty()) line += "  " + port.description;
+    if (!port.usb_id.empty()) {
+      line += "  (USB " + port.usb_id + (port.usb_product.empty() ? "" : " " + port.usb_product) +
+              (port.usb_serial.empty() ? "" : ", serial " + port.usb_serial) + ")";
+      entry["usb"] = {{"id", port.usb_id}, {"product", port.usb_product}, {"serial", port.usb_serial}};
+    }
+    std::string answer;
+    if (!no_probe_) {
+      try {
+        auto probing = probe_stage(co_await asio::this_coro::executor, port.path);
+        const std::optional<StageIdentity> stage = co_await std::move(probing);
+        if (stage) {
+          answer = "stage: " + stage->language + " " + stage->model +
+                   (stage->serial.empty() ? "" : ", serial " + stage->serial);
+          entry["stage"] = {{"language", stage->language},
+                            {"model", stage->model},
+                            {"serial", stage->serial},
+                            {"firmware", stage->firmware},
+                            {"units_per_deg", stage->units_per_deg},
+                            {"url", "serial:" + port.path}};
+        } else {
+          answer = "nobody answers in a stage's language";
+          asked_in_vain_ |= wanted;
+        }
+      } catch (const DeviceError& error) {
+        answer = error.what();
+        entry["error"] = answer;
+        asked_in_vain_ |= wanted;
+      }
+    }
+    std::fprintf(stderr, "%s\n%s", line.c_str(), answer.empty() ? "" : ("      " + answer + "\n").c_str());
+    found_["ports"].push_back(entry);
+  }
+
+  asio::awaitable<void> ask_lidar(std::string text, bool wanted) {
+    const Endpoint address = parse_endpoint(text, "--lidar", 10940);
+    json entry = {{"address", "tcp://" + address.host + ":" + std::to_string(address.port)}};
+    std::string answer;
+    try {
+      lidar::Options options;
+      options.connect_timeout = std::chrono::milliseconds(1500);
+      lidar::Client client(co_await asio::this_coro::executor, address.host, address.port, options);
+      auto connecting = client.connect();
+      const lidar::Identity who = co_await std::move(connecting);
+      answer = who.model + ", serial " + who.serial + ", firmware " + who.firmware;
+      entry["lidar"] = json::parse(who.json);
+    } catch (const lidar::LidarError& error) {
+      answer = error.what();
+      entry["error"] = answer;
+      asked_in_vain_ |= wanted;
+    }
+    std::fprintf(stderr, "  tcp://%s:%d\n      %s\n", address.host.c_str(), address.port, answer.c_str());
+    found_["lidars"].push_back(entry);
+  }
+
+  std::vector<std::string> lidars_, stages_;
+  std::string json_;
+  bool no_probe_ = false, asked_in_vain_ = false;
+  json found_ = {{"schema", "devices/1"}, {"ports", json::array()}, {"lidars", json::array()}};
+};
+
+}  // namespace
+
+std::unique_ptr<Command> make_devices() { return std::make_unique<Devices>(); }
+
+}  // namespace rig::commands
