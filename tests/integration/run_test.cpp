@@ -377,3 +377,100 @@ TEST_CASE("a procedure can write a report nowhere but beside its session") {
     std::filesystem::remove(bench.folder / "out.rig");
   }
 }
+
+TEST_CASE("a run that is killed while the stage turns has its stage stopped by its watchdog") {
+  Bench bench({"--speed", "real"});
+  bench.write("p.yaml",
+              "procedure: test\nsteps:\n  - home\n  - turn: {rate_deg_s: 2, from_deg: -20, samples: 600}\n");
+  Program rig(bench.command(bench.folder / "p.yaml", {"--json-log"}), bench.folder);
+  for (int done = 0; done < 5;) {
+    const auto line = rig.line();
+    REQUIRE(line);
+    const json what = json::parse(*line);
+    if (what["type"] == "progress" && what["step"] == 2) done = what["done"];
+  }
+  rig.signal(SIGKILL);
+  CHECK(rig.exit_status() == -SIGKILL);
+  // The next command on the same stage waits until the watchdog is through.
+  Program check({RIG_BIN_DIR "/rig", "check", "--stay-still", "--lidar", bench.sim->lidar(), "--stage",
+                 bench.sim->stage(), "--bench", bench.folder / "bench.json"},
+                bench.folder);
+  (void)check.exit_status();
+  CHECK_THAT(rig.errors(), Contains("its watchdog stopped the stage"));
+  CHECK_THAT(check.errors(), Contains("homed") && Contains("yes"));
+}
+
+TEST_CASE("two runs do not share a stage") {
+  Bench bench({"--speed", "real"});
+  bench.write("p.yaml", "procedure: test\nsteps:\n  - home\n  - capture: {samples: 4000}\n");
+  Program first(bench.command(bench.folder / "p.yaml", {"--json-log"}), bench.folder);
+  REQUIRE(first.line());
+  auto command = bench.command(bench.folder / "p.yaml");
+  command[command.size() - 1] = bench.folder / "other.rig";
+  Program second(command, bench.folder);
+  CHECK(second.exit_status() == 2);
+  CHECK_THAT(second.errors(), Contains("another run") && Contains("uses the stage"));
+}
+
+TEST_CASE("the bench is walked through and what is wrong with it is told") {
+  Bench bench;
+  const std::vector<std::string> devices = {"--lidar", bench.sim->lidar(), "--stage", bench.sim->stage()};
+  std::vector<std::string> command = {RIG_BIN_DIR "/rig", "check", "--bench", bench.folder / "bench.json"};
+  command.insert(command.end(), devices.begin(), devices.end());
+  Program good(command, bench.folder);
+  CHECK(good.exit_status() == 0);
+  CHECK_THAT(good.errors(), Contains("full turn") && Contains("target board") && !Contains("BAD"));
+
+  std::string wrong = small_bench;
+  wrong.replace(wrong.find("[1400, -200]"), 12, "[1600, -200]");
+  wrong.replace(wrong.find("[1400, 200]"), 11, "[1600, 200]");
+  bench.write("wrong.json", wrong);
+  command[3] = bench.folder / "wrong.json";
+  Program bad(command, bench.folder);
+  CHECK(bad.exit_status() == 1);
+  CHECK_THAT(bad.errors(),
+             Contains("BAD   target board") && Contains("-20") && Contains("Measure its place"));
+
+  Program found({RIG_BIN_DIR "/rig", "devices", "--lidar", bench.sim->lidar(), "--stage", bench.sim->stage(),
+                 "--json", "-"},
+                bench.folder);
+  CHECK(found.exit_status() == 0);
+  CHECK_THAT(found.errors(), Contains("UST-10LX") && Contains("zaber"));
+}
+
+TEST_CASE("what `rig new` writes runs as it stands") {
+  Bench bench;
+  for (const char* what : {"procedure", "bench"}) {
+    Program make({RIG_BIN_DIR "/rig", "new", what}, bench.folder);
+    CHECK(make.exit_status() == 0);
+    Program again({RIG_BIN_DIR "/rig", "new", what}, bench.folder);
+    CHECK(again.exit_status() == 2);
+    CHECK_THAT(again.errors(), Contains("not overwritten"));
+  }
+  auto command = bench.command(bench.folder / "new.yaml");
+  command[8] = bench.folder / "new.bench.json";
+  Program rig(command, bench.folder);
+  CHECK(rig.exit_status() == 0);
+  INFO(rig.errors());
+  CHECK(std::filesystem::exists(bench.folder / "starter.html"));
+}
+
+TEST_CASE("scans with wrong sums are never stored and those lost are told") {
+  Bench bench({"--fault", "every=0.3s lidar checksum", "--fault", "every=0.7s lidar flip bits=3"});
+  REQUIRE(bench.run("  - home\n  - capture: {samples: 2000, beams_deg: [-3, 3], target: board}\n") == 0);
+  CHECK_THAT(bench.said, Contains("lost") && Contains("thrown away"));
+  const rig::SessionStore session(bench.folder / "out.rig", rig::SessionStore::Mode::read);
+  const auto recording = session.recording();
+  REQUIRE(recording->captures().size() == 1);
+  long scans = 0;
+  std::int64_t before_ms = 0;
+  bool right = true;
+  recording->for_each_scan(0, [&](const fit::ScanView& scan) {
+    ++scans;
+    right = right && scan.device_ms > before_ms;
+    before_ms = scan.device_ms;
+    for (const auto range : scan.range_mm) right = right && range > 1350 && range < 1450;
+  });
+  CHECK(scans == 2000);
+  CHECK(right);
+}

@@ -1,0 +1,291 @@
+// SPDX-License-Identifier: MIT
+// A whole run over real sockets and a pseudo-terminal, the simulator on a thread of its own: how much longer
+// than its physics a procedure takes, how many stops an edge search saves, and how fast scans reach the
+// session.
+#include <benchmark/benchmark.h>
+#include <unistd.h>
+
+#include <boost/asio/co_spawn.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/use_awaitable.hpp>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <future>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "lidar/client.hpp"
+#include "rig/operators.hpp"
+#include "rig/runner.hpp"
+#include "rig/scip_source.hpp"
+#include "rig/stage_factory.hpp"
+#include "sim/pty_port.hpp"
+#include "sim/scip_server.hpp"
+#include "sim/simple_engine.hpp"
+#include "sim/stage_device.hpp"
+
+namespace {
+
+namespace asio = boost::asio;
+
+fit::Bench board_bench() {
+  return fit::parse_bench(R"({"schema": "bench/1", "lidar": {"model": "UST-10LX"},
+    "stage": {"language": "zaber", "limits_deg": [-170, 170], "speed_deg_s": 20},
+    "targets": [{"name": "board", "from_mm": [1400, -200], "to_mm": [1400, 200]},
+                {"name": "background", "from_mm": [2200, -900], "to_mm": [2200, 900]}],
+    "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": 5}}]})");
+}
+
+/// Both simulated devices at maximum speed, served by a thread of their own.
+class SimThread {
+ public:
+  SimThread()
+      : bench_(board_bench()),
+        clock_(sim::SimClock::max_speed),
+        engine_(std::make_shared<sim::SimpleEngine>(bench_, sim::simple_options(bench_), 1)) {
+    sim::StageDeviceOptions options;
+    options.physics = sim::usual_stage_physics("zaber");
+    options.physics.speed_deg_s = 20;
+    options.homed = true;
+    physics_ = options.physics;
+    stage_ = sim::make_stage_device(options);
+    lidar_ =
+        std::make_unique<sim::UstDevice>(bench_.lidar, sim::UstIdentity(), engine_,
+                                         [this](double time_s) { return stage_->mechanics().truth(time_s); });
+    server_ =
+        std::make_unique<sim::ScipServer>(io_.get_executor(), sim::ScipServer::Options(), clock_, *lidar_);
+    port_ = std::make_unique<sim::PtyPort>(io_.get_executor(), *stage_, clock_, sim::PtyPort::Options());
+    path_ = port_->path();
+    lidar_port_ = server_->port();
+    thread_ = std::thread([this] { io_.run(); });
+  }
+  ~SimThread() {
+    asio::post(io_, [this] {
+      server_->stop();
+      io_.stop();
+    });
+    thread_.join();
+  }
+  double now_s() {
+    std::promise<double> now;
+    asio::post(io_, [&] { now.set_value(clock_.now_s()); });
+    return now.get_future().get();
+  }
+  [[nodiscard]] std::string stage_url() const { return "serial:" + path_ + "?settle_s=0"; }
+  [[nodiscard]] rig::Endpoint lidar() const { return {"127.0.0.1", lidar_port_}; }
+  [[nodiscard]] const sim::StagePhysics& physics() const { return physics_; }
+
+ private:
+  fit::Bench bench_;
+  asio::io_context io_{1};
+  sim::SimClock clock_;
+  std::shared_ptr<sim::SimpleEngine> engine_;
+  std::unique_ptr<sim::StageDevice> stage_;
+  std::unique_ptr<sim::UstDevice> lidar_;
+  std::unique_ptr<sim::ScipServer> server_;
+  std::unique_ptr<sim::PtyPort> port_;
+  sim::StagePhysics physics_;
+  std::string path_;
+  std::uint16_t lidar_port_ = 0;
+  std::thread thread_;
+};
+
+struct Outcome {
+  double simulated_s = 0, wall_s = 0;
+  std::size_t captures = 0;
+  long scans = 0;
+};
+
+Outcome run(SimThread& sim, const std::string& steps) {
+  static int number = 0;
+  const std::string file =
+      (std::filesystem::temp_directory_path() /
+       ("bench-run-" + std::to_string(getpid()) + "-" + std::to_string(++number) + ".rig"))
+          .string();
+  const fit::Bench bench = board_bench();
+  Outcome outcome;
+  {
+    rig::SessionStore session(file, rig::SessionStore::Mode::create);
+    asio::io_context io(1);
+    const auto lidar = rig::make_scip_source(io.get_executor(), sim.lidar());
+    const auto clock = rig::make_real_clock();
+    const auto person = rig::make_absent_operator();
+    std::unique_ptr<rig::Stage> stage;
+    auto opening = rig::open_stage(io.get_executor(), sim.stage_url(), rig::StageOptions());
+    asio::co_spawn(io, std::move(opening),
+                   [&](const std::exception_ptr& why, std::unique_ptr<rig::Stage> opened) {
+                     if (why) std::rethrow_exception(why);
+                     stage = std::move(opened);
+                   });
+    io.run();
+    io.restart();
+    rig::RunnerParts parts{*lidar, *stage, *clock, *person, nullptr, nullptr};
+    rig::Runner runner(rig::parse_procedure("procedure: bench\nsteps:\n  - home\n" + steps, "bench.yaml"),
+                       bench, session, parts);
+    const double simulated_from_s = sim.now_s();
+    const auto from = std::chrono::steady_clock::now();
+    auto running = runner.run();
+    asio::co_spawn(io, std::move(running), [](const std::exception_ptr& why, bool) {
+      if (why) std::rethrow_exception(why);
+    });
+    io.run();
+    outcome.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - from).count();
+    outcome.simulated_s = sim.now_s() - simulated_from_s;
+    const auto recording = session.recording();
+    outcome.captures = recording->captures().size();
+    for (std::size_t i = 0; i < outcome.captures; ++i)
+      recording->for_each_scan(i, [&](const fit::ScanView&) { ++outcome.scans; });
+  }
+  std::filesystem::remove(file);
+  return outcome;
+}
+
+// --- a sweep as in experiment A4: 31 stops, 0.01 deg apart, 1,000 scans each
+// ------------------------------------
+
+constexpr int stops = 31, scans_a_stop = 1000;
+constexpr const char* sweep =
+    "  - sweep: {start_deg: 10, stop_deg: 10.3, step_deg: 0.01, samples: 1000, beams_deg: [-1, 1]}\n";
+
+/// A move from rest to rest.
+double move_s(double deg, const sim::StagePhysics& physics) {
+  const double ramp_deg = physics.speed_deg_s * physics.speed_deg_s / physics.acceleration_deg_s2;
+  if (deg < ramp_deg) return 2 * std::sqrt(deg / physics.acceleration_deg_s2);
+  return deg / physics.speed_deg_s + physics.speed_deg_s / physics.acceleration_deg_s2;
+}
+
+/// Nothing but the moves, the run-up against the play, and the scans.
+double physics_of_sweep_s(const sim::StagePhysics& physics) {
+  return stops * scans_a_stop / 40.0 + (stops - 1) * move_s(0.01, physics) + move_s(9.5, physics) +
+         move_s(0.5, physics);
+}
+
+/// Simulated time passes with the physics alone, so what the programs take comes on top of it.
+void procedure_ours(benchmark::State& state) {
+  SimThread sim;
+  double limit_s = 0, took_s = 0;
+  for (auto _ : state) {
+    const Outcome outcome = run(sim, sweep + std::string("  - move: {to_deg: 0}\n"));
+    limit_s = physics_of_sweep_s(sim.physics());
+    took_s = outcome.simulated_s - move_s(10.3, sim.physics()) + outcome.wall_s;
+    state.SetIterationTime(took_s);
+    state.counters["programs_s"] = outcome.wall_s;
+  }
+  state.counters["over_limit_percent"] = 100 * (took_s / limit_s - 1);
+  state.counters["goal"] = 0.99;
+}
+
+void procedure_limit(benchmark::State& state) {
+  sim::StagePhysics physics = sim::usual_stage_physics("zaber");
+  physics.speed_deg_s = 20;
+  for (auto _ : state) state.SetIterationTime(physics_of_sweep_s(physics));
+}
+
+// --- finding an edge to 0.01 deg within 3 deg to both sides
+// -----------------------------------------------------
+
+void edge_ours(benchmark::State& state) {
+  SimThread sim;
+  for (auto _ : state) {
+    const Outcome outcome = run(sim,
+                                "  - find-edge: {target: board, beam_deg: 0, search_deg: 3, samples: 100, "
+                                "step_deg: 0.01, spread: 1}\n");
+    state.SetIterationTime(outcome.simulated_s + outcome.wall_s);
+    state.counters["stops"] = static_cast<double>(outcome.captures);
+  }
+  state.counters["goal"] = 20;
+}
+
+void edge_sweep(benchmark::State& state) {
+  const auto procedure = rig::parse_procedure(
+      "procedure: bench\nsteps:\n  - home\n  - sweep: {start_deg: -11, stop_deg: -5, step_deg: 0.01, "
+      "samples: 100}\n",
+      "bench.yaml");
+  double seconds = 0;
+  long captures = 0;
+  for (auto _ : state) {
+    seconds = 0, captures = 0;
+    for (const auto& step : rig::unroll(procedure, board_bench()))
+      seconds += step.seconds, captures += step.captures;
+    state.SetIterationTime(seconds);
+  }
+  state.counters["stops"] = static_cast<double>(captures);
+}
+
+// --- scans from the simulator's socket into the session, whole field of view with intensity
+// ---------------------
+
+constexpr int many = 20000;
+
+void throughput_ours(benchmark::State& state) {
+  SimThread sim;
+  for (auto _ : state) {
+    const Outcome outcome = run(sim, "  - capture: {samples: " + std::to_string(many) + "}\n");
+    if (outcome.scans != many) state.SkipWithError("scans are missing");
+    state.SetIterationTime(outcome.wall_s);
+  }
+  state.SetItemsProcessed(state.iterations() * many);
+  state.counters["goal_per_s"] = 20000;
+}
+
+asio::awaitable<void> read_scans(rig::Endpoint address) {
+  lidar::Client client(co_await asio::this_coro::executor, address.host, address.port);
+  auto connecting = client.connect();
+  co_await std::move(connecting);
+  const lidar::StreamRequest all;
+  auto starting = client.start(all);
+  co_await std::move(starting);
+  for (int i = 0; i < many; ++i) {
+    auto reading = client.next();
+    const lidar::Scan scan = co_await std::move(reading);
+    benchmark::DoNotOptimize(scan.range_mm.data());
+  }
+  auto stopping = client.stop();
+  co_await std::move(stopping);
+}
+
+void throughput_limit(benchmark::State& state) {
+  SimThread sim;
+  for (auto _ : state) {
+    asio::io_context io(1);
+    auto reading = read_scans(sim.lidar());
+    asio::co_spawn(io, std::move(reading), [](const std::exception_ptr& why) {
+      if (why) std::rethrow_exception(why);
+    });
+    io.run();
+  }
+  state.SetItemsProcessed(state.iterations() * many);
+}
+
+BENCHMARK(procedure_ours)
+    ->Name("procedure_time/ours")
+    ->UseManualTime()
+    ->Iterations(1)
+    ->Unit(benchmark::kSecond);
+BENCHMARK(procedure_limit)
+    ->Name("procedure_time/limit:moves_and_scans")
+    ->UseManualTime()
+    ->Iterations(1)
+    ->Unit(benchmark::kSecond);
+BENCHMARK(edge_ours)->Name("edge_search/ours")->UseManualTime()->Iterations(1)->Unit(benchmark::kSecond);
+BENCHMARK(edge_sweep)
+    ->Name("edge_search/rival:sweep")
+    ->UseManualTime()
+    ->Iterations(1)
+    ->Unit(benchmark::kSecond);
+BENCHMARK(throughput_ours)
+    ->Name("scans_to_session/ours")
+    ->UseManualTime()
+    ->Iterations(1)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK(throughput_limit)
+    ->Name("scans_to_session/limit:socket_only")
+    ->UseRealTime()
+    ->Iterations(1)
+    ->Unit(benchmark::kMillisecond);
+
+}  // namespace
+
+BENCHMARK_MAIN();
