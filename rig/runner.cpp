@@ -63,7 +63,7 @@ awaitable<void> Runner::Impl::prepare() {
     auto stopping = stop_turning();
     co_await std::move(stopping);
   }
-  for (const auto& warning : status.warnings) note("warning", "stage: " + warning);
+  for (const auto& warning : status.warnings) note(status.homed ? "warning" : "info", "stage: " + warning);
   auto comparing = compare_clocks();
   co_await std::move(comparing);
   auto placing = place_again();

@@ -31,7 +31,9 @@ awaitable<void> Runner::Impl::home(bool again) {
     co_await std::move(homing);
     note("info", "stage homed");
     auto asking_again = stage_status();
-    position_deg = (co_await std::move(asking_again)).position_deg;
+    const StageStatus after = co_await std::move(asking_again);
+    position_deg = after.position_deg;
+    for (const auto& warning : after.warnings) note("warning", "stage: " + warning);
   } else {
     position_deg = status.position_deg;
   }
