@@ -206,6 +206,12 @@ std::unique_ptr<SQLite::Database> open_for_reading(const std::string& path) {
   } catch (const SQLite::Exception& error) {
     const int code = error.getErrorCode();
     if (code != SQLITE_CANTOPEN && code != SQLITE_READONLY && code != SQLITE_IOERR) throw;
+    // Power that failed while the file was made leaves a journal that only a writer may roll back.
+    if (has_data(path + "-journal") && ::access(path.c_str(), W_OK) == 0) {
+      SQLite::Database mended(path, SQLite::OPEN_READWRITE, 2000);
+      (void)mended.execAndGet("SELECT count(*) FROM sqlite_schema").getInt();
+      return std::make_unique<SQLite::Database>(path, SQLite::OPEN_READONLY, 2000);
+    }
     // On read-only media the side files of the write-ahead log cannot be made. Without a log there is nothing
     // in them to miss.
     if (has_data(path + "-wal"))
