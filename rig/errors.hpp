@@ -28,6 +28,11 @@ class StageError : public DeviceError {
   using DeviceError::DeviceError;
 };
 
+/// Another program has the stage's port open.
+class StageBusy : public StageError {
+  using StageError::StageError;
+};
+
 /// The link to the stage is gone (unplugged, switched off, silent): Stage::reopen() may bring it back.
 class StageLost : public StageError {
   using StageError::StageError;

@@ -71,7 +71,7 @@ speed_t speed_code(int rate) {
                        "(sudo usermod -aG dialout $USER) and log in again.");
     case EBUSY:
     case EWOULDBLOCK:
-      throw StageError(port +
+      throw StageBusy(port +
                        " is in use by another program. Nothing was moved. End that program (fuser -v " +
                        path + " names it) and try again.");
     case ENOTTY:

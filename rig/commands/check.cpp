@@ -15,8 +15,7 @@
 #include "rig/operators.hpp"
 #include "rig/report.hpp"
 #include "rig/scip_source.hpp"
-#include "rig/stage_factory.hpp"
-#include "rig/watchdog.hpp"
+#include "rig/stage_patience.hpp"
 
 namespace rig::commands {
 namespace {
@@ -59,7 +58,6 @@ class Check : public Command {
     const fit::Bench bench = read_bench_file(bench_);
     const Endpoint address = parse_endpoint(lidar_, "--lidar", 10940);
     const StageOptions options = bench_stage_options(bench);
-    const Watchdog watchdog(address, stage_, options);
     asio::io_context io(1);
     std::exception_ptr failure;
     std::vector<CheckLine> lines;
@@ -90,7 +88,7 @@ class Check : public Command {
     const auto executor = co_await asio::this_coro::executor;
     const auto lidar = make_scip_source(executor, address);
     const auto clock = make_real_clock();
-    auto opening = open_stage(executor, stage_, options);
+    auto opening = open_stage_patiently(executor, stage_, options);
     const auto stage = co_await std::move(opening);
     std::exception_ptr failure;
     std::vector<CheckLine> lines;

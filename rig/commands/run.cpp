@@ -20,8 +20,7 @@
 #include "rig/report.hpp"
 #include "rig/run_view.hpp"
 #include "rig/scip_source.hpp"
-#include "rig/stage_factory.hpp"
-#include "rig/watchdog.hpp"
+#include "rig/stage_patience.hpp"
 
 namespace rig::commands {
 namespace {
@@ -150,7 +149,6 @@ class Run : public Command {
     std::signal(SIGPIPE, SIG_IGN);
     const Endpoint lidar_address = parse_endpoint(lidar_, "--lidar", scip_port);
     const StageOptions known_stage = bench_stage_options(bench);
-    const Watchdog watchdog(lidar_address, stage_, known_stage);
     SessionStore session(out_, continues() ? SessionStore::Mode::append : SessionStore::Mode::create);
     asio::io_context io(1);
     const auto lidar = make_scip_source(io.get_executor(), lidar_address);
@@ -167,7 +165,7 @@ class Run : public Command {
       signals.async_wait([&](const boost::system::error_code& error, int) {
         if (!error) stopped = true, io.stop();
       });
-      auto opening = open_stage(io.get_executor(), stage_, known_stage);
+      auto opening = open_stage_patiently(io.get_executor(), stage_, known_stage);
       asio::co_spawn(io, std::move(opening), [&](std::exception_ptr why, std::unique_ptr<Stage> opened) {
         failure = why;
         stage = std::move(opened);

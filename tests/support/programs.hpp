@@ -7,6 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <boost/asio/ip/tcp.hpp>
 #include <chrono>
 #include <csignal>
 #include <filesystem>
@@ -177,6 +178,14 @@ class SimProgram {
   [[nodiscard]] std::string person() const { return ready_["operator"]; }
   [[nodiscard]] std::uint16_t lidar_port() const { return ready_["lidar_port"]; }
   [[nodiscard]] std::string errors() const { return program_.errors(); }
+  /// Speaks to the bench's operator port (docs/simulator.md).
+  [[nodiscard]] nlohmann::json ask(const nlohmann::json& what) const {
+    boost::asio::ip::tcp::iostream line("127.0.0.1", std::to_string(ready_["operator_port"].get<int>()));
+    line << what.dump() << "\n" << std::flush;
+    std::string answer;
+    std::getline(line, answer);
+    return nlohmann::json::parse(answer);
+  }
 
  private:
   static std::vector<std::string> command(const TestFolder& folder, const std::string& bench,
