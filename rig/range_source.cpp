@@ -70,6 +70,9 @@ struct Normal {
 /// Direction of the board's normal from what was seen of it, if that is better than the bench knows it.
 Normal normal_of(const fit::Recording& recording, std::size_t index, const Board& board, double bench_u_rad) {
   const fit::CaptureInfo& capture = recording.captures()[index];
+  const Normal by_bench{board.normal_rad, bench_u_rad, false};
+  // A few neighbouring beams say nothing of a direction; reading a long capture twice would cost.
+  if (capture.beams() < 8) return by_bench;
   std::vector<Vector2d> seen;
   long scans = 0;
   recording.for_each_scan(index, [&](const fit::ScanView& scan) {
@@ -85,7 +88,6 @@ Normal normal_of(const fit::Recording& recording, std::size_t index, const Board
         seen.push_back(point);
     }
   });
-  const Normal by_bench{board.normal_rad, bench_u_rad, false};
   // Depth against place along the board, as the bench has it: a slope is a turn of the normal.
   const Vector2d along(-board.normal.y(), board.normal.x());
   double slope = 0, sigma = 0, spread = 0;

@@ -128,7 +128,7 @@ json ways_table(const fit::RangeCalibration& calibration, const std::vector<fit:
 }
 
 struct Curve {
-  std::vector<double> x, y, low, high;
+  std::vector<double> x, y, expanded;
 };
 
 /// One term over its argument with its k = 2 band, the other terms left out.
@@ -150,15 +150,14 @@ Curve drawn(const Correction& c, bool over_intensity) {
     const double x = term.from + (term.to - term.from) * i / 120;
     const double measured = over_intensity ? only.reference_mm : x + only.zero_mm.value;
     const double y = only.zero_mm.value + term.value(x), u = only.u(measured, x);
-    out.x.push_back(x), out.y.push_back(y), out.low.push_back(y - 2 * u), out.high.push_back(y + 2 * u);
+    out.x.push_back(x), out.y.push_back(y), out.expanded.push_back(2 * u);
   }
   return out;
 }
 
 void add_curve(json& plot, const Curve& curve, const char* name) {
+  add_series(plot, "k = 2", "band", curve.x, curve.y, curve.expanded);
   add_series(plot, name, "line", curve.x, curve.y);
-  add_series(plot, "k = 2, lower", "line", curve.x, curve.low);
-  add_series(plot, "k = 2, upper", "line", curve.x, curve.high);
 }
 
 json points_plot(const std::vector<fit::RangePoint>& points, const Correction* correction,

@@ -449,7 +449,7 @@ run range-intensity.yaml a1.rig --set samples=400
 run range-distance.yaml a2.rig --set samples=200 --set spacing_s=0 --set step_mm=800
 "$bin/rig" fit range a1.rig a2.rig --json fit.json
 "$bin/rig" export a1.rig --format correction -o correction.json
-run range-validation.yaml a3.rig --set samples=100
+run range-validation.yaml a3.rig --set samples=100 --set correction=correction.json
 "$bin/rig" fit validation a3.rig --option correction=correction.json --json validation.json
 "$bin/rig" apply correction.json a2.rig -o corrected.rig --json apply.json
 "$bin/rig" report a1.rig -o a1.html
@@ -477,5 +477,9 @@ run range-validation.yaml a3.rig --set samples=100
   }
   const auto validation = nlohmann::json::parse(contents(place.file("validation.json")));
   CHECK(validation.at("tables").at(0).at("rows").size() >= 4);
+  CHECK_THAT(validation.at("values").dump(),
+             Catch::Contains("spread_20_after_mm") && Catch::Contains("scene_after_mm"));
+  const rig::SessionStore run(place.file("a3.rig"), rig::SessionStore::Mode::read);
+  CHECK_THAT(run.latest_result("validation").value_or(""), Catch::Contains("spread_20_after_mm"));
   CHECK(nlohmann::json::parse(contents(place.file("apply.json"))).at("samples").get<long>() > 1000);
 }
