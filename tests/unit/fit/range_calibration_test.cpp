@@ -6,6 +6,8 @@
 #include <cmath>
 #include <random>
 
+#include "fit/selection.hpp"
+
 TEST_CASE("captures are told apart by what was changed: surfaces at one distance, or the distance") {
   std::vector<fit::RangePoint> points;
   for (const double counts : {2400.0, 1800.0, 1200.0, 700.0, 300.0})
@@ -20,6 +22,16 @@ TEST_CASE("captures are told apart by what was changed: surfaces at one distance
   CHECK(intensity == 6);  // The carried surface stood at 200 mm too.
   CHECK(distance == 19);
   CHECK(both == 1);
+}
+
+TEST_CASE("a quiet device that reports in coarse levels loses no samples, and an outlier is still one") {
+  std::vector<fit::Sample> samples;
+  for (int i = 0; i < 300; ++i)
+    samples.push_back({static_cast<std::uint16_t>(i % 6 == 0 ? 1001 : 1005), 230});
+  samples[100].range_mm = 1400;
+  const auto mean = fit::select_robust(samples);
+  CHECK(mean.kept == 299);
+  CHECK(mean.rejected.abnormal == 1);
 }
 
 TEST_CASE(
