@@ -14,6 +14,7 @@ constexpr std::uint32_t late_answer_ms = 1000;  // so far back, a stamp is a lat
 constexpr double rate_tolerance = 0.01;         // beyond, the lidar's second is no second of the host's
 constexpr double ahead_slack_ms = 100;          // a first scan that was late itself must not accuse the clock
 constexpr double behind_slack_ms = 2000;        // nor must a network that stalls
+constexpr double longest_stall_ms = 30000;      // what buffers on the way can hold, and more
 constexpr double exchange_baseline_ms = 30;     // shorter, an exchange's own length tells too little
 constexpr std::size_t most_exchanges = 400;
 constexpr double unknown_rate = 100e-6;  // what exchanges may drift apart within a round
@@ -200,14 +201,20 @@ void ClockEstimator::judge_rate(Moment arrival) {
   }
   const double device = arrival.device_ms - rate_from_.device_ms,
                host = (arrival.host_us - rate_from_.host_us) / 1000;
-  const bool ahead = device > host * (1 + rate_tolerance) + ahead_slack_ms;
-  const bool behind = host > device * (1 + rate_tolerance) + behind_slack_ms;
+  // Exchanges have said that the clocks agree: then it is the caller who did not read for a while.
+  const double ahead_ms = synchronised_ ? longest_stall_ms : ahead_slack_ms,
+               behind_ms = synchronised_ ? longest_stall_ms : behind_slack_ms;
+  const bool ahead = device > host * (1 + rate_tolerance) + ahead_ms;
+  const bool behind = host > device * (1 + rate_tolerance) + behind_ms;
   if (ahead || behind) follow_device({arrival.device_ms, arrival.host_us - 1000 * scan_ms_});
 }
 
 double ClockEstimator::add_scan(std::uint64_t device_ms, double arrival_us) {
   const double stamp = static_cast<double>(device_ms);
   if (follows_host_) judge_rate({stamp, arrival_us});
+  // One that lay in a buffer until the one before it was read says nothing of when it came.
+  const bool lay_waiting = arrival_us - last_arrival_.host_us < 500 * (stamp - last_arrival_.device_ms);
+  last_arrival_ = {stamp, arrival_us};
   const ScanGrid::Start start = grid_.add(device_ms);
   u_start_us_ = 1000 * start.u_ms;
   if (!follows_host_) {
@@ -221,7 +228,7 @@ double ClockEstimator::add_scan(std::uint64_t device_ms, double arrival_us) {
     filter_.measure_offset(0, u_first_offset_us);
     offset_known_ = true;
   }
-  note_lateness(start, device_ms, arrival_us);
+  if (!lay_waiting) note_lateness(start, device_ms, arrival_us);
   last_start_ms_ = start.device_ms;
   return to_host(start.device_ms);
 }

@@ -138,7 +138,7 @@ class ClockEstimator {
   int whiles_closed_ = 0, late_whiles_ = 0, scattered_whiles_ = 0, lost_whiles_ = 0;
   double usual_late_us_ = 0;  ///< Of the stream's first while, behind the scans' starts.
   bool rate_judged_from_ = false;
-  Moment rate_from_{};
+  Moment rate_from_{}, last_arrival_{};
   Moment anchor_{};  ///< When the lidar's own clock is followed.
   double last_start_ms_ = 0, u_start_us_ = 0;
 };

@@ -25,6 +25,7 @@ struct Scenario {
   int exchanges = 150;
   bool synchronise = true;
   std::uint32_t timer_ms = 0;  ///< When the run begins; 0: any.
+  int stalls_at = -1;          ///< From that scan on the host does not read for four seconds.
   int reboot_at = -1;          ///< Before that scan the timer starts again from 0, a second later.
 };
 
@@ -65,6 +66,7 @@ class World {
       double leaves = true_start + 750 * s_.period_ms;
       if (s_.on_tick) leaves += 1000 * (std::ceil(timer_ms(leaves)) - timer_ms(leaves));
       last_arrival = std::max(last_arrival, leaves + delay(s_.least_down_us + wire_us));
+      if (i == s_.stalls_at) last_arrival += 4e6;
       const std::uint64_t unwrapped = clock.unwrap(stamp(true_start), last_arrival);
       const double host = clock.add_scan(unwrapped, last_arrival);
       out.in_order = out.in_order && (i == 0 || (unwrapped > last_stamp && host > last_host));
