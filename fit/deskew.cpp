@@ -27,7 +27,9 @@ Path path_of_captures(const Recording& recording) {
     });
     const CaptureInfo& capture = captures[i];
     const double started = static_cast<double>(capture.started_us) * 1e-6;
-    for (const double t : {first_s, last_s + 1 / recording.bench().lidar.scan_hz})
+    // A little more on both sides: clocks may be offset.
+    constexpr double margin_s = 0.1;
+    for (const double t : {first_s - margin_s, last_s + 1 / recording.bench().lidar.scan_hz + margin_s})
       if (any) poses.push_back({t, {0, 0, capture.stage_rad + capture.stage_rate_rad_s * (t - started)}});
   }
   // A turn of more than half a circle between two poses needs poses in between.
@@ -78,7 +80,7 @@ Sweep sweep_of(const ScanView& scan, const CaptureInfo& capture, const LidarGeom
   return sweep;
 }
 
-Path carrier_path(const Recording& recording) {
+Carrier carrier_of(const Recording& recording) {
   std::vector<TimedPose> odometry, stage;
   for (const TrackPose& pose : recording.track()) {
     const double t = static_cast<double>(pose.host_us) * 1e-6;
@@ -86,9 +88,11 @@ Path carrier_path(const Recording& recording) {
       odometry.push_back({t, {*pose.x_mm, *pose.y_mm, *pose.heading_rad}});
     if (pose.stage_rad) stage.push_back({t, {0, 0, *pose.stage_rad}});
   }
-  if (odometry.size() >= 2) return Path(std::move(odometry));
-  if (stage.size() >= 2) return Path(std::move(stage));
-  return path_of_captures(recording);
+  if (odometry.size() >= 2) return {Path(std::move(odometry)), true};
+  const bool rates =
+      std::ranges::any_of(recording.captures(), [](const CaptureInfo& c) { return c.stage_rate_rad_s != 0; });
+  if (!rates && stage.size() >= 2) return {Path(std::move(stage)), false};
+  return {path_of_captures(recording), false};
 }
 
 std::vector<Vector2d> deskew(const Sweep& sweep, const Path& path, const Pose2& lidar,
@@ -135,27 +139,51 @@ double disagreement(const Sweep& a, const Sweep& b, const Path& path, const Pose
   return count < 10 ? cap_mm * cap_mm : sum / static_cast<double>(count);
 }
 
-constexpr std::size_t apart = 4;
+struct SweepPair {
+  std::size_t first = 0, second = 0;
+};
 
-/// Starts of pairs of sweeps between which the motion changes most: they tell the offset best.
-std::vector<std::size_t> telling_pairs(std::span<const Sweep> sweeps, const Path& path, const Pose2& lidar) {
-  std::vector<std::pair<double, std::size_t>> ranked;
-  const auto rate = [&](const Sweep& sweep) {
-    constexpr double h = 0.05;
-    const Pose2 a = path.at(sweep.begin_s - h) * lidar, b = path.at(sweep.begin_s + h) * lidar;
-    return Vector3d((b.x_mm - a.x_mm) / (2 * h), (b.y_mm - a.y_mm) / (2 * h),
-                    (b.heading_rad - a.heading_rad) / (2 * h) * 2000);  // seen at two metres
+/// Speed of the lidar, turning as seen at two metres.
+Vector3d speed_at(const Path& path, const Pose2& lidar, double time_s) {
+  constexpr double h = 0.05;
+  const Pose2 a = path.at(time_s - h) * lidar, b = path.at(time_s + h) * lidar;
+  return Vector3d(b.x_mm - a.x_mm, b.y_mm - a.y_mm, 2000 * (b.heading_rad - a.heading_rad)) / (2 * h);
+}
+
+bool covered(const Sweep& sweep, const Path& path) {
+  return sweep.begin_s >= path.begin_s() && sweep.time_s(1) <= path.end_s();
+}
+
+/// Pairs of sweeps between which the motion differs most: they tell the offset best. Across a gap of a path
+/// that drifts nothing is compared.
+std::vector<SweepPair> telling_pairs(std::span<const Sweep> sweeps, const Path& path, const Pose2& lidar,
+                                     bool drifts) {
+  constexpr std::size_t apart = 4, most = 60;
+  std::vector<std::pair<double, SweepPair>> ranked;
+  std::vector<Vector3d> speed;
+  for (const Sweep& sweep : sweeps) speed.push_back(speed_at(path, lidar, sweep.time_s(0.5)));
+  const auto add = [&](std::size_t i, std::size_t j) {
+    if (covered(sweeps[i], path) && covered(sweeps[j], path))
+      ranked.push_back({-(speed[j] - speed[i]).norm() - 0.3 * speed[i].norm(), {i, j}});
   };
-  for (std::size_t i = 0; i + apart < sweeps.size(); ++i) {
-    if (sweeps[i].begin_s < path.begin_s() || sweeps[i + apart].time_s(1) > path.end_s()) continue;
-    ranked.emplace_back(-(rate(sweeps[i + apart]) - rate(sweeps[i])).norm() - 0.3 * rate(sweeps[i]).norm(),
-                        i);
+  for (std::size_t i = 0; i + apart < sweeps.size(); ++i)
+    if (sweeps[i + apart].begin_s - sweeps[i].begin_s < 3 * apart * std::max(0.02, sweeps[i].duration_s))
+      add(i, i + apart);
+  const std::size_t stride = 1 + sweeps.size() / 200;
+  for (std::size_t i = 0; !drifts && i < sweeps.size(); i += stride) {
+    std::size_t best = i;
+    for (std::size_t j = i + 1; j < sweeps.size(); ++j) {
+      const double turned = path.at(sweeps[j].begin_s).heading_rad - path.at(sweeps[i].begin_s).heading_rad;
+      if (std::abs(wrap_angle(turned)) < 0.2 &&
+          (speed[j] - speed[i]).norm() > (speed[best] - speed[i]).norm() + 1e-9)
+        best = j;
+    }
+    if (best != i) add(i, best);
   }
-  std::sort(ranked.begin(), ranked.end());
-  std::vector<std::size_t> starts;
-  for (std::size_t k = 0; k < std::min<std::size_t>(60, ranked.size()); ++k)
-    starts.push_back(ranked[k].second);
-  return starts;
+  std::ranges::sort(ranked, {}, [](const auto& entry) { return entry.first; });
+  std::vector<SweepPair> pairs;
+  for (std::size_t k = 0; k < std::min(most, ranked.size()); ++k) pairs.push_back(ranked[k].second);
+  return pairs;
 }
 
 /// Place of the minimum of a sampled curve, by a parabola through the points around it; at an end of the grid
@@ -197,39 +225,71 @@ double resampled_u(const Scores& scores, const std::vector<double>& tried) {
 
 }  // namespace
 
-TimingEstimate estimate_timing(std::span<const Sweep> sweeps, const Path& path, const Pose2& lidar,
-                               double widest_s, bool try_reversed) {
-  TimingEstimate estimate;
-  const auto starts = telling_pairs(sweeps, path, lidar);
-  if (starts.size() < 5) return estimate;
-  const int half = 40;
-  for (int k = -half; k <= half; ++k) estimate.tried_s.push_back(widest_s * k / half);
-  std::vector<std::size_t> all(starts.size());
-  std::iota(all.begin(), all.end(), 0);
-  double least[2] = {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
-  for (const bool reversed : {false, true}) {
-    if (reversed && !try_reversed) break;
-    Scores scores;
-    for (const std::size_t i : starts) {
-      std::vector<double> row;
-      for (const double offset : estimate.tried_s)
-        row.push_back(disagreement(sweeps[i], sweeps[i + apart], path, lidar, {offset, reversed}));
-      scores.push_back(std::move(row));
-    }
-    const auto total = total_of(scores, all);
-    const double best = *std::min_element(total.begin(), total.end());
-    least[reversed] = std::sqrt(best / static_cast<double>(starts.size()));
-    if (reversed && least[1] >= least[0]) break;
-    estimate.timing = {minimum_of(estimate.tried_s, total), reversed};
-    estimate.offset_s = {estimate.timing.offset_s, resampled_u(scores, estimate.tried_s)};
-    estimate.score_mm.clear();
-    for (const double value : total)
-      estimate.score_mm.push_back(std::sqrt(value / static_cast<double>(starts.size())));
+namespace {
+
+/// The scores of one order of the beams, and where their sum is least.
+struct Judged {
+  Scores scores;
+  std::vector<double> total;
+  double offset_s = 0, least = 0;
+  std::size_t at = 0;
+};
+
+Judged judge(std::span<const Sweep> sweeps, const Path& path, const Pose2& lidar,
+             const std::vector<SweepPair>& pairs, const std::vector<double>& tried, bool reversed) {
+  Judged out;
+  for (const SweepPair& pair : pairs) {
+    std::vector<double> row;
+    for (const double offset : tried)
+      row.push_back(disagreement(sweeps[pair.first], sweeps[pair.second], path, lidar, {offset, reversed}));
+    out.scores.push_back(std::move(row));
   }
-  estimate.disagreement_mm = least[estimate.timing.reversed];
-  estimate.disagreement_reversed_mm = least[!estimate.timing.reversed];
-  estimate.determined =
-      estimate.offset_s.u < 0.1 * widest_s && std::abs(estimate.timing.offset_s) < 0.95 * widest_s;
+  std::vector<std::size_t> all(pairs.size());
+  std::iota(all.begin(), all.end(), 0);
+  out.total = total_of(out.scores, all);
+  out.at = static_cast<std::size_t>(std::ranges::min_element(out.total) - out.total.begin());
+  out.least = std::sqrt(out.total[out.at] / static_cast<double>(pairs.size()));
+  out.offset_s = minimum_of(tried, out.total);
+  return out;
+}
+
+/// Whether `b` is better than `a` beyond the scatter of the pairs.
+bool clearly_better(const Judged& b, const Judged& a) {
+  double sum = 0, squares = 0;
+  for (std::size_t i = 0; i < a.scores.size(); ++i) {
+    const double gain = a.scores[i][a.at] - b.scores[i][b.at];
+    sum += gain;
+    squares += gain * gain;
+  }
+  const auto n = static_cast<double>(a.scores.size());
+  const double mean = sum / n, variance = squares / n - mean * mean;
+  return mean > 2.5 * std::sqrt(std::max(0.0, variance) / n);
+}
+
+}  // namespace
+
+TimingEstimate estimate_timing(std::span<const Sweep> sweeps, const Path& path, const Pose2& lidar,
+                               const TimingOptions& options) {
+  TimingEstimate estimate;
+  estimate.timing.reversed = options.reversed.value_or(false);
+  const auto pairs = telling_pairs(sweeps, path, lidar, options.drifts);
+  if (pairs.size() < 5) return estimate;
+  const int half = 40;
+  for (int k = -half; k <= half; ++k) estimate.tried_s.push_back(options.widest_s * k / half);
+  Judged best = judge(sweeps, path, lidar, pairs, estimate.tried_s, estimate.timing.reversed);
+  if (!options.reversed) {
+    Judged other = judge(sweeps, path, lidar, pairs, estimate.tried_s, true);
+    estimate.timing.reversed = clearly_better(other, best);
+    if (estimate.timing.reversed) std::swap(best, other);
+    estimate.disagreement_other_mm = other.least;
+  }
+  estimate.timing.offset_s = best.offset_s;
+  estimate.offset_s = {best.offset_s, resampled_u(best.scores, estimate.tried_s)};
+  for (const double value : best.total)
+    estimate.score_mm.push_back(std::sqrt(value / static_cast<double>(pairs.size())));
+  estimate.disagreement_mm = best.least;
+  estimate.determined = estimate.offset_s.u < 0.1 * options.widest_s &&
+                        std::abs(estimate.timing.offset_s) < 0.95 * options.widest_s;
   return estimate;
 }
 

@@ -33,9 +33,14 @@ struct Sweep {
 /// A scan of a recording as a sweep, in order of beams. Times are host time.
 Sweep sweep_of(const ScanView& scan, const CaptureInfo& capture, const LidarGeometry& lidar);
 
-/// How what carries the lidar moved, as the recording tells it: odometry if it has poses, else the stage's
-/// track, else the stage angles and rates of the captures (about the world's origin).
-Path carrier_path(const Recording& recording);
+/// How what carries the lidar moved, as the recording tells it: odometry if it has poses; else the stage
+/// angles and rates of the captures (about the world's origin) if any has a rate; else the stage's track;
+/// else the captures' angles.
+struct Carrier {
+  Path path;
+  bool drifts = true;  ///< Odometry does, a stage does not.
+};
+Carrier carrier_of(const Recording& recording);
 
 /// Relation of the beams' times to the path's times.
 struct SweepTiming {
@@ -56,15 +61,22 @@ struct TimingEstimate {
   SweepTiming timing;
   Estimate offset_s;  ///< With its uncertainty, by resampling the pairs of scans it is made from.
   bool determined = false;
-  double disagreement_mm = 0;           ///< Of overlapping scans, at the best timing.
-  double disagreement_reversed_mm = 0;  ///< At the best timing with the other order of beams.
+  double disagreement_mm = 0;        ///< Of overlapping scans, at the best timing.
+  double disagreement_other_mm = 0;  ///< At the best timing with the other order of beams; 0: not tried.
   std::vector<double> tried_s, score_mm;
 };
 
-/// Finds the time offset at which scans a few sweeps apart, placed by the path alone, agree best. Only motion
-/// that changes tells it. `try_reversed`: also judge whether the beams are listed in reverse order.
+struct TimingOptions {
+  double widest_s = 0.2;         ///< Offsets up to this are tried, both ways.
+  std::optional<bool> reversed;  ///< Order of the beams; without it, judged: reversed only if clearly better.
+  bool drifts = true;            ///< Path of a stage (false): scans of different captures are compared too.
+};
+
+/// Finds the time offset at which scans, placed by the path alone, agree best: scans four apart, or, on a
+/// stage, scans from about the same angle taken while it turned at different rates. Only motion that differs
+/// tells it.
 TimingEstimate estimate_timing(std::span<const Sweep> sweeps, const Path& path, const Pose2& lidar,
-                               double widest_s = 0.2, bool try_reversed = true);
+                               const TimingOptions& options = {});
 
 struct FusionOptions {
   SweepTiming timing;

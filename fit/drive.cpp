@@ -96,7 +96,7 @@ class Drive {
     if (options.guess.separation_mm > 0) {
       path_ = path_from_wheels(recording.track(), options.guess);
     } else {
-      path_ = carrier_path(recording);
+      path_ = carrier_of(recording).path;
       const bool moves =
           path_.poses().size() >= 2 && recording.track().front().host_us < recording.track().back().host_us &&
           std::ranges::any_of(recording.track(), [](const TrackPose& p) { return p.x_mm.has_value(); });
@@ -110,7 +110,7 @@ class Drive {
 
   DriveFit run(const Recording& recording) {
     DriveFit out;
-    out.timing = estimate_timing(sweeps_, path_, lidar_, options_.widest_offset_s);
+    out.timing = estimate_timing(sweeps_, path_, lidar_, {options_.widest_offset_s, std::nullopt, true});
     timing_ = out.timing.timing;
     if (!out.timing.determined) timing_.offset_s = 0;
     for (int round = 0; round < options_.rounds; ++round) {

@@ -109,7 +109,10 @@ json path_plot(const fit::Path& before, const std::vector<fit::TimedPose>& after
 class Deskewing {
  public:
   Deskewing(const DeskewRequest& request, const fit::Recording& recording)
-      : request_(request), path_(fit::carrier_path(recording)), scans_(read_scans(recording)) {
+      : request_(request),
+        carrier_(fit::carrier_of(recording)),
+        path_(carrier_.path),
+        scans_(read_scans(recording)) {
     const fit::Mount& mount = recording.bench().lidar.mount;
     lidar_ = {mount.x_mm.value, mount.y_mm.value, mount.yaw_rad.value};
     if (scans_.empty()) throw MeasurementError(request.input + " holds no scans.");
@@ -141,7 +144,8 @@ class Deskewing {
   [[nodiscard]] std::string speeds_in_words() const;
 
   DeskewRequest request_;
-  fit::Path path_;
+  fit::Carrier carrier_;
+  const fit::Path& path_;
   fit::Pose2 lidar_;
   std::vector<ScanOfSession> scans_;
   fit::SweepTiming timing_;
@@ -159,7 +163,8 @@ void Deskewing::find_timing() {
   std::vector<fit::Sweep> sweeps;
   for (const ScanOfSession& scan : scans_) sweeps.push_back(scan.sweep);
   if (!request_.offset_ms) {
-    estimate_ = fit::estimate_timing(sweeps, path_, lidar_, 0.2, !request_.reversed);
+    estimate_ = fit::estimate_timing(sweeps, path_, lidar_, {0.2, request_.reversed, carrier_.drifts});
+    timing_.reversed = estimate_.timing.reversed;
     if (estimate_.determined) timing_ = estimate_.timing;
   } else {
     timing_.offset_s = *request_.offset_ms * 1e-3;
@@ -298,7 +303,7 @@ json Deskewing::document() const {
                  {"points", count_},
                  {"reversed", timing_.reversed},
                  {"disagreement_mm", number(estimate_.disagreement_mm)},
-                 {"disagreement_other_order_mm", number(estimate_.disagreement_reversed_mm)},
+                 {"disagreement_other_order_mm", number(estimate_.disagreement_other_mm)},
                  {"fusion_ms_per_scan", fusion_ms_ / static_cast<double>(scans_.size())}};
   return out;
 }

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "fit/deskew.hpp"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <random>
 
+#include "synthetic_recording.hpp"
 #include "tests/support/moving_room.hpp"
 
 namespace {
@@ -15,6 +17,7 @@ using room::deg;
 /// A lidar 80 mm off the axis of a stage that turns there and back with at most 40 deg/s.
 struct TurningStage {
   double rate = 40 * deg;  ///< Greatest.
+  double from = 0;         ///< Where it is at time 0.
   bool there_and_back = false;
   double sigma_mm = 5;
   const Pose2 mount{80, 20, 0.1};
@@ -24,7 +27,7 @@ struct TurningStage {
     constexpr double period = 3;
     return there_and_back
                ? rate * period / (2 * std::numbers::pi) * std::sin(2 * std::numbers::pi * t / period)
-               : rate * t;
+               : from + rate * t;
   }
   [[nodiscard]] room::Place lidar(double t) const {
     const double a = angle(t);
@@ -158,7 +161,7 @@ TEST_CASE("fusion mends odometry that comes 30 ms late, and its lateness is foun
   CAPTURE(odometry.within_scan, odometry.map, fused.within_scan, fused.map);
   CHECK(fused.map < 0.5 * odometry.map);
   CHECK(fused.within_scan < 1.02 * odometry.within_scan);
-  const auto found = fit::estimate_timing(sweeps, late, stage.mount, 0.1);
+  const auto found = fit::estimate_timing(sweeps, late, stage.mount, {0.1, std::nullopt, true});
   CAPTURE(found.timing.offset_s, found.offset_s.u);
   CHECK(found.determined);
   CHECK_FALSE(found.timing.reversed);
@@ -178,8 +181,44 @@ TEST_CASE("beams listed against their order in time are noticed") {
   auto sweeps = stage.sweeps(100, 5);
   for (auto& sweep : sweeps)  // as a driver does that lists a clockwise lidar's beams counter-clockwise
     for (auto& p : sweep.points) p = {{p.at_mm.x(), p.at_mm.y()}, 1 - p.share, p.beam};
-  const auto found = fit::estimate_timing(sweeps, stage.path(4), stage.mount, 0.1);
+  const auto found = fit::estimate_timing(sweeps, stage.path(4), stage.mount, {0.1, std::nullopt, true});
   CHECK(found.timing.reversed);
+}
+
+TEST_CASE("captures of a stage that turned both ways at even rates tell offset and order together") {
+  TurningStage there, back;
+  there.sigma_mm = back.sigma_mm = 8;
+  back.rate = -there.rate;
+  back.from = 100 * deg;
+  auto sweeps = there.sweeps(60, 7);
+  for (auto sweep : back.sweeps(60, 8)) {
+    sweep.begin_s += 10;
+    sweeps.push_back(sweep);
+  }
+  // The stage's readings are 12 ms late.
+  std::vector<fit::TimedPose> poses;
+  for (const auto& [stage, begin] : {std::pair{there, 0.0}, std::pair{back, 10.0}})
+    for (const double t : {0.0, 1.0, 2.0, 3.0}) poses.push_back({begin + t, {0, 0, stage.angle(t - 0.012)}});
+  const auto found = fit::estimate_timing(sweeps, fit::Path(poses), there.mount, {0.1, std::nullopt, false});
+  CAPTURE(found.timing.offset_s, found.offset_s.u);
+  CHECK(found.determined);
+  CHECK_FALSE(found.timing.reversed);
+  CHECK(found.timing.offset_s == Approx(0.012).margin(0.0015));
+}
+
+TEST_CASE("a stage's captures tell where it was, also where its track does not reach") {
+  SyntheticRecording recording({},
+                               [](const fit::CaptureInfo&, std::int64_t, std::vector<std::uint16_t>& range,
+                                  std::vector<std::uint16_t>&) { std::ranges::fill(range, 1000); });
+  fit::CaptureInfo capture;
+  capture.last_step = 3;
+  capture.stage_rad = 0.7;
+  capture.stage_rate_rad_s = 0.5;
+  recording.add(capture, 40);
+  const fit::Carrier carrier = fit::carrier_of(recording);
+  CHECK_FALSE(carrier.drifts);
+  for (const double t : {-0.05, 0.0, 0.4, 0.975, 1.05})
+    CHECK(carrier.path.at(t).heading_rad == Approx(0.7 + 0.5 * t));
 }
 
 TEST_CASE("a path follows a curve through its poses and turns through the shorter arc") {
