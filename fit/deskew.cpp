@@ -158,7 +158,7 @@ bool covered(const Sweep& sweep, const Path& path) {
 /// that drifts nothing is compared.
 std::vector<SweepPair> telling_pairs(std::span<const Sweep> sweeps, const Path& path, const Pose2& lidar,
                                      bool drifts) {
-  constexpr std::size_t apart = 4, most = 60;
+  constexpr std::size_t apart = 4, most = 600;
   std::vector<std::pair<double, SweepPair>> ranked;
   std::vector<Vector3d> speed;
   for (const Sweep& sweep : sweeps) speed.push_back(speed_at(path, lidar, sweep.time_s(0.5)));
@@ -232,7 +232,6 @@ struct Judged {
   Scores scores;
   std::vector<double> total;
   double offset_s = 0, least = 0;
-  std::size_t at = 0;
 };
 
 Judged judge(std::span<const Sweep> sweeps, const Path& path, const Pose2& lidar,
@@ -247,23 +246,26 @@ Judged judge(std::span<const Sweep> sweeps, const Path& path, const Pose2& lidar
   std::vector<std::size_t> all(pairs.size());
   std::iota(all.begin(), all.end(), 0);
   out.total = total_of(out.scores, all);
-  out.at = static_cast<std::size_t>(std::ranges::min_element(out.total) - out.total.begin());
-  out.least = std::sqrt(out.total[out.at] / static_cast<double>(pairs.size()));
+  out.least = std::sqrt(*std::ranges::min_element(out.total) / static_cast<double>(pairs.size()));
   out.offset_s = minimum_of(tried, out.total);
   return out;
 }
 
-/// Whether `b` is better than `a` beyond the scatter of the pairs.
-bool clearly_better(const Judged& b, const Judged& a) {
+/// Whether the beams are listed against their order in time, each order at its own best offset: if that is
+/// better beyond the scatter of the pairs.
+bool clearly_reversed(std::span<const Sweep> sweeps, const Path& path, const Pose2& lidar,
+                      const std::vector<SweepPair>& pairs, double forward_s, double reversed_s) {
   double sum = 0, squares = 0;
-  for (std::size_t i = 0; i < a.scores.size(); ++i) {
-    const double gain = a.scores[i][a.at] - b.scores[i][b.at];
+  for (const SweepPair& pair : pairs) {
+    const Sweep &a = sweeps[pair.first], &b = sweeps[pair.second];
+    const double gain = disagreement(a, b, path, lidar, {forward_s, false}) -
+                        disagreement(a, b, path, lidar, {reversed_s, true});
     sum += gain;
     squares += gain * gain;
   }
-  const auto n = static_cast<double>(a.scores.size());
+  const auto n = static_cast<double>(pairs.size());
   const double mean = sum / n, variance = squares / n - mean * mean;
-  return mean > 2.5 * std::sqrt(std::max(0.0, variance) / n);
+  return mean > 2 * std::sqrt(std::max(0.0, variance) / n);
 }
 
 }  // namespace
@@ -276,17 +278,19 @@ TimingEstimate estimate_timing(std::span<const Sweep> sweeps, const Path& path, 
   if (pairs.size() < 5) return estimate;
   const int half = 40;
   for (int k = -half; k <= half; ++k) estimate.tried_s.push_back(options.widest_s * k / half);
-  Judged best = judge(sweeps, path, lidar, pairs, estimate.tried_s, estimate.timing.reversed);
+  const std::vector<SweepPair> most_telling(pairs.begin(),
+                                            pairs.begin() + std::min<std::ptrdiff_t>(60, std::ssize(pairs)));
+  Judged best = judge(sweeps, path, lidar, most_telling, estimate.tried_s, estimate.timing.reversed);
   if (!options.reversed) {
-    Judged other = judge(sweeps, path, lidar, pairs, estimate.tried_s, true);
-    estimate.timing.reversed = clearly_better(other, best);
+    Judged other = judge(sweeps, path, lidar, most_telling, estimate.tried_s, true);
+    estimate.timing.reversed = clearly_reversed(sweeps, path, lidar, pairs, best.offset_s, other.offset_s);
     if (estimate.timing.reversed) std::swap(best, other);
     estimate.disagreement_other_mm = other.least;
   }
   estimate.timing.offset_s = best.offset_s;
   estimate.offset_s = {best.offset_s, resampled_u(best.scores, estimate.tried_s)};
   for (const double value : best.total)
-    estimate.score_mm.push_back(std::sqrt(value / static_cast<double>(pairs.size())));
+    estimate.score_mm.push_back(std::sqrt(value / static_cast<double>(most_telling.size())));
   estimate.disagreement_mm = best.least;
   estimate.determined = estimate.offset_s.u < 0.1 * options.widest_s &&
                         std::abs(estimate.timing.offset_s) < 0.95 * options.widest_s;
