@@ -409,9 +409,14 @@ void FaultInjector::Impl::attach() {
   if (bench.server != nullptr) {
     ScipServer::Fault fault;
     fault.to_host = [this](std::string bytes, bool&) {
-      fire_due();
       for (const ByteFault& change : std::exchange(lidar_out, {})) change(bytes);
+      fire_due();  // For the next answer.
       return bytes;
+    };
+    fault.is_due = [this] {
+      const double now_s = clock.now_s();
+      return !lidar_out.empty() ||
+             std::ranges::any_of(orders, [now_s](const Order& order) { return order.due_s <= now_s; });
     };
     fault.to_device = [this](std::string bytes) {
       for (const ByteFault& change : std::exchange(lidar_in, {})) change(bytes);

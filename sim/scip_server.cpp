@@ -206,7 +206,8 @@ awaitable<void> ScipServer::Impl::stream_scans(std::shared_ptr<Connection> host)
     do {
       device.append_next_scan(bytes);
       clock.advance_to(device.scan_end_s());
-    } while (clock.is_max() && device.streaming() && bytes.size() < batch_bytes);
+    } while (clock.is_max() && device.streaming() && bytes.size() < batch_bytes &&
+             !(fault.is_due && fault.is_due()));
     if (host->waiting() < waiting_limit) send(*host, bytes);
     if (clock.is_max() && host->waiting() == 0) {  // a fault swallowed them all: let others run
       host->wake_streamer.expires_after(std::chrono::milliseconds(1));

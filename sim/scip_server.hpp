@@ -27,6 +27,8 @@ class ScipServer {
   struct Fault {
     std::function<std::string(std::string bytes, bool& drop_connection)> to_host;
     std::function<std::string(std::string bytes)> to_device;
+    /// At maximum speed answers leave by the thousand; when this says so, the next one leaves alone.
+    std::function<bool()> is_due;
   };
 
   /// Throws boost::system::system_error when the port is taken.
