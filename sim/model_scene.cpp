@@ -7,7 +7,8 @@
 namespace sim {
 namespace {
 
-constexpr double touching_mm = 5;  // ends of targets closer than this form a corner
+constexpr double meeting_mm = 40;  // ends of targets so close to where their lines cross form a corner
+constexpr double shallow_mm = 5;   // not an edge
 
 Eigen::Vector2d ray_of(double bearing) { return {std::cos(bearing), std::sin(bearing)}; }
 double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
@@ -36,18 +37,30 @@ void ModelScene::build() {
     wall.outward = target.outward_normal();
     wall.from = target.from_mm + shift_[i] * wall.outward;
     wall.to = target.to_mm + shift_[i] * wall.outward;
-    wall.length = (wall.to - wall.from).norm();
-    wall.along = (wall.to - wall.from) / wall.length;
+    wall.along = (wall.to - wall.from).normalized();
     wall.reflectance = reflectance_[i] >= 0 ? reflectance_[i] : target.reflectance.value_or(0.5);
     walls_.push_back(wall);
   }
-  for (Wall& wall : walls_) {
-    for (const Wall& other : walls_) {
-      if (&other == &wall) continue;
-      for (const Eigen::Vector2d& end : {other.from, other.to}) {
-        wall.joined_from = wall.joined_from || (end - wall.from).norm() < touching_mm;
-        wall.joined_to = wall.joined_to || (end - wall.to).norm() < touching_mm;
-      }
+  for (std::size_t i = 0; i < walls_.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      if (shift_[i] == 0 && shift_[j] == 0) join(walls_[i], walls_[j]);
+    }
+  }
+  for (Wall& wall : walls_) wall.length = (wall.to - wall.from).norm();
+}
+
+/// Walls whose ends nearly meet form a corner where their lines cross: a bench whose walls were shifted and
+/// turned by a fit has neither gaps nor overhangs there.
+void ModelScene::join(Wall& one, Wall& other) {
+  const double facing = cross(one.along, other.along);
+  if (std::abs(facing) < 0.15) return;
+  const Eigen::Vector2d corner = one.from + cross(other.from - one.from, other.along) / facing * one.along;
+  for (auto [end, joined] : {std::pair{&one.from, &one.joined_from}, std::pair{&one.to, &one.joined_to}}) {
+    for (auto [other_end, other_joined] :
+         {std::pair{&other.from, &other.joined_from}, std::pair{&other.to, &other.joined_to}}) {
+      if ((corner - *end).norm() > meeting_mm || (corner - *other_end).norm() > meeting_mm) continue;
+      *end = *other_end = corner;
+      *joined = *other_joined = true;
     }
   }
 }
@@ -81,7 +94,7 @@ std::vector<ModelScene::Edge> ModelScene::edges(const Eigen::Vector2d& origin) c
       const Hit& near = near_is_low ? low : high;
       const Hit& far = near_is_low ? high : low;
       if (near.target != static_cast<int>(i)) continue;
-      if (far.target >= 0 && far.range_mm - near.range_mm < touching_mm) continue;
+      if (far.target >= 0 && far.range_mm - near.range_mm < shallow_mm) continue;
       found.push_back({bearing, near.range_mm, far.target < 0 ? 0 : far.range_mm, near_is_low ? -1 : 1,
                        near.target, far.target});
     }

@@ -44,10 +44,11 @@ class ModelScene {
  private:
   struct Wall {
     Eigen::Vector2d from, to, along, outward;
-    double length, reflectance;
+    double length = 0, reflectance = 0;
     bool joined_from = false, joined_to = false;
   };
   void build();
+  static void join(Wall& one, Wall& other);
   [[nodiscard]] double power(const Hit& hit, double bearing_rad) const;
   [[nodiscard]] double pull(const Eigen::Vector2d& origin, double bearing_rad, const Hit& own) const;
 
