@@ -87,7 +87,7 @@ json plain_world(const Session& session) {
             {"mount_y_mm", session.truth.y_mm},
             {"mount_yaw_deg", session.truth.yaw_rad / degree},
             {"targets", truth}}},
-          {"beam", {{"long_mrad", 0.02}, {"short_mrad", 0.02}, {"aperture_mm", 0.02}}},
+          {"beam", {{"long_mrad", 0}, {"short_mrad", 0}, {"aperture_mm", 0}}},
           {"receiver",
            {{"threshold", 0.2 * span.low},
             {"noise", 0},
