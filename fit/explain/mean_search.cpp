@@ -20,7 +20,7 @@ using Role = Parameter::Role;
 constexpr double price_of_mechanism = 4.0;  // log odds against any one of the catalogue
 constexpr double price_of_unknown = 7.0;    // the catalogue is tried first
 constexpr double worth_a_move = 1.5;
-constexpr Eigen::Index rows_of_search = 9000;
+constexpr Eigen::Index rows_of_search = 6000;
 constexpr std::size_t finalists = 7;
 
 bool moves_means(const Mechanism& m) {

@@ -125,7 +125,11 @@ class Reducer {
     c.approach = info_->approach;
     c.seq = static_cast<int>(block.seq.front());
     c.intensity = std::numeric_limits<double>::quiet_NaN();
-    const bool near_corner = c.corner_mm < 4 + cell.sight.range_mm * 0.006;
+    // Which wall a beam near a corner meets depends on where mount and walls really are.
+    const Mount& mount = out_.bench.lidar.mount;
+    const double sway = 3 * (mount.yaw_rad.u * cell.sight.range_mm + std::hypot(mount.x_mm.u, mount.y_mm.u));
+    const bool near_corner =
+        c.corner_mm < 8 + 0.003 * cell.sight.range_mm + sway / cell.sight.cos_incidence();
     cell.smooth = std::abs(c.edge_rad) > (c.gap_mm > 0 ? edge_margin_rad : brink_margin_rad) &&
                   !near_corner && std::abs(cell.sight.incidence_rad) < grazing_rad;
     if (stride > 1) {

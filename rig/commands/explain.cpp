@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -10,6 +11,9 @@
 #include "fit/explain/explanation.hpp"
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
+#include "rig/explain_procedure.hpp"
+#include "rig/explain_report.hpp"
+#include "rig/procedure_plan.hpp"
 #include "rig/report.hpp"
 #include "rig/session_store.hpp"
 
@@ -62,6 +66,11 @@ class Explain : public Command {
         ->required();
     command->add_option("--bench", bench_, "Bench file; default: the one in the session");
     command->add_option("--json", json_, "Write the explanation to FILE, or '-' for standard output");
+    command->add_option("--report", report_,
+                        "Write the explanation as one HTML page with pictures to FILE.html");
+    command->add_option(
+        "--next", next_,
+        "Where to write the procedure that separates undecided suspects; default: beside the session");
     command->add_flag("--no-store", no_store_, "Leave the session file as it is");
     return command;
   }
@@ -75,6 +84,12 @@ class Explain : public Command {
       std::printf("%s\n", document.dump(1).c_str());
     else if (!json_.empty())
       write_file_atomically(json_, document.dump(1) + "\n");
+    if (!report_.empty()) {
+      std::string names;
+      for (const std::string& path : sessions_) names += (names.empty() ? "" : ", ") + path;
+      write_file_atomically(report_, explanation_html(document, names));
+      std::fprintf(stderr, "report: %s\n", std::filesystem::absolute(report_).c_str());
+    }
     return 0;
   }
 
@@ -94,10 +109,44 @@ class Explain : public Command {
         return fit::explain::explain(list, [&](double share, const char* what) { line(share, what); });
       }();
       std::fputs(fit::explain::to_text(explanation).c_str(), stderr);
-      return fit::explain::to_json(explanation);
+      nlohmann::json document = fit::explain::to_json(explanation);
+      const std::string next = next_experiment(explanation, list);
+      if (!next.empty()) document["next_experiment"] = next;
+      return document;
     } catch (const std::invalid_argument& error) {
       throw MeasurementError(std::string("nothing was explained: ") + error.what());
     }
+  }
+
+  /// Writes the procedure that separates the suspects best; empty when there is none or nowhere to write it.
+  std::string next_experiment(const fit::explain::Explanation& explanation,
+                              const std::vector<const fit::Recording*>& recordings) const {
+    if (explanation.suspects.size() < 2) return {};
+    const fit::Bench& bench = recordings.front()->bench();
+    const StageLimits limits = stage_limits(bench);
+    const auto best =
+        fit::explain::best_experiment(recordings, explanation.suspects,
+                                      {limits.min_deg * fit::rad_per_deg, limits.max_deg * fit::rad_per_deg});
+    if (!best) {
+      std::fprintf(stderr, "No experiment that this bench can do separates them.\n");
+      return {};
+    }
+    std::string names;
+    for (const auto& suspect : explanation.suspects)
+      names += (names.empty() ? "" : ", ") + suspect.mechanism->id;
+    const std::string text = procedure_text(*best, names);
+    const std::string path =
+        next_.empty() ? std::filesystem::path(sessions_.front()).replace_extension(".next.yaml").string()
+                      : next_;
+    try {
+      (void)unroll(parse_procedure(text, path), bench);
+      write_file_atomically(path, text);
+    } catch (const std::exception& error) {
+      std::fprintf(stderr, "note: the next experiment is not written (%s)\n", error.what());
+      return {};
+    }
+    std::fprintf(stderr, "next experiment: %s: %s\n", path.c_str(), best->title.c_str());
+    return path;
   }
 
   /// A recording on read-only media can be explained all the same.
@@ -112,7 +161,7 @@ class Explain : public Command {
   }
 
   std::vector<std::string> sessions_;
-  std::string bench_, json_;
+  std::string bench_, json_, report_, next_;
   bool no_store_ = false;
 };
 

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <string>
+
+#include "fit/explain/next_experiment.hpp"
+
+namespace rig {
+
+/// The experiment as a procedure file that runs as it stands on the bench it was made for.
+[[nodiscard]] std::string procedure_text(const fit::explain::Experiment& experiment,
+                                         const std::string& suspects);
+
+}  // namespace rig

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: MIT
+#include "rig/explain_report.hpp"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "rig/number_format.hpp"
+#include "rig/plot.hpp"
+
+namespace rig {
+namespace {
+
+using nlohmann::json;
+
+std::string escaped(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '&')
+      out += "&amp;";
+    else if (c == '<')
+      out += "&lt;";
+    else if (c == '>')
+      out += "&gt;";
+    else
+      out += c;
+  }
+  return out;
+}
+
+std::string figure_of(double value, int digits = 4) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.*g", digits, value);
+  return text;
+}
+
+double number_at(const json& object, const char* key) {
+  const auto found = object.find(key);
+  return found != object.end() && found->is_number() ? found->get<double>() : NAN;
+}
+
+std::string verdict_in_words(const std::string& verdict) {
+  if (verdict == "nothing-missing")
+    return "Nothing is missing: the simulation explains the recording to its noise.";
+  if (verdict == "explained") return "The mismatch is explained.";
+  if (verdict == "undecided")
+    return "Something is missing, and this recording cannot tell which of several causes it is.";
+  return "Something is missing that no mechanism of the catalogue makes.";
+}
+
+std::string mechanism_section(const json& m) {
+  std::string html =
+      "<h3>" + escaped(m.at("mechanism").get<std::string>()) + " <span class=\"sub\">probability " +
+      figure_of(m.at("probability").get<double>(), 3) + "</span></h3>\n<p class=\"box\">" +
+      escaped(m.at("says").get<std::string>()) + "</p>\n<p>" + escaped(m.value("evidence", "")) +
+      "</p>\n<table><thead><tr><th>Parameter</th><th class=\"n\">Value</th><th class=\"n\">Standard "
+      "uncertainty</th></tr></thead><tbody>\n";
+  for (const auto& [name, p] : m.at("parameters").items()) {
+    if (p.is_string()) {
+      html += "<tr><td>" + escaped(name) + "</td><td class=\"n\">" + escaped(p.get<std::string>()) +
+              "</td><td></td></tr>\n";
+      continue;
+    }
+    const double value = number_at(p, "value"), u = number_at(p, "u");
+    html += "<tr><td>" + escaped(name) + "</td><td class=\"n\">" + format_value(value, u) +
+            "</td><td class=\"n\">" + format_uncertainty(u) + "</td></tr>\n";
+  }
+  return html + "</tbody></table>\n";
+}
+
+std::string curve_section(const json& curve) {
+  Plot plot;
+  const std::string coordinate = curve.at("coordinate").get<std::string>();
+  plot.title = "Mean residual along " + coordinate;
+  plot.x_label = coordinate;
+  plot.y_label = "recording - simulation (mm)";
+  const auto x = curve.at("at").get<std::vector<double>>();
+  const auto u = curve.at("u_mm").get<std::vector<double>>();
+  plot.series.push_back(
+      {"before", Series::Style::errorbars, x, curve.at("before_mm").get<std::vector<double>>(), u});
+  plot.series.push_back(
+      {"after", Series::Style::errorbars, x, curve.at("after_mm").get<std::vector<double>>(), u});
+  return "<figure>" + to_svg(plot) + "<figcaption>Means over intervals of " + escaped(coordinate) +
+         " with their standard uncertainties, after mount and targets were fitted; before: with the bench as "
+         "it was; "
+         "after: with what was found.</figcaption></figure>\n";
+}
+
+std::string style() {
+  return "body{font:15px/1.45 \"Source Sans 3\",\"DejaVu "
+         "Sans\",sans-serif;color:#1a1a1a;max-width:52rem;margin:2rem "
+         "auto;padding:0 1.2rem}h1{font-size:1.7rem}h2{font-size:1.2rem;margin-top:2rem;border-bottom:2px "
+         "solid "
+         "#1a1a1a}table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}th,td{text-"
+         "align:left;"
+         "padding:.28rem .6rem .28rem 0;border-bottom:1px solid "
+         "#cfcfcf}td.n,th.n{text-align:right}.sub{color:#5a5a5a;"
+         "font-weight:400;font-size:.9rem}.box{border-left:.3rem solid #006d4c;padding:.3rem "
+         ".9rem;background:#f7f7f5}"
+         "figure{margin:1rem 0}figure "
+         "svg{max-width:100%;height:auto}figcaption{color:#5a5a5a;font-size:.9rem}"
+         "@page{size:A4;margin:18mm 16mm}@media print{figure,table,.box{break-inside:avoid}}";
+}
+
+}  // namespace
+
+std::string explanation_html(const json& e, const std::string& sessions) {
+  std::string html =
+      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Explanation</title><style>" +
+      style() + "</style></head><body>\n<h1>What the simulation left out</h1>\n<p class=\"sub\">" +
+      escaped(sessions) + " &middot; " + std::to_string(e.value("cells", 0L)) + " cells, " +
+      std::to_string(e.value("samples", 0L)) + " samples</p>\n<p class=\"box\"><strong>" +
+      escaped(verdict_in_words(e.at("verdict").get<std::string>())) + "</strong></p>\n";
+  if (!e.at("mechanisms").empty()) html += "<h2>Mechanisms</h2>\n";
+  for (const json& m : e.at("mechanisms")) html += mechanism_section(m);
+  for (const json& set : e.at("undecided_between")) {
+    html += "<h2>Undecided</h2>\n<p class=\"box\">One of: ";
+    for (std::size_t i = 0; i < set.size(); ++i)
+      html += (i > 0 ? ", " : "") + escaped(set[i].get<std::string>());
+    html += ". They would have left the same traces in this recording.</p>\n";
+  }
+  if (e.contains("next_experiment") && e["next_experiment"].is_string())
+    html += "<p>The experiment that separates them best: <code>" +
+            escaped(e["next_experiment"].get<std::string>()) +
+            "</code>, written as a procedure that runs as it stands.</p>\n";
+  if (e.contains("unknown"))
+    html += "<h2>Unknown physics</h2>\n<p class=\"box\">" + escaped(e["unknown"].value("describes", "")) +
+            " (" + escaped(e["unknown"].value("observable", "")) + ").</p>\n";
+  const json& fit = e.at("fit");
+  html +=
+      "<h2>On data that the fit had not seen</h2>\n<table><thead><tr><th></th><th class=\"n\">before</th><th "
+      "class=\"n\">after</th></tr></thead><tbody>\n<tr><td>rms of the means (mm)</td><td class=\"n\">" +
+      figure_of(number_at(fit, "rms_before_mm")) + "</td><td class=\"n\">" +
+      figure_of(number_at(fit, "rms_after_mm")) +
+      "</td></tr>\n<tr><td>log-likelihood per cell</td><td class=\"n\">" +
+      figure_of(number_at(fit, "held_out_log_likelihood_before")) + "</td><td class=\"n\">" +
+      figure_of(number_at(fit, "held_out_log_likelihood_after")) +
+      "</td></tr>\n<tr><td>share within the predicted 95 % intervals</td><td class=\"n\">" +
+      figure_of(number_at(fit, "coverage_95_before"), 3) + "</td><td class=\"n\">" +
+      figure_of(number_at(fit, "coverage_95_after"), 3) +
+      "</td></tr>\n</tbody></table>\n<p>Noise floor of the means: " +
+      figure_of(number_at(fit, "noise_floor_mm")) + " mm.</p>\n";
+  if (!e.at("curves").empty()) html += "<h2>Residuals</h2>\n";
+  for (const json& curve : e.at("curves")) html += curve_section(curve);
+  if (!e.at("located").empty()) {
+    html +=
+        "<h2>Where they differ</h2>\n<table><thead><tr><th>Coordinate</th><th class=\"n\">from</th><th "
+        "class=\"n\">to</th><th>Observable</th><th class=\"n\">p-value</th></tr></thead><tbody>\n";
+    for (const json& l : e.at("located"))
+      html += "<tr><td>" + l.at("coordinate").get<std::string>() + "</td><td class=\"n\">" +
+              figure_of(number_at(l, "from")) + "</td><td class=\"n\">" + figure_of(number_at(l, "to")) +
+              "</td><td>" + l.at("observable").get<std::string>() + "</td><td class=\"n\">" +
+              figure_of(number_at(l, "p_value"), 2) + "</td></tr>\n";
+    html += "</tbody></table>\n";
+  }
+  if (!e.at("notes").empty()) html += "<h2>Notes</h2>\n";
+  for (const json& note : e.at("notes")) html += "<p>" + escaped(note.get<std::string>()) + "</p>\n";
+  return html + "</body></html>\n";
+}
+
+}  // namespace rig
