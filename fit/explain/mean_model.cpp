@@ -16,6 +16,10 @@ double rounding_variance(double sigma_mm) { return std::exp(-4 * pi * pi * sigma
 
 }  // namespace
 
+double price_of_scale(double ratio, double coefficients) {
+  return 2 + (ratio > 1 ? 0.5 * coefficients * std::log(ratio) : 0);
+}
+
 void pool_variances(Reduced& reduced) {
   std::vector<double> typical;
   for (const Group& group : reduced.groups)
@@ -160,6 +164,7 @@ MeanModel::Fit MeanModel::solve(const Products& p, const Prior& prior, bool stre
   const Eigen::Index k = p.along.size();
   Prior wide = prior;
   Fit fit;
+  double ratio = 1, used = 1;
   for (int pass = 0; pass < (stretch ? 3 : 1); ++pass) {
     // In units of the prior's sigma: (S A S + I) x = S (b - A m).
     const Eigen::VectorXd b = p.along - p.square * wide.mean;
@@ -176,13 +181,14 @@ MeanModel::Fit MeanModel::solve(const Products& p, const Prior& prior, bool stre
     fit.evidence = shifted + 0.5 * rhs.dot(x) - log_det;
     fit.gain = fit.value.dot(p.along) - 0.5 * fit.value.dot(p.square * fit.value);
     if (!stretch) break;
-    for (Eigen::Index i = 0; i < k; ++i) {
-      const double away = std::abs(fit.value[i] - wide.mean[i]);
-      if (away > wide.sigma[i]) wide.sigma[i] = std::min(away * 1.2, prior.sigma[i] * 1000);
-    }
+    ratio = 1e-4;
+    for (Eigen::Index i = 0; i < k; ++i)
+      ratio = std::max(ratio, 1.2 * std::abs(fit.value[i] - prior.mean[i]) / prior.sigma[i]);
+    ratio = std::min(ratio, 1000.0);
+    if (pass < 2) wide.sigma = prior.sigma * ratio;
+    used = pass < 2 ? used : ratio;
   }
-  if (stretch)
-    for (Eigen::Index i = 0; i < k; ++i) fit.evidence -= 0.5 * std::log(wide.sigma[i] / prior.sigma[i]);
+  if (stretch) fit.evidence -= price_of_scale(used, static_cast<double>(k));
   return fit;
 }
 

@@ -50,8 +50,8 @@ class MeanModel {
     double gain = 0;      ///< Of the log-likelihood at the best coefficients, priors apart.
     Eigen::VectorXd value, sigma;
   };
-  /// Adds columns to the base. `stretch`: a prior that turns out too narrow is widened to the value found, at
-  /// its price (empirical Bayes), because sizes in the catalogue are orders of magnitude.
+  /// Adds columns to the base. `stretch`: the prior takes the scale of the value found (empirical Bayes), at
+  /// a price, because sizes in the catalogue are orders of magnitude.
   [[nodiscard]] Fit with(const Eigen::MatrixXd& columns_mm, const Prior& prior, bool stretch = true) const;
   /// The same for columns given by their products with the residual and among themselves.
   struct Products {
@@ -99,6 +99,10 @@ class MeanModel {
   Eigen::LLT<Eigen::MatrixXd> factor_;
   Eigen::VectorXd centred_;
 };
+
+/// Log of what it costs to choose the scale of a prior: about seven e-folds are possible below the
+/// catalogue's size; above it, the less likely the farther.
+[[nodiscard]] double price_of_scale(double ratio, double coefficients);
 
 /// Sets every cell's variance of one sample, pooled over its neighbours on the same target. Needed before any
 /// MeanModel is made.

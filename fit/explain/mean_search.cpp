@@ -19,8 +19,8 @@ using Role = Parameter::Role;
 
 constexpr double price_of_mechanism = 4.0;  // log odds against any one of the catalogue
 constexpr double price_of_unknown = 7.0;    // the catalogue is tried first
-constexpr double worth_a_move = 1.5;
-constexpr Eigen::Index rows_of_search = 6000;
+constexpr double worth_a_move = 1.5, worth_fitting = -2;
+constexpr Eigen::Index rows_of_search = 6000, rows_of_last_search = 30000;
 constexpr std::size_t finalists = 7;
 
 bool moves_means(const Mechanism& m) {
@@ -199,16 +199,16 @@ class Search {
 
   // ---- looking for one more
   // --------------------------------------------------------------------------------
-  [[nodiscard]] int stride_of_search() const {
+  [[nodiscard]] int stride_of_search(Eigen::Index rows = rows_of_search) const {
     Eigen::Index smooth = 0;
     for (const Cell& cell : reduced_.cells) smooth += cell.smooth;
-    return static_cast<int>(std::max<Eigen::Index>(1, (smooth + rows_of_search - 1) / rows_of_search));
+    return static_cast<int>(std::max<Eigen::Index>(1, (smooth + rows - 1) / rows));
   }
 
   /// Every mechanism not in `h` (nor in `but`), on top of it.
   std::vector<Scored> scan(const Hypothesis& h, const Term* but, bool named, bool unnamed) {
     place(h);
-    const int stride = stride_of_search();
+    const int stride = stride_ > 1 ? stride_ : stride_of_search(rows_of_last_search);
     MeanModel model(reduced_, noise_, stride);
     const Base base = base_columns(model, h);
     model.set_base(base.all.columns_mm, base.all.prior);
@@ -229,7 +229,7 @@ class Search {
     on_two_cores(list.size(), [&](std::size_t i) {
       list[i] = i < terms.size() ? look(model, terms[i]) : look(model, shapes[i - terms.size()]);
     });
-    std::erase_if(list, [](const Scored& s) { return !(s.evidence > 0); });
+    std::erase_if(list, [](const Scored& s) { return !(s.evidence > worth_fitting); });
     std::ranges::sort(list, [](const Scored& a, const Scored& b) { return a.evidence > b.evidence; });
     return list;
   }
@@ -332,7 +332,7 @@ class Search {
     const Columns unit = shape_of(model, shape);
     const MeanModel::Products products = model.products(unit.columns_mm);
     if (products.square.trace() < 1e-9) return best;
-    for (double size : {0.3, 1.0, 3.0, 10.0, 30.0}) {
+    for (double size : {0.1, 0.3, 1.0, 3.0, 10.0, 30.0}) {
       if (shape.channel != Channel::range) size *= 0.02 * rad_per_deg;
       Prior prior = unit.prior;
       prior.sigma *= size;
@@ -376,20 +376,21 @@ class Search {
       if (!(high - low > 1e-6) || values.size() < 4) continue;
       for (const double length : {0.5, 0.2, 0.08})
         if (values.size() > 2 / length)
-          consider({Shape::Kind::smooth, place.coordinate, place.channel, length, 0, 1, 0, {}}, 1.5);
+          consider({Shape::Kind::smooth, place.coordinate, place.channel, length, 0, 1, 0, {}},
+                   price_of_scale(1, 1));
       if (place.coordinate == Coordinate::incidence || place.coordinate == Coordinate::temperature) continue;
       const std::vector<double> steps = quantiles(model, place.coordinate, 40);
       for (const double at : steps)
         consider({Shape::Kind::step, place.coordinate, place.channel, 0, at, 1, 0, {}},
-                 std::log(static_cast<double>(steps.size())));
+                 std::log(static_cast<double>(steps.size())) + price_of_scale(1, 1));
       if (place.coordinate == Coordinate::beam) {
         for (int lobes = 3; lobes <= 12; ++lobes)
           consider({Shape::Kind::wave, place.coordinate, place.channel, 0, 360.0 / lobes, 1, 0, {}},
-                   std::log(10.0));
+                   std::log(10.0) + price_of_scale(1, 1));
       } else if (place.coordinate == Coordinate::time) {
         for (double turns = 1.5; turns < 12; turns *= 1.08)
           consider({Shape::Kind::wave, place.coordinate, place.channel, 0, (high - low) / turns, 1, 0, {}},
-                   std::log(15.0));
+                   std::log(15.0) + price_of_scale(1, 1));
       }
     }
     return list;
@@ -715,15 +716,14 @@ Base base_columns(const MeanModel& model, const Hypothesis& h) {
   for (const Term& term : h.terms) {
     Columns c = linear_columns(model, term);
     const std::vector<double> now = linear_coefficients(term);
+    double ratio = 1e-4;
     for (std::size_t k = 0; k < now.size(); ++k) {
       const auto i = static_cast<Eigen::Index>(k);
-      const double away = std::abs(now[k] - c.prior.mean[i]), typical = c.prior.sigma[i];
-      c.prior.mean[i] -= now[k];
-      if (away > typical) {
-        c.prior.sigma[i] = 1.2 * away;
-        c.price += 0.5 * std::log(c.prior.sigma[i] / typical);
-      }
+      ratio = std::max(ratio, 1.2 * std::abs(now[k] - c.prior.mean[i]) / c.prior.sigma[i]);
     }
+    for (std::size_t k = 0; k < now.size(); ++k) c.prior.mean[static_cast<Eigen::Index>(k)] -= now[k];
+    c.prior.sigma *= ratio;
+    c.price = price_of_scale(ratio, static_cast<double>(now.size()));
     add(c, shape_columns(model, term));
     base.term_first.push_back(base.all.columns_mm.cols());
     base.term_count.push_back(c.columns_mm.cols());
