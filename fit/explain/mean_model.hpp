@@ -14,6 +14,7 @@ struct MeanNoise {
   double factor = 1;               ///< On the variance of every mean: noise with memory.
   std::vector<double> range_mm2;   ///< Variance of a range common to a group; empty: none.
   std::vector<double> angle_rad2;  ///< Variance of an angle common to a group; empty: none.
+  double footprint_rad = 0;        ///< Standard half width of the beam where edges show it; 0: they do not.
 };
 
 /// A prior for coefficients: independent normal ones.

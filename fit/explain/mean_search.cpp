@@ -78,6 +78,10 @@ double implausible(const Term& term) {
   double price = 0;
   for (std::size_t k = 0; k < term.values.size(); ++k) {
     const Parameter& p = term.mechanism->parameters[k];
+    // At the end of what physics allows: the recording would rather have something else.
+    if (p.role == Role::shape && (p.name == "reach_mm" || p.name == "tau_s") &&
+        (term.values[k] > 0.98 * p.upper || term.values[k] < 1.02 * p.lower))
+      price += 4;
     if (p.role != Role::size) continue;
     const double ratio = std::abs(term.values[k] - p.expected) / p.typical;
     if (ratio > 10) price += 0.5 * std::pow((ratio - 10) / 3, 2);
@@ -111,6 +115,11 @@ class Search {
     pool_variances(reduced_);
     place(empty, true);  // with what the bench knows at work, once: evidences compare on the same cells only
     find_excess(empty);
+    fit(empty);
+    std::vector<Active> known;
+    for (const Term& term : known_terms(reduced_.bench)) known.push_back(term.active());
+    readmit(reduced_, empty.nuisance, known, noise_.footprint_rad);
+    pool_variances(reduced_);
     // A large session is searched in a thinned form first; what it finds is the start of the full one.
     stride_ = stride_of_search();
     fit(empty);
@@ -126,7 +135,7 @@ class Search {
     if (stride_ > 1) {
       stride_ = 1;
       fit(best);
-      best = climb(best, 3, false);
+      best = climb(best, 4, !best.shapes.empty());
     }
     report(0.8);
     MeanResult result(reduced_.bench);
@@ -262,15 +271,18 @@ class Search {
       return f.evidence;
     };
     std::vector<std::vector<double>> grids{term.values};
-    for (const std::size_t k : shapes) {
-      std::vector<std::vector<double>> more;
-      for (const auto& values : grids)
-        for (const double v : starts_of(*term.mechanism, parameters[k])) {
-          more.push_back(values);
-          more.back()[k] = v;
-        }
-      grids = std::move(more);
-    }
+    if (term.mechanism->id == "time-quantisation")
+      grids = combs(model, term);
+    else
+      for (const std::size_t k : shapes) {
+        std::vector<std::vector<double>> more;
+        for (const auto& values : grids)
+          for (const double v : starts_of(*term.mechanism, parameters[k])) {
+            more.push_back(values);
+            more.back()[k] = v;
+          }
+        grids = std::move(more);
+      }
     for (const auto& values : grids) tried.emplace_back(attempt(values), values);
     if (!shapes.empty() && best.gain > 3) {
       std::ranges::sort(tried, [](const auto& a, const auto& b) { return a.first > b.first; });
@@ -281,6 +293,34 @@ class Search {
     best.evidence -= implausible(best.term);
     if (term.mechanism->one_target)
       best.evidence -= 0.5 * std::log(static_cast<double>(reduced_.bench.targets.size()));
+    return best;
+  }
+
+  /// A comb of bins fits only within a thousandth of its width: many are tried by their plain correlation
+  /// with the residual before the best are fitted.
+  static std::vector<std::vector<double>> combs(const MeanModel& model, const Term& term) {
+    const Parameter& p = term.mechanism->parameters[1];
+    const Eigen::VectorXd residual = model.residual();
+    double low = 1e300, high = 0;
+    std::vector<double> range, score;
+    for (Eigen::Index i = 0; i < model.rows(); i += 1 + model.rows() / 8000) {
+      range.push_back(model.cell(i).sight.range_mm);
+      score.push_back(residual[i] / std::pow(model.sigma_of_mean(i), 2));
+      low = std::min(low, range.back());
+      high = std::max(high, range.back());
+    }
+    std::vector<std::pair<double, std::vector<double>>> tried;
+    for (double bin = p.lower; bin < p.upper; bin *= 1 + 0.2 * bin / std::max(bin, high - low)) {
+      double sum = 0;
+      for (std::size_t i = 0; i < range.size(); ++i)
+        sum += score[i] * (bin * std::round(range[i] / bin) - range[i]);
+      tried.push_back({sum / bin, {term.values[0], bin}});
+    }
+    const std::size_t keep = std::min<std::size_t>(6, tried.size());
+    std::partial_sort(tried.begin(), tried.begin() + static_cast<std::ptrdiff_t>(keep), tried.end(),
+                      [](const auto& a, const auto& b) { return a.first > b.first; });
+    std::vector<std::vector<double>> best;
+    for (std::size_t i = 0; i < keep; ++i) best.push_back(tried[i].second);
     return best;
   }
 
@@ -501,6 +541,16 @@ class Search {
       const Hypothesis less = without(h, t);
       for (Hypothesis& other : best_of(less, scan(less, &h.terms[t], true, false), tries))
         if (other.evidence > best.evidence) best = other;
+    }
+    // A named mechanism that does what an unnamed function did may make others needless too.
+    for (std::size_t s = 0; s < h.shapes.size(); ++s) {
+      Hypothesis less = h;
+      less.shapes.erase(less.shapes.begin() + static_cast<std::ptrdiff_t>(s));
+      fit(less);
+      for (const Hypothesis& other : best_of(less, scan(less, nullptr, true, false), tries)) {
+        const Hypothesis fewer = pruned(other);
+        if (fewer.evidence > best.evidence) best = fewer;
+      }
     }
     return best;
   }

@@ -55,7 +55,8 @@ class Reducer {
       if (static_cast<int>(scan.intensity.size()) >= beams_)
         block.intensity.insert(block.intensity.end(), scan.intensity.begin(),
                                scan.intensity.begin() + beams_);
-      block.since_start_s.push_back(static_cast<double>(scan.host_us - info_->started_us) * 1e-6);
+      block.since_start_s.push_back(
+          std::max(0.0, static_cast<double>(scan.host_us - info_->started_us) * 1e-6));
       block.seq.push_back(scan.seq);
       ++block.scans;
       if (turning_ || block.scans == scans_per_group) {
@@ -130,8 +131,10 @@ class Reducer {
     const double sway = 3 * (mount.yaw_rad.u * cell.sight.range_mm + std::hypot(mount.x_mm.u, mount.y_mm.u));
     const bool near_corner =
         c.corner_mm < 8 + 0.003 * cell.sight.range_mm + sway / cell.sight.cos_incidence();
-    cell.smooth = std::abs(c.edge_rad) > (c.gap_mm > 0 ? edge_margin_rad : brink_margin_rad) &&
-                  !near_corner && std::abs(cell.sight.incidence_rad) < grazing_rad;
+    const bool near_edge = std::abs(c.edge_rad) <= (c.gap_mm > 0 ? edge_margin_rad : brink_margin_rad);
+    const bool slanted = std::abs(cell.sight.incidence_rad) >= grazing_rad;
+    cell.smooth = !near_edge && !near_corner && !slanted;
+    cell.doubtful = !cell.smooth && !slanted && stride == 1;
     if (stride > 1) {
       const Sight left = scene.look(group.stage_rad, beam_angle(beam)),
                   right = scene.look(group.stage_rad, beam_angle(beam + stride - 1));
@@ -232,6 +235,8 @@ class Reducer {
     }
     cell.mean_mm = middle + sum / cell.n;
     if (cell.n > 1) cell.variance_mm2 = std::max(0.0, (squares - sum * sum / cell.n) / (cell.n - 1));
+    if (own > 1.6 * group.sigma_mm + 1 || cell.stray > 0 || cell.lost > 0 || cell.between > 0)
+      cell.doubtful = false;
     if (own > 4 * group.sigma_mm + 20) cell.smooth = false;
     if (std::abs(cell.mean_mm - cell.nominal_mm) > 400 || cell.n * 2 < block.scans * stride - cell.lost)
       cell.smooth = false;
@@ -397,6 +402,42 @@ void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
       cell.at.bearing_rad = sight.bearing_rad;
       cell.at.along_mm = sight.along_mm;
       cell.nominal_mm = sight.range_mm + effect.range_mm;
+    }
+  }
+}
+
+void readmit(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
+             double footprint_rad) {
+  const Mount& mount = reduced.bench.lidar.mount;
+  const double edge_margin = std::max(0.6 * rad_per_deg, 3.5 * footprint_rad);
+  constexpr double doubt_left = 0.15;  // of the priors' sway
+  for (const Group& group : reduced.groups) {
+    const CaptureInfo& info = reduced.captures[static_cast<std::size_t>(group.capture)];
+    const Scene scene(reduced.bench, nuisance, info);
+    const auto edges = scene.edges(group.stage_rad);
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+      Cell& cell = reduced.cells[i];
+      if (!cell.doubtful) continue;
+      Effect effect;
+      for (const Active& active : at_work) effect += active.mechanism->act(cell.at, active.values);
+      const Sight sight = scene.look(group.stage_rad, cell.beam_rad, effect);
+      if (sight.target < 0) continue;
+      Circumstances at = cell.at;
+      at.corner_mm = at.edge_rad = std::numeric_limits<double>::infinity();
+      at.gap_mm = at.pull_mm = 0;
+      scene.describe(sight, group.stage_rad, edges, at);
+      const double sway =
+          3 * doubt_left * (mount.yaw_rad.u * sight.range_mm + std::hypot(mount.x_mm.u, mount.y_mm.u));
+      if (at.corner_mm < 8 + 0.003 * sight.range_mm + sway / sight.cos_incidence()) continue;
+      if (std::abs(at.edge_rad) < edge_margin + doubt_left * 3 * mount.yaw_rad.u) continue;
+      const double nominal = sight.range_mm + effect.range_mm;
+      if (std::abs(cell.mean_mm - nominal) > 60 + 5 * group.sigma_mm) continue;
+      cell.sight = sight;
+      cell.at = at;
+      cell.nominal_mm = nominal;
+      cell.smooth = true;
+      cell.doubtful = false;
+      --reduced.left_out;
     }
   }
 }

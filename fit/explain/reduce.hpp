@@ -23,6 +23,8 @@ struct Cell {
       -1;               ///< Mean place between the two surfaces of a near edge (0 near, 1 far); -1: no edge.
   int between = 0;      ///< Samples on neither of them.
   bool smooth = false;  ///< The mean may be compared with a surface: no edge near, not grazing, one echo.
+  bool doubtful =
+      false;  ///< Left out only because mount and walls are not known well enough to say what it meets.
   Circumstances at;
   Sight sight;            ///< At the nuisance parameters last used for prediction.
   double nominal_mm = 0;  ///< Predicted range.
@@ -77,6 +79,11 @@ using Progress = std::function<void(double share, const char* what)>;
 /// manieth cell.
 void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
              bool may_leave_out, int stride = 1);
+
+/// Takes doubtful cells in again, once mount and walls are fitted: those farther from corners and edges than
+/// what is left of the doubt, and than `footprint_rad`, the beam's standard half width if it is known.
+void readmit(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
+             double footprint_rad);
 
 /// Joins the cells of another session on the same bench.
 void append(Reduced& reduced, const Reduced& other);

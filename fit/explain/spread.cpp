@@ -377,15 +377,17 @@ void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
       score[at] += s.score[0];
       information[at] += s.information(0, 0);
     }
-    double sum = 0, price = 0;
+    double sum = 0, evidence = 0;
     for (std::size_t c = 0; c < score.size(); ++c) {
       if (information[c] <= 0) continue;
-      sum += 0.5 * score[c] * score[c] / information[c] / inflate;
-      price += 0.5 * std::log(1 + information[c] / inflate);
+      const double known = information[c] / inflate;  // against a prior of 1 mm
+      const double gain = 0.5 * score[c] * score[c] / information[c] / inflate;
+      sum += gain;
+      evidence += gain * known / (1 + known) - 0.5 * std::log(1 + known);
       if (values) values->push_back(score[c] / information[c]);
     }
     *likelihood = sum;
-    return sum - price * (modulus - 1.0) / modulus;
+    return evidence * (modulus - 1.0) / modulus;
   };
   int longest = 0;
   for (const Scan& s : scans) longest = std::max(longest, s.seq + 1);
@@ -421,10 +423,23 @@ void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
                         {"facets", {static_cast<double>(facets), 0}}};
   }
   double every_gain = 0;
-  const double every = longest <= 400 ? classes(longest, nullptr, &every_gain) : -1;
-  if (facet.evidence > accept_at && facet.evidence > every - 3) {
+  double every = longest <= 400 ? classes(longest, nullptr, &every_gain) : -1;
+  // Faces do not drift: a pattern that grows or fades within a capture is something else.
+  double drift = 0, drift_information = 0;
+  if (facet.evidence > accept_at) {
+    const auto facets = static_cast<std::size_t>(facet.parameters.at("facets").value);
+    for (const Scan& s : scans) {
+      const double size = best_values[static_cast<std::size_t>(s.seq) % facets];
+      const double x = size * (s.seq - (s.scans - 1) / 2.0) / std::max(1, s.scans);
+      drift += x * (s.score[0] - s.information(0, 0) * size);
+      drift_information += x * x * s.information(0, 0);
+    }
+  }
+  const bool drifts = drift_information > 0 && 0.5 * drift * drift / drift_information / inflate > 6;
+  if (drifts && every < facet.evidence) every = facet.evidence;
+  if (facet.evidence > accept_at && facet.evidence > every - 3 && !drifts) {
     result.accepted.push_back(facet);
-  } else if (every > accept_at) {
+  } else if (every > accept_at + 2.5) {
     Unexplained u;
     u.observable = Observable::range_mean;
     u.coordinate = Coordinate::scan_seq;
@@ -492,7 +507,7 @@ void swinging(Reduced& reduced, SpreadResult& result) {
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
   const auto look = [&](double tau, double hz) {
     const auto r = shape(tau, hz);
-    if (r.gain <= suspect.gain) return;
+    if (!(r.gain > suspect.gain)) return;
     suspect.gain = r.gain;
     best_tau = tau;
     best_hz = hz;
@@ -919,7 +934,9 @@ void edges(const Reduced& reduced, SpreadResult& result) {
   suspect.gain = best - hard + (between > 2 ? 2.0 * between : 0);
   suspect.evidence = suspect.gain - price_of_size(suspect.gain) - 2;
   suspect.parameters = {{"width_deg", {width, std::max(0.002, width * 0.8 / std::sqrt(1 + mixed))}}};
-  if (suspect.evidence > accept_at) result.accepted.push_back(suspect);
+  if (suspect.evidence <= accept_at) return;
+  result.accepted.push_back(suspect);
+  result.noise.footprint_rad = width * rad_per_deg;
 }
 
 Estimate stated_noise(const Bench& bench) {

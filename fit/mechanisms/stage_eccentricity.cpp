@@ -12,7 +12,7 @@ Mechanism make_stage_eccentricity() {
   m.coordinate = Coordinate::stage;
   m.geometric = true;
   m.formula_error = 0.05;
-  m.parameters = {{.name = "amplitude_mm", .typical = 0.3},
+  m.parameters = {{.name = "amplitude_mm", .typical = 3},
                   {.name = "phase_deg", .role = Parameter::Role::phase}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double at = c.stage_rad + p[1] * rad_per_deg;

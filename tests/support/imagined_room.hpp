@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <cmath>
+#include <functional>
+#include <random>
+
+#include "../unit/fit/synthetic_recording.hpp"
+#include "fit/explain/scene.hpp"
+
+/// A room seen all round by a lidar on a stage, with something concealed: `bend` turns beams (rad), `stretch`
+/// lengthens ranges (mm); both may depend on the beam angle, the true range and the time.
+struct ImaginedRoom {
+  using Bend = std::function<double(double beam_rad)>;
+  using Stretch = std::function<double(double beam_rad, double range_mm, double time_s)>;
+  Bend bend = [](double) { return 0.0; };
+  Stretch stretch = [](double, double, double) { return 0.0; };
+  int captures = 16, scans = 8, every_beam = 4;
+  double sigma_mm = 5;
+  unsigned seed = 1;
+  bool thermometer = false;
+
+  [[nodiscard]] static fit::Bench bench() {
+    fit::Bench b;
+    b.lidar.mount = {{0, 3}, {0, 3}, {0, 0.3 * fit::rad_per_deg}};
+    const std::vector<Eigen::Vector2d> corners{{2600, -1900}, {2300, 3100}, {-1700, 3100}, {-1700, -1900}};
+    for (std::size_t i = 0; i < 4; ++i) {
+      fit::Target wall;
+      wall.name = "wall " + std::to_string(i + 1);
+      wall.from_mm = corners[i];
+      wall.to_mm = corners[(i + 1) % 4];
+      wall.u_mm = 1.5;
+      wall.u_rad = 0.1 * fit::rad_per_deg;
+      wall.reflectance = 0.4 + 0.1 * static_cast<double>(i);
+      b.targets.push_back(wall);
+    }
+    b.known.push_back({"range-noise", {{"sigma_mm", {5, 1}}}, {}});
+    return b;
+  }
+
+  [[nodiscard]] SyntheticRecording record() const {
+    const fit::Bench b = bench();
+    auto random = std::make_shared<std::mt19937>(seed);
+    fit::explain::Nuisance truth(b);
+    std::normal_distribution<double> normal;
+    truth.x_mm += 3 * normal(*random);
+    truth.y_mm += 3 * normal(*random);
+    truth.yaw_rad += 0.3 * fit::rad_per_deg * normal(*random);
+    for (double& offset : truth.offset_mm) offset += 1.5 * normal(*random);
+    const ImaginedRoom self = *this;
+    SyntheticRecording recording(
+        b, [=](const fit::CaptureInfo& info, std::int64_t, auto& range, auto& intensity) {
+          std::normal_distribution<double> noise(0, self.sigma_mm);
+          const fit::explain::Scene scene(b, truth, info);
+          for (std::size_t k = 0; k < range.size(); ++k) {
+            const double beam = b.lidar.beam_angle(info.first_step + static_cast<double>(k) * info.cluster);
+            fit::Effect effect;
+            effect.beam_rad = self.bend(beam);
+            const auto sight = scene.look(info.stage_rad, beam, effect);
+            const double more = self.stretch(beam, sight.range_mm, info.since_power_on_s.value_or(0));
+            range[k] = static_cast<std::uint16_t>(std::lround(sight.range_mm + more + noise(*random)));
+            intensity[k] = static_cast<std::uint16_t>(3e6 * std::cos(sight.incidence_rad) / sight.range_mm);
+          }
+        });
+    for (int i = 0; i < captures; ++i) {
+      fit::CaptureInfo info;
+      const int turn = i < captures / 2 ? i : captures - 1 - i;
+      info.stage_rad = 720.0 / captures * turn * fit::rad_per_deg;
+      info.approach = i == 0 ? 0 : i <= captures / 2 ? 1 : -1;
+      info.since_power_on_s = 30 + 60.0 * i;
+      if (thermometer) info.temperature_c = 20 + 10 * (1 - std::exp(-*info.since_power_on_s / 400));
+      info.last_step = b.lidar.steps - 1;
+      info.cluster = every_beam;
+      recording.add(info, scans);
+    }
+    return recording;
+  }
+};

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: MIT
+#include <catch2/catch.hpp>
+#include <nlohmann/json.hpp>
+
+#include "../../support/imagined_room.hpp"
+#include "fit/explain/explanation.hpp"
+#include "fit/explain/next_experiment.hpp"
+
+namespace {
+
+using fit::deg_per_rad;
+using fit::rad_per_deg;
+using fit::explain::explain;
+using fit::explain::Explanation;
+
+std::vector<std::string> names(const Explanation& e) {
+  std::vector<std::string> list;
+  for (const auto& found : e.mechanisms) list.push_back(found.mechanism->id);
+  return list;
+}
+
+Explanation explanation_of(const ImaginedRoom& room) {
+  const SyntheticRecording recording = room.record();
+  return explain({&recording}, {});
+}
+
+/// A code disk off its axis, from its geometry rather than from the fitted sine.
+double eccentric(double beam) {
+  return std::atan2(0.002 * std::sin(beam + 1), 1 - 0.002 * std::cos(beam + 1));
+}
+
+}  // namespace
+
+TEST_CASE("nothing is found where nothing is missing") {
+  for (const unsigned seed : {1u, 2u, 3u, 4u}) {
+    ImaginedRoom room;
+    room.seed = seed;
+    const Explanation e = explanation_of(room);
+    INFO("seed " << seed << ": " << to_text(e));
+    CHECK(e.verdict == "nothing-missing");
+    CHECK(e.after.coverage == Approx(0.95).margin(0.015));
+  }
+}
+
+TEST_CASE("a code disk off its axis is named, measured and proven on captures not fitted to") {
+  ImaginedRoom room;
+  room.bend = eccentric;
+  const Explanation e = explanation_of(room);
+  INFO(to_text(e));
+  REQUIRE(names(e) == std::vector<std::string>{"encoder-eccentricity"});
+  const auto& found = e.mechanisms.front();
+  CHECK(found.probability > 0.99);
+  const auto& amplitude = found.parameters.at("amplitude_deg");
+  CHECK(std::abs(amplitude.value - 0.002 * deg_per_rad) < 4 * amplitude.u + 0.002);
+  CHECK(found.log_likelihood_gain > 100);
+  CHECK(e.after.rms_mm < 1.03 * e.noise_floor_mm);
+  CHECK(e.before.rms_mm > 1.2 * e.noise_floor_mm);
+  CHECK(e.located.front().coordinate == fit::Coordinate::beam);
+}
+
+TEST_CASE("what was found, taken into the bench, leaves nothing to explain") {
+  ImaginedRoom room;
+  room.bend = eccentric;
+  const SyntheticRecording recording = room.record();
+  const Explanation first = explain({&recording}, {});
+  REQUIRE(first.bench.knows("encoder-eccentricity"));
+  class Again : public fit::Recording {
+   public:
+    Again(const fit::Recording& of, const fit::Bench& bench) : of_(of), bench_(bench) {}
+    const fit::Bench& bench() const override { return bench_; }
+    const std::vector<fit::CaptureInfo>& captures() const override { return of_.captures(); }
+    void for_each_scan(std::size_t i, const std::function<void(const fit::ScanView&)>& v) const override {
+      of_.for_each_scan(i, v);
+    }
+    const std::vector<fit::TrackPose>& track() const override { return of_.track(); }
+
+   private:
+    const fit::Recording& of_;
+    const fit::Bench& bench_;
+  } const again(recording, first.bench);
+  const Explanation second = explain({&again}, {});
+  INFO(to_text(second));
+  CHECK(second.verdict == "nothing-missing");
+  // The bench survives its file format.
+  CHECK(fit::parse_bench(fit::to_json_text(first.bench)).knows("encoder-eccentricity"));
+}
+
+TEST_CASE("a bias that no mechanism makes is called unknown and described") {
+  ImaginedRoom room;
+  room.stretch = [](double beam, double, double) { return 4 * std::sin(7 * beam + 0.4); };
+  const Explanation e = explanation_of(room);
+  INFO(to_text(e));
+  CHECK(e.verdict == "unknown-physics");
+  REQUIRE(e.unknown);
+  CHECK(e.unknown->coordinate == fit::Coordinate::beam);
+  for (const auto& found : e.mechanisms) CHECK(found.probability <= 0.9);
+}
+
+TEST_CASE("a warm-up whose thermometer follows it is answered with both suspects and an experiment") {
+  ImaginedRoom room;
+  room.thermometer = true;
+  room.stretch = [](double, double, double time) { return 4 * (1 - std::exp(-time / 400)); };
+  const SyntheticRecording recording = room.record();
+  const Explanation e = explain({&recording}, {});
+  INFO(to_text(e));
+  REQUIRE(e.verdict == "undecided");
+  REQUIRE(e.undecided_between.size() == 1);
+  const auto& set = e.undecided_between.front();
+  CHECK(std::ranges::count(set, "warm-up") == 1);
+  CHECK(std::ranges::count(set, "temperature") == 1);
+  const auto next = fit::explain::best_experiment({&recording}, e.suspects, {});
+  REQUIRE(next);
+  CHECK(next->expected > 3);
+}
+
+TEST_CASE("an explanation as JSON keeps the contract") {
+  ImaginedRoom room;
+  room.bend = eccentric;
+  const auto json = to_json(explanation_of(room));
+  CHECK(json.at("schema") == "explanation/1");
+  for (const char* key :
+       {"verdict", "located", "mechanisms", "undecided_between", "next_experiment", "fit", "bench"})
+    CHECK(json.contains(key));
+  const auto& m = json.at("mechanisms").at(0);
+  CHECK(m.at("parameters").at("amplitude_deg").at("u").get<double>() > 0);
+  CHECK(m.at("held_out").at("rms_after_mm").get<double>() <
+        m.at("held_out").at("rms_before_mm").get<double>());
+  CHECK(json.at("fit").at("noise_floor_mm").get<double>() > 0);
+}
+
+TEST_CASE("a recording without anything to compare is refused with a reason") {
+  SyntheticRecording empty(fit::Bench{}, [](const auto&, auto, auto&, auto&) {});
+  CHECK_THROWS_WITH(explain({&empty}, {}), Catch::Contains("no targets"));
+}

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: MIT
+#include "rig/explain_procedure.hpp"
+
+#include <catch2/catch.hpp>
+#include <nlohmann/json.hpp>
+
+#include "rig/explain_report.hpp"
+#include "rig/procedure_plan.hpp"
+
+namespace {
+
+fit::Bench bench() {
+  return fit::parse_bench(R"({"schema": "bench/1", "targets": [
+    {"name": "board \"A\"", "from_mm": [1400, -200], "to_mm": [1400, 200], "u_mm": 1, "u_deg": 0.1, "reflectance": 0.8},
+    {"name": "wall", "from_mm": [2400, -3000], "to_mm": [2400, 3000], "u_mm": 1, "u_deg": 0.1}]})");
+}
+
+}  // namespace
+
+TEST_CASE("every experiment that can be proposed is a procedure that runs as it stands") {
+  const fit::Bench b = bench();
+  const rig::StageLimits limits = rig::stage_limits(b);
+  const auto all = fit::explain::possible_experiments(
+      b, {limits.min_deg * fit::rad_per_deg, limits.max_deg * fit::rad_per_deg});
+  CHECK(all.size() >= 7);
+  for (const auto& experiment : all) {
+    const std::string text = rig::procedure_text(experiment, "warm-up, temperature");
+    INFO(text);
+    const auto procedure = rig::parse_procedure(text, "next.yaml");
+    long captures = 0;
+    for (const auto& step : rig::unroll(procedure, b)) captures += step.captures;
+    CHECK(captures == static_cast<long>(experiment.captures.size()));
+  }
+}
+
+TEST_CASE("an explanation becomes a page that needs nothing else") {
+  const auto explanation = nlohmann::json::parse(
+      R"({"schema": "explanation/1", "verdict": "explained", "cells": 10, "samples": 100,
+    "located": [{"coordinate": "beam_deg", "from": 1.0, "to": 2.0, "observable": "range-mean", "p_value": 1e-9}],
+    "mechanisms": [{"mechanism": "backlash", "probability": 0.99, "parameters": {"width_deg": {"value": 0.1, "u": 0.01}},
+      "says": "The stage has <play>.", "evidence": "much"}],
+    "undecided_between": [["a", "b"]], "next_experiment": "next.yaml", "notes": ["one"],
+    "curves": [{"coordinate": "beam_deg", "at": [1, 2], "before_mm": [3, 4], "after_mm": [0, 0], "u_mm": [1, 1]}],
+    "fit": {"rms_before_mm": 4.1, "rms_after_mm": 2.2, "noise_floor_mm": 2.1, "held_out_log_likelihood_before": -1,
+      "held_out_log_likelihood_after": 1, "coverage_95_before": 0.8, "coverage_95_after": 0.95}})");
+  const std::string html = rig::explanation_html(explanation, "a.rig");
+  CHECK(html.find("<svg") != std::string::npos);
+  CHECK(html.find("&lt;play&gt;") != std::string::npos);
+  CHECK(html.find("http") == html.find("http://www.w3.org"));
+}
