@@ -410,6 +410,8 @@ void sort_into_experiments(std::vector<RangePoint>& points) {
 RangeCalibration calibrate_range(std::vector<RangePoint> points, const RangeOptions& options) {
   RangeCalibration out;
   sort_into_experiments(points);
+  out.points_intensity = std::ranges::count(points, true, &RangePoint::for_intensity);
+  out.points_distance = std::ranges::count(points, true, &RangePoint::for_distance);
   const auto any = [&](bool RangePoint::*which) { return std::ranges::any_of(points, which); };
   const bool with_intensity = any(&RangePoint::for_intensity), with_distance = any(&RangePoint::for_distance);
   out.scatter_intensity_mm = scatter_of(curve(points, &RangePoint::for_intensity, &RangePoint::intensity, 0),

@@ -39,6 +39,7 @@ struct RangeCalibration {
       distance_table;                    ///< As the paper's tables; sorted by held-out error.
   std::optional<Correction> joint;       ///< Both at once; also when only one of the two could be fitted.
   std::optional<Correction> sequential;  ///< The paper's way: A1 first, then A2 corrected by it.
+  long points_intensity = 0, points_distance = 0;            ///< In either experiment.
   double scatter_intensity_mm = 0, scatter_distance_mm = 0;  ///< Beyond the means' own uncertainty.
   double rms_before_mm = 0, rms_after_mm = 0;                ///< Of the points' errors.
   double held_out_mm = 0;  ///< Of the joint model, each tenth of the points predicted from the others.

@@ -37,55 +37,65 @@ json captures_table(const RangeSource& source) {
   json rows = json::array();
   for (const RangeCapture& c : source.captures) {
     const fit::RangePoint point = c.point(c.paper);
-    const double u = std::hypot(point.u_mm, c.u_placement_mm);
-    rows.push_back({c.label, point.true_mm, c.beam_deg, c.paper.kept, c.paper.intensity, point.measured_mm,
-                    point.error_mm(), point.u_mm, u, 2 * u, c.robust.mean_mm - c.oblique_mm - c.true_mm,
-                    c.robust.u_mm});
+    rows.push_back({c.label, point.true_mm, point.measured_mm, point.error_mm(), point.u_mm,
+                    2 * std::hypot(point.u_mm, c.u_placement_mm), c.paper.intensity, c.paper.kept});
   }
   return {{"title",
            "Range error of each capture: beam square on the target, mean of the most frequent intensity"},
           {"columns",
-           {"capture", column("true", "mm"), column("beam", "deg"), "kept",
-            column("most frequent intensity", "counts"), column("mean", "mm"), column("error", "mm"),
-            column("u(mean)", "mm"), column("u(error)", "mm"), column("U(error), k = 2", "mm"),
-            column("error, robust mean", "mm"), column("u(robust mean)", "mm")}},
+           {"capture", column("true", "mm"), column("mean", "mm"), column("error", "mm"),
+            column("u(mean)", "mm"), column("U(error)", "mm"), "counts", "samples"}},
+          {"rows", rows}};
+}
+
+json robust_table(const RangeSource& source) {
+  json rows = json::array();
+  for (const RangeCapture& c : source.captures)
+    rows.push_back({c.label, c.true_mm, c.beam_deg, c.normal_from_data ? "data" : "bench file",
+                    c.robust.mean_mm - c.oblique_mm - c.true_mm, c.robust.u_mm, c.robust.intensity});
+  return {{"title", "The beam, and the robust alternative: Huber's mean of all samples"},
+          {"columns",
+           {"capture", column("true", "mm"), column("beam", "deg"), "normal from", column("error", "mm"),
+            column("u(mean)", "mm"), "mean counts"}},
           {"rows", rows}};
 }
 
 json selection_table(const RangeSource& source) {
   json rows = json::array();
   for (const RangeCapture& c : source.captures)
-    rows.push_back({c.label, c.scans, c.paper.samples, c.paper.rejected.no_echo, c.paper.rejected.abnormal,
+    rows.push_back({c.label, c.paper.samples, c.paper.rejected.no_echo, c.paper.rejected.abnormal,
                     c.paper.rejected.impulse, c.paper.rejected.other_intensity, c.paper.kept, c.robust.kept,
-                    c.robust.intensity, c.paper.sd_mm, c.robust.effective});
+                    c.paper.sd_mm, c.robust.effective});
   return {{"title", "Selection of samples, each rejected one counted under its first reason"},
           {"columns",
-           {"capture", "scans", "samples", "no echo", "abnormal", "impulse", "other intensity",
-            "kept (paper)", "kept (robust)", column("mean intensity", "counts"),
-            column("standard deviation", "mm"), "independent samples"}},
+           {"capture", "samples", "no echo", "abnormal", "impulse", "other", "kept", "robust",
+            column("sd", "mm"), "worth"}},
           {"rows", rows}};
 }
 
-json families_table(const std::vector<FamilyFit>& fits, const std::string& title) {
-  json rows = json::array();
+/// As the paper's tables; what there is to say about a family follows in a table of its own.
+void add_families(json& tables, const std::vector<FamilyFit>& fits, const std::string& title) {
+  json rows = json::array(), words = json::array();
   for (const FamilyFit& fit : fits) {
-    std::string words = fit.usable ? "" : fit.message;
-    for (const std::string& remark : fit.remarks) words += (words.empty() ? "" : "; ") + remark;
-    if (!fit.usable) {
-      rows.push_back(
-          {fit.title, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, words});
-      continue;
-    }
+    if (!fit.usable) words.push_back({fit.title, fit.message});
+    for (const std::string& remark : fit.remarks) words.push_back({fit.title, remark});
+    if (!fit.usable) continue;
     rows.push_back({fit.title, number_or_null(fit.held_out), number_or_null(fit.r2), number_or_null(fit.rmse),
                     fit.parameters, number_or_null(fit.aicc), number_or_null(fit.bic),
                     fit.spline ? json(nullptr) : number_or_null(fit.condition),
-                    fit.spline ? json(nullptr) : number_or_null(fit.printed_mm), words});
+                    fit.spline ? json(nullptr) : number_or_null(fit.printed_mm)});
   }
-  return {{"title", title},
-          {"columns",
-           {"family", column("error at held-out points", "mm"), "R2", column("RMSE", "mm"), "coefficients",
-            "AICc", "BIC", "condition number", column("error if printed with 4 digits", "mm"), "remarks"}},
-          {"rows", rows}};
+  tables.push_back(
+      {{"title", title + ": families by their error at held-out points (condition: of the coefficients; "
+                         "4 digits: error of the curve when they are printed so)"},
+       {"columns",
+        {"family", column("held out", "mm"), "R2", column("RMSE", "mm"), "coeff.", "AICc", "BIC", "condition",
+         column("4 digits", "mm")}},
+       {"rows", rows}});
+  if (!words.empty())
+    tables.push_back({{"title", title + ": what must be known about these families"},
+                      {"columns", {"family", "remark"}},
+                      {"rows", words}});
 }
 
 json coefficients_table(const Correction& c) {
@@ -121,9 +131,8 @@ json ways_table(const fit::RangeCalibration& calibration, const std::vector<fit:
   }
   return {{"title", "Joint fit beside the paper's sequential way"},
           {"columns",
-           {column("true", "mm"), column("intensity", "counts"), column("measured error", "mm"),
-            column("joint fit", "mm"), column("u", "mm"), column("sequential", "mm"),
-            column("difference", "mm")}},
+           {column("true", "mm"), "counts", column("measured", "mm"), column("joint fit", "mm"),
+            column("u", "mm"), column("sequential", "mm"), column("difference", "mm")}},
           {"rows", rows}};
 }
 
@@ -217,15 +226,12 @@ class Range : public Fitting {
     out["tables"].push_back(captures_table(source));
     add_values(out, source, points, calibration);
     if (!calibration.intensity_table.empty())
-      out["tables"].push_back(families_table(
-          calibration.intensity_table,
-          "Experiment A1, error against intensity: families by their error at held-out points"));
+      add_families(out["tables"], calibration.intensity_table, "Experiment A1, error against intensity");
     if (!calibration.distance_table.empty())
-      out["tables"].push_back(families_table(
-          calibration.distance_table,
-          "Experiment A2, error against distance: families by their error at held-out points"));
+      add_families(out["tables"], calibration.distance_table, "Experiment A2, error against distance");
     if (calibration.joint) add_correction(out, sources, source, points, calibration, selection);
     if (!calibration.joint) out["plots"].push_back(points_plot(points, nullptr, false));
+    out["tables"].push_back(robust_table(source));
     out["tables"].push_back(selection_table(source));
     for (const std::string& note : source.notes) out["notes"].push_back(note);
     for (const std::string& note : calibration.notes) out["notes"].push_back(note);
@@ -286,10 +292,16 @@ class Range : public Fitting {
     double mean_u = 0;
     for (const fit::RangePoint& p : points) mean_u = std::max(mean_u, p.u_mm);
     out["budget"].push_back(budget_line("mean of the samples, worst capture", "A", mean_u, "mm"));
-    out["budget"].push_back(budget_line("scatter between captures beyond that, distance", "A",
-                                        calibration.scatter_distance_mm, "mm"));
-    out["budget"].push_back(budget_line("scatter between captures beyond that, intensity", "A",
-                                        calibration.scatter_intensity_mm, "mm"));
+    const auto scatter = [&](long captures, double u, const std::string& experiment) {
+      if (captures == 0) return;
+      out["budget"].push_back(
+          captures < 7
+              ? budget_line("placement of each capture (bench file; too few to see it), " + experiment, "B",
+                            u, "mm")
+              : budget_line("scatter between captures beyond that, " + experiment, "A", u, "mm"));
+    };
+    scatter(calibration.points_intensity, calibration.scatter_intensity_mm, "intensity");
+    scatter(calibration.points_distance, calibration.scatter_distance_mm, "distance");
     double placement = 0;
     for (const RangeCapture& c : source.captures) placement = std::max(placement, c.u_placement_mm);
     out["budget"].push_back(budget_line("true distance (bench file), common to all", "B", placement, "mm"));
