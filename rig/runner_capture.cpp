@@ -87,7 +87,7 @@ awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& reques
   const int skip = skip_for(request.spacing_s, known_bench.lidar.scan_hz);
   ScanGate gate(request, known_bench.lidar.scan_hz, skip);
   state.activity = "capturing";
-  const bool counts = request.samples >= 200 || state.total <= 1;
+  const bool counts = plan[current].captures <= 1;  // Else the step counts its stops.
   const auto rejected_before = parts.lidar.rejected();
   int failures = 0;
   while (got < request.samples) {
@@ -120,6 +120,8 @@ awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& reques
     store(id, got, scan);
     ++got;
     if (counts) state.done = got, state.total = request.samples, state.unit = "scans";
+    if (!counts && request.samples >= 200 && got % 40 == 0)
+      state.activity = "capturing " + grouped(got) + "/" + grouped(request.samples) + " scans at stop";
     show(scan);
     changed();
   }
