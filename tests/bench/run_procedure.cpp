@@ -12,7 +12,6 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
-#include <future>
 #include <nlohmann/json.hpp>
 #include <thread>
 
@@ -38,12 +37,12 @@ fit::Bench board_bench() {
     "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": 5}}]})");
 }
 
-/// Both simulated devices at maximum speed, served by a thread of their own.
+/// Both simulated devices, served by a thread of their own.
 class SimThread {
  public:
-  SimThread()
+  explicit SimThread(double speed = sim::SimClock::max_speed)
       : bench_(board_bench()),
-        clock_(sim::SimClock::max_speed),
+        clock_(speed),
         engine_(std::make_shared<sim::SimpleEngine>(bench_, sim::simple_options(bench_), 1)) {
     sim::StageDeviceOptions options;
     options.physics = sim::usual_stage_physics("zaber");
@@ -68,11 +67,6 @@ class SimThread {
     });
     thread_.join();
   }
-  double now_s() {
-    std::promise<double> now;
-    asio::post(io_, [&] { now.set_value(clock_.now_s()); });
-    return now.get_future().get();
-  }
   [[nodiscard]] std::string stage_url() const { return "serial:" + path_ + "?settle_s=0"; }
   [[nodiscard]] rig::Endpoint lidar() const { return {"127.0.0.1", lidar_port_}; }
   [[nodiscard]] const sim::StagePhysics& physics() const { return physics_; }
@@ -93,7 +87,7 @@ class SimThread {
 };
 
 struct Outcome {
-  double simulated_s = 0, wall_s = 0;
+  double wall_s = 0;
   std::size_t captures = 0;
   long scans = 0;
 };
@@ -124,7 +118,6 @@ Outcome run(SimThread& sim, const std::string& steps) {
     rig::RunnerParts parts{*lidar, *stage, *clock, *person, nullptr, nullptr};
     rig::Runner runner(rig::parse_procedure("procedure: bench\nsteps:\n  - home\n" + steps, "bench.yaml"),
                        bench, session, parts);
-    const double simulated_from_s = sim.now_s();
     const auto from = std::chrono::steady_clock::now();
     auto running = runner.run();
     asio::co_spawn(io, std::move(running), [](const std::exception_ptr& why, bool) {
@@ -132,7 +125,6 @@ Outcome run(SimThread& sim, const std::string& steps) {
     });
     io.run();
     outcome.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - from).count();
-    outcome.simulated_s = sim.now_s() - simulated_from_s;
     const auto recording = session.recording();
     outcome.captures = recording->captures().size();
     for (std::size_t i = 0; i < outcome.captures; ++i)
@@ -146,8 +138,6 @@ Outcome run(SimThread& sim, const std::string& steps) {
 // ------------------------------------
 
 constexpr int stops = 31, scans_a_stop = 1000;
-constexpr const char* sweep =
-    "  - sweep: {start_deg: 10, stop_deg: 10.3, step_deg: 0.01, samples: 1000, beams_deg: [-1, 1]}\n";
 
 /// A move from rest to rest.
 double move_s(double deg, const sim::StagePhysics& physics) {
@@ -162,16 +152,32 @@ double physics_of_sweep_s(const sim::StagePhysics& physics) {
          move_s(0.5, physics);
 }
 
-/// Simulated time passes with the physics alone, so what the programs take comes on top of it.
+constexpr int scans_of_probe = 40;
+
+double probe_s(SimThread& sim, int count) {
+  const std::string last_deg = std::to_string(10 + 0.01 * (count - 1));
+  return run(sim, "  - sweep: {start_deg: 10, stop_deg: " + last_deg + ", step_deg: 0.01, samples: " +
+                      std::to_string(scans_of_probe) + ", beams_deg: [-1, 1]}\n  - move: {to_deg: 0}\n")
+      .wall_s;
+}
+
+/// What a stop takes beyond its move and its scans does not depend on their number: two sweeps at real speed,
+/// one of more stops, tell it, and what a run takes once.
 void procedure_ours(benchmark::State& state) {
-  SimThread sim;
-  double limit_s = 0, took_s = 0;
+  SimThread sim(1);
+  const double limit_s = physics_of_sweep_s(sim.physics());
+  double took_s = 0;
   for (auto _ : state) {
-    const Outcome outcome = run(sim, sweep + std::string("  - move: {to_deg: 0}\n"));
-    limit_s = physics_of_sweep_s(sim.physics());
-    took_s = outcome.simulated_s - move_s(10.3, sim.physics()) + outcome.wall_s;
+    constexpr int few = 3, more = 11;
+    const double few_s = probe_s(sim, few), more_s = probe_s(sim, more);
+    const double stop_s =
+        (more_s - few_s) / (more - few) - scans_of_probe / 40.0 - move_s(0.01, sim.physics());
+    const double once_s = few_s - few * (stop_s + scans_of_probe / 40.0) - 2 * move_s(9.5, sim.physics()) -
+                          move_s(0.5, sim.physics());
+    took_s = limit_s + stops * stop_s + once_s;
     state.SetIterationTime(took_s);
-    state.counters["programs_s"] = outcome.wall_s;
+    state.counters["a_stop_s"] = stop_s;
+    state.counters["once_s"] = once_s;
   }
   state.counters["over_limit_percent"] = 100 * (took_s / limit_s - 1);
   state.counters["goal"] = 0.99;
@@ -192,7 +198,7 @@ void edge_ours(benchmark::State& state) {
     const Outcome outcome = run(sim,
                                 "  - find-edge: {target: board, beam_deg: 0, search_deg: 3, samples: 100, "
                                 "step_deg: 0.01, spread: 1}\n");
-    state.SetIterationTime(outcome.simulated_s + outcome.wall_s);
+    state.SetIterationTime(static_cast<double>(outcome.scans) / 40);
     state.counters["stops"] = static_cast<double>(outcome.captures);
   }
   state.counters["goal"] = 20;
@@ -203,13 +209,15 @@ void edge_sweep(benchmark::State& state) {
       "procedure: bench\nsteps:\n  - home\n  - sweep: {start_deg: -11, stop_deg: -5, step_deg: 0.01, "
       "samples: 100}\n",
       "bench.yaml");
-  double seconds = 0;
   long captures = 0;
   for (auto _ : state) {
-    seconds = 0, captures = 0;
-    for (const auto& step : rig::unroll(procedure, board_bench()))
-      seconds += step.seconds, captures += step.captures;
-    state.SetIterationTime(seconds);
+    long scans = 0;
+    captures = 0;
+    for (const auto& step : rig::unroll(procedure, board_bench())) {
+      scans += step.scans;
+      captures += step.captures;
+    }
+    state.SetIterationTime(static_cast<double>(scans) / 40);
   }
   state.counters["stops"] = static_cast<double>(captures);
 }
