@@ -23,6 +23,16 @@ std::string text(double value, const char* format = "%.2f") {
   return out;
 }
 
+/// For tables that people read: so many significant digits.
+json digits(double value, int count = 3) {
+  if (!std::isfinite(value) || value == 0) return number_or_null(value);
+  const double unit = std::pow(10.0, std::floor(std::log10(std::abs(value))) - count + 1);
+  return std::round(value / unit) * unit;
+}
+
+/// Hundredths of a millimetre.
+json hundredths(double mm) { return number_or_null(std::round(mm * 100) / 100); }
+
 json column(const char* name, const char* unit) { return {{"name", name}, {"unit", unit}}; }
 
 /// Points of one way of selecting samples.
@@ -37,8 +47,9 @@ json captures_table(const RangeSource& source) {
   json rows = json::array();
   for (const RangeCapture& c : source.captures) {
     const fit::RangePoint point = c.point(c.paper);
-    rows.push_back({c.label, point.true_mm, point.measured_mm, point.error_mm(), point.u_mm,
-                    2 * std::hypot(point.u_mm, c.u_placement_mm), c.paper.intensity, c.paper.kept});
+    rows.push_back({c.label, hundredths(point.true_mm), hundredths(point.measured_mm),
+                    hundredths(point.error_mm()), digits(point.u_mm),
+                    digits(2 * std::hypot(point.u_mm, c.u_placement_mm)), c.paper.intensity, c.paper.kept});
   }
   return {{"title",
            "Range error of each capture: beam square on the target, mean of the most frequent intensity"},
@@ -51,8 +62,10 @@ json captures_table(const RangeSource& source) {
 json robust_table(const RangeSource& source) {
   json rows = json::array();
   for (const RangeCapture& c : source.captures)
-    rows.push_back({c.label, c.true_mm, c.beam_deg, c.normal_from_data ? "data" : "bench file",
-                    c.robust.mean_mm - c.oblique_mm - c.true_mm, c.robust.u_mm, c.robust.intensity});
+    rows.push_back({c.label, hundredths(c.true_mm), hundredths(c.beam_deg),
+                    c.normal_from_data ? "data" : "bench file",
+                    hundredths(c.robust.mean_mm - c.oblique_mm - c.true_mm), digits(c.robust.u_mm),
+                    digits(c.robust.intensity, 5)});
   return {{"title", "The beam, and the robust alternative: Huber's mean of all samples"},
           {"columns",
            {"capture", column("true", "mm"), column("beam", "deg"), "normal from", column("error", "mm"),
@@ -65,7 +78,7 @@ json selection_table(const RangeSource& source) {
   for (const RangeCapture& c : source.captures)
     rows.push_back({c.label, c.paper.samples, c.paper.rejected.no_echo, c.paper.rejected.abnormal,
                     c.paper.rejected.impulse, c.paper.rejected.other_intensity, c.paper.kept, c.robust.kept,
-                    c.paper.sd_mm, c.robust.effective});
+                    digits(c.paper.sd_mm), digits(c.robust.effective, 4)});
   return {{"title", "Selection of samples, each rejected one counted under its first reason"},
           {"columns",
            {"capture", "samples", "no echo", "abnormal", "impulse", "other", "kept", "robust",
@@ -80,10 +93,10 @@ void add_families(json& tables, const std::vector<FamilyFit>& fits, const std::s
     if (!fit.usable) words.push_back({fit.title, fit.message});
     for (const std::string& remark : fit.remarks) words.push_back({fit.title, remark});
     if (!fit.usable) continue;
-    rows.push_back({fit.title, number_or_null(fit.held_out), number_or_null(fit.r2), number_or_null(fit.rmse),
-                    fit.parameters, number_or_null(fit.aicc), number_or_null(fit.bic),
-                    fit.spline ? json(nullptr) : number_or_null(fit.condition),
-                    fit.spline ? json(nullptr) : number_or_null(fit.printed_mm)});
+    rows.push_back({fit.title, digits(fit.held_out), digits(fit.r2, 5), digits(fit.rmse, 4),
+                    digits(fit.parameters), digits(fit.aicc, 4), digits(fit.bic, 4),
+                    fit.spline ? json(nullptr) : digits(fit.condition, 2),
+                    fit.spline ? json(nullptr) : digits(fit.printed_mm, 2)});
   }
   tables.push_back(
       {{"title", title + ": families by their error at held-out points (condition: of the coefficients; "
