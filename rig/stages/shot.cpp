@@ -29,7 +29,7 @@ constexpr auto silence = std::chrono::milliseconds(20);
 constexpr auto acknowledgement_time = std::chrono::milliseconds(30),
                silent_time = std::chrono::milliseconds(3);
 constexpr int commands_to_tell = 4;
-constexpr int most_looks_at_rest = 500;
+constexpr int most_looks_at_rest = 500, looks_before_stop = 50;
 
 enum class Doing { standing, homing, moving, turning, stopping };
 
@@ -261,7 +261,7 @@ awaitable<ShotStatus> ShotProtocol::at_rest() {
     auto asking = status();
     const ShotStatus now = co_await std::move(asking);
     if (!now.busy && before && before->position == now.position) co_return now;
-    if (now.busy && look == 0) {
+    if (now.busy && look % looks_before_stop == 0) {
       auto stopping = demand("L:" + axis());
       co_await std::move(stopping);
     }
@@ -368,6 +368,10 @@ awaitable<void> ShotProtocol::start_stop() {
   doing_ = Doing::stopping;
   auto stopping = demand(text);
   co_await std::move(stopping);
+  if (!is_gsc()) co_return;
+  // A lost command looks like one that was understood; a stop is worth saying twice.
+  auto stopping_again = demand(text);
+  co_await std::move(stopping_again);
 }
 
 /// Homing heeds only L:E. The line end before it ends whatever was half said.
