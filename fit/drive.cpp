@@ -93,18 +93,17 @@ class Drive {
                                   " scans: a drive of at least a minute is needed");
     const Mount& mount = recording.bench().lidar.mount;
     lidar_ = {mount.x_mm.value, mount.y_mm.value, mount.yaw_rad.value};
-    if (options.guess.separation_mm > 0) {
+    const bool odometry =
+        std::ranges::any_of(recording.track(), [](const TrackPose& p) { return p.x_mm && p.heading_rad; });
+    if (odometry) {
+      path_ = carrier_of(recording).path;
+    } else if (options.guess.separation_mm > 0) {
       path_ = path_from_wheels(recording.track(), options.guess);
     } else {
-      path_ = carrier_of(recording).path;
-      const bool moves =
-          path_.poses().size() >= 2 && recording.track().front().host_us < recording.track().back().host_us &&
-          std::ranges::any_of(recording.track(), [](const TrackPose& p) { return p.x_mm.has_value(); });
-      if (!moves)
-        throw std::invalid_argument(
-            "The session holds no odometry to start from. Give the nominal wheels with the options "
-            "wheel_radius_mm "
-            "and separation_mm");
+      throw std::invalid_argument(
+          "The session holds no odometry to start from. Give the nominal wheels with the options "
+          "wheel_radius_mm "
+          "and separation_mm");
     }
   }
 

@@ -13,7 +13,7 @@ namespace fit {
 Path path_from_wheels(const std::vector<TrackPose>& track, const RobotGeometry& robot);
 
 struct DriveOptions {
-  RobotGeometry guess;           ///< Wheels 0: the recording's own odometry serves for the first round.
+  RobotGeometry guess;           ///< To start from where the recording holds no odometry.
   double least_way_mm = 100;     ///< Scans are matched once the robot has moved so far ...
   double least_turn_rad = 0.15;  ///< ... or turned so far,
   double longest_s = 2;          ///< ... or after this time, if it moved at all.

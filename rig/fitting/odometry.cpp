@@ -254,7 +254,8 @@ class Odometry : public Fitting {
     return {{"rounds", "how often the worst samples are dropped (4)"},
             {"outlier_share", "share of the samples dropped in each round (0.01; sessions 0.03)"},
             {"refine", "maximum likelihood over all six after the closed form (false; sessions true)"},
-            {"wheel_radius_mm", "nominal wheel radius, to start from and to compare with (sessions)"},
+            {"wheel_radius_mm",
+             "nominal wheel radius: to compare with, and to start from without odometry (sessions)"},
             {"separation_mm", "nominal wheel separation, likewise"},
             {"least_way_mm", "way between two scans that are matched (100; sessions)"},
             {"least_turn_deg", "or turn between them (8.6; sessions)"}};
