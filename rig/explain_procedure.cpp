@@ -103,8 +103,8 @@ std::string procedure_text(const Experiment& e, const std::string& suspects) {
          quoted("Separates " + suspects + ": the odds between them are expected to become e^" +
                 text_of(std::min(e.expected, 9999.0)) +
                 " or more. Afterwards: rig explain THE-SESSION-SO-FAR.rig THE-NEW-ONE.rig") +
-         "\nstage: {approach: " + (both ? "direct" : "positive") +
-         ", margin_deg: 0.5}\nsteps:\n  - home\n" + steps_of(e);
+         "\nstage: {approach: " + (both ? "direct" : "positive") + ", margin_deg: 0.5}\nsteps:\n  - home\n" +
+         steps_of(e);
 }
 
 }  // namespace rig

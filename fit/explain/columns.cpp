@@ -237,6 +237,14 @@ Columns freedom_columns(const MeanModel& model, const Term& term) {
     const Sight& sight = model.cell(i).sight;
     even[i] = range + sight.beam_lever() * beam + sight.stage_lever() * stage;
   }
+  if (formula_error > 0.5) {
+    // Only the coordinate is certain, not the curve.
+    Shape curve;
+    curve.coordinate = coordinate;
+    curve.length = 0.2;
+    curve.size = formula_error * range;
+    return shape_of(model, curve);
+  }
   const bool harmonic =
       std::ranges::any_of(mechanism.parameters, [](const Parameter& p) { return p.role == Role::phase; });
   std::vector<Eigen::VectorXd> list;

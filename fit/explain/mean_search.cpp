@@ -262,13 +262,14 @@ class Search {
       t.values = values;
       if (!possible(*t.mechanism, values)) return -1e300;
       const MeanModel::Fit f = evaluate(model, t);
-      if (f.evidence > best.evidence) {
-        best.evidence = f.evidence;
+      set_coefficients(t, f.value, f.sigma.cwiseAbs2().asDiagonal());
+      const double evidence = f.evidence - implausible(t);
+      if (evidence > best.evidence) {
+        best.evidence = evidence;
         best.gain = f.gain;
-        set_coefficients(t, f.value, f.sigma.cwiseAbs2().asDiagonal());
         best.term = t;
       }
-      return f.evidence;
+      return evidence;
     };
     std::vector<std::vector<double>> grids{term.values};
     if (term.mechanism->id == "time-quantisation")
@@ -290,7 +291,6 @@ class Search {
         if (tried[s].first > tried[0].first - 8) refine(tried[s].second, shapes, term, attempt);
     }
     for (const std::size_t k : shapes) best.evidence -= price_of_shape(best.gain, places_of(parameters[k]));
-    best.evidence -= implausible(best.term);
     if (term.mechanism->one_target)
       best.evidence -= 0.5 * std::log(static_cast<double>(reduced_.bench.targets.size()));
     return best;
