@@ -670,7 +670,7 @@ const std::vector<Kind>& kinds() {
        {"ladder", "room"},
        [](S, D d, double s) {
          return json{
-             {"receiver", {{"threshold", d.power.low * (0.9 + 0.2 * s)}, {"noise", 0.04 * d.power.low}}}};
+             {"receiver", {{"threshold", d.power.low * (0.9 + 0.2 * s)}, {"noise", 0.004 * d.power.low}}}};
        },
        nothing_known,
        30},
