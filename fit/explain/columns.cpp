@@ -241,7 +241,7 @@ Columns freedom_columns(const MeanModel& model, const Term& term) {
     // Only the coordinate is certain, not the curve.
     Shape curve;
     curve.coordinate = coordinate;
-    curve.length = 0.2;
+    curve.length = 0.1;
     curve.size = formula_error * range;
     return shape_of(model, curve);
   }

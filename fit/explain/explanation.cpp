@@ -215,6 +215,10 @@ class Writer {
         set.push_back(rival.term->mechanism->id);
         members.push_back(*rival.term);
       }
+      // Identical in the plane: only the size could tell them apart, and the size is a prior, not evidence.
+      for (const auto& [one, other] :
+           {std::pair("lidar-arm", "stage-eccentricity"), std::pair("stage-eccentricity", "lidar-arm")})
+        if (term.mechanism->id == one && !std::ranges::count(set, other)) set.emplace_back(other);
       if (set.size() > 1) {
         out_.undecided_between.push_back(set);
         out_.suspects.insert(out_.suspects.end(), members.begin(), members.end());
