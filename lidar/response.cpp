@@ -2,7 +2,7 @@
 #include "lidar/response.hpp"
 
 #include <algorithm>
-#include <array>
+#include <vector>
 
 #include "lidar/encoding.hpp"
 
@@ -26,62 +26,59 @@ std::string build_line_response(std::string_view echo, std::string_view status, 
   return out;
 }
 
-/// Writes data in lines of 64 characters, each with its sum.
-class BlockWriter {
- public:
-  explicit BlockWriter(std::string& out) : out_(out) {}
-  ~BlockWriter() {
-    if (used_ > 0) end_line();
-  }
-  BlockWriter(const BlockWriter&) = delete;
-  BlockWriter& operator=(const BlockWriter&) = delete;
+/// The number, or the largest that so many characters can hold.
+template <int characters>
+char* put(char* at, std::uint32_t value) {
+  value = std::min(value, (1u << 6 * characters) - 1);
+  for (int shift = 6 * (characters - 1); shift >= 0; shift -= 6)
+    *at++ = static_cast<char>((value >> shift & 0x3F) + 0x30);
+  return at;
+}
 
-  void put(char c) {
-    line_[used_++] = c;
-    sum_ += static_cast<unsigned char>(c);
-    if (used_ == block) end_line();
-  }
-  /// The number, or the largest that so many characters can hold.
-  void put(std::uint32_t value, int characters) {
-    value = std::min(value, (1u << 6 * characters) - 1);
-    for (int shift = 6 * (characters - 1); shift >= 0; shift -= 6)
-      put(static_cast<char>((value >> shift & 0x3F) + 0x30));
-  }
-
- private:
-  void end_line() {
-    line_[used_++] = static_cast<char>((sum_ & 0x3F) + 0x30);
-    line_[used_++] = '\n';
-    out_.append(line_.data(), used_);
-    used_ = 0;
-    sum_ = 0;
-  }
-
-  std::string& out_;
-  std::array<char, block + 2> line_{};
-  std::size_t used_ = 0;
-  unsigned sum_ = 0;
-};
-
-void append_payload(std::string& out, const ScanCommand& command, const ScanData& data) {
+template <int characters>
+char* put_values(char* at, const ScanCommand& command, const ScanData& data) {
   const bool with_intensity = command.format == ScanFormat::distance_intensity;
-  const int characters = command.format == ScanFormat::distance2 ? 2 : 3;
-  BlockWriter writer(out);
   std::size_t step = 0;
   int echoes_left = 0;
   for (std::size_t i = 0; i < data.range_mm.size(); ++i) {
     if (command.multi_echo) {
-      const bool same_step = echoes_left > 0;
-      if (same_step) {
-        writer.put('&');
-      } else {
+      if (echoes_left > 0)
+        *at++ = '&';
+      else
         echoes_left = data.echoes.empty() ? 1 : std::max<int>(1, data.echoes[step++]);
-      }
       --echoes_left;
     }
-    writer.put(data.range_mm[i], characters);
-    if (with_intensity) writer.put(data.intensity[i], 3);
+    at = put<characters>(at, data.range_mm[i]);
+    if (with_intensity) at = put<3>(at, data.intensity[i]);
   }
+  return at;
+}
+
+/// A line with its sum and LF. The sum needs its lowest 6 bits only, so that bytes may add up as bytes, many
+/// at a time.
+char* put_line(char* at, const char* data, std::size_t size) {
+  std::uint8_t sum = 0;
+  for (std::size_t i = 0; i < size; ++i) sum = static_cast<std::uint8_t>(sum + data[i]);
+  at = std::copy_n(data, size, at);
+  *at++ = static_cast<char>((sum & 0x3F) + 0x30);
+  *at++ = '\n';
+  return at;
+}
+
+/// The values, in lines of 64 characters, each with its sum.
+void append_payload(std::string& out, const ScanCommand& command, const ScanData& data) {
+  constexpr std::size_t most_characters = 7;  // of a step: '&', range and intensity
+  std::vector<char> values(most_characters * data.range_mm.size());
+  const char* const end = command.format == ScanFormat::distance2
+                              ? put_values<2>(values.data(), command, data)
+                              : put_values<3>(values.data(), command, data);
+  const auto size = static_cast<std::size_t>(end - values.data());
+  const std::size_t had = out.size(), lines = (size + block - 1) / block;
+  out.resize(had + size + 2 * lines);
+  char* to = out.data() + had;
+  const char* from = values.data();
+  for (; from + block <= end; from += block) to = put_line(to, from, block);
+  if (from < end) put_line(to, from, static_cast<std::size_t>(end - from));
 }
 
 }  // namespace

@@ -15,6 +15,9 @@ constexpr std::uint32_t too_near = 4, no_echo = 65533;
 
 double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 
+/// As std::lround does, without its call, for what is at least 0.5 and less than 2^32.
+std::uint32_t rounded(double value) { return static_cast<std::uint32_t>(value + 0.5); }
+
 Eigen::Vector2d direction_vector(double angle) { return {std::cos(angle), std::sin(angle)}; }
 
 }  // namespace
@@ -131,9 +134,9 @@ std::uint32_t SimpleEngine::measure(const Hit& hit, std::uint32_t& intensity) {
   const double range = static_cast<double>(hit.range_mm) + options_.sigma_mm * random_.normal();
   const double counts =
       static_cast<double>(hit.intensity) * (1 + options_.relative_intensity_noise * random_.normal());
-  intensity = static_cast<std::uint32_t>(std::clamp(std::lround(counts), 1L, 65535L));
+  intensity = rounded(std::clamp(counts, 1.0, 65535.0));
   if (range < options_.min_range_mm) return too_near;
-  return static_cast<std::uint32_t>(std::lround(range));
+  return rounded(std::max(range, 0.0));
 }
 
 void SimpleEngine::scan(double scan_s, const std::function<StageMoment(double)>& stage_at,

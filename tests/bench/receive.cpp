@@ -147,6 +147,23 @@ void receive_anything(benchmark::State& state) {
   state.SetItemsProcessed(received);
 }
 
+/// The simulator's side of it.
+void encode(benchmark::State& state) {
+  std::vector<std::uint32_t> range(beams), intensity(beams);
+  for (std::size_t i = 0; i < beams; ++i)
+    range[i] = static_cast<std::uint32_t>(1000 + 7 * i), intensity[i] = static_cast<std::uint32_t>(3 * i);
+  lidar::ScanData data;
+  data.range_mm = range;
+  data.intensity = intensity;
+  std::string out;
+  for (auto _ : state) {
+    out.clear();
+    lidar::append_scan_response(out, "ME0000108001000;r7", "99", lidar::ScanCommand(), data);
+    benchmark::DoNotOptimize(out.data());
+  }
+  state.SetItemsProcessed(state.iterations());
+}
+
 void move_bytes(benchmark::State& state) {
   std::vector<char> to(stream().size());
   for (auto _ : state) {
@@ -164,5 +181,6 @@ BENCHMARK(move_bytes)->Name("receive an ME scan from memory/limit:memcpy");
 BENCHMARK_CAPTURE(receive_by, portable, lidar::Kernel::portable)->Name("receive an ME scan: portable kernel");
 BENCHMARK_CAPTURE(receive_by, avx2, lidar::Kernel::avx2)->Name("receive an ME scan: AVX2 kernel");
 BENCHMARK_CAPTURE(receive_by, avx512, lidar::Kernel::avx512)->Name("receive an ME scan: AVX-512 kernel");
+BENCHMARK(encode)->Name("encode an ME scan");
 BENCHMARK(receive_anything)->Name("receive an ME scan: the long way");
 BENCHMARK_MAIN();
