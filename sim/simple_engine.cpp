@@ -128,12 +128,15 @@ void SimpleEngine::prepare(double stage_rad) {
   prepared_for_ = stage_rad;
 }
 
-std::uint32_t SimpleEngine::measure(const Hit& hit, std::uint32_t& intensity) {
+inline std::uint32_t SimpleEngine::measure(const Sight& sight, Random& random, std::uint32_t& intensity) const {
+  const bool back =
+      sight.back_probability > 0 && random.uniform() < static_cast<double>(sight.back_probability);
+  const Hit& hit = back ? sight.back : sight.front;
   intensity = 0;
   if (hit.range_mm <= 0 || static_cast<double>(hit.range_mm) > options_.max_range_mm) return no_echo;
-  const double range = static_cast<double>(hit.range_mm) + options_.sigma_mm * random_.normal();
+  const double range = static_cast<double>(hit.range_mm) + options_.sigma_mm * random.normal();
   const double counts =
-      static_cast<double>(hit.intensity) * (1 + options_.relative_intensity_noise * random_.normal());
+      static_cast<double>(hit.intensity) * (1 + options_.relative_intensity_noise * random.normal());
   intensity = rounded(std::clamp(counts, 1.0, 65535.0));
   if (range < options_.min_range_mm) return too_near;
   return rounded(std::max(range, 0.0));
@@ -149,12 +152,10 @@ void SimpleEngine::scan(double scan_s, const std::function<StageMoment(double)>&
   }
   if (start.angle_rad == end.angle_rad) {
     prepare(start.angle_rad);
-    for (std::size_t i = 0; i < range_mm.size(); ++i) {
-      const Sight& sight = sights_[i];
-      const bool back =
-          sight.back_probability > 0 && random_.uniform() < static_cast<double>(sight.back_probability);
-      range_mm[i] = measure(back ? sight.back : sight.front, intensity[i]);
-    }
+    Random random = random_;  // a copy of one's own stays in registers
+    for (std::size_t i = 0; i < range_mm.size(); ++i)
+      range_mm[i] = measure(sights_[i], random, intensity[i]);
+    random_ = random;
     return;
   }
   // The stage turns: every beam is fired from where the stage is at that beam's own time.
@@ -164,9 +165,7 @@ void SimpleEngine::scan(double scan_s, const std::function<StageMoment(double)>&
         Eigen::Rotation2Dd(stage) * Eigen::Vector2d(lidar.mount.x_mm.value, lidar.mount.y_mm.value);
     const Sight sight =
         look(origin, stage + lidar.mount.yaw_rad.value + lidar.beam_angle(static_cast<double>(i)));
-    const bool back =
-        sight.back_probability > 0 && random_.uniform() < static_cast<double>(sight.back_probability);
-    range_mm[i] = measure(back ? sight.back : sight.front, intensity[i]);
+    range_mm[i] = measure(sight, random_, intensity[i]);
   }
 }
 

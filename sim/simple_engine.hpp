@@ -55,7 +55,7 @@ class SimpleEngine : public Engine {
   [[nodiscard]] Sight look(const Eigen::Vector2d& origin, double direction) const;
   void prepare(double stage_rad);
   void build_walls();
-  std::uint32_t measure(const Hit& hit, std::uint32_t& intensity);
+  std::uint32_t measure(const Sight& sight, Random& random, std::uint32_t& intensity) const;
 
   fit::Bench bench_;
   SimpleOptions options_;
