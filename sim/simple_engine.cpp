@@ -128,7 +128,8 @@ void SimpleEngine::prepare(double stage_rad) {
   prepared_for_ = stage_rad;
 }
 
-inline std::uint32_t SimpleEngine::measure(const Sight& sight, Random& random, std::uint32_t& intensity) const {
+inline std::uint32_t SimpleEngine::measure(const Sight& sight, Random& random,
+                                           std::uint32_t& intensity) const {
   const bool back =
       sight.back_probability > 0 && random.uniform() < static_cast<double>(sight.back_probability);
   const Hit& hit = back ? sight.back : sight.front;
@@ -153,8 +154,7 @@ void SimpleEngine::scan(double scan_s, const std::function<StageMoment(double)>&
   if (start.angle_rad == end.angle_rad) {
     prepare(start.angle_rad);
     Random random = random_;  // a copy of one's own stays in registers
-    for (std::size_t i = 0; i < range_mm.size(); ++i)
-      range_mm[i] = measure(sights_[i], random, intensity[i]);
+    for (std::size_t i = 0; i < range_mm.size(); ++i) range_mm[i] = measure(sights_[i], random, intensity[i]);
     random_ = random;
     return;
   }

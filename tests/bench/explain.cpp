@@ -32,7 +32,8 @@ void explain_room(benchmark::State& state) {
   fit::explain::Explanation explanation;
   forget_peak();
   for (auto _ : state) explanation = fit::explain::explain({&recording}, {});
-  if (explanation.mechanisms.size() != 1 || explanation.mechanisms.front().mechanism->id != "encoder-eccentricity")
+  if (explanation.mechanisms.size() != 1 ||
+      explanation.mechanisms.front().mechanism->id != "encoder-eccentricity")
     state.SkipWithError("not what was concealed");
   state.SetItemsProcessed(static_cast<std::int64_t>(explanation.cells));
   state.counters["cells"] = static_cast<double>(explanation.cells);

@@ -2,8 +2,8 @@
 // A whole run over real sockets and a pseudo-terminal, the simulator on a thread of its own: how much longer
 // than its physics a procedure takes, how many stops an edge search saves, and how fast scans reach the
 // session.
-#include <benchmark/benchmark.h>
 #include <SQLiteCpp/SQLiteCpp.h>
+#include <benchmark/benchmark.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -282,7 +282,8 @@ void throughput_of_loopback(benchmark::State& state) {
   std::string block;
   constexpr int scans_in_block = 10;
   for (int i = 0; i < scans_in_block; ++i)
-    append_scan_response(block, "ME0000108001000;r1", "99", lidar::ScanCommand(), some_scan(range, intensity));
+    append_scan_response(block, "ME0000108001000;r1", "99", lidar::ScanCommand(),
+                         some_scan(range, intensity));
   asio::io_context io;
   asio::ip::tcp::acceptor acceptor(io, {asio::ip::address_v4::loopback(), 0});
   for (auto _ : state) {
@@ -303,7 +304,8 @@ void throughput_of_loopback(benchmark::State& state) {
 /// The same bytes into a table of SQLite's, one transaction, as safe on the disk as a capture's.
 void throughput_of_sqlite(benchmark::State& state) {
   const std::string file =
-      (std::filesystem::temp_directory_path() / ("bench-sqlite-" + std::to_string(getpid()) + ".db")).string();
+      (std::filesystem::temp_directory_path() / ("bench-sqlite-" + std::to_string(getpid()) + ".db"))
+          .string();
   std::vector<std::uint16_t> range(1081, 1400), intensity(1081, 2000);
   for (auto _ : state) {
     state.PauseTiming();
