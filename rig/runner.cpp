@@ -255,13 +255,15 @@ awaitable<bool> Runner::run() {
 }
 
 void Runner::pause() {
-  impl_->paused = true;
-  impl_->changed();
+  if (impl_->paused) return;
+  impl_->paused = impl_->state.pausing = true;
+  impl_->note("info", "pause: when the capture or move under way is done");
 }
 
 void Runner::resume() {
-  impl_->paused = false;
+  impl_->paused = impl_->state.pausing = false;
   impl_->resume_gate.open();
+  impl_->changed();
 }
 
 void Runner::abort() {

@@ -66,6 +66,7 @@ struct RunState {
   lidar::Scan scan;  ///< The latest.
   bool scan_seen = false;
   double stage_deg = 0;
+  bool pausing = false;  ///< A pause is asked for and takes hold when what is under way is done.
   std::uint64_t scans_lost = 0, scans_rejected = 0;
   int reconnects = 0;
   std::vector<Message> messages;  ///< The latest hundred.

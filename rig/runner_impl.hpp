@@ -229,12 +229,30 @@ struct Runner::Impl final : StepContext {
   /// A simulated bench may have been restarted meanwhile: it is put as it was.
   awaitable<void> place_again();
 
-  /// What is wrong with what the rig sees; empty if nothing is.
-  awaitable<std::string> look_at(Sight sight);
+  /// What the rig sees, and whether it is what was asked for.
+  struct Look {
+    bool good = true;
+    std::string text;
+  };
 
-  std::string judge(const Sight& sight, int first_step, const std::vector<std::vector<double>>& ranges) const;
+  awaitable<Look> look_at(Sight sight);
+
+  /// One try of look_at: a lost lidar is an exception.
+  awaitable<Look> look_once(const CaptureRequest& request, const Sight& sight);
+
+  /// `ranges`: of every beam from `first_step` on, its echoes in mm.
+  Look judge(const Sight& sight, int first_step, const std::vector<std::vector<double>>& ranges) const;
 
   static double largest_deviation_from_line(const std::vector<double>& x, const std::vector<double>& y);
+
+  /// While a person works at the bench: shows scans, tells whether they are as asked for, and brings a lidar
+  /// back that was lost meanwhile. Goes on until it is cancelled; end_watch() then stops the stream.
+  awaitable<void> watch_bench(std::optional<Sight> until);
+  awaitable<void> watch_stream(std::optional<Sight> until);
+  awaitable<void> end_watch();
+  void tell(const Look& look);
+  awaitable<void> pause_for(double seconds);
+  static awaitable<void> never();
 
   /// Goes back to the loop's turn before this one; its captures stay in the session under another name.
   bool repeat_previous_turn();

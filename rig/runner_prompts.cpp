@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: MIT
-#include <algorithm>
 #include <boost/asio/experimental/awaitable_operators.hpp>
-#include <cmath>
 
 #include "rig/runner_impl.hpp"
-#include "rig/scan_gate.hpp"
 
 namespace rig {
 namespace {
@@ -12,7 +9,6 @@ namespace {
 using namespace asio::experimental::awaitable_operators;
 
 constexpr int looks_of_nobody = 3;  // A simulated bench that placed it wrongly three times will not learn.
-constexpr int scans_of_a_look = 10;
 
 json json_of(const Placement& place) {
   json result = {{"target", place.target}};
@@ -25,12 +21,6 @@ json json_of(const Placement& place) {
 std::optional<double> maybe(const json& object, const char* key) {
   if (!object.contains(key) || !object[key].is_number()) return std::nullopt;
   return object[key].get<double>();
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 }  // namespace
@@ -58,7 +48,8 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
       apply(prompt);
       if (prompt.until) {
         auto looking = look_at(*prompt.until);
-        prompt.check = co_await std::move(looking);
+        const Look look_now = co_await std::move(looking);
+        if (!look_now.good) prompt.check = look_now.text;
       }
     }
     if (prompt.check.empty()) {
@@ -77,12 +68,11 @@ awaitable<Answer> Runner::Impl::ask_once(Prompt prompt) {
   answer_gate.close();
   auto asking = ask_operator(prompt);
   auto elsewhere = answer_gate.wait();
-  if (prompt.timeout_s > 0) {
-    auto late = parts.clock.sleep(prompt.timeout_s);
-    co_await (std::move(asking) || std::move(elsewhere) || std::move(late));
-  } else {
-    co_await (std::move(asking) || std::move(elsewhere));
-  }
+  auto late = prompt.timeout_s > 0 ? pause_for(prompt.timeout_s) : never();
+  auto watching = watch_bench(prompt.until);
+  co_await (std::move(asking) || std::move(elsewhere) || std::move(late) || std::move(watching));
+  auto resting = end_watch();
+  co_await std::move(resting);
   stop_if_aborted();
   if (operator_failed) std::rethrow_exception(std::exchange(operator_failed, nullptr));
   if (!answered)
@@ -152,75 +142,6 @@ awaitable<void> Runner::Impl::place_again() {
     auto asking = parts.operator_.ask(prompt);
     co_await std::move(asking);
   }
-}
-
-awaitable<std::string> Runner::Impl::look_at(Sight sight) {
-  CaptureRequest request;
-  const fit::LidarGeometry& lidar = known_bench.lidar;
-  const double step_deg = lidar.step_rad * fit::deg_per_rad;
-  request.first_step = static_cast<int>(std::lround(lidar.front_step + sight.from_deg / step_deg));
-  request.last_step = static_cast<int>(std::lround(lidar.front_step + sight.to_deg / step_deg));
-  const auto beams = static_cast<std::size_t>(request.last_step - request.first_step + 1);
-  std::vector<std::vector<double>> ranges(beams);
-  ScanGate gate(request, lidar.scan_hz, 0);
-  gate.restart(seen_ms);
-  auto starting = start_stream(stream_for(request, 0));
-  co_await std::move(starting);
-  for (int got = 0; got < scans_of_a_look;) {
-    stop_if_aborted();
-    auto reading = parts.lidar.next();
-    const lidar::Scan scan = co_await std::move(reading);
-    if (!gate.takes(scan, 0)) {
-      if (gate.hopeless()) throw DeviceError(unfit_scans(request));
-      continue;
-    }
-    ++got;
-    for (std::size_t i = 0; i < beams; ++i)
-      if (scan.range_mm[i] > 0) ranges[i].push_back(scan.range_mm[i]);
-    show(scan);
-  }
-  auto stopping = stop_stream();
-  co_await std::move(stopping);
-  co_return judge(sight, request.first_step, ranges);
-}
-
-std::string Runner::Impl::judge(const Sight& sight, int first_step,
-                                const std::vector<std::vector<double>>& ranges) const {
-  std::vector<double> medians, x, y;
-  for (std::size_t i = 0; i < ranges.size(); ++i) {
-    if (ranges[i].size() < scans_of_a_look / 2) continue;
-    medians.push_back(median(ranges[i]));
-    const double angle = known_bench.lidar.beam_angle(first_step + static_cast<double>(i));
-    x.push_back(medians.back() * std::cos(angle));
-    y.push_back(medians.back() * std::sin(angle));
-  }
-  if (medians.size() * 2 < ranges.size()) return "the rig sees nothing there (no echo from most beams).";
-  const double seen_mm = median(medians);
-  if (sight.within_mm && (seen_mm < sight.within_mm->first || seen_mm > sight.within_mm->second))
-    return "the rig sees " + to_text(seen_mm) + " mm and wants " + to_text(sight.within_mm->first) + " to " +
-           to_text(sight.within_mm->second) + " mm.";
-  const double rough_mm = largest_deviation_from_line(x, y);
-  if (sight.flat_within_mm && rough_mm > *sight.flat_within_mm)
-    return "what the rig sees is not flat: " + to_text(std::round(rough_mm)) + " mm off a straight line, " +
-           to_text(*sight.flat_within_mm) + " mm allowed.";
-  return "";
-}
-
-double Runner::Impl::largest_deviation_from_line(const std::vector<double>& x, const std::vector<double>& y) {
-  if (x.size() < 3) return 0;
-  const double n = static_cast<double>(x.size());
-  double mx = 0, my = 0, xx = 0, xy = 0, yy = 0;
-  for (std::size_t i = 0; i < x.size(); ++i) mx += x[i] / n, my += y[i] / n;
-  for (std::size_t i = 0; i < x.size(); ++i) {
-    xx += (x[i] - mx) * (x[i] - mx);
-    xy += (x[i] - mx) * (y[i] - my);
-    yy += (y[i] - my) * (y[i] - my);
-  }
-  const double along = 0.5 * std::atan2(2 * xy, xx - yy);
-  double largest = 0;
-  for (std::size_t i = 0; i < x.size(); ++i)
-    largest = std::max(largest, std::abs(-std::sin(along) * (x[i] - mx) + std::cos(along) * (y[i] - my)));
-  return largest;
 }
 
 bool Runner::Impl::repeat_previous_turn() {

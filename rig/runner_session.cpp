@@ -89,6 +89,7 @@ awaitable<void> Runner::Impl::checkpoint(long done, long total) {
   note("info", "paused");
   const auto before = state.phase;
   state.phase = RunState::Phase::paused;
+  state.pausing = false;
   changed();
   auto waiting = resume_gate.wait();
   co_await std::move(waiting);

@@ -25,6 +25,7 @@ json prompt_json(const Prompt& prompt) {
       {"title", prompt.title}, {"text", prompt.text}, {"can_skip", prompt.skippable}, {"can_repeat", true}};
   if (!prompt.picture.empty()) result["picture"] = prompt.picture;
   if (!prompt.check.empty()) result["check"] = {{"text", prompt.check}, {"good", false}};
+  if (prompt.check.empty() && !prompt.seen.empty()) result["check"] = {{"text", prompt.seen}, {"good", true}};
   if (prompt.question) {
     result["ask"] = {{"name", prompt.question->name}, {"unit", prompt.question->unit}};
     if (prompt.question->min) result["ask"]["min"] = *prompt.question->min;
@@ -85,6 +86,7 @@ json to_json(const RunState& state, const fit::Bench& bench) {
                    {"session", state.session},
                    {"steps", steps_json(state)},
                    {"stage_deg", state.stage_deg},
+                   {"pausing", state.pausing},
                    {"results", results_json(state.checks_text)},
                    {"progress",
                     {{"done", state.done},

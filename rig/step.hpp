@@ -81,7 +81,8 @@ struct Prompt {
   std::optional<Sight> until;
   double timeout_s = 0;  ///< 0: waits for ever.
   bool skippable = true;
-  std::string check;  ///< What the rig saw at the last look, in words; empty before the first.
+  std::string check;  ///< What is wrong with what the rig saw at the last look; empty if nothing is.
+  std::string seen;   ///< What the rig sees when that is as asked for; empty before the first look.
 };
 
 struct Answer {

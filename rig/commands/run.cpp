@@ -225,8 +225,10 @@ class Run : public Command {
       failure = why;
       met = limits_met;
       signals.cancel();
-      if (live) live->stop();
-      io.stop();
+      if (live)
+        live->finish([&io] { io.stop(); });
+      else
+        io.stop();
     });
     io.run();
     views.clear();

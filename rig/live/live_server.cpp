@@ -96,7 +96,7 @@ struct LiveServer::Impl : std::enable_shared_from_this<LiveServer::Impl> {
         : socket(std::move(stream)), wake(executor) {}
     WebSocket socket;
     asio::steady_timer wake;
-    std::uint64_t seen = 0;
+    std::uint64_t seen = 0, sent = 0;
   };
 
   Impl(const asio::any_io_executor& executor_, const Options& options_, OnCommand on_command_)
@@ -118,6 +118,8 @@ struct LiveServer::Impl : std::enable_shared_from_this<LiveServer::Impl> {
   awaitable<void> serve_websocket(beast::tcp_stream stream, Request request);
   awaitable<void> send_states(std::shared_ptr<Browser> browser);
   awaitable<void> receive_commands(std::shared_ptr<Browser> browser);
+  awaitable<void> send_last_state();
+  void stop();
   [[nodiscard]] bool admits(const Request& request) const;
   [[nodiscard]] Response respond(const Request& request) const;
 };
@@ -238,11 +240,12 @@ awaitable<void> LiveServer::Impl::send_states(std::shared_ptr<Browser> browser) 
       co_await browser->wake.async_wait(asio::redirect_error(use_awaitable, failed));
       continue;
     }
-    browser->seen = version;
+    const std::uint64_t sending = browser->seen = version;
     const auto text = state;
     browser->socket.text(true);
     co_await browser->socket.async_write(asio::buffer(*text), asio::redirect_error(use_awaitable, failed));
     if (failed) co_return;
+    browser->sent = sending;
     asio::steady_timer pace(executor, frame_spacing);
     co_await pace.async_wait(asio::redirect_error(use_awaitable, failed));
   }
@@ -258,6 +261,29 @@ awaitable<void> LiveServer::Impl::receive_commands(std::shared_ptr<Browser> brow
     const auto command = nlohmann::json::parse(beast::buffers_to_string(buffer.data()), nullptr, false);
     if (command.is_object() && command.contains("command") && command.at("command").is_string())
       on_command(command);
+  }
+}
+
+awaitable<void> LiveServer::Impl::send_last_state() {
+  const auto self = shared_from_this();
+  const auto limit = Clock::now() + 1s;
+  const auto waits = [this](const std::shared_ptr<Browser>& browser) { return browser->sent != version; };
+  while (std::any_of(browsers.begin(), browsers.end(), waits) && Clock::now() < limit) {
+    asio::steady_timer pause(executor, 10ms);
+    boost::system::error_code failed;
+    co_await pause.async_wait(asio::redirect_error(use_awaitable, failed));
+  }
+  stop();
+}
+
+void LiveServer::Impl::stop() {
+  if (stopped) return;
+  stopped = true;
+  boost::system::error_code ignored;
+  acceptor.close(ignored);
+  for (const auto& browser : browsers) {
+    browser->wake.cancel();
+    beast::get_lowest_layer(browser->socket).close();
   }
 }
 
@@ -288,15 +314,12 @@ void LiveServer::publish(const nlohmann::json& state) {
   for (const auto& browser : impl_->browsers) browser->wake.cancel();
 }
 
-void LiveServer::stop() {
-  if (impl_->stopped) return;
-  impl_->stopped = true;
-  boost::system::error_code ignored;
-  impl_->acceptor.close(ignored);
-  for (const auto& browser : impl_->browsers) {
-    browser->wake.cancel();
-    beast::get_lowest_layer(browser->socket).close();
-  }
+void LiveServer::finish(std::function<void()> done) {
+  auto sending = impl_->send_last_state();
+  asio::co_spawn(impl_->executor, std::move(sending),
+                 [done = std::move(done)](const std::exception_ptr&) { done(); });
 }
+
+void LiveServer::stop() { impl_->stop(); }
 
 }  // namespace rig

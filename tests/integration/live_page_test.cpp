@@ -24,7 +24,8 @@ namespace {
 /// A server on a thread of its own, as a browser sees it.
 struct Served {
   explicit Served(const LiveServer::Options& options = {})
-      : live(io.get_executor(), options, [this](const nlohmann::json& command) { commands.set_value(command); }),
+      : live(io.get_executor(), options,
+             [this](const nlohmann::json& command) { commands.set_value(command); }),
         thread([this] { io.run(); }) {}
   ~Served() {
     asio::post(io, [this] { live.stop(); });
@@ -73,6 +74,31 @@ TEST_CASE("a page of another site can neither read the state nor press the butto
   boost::system::error_code failed;
   socket.handshake("127.0.0.1:" + std::to_string(served.live.port()), "/ws", failed);
   CHECK(failed);
+}
+
+TEST_CASE("a browser gets the last state before the page goes away") {
+  Served served;
+  asio::io_context client;
+  websocket::stream<tcp::socket> socket(client);
+  socket.next_layer().connect(tcp::endpoint(asio::ip::address_v4::loopback(), served.live.port()));
+  socket.handshake("127.0.0.1:" + std::to_string(served.live.port()), "/ws");
+  boost::beast::flat_buffer buffer;
+  socket.read(buffer);  // The state at the beginning: the server knows this browser.
+  std::promise<void> finished;
+  asio::post(served.io, [&] {
+    served.live.publish({{"phase", "running"}});
+    served.live.publish({{"phase", "done"}});
+    served.live.finish([&] { finished.set_value(); });
+  });
+  finished.get_future().wait();
+  std::string last;
+  boost::system::error_code ended;
+  while (!ended) {
+    buffer.clear();
+    socket.read(buffer, ended);
+    if (!ended) last = boost::beast::buffers_to_string(buffer.data());
+  }
+  CHECK(nlohmann::json::parse(last).at("phase") == "done");
 }
 
 TEST_CASE("beyond the loopback interface a token is demanded, and checked") {
