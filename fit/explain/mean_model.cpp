@@ -14,20 +14,34 @@ constexpr int pooled_beams = 12;
 /// the sawtooth).
 double rounding_variance(double sigma_mm) { return std::exp(-4 * pi * pi * sigma_mm * sigma_mm) / 12; }
 
+/// Of one sample about what its scan has in common.
+double own_variance(const Cell& cell, const MeanNoise& noise) {
+  const double common = noise.scan_range_mm2 + noise.scan_angle_rad2 * std::pow(cell.sight.stage_lever(), 2);
+  return std::max(0.1 * cell.variance_mm2, cell.variance_mm2 - common);
+}
+
 }  // namespace
 
 double price_of_scale(double ratio, double coefficients) {
   return 2 + (ratio > 1 ? 0.5 * coefficients * std::log(ratio) : 0);
 }
 
-void pool_variances(Reduced& reduced) {
-  std::vector<double> typical;
-  for (const Group& group : reduced.groups)
-    if (group.scans > 2) typical.push_back(group.sigma_mm * group.sigma_mm);
-  double elsewhere = 100;
-  if (!typical.empty()) {
-    std::ranges::nth_element(typical, typical.begin() + static_cast<std::ptrdiff_t>(typical.size() / 2));
-    elsewhere = typical[typical.size() / 2];
+double least_stretch(const Prior& prior) { return prior.mean.isZero() ? 1e-4 : 1; }
+
+void pool_variances(Reduced& reduced, const MeanNoise& noise) {
+  // What a handful of samples is helped by: their own scans, or the whole session.
+  struct Sum {
+    double squares = 0, freedom = 0;
+    [[nodiscard]] double mean() const { return freedom > 0 ? squares / freedom : 100; }
+  };
+  Sum all;
+  std::vector<Sum> own_scans(reduced.groups.size());
+  for (const Cell& cell : reduced.cells) {
+    if (!cell.smooth || cell.n < 2 || cell.sight.target < 0) continue;
+    for (Sum* sum : {&all, &own_scans[static_cast<std::size_t>(cell.group)]}) {
+      sum->squares += own_variance(cell, noise) * (cell.n - 1);
+      sum->freedom += cell.n - 1;
+    }
   }
   for (const Group& group : reduced.groups) {
     const std::size_t count = group.last_cell - group.first_cell;
@@ -35,7 +49,7 @@ void pool_variances(Reduced& reduced) {
     for (std::size_t k = 0; k < count; ++k) {
       const Cell& cell = reduced.cells[group.first_cell + k];
       const bool good = cell.smooth && cell.n > 1 && cell.sight.target >= 0;
-      squares[k + 1] = squares[k] + (good ? cell.variance_mm2 * (cell.n - 1) : 0);
+      squares[k + 1] = squares[k] + (good ? own_variance(cell, noise) * (cell.n - 1) : 0);
       freedom[k + 1] = freedom[k] + (good ? cell.n - 1 : 0);
     }
     for (std::size_t k = 0; k < count; ++k) {
@@ -48,9 +62,9 @@ void pool_variances(Reduced& reduced) {
              reduced.cells[group.first_cell + high].sight.target == target)
         ++high;
       const double own = freedom[high] - freedom[low];
-      // A handful of samples is helped by what the session's other captures show.
       constexpr double borrowed = 20;
-      const double prior = group.scans > 2 ? group.sigma_mm * group.sigma_mm : elsewhere;
+      const Sum& scans = own_scans[static_cast<std::size_t>(&group - reduced.groups.data())];
+      const double prior = (scans.freedom > 60 ? scans : all).mean();
       reduced.cells[group.first_cell + k].pooled_mm2 =
           std::max(1.0 / 12, (squares[high] - squares[low] + borrowed * prior) / (own + borrowed));
     }
@@ -118,6 +132,12 @@ Eigen::MatrixXd MeanModel::whitened(const Eigen::MatrixXd& columns) const {
   return white;
 }
 
+double MeanModel::variance_of_mean(Eigen::Index row) const {
+  const Common& common = common_[static_cast<std::size_t>(cell(row).group)];
+  return 1 / (weight_[row] * weight_[row]) + common.range_sigma * common.range_sigma +
+         std::pow(cell(row).sight.stage_lever() * common.angle_sigma, 2);
+}
+
 Eigen::MatrixXd MeanModel::nuisance_columns() const {
   const auto targets = static_cast<Eigen::Index>(reduced_->bench.targets.size());
   Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(rows(), 3 + 2 * targets);
@@ -141,6 +161,11 @@ void MeanModel::set_base(const Eigen::MatrixXd& columns, const Prior& prior) {
   centred_ = white_;
   if (columns.cols() > 0) centred_ -= white * prior.mean;
   base_ = white * prior.sigma.asDiagonal();
+  if (has_common_) {
+    plain_base_ = columns * prior.sigma.asDiagonal();
+    plain_centred_ = residual_;
+    if (columns.cols() > 0) plain_centred_ -= columns * prior.mean;
+  }
   Eigen::MatrixXd normal = base_.transpose() * base_;
   normal.diagonal().array() += 1;
   factor_.compute(normal);
@@ -181,7 +206,7 @@ MeanModel::Fit MeanModel::solve(const Products& p, const Prior& prior, bool stre
     fit.evidence = shifted + 0.5 * rhs.dot(x) - log_det;
     fit.gain = fit.value.dot(p.along) - 0.5 * fit.value.dot(p.square * fit.value);
     if (!stretch) break;
-    ratio = 1e-4;
+    ratio = least_stretch(prior);
     for (Eigen::Index i = 0; i < k; ++i)
       ratio = std::max(ratio, 1.2 * std::abs(fit.value[i] - prior.mean[i]) / prior.sigma[i]);
     ratio = std::min(ratio, 1000.0);
@@ -251,7 +276,9 @@ MeanModel::HeldOut MeanModel::held_out(const std::vector<int>& block_of_row, int
       if (block_of_row[static_cast<std::size_t>(i)] != b) continue;
       const double z = centred_[i] - (k > 0 ? base_.row(i).dot(x) : 0.0);
       sum.log_likelihood += -0.5 * z * z - 0.5 * std::log(2 * pi) + std::log(weight_[i]);
-      sum.squares += z * z / (weight_[i] * weight_[i]);
+      const double off_mm =
+          has_common_ ? plain_centred_[i] - (k > 0 ? plain_base_.row(i).dot(x) : 0.0) : z / weight_[i];
+      sum.squares += off_mm * off_mm;
       sum.within_2u += std::abs(z) < 1.96;
       sum.cells += 1;
     }

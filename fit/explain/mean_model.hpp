@@ -14,7 +14,9 @@ struct MeanNoise {
   double factor = 1;               ///< On the variance of every mean: noise with memory.
   std::vector<double> range_mm2;   ///< Variance of a range common to a group; empty: none.
   std::vector<double> angle_rad2;  ///< Variance of an angle common to a group; empty: none.
-  double footprint_rad = 0;        ///< Standard half width of the beam where edges show it; 0: they do not.
+  /// Variances of one scan's common range and angle: part of the samples' own spread, and counted above.
+  double scan_range_mm2 = 0, scan_angle_rad2 = 0;
+  double footprint_rad = 0;  ///< Standard half width of the beam where edges show it; 0: they do not.
 };
 
 /// A prior for coefficients: independent normal ones.
@@ -38,6 +40,8 @@ class MeanModel {
     return reduced_->groups[static_cast<std::size_t>(cell(row).group)];
   }
   [[nodiscard]] double sigma_of_mean(Eigen::Index row) const { return 1 / weight_[row]; }
+  /// With what its group has in common, mm^2.
+  [[nodiscard]] double variance_of_mean(Eigen::Index row) const;
   /// Divides by the noise of the means, correlations included.
   [[nodiscard]] Eigen::MatrixXd whitened(const Eigen::MatrixXd& columns_mm) const;
   /// d range / d nuisance parameter.
@@ -95,7 +99,9 @@ class MeanModel {
   };
   std::vector<Common> common_;
   bool has_common_ = false;
-  Eigen::MatrixXd base_;  ///< Whitened, scaled by the priors' sigmas.
+  Eigen::MatrixXd base_;        ///< Whitened, scaled by the priors' sigmas.
+  Eigen::MatrixXd plain_base_;  ///< In mm, scaled alike; only where groups have something in common.
+  Eigen::VectorXd plain_centred_;
   Eigen::VectorXd base_sigma_, base_mean_, along_;
   Eigen::LLT<Eigen::MatrixXd> factor_;
   Eigen::VectorXd centred_;
@@ -105,9 +111,13 @@ class MeanModel {
 /// catalogue's size; above it, the less likely the farther.
 [[nodiscard]] double price_of_scale(double ratio, double coefficients);
 
+/// Least scale that a prior may take: sizes may come out as small as they like, but a coefficient that is
+/// expected to be something may not become certain by being just that.
+[[nodiscard]] double least_stretch(const Prior& prior);
+
 /// Sets every cell's variance of one sample, pooled over its neighbours on the same target. Needed before any
-/// MeanModel is made.
-void pool_variances(Reduced& reduced);
+/// MeanModel is made. What a scan's cells have in common is taken off: it is counted once for all of them.
+void pool_variances(Reduced& reduced, const MeanNoise& noise = {});
 /// Factor by which means scatter more than their samples say, from neighbouring cells.
 [[nodiscard]] double excess_scatter(const MeanModel& model);
 

@@ -112,14 +112,14 @@ class Search {
 
   MeanResult run() {
     Hypothesis empty(reduced_.bench);
-    pool_variances(reduced_);
+    pool_variances(reduced_, noise_);
     place(empty, true);  // with what the bench knows at work, once: evidences compare on the same cells only
     find_excess(empty);
     fit(empty);
     std::vector<Active> known;
     for (const Term& term : known_terms(reduced_.bench)) known.push_back(term.active());
     readmit(reduced_, empty.nuisance, known, noise_.footprint_rad);
-    pool_variances(reduced_);
+    pool_variances(reduced_, noise_);
     // A large session is searched in a thinned form first; what it finds is the start of the full one.
     stride_ = stride_of_search();
     fit(empty);
@@ -195,13 +195,20 @@ class Search {
     }
   }
 
-  void fit(Hypothesis& h, int passes = 2) {
+  /// Steps until the evidence has settled. That of the first step is a promise of the linear model around the
+  /// values before it, and is not counted.
+  void fit(Hypothesis& h) {
+    constexpr int most_steps = 5;
+    place(h);
+    step(h);
     Hypothesis best = h;
     best.evidence = -1e300;
-    for (int pass = 0; pass <= passes; ++pass) {
+    for (int pass = 1; pass < most_steps; ++pass) {
+      const double before = h.evidence;
       place(h);
       step(h);
-      if (h.evidence > best.evidence - 1) best = h;  // the evidence holds for the values after the step
+      if (h.evidence > best.evidence) best = h;
+      if (std::abs(h.evidence - before) < 0.05) break;
     }
     h = best;
   }
@@ -613,7 +620,7 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
     const MeanModel model(reduced_, noise_);
     blocks = blocks_of(model, reduced_, &count);
     double sum = 0;
-    for (Eigen::Index i = 0; i < model.rows(); ++i) sum += model.sigma_of_mean(i) * model.sigma_of_mean(i);
+    for (Eigen::Index i = 0; i < model.rows(); ++i) sum += model.variance_of_mean(i);
     result.noise_floor_mm = std::sqrt(sum / std::max<double>(1, static_cast<double>(model.rows())));
   }
   // What does not help on captures it has not seen is not believed.
@@ -766,7 +773,7 @@ Base base_columns(const MeanModel& model, const Hypothesis& h) {
   for (const Term& term : h.terms) {
     Columns c = linear_columns(model, term);
     const std::vector<double> now = linear_coefficients(term);
-    double ratio = 1e-4;
+    double ratio = least_stretch(c.prior);
     for (std::size_t k = 0; k < now.size(); ++k) {
       const auto i = static_cast<Eigen::Index>(k);
       ratio = std::max(ratio, 1.2 * std::abs(now[k] - c.prior.mean[i]) / c.prior.sigma[i]);

@@ -213,11 +213,13 @@ class Reducer {
     }
     at_edge(cell, group);
     sorted_ = values_;
-    const double middle = turning_ ? cell.nominal_mm : median_of(sorted_);
+    // Around their own median: a cut around a prediction, which is off by as much as the mount is unknown,
+    // lets noise decide on one side only, and shifts the means.
+    const double middle = median_of(sorted_);
     for (double& v : sorted_) v = std::abs(v - middle);
     const double own = 1.4826 * median_of(sorted_);
     const double reach =
-        turning_ ? std::max(150.0, 15 * group.sigma_mm) : std::max({25.0, 6 * group.sigma_mm, 5 * own});
+        turning_ ? std::max(60.0, 10 * group.sigma_mm) : std::max({25.0, 6 * group.sigma_mm, 5 * own});
     double sum = 0, squares = 0;
     for (const double v : values_) {
       if (std::abs(v - middle) > reach) {
@@ -235,8 +237,7 @@ class Reducer {
     }
     cell.mean_mm = middle + sum / cell.n;
     if (cell.n > 1) cell.variance_mm2 = std::max(0.0, (squares - sum * sum / cell.n) / (cell.n - 1));
-    // Around a prediction, not a median: what is cut off on one side would pull the mean to it.
-    if (turning_ && cell.stray > 0) cell.smooth = false;
+    if (turning_ && cell.stray > 0) cell.smooth = false;  // which of three is wrong nobody knows
     if (own > 1.6 * group.sigma_mm + 1 || cell.stray > 0 || cell.lost > 0 || cell.between > 0)
       cell.doubtful = false;
     if (own > 4 * group.sigma_mm + 20) cell.smooth = false;

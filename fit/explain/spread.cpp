@@ -620,6 +620,7 @@ void common_noise(const std::vector<Scan>& scans, const Reduced& reduced, Spread
     const double degree2 = deg_per_rad * deg_per_rad;
     suspect.parameters = {{"sigma_deg", root(angle2 * degree2, curvature(angle2, true) * degree2)}};
     result.accepted.push_back(suspect);
+    result.noise.scan_angle_rad2 = angle2;
     for (const Group& group : reduced.groups)
       result.noise.angle_rad2.push_back(angle2 / std::max(1, group.scans));
   }
@@ -644,6 +645,7 @@ void common_noise(const std::vector<Scan>& scans, const Reduced& reduced, Spread
     suspect.parameters = {{"rho", {rho, std::sqrt((1 - rho * rho) / static_cast<double>(scans.size()))}},
                           {"share", {std::min(1.0, range2 / (sigma2 + 1e-9)), 0.1}}};
     result.accepted.push_back(suspect);
+    result.noise.scan_range_mm2 = range2;
     for (const Group& group : reduced.groups) {
       // Variance of the mean of n correlated values.
       double factor = 1;

@@ -18,6 +18,7 @@ struct ImaginedRoom {
   Stretch stretch = [](double, double, double) { return 0.0; };
   int captures = 16, scans = 8, every_beam = 4;
   double sigma_mm = 5;
+  double rate_deg_s = 0;  ///< The stage turns during captures, both ways in turn.
   unsigned seed = 1;
   bool thermometer = false;
 
@@ -50,14 +51,16 @@ struct ImaginedRoom {
     for (double& offset : truth.offset_mm) offset += 1.5 * normal(*random);
     const ImaginedRoom self = *this;
     SyntheticRecording recording(
-        b, [=](const fit::CaptureInfo& info, std::int64_t, auto& range, auto& intensity) {
+        b, [=](const fit::CaptureInfo& info, std::int64_t seq, auto& range, auto& intensity) {
           std::normal_distribution<double> noise(0, self.sigma_mm);
           const fit::explain::Scene scene(b, truth, info);
           for (std::size_t k = 0; k < range.size(); ++k) {
             const double beam = b.lidar.beam_angle(info.first_step + static_cast<double>(k) * info.cluster);
             fit::Effect effect;
             effect.beam_rad = self.bend(beam);
-            const auto sight = scene.look(info.stage_rad, beam, effect);
+            const double stage =
+                info.stage_rad + info.stage_rate_rad_s * static_cast<double>(seq) / b.lidar.scan_hz;
+            const auto sight = scene.look(stage, beam, effect);
             const double more = self.stretch(beam, sight.range_mm, info.since_power_on_s.value_or(0));
             range[k] = static_cast<std::uint16_t>(std::lround(sight.range_mm + more + noise(*random)));
             intensity[k] = static_cast<std::uint16_t>(3e6 * std::cos(sight.incidence_rad) / sight.range_mm);
@@ -68,6 +71,7 @@ struct ImaginedRoom {
       const int turn = i < captures / 2 ? i : captures - 1 - i;
       info.stage_rad = 720.0 / captures * turn * fit::rad_per_deg;
       info.approach = i == 0 ? 0 : i <= captures / 2 ? 1 : -1;
+      info.stage_rate_rad_s = (i % 2 == 0 ? 1 : -1) * rate_deg_s * fit::rad_per_deg;
       info.since_power_on_s = 30 + 60.0 * i;
       if (thermometer) info.temperature_c = 20 + 10 * (1 - std::exp(-*info.since_power_on_s / 400));
       info.last_step = b.lidar.steps - 1;
