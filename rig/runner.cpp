@@ -171,8 +171,23 @@ awaitable<void> Runner::Impl::run_steps_quietly() {
   try {
     auto running = run_steps();
     co_await std::move(running);
+  } catch (const boost::system::system_error& error) {
+    // What was called off because of the operator is no failure of its own.
+    if (!aborted || error.code() != asio::error::operation_aborted) failure = std::current_exception();
   } catch (...) {
     failure = std::current_exception();
+  }
+}
+
+awaitable<void> Runner::Impl::stop_stage_when_aborted() {
+  auto waiting = abort_gate.wait();
+  co_await std::move(waiting);
+  if (!aborted) co_return;
+  try {
+    auto stopping = parts.stage.stop();
+    co_await std::move(stopping);
+  } catch (const std::exception&) {
+    // make_safe() tries again, and tells.
   }
 }
 
@@ -181,14 +196,15 @@ awaitable<void> Runner::Impl::make_safe() {
     auto stopping = parts.stage.stop();
     co_await std::move(stopping);
   } catch (const std::exception&) {
-    safe_problems += " The stage could not be told to stop: check it.";
+    safe_problems += "The stage could not be told to stop: check it.";
   }
   if (!connected) co_return;
   try {
     auto stopping = parts.lidar.stop();
     co_await std::move(stopping);
   } catch (const std::exception&) {
-    safe_problems += " The lidar could not be told to stop: its laser may be on.";
+    safe_problems += safe_problems.empty() ? "" : " ";
+    safe_problems += "The lidar could not be told to stop: its laser may be on.";
   }
 }
 
@@ -243,7 +259,7 @@ Runner::~Runner() = default;
 awaitable<bool> Runner::run() {
   Impl& impl = *impl_;
   auto working = impl.run_steps_quietly();
-  auto stopping = impl.abort_gate.wait();
+  auto stopping = impl.stop_stage_when_aborted();
   co_await (std::move(working) || std::move(stopping));
   co_await asio::this_coro::reset_cancellation_state(asio::disable_cancellation());
   auto safe = impl.make_safe();

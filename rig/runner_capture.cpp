@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <boost/asio/experimental/awaitable_operators.hpp>
 #include <cmath>
 
 #include "rig/runner_impl.hpp"
@@ -6,6 +7,8 @@
 
 namespace rig {
 namespace {
+
+using namespace asio::experimental::awaitable_operators;
 
 constexpr double turn_run_up_s = 0.5;
 
@@ -39,11 +42,18 @@ awaitable<std::int64_t> Runner::Impl::capture(CaptureRequest request) {
   }
   stop_if_aborted();
   const std::int64_t id = session.begin_capture(info_of(request));
-  std::exception_ptr why;
+  std::exception_ptr why, lost_at_end;
   long got = 0;
   try {
     auto filling = fill(id, request, got);
     co_await std::move(filling);
+    // The capture is whole: that the lidar is lost now is the next step's trouble.
+    try {
+      auto ending = end_stream();
+      co_await std::move(ending);
+    } catch (...) {
+      lost_at_end = std::current_exception();
+    }
     replace_short_one(request);
     record(request.key, {{"capture", id}, {"samples", got}});
     session.commit_capture(id);
@@ -54,6 +64,11 @@ awaitable<std::int64_t> Runner::Impl::capture(CaptureRequest request) {
     progress.erase(request.key);
     keep_short(id, request, got);
     std::rethrow_exception(why);
+  }
+  if (lost_at_end) {
+    stop_if_aborted();
+    auto reconnecting = reconnect_lidar(lost_at_end);
+    co_await std::move(reconnecting);
   }
   co_return id;
 }
@@ -91,27 +106,8 @@ awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& reques
   const auto rejected_before = parts.lidar.rejected();
   int failures = 0;
   while (got < request.samples) {
-    stop_if_aborted();
-    std::exception_ptr why;
-    lidar::Scan scan;
-    try {
-      if (!streaming) {
-        gate.restart(seen_ms);
-        auto starting = start_stream(stream_for(request, skip));
-        co_await std::move(starting);
-      }
-      auto reading = parts.lidar.next();
-      scan = co_await std::move(reading);
-    } catch (...) {
-      why = std::current_exception();
-    }
-    if (why) {
-      stop_if_aborted();
-      if (++failures > failures_without_scan) std::rethrow_exception(why);
-      auto reconnecting = reconnect_lidar(why);
-      co_await std::move(reconnecting);
-      continue;
-    }
+    auto reading = next_scan(stream_for(request, skip), &gate, failures);
+    const lidar::Scan scan = co_await std::move(reading);
     if (!gate.takes(scan, own_time ? 0 : settled_us)) {
       if (gate.hopeless()) throw DeviceError(unfit_scans(request));
       continue;
@@ -125,8 +121,6 @@ awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& reques
     show(scan);
     changed();
   }
-  auto stopping = stop_stream();
-  co_await std::move(stopping);
   tell_losses(request, gate.lost(), parts.lidar.rejected() - rejected_before);
 }
 
@@ -163,16 +157,47 @@ awaitable<std::int64_t> Runner::Impl::turning_capture(CaptureRequest request) {
         "A turning capture needs scans and stage positions on one clock, and this lidar's clock does not "
         "run with this "
         "computer's. Run the simulator with --speed real.");
-  ScanGate gate(request, known_bench.lidar.scan_hz, 0);
-  gate.restart(seen_ms);
-  const std::int64_t ready_us = parts.clock.host_us() + static_cast<std::int64_t>(1e6 * turn_run_up_s);
   std::vector<lidar::Scan> scans;
   Track track;
+  std::uint64_t lost = 0;
+  std::exception_ptr why;
+  try {
+    auto filling = fill_turning(request, scans, track, lost);
+    co_await std::move(filling);
+    auto asking = track_stage(track);
+    co_await std::move(asking);
+  } catch (...) {
+    why = std::current_exception();
+  }
+  if (why) {
+    keep_short_turning(request, scans, track);
+    std::rethrow_exception(why);
+  }
+  const std::int64_t id = store_turning(request, scans, track, "");
+  tell_losses(request, lost, 0);
+  // Nothing that the lidar does now may keep the stage turning.
+  auto standing = stop_turning();
+  co_await std::move(standing);
+  auto stopping = stop_stream();
+  co_await std::move(stopping);
+  co_return id;
+}
+
+awaitable<void> Runner::Impl::fill_turning(const CaptureRequest& request, std::vector<lidar::Scan>& scans,
+                                           Track& track, std::uint64_t& lost) {
+  ScanGate gate(request, known_bench.lidar.scan_hz, 0);
+  gate.restart(seen_ms);
+  const std::int64_t begun_us = parts.clock.host_us();
+  const std::int64_t ready_us = begun_us + static_cast<std::int64_t>(1e6 * turn_run_up_s);
+  const double room_deg =
+      request.rate_deg_s > 0 ? limits.max_deg - position_deg : position_deg - limits.min_deg;
+  const double longest_s = room_deg / std::abs(*request.rate_deg_s);
   auto starting = start_stream(stream_for(request, 0));
   co_await std::move(starting);
   while (scans.size() < static_cast<std::size_t>(request.samples)) {
     stop_if_aborted();
-    auto reading = parts.lidar.next();
+    const double passed_s = static_cast<double>(parts.clock.host_us() - begun_us) / 1e6;
+    auto reading = next_scan_before_limit(longest_s - passed_s);
     lidar::Scan scan = co_await std::move(reading);
     if (!gate.takes(scan, ready_us)) {
       if (gate.hopeless()) throw DeviceError(unfit_scans(request));
@@ -180,6 +205,7 @@ awaitable<std::int64_t> Runner::Impl::turning_capture(CaptureRequest request) {
     }
     show(scan);
     scans.push_back(std::move(scan));
+    lost = gate.lost();
     state.done = static_cast<long>(scans.size()), state.total = request.samples, state.unit = "scans";
     changed();
     if (scans.size() % 4 == 1) {
@@ -187,11 +213,38 @@ awaitable<std::int64_t> Runner::Impl::turning_capture(CaptureRequest request) {
       co_await std::move(asking);
     }
   }
-  auto asking = track_stage(track);
-  co_await std::move(asking);
-  auto stopping = stop_stream();
+}
+
+awaitable<lidar::Scan> Runner::Impl::next_scan_before_limit(double seconds) {
+  std::exception_ptr why;
+  lidar::Scan scan;
+  auto reading = read_quietly(scan, why);
+  auto stopping = stop_stage_after(seconds);
+  const auto first = co_await (std::move(reading) || std::move(stopping));
+  if (first.index() == 1)
+    throw MeasurementError(
+        "The turning stage came to its soft limit before the lidar had sent what was asked for, and was "
+        "stopped. Look for what made scans late (the session's events), then go on with --resume.");
+  if (why) std::rethrow_exception(why);
+  co_return scan;
+}
+
+awaitable<void> Runner::Impl::read_quietly(lidar::Scan& scan, std::exception_ptr& why) {
+  try {
+    auto reading = parts.lidar.next();
+    scan = co_await std::move(reading);
+  } catch (...) {
+    why = std::current_exception();
+  }
+}
+
+awaitable<void> Runner::Impl::stop_stage_after(double seconds) {
+  if (seconds > 0) {
+    auto resting = parts.clock.sleep(seconds);
+    co_await std::move(resting);
+  }
+  auto stopping = parts.stage.stop();
   co_await std::move(stopping);
-  co_return store_turning(request, scans, track, gate.lost());
 }
 
 awaitable<void> Runner::Impl::track_stage(Track& track) {
@@ -211,7 +264,7 @@ awaitable<void> Runner::Impl::track_stage(Track& track) {
 }
 
 std::int64_t Runner::Impl::store_turning(const CaptureRequest& request, const std::vector<lidar::Scan>& scans,
-                                         const Track& track, std::uint64_t lost) {
+                                         const Track& track, const std::string& mark) {
   fit::CaptureInfo info = info_of(request);
   info.started_us = session_us(scans.front());
   const auto [start_deg, rate_deg_s] = track.at_and_rate(static_cast<double>(info.started_us) / 1e6);
@@ -220,11 +273,30 @@ std::int64_t Runner::Impl::store_turning(const CaptureRequest& request, const st
   info.approach = rate_deg_s > 0 ? 1 : -1;
   info.stage_rate_rad_s = rate_deg_s * fit::rad_per_deg;
   const std::int64_t id = session.begin_capture(info);
-  for (std::size_t i = 0; i < scans.size(); ++i) store(id, static_cast<long>(i), scans[i]);
-  record(request.key, {{"capture", id}, {"samples", scans.size()}});
-  session.commit_capture(id);
-  tell_losses(request, lost, 0);
+  try {
+    for (std::size_t i = 0; i < scans.size(); ++i) store(id, static_cast<long>(i), scans[i]);
+    replace_short_one(request);
+    if (!mark.empty()) session.mark_short(id);
+    record(request.key + mark, {{"capture", id}, {"samples", scans.size()}, {"asked", request.samples}});
+    session.commit_capture(id);
+  } catch (...) {
+    progress.erase(request.key + mark);
+    session.abandon_capture(id);
+    throw;
+  }
   return id;
+}
+
+void Runner::Impl::keep_short_turning(const CaptureRequest& request, const std::vector<lidar::Scan>& scans,
+                                      const Track& track) {
+  if (scans.empty() || track.time_s.size() < 2) return;
+  try {
+    (void)store_turning(request, scans, track, "/short");
+    note("warning", request.name + " is short: " + grouped(static_cast<long>(scans.size())) + " of " +
+                        grouped(request.samples) + " scans");
+  } catch (const std::exception&) {
+    // The disk refuses; the caller's error says so.
+  }
 }
 
 awaitable<void> Runner::Impl::wait(double seconds) {
@@ -235,28 +307,12 @@ awaitable<void> Runner::Impl::wait(double seconds) {
   state.activity = "waiting";
   int failures = 0;
   for (double passed_s = 0; passed_s < seconds;) {
-    stop_if_aborted();
-    std::exception_ptr why;
-    try {
-      if (!streaming) {
-        auto starting = start_stream(stream);
-        co_await std::move(starting);
-      }
-      auto reading = parts.lidar.next();
-      const lidar::Scan scan = co_await std::move(reading);
-      if (!first_ms || scan.device_ms < *first_ms) first_ms = scan.device_ms;
-      passed_s = static_cast<double>(scan.device_ms - *first_ms) / 1e3;
-      (void)session_us(scan);
-      failures = 0;
-    } catch (...) {
-      why = std::current_exception();
-    }
-    if (why) {
-      stop_if_aborted();
-      if (++failures > failures_without_scan) std::rethrow_exception(why);
-      auto reconnecting = reconnect_lidar(why);
-      co_await std::move(reconnecting);
-    }
+    auto reading = next_scan(stream, nullptr, failures);
+    const lidar::Scan scan = co_await std::move(reading);
+    if (!first_ms || scan.device_ms < *first_ms) first_ms = scan.device_ms;
+    passed_s = static_cast<double>(scan.device_ms - *first_ms) / 1e3;
+    (void)session_us(scan);
+    failures = 0;
     state.done = std::lround(passed_s), state.total = std::lround(seconds), state.unit = "s";
     changed();
   }

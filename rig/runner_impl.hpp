@@ -53,6 +53,7 @@ std::string words_of(const std::exception_ptr& why);
 json json_of(const Value& value);
 Value value_of(const json& stored);
 struct Track;
+class ScanGate;
 
 struct Runner::Impl final : StepContext {
   Procedure procedure;
@@ -168,7 +169,15 @@ struct Runner::Impl final : StepContext {
 
   awaitable<void> start_stream(LidarStream stream);
 
+  /// Once; the failure is the caller's.
+  awaitable<void> end_stream();
+
+  /// A lidar that is lost meanwhile is connected anew.
   awaitable<void> stop_stream();
+
+  /// The next scan. The stream is started when none runs, and then `gate` begins anew; a lidar that was lost
+  /// is connected anew unless that happened too often (`failures`) since the caller last got what it wanted.
+  awaitable<lidar::Scan> next_scan(LidarStream stream, ScanGate* gate, int& failures);
 
   awaitable<void> connect_lidar();
 
@@ -203,10 +212,20 @@ struct Runner::Impl final : StepContext {
   /// angle at the start comes from a line through the positions that the stage reported meanwhile.
   awaitable<std::int64_t> turning_capture(CaptureRequest request);
 
+  awaitable<void> fill_turning(const CaptureRequest& request, std::vector<lidar::Scan>& scans, Track& track,
+                               std::uint64_t& lost);
+
+  /// The next scan, or the stage stopped after `seconds`, when it comes to its soft limit, and an error.
+  awaitable<lidar::Scan> next_scan_before_limit(double seconds);
+  awaitable<void> read_quietly(lidar::Scan& scan, std::exception_ptr& why);
+  awaitable<void> stop_stage_after(double seconds);
+
   awaitable<void> track_stage(Track& track);
 
   std::int64_t store_turning(const CaptureRequest& request, const std::vector<lidar::Scan>& scans,
-                             const Track& track, std::uint64_t lost);
+                             const Track& track, const std::string& mark);
+  void keep_short_turning(const CaptureRequest& request, const std::vector<lidar::Scan>& scans,
+                          const Track& track);
 
   awaitable<void> wait(double seconds) override;
 
@@ -259,6 +278,7 @@ struct Runner::Impl final : StepContext {
 
   // The run
 
+  /// Both devices connected, and the stage found standing.
   awaitable<void> prepare();
 
   /// Takes over what a step gave that an earlier run recorded.
@@ -282,6 +302,9 @@ struct Runner::Impl final : StepContext {
   /// run_steps with its failure as a value: `||` goes on waiting when one side throws.
   awaitable<void> run_steps_quietly();
   std::exception_ptr failure;
+
+  /// The stage is stopped before what runs is called off: that may wait for a lidar that does not answer.
+  awaitable<void> stop_stage_when_aborted();
 
   /// Stage stopped, laser off, whatever happened. Each with the device's own deadline.
   awaitable<void> make_safe();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "rig/runner_impl.hpp"
+#include "rig/scan_gate.hpp"
 
 namespace rig {
 namespace {
@@ -14,11 +15,49 @@ awaitable<void> Runner::Impl::start_stream(LidarStream stream) {
   streaming = true;
 }
 
-awaitable<void> Runner::Impl::stop_stream() {
+awaitable<void> Runner::Impl::end_stream() {
   if (!streaming) co_return;
   streaming = false;
   auto stopping = parts.lidar.stop();
   co_await std::move(stopping);
+}
+
+awaitable<void> Runner::Impl::stop_stream() {
+  std::exception_ptr why;
+  try {
+    auto ending = end_stream();
+    co_await std::move(ending);
+  } catch (...) {
+    why = std::current_exception();
+  }
+  if (!why) co_return;
+  stop_if_aborted();
+  auto reconnecting = reconnect_lidar(why);
+  co_await std::move(reconnecting);
+}
+
+awaitable<lidar::Scan> Runner::Impl::next_scan(LidarStream stream, ScanGate* gate, int& failures) {
+  for (;;) {
+    stop_if_aborted();
+    std::exception_ptr why;
+    lidar::Scan scan;
+    try {
+      if (!streaming) {
+        if (gate) gate->restart(seen_ms);
+        auto starting = start_stream(stream);
+        co_await std::move(starting);
+      }
+      auto reading = parts.lidar.next();
+      scan = co_await std::move(reading);
+    } catch (...) {
+      why = std::current_exception();
+    }
+    if (!why) co_return scan;
+    stop_if_aborted();
+    if (++failures > failures_without_scan) std::rethrow_exception(why);
+    auto reconnecting = reconnect_lidar(why);
+    co_await std::move(reconnecting);
+  }
 }
 
 awaitable<void> Runner::Impl::connect_lidar() {
@@ -75,13 +114,14 @@ awaitable<void> Runner::Impl::reconnect_lidar(std::exception_ptr why) {
 
 awaitable<void> Runner::Impl::compare_clocks() {
   constexpr int scans = 12;
-  auto starting = start_stream(LidarStream());
-  co_await std::move(starting);
   std::uint64_t first_ms = 0, last_ms = 0;
   std::int64_t first_us = 0, last_us = 0;
+  int failures = 0;
   for (int i = 0; i < scans; ++i) {
-    auto reading = parts.lidar.next();
+    const auto reconnects_before = state.reconnects;
+    auto reading = next_scan(LidarStream(), nullptr, failures);
     const lidar::Scan scan = co_await std::move(reading);
+    if (state.reconnects != reconnects_before) i = 0;  // The pause in between says nothing of the clocks.
     last_ms = scan.device_ms;
     last_us = parts.clock.host_us();
     if (i == 1) first_ms = last_ms, first_us = last_us;

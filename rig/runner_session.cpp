@@ -120,14 +120,20 @@ json Runner::Impl::fit(const std::string& kind, const json& options) {
 
 void Runner::Impl::report(const std::string& file) {
   if (!parts.report) throw UsageError("this program cannot write reports yet.");
-  const std::filesystem::path relative(file);
-  if (relative.is_absolute() || std::ranges::find(relative, "..") != relative.end())
-    throw UsageError("the report '" + file +
-                     "' would leave the session's folder; give a relative name without '..'.");
-  store_limits();
   const auto folder = std::filesystem::absolute(session.path()).parent_path();
-  parts.report(session, (folder / relative).string());
-  note("info", "report written to " + (folder / relative).string());
+  const auto target = folder / file;
+  // Links are followed before it is judged where the report would go.
+  const auto inside = std::filesystem::weakly_canonical(folder),
+             really = std::filesystem::weakly_canonical(target);
+  const bool leaves = std::ranges::mismatch(inside, really).in1 != inside.end();
+  if (leaves || std::filesystem::is_symlink(target))
+    throw UsageError(
+        "the report '" + file + "' would be written to " + really.string() +
+        ", outside the session's folder " + inside.string() +
+        ". It was not written; what was measured is in the session. Remove the link, or use rig report.");
+  store_limits();
+  parts.report(session, target.string());
+  note("info", "report written to " + target.string());
 }
 
 void Runner::Impl::for_each_scan(std::int64_t capture,

@@ -81,7 +81,7 @@ awaitable<Runner::Impl::Look> Runner::Impl::look_once(const CaptureRequest& requ
     echoes.add(scan, 0);
     show(scan);
   }
-  auto stopping = stop_stream();
+  auto stopping = end_stream();
   co_await std::move(stopping);
   co_return judge(sight, request.first_step, echoes.ranges());
 }
@@ -193,7 +193,7 @@ awaitable<void> Runner::Impl::watch_stream(std::optional<Sight> until) {
       }
       changed();
     }
-    auto stopping = stop_stream();
+    auto stopping = end_stream();
     co_await std::move(stopping);
     auto resting = pause_for(between_looks_s);
     co_await std::move(resting);
@@ -209,7 +209,7 @@ void Runner::Impl::tell(const Look& look) {
 awaitable<void> Runner::Impl::end_watch() {
   std::exception_ptr why;
   try {
-    auto stopping = stop_stream();
+    auto stopping = end_stream();
     co_await std::move(stopping);
   } catch (...) {
     why = std::current_exception();

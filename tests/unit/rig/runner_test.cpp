@@ -1,16 +1,19 @@
 // SPDX-License-Identifier: MIT
 #include "rig/runner.hpp"
 
+#include <unistd.h>
+
 #include <boost/asio/co_spawn.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
+#include <boost/asio/redirect_error.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/asio/this_coro.hpp>
 #include <boost/asio/use_awaitable.hpp>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <unistd.h>
 
 using Catch::Matchers::Contains;
 using nlohmann::json;
@@ -31,8 +34,8 @@ class FakeClock final : public rig::RunClock {
   std::int64_t host_us() const override { return now_us; }
   std::int64_t unix_us() const override { return 1'700'000'000'000'000 + now_us; }
   awaitable<void> sleep(double seconds) override {
+    for (int i = 0; i < 10; ++i) co_await yield();  // What happens at once happens before.
     now_us += std::llround(seconds * 1e6);
-    co_await yield();
   }
 };
 
@@ -56,8 +59,9 @@ class FakeLidar final : public rig::LidarSource {
   explicit FakeLidar(FakeBench& bench) : bench_(bench) {}
   std::function<void(std::uint64_t number)> before_scan = [](std::uint64_t) {};
   std::function<void(lidar::Scan&)> tamper = [](lidar::Scan&) {};
-  bool dead = false;
-  int connects = 0, stops = 0;
+  bool dead = false, silent = false, dead_once_stopped = false;
+  std::function<void()> when_silent = [] {}, at_cancel = [] {};
+  int connects = 0, stops = 0, fails_at_stop = -1;
   rig::LidarStream stream;
 
   awaitable<json> connect() override {
@@ -73,6 +77,14 @@ class FakeLidar final : public rig::LidarSource {
   }
   awaitable<lidar::Scan> next() override {
     co_await yield();
+    if (silent) {
+      when_silent();
+      asio::steady_timer never(co_await asio::this_coro::executor, asio::steady_timer::time_point::max());
+      boost::system::error_code ended;
+      co_await never.async_wait(asio::redirect_error(asio::use_awaitable, ended));
+      at_cancel();
+      throw boost::system::system_error(ended);
+    }
     ++bench_.scans;
     bench_.clock.now_us += 25'000 * (stream.skip + 1);
     before_scan(bench_.scans);
@@ -89,8 +101,9 @@ class FakeLidar final : public rig::LidarSource {
     co_return scan;
   }
   awaitable<void> stop() override {
-    ++stops;
     co_await yield();
+    if (dead_once_stopped) dead = true;
+    if (stops++ == fails_at_stop) throw rig::DeviceError("cable pulled at the end.");
   }
   std::uint64_t rejected() const override { return 0; }
   bool own_time() const override { return false; }
@@ -136,8 +149,10 @@ class FakeStage final : public rig::Stage {
     bench_.stage_deg = target_deg;
     co_return target_deg + readback_error_deg;
   }
-  awaitable<void> turn(double) override {
+  double rate_deg_s = 0;
+  awaitable<void> turn(double rate) override {
     moving = true;
+    rate_deg_s = rate;
     co_await yield();
   }
   awaitable<void> stop() override {
@@ -286,6 +301,76 @@ TEST_CASE("a lidar that is lost in the middle of a capture comes back and the ca
   CHECK(rig.captures()[0].stamps.size() == 50);
   CHECK(rig.lidar.connects == 2);
   CHECK(rig.told("lidar is back"));
+}
+
+TEST_CASE("a capture that was whole stays whole when the lidar is lost at its end") {
+  Rig rig("  - home\n  - capture: {samples: 50}\n  - capture: {samples: 5}\n");
+  rig.lidar.fails_at_stop = 1;  // The first stop ends the comparison of the clocks.
+  CHECK(rig.run());
+  const auto captures = rig.captures();
+  REQUIRE(captures.size() == 2);
+  CHECK(captures[0].step == "capture 2");
+  CHECK(captures[0].stamps.size() == 50);
+  CHECK(rig.lidar.connects == 2);
+
+  Rig gone("  - home\n  - capture: {samples: 50}\n  - capture: {samples: 5}\n");
+  gone.lidar.fails_at_stop = 1;
+  gone.lidar.before_scan = [&](std::uint64_t number) { gone.lidar.dead_once_stopped = number > 20; };
+  CHECK_THROWS_WITH(gone.run(), Contains("did not come back"));
+  REQUIRE(gone.captures().size() == 1);
+  CHECK_THAT(gone.captures()[0].step, !Contains("short"));
+}
+
+TEST_CASE("a lidar that is lost while the rig looks at what was placed, or waits, comes back") {
+  Rig rig(
+      "  - home\n  - prompt: {title: Place it, until: {beams_deg: [-1, 1], within_mm: [1350, 1450]}}\n"
+      "  - wait: {seconds: 2}\n  - capture: {samples: 5}\n");
+  rig.lidar.before_scan = [&](std::uint64_t number) {
+    if (number == 4 || number == 16 || number == 30) throw rig::DeviceError("cable pulled.");
+  };
+  CHECK(rig.run());
+  CHECK(rig.lidar.connects == 4);
+  CHECK(rig.captures()[0].stamps.size() == 5);
+}
+
+TEST_CASE("a turning stage is stopped at its soft limit even if the lidar says nothing") {
+  Rig rig("  - home\n  - turn: {rate_deg_s: 20, from_deg: 100, samples: 40}\n");
+  rig.prepare = [&](rig::Runner& runner) {
+    runner.observe(
+        [&](const rig::RunState& state) { rig.lidar.silent = state.activity.starts_with("turning"); });
+  };
+  CHECK_THROWS_WITH(rig.run(), Contains("soft limit"));
+  CHECK_FALSE(rig.stage.moving);
+}
+
+TEST_CASE("an interrupted turn keeps its scans, marked short, until a whole one replaces them") {
+  Rig rig("  - home\n  - turn: {rate_deg_s: 4, from_deg: 0, samples: 60}\n");
+  rig.lidar.before_scan = [&](std::uint64_t number) { rig.lidar.dead = number >= 72; };
+  CHECK_THROWS(rig.run());
+  CHECK_FALSE(rig.stage.moving);
+  auto captures = rig.captures();
+  REQUIRE(captures.size() == 1);
+  CHECK_THAT(captures[0].step, Contains("(short)"));
+  CHECK(captures[0].stamps.size() < 60);
+  rig.lidar.dead = false;
+  rig.lidar.before_scan = [](std::uint64_t) {};
+  CHECK(rig.run());
+  captures = rig.captures();
+  REQUIRE(captures.size() == 1);
+  CHECK(captures[0].stamps.size() == 60);
+}
+
+TEST_CASE("an abort stops a turning stage before it waits for a lidar that does not answer") {
+  Rig rig("  - home\n  - turn: {rate_deg_s: 4, from_deg: 0, samples: 200}\n");
+  bool stood = false;
+  rig.prepare = [&](rig::Runner& runner) {
+    rig.lidar.when_silent = [&] { runner.abort(); };
+    rig.lidar.at_cancel = [&] { stood = !rig.stage.moving; };
+    runner.observe(
+        [&](const rig::RunState& state) { rig.lidar.silent = state.done >= 20 && rig.stage.moving; });
+  };
+  CHECK_THROWS_AS(rig.run(), rig::RunStopped);
+  CHECK(stood);
 }
 
 TEST_CASE("a lidar that stays away ends the run safely, and a resumed run replaces the short capture") {
@@ -512,4 +597,30 @@ TEST_CASE("a limit that is not met is the run's result, not an error") {
            "limits:\n  - {name: noise, of: noise.sigma, max: 5}\n");
   good.fitted = rig.fitted;
   CHECK(good.run());
+}
+
+TEST_CASE("a report cannot leave the session's folder, and is refused before anything moves") {
+  for (const char* file :
+       {"/tmp/report.html", "../report.html", "a/../../report.html", "report.exe", "bench.json/.."}) {
+    INFO(file);
+    Rig rig("  - home\n  - report: {file: '" + std::string(file) + "'}\n");
+    CHECK_THROWS_WITH(rig.run(), Contains("test.yaml:4:"));
+    CHECK(rig.stage.homings == 0);
+  }
+}
+
+TEST_CASE("a report does not follow a link out of the session's folder") {
+  const std::string name = "runner-test-link-" + std::to_string(getpid());
+  const auto link = std::filesystem::temp_directory_path() / name;
+  for (const char* there : {"/usr", "/tmp/.."}) {
+    std::filesystem::create_directory_symlink(there, link);
+    Rig rig("  - home\n  - report: {file: '" + name + "/report.html'}\n");
+    CHECK_THROWS_WITH(rig.run(), Contains("outside the session's folder"));
+    std::filesystem::remove(link);
+  }
+  const auto report = link.string() + ".html";
+  std::filesystem::create_symlink("/nowhere/report.html", report);
+  Rig rig("  - home\n  - report: {file: '" + name + ".html'}\n");
+  CHECK_THROWS_WITH(rig.run(), Contains("outside the session's folder"));
+  std::filesystem::remove(report);
 }
