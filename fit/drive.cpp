@@ -21,8 +21,8 @@ class Wheels {
         known_.push_back(
             {static_cast<double>(pose.host_us) * 1e-6, {*pose.wheel_left_rad, *pose.wheel_right_rad}});
     std::ranges::stable_sort(known_, {}, &At::time_s);
-    const auto same = std::ranges::unique(known_, {}, &At::time_s);
-    known_.erase(same.begin(), same.end());
+    const auto same_time = [](const At& a, const At& b) { return a.time_s == b.time_s; };
+    known_.erase(std::unique(known_.begin(), known_.end(), same_time), known_.end());
   }
   [[nodiscard]] std::size_t size() const { return known_.size(); }
   [[nodiscard]] bool covers(double from, double to) const {

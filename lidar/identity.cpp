@@ -17,7 +17,7 @@ std::optional<int> number_of(const KeyValues& values, std::string_view key) {
 }
 
 /// A JSON string: quotes, backslashes and everything below a space escaped; bytes above 0x7E replaced.
-std::string quoted(std::string_view text) {
+std::string in_quotes(std::string_view text) {
   std::string out = "\"";
   for (const char c : text) {
     if (c == '"' || c == '\\') {
@@ -37,13 +37,13 @@ std::string quoted(std::string_view text) {
 std::string object(const KeyValues& values) {
   std::string out = "{";
   for (const auto& [key, value] : values)
-    out += (out.size() > 1 ? ", " : "") + quoted(key) + ": " + quoted(value);
+    out += (out.size() > 1 ? ", " : "") + in_quotes(key) + ": " + in_quotes(value);
   return out + "}";
 }
 
 std::string as_json(const Identity& identity) {
-  return "{\"model\": " + quoted(identity.model) + ", \"serial\": " + quoted(identity.serial) +
-         ", \"firmware\": " + quoted(identity.firmware) + ", \"VV\": " + object(identity.version) +
+  return "{\"model\": " + in_quotes(identity.model) + ", \"serial\": " + in_quotes(identity.serial) +
+         ", \"firmware\": " + in_quotes(identity.firmware) + ", \"VV\": " + object(identity.version) +
          ", \"PP\": " + object(identity.parameters) + ", \"II\": " + object(identity.information) + "}";
 }
 
