@@ -99,6 +99,20 @@ fit::Estimate joint_window(const std::vector<SourcedCrossing>& crossings) {
   return {mean, widen / std::sqrt(weights)};
 }
 
+/// Whether the window was stepped through evenly, with a smooth stop before and after: only then can stops be
+/// counted.
+bool evenly_stepped(const fit::EdgeCrossing& crossing) {
+  using State = fit::EdgeStop::State;
+  const auto jitters = [](const fit::EdgeStop& stop) { return stop.state == State::jitter; };
+  const auto& stops = crossing.stops;
+  const auto first = std::find_if(stops.begin(), stops.end(), jitters);
+  const auto last = std::find_if(stops.rbegin(), stops.rend(), jitters).base();  // One behind it.
+  if (first == stops.end() || first == stops.begin() || last == stops.end()) return false;
+  for (auto stop = first; stop != last + 1; ++stop)
+    if (stop->stage_rad - (stop - 1)->stage_rad > 1.2 * crossing.step_rad) return false;
+  return true;
+}
+
 /// Difference of the edge's stage angle between the two directions of approach: the play of the stage.
 void add_backlash(json& out, const std::vector<SourcedCrossing>& crossings) {
   for (const auto& a : crossings)
@@ -124,6 +138,8 @@ class Sensitivity : public Fitting {
   json run(const std::vector<FitSource>& sources, const json& options) const override {
     const EdgeSource source = read_edges(sources, options);
     const auto best_window = [](const SourcedCrossing& a, const SourcedCrossing& b) {
+      const bool even_a = evenly_stepped(a.crossing), even_b = evenly_stepped(b.crossing);
+      if (even_a != even_b) return even_a;
       return a.crossing.response.window_rad.u < b.crossing.response.window_rad.u;
     };
     const fit::EdgeCrossing& best =
@@ -151,11 +167,17 @@ class Sensitivity : public Fitting {
     out["values"].push_back(result_value("window_deg", "Window of jitter at an edge",
                                          {window.value * fit::deg_per_rad, window.u * fit::deg_per_rad},
                                          "deg"));
-    const auto counted =
-        best.jitter_rad ? best.jitter_rad->second - best.jitter_rad->first + best.step_rad : 0.0;
-    out["values"].push_back(
-        result_value("window_counted_deg", "The same, counted in stops as in the paper",
-                     {counted * fit::deg_per_rad, best.step_rad / std::sqrt(6.0) * fit::deg_per_rad}, "deg"));
+    if (evenly_stepped(best)) {
+      const double counted = best.jitter_rad->second - best.jitter_rad->first + best.step_rad;
+      out["values"].push_back(result_value(
+          "window_counted_deg", "The same, counted in stops as in the paper",
+          {counted * fit::deg_per_rad, best.step_rad / std::sqrt(6.0) * fit::deg_per_rad}, "deg"));
+    } else {
+      out["undetermined"].push_back(
+          "the window counted in stops as in the paper: no edge was swept in even steps with a smooth stop "
+          "on "
+          "both sides. Add a sweep of 0.01 deg steps through the edge.");
+    }
     out["values"].push_back(result_value(
         "edge_deg", "Stage angle at which the beam is on the edge",
         {best.response.edge_rad.value * fit::deg_per_rad, best.response.edge_rad.u * fit::deg_per_rad},
