@@ -11,6 +11,7 @@
 #include <fstream>
 #include <kainjow/mustache.hpp>
 #include <map>
+#include <optional>
 #include <nlohmann/json.hpp>
 
 #include "fit/bench.hpp"
@@ -246,8 +247,44 @@ json shown_value(const json& value) {
           {"k", certain ? "" : factor}};
 }
 
-json shown_cell(const json& cell) {
+/// Decimals a number needs to be written whole.
+int decimals_of(double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.6f", value);
+  std::string digits = text;
+  digits.erase(digits.find_last_not_of('0') + 1);
+  return static_cast<int>(digits.size() - digits.find('.') - 1);
+}
+
+/// Decimals of all numbers in a column, so that they can be compared: four significant digits for a typical
+/// one, two for an uncertainty. None where they span orders of magnitude.
+std::optional<int> decimals_of_column(const json& body, std::size_t column, const std::string& name) {
+  std::vector<double> sizes;
+  int needed = 0;
+  for (const json& row : body) {
+    if (!row.is_array() || column >= row.size() || !row[column].is_number_float()) continue;
+    const double value = row[column].get<double>();
+    if (!std::isfinite(value) || value == 0) continue;
+    sizes.push_back(std::abs(value));
+    needed = std::max(needed, decimals_of(value));
+  }
+  if (sizes.empty()) return std::nullopt;
+  std::sort(sizes.begin(), sizes.end());
+  const bool uncertainty = name == "u" || name == "U" || name.starts_with("u(");
+  const int significant = uncertainty ? 2 : 4;
+  const double typical = uncertainty ? sizes.front() : sizes[sizes.size() / 2];
+  if (sizes.back() > 1e4 * typical) return std::nullopt;
+  const int decimals = significant - 1 - static_cast<int>(std::floor(std::log10(typical)));
+  return std::clamp(decimals, std::min(2, needed), std::min(6, needed));
+}
+
+json shown_cell(const json& cell, std::optional<int> decimals) {
   if (cell.is_number_integer()) return {{"text", std::to_string(cell.get<long long>())}, {"numeric", true}};
+  if (cell.is_number() && decimals && std::isfinite(cell.get<double>())) {
+    char text[64];
+    std::snprintf(text, sizeof text, "%.*f", *decimals, cell.get<double>());
+    return {{"text", text}, {"numeric", true}};
+  }
   if (cell.is_number()) return {{"text", format_value(cell.get<double>(), 0)}, {"numeric", true}};
   if (cell.is_null()) return {{"text", ""}, {"numeric", false}};
   if (cell.is_boolean()) return {{"text", cell.get<bool>() ? "yes" : "no"}, {"numeric", false}};
@@ -257,21 +294,30 @@ json shown_cell(const json& cell) {
 json shown_table(const json& table) {
   json columns = json::array(), rows = json::array();
   const json body = list_of(table, "rows");
-  for (const json& row : body) {
-    json cells = json::array();
-    if (row.is_array())
-      for (const json& cell : row) cells.push_back(shown_cell(cell));
-    rows.push_back({{"cells", cells}});
-  }
+  std::vector<std::optional<int>> decimals;
   std::size_t i = 0;
   for (const json& column : list_of(table, "columns")) {
     const bool numeric = !body.empty() && body[0].is_array() && i < body[0].size() && body[0][i].is_number();
     const std::string name = column.is_string() ? column.get<std::string>() : text_of(column, "name");
     const std::string unit = column.is_object() ? text_of(column, "unit") : "";
     columns.push_back({{"text", unit.empty() ? name : name + " (" + unit + ")"}, {"numeric", numeric}});
+    if (column.is_object() && column.contains("decimals"))
+      decimals.push_back(column["decimals"].get<int>());
+    else
+      decimals.push_back(decimals_of_column(body, i, name));
     ++i;
   }
-  return {{"title", text_of(table, "title")}, {"columns", columns}, {"rows", rows}};
+  for (const json& row : body) {
+    json cells = json::array();
+    for (std::size_t k = 0; row.is_array() && k < row.size(); ++k)
+      cells.push_back(shown_cell(row[k], k < decimals.size() ? decimals[k] : std::nullopt));
+    rows.push_back({{"cells", cells}});
+  }
+  constexpr std::size_t columns_of_a_page = 6;
+  return {{"title", text_of(table, "title")},
+          {"wide", columns.size() > columns_of_a_page},
+          {"columns", columns},
+          {"rows", rows}};
 }
 
 const std::map<std::string, std::string>& section_titles() {
@@ -285,6 +331,7 @@ const std::map<std::string, std::string>& section_titles() {
       {"wall", "Right-angle wall calibration"},
       {"odometry", "Odometry and lidar pose"},
       {"deskew", "Motion distortion"},
+      {"noise", "Noise as recorded"},
   };
   return titles;
 }

@@ -37,6 +37,16 @@ class Echoes {
   int scans_ = 0;
 };
 
+bool is_cancellation(const std::exception_ptr& why) {
+  try {
+    std::rethrow_exception(why);
+  } catch (const boost::system::system_error& error) {
+    return error.code() == asio::error::operation_aborted;
+  } catch (...) {
+    return false;
+  }
+}
+
 CaptureRequest steps_of(const Sight& sight, const fit::LidarGeometry& lidar) {
   CaptureRequest request;
   const double step_deg = lidar.step_rad * fit::deg_per_rad;
@@ -155,8 +165,8 @@ awaitable<void> Runner::Impl::watch_bench(std::optional<Sight> until) {
     } catch (...) {
       why = std::current_exception();
     }
-    const auto cancelled = co_await asio::this_coro::cancellation_state;
-    if (cancelled.cancelled() != asio::cancellation_type::none) co_return;
+    // The driver has reset the cancellation state for its last words to the device: only the exception tells.
+    if (is_cancellation(why) || answered || operator_failed || aborted) co_return;
     if (!lost)
       note("warning", "lidar lost: " + words_of(why) + " Check its power and cable; rig goes on trying.");
     lost = true;

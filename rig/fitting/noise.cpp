@@ -64,7 +64,7 @@ class Noise : public Fitting {
 
   json run(const std::vector<FitSource>& sources, const json&) const override {
     const auto recording = sources.front().session->recording();
-    json rows = json::array();
+    std::vector<StepCaptures> captures;
     std::vector<double> range, sigma, sigmas, correlations;
     long values = 0, none = 0;
     for (std::size_t i = 0; i < recording->captures().size(); ++i) {
@@ -87,16 +87,47 @@ class Noise : public Fitting {
         sigmas.push_back(sigma.back());
         correlations.push_back(beam.correlation());
       }
-      rows.push_back({capture.id, capture.step, capture.stage_rad * fit::deg_per_rad, scans, beams.size(),
-                      number(median_of(of_capture))});
+      add_capture(captures, capture, scans, median_of(of_capture));
     }
     if (sigmas.empty())
       throw MeasurementError("no beam of " + sources.front().path +
                              " has 20 valid samples in one capture: capture more scans at each position");
-    return document(rows, range, sigma, median_of(sigmas), median_of(correlations), values, none);
+    return document(rows_of(captures), range, sigma, median_of(sigmas), median_of(correlations), values,
+                    none);
   }
 
  private:
+  /// The captures of one step, which may be hundreds: one row.
+  struct StepCaptures {
+    std::string step;
+    std::size_t count = 0;
+    double least_deg = 0, most_deg = 0;
+    long scans = 0;
+    int beams = 0;
+    std::vector<double> sigma_mm;
+  };
+
+  static void add_capture(std::vector<StepCaptures>& all, const fit::CaptureInfo& capture, long scans,
+                          double sigma_mm) {
+    const double deg = capture.stage_rad * fit::deg_per_rad;
+    if (all.empty() || all.back().step != capture.step || all.back().beams != capture.beams())
+      all.push_back({capture.step, 0, deg, deg, 0, capture.beams(), {}});
+    StepCaptures& here = all.back();
+    ++here.count;
+    here.least_deg = std::min(here.least_deg, deg);
+    here.most_deg = std::max(here.most_deg, deg);
+    here.scans += scans;
+    if (std::isfinite(sigma_mm)) here.sigma_mm.push_back(sigma_mm);
+  }
+
+  static json rows_of(const std::vector<StepCaptures>& all) {
+    json rows = json::array();
+    for (const StepCaptures& step : all)
+      rows.push_back({step.step, step.count, step.least_deg, step.most_deg, step.scans, step.beams,
+                      number(median_of(step.sigma_mm))});
+    return rows;
+  }
+
   static json document(const json& rows, const std::vector<double>& range, const std::vector<double>& sigma,
                        double typical, double correlation, long values, long none) {
     json out = {{"schema", "result/1"}, {"kind", "noise"}};
@@ -104,6 +135,11 @@ class Noise : public Fitting {
         "Sample standard deviation of each beam within each capture and the correlation of one scan with the "
         "next; no model.";
     const double u = typical / std::sqrt(2.0 * static_cast<double>(sigma.size()));
+    // A median of estimates is 1.25 times as uncertain as their mean; a share has a beta posterior (flat
+    // prior).
+    const auto samples = static_cast<double>(values), lost = static_cast<double>(none);
+    const double u_correlation = 1.2533 / std::sqrt(std::max(1.0, samples - lost));
+    const double u_share = std::sqrt((lost + 1) * (samples - lost + 1) / (samples + 3)) / (samples + 2);
     out["values"] = {{{"name", "noise_median_mm"},
                       {"label", "Standard deviation, median beam"},
                       {"value", typical},
@@ -114,18 +150,19 @@ class Noise : public Fitting {
                      {{"name", "scan_correlation"},
                       {"label", "Correlation of neighbouring scans, median beam"},
                       {"value", correlation},
-                      {"u", nullptr},
+                      {"u", u_correlation},
                       {"unit", ""}},
                      {{"name", "dropout_share"},
                       {"label", "Share of samples without echo"},
                       {"value", values ? static_cast<double>(none) / static_cast<double>(values) : 0.0},
-                      {"u", nullptr},
+                      {"u", u_share},
                       {"unit", ""}}};
     out["tables"] = {{{"title", "Captures"},
                       {"columns",
-                       {"capture",
-                        "step",
-                        {{"name", "stage"}, {"unit", "deg"}},
+                       {"step",
+                        "captures",
+                        {{"name", "stage from"}, {"unit", "deg"}, {"decimals", 2}},
+                        {{"name", "to"}, {"unit", "deg"}, {"decimals", 2}},
                         "scans",
                         "beams",
                         {{"name", "median standard deviation"}, {"unit", "mm"}}}},

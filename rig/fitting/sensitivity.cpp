@@ -206,7 +206,7 @@ class Sensitivity : public Fitting {
              {{{"name", "beam"}, {"unit", "deg"}},
               "end",
               "approach",
-              {{"name", "edge at stage"}, {"unit", "deg"}},
+              {{"name", "edge at stage"}, {"unit", "deg"}, {"decimals", 4}},
               {{"name", "u"}, {"unit", "deg"}},
               {{"name", "window"}, {"unit", "deg"}},
               {{"name", "u"}, {"unit", "deg"}},

@@ -174,9 +174,14 @@ class FakeOperator final : public rig::Operator {
   std::function<rig::Answer(const rig::Prompt&)> answers = [](const rig::Prompt&) { return rig::Answer{}; };
   std::vector<std::string> asked;
   bool nobody = true;
+  bool silent = false;  ///< Answers come from elsewhere.
   awaitable<rig::Answer> ask(rig::Prompt prompt) override {
     co_await yield();
     asked.push_back(prompt.title);
+    if (silent) {
+      asio::steady_timer never(co_await asio::this_coro::executor, asio::steady_timer::time_point::max());
+      co_await never.async_wait(asio::use_awaitable);
+    }
     co_return answers(prompt);
   }
   bool unattended() const override { return nobody; }
@@ -513,6 +518,36 @@ TEST_CASE("a prompt is asked again until the rig sees what was asked for") {
 TEST_CASE("nobody is asked for ever: a bench that contradicts the captures ends the run") {
   Rig rig("  - home\n  - prompt: {title: Place it, until: {beams_deg: [-1, 1], within_mm: [1450, 1550]}}\n");
   CHECK_THROWS_WITH(rig.run(), Contains("sees 1400 mm") && Contains("wants 1450 to 1550"));
+}
+
+TEST_CASE(
+    "while a person works, the rig tells what it sees, and a lidar that was unplugged meanwhile comes back") {
+  Rig rig(
+      "  - home\n  - prompt: {title: Place it, until: {beams_deg: [-1, 1], within_mm: [1450, 1550]}}\n"
+      "  - capture: {samples: 5}\n");
+  rig.person.nobody = false;
+  rig.person.silent = true;
+  std::vector<std::string> wrong;
+  rig.lidar.before_scan = [&](std::uint64_t number) { rig.lidar.dead = rig.lidar.dead || number == 60; };
+  rig.prepare = [&](rig::Runner& runner) {
+    runner.observe([&](const rig::RunState& state) {
+      if (!state.prompt) return;
+      if (!state.prompt->check.empty()) wrong.push_back(state.prompt->check);
+      if (rig.lidar.dead && state.prompt->check.find("does not answer") != std::string::npos) {
+        rig.lidar.dead = false;
+        rig.world.board_mm = 1500;
+      }
+      if (!state.prompt->seen.empty() && state.reconnects == 1) runner.answer(rig::Answer{});
+    });
+  };
+  CHECK(rig.run());
+  REQUIRE_FALSE(wrong.empty());
+  CHECK(wrong.front() == "the rig sees 1400 mm and wants 1450 to 1550 mm.");
+  CHECK(rig.told("lidar lost"));
+  CHECK(rig.told("lidar is back"));
+  REQUIRE(rig.captures().size() == 1);
+  CHECK(rig.captures()[0].range == 1500);
+  CHECK(rig.captures()[0].stamps.size() == 5);
 }
 
 TEST_CASE("skipping a prompt skips the rest of its turn only") {
