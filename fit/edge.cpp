@@ -123,7 +123,10 @@ bool is_step(const BeamStop& a, const BeamStop& b) {
 /// Stops whose spread is the surface's own noise: at least most of their samples see one surface.
 std::vector<std::size_t> calm_stops(const std::vector<BeamStop>& stops) {
   std::vector<double> sigmas;
-  for (const BeamStop& stop : stops) sigmas.push_back(stop.sigma_mm);
+  for (const BeamStop& stop : stops)
+    if (stop.median_mm < no_echo_mm)
+      sigmas.push_back(stop.sigma_mm);  // Nothing at all is no surface's noise.
+  if (sigmas.empty()) return {};
   const auto quarter = sigmas.begin() + static_cast<std::ptrdiff_t>(sigmas.size() / 4);
   std::nth_element(sigmas.begin(), quarter, sigmas.end());
   std::vector<std::size_t> calm;

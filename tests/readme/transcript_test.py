@@ -5,7 +5,7 @@
 differ; a line `...` stands for any lines.
 
     transcript_test.py [--print]     --print: what the commands say now, to paste into the README"""
-import os, re, subprocess, sys
+import os, re, shutil, subprocess, sys, threading
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 LONGEST_S = 1500
@@ -47,7 +47,17 @@ def agrees(shown, said):
     return bool(said) and shape(shown[0]) == shape(said[0]) and agrees(shown[1:], said[1:])
 
 
+def background(command):
+    """A program in the background is used once it has said that it is ready: the file it writes has a line."""
+    file = os.path.join(ROOT, re.search(r">\s*(\S+) &$", command).group(1))
+    for _ in range(400):
+        if os.path.exists(file) and os.path.getsize(file):
+            return
+        threading.Event().wait(0.05)
+
+
 def main(show):
+    shutil.rmtree(os.path.join(ROOT, "build", "first"), ignore_errors=True)
     environment = {name: value for name, value in os.environ.items() if not name.lower().endswith("_proxy")}
     shell = subprocess.Popen(["timeout", str(LONGEST_S), "bash"], cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                              text=True, errors="replace", env=environment)
@@ -56,6 +66,8 @@ def main(show):
         for command, shown in transcript():
             shell.stdin.write(f"{command}\nprintf '\\n{END}%s\\n' $?\n")
             shell.stdin.flush()
+            if command.endswith("&"):
+                background(command)
             said, status = [], None
             for line in shell.stdout:
                 if line.startswith(END):
@@ -74,9 +86,9 @@ def main(show):
             elif not agrees(shown, said):
                 wrong.append(f"`{command}`: the README shows\n  " + "\n  ".join(shown) + "\nbut it said\n  " + "\n  ".join(said))
     finally:
-        shell.stdin.close()  # The shell ends what it started.
-        shell.terminate()
-        shell.wait()
+        shell.stdin.write("kill $(jobs -p)\n")
+        shell.stdin.close()
+        shell.wait(timeout=60)
     if wrong and not show:
         sys.exit("\n".join(wrong))
 

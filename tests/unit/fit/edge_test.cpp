@@ -16,7 +16,7 @@ enum class Shape { ramp, gaussian };
 /// A board at 1.5 m square to the view, its right edge at bearing `edge_deg`, a background 0.8 m behind;
 /// beams see behind with a probability that rises across the window.
 SyntheticRecording edge_bench(double edge_deg, double window_deg, Shape shape, unsigned seed,
-                              double drift_mm_per_deg = 0) {
+                              double drift_mm_per_deg = 0, bool background = true) {
   auto random = std::make_shared<std::mt19937_64>(seed);
   return {fit::Bench{}, [=](const fit::CaptureInfo& capture, std::int64_t, auto& range, auto& intensity) {
             std::normal_distribution<double> noise(0, 4);
@@ -28,9 +28,10 @@ SyntheticRecording edge_bench(double edge_deg, double window_deg, Shape shape, u
               const double along = (edge_deg - bearing) / window_deg;
               const double behind = shape == Shape::ramp ? std::clamp(0.5 + along, 0.0, 1.0)
                                                          : std::erfc(-along * 4.6527 / std::sqrt(2.0)) / 2;
-              const double level =
-                  (chance(*random) < behind ? 2300 : 1500) + drift_mm_per_deg * (bearing - edge_deg);
+              const bool sees_behind = chance(*random) < behind;
+              const double level = (sees_behind ? 2300 : 1500) + drift_mm_per_deg * (bearing - edge_deg);
               range[k] = static_cast<std::uint16_t>(std::lround(level + noise(*random)));
+              if (sees_behind && !background) range[k] = 0;
               intensity[k] = 1800;
             }
           }};
@@ -72,6 +73,18 @@ TEST_CASE("a sweep over a board's edge gives its angle and the window of jitter 
   CHECK(crossing.jitter_rad->first / deg == Approx(40.00));
   CHECK(crossing.jitter_rad->second / deg == Approx(40.04));
   CHECK(crossing.step_rad / deg == Approx(0.01));
+}
+
+TEST_CASE("an edge with nothing behind it is found as well") {
+  auto recording = edge_bench(40.023, 0.05, Shape::ramp, 5, 0, false);
+  sweep(recording, 39.9, 40.15, 0.01, 500);
+  sweep(recording, 35, 39.8, 0.2, 500);  // Most stops see nothing at all.
+  const auto crossings = fit::find_edge_crossings(recording);
+  const auto& crossing = front_beam(crossings);
+  CHECK(crossing.back_mm == 0);
+  CHECK(std::abs(crossing.response.edge_rad.value / deg - 40.023) < 3 * crossing.response.edge_rad.u / deg);
+  CHECK(crossing.response.edge_rad.u / deg < 0.001);
+  CHECK(std::abs(crossing.response.window_rad.value / deg - 0.05) < 3 * crossing.response.window_rad.u / deg);
 }
 
 TEST_CASE("edge and window lie within k = 2 of the truth as often as promised") {
