@@ -135,7 +135,8 @@ LidarGeometry read_lidar(const Reader& reader) {
 
 Target read_target(const Reader& reader) {
   reader.must_be_object();
-  reader.refuse_misspelt(std::array{"name", "from_mm", "to_mm", "u_mm", "u_deg", "reflectance"});
+  reader.refuse_misspelt(
+      std::array{"name", "from_mm", "to_mm", "u_mm", "u_deg", "reflectance", "placed_anew"});
   Target target;
   target.name = reader.at("name").string();
   target.from_mm = reader.at("from_mm").point();
@@ -146,6 +147,9 @@ Target read_target(const Reader& reader) {
   if (reader.has("u_deg")) target.u_rad = reader.at("u_deg").number_from(0, 360) * rad_per_deg;
   if (reader.has("reflectance") && !reader.at("reflectance").value().is_null())
     target.reflectance = reader.at("reflectance").number_from(0, 1000);
+  // Stays in the document: only those who compare placements ask for it.
+  if (reader.has("placed_anew") && !reader.at("placed_anew").value().is_boolean())
+    reader.at("placed_anew").refuse("must be true or false");
   return target;
 }
 

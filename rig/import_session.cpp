@@ -258,7 +258,8 @@ json bench_document(const ImportRequest& request, const SessionWriter& written,
                                 {"from_mm", {d, -half}},
                                 {"to_mm", {d, half}},
                                 {"u_mm", request.true_u_mm},
-                                {"u_deg", 2.0}});
+                                {"u_deg", 2.0},
+                                {"placed_anew", true}});
     // The operator's distance is from the lidar, whatever carries it: the frame of such a session is the
     // lidar's.
     for (const char* axis : {"x_mm", "y_mm"}) bench["lidar"]["mount"][axis] = {{"value", 0}, {"u", 0}};

@@ -6,6 +6,8 @@
 #include <set>
 #include <stdexcept>
 
+#include "fit/explain/together.hpp"
+
 namespace fit::explain {
 namespace {
 
@@ -149,28 +151,21 @@ std::vector<Located> locate_suspect(const Suspect& suspect, const Reduced& reduc
   return {{coordinate, low, high, observable, p}};
 }
 
-Reduced reduce_all(const std::vector<const Recording*>& recordings, const Progress& progress) {
+Reduced reduce_all(const Together& together, const Progress& progress) {
+  const auto& recordings = together.recordings();
   Reduced all;
   for (std::size_t i = 0; i < recordings.size(); ++i) {
-    Reduced one = reduce(*recordings[i], [&](double share, const char* what) {
-      if (progress)
-        progress(0.3 * (static_cast<double>(i) + share) / static_cast<double>(recordings.size()), what);
-    });
-    if (i == 0) {
+    Reduced one = reduce(
+        *recordings[i],
+        [&](double share, const char* what) {
+          if (progress)
+            progress(0.3 * (static_cast<double>(i) + share) / static_cast<double>(recordings.size()), what);
+        },
+        together.absent(i));
+    if (i == 0)
       all = std::move(one);
-      continue;
-    }
-    bool same = one.bench.targets.size() == all.bench.targets.size();
-    for (std::size_t t = 0; same && t < one.bench.targets.size(); ++t)
-      same = one.bench.targets[t].name == all.bench.targets[t].name &&
-             (one.bench.targets[t].from_mm - all.bench.targets[t].from_mm).norm() < 1e-6 &&
-             (one.bench.targets[t].to_mm - all.bench.targets[t].to_mm).norm() < 1e-6;
-    if (!same)
-      throw std::invalid_argument(
-          "the sessions' benches have different targets, so they cannot be explained together. Explain them "
-          "one by "
-          "one, or name one bench for all with --bench");
-    append(all, one);
+    else
+      append(all, one);
   }
   return all;
 }
@@ -391,7 +386,8 @@ class Writer {
 
 Explanation explain(const std::vector<const Recording*>& recordings, const Progress& progress) {
   if (recordings.empty()) throw std::invalid_argument("no recording was given");
-  Reduced reduced = reduce_all(recordings, progress);
+  const Together together(recordings);
+  Reduced reduced = reduce_all(together, progress);
   if (reduced.bench.targets.empty())
     throw std::invalid_argument(
         "the bench has no targets, so there is nothing to compare the recording with. Describe the walls or "
@@ -406,6 +402,8 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
     if (progress) progress(0.35 + 0.63 * share, what);
   });
   Explanation explanation = Writer(reduced, means, spread).write();
+  explanation.several_places = together.in_several_places();
+  explanation.bench.targets.resize(recordings.front()->bench().targets.size());
   if (progress) progress(1, "done");
   return explanation;
 }

@@ -51,7 +51,8 @@ struct Explanation {
   long samples = 0;
   std::size_t cells = 0;
   int left_out = 0;
-  std::vector<Term> suspects;  ///< Members of undecided sets, with their values: for the next experiment.
+  bool several_places = false;  ///< Targets were put up in several places, each a target of its own.
+  std::vector<Term> suspects;   ///< Members of undecided sets, with their values: for the next experiment.
 };
 
 /// Explains one or several recordings of the same bench together. Throws std::invalid_argument when there is

@@ -16,15 +16,22 @@ constexpr double edge_window_rad = 2.5 * rad_per_deg;
 constexpr double grazing_rad = 78 * rad_per_deg;
 constexpr double no_echo_above_mm = 65000, no_echo_below_mm = 22;
 
+constexpr float not_looked = -1;  // no beam of that scan fell there
+
+/// Scans side by side: one column for each beam, or, where scans have their own geometry, for each interval
+/// of the beam angle as wide as the beams' spacing.
 struct Samples {
   int scans = 0, beams = 0;
-  std::vector<std::uint16_t> range, intensity;
+  std::vector<float> range, intensity;   ///< Scan after scan.
+  std::vector<float> aside_rad;          ///< From the column's middle; empty when all beams lie there.
+  std::vector<std::uint16_t> raw;        ///< Ranges as they came.
+  std::vector<double> beam_rad, beam_s;  ///< Of the columns.
   std::vector<double> since_start_s;
   std::vector<std::int64_t> seq;
-  [[nodiscard]] double at(int scan, int beam) const {
-    return range[static_cast<std::size_t>(scan) * static_cast<std::size_t>(beams) +
-                 static_cast<std::size_t>(beam)];
+  [[nodiscard]] std::size_t index(int scan, int beam) const {
+    return static_cast<std::size_t>(scan) * static_cast<std::size_t>(beams) + static_cast<std::size_t>(beam);
   }
+  [[nodiscard]] double at(int scan, int beam) const { return range[index(scan, beam)]; }
 };
 
 bool is_echo(double range) { return range >= no_echo_below_mm && range < no_echo_above_mm; }
@@ -45,36 +52,108 @@ class Reducer {
   void capture(std::size_t index) {
     index_ = index;
     info_ = &out_.captures[index];
-    beams_ = info_->beams();
-    if (beams_ <= 0) return;
     turning_ = std::abs(info_->stage_rate_rad_s) > 1e-9;
-    Samples block = empty_block();
+    spacing_rad_ = 0;
+    columns_ = {};
+    Samples block;
     recording_.for_each_scan(index, [&](const ScanView& scan) {
-      if (scan.geometry || static_cast<int>(scan.range_mm.size()) < beams_) return;
-      block.range.insert(block.range.end(), scan.range_mm.begin(), scan.range_mm.begin() + beams_);
-      if (static_cast<int>(scan.intensity.size()) >= beams_)
-        block.intensity.insert(block.intensity.end(), scan.intensity.begin(),
-                               scan.intensity.begin() + beams_);
+      if (block.scans == 0) block = empty_block(scan);
+      if (!(scan.geometry ? add_by_angle(scan, block) : add_by_step(scan, block))) return;
       block.since_start_s.push_back(
           std::max(0.0, static_cast<double>(scan.host_us - info_->started_us) * 1e-6));
       block.seq.push_back(scan.seq);
       ++block.scans;
       if (turning_ || block.scans == scans_per_group) {
         reduce_block(block);
-        block = empty_block();
+        block.scans = 0;
       }
     });
     if (block.scans > 0) reduce_block(block);
   }
 
  private:
-  Samples empty_block() const {
-    Samples block;
-    block.beams = beams_;
-    return block;
+  /// Columns for scans like this one.
+  Samples empty_block(const ScanView& scan) {
+    if (!columns_.beam_rad.empty()) return columns_;
+    const LidarGeometry& lidar = out_.bench.lidar;
+    if (!scan.geometry) {
+      columns_.beams = info_->beams();
+      for (int k = 0; k < columns_.beams; ++k) {
+        columns_.beam_rad.push_back(lidar.beam_angle(info_->first_step + k * info_->cluster));
+        columns_.beam_s.push_back(lidar.beam_time_s(info_->first_step + k * info_->cluster));
+      }
+      return columns_;
+    }
+    columns_.beams =
+        std::clamp(static_cast<int>(std::lround(2 * pi / std::abs(scan.geometry->step_rad))), 1, 20000);
+    spacing_rad_ = 2 * pi / columns_.beams;
+    const double turn_s = turn_time(scan);
+    for (int k = 0; k < columns_.beams; ++k) {
+      columns_.beam_rad.push_back((k + 0.5) * spacing_rad_ - pi);
+      const double since_first =
+          std::fmod(columns_.beam_rad.back() - scan.geometry->first_rad + 4 * pi, 2 * pi);
+      columns_.beam_s.push_back(since_first / (2 * pi) * turn_s);
+    }
+    return columns_;
   }
 
-  void reduce_block(const Samples& block) {
+  [[nodiscard]] double turn_time(const ScanView& scan) const {
+    const double swept = std::abs(scan.geometry->step_rad) * static_cast<double>(scan.range_mm.size());
+    if (scan.geometry->scan_s && *scan.geometry->scan_s > 0 && swept > 0)
+      return *scan.geometry->scan_s * 2 * pi / swept;
+    return 1 / out_.bench.lidar.scan_hz;
+  }
+
+  bool add_by_step(const ScanView& scan, Samples& block) const {
+    const int beams = block.beams;
+    if (beams <= 0 || spacing_rad_ > 0 || static_cast<int>(scan.range_mm.size()) < beams) return false;
+    block.range.insert(block.range.end(), scan.range_mm.begin(), scan.range_mm.begin() + beams);
+    block.raw.insert(block.raw.end(), scan.range_mm.begin(), scan.range_mm.begin() + beams);
+    if (static_cast<int>(scan.intensity.size()) >= beams)
+      block.intensity.insert(block.intensity.end(), scan.intensity.begin(), scan.intensity.begin() + beams);
+    return true;
+  }
+
+  /// Every beam goes to the column that its own angle falls into; of two in one, the nearer to the middle.
+  bool add_by_angle(const ScanView& scan, Samples& block) const {
+    if (block.beams <= 0 || !(spacing_rad_ > 0)) return false;
+    const std::size_t first = block.range.size(), more = static_cast<std::size_t>(block.beams);
+    block.range.resize(first + more, not_looked);
+    block.aside_rad.resize(first + more, static_cast<float>(pi));
+    const bool lit = scan.intensity.size() == scan.range_mm.size() && !scan.intensity.empty();
+    if (lit) block.intensity.resize(first + more, 0.0F);
+    for (std::size_t k = 0; k < scan.range_mm.size(); ++k) {
+      const double angle =
+          wrap_angle(scan.geometry->first_rad + static_cast<double>(k) * scan.geometry->step_rad);
+      const auto column = static_cast<std::size_t>(
+          std::clamp(static_cast<int>((angle + pi) / spacing_rad_), 0, block.beams - 1));
+      const auto aside = static_cast<float>(angle - block.beam_rad[column]);
+      block.raw.push_back(scan.range_mm[k]);
+      if (std::abs(aside) >= std::abs(block.aside_rad[first + column])) continue;
+      block.aside_rad[first + column] = aside;
+      block.range[first + column] = scan.range_mm[k];
+      if (lit) block.intensity[first + column] = scan.intensity[k];
+    }
+    return true;
+  }
+
+  /// Ranges are brought to the middle of their column, by how the range changes along the target there.
+  static void centre(Samples& block, const Scene& scene, double stage_rad) {
+    if (block.aside_rad.empty()) return;
+    for (int beam = 0; beam < block.beams; ++beam) {
+      const double middle = block.beam_rad[static_cast<std::size_t>(beam)];
+      const Sight at = scene.look(stage_rad, middle);
+      if (at.target < 0) continue;
+      for (int scan = 0; scan < block.scans; ++scan) {
+        const std::size_t i = block.index(scan, beam);
+        if (!is_echo(block.range[i])) continue;
+        const Sight own = scene.look(stage_rad, middle + block.aside_rad[i]);
+        if (own.target == at.target) block.range[i] += static_cast<float>(at.range_mm - own.range_mm);
+      }
+    }
+  }
+
+  void reduce_block(Samples& block) {
     Group group;
     group.capture = static_cast<int>(index_);
     group.scans = block.scans;
@@ -82,8 +161,9 @@ class Reducer {
     group.stage_rad = info_->stage_rad + (turning_ ? info_->stage_rate_rad_s * middle_s : 0);
     group.time_s = info_->since_power_on_s.value_or(static_cast<double>(info_->started_us) * 1e-6) + middle_s;
     group.first_cell = out_.cells.size();
+    const Scene scene(out_.bench, nuisance_, *info_, out_.absent[index_]);
+    centre(block, scene, group.stage_rad);
     group.sigma_mm = typical_spread(block);
-    const Scene scene(out_.bench, nuisance_, *info_);
     const auto edges = scene.edges(group.stage_rad);
     const int stride = turning_ ? turning_beams : 1;
     index_of_beam_.assign(static_cast<std::size_t>(block.beams), -1);
@@ -102,15 +182,11 @@ class Reducer {
     out_.groups.push_back(group);
   }
 
-  [[nodiscard]] double beam_angle(double step) const {
-    return out_.bench.lidar.beam_angle(info_->first_step + step * info_->cluster);
-  }
-
   Cell place(const Scene& scene, const std::vector<Edge>& edges, const Group& group, const Samples& block,
              int beam, int stride) const {
     Cell cell;
-    const double step = beam + (stride - 1) / 2.0;
-    cell.beam_rad = beam_angle(step);
+    const auto first = static_cast<std::size_t>(beam), last = first + static_cast<std::size_t>(stride) - 1;
+    cell.beam_rad = (block.beam_rad[first] + block.beam_rad[last]) / 2;
     cell.sight = scene.look(group.stage_rad, cell.beam_rad);
     if (cell.sight.target < 0) return cell;
     Circumstances& c = cell.at;
@@ -120,7 +196,7 @@ class Reducer {
     c.time_s = group.time_s;
     c.temperature_k = info_->temperature_c ? *info_->temperature_c - out_.first_temperature_c
                                            : std::numeric_limits<double>::quiet_NaN();
-    c.beam_time_s = out_.bench.lidar.beam_time_s(info_->first_step + step * info_->cluster);
+    c.beam_time_s = (block.beam_s[first] + block.beam_s[last]) / 2;
     c.since_move_s = block.since_start_s.front() + c.beam_time_s;
     c.stage_rate_rad_s = info_->stage_rate_rad_s;
     c.approach = info_->approach;
@@ -131,13 +207,14 @@ class Reducer {
     const double sway = 3 * (mount.yaw_rad.u * cell.sight.range_mm + std::hypot(mount.x_mm.u, mount.y_mm.u));
     const bool near_corner =
         c.corner_mm < 8 + 0.003 * cell.sight.range_mm + sway / cell.sight.cos_incidence();
-    const bool near_edge = std::abs(c.edge_rad) <= (c.gap_mm > 0 ? edge_margin_rad : brink_margin_rad);
+    const bool near_edge =
+        std::abs(c.edge_rad) <= (c.gap_mm > 0 ? edge_margin_rad : brink_margin_rad) + spacing_rad_ / 2;
     const bool slanted = std::abs(cell.sight.incidence_rad) >= grazing_rad;
     cell.smooth = !near_edge && !near_corner && !slanted;
     cell.doubtful = !cell.smooth && !slanted && stride == 1;
     if (stride > 1) {
-      const Sight left = scene.look(group.stage_rad, beam_angle(beam)),
-                  right = scene.look(group.stage_rad, beam_angle(beam + stride - 1));
+      const Sight left = scene.look(group.stage_rad, block.beam_rad[first]),
+                  right = scene.look(group.stage_rad, block.beam_rad[last]);
       if (left.target != right.target) cell.smooth = false;
     }
     cell.nominal_mm = cell.sight.range_mm;
@@ -182,22 +259,25 @@ class Reducer {
                  Cell& cell) {
     values_.clear();
     double intensity = 0;
-    int lit = 0;
+    int lit = 0, looked = 0;
     for (int scan = 0; scan < block.scans; ++scan) {
       for (int k = 0; k < stride; ++k) {
         const double range = block.at(scan, beam + k);
+        if (range == not_looked) continue;
+        ++looked;
         if (!is_echo(range)) {
           ++cell.lost;
           continue;
         }
         // Beams taken together are brought to their middle.
         const double own =
-            stride == 1 ? 0 : scene.look(group.stage_rad, beam_angle(beam + k)).range_mm - cell.nominal_mm;
+            stride == 1
+                ? 0
+                : scene.look(group.stage_rad, block.beam_rad[static_cast<std::size_t>(beam + k)]).range_mm -
+                      cell.nominal_mm;
         values_.push_back(range - own);
         if (!block.intensity.empty()) {
-          intensity +=
-              block.intensity[static_cast<std::size_t>(scan) * static_cast<std::size_t>(block.beams) +
-                              static_cast<std::size_t>(beam + k)];
+          intensity += block.intensity[block.index(scan, beam + k)];
           ++lit;
         }
       }
@@ -241,7 +321,7 @@ class Reducer {
     if (own > 1.6 * group.sigma_mm + 1 || cell.stray > 0 || cell.lost > 0 || cell.between > 0)
       cell.doubtful = false;
     if (own > 4 * group.sigma_mm + 20) cell.smooth = false;
-    if (std::abs(cell.mean_mm - cell.nominal_mm) > 400 || cell.n * 2 < block.scans * stride - cell.lost)
+    if (std::abs(cell.mean_mm - cell.nominal_mm) > 400 || cell.n * 2 < looked - cell.lost)
       cell.smooth = false;
   }
 
@@ -285,9 +365,9 @@ class Reducer {
           sector.group = static_cast<int>(out_.groups.size());
           sector.seq = static_cast<int>(block.seq[static_cast<std::size_t>(scan)]);
           sector.number = number;
-          sector.since_move_s =
-              block.since_start_s[static_cast<std::size_t>(scan)] +
-              out_.bench.lidar.beam_time_s(info_->first_step + (number + 0.5) * width * info_->cluster);
+          sector.since_move_s = block.since_start_s[static_cast<std::size_t>(scan)] +
+                                block.beam_s[static_cast<std::size_t>(
+                                    std::min(block.beams - 1, static_cast<int>((number + 0.5) * width)))];
           sector.approach = info_->approach;
           out_.sectors.push_back(sector);
         }
@@ -334,9 +414,9 @@ class Reducer {
   }
 
   void count_remainders(const Samples& block) {
-    const std::size_t stride = std::max<std::size_t>(1, block.range.size() / 2000);
-    for (std::size_t i = 0; i < block.range.size(); i += stride) {
-      const std::uint16_t r = block.range[i];
+    const std::size_t stride = std::max<std::size_t>(1, block.raw.size() / 2000);
+    for (std::size_t i = 0; i < block.raw.size(); i += stride) {
+      const std::uint16_t r = block.raw[i];
       if (!is_echo(r)) continue;
       for (std::size_t q = 2; q <= 24; ++q) ++out_.remainder[q * 25 + r % q];
     }
@@ -347,7 +427,8 @@ class Reducer {
   Nuisance nuisance_;
   std::size_t index_ = 0;
   const CaptureInfo* info_ = nullptr;
-  int beams_ = 0;
+  Samples columns_;         ///< Of the capture, without scans.
+  double spacing_rad_ = 0;  ///< Of the columns, where scans have their own geometry.
   bool turning_ = false;
   std::vector<double> values_, sorted_;
   std::vector<int> index_of_beam_;
@@ -355,10 +436,12 @@ class Reducer {
 
 }  // namespace
 
-Reduced reduce(const Recording& recording, const Progress& progress) {
+Reduced reduce(const Recording& recording, const Progress& progress, const std::vector<Absent>& absent) {
   Reduced out;
   out.bench = recording.bench();
   out.captures = recording.captures();
+  out.absent = absent;
+  out.absent.resize(out.captures.size());
   out.remainder.assign(25 * 25, 0);
   for (const CaptureInfo& capture : out.captures) {
     if (!capture.temperature_c) continue;
@@ -381,7 +464,7 @@ void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
              bool may_leave_out, int stride) {
   for (const Group& group : reduced.groups) {
     const CaptureInfo& info = reduced.captures[static_cast<std::size_t>(group.capture)];
-    const Scene scene(reduced.bench, nuisance, info);
+    const Scene scene(reduced.bench, nuisance, info, reduced.absent[static_cast<std::size_t>(group.capture)]);
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       Cell& cell = reduced.cells[i];
       if (!cell.smooth || i % static_cast<std::size_t>(stride) != 0) continue;
@@ -416,7 +499,7 @@ void readmit(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
   constexpr double doubt_left = 0.15;  // of the priors' sway
   for (const Group& group : reduced.groups) {
     const CaptureInfo& info = reduced.captures[static_cast<std::size_t>(group.capture)];
-    const Scene scene(reduced.bench, nuisance, info);
+    const Scene scene(reduced.bench, nuisance, info, reduced.absent[static_cast<std::size_t>(group.capture)]);
     const auto edges = scene.edges(group.stage_rad);
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       Cell& cell = reduced.cells[i];
@@ -450,6 +533,7 @@ void append(Reduced& reduced, const Reduced& other) {
              groups = static_cast<int>(reduced.groups.size());
   const std::size_t cells = reduced.cells.size();
   reduced.captures.insert(reduced.captures.end(), other.captures.begin(), other.captures.end());
+  reduced.absent.insert(reduced.absent.end(), other.absent.begin(), other.absent.end());
   for (Group group : other.groups) {
     group.capture += captures;
     group.first_cell += cells;

@@ -57,6 +57,7 @@ struct Sector {
 struct Reduced {
   Bench bench;
   std::vector<CaptureInfo> captures;
+  std::vector<Absent> absent;  ///< For every capture.
   std::vector<Group> groups;
   std::vector<Cell> cells;
   std::vector<Sector> sectors;
@@ -71,7 +72,9 @@ struct Reduced {
 using Progress = std::function<void(double share, const char* what)>;
 
 /// Walks the recording once. Cells of captures about nothing in the scene are left out.
-[[nodiscard]] Reduced reduce(const Recording& recording, const Progress& progress);
+/// `absent` says for every capture which targets are not there; empty: all are.
+[[nodiscard]] Reduced reduce(const Recording& recording, const Progress& progress,
+                             const std::vector<Absent>& absent = {});
 
 /// Predicts every cell anew with other nuisance parameters and with mechanisms at work, to all orders in
 /// geometry. `nominal_mm`, `sight` and the place in `at` are replaced. A cell that now meets another target

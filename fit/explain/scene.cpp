@@ -66,10 +66,11 @@ double Sight::shift(const Effect& effect) const {
          normal.dot(effect.origin_mm) / cos_incidence();
 }
 
-Scene::Scene(const Bench& bench, const Nuisance& nuisance, const CaptureInfo& capture) : nuisance_(nuisance) {
+Scene::Scene(const Bench& bench, const Nuisance& nuisance, const CaptureInfo& capture, const Absent& absent)
+    : nuisance_(nuisance) {
   const auto meets = [&](std::size_t own, const Eigen::Vector2d& end) {
     for (std::size_t j = 0; j < bench.targets.size(); ++j) {
-      if (j == own) continue;
+      if (j == own || absent.contains(static_cast<int>(j))) continue;
       if ((bench.targets[j].from_mm - end).norm() < joined_within_mm ||
           (bench.targets[j].to_mm - end).norm() < joined_within_mm)
         return true;
@@ -89,6 +90,7 @@ Scene::Scene(const Bench& bench, const Nuisance& nuisance, const CaptureInfo& ca
     s.from = s.middle - s.half_mm * s.along;
     s.to = s.middle + s.half_mm * s.along;
     s.reflectance = moved && capture.reflectance ? *capture.reflectance : target.reflectance.value_or(0.5);
+    s.absent = absent.contains(static_cast<int>(i));
     s.joined_from = !moved && meets(i, target.from_mm);
     s.joined_to = !moved && meets(i, target.to_mm);
     segments_.push_back(s);
@@ -135,6 +137,7 @@ Sight Scene::look(double stage_rad, double beam_rad, const Effect& effect) const
   double nearest = 1e12;
   for (std::size_t i = 0; i < segments_.size(); ++i) {
     const Segment& s = segments_[i];
+    if (s.absent) continue;
     Sight sight = best;
     if (!meet(i, sight) || sight.range_mm >= nearest) continue;
     const double below = s.joined_from ? joined_reach_mm : 0, above = s.joined_to ? joined_reach_mm : 0;
@@ -157,6 +160,7 @@ std::vector<Edge> Scene::edges(double stage_rad) const {
   constexpr double aside = 2e-4;
   std::vector<Edge> found;
   for (std::size_t i = 0; i < segments_.size(); ++i) {
+    if (segments_[i].absent) continue;
     for (const bool start : {true, false}) {
       if (start ? segments_[i].joined_from : segments_[i].joined_to) continue;
       const Eigen::Vector2d end = (start ? segments_[i].from : segments_[i].to) - origin;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <set>
 #include <vector>
 
 #include "fit/mechanism.hpp"
@@ -58,10 +59,13 @@ struct Edge {
   int near_side = 1;  ///< +1: the nearer surface lies at larger bearings.
 };
 
+/// Indices of the bench's targets that do not stand there in a capture.
+using Absent = std::set<int>;
+
 /// The targets as they stand in one capture. Targets whose ends meet form a closed outline there.
 class Scene {
  public:
-  Scene(const Bench& bench, const Nuisance& nuisance, const CaptureInfo& capture);
+  Scene(const Bench& bench, const Nuisance& nuisance, const CaptureInfo& capture, const Absent& absent = {});
 
   /// What the beam meets from the stage angle, other angles and places taken from `effect`.
   [[nodiscard]] Sight look(double stage_rad, double beam_rad, const Effect& effect = {}) const;
@@ -75,7 +79,7 @@ class Scene {
   struct Segment {
     Eigen::Vector2d from, to, middle, along, outward;
     double half_mm, reflectance;
-    bool joined_from, joined_to;
+    bool joined_from, joined_to, absent;
   };
   [[nodiscard]] Sight aim(double stage_rad, double beam_rad, const Effect& effect) const;
   /// Fills in where the beam meets that segment's plane; false if it does not.

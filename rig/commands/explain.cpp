@@ -122,6 +122,13 @@ class Explain : public Command {
   std::string next_experiment(const fit::explain::Explanation& explanation,
                               const std::vector<const fit::Recording*>& recordings) const {
     if (explanation.suspects.size() < 2) return {};
+    if (explanation.several_places) {
+      std::fprintf(
+          stderr,
+          "No experiment is proposed: targets that are put up by hand move by more than a stage could "
+          "tell.\n");
+      return {};
+    }
     const fit::Bench& bench = recordings.front()->bench();
     const StageLimits limits = stage_limits(bench);
     const auto best =

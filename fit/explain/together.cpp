@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/together.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+
+namespace fit::explain {
+
+/// One recording before the common bench.
+class Together::Placed : public Recording {
+ public:
+  Placed(const Recording& own, const Bench& bench) : own_(own), bench_(bench), captures_(own.captures()) {}
+
+  [[nodiscard]] const Bench& bench() const override { return bench_; }
+  [[nodiscard]] const std::vector<CaptureInfo>& captures() const override { return captures_; }
+  void for_each_scan(std::size_t index, const std::function<void(const ScanView&)>& visit) const override {
+    own_.for_each_scan(index, visit);
+  }
+  [[nodiscard]] const std::vector<TrackPose>& track() const override { return own_.track(); }
+  [[nodiscard]] std::vector<CaptureInfo>& mutable_captures() { return captures_; }
+
+ private:
+  const Recording& own_;
+  const Bench& bench_;
+  std::vector<CaptureInfo> captures_;
+};
+
+namespace {
+
+bool stands_alike(const Target& a, const Target& b) {
+  return a.name == b.name && (a.from_mm - b.from_mm).norm() < 1e-6 && (a.to_mm - b.to_mm).norm() < 1e-6;
+}
+
+bool is_placed_anew(const Bench& bench, const std::string& target) {
+  const auto document = nlohmann::json::parse(bench.document, nullptr, false);
+  if (!document.is_object() || !document.contains("targets") || !document["targets"].is_array()) return false;
+  return std::ranges::any_of(document["targets"], [&](const nlohmann::json& entry) {
+    return entry.is_object() && entry.value("name", "") == target && entry.value("placed_anew", false);
+  });
+}
+
+std::string unused_name(const Bench& bench, const std::string& wanted) {
+  std::string name = wanted;
+  for (int number = 2; bench.target(name); ++number) name = wanted + " (" + std::to_string(number) + ")";
+  return name;
+}
+
+std::string name_of_place(const Bench& bench, const Target& target, double shift_mm) {
+  const double away = target.outward_normal().dot(target.from_mm) + shift_mm;
+  return unused_name(bench, target.name + " at " + std::to_string(std::lround(away)) + " mm");
+}
+
+}  // namespace
+
+Together::Together(const std::vector<const Recording*>& recordings) {
+  if (recordings.empty()) return;
+  bench_ = recordings.front()->bench();
+  for (const Recording* recording : recordings)
+    placed_.push_back(std::make_unique<Placed>(*recording, bench_));
+  std::vector<std::set<std::string>> standing(recordings.size());  // what every capture of a session sees
+  std::set<std::string> placed_anew;
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    const Bench& own = recordings[r]->bench();
+    for (const Target& target : own.targets) {
+      std::string name = target.name;
+      const bool known = std::ranges::any_of(
+          bench_.targets, [&](const Target& other) { return stands_alike(target, other); });
+      if (!known) {
+        Target more = target;
+        more.name = name = unused_name(bench_, target.name);
+        bench_.targets.push_back(more);
+      }
+      standing[r].insert(name);
+      if (is_placed_anew(own, target.name)) placed_anew.insert(name);
+      for (CaptureInfo& capture : placed_[r]->mutable_captures())
+        if (capture.target == target.name) capture.target = name;
+    }
+  }
+  // Every placement by hand is a target of its own, which stands in for the first.
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    std::map<std::pair<std::string, double>, std::string> places;
+    for (CaptureInfo& capture : placed_[r]->mutable_captures()) {
+      const Target* target = capture.target ? bench_.target(*capture.target) : nullptr;
+      if (!target || !placed_anew.contains(target->name)) continue;
+      const Target first = *target;
+      auto [place, is_new] = places.try_emplace({first.name, capture.target_shift_mm});
+      if (is_new) {
+        place->second = name_of_place(bench_, first, capture.target_shift_mm);
+        Target copy = first;
+        copy.name = place->second;
+        bench_.targets.push_back(copy);
+      }
+      capture.target = place->second;
+    }
+  }
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    absent_.emplace_back();
+    for (const CaptureInfo& capture : placed_[r]->captures()) {
+      Absent absent;
+      for (std::size_t t = 0; t < bench_.targets.size(); ++t) {
+        const std::string& name = bench_.targets[t].name;
+        const bool stood_in_for = capture.target && *capture.target != name && placed_anew.contains(name) &&
+                                  capture.target->starts_with(name + " at ");
+        if (capture.target != name && (stood_in_for || !standing[r].contains(name)))
+          absent.insert(static_cast<int>(t));
+      }
+      several_places_ = several_places_ || !absent.empty();
+      absent_.back().push_back(std::move(absent));
+    }
+    list_.push_back(placed_[r].get());
+  }
+}
+
+Together::~Together() = default;
+
+}  // namespace fit::explain
