@@ -402,6 +402,7 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
     if (progress) progress(0.35 + 0.63 * share, what);
   });
   Explanation explanation = Writer(reduced, means, spread).write();
+  explanation.predictor = predictor_of(reduced, means, spread);
   explanation.several_places = together.in_several_places();
   explanation.bench.targets.resize(recordings.front()->bench().targets.size());
   if (progress) progress(1, "done");

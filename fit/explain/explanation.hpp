@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "fit/explain/mean_search.hpp"
+#include "fit/explain/prediction.hpp"
 #include "fit/explain/spread.hpp"
 
 namespace fit::explain {
@@ -51,6 +52,8 @@ struct Explanation {
   long samples = 0;
   std::size_t cells = 0;
   int left_out = 0;
+  Predictor predictor;  ///< To predict recordings that took no part.
+  std::vector<Prediction> predictions;
   bool several_places = false;  ///< Targets were put up in several places, each a target of its own.
   std::vector<Term> suspects;   ///< Members of undecided sets, with their values: for the next experiment.
 };

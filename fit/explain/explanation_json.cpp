@@ -28,6 +28,45 @@ json found_json(const Found& found) {
             {"rms_after_mm", number(found.rms_after_mm)}}}};
 }
 
+json figures_json(const PredictedFigures& f) {
+  return {{"rms_mm", number(f.rms_mm)},
+          {"rms_of_means_mm", number(f.rms_of_means_mm)},
+          {"log_likelihood", number(f.log_likelihood)},
+          {"coverage_95", number(f.coverage_95)}};
+}
+
+json prediction_json(const Prediction& p) {
+  json cells = json::object();
+  for (const PredictedCell& c : p.shown) {
+    cells["beam_deg"].push_back(c.beam_deg);
+    cells["incidence_deg"].push_back(c.incidence_deg);
+    cells["range_mm"].push_back(c.range_mm);
+    cells["mean_before_mm"].push_back(c.mean_mm);
+    cells["mean_after_mm"].push_back(c.mean_after_mm);
+    cells["sd_mm"].push_back(c.sd_mm);
+    cells["sd_before_mm"].push_back(c.sd_before_mm);
+    cells["sd_after_mm"].push_back(c.sd_after_mm);
+  }
+  return {{"session", p.session},
+          {"samples", p.samples},
+          {"before", figures_json(p.before)},
+          {"after", figures_json(p.after)},
+          {"log_likelihood_gain", {{"value", number(p.gain)}, {"u", number(p.u_gain)}}},
+          {"cells", cells}};
+}
+
+json correction_json(const EmpiricalCorrection& c) {
+  std::vector<double> value = c.value;
+  if (c.channel != Channel::range)
+    for (double& v : value) v *= deg_per_rad;
+  return {{"coordinate", name_of(c.coordinate)},
+          {"at", c.at},
+          {c.channel == Channel::range        ? "range_mm"
+           : c.channel == Channel::beam_angle ? "beam_angle_deg"
+                                              : "stage_angle_deg",
+           value}};
+}
+
 }  // namespace
 
 json to_json(const Explanation& e) {
@@ -72,6 +111,9 @@ json to_json(const Explanation& e) {
                       {"describes", e.unknown->describes},
                       {"from", number(e.unknown->from)},
                       {"to", number(e.unknown->to)}};
+  for (const EmpiricalCorrection& c : e.predictor.empirical)
+    out["empirical_correction"].push_back(correction_json(c));
+  for (const Prediction& p : e.predictions) out["prediction"].push_back(prediction_json(p));
   return out;
 }
 
@@ -93,6 +135,14 @@ std::string to_text(const Explanation& e) {
           " mm after, noise floor " + rounded(e.noise_floor_mm, 3) + " mm; 95 % intervals hold " +
           rounded(100 * e.before.coverage, 3) + " % before, " + rounded(100 * e.after.coverage, 3) +
           " % after.\n";
+  for (const Prediction& p : e.predictions)
+    text += "Predicted, not fitted: " + p.session + ": samples rms " + rounded(p.before.rms_mm, 3) +
+            " mm before, " + rounded(p.after.rms_mm, 3) + " mm after; means rms " +
+            rounded(p.before.rms_of_means_mm, 3) + " mm before, " + rounded(p.after.rms_of_means_mm, 3) +
+            " mm after; log-likelihood of a sample " + rounded(p.before.log_likelihood, 4) + " before, " +
+            rounded(p.after.log_likelihood, 4) + " after; 95 % intervals hold " +
+            rounded(100 * p.before.coverage_95, 3) + " % before, " + rounded(100 * p.after.coverage_95, 3) +
+            " % after.\n";
   for (const std::string& note : e.notes) text += "Note: " + note + "\n";
   return text;
 }

@@ -46,8 +46,8 @@ double median_of(std::vector<double>& values) {
 /// Reads one capture's scans into blocks and reduces each.
 class Reducer {
  public:
-  Reducer(const Recording& recording, Reduced& out)
-      : recording_(recording), out_(out), nuisance_(recording.bench()) {}
+  Reducer(const Recording& recording, Reduced& out, bool keep_samples)
+      : recording_(recording), out_(out), nuisance_(recording.bench()), keep_samples_(keep_samples) {}
 
   void capture(std::size_t index) {
     index_ = index;
@@ -301,6 +301,7 @@ class Reducer {
     const double reach =
         turning_ ? std::max(60.0, 10 * group.sigma_mm) : std::max({25.0, 6 * group.sigma_mm, 5 * own});
     double sum = 0, squares = 0;
+    cell.first_kept = out_.kept.size();
     for (const double v : values_) {
       if (std::abs(v - middle) > reach) {
         ++cell.stray;
@@ -310,6 +311,7 @@ class Reducer {
       sum += v - middle;
       squares += (v - middle) * (v - middle);
       ++cell.n;
+      if (keep_samples_) out_.kept.push_back(static_cast<float>(v));
     }
     if (cell.n == 0) {
       cell.smooth = false;
@@ -425,6 +427,7 @@ class Reducer {
   const Recording& recording_;
   Reduced& out_;
   Nuisance nuisance_;
+  bool keep_samples_;
   std::size_t index_ = 0;
   const CaptureInfo* info_ = nullptr;
   Samples columns_;         ///< Of the capture, without scans.
@@ -436,7 +439,8 @@ class Reducer {
 
 }  // namespace
 
-Reduced reduce(const Recording& recording, const Progress& progress, const std::vector<Absent>& absent) {
+Reduced reduce(const Recording& recording, const Progress& progress, const std::vector<Absent>& absent,
+               bool keep_samples) {
   Reduced out;
   out.bench = recording.bench();
   out.captures = recording.captures();
@@ -451,7 +455,7 @@ Reduced reduce(const Recording& recording, const Progress& progress, const std::
   for (const CaptureInfo& capture : out.captures)
     if (capture.temperature_c && std::abs(*capture.temperature_c - out.first_temperature_c) > 0.2)
       out.has_temperature = true;
-  Reducer reducer(recording, out);
+  Reducer reducer(recording, out, keep_samples);
   for (std::size_t i = 0; i < out.captures.size(); ++i) {
     reducer.capture(i);
     if (progress && i % 8 == 0)

@@ -26,9 +26,10 @@ struct Cell {
   bool doubtful =
       false;  ///< Left out only because mount and walls are not known well enough to say what it meets.
   Circumstances at;
-  Sight sight;            ///< At the nuisance parameters last used for prediction.
-  double nominal_mm = 0;  ///< Predicted range.
-  double pooled_mm2 = 0;  ///< Variance of one sample, shared with its neighbours; 0: not yet pooled.
+  std::size_t first_kept = 0;  ///< Of its n samples in Reduced::kept, if they are kept.
+  Sight sight;                 ///< At the nuisance parameters last used for prediction.
+  double nominal_mm = 0;       ///< Predicted range.
+  double pooled_mm2 = 0;       ///< Variance of one sample, shared with its neighbours; 0: not yet pooled.
 };
 
 /// Scans that share all circumstances: a capture, a span of a long one, or one scan of a turning one.
@@ -61,6 +62,7 @@ struct Reduced {
   std::vector<Group> groups;
   std::vector<Cell> cells;
   std::vector<Sector> sectors;
+  std::vector<float> kept;  ///< Samples that belong to the targets, cell after cell; empty unless asked for.
   std::vector<long> remainder;  ///< Counts of (range mod q) = r for q = 2..24, at q * 24 + r.
   long samples = 0;
   double first_temperature_c = 0;
@@ -74,7 +76,7 @@ using Progress = std::function<void(double share, const char* what)>;
 /// Walks the recording once. Cells of captures about nothing in the scene are left out.
 /// `absent` says for every capture which targets are not there; empty: all are.
 [[nodiscard]] Reduced reduce(const Recording& recording, const Progress& progress,
-                             const std::vector<Absent>& absent = {});
+                             const std::vector<Absent>& absent = {}, bool keep_samples = false);
 
 /// Predicts every cell anew with other nuisance parameters and with mechanisms at work, to all orders in
 /// geometry. `nominal_mm`, `sight` and the place in `at` are replaced. A cell that now meets another target

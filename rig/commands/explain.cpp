@@ -71,6 +71,8 @@ class Explain : public Command {
     command->add_option(
         "--next", next_,
         "Where to write the procedure that separates undecided suspects; default: beside the session");
+    command->add_option("--predict", predicted_,
+                        "Session that takes no part in the fit: what was found must predict it (repeatable)");
     command->add_flag("--no-store", no_store_, "Leave the session file as it is");
     return command;
   }
@@ -104,10 +106,16 @@ class Explain : public Command {
       list.push_back(recordings.back().get());
     }
     try {
-      const auto explanation = [&] {
+      auto explanation = [&] {
         ProgressLine line;
         return fit::explain::explain(list, [&](double share, const char* what) { line(share, what); });
       }();
+      for (const std::string& path : predicted_) {
+        const SessionStore store(path, SessionStore::Mode::read);
+        const auto recording = store.recording(bench);
+        explanation.predictions.push_back(fit::explain::predict_recording(explanation.predictor, *recording));
+        explanation.predictions.back().session = std::filesystem::path(path).filename().string();
+      }
       std::fputs(fit::explain::to_text(explanation).c_str(), stderr);
       nlohmann::json document = fit::explain::to_json(explanation);
       const std::string next = next_experiment(explanation, list);
@@ -167,7 +175,7 @@ class Explain : public Command {
     }
   }
 
-  std::vector<std::string> sessions_;
+  std::vector<std::string> sessions_, predicted_;
   std::string bench_, json_, report_, next_;
   bool no_store_ = false;
 };

@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/prediction.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <stdexcept>
+
+#include "fit/explain/together.hpp"
+
+namespace fit::explain {
+namespace {
+
+constexpr int places_of_table = 60;
+
+double lever_of(Channel channel, const Sight& sight) {
+  return channel == Channel::range        ? 1
+         : channel == Channel::beam_angle ? sight.beam_lever()
+                                          : sight.stage_lever();
+}
+
+double empirical_mm(const std::vector<EmpiricalCorrection>& list, const Cell& cell, const Group& group) {
+  double sum = 0;
+  for (const EmpiricalCorrection& c : list) {
+    const double v = value_of(c.coordinate, cell, group);
+    if (std::isfinite(v)) sum += c.value_at(v) * lever_of(c.channel, cell.sight);
+  }
+  return sum;
+}
+
+/// Variance of one sample of that cell, mm^2.
+double sample_variance(const std::vector<Suspect>& noise, double constant_mm, const Cell& cell) {
+  double sum = constant_mm * constant_mm;
+  for (const Suspect& suspect : noise) {
+    const Effect effect = suspect.mechanism->act(cell.at, suspect.mechanism->values(suspect.parameters));
+    sum += effect.variance_mm2 + std::pow(cell.sight.beam_lever(), 2) * effect.scan_angle_variance_rad2;
+    if (effect.output_step_mm > 1) sum += effect.output_step_mm * effect.output_step_mm / 12;
+  }
+  return sum;
+}
+
+/// Constant noise (mm) beside `noise` that makes the samples most likely: where the mean of
+/// (d^2 - v) / v^2 is zero. What the means are off by counts as noise.
+double best_constant(const Reduced& reduced, const std::vector<Suspect>& noise) {
+  struct Part {
+    double n, square, other;
+  };
+  std::vector<Part> parts;
+  double all = 0, samples = 0;
+  for (const Cell& cell : reduced.cells) {
+    if (!cell.smooth || cell.n < 1) continue;
+    const double off = cell.mean_mm - cell.nominal_mm;
+    const double square = cell.variance_mm2 * (cell.n - 1) / cell.n + off * off;
+    parts.push_back({static_cast<double>(cell.n), square, sample_variance(noise, 0, cell)});
+    all += cell.n * square;
+    samples += cell.n;
+  }
+  if (samples < 1) return 1;
+  const auto slope = [&](double constant2) {
+    double sum = 0;
+    for (const Part& p : parts) {
+      const double v = p.other + constant2;
+      sum += p.n * (p.square - v) / (v * v);
+    }
+    return sum;
+  };
+  constexpr double least2 = 1.0 / 12;  // ranges are whole millimetres
+  double low = least2, high = std::max(2 * least2, 4 * all / samples);
+  if (slope(low) <= 0) return std::sqrt(low);
+  for (int pass = 0; pass < 60; ++pass) {
+    const double middle = std::sqrt(low * high);
+    (slope(middle) > 0 ? low : high) = middle;
+  }
+  return std::sqrt(low);
+}
+
+/// Predicts all cells with given mechanisms and places mount and targets so that they fit best.
+void place_and_predict(Reduced& reduced, const Predictor& what, bool found) {
+  Hypothesis h(reduced.bench);
+  std::vector<Active> at_work;
+  for (const Term& term : known_terms(reduced.bench)) at_work.push_back(term.active());
+  if (found)
+    for (const Term& term : what.terms) at_work.push_back(term.active());
+  const auto at_present = [&] {
+    predict(reduced, h.nuisance, at_work, false);
+    if (!found) return;
+    for (const Group& group : reduced.groups)
+      for (std::size_t i = group.first_cell; i < group.last_cell; ++i)
+        reduced.cells[i].nominal_mm += empirical_mm(what.empirical, reduced.cells[i], group);
+  };
+  for (int pass = 0; pass < 4; ++pass) {
+    at_present();
+    for (Cell& cell : reduced.cells)
+      cell.pooled_mm2 = sample_variance(found ? what.noise : std::vector<Suspect>{},
+                                        found ? what.constant_after_mm : what.constant_before_mm, cell);
+    MeanModel model(reduced, {});
+    Prior prior;
+    prior.mean = Nuisance(reduced.bench).as_vector() - h.nuisance.as_vector();
+    prior.sigma = Nuisance::prior_sigma(reduced.bench);
+    model.set_base(model.nuisance_columns(), prior);
+    h.nuisance.set(h.nuisance.as_vector() + model.posterior().value);
+  }
+  at_present();
+}
+
+/// Sums over the samples of one cell.
+struct Score {
+  double squares = 0, log_likelihood = 0, within = 0;
+};
+
+Score score(const Reduced& reduced, const Cell& cell, double variance) {
+  Score sum;
+  const double sigma = std::sqrt(variance);
+  for (int k = 0; k < cell.n; ++k) {
+    const double d =
+        static_cast<double>(reduced.kept[cell.first_kept + static_cast<std::size_t>(k)]) - cell.nominal_mm;
+    sum.squares += d * d;
+    sum.log_likelihood -= 0.5 * d * d / variance + 0.5 * std::log(2 * pi * variance);
+    sum.within += std::abs(d) < 1.96 * sigma;
+  }
+  return sum;
+}
+
+}  // namespace
+
+double EmpiricalCorrection::value_at(double v) const {
+  if (at.empty() || v < at.front() || v > at.back()) return 0;
+  const auto next = std::ranges::upper_bound(at, v);
+  if (next == at.end()) return value.back();
+  const auto i = static_cast<std::size_t>(next - at.begin());
+  const double share = (v - at[i - 1]) / (at[i] - at[i - 1]);
+  return value[i - 1] + share * (value[i] - value[i - 1]);
+}
+
+EmpiricalCorrection tabulated(const Shape& shape, const MeanModel& model) {
+  EmpiricalCorrection table;
+  table.coordinate = shape.coordinate;
+  table.channel = shape.channel;
+  const Columns columns = shape_of(model, shape);
+  std::map<double, std::pair<double, double>> places;  // coordinate: value times weight, weight
+  for (Eigen::Index i = 0; i < model.rows(); ++i) {
+    const double v = coordinate_at(model, shape.coordinate, i);
+    const double lever = lever_of(shape.channel, model.cell(i).sight);
+    if (!std::isfinite(v) || std::abs(lever) < 1e-3) continue;
+    double y = 0;
+    for (std::size_t k = 0; k < shape.values.size(); ++k)
+      y += shape.values[k] * columns.columns_mm(i, static_cast<Eigen::Index>(k));
+    auto& [sum, weight] = places[v];
+    sum += y * lever;
+    weight += lever * lever;
+  }
+  const std::size_t each = std::max<std::size_t>(1, places.size() / places_of_table);
+  double v_sum = 0, y_sum = 0, w_sum = 0;
+  std::size_t count = 0;
+  for (const auto& [v, entry] : places) {
+    v_sum += v;
+    y_sum += entry.first;
+    w_sum += entry.second;
+    if (++count < each) continue;
+    table.at.push_back(v_sum / static_cast<double>(count));
+    table.value.push_back(y_sum / w_sum);
+    v_sum = y_sum = w_sum = 0;
+    count = 0;
+  }
+  return table;
+}
+
+Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadResult& spread) {
+  Predictor p;
+  for (const Term& term : means.best.terms)
+    if (term.target < 0) p.terms.push_back(term);
+  for (const Suspect& suspect : spread.accepted)
+    if (suspect.mechanism->id != "range-noise") p.noise.push_back(suspect);
+  for (const auto& set : spread.undecided)
+    if (!set.empty() && set.front().mechanism->id != "range-noise") p.noise.push_back(set.front());
+  Hypothesis nothing(reduced.bench);
+  nothing.nuisance = means.best.nuisance;
+  for (int pass = 0; pass < 2; ++pass) {
+    predict_at(reduced, nothing);
+    MeanModel model(reduced, means.noise);
+    const Base base = base_columns(model, nothing);
+    model.set_base(base.all.columns_mm, base.all.prior);
+    const Eigen::VectorXd now = nothing.nuisance.as_vector();
+    nothing.nuisance.set(now + model.posterior().value.head(now.size()));
+  }
+  predict_at(reduced, nothing);
+  p.constant_before_mm = best_constant(reduced, {});
+  predict_at(reduced, means.best);
+  const MeanModel model(reduced, means.noise);
+  for (const Shape& shape : means.best.shapes) p.empirical.push_back(tabulated(shape, model));
+  for (const Group& group : reduced.groups)
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i)
+      reduced.cells[i].nominal_mm += empirical_mm(p.empirical, reduced.cells[i], group);
+  p.constant_after_mm = best_constant(reduced, p.noise);
+  predict_at(reduced, means.best);
+  return p;
+}
+
+Prediction predict_recording(const Predictor& predictor, const Recording& recording) {
+  const Together alone({&recording});
+  Reduced before = reduce(*alone.recordings().front(), {}, alone.absent(0), true);
+  if (before.cells.empty())
+    throw std::invalid_argument(
+        "no beam of the recording to be predicted meets a target of its bench. Check the targets' places");
+  Reduced after = before;
+  place_and_predict(before, predictor, false);
+  place_and_predict(after, predictor, true);
+  Prediction out;
+  Score first, last;
+  double means_before = 0, means_after = 0, gains = 0, gains2 = 0;
+  for (std::size_t i = 0; i < before.cells.size(); ++i) {
+    const Cell &a = before.cells[i], &b = after.cells[i];
+    if (!a.smooth || !b.smooth || a.n < 1) continue;
+    const double v_before = predictor.constant_before_mm * predictor.constant_before_mm,
+                 v_after = sample_variance(predictor.noise, predictor.constant_after_mm, b);
+    const Score one = score(before, a, v_before), two = score(after, b, v_after);
+    first.squares += one.squares;
+    first.log_likelihood += one.log_likelihood;
+    first.within += one.within;
+    last.squares += two.squares;
+    last.log_likelihood += two.log_likelihood;
+    last.within += two.within;
+    means_before += std::pow(a.mean_mm - a.nominal_mm, 2);
+    means_after += std::pow(b.mean_mm - b.nominal_mm, 2);
+    gains += two.log_likelihood - one.log_likelihood;
+    gains2 += std::pow(two.log_likelihood - one.log_likelihood, 2);
+    out.samples += a.n;
+    ++out.cells;
+    out.shown.push_back({b.at.incidence_rad * deg_per_rad, b.at.range_mm, b.beam_rad * deg_per_rad,
+                         a.mean_mm - a.nominal_mm, std::sqrt(a.variance_mm2), b.mean_mm - b.nominal_mm,
+                         std::sqrt(v_before), std::sqrt(v_after)});
+  }
+  if (out.samples == 0)
+    throw std::invalid_argument(
+        "every beam of the recording to be predicted is near an edge, or grazing. Describe wider targets");
+  const auto n = static_cast<double>(out.samples), cells = static_cast<double>(out.cells);
+  out.before = {std::sqrt(first.squares / n), std::sqrt(means_before / cells), first.log_likelihood / n,
+                first.within / n};
+  out.after = {std::sqrt(last.squares / n), std::sqrt(means_after / cells), last.log_likelihood / n,
+               last.within / n};
+  out.gain = gains;
+  out.u_gain = std::sqrt(std::max(0.0, gains2 - gains * gains / cells));
+  return out;
+}
+
+}  // namespace fit::explain

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "fit/explain/mean_search.hpp"
+#include "fit/explain/spread.hpp"
+
+namespace fit::explain {
+
+/// An unnamed function as a table: what it does to the range or to an angle along its coordinate (file unit).
+/// Outside of what was seen it does nothing.
+struct EmpiricalCorrection {
+  Coordinate coordinate = Coordinate::beam;
+  Channel channel = Channel::range;
+  std::vector<double> at, value;  ///< mm or rad.
+
+  [[nodiscard]] double value_at(double coordinate_value) const;
+};
+
+[[nodiscard]] EmpiricalCorrection tabulated(const Shape& shape, const MeanModel& model);
+
+/// What a set of recordings taught, in a form that predicts another one.
+struct Predictor {
+  std::vector<Term> terms;  ///< The best of every set; none that belongs to one target.
+  std::vector<EmpiricalCorrection> empirical;
+  std::vector<Suspect> noise;     ///< Accepted noise mechanisms; the best of an undecided set.
+  double constant_before_mm = 0;  ///< Best constant noise of a sample with geometry alone.
+  double constant_after_mm = 0;   ///< The same beside what was found.
+};
+
+/// Mean and noise of samples that were never fitted, under one description.
+struct PredictedFigures {
+  double rms_mm = 0;           ///< Of single samples.
+  double rms_of_means_mm = 0;  ///< Of the cells' means.
+  double log_likelihood = 0;   ///< Of one sample, on average; natural logarithm, density per mm.
+  double coverage_95 = 0;      ///< Share of samples within their predicted 95 % interval.
+};
+
+struct PredictedCell {
+  double incidence_deg = 0, range_mm = 0, beam_deg = 0;
+  double mean_mm = 0, sd_mm = 0;  ///< Residual mean (after mount and walls were placed, before) and spread.
+  double mean_after_mm = 0, sd_before_mm = 0, sd_after_mm = 0;
+};
+
+/// A recording that took no part in the fit, predicted with geometry and constant noise (before) and with
+/// what was found (after). Only where its own targets and mount stand is fitted to it, in both alike.
+struct Prediction {
+  std::string session;
+  long samples = 0;
+  std::size_t cells = 0;
+  PredictedFigures before, after;
+  double gain = 0, u_gain = 0;  ///< Log-likelihood, whole recording; its standard uncertainty between cells.
+  std::vector<PredictedCell> shown;
+};
+
+[[nodiscard]] Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadResult& spread);
+[[nodiscard]] Prediction predict_recording(const Predictor& predictor, const Recording& recording);
+
+}  // namespace fit::explain
