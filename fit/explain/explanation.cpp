@@ -161,7 +161,7 @@ Reduced reduce_all(const Together& together, const Progress& progress) {
           if (progress)
             progress(0.3 * (static_cast<double>(i) + share) / static_cast<double>(recordings.size()), what);
         },
-        together.absent(i));
+        together.standing(i));
     if (i == 0)
       all = std::move(one);
     else
@@ -322,6 +322,15 @@ class Writer {
     predict_at(reduced_, means_.best);
   }
 
+  /// The noise of every place, in words.
+  [[nodiscard]] std::string noise_of_places() const {
+    std::string text = "The constant noise differs from place to place:";
+    for (std::size_t c = 0; c < spread_.sigma_by_capture_mm.size(); ++c)
+      text += (c == 0 ? " " : ", ") + rounded(spread_.sigma_by_capture_mm[c], 2) + " mm (" +
+              reduced_.captures[c].target.value_or(reduced_.captures[c].step) + ")";
+    return text;
+  }
+
   void notes() {
     if (reduced_.left_out > 0)
       out_.notes.push_back(std::to_string(reduced_.left_out) + " of " +
@@ -330,6 +339,10 @@ class Writer {
     if (means_.excess > 1)
       out_.notes.push_back("The means of neighbouring beams scatter " + rounded(std::sqrt(means_.excess), 3) +
                            " times more than their samples say; everything was weighed accordingly.");
+    if (!means_.transfers)
+      out_.notes.push_back(
+          "Means deviate in ways that one place does not share with the others; nothing is built on these.");
+    if (!spread_.sigma_by_capture_mm.empty()) out_.notes.push_back(noise_of_places() + ".");
     if (means_.scatter_mm > 0)
       out_.notes.push_back("Whole captures are off at random by " + rounded(means_.scatter_mm, 2) +
                            " mm; their cells were not counted as independent.");

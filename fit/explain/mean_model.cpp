@@ -286,6 +286,35 @@ MeanModel::HeldOut MeanModel::held_out(const std::vector<int>& block_of_row, int
   return sum;
 }
 
+std::vector<double> MeanModel::unseen(const std::vector<int>& block_of_row, int blocks) const {
+  const Eigen::Index k = base_.cols();
+  std::vector<Eigen::MatrixXd> square(static_cast<std::size_t>(blocks), Eigen::MatrixXd::Zero(k, k));
+  std::vector<Eigen::VectorXd> along(static_cast<std::size_t>(blocks), Eigen::VectorXd::Zero(k));
+  std::vector<double> own(static_cast<std::size_t>(blocks), 0.0);
+  for (Eigen::Index i = 0; i < rows(); ++i) {
+    const auto b = static_cast<std::size_t>(block_of_row[static_cast<std::size_t>(i)]);
+    square[b] += base_.row(i).transpose() * base_.row(i);
+    along[b] += base_.row(i).transpose() * centred_[i];
+    own[b] += -0.5 * centred_[i] * centred_[i] - 0.5 * std::log(2 * pi) + std::log(weight_[i]);
+  }
+  Eigen::MatrixXd all = Eigen::MatrixXd::Identity(k, k);
+  Eigen::VectorXd all_along = Eigen::VectorXd::Zero(k);
+  for (std::size_t b = 0; b < square.size(); ++b) {
+    all += square[b];
+    all_along += along[b];
+  }
+  const auto evidence = [](const Eigen::MatrixXd& normal, const Eigen::VectorXd& a) {
+    const Eigen::LLT<Eigen::MatrixXd> factor(normal);
+    double log_det = 0;
+    for (Eigen::Index i = 0; i < a.size(); ++i) log_det += std::log(factor.matrixL()(i, i));
+    return 0.5 * a.dot(factor.solve(a)) - log_det;
+  };
+  const double whole = evidence(all, all_along);
+  for (std::size_t b = 0; b < square.size(); ++b)
+    own[b] += whole - evidence(all - square[b], all_along - along[b]);
+  return own;
+}
+
 double excess_scatter(const MeanModel& model) {
   const Eigen::VectorXd residual = model.residual();
   std::vector<double> ratios;

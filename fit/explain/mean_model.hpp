@@ -87,6 +87,9 @@ class MeanModel {
   };
   /// Predicts every block of `block_of_row` from all others.
   [[nodiscard]] HeldOut held_out(const std::vector<int>& block_of_row, int blocks) const;
+  /// Log-likelihood of every whole block given all others, all its cells together: what they have in common
+  /// because nobody knows where its targets stand counts once.
+  [[nodiscard]] std::vector<double> unseen(const std::vector<int>& block_of_row, int blocks) const;
 
  private:
   const Reduced* reduced_;

@@ -22,6 +22,7 @@ constexpr double price_of_unknown = 7.0;    // the catalogue is tried first
 constexpr double worth_a_move = 1.5, worth_fitting = -2;
 constexpr Eigen::Index rows_of_search = 6000, rows_of_last_search = 30000;
 constexpr std::size_t finalists = 7;
+constexpr double confirmed_by = 3;  // log-likelihood of places not fitted to
 
 bool moves_means(const Mechanism& m) {
   if (m.observable != Observable::range_mean) return false;
@@ -577,6 +578,7 @@ class Search {
   // ---- judgement
   // -------------------------------------------------------------------------------------------
   void judge(Hypothesis& best, MeanResult& result);
+  void keep_what_transfers(Hypothesis& best);
   HeldOutFigures held_out(const Hypothesis& h, const std::vector<int>& blocks, int count);
 
   Reduced& reduced_;
@@ -584,6 +586,7 @@ class Search {
   const Progress& progress_;
   double excess_ = 1;
   int stride_ = 1;
+  bool transfers_ = true;   ///< Nothing was dropped because other places do not confirm it.
   bool may_change_ = true;  ///< The last comparison may still find a better explanation, once.
 };
 
@@ -612,8 +615,53 @@ HeldOutFigures Search::held_out(const Hypothesis& h, const std::vector<int>& blo
   return {out.log_likelihood, std::sqrt(out.squares / n), out.within_2u / n, out.cells};
 }
 
+/// Drops what the recordings of other places do not confirm, the least confirmed first. A place stands for
+/// itself: all that it says together counts, for and against.
+void Search::keep_what_transfers(Hypothesis& best) {
+  const int places = static_cast<int>(reduced_.captures.size());
+  if (places < 3 || std::ranges::all_of(reduced_.absent, [](const Absent& a) { return a.empty(); })) return;
+  const auto unseen = [&](const Hypothesis& h) {
+    place(h);
+    MeanModel model(reduced_, noise_);
+    const Base base = base_columns(model, h);
+    model.set_base(base.all.columns_mm, base.all.prior);
+    std::vector<int> blocks;
+    for (Eigen::Index i = 0; i < model.rows(); ++i) blocks.push_back(model.group(i).capture);
+    return model.unseen(blocks, places);
+  };
+  while (best.terms.size() + best.shapes.size() > 0) {
+    const std::vector<double> now = unseen(best);
+    std::optional<Hypothesis> better;
+    double least = 0;
+    for (std::size_t k = 0; k < best.terms.size() + best.shapes.size(); ++k) {
+      Hypothesis less = best;
+      if (k < best.terms.size())
+        less.terms.erase(less.terms.begin() + static_cast<std::ptrdiff_t>(k));
+      else
+        less.shapes.erase(less.shapes.begin() + static_cast<std::ptrdiff_t>(k - best.terms.size()));
+      fit(less);
+      const std::vector<double> then = unseen(less);
+      double gain = 0;
+      int confirmed = 0;
+      for (std::size_t b = 0; b < now.size(); ++b) {
+        gain += now[b] - then[b];
+        confirmed += now[b] > then[b];
+      }
+      if (gain > confirmed_by && 2 * confirmed > places) continue;
+      const double score = 2 * confirmed > places ? gain : std::min(gain, 0.0) - 1;
+      if (better && score > least) continue;
+      least = score;
+      better = less;
+    }
+    if (!better) return;
+    best = *better;
+    transfers_ = false;
+  }
+}
+
 void Search::judge(Hypothesis& best, MeanResult& result) {
   result = MeanResult(reduced_.bench);
+  keep_what_transfers(best);
   int count = 0;
   std::vector<int> blocks;
   {
@@ -677,6 +725,7 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
   result.best = best;
   result.noise = noise_;
   result.excess = excess_;
+  result.transfers = transfers_;
 }
 
 /// Variance (mm^2) of what whole groups are off beyond what their cells say.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <stdexcept>
 
 #include "fit/explain/together.hpp"
@@ -41,7 +42,7 @@ double sample_variance(const std::vector<Suspect>& noise, double constant_mm, co
 
 /// Constant noise (mm) beside `noise` that makes the samples most likely: where the mean of
 /// (d^2 - v) / v^2 is zero. What the means are off by counts as noise.
-double best_constant(const Reduced& reduced, const std::vector<Suspect>& noise) {
+double best_constant(const Reduced& reduced, const std::vector<Suspect>& noise, int capture = -1) {
   struct Part {
     double n, square, other;
   };
@@ -49,13 +50,14 @@ double best_constant(const Reduced& reduced, const std::vector<Suspect>& noise) 
   double all = 0, samples = 0;
   for (const Cell& cell : reduced.cells) {
     if (!cell.smooth || cell.n < 1) continue;
+    if (capture >= 0 && reduced.groups[static_cast<std::size_t>(cell.group)].capture != capture) continue;
     const double off = cell.mean_mm - cell.nominal_mm;
     const double square = cell.variance_mm2 * (cell.n - 1) / cell.n + off * off;
     parts.push_back({static_cast<double>(cell.n), square, sample_variance(noise, 0, cell)});
     all += cell.n * square;
     samples += cell.n;
   }
-  if (samples < 1) return 1;
+  if (samples < 1) return 0;
   const auto slope = [&](double constant2) {
     double sum = 0;
     for (const Part& p : parts) {
@@ -74,13 +76,33 @@ double best_constant(const Reduced& reduced, const std::vector<Suspect>& noise) 
   return std::sqrt(low);
 }
 
+/// Variances that a sample of the cell may have, all as likely.
+std::vector<double> variances(const Predictor& predictor, const Cell& cell) {
+  std::vector<double> list;
+  for (const double constant : predictor.constant_after_mm)
+    list.push_back(sample_variance(predictor.noise, constant, cell));
+  return list;
+}
+
+double mean_of(const std::vector<double>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
 /// Predicts all cells with given mechanisms and places mount and targets so that they fit best.
 void place_and_predict(Reduced& reduced, const Predictor& what, bool found) {
   Hypothesis h(reduced.bench);
   std::vector<Active> at_work;
   for (const Term& term : known_terms(reduced.bench)) at_work.push_back(term.active());
   if (found)
-    for (const Term& term : what.terms) at_work.push_back(term.active());
+    for (const auto& [term, target] : what.terms) {
+      Active active = term.active();
+      if (!target.empty()) {
+        const Target* same = reduced.bench.target(target);
+        if (!same) continue;
+        active.target = static_cast<int>(same - reduced.bench.targets.data());
+      }
+      at_work.push_back(active);
+    }
   const auto at_present = [&] {
     predict(reduced, h.nuisance, at_work, false);
     if (!found) return;
@@ -91,8 +113,7 @@ void place_and_predict(Reduced& reduced, const Predictor& what, bool found) {
   for (int pass = 0; pass < 4; ++pass) {
     at_present();
     for (Cell& cell : reduced.cells)
-      cell.pooled_mm2 = sample_variance(found ? what.noise : std::vector<Suspect>{},
-                                        found ? what.constant_after_mm : what.constant_before_mm, cell);
+      cell.pooled_mm2 = found ? mean_of(variances(what, cell)) : std::pow(what.constant_before_mm, 2);
     MeanModel model(reduced, {});
     Prior prior;
     prior.mean = Nuisance(reduced.bench).as_vector() - h.nuisance.as_vector();
@@ -108,15 +129,20 @@ struct Score {
   double squares = 0, log_likelihood = 0, within = 0;
 };
 
-Score score(const Reduced& reduced, const Cell& cell, double variance) {
+Score score(const Reduced& reduced, const Cell& cell, const std::vector<double>& variances) {
   Score sum;
-  const double sigma = std::sqrt(variance);
+  const auto kinds = static_cast<double>(variances.size());
   for (int k = 0; k < cell.n; ++k) {
     const double d =
         static_cast<double>(reduced.kept[cell.first_kept + static_cast<std::size_t>(k)]) - cell.nominal_mm;
+    double density = 0, nearer = 0;
+    for (const double v : variances) {
+      density += std::exp(-0.5 * d * d / v) / std::sqrt(2 * pi * v) / kinds;
+      nearer += std::erf(std::abs(d) / std::sqrt(2 * v)) / kinds;
+    }
     sum.squares += d * d;
-    sum.log_likelihood -= 0.5 * d * d / variance + 0.5 * std::log(2 * pi * variance);
-    sum.within += std::abs(d) < 1.96 * sigma;
+    sum.log_likelihood += std::log(std::max(1e-300, density));
+    sum.within += nearer < 0.95;
   }
   return sum;
 }
@@ -168,7 +194,9 @@ EmpiricalCorrection tabulated(const Shape& shape, const MeanModel& model) {
 Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadResult& spread) {
   Predictor p;
   for (const Term& term : means.best.terms)
-    if (term.target < 0) p.terms.push_back(term);
+    p.terms.push_back({term, term.target < 0
+                                 ? std::string()
+                                 : reduced.bench.targets[static_cast<std::size_t>(term.target)].name});
   for (const Suspect& suspect : spread.accepted)
     if (suspect.mechanism->id != "range-noise") p.noise.push_back(suspect);
   for (const auto& set : spread.undecided)
@@ -191,14 +219,20 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadRe
   for (const Group& group : reduced.groups)
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i)
       reduced.cells[i].nominal_mm += empirical_mm(p.empirical, reduced.cells[i], group);
-  p.constant_after_mm = best_constant(reduced, p.noise);
+  if (spread.sigma_by_capture_mm.empty()) {
+    p.constant_after_mm.push_back(best_constant(reduced, p.noise));
+  } else {
+    for (std::size_t c = 0; c < reduced.captures.size(); ++c)
+      if (const double constant = best_constant(reduced, p.noise, static_cast<int>(c)); constant > 0)
+        p.constant_after_mm.push_back(constant);
+  }
   predict_at(reduced, means.best);
   return p;
 }
 
 Prediction predict_recording(const Predictor& predictor, const Recording& recording) {
   const Together alone({&recording});
-  Reduced before = reduce(*alone.recordings().front(), {}, alone.absent(0), true);
+  Reduced before = reduce(*alone.recordings().front(), {}, alone.standing(0), true);
   if (before.cells.empty())
     throw std::invalid_argument(
         "no beam of the recording to be predicted meets a target of its bench. Check the targets' places");
@@ -211,9 +245,9 @@ Prediction predict_recording(const Predictor& predictor, const Recording& record
   for (std::size_t i = 0; i < before.cells.size(); ++i) {
     const Cell &a = before.cells[i], &b = after.cells[i];
     if (!a.smooth || !b.smooth || a.n < 1) continue;
-    const double v_before = predictor.constant_before_mm * predictor.constant_before_mm,
-                 v_after = sample_variance(predictor.noise, predictor.constant_after_mm, b);
-    const Score one = score(before, a, v_before), two = score(after, b, v_after);
+    const double v_before = predictor.constant_before_mm * predictor.constant_before_mm;
+    const std::vector<double> v_after = variances(predictor, b);
+    const Score one = score(before, a, {v_before}), two = score(after, b, v_after);
     first.squares += one.squares;
     first.log_likelihood += one.log_likelihood;
     first.within += one.within;
@@ -228,7 +262,7 @@ Prediction predict_recording(const Predictor& predictor, const Recording& record
     ++out.cells;
     out.shown.push_back({b.at.incidence_rad * deg_per_rad, b.at.range_mm, b.beam_rad * deg_per_rad,
                          a.mean_mm - a.nominal_mm, std::sqrt(a.variance_mm2), b.mean_mm - b.nominal_mm,
-                         std::sqrt(v_before), std::sqrt(v_after)});
+                         std::sqrt(v_before), std::sqrt(mean_of(v_after))});
   }
   if (out.samples == 0)
     throw std::invalid_argument(

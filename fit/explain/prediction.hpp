@@ -23,11 +23,16 @@ struct EmpiricalCorrection {
 
 /// What a set of recordings taught, in a form that predicts another one.
 struct Predictor {
-  std::vector<Term> terms;  ///< The best of every set; none that belongs to one target.
+  struct Taught {
+    Term term;
+    std::string target;  ///< Of a term that belongs to one target: acts on that of the same name.
+  };
+  std::vector<Taught> terms;  ///< The best of every set.
   std::vector<EmpiricalCorrection> empirical;
   std::vector<Suspect> noise;     ///< Accepted noise mechanisms; the best of an undecided set.
   double constant_before_mm = 0;  ///< Best constant noise of a sample with geometry alone.
-  double constant_after_mm = 0;   ///< The same beside what was found.
+  /// The same beside what was found, one for every place where these differ: the next place may be like any.
+  std::vector<double> constant_after_mm;
 };
 
 /// Mean and noise of samples that were never fitted, under one description.

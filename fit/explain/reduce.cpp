@@ -191,6 +191,7 @@ class Reducer {
     if (cell.sight.target < 0) return cell;
     Circumstances& c = cell.at;
     scene.describe(cell.sight, group.stage_rad, edges, c);
+    c.target = out_.same_as[static_cast<std::size_t>(cell.sight.target)];
     c.beam_rad = cell.beam_rad;
     c.stage_rad = group.stage_rad;
     c.time_s = group.time_s;
@@ -298,8 +299,10 @@ class Reducer {
     const double middle = median_of(sorted_);
     for (double& v : sorted_) v = std::abs(v - middle);
     const double own = 1.4826 * median_of(sorted_);
+    // A few samples say little about their own spread.
+    const double least = values_.size() < 50 ? 25 : 4;
     const double reach =
-        turning_ ? std::max(60.0, 10 * group.sigma_mm) : std::max({25.0, 6 * group.sigma_mm, 5 * own});
+        turning_ ? std::max(60.0, 10 * group.sigma_mm) : std::max({least, 6 * group.sigma_mm, 5 * own});
     double sum = 0, squares = 0;
     cell.first_kept = out_.kept.size();
     for (const double v : values_) {
@@ -439,13 +442,16 @@ class Reducer {
 
 }  // namespace
 
-Reduced reduce(const Recording& recording, const Progress& progress, const std::vector<Absent>& absent,
+Reduced reduce(const Recording& recording, const Progress& progress, const Standing& standing,
                bool keep_samples) {
   Reduced out;
   out.bench = recording.bench();
   out.captures = recording.captures();
-  out.absent = absent;
+  out.absent = standing.absent;
   out.absent.resize(out.captures.size());
+  out.same_as = standing.same_as;
+  for (std::size_t t = out.same_as.size(); t < out.bench.targets.size(); ++t)
+    out.same_as.push_back(static_cast<int>(t));
   out.remainder.assign(25 * 25, 0);
   for (const CaptureInfo& capture : out.captures) {
     if (!capture.temperature_c) continue;
@@ -524,6 +530,7 @@ void readmit(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
       if (std::abs(cell.mean_mm - nominal) > 60 + 5 * group.sigma_mm) continue;
       cell.sight = sight;
       cell.at = at;
+      cell.at.target = reduced.same_as[static_cast<std::size_t>(sight.target)];
       cell.nominal_mm = nominal;
       cell.smooth = true;
       cell.doubtful = false;

@@ -59,6 +59,7 @@ struct Reduced {
   Bench bench;
   std::vector<CaptureInfo> captures;
   std::vector<Absent> absent;  ///< For every capture.
+  std::vector<int> same_as;    ///< For every target of the bench, the first that is the same thing elsewhere.
   std::vector<Group> groups;
   std::vector<Cell> cells;
   std::vector<Sector> sectors;
@@ -70,13 +71,18 @@ struct Reduced {
   int left_out = 0;  ///< Cells that no mean is taken of.
 };
 
+/// What of the bench stands where. Left empty: every target is there in every capture, and all differ.
+struct Standing {
+  std::vector<Absent> absent;  ///< For every capture.
+  std::vector<int> same_as;    ///< For every target; what belongs to a thing goes with it to another place.
+};
+
 /// Called with the share done, 0..1.
 using Progress = std::function<void(double share, const char* what)>;
 
 /// Walks the recording once. Cells of captures about nothing in the scene are left out.
-/// `absent` says for every capture which targets are not there; empty: all are.
 [[nodiscard]] Reduced reduce(const Recording& recording, const Progress& progress,
-                             const std::vector<Absent>& absent = {}, bool keep_samples = false);
+                             const Standing& standing = {}, bool keep_samples = false);
 
 /// Predicts every cell anew with other nuisance parameters and with mechanisms at work, to all orders in
 /// geometry. `nominal_mm`, `sight` and the place in `at` are replaced. A cell that now meets another target

@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
+#include <optional>
+#include <set>
 
 namespace fit::explain {
 namespace {
@@ -20,6 +23,7 @@ const Mechanism* mechanism(const char* id) { return find_mechanism(id); }
 /// Neighbouring cells of one target in one group.
 struct Pool {
   double freedom = 0, variance = 0, beam_deg = 0, intensity = 0, lever2 = 0;
+  int capture = 0;
 };
 
 std::vector<Pool> pools_of(const Reduced& reduced) {
@@ -45,6 +49,7 @@ std::vector<Pool> pools_of(const Reduced& reduced) {
       if (!cell.smooth || cell.n < 2) continue;
       if (count == beams || cell.at.target != target) finish();
       target = cell.at.target;
+      pool.capture = group.capture;
       const double lever = cell.sight.beam_lever();
       pool.freedom += cell.n - 1;
       pool.variance += (cell.n - 1) * cell.variance_mm2;
@@ -69,7 +74,9 @@ class VarianceModel {
     double log_likelihood = 0;
   };
   /// `columns`: variance for size one of every term at every pool. `free`: the stated noise is no constraint.
-  [[nodiscard]] Fit fit(const std::vector<std::vector<double>>& columns, bool free) const {
+  /// The first `places` columns are differences between places and may be negative.
+  [[nodiscard]] Fit fit(const std::vector<std::vector<double>>& columns, bool free,
+                        std::size_t places = 0) const {
     const auto k = static_cast<Eigen::Index>(columns.size()) + 1;
     const double s0 = stated_.value, prior_mean = s0 * s0;
     const double prior_sigma = std::max(0.02 * s0 * s0, 2 * s0 * stated_.u);
@@ -107,7 +114,8 @@ class VarianceModel {
       for (Eigen::Index j = 0; j < k; ++j) normal(j, j) *= 1 + 1e-9;
       Eigen::VectorXd next = normal.ldlt().solve(rhs);
       if (!next.allFinite()) break;
-      next = next.cwiseMax(0.0);
+      for (Eigen::Index j = 1; j < k; ++j)
+        if (j > static_cast<Eigen::Index>(places)) next[j] = std::max(next[j], 0.0);
       next[0] = std::max(next[0], 1e-3 * mean);
       const bool settled = (next - x).norm() < 1e-6 * (1 + x.norm());
       x = next;
@@ -123,7 +131,61 @@ class VarianceModel {
 
   [[nodiscard]] const std::vector<Pool>& pools() const { return pools_; }
 
+  /// What one more column gains in captures that it was not fitted to, each with its own constant noise. Not
+  /// known with fewer than three; none, unless two confirm it and fewer deny it.
+  [[nodiscard]] std::optional<double> unseen_gain(const std::vector<std::vector<double>>& columns,
+                                                  const std::vector<double>& more, std::size_t places,
+                                                  bool free) const {
+    std::set<int> captures;
+    for (const Pool& p : pools_) captures.insert(p.capture);
+    if (captures.size() < 3) return {};
+    const int blocks = static_cast<int>(std::min<std::size_t>(8, captures.size()));
+    std::map<int, int> block;
+    for (const int capture : captures) {
+      const int next = static_cast<int>(block.size()) % blocks;
+      block.emplace(capture, next);
+    }
+    double gain = 0;
+    int confirmed = 0, denied = 0;
+    for (int b = 0; b < blocks; ++b) {
+      std::vector<Pool> others, own;
+      std::vector<std::vector<double>> others_columns(columns.size() + 1), own_columns(columns.size() + 1);
+      for (std::size_t i = 0; i < pools_.size(); ++i) {
+        const bool is_own = block.at(pools_[i].capture) == b;
+        (is_own ? own : others).push_back(pools_[i]);
+        for (std::size_t j = 0; j <= columns.size(); ++j)
+          (is_own ? own_columns : others_columns)[j].push_back(j < columns.size() ? columns[j][i] : more[i]);
+      }
+      const VarianceModel taught(others, stated_, fixed_, discount_), asked(own, stated_, fixed_, discount_);
+      double change =
+          asked.with_own_constant(own_columns, taught.fit(others_columns, free, places).value, places);
+      others_columns.pop_back();
+      own_columns.pop_back();
+      change -= asked.with_own_constant(own_columns, taught.fit(others_columns, free, places).value, places);
+      gain += change;
+      if (std::abs(change) < 0.5) continue;  // has no say
+      (change > 0 ? confirmed : denied) += 1;
+    }
+    return confirmed > 1 && confirmed > denied ? gain : std::min(gain, -1.0);
+  }
+
  private:
+  /// Best likelihood over the constant variance, all other sizes given.
+  [[nodiscard]] double with_own_constant(const std::vector<std::vector<double>>& columns, Eigen::VectorXd x,
+                                         std::size_t places) const {
+    for (std::size_t j = 1; j <= places; ++j) x[static_cast<Eigen::Index>(j)] = 0;
+    double best = -1e300, at = x[0];
+    for (double step = 2, from = at; step > 1.01; step = std::sqrt(step), from = at)
+      for (int k = -6; k <= 6; ++k) {
+        x[0] = from * std::pow(step, k);
+        const double l = likelihood(columns, x);
+        if (l <= best) continue;
+        best = l;
+        at = x[0];
+      }
+    return best;
+  }
+
   [[nodiscard]] double likelihood(const std::vector<std::vector<double>>& columns,
                                   const Eigen::VectorXd& x) const {
     double sum = 0;
@@ -155,15 +217,22 @@ class VarianceSearch {
 
   void run(SpreadResult& result, double jitter_rad2) {
     if (model_.pools().size() < 3) return;
+    if (several_places) by_place();
     if (jitter_rad2 > 0) columns_.push_back(lever_column());
     for (int step = 0; step < 2; ++step) {
       std::vector<Suspect> suspects;
-      base_ = model_.fit(columns_, free_);
+      base_ = model_.fit(columns_, free_, places_);
       if (has_intensity_ && !taken("intensity-noise", result)) suspects.push_back(intensity_noise());
       if (!taken("sunlight", result)) suspects.push_back(sunlight());
       if (!free_) suspects.push_back(range_noise());
       if (!taken("angle-jitter", result)) suspects.push_back(angle_jitter());
       std::ranges::sort(suspects, [](const auto& a, const auto& b) { return a.evidence > b.evidence; });
+      // What does not help on captures that it has not seen is not believed.
+      std::erase_if(suspects, [&](const Suspect& s) {
+        if (s.evidence < accept_at || s.mechanism->id == "range-noise") return false;
+        const auto gain = model_.unseen_gain(columns_, column_of(s), places_, free_);
+        return gain && *gain < 0;
+      });
       if (suspects.empty() || suspects.front().evidence < accept_at) break;
       std::vector<Suspect> set{suspects.front()};
       for (std::size_t i = 1; i < suspects.size(); ++i)
@@ -174,23 +243,55 @@ class VarianceSearch {
       }
       accept(set.front(), result);
     }
-    base_ = model_.fit(columns_, free_);
+    base_ = model_.fit(columns_, free_, places_);
     result.sigma_mm = std::sqrt(base_.value[0]);
+    for (std::size_t c = 0; places_ > 0 && c <= places_; ++c)
+      result.sigma_by_capture_mm.push_back(std::sqrt(
+          std::max(1e-3, base_.value[0] + (c > 0 ? base_.value[static_cast<Eigen::Index>(c)] : 0))));
   }
 
  private:
+  /// A constant noise for every place, if the places differ. Whatever depends on slant or light is then
+  /// judged within places.
+  void by_place() {
+    int captures = 0;
+    for (const Pool& p : model_.pools()) captures = std::max(captures, p.capture + 1);
+    if (captures < 2) return;
+    // Beside a slope with the slant: else a place whose walls are seen at more of a slant is only noisier.
+    std::vector<std::vector<double>> columns;
+    for (int c = 1; c < captures; ++c) {
+      columns.emplace_back();
+      for (const Pool& p : model_.pools()) columns.back().push_back(p.capture == c);
+    }
+    auto slanted = columns;
+    slanted.push_back(lever_column());
+    const auto places = static_cast<std::size_t>(captures - 1);
+    const double gain = model_.fit(slanted, free_, places).log_likelihood -
+                        model_.fit({lever_column()}, free_).log_likelihood;
+    const double each = gain / static_cast<double>(places);
+    if (gain - price_of_size(each) * static_cast<double>(places) < accept_at) return;
+    columns_ = columns;
+    places_ = places;
+  }
+
   static bool taken(const char* id, const SpreadResult& result) {
     return std::ranges::any_of(result.accepted, [&](const Suspect& s) { return s.mechanism->id == id; });
   }
 
   void accept(const Suspect& suspect, SpreadResult& result) {
+    if (suspect.mechanism->id == "range-noise")
+      free_ = true;
+    else
+      columns_.push_back(column_of(suspect));
+    result.accepted.push_back(suspect);
+  }
+
+  std::vector<double> column_of(const Suspect& suspect) const {
     const std::string& id = suspect.mechanism->id;
     const auto at = [&](const char* name) { return suspect.parameters.at(name).value; };
-    if (id == "intensity-noise") columns_.push_back(intensity_column(at("exponent")));
-    if (id == "sunlight") columns_.push_back(light_column(at("centre_deg"), at("width_deg")));
-    if (id == "angle-jitter") columns_.push_back(lever_column());
-    if (id == "range-noise") free_ = true;
-    result.accepted.push_back(suspect);
+    if (id == "intensity-noise") return intensity_column(at("exponent"));
+    if (id == "sunlight") return light_column(at("centre_deg"), at("width_deg"));
+    return lever_column();
   }
 
   std::vector<double> intensity_column(double exponent) const {
@@ -218,7 +319,7 @@ class VarianceSearch {
   VarianceModel::Fit more(const std::vector<double>& column, double& gain) const {
     auto columns = columns_;
     columns.push_back(column);
-    const auto fit = model_.fit(columns, free_);
+    const auto fit = model_.fit(columns, free_, places_);
     gain = fit.log_likelihood - base_.log_likelihood;
     return fit;
   }
@@ -279,7 +380,7 @@ class VarianceSearch {
   Suspect range_noise() const {
     Suspect suspect;
     suspect.mechanism = mechanism("range-noise");
-    const auto fit = model_.fit(columns_, true);
+    const auto fit = model_.fit(columns_, true, places_);
     suspect.gain = fit.log_likelihood - base_.log_likelihood;
     const double extra = fit.value[0] - base_stated();
     suspect.parameters = {
@@ -305,11 +406,13 @@ class VarianceSearch {
   const VarianceModel& model_;
   bool has_intensity_;
   bool free_ = false;
+  std::size_t places_ = 0;  ///< The first so many columns are places.
   std::vector<std::vector<double>> columns_;
   VarianceModel::Fit base_;
 
  public:
   Estimate stated;
+  bool several_places = false;
 };
 
 // ---- scans
@@ -834,7 +937,7 @@ void losses(const Reduced& reduced, SpreadResult& result) {
         width = w * i;
       }
   }
-  double window = constant, centre = 0;
+  double window = constant, centre = 0, elsewhere = lost;
   for (double c0 = -130; c0 <= 130; c0 += 6)
     for (const double w : {8.0, 14.0, 22.0}) {
       double in_lost = 0, in_all = 0;
@@ -852,6 +955,7 @@ void losses(const Reduced& reduced, SpreadResult& result) {
       if (l > window) {
         window = l;
         centre = c0;
+        elsewhere = lost - in_lost;
       }
     }
   const bool light =
@@ -868,7 +972,8 @@ void losses(const Reduced& reduced, SpreadResult& result) {
     result.accepted.push_back(suspect);
     return;
   }
-  if (window - constant > 8) {
+  // Light that falls in explains what is lost there, not what is lost everywhere.
+  if (window - constant > 8 && elsewhere < 0.1 * lost) {
     Suspect sun;
     sun.mechanism = mechanism("sunlight");
     sun.gain = window - none;
@@ -884,8 +989,12 @@ void losses(const Reduced& reduced, SpreadResult& result) {
   u.evidence = u.gain - 8;
   u.describes =
       "echoes are missing, " + rounded(100 * rate, 2) + " % of all, whatever their strength and angle";
-  u.from = -135;
-  u.to = 135;
+  u.from = 180;
+  u.to = -180;
+  for (const Count& c : counts) {
+    u.from = std::min(u.from, c.beam_deg);
+    u.to = std::max(u.to, c.beam_deg);
+  }
   if (lost >= 10) result.unknown.push_back(u);
 }
 
@@ -980,6 +1089,7 @@ SpreadResult explain_spread(const Reduced& given) {
   const VarianceModel model(pools, stated, fixed, discount);
   VarianceSearch search(model, given.has_intensity);
   search.stated = stated;
+  search.several_places = std::ranges::any_of(given.absent, [](const Absent& a) { return !a.empty(); });
   double jitter = 0;
   for (const Suspect& s : result.accepted)
     if (s.mechanism->id == "angle-jitter") jitter = 1;

@@ -34,6 +34,8 @@ struct SpreadResult {
   std::vector<Unexplained> unknown;
   MeanNoise noise;
   double sigma_mm = 0;  ///< White noise of one sample, fitted.
+  /// By capture, where targets were put up in several places and the noise differs between these; else empty.
+  std::vector<double> sigma_by_capture_mm;
 };
 
 [[nodiscard]] SpreadResult explain_spread(const Reduced& reduced);

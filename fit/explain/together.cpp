@@ -62,6 +62,8 @@ Together::Together(const std::vector<const Recording*>& recordings) {
     placed_.push_back(std::make_unique<Placed>(*recording, bench_));
   std::vector<std::set<std::string>> standing(recordings.size());  // what every capture of a session sees
   std::set<std::string> placed_anew;
+  std::map<std::string, int> first_of_its_kind;
+  std::vector<int> same_as;
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     const Bench& own = recordings[r]->bench();
     for (const Target& target : own.targets) {
@@ -73,6 +75,11 @@ Together::Together(const std::vector<const Recording*>& recordings) {
         more.name = name = unused_name(bench_, target.name);
         bench_.targets.push_back(more);
       }
+      const auto at = static_cast<std::size_t>(bench_.target(name) - bench_.targets.data());
+      for (std::size_t t = same_as.size(); t < bench_.targets.size(); ++t)
+        same_as.push_back(static_cast<int>(t));
+      if (is_placed_anew(own, target.name))
+        same_as[at] = first_of_its_kind.try_emplace(target.name, static_cast<int>(at)).first->second;
       standing[r].insert(name);
       if (is_placed_anew(own, target.name)) placed_anew.insert(name);
       for (CaptureInfo& capture : placed_[r]->mutable_captures())
@@ -91,13 +98,15 @@ Together::Together(const std::vector<const Recording*>& recordings) {
         place->second = name_of_place(bench_, first, capture.target_shift_mm);
         Target copy = first;
         copy.name = place->second;
+        same_as.push_back(same_as[static_cast<std::size_t>(target - bench_.targets.data())]);
         bench_.targets.push_back(copy);
       }
       capture.target = place->second;
     }
   }
   for (std::size_t r = 0; r < recordings.size(); ++r) {
-    absent_.emplace_back();
+    Standing stands;
+    stands.same_as = same_as;
     for (const CaptureInfo& capture : placed_[r]->captures()) {
       Absent absent;
       for (std::size_t t = 0; t < bench_.targets.size(); ++t) {
@@ -108,8 +117,9 @@ Together::Together(const std::vector<const Recording*>& recordings) {
           absent.insert(static_cast<int>(t));
       }
       several_places_ = several_places_ || !absent.empty();
-      absent_.back().push_back(std::move(absent));
+      stands.absent.push_back(std::move(absent));
     }
+    standing_.push_back(std::move(stands));
     list_.push_back(placed_[r].get());
   }
 }

@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "fit/explain/scene.hpp"
+#include "fit/explain/reduce.hpp"
 #include "fit/recording.hpp"
 
 namespace fit::explain {
@@ -22,8 +22,8 @@ class Together {
   [[nodiscard]] const Bench& bench() const { return bench_; }
   /// In the order given, all with bench().
   [[nodiscard]] const std::vector<const Recording*>& recordings() const { return list_; }
-  /// For every capture of one recording, which of bench()'s targets are not there.
-  [[nodiscard]] const std::vector<Absent>& absent(std::size_t recording) const { return absent_[recording]; }
+  /// What stands where in one recording.
+  [[nodiscard]] const Standing& standing(std::size_t recording) const { return standing_[recording]; }
   /// Targets stand in several places: then the first of bench()'s targets are those of the first recording.
   [[nodiscard]] bool in_several_places() const { return several_places_; }
 
@@ -33,7 +33,7 @@ class Together {
   bool several_places_ = false;
   std::vector<std::unique_ptr<Placed>> placed_;
   std::vector<const Recording*> list_;
-  std::vector<std::vector<Absent>> absent_;
+  std::vector<Standing> standing_;
 };
 
 }  // namespace fit::explain
