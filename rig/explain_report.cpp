@@ -85,6 +85,50 @@ std::string curve_section(const json& curve) {
          "after: with what was found.</figcaption></figure>\n";
 }
 
+/// A recording that took no part in the fit: figures, spread and means along the incidence.
+std::string prediction_section(const json& p) {
+  const json &before = p.at("before"), &after = p.at("after"), &cells = p.at("cells");
+  const json& gain = p.at("log_likelihood_gain");
+  const auto row = [&](const char* what, const char* key, int digits) {
+    return "<tr><td>" + std::string(what) + "</td><td class=\"n\">" +
+           figure_of(number_at(before, key), digits) + "</td><td class=\"n\">" +
+           figure_of(number_at(after, key), digits) + "</td></tr>\n";
+  };
+  std::string html = "<h2>Predicted, not fitted: " + escaped(p.value("session", "")) + "</h2>\n<p>" +
+                     std::to_string(p.value("samples", 0L)) +
+                     " samples of a recording that took no part in the fit. Before: the bench's geometry and "
+                     "the constant noise "
+                     "that suits the fitted recordings best; after: with what was found in them. In both, "
+                     "only where mount and "
+                     "targets of this recording stand was fitted to it.</p>\n<table><thead><tr><th></th><th "
+                     "class=\"n\">before</th><th class=\"n\">after</th></tr></thead><tbody>\n" +
+                     row("rms of the samples (mm)", "rms_mm", 4) +
+                     row("rms of the means (mm)", "rms_of_means_mm", 4) +
+                     row("log-likelihood of a sample", "log_likelihood", 4) +
+                     row("share within the predicted 95 % intervals", "coverage_95", 3) +
+                     "</tbody></table>\n<p>All samples "
+                     "together are e^" +
+                     figure_of(number_at(gain, "value"), 3) + " times as likely, the exponent +/- " +
+                     figure_of(number_at(gain, "u"), 2) + " as beams differ.</p>\n";
+  if (!cells.contains("incidence_deg")) return html;
+  const auto column = [&](const char* key) { return cells.at(key).get<std::vector<double>>(); };
+  const auto x = column("incidence_deg");
+  Plot spread;
+  spread.title = "Spread of the samples of a beam";
+  spread.x_label = "incidence (deg)";
+  spread.y_label = "standard deviation (mm)";
+  spread.series.push_back({"recorded", Series::Style::points, x, column("sd_mm"), {}});
+  spread.series.push_back({"predicted before", Series::Style::points, x, column("sd_before_mm"), {}});
+  spread.series.push_back({"predicted after", Series::Style::points, x, column("sd_after_mm"), {}});
+  Plot means = spread;
+  means.title = "Mean of a beam's samples";
+  means.y_label = "recording - prediction (mm)";
+  means.series.clear();
+  means.series.push_back({"before", Series::Style::points, x, column("mean_before_mm"), {}});
+  means.series.push_back({"after", Series::Style::points, x, column("mean_after_mm"), {}});
+  return html + "<figure>" + to_svg(spread) + "</figure>\n<figure>" + to_svg(means) + "</figure>\n";
+}
+
 std::string style() {
   return "body{font:15px/1.45 \"Source Sans 3\",\"DejaVu "
          "Sans\",sans-serif;color:#1a1a1a;max-width:52rem;margin:2rem "
@@ -139,6 +183,8 @@ std::string explanation_html(const json& e, const std::string& sessions) {
       figure_of(number_at(fit, "coverage_95_after"), 3) +
       "</td></tr>\n</tbody></table>\n<p>Noise floor of the means: " +
       figure_of(number_at(fit, "noise_floor_mm")) + " mm.</p>\n";
+  if (e.contains("prediction"))
+    for (const json& p : e["prediction"]) html += prediction_section(p);
   if (!e.at("curves").empty()) html += "<h2>Residuals</h2>\n";
   for (const json& curve : e.at("curves")) html += curve_section(curve);
   if (!e.at("located").empty()) {

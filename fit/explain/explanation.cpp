@@ -226,6 +226,8 @@ class Writer {
       found.target = finding.target;
       found.parameters = finding.parameters;
       found.probability = std::min(0.999, means_.probability[t]);
+      // Beside something that the catalogue does not know, no name is certain.
+      if (!means_.best.shapes.empty()) found.probability = std::min(0.85, found.probability);
       found.says = term.mechanism->says(finding);
       found.evidence = evidence_of(means_, t);
       found.log_likelihood_gain = means_.after.log_likelihood - means_.without[t].log_likelihood;
@@ -343,6 +345,15 @@ class Writer {
       out_.notes.push_back(
           "Means deviate in ways that one place does not share with the others; nothing is built on these.");
     if (!spread_.sigma_by_capture_mm.empty()) out_.notes.push_back(noise_of_places() + ".");
+    for (const Suspect& suspect : spread_.accepted) {
+      if (suspect.mechanism->id != "angle-jitter") continue;
+      const Estimate sigma = suspect.parameters.at("sigma_deg");
+      const double grid = reduced_.bench.lidar.step_rad * deg_per_rad;
+      if (std::abs(sigma.value - grid / std::sqrt(12.0)) > 2 * sigma.u + 0.02 * sigma.value) continue;
+      out_.notes.push_back(
+          "Beam angles scatter by as much as angles do that are rounded to the beams' spacing: " +
+          rounded(grid, 3) + " deg / sqrt(12) = " + rounded(grid / std::sqrt(12.0), 3) + " deg.");
+    }
     if (means_.scatter_mm > 0)
       out_.notes.push_back("Whole captures are off at random by " + rounded(means_.scatter_mm, 2) +
                            " mm; their cells were not counted as independent.");
