@@ -428,7 +428,8 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
   Explanation explanation = Writer(reduced, means, spread).write();
   explanation.predictor = predictor_of(reduced, means, spread);
   explanation.several_places = together.in_several_places();
-  explanation.bench.targets.resize(recordings.front()->bench().targets.size());
+  explanation.bench.targets.resize(together.first_scene());
+  explanation.notes.insert(explanation.notes.begin(), together.notes().begin(), together.notes().end());
   if (progress) progress(1, "done");
   return explanation;
 }

@@ -350,7 +350,9 @@ class VarianceSearch {
     }
     const auto look = [&](double centre, double width) {
       double gain = 0;
-      const auto fit = more(light_column(centre, width), gain);
+      const std::vector<double> column = light_column(centre, width);
+      if (*std::ranges::max_element(column) < 0.5) return;  // a size at a place that no beam saw
+      const auto fit = more(column, gain);
       if (gain <= best.gain) return;
       best.gain = gain;
       const Eigen::Index last = fit.value.size() - 1;

@@ -6,6 +6,9 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <stdexcept>
+
+#include "fit/explain/fitted_room.hpp"
 
 namespace fit::explain {
 
@@ -29,6 +32,19 @@ class Together::Placed : public Recording {
 };
 
 namespace {
+
+void refuse_if_carried(const Recording& recording) {
+  const Carried way = carried(recording);
+  if (!way.moved()) return;
+  throw std::invalid_argument("the lidar was carried along (" + std::to_string(way.poses) + " poses, " +
+                              rounded(way.path_mm / 1000, 2) + " m, turned by " +
+                              rounded(way.turned_rad * deg_per_rad, 3) +
+                              " deg), and the bench's targets hold for a lidar at rest or on a stage. Leave "
+                              "the targets out: then the "
+                              "stretches at rest are explained before the walls they show. `rig fit "
+                              "odometry` and `rig deskew` calibrate "
+                              "what shows on the move");
+}
 
 bool stands_alike(const Target& a, const Target& b) {
   return a.name == b.name && (a.from_mm - b.from_mm).norm() < 1e-6 && (a.to_mm - b.to_mm).norm() < 1e-6;
@@ -55,21 +71,38 @@ std::string name_of_place(const Bench& bench, const Target& target, double shift
 
 }  // namespace
 
-Together::Together(const std::vector<const Recording*>& recordings) {
-  if (recordings.empty()) return;
+Together::Together(const std::vector<const Recording*>& given) {
+  if (given.empty()) return;
+  std::vector<const Recording*> recordings;
+  std::vector<const FittedRoom*> rooms;  // of those without targets
+  for (const Recording* recording : given) {
+    rooms.push_back(nullptr);
+    if (recording->bench().targets.empty()) {
+      rooms_.push_back(std::make_unique<FittedRoom>(*recording));
+      rooms.back() = rooms_.back().get();
+      notes_.push_back(rooms_.back()->note());
+      recordings.push_back(rooms_.back().get());
+      continue;
+    }
+    refuse_if_carried(*recording);
+    recordings.push_back(recording);
+  }
   bench_ = recordings.front()->bench();
   for (const Recording* recording : recordings)
     placed_.push_back(std::make_unique<Placed>(*recording, bench_));
   std::vector<std::set<std::string>> standing(recordings.size());  // what every capture of a session sees
   std::set<std::string> placed_anew;
   std::map<std::string, int> first_of_its_kind;
+  std::vector<std::map<std::string, std::string>> joint_name(recordings.size());
   std::vector<int> same_as;
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     const Bench& own = recordings[r]->bench();
     for (const Target& target : own.targets) {
       std::string name = target.name;
-      const bool known = std::ranges::any_of(
-          bench_.targets, [&](const Target& other) { return stands_alike(target, other); });
+      const bool known =
+          r == 0 || (!rooms[r] && std::ranges::any_of(bench_.targets, [&](const Target& other) {
+            return stands_alike(target, other);
+          }));
       if (!known) {
         Target more = target;
         more.name = name = unused_name(bench_, target.name);
@@ -81,11 +114,14 @@ Together::Together(const std::vector<const Recording*>& recordings) {
       if (is_placed_anew(own, target.name))
         same_as[at] = first_of_its_kind.try_emplace(target.name, static_cast<int>(at)).first->second;
       standing[r].insert(name);
+      joint_name[r][target.name] = name;
       if (is_placed_anew(own, target.name)) placed_anew.insert(name);
       for (CaptureInfo& capture : placed_[r]->mutable_captures())
         if (capture.target == target.name) capture.target = name;
     }
   }
+  first_scene_ = recordings.front()->bench().targets.size();
+  if (rooms.front()) first_scene_ -= rooms.front()->absent().front().size();
   // Every placement by hand is a target of its own, which stands in for the first.
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     std::map<std::pair<std::string, double>, std::string> places;
@@ -107,8 +143,12 @@ Together::Together(const std::vector<const Recording*>& recordings) {
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     Standing stands;
     stands.same_as = same_as;
-    for (const CaptureInfo& capture : placed_[r]->captures()) {
+    for (std::size_t c = 0; c < placed_[r]->captures().size(); ++c) {
+      const CaptureInfo& capture = placed_[r]->captures()[c];
       Absent absent;
+      if (rooms[r])
+        for (const std::string& wall : rooms[r]->absent()[c])
+          absent.insert(static_cast<int>(bench_.target(joint_name[r].at(wall)) - bench_.targets.data()));
       for (std::size_t t = 0; t < bench_.targets.size(); ++t) {
         const std::string& name = bench_.targets[t].name;
         const bool stood_in_for = capture.target && *capture.target != name && placed_anew.contains(name) &&
