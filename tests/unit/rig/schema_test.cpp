@@ -11,6 +11,7 @@
 #include <valijson/validator.hpp>
 
 #include "fit/bench.hpp"
+#include "fit/correction.hpp"
 
 namespace {
 
@@ -97,5 +98,34 @@ TEST_CASE("Every world file of the project satisfies the published schema, and w
     json document = good;
     document.merge_patch(json::parse(wrong));
     CHECK_FALSE(complaints("../sim/worlds/world.schema.json", document).empty());
+  }
+}
+
+TEST_CASE("The schema and the reader of corrections agree on good and wrong files") {
+  fit::Correction correction;
+  correction.lidar_model = "UST-10LX";
+  correction.session_sha256 = {std::string(64, 'a')};
+  correction.zero_mm = {2.5, 0.1};
+  fit::CorrectionTerm term;
+  term.argument = fit::CorrectionTerm::Argument::range;
+  term.family = "line", term.coefficients = {1.5, -0.002};
+  term.from = 200, term.to = 9800, term.zero_at = 200;
+  correction.range = term;
+  const auto count = static_cast<Eigen::Index>(correction.parameter_names().size());
+  correction.factor = 0.01 * Eigen::MatrixXd::Identity(count, count);
+  const json good = json::parse(fit::to_json_text(correction));
+  CHECK(complaints("correction.schema.json", good) == "");
+  REQUIRE_NOTHROW(fit::parse_correction(good.dump()));
+  std::vector<json> wrong(6, good);
+  wrong[0]["schema"] = "correction/2";
+  wrong[1]["terms"][0]["family"] = "lime";
+  wrong[2]["terms"][0].erase("from");
+  wrong[3]["terms"][0]["coefficients"][0]["value"] = "one";
+  wrong[4].erase("reference");
+  wrong[5]["covariance_factor"][0][0] = "small";
+  for (const json& document : wrong) {
+    INFO(document.dump());
+    CHECK_FALSE(complaints("correction.schema.json", document).empty());
+    CHECK_THROWS_AS(fit::parse_correction(document.dump()), std::invalid_argument);
   }
 }
