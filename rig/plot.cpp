@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -139,7 +140,7 @@ std::string script_of(const Plot& plot, const std::vector<const Series*>& drawn)
     else
       out << " linecolor rgb '" << colours[i % 7] << "'";
     if (marked)
-      out << " pointtype " << marks[i % 7] << " pointsize " << (series.x.size() > 300 ? 0.25 : 0.6);
+      out << " pointtype " << marks[i % 7] << " pointsize " << (series.x.size() > 300 ? 0.35 : 0.9);
     else if (style == Series::Style::line || style == Series::Style::ellipse || style == Series::Style::steps)
       out << " linewidth 1.6";
     if (series.name.empty())
@@ -186,6 +187,57 @@ std::vector<double> numbers(const nlohmann::json& json, const char* key) {
   return out;
 }
 
+/// gnuplot's marker `gpPt<number>` as a shape of its own, about the origin and of unit size.
+std::string marker(int number, const std::string& colour) {
+  static const std::array<const char*, 8> outlines = {"M-1,0 h2 M0,-1 v2",
+                                                      "M-1,-1 L1,1 M1,-1 L-1,1",
+                                                      "M-1,0 h2 M0,-1 v2 M-1,-1 L1,1 M-1,1 L1,-1",
+                                                      "M-1,-1 h2 v2 h-2 z",
+                                                      "M-1,0 a1,1 0 1,0 2,0 a1,1 0 1,0 -2,0 z",
+                                                      "M0,-1.33 L-1.33,0.67 h2.66 z",
+                                                      "M0,1.33 L-1.33,-0.67 h2.66 z",
+                                                      "M0,-1.41 L1.41,0 L0,1.41 L-1.41,0 z"};
+  // From 3 on an outline is followed by its filled twin.
+  const std::size_t shape =
+      number < 3 ? static_cast<std::size_t>(number) : 3 + (static_cast<std::size_t>(number) - 3) / 2;
+  const bool filled = number >= 4 && number % 2 == 0;
+  return std::string("<path d='") + outlines[std::min(shape, outlines.size() - 1)] + "' " +
+         (filled ? "stroke='none' fill='" + colour + "'"
+                 : "stroke-width='0.22' fill='none' stroke='" + colour + "'");
+}
+
+std::string attribute(std::string_view tag, std::string_view name) {
+  const std::string begin = std::string(name) + "='";
+  const std::size_t at = tag.find(begin);
+  if (at == std::string_view::npos) return "";
+  const std::size_t from = at + begin.size();
+  return std::string(tag.substr(from, tag.find('\'', from) - from));
+}
+
+/// gnuplot hands a marker's colour on as currentColor, on which WeasyPrint 57 fails: every marker gets its
+/// own.
+std::string with_coloured_markers(const std::string& svg) {
+  const std::string begin = "<use xlink:href='#gpPt", end = "/>";
+  std::string out;
+  std::size_t at = 0;
+  for (std::size_t next; (next = svg.find(begin, at)) != std::string::npos;) {
+    const std::size_t stop = svg.find(end, next);
+    if (stop == std::string::npos) break;
+    const std::string_view tag(svg.data() + next, stop - next);
+    const std::string colour = attribute(tag, "color");
+    out.append(svg, at, next - at);
+    if (colour.empty())
+      out.append(tag);  // One of gnuplot's definitions.
+    else
+      out += marker(std::atoi(tag.data() + begin.size()), colour) + " transform='" +
+             attribute(tag, "transform") + "'";
+    at = stop;
+  }
+  out.append(svg, at);
+  replace_all(out, "currentColor", "#000000");
+  return out;
+}
+
 }  // namespace
 
 std::string to_svg(const Plot& plot) {
@@ -205,8 +257,8 @@ std::string to_svg(const Plot& plot) {
   const std::size_t start = svg.find("<svg");
   if (start == std::string::npos || svg.find("</svg>") == std::string::npos)
     return message_svg(plot, "install gnuplot-nox to see this picture");
-  svg.erase(0, start);                          // the XML declaration may not stand inside HTML
-  replace_all(svg, "currentColor", "#000000");  // WeasyPrint 57 fails on it
+  svg.erase(0, start);  // the XML declaration may not stand inside HTML
+  svg = with_coloured_markers(svg);
   return svg;
 }
 

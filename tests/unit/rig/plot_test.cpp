@@ -3,6 +3,7 @@
 
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <cstdlib>
 #include <nlohmann/json.hpp>
 
 using rig::Plot;
@@ -46,4 +47,23 @@ TEST_CASE("a plot is read from a result document, gaps included") {
   CHECK(plot.equal_axes);
   CHECK(plot.series[0].style == Series::Style::ellipse);
   CHECK(std::isnan(plot.series[0].x[1]));
+}
+
+TEST_CASE("points are drawn in the colour of their series") {
+  if (std::system("command -v gnuplot >/dev/null 2>&1") != 0) {
+    WARN("skipped: gnuplot is not installed");
+    return;
+  }
+  rig::Plot plot;
+  plot.series.push_back({"before", rig::Series::Style::points, {1, 2, 3}, {1, 2, 3}, {}});
+  plot.series.push_back({"after", rig::Series::Style::points, {1, 2, 3}, {3, 2, 1}, {}});
+  const std::string svg = rig::to_svg(plot);
+  const auto count = [&svg](const std::string& part) {
+    int found = 0;
+    for (std::size_t at = 0; (at = svg.find(part, at)) != std::string::npos; ++at) ++found;
+    return found;
+  };
+  CHECK(count("stroke='none' fill='rgb(  0, 114, 178)' transform=") == 4);  // Three, and the key's.
+  CHECK(count("stroke='none' fill='rgb(213,  94,   0)' transform=") == 4);
+  CHECK(count("currentColor") == 0);
 }
