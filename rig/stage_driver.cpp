@@ -190,6 +190,7 @@ awaitable<void> StageDriver::start() {
   heart_->guard = std::make_unique<StageGuard>(link_->descriptor(), protocol_->stop_for_good());
   const StageReading reading = co_await protocol_->read();
   // Somebody left it turning: a procedure must not begin on a moving stage.
+  found_moving_ = reading.moving;
   if (reading.moving) co_await stop();
   const double speed = options_.speed_deg_s * identity_.units_per_deg;
   const double acceleration = options_.acceleration_deg_s2 * identity_.units_per_deg;
@@ -214,6 +215,8 @@ awaitable<StageStatus> StageDriver::status() {
   status.homed = reading.homed;
   status.warnings = reading.warnings;
   if (!reading.fault.empty()) status.warnings.insert(status.warnings.begin(), reading.fault);
+  if (std::exchange(found_moving_, false))
+    status.warnings.insert(status.warnings.begin(), "it was found moving and was stopped");
   co_return status;
 }
 

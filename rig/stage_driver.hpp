@@ -54,8 +54,9 @@ class StageDriver : public Stage {
   StageIdentity identity_;
   std::unique_ptr<Line> line_;
   std::shared_ptr<Heart> heart_;
-  std::size_t stops_ = 0;   ///< Counts stop(): whoever began before the last one gives up.
-  double speed_deg_s_ = 0;  ///< As last commanded; 0: the device's own.
+  std::size_t stops_ = 0;      ///< Counts stop(): whoever began before the last one gives up.
+  bool found_moving_ = false;  ///< By start(); told once, by status().
+  double speed_deg_s_ = 0;     ///< As last commanded; 0: the device's own.
 };
 
 }  // namespace rig

@@ -155,7 +155,8 @@ void read_truth(Section& s, World& world) {
       }
     }
     s.section("targets", [&](Section& list) {
-      for (const auto& [name, ignored] : targets->items()) {
+      for (const auto& item : targets->items()) {
+        const std::string& name = item.key();
         list.section(name, [&](Section& target) { read_target(target, world.targets[name]); });
       }
     });
