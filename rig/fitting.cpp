@@ -32,7 +32,7 @@ const Fitting& fitting_of(const std::string& kind) {
   for (const auto& fitting : all_fittings()) kinds.push_back(fitting->kind());
   const std::string meant = fit::nearest_word(kind, kinds);
   throw UsageError("there is no calibration '" + kind + "'" +
-                   (meant.empty() ? "" : "; did you mean '" + meant + "'?") +
+                   (meant.empty() ? "." : "; did you mean '" + meant + "'?") +
                    " There are: " + kinds_in_words());
 }
 
