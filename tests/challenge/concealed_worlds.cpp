@@ -669,8 +669,10 @@ const std::vector<Kind>& kinds() {
       {"dropout",
        {"ladder", "room"},
        [](S, D d, double s) {
-         return json{
-             {"receiver", {{"threshold", d.power.low * (0.9 + 0.2 * s)}, {"noise", 0.004 * d.power.low}}}};
+         // Counted in the noise's standard deviations from where hardly any echo is lost, so that losses grow
+         // smoothly.
+         const double noise = 0.004 * d.power.low;
+         return json{{"receiver", {{"threshold", d.power.low + (s - 5) * noise}, {"noise", noise}}}};
        },
        nothing_known,
        30},
@@ -746,9 +748,12 @@ class WorldCause : public Cause {
     const double shift = with_.at(moment) - plain_.at(moment);
     return std::isfinite(shift) && std::abs(shift) < 500 ? shift : 0;
   }
-  double lost(const Moment& moment, const Sight&) const override {
+  double lost(const Moment& moment, const Sight& sight) const override {
     // At the end of a board a bent beam may miss it: that is no dropout.
-    return id == "dropout" && std::isnan(with_.at(moment)) && !std::isnan(plain_.at(moment)) ? 1 : 0;
+    if (id != "dropout" || std::isnan(plain_.at(moment))) return 0;
+    const json receiver = keys()["receiver"];
+    const double above = sight.power - receiver["threshold"].get<double>();
+    return std::erfc(above / receiver["noise"].get<double>() / std::sqrt(2.0)) / 2;
   }
   double variance(const Moment& moment, const Sight& sight, const World&) const override {
     if (id == "range-noise") return 4 * strength;
