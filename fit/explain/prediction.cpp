@@ -13,6 +13,7 @@ namespace fit::explain {
 namespace {
 
 constexpr int places_of_table = 60;
+constexpr double widest_gap = 0.1;  // of the span: nothing is known in between
 
 double lever_of(Channel channel, const Sight& sight) {
   return channel == Channel::range        ? 1
@@ -154,6 +155,7 @@ double EmpiricalCorrection::value_at(double v) const {
   const auto next = std::ranges::upper_bound(at, v);
   if (next == at.end()) return value.back();
   const auto i = static_cast<std::size_t>(next - at.begin());
+  if (at[i] - at[i - 1] > widest_gap * (at.back() - at.front())) return 0;
   const double share = (v - at[i - 1]) / (at[i] - at[i - 1]);
   return value[i - 1] + share * (value[i] - value[i - 1]);
 }

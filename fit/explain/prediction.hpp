@@ -10,7 +10,7 @@
 namespace fit::explain {
 
 /// An unnamed function as a table: what it does to the range or to an angle along its coordinate (file unit).
-/// Outside of what was seen it does nothing.
+/// Outside of what was seen, and in its gaps, it does nothing.
 struct EmpiricalCorrection {
   Coordinate coordinate = Coordinate::beam;
   Channel channel = Channel::range;

@@ -377,16 +377,22 @@ class Reducer {
           out_.sectors.push_back(sector);
         }
         Sector& sector = out_.sectors.back();
-        sector.w += 1;
-        sector.wv += v;
-        sector.wvv += v * v;
-        sector.wd += d;
-        sector.wdv += d * v;
-        weight += 1;
-        sum += d;
-        lever += v;
-        square += v * v;
-        moment += d * v;
+        // Where enough samples tell, a noisy beam counts less: else its noise looks like the whole scan's.
+        const double q =
+            block.scans < 50
+                ? 1
+                : std::clamp(group.sigma_mm * group.sigma_mm / std::max(1.0 / 12, cell.variance_mm2), 0.01,
+                             4.0);
+        sector.w += q;
+        sector.wv += q * v;
+        sector.wvv += q * v * v;
+        sector.wd += q * d;
+        sector.wdv += q * d * v;
+        weight += q;
+        sum += q * d;
+        lever += q * v;
+        square += q * v * v;
+        moment += q * d * v;
         now[static_cast<std::size_t>(beam)] = d;
         good[static_cast<std::size_t>(beam)] = 1;
       }

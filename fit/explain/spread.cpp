@@ -245,12 +245,26 @@ class VarianceSearch {
     }
     base_ = model_.fit(columns_, free_, places_);
     result.sigma_mm = std::sqrt(base_.value[0]);
+    if (jitter_rad2 > 0) whole_jitter(result);
     for (std::size_t c = 0; places_ > 0 && c <= places_; ++c)
       result.sigma_by_capture_mm.push_back(std::sqrt(
           std::max(1e-3, base_.value[0] + (c > 0 ? base_.value[static_cast<Eigen::Index>(c)] : 0))));
   }
 
  private:
+  /// Beams may scatter on their own beside what a scan has in common: the spread of samples shows both.
+  void whole_jitter(SpreadResult& result) const {
+    const auto at = static_cast<Eigen::Index>(places_) + 1;
+    const double degree2 = deg_per_rad * deg_per_rad;
+    const Estimate whole = root(base_.value[at] * degree2, base_.sigma[at] * degree2);
+    for (Suspect& s : result.accepted) {
+      if (s.mechanism->id != "angle-jitter") continue;
+      Estimate& common = s.parameters.at("sigma_deg");
+      if (whole.value > 1.2 * common.value && whole.value > common.value + 3 * std::hypot(whole.u, common.u))
+        common = whole;
+    }
+  }
+
   /// A constant noise for every place, if the places differ. Whatever depends on slant or light is then
   /// judged within places.
   void by_place() {

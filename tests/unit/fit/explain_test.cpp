@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
+#include <random>
 
 #include "../../support/imagined_room.hpp"
 #include "fit/explain/explanation.hpp"
@@ -29,7 +30,74 @@ double eccentric(double beam) {
   return std::atan2(0.002 * std::sin(beam + 1), 1 - 0.002 * std::cos(beam + 1));
 }
 
+/// A lidar put up by hand before a wall: 240 beams all round, every scan with its own first beam.
+class WallByHand : public fit::Recording {
+ public:
+  WallByHand(double true_mm, double yaw_rad, double scatter_rad, unsigned seed)
+      : true_mm_(true_mm), yaw_rad_(yaw_rad), scatter_rad_(scatter_rad), seed_(seed) {
+    const std::string away = std::to_string(std::lround(true_mm / 100) * 100);
+    bench_ = fit::parse_bench(
+        R"({"schema": "bench/1", "lidar": {"steps": 240, "front_step": 0, "step_deg": 1.5,
+      "scan_hz": 10, "mount": {"yaw_deg": {"value": 0, "u": 2}}}, "targets": [{"name": "wall", "from_mm": [)" +
+        away + R"(, -600], "to_mm": [)" + away + R"(, 600], "u_mm": 5, "u_deg": 2, "placed_anew": true}]})");
+    fit::CaptureInfo info;
+    info.target = "wall";
+    info.last_step = 239;
+    captures_.push_back(info);
+  }
+  [[nodiscard]] const fit::Bench& bench() const override { return bench_; }
+  [[nodiscard]] const std::vector<fit::CaptureInfo>& captures() const override { return captures_; }
+  [[nodiscard]] const std::vector<fit::TrackPose>& track() const override { return track_; }
+  void for_each_scan(std::size_t, const std::function<void(const fit::ScanView&)>& visit) const override {
+    std::mt19937 random(seed_);
+    std::normal_distribution<double> noise(0, 2), angle(0, scatter_rad_);
+    std::uniform_real_distribution<double> first(0, 1.5 * rad_per_deg);
+    for (int seq = 0; seq < 150; ++seq) {
+      fit::ScanView scan;
+      scan.seq = seq;
+      scan.host_us = 100000LL * seq;
+      scan.geometry = fit::ScanGeometry{first(random), 1.5 * rad_per_deg, 0.1};
+      std::vector<std::uint16_t> range(240);
+      for (std::size_t k = 0; k < range.size(); ++k) {
+        const double beam = scan.geometry->first_rad + static_cast<double>(k) * scan.geometry->step_rad;
+        const double slant = fit::wrap_angle(beam + yaw_rad_ + angle(random));
+        const double along = true_mm_ / std::max(0.1, std::cos(slant));
+        range[k] = static_cast<std::uint16_t>(std::lround(along + noise(random)));
+      }
+      scan.range_mm = range;
+      visit(scan);
+    }
+  }
+
+ private:
+  double true_mm_, yaw_rad_, scatter_rad_;
+  unsigned seed_;
+  fit::Bench bench_;
+  std::vector<fit::CaptureInfo> captures_;
+  std::vector<fit::TrackPose> track_;
+};
+
 }  // namespace
+
+TEST_CASE("walls put up by hand before a lidar with its own geometry are explained together") {
+  const double scatter = GENERATE(0.0, 0.4);
+  const WallByHand near(503, 0.01, scatter * rad_per_deg, 1), middle(996, -0.015, scatter * rad_per_deg, 2),
+      far(1504, 0.02, scatter * rad_per_deg, 3), unseen(2003, 0.005, scatter * rad_per_deg, 4);
+  const Explanation e = explain({&near, &middle, &far}, {});
+  INFO(to_text(e));
+  CHECK(e.several_places);
+  const auto prediction = fit::explain::predict_recording(e.predictor, unseen);
+  CHECK(prediction.samples > 2000);
+  CHECK(prediction.after.coverage_95 == Approx(0.95).margin(0.02));
+  if (scatter == 0) {
+    CHECK(e.verdict == "nothing-missing");
+    CHECK(prediction.after.log_likelihood == Approx(prediction.before.log_likelihood).margin(0.02));
+    return;
+  }
+  REQUIRE(names(e) == std::vector<std::string>{"angle-jitter"});
+  CHECK(e.mechanisms.front().parameters.at("sigma_deg").value == Approx(scatter).margin(0.03));
+  CHECK(prediction.after.log_likelihood > prediction.before.log_likelihood + 0.05);
+}
 
 TEST_CASE("nothing is found where nothing is missing") {
   for (const unsigned seed : {1u, 2u, 3u, 4u}) {
