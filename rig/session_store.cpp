@@ -269,22 +269,22 @@ constexpr const char* select_captures =
 /// Walks the scans of one capture, copying each blob once into a buffer that is aligned for its values.
 class ScanReader {
  public:
-  ScanReader(SQLite::Database& database, const std::string& path)
+  ScanReader(SQLite::Database& database, const std::string& path, const fit::CaptureInfo& info)
       : path_(path),
-        with_geometry_(database.tableExists("scan_geometry")),
+        info_(info),
+        with_geometry_(has_geometry(database, info.id)),
         scans_(database, with_geometry_
                              ? "SELECT s.seq, s.device_ms, s.host_us, s.range_mm, s.intensity, g.first_deg,"
                                " g.step_deg, g.scan_s FROM scan s LEFT JOIN scan_geometry g"
                                " ON g.capture = s.capture AND g.seq = s.seq WHERE s.capture = ?"
                                " ORDER BY s.seq"
                              : "SELECT seq, device_ms, host_us, range_mm, intensity FROM scan"
-                               " WHERE capture = ? ORDER BY seq") {}
-
-  void walk(const fit::CaptureInfo& info, const std::function<void(const fit::ScanView&)>& visit) {
-    scans_.reset();
+                               " WHERE capture = ? ORDER BY seq") {
     scans_.bind(1, info.id);
-    while (scans_.executeStep()) visit(view(info));
-    scans_.reset();
+  }
+
+  void walk(const std::function<void(const fit::ScanView&)>& visit) {
+    while (scans_.executeStep()) visit(view(info_));
   }
 
  private:
@@ -308,6 +308,14 @@ class ScanReader {
     return scan;
   }
 
+  /// Hardly any capture has: looking for it scan by scan would cost more than the scans themselves.
+  static bool has_geometry(SQLite::Database& database, std::int64_t capture) {
+    if (!database.tableExists("scan_geometry")) return false;
+    SQLite::Statement any(database, "SELECT 1 FROM scan_geometry WHERE capture = ? LIMIT 1");
+    any.bind(1, capture);
+    return any.executeStep();
+  }
+
   void copy(int index, std::vector<std::uint16_t>& values) {
     const SQLite::Column column = scans_.getColumn(index);
     const void* bytes = column.getBlob();
@@ -325,6 +333,7 @@ class ScanReader {
   }
 
   const std::string& path_;
+  const fit::CaptureInfo& info_;
   bool with_geometry_;
   SQLite::Statement scans_;
   std::vector<std::uint16_t> ranges_, intensities_;
@@ -357,7 +366,7 @@ class StoredRecording final : public fit::Recording {
   const std::vector<fit::TrackPose>& track() const override { return track_; }
   void for_each_scan(std::size_t index,
                      const std::function<void(const fit::ScanView&)>& visit) const override {
-    guarded(path_, [&] { ScanReader(database_, path_).walk(captures_.at(index), visit); });
+    guarded(path_, [&] { ScanReader(database_, path_, captures_.at(index)).walk(visit); });
   }
 
  private:
@@ -744,7 +753,8 @@ void SessionStore::for_each_scan(std::int64_t capture,
     row.bind(1, capture);
     if (!row.executeStep())
       throw MeasurementError(impl_->path + " has no capture " + std::to_string(capture) + ".");
-    ScanReader(*impl_->database, impl_->path).walk(read_capture(row, impl_->path), visit);
+    const fit::CaptureInfo info = read_capture(row, impl_->path);
+    ScanReader(*impl_->database, impl_->path, info).walk(visit);
   });
 }
 

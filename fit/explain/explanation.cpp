@@ -5,6 +5,7 @@
 #include <cmath>
 #include <set>
 #include <stdexcept>
+#include <utility>
 
 #include "fit/explain/together.hpp"
 
@@ -289,8 +290,8 @@ class Writer {
     nothing.nuisance = means_.best.nuisance;
     predict_at(reduced_, nothing);
     MeanModel before(reduced_, means_.noise);
-    const Base base = base_columns(before, nothing);
-    before.set_base(base.all.columns_mm, base.all.prior);
+    Base base = base_columns(before, nothing);
+    before.set_base(std::move(base.all.columns_mm), base.all.prior);
     std::set<Coordinate> taken;
     for (const Term& term : means_.best.terms) {
       if (!taken.insert(term.mechanism->coordinate).second) continue;
@@ -308,8 +309,8 @@ class Writer {
     // Pictures.
     predict_at(reduced_, means_.best);
     MeanModel after(reduced_, means_.noise);
-    const Base full = base_columns(after, means_.best);
-    after.set_base(full.all.columns_mm, full.all.prior);
+    Base full = base_columns(after, means_.best);
+    after.set_base(std::move(full.all.columns_mm), full.all.prior);
     predict_at(reduced_, nothing);
     std::vector<Coordinate> wanted;
     for (const Term& term : means_.best.terms) wanted.push_back(term.mechanism->coordinate);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace fit::explain {
 namespace {
@@ -115,8 +116,8 @@ MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise, int stride)
   set_base(Eigen::MatrixXd(rows(), 0), {});
 }
 
-Eigen::MatrixXd MeanModel::whitened(const Eigen::MatrixXd& columns) const {
-  Eigen::MatrixXd white = weight_.asDiagonal() * columns;
+Eigen::MatrixXd MeanModel::whitened(Eigen::MatrixXd white) const {
+  white.array().colwise() *= weight_.array();
   if (!has_common_) return white;
   for (std::size_t g = 0; g < group_rows_.size(); ++g) {
     const auto [first, last] = group_rows_[g];
@@ -154,17 +155,20 @@ Eigen::MatrixXd MeanModel::nuisance_columns() const {
   return columns;
 }
 
-void MeanModel::set_base(const Eigen::MatrixXd& columns, const Prior& prior) {
+void MeanModel::set_base(Eigen::MatrixXd columns, const Prior& prior) {
   base_sigma_ = prior.sigma;
   base_mean_ = prior.mean;
-  const Eigen::MatrixXd white = whitened(columns);
-  centred_ = white_;
-  if (columns.cols() > 0) centred_ -= white * prior.mean;
-  base_ = white * prior.sigma.asDiagonal();
   if (has_common_) {
     plain_base_ = columns * prior.sigma.asDiagonal();
     plain_centred_ = residual_;
     if (columns.cols() > 0) plain_centred_ -= columns * prior.mean;
+  }
+  // In place: of a million cells these are hundreds of megabytes.
+  base_ = whitened(std::move(columns));
+  centred_ = white_;
+  if (base_.cols() > 0) {
+    centred_ -= base_ * prior.mean;
+    base_.array().rowwise() *= prior.sigma.transpose().array();
   }
   Eigen::MatrixXd normal = base_.transpose() * base_;
   normal.diagonal().array() += 1;

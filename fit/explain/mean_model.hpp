@@ -43,12 +43,12 @@ class MeanModel {
   /// With what its group has in common, mm^2.
   [[nodiscard]] double variance_of_mean(Eigen::Index row) const;
   /// Divides by the noise of the means, correlations included.
-  [[nodiscard]] Eigen::MatrixXd whitened(const Eigen::MatrixXd& columns_mm) const;
+  [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns_mm) const;
   /// d range / d nuisance parameter.
   [[nodiscard]] Eigen::MatrixXd nuisance_columns() const;
 
   /// `columns` in mm; coefficients are relative to those in the prediction.
-  void set_base(const Eigen::MatrixXd& columns_mm, const Prior& prior);
+  void set_base(Eigen::MatrixXd columns_mm, const Prior& prior);
 
   struct Fit {
     double evidence = 0;  ///< Log of the Bayes factor against the base alone.

@@ -159,8 +159,8 @@ class Search {
 
   void find_excess(Hypothesis& empty) {
     MeanModel model(reduced_, noise_);
-    const Base base = base_columns(model, empty);
-    model.set_base(base.all.columns_mm, base.all.prior);
+    Base base = base_columns(model, empty);
+    model.set_base(std::move(base.all.columns_mm), base.all.prior);
     excess_ = excess_scatter(model);
     const double doubt = 4 * 1.7 * std::sqrt(2.0 / std::max<double>(60, static_cast<double>(model.rows())));
     if (excess_ > 1 + doubt)
@@ -172,8 +172,8 @@ class Search {
   /// One Gauss-Newton step at the present prediction; the evidence is that before the step.
   void step(Hypothesis& h) {
     MeanModel model(reduced_, noise_, stride_);
-    const Base base = base_columns(model, h);
-    model.set_base(base.all.columns_mm, base.all.prior);
+    Base base = base_columns(model, h);
+    model.set_base(std::move(base.all.columns_mm), base.all.prior);
     const MeanModel::Posterior posterior = model.posterior();
     h.evidence = posterior.log_evidence - base.all.price -
                  price_of_mechanism * static_cast<double>(h.terms.size()) -
@@ -227,8 +227,8 @@ class Search {
     place(h);
     const int stride = stride_ > 1 ? stride_ : stride_of_search(rows_of_last_search);
     MeanModel model(reduced_, noise_, stride);
-    const Base base = base_columns(model, h);
-    model.set_base(base.all.columns_mm, base.all.prior);
+    Base base = base_columns(model, h);
+    model.set_base(std::move(base.all.columns_mm), base.all.prior);
     std::vector<Term> terms;
     if (named) {
       for (const Mechanism& m : catalogue()) {
@@ -608,8 +608,8 @@ std::vector<int> blocks_of(const MeanModel& model, const Reduced& reduced, int* 
 HeldOutFigures Search::held_out(const Hypothesis& h, const std::vector<int>& blocks, int count) {
   place(h);
   MeanModel model(reduced_, noise_);
-  const Base base = base_columns(model, h);
-  model.set_base(base.all.columns_mm, base.all.prior);
+  Base base = base_columns(model, h);
+  model.set_base(std::move(base.all.columns_mm), base.all.prior);
   const MeanModel::HeldOut out = model.held_out(blocks, count);
   const double n = std::max(1.0, out.cells);
   return {out.log_likelihood, std::sqrt(out.squares / n), out.within_2u / n, out.cells};
@@ -732,8 +732,8 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
 double Search::scatter_of_groups(const Hypothesis& best) {
   place(best);
   MeanModel model(reduced_, noise_);
-  const Base base = base_columns(model, best);
-  model.set_base(base.all.columns_mm, base.all.prior);
+  Base base = base_columns(model, best);
+  model.set_base(std::move(base.all.columns_mm), base.all.prior);
   const Eigen::VectorXd residual = model.residual();
   std::vector<double> sum(reduced_.groups.size(), 0.0), weight(reduced_.groups.size(), 0.0);
   for (Eigen::Index i = 0; i < model.rows(); ++i) {

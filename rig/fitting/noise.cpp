@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "fit/angle.hpp"
+#include "fit/beam_statistics.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting.hpp"
 
@@ -12,38 +13,6 @@ namespace rig::fittings {
 namespace {
 
 using nlohmann::json;
-
-/// Running sums of one beam: mean, variance and correlation of neighbouring scans, in one pass.
-struct BeamSums {
-  long n = 0, none = 0, pairs = 0;
-  double shift = 0, sum = 0, square = 0, product = 0, previous = 0;
-
-  void add(std::uint16_t range_mm) {
-    if (range_mm == 0) {
-      ++none;
-      return;
-    }
-    if (n == 0) shift = range_mm;  // Sums about the first value keep their digits.
-    const double x = range_mm - shift;
-    if (n > 0) {
-      product += x * previous;
-      ++pairs;
-    }
-    previous = x;
-    sum += x;
-    square += x * x;
-    ++n;
-  }
-  [[nodiscard]] double mean() const { return shift + sum / static_cast<double>(n); }
-  [[nodiscard]] double variance() const {
-    const double m = sum / static_cast<double>(n);
-    return std::max(0.0, (square - static_cast<double>(n) * m * m) / static_cast<double>(n - 1));
-  }
-  [[nodiscard]] double correlation() const {
-    const double m = sum / static_cast<double>(n), v = variance();
-    return v > 0 ? (product / static_cast<double>(pairs) - m * m) / v : 0;
-  }
-};
 
 double median_of(std::vector<double> values) {
   if (values.empty()) return std::nan("");
@@ -66,34 +35,31 @@ class Noise : public Fitting {
     const auto recording = sources.front().session->recording();
     std::vector<StepCaptures> captures;
     std::vector<double> range, sigma, sigmas, correlations;
-    long values = 0, none = 0;
+    long values = 0, ranges = 0;
     for (std::size_t i = 0; i < recording->captures().size(); ++i) {
       const fit::CaptureInfo& capture = recording->captures()[i];
-      std::vector<BeamSums> beams(static_cast<std::size_t>(capture.beams()));
-      long scans = 0;
+      fit::BeamStatistics beams(static_cast<std::size_t>(capture.beams()));
       recording->for_each_scan(i, [&](const fit::ScanView& scan) {
-        ++scans;
-        for (std::size_t k = 0; k < std::min(beams.size(), scan.range_mm.size()); ++k)
-          beams[k].add(scan.range_mm[k]);
+        beams.add(scan.range_mm);
+        values += static_cast<long>(std::min(beams.beams(), scan.range_mm.size()));
       });
       std::vector<double> of_capture;
-      for (const BeamSums& beam : beams) {
-        values += beam.n + beam.none;
-        none += beam.none;
-        if (beam.n < 20) continue;
-        range.push_back(beam.mean());
-        sigma.push_back(std::sqrt(beam.variance()));
+      for (std::size_t k = 0; k < beams.beams(); ++k) {
+        ranges += beams.count(k);
+        if (beams.count(k) < 20) continue;
+        range.push_back(beams.mean_mm(k));
+        sigma.push_back(std::sqrt(beams.variance_mm2(k)));
         of_capture.push_back(sigma.back());
         sigmas.push_back(sigma.back());
-        correlations.push_back(beam.correlation());
+        correlations.push_back(beams.correlation(k));
       }
-      add_capture(captures, capture, scans, median_of(of_capture));
+      add_capture(captures, capture, beams.scans(), median_of(of_capture));
     }
     if (sigmas.empty())
       throw MeasurementError("no beam of " + sources.front().path +
                              " has 20 valid samples in one capture: capture more scans at each position");
     return document(rows_of(captures), range, sigma, median_of(sigmas), median_of(correlations), values,
-                    none);
+                    values - ranges);
   }
 
  private:
