@@ -16,8 +16,7 @@ void error_of_host_time(benchmark::State& state) {
   state.counters["settled_rms_us"] = all.settled_rms_us;
   state.counters["worst_rms_us"] = all.worst_rms_us;
   state.counters["covered"] = all.covered;
-  state.counters["goal_us"] = 40;
-  state.counters["public_best_us"] = 89;
+  state.counters["rms_us at most"] = 40;  // the best public one: 89
 }
 
 void time_of_a_scan(benchmark::State& state) {

@@ -213,7 +213,7 @@ void at_hardware_speed(benchmark::State& state) {
   run(state, source.port(), 80);
   const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   state.counters["cpu_percent"] = 100 * (thread_seconds() - used_before) / elapsed;
-  state.counters["goal_percent"] = 1;
+  state.counters["cpu_percent at most"] = 1;
 }
 
 }  // namespace

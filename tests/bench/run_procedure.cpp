@@ -19,6 +19,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "fit/edge.hpp"
 #include "lidar/response.hpp"
 #include "rig/operators.hpp"
 #include "rig/runner.hpp"
@@ -105,6 +106,7 @@ struct Outcome {
   double rig_cpu_s = 0, simulator_cpu_s = 0;  ///< Processor time of that.
   std::size_t captures = 0;
   long scans = 0;
+  double edge_rad = std::nan("");  ///< Where the middle beam passes the board's end.
 };
 
 Outcome run(SimThread& sim, const std::string& steps) {
@@ -155,6 +157,9 @@ Outcome run(SimThread& sim, const std::string& steps) {
     outcome.captures = recording->captures().size();
     for (std::size_t i = 0; i < outcome.captures; ++i)
       recording->for_each_scan(i, [&](const fit::ScanView&) { ++outcome.scans; });
+    if (outcome.captures > 1)
+      for (const fit::EdgeCrossing& crossing : fit::find_edge_crossings(*recording))
+        if (crossing.step == bench.lidar.front_step) outcome.edge_rad = crossing.response.edge_rad.value;
   }
   std::filesystem::remove(file);
   return outcome;
@@ -218,35 +223,37 @@ void procedure_limit(benchmark::State& state) {
 // --- finding an edge to 0.01 deg within 3 deg to both sides
 // -----------------------------------------------------
 
-void edge_ours(benchmark::State& state) {
+constexpr double edge_step_deg = 0.01;
+
+/// Time at a real lidar's pace; stops; and the edge's angle by the same fit, whatever the stops.
+Outcome find_edge(benchmark::State& state, const std::string& steps) {
   SimThread sim;
+  Outcome outcome;
   for (auto _ : state) {
-    const Outcome outcome = run(sim,
-                                "  - find-edge: {target: board, beam_deg: 0, search_deg: 3, samples: 100, "
-                                "step_deg: 0.01, spread: 1}\n");
+    outcome = run(sim, steps);
     state.SetIterationTime(static_cast<double>(outcome.scans) / 40);
-    state.counters["stops"] = static_cast<double>(outcome.captures);
   }
+  state.counters["stops"] = static_cast<double>(outcome.captures);
+  state.counters["edge_deg"] = outcome.edge_rad * fit::deg_per_rad;
+  return outcome;
+}
+
+const std::string sweep_over_edge =
+    "  - sweep: {start_deg: -11, stop_deg: -5, step_deg: 0.01, samples: 100, beams_deg: [-0.25, 0.25]}\n";
+
+void edge_ours(benchmark::State& state) {
+  const Outcome found = find_edge(state,
+                                  "  - find-edge: {target: board, beam_deg: 0, search_deg: 3, samples: 100, "
+                                  "step_deg: 0.01, spread: 1}\n");
+  SimThread sim;
+  const Outcome swept = run(sim, sweep_over_edge);
+  const double apart_deg = std::abs(found.edge_rad - swept.edge_rad) * fit::deg_per_rad;
+  if (!(apart_deg < edge_step_deg)) state.SkipWithError("the sweep has another answer");
+  state.counters["apart_deg"] = apart_deg;
   state.counters["goal"] = 20;
 }
 
-void edge_sweep(benchmark::State& state) {
-  const auto procedure = rig::parse_procedure(
-      "procedure: bench\nsteps:\n  - home\n  - sweep: {start_deg: -11, stop_deg: -5, step_deg: 0.01, "
-      "samples: 100}\n",
-      "bench.yaml");
-  long captures = 0;
-  for (auto _ : state) {
-    long scans = 0;
-    captures = 0;
-    for (const auto& step : rig::unroll(procedure, board_bench())) {
-      scans += step.scans;
-      captures += step.captures;
-    }
-    state.SetIterationTime(static_cast<double>(scans) / 40);
-  }
-  state.counters["stops"] = static_cast<double>(captures);
-}
+void edge_sweep(benchmark::State& state) { find_edge(state, sweep_over_edge); }
 
 // --- scans from the simulator's socket into the session, whole field of view with intensity
 // ---------------------

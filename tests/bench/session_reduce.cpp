@@ -7,6 +7,7 @@
 #include <fstream>
 #include <vector>
 
+#include "fit/beam_statistics.hpp"
 #include "rig/session_store.hpp"
 
 namespace {
@@ -16,7 +17,8 @@ constexpr int scans = 10000, beams = 1081;
 const std::string& session_file() {
   static const std::string path = [] {
     const std::string file =
-        (std::filesystem::temp_directory_path() / ("bench-reduce-" + std::to_string(getpid()) + ".rig")).string();
+        (std::filesystem::temp_directory_path() / ("bench-reduce-" + std::to_string(getpid()) + ".rig"))
+            .string();
     rig::SessionStore store(file, rig::SessionStore::Mode::create);
     store.set("bench", R"({"schema": "bench/1"})");
     fit::CaptureInfo info;
@@ -48,19 +50,10 @@ void reduce(benchmark::State& state) {
   const rig::SessionStore store(session_file(), rig::SessionStore::Mode::read);
   const auto recording = store.recording();
   for (auto _ : state) {
-    std::vector<double> sum(beams), square(beams);
-    std::vector<long> count(beams);
-    recording->for_each_scan(0, [&](const fit::ScanView& scan) {
-      for (std::size_t k = 0; k < scan.range_mm.size(); ++k) {
-        const double x = scan.range_mm[k];
-        sum[k] += x;
-        square[k] += x * x;
-        count[k] += x > 0;
-      }
-    });
-    benchmark::DoNotOptimize(sum.data());
-    benchmark::DoNotOptimize(square.data());
-    benchmark::DoNotOptimize(count.data());
+    fit::BeamStatistics statistics(beams);
+    recording->for_each_scan(0, [&](const fit::ScanView& scan) { statistics.add(scan.range_mm); });
+    for (std::size_t k = 0; k < beams; ++k) benchmark::DoNotOptimize(statistics.variance_mm2(k));
+    if (statistics.count(beams - 1) != scans) state.SkipWithError("scans are missing");
   }
   state.SetItemsProcessed(state.iterations() * scans);
   state.counters["goal"] = 1.0 / 3;
