@@ -106,7 +106,7 @@ struct Outcome {
   double rig_cpu_s = 0, simulator_cpu_s = 0;  ///< Processor time of that.
   std::size_t captures = 0;
   long scans = 0;
-  double edge_rad = std::nan("");  ///< Where the middle beam passes the board's end.
+  double edge_rad = std::nan(""), edge_u_rad = 0;  ///< Where the middle beam passes the board's end.
 };
 
 Outcome run(SimThread& sim, const std::string& steps) {
@@ -159,7 +159,10 @@ Outcome run(SimThread& sim, const std::string& steps) {
       recording->for_each_scan(i, [&](const fit::ScanView&) { ++outcome.scans; });
     if (outcome.captures > 1)
       for (const fit::EdgeCrossing& crossing : fit::find_edge_crossings(*recording))
-        if (crossing.step == bench.lidar.front_step) outcome.edge_rad = crossing.response.edge_rad.value;
+        if (crossing.step == bench.lidar.front_step && std::isnan(outcome.edge_rad)) {
+          outcome.edge_rad = crossing.response.edge_rad.value;
+          outcome.edge_u_rad = crossing.response.edge_rad.u;
+        }
   }
   std::filesystem::remove(file);
   return outcome;
@@ -235,6 +238,7 @@ Outcome find_edge(benchmark::State& state, const std::string& steps) {
   }
   state.counters["stops"] = static_cast<double>(outcome.captures);
   state.counters["edge_deg"] = outcome.edge_rad * fit::deg_per_rad;
+  state.counters["u_deg"] = outcome.edge_u_rad * fit::deg_per_rad;
   return outcome;
 }
 
@@ -248,7 +252,8 @@ void edge_ours(benchmark::State& state) {
   SimThread sim;
   const Outcome swept = run(sim, sweep_over_edge);
   const double apart_deg = std::abs(found.edge_rad - swept.edge_rad) * fit::deg_per_rad;
-  if (!(apart_deg < edge_step_deg)) state.SkipWithError("the sweep has another answer");
+  if (!(apart_deg < edge_step_deg))
+    state.SkipWithError(("the sweep has another answer: " + std::to_string(apart_deg)).c_str());
   state.counters["apart_deg"] = apart_deg;
   state.counters["goal"] = 20;
 }
