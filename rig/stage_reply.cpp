@@ -77,6 +77,8 @@ std::optional<ZaberReply> zaber_reply(std::string_view line, int device, int axi
   const std::size_t start = line.rfind('@');
   if (start == std::string_view::npos) return std::nullopt;
   line.remove_prefix(start + 1);
+  // The protocol is printable ASCII: anything else was spoilt on the line, and is not for a terminal.
+  if (std::ranges::any_of(line, [](char c) { return c < ' ' || c > '~'; })) return std::nullopt;
   if (line.size() >= 3 && line[line.size() - 3] == ':') {
     if (checksum(line.substr(0, line.size() - 3)) != line.substr(line.size() - 2)) return std::nullopt;
     line.remove_suffix(3);

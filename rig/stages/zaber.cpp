@@ -155,13 +155,15 @@ awaitable<ZaberReply> ZaberProtocol::ask(std::string words, int axis) {
 }
 
 awaitable<long long> ZaberProtocol::get(std::string setting, int axis) {
-  auto asking = ask("get " + setting, axis);
-  const ZaberReply reply = co_await std::move(asking);
-  const auto number = whole_number(reply.data.substr(0, reply.data.find(' ')));
-  if (!number)
-    throw StageError("the stage answered `get " + setting + "` with '" + reply.data +
-                     "' instead of a number.");
-  co_return *number;
+  for (int attempt = 1;; ++attempt) {
+    auto asking = ask("get " + setting, axis);
+    const ZaberReply reply = co_await std::move(asking);
+    const auto number = whole_number(reply.data.substr(0, reply.data.find(' ')));
+    if (number) co_return *number;
+    if (attempt == most_attempts)
+      throw StageError("the stage answered `get " + setting + "` with '" + reply.data +
+                       "' instead of a number. Check its cable, and that it is a Zaber with ASCII protocol.");
+  }
 }
 
 awaitable<std::optional<std::string>> ZaberProtocol::get_maybe(std::string setting, int axis) {
@@ -224,11 +226,16 @@ awaitable<std::vector<std::string>> ZaberProtocol::flags(std::string highest) {
 }
 
 awaitable<StageReading> ZaberProtocol::read() {
-  auto asking = ask("get pos", options_.axis);
-  const ZaberReply reply = co_await std::move(asking);
-  const auto position = whole_number(reply.data.substr(0, reply.data.find(' ')));
-  if (!position)
-    throw StageError("the stage answered `get pos` with '" + reply.data + "' instead of a number.");
+  ZaberReply reply;
+  std::optional<long long> position;
+  for (int attempt = 1; !position; ++attempt) {
+    auto asking = ask("get pos", options_.axis);
+    reply = co_await std::move(asking);
+    position = whole_number(reply.data.substr(0, reply.data.find(' ')));
+    if (!position && attempt == most_attempts)
+      throw StageError("the stage answered `get pos` with '" + reply.data +
+                       "' instead of a number. Check its cable.");
+  }
   StageReading reading;
   reading.position = static_cast<double>(*position);
   reading.moving = reply.busy;
