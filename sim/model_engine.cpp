@@ -10,6 +10,7 @@
 
 #include "fit/json_position.hpp"
 #include "fit/mechanism.hpp"
+#include "fit/radiometer.hpp"
 #include "sim/causal/random.hpp"
 #include "sim/model_scene.hpp"
 #include "sim/simple_engine.hpp"
@@ -54,15 +55,16 @@ std::vector<Active> active_mechanisms(const fit::Bench& bench) {
   return active;
 }
 
-/// How strong an echo is said to be: counts = at_1m * (reflectance * cos(i)^incidence) ^ power / r^range.
-struct IntensityLaw {
+/// How strong an echo is said to be where the bench claims no radiometry: counts = at_1m * (reflectance *
+/// cos(i)^incidence) ^ power / r^range.
+struct SimpleLaw {
   double at_1m = 0;  ///< 0: the simple engine's law.
   double reflectance_power = 1, incidence_power = 1, range_power = 1;
   double relative_noise = 0.01;
 };
 
-IntensityLaw intensity_law(const fit::Bench& bench) {
-  IntensityLaw law;
+SimpleLaw intensity_law(const fit::Bench& bench) {
+  SimpleLaw law;
   const auto document = nlohmann::json::parse(bench.document, nullptr, false);
   if (!document.is_object() || !document.contains("sim") || !document["sim"].contains("intensity"))
     return law;
@@ -81,11 +83,17 @@ class ModelEngine : public Engine {
       : bench_(std::move(bench)),
         options_(simple_options(bench_)),
         law_(intensity_law(bench_)),
+        claim_(fit::claimed_intensity(bench_)),
         scene_(bench_),
         active_(active_mechanisms(bench_)),
         random_(seed),
         memory_(static_cast<std::size_t>(bench_.lidar.steps)) {
     for (double& state : memory_) state = random_.normal();
+    if (claim_ && !claim_->stated[fit::IntensityLaw::gain]) claim_.reset();
+    if (!claim_) return;
+    // The law holds all that a radiometry says.
+    std::erase_if(active_, [](const Active& one) { return one.mechanism->id == "radiometry"; });
+    law_.relative_noise = claim_->relative_noise.value_or(law_.relative_noise);
   }
 
   void set_scene(const SceneState& state) override {
@@ -115,6 +123,7 @@ class ModelEngine : public Engine {
 
   [[nodiscard]] double counts(int target, double bearing, double range) const {
     const double facing = scene_.cos_incidence(target, bearing), rho = scene_.reflectance(target);
+    if (claim_) return claim_->law.counts(rho, facing, range);
     if (law_.at_1m > 0)
       return law_.at_1m * std::pow(rho, law_.reflectance_power) * std::pow(facing, law_.incidence_power) /
              std::pow(range / 1000, law_.range_power);
@@ -221,7 +230,8 @@ class ModelEngine : public Engine {
 
   fit::Bench bench_;
   SimpleOptions options_;
-  IntensityLaw law_;
+  SimpleLaw law_;
+  std::optional<fit::IntensityClaim> claim_;
   ModelScene scene_;
   std::vector<Active> active_;
   causal::Random random_;

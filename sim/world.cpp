@@ -193,6 +193,7 @@ void read_optics(Section& top, World& w) {
     s.positive("counts", w.receiver.counts);
     s.number("counts_exponent", w.receiver.counts_exponent, 1, 0.05, 2);
     s.positive("counts_full", w.receiver.counts_full);
+    s.number("counts_noise", w.receiver.counts_noise, 1, 0, 1);
   });
   top.section("counter", [&](Section& s) {
     s.number("bin_ns", w.counter.bin_ns, 1, 0, 100);

@@ -72,6 +72,7 @@ struct World {
     double counts = 900;  ///< Intensity at 1 m from white, and its power law ...
     double counts_exponent = 0.5;
     double counts_full = 2800;  ///< ... which bends over towards this.
+    double counts_noise = 0;    ///< Relative noise of the peak detector that makes the intensity.
   } receiver;
 
   struct Counter {
@@ -171,9 +172,10 @@ World load_world(const std::filesystem::path& path, const std::optional<fit::Ben
 /// and the range noise one measures on such a device. JSON text.
 std::string compile_world(const World& world);
 
-/// The causal engine: rays, pulses, gears and heat, see sim/causal/. `exact_mm`, if given, receives with
-/// every scan the ranges before rounding (NaN: no echo); it must outlive the engine.
+/// The causal engine: rays, pulses, gears and heat, see sim/causal/. `exact_mm` and `exact_counts`, if given,
+/// receive with every scan the ranges before rounding (NaN: no echo); it must outlive the engine.
 std::unique_ptr<Engine> make_causal_engine(const World& world, std::uint64_t seed,
-                                           std::vector<double>* exact_mm = nullptr);
+                                           std::vector<double>* exact_mm = nullptr,
+                                           std::vector<double>* exact_counts = nullptr);
 
 }  // namespace sim

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "fit/explain/intensity.hpp"
 #include "fit/explain/together.hpp"
 
 namespace fit::explain {
@@ -427,6 +428,7 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
     if (progress) progress(0.35 + 0.63 * share, what);
   });
   Explanation explanation = Writer(reduced, means, spread).write();
+  explain_intensity(reduced, explanation);
   explanation.predictor = predictor_of(reduced, means, spread);
   explanation.several_places = together.in_several_places();
   explanation.bench.targets.resize(together.first_scene());

@@ -37,6 +37,12 @@ struct Curve {
   std::vector<double> at, before_mm, after_mm, sigma_mm;
 };
 
+/// The same for intensity: relative deviations from the bench's law.
+struct IntensityCurve {
+  Coordinate coordinate = Coordinate::beam;
+  std::vector<double> at, before, after, sigma;
+};
+
 /// The answer to "what did the simulation leave out?" (formats.md, `explanation/1`).
 struct Explanation {
   std::string verdict;
@@ -48,6 +54,7 @@ struct Explanation {
   double noise_floor_mm = 0;
   Bench bench;  ///< With what was found.
   std::vector<Curve> curves;
+  std::vector<IntensityCurve> intensity_curves;  ///< Where the bench makes a claim about intensity.
   std::vector<std::string> notes;
   long samples = 0;
   std::size_t cells = 0;

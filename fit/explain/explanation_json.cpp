@@ -105,6 +105,12 @@ json to_json(const Explanation& e) {
            {"notes", e.notes},
            {"curves", curves},
            {"bench", json::parse(to_json_text(e.bench))}};
+  for (const IntensityCurve& c : e.intensity_curves)
+    out["intensity_curves"].push_back({{"coordinate", name_of(c.coordinate)},
+                                       {"at", c.at},
+                                       {"before", c.before},
+                                       {"after", c.after},
+                                       {"u", c.sigma}});
   if (e.unknown)
     out["unknown"] = {{"coordinate", name_of(e.unknown->coordinate)},
                       {"observable", name_of(e.unknown->observable)},

@@ -259,7 +259,7 @@ class Reducer {
   void summarise(const Samples& block, int beam, int stride, const Group& group, const Scene& scene,
                  Cell& cell) {
     values_.clear();
-    double intensity = 0;
+    double intensity = 0, intensity_squares = 0;
     int lit = 0, looked = 0;
     for (int scan = 0; scan < block.scans; ++scan) {
       for (int k = 0; k < stride; ++k) {
@@ -278,7 +278,9 @@ class Reducer {
                       cell.nominal_mm;
         values_.push_back(range - own);
         if (!block.intensity.empty()) {
-          intensity += block.intensity[block.index(scan, beam + k)];
+          const double counts = block.intensity[block.index(scan, beam + k)];
+          intensity += counts;
+          intensity_squares += counts * counts;
           ++lit;
         }
       }
@@ -286,6 +288,9 @@ class Reducer {
     out_.samples += static_cast<long>(values_.size());
     if (lit > 0) {
       cell.at.intensity = intensity / lit;
+      if (lit > 1)
+        cell.intensity_sd =
+            std::sqrt(std::max(0.0, (intensity_squares - intensity * intensity / lit) / (lit - 1)));
       out_.has_intensity = true;
     }
     if (values_.empty()) {

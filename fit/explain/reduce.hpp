@@ -19,6 +19,7 @@ struct Cell {
   int far = 0;    ///< Of these, samples too far for any noise.
   int edge = -1;  ///< The edge within reach: 2 * target + (0: its start, 1: its end); -1: none.
   double mean_mm = 0, variance_mm2 = 0;
+  double intensity_sd = 0;  ///< Standard deviation of one sample's intensity, counts.
   double far_share =
       -1;               ///< Mean place between the two surfaces of a near edge (0 near, 1 far); -1: no edge.
   int between = 0;      ///< Samples on neither of them.

@@ -3,8 +3,8 @@
 
 namespace fit::mechanisms {
 
-// Intensity K rho cos(i) / r^n behind a compressing receiver. Told only to benches that claim to know
-// intensity.
+// Intensity follows K rho cos(i) / r^n behind a compressing receiver (fit/radiometer.hpp, which benches state
+// under this name and `rig explain` compares with). As an effect of its own it is a change of that law.
 Mechanism make_radiometry() {
   Mechanism m;
   m.id = "radiometry";

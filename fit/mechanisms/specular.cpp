@@ -18,8 +18,10 @@ Mechanism make_specular() {
     return Effect{.log_intensity = std::log1p(std::max(-0.9, p[0]) * std::exp(-away * away))};
   };
   m.says = [](const Finding& f) {
-    return "Square on, targets are brighter by a factor of " + rounded(1 + f.at("gain").value, 2) +
-           " within " + with_uncertainty(f.at("width_deg"), "deg") + ": they are glossy.";
+    return "Square on, " + (f.target.empty() ? "targets are" : "target '" + f.target + "' is") +
+           " brighter by a factor of " + rounded(1 + f.at("gain").value, 2) + " within " +
+           with_uncertainty(f.at("width_deg"), "deg") +
+           (f.target.empty() ? ": they are glossy." : ": it is glossy.");
   };
   m.separate = "turn the target by one or two degrees";
   return m;

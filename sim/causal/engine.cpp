@@ -24,9 +24,11 @@ constexpr std::uint32_t too_near = 4, no_echo = 65533;
 /// The whole chain: stage, rotor, optics, receiver, counter, firmware.
 class CausalEngine : public Engine {
  public:
-  CausalEngine(World world, std::uint64_t seed, std::vector<double>* exact_mm)
+  CausalEngine(World world, std::uint64_t seed, std::vector<double>* exact_mm,
+               std::vector<double>* exact_counts)
       : world_(std::move(world)),
         exact_mm_(exact_mm),
+        exact_counts_(exact_counts),
         scene_(world_),
         optics_(world_, scene_),
         receiver_(world_),
@@ -52,6 +54,7 @@ class CausalEngine : public Engine {
     begin(scan_s, stage_at);
     if (world_.receiver.stray > 0) survey(range_mm.size());
     if (exact_mm_) exact_mm_->assign(range_mm.size(), std::nan(""));
+    if (exact_counts_) exact_counts_->assign(range_mm.size(), std::nan(""));
     for (std::size_t step = 0; step < range_mm.size(); ++step)
       measure(step, scan_s, range_mm[step], intensity[step]);
     if (world_.firmware.median > 1) smooth(range_mm);
@@ -203,7 +206,10 @@ class CausalEngine : public Engine {
     const Disturbance disturbance = disturb(step, scan_s, echoes_.front().t_ns);
     const Reading reading = receiver_.detect(echoes_, disturbance, heat_.gain());
     if (!reading.found) return;
-    intensity = counts(reading.peak);
+    intensity =
+        counts(reading.peak,
+               world_.receiver.counts_noise > 0 ? 1 + world_.receiver.counts_noise * random_.normal() : 1);
+    if (exact_counts_) (*exact_counts_)[step] = exact_counts(reading.peak);
     double t = reading.t_ns + world_.housing.delay_ns + heat_.delay_ns();
     if (world_.counter.jitter_ns > 0) t += world_.counter.jitter_ns * counter_noise(step);
     if (world_.counter.bin_ns > 0) t = world_.counter.bin_ns * std::floor(t / world_.counter.bin_ns + 0.5);
@@ -223,10 +229,13 @@ class CausalEngine : public Engine {
     return jitter_state_[step] = rho * jitter_state_[step] + std::sqrt(1 - rho * rho) * white;
   }
 
-  [[nodiscard]] std::uint32_t counts(double peak) const {
+  [[nodiscard]] double exact_counts(double peak) const {
     const World::Receiver& r = world_.receiver;
     const double raw = r.counts * std::pow(peak, r.counts_exponent);
-    return static_cast<std::uint32_t>(std::clamp(raw / std::hypot(1, raw / r.counts_full), 0.0, 65000.0));
+    return raw / std::hypot(1, raw / r.counts_full);
+  }
+  [[nodiscard]] std::uint32_t counts(double peak, double noise) const {
+    return static_cast<std::uint32_t>(std::clamp(exact_counts(peak) * noise, 0.0, 65000.0));
   }
 
   /// Median over neighbouring beams, codes left out.
@@ -249,7 +258,7 @@ class CausalEngine : public Engine {
   }
 
   World world_;
-  std::vector<double>* exact_mm_;
+  std::vector<double>*exact_mm_, *exact_counts_;
   Scene scene_;
   Optics optics_;
   Receiver receiver_;
@@ -273,8 +282,8 @@ class CausalEngine : public Engine {
 }  // namespace
 
 std::unique_ptr<Engine> make_causal_engine(const World& world, std::uint64_t seed,
-                                           std::vector<double>* exact_mm) {
-  return std::make_unique<CausalEngine>(world, seed, exact_mm);
+                                           std::vector<double>* exact_mm, std::vector<double>* exact_counts) {
+  return std::make_unique<CausalEngine>(world, seed, exact_mm, exact_counts);
 }
 
 }  // namespace sim

@@ -33,4 +33,9 @@ std::unique_ptr<Recorder> make_recorder(const Session& session, const Causes& ca
 /// The world file of the session with its causes, or nothing.
 std::string world_file(const Session& session, const Causes& causes);
 
+/// Draws what the bench may say about the law of intensity: within its uncertainties of the truth.
+void draw_claim(Session& session, Random& random);
+/// That law as parameters of `radiometry`: a JSON object.
+std::string claimed_law(const Session& session);
+
 }  // namespace challenge

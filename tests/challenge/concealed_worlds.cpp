@@ -92,7 +92,8 @@ json plain_world(const Session& session) {
            {{"threshold", 0.2 * span.low},
             {"noise", 0},
             {"overlap_mm", 80},
-            {"counts_exponent", session.radiometer.exponent}}},
+            {"counts_exponent", session.radiometer.exponent},
+            {"counts_noise", session.claims_intensity ? session.counts_noise : 0.0}}},
           {"counter", {{"jitter_ns", session.sigma_mm / light_mm_per_ns}}},
           {"rotor", {{"rolling", false}}},
           {"heat", {{"rise_fast_k", 0}, {"rise_slow_k", 0}, {"slow_s", 1}}}};
@@ -137,7 +138,7 @@ class Bench {
       : session_(session),
         window_(window_of(session)),
         motion_(session),
-        engine_(sim::make_causal_engine(sim::parse_world(world.dump()), seed, &exact_)),
+        engine_(sim::make_causal_engine(sim::parse_world(world.dump()), seed, &exact_, &counts_)),
         range_(static_cast<std::size_t>(window_.last - window_.first + 1)),
         intensity_(range_.size()) {
     stage_at_ = [this](double time) { return motion_.at(time); };
@@ -155,6 +156,7 @@ class Bench {
   }
   [[nodiscard]] std::size_t index(int step) const { return static_cast<std::size_t>(step - window_.first); }
   [[nodiscard]] double exact_mm(int step) const { return exact_[index(step)]; }
+  [[nodiscard]] double exact_counts(int step) const { return counts_[index(step)]; }
   [[nodiscard]] std::uint32_t range(int step) const { return range_[index(step)]; }
   [[nodiscard]] std::uint32_t intensity(int step) const { return intensity_[index(step)]; }
 
@@ -178,20 +180,21 @@ class Bench {
   const Session& session_;
   Window window_;
   Motion motion_;
-  std::vector<double> exact_;
+  std::vector<double> exact_, counts_;
   std::unique_ptr<sim::Engine> engine_;
   std::function<sim::StageMoment(double)> stage_at_;
   std::vector<std::uint32_t> range_, intensity_;
   int placed_ = -1, shifted_ = -1;
 };
 
-/// Ranges of every beam without noise: one row a capture, or a scan.
+/// Ranges of every beam (or logarithms of its counts) without noise: one row a capture, or a scan.
 class Table {
  public:
   Table() = default;
-  Table(const Session& session, json world, bool each_scan) : each_scan_(each_scan) {
+  Table(const Session& session, json world, bool each_scan, bool of_counts = false) : each_scan_(each_scan) {
     world["counter"]["jitter_ns"] = 0;
     world["receiver"]["noise"] = 0;
+    world["receiver"]["counts_noise"] = 0;
     if (world.contains("air")) world["air"]["dust_per_m"] = 0;
     if (world.contains("light")) world.erase("light");
     world["rotor"]["index_jitter_deg"] = 0;
@@ -203,7 +206,8 @@ class Table {
         bench.scan(c, seq);
         auto& row = rows.emplace_back();
         for (int step = capture.first_step; step <= capture.last_step; ++step)
-          row.push_back(static_cast<float>(bench.exact_mm(step)));
+          row.push_back(
+              static_cast<float>(of_counts ? std::log(bench.exact_counts(step)) : bench.exact_mm(step)));
       }
     }
   }
@@ -676,6 +680,56 @@ const std::vector<Kind>& kinds() {
        },
        nothing_known,
        30},
+      {"radiometry",
+       {"ladder", "boards", "room", "reflectance-ladder"},
+       [](S x, D d, double s) {
+         if (d.a < 0.4) return json{{"receiver", {{"overlap_mm", 80 * (1 + 0.5 * s)}}}};
+         return json{{"receiver", {{"counts_exponent", x.radiometer.exponent * (1 + d.sign * 0.02 * s)}}}};
+       },
+       [](S x, D d, double s) {
+         if (d.a < 0.4) return json{{"overlap_mm", 80 * (1 + 0.5 * s)}};
+         const double now = x.radiometer.exponent * (1 + d.sign * 0.02 * s);
+         return json{{"range_power", 2 * now}, {"incidence_power", now}, {"reflectance_power", now}};
+       },
+       25},
+      {"window-dirt",
+       {"room", "boards"},
+       [](S x, D d, double s) {
+         const bool narrow = x.scene == "warmup";
+         return json{{"housing",
+                      {{"dirt",
+                        {{{"centre_deg", (narrow ? 45 : 110) * (2 * d.a - 1)},
+                          {"width_deg", 3 + 12 * d.b},
+                          {"loss", 1 - std::exp(-0.01 * s)}}}}}}};
+       },
+       [](S x, D d, double) {
+         return json{{"centre_deg", (x.scene == "warmup" ? 45 : 110) * (2 * d.a - 1)},
+                     {"width_deg", (3 + 12 * d.b) / std::sqrt(2.0)}};
+       },
+       120},
+      {"specular",
+       {"room", "boards"},
+       [](S x, D d, double s) {
+         json one = of_target(x, d, "specular", 0.1 * s);
+         one["truth"]["targets"][name_of(x, d)]["specular_width_deg"] = 2 + 8 * d.b;
+         return one;
+       },
+       [](S x, D d, double) {
+         return json{{"target", name_of(x, d)}};
+       },
+       500},
+      {"unknown-stripe",
+       {"room", "boards"},
+       [](S x, D d, double s) {
+         const double along = 400 * (2 * d.a - 1);
+         const double grey = x.walls[d.wall].reflectance * std::exp(-0.02 * s);
+         json stripe{{"from_mm", along - 120}, {"to_mm", along + 120}, {"reflectance", grey}};
+         json world;
+         world["truth"]["targets"][name_of(x, d)]["stripes"] = json::array({stripe});
+         return world;
+       },
+       nothing_known,
+       100},
       {"unknown-ripple",
        {"room", "settle"},
        [](S, D d, double s) {
@@ -703,11 +757,25 @@ const std::vector<Kind>& kinds() {
 
 bool is_unknown(const std::string& id) { return id.starts_with("unknown-"); }
 
+/// Kinds that show in the intensity, and where.
+const std::map<std::string, std::string>& lights() {
+  static const std::map<std::string, std::string> table{{"radiometry", "range_mm"},
+                                                        {"window-dirt", "beam_deg"},
+                                                        {"specular", "incidence_deg"},
+                                                        {"unknown-stripe", "target"}};
+  return table;
+}
+
 /// A kind at work in the engine; its effect on the session is measured whenever its strength changes.
 class WorldCause : public Cause {
  public:
   explicit WorldCause(const Kind& kind) : kind_(kind) {
     id = kind.id;
+    if (lights().contains(id)) {
+      coordinate = lights().at(id);
+      observable = "intensity";
+      return;
+    }
     coordinate = is_unknown(id) ? "beam_deg" : make_cause(id)->coordinate;
     observable = is_unknown(id) ? "range-mean" : make_cause(id)->observable;
   }
@@ -719,6 +787,7 @@ class WorldCause : public Cause {
     shape_.wall = static_cast<std::size_t>(random.integer(0, static_cast<int>(session.walls.size()) - 1));
     for (const Capture& capture : session.captures) rates_.push_back(capture.rate_deg_s);
     plain_ = Table(session, plain_world(session), kind_.each_scan);
+    if (shows_in_intensity()) plain_light_ = Table(session, plain_world(session), false, true);
   }
 
   void build(Session& session) override {
@@ -729,7 +798,13 @@ class WorldCause : public Cause {
     }
     const json world = add_to(plain_world(session));
     if (kind_.shifts) with_ = Table(session, world, kind_.each_scan);
+    if (shows_in_intensity()) light_ = Table(session, world, false, true);
     if (id == "intensity-noise" || id == "sunlight") probe(session, world);
+  }
+
+  bool shows_in_intensity() const override { return lights().contains(id); }
+  double log_intensity(const Moment& moment) const override {
+    return shows_in_intensity() ? light_.at(moment) - plain_light_.at(moment) : 0;
   }
 
   [[nodiscard]] json keys() const { return kind_.keys(*session_, shape_, strength); }
@@ -803,7 +878,7 @@ class WorldCause : public Cause {
   Shape shape_;
   const Session* session_ = nullptr;
   std::vector<double> rates_;
-  Table plain_, with_, steeper_;
+  Table plain_, with_, steeper_, plain_light_, light_;
   double probe_ = 1;
 };
 
@@ -869,6 +944,15 @@ const std::vector<std::pair<std::string, std::vector<std::string>>>& concealed_s
 /// The stage comes to the first capture from below.
 void prepare(Session& session) {
   if (!session.captures.empty() && session.captures[0].approach == 0) session.captures[0].approach = 1;
+}
+
+/// The device's own law (docs/world.md), within what an operator knows of it.
+void draw_claim(Session& session, Random& random) {
+  session.claimed_gain = 900 * (1 + session.u_gain * random.normal());
+  session.claimed_power = session.radiometer.exponent + session.u_power * random.normal();
+  session.claimed_full = 2800;
+  session.claimed_overlap_mm = 80;
+  session.counts_noise = random.uniform(0.01, 0.05);
 }
 
 std::unique_ptr<Recorder> make_recorder(const Session& session, const Causes& causes) {

@@ -34,6 +34,11 @@ ordered_json bench_of(const Session& session) {
                        {"u_deg", wall.u_deg},
                        {"reflectance", wall.reflectance}});
   }
+  ordered_json known = {
+      {{"mechanism", "range-noise"},
+       {"parameters", {{"sigma_mm", doubtful(session.stated_sigma_mm, session.u_sigma_mm)}}}}};
+  if (session.claims_intensity)
+    known.push_back({{"mechanism", "radiometry"}, {"parameters", ordered_json::parse(claimed_law(session))}});
   return {{"schema", "bench/1"},
           {"lidar",
            {{"model", "UST-10LX"},
@@ -47,9 +52,7 @@ ordered_json bench_of(const Session& session) {
               {"yaw_deg", doubtful(0, session.u_yaw_deg)}}}}},
           {"stage", {{"resolution_deg", 0.01}}},
           {"targets", targets},
-          {"known",
-           {{{"mechanism", "range-noise"},
-             {"parameters", {{"sigma_mm", doubtful(session.stated_sigma_mm, session.u_sigma_mm)}}}}}}};
+          {"known", known}};
 }
 
 const char* const schema = R"(
@@ -179,7 +182,7 @@ struct Wanted {
   std::uint64_t seed = 1;
   std::filesystem::path out = ".";
   std::string name;
-  bool rivals = true;
+  bool rivals = true, claim = false;
 };
 
 std::string scene_for(const Wanted& wanted, Random& random) {
@@ -205,6 +208,10 @@ void conceal(const Wanted& wanted) {
   Random random(wanted.seed);
   Session session = make_scene(scene_for(wanted, random), random);
   prepare(session);
+  session.claims_intensity = wanted.claim;
+  for (const std::string& kind : wanted.kinds)
+    if (make_concealed(kind)->shows_in_intensity()) session.claims_intensity = true;
+  if (session.claims_intensity) draw_claim(session, random);
   Causes causes;
   ordered_json snr = ordered_json::object(), parameters = ordered_json::object();
   ordered_json located = ordered_json::array(), rivals = ordered_json::object();
@@ -300,6 +307,7 @@ int main(int argc, char** argv) {
   app.add_option("--seed", wanted.seed, "of everything that is drawn");
   app.add_option("--out", wanted.out, "folder for NAME.rig and NAME.truth.json");
   app.add_option("--name", wanted.name, "name of the case; default: kinds, scene and seed");
+  app.add_flag("--radiometry", wanted.claim, "the bench states its law of intensity, truthfully");
   app.add_flag("!--no-rivals", wanted.rivals, "do not look for mechanisms that could not be told apart");
   app.add_flag("--list", only_list, "list kinds and scenes");
   CLI11_PARSE(app, argc, argv);

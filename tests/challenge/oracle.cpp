@@ -221,10 +221,51 @@ Oracle::Verdict Oracle::judge(const Causes& causes) const {
       }
     }
   }
-  const double squared = verdict.mean + verdict.variance + verdict.states + verdict.jitter + verdict.memory;
+  if (session_.claims_intensity) verdict.intensity = intensity(causes, verdict.information);
+  const double squared =
+      verdict.mean + verdict.variance + verdict.states + verdict.jitter + verdict.memory + verdict.intensity;
   verdict.snr = std::sqrt(squared);
   verdict.log_likelihood_gain = squared / 2;
   return verdict;
+}
+
+double Oracle::intensity(const Causes& causes, Eigen::VectorXd& information) const {
+  if (std::ranges::none_of(causes, [](const auto& cause) { return cause->shows_in_intensity(); })) return 0;
+  const World plain(session_, {}, session_.truth);
+  const auto n = static_cast<Eigen::Index>(cells_.size());
+  const auto walls = static_cast<Eigen::Index>(session_.walls.size());
+  Eigen::VectorXd shift = Eigen::VectorXd::Zero(n), weight = Eigen::VectorXd::Zero(n);
+  Eigen::MatrixXd open = Eigen::MatrixXd::Zero(n, 5 + walls);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Cell& cell = cells_[static_cast<std::size_t>(i)];
+    const Moment moment = plain.moment(cell.capture, cell.seq, cell.step);
+    for (const auto& cause : causes) shift[i] += cause->log_intensity(moment);
+    if (!cell.smooth || !std::isfinite(shift[i])) {
+      shift[i] = 0;
+      continue;
+    }
+    const double rounding = 0.29 / std::max(1.0, cell.plain.sight.counts);
+    // No law is right to better than half a per cent, whatever the number of scans.
+    constexpr double law = 0.005;
+    weight[i] = 1 / ((std::pow(session_.counts_noise, 2) + rounding * rounding) / cell.weight + law * law);
+    open(i, 0) = session_.u_gain;
+    const double r = cell.plain.sight.range_mm, o = session_.claimed_overlap_mm;
+    const Capture& capture = session_.captures[cell.capture];
+    const auto wall = static_cast<std::size_t>(cell.plain.sight.wall);
+    const bool changed = capture.target == cell.plain.sight.wall && capture.reflectance >= 0;
+    open(i, 1) = 2 * session_.u_power * std::log(r / 1000);
+    open(i, 2) = session_.u_power * std::log(std::cos(cell.plain.sight.incidence));
+    open(i, 3) =
+        session_.u_power * std::log(changed ? capture.reflectance : session_.walls[wall].reflectance);
+    open(i, 4) = session_.u_overlap_mm * 4 * session_.claimed_power * o / (r * r + o * o);
+    open(i, 5 + cell.plain.sight.wall) = 0.05;
+  }
+  Eigen::MatrixXd normal = open.transpose() * weight.asDiagonal() * open;
+  normal.diagonal().array() += 1;
+  const Eigen::VectorXd left =
+      shift - open * normal.ldlt().solve(open.transpose() * weight.cwiseProduct(shift));
+  information += weight.cwiseProduct(left).cwiseProduct(left);
+  return std::max(0.0, shift.dot(weight.cwiseProduct(left)));
 }
 
 std::vector<double> Oracle::left_by(const Causes& cause, const std::vector<Causes>& rivals) const {

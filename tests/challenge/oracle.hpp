@@ -24,7 +24,7 @@ class Oracle {
   Oracle(const Session& session, const Causes& causes, std::size_t cells = 20000);
 
   struct Verdict {
-    double snr = 0, mean = 0, variance = 0, states = 0, memory = 0, jitter = 0;
+    double snr = 0, mean = 0, variance = 0, states = 0, memory = 0, jitter = 0, intensity = 0;
     double snr_with_free_nuisances = 0;  ///< Without the priors: what the data alone say.
     double rms_before_mm = 0, rms_floor_mm = 0;
     double log_likelihood_gain = 0;
@@ -54,6 +54,9 @@ class Oracle {
   };
   [[nodiscard]] Eigen::VectorXd shift(const World& world, std::vector<Expectation>* seen) const;
   [[nodiscard]] Eigen::VectorXd project(const Eigen::VectorXd& shift, bool with_priors) const;
+  /// Squared signal-to-noise in the logarithm of intensity, after the claimed law's coefficients and every
+  /// wall's reflectance have been re-fitted under their uncertainties; added to `information`.
+  [[nodiscard]] double intensity(const Causes& causes, Eigen::VectorXd& information) const;
   [[nodiscard]] double coordinate(const Cell& cell, const std::string& name) const;
 
   const Session& session_;

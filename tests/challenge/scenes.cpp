@@ -4,7 +4,7 @@
 #include <map>
 #include <stdexcept>
 
-#include "session.hpp"
+#include "concealed.hpp"
 
 namespace challenge {
 namespace {
@@ -315,6 +315,18 @@ Session make_scene(const std::string& scene, Random& random) {
     session.truth.tilt_rad.push_back(wall.u_deg * degree * random.normal());
   }
   return session;
+}
+
+std::string claimed_law(const Session& s) {
+  const auto said = [](double value, double u) {
+    return "{\"value\": " + std::to_string(value) + ", \"u\": " + std::to_string(u) + "}";
+  };
+  return "{\"counts_at_1m\": " + said(s.claimed_gain, s.u_gain * s.claimed_gain) +
+         ", \"range_power\": " + said(2 * s.claimed_power, 2 * s.u_power) +
+         ", \"incidence_power\": " + said(s.claimed_power, s.u_power) +
+         ", \"reflectance_power\": " + said(s.claimed_power, s.u_power) +
+         ", \"overlap_mm\": " + said(s.claimed_overlap_mm, s.u_overlap_mm) +
+         ", \"full_counts\": " + said(s.claimed_full, 0.03 * s.claimed_full) + "}";
 }
 
 }  // namespace challenge

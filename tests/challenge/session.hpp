@@ -66,6 +66,11 @@ struct Session {
   Nuisance truth;
   Radiometer radiometer;
   bool thermometer = false;
+  /// The bench states the law of its intensity (`radiometry`): then that is something to explain as well.
+  bool claims_intensity = false;
+  double counts_noise = 0.02;  ///< Relative, of one sample's intensity, where it is claimed.
+  double u_gain = 0.05, u_power = 0.02, u_overlap_mm = 5;
+  double claimed_gain = 900, claimed_power = 0.5, claimed_full = 2800, claimed_overlap_mm = 80;
 
   [[nodiscard]] double beam_rad(int step) const { return (step - front_step) * step_deg * degree; }
   [[nodiscard]] double beam_time_s(int step) const { return step * step_deg / 360 / scan_hz; }

@@ -70,6 +70,8 @@ class Cause {
   /// (share of the noise variance, memory from scan to scan); the rest is white.
   virtual std::vector<std::pair<double, double>> memory() const { return {}; }
   virtual bool memory_is_common() const { return false; }
+  virtual bool shows_in_intensity() const { return false; }  ///< Needs a bench that claims to know intensity.
+  virtual double log_intensity(const Moment&) const { return 0; }
   virtual nlohmann::json parameters() const { return nlohmann::json::object(); }
 };
 

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: MIT
+#include "fit/radiometer.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace fit {
+namespace {
+
+using L = IntensityLaw;
+constexpr std::array<const char*, L::size> names{"counts_at_1m",      "range_power", "incidence_power",
+                                                 "reflectance_power", "overlap_mm",  "full_counts"};
+
+bool logarithmic(int k) { return k == L::gain || k == L::overlap || k == L::full; }
+
+void state(IntensityClaim& claim, int k, const Estimate& e) {
+  if (!std::isfinite(e.value) || (logarithmic(k) && e.value <= 0)) return;
+  const auto i = static_cast<std::size_t>(k);
+  claim.law.value[i] = logarithmic(k) ? std::log(e.value) : e.value;
+  claim.u[i] = logarithmic(k) ? e.u / e.value : e.u;
+  claim.stated[i] = true;
+}
+
+}  // namespace
+
+double IntensityLaw::log_counts(double reflectance, double cos_incidence, double range_mm) const {
+  const double r = std::max(1.0, range_mm), o = std::exp(value[overlap]);
+  const double raw = value[gain] + value[reflectance_power] * std::log(std::max(1e-3, reflectance)) +
+                     value[incidence_power] * std::log(std::max(0.02, cos_incidence)) -
+                     value[range_power] * (std::log(r / 1000) + std::log1p(o * o / (r * r)));
+  return raw - 0.5 * std::log1p(std::exp(2 * (raw - value[full])));
+}
+
+double IntensityLaw::counts(double reflectance, double cos_incidence, double range_mm) const {
+  return std::exp(log_counts(reflectance, cos_incidence, range_mm));
+}
+
+std::optional<IntensityClaim> claimed_intensity(const Bench& bench) {
+  const KnownMechanism* known = bench.knows("radiometry");
+  if (!known) return std::nullopt;
+  IntensityClaim claim;
+  const auto document = nlohmann::json::parse(bench.document, nullptr, false);
+  if (document.is_object() && document.contains("sim") && document["sim"].contains("intensity")) {
+    const auto& given = document["sim"]["intensity"];
+    for (int k = 0; k < L::size; ++k)
+      if (given.contains(names[static_cast<std::size_t>(k)]))
+        state(claim, k, given.value(names[static_cast<std::size_t>(k)], 1.0));
+    if (given.contains("relative_noise")) claim.relative_noise = given.value("relative_noise", 0.01);
+  }
+  for (int k = 0; k < L::size; ++k)
+    if (const auto found = known->parameters.find(names[static_cast<std::size_t>(k)]);
+        found != known->parameters.end())
+      state(claim, k, found->second);
+  // Corrections of that law, as effects of the mechanism.
+  for (const auto& [name, k] : {std::pair("log_gain", L::gain), std::pair("range_exponent", L::range_power)})
+    if (const auto found = known->parameters.find(name); found != known->parameters.end())
+      claim.law.value[static_cast<std::size_t>(k)] += found->second.value;
+  if (const auto found = known->parameters.find("relative_noise"); found != known->parameters.end())
+    claim.relative_noise = found->second.value;
+  return claim;
+}
+
+void state_intensity(Bench& bench, const IntensityLaw& law, const std::array<double, L::size>& u,
+                     std::optional<double> relative_noise) {
+  for (KnownMechanism& known : bench.known) {
+    if (known.mechanism != "radiometry") continue;
+    for (int k = 0; k < L::size; ++k) {
+      const auto i = static_cast<std::size_t>(k);
+      // What stands at "none" need not be said.
+      if ((k == L::overlap && law.value[i] <= 0) || (k == L::full && law.value[i] >= 20)) continue;
+      known.parameters[names[i]] = in_file_unit(static_cast<L::Coefficient>(k), {law.value[i], u[i]});
+    }
+    if (relative_noise) known.parameters["relative_noise"] = *relative_noise;
+    known.parameters.erase("log_gain");  // part of the law now
+    known.parameters.erase("range_exponent");
+    return;
+  }
+}
+
+const char* file_name(L::Coefficient coefficient) { return names[static_cast<std::size_t>(coefficient)]; }
+
+Estimate in_file_unit(L::Coefficient coefficient, const Estimate& e) {
+  if (!logarithmic(coefficient)) return e;
+  return {std::exp(e.value), std::exp(e.value) * e.u};
+}
+
+}  // namespace fit

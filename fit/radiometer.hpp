@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "fit/bench.hpp"
+
+namespace fit {
+
+/// The law by which an echo becomes counts (lidar equation with an extended Lambertian target behind a
+/// receiver that compresses; Wagner et al., ISPRS J. 60 (2006) 100; Kaasalainen et al., Remote Sens. 3 (2011)
+/// 2207):
+///
+///   raw = counts_at_1m * reflectance^reflectance_power * cos(incidence)^incidence_power
+///         * (1 m / r * r^2 / (r^2 + overlap^2))^range_power
+///   counts = raw / hypot(1, raw / full_counts)
+struct IntensityLaw {
+  /// Searched as they are, but for `gain`, `overlap` and `full`, which are logarithms.
+  enum Coefficient { gain, range_power, incidence_power, reflectance_power, overlap, full };
+  static constexpr int size = 6;
+  /// ln(counts at 1 m), three powers, ln(overlap in mm), ln(full counts).
+  std::array<double, size> value{6.8, 1, 0.5, 0.5, 0, 20};
+
+  [[nodiscard]] double log_counts(double reflectance, double cos_incidence, double range_mm) const;
+  [[nodiscard]] double counts(double reflectance, double cos_incidence, double range_mm) const;
+};
+
+/// What a bench file claims about intensity: the `radiometry` entry of its known mechanisms, with parameters
+/// `counts_at_1m`, `range_power`, `incidence_power`, `reflectance_power`, `overlap_mm`, `full_counts` and
+/// `relative_noise`. What it does not state comes from the `sim` section's `intensity`, and failing that is
+/// open.
+struct IntensityClaim {
+  IntensityLaw law;
+  std::array<bool, IntensityLaw::size> stated{};
+  std::array<double, IntensityLaw::size> u{};  ///< Of `law.value`, where stated.
+  std::optional<double> relative_noise;        ///< Of one sample.
+};
+
+/// Nothing when the bench makes no claim: intensity is a covariate then, not something to explain.
+[[nodiscard]] std::optional<IntensityClaim> claimed_intensity(const Bench& bench);
+/// Puts the law into the bench's `radiometry` entry; `u` of its coefficients, 0 where they were not fitted.
+void state_intensity(Bench& bench, const IntensityLaw& law, const std::array<double, IntensityLaw::size>& u,
+                     std::optional<double> relative_noise);
+/// The coefficient as files name it, and its value and uncertainty in the file's unit.
+[[nodiscard]] const char* file_name(IntensityLaw::Coefficient coefficient);
+[[nodiscard]] Estimate in_file_unit(IntensityLaw::Coefficient coefficient, const Estimate& estimate);
+
+}  // namespace fit
