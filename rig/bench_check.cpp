@@ -95,7 +95,9 @@ class Checker {
   }
 
   awaitable<void> check_rate() {
-    auto starting = lidar_.start(LidarStream());
+    LidarStream all;
+    all.last_step = bench_.lidar.steps - 1;
+    auto starting = lidar_.start(all);
     co_await std::move(starting);
     std::vector<double> gaps_ms;
     std::uint64_t before_ms = 0;

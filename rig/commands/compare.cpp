@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: MIT
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "rig/bench_file.hpp"
+#include "rig/command.hpp"
+#include "rig/compare_report.hpp"
+#include "rig/errors.hpp"
+#include "rig/report.hpp"
+#include "rig/session_store.hpp"
+
+namespace rig::commands {
+namespace {
+
+/// Sessions read as recordings, kept open as long as they are needed.
+class Sessions {
+ public:
+  explicit Sessions(const std::vector<std::string>& paths) {
+    for (const std::string& path : paths) {
+      stores_.push_back(std::make_unique<SessionStore>(path, SessionStore::Mode::read));
+      recordings_.push_back(stores_.back()->recording());
+      list.push_back(recordings_.back().get());
+    }
+  }
+  std::vector<const fit::Recording*> list;
+
+ private:
+  std::vector<std::unique_ptr<SessionStore>> stores_;
+  std::vector<std::unique_ptr<fit::Recording>> recordings_;
+};
+
+class Compare : public Command {
+ public:
+  CLI::App* declare(CLI::App& root) override {
+    auto* command = root.add_subcommand(
+        "compare",
+        "Lays noise, intensity and edges of two devices side by side: a recorded one and its twin");
+    command->add_option("recorded", recorded_, "Session files (*.rig) of the one")->required();
+    command->add_option("--with", other_, "Session files of the other")->required();
+    command->add_option("-o,--output", output_, "Page to write (HTML)");
+    command->add_option("--json", json_, "Write the distances to FILE, or '-' for standard output");
+    command->add_option("--beams", beams_, "Beams that count for noise and intensity, degrees: FROM TO")
+        ->expected(2);
+    command->add_option("--names", names_, "What the two are called")->expected(2)->capture_default_str();
+    return command;
+  }
+
+  int run() override {
+    if (output_.empty() && json_.empty())
+      throw UsageError("say where the page goes: -o PAGE.html, or --json FILE");
+    const Sessions recorded(recorded_), other(other_);
+    fit::StatisticsOptions options;
+    if (beams_.size() == 2) {
+      options.from_rad = beams_[0] * fit::rad_per_deg;
+      options.to_rad = beams_[1] * fit::rad_per_deg;
+    }
+    Comparison comparison;
+    comparison.name = names_[0];
+    comparison.other_name = names_[1];
+    comparison.recorded = fit::recording_statistics(recorded.list, options);
+    comparison.other = fit::recording_statistics(other.list, options);
+    options.half = 1;
+    comparison.first_half = fit::recording_statistics(recorded.list, options);
+    options.half = 2;
+    comparison.second_half = fit::recording_statistics(recorded.list, options);
+    if (comparison.recorded.scans == 0 || comparison.other.scans == 0)
+      throw MeasurementError("there is nothing to compare: one side holds no scans");
+    const nlohmann::json document = comparison_json(comparison);
+    for (const auto& s : document.at("statistics"))
+      std::fprintf(stderr, "%-28s %s\n", s.at("statistic").get<std::string>().c_str(),
+                   s.at("verdict").get<std::string>().c_str());
+    if (json_ == "-")
+      std::printf("%s\n", document.dump(1).c_str());
+    else if (!json_.empty())
+      write_file_atomically(json_, document.dump(1) + "\n");
+    if (!output_.empty()) {
+      write_file_atomically(output_, comparison_html(comparison));
+      std::fprintf(stderr, "page: %s\n", std::filesystem::absolute(output_).c_str());
+    }
+    return 0;
+  }
+
+ private:
+  std::vector<std::string> recorded_, other_, names_{"recorded", "simulated"};
+  std::string output_, json_;
+  std::vector<double> beams_;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> make_compare() { return std::make_unique<Compare>(); }
+
+}  // namespace rig::commands
