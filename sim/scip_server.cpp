@@ -71,6 +71,19 @@ struct ScipServer::Impl : std::enable_shared_from_this<ScipServer::Impl> {
     if (drop) to.close();
   }
 
+  /// Lets go of dead connections that their hosts have given up meanwhile.
+  void forget_abandoned() {
+    std::erase_if(abandoned, [](const std::shared_ptr<Connection>& host) {
+      std::array<char, 512> unread{};
+      error_code failed;
+      host->socket.non_blocking(true, failed);
+      while (!failed) host->socket.read_some(asio::buffer(unread), failed);
+      if (failed == asio::error::would_block || failed == asio::error::try_again) return false;
+      host->socket.close(failed);
+      return true;
+    });
+  }
+
   awaitable<void> accept_hosts();
   awaitable<void> read_requests(std::shared_ptr<Connection> host);
   awaitable<void> write_answers(std::shared_ptr<Connection> host);
@@ -91,6 +104,7 @@ awaitable<void> ScipServer::Impl::accept_hosts() {
       continue;
     }
     socket.set_option(tcp::no_delay(true), failed);
+    forget_abandoned();
     const auto host = std::make_shared<Connection>(std::move(socket));
     connection = host;
     auto writing = write_answers(host);

@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::size_t longest_command = 256;
 constexpr double homing_overrun = 1000;  ///< Pulses from the zero to the limit switch that is sought first.
-constexpr double gsc_farthest = 16777214, shot_farthest = 268435455;  ///< Pulses.
+constexpr double gsc_farthest = 16777214, shot_farthest = 16777214;  ///< Pulses.
 
 struct Speed {
   double start = 500, fastest = 5000, ramp_ms = 200;
