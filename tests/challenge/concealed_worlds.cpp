@@ -785,6 +785,10 @@ class WorldCause : public Cause {
     shape_.sign = random.sign();
     shape_.power = power_span(session);
     shape_.wall = static_cast<std::size_t>(random.integer(0, static_cast<int>(session.walls.size()) - 1));
+    // Gloss shows on targets that are seen square on from somewhere.
+    for (std::size_t i = 0;
+         id == "specular" && i < session.walls.size() && !faces(session.walls[shape_.wall]); ++i)
+      shape_.wall = (shape_.wall + 1) % session.walls.size();
     for (const Capture& capture : session.captures) rates_.push_back(capture.rate_deg_s);
     plain_ = Table(session, plain_world(session), kind_.each_scan);
     if (shows_in_intensity()) plain_light_ = Table(session, plain_world(session), false, true);
@@ -862,6 +866,13 @@ class WorldCause : public Cause {
   }
 
  private:
+  /// The perpendicular from the axis meets it.
+  static bool faces(const Wall& wall) {
+    const Vector along = (wall.to - wall.from).normalized();
+    const double foot = -along.dot(wall.from);
+    return foot > 100 && foot < (wall.to - wall.from).norm() - 100;
+  }
+
   /// How far noise at the comparator moves the range: by a slightly higher threshold, without compensation.
   void probe(const Session& session, const json&) {
     json low = plain_world(session), high = low;
