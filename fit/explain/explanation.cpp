@@ -142,6 +142,10 @@ std::vector<Located> locate_suspect(const Suspect& suspect, const Reduced& reduc
     const double reach = std::max(0.03, 1.5 * at("width_deg"));
     return {{coordinate, -reach, reach, observable, p}};
   }
+  if (id == "settling")  // until half of it has faded
+    return {{coordinate, low,
+             std::clamp(std::log(2.0) * at("tau_s") * reduced.bench.lidar.scan_hz, low + 1, high), observable,
+             p}};
   if (id == "intensity-noise") {
     const double top = low * std::pow(4.0, 1 / std::max(1.0, at("exponent")));
     return {{coordinate, low, std::min(high, std::max(top, low + (high - low) / 30)), observable, p}};
@@ -185,6 +189,7 @@ class Writer {
     out_.cells = reduced_.cells.size();
     out_.left_out = reduced_.left_out;
     means();
+    stated_otherwise();
     spread();
     unknown();
     locate();
@@ -238,6 +243,33 @@ class Writer {
       out_.mechanisms.push_back(found);
       known_.push_back({term.mechanism->id, finding.parameters, {}});
       if (!found.target.empty()) known_.back().texts["target"] = found.target;
+    }
+  }
+
+  /// What only the bench file's uncertainties show may be any of several mechanisms, or the bench file
+  /// itself.
+  void stated_otherwise() {
+    for (const std::vector<Term>& suspects : means_.stated_otherwise) {
+      std::vector<std::string> set;
+      for (const Term& term : suspects) set.push_back(term.mechanism->id);
+      const Eigen::VectorXd stated = Nuisance(reduced_.bench).as_vector(),
+                            found = means_.best.nuisance.as_vector(),
+                            u = Nuisance::prior_sigma(reduced_.bench);
+      Eigen::Index worst = 0;
+      for (Eigen::Index i = 1; i < stated.size(); ++i)
+        if (u[i] > 0 && std::abs(found[i] - stated[i]) / u[i] >
+                            std::abs(found[worst] - stated[worst]) / std::max(1e-12, u[worst]))
+          worst = i;
+      const std::string itself = worst < 2        ? "mount-offset"
+                                 : worst == 2     ? "mount-yaw"
+                                 : worst % 2 == 1 ? "target-offset"
+                                                  : "target-tilt";
+      if (!std::ranges::count(set, itself)) set.push_back(itself);
+      out_.undecided_between.push_back(set);
+      out_.suspects.insert(out_.suspects.end(), suspects.begin(), suspects.end());
+      out_.notes.push_back("No capture shows " + set.front() +
+                           " by itself; only what the bench file states about mount and targets does. Check "
+                           "the bench file first.");
     }
   }
 
@@ -307,6 +339,11 @@ class Writer {
     if (!means_.best.terms.empty() || !means_.best.shapes.empty())
       for (const Located& l : locate_residuals(before, 0.01))
         if (!taken.contains(l.coordinate)) out_.located.push_back(l);
+    for (Located& l : out_.located) {
+      if (l.coordinate != Coordinate::temperature) continue;
+      l.from += reduced_.first_temperature_c;
+      l.to += reduced_.first_temperature_c;
+    }
     // Pictures.
     predict_at(reduced_, means_.best);
     MeanModel after(reduced_, means_.noise);

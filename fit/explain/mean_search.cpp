@@ -19,6 +19,7 @@ using Role = Parameter::Role;
 
 constexpr double price_of_mechanism = 4.0;  // log odds against any one of the catalogue
 constexpr double price_of_unknown = 7.0;    // the catalogue is tried first
+constexpr double strained = 7;              // log of the odds at which stated uncertainties are not believed
 constexpr double worth_a_move = 1.5, worth_fitting = -2;
 constexpr Eigen::Index rows_of_search = 6000, rows_of_last_search = 30000;
 constexpr std::size_t finalists = 7;
@@ -432,9 +433,13 @@ class Search {
         consider({Shape::Kind::step, place.coordinate, place.channel, 0, at, 1, 0, {}},
                  std::log(static_cast<double>(steps.size())) + price_of_scale(1, 1));
       if (place.coordinate == Coordinate::beam) {
+        // Whole numbers of lobes in a turn, and any other number: coarse slits, gears.
         for (int lobes = 3; lobes <= 12; ++lobes)
           consider({Shape::Kind::wave, place.coordinate, place.channel, 0, 360.0 / lobes, 1, 0, {}},
                    std::log(10.0) + price_of_scale(1, 1));
+        for (double cycles = 4; cycles < 20; cycles += 0.4)
+          consider({Shape::Kind::wave, place.coordinate, place.channel, 0, (high - low) / cycles, 1, 0, {}},
+                   std::log(40.0) + price_of_scale(1, 1));
       } else if (place.coordinate == Coordinate::time) {
         for (double turns = 1.5; turns < 12; turns *= 1.08)
           consider({Shape::Kind::wave, place.coordinate, place.channel, 0, (high - low) / turns, 1, 0, {}},
@@ -579,6 +584,8 @@ class Search {
   // -------------------------------------------------------------------------------------------
   void judge(Hypothesis& best, MeanResult& result);
   void keep_what_transfers(Hypothesis& best);
+  [[nodiscard]] double strain(const Hypothesis& h) const;
+  std::vector<Term> only_priors(const Term& term, const Hypothesis& without);
   HeldOutFigures held_out(const Hypothesis& h, const std::vector<int>& blocks, int count);
 
   Reduced& reduced_;
@@ -659,8 +666,32 @@ void Search::keep_what_transfers(Hypothesis& best) {
   }
 }
 
+/// Half the squared distance of mount and targets from what the bench file states, in its uncertainties.
+double Search::strain(const Hypothesis& h) const {
+  const Eigen::VectorXd u = Nuisance::prior_sigma(reduced_.bench),
+                        off = h.nuisance.as_vector() - Nuisance(reduced_.bench).as_vector();
+  double sum = 0;
+  for (Eigen::Index i = 0; i < u.size(); ++i)
+    if (u[i] > 0) sum += 0.5 * off[i] * off[i] / (u[i] * u[i]);
+  return sum;
+}
+
+/// A term that only the bench file's uncertainties show, and others that would relieve them as well.
+std::vector<Term> Search::only_priors(const Term& term, const Hypothesis& without) {
+  std::vector<Term> set{term};
+  const std::vector<Scored> list = scan(without, &term, true, false);
+  for (const Scored& other : list) {
+    if (set.size() > 4 || other.evidence < list.front().evidence - 4) break;
+    if (std::ranges::none_of(set, [&](const Term& t) { return t.mechanism == other.term.mechanism; }))
+      set.push_back(other.term);
+  }
+  return set;
+}
+
 void Search::judge(Hypothesis& best, MeanResult& result) {
+  auto said = std::move(result.stated_otherwise);
   result = MeanResult(reduced_.bench);
+  result.stated_otherwise = std::move(said);
   keep_what_transfers(best);
   int count = 0;
   std::vector<int> blocks;
@@ -671,7 +702,8 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
     for (Eigen::Index i = 0; i < model.rows(); ++i) sum += model.variance_of_mean(i);
     result.noise_floor_mm = std::sqrt(sum / std::max<double>(1, static_cast<double>(model.rows())));
   }
-  // What does not help on captures it has not seen is not believed.
+  // What does not help on captures it has not seen is not believed. If the bench file's uncertainties alone
+  // speak for it, it is one of several ways in which the bench file may be wrong.
   for (bool again = true; again;) {
     again = false;
     result.without.clear();
@@ -680,6 +712,9 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
       const Hypothesis less = without(best, t);
       result.without.push_back(held_out(less, blocks, count));
       if (result.without.back().log_likelihood < result.after.log_likelihood) continue;
+      const double gain = best.evidence - less.evidence;
+      if (gain > strained && strain(less) - strain(best) > 0.4 * gain)
+        result.stated_otherwise.push_back(only_priors(best.terms[t], less));
       best = less;
       again = true;
       break;

@@ -502,11 +502,13 @@ void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
       const double known = information[c] / inflate;  // against a prior of 1 mm
       const double gain = 0.5 * score[c] * score[c] / information[c] / inflate;
       sum += gain;
-      evidence += gain * known / (1 + known) - 0.5 * std::log(1 + known);
+      evidence += gain * known / (1 + known);
+      // Deviations from a mean: one class says nothing that the others have not said.
+      evidence -= 0.5 * std::log(1 + known) * (modulus - 1.0) / modulus;
       if (values) values->push_back(score[c] / information[c]);
     }
     *likelihood = sum;
-    return evidence * (modulus - 1.0) / modulus;
+    return evidence;
   };
   int longest = 0;
   for (const Scan& s : scans) longest = std::max(longest, s.seq + 1);
@@ -514,7 +516,7 @@ void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
   facet.mechanism = mechanism("facet-wobble");
   facet.evidence = -1;
   std::vector<double> best_values;
-  for (int facets = 2; facets <= std::min(8, longest / 2); ++facets) {
+  for (int facets = 2; facets <= std::min(8, longest - 1); ++facets) {
     std::vector<double> values;
     double gain = 0;
     const double evidence = classes(facets, &values, &gain) - std::log(4.0);
@@ -556,7 +558,9 @@ void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
   }
   const bool drifts = drift_information > 0 && 0.5 * drift * drift / drift_information / inflate > 6;
   if (drifts && every < facet.evidence) every = facet.evidence;
-  if (facet.evidence > accept_at && facet.evidence > every - 3 && !drifts) {
+  // Captures that hardly see a face twice must say so better than any pattern of scans does.
+  const bool repeats = facet.evidence > accept_at && 2 * facet.parameters.at("facets").value <= longest;
+  if (facet.evidence > accept_at && facet.evidence > every + (repeats ? -3 : 1) && !drifts) {
     result.accepted.push_back(facet);
   } else if (every > accept_at + 2.5) {
     Unexplained u;
