@@ -61,6 +61,19 @@ bool leaves(const Level& level, const std::vector<double>& samples) {
   return cdf(complement(chance, static_cast<double>(outside - 1))) < 1e-3;
 }
 
+/// The level where these samples show it, if most of them do: a slanted surface's range drifts as the stage
+/// turns, so the level of the search's far end may be centimetres off near the edge.
+Level followed(Level level, const std::vector<double>& samples, double reach_mm) {
+  if (!level.echo) return level;
+  std::vector<double> echoes;
+  for (const double sample : samples)
+    if (sample > 0) echoes.push_back(sample);
+  if (echoes.empty()) return level;
+  const double here_mm = median(echoes);
+  if (std::abs(here_mm - level.median_mm) < reach_mm) level.median_mm = here_mm;
+  return level;
+}
+
 struct Settings {
   std::string target, save;
   bool right = true;
@@ -180,9 +193,16 @@ class Search {
   StepContext::awaitable<State> look(long stop) {
     auto sampling = sample(stop);
     const auto samples = co_await std::move(sampling);
-    if (!leaves(board_, samples)) co_return State::board;
-    if (!leaves(background_, samples)) co_return State::background;
+    if (!leaves(followed(board_, samples, drift_mm()), samples)) co_return State::board;
+    if (!leaves(followed(background_, samples, drift_mm()), samples)) co_return State::background;
     co_return State::jitter;
+  }
+
+  /// How far a surface may drift within the search and still be told from the other one.
+  double drift_mm() const {
+    const double gap_mm =
+        background_.echo ? background_.median_mm - board_.median_mm : 0.4 * board_.median_mm;
+    return gap_mm / 4;
   }
 
   /// Ranges of the followed beam at a stop; from the session if it was recorded before an interruption.

@@ -45,9 +45,11 @@ struct FakeBench {
   double stage_deg = 0, board_mm = 1400;
   double edge_deg = 1e9;  ///< Below it the followed beam misses the board and sees 2200 mm.
   double window_deg = 0.05;
+  double slant_mm_per_deg = 0;  ///< Of the surface behind.
   std::uint64_t scans = 0;
   std::uint16_t range() {
-    const double behind = 2200, inside = (stage_deg - edge_deg) / window_deg + 0.5;
+    const double behind = 2200 + slant_mm_per_deg * (edge_deg - stage_deg),
+                 inside = (stage_deg - edge_deg) / window_deg + 0.5;
     if (edge_deg > 1e8) return static_cast<std::uint16_t>(board_mm);
     if (inside >= 1 || (inside > 0 && scans % 3 != 0)) return static_cast<std::uint16_t>(board_mm);
     return static_cast<std::uint16_t>(behind);
@@ -611,6 +613,16 @@ TEST_CASE("an edge is found with its window, and again from the same captures wh
   broken.lidar.before_scan = [](std::uint64_t) {};
   broken.run();
   CHECK(broken.captures().back().stage_deg == Approx(smooth_deg).margin(0.0101));
+}
+
+TEST_CASE("the edge's window is found although the surface behind is slanted") {
+  Rig rig(
+      "  - home\n  - find-edge: {target: board, beam_deg: 0, samples: 60, search_deg: 3}\n"
+      "  - move: {to_deg: '${edge_background_deg}'}\n  - capture: {samples: 5}\n");
+  rig.world.edge_deg = -8.2;
+  rig.world.slant_mm_per_deg = 15;
+  rig.run();
+  CHECK(rig.captures().back().stage_deg == Approx(-8.2 - 0.025).margin(0.0101));
 }
 
 TEST_CASE("samples may be spaced out in time") {
