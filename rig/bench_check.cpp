@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rig/procedure_plan.hpp"
+#include "rig/scan_gate.hpp"
 
 namespace rig {
 namespace {
@@ -95,9 +96,7 @@ class Checker {
   }
 
   awaitable<void> check_rate() {
-    LidarStream all;
-    all.last_step = bench_.lidar.steps - 1;
-    auto starting = lidar_.start(all);
+    auto starting = lidar_.start(whole_scan(bench_.lidar));
     co_await std::move(starting);
     std::vector<double> gaps_ms;
     std::uint64_t before_ms = 0;
@@ -169,9 +168,7 @@ class Checker {
   awaitable<Look> look() {
     const auto beams = static_cast<std::size_t>(bench_.lidar.steps);
     std::vector<std::vector<double>> ranges(beams), levels(beams);
-    LidarStream all;
-    all.last_step = bench_.lidar.steps - 1;
-    auto starting = lidar_.start(all);
+    auto starting = lidar_.start(whole_scan(bench_.lidar));
     co_await std::move(starting);
     for (int i = 0; i <= scans_of_look; ++i) {
       auto reading = lidar_.next();

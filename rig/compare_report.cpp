@@ -5,6 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "rig/html_text.hpp"
 #include "rig/number_format.hpp"
 #include "rig/plot.hpp"
 
@@ -18,21 +19,6 @@ using nlohmann::json;
 constexpr double always_alike = 0.1;
 constexpr double times_own = 2;
 constexpr double too_unsteady = 0.2;  ///< Too few values, or a device that changes: nothing can be said.
-
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '&')
-      out += "&amp;";
-    else if (c == '<')
-      out += "&lt;";
-    else if (c == '>')
-      out += "&gt;";
-    else
-      out += c;
-  }
-  return out;
-}
 
 std::string figure_of(double value) {
   if (!std::isfinite(value)) return "&ndash;";

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "rig/html_text.hpp"
 #include "rig/number_format.hpp"
 #include "rig/plot.hpp"
 
@@ -11,21 +12,6 @@ namespace rig {
 namespace {
 
 using nlohmann::json;
-
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '&')
-      out += "&amp;";
-    else if (c == '<')
-      out += "&lt;";
-    else if (c == '>')
-      out += "&gt;";
-    else
-      out += c;
-  }
-  return out;
-}
 
 std::string figure_of(double value, int digits = 4) {
   char text[40];

@@ -256,9 +256,6 @@ struct Runner::Impl final : StepContext {
 
   awaitable<Look> look_at(Sight sight);
 
-  /// One try of look_at: a lost lidar is an exception.
-  awaitable<Look> look_once(const CaptureRequest& request, const Sight& sight);
-
   /// `ranges`: of every beam from `first_step` on, its echoes in mm.
   Look judge(const Sight& sight, int first_step, const std::vector<std::vector<double>>& ranges) const;
 

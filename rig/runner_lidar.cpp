@@ -114,8 +114,7 @@ awaitable<void> Runner::Impl::reconnect_lidar(std::exception_ptr why) {
 
 awaitable<void> Runner::Impl::compare_clocks() {
   constexpr int scans = 12;
-  LidarStream all;
-  all.last_step = known_bench.lidar.steps - 1;
+  const LidarStream all = whole_scan(known_bench.lidar);
   std::uint64_t first_ms = 0, last_ms = 0;
   std::int64_t first_us = 0, last_us = 0;
   int failures = 0;

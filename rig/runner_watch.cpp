@@ -59,39 +59,21 @@ CaptureRequest steps_of(const Sight& sight, const fit::LidarGeometry& lidar) {
 
 awaitable<Runner::Impl::Look> Runner::Impl::look_at(Sight sight) {
   const CaptureRequest request = steps_of(sight, known_bench.lidar);
-  for (int failures = 0;;) {
-    std::exception_ptr why;
-    try {
-      auto looking = look_once(request, sight);
-      co_return co_await std::move(looking);
-    } catch (...) {
-      why = std::current_exception();
-    }
-    stop_if_aborted();
-    if (++failures > failures_without_scan) std::rethrow_exception(why);
-    auto reconnecting = reconnect_lidar(why);
-    co_await std::move(reconnecting);
-  }
-}
-
-awaitable<Runner::Impl::Look> Runner::Impl::look_once(const CaptureRequest& request, const Sight& sight) {
   Echoes echoes(static_cast<std::size_t>(request.last_step - request.first_step + 1));
   ScanGate gate(request, known_bench.lidar.scan_hz, 0);
-  gate.restart(seen_ms);
-  auto starting = start_stream(stream_for(request, 0));
-  co_await std::move(starting);
+  int failures = 0;
   while (!echoes.enough()) {
-    stop_if_aborted();
-    auto reading = parts.lidar.next();
+    auto reading = next_scan(stream_for(request, 0), &gate, failures);
     const lidar::Scan scan = co_await std::move(reading);
     if (!gate.takes(scan, 0)) {
       if (gate.hopeless()) throw DeviceError(unfit_scans(request));
       continue;
     }
+    failures = 0;
     echoes.add(scan, 0);
     show(scan);
   }
-  auto stopping = end_stream();
+  auto stopping = stop_stream();
   co_await std::move(stopping);
   co_return judge(sight, request.first_step, echoes.ranges());
 }
@@ -187,7 +169,7 @@ awaitable<void> Runner::Impl::watch_stream(std::optional<Sight> until) {
   while (true) {
     // A start that is cancelled half-way leaves the device streaming as well.
     streaming = true;
-    auto starting = parts.lidar.start(LidarStream());
+    auto starting = parts.lidar.start(whole_scan(lidar));
     co_await std::move(starting);
     Echoes echoes(beams);
     bool enough = false;

@@ -13,6 +13,12 @@ int skip_for(double spacing_s, double scan_hz) {
   return 0;
 }
 
+LidarStream whole_scan(const fit::LidarGeometry& lidar) {
+  LidarStream stream;
+  stream.last_step = lidar.steps - 1;
+  return stream;
+}
+
 LidarStream stream_for(const CaptureRequest& request, int skip) {
   LidarStream stream;
   stream.first_step = request.first_step;

@@ -76,6 +76,8 @@ class ScanGate {
 /// The most scans that the device itself may leave out and still serve the spacing; SCIP allows 9.
 int skip_for(double spacing_s, double scan_hz);
 LidarStream stream_for(const CaptureRequest& request, int skip);
+/// All steps of the bench's lidar.
+LidarStream whole_scan(const fit::LidarGeometry& lidar);
 
 /// Least-squares line through stage positions against time.
 struct Track {

@@ -19,16 +19,6 @@ double along_slant(double distance, double incidence_deg, double bearing_rad) {
   return distance * std::cos(i) / std::cos(i + bearing_rad);
 }
 
-double lag_one(const std::vector<double>& x) {
-  double mean = 0, top = 0, bottom = 0;
-  for (const double v : x) mean += v / static_cast<double>(x.size());
-  for (std::size_t i = 0; i < x.size(); ++i) {
-    bottom += (x[i] - mean) * (x[i] - mean);
-    if (i > 0) top += (x[i] - mean) * (x[i - 1] - mean);
-  }
-  return top / bottom;
-}
-
 /// How far a slanted wall says that a beam was bent, rad.
 double bent(const Recording& with, const Recording& without, double beam_deg) {
   const double slope =

@@ -24,16 +24,6 @@ double bias(sim::World world, double distance, int scans = 300) {
   return record(narrow(std::move(world), 1), scans).at(0).mean() - distance;
 }
 
-double lag_one(const std::vector<double>& x) {
-  double mean = 0, top = 0, bottom = 0;
-  for (const double v : x) mean += v / static_cast<double>(x.size());
-  for (std::size_t i = 0; i < x.size(); ++i) {
-    bottom += (x[i] - mean) * (x[i] - mean);
-    if (i > 0) top += (x[i] - mean) * (x[i - 1] - mean);
-  }
-  return top / bottom;
-}
-
 double correlation(const std::vector<double>& x, const std::vector<double>& y) {
   double mx = 0, my = 0, xy = 0, xx = 0, yy = 0;
   const auto n = static_cast<double>(x.size());
@@ -74,7 +64,8 @@ TEST_CASE("without noise and footprint a good device tells the geometry to a hun
   std::vector<std::uint32_t> range(exact.size()), intensity;
   range.resize(static_cast<std::size_t>(world.bench.lidar.steps));
   intensity.resize(range.size());
-  engine->scan(0, [](double) { return sim::StageMoment{}; }, range, intensity);
+  engine->scan(
+      0, [](double) { return sim::StageMoment{}; }, range, intensity);
   double worst = 0;
   for (std::size_t k = 0; k < exact.size(); ++k) {
     const double bearing = world.bench.lidar.beam_angle(static_cast<double>(k));

@@ -111,4 +111,15 @@ inline Recording record(const sim::World& world, int scans, double from_s = 0, s
   return record_steps(*engine, world.bench.lidar, scans, from_s);
 }
 
+/// Correlation of a series with itself one step later.
+inline double lag_one(const std::vector<double>& x) {
+  double mean = 0, top = 0, bottom = 0;
+  for (const double v : x) mean += v / static_cast<double>(x.size());
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    bottom += (x[i] - mean) * (x[i] - mean);
+    if (i > 0) top += (x[i] - mean) * (x[i - 1] - mean);
+  }
+  return top / bottom;
+}
+
 }  // namespace causal_test
