@@ -78,6 +78,52 @@ void state_intensity(Bench& bench, const IntensityLaw& law, const std::array<dou
   }
 }
 
+double DescribedIntensity::gain(const std::string& target, double reflectance) const {
+  for (const Surface& s : surfaces)
+    if (s.target == target && std::abs(s.reflectance - reflectance) < 1e-6) return s.gain;
+  return 1;
+}
+
+std::optional<DescribedIntensity> described_intensity(const Bench& bench) {
+  const auto document = nlohmann::json::parse(bench.document, nullptr, false);
+  if (!document.is_object() || !document.contains("sim") || !document["sim"].is_object() ||
+      !document["sim"].contains("intensity") || !document["sim"]["intensity"].is_object())
+    return std::nullopt;
+  const auto& given = document["sim"]["intensity"];
+  DescribedIntensity described;
+  described.law.value = {std::log(1000.0), 1, 1, 1, 0, 20};
+  for (int k = 0; k < L::size; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    if (!given.contains(names[i])) continue;
+    const double value = given.value(names[i], 1.0);
+    if (logarithmic(k) && value <= 0) continue;
+    described.law.value[i] = logarithmic(k) ? std::log(value) : value;
+  }
+  described.relative_noise = given.value("relative_noise", 0.01);
+  if (given.contains("surfaces") && given["surfaces"].is_array())
+    for (const auto& s : given["surfaces"])
+      if (s.is_object())
+        described.surfaces.push_back(
+            {s.value("target", std::string()), s.value("reflectance", 0.0), s.value("gain", 1.0)});
+  return described;
+}
+
+void describe_intensity(Bench& bench, const DescribedIntensity& described) {
+  auto document = nlohmann::json::parse(bench.document, nullptr, false);
+  if (!document.is_object()) document = nlohmann::json::object();
+  auto& intensity = document["sim"]["intensity"];
+  for (int k = 0; k < L::size; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    if ((k == L::overlap && described.law.value[i] <= 0) || (k == L::full && described.law.value[i] >= 20))
+      continue;
+    intensity[names[i]] = in_file_unit(static_cast<L::Coefficient>(k), {described.law.value[i], 0}).value;
+  }
+  intensity["relative_noise"] = described.relative_noise;
+  for (const auto& s : described.surfaces)
+    intensity["surfaces"].push_back({{"target", s.target}, {"reflectance", s.reflectance}, {"gain", s.gain}});
+  bench.document = document.dump();
+}
+
 const char* file_name(L::Coefficient coefficient) { return names[static_cast<std::size_t>(coefficient)]; }
 
 Estimate in_file_unit(L::Coefficient coefficient, const Estimate& e) {

@@ -3,6 +3,8 @@
 
 #include <array>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "fit/bench.hpp"
 
@@ -42,6 +44,23 @@ struct IntensityClaim {
 /// Puts the law into the bench's `radiometry` entry; `u` of its coefficients, 0 where they were not fitted.
 void state_intensity(Bench& bench, const IntensityLaw& law, const std::array<double, IntensityLaw::size>& u,
                      std::optional<double> relative_noise);
+/// How strong a twin's echoes are where the bench claims nothing: `intensity` in the section `sim` of a bench
+/// file. A description for the simulator, never something to explain.
+struct DescribedIntensity {
+  IntensityLaw law;
+  double relative_noise = 0.01;  ///< Of one sample.
+  /// A surface that is brighter or darker than its nominal reflectance says.
+  struct Surface {
+    std::string target;
+    double reflectance = 0, gain = 1;
+  };
+  std::vector<Surface> surfaces;
+
+  [[nodiscard]] double gain(const std::string& target, double reflectance) const;
+};
+[[nodiscard]] std::optional<DescribedIntensity> described_intensity(const Bench& bench);
+void describe_intensity(Bench& bench, const DescribedIntensity& intensity);
+
 /// The coefficient as files name it, and its value and uncertainty in the file's unit.
 [[nodiscard]] const char* file_name(IntensityLaw::Coefficient coefficient);
 [[nodiscard]] Estimate in_file_unit(IntensityLaw::Coefficient coefficient, const Estimate& estimate);

@@ -8,6 +8,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "fit/empirical.hpp"
 #include "sim/model_engine.hpp"
 #include "sim/simple_engine.hpp"
 #include "sim/world.hpp"
@@ -29,7 +30,8 @@ std::string engine_for(const EngineChoice& choice) {
 }
 
 bool knows_physics(const fit::Bench& bench) {
-  return std::ranges::any_of(bench.known, [](const auto& known) { return known.mechanism != "range-noise"; });
+  return !fit::empirical_functions(bench).empty() ||
+         std::ranges::any_of(bench.known, [](const auto& known) { return known.mechanism != "range-noise"; });
 }
 
 }  // namespace

@@ -3,11 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <set>
 #include <stdexcept>
 
+#include "fit/empirical.hpp"
 #include "fit/json_position.hpp"
 #include "fit/mechanism.hpp"
 #include "fit/radiometer.hpp"
@@ -55,45 +56,32 @@ std::vector<Active> active_mechanisms(const fit::Bench& bench) {
   return active;
 }
 
-/// How strong an echo is said to be where the bench claims no radiometry: counts = at_1m * (reflectance *
-/// cos(i)^incidence) ^ power / r^range.
-struct SimpleLaw {
-  double at_1m = 0;  ///< 0: the simple engine's law.
-  double reflectance_power = 1, incidence_power = 1, range_power = 1;
-  double relative_noise = 0.01;
-};
-
-SimpleLaw intensity_law(const fit::Bench& bench) {
-  SimpleLaw law;
-  const auto document = nlohmann::json::parse(bench.document, nullptr, false);
-  if (!document.is_object() || !document.contains("sim") || !document["sim"].contains("intensity"))
-    return law;
-  const auto& given = document["sim"]["intensity"];
-  law.at_1m = given.value("counts_at_1m", 1000.0);
-  law.reflectance_power = given.value("reflectance_power", 1.0);
-  law.incidence_power = given.value("incidence_power", 1.0);
-  law.range_power = given.value("range_power", 1.0);
-  law.relative_noise = given.value("relative_noise", 0.01);
-  return law;
-}
-
 class ModelEngine : public Engine {
  public:
   ModelEngine(fit::Bench bench, std::uint64_t seed)
       : bench_(std::move(bench)),
         options_(simple_options(bench_)),
-        law_(intensity_law(bench_)),
+        described_(fit::described_intensity(bench_)),
         claim_(fit::claimed_intensity(bench_)),
         scene_(bench_),
+        unnamed_(fit::empirical_mechanisms(bench_)),
         active_(active_mechanisms(bench_)),
         random_(seed),
         memory_(static_cast<std::size_t>(bench_.lidar.steps)) {
     for (double& state : memory_) state = random_.normal();
+    for (const fit::Mechanism& one : unnamed_) active_.push_back({&one, {}, -1});
+    if (described_) relative_noise_ = described_->relative_noise;
     if (claim_ && !claim_->stated[fit::IntensityLaw::gain]) claim_.reset();
-    if (!claim_) return;
-    // The law holds all that a radiometry says.
-    std::erase_if(active_, [](const Active& one) { return one.mechanism->id == "radiometry"; });
-    law_.relative_noise = claim_->relative_noise.value_or(law_.relative_noise);
+    if (claim_) {
+      // The law holds all that a radiometry says.
+      std::erase_if(active_, [](const Active& one) { return one.mechanism->id == "radiometry"; });
+      relative_noise_ = claim_->relative_noise.value_or(relative_noise_);
+    }
+    const auto dims = [](const Active& one) {
+      return one.mechanism->observable == fit::Observable::intensity;
+    };
+    std::ranges::copy_if(active_, std::back_inserter(dimming_), dims);
+    std::erase_if(active_, dims);
   }
 
   void set_scene(const SceneState& state) override {
@@ -124,9 +112,9 @@ class ModelEngine : public Engine {
   [[nodiscard]] double counts(int target, double bearing, double range) const {
     const double facing = scene_.cos_incidence(target, bearing), rho = scene_.reflectance(target);
     if (claim_) return claim_->law.counts(rho, facing, range);
-    if (law_.at_1m > 0)
-      return law_.at_1m * std::pow(rho, law_.reflectance_power) * std::pow(facing, law_.incidence_power) /
-             std::pow(range / 1000, law_.range_power);
+    if (described_)
+      return described_->law.counts(rho, facing, range) *
+             described_->gain(bench_.targets[static_cast<std::size_t>(target)].name, rho);
     const double falloff = 1 + std::pow(range / options_.intensity_falloff_mm, 2);
     const double reference = 1 + std::pow(200 / options_.intensity_falloff_mm, 2);
     return options_.intensity_at_reference * std::min(1.0, rho * facing * reference / falloff);
@@ -139,6 +127,7 @@ class ModelEngine : public Engine {
     const Eigen::Vector2d here = origin(stage_rad);
     edges_ = scene_.edges(here);
     sights_.assign(static_cast<std::size_t>(bench_.lidar.steps), {});
+    lawful_.assign(sights_.size(), 0);
     for (std::size_t step = 0; step < sights_.size(); ++step) {
       const double beam = bench_.lidar.beam_angle(static_cast<double>(step));
       const double bearing = stage_rad + bench_.lidar.mount.yaw_rad.value + beam;
@@ -151,13 +140,13 @@ class ModelEngine : public Engine {
       c.beam_rad = beam;
       c.stage_rad = stage_rad;
       c.beam_time_s = bench_.lidar.beam_time_s(static_cast<double>(step));
-      c.intensity = counts(hit.target, bearing, hit.range_mm);
+      c.intensity = lawful_[step] = counts(hit.target, bearing, hit.range_mm);
     }
   }
 
-  [[nodiscard]] fit::Effect effect(const fit::Circumstances& c) const {
+  [[nodiscard]] static fit::Effect effect(const std::vector<Active>& active, const fit::Circumstances& c) {
     fit::Effect sum;
-    for (const Active& one : active_) {
+    for (const Active& one : active) {
       if (one.target >= 0 && one.target != c.target) continue;
       sum += one.mechanism->act(c, one.values);
     }
@@ -206,7 +195,14 @@ class ModelEngine : public Engine {
     c.approach = last_move_.approach();
     c.stage_rate_rad_s = stage.rate_rad_s;
     c.seq = static_cast<int>(scans_ % 27720);  // whatever the number of facets
-    const fit::Effect e = effect(c);
+    // What dims an echo makes it walk, scatter and get lost as well.
+    double dimmed = 1;
+    if (!dimming_.empty()) {
+      c.intensity = lawful_[step];
+      dimmed = std::exp(effect(dimming_, c).log_intensity);
+      c.intensity *= dimmed;
+    }
+    const fit::Effect e = effect(active_, c);
     if (e.lost > 0 && random_.uniform() < e.lost) return;
     const double true_stage = stage.angle_rad + e.stage_rad;
     const double bearing =
@@ -223,17 +219,19 @@ class ModelEngine : public Engine {
     if (range > options_.max_range_mm) return;
     const double unit = e.output_step_mm > 1 ? e.output_step_mm : 1;
     range_mm = static_cast<std::uint32_t>(std::lround(unit * std::floor(range / unit + 0.5)));
-    const double strength = counts(hit.target, bearing, hit.range_mm) * std::exp(e.log_intensity);
+    const double strength = counts(hit.target, bearing, hit.range_mm) * dimmed;
     intensity = static_cast<std::uint32_t>(
-        std::clamp(std::lround(strength * (1 + law_.relative_noise * random_.normal())), 1L, 65000L));
+        std::clamp(std::lround(strength * (1 + relative_noise_ * random_.normal())), 1L, 65000L));
   }
 
   fit::Bench bench_;
   SimpleOptions options_;
-  SimpleLaw law_;
+  std::optional<fit::DescribedIntensity> described_;
   std::optional<fit::IntensityClaim> claim_;
   ModelScene scene_;
-  std::vector<Active> active_;
+  std::vector<fit::Mechanism> unnamed_;
+  std::vector<Active> active_, dimming_;
+  double relative_noise_ = 0.01;
   causal::Random random_;
   std::vector<double> memory_;
   LastMove last_move_;
@@ -242,6 +240,7 @@ class ModelEngine : public Engine {
   double scan_normal_ = 0;
   std::int64_t scans_ = 0;
   std::vector<fit::Circumstances> sights_;
+  std::vector<double> lawful_;  ///< Counts of every beam before anything dims them.
   std::vector<ModelScene::Edge> edges_;
 };
 

@@ -9,6 +9,7 @@
 
 #include "fit/explain/intensity.hpp"
 #include "fit/explain/together.hpp"
+#include "fit/explain/twin.hpp"
 
 namespace fit::explain {
 namespace {
@@ -466,6 +467,7 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
   });
   Explanation explanation = Writer(reduced, means, spread).write();
   explain_intensity(reduced, explanation);
+  complete_twin(reduced, means, explanation);
   explanation.predictor = predictor_of(reduced, means, spread);
   explanation.several_places = together.in_several_places();
   explanation.bench.targets.resize(together.first_scene());

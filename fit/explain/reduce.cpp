@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fit/empirical.hpp"
+
 namespace fit::explain {
 namespace {
 
@@ -457,6 +459,7 @@ Reduced reduce(const Recording& recording, const Progress& progress, const Stand
                bool keep_samples) {
   Reduced out;
   out.bench = recording.bench();
+  out.empirical = empirical_mechanisms(out.bench);
   out.captures = recording.captures();
   out.absent = standing.absent;
   out.absent.resize(out.captures.size());
@@ -493,6 +496,7 @@ void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
       for (const Active& active : at_work)
         if (active.target < 0 || active.target == cell.at.target)
           effect += active.mechanism->act(cell.at, active.values);
+      for (const Mechanism& unnamed : reduced.empirical) effect += unnamed.act(cell.at, {});
       const Sight sight = may_leave_out
                               ? scene.look(group.stage_rad, cell.beam_rad, effect)
                               : scene.look_at(cell.sight.target, group.stage_rad, cell.beam_rad, effect);
@@ -527,6 +531,7 @@ void readmit(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
       if (!cell.doubtful) continue;
       Effect effect;
       for (const Active& active : at_work) effect += active.mechanism->act(cell.at, active.values);
+      for (const Mechanism& unnamed : reduced.empirical) effect += unnamed.act(cell.at, {});
       const Sight sight = scene.look(group.stage_rad, cell.beam_rad, effect);
       if (sight.target < 0) continue;
       Circumstances at = cell.at;

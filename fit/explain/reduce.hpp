@@ -58,6 +58,7 @@ struct Sector {
 
 struct Reduced {
   Bench bench;
+  std::vector<Mechanism> empirical;  ///< What the bench knows without a name; always at work.
   std::vector<CaptureInfo> captures;
   std::vector<Absent> absent;  ///< For every capture.
   std::vector<int> same_as;    ///< For every target of the bench, the first that is the same thing elsewhere.

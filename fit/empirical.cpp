@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: MIT
+#include "fit/empirical.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+namespace fit {
+namespace {
+
+using nlohmann::json;
+
+constexpr std::array acts{"range_mm", "beam_angle_deg", "stage_angle_deg", "log_intensity"};
+
+struct NamedCoordinate {
+  const char* name;
+  Coordinate coordinate;
+  double (*of)(const Circumstances&);
+};
+
+constexpr std::array coordinates{
+    NamedCoordinate{"beam_deg", Coordinate::beam,
+                    [](const Circumstances& c) { return c.beam_rad * deg_per_rad; }},
+    NamedCoordinate{"stage_deg", Coordinate::stage,
+                    [](const Circumstances& c) { return c.stage_rad * deg_per_rad; }},
+    NamedCoordinate{"range_mm", Coordinate::range, [](const Circumstances& c) { return c.range_mm; }},
+    NamedCoordinate{"intensity", Coordinate::intensity, [](const Circumstances& c) { return c.intensity; }},
+    NamedCoordinate{"incidence_deg", Coordinate::incidence,
+                    [](const Circumstances& c) { return c.incidence_rad * deg_per_rad; }},
+    NamedCoordinate{"time_s", Coordinate::time, [](const Circumstances& c) { return c.time_s; }},
+    NamedCoordinate{"temperature_c", Coordinate::temperature,
+                    [](const Circumstances& c) { return c.temperature_k; }},
+    NamedCoordinate{"corner_mm", Coordinate::target, [](const Circumstances& c) { return c.corner_mm; }},
+    NamedCoordinate{"along_mm", Coordinate::target, [](const Circumstances& c) { return c.along_mm; }}};
+
+const NamedCoordinate* named(const std::string& name) {
+  const auto found = std::ranges::find(coordinates, name, &NamedCoordinate::name);
+  return found == coordinates.end() ? nullptr : &*found;
+}
+
+[[noreturn]] void refuse(const std::string& complaint) {
+  throw std::invalid_argument("the bench file's \"empirical\" " + complaint);
+}
+
+EmpiricalFunction function_of(const json& entry) {
+  EmpiricalFunction f;
+  if (!entry.is_object() || !entry.contains("coordinate") || !entry["coordinate"].is_string() ||
+      !named(entry["coordinate"].get<std::string>()))
+    refuse("needs a \"coordinate\", one of beam_deg, stage_deg, range_mm, intensity and others");
+  f.coordinate = entry["coordinate"].get<std::string>();
+  if (entry.contains("target")) {
+    if (!entry["target"].is_string()) refuse("names a \"target\" that is not text");
+    f.target = entry["target"].get<std::string>();
+  }
+  const auto numbers = [&](const char* key) {
+    std::vector<double> list;
+    if (!entry.contains(key) || !entry[key].is_array()) refuse(std::string("needs the list \"") + key + "\"");
+    for (const json& number : entry[key]) {
+      if (!number.is_number()) refuse(std::string("holds what is not a number in \"") + key + "\"");
+      list.push_back(number.get<double>());
+    }
+    return list;
+  };
+  f.at = numbers("at");
+  for (const char* key : acts)
+    if (entry.contains(key)) f.acts_on = key;
+  if (f.acts_on.empty())
+    refuse("needs one of range_mm, beam_angle_deg, stage_angle_deg, log_intensity: what it is added to");
+  f.value = numbers(f.acts_on.c_str());
+  if (f.at.size() != f.value.size() || !std::ranges::is_sorted(f.at))
+    refuse("needs as many values as places, and places in rising order");
+  return f;
+}
+
+}  // namespace
+
+double EmpiricalFunction::value_at(double v) const {
+  if (at.empty() || !std::isfinite(v)) return 0;
+  if (at.size() == 1) return v == at.front() ? value.front() : 0;
+  const std::size_t last = at.size() - 1;
+  if (v <= at.front()) return at.front() - v <= at[1] - at[0] ? value.front() : 0;
+  if (v >= at.back()) return v - at.back() <= at[last] - at[last - 1] ? value.back() : 0;
+  const auto i = static_cast<std::size_t>(std::ranges::upper_bound(at, v) - at.begin());
+  const double share = (v - at[i - 1]) / std::max(1e-300, at[i] - at[i - 1]);
+  return value[i - 1] + share * (value[i] - value[i - 1]);
+}
+
+std::vector<EmpiricalFunction> empirical_functions(const Bench& bench) {
+  std::vector<EmpiricalFunction> list;
+  const json document = json::parse(bench.document, nullptr, false);
+  if (!document.is_object() || !document.contains("empirical")) return list;
+  if (!document["empirical"].is_array()) refuse("must be a list [...]");
+  for (const json& entry : document["empirical"]) list.push_back(function_of(entry));
+  return list;
+}
+
+void add_empirical(Bench& bench, const EmpiricalFunction& f) {
+  if (f.at.empty()) return;
+  json document = json::parse(bench.document, nullptr, false);
+  if (!document.is_object()) document = json::object();
+  json entry{{"coordinate", f.coordinate}, {"at", f.at}, {f.acts_on, f.value}};
+  if (!f.target.empty()) entry["target"] = f.target;
+  document["empirical"].push_back(entry);
+  bench.document = document.dump();
+}
+
+Mechanism as_mechanism(const EmpiricalFunction& f, const Bench& bench) {
+  const NamedCoordinate& along = *named(f.coordinate);
+  Mechanism m;
+  m.id = "empirical";
+  m.cause = "what was measured and has no name";
+  m.coordinate = along.coordinate;
+  m.formula_error = 0;
+  int target = -1;
+  if (!f.target.empty()) {
+    const auto found = std::ranges::find(bench.targets, f.target, &Target::name);
+    if (found == bench.targets.end())
+      refuse("acts on a target \"" + f.target + "\", which is not among the bench's");
+    target = static_cast<int>(found - bench.targets.begin());
+  }
+  const auto kind = std::ranges::find(acts, f.acts_on) - acts.begin();
+  m.observable = kind == 3 ? Observable::intensity : Observable::range_mean;
+  m.geometric = kind == 1 || kind == 2;
+  m.act = [f, target, kind, of = along.of](const Circumstances& c, std::span<const double>) {
+    Effect e;
+    if (target >= 0 && c.target != target) return e;
+    const double y = f.value_at(of(c));
+    if (kind == 0) e.range_mm = y;
+    if (kind == 1) e.beam_rad = y * rad_per_deg;
+    if (kind == 2) e.stage_rad = y * rad_per_deg;
+    if (kind == 3) e.log_intensity = y;
+    return e;
+  };
+  m.says = [](const Finding&) { return std::string("It was measured, and has no name."); };
+  return m;
+}
+
+std::vector<Mechanism> empirical_mechanisms(const Bench& bench) {
+  std::vector<Mechanism> list;
+  for (const EmpiricalFunction& f : empirical_functions(bench)) list.push_back(as_mechanism(f, bench));
+  return list;
+}
+
+}  // namespace fit

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "fit/bench.hpp"
+#include "fit/mechanism.hpp"
+
+namespace fit {
+
+/// What a device does that no mechanism of the catalogue explains, as a table over one coordinate: linear
+/// between its places, nothing farther outside of them than their spacing. In a bench file: an entry of the
+/// list `empirical` (docs/simulator.md).
+struct EmpiricalFunction {
+  /// `beam_deg`, `stage_deg`, `range_mm`, `intensity`, `incidence_deg`, `time_s`, `temperature_c` (rise since
+  /// the first capture), `corner_mm` (to the next inner corner), `along_mm` (place on `target`).
+  std::string coordinate;
+  /// What it is added to: `range_mm`, `beam_angle_deg`, `stage_angle_deg`, `log_intensity`.
+  std::string acts_on;
+  std::string target;  ///< The only one it acts on; empty: all.
+  std::vector<double> at, value;
+
+  [[nodiscard]] double value_at(double coordinate_value) const;
+};
+
+/// Those that a bench file holds. Throws std::invalid_argument when an entry is not what it should be.
+[[nodiscard]] std::vector<EmpiricalFunction> empirical_functions(const Bench& bench);
+/// Adds one to the bench's document.
+void add_empirical(Bench& bench, const EmpiricalFunction& function);
+
+/// The same as a mechanism without parameters, to act beside those of the catalogue.
+[[nodiscard]] Mechanism as_mechanism(const EmpiricalFunction& function, const Bench& bench);
+/// All of a bench file's.
+[[nodiscard]] std::vector<Mechanism> empirical_mechanisms(const Bench& bench);
+
+}  // namespace fit

@@ -1,0 +1,249 @@
+// SPDX-License-Identifier: MIT
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+#include "fit/empirical.hpp"
+#include "fit/explain/twin.hpp"
+#include "fit/radiometer.hpp"
+
+namespace fit::explain {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using L = IntensityLaw;
+
+constexpr std::size_t rows_at_most = 6000;
+constexpr double reflectance_doubt = 0.1;  // nominal reflectances are
+constexpr double least_sigma = 0.01;       // no law is better, and the tables take the rest
+constexpr double worth_a_table = 0.003;
+
+struct Echo {
+  const Cell* cell = nullptr;
+  double reflectance = 0.5, log_counts = 0, sigma = least_sigma;
+  std::size_t surface = 0;
+};
+
+/// The lidar equation with an unknown grey of every surface, by damped least squares, and what it leaves
+/// along brightness, range, incidence and beam as tables.
+class Description {
+ public:
+  explicit Description(const Reduced& reduced) : reduced_(reduced) { collect(); }
+
+  [[nodiscard]] bool possible() const { return echoes_.size() >= 30; }
+
+  void write(Bench& bench) {
+    fit();
+    described_.relative_noise = sample_noise();
+    for (std::size_t s = 0; s < surfaces_.size(); ++s)
+      described_.surfaces[s].gain = std::exp(gains_[static_cast<Index>(s)]);
+    describe_intensity(bench, described_);
+    tables(bench);
+  }
+
+ private:
+  void collect() {
+    std::size_t usable = 0;
+    for (const Cell& c : reduced_.cells) usable += is_usable(c);
+    const std::size_t stride = 1 + usable / rows_at_most;
+    std::size_t number = 0;
+    for (const Cell& c : reduced_.cells)
+      if (is_usable(c) && number++ % stride == 0) add(c);
+    gains_ = VectorXd::Zero(static_cast<Index>(surfaces_.size()));
+  }
+  static bool is_usable(const Cell& c) {
+    return c.smooth && c.n > 0 && c.stray == 0 && std::isfinite(c.at.intensity) && c.at.intensity >= 3;
+  }
+  void add(const Cell& c) {
+    const CaptureInfo& info =
+        reduced_
+            .captures[static_cast<std::size_t>(reduced_.groups[static_cast<std::size_t>(c.group)].capture)];
+    const Target& target = reduced_.bench.targets[static_cast<std::size_t>(c.at.target)];
+    Echo e;
+    e.cell = &c;
+    const bool about_it = info.target && *info.target == target.name;
+    e.reflectance = about_it && info.reflectance ? *info.reflectance : target.reflectance.value_or(0.5);
+    e.log_counts = std::log(c.at.intensity);
+    e.sigma = std::hypot(least_sigma, 0.3 / c.at.intensity);
+    const auto found = std::ranges::find_if(
+        surfaces_, [&](const auto& s) { return s.first == target.name && s.second == e.reflectance; });
+    e.surface = static_cast<std::size_t>(found - surfaces_.begin());
+    if (found == surfaces_.end()) {
+      surfaces_.emplace_back(target.name, e.reflectance);
+      described_.surfaces.push_back({target.name, e.reflectance, 1});
+    }
+    echoes_.push_back(e);
+  }
+
+  [[nodiscard]] double lawful(const Echo& e, const L& law) const {
+    return law.log_counts(e.reflectance, e.cell->at.cos_incidence, e.cell->at.range_mm);
+  }
+  [[nodiscard]] double predicted(const Echo& e) const {
+    return lawful(e, described_.law) + gains_[static_cast<Index>(e.surface)];
+  }
+
+  void fit() {
+    double best = 1e300;
+    L law;
+    VectorXd gains;
+    // Where detectors see all of the spot only from some distance, and where they bend: from several starts.
+    for (const double overlap : {0.0, 4.4})
+      for (const double full : {20.0, 8.0}) {
+        L start;
+        start.value = {6.8, 1, 0.5, 0.5, overlap, full};
+        const double cost = descend(start, overlap > 0, full < 20);
+        if (cost >= best - 2) continue;  // the simpler one, unless it is worse
+        best = cost;
+        law = described_.law;
+        gains = gains_;
+      }
+    described_.law = law;
+    gains_ = gains;
+  }
+
+  [[nodiscard]] double cost(const L& start) const {
+    double sum = 0.5 * (gains_ / reflectance_doubt).squaredNorm();
+    for (int k = 1; k < L::size; ++k)
+      sum += 0.5 * std::pow(described_.law.value[static_cast<std::size_t>(k)] -
+                                start.value[static_cast<std::size_t>(k)],
+                            2);
+    for (const Echo& e : echoes_) {
+      // Logarithm beyond three sigmas: a law that bends need not be thrown off by where it bends most.
+      const double z = (e.log_counts - predicted(e)) / (3 * e.sigma);
+      sum += 4.5 * std::log1p(z * z);
+    }
+    return sum;
+  }
+
+  /// Levenberg-Marquardt; what is not free stays at its start.
+  double descend(const L& start, bool free_overlap, bool free_full) {
+    described_.law = start;
+    gains_.setZero();
+    const Index n = L::size + gains_.size();
+    double now = cost(start), damping = 1e-2;
+    for (int pass = 0; pass < 40; ++pass) {
+      MatrixXd normal = MatrixXd::Zero(n, n);
+      VectorXd rhs = VectorXd::Zero(n), row(L::size);
+      for (const Echo& e : echoes_) {
+        row.setZero();
+        for (int k = 0; k < L::size; ++k) {
+          if ((k == L::overlap && !free_overlap) || (k == L::full && !free_full)) continue;
+          L up = described_.law;
+          up.value[static_cast<std::size_t>(k)] += 1e-4;
+          row[k] = (lawful(e, up) - lawful(e, described_.law)) / 1e-4;
+        }
+        const double r = e.log_counts - predicted(e), z = r / (3 * e.sigma);
+        const double w = 1 / (e.sigma * e.sigma * (1 + z * z));
+        const Index g = L::size + static_cast<Index>(e.surface);
+        normal.topLeftCorner(L::size, L::size) += w * row * row.transpose();
+        normal.block(0, g, L::size, 1) += w * row;
+        normal(g, g) += w;
+        rhs.head(L::size) += w * r * row;
+        rhs[g] += w * r;
+      }
+      normal.bottomLeftCorner(gains_.size(), L::size) =
+          normal.topRightCorner(L::size, gains_.size()).transpose();
+      for (Index k = 1; k < L::size; ++k) {
+        normal(k, k) += 1;
+        rhs[k] -=
+            described_.law.value[static_cast<std::size_t>(k)] - start.value[static_cast<std::size_t>(k)];
+      }
+      for (Index g = L::size; g < n; ++g) {
+        normal(g, g) += 1 / (reflectance_doubt * reflectance_doubt);
+        rhs[g] -= gains_[g - L::size] / (reflectance_doubt * reflectance_doubt);
+      }
+      MatrixXd damped = normal;
+      damped.diagonal() *= 1 + damping;
+      const VectorXd step = damped.ldlt().solve(rhs);
+      const L law = described_.law;
+      const VectorXd gains = gains_;
+      for (int k = 0; k < L::size; ++k) described_.law.value[static_cast<std::size_t>(k)] += step[k];
+      gains_ += step.tail(gains_.size());
+      const double next = cost(start);
+      if (!(next < now)) {
+        described_.law = law;
+        gains_ = gains;
+        damping *= 10;
+        if (damping > 1e8) break;
+        continue;
+      }
+      const bool settled = now - next < 1e-3;
+      now = next;
+      damping = std::max(1e-9, damping / 10);
+      if (settled) break;
+    }
+    return now;
+  }
+
+  /// What the law leaves, one coordinate after the other, each beside the ones before.
+  void tables(Bench& bench) const {
+    VectorXd rest(static_cast<Index>(echoes_.size()));
+    for (std::size_t i = 0; i < echoes_.size(); ++i)
+      rest[static_cast<Index>(i)] = echoes_[i].log_counts - predicted(echoes_[i]);
+    table(bench, "intensity", rest, [this](const Echo& e) { return std::exp(predicted(e)); });
+    table(bench, "range_mm", rest, [](const Echo& e) { return e.cell->at.range_mm; });
+    table(bench, "incidence_deg", rest, [](const Echo& e) { return e.cell->at.incidence_rad * deg_per_rad; });
+    table(bench, "beam_deg", rest, [](const Echo& e) { return e.cell->at.beam_rad * deg_per_rad; });
+  }
+  template <typename At>
+  void table(Bench& bench, const char* coordinate, VectorXd& rest, const At& at) const {
+    std::vector<std::pair<double, Index>> order;
+    for (std::size_t i = 0; i < echoes_.size(); ++i)
+      order.emplace_back(at(echoes_[i]), static_cast<Index>(i));
+    std::ranges::sort(order);
+    constexpr std::size_t places = 30;
+    const std::size_t each = std::max<std::size_t>(20, order.size() / places);
+    EmpiricalFunction f{coordinate, "log_intensity", "", {}, {}};
+    for (std::size_t i = 0; i < order.size();) {
+      std::size_t end = std::min(order.size(), i + each);
+      while (end < order.size() && order[end].first <= order[end - 1].first + 1e-9) ++end;
+      double x = 0, y = 0, w = 0;
+      for (std::size_t k = i; k < end; ++k) {
+        const double weight = std::pow(echoes_[static_cast<std::size_t>(order[k].second)].sigma, -2);
+        x += weight * order[k].first;
+        y += weight * rest[order[k].second];
+        w += weight;
+      }
+      f.at.push_back(x / w);
+      f.value.push_back(y / w);
+      i = end;
+    }
+    if (f.at.size() < 3) return;
+    VectorXd left = rest;
+    for (const auto& [x, i] : order) left[i] -= f.value_at(x);
+    const auto count = static_cast<double>(order.size());
+    const double gain = (rest.squaredNorm() - left.squaredNorm()) / count;
+    if (gain < worth_a_table * worth_a_table) return;
+    rest = left;
+    add_empirical(bench, f);
+  }
+
+  /// Relative noise of one sample: the middle one of all beams.
+  [[nodiscard]] double sample_noise() const {
+    std::vector<double> list;
+    for (const Echo& e : echoes_)
+      if (e.cell->n > 2 && e.cell->at.intensity > 30)
+        list.push_back(e.cell->intensity_sd / e.cell->at.intensity);
+    if (list.empty()) return 0.01;
+    const auto middle = list.begin() + static_cast<std::ptrdiff_t>(list.size() / 2);
+    std::ranges::nth_element(list, middle);
+    return *middle;
+  }
+
+  const Reduced& reduced_;
+  std::vector<Echo> echoes_;
+  std::vector<std::pair<std::string, double>> surfaces_;
+  DescribedIntensity described_;
+  VectorXd gains_;
+};
+
+}  // namespace
+
+void describe_echoes(const Reduced& reduced, Bench& bench) {
+  Description description(reduced);
+  if (description.possible()) description.write(bench);
+}
+
+}  // namespace fit::explain

@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/twin.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "fit/empirical.hpp"
+#include "fit/radiometer.hpp"
+
+namespace fit::explain {
+namespace {
+
+using Eigen::VectorXd;
+
+constexpr std::size_t places_of_table = 150;
+constexpr double worth_a_table_mm = 0.02;  // root mean square of what it does
+constexpr int most_tables = 4;
+constexpr double tells_enough = 0.2;  // share of an effect's squares that one more table must tell
+
+double lever_of(Channel channel, const Sight& sight) {
+  return channel == Channel::range        ? 1
+         : channel == Channel::beam_angle ? sight.beam_lever()
+                                          : sight.stage_lever();
+}
+
+const char* acts_on(Channel channel) {
+  return channel == Channel::range        ? "range_mm"
+         : channel == Channel::beam_angle ? "beam_angle_deg"
+                                          : "stage_angle_deg";
+}
+
+/// An effect on the means as a table along one coordinate.
+struct Along {
+  std::string coordinate;
+  Channel channel = Channel::range;
+  std::string target;
+  VectorXd at;  ///< The coordinate, row by row; NaN where it does not act.
+};
+
+double corner_of(const Cell& cell) { return cell.at.corner_mm; }
+double place_of(const Cell& cell) { return cell.at.along_mm; }
+
+Along along(const MeanModel& model, Coordinate coordinate, Channel channel) {
+  Along a{name_of(coordinate), channel, "", VectorXd(model.rows())};
+  for (Eigen::Index i = 0; i < model.rows(); ++i) a.at[i] = coordinate_at(model, coordinate, i);
+  return a;
+}
+
+Along along(const MeanModel& model, const std::string& name, double (*of)(const Cell&), int target) {
+  Along a{name, Channel::range, "", VectorXd(model.rows())};
+  if (target >= 0) a.target = model.bench().targets[static_cast<std::size_t>(target)].name;
+  for (Eigen::Index i = 0; i < model.rows(); ++i) {
+    const Cell& cell = model.cell(i);
+    a.at[i] = target < 0 || cell.at.target == target ? of(cell) : std::nan("");
+  }
+  return a;
+}
+
+/// Where and by which way a mechanism works; empty where no single coordinate tells it.
+std::optional<Along> along(const MeanModel& model, const Term& term) {
+  if (term.target >= 0) return along(model, "along_mm", place_of, term.target);
+  switch (term.mechanism->coordinate) {
+    case Coordinate::target:
+      return along(model, "corner_mm", corner_of, -1);
+    case Coordinate::beam:
+    case Coordinate::stage:
+    case Coordinate::range:
+    case Coordinate::intensity:
+    case Coordinate::incidence:
+    case Coordinate::time:
+    case Coordinate::temperature:
+      break;
+    default:
+      return {};
+  }
+  double range = 0, beam = 0, stage = 0;
+  for (Eigen::Index i = 0; i < model.rows(); ++i) {
+    const Effect e = term.mechanism->act(model.cell(i).at, term.values);
+    if (e.origin_mm.squaredNorm() > 0) return {};
+    range += std::abs(e.range_mm);
+    beam += std::abs(e.beam_rad);
+    stage += std::abs(e.stage_rad);
+  }
+  if ((range > 0) + (beam > 0) + (stage > 0) != 1) return {};
+  return along(model, term.mechanism->coordinate,
+               range > 0  ? Channel::range
+               : beam > 0 ? Channel::beam_angle
+                          : Channel::stage_angle);
+}
+
+/// Every coordinate and every way along which an effect without a name may be told.
+std::vector<Along> all_ways(const MeanModel& model) {
+  std::vector<Along> list;
+  for (const Coordinate c : {Coordinate::range, Coordinate::intensity, Coordinate::beam, Coordinate::stage,
+                             Coordinate::incidence, Coordinate::time, Coordinate::temperature})
+    list.push_back(along(model, c, Channel::range));
+  list.push_back(along(model, Coordinate::beam, Channel::beam_angle));
+  list.push_back(along(model, Coordinate::stage, Channel::stage_angle));
+  list.push_back(along(model, "corner_mm", corner_of, -1));
+  for (std::size_t t = 0; t < model.bench().targets.size() && t < 12; ++t)
+    list.push_back(along(model, "along_mm", place_of, static_cast<int>(t)));
+  return list;
+}
+
+/// Table of an effect (mm, row by row); empty when it is not worth one.
+EmpiricalFunction table_of(const MeanModel& model, const VectorXd& effect_mm, const Along& a) {
+  EmpiricalFunction table{a.coordinate, acts_on(a.channel), a.target, {}, {}};
+  std::vector<Eigen::Index> order;
+  double squares = 0;
+  for (Eigen::Index i = 0; i < model.rows(); ++i) {
+    if (!std::isfinite(a.at[i])) continue;
+    order.push_back(i);
+    squares += effect_mm[i] * effect_mm[i];
+  }
+  if (order.size() < 4 || squares < worth_a_table_mm * worth_a_table_mm * static_cast<double>(order.size()))
+    return table;
+  std::ranges::sort(order, [&](auto i, auto j) { return a.at[i] < a.at[j]; });
+  const double scale = a.channel == Channel::range ? 1 : deg_per_rad;
+  // As many rows in every place, but never two places for one value of the coordinate.
+  const std::size_t each = std::max<std::size_t>(1, order.size() / places_of_table);
+  for (std::size_t i = 0; i < order.size();) {
+    std::size_t end = std::min(order.size(), i + each);
+    while (end < order.size() && a.at[order[end]] <= a.at[order[end - 1]] + 1e-9) ++end;
+    double x = 0, y = 0, w = 0;
+    for (std::size_t k = i; k < end; ++k) {
+      const double lever = lever_of(a.channel, model.cell(order[k]).sight);
+      x += a.at[order[k]];
+      y += effect_mm[order[k]] * lever;
+      w += lever * lever;
+    }
+    if (w > 1e-6) {
+      table.at.push_back(x / static_cast<double>(end - i));
+      table.value.push_back(scale * y / w);
+    }
+    i = end;
+  }
+  if (table.at.size() < 2) table.at.clear(), table.value.clear();
+  return table;
+}
+
+VectorXd told_by(const MeanModel& model, const EmpiricalFunction& table, const Along& a) {
+  VectorXd told = VectorXd::Zero(model.rows());
+  const double scale = a.channel == Channel::range ? 1 : rad_per_deg;
+  for (Eigen::Index i = 0; i < model.rows(); ++i)
+    if (std::isfinite(a.at[i]))
+      told[i] = scale * table.value_at(a.at[i]) * lever_of(a.channel, model.cell(i).sight);
+  return told;
+}
+
+/// An effect of any kind, as tables that add up to it, the one that tells most of it first.
+void tabulate(const MeanModel& model, VectorXd effect_mm, Bench& bench) {
+  const std::vector<Along> ways = all_ways(model);
+  for (int count = 0; count < most_tables; ++count) {
+    double least = effect_mm.squaredNorm() * (1 - tells_enough);
+    EmpiricalFunction best;
+    VectorXd rest;
+    for (const Along& a : ways) {
+      const EmpiricalFunction table = table_of(model, effect_mm, a);
+      const VectorXd left = effect_mm - told_by(model, table, a);
+      if (left.squaredNorm() >= least) continue;
+      least = left.squaredNorm();
+      best = table;
+      rest = left;
+    }
+    if (best.at.empty()) return;
+    add_empirical(bench, best);
+    effect_mm = rest;
+  }
+}
+
+VectorXd effect_of(const MeanModel& model, const Term& term) {
+  VectorXd effect = VectorXd::Zero(model.rows());
+  for (Eigen::Index i = 0; i < model.rows(); ++i) {
+    const Cell& cell = model.cell(i);
+    if (term.target < 0 || term.target == cell.at.target)
+      effect[i] = cell.sight.shift(term.mechanism->act(cell.at, term.values));
+  }
+  return effect;
+}
+
+}  // namespace
+
+void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& out) {
+  predict_at(reduced, means.best);
+  MeanModel model(reduced, means.noise);
+  const Base base = base_columns(model, means.best);
+  model.set_base(base.all.columns_mm, base.all.prior);
+  const VectorXd x = model.posterior().value;
+  const auto named = [&](const Term& term) {
+    return std::ranges::any_of(out.mechanisms, [&](const Found& f) {
+      return f.mechanism == term.mechanism &&
+             (term.target < 0 ||
+              f.target == reduced.bench.targets[static_cast<std::size_t>(term.target)].name);
+    });
+  };
+  for (std::size_t t = 0; t < means.best.terms.size(); ++t) {
+    const Term& term = means.best.terms[t];
+    // How this device's cause bends away from the formula: what the fit allowed for.
+    const Eigen::Index from = base.term_first[t] + base.term_count[t], to = t + 1 < base.term_first.size()
+                                                                                ? base.term_first[t + 1]
+                                                                                : base.shape_first.front();
+    const VectorXd bent = base.all.columns_mm.middleCols(from, to - from) * x.segment(from, to - from);
+    if (!named(term))
+      tabulate(model, effect_of(model, term) + bent, out.bench);
+    else if (const auto a = along(model, term))
+      add_empirical(out.bench, table_of(model, bent, *a));
+  }
+  for (std::size_t s = 0; s < means.best.shapes.size(); ++s) {
+    const Eigen::Index from = base.shape_first[s], count = base.shape_first[s + 1] - from;
+    const VectorXd effect = base.all.columns_mm.middleCols(from, count) * x.segment(from, count);
+    const Shape& shape = means.best.shapes[s];
+    add_empirical(out.bench, table_of(model, effect, along(model, shape.coordinate, shape.channel)));
+  }
+  if (reduced.has_intensity && !out.bench.knows("radiometry") && !described_intensity(out.bench))
+    describe_echoes(reduced, out.bench);
+}
+
+}  // namespace fit::explain

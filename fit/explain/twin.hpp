@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "fit/explain/explanation.hpp"
+
+namespace fit::explain {
+
+/// Puts into the explanation's bench what its simulator needs beside named mechanisms to be like the device:
+/// unnamed functions, how real causes bend away from their formulas, effects whose name is undecided, and
+/// where the bench claims nothing about intensity, how strong echoes are. All of it without a name, under
+/// `empirical` and `sim` (docs/simulator.md). `reduced` is left predicted at the best hypothesis.
+void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& explanation);
+
+/// How strong the recording's echoes are, for the simulator.
+void describe_echoes(const Reduced& reduced, Bench& bench);
+
+}  // namespace fit::explain
