@@ -221,7 +221,10 @@ class Writer {
       // Identical in the plane: only the size could tell them apart, and the size is a prior, not evidence.
       for (const auto& [one, other] :
            {std::pair("lidar-arm", "stage-eccentricity"), std::pair("stage-eccentricity", "lidar-arm")})
-        if (term.mechanism->id == one && !std::ranges::count(set, other)) set.emplace_back(other);
+        if (term.mechanism->id == one) {
+          if (!std::ranges::count(set, other)) set.emplace_back(other);
+          set.emplace_back("mount-offset");
+        }
       if (set.size() > 1) {
         out_.undecided_between.push_back(set);
         out_.suspects.insert(out_.suspects.end(), members.begin(), members.end());

@@ -18,7 +18,7 @@ namespace {
 using Role = Parameter::Role;
 
 constexpr double price_of_mechanism = 4.0;  // log odds against any one of the catalogue
-constexpr double price_of_unknown = 7.0;    // the catalogue is tried first
+constexpr double price_of_unknown = 10.0;   // a name that explains as much is preferred
 constexpr double strained = 7;              // log of the odds at which stated uncertainties are not believed
 constexpr double worth_a_move = 1.5, worth_fitting = -2;
 constexpr Eigen::Index rows_of_search = 6000, rows_of_last_search = 30000;
@@ -117,27 +117,19 @@ class Search {
     pool_variances(reduced_, noise_);
     place(empty, true);  // with what the bench knows at work, once: evidences compare on the same cells only
     find_excess(empty);
-    fit(empty);
-    std::vector<Active> known;
-    for (const Term& term : known_terms(reduced_.bench)) known.push_back(term.active());
-    readmit(reduced_, empty.nuisance, known, noise_.footprint_rad);
-    pool_variances(reduced_, noise_);
-    // A large session is searched in a thinned form first; what it finds is the start of the full one.
-    stride_ = stride_of_search();
-    fit(empty);
+    settle(empty);
     report(0.05);
-    Hypothesis best = climb(empty, finalists);
-    report(0.4);
-    if (best.terms.size() + best.shapes.size() > 0) {
-      // Another way up: whatever is there may be one unnamed function instead of several mechanisms.
-      Hypothesis other = from_unnamed(empty);
-      if (other.evidence > best.evidence) best = other;
-    }
-    report(0.6);
-    if (stride_ > 1) {
-      stride_ = 1;
-      fit(best);
+    Hypothesis best(reduced_.bench);
+    if (stride_of(rows_of_search) > 1) {
+      // A large session is searched with neighbouring beams taken together first; what is found there is the
+      // start of the full search.
+      Reduced few = merged(reduced_, rows_of_search);
+      Search coarse(few, noise_, progress_);
+      best = coarse.explore(empty);
+      settle(best);
       best = climb(best, 4, !best.shapes.empty());
+    } else {
+      best = explore(empty);
     }
     report(0.8);
     MeanResult result(reduced_.bench);
@@ -150,12 +142,38 @@ class Search {
   [[nodiscard]] const MeanNoise& noise() const { return noise_; }
 
  private:
+  /// Both ways up from a start, which may be far from its best values.
+  Hypothesis explore(Hypothesis empty) {
+    fit(empty);
+    Hypothesis best = climb(empty, finalists);
+    report(0.4);
+    if (best.terms.size() + best.shapes.size() > 0) {
+      // Another way up: whatever is there may be one unnamed function instead of several mechanisms.
+      Hypothesis other = from_unnamed(empty);
+      if (other.evidence > best.evidence) best = other;
+    }
+    report(0.6);
+    return best;
+  }
+
   void report(double share) const {
     if (progress_) progress_(share, "comparing mechanisms");
   }
 
-  void place(const Hypothesis& h, bool may_leave_out = false) {
-    predict_at(reduced_, h, may_leave_out, may_leave_out ? 1 : stride_);
+  void place(const Hypothesis& h, bool may_leave_out = false) { predict_at(reduced_, h, may_leave_out); }
+
+  /// Fits, and says anew which cells meet what, until that has settled: beams by a corner of walls that stand
+  /// otherwise than stated would be laid to the wrong one.
+  void settle(Hypothesis& h) {
+    constexpr int most_passes = 4;
+    fit(h);
+    for (int pass = 0; pass < most_passes; ++pass) {
+      std::vector<Active> at_work = h.active();
+      for (const Term& term : known_terms(reduced_.bench)) at_work.push_back(term.active());
+      if (reassign(reduced_, h.nuisance, at_work, noise_.footprint_rad) == 0) break;
+      pool_variances(reduced_, noise_);
+      fit(h);
+    }
   }
 
   void find_excess(Hypothesis& empty) {
@@ -172,7 +190,7 @@ class Search {
 
   /// One Gauss-Newton step at the present prediction; the evidence is that before the step.
   void step(Hypothesis& h) {
-    MeanModel model(reduced_, noise_, stride_);
+    MeanModel model(reduced_, noise_);
     Base base = base_columns(model, h);
     model.set_base(std::move(base.all.columns_mm), base.all.prior);
     const MeanModel::Posterior posterior = model.posterior();
@@ -217,7 +235,7 @@ class Search {
 
   // ---- looking for one more
   // --------------------------------------------------------------------------------
-  [[nodiscard]] int stride_of_search(Eigen::Index rows = rows_of_search) const {
+  [[nodiscard]] int stride_of(Eigen::Index rows) const {
     Eigen::Index smooth = 0;
     for (const Cell& cell : reduced_.cells) smooth += cell.smooth;
     return static_cast<int>(std::max<Eigen::Index>(1, (smooth + rows - 1) / rows));
@@ -226,8 +244,7 @@ class Search {
   /// Every mechanism not in `h` (nor in `but`), on top of it.
   std::vector<Scored> scan(const Hypothesis& h, const Term* but, bool named, bool unnamed) {
     place(h);
-    const int stride = stride_ > 1 ? stride_ : stride_of_search(rows_of_last_search);
-    MeanModel model(reduced_, noise_, stride);
+    MeanModel model(reduced_, noise_, stride_of(rows_of_last_search));
     Base base = base_columns(model, h);
     model.set_base(std::move(base.all.columns_mm), base.all.prior);
     std::vector<Term> terms;
@@ -592,7 +609,6 @@ class Search {
   MeanNoise noise_;
   const Progress& progress_;
   double excess_ = 1;
-  int stride_ = 1;
   bool transfers_ = true;   ///< Nothing was dropped because other places do not confirm it.
   bool may_change_ = true;  ///< The last comparison may still find a better explanation, once.
 };
@@ -679,9 +695,13 @@ double Search::strain(const Hypothesis& h) const {
 /// A term that only the bench file's uncertainties show, and others that would relieve them as well.
 std::vector<Term> Search::only_priors(const Term& term, const Hypothesis& without) {
   std::vector<Term> set{term};
-  const std::vector<Scored> list = scan(without, &term, true, false);
+  constexpr double as_good = 4;
+  const std::vector<Scored> list = scan(without, nullptr, true, false);
+  if (list.empty()) return set;
+  const auto own = std::ranges::find_if(list, [&](const Scored& s) { return s.term.same(term); });
+  const double evidence = own == list.end() ? list.front().evidence : own->evidence;
   for (const Scored& other : list) {
-    if (set.size() > 4 || other.evidence < list.front().evidence - 4) break;
+    if (set.size() > 4 || other.evidence < evidence - as_good) break;
     if (std::ranges::none_of(set, [&](const Term& t) { return t.mechanism == other.term.mechanism; }))
       set.push_back(other.term);
   }
@@ -793,10 +813,10 @@ double Search::scatter_of_groups(const Hypothesis& best) {
 
 }  // namespace
 
-void predict_at(Reduced& reduced, const Hypothesis& h, bool may_leave_out, int stride) {
+void predict_at(Reduced& reduced, const Hypothesis& h, bool may_leave_out) {
   std::vector<Active> at_work = h.active();
   for (const Term& known : known_terms(reduced.bench)) at_work.push_back(known.active());
-  predict(reduced, h.nuisance, at_work, may_leave_out, stride);
+  predict(reduced, h.nuisance, at_work, may_leave_out);
 }
 
 bool Hypothesis::has(const Term& term) const {

@@ -57,7 +57,7 @@ struct MeanResult {
 [[nodiscard]] std::vector<Term> known_terms(const Bench& bench);
 
 /// Predicts every cell under a hypothesis, with what the bench already knows at work.
-void predict_at(Reduced& reduced, const Hypothesis& hypothesis, bool may_leave_out = false, int stride = 1);
+void predict_at(Reduced& reduced, const Hypothesis& hypothesis, bool may_leave_out = false);
 
 /// Columns of everything but a chosen term, at the present prediction.
 struct Base {

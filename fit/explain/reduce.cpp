@@ -485,13 +485,13 @@ Reduced reduce(const Recording& recording, const Progress& progress, const Stand
 }
 
 void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
-             bool may_leave_out, int stride) {
+             bool may_leave_out) {
   for (const Group& group : reduced.groups) {
     const CaptureInfo& info = reduced.captures[static_cast<std::size_t>(group.capture)];
     const Scene scene(reduced.bench, nuisance, info, reduced.absent[static_cast<std::size_t>(group.capture)]);
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       Cell& cell = reduced.cells[i];
-      if (!cell.smooth || i % static_cast<std::size_t>(stride) != 0) continue;
+      if (!cell.smooth) continue;
       Effect effect;
       for (const Active& active : at_work)
         if (active.target < 0 || active.target == cell.at.target)
@@ -517,42 +517,111 @@ void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
   }
 }
 
-void readmit(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
+int reassign(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
              double footprint_rad) {
   const Mount& mount = reduced.bench.lidar.mount;
   const double edge_margin = std::max(0.6 * rad_per_deg, 3.5 * footprint_rad);
   constexpr double doubt_left = 0.15;  // of the priors' sway
+  int changed = 0;
   for (const Group& group : reduced.groups) {
     const CaptureInfo& info = reduced.captures[static_cast<std::size_t>(group.capture)];
     const Scene scene(reduced.bench, nuisance, info, reduced.absent[static_cast<std::size_t>(group.capture)]);
     const auto edges = scene.edges(group.stage_rad);
+    const auto is_clear = [&](const Sight& sight, const Circumstances& at) {
+      const double sway =
+          3 * doubt_left * (mount.yaw_rad.u * sight.range_mm + std::hypot(mount.x_mm.u, mount.y_mm.u));
+      return at.corner_mm >= 8 + 0.003 * sight.range_mm + sway / sight.cos_incidence() &&
+             std::abs(at.edge_rad) >= edge_margin + doubt_left * 3 * mount.yaw_rad.u;
+    };
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       Cell& cell = reduced.cells[i];
-      if (!cell.doubtful) continue;
+      if (!cell.doubtful && !cell.smooth) continue;
       Effect effect;
-      for (const Active& active : at_work) effect += active.mechanism->act(cell.at, active.values);
+      for (const Active& active : at_work)
+        if (active.target < 0 || active.target == cell.at.target)
+          effect += active.mechanism->act(cell.at, active.values);
       for (const Mechanism& unnamed : reduced.empirical) effect += unnamed.act(cell.at, {});
       const Sight sight = scene.look(group.stage_rad, cell.beam_rad, effect);
-      if (sight.target < 0) continue;
       Circumstances at = cell.at;
       at.corner_mm = at.edge_rad = std::numeric_limits<double>::infinity();
       at.gap_mm = at.pull_mm = 0;
-      scene.describe(sight, group.stage_rad, edges, at);
-      const double sway =
-          3 * doubt_left * (mount.yaw_rad.u * sight.range_mm + std::hypot(mount.x_mm.u, mount.y_mm.u));
-      if (at.corner_mm < 8 + 0.003 * sight.range_mm + sway / sight.cos_incidence()) continue;
-      if (std::abs(at.edge_rad) < edge_margin + doubt_left * 3 * mount.yaw_rad.u) continue;
+      if (sight.target >= 0) scene.describe(sight, group.stage_rad, edges, at);
+      at.target = sight.target < 0 ? -1 : reduced.same_as[static_cast<std::size_t>(sight.target)];
+      if (cell.smooth) {
+        // By geometry alone: how far a mean is off must not decide whether it counts.
+        if (sight.target == cell.sight.target && at.corner_mm >= 8 + 0.003 * sight.range_mm) continue;
+        cell.smooth = false;
+        cell.doubtful = true;
+        ++reduced.left_out;
+        ++changed;
+        continue;
+      }
+      if (sight.target < 0 || !is_clear(sight, at)) continue;
       const double nominal = sight.range_mm + effect.range_mm;
       if (std::abs(cell.mean_mm - nominal) > 60 + 5 * group.sigma_mm) continue;
       cell.sight = sight;
       cell.at = at;
-      cell.at.target = reduced.same_as[static_cast<std::size_t>(sight.target)];
       cell.nominal_mm = nominal;
       cell.smooth = true;
       cell.doubtful = false;
       --reduced.left_out;
+      ++changed;
     }
   }
+  return changed;
+}
+
+namespace {
+
+/// One cell in place of several: their weighted deviation at the place of the middle one.
+Cell middle_of(const std::vector<const Cell*>& run) {
+  Cell cell = *run[run.size() / 2];
+  double weight = 0, off = 0;
+  cell.n = 0;
+  for (const Cell* one : run) {
+    const double w = one->n / one->pooled_mm2;
+    weight += w;
+    off += w * (one->mean_mm - one->nominal_mm);
+    cell.n += one->n;
+  }
+  cell.mean_mm = cell.nominal_mm + off / weight;
+  cell.pooled_mm2 = cell.n / weight;
+  return cell;
+}
+
+}  // namespace
+
+Reduced merged(const Reduced& reduced, std::size_t rows) {
+  const auto smooth = static_cast<std::size_t>(std::ranges::count_if(reduced.cells, &Cell::smooth));
+  const std::size_t together = std::max<std::size_t>(1, (smooth + rows - 1) / rows);
+  Reduced out;
+  out.bench = reduced.bench;
+  out.captures = reduced.captures;
+  out.absent = reduced.absent;
+  out.same_as = reduced.same_as;
+  out.first_temperature_c = reduced.first_temperature_c;
+  out.has_intensity = reduced.has_intensity;
+  out.has_temperature = reduced.has_temperature;
+  out.empirical = reduced.empirical;
+  std::vector<const Cell*> run;
+  for (Group group : reduced.groups) {
+    const std::size_t first = out.cells.size();
+    const auto close = [&] {
+      if (!run.empty()) out.cells.push_back(middle_of(run));
+      run.clear();
+    };
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+      const Cell& cell = reduced.cells[i];
+      if (!cell.smooth) continue;
+      if (!run.empty() && (run.size() == together || run.back()->sight.target != cell.sight.target)) close();
+      run.push_back(&cell);
+    }
+    close();
+    group.first_cell = first;
+    group.last_cell = out.cells.size();
+    out.groups.push_back(group);
+  }
+  return out;
 }
 
 void append(Reduced& reduced, const Reduced& other) {

@@ -88,15 +88,21 @@ using Progress = std::function<void(double share, const char* what)>;
 
 /// Predicts every cell anew with other nuisance parameters and with mechanisms at work, to all orders in
 /// geometry. `nominal_mm`, `sight` and the place in `at` are replaced. A cell that now meets another target
-/// is left out if `may_leave_out`; otherwise it is seen on its own target's plane. `stride`: only every so
-/// manieth cell.
+/// is left out if `may_leave_out`; otherwise it is seen on its own target's plane.
 void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
-             bool may_leave_out, int stride = 1);
+             bool may_leave_out);
 
-/// Takes doubtful cells in again, once mount and walls are fitted: those farther from corners and edges than
+/// Says anew which cells may be compared, once mount and walls are fitted: leaves out those that meet another
+/// target or a corner there, and takes doubtful ones in again that are farther from corners and edges than
 /// what is left of the doubt, and than `footprint_rad`, the beam's standard half width if it is known.
-void readmit(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
+/// Returns how many changed.
+int reassign(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
              double footprint_rad);
+
+/// The session with neighbouring smooth cells on one target taken together, so that about `rows` of them
+/// remain: what a search of smooth functions needs. Their deviations from the present prediction are averaged
+/// with their weights and stand at the place of the middle one. Variances must be pooled.
+[[nodiscard]] Reduced merged(const Reduced& reduced, std::size_t rows);
 
 /// Joins the cells of another session on the same bench.
 void append(Reduced& reduced, const Reduced& other);

@@ -47,6 +47,9 @@ double memory_information(const std::vector<std::pair<double, double>>& memory) 
   return -0.5 * sum / steps;
 }
 
+/// "Without priors" is ten times the stated uncertainties: farther off, geometry is another one.
+constexpr double loose = 1e-2;
+
 Nuisance moved(const Session& session, std::size_t index) {
   Nuisance nuisance = session.truth;
   const std::size_t walls = session.walls.size();
@@ -65,6 +68,20 @@ double prior(const Session& session, std::size_t index) {
   if (index == 2) return session.u_yaw_deg * degree / 1e-4;
   if (index < 3 + walls) return session.walls[index - 3].u_mm / 0.1;
   return session.walls[index - 3 - walls].u_deg * degree / 1e-4;
+}
+
+/// The truth with every nuisance moved by that many of its prior's standard deviations.
+Nuisance displaced(const Session& session, const Eigen::VectorXd& beta) {
+  Nuisance nuisance = session.truth;
+  const std::size_t walls = session.walls.size();
+  nuisance.x_mm += beta[0] * session.u_mount_mm;
+  nuisance.y_mm += beta[1] * session.u_mount_mm;
+  nuisance.yaw_rad += beta[2] * session.u_yaw_deg * degree;
+  for (std::size_t w = 0; w < walls; ++w) {
+    nuisance.offset_mm[w] += beta[static_cast<Eigen::Index>(3 + w)] * session.walls[w].u_mm;
+    nuisance.tilt_rad[w] += beta[static_cast<Eigen::Index>(3 + walls + w)] * session.walls[w].u_deg * degree;
+  }
+  return nuisance;
 }
 
 }  // namespace
@@ -115,7 +132,7 @@ Oracle::Oracle(const Session& session, const Causes& causes, std::size_t cells) 
   const auto size = normal.rows();
   const Eigen::MatrixXd one = Eigen::MatrixXd::Identity(size, size);
   inverse_with_ = (normal + one).ldlt().solve(one);
-  inverse_without_ = (normal + 1e-8 * one).ldlt().solve(one);
+  inverse_without_ = (normal + loose * one).ldlt().solve(one);
 }
 
 Eigen::VectorXd Oracle::shift(const World& world, std::vector<Expectation>* seen) const {
@@ -124,7 +141,8 @@ Eigen::VectorXd Oracle::shift(const World& world, std::vector<Expectation>* seen
     const Cell& cell = cells_[i];
     const Expectation with = world.expect(world.moment(cell.capture, cell.seq, cell.step));
     const double step = with.mean_mm - cell.plain.mean_mm;
-    const bool comparable = cell.smooth && with.sight.wall >= 0 && std::abs(step) < 300;
+    // A beam that now meets another wall says nothing about how far the first one is.
+    const bool comparable = cell.smooth && with.sight.wall == cell.plain.sight.wall && std::abs(step) < 300;
     result[static_cast<Eigen::Index>(i)] = comparable ? step : 0;
     if (seen) seen->push_back(with);
   }
@@ -136,16 +154,58 @@ Eigen::VectorXd Oracle::project(const Eigen::VectorXd& shift, bool with_priors) 
   return shift - nuisance_ * ((with_priors ? inverse_with_ : inverse_without_) * right);
 }
 
+Oracle::Refit Oracle::left_at(const Eigen::VectorXd& beta, const std::vector<Expectation>& seen,
+                              double stiffness) const {
+  const World other(session_, {}, displaced(session_, beta));
+  Refit now;
+  now.left = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(cells_.size()));
+  for (std::size_t i = 0; i < cells_.size(); ++i) {
+    const Cell& cell = cells_[i];
+    if (!cell.smooth) continue;
+    const Expectation without = other.expect(other.moment(cell.capture, cell.seq, cell.step));
+    // A beam that meets another wall then says nothing about how far the first one is.
+    const bool comparable =
+        seen[i].sight.wall == cell.plain.sight.wall && without.sight.wall == cell.plain.sight.wall;
+    const double step = seen[i].mean_mm - without.mean_mm;
+    if (comparable && std::abs(step) < 300) now.left[static_cast<Eigen::Index>(i)] = step;
+  }
+  now.beta = beta;
+  now.squares = now.left.dot(weight_.cwiseProduct(now.left)) + stiffness * beta.squaredNorm();
+  return now;
+}
+
+Oracle::Refit Oracle::refit(const std::vector<Expectation>& seen, bool with_priors,
+                            Eigen::VectorXd beta) const {
+  const double stiffness = with_priors ? 1 : loose;
+  const Eigen::MatrixXd& inverse = with_priors ? inverse_with_ : inverse_without_;
+  Refit best = left_at(beta, seen, stiffness);
+  for (int pass = 0; pass < 4; ++pass) {
+    Eigen::VectorXd step =
+        inverse * (nuisance_.transpose() * weight_.cwiseProduct(best.left) - stiffness * beta);
+    Refit now;
+    double gained = 0;
+    for (int halving = 0; halving < 4 && !(gained > 0); ++halving, step /= 2) {
+      now = left_at(beta + step, seen, stiffness);
+      gained = best.squares - now.squares;
+      if (gained > 0) beta += step;
+    }
+    if (!(gained > 0)) break;
+    best = now;
+    if (gained < 1e-3 * best.squares) break;
+  }
+  return best;
+}
+
 Oracle::Verdict Oracle::judge(const Causes& causes) const {
   const World world(session_, causes, session_.truth);
   std::vector<Expectation> seen;
-  const Eigen::VectorXd raw = shift(world, &seen);
+  for (const Cell& cell : cells_)
+    seen.push_back(world.expect(world.moment(cell.capture, cell.seq, cell.step)));
   Verdict verdict;
-  verdict.shift = project(raw, true);
-  // The priors resist as well: what is left is shift' W (shift - J beta).
-  verdict.mean = std::max(0.0, raw.dot(weight_.cwiseProduct(verdict.shift)));
-  const Eigen::VectorXd free = project(raw, false);
-  verdict.snr_with_free_nuisances = std::sqrt(std::max(0.0, raw.dot(weight_.cwiseProduct(free))));
+  const Refit fitted = refit(seen, true, Eigen::VectorXd::Zero(nuisance_.cols()));
+  verdict.shift = fitted.left;
+  verdict.mean = fitted.squares;
+  verdict.snr_with_free_nuisances = std::sqrt(refit(seen, false, fitted.beta).squares);
   verdict.information = weight_.cwiseProduct(verdict.shift).cwiseProduct(verdict.shift);
 
   // The overall noise is known only as well as the bench says: its scale is fitted under that prior.

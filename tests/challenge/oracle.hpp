@@ -53,6 +53,16 @@ class Oracle {
     bool smooth;   ///< Means may be compared: no edge near, not grazing.
   };
   [[nodiscard]] Eigen::VectorXd shift(const World& world, std::vector<Expectation>* seen) const;
+  /// What is left of the means when mount and walls are fitted to them to all orders, and its squared
+  /// signal-to-noise, what the priors resist with included.
+  struct Refit {
+    Eigen::VectorXd left, beta;  ///< mm of every cell; nuisances in standard deviations of their priors.
+    double squares = 0;
+  };
+  [[nodiscard]] Refit left_at(const Eigen::VectorXd& beta, const std::vector<Expectation>& seen,
+                              double stiffness) const;
+  [[nodiscard]] Refit refit(const std::vector<Expectation>& seen, bool with_priors,
+                            Eigen::VectorXd beta) const;
   [[nodiscard]] Eigen::VectorXd project(const Eigen::VectorXd& shift, bool with_priors) const;
   /// Squared signal-to-noise in the logarithm of intensity, after the claimed law's coefficients and every
   /// wall's reflectance have been re-fitted under their uncertainties; added to `information`.
