@@ -31,8 +31,8 @@ using Kind = LidarError::Kind;
 
 namespace {
 
-constexpr std::size_t read_bytes = 64 * 1024;
-constexpr int attempts = 3;  // of a request that may be repeated without harm
+constexpr std::size_t read_bytes = 256 * 1024;  // at most, in one go; a real lidar sends 7 kB a scan
+constexpr int attempts = 3;                     // of a request that may be repeated without harm
 constexpr int random_exchanges = 10, exchanges_wanted = 150;  // TM1 rounds of a synchronisation
 constexpr auto no_deadline = steady_clock::time_point::max();
 
@@ -199,16 +199,47 @@ struct Client::Impl {
   awaitable<Identity> reconnect();
   awaitable<void> start(StreamRequest wanted);
   awaitable<Scan> next();
+  awaitable<Scan> next_to_come();
   awaitable<void> stop();
   awaitable<ClockEstimate> synchronise();
   awaitable<void> exchange_times();
   std::optional<Scan> scan_in(const Frame& frame);
-  Scan place_in_time(Scan&& scan, std::uint32_t stamp);
+  std::optional<Scan> scan_at_hand();
+  void place_in_time(Scan& scan, std::uint32_t stamp);
   [[nodiscard]] std::optional<Frame> scan_frame_in_wreck(std::string_view bytes) const;
   void judge_stream_status(const Frame& frame);
   void count_damage(const std::string& what);
   [[noreturn]] void no_scan_came();
 };
+
+namespace {
+
+/// Runs what talks to the lidar; whatever ends it, a stream that was running when it was cancelled is ended,
+/// so that the laser is off.
+template <class Impl, class T>
+awaitable<T> ending_in_silence(Impl& impl, awaitable<T> work) {
+  std::exception_ptr why;
+  try {
+    if constexpr (std::is_void_v<T>) {
+      co_await std::move(work);
+      co_return;
+    } else {
+      co_return co_await std::move(work);
+    }
+  } catch (const boost::system::system_error&) {
+    why = std::current_exception();
+  }
+  co_await asio::this_coro::reset_cancellation_state(asio::disable_cancellation());
+  if (impl.connected) {
+    try {
+      co_await impl.end_stream();
+    } catch (const LidarError&) {  // it was to be left anyway; the caller learns of the cancellation
+    }
+  }
+  std::rethrow_exception(why);
+}
+
+}  // namespace
 
 // --- requests and their answers ----------------------------------------------------------------------------
 
@@ -531,11 +562,13 @@ std::optional<Scan> Client::Impl::scan_in(const Frame& frame) {
     const auto inner = scan_frame_in_wreck(frame.body);
     return inner ? scan_in(*inner) : std::nullopt;
   }
-  return place_in_time(scan_from(*raw, identity), static_cast<std::uint32_t>(raw->stamp & 0xFFFFFF));
+  Scan scan = scan_from(*raw, identity);
+  place_in_time(scan, static_cast<std::uint32_t>(raw->stamp & 0xFFFFFF));
+  return scan;
 }
 
 /// Completes a good scan with what is known of it beside its values, and counts it.
-Scan Client::Impl::place_in_time(Scan&& scan, std::uint32_t stamp) {
+void Client::Impl::place_in_time(Scan& scan, std::uint32_t stamp) {
   bad_in_a_row = 0;
   scan.first_step = request.first_step;
   scan.last_step = request.last_step;
@@ -551,18 +584,30 @@ Scan Client::Impl::place_in_time(Scan&& scan, std::uint32_t stamp) {
   scan_seen = true;
   last_scan_ms = scan.device_ms;
   ++statistics.scans;
-  return std::move(scan);
 }
 
+/// The scan that the waiting bytes begin with, if they are as expected.
+std::optional<Scan> Client::Impl::scan_at_hand() {
+  std::optional<Scan> scan(std::in_place);
+  const auto stamp = receiver.take(reader.waiting(), *scan);
+  if (!stamp) return std::nullopt;
+  reader.consume(receiver.message_bytes());
+  place_in_time(*scan, *stamp);
+  return scan;
+}
+
+/// Most scans of a fast stream came with the one before: those take neither the clock nor a wait.
 awaitable<Scan> Client::Impl::next() {
   if (!streaming) fail(Kind::wrong_use, "no stream runs: call start() first");
+  if (std::optional<Scan> scan = scan_at_hand()) co_return std::move(*scan);
+  auto waiting = ending_in_silence(*this, next_to_come());
+  co_return co_await std::move(waiting);
+}
+
+awaitable<Scan> Client::Impl::next_to_come() {
   const auto until = steady_clock::now() + options.scan_timeout;
-  Scan expected;
   while (true) {
-    if (const auto stamp = receiver.take(reader.waiting(), expected)) {
-      reader.consume(receiver.message_bytes());
-      co_return place_in_time(std::move(expected), *stamp);
-    }
+    if (std::optional<Scan> scan = scan_at_hand()) co_return std::move(*scan);
     const auto frame = reader.next();
     if (!frame) {
       ++statistics.resynchronised;
@@ -647,35 +692,6 @@ awaitable<ClockEstimate> Client::Impl::synchronise() {
 
 // --- the public face --------------------------------------------------------------------------------------
 
-namespace {
-
-/// Runs what talks to the lidar; whatever ends it, a stream that was running when it was cancelled is ended,
-/// so that the laser is off.
-template <class Impl, class T>
-awaitable<T> ending_in_silence(Impl& impl, awaitable<T> work) {
-  std::exception_ptr why;
-  try {
-    if constexpr (std::is_void_v<T>) {
-      co_await std::move(work);
-      co_return;
-    } else {
-      co_return co_await std::move(work);
-    }
-  } catch (const boost::system::system_error&) {
-    why = std::current_exception();
-  }
-  co_await asio::this_coro::reset_cancellation_state(asio::disable_cancellation());
-  if (impl.connected) {
-    try {
-      co_await impl.end_stream();
-    } catch (const LidarError&) {  // it was to be left anyway; the caller learns of the cancellation
-    }
-  }
-  std::rethrow_exception(why);
-}
-
-}  // namespace
-
 Client::Client(asio::any_io_executor executor, std::string host, std::uint16_t port, Options options)
     : impl_(std::make_unique<Impl>(std::move(executor), std::move(host), port, options)) {}
 
@@ -698,10 +714,7 @@ awaitable<void> Client::start(StreamRequest request) {
   auto work = impl_->start(request);
   return ending_in_silence(*impl_, std::move(work));
 }
-awaitable<Scan> Client::next() {
-  auto work = impl_->next();
-  return ending_in_silence(*impl_, std::move(work));
-}
+awaitable<Scan> Client::next() { return impl_->next(); }
 awaitable<void> Client::stop() {
   auto work = impl_->stop();
   return ending_in_silence(*impl_, std::move(work));

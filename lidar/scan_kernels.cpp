@@ -6,7 +6,7 @@
 namespace lidar {
 namespace {
 
-constexpr std::size_t block = 64;
+constexpr std::size_t block = 64;  // characters of a full line
 
 /// Verifies one line and writes its 6-bit numbers.
 bool open_line(const char* line, std::size_t characters, unsigned char* numbers) {
@@ -52,6 +52,26 @@ bool decode_portably(const char* lines, const LineShape& shape, std::uint16_t* r
   return right;
 }
 
+/// The last lines, filled up with zeros to three full ones that are right if, and only if, the lines are.
+struct FullGroup {
+  char bytes[LineGroups::bytes + 16];  // kernels may read a few bytes beyond
+
+  FullGroup(const char* lines, std::size_t characters) {
+    std::fill_n(bytes, sizeof bytes, '0');
+    for (std::size_t at = 0; at < LineGroups::bytes; at += block + 2) bytes[at + block + 1] = '\n';
+    const std::size_t whole = characters / block, left = characters % block;
+    std::copy_n(lines, whole * (block + 2), bytes);
+    if (left == 0) return;
+    const char* const short_line = lines + whole * (block + 2);
+    char* const line = bytes + whole * (block + 2);
+    std::copy_n(short_line, left, line);
+    // Each character that was added has its share in the sum. A sum that is no character stays wrong.
+    const auto sum = static_cast<unsigned char>(short_line[left] - 0x30);
+    line[block] = sum < 0x40 ? static_cast<char>(((sum + (block - left) * '0') & 0x3F) + 0x30) : '\n';
+    line[block + 1] = short_line[left + 1];
+  }
+};
+
 }  // namespace
 
 std::size_t find_empty_line(std::string_view text) {
@@ -78,18 +98,23 @@ Kernel fastest_kernel() {
 
 bool decode_lines(Kernel kernel, const char* lines, const LineShape& shape, std::uint16_t* range,
                   std::uint16_t* intensity) {
+  const auto decode_groups = kernel == Kernel::avx512 ? decode_groups_avx512 : decode_groups_avx2;
   if (kernel == Kernel::portable || shape.values == 0) return decode_portably(lines, shape, range, intensity);
-  // At least one character is left for the end: kernels read a few bytes beyond their last line.
+  // At least one character is left for the end: kernels may read a few bytes beyond their last line.
   const LineGroups groups{lines,          (shape.characters() - 1) / LineGroups::characters,
                           shape.least_mm, shape.most_mm,
                           range,          shape.with_intensity ? intensity : nullptr};
-  const bool right = kernel == Kernel::avx512 ? decode_groups_avx512(groups) : decode_groups_avx2(groups);
+  const bool right = decode_groups(groups);
   const std::size_t done = groups.count * (shape.with_intensity ? 32 : 64);
   LineShape rest = shape;
   rest.values -= done;
-  return decode_portably(lines + groups.count * LineGroups::bytes, rest, range + done,
-                         shape.with_intensity ? intensity + done : nullptr) &&
-         right;
+  FullGroup full(lines + groups.count * LineGroups::bytes, rest.characters());
+  std::uint16_t last_range[64], last_intensity[64];
+  const bool right_to_the_end = decode_groups({full.bytes, 1, shape.least_mm, shape.most_mm, last_range,
+                                               shape.with_intensity ? last_intensity : nullptr});
+  std::copy_n(last_range, rest.values, range + done);
+  if (shape.with_intensity) std::copy_n(last_intensity, rest.values, intensity + done);
+  return right && right_to_the_end;
 }
 
 }  // namespace lidar

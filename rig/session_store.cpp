@@ -293,18 +293,16 @@ class ScanReader {
     scan.seq = scans_.getColumn(0).getInt64();
     scan.device_ms = scans_.getColumn(1).getInt64();
     scan.host_us = scans_.getColumn(2).getInt64();
-    copy(3, ranges_);
-    copy(4, intensities_);
+    scan.range_mm = values_of(3, ranges_);
+    scan.intensity = values_of(4, intensities_);
     if (with_geometry_ && !scans_.getColumn(5).isNull())
       scan.geometry =
           fit::ScanGeometry{scans_.getColumn(5).getDouble() * fit::rad_per_deg,
                             scans_.getColumn(6).getDouble() * fit::rad_per_deg, optional_real(scans_, 7)};
     const auto beams = static_cast<std::size_t>(info.beams());
-    if (!scan.geometry && ranges_.size() != beams) refuse(info, scan.seq, ranges_.size(), beams);
-    if (!intensities_.empty() && intensities_.size() != ranges_.size())
-      refuse(info, scan.seq, intensities_.size(), ranges_.size());
-    scan.range_mm = ranges_;
-    scan.intensity = intensities_;
+    if (!scan.geometry && scan.range_mm.size() != beams) refuse(info, scan.seq, scan.range_mm.size(), beams);
+    if (!scan.intensity.empty() && scan.intensity.size() != scan.range_mm.size())
+      refuse(info, scan.seq, scan.intensity.size(), scan.range_mm.size());
     return scan;
   }
 
@@ -316,13 +314,18 @@ class ScanReader {
     return any.executeStep();
   }
 
-  void copy(int index, std::vector<std::uint16_t>& values) {
+  /// SQLite's own copy of the blob, where it can be read as it is.
+  std::span<const std::uint16_t> values_of(int index, std::vector<std::uint16_t>& own) {
     const SQLite::Column column = scans_.getColumn(index);
     const void* bytes = column.getBlob();
-    const auto size = static_cast<std::size_t>(column.getBytes());
-    values.resize(size / 2);
-    if (size >= 2) std::memcpy(values.data(), bytes, values.size() * 2);
-    swap_if_big_endian(values);
+    const auto size = static_cast<std::size_t>(column.getBytes()) / 2;
+    const bool aligned = reinterpret_cast<std::uintptr_t>(bytes) % alignof(std::uint16_t) == 0;
+    if (std::endian::native == std::endian::little && aligned)
+      return {static_cast<const std::uint16_t*>(bytes), size};
+    own.resize(size);
+    if (size > 0) std::memcpy(own.data(), bytes, 2 * size);
+    swap_if_big_endian(own);
+    return own;
   }
 
   [[noreturn]] void refuse(const fit::CaptureInfo& info, std::int64_t seq, std::size_t got,
@@ -336,7 +339,7 @@ class ScanReader {
   const fit::CaptureInfo& info_;
   bool with_geometry_;
   SQLite::Statement scans_;
-  std::vector<std::uint16_t> ranges_, intensities_;
+  std::vector<std::uint16_t> ranges_, intensities_;  // where SQLite's copies cannot be used
 };
 
 std::vector<fit::TrackPose> read_track(SQLite::Database& database) {

@@ -61,3 +61,29 @@ TEST_CASE("statistics of long captures at the farthest range stay exact") {
   CHECK(statistics.correlation(0) == Approx(-1).epsilon(1e-4));
   CHECK(statistics.count(1) == 0);
 }
+
+TEST_CASE("statistics of beams do not depend on how far ranges jump, when beams begin or where scans end") {
+  constexpr std::size_t beams = 53;
+  std::mt19937 random(2);
+  fit::BeamStatistics statistics(beams);
+  std::vector<std::vector<double>> kept(beams);
+  for (int i = 0; i < 75; ++i) {
+    std::vector<std::uint16_t> range(i % 11 == 0 ? beams - 20 : beams);  // some scans are shorter
+    for (std::size_t k = 0; k < range.size(); ++k) {
+      const bool far = k < 16 ? i >= 40 : k % 3 == 0;  // of the first beams in the third block only
+      const bool begun = k % 5 != 0 || i > 20;
+      if (begun && random() % 4 != 0)
+        range[k] = static_cast<std::uint16_t>(far ? 1 + random() % 65535 : 20000 + random() % 8000);
+      if (range[k] != 0) kept[k].push_back(range[k]);
+    }
+    statistics.add(range);
+    for (std::size_t k = 0; k < beams; ++k) {
+      const Textbook expected(kept[k]);
+      REQUIRE(statistics.count(k) == expected.n);
+      if (expected.n < 2) continue;
+      REQUIRE(statistics.mean_mm(k) == Approx(expected.mean).epsilon(1e-12));
+      REQUIRE(statistics.variance_mm2(k) == Approx(expected.variance).epsilon(1e-10).margin(1e-9));
+      REQUIRE(statistics.correlation(k) == Approx(expected.correlation).margin(1e-8));
+    }
+  }
+}
