@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace lidar {
 namespace {
@@ -14,8 +15,9 @@ constexpr double widening_interval_ms = 2000;
 constexpr double largest_misfit_ms = 2;   // beyond, it is another grid
 constexpr double wander_memory = 0.99;    // of the wandering that was seen, a second
 constexpr double cut_share = 0.02;        // of the polygon's width: less is not worth a cut
-constexpr std::size_t most_corners = 10;  // more say nothing that matters
+constexpr std::size_t many_corners = 10;  // more hardly say anything that matters
 constexpr double smallest_side_ms = 2e-5;
+constexpr std::size_t most_corners = 20;  // a period of whole milliseconds would gather more and more
 
 }  // namespace
 
@@ -134,7 +136,7 @@ void ScanGrid::cut(double bound, double sign) {
     scratch_.push_back({bound, here.period + share * (next.period - here.period)});
   }
   polygon_.swap(scratch_);
-  if (polygon_.size() <= most_corners) return;
+  if (polygon_.size() <= many_corners) return;
   // Corners that are almost the same say the same. What is lost is some nanoseconds.
   scratch_.clear();
   for (const Point& corner : polygon_)
@@ -142,6 +144,36 @@ void ScanGrid::cut(double bound, double sign) {
         std::abs(corner.period - scratch_.back().period) > smallest_side_ms / 1000)
       scratch_.push_back(corner);
   if (scratch_.size() >= 3) polygon_.swap(scratch_);
+  while (polygon_.size() > most_corners && drop_side()) {
+  }
+}
+
+/// Lets the two sides beside one meet, where that adds the least: no possible grid is lost.
+bool ScanGrid::drop_side() {
+  const std::size_t n = polygon_.size();
+  double least = std::numeric_limits<double>::infinity();
+  std::size_t dropped = 0;
+  Point meeting{};
+  for (std::size_t i = 0; i < n; ++i) {
+    const Point &a = polygon_[i], &b = polygon_[(i + 1) % n], &c = polygon_[(i + 2) % n],
+                &d = polygon_[(i + 3) % n];
+    const auto cross = [](const Point& from, const Point& to, const Point& and_from, const Point& and_to) {
+      return (to.start - from.start) * (and_to.period - and_from.period) -
+             (to.period - from.period) * (and_to.start - and_from.start);
+    };
+    const double turn = cross(a, b, c, d), into = cross(b, c, c, d), before = cross(a, b, b, c);
+    if (!(turn > 0 && into >= 0 && before >= 0)) continue;  // they do not meet on this side
+    const double share = into / turn;
+    const double added = share * before;
+    if (added >= least) continue;
+    least = added;
+    dropped = i + 1;
+    meeting = {b.start + share * (b.start - a.start), b.period + share * (b.period - a.period)};
+  }
+  if (std::isinf(least)) return false;
+  polygon_[dropped % n] = meeting;
+  polygon_.erase(polygon_.begin() + static_cast<std::ptrdiff_t>((dropped + 1) % n));
+  return true;
 }
 
 /// Centre of mass of the polygon and its second moments: those of a uniform distribution over it.

@@ -42,6 +42,7 @@ class ScanGrid {
   void rebase();
   void widen(double start, double period);
   void cut(double bound, double sign);
+  bool drop_side();
   void summarise();
 
   double nominal_period_ms_;
