@@ -20,6 +20,34 @@ std::uint32_t rounded(double value) { return static_cast<std::uint32_t>(value + 
 
 Eigen::Vector2d direction_vector(double angle) { return {std::cos(angle), std::sin(angle)}; }
 
+/// Turns vectors by angles that differ little from one to the next: by series then, to the last digit but
+/// one.
+class Turning {
+ public:
+  void turn_to(double angle) {
+    double by = angle - reference_;
+    if (!(std::abs(by) < furthest)) {
+      reference_ = angle;
+      at_reference_ = direction_vector(angle);
+      by = 0;
+    }
+    const double square = by * by;
+    const double sine = by * (1 - square * (1.0 / 6) * (1 - square * (1.0 / 20) * (1 - square * (1.0 / 42))));
+    const double cosine =
+        1 - square * 0.5 * (1 - square * (1.0 / 12) * (1 - square * (1.0 / 30) * (1 - square * (1.0 / 56))));
+    turn_ = {at_reference_.x() * cosine - at_reference_.y() * sine,
+             at_reference_.y() * cosine + at_reference_.x() * sine};
+  }
+  [[nodiscard]] Eigen::Vector2d operator()(const Eigen::Vector2d& v) const {
+    return {turn_.x() * v.x() - turn_.y() * v.y(), turn_.y() * v.x() + turn_.x() * v.y()};
+  }
+
+ private:
+  static constexpr double furthest = 0.02;
+  double reference_ = std::numeric_limits<double>::quiet_NaN();
+  Eigen::Vector2d at_reference_ = {1, 0}, turn_ = {1, 0};
+};
+
 }  // namespace
 
 SimpleOptions simple_options(const fit::Bench& bench) {
@@ -41,7 +69,13 @@ SimpleOptions simple_options(const fit::Bench& bench) {
 }
 
 SimpleEngine::SimpleEngine(fit::Bench bench, SimpleOptions options, std::uint64_t seed)
-    : bench_(std::move(bench)), options_(options), seed_(seed), random_(seed) {
+    : bench_(std::move(bench)),
+      options_(options),
+      seed_(seed),
+      random_(seed),
+      per_falloff_(1 / options.intensity_falloff_mm) {
+  for (int step = 0; step < bench_.lidar.steps; ++step)
+    beam_rays_.push_back(direction_vector(bench_.lidar.mount.yaw_rad.value + bench_.lidar.beam_angle(step)));
   build_walls();
 }
 
@@ -60,7 +94,10 @@ void SimpleEngine::build_walls() {
       shift = target.outward_normal() * change->second.target_shift_mm;
       if (change->second.reflectance >= 0) reflectance = change->second.reflectance;
     }
-    walls_.push_back({target.from_mm + shift, target.to_mm - target.from_mm, reflectance});
+    const Eigen::Vector2d along = target.to_mm - target.from_mm;
+    const double at_reference = 1 / (1 + std::pow(200 * per_falloff_, 2));
+    walls_.push_back(
+        {target.from_mm + shift, along, along.norm(), reflectance / along.norm() / at_reference});
   }
   prepared_for_ = std::numeric_limits<double>::quiet_NaN();
 }
@@ -81,12 +118,14 @@ SimpleEngine::Hit SimpleEngine::cast(const Eigen::Vector2d& origin, double direc
   }
   if (wall) *wall = found;
   if (found < 0) return {};
-  const Wall& hit = walls_[static_cast<std::size_t>(found)];
-  const double incidence_cosine = std::abs(cross(ray, hit.along)) / hit.along.norm();
-  const double falloff = 1 / (1 + std::pow(nearest / options_.intensity_falloff_mm, 2));
-  const double reference = 1 / (1 + std::pow(200 / options_.intensity_falloff_mm, 2));
-  const double echo = hit.reflectance * incidence_cosine * falloff / reference;
-  return {static_cast<float>(nearest),
+  const Wall& met = walls_[static_cast<std::size_t>(found)];
+  return hit(met, nearest, cross(ray, met.along));
+}
+
+SimpleEngine::Hit SimpleEngine::hit(const Wall& wall, double range_mm, double facing) const {
+  const double over_falloff = range_mm * per_falloff_;
+  const double echo = std::abs(facing) * wall.brightness / (1 + over_falloff * over_falloff);
+  return {static_cast<float>(range_mm),
           static_cast<float>(options_.intensity_at_reference * std::min(echo, 1.0))};
 }
 
@@ -151,21 +190,102 @@ void SimpleEngine::scan(double scan_s, const std::function<StageMoment(double)>&
     const auto place = static_cast<std::uint64_t>(std::llround(start.angle_rad * 1e7));
     random_ = Random(seed_ ^ place * 0x9e3779b97f4a7c15 ^ ++scan_in_stream_ * 0xbf58476d1ce4e5b9);
   }
-  if (start.angle_rad == end.angle_rad) {
+  if (start.angle_rad == end.angle_rad)
     prepare(start.angle_rad);
-    Random random = random_;  // a copy of one's own stays in registers
-    for (std::size_t i = 0; i < range_mm.size(); ++i) range_mm[i] = measure(sights_[i], random, intensity[i]);
-    random_ = random;
-    return;
+  else
+    prepare_turning(scan_s, stage_at);
+  Random random = random_;  // a copy of one's own stays in registers
+  for (std::size_t i = 0; i < range_mm.size(); ++i) range_mm[i] = measure(sights_[i], random, intensity[i]);
+  random_ = random;
+}
+
+// --- a turning stage ---------------------------------------------------------------------------------------
+
+SimpleEngine::Aspect SimpleEngine::aspect(const Fan& fan, const Wall& wall) {
+  const Eigen::Vector2d to_wall = wall.from - fan.origin;
+  const double depth = cross(to_wall, wall.along), side = cross(to_wall, fan.ray),
+               facing = cross(fan.ray, wall.along);
+  const double distance = std::abs(to_wall.x()) + std::abs(to_wall.y()) + fan.shift_mm;
+  const double sign = depth < 0 ? -1 : 1;
+  return {sign * depth,
+          sign * side,
+          sign * facing,
+          fan.shift_mm * wall.length,
+          fan.shift_mm + distance * fan.spread_rad,
+          wall.length * fan.spread_rad};
+}
+
+bool SimpleEngine::Aspect::may_meet() const {
+  const bool in_front =
+      facing > -doubt_facing && side >= -doubt_side && side <= facing + doubt_facing + doubt_side;
+  if (depth > doubt_depth) return in_front;
+  // The origin may lie on either side of the wall.
+  return in_front ||
+         (facing < doubt_facing && side <= doubt_side && side >= facing - doubt_facing - doubt_side);
+}
+
+bool SimpleEngine::Aspect::all_meet() const {
+  return depth > doubt_depth && facing > doubt_facing && side > doubt_side &&
+         side < facing - doubt_facing - doubt_side;
+}
+
+/// Where both are met, this one is farther away.
+bool SimpleEngine::Aspect::all_behind(const Aspect& other) const {
+  return (depth - doubt_depth) * (other.facing - other.doubt_facing) >
+         (other.depth + other.doubt_depth) * (facing + doubt_facing);
+}
+
+void SimpleEngine::find_candidates(const Fan& fan) {
+  candidates_.clear();
+  for (const Wall& wall : walls_)
+    if (aspect(fan, wall).may_meet()) candidates_.push_back(&wall);
+}
+
+/// What all rays of the fan see alike, from the middle one; nothing when they do not, or it takes a closer
+/// look to tell.
+std::optional<SimpleEngine::Hit> SimpleEngine::look_away_from_edges(const Fan& fan) const {
+  const Wall* met = nullptr;
+  Aspect of_met{};
+  for (const Wall* wall : candidates_) {
+    const Aspect now = aspect(fan, *wall);
+    if (!now.may_meet() || (met && now.all_behind(of_met))) continue;
+    if (!now.all_meet() || (met && !of_met.all_behind(now))) return std::nullopt;
+    met = wall;
+    of_met = now;
   }
-  // The stage turns: every beam is fired from where the stage is at that beam's own time.
-  for (std::size_t i = 0; i < range_mm.size(); ++i) {
-    const double stage = stage_at(scan_s + lidar.beam_time_s(static_cast<double>(i))).angle_rad;
-    const Eigen::Vector2d origin =
-        Eigen::Rotation2Dd(stage) * Eigen::Vector2d(lidar.mount.x_mm.value, lidar.mount.y_mm.value);
-    const Sight sight =
-        look(origin, stage + lidar.mount.yaw_rad.value + lidar.beam_angle(static_cast<double>(i)));
-    range_mm[i] = measure(sight, random_, intensity[i]);
+  if (!met) return Hit{};
+  return hit(*met, of_met.depth / of_met.facing, of_met.facing);
+}
+
+/// Every beam is fired from where the stage is at that beam's own time. Few walls are near the direction of a
+/// few neighbouring beams, and few beams near an edge: the others need one ray.
+void SimpleEngine::prepare_turning(double scan_s, const std::function<StageMoment(double)>& stage_at) {
+  constexpr std::size_t together = 32;
+  const fit::LidarGeometry& lidar = bench_.lidar;
+  const Eigen::Vector2d mount(lidar.mount.x_mm.value, lidar.mount.y_mm.value);
+  const double half_window = std::max(0.0, options_.edge_window_rad / 2) + 1e-9;
+  sights_.resize(beam_rays_.size());
+  prepared_for_ = std::numeric_limits<double>::quiet_NaN();
+  Turning turning;
+  for (std::size_t begin = 0; begin < sights_.size(); begin += together) {
+    const std::size_t count = std::min(together, sights_.size() - begin);
+    double stage[together];
+    for (std::size_t i = 0; i < count; ++i)
+      stage[i] = stage_at(scan_s + lidar.beam_time_s(static_cast<double>(begin + i))).angle_rad;
+    const auto [least, most] = std::minmax_element(stage, stage + count);
+    const double turned = *most - *least;
+    turning.turn_to(stage[0]);
+    find_candidates({turning(mount), turning(beam_rays_[begin + count / 2]),
+                     static_cast<double>(together / 2) * std::abs(lidar.step_rad) + turned + half_window,
+                     mount.lpNorm<1>() * turned});
+    for (std::size_t i = 0; i < count; ++i) {
+      turning.turn_to(stage[i]);
+      const Eigen::Vector2d origin = turning(mount);
+      const auto plain = look_away_from_edges({origin, turning(beam_rays_[begin + i]), half_window, 0});
+      sights_[begin + i] = plain ? Sight{*plain, {}, 0}
+                                 : look(origin, stage[i] + lidar.mount.yaw_rad.value +
+                                                    lidar.beam_angle(static_cast<double>(begin + i)));
+    }
   }
 }
 

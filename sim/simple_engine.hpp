@@ -3,6 +3,7 @@
 
 #include <limits>
 #include <map>
+#include <optional>
 #include <vector>
 
 #include "sim/engine.hpp"
@@ -40,7 +41,8 @@ class SimpleEngine : public Engine {
  private:
   struct Wall {
     Eigen::Vector2d from, along;  ///< Start, and the vector to the other end.
-    double reflectance;
+    double length;
+    double brightness;  ///< Echo near by, over the cross product of ray and `along`; 1: the full intensity.
   };
   struct Hit {
     float range_mm = 0, intensity = 0;  ///< 0: nothing there.
@@ -51,8 +53,27 @@ class SimpleEngine : public Engine {
     Hit front, back;
     float back_probability = 0;
   };
+  /// Rays that begin within `shift_mm` of `origin` and point within `spread_rad` of `ray`.
+  struct Fan {
+    Eigen::Vector2d origin, ray;
+    double spread_rad, shift_mm;
+  };
+  /// How a fan stands to a wall: range and place along the wall are the quotients of depth and side by
+  /// facing.
+  struct Aspect {
+    double depth, side, facing;  ///< Of the middle ray, signs such that depth is not negative ...
+    double doubt_depth, doubt_side, doubt_facing;  ///< ... and by how much the others may differ.
+    [[nodiscard]] bool may_meet() const;
+    [[nodiscard]] bool all_meet() const;
+    [[nodiscard]] bool all_behind(const Aspect& other) const;
+  };
+  [[nodiscard]] static Aspect aspect(const Fan& fan, const Wall& wall);
+  [[nodiscard]] Hit hit(const Wall& wall, double range_mm, double facing) const;
   [[nodiscard]] Hit cast(const Eigen::Vector2d& origin, double direction, int* wall = nullptr) const;
   [[nodiscard]] Sight look(const Eigen::Vector2d& origin, double direction) const;
+  [[nodiscard]] std::optional<Hit> look_away_from_edges(const Fan& fan) const;
+  void find_candidates(const Fan& fan);
+  void prepare_turning(double scan_s, const std::function<StageMoment(double)>& stage_at);
   void prepare(double stage_rad);
   void build_walls();
   std::uint32_t measure(const Sight& sight, Random& random, std::uint32_t& intensity) const;
@@ -61,9 +82,12 @@ class SimpleEngine : public Engine {
   SimpleOptions options_;
   std::uint64_t seed_, scan_in_stream_ = 0;
   Random random_;
+  double per_falloff_;
   std::map<std::string, SceneState> changes_;
   std::vector<Wall> walls_;
   std::vector<Sight> sights_;
+  std::vector<Eigen::Vector2d> beam_rays_;  ///< In the stage's frame.
+  std::vector<const Wall*> candidates_;     ///< Walls that the next few beams may meet.
   double prepared_for_ = std::numeric_limits<double>::quiet_NaN();
 };
 

@@ -116,3 +116,27 @@ TEST_CASE("when the stage turns, each beam is fired from where the stage is at i
   const Scan standing(engine, -0.1 + rate * 0.025 * 400 / 1440);
   CHECK(turning.range[400] == standing.range[400]);
 }
+
+TEST_CASE("a beam of a turning stage sees what it would see standing there, in a crowded room too") {
+  const fit::Bench room =
+      fit::parse_bench(R"j({"schema": "bench/1", "lidar": {"mount": {"x_mm": 12, "y_mm": -7, "yaw_deg": 3}},
+    "targets": [{"name": "east", "from_mm": [3000, -2000], "to_mm": [2400, 2200]},
+                {"name": "north", "from_mm": [2400, 2200], "to_mm": [-2500, 2200]},
+                {"name": "west", "from_mm": [-2500, 2200], "to_mm": [-2500, -2000]},
+                {"name": "board", "from_mm": [1400, 500], "to_mm": [1400, 0]},
+                {"name": "crossing", "from_mm": [1300, 100], "to_mm": [2000, 700]},
+                {"name": "near", "from_mm": [-40, 30], "to_mm": [40, 40]}]})j");
+  sim::SimpleOptions options = quiet();
+  options.edge_window_rad = 0;  // otherwise chance decides at edges
+  sim::SimpleEngine turning(room, options, 1), standing(room, options, 1);
+  for (const double rate : {0.3, -5.0, 40.0}) {
+    const Scan scan(turning, 0.7, rate);
+    for (std::size_t step = 0; step < scan.range.size(); step += 3) {
+      const double stage = 0.7 + rate * ((10 + room.lidar.beam_time_s(static_cast<double>(step))) - 10);
+      const Scan expected(standing, stage);
+      INFO(rate << " rad/s, step " << step);
+      REQUIRE(scan.range[step] == expected.range[step]);
+      REQUIRE(scan.intensity[step] == expected.intensity[step]);
+    }
+  }
+}
