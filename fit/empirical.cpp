@@ -12,7 +12,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::array acts{"range_mm", "beam_angle_deg", "stage_angle_deg", "log_intensity"};
+constexpr std::array acts{"range_mm", "beam_angle_deg", "stage_angle_deg", "log_intensity", "far_share"};
 
 struct NamedCoordinate {
   const char* name;
@@ -33,6 +33,8 @@ constexpr std::array coordinates{
     NamedCoordinate{"temperature_c", Coordinate::temperature,
                     [](const Circumstances& c) { return c.temperature_k; }},
     NamedCoordinate{"corner_mm", Coordinate::target, [](const Circumstances& c) { return c.corner_mm; }},
+    NamedCoordinate{"edge_distance_deg", Coordinate::edge_distance,
+                    [](const Circumstances& c) { return c.edge_rad * deg_per_rad; }},
     NamedCoordinate{"along_mm", Coordinate::target, [](const Circumstances& c) { return c.along_mm; }}};
 
 const NamedCoordinate* named(const std::string& name) {
@@ -139,8 +141,60 @@ Mechanism as_mechanism(const EmpiricalFunction& f, const Bench& bench) {
 
 std::vector<Mechanism> empirical_mechanisms(const Bench& bench) {
   std::vector<Mechanism> list;
-  for (const EmpiricalFunction& f : empirical_functions(bench)) list.push_back(as_mechanism(f, bench));
+  for (const EmpiricalFunction& f : empirical_functions(bench))
+    if (f.acts_on != "far_share") list.push_back(as_mechanism(f, bench));
   return list;
+}
+
+namespace {
+
+/// The section `sim` of a bench's document; an empty object without.
+json simulation_of(const Bench& bench) {
+  const json document = json::parse(bench.document, nullptr, false);
+  if (!document.is_object() || !document.contains("sim") || !document["sim"].is_object())
+    return json::object();
+  return document["sim"];
+}
+
+void state(Bench& bench, const char* key, const json& value) {
+  json document = json::parse(bench.document, nullptr, false);
+  if (!document.is_object()) document = json::object();
+  document["sim"][key] = value;
+  bench.document = document.dump();
+}
+
+}  // namespace
+
+std::optional<double> described_merging(const Bench& bench) {
+  const json sim = simulation_of(bench);
+  if (!sim.contains("merging_mm") || !sim["merging_mm"].is_number()) return {};
+  return sim["merging_mm"].get<double>();
+}
+
+void state_merging(Bench& bench, double merging_mm) { state(bench, "merging_mm", merging_mm); }
+
+double StrayPlaces::range_mm(double probability, double target_mm) const {
+  const double at = std::clamp(probability, 0.0, 1.0) * static_cast<double>(quantiles.size() - 1);
+  const auto i = std::min(quantiles.size() - 2, static_cast<std::size_t>(at));
+  const double value = quantiles[i] + (at - static_cast<double>(i)) * (quantiles[i + 1] - quantiles[i]);
+  return before_target ? value * target_mm : value;
+}
+
+std::optional<StrayPlaces> described_strays(const Bench& bench) {
+  const json sim = simulation_of(bench);
+  if (!sim.contains("strays") || !sim["strays"].is_object()) return {};
+  StrayPlaces strays;
+  strays.before_target = sim["strays"].contains("of_target");
+  const json list = sim["strays"].value(strays.before_target ? "of_target" : "range_mm", json());
+  if (!list.is_array()) return {};
+  for (const json& number : list)
+    if (number.is_number()) strays.quantiles.push_back(number.get<double>());
+  if (strays.quantiles.size() < 2 || !std::ranges::is_sorted(strays.quantiles)) return {};
+  return strays;
+}
+
+void state_strays(Bench& bench, const StrayPlaces& strays) {
+  state(bench, "strays", json{{strays.before_target ? "of_target" : "range_mm", strays.quantiles}});
 }
 
 }  // namespace fit

@@ -35,6 +35,24 @@ std::string beams_of(const CaptureInfo& c) {
          text_of((c.last_step - 540) * 0.25) + "]";
 }
 
+/// A target that people put up anew: where, and how well.
+std::string put_up_step(const CaptureInfo& c) {
+  const std::string name = *c.target;
+  const std::string shift = text_of(c.target_shift_mm);
+  std::string place = "{target: " + quoted(name) + ", shift_mm: " + shift, cover;
+  if (c.reflectance) {
+    place += ", reflectance: " + text_of(*c.reflectance);
+    cover = " Cover it with a surface of reflectance " + text_of(*c.reflectance) + ".";
+  }
+  return "  - prompt:\n      title: " + quoted(name + ": " + shift + " mm from its place") +
+         "\n      text: " +
+         quoted("Put '" + name + "' up " + shift +
+                " mm farther away than the bench file has it (less than nothing: nearer), square to the "
+                "lidar, and measure the distance at least as well as the bench file says." +
+                cover) +
+         "\n      place: " + place + "}\n";
+}
+
 std::string place_step(const CaptureInfo& c) {
   const std::string name = *c.target;
   const std::string rho = text_of(c.reflectance.value_or(0.5)), shift = text_of(c.target_shift_mm);
@@ -66,6 +84,11 @@ std::string steps_of(const Experiment& e) {
       break;
     case Experiment::Kind::ladder:
     case Experiment::Kind::greys:
+      for (const CaptureInfo& c : e.captures)
+        if (e.by_hand)
+          steps +=
+              put_up_step(c) + "  - capture: {samples: " + samples + ", target: " + quoted(*c.target) + "}\n";
+      if (e.by_hand) break;
       steps += "  - move: {to_deg: 0}\n";
       for (const CaptureInfo& c : e.captures)
         steps += place_step(c) + "  - capture: {samples: " + samples + ", target: " + quoted(*c.target) +
@@ -103,7 +126,9 @@ std::string procedure_text(const Experiment& e, const std::string& suspects) {
          quoted("Separates " + suspects + ": the odds between them are expected to become e^" +
                 text_of(std::min(e.expected, 9999.0)) +
                 " or more. Afterwards: rig explain THE-SESSION-SO-FAR.rig THE-NEW-ONE.rig") +
-         "\nstage: {approach: " + (both ? "direct" : "positive") + ", margin_deg: 0.5}\nsteps:\n  - home\n" +
+         (e.by_hand ? std::string("\nsteps:\n")
+                    : std::string("\nstage: {approach: ") + (both ? "direct" : "positive") +
+                          ", margin_deg: 0.5}\nsteps:\n  - home\n") +
          steps_of(e);
 }
 

@@ -22,7 +22,7 @@ namespace {
 
 constexpr std::uint32_t too_near = 4, no_echo = 65533;
 /// Echoes of front and back merge to one where the gap is below about this (half of a 2 ns pulse's length).
-constexpr double merging_gap_mm = 150;
+constexpr double usual_merging_mm = 150;
 
 /// A known mechanism, ready to act.
 struct Active {
@@ -66,9 +66,13 @@ class ModelEngine : public Engine {
         scene_(bench_),
         unnamed_(fit::empirical_mechanisms(bench_)),
         active_(active_mechanisms(bench_)),
+        merging_mm_(fit::described_merging(bench_).value_or(usual_merging_mm)),
+        strays_(fit::described_strays(bench_)),
         random_(seed),
         memory_(static_cast<std::size_t>(bench_.lidar.steps)) {
     for (double& state : memory_) state = random_.normal();
+    for (fit::EmpiricalFunction& f : fit::empirical_functions(bench_))
+      if (f.acts_on == "far_share") far_share_ = std::move(f);
     for (const fit::Mechanism& one : unnamed_) active_.push_back({&one, {}, -1});
     if (described_) relative_noise_ = described_->relative_noise;
     if (claim_ && !claim_->stated[fit::IntensityLaw::gain]) claim_.reset();
@@ -171,16 +175,28 @@ class ModelEngine : public Engine {
     const ModelScene::Edge* edge = scene_.nearest_edge(edges_, bearing);
     if (footprint <= 0 || !edge || edge->far_target < 0) return hit;
     const double inside = fit::wrap_angle(bearing - edge->bearing_rad) * edge->near_side;
-    if (std::abs(inside) > 4 * footprint) return hit;
-    const double front_share = 0.5 * std::erfc(-inside / footprint / std::sqrt(2.0));
-    const double aside = std::max(1e-5, std::abs(inside)) * edge->near_side;
-    const ModelScene::Hit front = scene_.cast(from, edge->bearing_rad + aside);
-    const ModelScene::Hit back = scene_.cast(from, edge->bearing_rad - aside);
-    if (front.target < 0 || back.target < 0) return hit;
-    if (back.range_mm - front.range_mm < merging_gap_mm)
+    double front_share = 0;
+    if (far_share_) {  // as it was measured
+      const double at = inside * fit::deg_per_rad;
+      if (at < far_share_->at.front() || at > far_share_->at.back()) return hit;
+      front_share = 1 - far_share_->value_at(at);
+    } else {
+      if (std::abs(inside) > 4 * footprint) return hit;
+      front_share = 0.5 * std::erfc(-inside / footprint / std::sqrt(2.0));
+    }
+    // Each surface where this very beam would meet it: both may be slanted.
+    const ModelScene::Hit front{edge->near_target, scene_.plane_mm(edge->near_target, from, bearing)},
+        back{edge->far_target, scene_.plane_mm(edge->far_target, from, bearing)};
+    if (front.range_mm <= 0 || back.range_mm <= front.range_mm) return hit;
+    if (back.range_mm - front.range_mm < merging_mm_)
       return {front_share > 0.5 ? front.target : back.target,
               front_share * front.range_mm + (1 - front_share) * back.range_mm};
     return random_.uniform() < front_share ? front : back;
+  }
+
+  [[nodiscard]] double stray_range(double target_mm) {
+    if (strays_) return strays_->range_mm(random_.uniform(), target_mm);
+    return options_.min_range_mm + (options_.max_range_mm - options_.min_range_mm) * random_.uniform();
   }
 
   void measure(std::size_t step, double scan_s, const StageMoment& stage, std::uint32_t& range_mm,
@@ -211,7 +227,7 @@ class ModelEngine : public Engine {
     const ModelScene::Hit hit = mix(scene_.cast(from, bearing), from, bearing, e.footprint_rad);
     if (hit.target < 0) return;
     double range = hit.range_mm + e.range_mm + noise(step, e);
-    if (e.stray > 0 && random_.uniform() < e.stray) range = 60 + 9940 * random_.uniform();
+    if (e.stray > 0 && random_.uniform() < e.stray) range = stray_range(hit.range_mm);
     if (range < options_.min_range_mm) {
       range_mm = too_near;
       return;
@@ -232,6 +248,9 @@ class ModelEngine : public Engine {
   std::vector<fit::Mechanism> unnamed_;
   std::vector<Active> active_, dimming_;
   double relative_noise_ = 0.01;
+  std::optional<fit::EmpiricalFunction> far_share_;
+  double merging_mm_ = usual_merging_mm;
+  std::optional<fit::StrayPlaces> strays_;
   causal::Random random_;
   std::vector<double> memory_;
   LastMove last_move_;

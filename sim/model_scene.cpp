@@ -81,6 +81,13 @@ ModelScene::Hit ModelScene::cast(const Eigen::Vector2d& origin, double bearing) 
   return nearest;
 }
 
+double ModelScene::plane_mm(int target, const Eigen::Vector2d& origin, double bearing) const {
+  const Wall& wall = walls_[static_cast<std::size_t>(target)];
+  const double facing = cross(ray_of(bearing), wall.along);
+  if (std::abs(facing) < 0.02) return 0;
+  return std::max(0.0, cross(wall.from - origin, wall.along) / facing);
+}
+
 std::vector<ModelScene::Edge> ModelScene::edges(const Eigen::Vector2d& origin) const {
   constexpr double aside = 1e-5;
   std::vector<Edge> found;

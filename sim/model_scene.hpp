@@ -22,6 +22,8 @@ class ModelScene {
     int target = -1;
     double range_mm = 0;
   };
+  /// Range of a target's plane, wherever the target ends; 0 when the beam does not come near it.
+  [[nodiscard]] double plane_mm(int target, const Eigen::Vector2d& origin, double bearing) const;
   [[nodiscard]] Hit cast(const Eigen::Vector2d& origin, double bearing_rad) const;
 
   /// A place where a nearer surface ends before a farther one.

@@ -183,7 +183,9 @@ Columns shape_columns(const MeanModel& model, const Term& term) {
   for (std::size_t k = 0; k < parameters.size(); ++k) {
     const Parameter& p = parameters[k];
     if (p.role != Role::shape) continue;
-    const double step = p.logarithmic ? 1e-3 : 1e-3 * (p.upper - p.lower);
+    // Less than what can be told apart: a comb of a thousand bins is another one at a thousandth more.
+    const double part = std::min(1e-3, 0.1 / p.starts);
+    const double step = p.logarithmic ? part : part * (p.upper - p.lower);
     std::vector<double> above = term.values, below = term.values;
     above[k] = p.logarithmic ? above[k] * std::exp(step) : above[k] + step;
     below[k] = p.logarithmic ? below[k] * std::exp(-step) : below[k] - step;

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "fit/explain/intensity.hpp"
+#include "fit/explain/stray_light.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/explain/twin.hpp"
 
@@ -158,6 +159,39 @@ std::vector<Located> locate_suspect(const Suspect& suspect, const Reduced& reduc
   return {{coordinate, low, high, observable, p}};
 }
 
+/// What stray light pulls out of place near an edge is no wide beam's doing.
+void take_off_stray_light(Reduced& reduced, double leak) {
+  for (Cell& cell : reduced.cells) {
+    if (cell.far_share < 0 || !(cell.at.gap_mm > 0)) continue;
+    const double pulled = leak * cell.at.pull_mm / cell.at.gap_mm;
+    if (pulled == 0) continue;
+    cell.far_share = std::clamp(cell.far_share - pulled, 0.0, 1.0);
+    const double margin =
+        (6 * reduced.groups[static_cast<std::size_t>(cell.group)].sigma_mm + 15) / cell.at.gap_mm;
+    if (std::abs(pulled) > 0.3 * margin) cell.between = 0;
+  }
+}
+
+/// What coarse output steps do to means where the noise does not fill them: a wave of one step's length
+/// (Widrow and Kollar, Quantization Noise (2008), ch. 4; higher harmonics fade with the square of their
+/// order).
+Mechanism bias_of_rounding(double step_mm, double sigma_mm) {
+  Mechanism m;
+  m.id = "rounding";
+  m.coordinate = Coordinate::range;
+  m.formula_error = 0;
+  m.act = [step_mm, sigma_mm](const Circumstances& c, std::span<const double>) {
+    double sum = 0;
+    for (int k = 1; k <= 6; ++k) {
+      const double w = 2 * pi * k / step_mm;
+      const double fades = std::exp(-0.5 * w * w * sigma_mm * sigma_mm);
+      sum += (k % 2 == 1 ? -1 : 1) * fades * step_mm / (pi * k) * std::sin(w * c.range_mm);
+    }
+    return Effect{.range_mm = sum};
+  };
+  return m;
+}
+
 Reduced reduce_all(const Together& together, const Progress& progress) {
   const auto& recordings = together.recordings();
   Reduced all;
@@ -179,8 +213,9 @@ Reduced reduce_all(const Together& together, const Progress& progress) {
 
 class Writer {
  public:
-  Writer(Reduced& reduced, const MeanResult& means, const SpreadResult& spread)
-      : reduced_(reduced), means_(means), spread_(spread) {}
+  Writer(Reduced& reduced, const MeanResult& means, const SpreadResult& spread,
+         const std::optional<StrayLight>& light)
+      : reduced_(reduced), means_(means), spread_(spread), light_(light) {}
 
   Explanation write() {
     out_.before = means_.before;
@@ -191,6 +226,7 @@ class Writer {
     out_.left_out = reduced_.left_out;
     means();
     stated_otherwise();
+    stray_light_beside_edges();
     spread();
     unknown();
     locate();
@@ -275,6 +311,34 @@ class Writer {
                            " by itself; only what the bench file states about mount and targets does. Check "
                            "the bench file first.");
     }
+  }
+
+  void stray_light_beside_edges() {
+    if (!light_) return;
+    if (light_->or_mixed_pixel) {
+      out_.undecided_between.push_back({"crosstalk", "mixed-pixel"});
+      return;
+    }
+    const Suspect& suspect = light_->suspect;
+    Found found;
+    found.mechanism = suspect.mechanism;
+    found.parameters = suspect.parameters;
+    found.probability = std::min(0.999, 1 / (1 + std::exp(-suspect.evidence)));
+    Finding finding;
+    finding.parameters = suspect.parameters;
+    for (const Cell& cell : reduced_.cells)
+      if (const double pulled = suspect.parameters.at("leak").value * cell.at.pull_mm;
+          cell.n > 0 && std::abs(pulled) > std::abs(finding.largest_mm))
+        finding.largest_mm = pulled;
+    found.says = suspect.mechanism->says(finding);
+    found.log_likelihood_gain = suspect.gain - 1;
+    found.evidence =
+        "Beams beside edges are pulled by the light of the other surface: the log-likelihood is higher by " +
+        rounded(suspect.gain, 3) + ", and more than by a beam that is too wide.";
+    found.rms_before_mm = means_.after.rms_mm;
+    found.rms_after_mm = means_.after.rms_mm;
+    out_.mechanisms.push_back(found);
+    for (const Located& l : light_->located) out_.located.push_back(l);
   }
 
   void spread() {
@@ -445,6 +509,7 @@ class Writer {
   Reduced& reduced_;
   const MeanResult& means_;
   const SpreadResult& spread_;
+  const std::optional<StrayLight>& light_;
   std::vector<KnownMechanism> known_;
   Explanation out_;
 };
@@ -464,11 +529,26 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
     throw std::invalid_argument(
         "no beam of the recording meets a target of the bench. Check the targets' places and the frames of "
         "the scans");
-  const SpreadResult spread = explain_spread(reduced);
-  const MeanResult means = search_means(reduced, spread.noise, [&](double share, const char* what) {
+  SpreadResult spread = explain_spread(reduced);
+  for (const Suspect& suspect : spread.accepted)
+    if (suspect.mechanism->id == "rounding")
+      reduced.empirical.push_back(bias_of_rounding(suspect.parameters.at("step_mm").value, spread.sigma_mm));
+  const auto searched = [&](double share, const char* what) {
     if (progress) progress(0.35 + 0.63 * share, what);
-  });
-  Explanation explanation = Writer(reduced, means, spread).write();
+  };
+  MeanResult means = search_means(reduced, spread.noise, searched);
+  std::optional<StrayLight> light;
+  if (!reduced.bench.knows("crosstalk") &&
+      std::ranges::none_of(means.best.terms, [](const Term& t) { return t.mechanism->id == "crosstalk"; }))
+    light = stray_light(reduced, means);
+  if (light && !light->or_mixed_pixel) {
+    // What reaches beams farther from edges is no other physics.
+    reduced.bench.known.push_back({"crosstalk", light->suspect.parameters, {}});
+    take_off_stray_light(reduced, light->suspect.parameters.at("leak").value);
+    spread = explain_spread(reduced);
+    means = search_means(reduced, spread.noise, searched);
+  }
+  Explanation explanation = Writer(reduced, means, spread, light).write();
   explain_intensity(reduced, explanation);
   complete_twin(reduced, means, explanation);
   explanation.predictor = predictor_of(reduced, means, spread);

@@ -43,6 +43,15 @@ struct IntensityCurve {
   std::vector<double> at, before, after, sigma;
 };
 
+/// A member of an undecided set about intensity: a mechanism with its values, or coefficients of the bench's
+/// law with what they are off by.
+struct LightSuspect {
+  const Mechanism* mechanism = nullptr;
+  int target = -1;
+  std::vector<double> values;
+  std::vector<int> coefficients;
+};
+
 /// The answer to "what did the simulation leave out?" (formats.md, `explanation/1`).
 struct Explanation {
   std::string verdict;
@@ -63,6 +72,7 @@ struct Explanation {
   std::vector<Prediction> predictions;
   bool several_places = false;  ///< Targets were put up in several places, each a target of its own.
   std::vector<Term> suspects;   ///< Members of undecided sets, with their values: for the next experiment.
+  std::vector<LightSuspect> light_suspects;  ///< The same for intensity.
 };
 
 /// Explains one or several recordings of the same bench together. Throws std::invalid_argument when there is

@@ -9,6 +9,7 @@
 #include <numeric>
 #include <utility>
 
+#include "fit/empirical.hpp"
 #include "fit/radiometer.hpp"
 
 namespace fit::explain {
@@ -184,7 +185,50 @@ class Intensity {
     write(out);
   }
 
+  /// Smallest evidence (logarithm of odds) that tells one of them from another, whichever is true.
+  double separation(const std::vector<LightSuspect>& suspects) {
+    constexpr double scatter = 0.01;  // what intensities are never better predicted than
+    if (!collect()) return 0;
+    VectorXd weight(count());
+    for (Index i = 0; i < count(); ++i)
+      weight[i] = 1 / std::max(scatter, rows_[static_cast<std::size_t>(i)].sigma);
+    double least = 1e300;
+    for (const LightSuspect& truth : suspects)
+      for (const LightSuspect& rival : suspects) {
+        if (truth.mechanism == rival.mechanism && truth.target == rival.target) continue;
+        const Suspicion other = suspicion_of(rival);
+        Block base = nuisances(law_, {other});
+        if (other.coefficients.empty()) {
+          base.add(effect_of(other), 10);
+          add_freedom(other, base);
+        }
+        const VectorXd effect = effect_of(truth);
+        Model model(effect, weight);
+        model.set_base(base);
+        least = std::min(least, 0.5 * model.left_of(effect).squaredNorm());
+      }
+    return least < 1e300 ? least : 0;
+  }
+
  private:
+  static Suspicion suspicion_of(const LightSuspect& l) {
+    Suspicion s;
+    s.mechanism = l.mechanism;
+    s.target = l.target;
+    s.values = l.values;
+    s.coefficients = l.coefficients;
+    s.size = 1;
+    return s;
+  }
+  [[nodiscard]] VectorXd effect_of(const LightSuspect& l) const {
+    if (l.coefficients.empty()) return effect_of(suspicion_of(l));
+    const MatrixXd columns = law_columns(law_);
+    VectorXd sum = VectorXd::Zero(count());
+    for (std::size_t k = 0; k < l.coefficients.size() && k < l.values.size(); ++k)
+      sum += l.values[k] * columns.col(l.coefficients[k]);
+    return sum;
+  }
+
   // ---- data
   // ----------------------------------------------------------------------------------------------------
   [[nodiscard]] const Cell& cell(std::size_t row) const { return reduced_.cells[rows_[row].cell]; }
@@ -350,6 +394,13 @@ class Intensity {
         y[i] -= m->act(cell(at).at, m->values(known.parameters)).log_intensity;
       }
     }
+    for (const Mechanism& unnamed : reduced_.empirical)
+      if (unnamed.observable == Observable::intensity)
+        for (Index i = 0; i < count(); ++i) {
+          Circumstances at = cell(static_cast<std::size_t>(i)).at;
+          at.intensity = std::exp(predicted(static_cast<std::size_t>(i), law));
+          y[i] -= unnamed.act(at, {}).log_intensity;
+        }
     for (const Suspicion& s : accepted)
       if (s.mechanism && s.coefficients.empty()) y -= effect_of(s);
     return y;
@@ -737,6 +788,7 @@ class Intensity {
       best.evidence = evidence;
       best.gain = fit.gain;
       best.coefficients = choice;
+      best.values.assign(fit.value.data(), fit.value.data() + fit.value.size());
       best.size = std::max(1.0, (fit.value.cwiseAbs().cwiseQuotient(block.sigma)).maxCoeff());
     }
     return best;
@@ -960,6 +1012,8 @@ class Intensity {
           if (!std::ranges::count(set, id_of(r))) set.push_back(id_of(r));
         if (set.size() < 2) continue;
         if (!std::ranges::count(out.undecided_between, set)) out.undecided_between.push_back(set);
+        out.light_suspects.push_back(suspect_of(s));
+        for (const Suspicion& r : j.rivals) out.light_suspects.push_back(suspect_of(r));
         continue;
       }
       if (j.probability < 0.3) continue;
@@ -977,6 +1031,7 @@ class Intensity {
       if (!again || id_of(s) == "window-dirt") out.mechanisms.push_back(found);
       locate(s, out);
     }
+    for (const Judged& j : judged_) without_name(j, out.bench);
     state_intensity(out.bench, law_now_, law_u_, sample_noise());
     pictures(model, out);
     out.notes.push_back("Intensities are compared with the bench's radiometry: held out, they scatter by " +
@@ -990,6 +1045,61 @@ class Intensity {
                   : !out.undecided_between.empty() ? "undecided"
                   : !out.mechanisms.empty()        ? "explained"
                                                    : "nothing-missing";
+  }
+
+  /// What was found and has no name, for the twin: functions of one coordinate as they are, and of suspects
+  /// that nobody can choose from, the best one's effect along its coordinate.
+  void without_name(const Judged& j, Bench& bench) const {
+    const Suspicion& s = j.suspicion;
+    const bool named = s.mechanism && j.rivals.empty() && !j.unknown && j.probability >= 0.3;
+    if (named || !s.coefficients.empty()) return;  // its law is stated
+    const Coordinate c = s.mechanism ? s.mechanism->coordinate : s.coordinate;
+    VectorXd x = coordinate(c);
+    EmpiricalFunction f{name_of(c), "log_intensity", "", {}, {}};
+    const int target = s.mechanism ? s.target : s.about;
+    if (target >= 0) f.target = reduced_.bench.targets[static_cast<std::size_t>(target)].name;
+    if (s.about >= 0) f.coordinate = "along_mm";
+    for (Index i = 0; i < count(); ++i) {
+      const Circumstances& at = cell(static_cast<std::size_t>(i)).at;
+      if (s.about >= 0) x[i] = at.along_mm;
+      if (target >= 0 && at.target != target) x[i] = std::nan("");
+    }
+    const VectorXd y = s.mechanism ? effect_of(s) : function_of(s);
+    std::vector<std::pair<double, double>> places;
+    for (Index i = 0; i < count(); ++i)
+      if (std::isfinite(x[i])) places.emplace_back(x[i], y[i]);
+    std::ranges::sort(places);
+    const std::size_t each = 1 + places.size() / 150;
+    for (std::size_t i = 0; i < places.size();) {
+      std::size_t end = std::min(places.size(), i + each);
+      while (end < places.size() && places[end].first <= places[end - 1].first + 1e-9) ++end;
+      double sum_x = 0, sum_y = 0;
+      for (std::size_t k = i; k < end; ++k) {
+        sum_x += places[k].first;
+        sum_y += places[k].second;
+      }
+      f.at.push_back(sum_x / static_cast<double>(end - i));
+      f.value.push_back(sum_y / static_cast<double>(end - i));
+      i = end;
+    }
+    if (f.at.size() > 1) add_empirical(bench, f);
+  }
+
+  /// For the next experiment: another law is one whose stated coefficients are off.
+  [[nodiscard]] LightSuspect suspect_of(const Suspicion& s) const {
+    if (s.mechanism) return {s.mechanism, s.target, s.values, s.coefficients};
+    LightSuspect law{find_mechanism("radiometry"), -1, {}, {}};
+    for (int k = 0; k < L::size; ++k)
+      if (claim_.stated[static_cast<std::size_t>(k)]) law.coefficients.push_back(k);
+    const MatrixXd all = law_columns(law_);
+    MatrixXd own(count(), static_cast<Index>(law.coefficients.size()));
+    for (std::size_t k = 0; k < law.coefficients.size(); ++k)
+      own.col(static_cast<Index>(k)) = all.col(law.coefficients[k]);
+    MatrixXd normal = own.transpose() * own;
+    normal.diagonal().array() += 1e-3;
+    const VectorXd x = normal.ldlt().solve(own.transpose() * function_of(s));
+    law.values.assign(x.data(), x.data() + x.size());
+    return law;
   }
 
   /// Largest relative deviation that an unnamed function explains, and where.
@@ -1146,6 +1256,12 @@ class Intensity {
 };
 
 }  // namespace
+
+double separation_of_light(const Reduced& reduced, const std::vector<LightSuspect>& suspects) {
+  auto claim = claimed_intensity(reduced.bench);
+  if (!claim || !reduced.has_intensity) return 0;
+  return Intensity(reduced, std::move(*claim)).separation(suspects);
+}
 
 void explain_intensity(const Reduced& reduced, Explanation& explanation) {
   auto claim = claimed_intensity(reduced.bench);

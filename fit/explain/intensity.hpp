@@ -11,4 +11,8 @@ namespace fit::explain {
 /// as it is.
 void explain_intensity(const Reduced& reduced, Explanation& explanation);
 
+/// Smallest evidence (logarithm of odds) by which recordings like these tell one suspect of intensity from
+/// another, whichever is true; what a bench's law leaves open is taken into account.
+[[nodiscard]] double separation_of_light(const Reduced& reduced, const std::vector<LightSuspect>& suspects);
+
 }  // namespace fit::explain

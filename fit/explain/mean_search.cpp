@@ -6,8 +6,11 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <complex>
+#include <functional>
 #include <set>
 #include <thread>
+#include <unsupported/Eigen/FFT>
 #include <utility>
 
 #include "fit/explain/spread.hpp"
@@ -322,32 +325,71 @@ class Search {
     return best;
   }
 
-  /// A comb of bins fits only within a thousandth of its width: many are tried by their plain correlation
-  /// with the residual before the best are fitted.
+  /// A comb of bins fits only within a thousandth of its width, so tens of thousands are possible: those
+  /// whose first harmonic shows in the residual's spectrum along the range are tried by their plain
+  /// correlation, and the best of these are fitted.
   static std::vector<std::vector<double>> combs(const MeanModel& model, const Term& term) {
     const Parameter& p = term.mechanism->parameters[1];
     const Eigen::VectorXd residual = model.residual();
-    double low = 1e300, high = 0;
     std::vector<double> range, score;
-    for (Eigen::Index i = 0; i < model.rows(); i += 1 + model.rows() / 8000) {
+    double low = 1e300, high = 0;
+    for (Eigen::Index i = 0; i < model.rows(); ++i) {
       range.push_back(model.cell(i).sight.range_mm);
       score.push_back(residual[i] / std::pow(model.sigma_of_mean(i), 2));
       low = std::min(low, range.back());
       high = std::max(high, range.back());
     }
-    std::vector<std::pair<double, std::vector<double>>> tried;
-    for (double bin = p.lower; bin < p.upper; bin *= 1 + 0.2 * bin / std::max(bin, high - low)) {
+    const auto along = [&](double bin) {
       double sum = 0;
       for (std::size_t i = 0; i < range.size(); ++i)
         sum += score[i] * (bin * std::round(range[i] / bin) - range[i]);
-      tried.push_back({sum / bin, {term.values[0], bin}});
-    }
+      return sum / bin;
+    };
+    std::vector<std::pair<double, double>> lines = comb_lines(range, score, low, high, p);
+    std::vector<std::pair<double, std::vector<double>>> tried;
+    const double apart = 1 / (8 * (high - low + p.upper));  // of two frequencies within one line
+    for (const auto& [strength, frequency] : lines)
+      for (int k = -2; k <= 2; ++k) {
+        const double bin = std::clamp(1 / (frequency + k * apart / 2), p.lower, p.upper);
+        tried.push_back({along(bin), {term.values[0], bin}});
+      }
     const std::size_t keep = std::min<std::size_t>(6, tried.size());
     std::partial_sort(tried.begin(), tried.begin() + static_cast<std::ptrdiff_t>(keep), tried.end(),
                       [](const auto& a, const auto& b) { return a.first > b.first; });
     std::vector<std::vector<double>> best;
     for (std::size_t i = 0; i < keep; ++i) best.push_back(tried[i].second);
     return best;
+  }
+
+  /// Frequencies (per mm) of the strongest waves along the range that have a comb's phase, strongest first.
+  static std::vector<std::pair<double, double>> comb_lines(const std::vector<double>& range,
+                                                           const std::vector<double>& score, double low,
+                                                           double high, const Parameter& bins) {
+    constexpr std::size_t kept = 24, most = std::size_t{1} << 20;
+    const double step = bins.lower / 8;
+    std::size_t size = 1024;
+    while (size < most && static_cast<double>(size) * step < 4 * (high - low + bins.upper)) size *= 2;
+    std::vector<double> grid(size, 0.0);
+    for (std::size_t i = 0; i < range.size(); ++i) {
+      const double at = (range[i] - low) / step;
+      if (at + 1 < static_cast<double>(size)) grid[static_cast<std::size_t>(at + 0.5)] += score[i];
+    }
+    std::vector<std::complex<double>> spectrum;
+    Eigen::FFT<double> transform;
+    transform.fwd(spectrum, grid);
+    std::vector<std::pair<double, double>> lines;
+    const double least = 1 / (static_cast<double>(size) * step);
+    for (std::size_t k = 1; k < size / 2; ++k) {
+      const double frequency = static_cast<double>(k) * least;
+      if (frequency < 1 / bins.upper || frequency > 1 / bins.lower) continue;
+      // Rounding reads short just above a multiple of the bin: minus a sine.
+      const double strength = std::imag(spectrum[k] * std::polar(1.0, -2 * pi * frequency * low));
+      if (lines.size() == kept && strength <= lines.back().first) continue;
+      lines.emplace_back(strength, frequency);
+      std::ranges::sort(lines, std::greater<>());
+      if (lines.size() > kept) lines.pop_back();
+    }
+    return lines;
   }
 
   template <typename Attempt>
@@ -833,7 +875,7 @@ std::vector<Term> known_terms(const Bench& bench) {
   std::vector<Term> list;
   for (const KnownMechanism& known : bench.known) {
     const Mechanism* m = find_mechanism(known.mechanism);
-    if (!m || m->observable != Observable::range_mean) continue;
+    if (!m || !moves_means(*m)) continue;
     Term term{m, -1, m->values(known.parameters), {}};
     for (const Parameter& p : m->parameters) {
       const auto found = known.parameters.find(p.name);

@@ -41,7 +41,7 @@ struct MeanResult {
   std::vector<double> probability;         ///< Of every term of `best`.
   /// Sets of suspects that no recording shows, only what the bench file states about mount and targets.
   std::vector<std::vector<Term>> stated_otherwise;
-  std::vector<HeldOutFigures> without;     ///< Held-out figures without each term.
+  std::vector<HeldOutFigures> without;  ///< Held-out figures without each term.
   HeldOutFigures before, after;
   double noise_floor_mm = 0;
   double scatter_mm = 0;  ///< Of whole captures, beyond what their samples say; 0: none.

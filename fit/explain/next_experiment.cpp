@@ -5,6 +5,9 @@
 #include <cmath>
 #include <random>
 
+#include "fit/explain/intensity.hpp"
+#include "fit/explain/together.hpp"
+
 namespace fit::explain {
 namespace {
 
@@ -262,24 +265,109 @@ std::vector<Experiment> possible_experiments(const Bench& bench, const StageTrav
   return list;
 }
 
+namespace {
+
+/// What an experiment would tell beside what is recorded: the least evidence between any two suspects.
+double expected_of(Reduced& all, const Explanation& explanation) {
+  double least = 1e300;
+  if (explanation.suspects.size() > 1) {
+    pool_variances(all);
+    least = separation(all, explanation.suspects);
+  }
+  if (explanation.light_suspects.size() > 1)
+    least = std::min(least, separation_of_light(all, explanation.light_suspects));
+  return least < 1e300 ? least : 0;
+}
+
+bool has_rivals(const Explanation& explanation) {
+  return explanation.suspects.size() > 1 || explanation.light_suspects.size() > 1;
+}
+
+double typical_sigma(const Reduced& reduced) {
+  std::vector<double> sigmas;
+  for (const Group& g : reduced.groups) sigmas.push_back(g.sigma_mm);
+  if (sigmas.empty()) return 0;
+  std::ranges::nth_element(sigmas, sigmas.begin() + static_cast<std::ptrdiff_t>(sigmas.size() / 2));
+  return sigmas[sigmas.size() / 2];
+}
+
+/// Distances and greys for a target that people put up.
+std::vector<Experiment> experiments_by_hand(const Bench& bench, const std::vector<const Recording*>& so_far) {
+  std::vector<Experiment> list;
+  for (const Target& target : bench.targets) {
+    const bool used = std::ranges::any_of(so_far, [&](const Recording* recording) {
+      return std::ranges::any_of(recording->captures(),
+                                 [&](const CaptureInfo& c) { return c.target == target.name; });
+    });
+    if (!used) continue;
+    const double nominal = std::abs(target.from_mm.dot(target.outward_normal()));
+    const auto add = [&](const char* title, const std::vector<double>& distances,
+                         const std::vector<double>& greys) {
+      Experiment e{Experiment::Kind::ladder, target.name, "Target '" + target.name + "' " + title, {}, 100};
+      e.by_hand = true;
+      for (const double rho : greys)
+        for (const double distance : distances) {
+          CaptureInfo c = whole_scene(bench, 0);
+          c.target = target.name;
+          c.target_shift_mm = distance - nominal;
+          if (greys.size() > 1) c.reflectance = rho;
+          e.captures.push_back(c);
+        }
+      number(e, 60, 3600);
+      list.push_back(e);
+    };
+    const double white = target.reflectance.value_or(0.8);
+    add("at close and far distances", {300, 500, 700, 1000, 1400, 2000, 2800, 4000}, {white});
+    add("in steps of 70 mm", {600, 670, 740, 810, 880, 950, 1020, 1090, 1160, 1230}, {white});
+    add("in three greys at three distances", {600, 1200, 2400}, {0.85, 0.35, 0.1});
+  }
+  return list;
+}
+
+}  // namespace
+
 std::optional<Experiment> best_experiment(const std::vector<const Recording*>& recordings,
-                                          const std::vector<Term>& suspects, const StageTravel& travel) {
-  if (suspects.size() < 2 || recordings.empty()) return {};
+                                          const Explanation& explanation, const StageTravel& travel) {
+  if (!has_rivals(explanation) || recordings.empty()) return {};
   Reduced so_far = reduce(*recordings.front(), {});
   for (std::size_t i = 1; i < recordings.size(); ++i) append(so_far, reduce(*recordings[i], {}));
   const Brightness brightness = Brightness::of(so_far);
-  std::vector<double> sigmas;
-  for (const Group& g : so_far.groups) sigmas.push_back(g.sigma_mm);
-  if (sigmas.empty()) return {};
-  std::ranges::nth_element(sigmas, sigmas.begin() + static_cast<std::ptrdiff_t>(sigmas.size() / 2));
-  const double sigma = sigmas[sigmas.size() / 2];
+  const double sigma = typical_sigma(so_far);
+  if (so_far.groups.empty()) return {};
   std::optional<Experiment> best;
   for (Experiment& e : possible_experiments(so_far.bench, travel)) {
     const Imagined imagined(so_far.bench, e, brightness, sigma);
     Reduced all = so_far;
     append(all, reduce(imagined, {}));
-    pool_variances(all);
-    e.expected = separation(all, suspects);
+    e.expected = expected_of(all, explanation);
+    if (e.expected > worth_doing && (!best || e.expected > best->expected)) best = e;
+  }
+  return best;
+}
+
+std::optional<Experiment> best_experiment_by_hand(const std::vector<const Recording*>& recordings,
+                                                  const Explanation& explanation) {
+  if (!has_rivals(explanation) || recordings.empty() || recordings.front()->bench().targets.empty())
+    return {};
+  const Bench& bench = recordings.front()->bench();
+  const Reduced first = reduce(*recordings.front(), {});
+  const Brightness brightness = Brightness::of(first);
+  const double sigma = typical_sigma(first);
+  std::optional<Experiment> best;
+  for (Experiment& e : experiments_by_hand(bench, recordings)) {
+    const Imagined imagined(bench, e, brightness, sigma);
+    std::vector<const Recording*> list = recordings;
+    list.push_back(&imagined);
+    const Together together(list);
+    std::optional<Reduced> all;
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      Reduced one = reduce(*together.recordings()[i], {}, together.standing(i));
+      if (all)
+        append(*all, one);
+      else
+        all = std::move(one);
+    }
+    e.expected = expected_of(*all, explanation);
     if (e.expected > worth_doing && (!best || e.expected > best->expected)) best = e;
   }
   return best;

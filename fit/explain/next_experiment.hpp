@@ -19,6 +19,7 @@ struct Experiment {
   int scans = 10;
   /// Log of the odds by which it is expected to separate the two suspects that it separates least.
   double expected = 0;
+  bool by_hand = false;  ///< The target is put up anew for every capture; no stage is needed.
 };
 
 /// Travel that the stage is allowed, radians.
@@ -31,9 +32,15 @@ struct StageTravel {
 
 /// Of these the one that separates the suspects best, given what the recordings already say: for every pair,
 /// the evidence that the effect of one would leave when the other, the nuisance parameters and their priors
-/// try to take it up. Empty when fewer than two suspects or none separates them.
+/// try to take it up. Empty when fewer than two suspects or none separates them. Suspects of the intensity
+/// are judged in the same way by the logarithm of intensity.
 [[nodiscard]] std::optional<Experiment> best_experiment(const std::vector<const Recording*>& recordings,
-                                                        const std::vector<Term>& suspects,
+                                                        const Explanation& explanation,
                                                         const StageTravel& travel);
+
+/// The same for targets that are put up by hand (`placed_anew`): distances and greys, every one a placement
+/// with the bench file's uncertainty, and no stage.
+[[nodiscard]] std::optional<Experiment> best_experiment_by_hand(
+    const std::vector<const Recording*>& recordings, const Explanation& explanation);
 
 }  // namespace fit::explain

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "fit/empirical.hpp"
+#include "fit/explain/seen_edges.hpp"
 
 namespace fit::explain {
 namespace {
@@ -17,6 +18,8 @@ constexpr double brink_margin_rad = 0.8 * rad_per_deg;  // where nothing lies be
 constexpr double edge_window_rad = 2.5 * rad_per_deg;
 constexpr double grazing_rad = 78 * rad_per_deg;
 constexpr double no_echo_above_mm = 65000, no_echo_below_mm = 22;
+
+constexpr std::size_t strays_at_most = 5000;
 
 constexpr float not_looked = -1;  // no beam of that scan fell there
 
@@ -221,14 +224,29 @@ class Reducer {
       if (left.target != right.target) cell.smooth = false;
     }
     cell.nominal_mm = cell.sight.range_mm;
-    double nearest = 1e9;
-    for (const Edge& edge : edges) {
-      const double away = std::abs(wrap_angle(cell.sight.bearing_rad - edge.bearing_rad));
-      if (away >= nearest) continue;
-      nearest = away;
-      cell.edge = edge.id;
-    }
+    const Edge* nearest = nullptr;
+    const auto away = [&](const Edge& edge) {
+      return std::abs(wrap_angle(cell.sight.bearing_rad - edge.bearing_rad));
+    };
+    for (const Edge& edge : edges)
+      if (away(edge) < (nearest ? away(*nearest) : 1e9)) nearest = &edge;
+    if (!nearest) return cell;
+    cell.edge = nearest->id;
+    if (!(std::abs(c.edge_rad) < edge_window_rad) || !(c.gap_mm > 0)) return cell;
+    // Both surfaces may be slanted: each is taken where this beam would meet it.
+    const int other = c.edge_rad > 0 ? behind(scene, *nearest, group) : nearest->id / 2;
+    if (other >= 0 && other != cell.sight.target)
+      cell.other_mm = scene.look_at(other, group.stage_rad, cell.beam_rad, {}).range_mm;
     return cell;
+  }
+
+  /// The target that begins where the edge's own ends.
+  [[nodiscard]] int behind(const Scene& scene, const Edge& edge, const Group& group) const {
+    constexpr double aside = 2e-4;
+    return scene
+        .look(group.stage_rad, edge.bearing_rad - edge.near_side * aside - group.stage_rad -
+                                   out_.bench.lidar.mount.yaw_rad.value)
+        .target;
   }
 
   /// Median over beams of each beam's own robust spread.
@@ -315,7 +333,13 @@ class Reducer {
     for (const double v : values_) {
       if (std::abs(v - middle) > reach) {
         ++cell.stray;
-        if (std::abs(v - middle) > std::max({reach, 12 * group.sigma_mm, 60.0})) ++cell.far;
+        if (std::abs(v - middle) > std::max({reach, 12 * group.sigma_mm, 60.0})) {
+          ++cell.far;
+          if (cell.smooth && out_.strays_mm.size() < strays_at_most) {
+            out_.strays_mm.push_back(static_cast<float>(v));
+            out_.strays_of_target.push_back(static_cast<float>(v / middle));
+          }
+        }
         continue;
       }
       sum += v - middle;
@@ -339,15 +363,16 @@ class Reducer {
 
   /// Near an edge: where between the two surfaces the samples lie.
   void at_edge(Cell& cell, const Group& group) const {
-    const Circumstances& c = cell.at;
-    if (!(std::abs(c.edge_rad) < edge_window_rad) || c.gap_mm < 12 * group.sigma_mm + 30) return;
-    const bool on_near = c.edge_rad > 0;
-    const double near = on_near ? cell.nominal_mm : cell.nominal_mm - c.gap_mm;
+    if (!(cell.other_mm > 0)) return;
+    const bool on_near = cell.at.edge_rad > 0;
+    const double near = on_near ? cell.nominal_mm : cell.other_mm,
+                 gap = (on_near ? cell.other_mm : cell.nominal_mm) - near;
+    if (gap < 12 * group.sigma_mm + 30) return;
+    const double margin = (6 * group.sigma_mm + 15) / gap;
     double sum = 0;
     for (const double v : values_) {
-      const double place = (v - near) / c.gap_mm;
+      const double place = (v - near) / gap;
       sum += std::clamp(place, 0.0, 1.0);
-      const double margin = (6 * group.sigma_mm + 15) / c.gap_mm;
       if (place > margin && place < 1 - margin) ++cell.between;
     }
     cell.far_share = sum / static_cast<double>(values_.size());
@@ -523,15 +548,23 @@ int reassign(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
   const double edge_margin = std::max(0.6 * rad_per_deg, 3.5 * footprint_rad);
   constexpr double doubt_left = 0.15;  // of the priors' sway
   int changed = 0;
+  const std::map<int, SeenEdge> seen = seen_edges(reduced, nuisance, at_work);
   for (const Group& group : reduced.groups) {
     const CaptureInfo& info = reduced.captures[static_cast<std::size_t>(group.capture)];
     const Scene scene(reduced.bench, nuisance, info, reduced.absent[static_cast<std::size_t>(group.capture)]);
     const auto edges = scene.edges(group.stage_rad);
-    const auto is_clear = [&](const Sight& sight, const Circumstances& at) {
+    // Bright surfaces seem wider than they are: an edge is where the recording shows it.
+    const auto from_edge = [&](int edge, const Circumstances& at) {
+      const auto found = seen.find(edge);
+      const bool known = found != seen.end() && found->second.settled;
+      return std::min(std::abs(at.edge_rad),
+                      std::abs(at.edge_rad - (known ? found->second.shift_deg * rad_per_deg : 0)));
+    };
+    const auto is_clear = [&](const Sight& sight, int edge, const Circumstances& at) {
       const double sway =
           3 * doubt_left * (mount.yaw_rad.u * sight.range_mm + std::hypot(mount.x_mm.u, mount.y_mm.u));
       return at.corner_mm >= 8 + 0.003 * sight.range_mm + sway / sight.cos_incidence() &&
-             std::abs(at.edge_rad) >= edge_margin + doubt_left * 3 * mount.yaw_rad.u;
+             from_edge(edge, at) >= edge_margin + doubt_left * 3 * mount.yaw_rad.u;
     };
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       Cell& cell = reduced.cells[i];
@@ -556,7 +589,7 @@ int reassign(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
         ++changed;
         continue;
       }
-      if (sight.target < 0 || !is_clear(sight, at)) continue;
+      if (sight.target < 0 || !is_clear(sight, cell.edge, at)) continue;
       const double nominal = sight.range_mm + effect.range_mm;
       if (std::abs(cell.mean_mm - nominal) > 60 + 5 * group.sigma_mm) continue;
       cell.sight = sight;
@@ -645,6 +678,9 @@ void append(Reduced& reduced, const Reduced& other) {
     reduced.sectors.push_back(sector);
   }
   for (std::size_t i = 0; i < reduced.remainder.size(); ++i) reduced.remainder[i] += other.remainder[i];
+  reduced.strays_mm.insert(reduced.strays_mm.end(), other.strays_mm.begin(), other.strays_mm.end());
+  reduced.strays_of_target.insert(reduced.strays_of_target.end(), other.strays_of_target.begin(),
+                                  other.strays_of_target.end());
   reduced.samples += other.samples;
   reduced.has_intensity = reduced.has_intensity || other.has_intensity;
   reduced.has_temperature = reduced.has_temperature || other.has_temperature;

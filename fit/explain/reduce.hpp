@@ -22,6 +22,7 @@ struct Cell {
   double intensity_sd = 0;  ///< Standard deviation of one sample's intensity, counts.
   double far_share =
       -1;               ///< Mean place between the two surfaces of a near edge (0 near, 1 far); -1: no edge.
+  double other_mm = 0;  ///< Range of the plane on the other side of that edge, along this very beam.
   int between = 0;      ///< Samples on neither of them.
   bool smooth = false;  ///< The mean may be compared with a surface: no edge near, not grazing, one echo.
   bool doubtful =
@@ -67,6 +68,9 @@ struct Reduced {
   std::vector<Sector> sectors;
   std::vector<float> kept;  ///< Samples that belong to the targets, cell after cell; empty unless asked for.
   std::vector<long> remainder;  ///< Counts of (range mod q) = r for q = 2..24, at q * 24 + r.
+  /// Samples too far from their target for any noise, the first thousands: in mm, and as a share of the way
+  /// to the target.
+  std::vector<float> strays_mm, strays_of_target;
   long samples = 0;
   double first_temperature_c = 0;
   bool has_intensity = false, has_temperature = false;

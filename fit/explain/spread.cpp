@@ -1031,7 +1031,10 @@ void edges(const Reduced& reduced, SpreadResult& result) {
     if (n < 2) continue;
     by_edge[cell.edge].push_back({cell.at.edge_rad * deg_per_rad, cell.far_share, std::min(20.0, 1.0 * n)});
     between += cell.between;
-    mixed += cell.far_share > 0.04 && cell.far_share < 0.96;
+    // Beside what the surfaces' places leave open.
+    const double doubt = (2 * reduced.groups[static_cast<std::size_t>(cell.group)].sigma_mm + 8) /
+                         std::max(1.0, cell.at.gap_mm);
+    mixed += std::min(cell.far_share, 1 - cell.far_share) > std::max(0.04, doubt);
   }
   const auto fit = [&](double width) {
     double sum = 0;

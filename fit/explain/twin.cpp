@@ -179,6 +179,24 @@ VectorXd effect_of(const MeanModel& model, const Term& term) {
   return effect;
 }
 
+/// Where samples lie that have nothing to do with the target: dust before it, or a ghost at its own range.
+void describe_strays(const Reduced& reduced, Bench& bench) {
+  if (!bench.knows("outliers") || described_strays(bench) || reduced.strays_mm.size() < 20) return;
+  StrayPlaces strays;
+  std::vector<float> list = reduced.strays_of_target;
+  std::ranges::sort(list);
+  // Dust is met before the target, at any share of the way.
+  strays.before_target = list[list.size() * 98 / 100] < 1;
+  if (!strays.before_target) {
+    list = reduced.strays_mm;
+    std::ranges::sort(list);
+  }
+  constexpr std::size_t parts = 40;
+  for (std::size_t q = 0; q <= parts; ++q)
+    strays.quantiles.push_back(static_cast<double>(list[q * (list.size() - 1) / parts]));
+  state_strays(bench, strays);
+}
+
 }  // namespace
 
 void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& out) {
@@ -212,6 +230,11 @@ void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& out) 
     const Shape& shape = means.best.shapes[s];
     add_empirical(out.bench, table_of(model, effect, along(model, shape.coordinate, shape.channel)));
   }
+  const bool mixed =
+      std::ranges::any_of(out.mechanisms, [](const Found& f) { return f.mechanism->id == "mixed-pixel"; });
+  if (!out.several_places && !reduced.bench.knows("mixed-pixel"))
+    describe_edges(reduced, means, mixed, out.bench);
+  describe_strays(reduced, out.bench);
   if (reduced.has_intensity && !out.bench.knows("radiometry") && !described_intensity(out.bench))
     describe_echoes(reduced, out.bench);
 }

@@ -11,6 +11,10 @@ namespace fit::explain {
 /// `empirical` and `sim` (docs/simulator.md). `reduced` is left predicted at the best hypothesis.
 void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& explanation);
 
+/// Ends of targets where the recording sees them; and if beams that are too wide for an edge were found, how
+/// the farther surface takes over, beam by beam.
+void describe_edges(const Reduced& reduced, const MeanResult& means, bool mixed, Bench& bench);
+
 /// How strong the recording's echoes are, for the simulator.
 void describe_echoes(const Reduced& reduced, Bench& bench);
 

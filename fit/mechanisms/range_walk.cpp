@@ -5,8 +5,7 @@ namespace fit::mechanisms {
 
 // A fixed threshold fires later on a weak echo. Empirical form w exp(-I/I0) (Zhao et al., the confluent form
 // of their eq. 14 at large I), stretched by an exponent: below one it resembles the logarithm of a Gaussian
-// edge and the 1/A of a linear one, whose counts come from a compressing receiver; far below one, what a
-// firmware that takes most of the walk away leaves of it.
+// edge and the 1/A of a linear one, whose counts come from a compressing receiver.
 Mechanism make_range_walk() {
   Mechanism m;
   m.id = "range-walk";
@@ -20,9 +19,9 @@ Mechanism make_range_walk() {
       {.name = "exponent",
        .role = Parameter::Role::shape,
        .expected = 1,
-       .lower = 0.15,
+       .lower = 0.35,
        .upper = 1.5,
-       .starts = 5}};
+       .starts = 4}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = std::isfinite(c.intensity)
                                   ? p[0] * std::exp(-std::pow(std::max(1.0, c.intensity) / p[1], p[2]))

@@ -13,9 +13,9 @@ Mechanism make_saturation() {
   m.parameters = {{.name = "slope_mm_per_100_counts", .typical = 4},
                   {.name = "threshold_counts",
                    .role = Parameter::Role::shape,
-                   .lower = 150,
+                   .lower = 700,
                    .upper = 3500,
-                   .starts = 18}};
+                   .starts = 12}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     constexpr double width = 60;  // counts over which clipping sets in
     const double over = (c.intensity - p[1]) / width;

@@ -3,15 +3,18 @@
 
 namespace fit::mechanisms {
 
-// Bins of the time-to-digital converter (65 ps = 9.7 mm): the range is rounded before noise is added.
+// Bins of the time-to-digital converter (65 ps = 9.7 mm, 10 ps = 1.5 mm): the range is rounded before noise
+// is added, so that means show bins far below the noise and below the output's step. `starts` counts the bins
+// that can be told apart over a few metres.
 Mechanism make_time_quantisation() {
   Mechanism m;
   m.id = "time-quantisation";
   m.cause = "the flight time is counted in coarse bins";
   m.coordinate = Coordinate::range;
   m.formula_error = 0.1;
-  m.parameters = {{.name = "share", .typical = 0.1, .expected = 1},
-                  {.name = "bin_mm", .role = Parameter::Role::shape, .lower = 4, .upper = 40, .starts = 400}};
+  m.parameters = {
+      {.name = "share", .typical = 0.1, .expected = 1},
+      {.name = "bin_mm", .role = Parameter::Role::shape, .lower = 1, .upper = 40, .starts = 20000}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = p[0] * (p[1] * std::round(c.range_mm / p[1]) - c.range_mm)};
   };

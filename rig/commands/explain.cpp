@@ -129,25 +129,22 @@ class Explain : public Command {
   /// Writes the procedure that separates the suspects best; empty when there is none or nowhere to write it.
   std::string next_experiment(const fit::explain::Explanation& explanation,
                               const std::vector<const fit::Recording*>& recordings) const {
-    if (explanation.suspects.size() < 2) return {};
-    if (explanation.several_places) {
-      std::fprintf(
-          stderr,
-          "No experiment is proposed: targets that are put up by hand move by more than a stage could "
-          "tell.\n");
-      return {};
-    }
+    if (explanation.suspects.size() < 2 && explanation.light_suspects.size() < 2) return {};
     const fit::Bench& bench = recordings.front()->bench();
     const StageLimits limits = stage_limits(bench);
-    const auto best =
-        fit::explain::best_experiment(recordings, explanation.suspects,
-                                      {limits.min_deg * fit::rad_per_deg, limits.max_deg * fit::rad_per_deg});
+    const auto best = explanation.several_places
+                          ? fit::explain::best_experiment_by_hand(recordings, explanation)
+                          : fit::explain::best_experiment(
+                                recordings, explanation,
+                                {limits.min_deg * fit::rad_per_deg, limits.max_deg * fit::rad_per_deg});
     if (!best) {
       std::fprintf(stderr, "No experiment that this bench can do separates them.\n");
       return {};
     }
     std::string names;
     for (const auto& suspect : explanation.suspects)
+      names += (names.empty() ? "" : ", ") + suspect.mechanism->id;
+    for (const auto& suspect : explanation.light_suspects)
       names += (names.empty() ? "" : ", ") + suspect.mechanism->id;
     const std::string text = procedure_text(*best, names);
     const std::string path =

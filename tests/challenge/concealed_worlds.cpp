@@ -527,7 +527,9 @@ const std::vector<Kind>& kinds() {
       {"settling",
        {"settle"},
        [](S, D d, double s) {
-         return json{{"stage",
+         // The mirror sweeps while the table rings.
+         return json{{"rotor", {{"rolling", true}}},
+                     {"stage",
                       {{"ring_deg", 0.03 * s}, {"ring_hz", 3 + 7 * d.a}, {"ring_decay_s", 0.1 + 0.4 * d.b}}}};
        },
        [](S, D d, double s) {

@@ -191,7 +191,7 @@ TEST_CASE("a warm-up whose thermometer follows it is answered with both suspects
   const auto& set = e.undecided_between.front();
   CHECK(std::ranges::count(set, "warm-up") == 1);
   CHECK(std::ranges::count(set, "temperature") == 1);
-  const auto next = fit::explain::best_experiment({&recording}, e.suspects, {});
+  const auto next = fit::explain::best_experiment({&recording}, e, {});
   REQUIRE(next);
   CHECK(next->expected > 3);
 }

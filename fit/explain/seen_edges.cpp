@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/seen_edges.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fit::explain {
+namespace {
+
+/// Beams at the same place are one: an edge seen from many stage angles has thousands.
+std::vector<Beside> places_of(const std::vector<Beside>& beams) {
+  constexpr double apart_deg = 0.01;
+  std::map<long, Beside> places;
+  for (const Beside& b : beams) {
+    if (std::abs(b.inside_deg) > edge_reach_deg + 1) continue;
+    Beside& place = places[std::lround(b.inside_deg / apart_deg)];
+    place.inside_deg += b.n * b.inside_deg;
+    place.far_share += b.n * b.far_share;
+    place.n += b.n;
+  }
+  std::vector<Beside> list;
+  for (const auto& [at, sum] : places) list.push_back({sum.inside_deg / sum.n, sum.far_share / sum.n, sum.n});
+  return list;
+}
+
+/// Likelihood of a transition there of that width.
+double likelihood(const std::vector<Beside>& beams, double shift, double width) {
+  double sum = 0;
+  for (const Beside& b : beams) {
+    const double far =
+        std::clamp(0.5 * std::erfc((b.inside_deg - shift) / width / std::sqrt(2.0)), 0.004, 0.996);
+    sum += b.n * (b.far_share * std::log(far) + (1 - b.far_share) * std::log(1 - far));
+  }
+  return sum;
+}
+
+/// Where the farther surface takes over: the middle of the places that are as likely as the best.
+void settle(SeenEdge& edge) {
+  const auto [low, high] = std::ranges::minmax_element(edge.beams, {}, &Beside::far_share);
+  if (edge.beams.size() < 4 || low->far_share > 0.1 || high->far_share < 0.9) return;
+  const std::vector<Beside> beams = places_of(edge.beams);
+  double best = -1e300;
+  for (const double width : {0.01, 0.03, 0.06, 0.12, 0.25}) {
+    double first = 0, last = 0, top = -1e300;
+    const auto look = [&](double from, double to, double step) {
+      top = -1e300;
+      for (double shift = from; shift <= to; shift += step) {
+        const double l = likelihood(beams, shift, width);
+        if (l > top + 0.5) first = shift;
+        if (l > top - 0.5) last = shift;
+        top = std::max(top, l);
+      }
+    };
+    look(-edge_reach_deg, edge_reach_deg, 0.04);
+    look(first - 0.05, last + 0.05, 0.005);
+    if (top <= best + 0.5) continue;
+    best = top;
+    edge.shift_deg = (first + last) / 2;
+    edge.width_deg = width;
+  }
+  edge.settled = std::abs(edge.shift_deg) < edge_reach_deg - 0.05;
+}
+
+}  // namespace
+
+std::map<int, SeenEdge> seen_edges(const Reduced& reduced, const Nuisance& nuisance,
+                                   const std::vector<Active>& at_work) {
+  std::map<int, SeenEdge> edges;
+  for (const Group& group : reduced.groups) {
+    const CaptureInfo& info = reduced.captures[static_cast<std::size_t>(group.capture)];
+    if (std::abs(info.stage_rate_rad_s) > 1e-9) continue;
+    const Scene scene(reduced.bench, nuisance, info, reduced.absent[static_cast<std::size_t>(group.capture)]);
+    const std::vector<Edge> in_sight = scene.edges(group.stage_rad);
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+      const Cell& cell = reduced.cells[i];
+      if (cell.far_share < 0 || cell.edge < 0 || cell.n + cell.stray < 2) continue;
+      const Target& target = reduced.bench.targets[static_cast<std::size_t>(cell.edge / 2)];
+      if (info.target && *info.target == target.name && info.target_shift_mm != 0) continue;
+      const auto edge = std::ranges::find(in_sight, cell.edge, &Edge::id);
+      if (edge == in_sight.end() || edge->far_mm <= 0) continue;
+      Effect effect;
+      for (const Active& active : at_work)
+        if (active.target < 0 || active.target == cell.at.target)
+          effect += active.mechanism->act(cell.at, active.values);
+      const Sight sight = scene.look(group.stage_rad, cell.beam_rad, effect);
+      const double inside = wrap_angle(sight.bearing_rad - edge->bearing_rad) * edge->near_side;
+      SeenEdge& seen = edges[cell.edge];
+      seen.gap_mm = edge->far_mm - edge->near_mm;
+      seen.from = sight.origin;
+      seen.bearing_rad = edge->bearing_rad;
+      seen.near_side = edge->near_side;
+      Beside beside;
+      beside.inside_deg = inside * deg_per_rad;
+      beside.far_share = cell.far_share;
+      beside.n = std::min(20.0, 1.0 * cell.n + cell.stray);
+      beside.between = cell.between * 2 > cell.n + cell.stray;
+      beside.place = cell.far_share;
+      const Sight behind = scene.look(
+          group.stage_rad, edge->bearing_rad - 0.02 * edge->near_side - group.stage_rad - nuisance.yaw_rad);
+      if (cell.stray == 0 && behind.target >= 0 && behind.target != cell.edge / 2) {
+        const double near = scene.look_at(cell.edge / 2, group.stage_rad, cell.beam_rad, effect).range_mm,
+                     far = scene.look_at(behind.target, group.stage_rad, cell.beam_rad, effect).range_mm;
+        beside.place = (cell.mean_mm - effect.range_mm - near) / std::max(1.0, far - near);
+        beside.u_place =
+            std::max(group.sigma_mm, std::sqrt(cell.variance_mm2)) / std::sqrt(1.0 * cell.n) / (far - near);
+      }
+      seen.beams.push_back(beside);
+    }
+  }
+  for (auto& [id, edge] : edges) settle(edge);
+  return edges;
+}
+
+}  // namespace fit::explain

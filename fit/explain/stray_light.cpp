@@ -1,0 +1,300 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/stray_light.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+
+namespace fit::explain {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double window_deg = 3;
+constexpr double least_away_deg = 0.3;                     // of a beam from where the surface changes
+constexpr double least_gap_mm = 15, largest_gap_mm = 500;  // farther echoes are two
+constexpr double halo_deg = 0.7, halo_ends_deg = 1.01;     // as fit/mechanisms/crosstalk.cpp and Scene::pull
+constexpr double accept_at = 6, told_apart_at = 3.5;       // logarithms of odds
+constexpr double price = 7;  // of one more mechanism (4), of the forms of its halo that are tried (3)
+
+/// One beam of one group beside an edge.
+struct Row {
+  int target = 0;
+  double away_deg = 0;  ///< From the change of surface.
+  double gap_mm = 0;    ///< Range of the other surface less the own.
+  double light = 1;     ///< Echo of the other surface over the own.
+  double y_mm = 0, sigma_mm = 1;
+  double turn_lever = 0, beam_deg = 0, step_deg = 0.25;
+};
+
+double power_of(const Reduced& reduced, const CaptureInfo& info, const Sight& sight) {
+  const Target& target = reduced.bench.targets[static_cast<std::size_t>(sight.target)];
+  const double rho = info.target && *info.target == target.name && info.reflectance
+                         ? *info.reflectance
+                         : target.reflectance.value_or(0.5);
+  return rho * sight.cos_incidence() * 1e6 / (sight.range_mm * sight.range_mm);
+}
+
+class Edges {
+ public:
+  Edges(const Reduced& reduced, const MeanResult& means)
+      : reduced_(reduced), means_(means), at_work_(means.best.active()) {
+    for (const Term& term : known_terms(reduced.bench)) at_work_.push_back(term.active());
+    for (const Group& group : reduced.groups)
+      if (group.scans > 2) look(group);
+  }
+  [[nodiscard]] const std::vector<Row>& rows() const { return rows_; }
+
+ private:
+  struct Beam {
+    const Cell* cell;
+    double inside_deg;
+    Sight near, far;
+    double near_mm, far_mm;
+    bool on_near;
+  };
+
+  void look(const Group& group) {
+    const CaptureInfo& info = reduced_.captures[static_cast<std::size_t>(group.capture)];
+    if (std::abs(info.stage_rate_rad_s) > 1e-9) return;
+    const Scene scene(reduced_.bench, means_.best.nuisance, info,
+                      reduced_.absent[static_cast<std::size_t>(group.capture)]);
+    const std::vector<Edge> edges = scene.edges(group.stage_rad);
+    for (const Edge& edge : edges) {
+      if (edge.far_mm <= 0) continue;
+      const double gap = edge.far_mm - edge.near_mm;
+      if (gap < least_gap_mm || gap > largest_gap_mm) continue;
+      take(group, info, scene, edges, edge);
+    }
+  }
+
+  void take(const Group& group, const CaptureInfo& info, const Scene& scene, const std::vector<Edge>& edges,
+            const Edge& edge) {
+    const double yaw = means_.best.nuisance.yaw_rad;
+    const Sight behind =
+        scene.look(group.stage_rad, edge.bearing_rad - edge.near_side * 0.02 - group.stage_rad - yaw);
+    const int near_target = edge.id / 2;
+    if (behind.target < 0 || behind.target == near_target) return;
+    std::vector<Beam> beams;
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+      const Cell& cell = reduced_.cells[i];
+      if (cell.n < 2) continue;
+      const double bearing = group.stage_rad + yaw + cell.beam_rad;
+      const double inside = wrap_angle(bearing - edge.bearing_rad) * edge.near_side * deg_per_rad;
+      if (std::abs(inside) > window_deg) continue;
+      const bool nearest = std::ranges::none_of(edges, [&](const Edge& other) {
+        return &other != &edge &&
+               std::abs(wrap_angle(bearing - other.bearing_rad)) * deg_per_rad < std::abs(inside);
+      });
+      if (!nearest) continue;
+      Effect effect;
+      for (const Active& active : at_work_)
+        if (active.target < 0) effect += active.mechanism->act(cell.at, active.values);
+      Beam beam{&cell,
+                inside,
+                scene.look_at(near_target, group.stage_rad, cell.beam_rad, effect),
+                scene.look_at(behind.target, group.stage_rad, cell.beam_rad, effect),
+                0,
+                0,
+                true};
+      beam.near_mm = beam.near.range_mm + effect.range_mm;
+      beam.far_mm = beam.far.range_mm + effect.range_mm;
+      beam.on_near = std::abs(cell.mean_mm - beam.near_mm) < std::abs(cell.mean_mm - beam.far_mm);
+      beams.push_back(beam);
+    }
+    if (beams.size() < 6) return;
+    std::ranges::sort(beams, {}, &Beam::inside_deg);
+    // Where the far surface's beams end and the near one's begin: no beam may lie on the wrong side.
+    const auto first_near = std::ranges::find(beams, true, &Beam::on_near);
+    if (first_near == beams.begin() || first_near == beams.end()) return;
+    if (std::any_of(first_near, beams.end(), [](const Beam& b) { return !b.on_near; })) return;
+    const double change = (first_near->inside_deg + std::prev(first_near)->inside_deg) / 2;
+    if (std::abs(change) > 1.5) return;
+    for (const Beam& beam : beams) add(group, info, beam, change);
+  }
+
+  void add(const Group& group, const CaptureInfo& info, const Beam& beam, double change) {
+    const Cell& cell = *beam.cell;
+    const double away = std::abs(beam.inside_deg - change);
+    if (away < least_away_deg || cell.stray > 0 || cell.lost > 0 || cell.at.corner_mm < 60) return;
+    const Sight &own = beam.on_near ? beam.near : beam.far, &other = beam.on_near ? beam.far : beam.near;
+    if (std::abs(own.incidence_rad) > 70 * rad_per_deg) return;
+    Row row;
+    row.target = reduced_.same_as[static_cast<std::size_t>(own.target)];
+    row.away_deg = away;
+    row.gap_mm = other.range_mm - own.range_mm;
+    row.light = power_of(reduced_, info, other) / power_of(reduced_, info, own);
+    row.y_mm = cell.mean_mm - (beam.on_near ? beam.near_mm : beam.far_mm);
+    if (std::abs(row.y_mm) > 0.6 * std::abs(row.gap_mm)) return;
+    row.sigma_mm =
+        std::max(group.sigma_mm, std::sqrt(cell.variance_mm2)) * std::sqrt(means_.noise.factor / cell.n);
+    row.turn_lever = own.turn_lever;
+    row.beam_deg = cell.beam_rad * deg_per_rad;
+    row.step_deg = reduced_.bench.lidar.step_rad * deg_per_rad;
+    rows_.push_back(row);
+  }
+
+  const Reduced& reduced_;
+  const MeanResult& means_;
+  std::vector<Active> at_work_;
+  std::vector<Row> rows_;
+};
+
+/// Share of a neighbour's light at an angle.
+using Halo = std::function<double(double angle_deg)>;
+
+/// What stray light of size one does to a beam, mm.
+double pull_of(const Row& row, const Halo& halo) {
+  double sum = 0;
+  for (int side = 1; side * row.step_deg < window_deg; ++side)
+    if (side * row.step_deg > row.away_deg) sum += halo(side * row.step_deg);
+  return sum * row.light * row.gap_mm;
+}
+
+double lorentz(double angle_deg) {
+  return angle_deg > halo_ends_deg ? 0 : 1 / (1 + std::pow(angle_deg / halo_deg, 2));
+}
+
+/// Rows with the places of their targets taken out.
+class Residuals {
+ public:
+  Residuals(const std::vector<Row>& rows, std::size_t targets) : rows_(rows) {
+    const auto n = static_cast<Index>(rows.size()), k = static_cast<Index>(2 * targets);
+    base_ = MatrixXd::Zero(n, k);
+    VectorXd y(n);
+    for (Index i = 0; i < n; ++i) {
+      const Row& row = rows[static_cast<std::size_t>(i)];
+      base_(i, 2 * row.target) = 1.0 / row.sigma_mm;                                     // 1 mm
+      base_(i, 2 * row.target + 1) = row.turn_lever * 0.1 * rad_per_deg / row.sigma_mm;  // 0.1 deg
+      y[i] = row.y_mm / row.sigma_mm;
+    }
+    MatrixXd normal = base_.transpose() * base_;
+    normal.diagonal().array() += 1;
+    factor_.compute(normal);
+    rest_ = without_base(y);
+  }
+
+  struct Fit {
+    double size = 0, u = 0, gain = 0, misfit = 0;
+  };
+  [[nodiscard]] Fit fit(const VectorXd& effect_mm) const {
+    const VectorXd x = without_base(whitened(effect_mm));
+    const double square = x.squaredNorm();
+    if (square < 1e-9) return {};
+    Fit f;
+    f.size = x.dot(rest_) / square;
+    if (f.size <= 0) return {};
+    f.u = 1 / std::sqrt(square);
+    f.gain = 0.5 * f.size * f.size * square;
+    f.misfit = (rest_ - f.size * x).squaredNorm() / std::max<double>(1, static_cast<double>(x.size()));
+    return f;
+  }
+  /// Gain of an effect of this very size.
+  [[nodiscard]] double gain(const VectorXd& effect_mm) const {
+    const VectorXd x = without_base(whitened(effect_mm));
+    return x.dot(rest_) - 0.5 * x.squaredNorm();
+  }
+  [[nodiscard]] double misfit() const {
+    return rest_.squaredNorm() / std::max<double>(1, static_cast<double>(rest_.size()));
+  }
+
+ private:
+  [[nodiscard]] VectorXd whitened(VectorXd v) const {
+    for (Index i = 0; i < v.size(); ++i) v[i] /= rows_[static_cast<std::size_t>(i)].sigma_mm;
+    return v;
+  }
+  [[nodiscard]] VectorXd without_base(const VectorXd& v) const {
+    return v - base_ * factor_.solve(base_.transpose() * v);
+  }
+  const std::vector<Row>& rows_;
+  MatrixXd base_;
+  Eigen::LLT<MatrixXd> factor_;
+  VectorXd rest_;
+};
+
+/// Places along the beam angle that carry at least a quarter of the largest information.
+std::vector<Located> where(const std::vector<Row>& rows, const VectorXd& effect_mm, double gain) {
+  constexpr double width = 2;
+  std::map<int, double> information;
+  double most = 0;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    double& sum = information[static_cast<int>(std::floor(rows[i].beam_deg / width))];
+    sum += std::pow(effect_mm[static_cast<Index>(i)] / rows[i].sigma_mm, 2);
+    most = std::max(most, sum);
+  }
+  std::vector<Located> list;
+  for (const auto& [bin, sum] : information) {
+    if (sum < most / 4) continue;
+    if (!list.empty() && list.back().to > width * bin - width / 2)
+      list.back().to = width * (bin + 1);
+    else
+      list.push_back({Coordinate::beam, width * bin, width * (bin + 1), Observable::range_mean,
+                      std::exp(-std::min(600.0, gain))});
+  }
+  return list;
+}
+
+}  // namespace
+
+std::optional<StrayLight> stray_light(const Reduced& reduced, const MeanResult& means) {
+  const Edges edges(reduced, means);
+  const std::vector<Row>& rows = edges.rows();
+  if (rows.size() < 40) return {};
+  const Residuals residuals(rows, reduced.bench.targets.size());
+  const auto effect = [&](auto of_row) {
+    VectorXd v(static_cast<Index>(rows.size()));
+    for (std::size_t i = 0; i < rows.size(); ++i) v[static_cast<Index>(i)] = of_row(rows[i]);
+    return v;
+  };
+  // How far stray light reaches differs from receiver to receiver.
+  std::vector<Halo> halos{lorentz};
+  for (const double h : {0.4, 0.55, 0.75, 1.0, 1.3})
+    halos.emplace_back([h](double angle) { return std::exp(-angle * angle / (h * h)); });
+  double best = 0, misfit = residuals.misfit();
+  for (const Halo& halo : halos) {
+    const auto f = residuals.fit(effect([&](const Row& row) { return pull_of(row, halo); }));
+    if (f.gain <= best) continue;
+    best = f.gain;
+    misfit = f.misfit;
+  }
+  // What no form takes away is noise that was not known of.
+  const double excess = std::max(1.0, misfit);
+  best /= excess;
+  const VectorXd formula = effect([&](const Row& row) { return pull_of(row, lorentz); });
+  const auto found = residuals.fit(formula);
+  if (best - price < accept_at || found.size <= 0) return {};
+  double rival = 0;
+  for (const double w : {0.08, 0.12, 0.16, 0.2, 0.25, 0.3, 0.36, 0.43, 0.5}) {
+    const auto beyond = [&](const Row& row) { return 0.5 * std::erfc(row.away_deg / w / std::sqrt(2.0)); };
+    // A wide beam mixes front and back by their light; or by a share that knows nothing of light.
+    rival = std::max(rival, residuals.gain(effect([&](const Row& row) {
+      const double far = beyond(row) * row.light;
+      return row.gap_mm * far / (far + 1 - beyond(row));
+    })));
+    rival =
+        std::max(rival, residuals.fit(effect([&](const Row& row) { return row.gap_mm * beyond(row); })).gain);
+  }
+  for (const Halo& halo : halos)
+    rival = std::max(rival, residuals
+                                .fit(effect([&](const Row& row) {
+                                  Row plain = row;
+                                  plain.light = 1;
+                                  return pull_of(plain, halo);
+                                }))
+                                .gain);
+  rival /= excess;
+  if (rival > best + told_apart_at) return {};
+  StrayLight light;
+  light.or_mixed_pixel = rival > best - told_apart_at;
+  light.suspect.mechanism = find_mechanism("crosstalk");
+  light.suspect.gain = best;
+  light.suspect.evidence = std::min(best, best - rival) - price;
+  light.suspect.parameters = {{"leak", {found.size, found.u * std::sqrt(excess)}}};
+  light.located = where(rows, formula, best);
+  return light;
+}
+
+}  // namespace fit::explain
