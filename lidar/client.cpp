@@ -118,6 +118,7 @@ struct Client::Impl {
   StreamRequest request;
   std::string stream_echo, stream_tag;  ///< What a scan's echo begins and ends with.
   ScanCommand stream_command;
+  Scan spare;             ///< Memory for a scan to come; what it says means nothing.
   ScanReceiver receiver;  ///< Takes what is as expected; the rest goes the long way.
   bool connected = false, streaming = false;
   unsigned requests = 0;
@@ -588,9 +589,12 @@ void Client::Impl::place_in_time(Scan& scan, std::uint32_t stamp) {
 
 /// The scan that the waiting bytes begin with, if they are as expected.
 std::optional<Scan> Client::Impl::scan_at_hand() {
-  std::optional<Scan> scan(std::in_place);
+  std::optional<Scan> scan(std::move(spare));
   const auto stamp = receiver.take(reader.waiting(), *scan);
-  if (!stamp) return std::nullopt;
+  if (!stamp) {
+    spare = std::move(*scan);
+    return std::nullopt;
+  }
   reader.consume(receiver.message_bytes());
   place_in_time(*scan, *stamp);
   return scan;
@@ -715,6 +719,7 @@ awaitable<void> Client::start(StreamRequest request) {
   return ending_in_silence(*impl_, std::move(work));
 }
 awaitable<Scan> Client::next() { return impl_->next(); }
+void Client::reuse(Scan scan) { impl_->spare = std::move(scan); }
 awaitable<void> Client::stop() {
   auto work = impl_->stop();
   return ending_in_silence(*impl_, std::move(work));

@@ -108,6 +108,9 @@ class Client {
   boost::asio::awaitable<void> start(StreamRequest request);
   /// The next good scan. Damaged ones are dropped and counted. Ranges below DMIN, above DMAX and codes are 0.
   boost::asio::awaitable<Scan> next();
+  /// Takes back a scan that is done with, so that one of the next need not ask for memory: for who reads many
+  /// a second.
+  void reuse(Scan scan);
   /// QT until it is acknowledged and the stream is silent. Does nothing when nothing streams.
   boost::asio::awaitable<void> stop();
   /// TM0, TM1 with unique strings, TM2: how the clocks stand. Not while streaming (stops the stream).

@@ -31,6 +31,8 @@ class LidarSource {
   /// The next scan with good checksums; has a deadline of its own. Throws DeviceError or a system error when
   /// the lidar is lost.
   virtual awaitable<lidar::Scan> next() = 0;
+  /// Takes back a scan that is done with: its memory may serve for one of the next.
+  virtual void reuse(lidar::Scan /*scan*/) {}
   virtual awaitable<void> stop() = 0;
   /// Answers thrown away so far because of a wrong checksum or shape.
   [[nodiscard]] virtual std::uint64_t rejected() const = 0;

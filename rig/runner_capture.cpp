@@ -107,7 +107,7 @@ awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& reques
   int failures = 0;
   while (got < request.samples) {
     auto reading = next_scan(stream_for(request, skip), &gate, failures);
-    const lidar::Scan scan = co_await std::move(reading);
+    lidar::Scan scan = co_await std::move(reading);
     if (!gate.takes(scan, own_time ? 0 : settled_us)) {
       if (gate.hopeless()) throw DeviceError(unfit_scans(request));
       continue;
@@ -120,6 +120,7 @@ awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& reques
       state.activity = "capturing " + grouped(got) + "/" + grouped(request.samples) + " scans at stop";
     show(scan);
     changed();
+    parts.lidar.reuse(std::move(scan));
   }
   tell_losses(request, gate.lost(), parts.lidar.rejected() - rejected_before);
 }

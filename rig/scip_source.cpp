@@ -41,6 +41,8 @@ class ScipSource final : public LidarSource {
     co_return co_await told_as_device_error(std::move(reading));
   }
 
+  void reuse(lidar::Scan scan) override { client_.reuse(std::move(scan)); }
+
   awaitable<void> stop() override {
     auto stopping = client_.stop();
     co_await told_as_device_error(std::move(stopping));

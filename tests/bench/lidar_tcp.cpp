@@ -154,8 +154,9 @@ boost::asio::awaitable<void> stream(benchmark::State& state, lidar::Client& clie
   co_await client.start(all);
   for (auto _ : state) {
     for (std::uint64_t i = 0; i < batch; ++i) {
-      const lidar::Scan scan = co_await client.next();
+      lidar::Scan scan = co_await client.next();
       benchmark::DoNotOptimize(scan.range_mm.data());
+      client.reuse(std::move(scan));
     }
   }
   client.close();
