@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: MIT
+#include "fit/empirical.hpp"
+
+#include <catch2/catch.hpp>
+
+#include "fit/radiometer.hpp"
+
+using Catch::Detail::Approx;
+
+TEST_CASE("what was measured and has no name survives in a bench file and acts") {
+  fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "targets": [
+    {"name": "board", "from_mm": [1000, -200], "to_mm": [1000, 200]}]})");
+  fit::add_empirical(bench, {"beam_deg", "range_mm", "", {-10, 0, 10}, {1, 3, -1}});
+  fit::add_empirical(bench, {"along_mm", "log_intensity", "board", {-100, 100}, {0.2, 0.4}});
+  fit::state_merging(bench, 700);
+  fit::state_strays(bench, {true, {0.1, 0.5, 0.9}});
+  const fit::Bench again = fit::parse_bench(fit::to_json_text(bench));
+  const auto list = fit::empirical_mechanisms(again);
+  REQUIRE(list.size() == 2);
+  fit::Circumstances at;
+  at.beam_rad = 5 * fit::rad_per_deg;
+  at.target = 0;
+  CHECK(list[0].act(at, {}).range_mm == Approx(1));
+  CHECK(list[1].act(at, {}).log_intensity == Approx(0.3));
+  at.beam_rad = 40 * fit::rad_per_deg;  // nothing is known there
+  at.target = 1;
+  CHECK(list[0].act(at, {}).range_mm == 0);
+  CHECK(list[1].act(at, {}).log_intensity == 0);
+  CHECK(fit::described_merging(again) == 700);
+  CHECK(fit::described_strays(again)->range_mm(0.25, 1000) == Approx(300));
+}
+
+TEST_CASE("an empirical function that is none is refused with a reason") {
+  const auto functions = [](const char* entry) {
+    return fit::empirical_functions(
+        fit::parse_bench(std::string(R"({"schema": "bench/1", "empirical": [)") + entry + "]}"));
+  };
+  CHECK_THROWS_AS(functions(R"({"coordinate": "colour", "at": [1], "range_mm": [1]})"),
+                  std::invalid_argument);
+  CHECK_THROWS_AS(functions(R"({"coordinate": "beam_deg", "at": [2, 1], "range_mm": [1, 1]})"),
+                  std::invalid_argument);
+  CHECK_THROWS_AS(functions(R"({"coordinate": "beam_deg", "at": [1], "range_mm": ["x"]})"),
+                  std::invalid_argument);
+  CHECK_THROWS_AS(functions(R"({"coordinate": "beam_deg", "at": [1]})"), std::invalid_argument);
+}
+
+TEST_CASE("the strength of echoes is described in the bench file and read back") {
+  fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1"})");
+  CHECK_FALSE(fit::described_intensity(bench));
+  fit::DescribedIntensity described;
+  described.law.value = {6.5, 1.1, 0.6, 0.5, 4.2, 7.5};
+  described.surfaces.push_back({"board", 0.2, 1.05});
+  fit::describe_intensity(bench, described);
+  const auto read = fit::described_intensity(fit::parse_bench(fit::to_json_text(bench)));
+  REQUIRE(read);
+  CHECK(read->law.counts(0.2, 0.9, 1500) == Approx(described.law.counts(0.2, 0.9, 1500)));
+  CHECK(read->gain("board", 0.2) == Approx(1.05));
+  CHECK(read->gain("board", 0.4) == 1);
+}
