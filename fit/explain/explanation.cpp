@@ -246,7 +246,7 @@ class Writer {
       std::vector<std::string> set{term.mechanism->id};
       std::vector<Term> members{term};
       for (const Rival& rival : means_.rivals[t]) {
-        if (!rival.term || rival.behind > close_behind) continue;
+        if (!rival.term || (rival.behind > close_behind && !rival.fits_as_well)) continue;
         if (std::ranges::count(set, rival.term->mechanism->id)) continue;
         if (std::ranges::any_of(means_.best.terms,
                                 [&](const Term& o) { return o.mechanism == rival.term->mechanism; }))

@@ -238,6 +238,18 @@ MeanModel::Posterior MeanModel::posterior() const {
   return result;
 }
 
+double MeanModel::density_here(Eigen::Index fixed) const {
+  const Eigen::MatrixXd normal = factor_.reconstructedMatrix();
+  const Eigen::Index open = normal.cols() - fixed;
+  Eigen::VectorXd x(normal.cols());
+  x.head(fixed) = -base_mean_.head(fixed).cwiseQuotient(base_sigma_.head(fixed));
+  if (open > 0)
+    x.tail(open) = normal.bottomRightCorner(open, open)
+                       .llt()
+                       .solve(along_.tail(open) - normal.bottomLeftCorner(open, fixed) * x.head(fixed));
+  return -0.5 * centred_.squaredNorm() + along_.dot(x) - 0.5 * x.dot(normal * x);
+}
+
 Eigen::VectorXd MeanModel::residual() const {
   const Eigen::VectorXd white = centred_ - base_ * factor_.solve(along_);
   // Correlated parts stay in; only the scale goes back to millimetres.

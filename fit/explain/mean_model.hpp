@@ -73,6 +73,10 @@ class MeanModel {
     double log_evidence = 0;  ///< Up to a constant of the data and their noise.
   };
   [[nodiscard]] Posterior posterior() const;
+  /// Log of the posterior density, up to the same constant, where the first `fixed` coefficients of the base
+  /// are as they stand in the prediction and all others are at their best: what a step away from there has to
+  /// improve.
+  [[nodiscard]] double density_here(Eigen::Index fixed) const;
   /// What the base cannot take up of an effect, mm; its priors resist.
   [[nodiscard]] Eigen::VectorXd remainder(const Eigen::VectorXd& column_mm) const;
   /// Residual means less the base's best fit, mm.

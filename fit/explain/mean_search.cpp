@@ -26,7 +26,8 @@ constexpr double strained = 7;              // log of the odds at which stated u
 constexpr double worth_a_move = 1.5, worth_fitting = -2;
 constexpr Eigen::Index rows_of_search = 6000, rows_of_last_search = 30000;
 constexpr std::size_t finalists = 7;
-constexpr double confirmed_by = 3;  // log-likelihood of places not fitted to
+constexpr double hardly_worse = 1.5, most_behind = 12;  // a rival that is simply more adjustable
+constexpr double confirmed_by = 3;                      // log-likelihood of places not fitted to
 
 bool moves_means(const Mechanism& m) {
   if (m.observable != Observable::range_mean) return false;
@@ -78,9 +79,18 @@ std::vector<double> starts_of(const Mechanism& m, const Parameter& p) {
   return list;
 }
 
+/// Worms make periods of a few degrees, a wheel or scale off its axis one or two periods in a turn; what lies
+/// between is nothing that a stage has, but at a few stage angles it can imitate everything.
+double price_of_gear(double period_deg) {
+  constexpr double fewest_teeth_deg = 7.5, odd = 3;
+  return period_deg < fewest_teeth_deg || std::abs(period_deg - 360) < 1 || std::abs(period_deg - 180) < 1
+             ? 0
+             : odd;
+}
+
 /// How far out of the ordinary a size is: catalogues' orders of magnitude may be wrong, but not by anything.
 double implausible(const Term& term) {
-  double price = 0;
+  double price = term.mechanism->id == "stage-periodic" ? price_of_gear(term.values[2]) : 0;
   for (std::size_t k = 0; k < term.values.size(); ++k) {
     const Parameter& p = term.mechanism->parameters[k];
     // At the end of what physics allows: the recording would rather have something else.
@@ -191,47 +201,89 @@ class Search {
       excess_ = 1;
   }
 
-  /// One Gauss-Newton step at the present prediction; the evidence is that before the step.
-  void step(Hypothesis& h) {
+  /// A hypothesis as it stands, how well it does there, and where a Gauss-Newton step leads.
+  struct Trial {
+    Hypothesis here, next;
+    double density = 0;  ///< Log, mount, walls and mechanisms as they stand.
+  };
+
+  Trial tried(const Hypothesis& h) {
+    place(h);
     MeanModel model(reduced_, noise_);
     Base base = base_columns(model, h);
     model.set_base(std::move(base.all.columns_mm), base.all.prior);
     const MeanModel::Posterior posterior = model.posterior();
-    h.evidence = posterior.log_evidence - base.all.price -
-                 price_of_mechanism * static_cast<double>(h.terms.size()) -
-                 price_of_unknown * static_cast<double>(h.shapes.size());
-    for (const Shape& shape : h.shapes) h.evidence -= shape.price;
+    Trial trial{h, h, 0};
+    Hypothesis& next = trial.next;
+    next.evidence = posterior.log_evidence - base.all.price -
+                    price_of_mechanism * static_cast<double>(h.terms.size()) -
+                    price_of_unknown * static_cast<double>(h.shapes.size());
+    for (const Shape& shape : h.shapes) next.evidence -= shape.price;
     const Eigen::VectorXd nuisance = h.nuisance.as_vector();
-    h.nuisance.set(nuisance + posterior.value.head(nuisance.size()));
+    next.nuisance.set(nuisance + posterior.value.head(nuisance.size()));
+    trial.density = model.density_here(nuisance.size());
+    next.density = trial.density;
     for (std::size_t t = 0; t < h.terms.size(); ++t) {
-      Term& term = h.terms[t];
+      Term& term = next.terms[t];
       const auto first = base.term_first[t], count = base.term_count[t];
       const std::vector<double> now = linear_coefficients(term);
       Eigen::VectorXd x = posterior.value.segment(first, count);
       for (std::size_t k = 0; k < now.size(); ++k) x[static_cast<Eigen::Index>(k)] += now[k];
       set_coefficients(term, x, posterior.covariance.block(first, first, count, count));
-      h.evidence -= implausible(term);
+      next.evidence -= implausible(term);
     }
     for (std::size_t s = 0; s < h.shapes.size(); ++s) {
       const Eigen::Index first = base.shape_first[s], last = base.shape_first[s + 1];
-      h.shapes[s].values.assign(posterior.value.data() + first, posterior.value.data() + last);
+      next.shapes[s].values.assign(posterior.value.data() + first, posterior.value.data() + last);
     }
+    return trial;
+  }
+
+  /// Part of the way from one to the other, which differs in values only.
+  static Hypothesis on_the_way(const Hypothesis& from, const Hypothesis& to, double share) {
+    if (share >= 1) return to;
+    const auto mixed = [share](const auto& a, const auto& b) { return (1 - share) * a + share * b; };
+    Hypothesis between = to;
+    between.nuisance.set(mixed(from.nuisance.as_vector(), to.nuisance.as_vector()));
+    for (std::size_t t = 0; t < to.terms.size(); ++t) {
+      Term& term = between.terms[t];
+      const std::vector<double> a = linear_coefficients(from.terms[t]), b = linear_coefficients(to.terms[t]);
+      Eigen::VectorXd middle(static_cast<Eigen::Index>(a.size()));
+      for (std::size_t k = 0; k < a.size(); ++k) middle[static_cast<Eigen::Index>(k)] = mixed(a[k], b[k]);
+      for (std::size_t k = 0; k < term.values.size(); ++k)
+        if (term.mechanism->parameters[k].role == Role::shape)
+          term.values[k] = mixed(from.terms[t].values[k], to.terms[t].values[k]);
+      const std::vector<double> sigma = term.sigma;
+      set_coefficients(term, middle, Eigen::MatrixXd::Zero(middle.size(), middle.size()));
+      term.sigma = sigma;
+    }
+    return between;
   }
 
   /// Steps until the evidence has settled. That of the first step is a promise of the linear model around the
-  /// values before it, and is not counted.
+  /// values before it, and is not counted. Before a wall that is met squarely, mount and wall turn ranges to
+  /// second order only: there a whole step would go back and forth between two sides.
   void fit(Hypothesis& h) {
-    constexpr int most_steps = 5;
-    place(h);
-    step(h);
-    Hypothesis best = h;
+    constexpr int usual_steps = 5, most_steps = 25;
+    constexpr double settled = 0.05, least_share = 0.1;
+    Trial now = tried(h);
+    Hypothesis best = now.next;
     best.evidence = -1e300;
-    for (int pass = 1; pass < most_steps; ++pass) {
-      const double before = h.evidence;
-      place(h);
-      step(h);
-      if (h.evidence > best.evidence) best = h;
-      if (std::abs(h.evidence - before) < 0.05) break;
+    double share = 1;
+    for (int pass = 1; pass < (share < 1 ? most_steps : usual_steps); ++pass) {
+      Trial then = tried(on_the_way(now.here, now.next, share));
+      if (then.density < now.density - settled && share > least_share) {
+        share /= 2;
+        continue;
+      }
+      const double settling = std::abs(then.next.evidence - now.next.evidence);
+      now = std::move(then);
+      if (now.next.evidence > best.evidence || share < 1) {
+        best = on_the_way(now.here, now.next, share);
+        best.evidence = now.next.evidence;
+        best.density = now.density;
+      }
+      if (settling < settled) break;
     }
     h = best;
   }
@@ -750,6 +802,13 @@ std::vector<Term> Search::only_priors(const Term& term, const Hypothesis& withou
   return set;
 }
 
+/// Akaike's: how well it fits, less one for everything that its mechanisms may adjust.
+double adjusted_fit(const Hypothesis& h) {
+  double fit = h.density;
+  for (const Term& term : h.terms) fit -= static_cast<double>(term.values.size());
+  return fit;
+}
+
 void Search::judge(Hypothesis& best, MeanResult& result) {
   auto said = std::move(result.stated_otherwise);
   result = MeanResult(reduced_.bench);
@@ -795,7 +854,7 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
     bool unnamed = false;
     for (const Scored& scored : list) {
       if (scored.shape && std::exchange(unnamed, true)) continue;
-      if (rivals.size() > 5 || scored.evidence < 0.3 * first_evidence) break;
+      if (rivals.size() > 7 || scored.evidence < 0.3 * first_evidence) break;
       const Hypothesis other = extended(less, scored);
       Rival rival;
       if (scored.shape)
@@ -803,6 +862,8 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
       else
         rival.term = other.terms.back();
       rival.behind = best.evidence - other.evidence;
+      rival.fits_as_well =
+          rival.behind < most_behind && adjusted_fit(other) > adjusted_fit(best) - hardly_worse;
       if (rival.behind < -0.5 && (!better || better->evidence < other.evidence)) better = other;
       rivals.push_back(rival);
     }

@@ -18,6 +18,7 @@ struct Hypothesis {
   std::vector<Shape> shapes;
   double evidence =
       -1e300;  ///< Log of the marginal likelihood, priors of mechanisms included; up to a constant.
+  double density = -1e300;  ///< Log of the posterior density at its best; up to a constant.
 
   [[nodiscard]] bool has(const Term& term) const;
   [[nodiscard]] std::vector<Active> active() const;
@@ -28,6 +29,8 @@ struct Rival {
   std::optional<Term> term;  ///< Empty: an unnamed function, or nothing at all.
   std::optional<Shape> shape;
   double behind = 0;  ///< Log of the evidence ratio, >= 0 when it is worse.
+  bool fits_as_well =
+      false;  ///< Worse only because it has more to adjust: the recording itself does not tell them apart.
 };
 
 struct HeldOutFigures {

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+#include <cmath>
+
 #include "fit/mechanism.hpp"
 
 namespace fit::mechanisms {
@@ -11,14 +13,17 @@ Mechanism make_air_index() {
   m.cause = "the refractive index of the air is not the one the lidar assumes";
   m.coordinate = Coordinate::range;
   m.formula_error = 0.02;
-  m.parameters = {{.name = "index_error", .typical = 1e-4, .largest = 3.2e-4}};
+  m.parameters = {{.name = "index_error", .typical = 1e-4, .largest = 3.2e-4},
+                  {.name = "index_error_per_k", .typical = 1e-6, .largest = 3e-6}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    return Effect{.range_mm = p[0] * c.range_mm};
+    const double warmer_k = std::isfinite(c.temperature_k) ? c.temperature_k : 0;
+    return Effect{.range_mm = (p[0] + p[1] * warmer_k) * c.range_mm};
   };
   m.says = [](const Finding& f) {
-    return "Distances are in proportion off by " +
-           with_uncertainty({1e6 * f.at("index_error").value, 1e6 * f.at("index_error").u}, "ppm") +
-           ", as little as the air's refractive index can cause.";
+    const auto ppm = [&](const char* name) { return Estimate{1e6 * f.at(name).value, 1e6 * f.at(name).u}; };
+    return "Distances are in proportion off by " + with_uncertainty(ppm("index_error"), "ppm") + " and by " +
+           with_uncertainty(ppm("index_error_per_k"), "ppm/K") +
+           " of the temperature, as little as the air's refractive index can cause.";
   };
   m.separate = "repeat on a day of other temperature and pressure";
   return m;
