@@ -17,6 +17,7 @@ namespace {
 
 constexpr double sure = 0.9;
 constexpr double close_behind = 3.5;  // log of the odds within which suspects are not told apart
+constexpr double not_excluded = 5;    // where some are not, those within this belong to them
 
 double largest_effect(const Reduced& reduced, const Term& term, double* at) {
   double largest = 0;
@@ -245,8 +246,12 @@ class Writer {
       const Term& term = means_.best.terms[t];
       std::vector<std::string> set{term.mechanism->id};
       std::vector<Term> members{term};
+      const auto is_near = [](const Rival& rival) {
+        return rival.term && (rival.behind < close_behind || rival.fits_as_well);
+      };
+      const bool doubt = std::ranges::any_of(means_.rivals[t], is_near);
       for (const Rival& rival : means_.rivals[t]) {
-        if (!rival.term || (rival.behind > close_behind && !rival.fits_as_well)) continue;
+        if (!is_near(rival) && !(doubt && rival.term && rival.behind < not_excluded)) continue;
         if (std::ranges::count(set, rival.term->mechanism->id)) continue;
         if (std::ranges::any_of(means_.best.terms,
                                 [&](const Term& o) { return o.mechanism == rival.term->mechanism; }))

@@ -165,6 +165,11 @@ class Search {
       Hypothesis other = from_unnamed(empty);
       if (other.evidence > best.evidence) best = other;
     }
+    if (!best.shapes.empty()) {
+      // And one unnamed function may hide that several mechanisms explain more together.
+      const Hypothesis other = climb(empty, finalists, true, false);
+      if (other.evidence > best.evidence) best = other;
+    }
     report(0.6);
     return best;
   }
@@ -194,7 +199,8 @@ class Search {
     Base base = base_columns(model, empty);
     model.set_base(std::move(base.all.columns_mm), base.all.prior);
     excess_ = excess_scatter(model);
-    const double doubt = 4 * 1.7 * std::sqrt(2.0 / std::max<double>(60, static_cast<double>(model.rows())));
+    // Four standard errors of a median of squares of which neighbours share two beams.
+    const double doubt = 4 * 3.4 / std::sqrt(std::max<double>(60, static_cast<double>(model.rows())));
     if (excess_ > 1 + doubt)
       noise_.factor *= excess_;
     else
@@ -604,12 +610,12 @@ class Search {
     return results;
   }
 
-  /// Adds, drops and exchanges until nothing helps.
-  Hypothesis climb(Hypothesis h, std::size_t tries, bool exchange = true) {
+  /// Adds, drops and exchanges until nothing helps. `unnamed`: functions without a name may be added too.
+  Hypothesis climb(Hypothesis h, std::size_t tries, bool exchange = true, bool unnamed_too = true) {
     for (int move = 0; move < 8; ++move) {
       bool moved = false;
       if (h.terms.size() + h.shapes.size() < 4) {
-        std::vector<Scored> list = scan(h, nullptr, true, h.shapes.size() < 2);
+        std::vector<Scored> list = scan(h, nullptr, true, unnamed_too && h.shapes.size() < 2);
         // Unnamed functions are many: only the best of them competes.
         bool unnamed = false;
         std::erase_if(list, [&](const Scored& s) { return s.shape ? std::exchange(unnamed, true) : false; });

@@ -462,6 +462,31 @@ std::vector<Scan> scans_of(const Reduced& reduced) {
   return scans;
 }
 
+/// Faces do not drift: a pattern that grows or fades within a capture, or from the first capture to the last,
+/// is something else. `values`: of the faces, mm.
+bool grows_or_fades(const std::vector<Scan>& scans, const std::vector<double>& values, double inflate) {
+  const double last = std::max(1, scans.back().group);
+  const auto significance = [&](const auto& place) {
+    // The pattern with a slope beside the pattern itself, whose size is open.
+    Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
+    Eigen::Vector2d score = Eigen::Vector2d::Zero();
+    for (const Scan& s : scans) {
+      const double size = values[static_cast<std::size_t>(s.seq) % values.size()];
+      const Eigen::Vector2d x(size, size * place(s));
+      information += s.information(0, 0) * x * x.transpose();
+      score += s.score[0] * x;
+    }
+    const double own = information(1, 1) - information(0, 1) * information(0, 1) / information(0, 0);
+    if (!(own > 1e-9 * information(1, 1)) || !(information(1, 1) > 0)) return 0.0;
+    const double slope = score[1] - information(0, 1) / information(0, 0) * score[0];
+    return 0.5 * slope * slope / own / inflate;
+  };
+  constexpr double beyond_chance = 6;
+  return significance([](const Scan& s) { return (s.seq - (s.scans - 1) / 2.0) / std::max(1, s.scans); }) >
+             beyond_chance ||
+         significance([last](const Scan& s) { return s.group / last - 0.5; }) > beyond_chance;
+}
+
 /// Common ranges that depend on the scan's number only: mirror faces, or anything else.
 void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
   if (scans.size() < 20) return;
@@ -545,18 +570,7 @@ void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
   }
   double every_gain = 0;
   double every = longest <= 400 ? classes(longest, nullptr, &every_gain) : -1;
-  // Faces do not drift: a pattern that grows or fades within a capture is something else.
-  double drift = 0, drift_information = 0;
-  if (facet.evidence > accept_at) {
-    const auto facets = static_cast<std::size_t>(facet.parameters.at("facets").value);
-    for (const Scan& s : scans) {
-      const double size = best_values[static_cast<std::size_t>(s.seq) % facets];
-      const double x = size * (s.seq - (s.scans - 1) / 2.0) / std::max(1, s.scans);
-      drift += x * (s.score[0] - s.information(0, 0) * size);
-      drift_information += x * x * s.information(0, 0);
-    }
-  }
-  const bool drifts = drift_information > 0 && 0.5 * drift * drift / drift_information / inflate > 6;
+  const bool drifts = facet.evidence > accept_at && grows_or_fades(scans, best_values, inflate);
   if (drifts && every < facet.evidence) every = facet.evidence;
   // Captures that hardly see a face twice must say so better than any pattern of scans does.
   const bool repeats = facet.evidence > accept_at && 2 * facet.parameters.at("facets").value <= longest;

@@ -175,23 +175,22 @@ Oracle::Refit Oracle::left_at(const Eigen::VectorXd& beta, const std::vector<Exp
 }
 
 Oracle::Refit Oracle::refit(const std::vector<Expectation>& seen, bool with_priors,
-                            Eigen::VectorXd beta) const {
+                            const Eigen::VectorXd& beta) const {
   const double stiffness = with_priors ? 1 : loose;
   const Eigen::MatrixXd& inverse = with_priors ? inverse_with_ : inverse_without_;
   Refit best = left_at(beta, seen, stiffness);
-  for (int pass = 0; pass < 4; ++pass) {
-    Eigen::VectorXd step =
-        inverse * (nuisance_.transpose() * weight_.cwiseProduct(best.left) - stiffness * beta);
-    Refit now;
-    double gained = 0;
-    for (int halving = 0; halving < 4 && !(gained > 0); ++halving, step /= 2) {
-      now = left_at(beta + step, seen, stiffness);
-      gained = best.squares - now.squares;
-      if (gained > 0) beta += step;
-    }
-    if (!(gained > 0)) break;
-    best = now;
-    if (gained < 1e-3 * best.squares) break;
+  // Before a wall that is met squarely, angles act to second order only: whole steps go back and forth there.
+  double share = 1;
+  for (int pass = 0; pass < 40 && share > 0.05; ++pass) {
+    const Eigen::VectorXd step =
+        inverse * (nuisance_.transpose() * weight_.cwiseProduct(best.left) - stiffness * best.beta);
+    const Refit now = left_at(best.beta + share * step, seen, stiffness);
+    const double gained = best.squares - now.squares;
+    if (gained > 0) best = now;
+    if (gained <= 0)
+      share /= 2;
+    else if (gained < 1e-4 * best.squares)
+      break;
   }
   return best;
 }

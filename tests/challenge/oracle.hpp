@@ -62,7 +62,7 @@ class Oracle {
   [[nodiscard]] Refit left_at(const Eigen::VectorXd& beta, const std::vector<Expectation>& seen,
                               double stiffness) const;
   [[nodiscard]] Refit refit(const std::vector<Expectation>& seen, bool with_priors,
-                            Eigen::VectorXd beta) const;
+                            const Eigen::VectorXd& beta) const;
   [[nodiscard]] Eigen::VectorXd project(const Eigen::VectorXd& shift, bool with_priors) const;
   /// Squared signal-to-noise in the logarithm of intensity, after the claimed law's coefficients and every
   /// wall's reflectance have been re-fitted under their uncertainties; added to `information`.
