@@ -72,14 +72,14 @@ void pool_variances(Reduced& reduced, const MeanNoise& noise) {
   }
 }
 
-MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise, int stride) : reduced_(&reduced) {
+MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise) : reduced_(&reduced) {
   std::vector<double> weights, residuals;
   for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
     const Group& group = reduced.groups[g];
     const auto first = static_cast<Eigen::Index>(row_.size());
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       const Cell& cell = reduced.cells[i];
-      if (!cell.smooth || static_cast<int>(i % static_cast<std::size_t>(stride)) != 0) continue;
+      if (!cell.smooth) continue;
       row_.push_back(i);
       const double v = cell.pooled_mm2;
       weights.push_back(

@@ -28,8 +28,7 @@ struct Prior {
 /// accepted mechanisms) is marginalised, so that nothing is blamed on a suspect which they explain.
 class MeanModel {
  public:
-  /// `stride` thins the cells for a search; every weight stays.
-  MeanModel(const Reduced& reduced, const MeanNoise& noise, int stride = 1);
+  MeanModel(const Reduced& reduced, const MeanNoise& noise);
 
   [[nodiscard]] Eigen::Index rows() const { return static_cast<Eigen::Index>(row_.size()); }
   [[nodiscard]] const Bench& bench() const { return reduced_->bench; }

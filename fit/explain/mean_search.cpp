@@ -21,12 +21,13 @@ namespace {
 using Role = Parameter::Role;
 
 constexpr double price_of_mechanism = 4.0;  // log odds against any one of the catalogue
-constexpr double price_of_unknown = 10.0;   // a name that explains as much is preferred
+constexpr double price_of_unknown = 7.0;    // the catalogue is tried first
+constexpr double worth_a_name = 3;          // a name that explains as much is preferred
 constexpr double strained = 7;              // log of the odds at which stated uncertainties are not believed
-constexpr double worth_a_move = 1.5, worth_fitting = -2;
-constexpr Eigen::Index rows_of_search = 6000, rows_of_last_search = 30000;
+constexpr double worth_a_first_name = 0.3, worth_a_move = 1.5, worth_fitting = -2;
+constexpr std::size_t rows_of_search = 6000, rows_of_last_search = 30000;
 constexpr std::size_t finalists = 7;
-constexpr double hardly_worse = 1.5, most_behind = 12;  // a rival that is simply more adjustable
+constexpr double hardly_worse = 2.2, most_behind = 12;  // a rival that is simply more adjustable
 constexpr double confirmed_by = 3;                      // log-likelihood of places not fitted to
 
 bool moves_means(const Mechanism& m) {
@@ -133,7 +134,7 @@ class Search {
     settle(empty);
     report(0.05);
     Hypothesis best(reduced_.bench);
-    if (stride_of(rows_of_search) > 1) {
+    if (is_larger_than(rows_of_search)) {
       // A large session is searched with neighbouring beams taken together first; what is found there is the
       // start of the full search.
       Reduced few = merged(reduced_, rows_of_search);
@@ -155,6 +156,19 @@ class Search {
   [[nodiscard]] const MeanNoise& noise() const { return noise_; }
 
  private:
+  /// How far names may be behind unnamed functions. Where one is a curve of what a named mechanism depends on
+  /// too, it may be that mechanism by another formula.
+  static double preference(const Hypothesis& named, const Hypothesis& unnamed) {
+    double sum = 0;
+    for (const Shape& shape : unnamed.shapes) {
+      const bool same = std::ranges::any_of(named.terms, [&](const Term& term) {
+        return term.mechanism->coordinate == shape.coordinate && shape.kind == Shape::Kind::smooth;
+      });
+      sum += same ? 2 * worth_a_name : worth_a_name;
+    }
+    return sum;
+  }
+
   /// Both ways up from a start, which may be far from its best values.
   Hypothesis explore(Hypothesis empty) {
     fit(empty);
@@ -168,7 +182,7 @@ class Search {
     if (!best.shapes.empty()) {
       // And one unnamed function may hide that several mechanisms explain more together.
       const Hypothesis other = climb(empty, finalists, true, false);
-      if (other.evidence > best.evidence) best = other;
+      if (other.evidence > best.evidence - preference(other, best)) best = other;
     }
     report(0.6);
     return best;
@@ -185,13 +199,62 @@ class Search {
   void settle(Hypothesis& h) {
     constexpr int most_passes = 4;
     fit(h);
+    if (h.terms.empty() && !fits_most(h)) {
+      const Hypothesis other = trimmed(h);
+      if (fits_most(other)) h = other;
+    }
     for (int pass = 0; pass < most_passes; ++pass) {
       std::vector<Active> at_work = h.active();
       for (const Term& term : known_terms(reduced_.bench)) at_work.push_back(term.active());
-      if (reassign(reduced_, h.nuisance, at_work, noise_.footprint_rad) == 0) break;
+      if (reassign(reduced_, h.nuisance, at_work, noise_.footprint_rad, fits_most(h)) == 0) break;
       pool_variances(reduced_, noise_);
       fit(h);
     }
+  }
+
+  /// How far the beams are off at a hypothesis, in standard uncertainties; in the order of the smooth cells.
+  std::vector<double> deviations(const Hypothesis& h) {
+    place(h);
+    const MeanModel model(reduced_, noise_);
+    std::vector<double> list(static_cast<std::size_t>(model.rows()));
+    for (Eigen::Index i = 0; i < model.rows(); ++i)
+      list[static_cast<std::size_t>(i)] = std::abs(model.raw_residual()[i]) / model.sigma_of_mean(i);
+    return list;
+  }
+
+  static double median_of(std::vector<double> list) {
+    if (list.empty()) return 0;
+    const auto middle = list.begin() + static_cast<std::ptrdiff_t>(list.size() / 2);
+    std::ranges::nth_element(list, middle);
+    return *middle;
+  }
+
+  /// Whether most beams are explained but for noise. Otherwise mount and walls were bent to explain something
+  /// else, and no beam may be left out by where they stand.
+  bool fits_most(const Hypothesis& h) {
+    constexpr double median_of_chance = 0.6745;
+    return h.shapes.empty() && median_of(deviations(h)) < 1.4 * median_of_chance;
+  }
+
+  /// Mount and walls fitted to the beams that agree with each other: what lies far off, such as beams that
+  /// meet another wall than the bench file says, has no say.
+  Hypothesis trimmed(Hypothesis h) {
+    constexpr int most_passes = 8;
+    std::size_t before = 0;
+    for (int pass = 0; pass < most_passes; ++pass) {
+      const std::vector<double> off = deviations(h);
+      const double far = std::max(4.0, 2.5 * 1.4826 * median_of(off));
+      std::vector<Cell*> without;
+      std::size_t row = 0;
+      for (Cell& cell : reduced_.cells)
+        if (cell.smooth && off[row++] > far) without.push_back(&cell);
+      for (Cell* cell : without) cell->smooth = false;
+      fit(h);
+      for (Cell* cell : without) cell->smooth = true;
+      if (without.size() == before) break;
+      before = without.size();
+    }
+    return h;
   }
 
   void find_excess(Hypothesis& empty) {
@@ -205,6 +268,11 @@ class Search {
       noise_.factor *= excess_;
     else
       excess_ = 1;
+  }
+
+  /// Beside a name, what is left is sooner a fault of its formula.
+  static double price_of_unnamed(const Hypothesis& h) {
+    return static_cast<double>(h.shapes.size()) * (price_of_unknown + (h.terms.empty() ? 0 : worth_a_name));
   }
 
   /// A hypothesis as it stands, how well it does there, and where a Gauss-Newton step leads.
@@ -222,8 +290,7 @@ class Search {
     Trial trial{h, h, 0};
     Hypothesis& next = trial.next;
     next.evidence = posterior.log_evidence - base.all.price -
-                    price_of_mechanism * static_cast<double>(h.terms.size()) -
-                    price_of_unknown * static_cast<double>(h.shapes.size());
+                    price_of_mechanism * static_cast<double>(h.terms.size()) - price_of_unnamed(h);
     for (const Shape& shape : h.shapes) next.evidence -= shape.price;
     const Eigen::VectorXd nuisance = h.nuisance.as_vector();
     next.nuisance.set(nuisance + posterior.value.head(nuisance.size()));
@@ -278,9 +345,10 @@ class Search {
     double share = 1;
     for (int pass = 1; pass < (share < 1 ? most_steps : usual_steps); ++pass) {
       Trial then = tried(on_the_way(now.here, now.next, share));
-      if (then.density < now.density - settled && share > least_share) {
+      if (then.density < now.density - settled) {
         share /= 2;
-        continue;
+        if (share < least_share && best.evidence > -1e299) break;
+        if (share >= least_share) continue;
       }
       const double settling = std::abs(then.next.evidence - now.next.evidence);
       now = std::move(then);
@@ -296,16 +364,16 @@ class Search {
 
   // ---- looking for one more
   // --------------------------------------------------------------------------------
-  [[nodiscard]] int stride_of(Eigen::Index rows) const {
-    Eigen::Index smooth = 0;
-    for (const Cell& cell : reduced_.cells) smooth += cell.smooth;
-    return static_cast<int>(std::max<Eigen::Index>(1, (smooth + rows - 1) / rows));
+  [[nodiscard]] bool is_larger_than(std::size_t rows) const {
+    return static_cast<std::size_t>(std::ranges::count_if(reduced_.cells, &Cell::smooth)) > rows;
   }
 
   /// Every mechanism not in `h` (nor in `but`), on top of it.
   std::vector<Scored> scan(const Hypothesis& h, const Term* but, bool named, bool unnamed) {
     place(h);
-    MeanModel model(reduced_, noise_, stride_of(rows_of_last_search));
+    std::optional<Reduced> few;
+    if (is_larger_than(rows_of_last_search)) few = merged(reduced_, rows_of_last_search);
+    MeanModel model(few ? *few : reduced_, noise_);
     Base base = base_columns(model, h);
     model.set_base(std::move(base.all.columns_mm), base.all.prior);
     std::vector<Term> terms;
@@ -620,7 +688,11 @@ class Search {
         bool unnamed = false;
         std::erase_if(list, [&](const Scored& s) { return s.shape ? std::exchange(unnamed, true) : false; });
         const auto candidates = best_of(h, list, tries);
-        if (!candidates.empty() && candidates.front().evidence > h.evidence + worth_a_move) {
+        // In 100 recordings with nothing missing no first name came nearer than 1 to being worth it.
+        const bool first_name =
+            h.terms.empty() && h.shapes.empty() && !candidates.empty() && candidates.front().shapes.empty();
+        const double worth = first_name ? worth_a_first_name : worth_a_move;
+        if (!candidates.empty() && candidates.front().evidence > h.evidence + worth) {
           h = candidates.front();
           moved = true;
         }
@@ -860,14 +932,15 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
     bool unnamed = false;
     for (const Scored& scored : list) {
       if (scored.shape && std::exchange(unnamed, true)) continue;
-      if (rivals.size() > 7 || scored.evidence < 0.3 * first_evidence) break;
+      if (rivals.size() > 7 || (rivals.size() > 2 && scored.evidence < 0.3 * first_evidence)) break;
       const Hypothesis other = extended(less, scored);
       Rival rival;
       if (scored.shape)
         rival.shape = scored.shape;
       else
         rival.term = other.terms.back();
-      rival.behind = best.evidence - other.evidence;
+      rival.behind =
+          best.evidence - other.evidence + (scored.shape && other.terms.empty() ? worth_a_name : 0);
       rival.fits_as_well =
           rival.behind < most_behind && adjusted_fit(other) > adjusted_fit(best) - hardly_worse;
       if (rival.behind < -0.5 && (!better || better->evidence < other.evidence)) better = other;

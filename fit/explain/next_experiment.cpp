@@ -136,7 +136,10 @@ CaptureInfo aimed(const Bench& bench, const Target& target) {
 
 /// Smallest evidence that separates a pair, both ways.
 double separation(const Reduced& all, const std::vector<Term>& suspects) {
-  const MeanModel plain(all, {}, 1 + static_cast<int>(all.cells.size() / 12000));
+  constexpr std::size_t enough = 12000;
+  const std::optional<Reduced> few =
+      all.cells.size() > enough ? std::optional(merged(all, enough)) : std::nullopt;
+  const MeanModel plain(few ? *few : all, {});
   double least = 1e300;
   for (const Term& truth : suspects) {
     for (const Term& rival : suspects) {

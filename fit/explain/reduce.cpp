@@ -543,7 +543,7 @@ void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
 }
 
 int reassign(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
-             double footprint_rad) {
+             double footprint_rad, bool may_leave_out) {
   const Mount& mount = reduced.bench.lidar.mount;
   const double edge_margin = std::max(0.6 * rad_per_deg, 3.5 * footprint_rad);
   constexpr double doubt_left = 0.15;  // of the priors' sway
@@ -568,7 +568,7 @@ int reassign(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
     };
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       Cell& cell = reduced.cells[i];
-      if (!cell.doubtful && !cell.smooth) continue;
+      if (!cell.doubtful && !(cell.smooth && may_leave_out)) continue;
       Effect effect;
       for (const Active& active : at_work)
         if (active.target < 0 || active.target == cell.at.target)

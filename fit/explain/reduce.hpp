@@ -97,11 +97,11 @@ void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
              bool may_leave_out);
 
 /// Says anew which cells may be compared, once mount and walls are fitted: leaves out those that meet another
-/// target or a corner there, and takes doubtful ones in again that are farther from corners and edges than
-/// what is left of the doubt, and than `footprint_rad`, the beam's standard half width if it is known.
-/// Returns how many changed.
+/// target or a corner there (if it `may_leave_out`), and takes doubtful ones in again that are farther from
+/// corners and edges than what is left of the doubt, and than `footprint_rad`, the beam's standard half width
+/// if it is known. Returns how many changed.
 int reassign(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
-             double footprint_rad);
+             double footprint_rad, bool may_leave_out);
 
 /// The session with neighbouring smooth cells on one target taken together, so that about `rows` of them
 /// remain: what a search of smooth functions needs. Their deviations from the present prediction are averaged
