@@ -1103,6 +1103,21 @@ double price_of_shape(double gain, double places) {
   return std::max(0.0, std::log(places)) + 0.5 * std::log(1 + std::max(0.0, gain) / 2);
 }
 
+/// Where distances come in coarse steps, a cell's variance and memory depend on where its mean lies between
+/// two of them. What makes less of a difference than that is not believed.
+void distrust_beside_coarse_steps(const Reduced& reduced, SpreadResult& result) {
+  const auto is = [](const char* id) { return [id](const Suspect& s) { return s.mechanism->id == id; }; };
+  if (std::ranges::none_of(result.accepted, is("rounding"))) return;
+  constexpr double share =
+      0.05;  // of the variance; its log-likelihood grows by a quarter of the share's square a sample
+  const double least = share * share / 4 * static_cast<double>(reduced.samples);
+  std::erase_if(result.accepted, [&](const Suspect& s) {
+    const bool of_noise = is("angle-jitter")(s) || is("correlated-noise")(s) || is("intensity-noise")(s) ||
+                          is("sunlight")(s) || is("range-noise")(s);
+    return of_noise && s.gain < least;
+  });
+}
+
 SpreadResult explain_spread(const Reduced& given) {
   Reduced reduced;  // only the sectors are changed: what a swinging stage explains is taken off
   reduced.bench = given.bench;
@@ -1131,6 +1146,7 @@ SpreadResult explain_spread(const Reduced& given) {
   for (const Suspect& s : result.accepted)
     if (s.mechanism->id == "angle-jitter") jitter = 1;
   search.run(result, jitter);
+  distrust_beside_coarse_steps(given, result);
   losses(given, result);
   return result;
 }
