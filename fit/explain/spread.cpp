@@ -880,6 +880,9 @@ void strays(const Reduced& reduced, SpreadResult& result) {
   double strays = 0, samples = 0;
   for (const Cell& cell : reduced.cells) {
     if (!cell.smooth || reduced.groups[static_cast<std::size_t>(cell.group)].scans < 4) continue;
+    // A wide beam meets what stands behind an edge from farther away than most: no stray.
+    constexpr double reach_rad = 1.2 * rad_per_deg;
+    if (cell.at.gap_mm != 0 && std::abs(cell.at.edge_rad) < reach_rad) continue;
     strays += cell.far;
     samples += cell.n + cell.stray;
   }
