@@ -147,8 +147,7 @@ struct Client::Impl {
     if (failed == asio::error::operation_aborted && !watchdog->expired)
       throw boost::system::system_error(failed);
     fail(Kind::connection_lost, "the connection to the lidar at " + address() + " was lost while " + during +
-                                    " (" + failed.message() +
-                                    "). Check its power and network cable; reconnect to go on");
+                                    " (" + failed.message() + "). Check its power and network cable");
   }
 
   /// One read; returns false when the deadline passed first. Bytes read before it are kept.
@@ -499,6 +498,10 @@ awaitable<void> Client::Impl::start(StreamRequest wanted) {
       continue;
     }
     const StatusKind kind = kind_of(answer->status, asked);
+    if (kind == StatusKind::scan_data) {  // it streams, but its acknowledgement was spoilt on the way
+      co_await end_stream();
+      continue;
+    }
     if (kind != StatusKind::done && kind != StatusKind::already)
       fail(kind == StatusKind::hardware_fault ? Kind::hardware_fault : Kind::refused,
            "the lidar at " + address() + " will not measure: status " + answer->status + ", " +
@@ -633,8 +636,8 @@ void Client::Impl::no_scan_came() {
     fail(Kind::bad_answer, "only damaged scans (" + std::to_string(bad_in_a_row) +
                                ") arrived from the lidar at " + address() + " in " + limit +
                                ". Check the network cable; reconnecting may help");
-  fail(Kind::no_answer, "the lidar at " + address() + " sent no scan for " + limit +
-                            ". Check its power and network cable; reconnect to go on");
+  fail(Kind::no_answer,
+       "the lidar at " + address() + " sent no scan for " + limit + ". Check its power and network cable");
 }
 
 awaitable<void> Client::Impl::stop() {

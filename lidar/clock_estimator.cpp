@@ -65,7 +65,8 @@ std::uint64_t ClockEstimator::unwrap(std::uint32_t stamp_ms, double host_us) {
     const std::uint32_t forward = (stamp_ms - static_cast<std::uint32_t>(unwrapped_)) & timer_mask;
     const bool backwards = forward > timer_mask / 2;
     const std::uint32_t back = (timer_mask + 1 - forward) & timer_mask;
-    if (backwards && back < late_answer_ms) return unwrapped_ - back;
+    // Nothing is older than the timer's zero: just after the start, a stamp from before is a new timer's.
+    if (backwards && back < late_answer_ms && back <= unwrapped_) return unwrapped_ - back;
     if (const std::uint64_t turned = forward_through_silence(forward, host_us); turned > 0) {
       unwrapped_ += turned;
     } else if (backwards) {

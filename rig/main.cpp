@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <cstdio>
 #include <exception>
+#include <string>
 #include <vector>
 
 #include "rig/command.hpp"
@@ -9,6 +10,18 @@
 namespace rig::commands {
 std::vector<std::unique_ptr<Command>> all();
 }
+
+namespace {
+
+/// Words of files and devices stand in messages: control characters in them must not reach the terminal.
+void tell(const std::exception& error) {
+  std::string words = error.what();
+  for (char& c : words)
+    if ((static_cast<unsigned char>(c) < 0x20 && c != '\n' && c != '\t') || c == 0x7F) c = '?';
+  std::fprintf(stderr, "rig: %s\n", words.c_str());
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
   CLI::App app{"Calibration rig controller: runs procedures on a lidar and a rotary stage, fits, explains, reports."};
@@ -28,13 +41,13 @@ int main(int argc, char** argv) {
     for (std::size_t i = 0; i < commands.size(); ++i)
       if (declared[i]->parsed()) return commands[i]->run();
   } catch (const rig::UsageError& error) {
-    std::fprintf(stderr, "rig: %s\n", error.what());
+    tell(error);
     return 2;
   } catch (const rig::DeviceError& error) {
-    std::fprintf(stderr, "rig: %s\n", error.what());
+    tell(error);
     return 3;
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "rig: %s\n", error.what());
+    tell(error);
     return 1;
   }
   return 0;

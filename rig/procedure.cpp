@@ -674,7 +674,7 @@ std::string find_procedure(const std::string& path_or_name) {
   throw UsageError(
       "there is no procedure '" + path_or_name + "'" +
       (meant.empty() ? "" : "; did you mean '" + meant + "'?") +
-      (names.empty() ? " Give the path of a procedure file." : " Ready ones: " + quoted_list(names) + "."));
+      (names.empty() ? ". Give the path of a procedure file." : " Ready ones: " + quoted_list(names) + "."));
 }
 
 // --- the schema

@@ -36,10 +36,6 @@ fit::CaptureInfo Runner::Impl::info_of(const CaptureRequest& request) {
 
 awaitable<std::int64_t> Runner::Impl::capture(CaptureRequest request) {
   if (recorded(request.key)) co_return progress_of(request.key).value("capture", std::int64_t{0});
-  if (request.rate_deg_s) {
-    auto turning = turning_capture(request);
-    co_return co_await std::move(turning);
-  }
   stop_if_aborted();
   const std::int64_t id = session.begin_capture(info_of(request));
   std::exception_ptr why, lost_at_end;
@@ -109,7 +105,10 @@ awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& reques
     auto reading = next_scan(stream_for(request, skip), &gate, failures);
     lidar::Scan scan = co_await std::move(reading);
     if (!gate.takes(scan, own_time ? 0 : settled_us)) {
-      if (gate.hopeless()) throw DeviceError(unfit_scans(request));
+      if (gate.hopeless()) {
+        auto beginning = begin_anew(request, failures);
+        co_await std::move(beginning);
+      }
       continue;
     }
     failures = 0;
@@ -132,6 +131,13 @@ std::string Runner::Impl::unfit_scans(const CaptureRequest& request) {
          "--resume.";
 }
 
+awaitable<void> Runner::Impl::begin_anew(const CaptureRequest& request, int& failures) {
+  if (++failures > failures_without_scan) throw DeviceError(unfit_scans(request));
+  auto reconnecting = reconnect_lidar(
+      std::make_exception_ptr(DeviceError("its scans are of other steps, or their stamps do not advance")));
+  co_await std::move(reconnecting);
+}
+
 void Runner::Impl::store(std::int64_t id, long seq, const lidar::Scan& scan) {
   fit::ScanView view;
   view.seq = seq;
@@ -152,40 +158,74 @@ void Runner::Impl::tell_losses(const CaptureRequest& request, std::uint64_t lost
          request.name + ": " + std::to_string(rejected) + " answers with wrong checksums were thrown away");
 }
 
-awaitable<std::int64_t> Runner::Impl::turning_capture(CaptureRequest request) {
+awaitable<std::int64_t> Runner::Impl::capture_turning(CaptureRequest request, double from_deg,
+                                                      const Place& place) {
+  if (recorded(request.key)) co_return progress_of(request.key).value("capture", std::int64_t{0});
   if (own_time)
     throw MeasurementError(
         "A turning capture needs scans and stage positions on one clock, and this lidar's clock does not "
         "run with this "
         "computer's. Run the simulator with --speed real.");
-  std::vector<lidar::Scan> scans;
-  Track track;
-  std::uint64_t lost = 0;
-  std::exception_ptr why;
-  try {
-    auto filling = fill_turning(request, scans, track, lost);
-    co_await std::move(filling);
-    auto asking = track_stage(track);
-    co_await std::move(asking);
-  } catch (...) {
-    why = std::current_exception();
+  const double rate_deg_s = *request.rate_deg_s;
+  TurningScans turned;
+  for (int attempt = 1;; ++attempt) {
+    auto going = move_to(from_deg, rate_deg_s > 0 ? 1 : -1, place);
+    co_await std::move(going);
+    std::exception_ptr why;
+    turned = TurningScans();
+    try {
+      auto turning = turn(rate_deg_s);
+      co_await std::move(turning);
+      auto filling = fill_turning(request, turned);
+      co_await std::move(filling);
+    } catch (...) {
+      why = std::current_exception();
+    }
+    if (!why) break;
+    // The stage stands before anything else; then the attempt is judged.
+    try {
+      auto recovering = recover_turn(why, attempt);
+      co_await std::move(recovering);
+      why = nullptr;
+    } catch (...) {
+      why = std::current_exception();
+    }
+    if (why) {
+      keep_short_turning(request, turned);
+      std::rethrow_exception(why);
+    }
   }
-  if (why) {
-    keep_short_turning(request, scans, track);
-    std::rethrow_exception(why);
-  }
-  const std::int64_t id = store_turning(request, scans, track, "");
-  tell_losses(request, lost, 0);
+  const std::int64_t id = store_turning(request, turned, "");
+  tell_losses(request, turned.lost, 0);
   // Nothing that the lidar does now may keep the stage turning.
-  auto standing = stop_turning();
+  auto standing = stop_turning_for_sure();
   co_await std::move(standing);
   auto stopping = stop_stream();
   co_await std::move(stopping);
   co_return id;
 }
 
-awaitable<void> Runner::Impl::fill_turning(const CaptureRequest& request, std::vector<lidar::Scan>& scans,
-                                           Track& track, std::uint64_t& lost) {
+awaitable<void> Runner::Impl::recover_turn(std::exception_ptr why, int attempt) {
+  const bool lidar_lost = is_lidar_lost(why);
+  if (aborted || attempt >= stage_attempts || (!lidar_lost && !is_stage_error(why)))
+    std::rethrow_exception(why);
+  if (!lidar_lost) note("warning", "stage: " + words_of(why));
+  note("warning", "the turn is broken off and begun anew");
+  auto standing = stop_turning_for_sure();
+  co_await std::move(standing);
+  stop_if_aborted();
+  if (lidar_lost) {
+    auto reconnecting = reconnect_lidar(why);
+    co_await std::move(reconnecting);
+  } else {
+    auto recovering = recover_stage(attempt, false);  // Which homes it if it lost its reference.
+    co_await std::move(recovering);
+    auto stopping = stop_stream();
+    co_await std::move(stopping);
+  }
+}
+
+awaitable<void> Runner::Impl::fill_turning(const CaptureRequest& request, TurningScans& turned) {
   ScanGate gate(request, known_bench.lidar.scan_hz, 0);
   gate.restart(seen_ms);
   const std::int64_t begun_us = parts.clock.host_us();
@@ -195,7 +235,7 @@ awaitable<void> Runner::Impl::fill_turning(const CaptureRequest& request, std::v
   const double longest_s = room_deg / std::abs(*request.rate_deg_s);
   auto starting = start_stream(stream_for(request, 0));
   co_await std::move(starting);
-  while (scans.size() < static_cast<std::size_t>(request.samples)) {
+  while (turned.scans.size() < static_cast<std::size_t>(request.samples)) {
     stop_if_aborted();
     const double passed_s = static_cast<double>(parts.clock.host_us() - begun_us) / 1e6;
     auto reading = next_scan_before_limit(longest_s - passed_s);
@@ -205,15 +245,17 @@ awaitable<void> Runner::Impl::fill_turning(const CaptureRequest& request, std::v
       continue;
     }
     show(scan);
-    scans.push_back(std::move(scan));
-    lost = gate.lost();
-    state.done = static_cast<long>(scans.size()), state.total = request.samples, state.unit = "scans";
+    turned.scans.push_back(std::move(scan));
+    turned.lost = gate.lost();
+    state.done = static_cast<long>(turned.scans.size()), state.total = request.samples, state.unit = "scans";
     changed();
-    if (scans.size() % 4 == 1) {
-      auto asking = track_stage(track);
+    if (turned.scans.size() % 4 == 1) {
+      auto asking = track_stage(turned.track);
       co_await std::move(asking);
     }
   }
+  auto asking = track_stage(turned.track);
+  co_await std::move(asking);
 }
 
 awaitable<lidar::Scan> Runner::Impl::next_scan_before_limit(double seconds) {
@@ -264,8 +306,9 @@ awaitable<void> Runner::Impl::track_stage(Track& track) {
   session.add_pose(pose);
 }
 
-std::int64_t Runner::Impl::store_turning(const CaptureRequest& request, const std::vector<lidar::Scan>& scans,
-                                         const Track& track, const std::string& mark) {
+std::int64_t Runner::Impl::store_turning(const CaptureRequest& request, const TurningScans& turned,
+                                         const std::string& mark) {
+  const auto& [scans, track, lost] = turned;
   fit::CaptureInfo info = info_of(request);
   info.started_us = session_us(scans.front());
   const auto [start_deg, rate_deg_s] = track.at_and_rate(static_cast<double>(info.started_us) / 1e6);
@@ -288,11 +331,11 @@ std::int64_t Runner::Impl::store_turning(const CaptureRequest& request, const st
   return id;
 }
 
-void Runner::Impl::keep_short_turning(const CaptureRequest& request, const std::vector<lidar::Scan>& scans,
-                                      const Track& track) {
-  if (scans.empty() || track.time_s.size() < 2) return;
+void Runner::Impl::keep_short_turning(const CaptureRequest& request, const TurningScans& turned) {
+  const std::vector<lidar::Scan>& scans = turned.scans;
+  if (scans.empty() || turned.track.time_s.size() < 2) return;
   try {
-    (void)store_turning(request, scans, track, "/short");
+    (void)store_turning(request, turned, "/short");
     note("warning", request.name + " is short: " + grouped(static_cast<long>(scans.size())) + " of " +
                         grouped(request.samples) + " scans");
   } catch (const std::exception&) {

@@ -50,10 +50,19 @@ class Gate {
 
 /// What an exception says to the operator.
 std::string words_of(const std::exception_ptr& why);
+/// The same with a full stop at its end: another sentence may follow.
+std::string sentence(const std::exception_ptr& why);
 json json_of(const Value& value);
 Value value_of(const json& stored);
 struct Track;
+struct TurningScans;
 class ScanGate;
+
+constexpr int stage_attempts = 3;  // Of a move, a homing, a turn.
+bool is_stage_error(const std::exception_ptr& why);
+bool is_stage_lost(const std::exception_ptr& why);
+/// The lidar's driver gave up: no answer, a closed connection, an answer that makes no sense.
+bool is_lidar_lost(const std::exception_ptr& why);
 
 struct Runner::Impl final : StepContext {
   Procedure procedure;
@@ -149,6 +158,7 @@ struct Runner::Impl final : StepContext {
   // Stage
 
   awaitable<void> home(bool again) override;
+  awaitable<void> home_once(bool again);
 
   awaitable<StageStatus> stage_status();
 
@@ -161,9 +171,12 @@ struct Runner::Impl final : StepContext {
 
   awaitable<void> recover_stage(int attempt, bool link_lost);
 
-  awaitable<void> turn(double rate_deg_s, const Place& place) override;
+  awaitable<void> turn(double rate_deg_s);
 
-  awaitable<void> stop_turning() override;
+  awaitable<void> stop_turning();
+
+  /// stop_turning(), after a link that was lost is opened anew.
+  awaitable<void> stop_turning_for_sure();
 
   // Lidar
 
@@ -204,16 +217,24 @@ struct Runner::Impl final : StepContext {
 
   static std::string unfit_scans(const CaptureRequest& request);
 
+  /// Connects a lidar anew whose scans do not belong to the capture (its timer may have jumped), unless that
+  /// happened too often since the caller last got what it wanted.
+  awaitable<void> begin_anew(const CaptureRequest& request, int& failures);
+
   void store(std::int64_t id, long seq, const lidar::Scan& scan);
 
   void tell_losses(const CaptureRequest& request, std::uint64_t lost, std::uint64_t rejected);
 
-  /// Captures while the stage turns. Scans wait in memory until the stage's track during them is known: the
-  /// angle at the start comes from a line through the positions that the stage reported meanwhile.
-  awaitable<std::int64_t> turning_capture(CaptureRequest request);
+  awaitable<std::int64_t> capture_turning(CaptureRequest request, double from_deg,
+                                          const Place& place) override;
 
-  awaitable<void> fill_turning(const CaptureRequest& request, std::vector<lidar::Scan>& scans, Track& track,
-                               std::uint64_t& lost);
+  /// Scans of a turn wait in memory until the stage's track during them is known: the angle at the start
+  /// comes from a line through the positions that the stage reported meanwhile.
+  awaitable<void> fill_turning(const CaptureRequest& request, TurningScans& turned);
+
+  /// After a turn that failed: the stage stands, and what failed is connected anew, or `why` goes on to the
+  /// caller if another attempt is of no use.
+  awaitable<void> recover_turn(std::exception_ptr why, int attempt);
 
   /// The next scan, or the stage stopped after `seconds`, when it comes to its soft limit, and an error.
   awaitable<lidar::Scan> next_scan_before_limit(double seconds);
@@ -222,10 +243,9 @@ struct Runner::Impl final : StepContext {
 
   awaitable<void> track_stage(Track& track);
 
-  std::int64_t store_turning(const CaptureRequest& request, const std::vector<lidar::Scan>& scans,
-                             const Track& track, const std::string& mark);
-  void keep_short_turning(const CaptureRequest& request, const std::vector<lidar::Scan>& scans,
-                          const Track& track);
+  std::int64_t store_turning(const CaptureRequest& request, const TurningScans& turned,
+                             const std::string& mark);
+  void keep_short_turning(const CaptureRequest& request, const TurningScans& turned);
 
   awaitable<void> wait(double seconds) override;
 

@@ -85,7 +85,7 @@ awaitable<void> Runner::Impl::connect_lidar() {
 
 awaitable<void> Runner::Impl::reconnect_lidar(std::exception_ptr why) {
   streaming = false;
-  note("warning", "lidar lost: " + words_of(why) + "; connecting anew");
+  note("warning", "lidar lost: " + sentence(why) + " The rig connects to it anew.");
   double pause_s = 0.5;
   for (int attempt = 1; attempt <= connect_attempts; ++attempt, pause_s *= 2) {
     stop_if_aborted();
@@ -107,7 +107,7 @@ awaitable<void> Runner::Impl::reconnect_lidar(std::exception_ptr why) {
     }
   }
   stop_if_aborted();
-  throw DeviceError("The lidar was lost and did not come back: " + words_of(why) +
+  throw DeviceError("The lidar was lost and did not come back: " + sentence(why) +
                     " The stage stands, and what was captured is in " + session.path() +
                     ". Check the lidar's power and cable, then go on with --resume.");
 }

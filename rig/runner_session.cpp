@@ -22,6 +22,12 @@ std::string words_of(const std::exception_ptr& why) {
   }
 }
 
+std::string sentence(const std::exception_ptr& why) {
+  std::string words = words_of(why);
+  if (!words.empty() && std::string(".!?").find(words.back()) == std::string::npos) words += '.';
+  return words;
+}
+
 json json_of(const Value& value) {
   if (const auto* number = std::get_if<double>(&value)) return *number;
   if (const auto* flag = std::get_if<bool>(&value)) return *flag;

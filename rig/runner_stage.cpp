@@ -5,11 +5,18 @@
 #include "rig/runner_impl.hpp"
 
 namespace rig {
-namespace {
 
-constexpr int stage_attempts = 3;
+bool is_stage_error(const std::exception_ptr& why) {
+  try {
+    std::rethrow_exception(why);
+  } catch (const StageError&) {
+    return true;
+  } catch (...) {
+    return false;
+  }
+}
 
-bool is_lost(const std::exception_ptr& why) {
+bool is_stage_lost(const std::exception_ptr& why) {
   try {
     std::rethrow_exception(why);
   } catch (const StageLost&) {
@@ -19,9 +26,37 @@ bool is_lost(const std::exception_ptr& why) {
   }
 }
 
-}  // namespace
+bool is_lidar_lost(const std::exception_ptr& why) {
+  try {
+    std::rethrow_exception(why);
+  } catch (const StageError&) {
+    return false;
+  } catch (const DeviceError&) {
+    return true;
+  } catch (...) {
+    return false;
+  }
+}
 
 awaitable<void> Runner::Impl::home(bool again) {
+  for (int attempt = 1;; ++attempt) {
+    std::exception_ptr why;
+    try {
+      auto homing = home_once(again);
+      co_await std::move(homing);
+      co_return;
+    } catch (...) {
+      why = std::current_exception();
+    }
+    stop_if_aborted();
+    if (attempt >= stage_attempts || !is_stage_error(why)) std::rethrow_exception(why);
+    note("warning", "stage: " + sentence(why) + " It is homed again.");
+    auto recovering = recover_stage(attempt, is_stage_lost(why));
+    co_await std::move(recovering);
+  }
+}
+
+awaitable<void> Runner::Impl::home_once(bool again) {
   auto asking = stage_status();
   const StageStatus status = co_await std::move(asking);
   if (!status.homed || again) {
@@ -109,8 +144,8 @@ awaitable<double> Runner::Impl::drive_to(double target_deg) {
     }
     stop_if_aborted();
     if (attempt >= stage_attempts) std::rethrow_exception(why);
-    note("warning", "stage: " + words_of(why) + "; trying again");
-    auto recovering = recover_stage(attempt, is_lost(why));
+    note("warning", "stage: " + sentence(why) + " The rig tries again.");
+    auto recovering = recover_stage(attempt, is_stage_lost(why));
     co_await std::move(recovering);
   }
 }
@@ -132,7 +167,7 @@ awaitable<void> Runner::Impl::recover_stage(int attempt, bool link_lost) {
     position_deg = status.position_deg;
     if (!status.homed && !procedure.stage.unhomed) {
       note("warning", "the stage has lost its reference and is homed again");
-      auto homing = home(true);
+      auto homing = home_once(true);
       co_await std::move(homing);
     }
   } catch (...) {
@@ -142,8 +177,7 @@ awaitable<void> Runner::Impl::recover_stage(int attempt, bool link_lost) {
   if (why) note("warning", "stage: " + words_of(why));
 }
 
-awaitable<void> Runner::Impl::turn(double rate_deg_s, const Place& place) {
-  check_soft_limits(position_deg, place);
+awaitable<void> Runner::Impl::turn(double rate_deg_s) {
   stop_if_aborted();
   state.activity = "turning at " + to_text(rate_deg_s) + " deg/s";
   changed();
@@ -158,6 +192,23 @@ awaitable<void> Runner::Impl::stop_turning() {
   position_deg = readback_deg = (co_await std::move(asking)).position_deg;
   last_approach = 0;
   settled_us = 0;
+}
+
+awaitable<void> Runner::Impl::stop_turning_for_sure() {
+  std::exception_ptr why;
+  try {
+    auto stopping = stop_turning();
+    co_await std::move(stopping);
+    co_return;
+  } catch (...) {
+    why = std::current_exception();
+  }
+  stop_if_aborted();
+  note("warning", "stage: " + sentence(why) + " It is told to stop again.");
+  auto recovering = recover_stage(1, is_stage_lost(why));
+  co_await std::move(recovering);
+  auto stopping = stop_turning();
+  co_await std::move(stopping);
 }
 
 }  // namespace rig

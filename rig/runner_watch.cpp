@@ -66,7 +66,10 @@ awaitable<Runner::Impl::Look> Runner::Impl::look_at(Sight sight) {
     auto reading = next_scan(stream_for(request, 0), &gate, failures);
     const lidar::Scan scan = co_await std::move(reading);
     if (!gate.takes(scan, 0)) {
-      if (gate.hopeless()) throw DeviceError(unfit_scans(request));
+      if (gate.hopeless()) {
+        auto beginning = begin_anew(request, failures);
+        co_await std::move(beginning);
+      }
       continue;
     }
     failures = 0;

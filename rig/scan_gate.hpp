@@ -23,11 +23,14 @@ class ScanGate {
       : request_(request), period_ms_(1000.0 / scan_hz * (skip + 1)), half_scan_ms_(500.0 / scan_hz) {}
 
   /// A stream begins anew: its first scan may have begun before the command. Scans of before `seen_ms`, the
-  /// latest stamp since the lidar was connected, are an earlier stream's.
+  /// latest stamp since the lidar was connected, are an earlier stream's; without one it has just been
+  /// connected, and its stamps may have begun anew.
   void restart(std::optional<std::uint64_t> seen_ms) {
+    if (!seen_ms) taken_ms_.reset();
     fresh_ = true;
     last_ms_.reset();
     seen_ms_ = seen_ms;
+    refused_in_a_row_ = 0;
   }
 
   /// `settled_us`: host time before which the stage had not settled, or 0 if host times say nothing.
@@ -97,6 +100,13 @@ struct Track {
     const double rate = tt > 0 ? ta / tt : 0;
     return {mean_a + rate * (s - mean_t), rate};
   }
+};
+
+/// What came in while the stage turned.
+struct TurningScans {
+  std::vector<lidar::Scan> scans;
+  Track track;
+  std::uint64_t lost = 0;
 };
 
 }  // namespace rig

@@ -161,6 +161,14 @@ class WriterLock {
   WriterLock(const WriterLock&) = delete;
   WriterLock& operator=(const WriterLock&) = delete;
 
+  /// Whether the file still has its name: it may have been removed or replaced meanwhile.
+  [[nodiscard]] bool names(const std::string& path) const {
+    struct stat open {
+    }, named{};
+    if (fd_ < 0 || ::fstat(fd_, &open) != 0) return true;
+    return ::stat(path.c_str(), &named) == 0 && open.st_dev == named.st_dev && open.st_ino == named.st_ino;
+  }
+
  private:
   int fd_;
 };
@@ -441,6 +449,29 @@ struct SessionStore::Impl {
     make_durable();
   }
 
+  /// A session that was removed or replaced while it is written goes on without a name and ends with this
+  /// program: all of it is saved under another name, and the run stops.
+  void demand_name() {
+    if (!lock || lock->names(path)) return;
+    const std::string words = path + " was removed or replaced by another program while it was written. ";
+    const std::string name = std::filesystem::path(path).filename().string() + ".rescued";
+    using Folder = std::filesystem::path;
+    for (const Folder& refuge : {Folder(path).parent_path(), Folder("."), Folder("/tmp")}) {
+      const std::string rescued = (refuge / name).string();
+      try {
+        SQLite::Statement save(*database, "VACUUM INTO ?");
+        save.bind(1, rescued);
+        save.exec();
+      } catch (const SQLite::Exception&) {
+        continue;
+      }
+      sync_folder(rescued);
+      throw MeasurementError(words + "Everything captured was saved to " + rescued + ". Rename it to " +
+                             path + " and go on with --resume.");
+    }
+    throw MeasurementError(words + "It could not be saved elsewhere: what was captured is lost. Begin anew.");
+  }
+
   /// Made under another name and renamed, so that a session that exists is whole whenever the power fails.
   void make_empty() {
     const std::string unfinished = path + ".new";
@@ -683,6 +714,7 @@ void SessionStore::commit_capture(std::int64_t capture) {
       throw;
     }
     impl_->open_capture.reset();
+    impl_->demand_name();
   });
 }
 

@@ -108,12 +108,14 @@ class StepContext {
   /// Moves so that the last move has the sign `approach` (0: the shortest way), judges the read-back and
   /// returns it. Cheap if the stage stands there already.
   virtual awaitable<double> move_to(double target_deg, int approach, const Place& place) = 0;
-  virtual awaitable<void> turn(double rate_deg_s, const Place& place) = 0;
-  virtual awaitable<void> stop_turning() = 0;
   [[nodiscard]] virtual double stage_deg() const = 0;
 
   /// Captures, commits, and returns the capture's id; at once if its key is recorded already.
   virtual awaitable<std::int64_t> capture(CaptureRequest request) = 0;
+  /// Captures while the stage turns from `from_deg` on at the rate of `request`, and stops it. A turn during
+  /// which a device was lost for a while is begun anew.
+  virtual awaitable<std::int64_t> capture_turning(CaptureRequest request, double from_deg,
+                                                  const Place& place) = 0;
   [[nodiscard]] virtual bool recorded(const std::string& key) const = 0;
   /// Reads a committed capture back, scan by scan.
   virtual void for_each_scan(std::int64_t capture,

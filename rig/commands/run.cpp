@@ -149,7 +149,10 @@ class Run : public Command {
     std::signal(SIGPIPE, SIG_IGN);
     const Endpoint lidar_address = parse_endpoint(lidar_, "--lidar", scip_port);
     const StageOptions known_stage = bench_stage_options(bench);
-    SessionStore session(out_, continues() ? SessionStore::Mode::append : SessionStore::Mode::create);
+    const bool resumed = continues();
+    auto stored = std::make_unique<SessionStore>(
+        out_, resumed ? SessionStore::Mode::append : SessionStore::Mode::create);
+    SessionStore& session = *stored;
     asio::io_context io(1);
     const auto lidar = make_scip_source(io.get_executor(), lidar_address);
     const auto clock = make_real_clock();
@@ -172,6 +175,11 @@ class Run : public Command {
         io.stop();
       });
       io.run();
+    }
+    if ((failure || stopped || !stage) && !resumed) {
+      stored.reset();  // Empty, it would only be in the way of the next attempt.
+      std::error_code ignored;
+      std::filesystem::remove(out_, ignored);
     }
     if (failure) std::rethrow_exception(failure);
     if (stopped || !stage) throw RunStopped("Stopped by the operator before anything moved.");

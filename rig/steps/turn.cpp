@@ -53,17 +53,13 @@ class Turn final : public StepKind {
                 std::to_string(samples) + " scans";
   }
   awaitable<void> run(const Arguments& arguments, StepContext& context) const override {
-    const double rate = arguments.number("rate_deg_s");
     CaptureRequest request = capture_request(arguments, context.bench(), arguments.integer_or("samples", 1));
     request.name = context.name();
     request.key = context.key() + "/capture";
-    request.rate_deg_s = rate;
-    if (context.recorded(request.key)) co_return;
-    co_await context.move_to(arguments.number("from_deg"), rate > 0 ? 1 : -1, arguments.place_of("from_deg"));
-    co_await context.turn(rate, arguments.place());
-    auto captured = context.capture(request);
-    co_await std::move(captured);
-    co_await context.stop_turning();
+    request.rate_deg_s = arguments.number("rate_deg_s");
+    auto capturing =
+        context.capture_turning(request, arguments.number("from_deg"), arguments.place_of("from_deg"));
+    co_await std::move(capturing);
   }
 };
 

@@ -130,6 +130,15 @@ TEST_CASE("stamps are unwrapped through turns, late answers and hours of silence
   CHECK(clock.estimate().resets == 0);
 }
 
+TEST_CASE("a timer that starts again before it has counted a second is no late answer from before zero") {
+  ClockEstimator clock;
+  CHECK(clock.unwrap(700, 0) == 700);
+  const std::uint64_t later = clock.unwrap(0xFFFFFF - 199, 100e3);
+  CHECK(later > 700);
+  CHECK(later < std::uint64_t{1} << 25);
+  CHECK(clock.unwrap(50, 350e3) == later + 250);
+}
+
 TEST_CASE("the clock of a simulator at full speed is followed as it is") {
   ClockEstimator clock;
   double before = 0;

@@ -66,8 +66,10 @@ class FakeLidar final : public rig::LidarSource {
   int connects = 0, stops = 0, fails_at_stop = -1;
   rig::LidarStream stream;
 
+  std::function<void()> when_connecting = [] {};
   awaitable<json> connect() override {
     ++connects;
+    when_connecting();
     co_await yield();
     if (dead) throw rig::DeviceError("nothing listens at the lidar's address.");
     co_return json{{"version", {{"SERI", "H123"}}}};
@@ -128,13 +130,23 @@ class FakeStage final : public rig::Stage {
     who.language = "zaber", who.model = "test";
     co_return who;
   }
+  bool loses_link_at_status = false;
+  int failing_homings = 0;
   awaitable<rig::StageStatus> status() override {
+    if (std::exchange(loses_link_at_status, false)) {
+      homed = false;
+      throw rig::StageLost("the stage does not answer.");
+    }
     rig::StageStatus status;
     status.position_deg = bench_.stage_deg, status.homed = homed, status.moving = moving;
     co_return status;
   }
   awaitable<void> home() override {
     ++homings;
+    if (failing_homings > 0) {
+      --failing_homings;
+      throw rig::StageError("homing ended with no reference found.");
+    }
     homed = true;
     bench_.stage_deg = 0;
     co_await yield();
@@ -348,6 +360,74 @@ TEST_CASE("a turning stage is stopped at its soft limit even if the lidar says n
   };
   CHECK_THROWS_WITH(rig.run(), Contains("soft limit"));
   CHECK_FALSE(rig.stage.moving);
+}
+
+TEST_CASE("a turn during which the lidar is lost for a while is begun anew and is whole") {
+  Rig rig("  - home\n  - turn: {rate_deg_s: 4, from_deg: 0, samples: 60}\n");
+  bool moved_while_lost = false;
+  rig.lidar.before_scan = [&](std::uint64_t number) {
+    if (number == 72) throw rig::DeviceError("cable pulled.");
+  };
+  rig.lidar.when_connecting = [&] { moved_while_lost |= rig.stage.moving; };
+  CHECK(rig.run());
+  CHECK_FALSE(moved_while_lost);
+  CHECK_FALSE(rig.stage.moving);
+  const auto captures = rig.captures();
+  REQUIRE(captures.size() == 1);
+  CHECK_THAT(captures[0].step, !Contains("short"));
+  CHECK(captures[0].stamps.size() == 60);
+  CHECK(rig.lidar.connects == 2);
+  CHECK(rig.told("begun anew"));
+}
+
+TEST_CASE("a turn during which the stage falls silent is begun anew, homed if it has to be") {
+  Rig rig("  - home\n  - turn: {rate_deg_s: 4, from_deg: 0, samples: 60}\n");
+  rig.lidar.before_scan = [&](std::uint64_t number) {
+    if (number == 60) rig.stage.loses_link_at_status = true;
+  };
+  CHECK(rig.run());
+  CHECK_FALSE(rig.stage.moving);
+  CHECK(rig.stage.homings == 2);
+  const auto captures = rig.captures();
+  REQUIRE(captures.size() == 1);
+  CHECK(captures[0].stamps.size() == 60);
+}
+
+TEST_CASE("a stage that fails while it is homed is homed again, three times at most") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n");
+  rig.stage.failing_homings = 1;
+  CHECK(rig.run());
+  CHECK(rig.stage.homed);
+  Rig never("  - home\n  - capture: {samples: 5}\n");
+  never.stage.failing_homings = 100;
+  CHECK_THROWS_WITH(never.run(), Contains("no reference"));
+  CHECK(never.captures().empty());
+}
+
+TEST_CASE("a lidar whose timer jumps by hours in the middle of a capture is connected anew") {
+  Rig rig("  - home\n  - capture: {samples: 60}\n");
+  int jumps = 0;
+  rig.lidar.tamper = [&](lidar::Scan& scan) {
+    jumps += rig.world.scans == 40 ? 1 : 0;
+    if (jumps > 0) scan.device_ms += 16'000'000;
+  };
+  CHECK(rig.run());
+  const auto captures = rig.captures();
+  REQUIRE(captures.size() == 1);
+  CHECK(captures[0].stamps.size() == 60);
+  CHECK(rig.lidar.connects == 2);
+}
+
+TEST_CASE("a capture goes on when the lidar's time begins anew with its connection") {
+  Rig rig("  - home\n  - capture: {samples: 60, spacing_s: 0.1}\n");
+  rig.lidar.before_scan = [&](std::uint64_t number) {
+    if (number == 40) throw rig::DeviceError("cable pulled.");
+  };
+  rig.lidar.tamper = [&](lidar::Scan& scan) {
+    if (rig.lidar.connects < 2) scan.device_ms += 5'000'000;
+  };
+  CHECK(rig.run());
+  CHECK(rig.captures()[0].stamps.size() == 60);
 }
 
 TEST_CASE("an interrupted turn keeps its scans, marked short, until a whole one replaces them") {

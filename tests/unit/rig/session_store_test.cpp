@@ -222,6 +222,27 @@ TEST_CASE("a session is never overwritten and never written by two at once") {
   CHECK_THROWS_WITH(SessionStore(folder.file(), Mode::append), Contains("another program"));
 }
 
+TEST_CASE("a session that is removed while it is written is saved under another name, and that is told") {
+  Folder folder;
+  {
+    SessionStore store(folder.file(), Mode::create);
+    for (const bool removed : {false, true}) {
+      const auto id = store.begin_capture(small_capture());
+      store.add_scan(id, scan_of(0, {1, 2, 3}));
+      if (removed) {
+        std::filesystem::remove(folder.file());
+        CHECK_THROWS_WITH(store.commit_capture(id), Catch::Matchers::Contains("was removed") &&
+                                                        Catch::Matchers::Contains("run.rig.rescued"));
+      } else {
+        store.commit_capture(id);
+      }
+    }
+  }
+  CHECK_FALSE(std::filesystem::exists(folder.file()));
+  const SessionStore rescued(folder.file("run.rig.rescued"), Mode::append);
+  CHECK(rescued.recording(plain_bench())->captures().size() == 2);
+}
+
 TEST_CASE("damaged scans are refused rather than misread") {
   const Folder folder;
   {
