@@ -176,8 +176,8 @@ class Search {
     report(0.4);
     if (best.terms.size() + best.shapes.size() > 0) {
       // Another way up: whatever is there may be one unnamed function instead of several mechanisms.
-      Hypothesis other = from_unnamed(empty);
-      if (other.evidence > best.evidence) best = other;
+      const Hypothesis other = from_unnamed(empty);
+      if (says_more(other, best, empty)) best = other;
     }
     if (!best.shapes.empty()) {
       // And one unnamed function may hide that several mechanisms explain more together.
@@ -757,16 +757,30 @@ class Search {
     return best;
   }
 
+  /// From the best curve, the best step and the best wave.
   Hypothesis from_unnamed(const Hypothesis& empty) {
-    auto list = scan(empty, nullptr, false, true);
-    if (list.empty()) return empty;
-    std::vector<Hypothesis> starts = best_of(empty, list, 3);
-    Hypothesis best = starts.front();
-    for (std::size_t i = 0; i < std::min<std::size_t>(2, starts.size()); ++i) {
-      const Hypothesis other = climb(starts[i], finalists);
-      if (other.evidence > best.evidence) best = other;
+    std::vector<Scored> list = scan(empty, nullptr, false, true);
+    std::set<Shape::Kind> kinds;
+    std::erase_if(list, [&](const Scored& s) { return !kinds.insert(s.shape->kind).second; });
+    Hypothesis best = empty;
+    for (const Scored& start : list) {
+      const Hypothesis other = climb(extended(empty, start), finalists);
+      if (says_more(other, best, empty)) best = other;
     }
     return best;
+  }
+
+  /// A period or the place of a step tells people more than a curve that explains hardly more.
+  static bool says_more(const Hypothesis& one, const Hypothesis& other, const Hypothesis& empty) {
+    constexpr double hardly = 0.01;  // of what is explained
+    const auto rank = [](const Hypothesis& h) {
+      return h.shapes.empty() || h.shapes.front().kind == Shape::Kind::smooth ? 0 : 1;
+    };
+    const double margin = hardly * std::max(0.0, std::max(one.evidence, other.evidence) - empty.evidence);
+    const bool both_unnamed =
+        !one.shapes.empty() && !other.shapes.empty() && one.terms.empty() && other.terms.empty();
+    const double sign = both_unnamed ? rank(one) - rank(other) : 0;
+    return one.evidence + sign * margin > other.evidence;
   }
 
   // ---- judgement
