@@ -156,15 +156,17 @@ class Search {
   [[nodiscard]] const MeanNoise& noise() const { return noise_; }
 
  private:
-  /// How far names may be behind unnamed functions. Where one is a curve of what a named mechanism depends on
-  /// too, it may be that mechanism by another formula.
+  /// How far names may be behind unnamed functions: farther where only what a mechanism depends on is
+  /// certain, not its curve.
   static double preference(const Hypothesis& named, const Hypothesis& unnamed) {
+    constexpr double uncertain_curve = 0.5;
     double sum = 0;
     for (const Shape& shape : unnamed.shapes) {
       const bool same = std::ranges::any_of(named.terms, [&](const Term& term) {
-        return term.mechanism->coordinate == shape.coordinate && shape.kind == Shape::Kind::smooth;
+        return term.mechanism->formula_error > uncertain_curve &&
+               term.mechanism->coordinate == shape.coordinate;
       });
-      sum += same ? 2 * worth_a_name : worth_a_name;
+      sum += same && shape.kind == Shape::Kind::smooth ? 2 * worth_a_name : worth_a_name;
     }
     return sum;
   }
