@@ -266,6 +266,7 @@ class Writer {
           if (!std::ranges::count(set, other)) set.emplace_back(other);
           set.emplace_back("mount-offset");
         }
+      if (term.mechanism->id == "index-offset") set.emplace_back("mount-yaw");  // the same on one bench
       if (set.size() > 1) {
         out_.undecided_between.push_back(set);
         out_.suspects.insert(out_.suspects.end(), members.begin(), members.end());
