@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <nanoflann.hpp>
 
+#include "fit/median.hpp"
+
 namespace fit {
 namespace {
 
@@ -14,12 +16,6 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 Vector2d turned_left(const Vector2d& v) { return {-v.y(), v.x()}; }
-
-double median_of(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// Second moments of a run of points, in one pass.
 struct Moments {

@@ -8,6 +8,8 @@
 #include <map>
 #include <numeric>
 
+#include "fit/median.hpp"
+
 namespace fit {
 namespace {
 
@@ -15,12 +17,6 @@ constexpr double sd_of_mad = 1.4826;  // For a normal distribution.
 constexpr std::uint16_t first_error_code = 65500;
 
 bool is_echo(const Sample& sample) { return sample.range_mm > 0 && sample.range_mm < first_error_code; }
-
-double median_of(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 struct Location {
   double median = 0, sigma = 0;
@@ -30,7 +26,7 @@ struct Location {
 /// lidar: there the mean deviation, of which no sample makes more than 10 mm, says more. Never below the
 /// rounding's own.
 Location robust_location(const std::vector<double>& values) {
-  Location location{median_of(values), 0};
+  Location location{median_of(std::vector(values)), 0};
   std::vector<double> deviations;
   deviations.reserve(values.size());
   for (const double value : values) deviations.push_back(std::abs(value - location.median));

@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "fit/angle.hpp"
+#include "fit/median.hpp"
 
 namespace fit {
 namespace {
@@ -29,12 +30,6 @@ struct Station {
   std::vector<Beam> beams;
   std::vector<std::vector<std::uint16_t>> scans;  ///< Those that make points of the trajectory.
 };
-
-double median_of(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// Mean of the samples near their median: what passes by now and then does not count.
 void set_mean(Beam& beam, std::vector<double>& samples) {

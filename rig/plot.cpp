@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <boost/algorithm/string/replace.hpp>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -13,6 +14,8 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
+
+#include "rig/html_text.hpp"
 
 namespace rig {
 namespace {
@@ -41,22 +44,8 @@ struct TemporaryFile {
   std::string path;
 };
 
-std::string escaped_xml(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '<')
-      out += "&lt;";
-    else if (c == '>')
-      out += "&gt;";
-    else if (c == '&')
-      out += "&amp;";
-    else if (c == '"')
-      out += "&quot;";
-    else
-      out += c;
-  }
-  return out;
-}
+/// Text that may stand in an attribute too.
+std::string escaped_xml(const std::string& text) { return boost::replace_all_copy(escaped(text), "\"", "&quot;"); }
 
 /// A string that gnuplot prints as it stands: single-quoted, enhanced text off.
 std::string quoted(const std::string& text) {

@@ -242,15 +242,7 @@ void Runner::Impl::conclude() {
   for (const auto& observer : observers) observer(state);
 }
 
-bool Runner::Impl::is_stopped(const std::exception_ptr& why) {
-  try {
-    std::rethrow_exception(why);
-  } catch (const RunStopped&) {
-    return true;
-  } catch (...) {
-    return false;
-  }
-}
+bool Runner::Impl::is_stopped(const std::exception_ptr& why) { return is_a<RunStopped>(why); }
 
 Runner::Runner(Procedure procedure, fit::Bench bench, SessionStore& session, RunnerParts parts)
     : impl_(std::make_unique<Impl>(std::move(procedure), std::move(bench), session, std::move(parts))) {}

@@ -58,6 +58,18 @@ struct Track;
 struct TurningScans;
 class ScanGate;
 
+/// Whether it is of that class or one derived from it.
+template <typename Error>
+bool is_a(const std::exception_ptr& why) {
+  try {
+    std::rethrow_exception(why);
+  } catch (const Error&) {
+    return true;
+  } catch (...) {
+    return false;
+  }
+}
+
 constexpr int stage_attempts = 3;  // Of a move, a homing, a turn.
 bool is_stage_error(const std::exception_ptr& why);
 bool is_stage_lost(const std::exception_ptr& why);

@@ -6,37 +6,11 @@
 
 namespace rig {
 
-bool is_stage_error(const std::exception_ptr& why) {
-  try {
-    std::rethrow_exception(why);
-  } catch (const StageError&) {
-    return true;
-  } catch (...) {
-    return false;
-  }
-}
+bool is_stage_error(const std::exception_ptr& why) { return is_a<StageError>(why); }
 
-bool is_stage_lost(const std::exception_ptr& why) {
-  try {
-    std::rethrow_exception(why);
-  } catch (const StageLost&) {
-    return true;
-  } catch (...) {
-    return false;
-  }
-}
+bool is_stage_lost(const std::exception_ptr& why) { return is_a<StageLost>(why); }
 
-bool is_lidar_lost(const std::exception_ptr& why) {
-  try {
-    std::rethrow_exception(why);
-  } catch (const StageError&) {
-    return false;
-  } catch (const DeviceError&) {
-    return true;
-  } catch (...) {
-    return false;
-  }
-}
+bool is_lidar_lost(const std::exception_ptr& why) { return is_a<DeviceError>(why) && !is_a<StageError>(why); }
 
 awaitable<void> Runner::Impl::home(bool again) {
   for (int attempt = 1;; ++attempt) {

@@ -79,6 +79,16 @@ bool uneven(Coordinate c) { return c == Coordinate::intensity || c == Coordinate
 
 }  // namespace
 
+double lever_of(Channel channel, const Sight& sight) {
+  return channel == Channel::range        ? 1
+         : channel == Channel::beam_angle ? sight.beam_lever()
+                                          : sight.stage_lever();
+}
+
+Eigen::VectorXd effect_of(const MeanModel& model, const Term& term) {
+  return effect_column(model, term, term.values);
+}
+
 double coordinate_at(const MeanModel& model, Coordinate coordinate, Eigen::Index row) {
   return value_of(coordinate, model.cell(row), model.group(row));
 }
@@ -306,10 +316,7 @@ Columns shape_of(const MeanModel& model, const Shape& shape) {
   const Eigen::Index n = model.rows();
   Eigen::VectorXd lever(n);
   for (Eigen::Index i = 0; i < n; ++i) {
-    const Sight& sight = model.cell(i).sight;
-    lever[i] = shape.channel == Channel::range        ? 1
-               : shape.channel == Channel::beam_angle ? sight.beam_lever()
-                                                      : sight.stage_lever();
+    lever[i] = lever_of(shape.channel, model.cell(i).sight);
     if (!std::isfinite(coordinate_at(model, shape.coordinate, i))) lever[i] = 0;
   }
   Columns c;

@@ -38,12 +38,18 @@ struct Shape {
   std::vector<double> values;  ///< Coefficients, after a fit.
 };
 
+/// d range / d what the channel changes: 1, or mm per rad.
+[[nodiscard]] double lever_of(Channel channel, const Sight& sight);
+
 /// Columns with priors, and what they mean.
 struct Columns {
   Eigen::MatrixXd columns_mm;
   Prior prior;
   double price = 0;  ///< Log of what their search costs beyond the prior.
 };
+
+/// What a term does to every mean to first order, mm; 0 where it says nothing.
+[[nodiscard]] Eigen::VectorXd effect_of(const MeanModel& model, const Term& term);
 
 /// Linear coefficients of a term: sizes as they are, a size with a phase as its sine and cosine part.
 [[nodiscard]] std::vector<double> linear_coefficients(const Term& term);

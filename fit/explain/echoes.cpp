@@ -5,6 +5,7 @@
 
 #include "fit/empirical.hpp"
 #include "fit/explain/twin.hpp"
+#include "fit/median.hpp"
 #include "fit/radiometer.hpp"
 
 namespace fit::explain {
@@ -63,8 +64,7 @@ class Description {
     const Target& target = reduced_.bench.targets[static_cast<std::size_t>(c.at.target)];
     Echo e;
     e.cell = &c;
-    const bool about_it = info.target && *info.target == target.name;
-    e.reflectance = about_it && info.reflectance ? *info.reflectance : target.reflectance.value_or(0.5);
+    e.reflectance = reflectance_in(info, target);
     e.log_counts = std::log(c.at.intensity);
     e.sigma = std::hypot(least_sigma, 0.3 / c.at.intensity);
     const auto found = std::ranges::find_if(
@@ -226,10 +226,7 @@ class Description {
     for (const Echo& e : echoes_)
       if (e.cell->n > 2 && e.cell->at.intensity > 30)
         list.push_back(e.cell->intensity_sd / e.cell->at.intensity);
-    if (list.empty()) return 0.01;
-    const auto middle = list.begin() + static_cast<std::ptrdiff_t>(list.size() / 2);
-    std::ranges::nth_element(list, middle);
-    return *middle;
+    return list.empty() ? 0.01 : median_of(list);
   }
 
   const Reduced& reduced_;

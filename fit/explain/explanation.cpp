@@ -81,10 +81,7 @@ std::string describe(const Shape& shape, const MeanModel& model, double* from, d
     if (!std::isfinite(v)) continue;
     low = std::min(low, v);
     high = std::max(high, v);
-    const Sight& sight = model.cell(i).sight;
-    const double lever = shape.channel == Channel::range        ? 1
-                         : shape.channel == Channel::beam_angle ? sight.beam_lever()
-                                                                : sight.stage_lever();
+    const double lever = lever_of(shape.channel, model.cell(i).sight);
     if (std::abs(lever) < (angle ? 100 : 0.5)) continue;
     double y = 0;
     for (std::size_t k = 0; k < shape.values.size(); ++k)

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "fit/empirical.hpp"
+#include "fit/median.hpp"
 #include "fit/radiometer.hpp"
 
 namespace fit::explain {
@@ -282,8 +283,7 @@ class Intensity {
     const CaptureInfo& info = reduced_.captures[static_cast<std::size_t>(
         reduced_.groups[static_cast<std::size_t>(middle.group)].capture)];
     const Target& target = reduced_.bench.targets[static_cast<std::size_t>(middle.at.target)];
-    const bool about_it = info.target && *info.target == target.name;
-    row.reflectance = about_it && info.reflectance ? *info.reflectance : target.reflectance.value_or(0.5);
+    row.reflectance = reflectance_in(info, target);
     const auto said = [&](const Cell& c) {
       return law_.log_counts(row.reflectance, c.at.cos_incidence, c.at.range_mm);
     };
@@ -322,9 +322,7 @@ class Intensity {
       if (to <= from) continue;
       std::vector<double> squares;
       for (std::size_t i = from; i < to; ++i) squares.push_back(bends[i].second);
-      const auto middle = squares.begin() + static_cast<std::ptrdiff_t>(squares.size() / 2);
-      std::ranges::nth_element(squares, middle);
-      noise_.emplace_back(std::log(bends[(from + to) / 2].first), std::sqrt(*middle / 0.4549));
+      noise_.emplace_back(std::log(bends[(from + to) / 2].first), std::sqrt(median_of(squares) / 0.4549));
     }
     if (noise_.empty()) noise_.emplace_back(0, 0.02);
   }
@@ -592,12 +590,7 @@ class Intensity {
         i = k;
       }
       if (squares.size() < 4) break;
-      const auto median = [](std::vector<double>& v) {
-        const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
-        std::ranges::nth_element(v, middle);
-        return *middle / 0.4549;
-      };
-      const double excess = std::max(median(squares), median(single));
+      const double excess = std::max(median_of(squares), median_of(single)) / 0.4549;
       if (excess < 1.05) break;
       for (Row& row : rows_) row.sigma *= std::sqrt(excess);
       excess_ *= excess;
@@ -1195,9 +1188,7 @@ class Intensity {
   [[nodiscard]] double floor() const {
     std::vector<double> list;
     for (std::size_t i = 0; i < rows_.size(); ++i) list.push_back(noise_at(cell(i).at.intensity));
-    const auto middle = list.begin() + static_cast<std::ptrdiff_t>(list.size() / 2);
-    std::ranges::nth_element(list, middle);
-    return *middle;
+    return median_of(list);
   }
 
   /// Relative noise of one sample.
@@ -1206,9 +1197,7 @@ class Intensity {
     for (std::size_t i = 0; i < rows_.size(); ++i)
       if (cell(i).n > 2) list.push_back(cell(i).intensity_sd / cell(i).at.intensity);
     if (list.size() < 20) return claim_.relative_noise;
-    const auto middle = list.begin() + static_cast<std::ptrdiff_t>(list.size() / 2);
-    std::ranges::nth_element(list, middle);
-    return *middle;
+    return median_of(list);
   }
 
   void pictures(const Model& after, Explanation& out) const {

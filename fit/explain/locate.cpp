@@ -52,13 +52,7 @@ double two_sided(double z) { return std::max(1e-300, boost::math::erfc(std::abs(
 std::vector<Located> locate_term(const MeanModel& model, const Term& term) {
   const Coordinate coordinate = term.mechanism->coordinate;
   const Span span = span_of(model, coordinate);
-  Eigen::VectorXd effect(model.rows());
-  for (Eigen::Index i = 0; i < model.rows(); ++i) {
-    const Cell& cell = model.cell(i);
-    const bool acts = term.target < 0 || term.target == cell.at.target;
-    effect[i] = acts ? cell.sight.shift(term.mechanism->act(cell.at, term.values)) : 0;
-  }
-  const Eigen::VectorXd left = model.remainder(effect);
+  const Eigen::VectorXd left = model.remainder(effect_of(model, term));
   std::vector<double> information(bins, 0.0);
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
     const double v = coordinate_at(model, coordinate, i);

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "fit/median.hpp"
+
 namespace fit::explain {
 namespace {
 
@@ -344,8 +346,7 @@ double excess_scatter(const MeanModel& model) {
     ratios.push_back(bend * bend / (sb * sb + (sa * sa + sc * sc) / 4));
   }
   if (ratios.size() < 60) return 1;
-  std::ranges::nth_element(ratios, ratios.begin() + static_cast<std::ptrdiff_t>(ratios.size() / 2));
-  return ratios[ratios.size() / 2] / 0.4549;
+  return median_of(ratios) / 0.4549;
 }
 
 }  // namespace fit::explain

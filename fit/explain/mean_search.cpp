@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "fit/explain/spread.hpp"
+#include "fit/median.hpp"
 
 namespace fit::explain {
 namespace {
@@ -201,16 +202,21 @@ class Search {
   void settle(Hypothesis& h) {
     constexpr int most_passes = 4;
     fit(h);
-    if (h.terms.empty() && !fits_most(h)) {
+    bool most = fits_most(h);
+    if (h.terms.empty() && !most) {
       const Hypothesis other = trimmed(h);
-      if (fits_most(other)) h = other;
+      if (fits_most(other)) {
+        h = other;
+        most = true;
+      }
     }
     for (int pass = 0; pass < most_passes; ++pass) {
       std::vector<Active> at_work = h.active();
       for (const Term& term : known_terms(reduced_.bench)) at_work.push_back(term.active());
-      if (reassign(reduced_, h.nuisance, at_work, noise_.footprint_rad, fits_most(h)) == 0) break;
+      if (reassign(reduced_, h.nuisance, at_work, noise_.footprint_rad, most) == 0) break;
       pool_variances(reduced_, noise_);
       fit(h);
+      most = fits_most(h);
     }
   }
 
@@ -222,13 +228,6 @@ class Search {
     for (Eigen::Index i = 0; i < model.rows(); ++i)
       list[static_cast<std::size_t>(i)] = std::abs(model.raw_residual()[i]) / model.sigma_of_mean(i);
     return list;
-  }
-
-  static double median_of(std::vector<double> list) {
-    if (list.empty()) return 0;
-    const auto middle = list.begin() + static_cast<std::ptrdiff_t>(list.size() / 2);
-    std::ranges::nth_element(list, middle);
-    return *middle;
   }
 
   /// Whether most beams are explained but for noise. Otherwise mount and walls were bent to explain something
@@ -245,7 +244,7 @@ class Search {
     std::size_t before = 0;
     for (int pass = 0; pass < most_passes; ++pass) {
       const std::vector<double> off = deviations(h);
-      const double far = std::max(4.0, 2.5 * 1.4826 * median_of(off));
+      const double far = std::max(4.0, 2.5 * 1.4826 * median_of(std::vector(off)));
       std::vector<Cell*> without;
       std::size_t row = 0;
       for (Cell& cell : reduced_.cells)

@@ -7,6 +7,7 @@
 
 #include "fit/explain/intensity.hpp"
 #include "fit/explain/together.hpp"
+#include "fit/median.hpp"
 
 namespace fit::explain {
 namespace {
@@ -40,9 +41,7 @@ struct Brightness {
         reduced
             .captures[static_cast<std::size_t>(reduced.groups[static_cast<std::size_t>(cell.group)].capture)];
     const Target& target = reduced.bench.targets[static_cast<std::size_t>(cell.sight.target)];
-    const double rho = info.target && *info.target == target.name && info.reflectance
-                           ? *info.reflectance
-                           : target.reflectance.value_or(0.5);
+    const double rho = reflectance_in(info, target);
     return rho * cell.sight.cos_incidence() * 1e6 / (cell.sight.range_mm * cell.sight.range_mm);
   }
 };
@@ -67,9 +66,7 @@ class Imagined : public Recording {
       if (sight.target < 0) continue;
       range[b] = sight.range_mm;
       const Target& target = bench_.targets[static_cast<std::size_t>(sight.target)];
-      const double rho = info.target && *info.target == target.name && info.reflectance
-                             ? *info.reflectance
-                             : target.reflectance.value_or(0.5);
+      const double rho = reflectance_in(info, target);
       const double power = rho * sight.cos_incidence() * 1e6 / (sight.range_mm * sight.range_mm);
       intensity[b] = static_cast<std::uint16_t>(
           std::clamp(std::exp(brightness_.log_gain + brightness_.exponent * std::log(power)), 1.0, 4000.0));
@@ -289,9 +286,7 @@ bool has_rivals(const Explanation& explanation) {
 double typical_sigma(const Reduced& reduced) {
   std::vector<double> sigmas;
   for (const Group& g : reduced.groups) sigmas.push_back(g.sigma_mm);
-  if (sigmas.empty()) return 0;
-  std::ranges::nth_element(sigmas, sigmas.begin() + static_cast<std::ptrdiff_t>(sigmas.size() / 2));
-  return sigmas[sigmas.size() / 2];
+  return median_of(sigmas);
 }
 
 /// Distances and greys for a target that people put up.

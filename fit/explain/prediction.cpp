@@ -15,12 +15,6 @@ namespace {
 constexpr int places_of_table = 60;
 constexpr double widest_gap = 0.1;  // of the span: nothing is known in between
 
-double lever_of(Channel channel, const Sight& sight) {
-  return channel == Channel::range        ? 1
-         : channel == Channel::beam_angle ? sight.beam_lever()
-                                          : sight.stage_lever();
-}
-
 double empirical_mm(const std::vector<EmpiricalCorrection>& list, const Cell& cell, const Group& group) {
   double sum = 0;
   for (const EmpiricalCorrection& c : list) {

@@ -6,6 +6,7 @@
 
 #include "fit/empirical.hpp"
 #include "fit/explain/seen_edges.hpp"
+#include "fit/median.hpp"
 
 namespace fit::explain {
 namespace {
@@ -40,13 +41,6 @@ struct Samples {
 };
 
 bool is_echo(double range) { return range >= no_echo_below_mm && range < no_echo_above_mm; }
-
-double median_of(std::vector<double>& values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// Reads one capture's scans into blocks and reduces each.
 class Reducer {
@@ -517,10 +511,7 @@ void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       Cell& cell = reduced.cells[i];
       if (!cell.smooth) continue;
-      Effect effect;
-      for (const Active& active : at_work)
-        if (active.target < 0 || active.target == cell.at.target)
-          effect += active.mechanism->act(cell.at, active.values);
+      Effect effect = effect_of(at_work, cell.at);
       for (const Mechanism& unnamed : reduced.empirical) effect += unnamed.act(cell.at, {});
       const Sight sight = may_leave_out
                               ? scene.look(group.stage_rad, cell.beam_rad, effect)
@@ -569,10 +560,7 @@ int reassign(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       Cell& cell = reduced.cells[i];
       if (!cell.doubtful && !(cell.smooth && may_leave_out)) continue;
-      Effect effect;
-      for (const Active& active : at_work)
-        if (active.target < 0 || active.target == cell.at.target)
-          effect += active.mechanism->act(cell.at, active.values);
+      Effect effect = effect_of(at_work, cell.at);
       for (const Mechanism& unnamed : reduced.empirical) effect += unnamed.act(cell.at, {});
       const Sight sight = scene.look(group.stage_rad, cell.beam_rad, effect);
       Circumstances at = cell.at;

@@ -20,6 +20,18 @@ Eigen::Vector2d quarter(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
 
 }  // namespace
 
+Effect effect_of(const std::vector<Active>& at_work, const Circumstances& at) {
+  Effect sum;
+  for (const Active& active : at_work)
+    if (active.target < 0 || active.target == at.target) sum += active.mechanism->act(at, active.values);
+  return sum;
+}
+
+double reflectance_in(const CaptureInfo& capture, const Target& target) {
+  const bool about_it = capture.target && *capture.target == target.name;
+  return about_it && capture.reflectance ? *capture.reflectance : target.reflectance.value_or(0.5);
+}
+
 Nuisance::Nuisance(const Bench& bench)
     : x_mm(bench.lidar.mount.x_mm.value),
       y_mm(bench.lidar.mount.y_mm.value),
@@ -89,7 +101,7 @@ Scene::Scene(const Bench& bench, const Nuisance& nuisance, const CaptureInfo& ca
     s.outward = turned(target.outward_normal(), nuisance.turn_rad[i]);
     s.from = s.middle - s.half_mm * s.along;
     s.to = s.middle + s.half_mm * s.along;
-    s.reflectance = moved && capture.reflectance ? *capture.reflectance : target.reflectance.value_or(0.5);
+    s.reflectance = reflectance_in(capture, target);
     s.absent = absent.contains(static_cast<int>(i));
     s.joined_from = !moved && meets(i, target.from_mm);
     s.joined_to = !moved && meets(i, target.to_mm);

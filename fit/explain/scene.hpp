@@ -30,6 +30,12 @@ struct Active {
   int target = -1;  ///< The only target it acts on; -1: all.
 };
 
+/// What all of them together do there; those of one target only to that target.
+[[nodiscard]] Effect effect_of(const std::vector<Active>& at_work, const Circumstances& at);
+
+/// Reflectance of a target in a capture: what the capture states about it, or the bench file, or a middling one.
+[[nodiscard]] double reflectance_in(const CaptureInfo& capture, const Target& target);
+
 /// What one beam meets in one stage position.
 struct Sight {
   int target = -1;  ///< -1: nothing.

@@ -78,10 +78,7 @@ std::map<int, SeenEdge> seen_edges(const Reduced& reduced, const Nuisance& nuisa
       if (info.target && *info.target == target.name && info.target_shift_mm != 0) continue;
       const auto edge = std::ranges::find(in_sight, cell.edge, &Edge::id);
       if (edge == in_sight.end() || edge->far_mm <= 0) continue;
-      Effect effect;
-      for (const Active& active : at_work)
-        if (active.target < 0 || active.target == cell.at.target)
-          effect += active.mechanism->act(cell.at, active.values);
+      const Effect effect = effect_of(at_work, cell.at);
       const Sight sight = scene.look(group.stage_rad, cell.beam_rad, effect);
       const double inside = wrap_angle(sight.bearing_rad - edge->bearing_rad) * edge->near_side;
       SeenEdge& seen = edges[cell.edge];

@@ -32,10 +32,7 @@ struct Row {
 
 double power_of(const Reduced& reduced, const CaptureInfo& info, const Sight& sight) {
   const Target& target = reduced.bench.targets[static_cast<std::size_t>(sight.target)];
-  const double rho = info.target && *info.target == target.name && info.reflectance
-                         ? *info.reflectance
-                         : target.reflectance.value_or(0.5);
-  return rho * sight.cos_incidence() * 1e6 / (sight.range_mm * sight.range_mm);
+  return reflectance_in(info, target) * sight.cos_incidence() * 1e6 / (sight.range_mm * sight.range_mm);
 }
 
 class Edges {

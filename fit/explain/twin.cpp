@@ -18,12 +18,6 @@ constexpr double worth_a_table_mm = 0.02;  // root mean square of what it does
 constexpr int most_tables = 4;
 constexpr double tells_enough = 0.2;  // share of an effect's squares that one more table must tell
 
-double lever_of(Channel channel, const Sight& sight) {
-  return channel == Channel::range        ? 1
-         : channel == Channel::beam_angle ? sight.beam_lever()
-                                          : sight.stage_lever();
-}
-
 const char* acts_on(Channel channel) {
   return channel == Channel::range        ? "range_mm"
          : channel == Channel::beam_angle ? "beam_angle_deg"
@@ -167,16 +161,6 @@ void tabulate(const MeanModel& model, VectorXd effect_mm, Bench& bench) {
     add_empirical(bench, best);
     effect_mm = rest;
   }
-}
-
-VectorXd effect_of(const MeanModel& model, const Term& term) {
-  VectorXd effect = VectorXd::Zero(model.rows());
-  for (Eigen::Index i = 0; i < model.rows(); ++i) {
-    const Cell& cell = model.cell(i);
-    if (term.target < 0 || term.target == cell.at.target)
-      effect[i] = cell.sight.shift(term.mechanism->act(cell.at, term.values));
-  }
-  return effect;
 }
 
 /// Where samples lie that have nothing to do with the target: dust before it, or a ghost at its own range.

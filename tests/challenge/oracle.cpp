@@ -126,7 +126,7 @@ Oracle::Oracle(const Session& session, const Causes& causes, std::size_t cells) 
   }
   for (std::size_t p = 0; p < parameters; ++p) {
     const World other(session, {}, moved(session, p));
-    nuisance_.col(static_cast<Eigen::Index>(p)) = shift(other, nullptr) * prior(session, p);
+    nuisance_.col(static_cast<Eigen::Index>(p)) = shift(other) * prior(session, p);
   }
   Eigen::MatrixXd normal = nuisance_.transpose() * weight_.asDiagonal() * nuisance_;
   const auto size = normal.rows();
@@ -135,7 +135,7 @@ Oracle::Oracle(const Session& session, const Causes& causes, std::size_t cells) 
   inverse_without_ = (normal + loose * one).ldlt().solve(one);
 }
 
-Eigen::VectorXd Oracle::shift(const World& world, std::vector<Expectation>* seen) const {
+Eigen::VectorXd Oracle::shift(const World& world) const {
   Eigen::VectorXd result(static_cast<Eigen::Index>(cells_.size()));
   for (std::size_t i = 0; i < cells_.size(); ++i) {
     const Cell& cell = cells_[i];
@@ -144,14 +144,13 @@ Eigen::VectorXd Oracle::shift(const World& world, std::vector<Expectation>* seen
     // A beam that now meets another wall says nothing about how far the first one is.
     const bool comparable = cell.smooth && with.sight.wall == cell.plain.sight.wall && std::abs(step) < 300;
     result[static_cast<Eigen::Index>(i)] = comparable ? step : 0;
-    if (seen) seen->push_back(with);
   }
   return result;
 }
 
-Eigen::VectorXd Oracle::project(const Eigen::VectorXd& shift, bool with_priors) const {
+Eigen::VectorXd Oracle::project(const Eigen::VectorXd& shift) const {
   const Eigen::VectorXd right = nuisance_.transpose() * weight_.cwiseProduct(shift);
-  return shift - nuisance_ * ((with_priors ? inverse_with_ : inverse_without_) * right);
+  return shift - nuisance_ * (inverse_with_ * right);
 }
 
 Oracle::Refit Oracle::left_at(const Eigen::VectorXd& beta, const std::vector<Expectation>& seen,
@@ -328,13 +327,13 @@ double Oracle::intensity(const Causes& causes, Eigen::VectorXd& information) con
 }
 
 std::vector<double> Oracle::left_by(const Causes& cause, const std::vector<Causes>& rivals) const {
-  const Eigen::VectorXd own = shift(World(session_, cause, session_.truth), nullptr);
-  const Eigen::VectorXd own_left = project(own, true);
+  const Eigen::VectorXd own = shift(World(session_, cause, session_.truth));
+  const Eigen::VectorXd own_left = project(own);
   const double total = own.dot(weight_.cwiseProduct(own_left));
   std::vector<double> left;
   for (const Causes& rival : rivals) {
-    const Eigen::VectorXd other = shift(World(session_, rival, session_.truth), nullptr);
-    const Eigen::VectorXd other_left = project(other, true);
+    const Eigen::VectorXd other = shift(World(session_, rival, session_.truth));
+    const Eigen::VectorXd other_left = project(other);
     const double cross = own.dot(weight_.cwiseProduct(other_left));
     const double size = other.dot(weight_.cwiseProduct(other_left));
     left.push_back(std::sqrt(std::max(0.0, total - (size > 1e-9 ? cross * cross / size : 0))));

@@ -52,7 +52,7 @@ class Oracle {
     double lever;  ///< mm per rad of beam angle.
     bool smooth;   ///< Means may be compared: no edge near, not grazing.
   };
-  [[nodiscard]] Eigen::VectorXd shift(const World& world, std::vector<Expectation>* seen) const;
+  [[nodiscard]] Eigen::VectorXd shift(const World& world) const;
   /// What is left of the means when mount and walls are fitted to them to all orders, and its squared
   /// signal-to-noise, what the priors resist with included.
   struct Refit {
@@ -63,7 +63,7 @@ class Oracle {
                               double stiffness) const;
   [[nodiscard]] Refit refit(const std::vector<Expectation>& seen, bool with_priors,
                             const Eigen::VectorXd& beta) const;
-  [[nodiscard]] Eigen::VectorXd project(const Eigen::VectorXd& shift, bool with_priors) const;
+  [[nodiscard]] Eigen::VectorXd project(const Eigen::VectorXd& shift) const;
   /// Squared signal-to-noise in the logarithm of intensity, after the claimed law's coefficients and every
   /// wall's reflectance have been re-fitted under their uncertainties; added to `information`.
   [[nodiscard]] double intensity(const Causes& causes, Eigen::VectorXd& information) const;
