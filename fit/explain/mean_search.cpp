@@ -955,7 +955,7 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
       else
         rival.term = other.terms.back();
       rival.behind =
-          best.evidence - other.evidence + (scored.shape && other.terms.empty() ? worth_a_name : 0);
+          best.evidence - other.evidence + (scored.shape && other.terms.empty() ? preference(best, other) : 0);
       rival.fits_as_well =
           rival.behind < most_behind && adjusted_fit(other) > adjusted_fit(best) - hardly_worse;
       if (rival.behind < -0.5 && (!better || better->evidence < other.evidence)) better = other;

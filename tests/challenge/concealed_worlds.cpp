@@ -798,6 +798,7 @@ class WorldCause : public Cause {
 
   void build(Session& session) override {
     session_ = &session;
+    counted_.reset();
     if (id == "motion-skew") {  // its strength is how fast the stage turns
       for (std::size_t i = 0; i < rates_.size(); ++i) session.captures[i].rate_deg_s = rates_[i] * strength;
       plain_ = Table(session, plain_world(session), true);
@@ -811,6 +812,11 @@ class WorldCause : public Cause {
   bool shows_in_intensity() const override { return lights().contains(id); }
   double log_intensity(const Moment& moment) const override {
     return shows_in_intensity() ? light_.at(moment) - plain_light_.at(moment) : 0;
+  }
+
+  std::optional<double> counts(const Moment& moment) const override {
+    if (!counted_) counted_ = Table(*session_, add_to(plain_world(*session_)), false, true);
+    return std::exp(counted_->at(moment));
   }
 
   [[nodiscard]] json keys() const { return kind_.keys(*session_, shape_, strength); }
@@ -892,6 +898,7 @@ class WorldCause : public Cause {
   const Session* session_ = nullptr;
   std::vector<double> rates_;
   Table plain_, with_, steeper_, plain_light_, light_;
+  mutable std::optional<Table> counted_;  ///< Logarithms of counts with the cause, once they are asked for.
   double probe_ = 1;
 };
 

@@ -225,7 +225,7 @@ void conceal(const Wanted& wanted) {
     const Oracle::Verdict verdict = oracle.judge({cause});
     free_snr[kind] =
         std::sqrt(std::max(0.0, verdict.snr * verdict.snr - verdict.mean)) + verdict.snr_with_free_nuisances;
-    for (const auto& [from, to] : oracle.located(verdict, cause->coordinate)) {
+    for (const auto& [from, to] : oracle.located(verdict, *cause)) {
       located.push_back({{"mechanism", kind},
                          {"coordinate", cause->coordinate},
                          {"observable", cause->observable},

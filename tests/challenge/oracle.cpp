@@ -341,12 +341,14 @@ std::vector<double> Oracle::left_by(const Causes& cause, const std::vector<Cause
   return left;
 }
 
-double Oracle::coordinate(const Cell& cell, const std::string& name) const {
+double Oracle::coordinate(const Cell& cell, const Cause& cause, const World& plain) const {
+  const std::string& name = cause.coordinate;
   const Capture& capture = session_.captures[cell.capture];
   if (name == "beam_deg") return session_.beam_rad(cell.step) / degree;
   if (name == "stage_deg") return capture.stage_deg;
   if (name == "range_mm") return cell.plain.sight.range_mm;
-  if (name == "intensity") return cell.plain.sight.counts;
+  if (name == "intensity")
+    return cause.counts(plain.moment(cell.capture, cell.seq, cell.step)).value_or(cell.plain.sight.counts);
   if (name == "incidence_deg") return cell.plain.sight.incidence / degree;
   if (name == "edge_distance_deg") return cell.plain.sight.end_mm / cell.plain.sight.range_mm / degree;
   if (name == "time_s") return capture.since_power_on_s;
@@ -359,17 +361,16 @@ double Oracle::coordinate(const Cell& cell, const std::string& name) const {
   throw std::logic_error("no coordinate " + name);
 }
 
-std::vector<Oracle::Interval> Oracle::located(const Verdict& verdict, const std::string& name) const {
-  double low = 1e300, high = -1e300;
-  for (const Cell& cell : cells_) {
-    low = std::min(low, coordinate(cell, name));
-    high = std::max(high, coordinate(cell, name));
-  }
+std::vector<Oracle::Interval> Oracle::located(const Verdict& verdict, const Cause& cause) const {
+  const World plain(session_, {}, session_.truth);
+  std::vector<double> at;
+  for (const Cell& cell : cells_) at.push_back(coordinate(cell, cause, plain));
+  const double low = *std::ranges::min_element(at), high = *std::ranges::max_element(at);
   constexpr int bins = 30;
   const double width = std::max(1e-9, (high - low) / bins);
   std::vector<double> information(bins);
   for (std::size_t i = 0; i < cells_.size(); ++i) {
-    const int bin = std::min(bins - 1, static_cast<int>((coordinate(cells_[i], name) - low) / width));
+    const int bin = std::min(bins - 1, static_cast<int>((at[i] - low) / width));
     information[static_cast<std::size_t>(bin)] += verdict.information[static_cast<Eigen::Index>(i)];
   }
   const double best = *std::ranges::max_element(information);

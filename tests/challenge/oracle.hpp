@@ -39,9 +39,9 @@ class Oracle {
   struct Interval {
     double from, to;
   };
-  /// Where along a coordinate of formats.md the effect is seen: thirtieths of its span in which the SNR is
+  /// Where along its coordinate of formats.md a cause is seen: thirtieths of its span in which the SNR is
   /// above half of the best one's.
-  [[nodiscard]] std::vector<Interval> located(const Verdict& verdict, const std::string& coordinate) const;
+  [[nodiscard]] std::vector<Interval> located(const Verdict& verdict, const Cause& cause) const;
 
  private:
   struct Cell {
@@ -67,7 +67,7 @@ class Oracle {
   /// Squared signal-to-noise in the logarithm of intensity, after the claimed law's coefficients and every
   /// wall's reflectance have been re-fitted under their uncertainties; added to `information`.
   [[nodiscard]] double intensity(const Causes& causes, Eigen::VectorXd& information) const;
-  [[nodiscard]] double coordinate(const Cell& cell, const std::string& name) const;
+  [[nodiscard]] double coordinate(const Cell& cell, const Cause& cause, const World& plain) const;
 
   const Session& session_;
   std::vector<Cell> cells_;

@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -72,6 +73,8 @@ class Cause {
   virtual bool memory_is_common() const { return false; }
   virtual bool shows_in_intensity() const { return false; }  ///< Needs a bench that claims to know intensity.
   virtual double log_intensity(const Moment&) const { return 0; }
+  /// What the device reports as intensity there, if another receiver than the effects' own makes it.
+  virtual std::optional<double> counts(const Moment&) const { return {}; }
   virtual nlohmann::json parameters() const { return nlohmann::json::object(); }
 };
 
