@@ -32,6 +32,7 @@ struct Circumstances {
   int seq = 0;          ///< Number of the scan in its capture.
   int target = -1;      ///< Index of the bench's target that the beam meets.
   double along_mm = 0;  ///< Position on the target from its middle.
+  int along_sign = 1;   ///< +1: along_mm grows with the beam angle; -1: against it.
   double half_length_mm = 1;
   double corner_mm = std::numeric_limits<double>::infinity();  ///< To the next inner corner along the target.
   /// To the next edge with something behind it; positive on the nearer surface.
@@ -41,6 +42,11 @@ struct Circumstances {
       0;  ///< Range of the brighter neighbouring surface minus own, weighted by its share of light.
   Eigen::Vector2d normal = Eigen::Vector2d::UnitX();  ///< Unit normal of the target, away from the axis.
   double cos_incidence = 1;
+};
+
+/// Of a target against what is stated: out along its normal, and turned about its middle, counter-clockwise.
+struct Displacement {
+  double offset_mm = 0, turn_rad = 0;
 };
 
 /// What a mechanism does to the measurement in given circumstances. Effects of several mechanisms add.
@@ -131,6 +137,9 @@ struct Mechanism {
   bool geometric = false;  ///< Works through angles or places, not through the measured distance itself.
   /// Values in the order of `parameters`.
   std::function<Effect(const Circumstances&, std::span<const double> values)> act;
+  /// Of a mechanism that is nothing but another place of its target, whose effect is not proportional to its
+  /// size: that place. Who has the geometry moves the target instead of calling `act`.
+  std::function<Displacement(std::span<const double> values)> displaces;
   std::function<std::string(const Finding&)> says;
   /// What separates it from its rivals: one clause for the operator.
   std::string separate;

@@ -129,6 +129,7 @@ fit::Circumstances ModelScene::describe(const Eigen::Vector2d& origin, double be
   c.incidence_rad = std::atan2(cross(c.normal, ray), c.normal.dot(ray));
   c.cos_incidence = std::max(0.02, std::cos(c.incidence_rad));
   c.half_length_mm = wall.length / 2;
+  c.along_sign = cross(c.normal, wall.along) >= 0 ? 1 : -1;
   c.along_mm = wall.along.dot(origin + hit.range_mm * ray - wall.from) - wall.length / 2;
   if (wall.joined_from) c.corner_mm = std::min(c.corner_mm, c.half_length_mm + c.along_mm);
   if (wall.joined_to) c.corner_mm = std::min(c.corner_mm, c.half_length_mm - c.along_mm);

@@ -21,6 +21,15 @@ Eigen::VectorXd effect_column(const MeanModel& model, const Term& term, const st
   return column;
 }
 
+/// Derivative by a size of what moves its target: that stands where it was moved to already.
+Eigen::VectorXd slope_column(const MeanModel& model, const Term& term, std::size_t size) {
+  const double step = 0.02 * term.mechanism->parameters[size].typical;
+  std::vector<double> above(term.values.size(), 0.0), below = above;
+  above[size] = step;
+  below[size] = -step;
+  return (effect_column(model, term, above) - effect_column(model, term, below)) / (2 * step);
+}
+
 /// Values with all sizes zero.
 std::vector<double> only_shapes(const Term& term) {
   std::vector<double> values = term.values;
@@ -170,7 +179,8 @@ Columns linear_columns(const MeanModel& model, const Term& term) {
     if (parameters[k].role != Role::size) continue;
     std::vector<double> values = only_shapes(term);
     values[k] = 1;
-    list.push_back(effect_column(model, term, values));
+    list.push_back(term.mechanism->displaces ? slope_column(model, term, k)
+                                          : effect_column(model, term, values));
     mean.push_back(parameters[k].expected);
     sigma.push_back(parameters[k].typical);
     if (!has_phase(*term.mechanism, k)) continue;

@@ -33,7 +33,7 @@ struct Samples {
   std::vector<std::uint16_t> raw;        ///< Ranges as they came.
   std::vector<double> beam_rad, beam_s;  ///< Of the columns.
   std::vector<double> since_start_s;
-  std::vector<std::int64_t> seq;
+  std::vector<std::int64_t> seq, turn;
   [[nodiscard]] std::size_t index(int scan, int beam) const {
     return static_cast<std::size_t>(scan) * static_cast<std::size_t>(beams) + static_cast<std::size_t>(beam);
   }
@@ -42,11 +42,46 @@ struct Samples {
 
 bool is_echo(double range) { return range >= no_echo_below_mm && range < no_echo_above_mm; }
 
+/// Counts the mirror's turns between scans by the lidar's clock, which goes on between captures.
+class TurnCounter {
+ public:
+  explicit TurnCounter(double scan_hz) : stated_ms_(scan_hz > 0 ? 1000 / scan_hz : 0) {}
+
+  std::int64_t at(std::int64_t device_ms) {
+    // A clock that stands or jumps back tells nothing.
+    const std::int64_t since = last_ms_ ? device_ms - *last_ms_ : 0;
+    std::int64_t turns = last_ms_ ? 1 : 0;
+    if (since > 0 && stated_ms_ > 0) {
+      turns = std::max<std::int64_t>(1, std::llround(static_cast<double>(since) / period_ms()));
+      counted_ms_ += since;
+      counted_ += turns;
+    }
+    last_ms_ = device_ms;
+    return turn_ += turns;
+  }
+
+ private:
+  /// The motor's own period, once a few seconds tell it better than what the bench states.
+  [[nodiscard]] double period_ms() const {
+    constexpr std::int64_t tells_ms = 2000;
+    return counted_ms_ > tells_ms ? static_cast<double>(counted_ms_) / static_cast<double>(counted_)
+                                  : stated_ms_;
+  }
+
+  double stated_ms_;
+  std::optional<std::int64_t> last_ms_;
+  std::int64_t turn_ = 0, counted_ms_ = 0, counted_ = 0;
+};
+
 /// Reads one capture's scans into blocks and reduces each.
 class Reducer {
  public:
   Reducer(const Recording& recording, Reduced& out, bool keep_samples)
-      : recording_(recording), out_(out), nuisance_(recording.bench()), keep_samples_(keep_samples) {}
+      : recording_(recording),
+        out_(out),
+        nuisance_(recording.bench()),
+        keep_samples_(keep_samples),
+        turns_(recording.bench().lidar.scan_hz) {}
 
   void capture(std::size_t index) {
     index_ = index;
@@ -61,6 +96,7 @@ class Reducer {
       block.since_start_s.push_back(
           std::max(0.0, static_cast<double>(scan.host_us - info_->started_us) * 1e-6));
       block.seq.push_back(scan.seq);
+      block.turn.push_back(turns_.at(scan.device_ms));
       ++block.scans;
       if (turning_ || block.scans == scans_per_group) {
         reduce_block(block);
@@ -395,6 +431,7 @@ class Reducer {
           Sector sector;
           sector.group = static_cast<int>(out_.groups.size());
           sector.seq = static_cast<int>(block.seq[static_cast<std::size_t>(scan)]);
+          sector.turn = block.turn[static_cast<std::size_t>(scan)];
           sector.number = number;
           sector.since_move_s = block.since_start_s[static_cast<std::size_t>(scan)] +
                                 block.beam_s[static_cast<std::size_t>(
@@ -463,6 +500,7 @@ class Reducer {
   Reduced& out_;
   Nuisance nuisance_;
   bool keep_samples_;
+  TurnCounter turns_;
   std::size_t index_ = 0;
   const CaptureInfo* info_ = nullptr;
   Samples columns_;         ///< Of the capture, without scans.
@@ -503,16 +541,34 @@ Reduced reduce(const Recording& recording, const Progress& progress, const Stand
   return out;
 }
 
-void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
+Nuisance displaced(const Reduced& reduced, Nuisance nuisance, const std::vector<Active>& at_work) {
+  for (const Active& active : at_work) {
+    if (!active.mechanism->displaces || active.target < 0) continue;
+    const Displacement moved = active.mechanism->displaces(active.values);
+    for (std::size_t i = 0; i < reduced.bench.targets.size(); ++i) {
+      if (reduced.same_as[i] != active.target) continue;
+      nuisance.offset_mm[i] += moved.offset_mm;
+      nuisance.turn_rad[i] += moved.turn_rad;
+    }
+  }
+  return nuisance;
+}
+
+void predict(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>& at_work,
              bool may_leave_out) {
+  const Nuisance nuisance = displaced(reduced, fitted, at_work);
   for (const Group& group : reduced.groups) {
     const CaptureInfo& info = reduced.captures[static_cast<std::size_t>(group.capture)];
     const Scene scene(reduced.bench, nuisance, info, reduced.absent[static_cast<std::size_t>(group.capture)]);
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       Cell& cell = reduced.cells[i];
       if (!cell.smooth) continue;
-      Effect effect = effect_of(at_work, cell.at);
-      for (const Mechanism& unnamed : reduced.empirical) effect += unnamed.act(cell.at, {});
+      const auto effect_there = [&] {
+        Effect effect = effect_of(at_work, cell.at);
+        for (const Mechanism& unnamed : reduced.empirical) effect += unnamed.act(cell.at, {});
+        return effect;
+      };
+      const Effect effect = effect_there();
       const Sight sight = may_leave_out
                               ? scene.look(group.stage_rad, cell.beam_rad, effect)
                               : scene.look_at(cell.sight.target, group.stage_rad, cell.beam_rad, effect);
@@ -528,18 +584,21 @@ void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
       cell.at.cos_incidence = sight.cos_incidence();
       cell.at.bearing_rad = sight.bearing_rad;
       cell.at.along_mm = sight.along_mm;
-      cell.nominal_mm = sight.range_mm + effect.range_mm;
+      cell.at.along_sign = sight.along_sign;
+      // Once more: mount and walls may have moved since the circumstances before.
+      cell.nominal_mm = sight.range_mm + effect_there().range_mm;
     }
   }
 }
 
-int reassign(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
+int reassign(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>& at_work,
              double footprint_rad, bool may_leave_out) {
+  const Nuisance nuisance = displaced(reduced, fitted, at_work);
   const Mount& mount = reduced.bench.lidar.mount;
   const double edge_margin = std::max(0.6 * rad_per_deg, 3.5 * footprint_rad);
   constexpr double doubt_left = 0.15;  // of the priors' sway
   int changed = 0;
-  const std::map<int, SeenEdge> seen = seen_edges(reduced, nuisance, at_work);
+  const std::map<int, SeenEdge> seen = seen_edges(reduced, fitted, at_work);
   for (const Group& group : reduced.groups) {
     const CaptureInfo& info = reduced.captures[static_cast<std::size_t>(group.capture)];
     const Scene scene(reduced.bench, nuisance, info, reduced.absent[static_cast<std::size_t>(group.capture)]);

@@ -52,6 +52,7 @@ struct Group {
 /// of the sample from its cell's mean. Whatever a whole scan has in common is in here.
 struct Sector {
   int group = 0, seq = 0, number = 0;
+  std::int64_t turn = 0;    ///< Of the mirror, counted through all captures by the lidar's clock.
   double since_move_s = 0;  ///< Of the sector's middle beam.
   int approach = 0;
   double w = 0, wv = 0, wvv = 0, wd = 0, wdv = 0;
@@ -89,6 +90,10 @@ using Progress = std::function<void(double share, const char* what)>;
 /// Walks the recording once. Cells of captures about nothing in the scene are left out.
 [[nodiscard]] Reduced reduce(const Recording& recording, const Progress& progress,
                              const Standing& standing = {}, bool keep_samples = false);
+
+/// The nuisances with the targets where those mechanisms that displace one put it.
+[[nodiscard]] Nuisance displaced(const Reduced& reduced, Nuisance nuisance,
+                                 const std::vector<Active>& at_work);
 
 /// Predicts every cell anew with other nuisance parameters and with mechanisms at work, to all orders in
 /// geometry. `nominal_mm`, `sight` and the place in `at` are replaced. A cell that now meets another target

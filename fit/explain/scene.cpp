@@ -23,7 +23,8 @@ Eigen::Vector2d quarter(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
 Effect effect_of(const std::vector<Active>& at_work, const Circumstances& at) {
   Effect sum;
   for (const Active& active : at_work)
-    if (active.target < 0 || active.target == at.target) sum += active.mechanism->act(at, active.values);
+    if (!active.mechanism->displaces && (active.target < 0 || active.target == at.target))
+      sum += active.mechanism->act(at, active.values);
   return sum;
 }
 
@@ -134,6 +135,7 @@ bool Scene::meet(std::size_t index, Sight& sight) const {
   sight.along_mm = s.along.dot(sight.origin + distance * ray - s.middle);
   sight.normal = normal;
   sight.incidence_rad = std::atan2(quarter(normal).dot(ray), facing);
+  sight.along_sign = quarter(normal).dot(s.along) >= 0 ? 1 : -1;
   sight.turn_lever = sight.along_mm * normal.dot(quarter(s.along)) / std::max(0.02, facing);
   sight.cosine = std::max(0.02, facing);
   return true;
@@ -224,6 +226,7 @@ void Scene::describe(const Sight& sight, double stage_rad, const std::vector<Edg
   c.bearing_rad = sight.bearing_rad;
   c.target = sight.target;
   c.along_mm = sight.along_mm;
+  c.along_sign = sight.along_sign;
   c.normal = sight.normal;
   const Segment& s = segments_[static_cast<std::size_t>(sight.target)];
   c.half_length_mm = s.half_mm;

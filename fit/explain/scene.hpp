@@ -30,7 +30,8 @@ struct Active {
   int target = -1;  ///< The only target it acts on; -1: all.
 };
 
-/// What all of them together do there; those of one target only to that target.
+/// What all of them together do there; those of one target only to that target, and those that move it not at
+/// all: the scene shows it where they put it.
 [[nodiscard]] Effect effect_of(const std::vector<Active>& at_work, const Circumstances& at);
 
 /// Reflectance of a target in a capture: what the capture states about it, or the bench file, or a middling one.
@@ -41,6 +42,7 @@ struct Sight {
   int target = -1;  ///< -1: nothing.
   double range_mm = 0;
   double along_mm = 0;
+  int along_sign = 1;        ///< +1: along_mm grows with the beam angle; -1: against it.
   double incidence_rad = 0;  ///< Positive where the range grows with the beam angle.
   double bearing_rad = 0;
   Eigen::Vector2d origin = Eigen::Vector2d::Zero(), normal = Eigen::Vector2d::UnitX();

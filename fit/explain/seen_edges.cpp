@@ -63,8 +63,9 @@ void settle(SeenEdge& edge) {
 
 }  // namespace
 
-std::map<int, SeenEdge> seen_edges(const Reduced& reduced, const Nuisance& nuisance,
+std::map<int, SeenEdge> seen_edges(const Reduced& reduced, const Nuisance& fitted,
                                    const std::vector<Active>& at_work) {
+  const Nuisance nuisance = displaced(reduced, fitted, at_work);
   std::map<int, SeenEdge> edges;
   for (const Group& group : reduced.groups) {
     const CaptureInfo& info = reduced.captures[static_cast<std::size_t>(group.capture)];

@@ -2,11 +2,13 @@
 #include "fit/explain/spread.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <numeric>
 #include <optional>
 #include <set>
+#include <tuple>
 
 namespace fit::explain {
 namespace {
@@ -436,7 +438,10 @@ class VarianceSearch {
 
 /// What one scan's cells say together of a common range and a common angle: information and score.
 struct Scan {
-  int group = 0, seq = 0, scans = 0;
+  int group = 0, scans = 0;
+  std::int64_t seq = 0;      ///< In its capture.
+  std::int64_t counted = 0;  ///< In the recording.
+  std::int64_t turn = 0;     ///< Of the mirror, by the lidar's clock.
   Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
   Eigen::Vector2d score = Eigen::Vector2d::Zero();
 };
@@ -449,6 +454,8 @@ std::vector<Scan> scans_of(const Reduced& reduced) {
       Scan scan;
       scan.group = s.group;
       scan.seq = s.seq;
+      scan.counted = static_cast<std::int64_t>(scans.size());
+      scan.turn = s.turn;
       scan.scans = group.scans;
       scans.push_back(scan);
     }
@@ -462,16 +469,64 @@ std::vector<Scan> scans_of(const Reduced& reduced) {
   return scans;
 }
 
+/// How scans are counted: from 0 in every capture, through the recording, or with the mirror through the time
+/// between captures as well.
+using Numbering = std::int64_t Scan::*;
+constexpr std::array<Numbering, 3> numberings{&Scan::seq, &Scan::counted, &Scan::turn};
+
+/// What scans of every class, their number modulo the number of classes, have in common.
+struct Classes {
+  std::vector<double> score, information;
+
+  Classes(const std::vector<Scan>& scans, Numbering number, std::size_t modulus)
+      : score(modulus, 0.0), information(modulus, 0.0) {
+    for (const Scan& s : scans) {
+      const std::size_t at = static_cast<std::size_t>(s.*number) % modulus;
+      score[at] += s.score[0];
+      information[at] += s.information(0, 0);
+    }
+  }
+  [[nodiscard]] double value(std::size_t at) const {
+    return information[at] > 0 ? score[at] / information[at] : 0;
+  }
+  /// Log-likelihood that these values gain, and its evidence against a prior of 1 mm.
+  [[nodiscard]] std::pair<double, double> gain(double inflate) const {
+    double sum = 0, evidence = 0;
+    const auto modulus = static_cast<double>(score.size());
+    for (std::size_t c = 0; c < score.size(); ++c) {
+      if (information[c] <= 0) continue;
+      const double known = information[c] / inflate;
+      const double own = 0.5 * score[c] * score[c] / information[c] / inflate;
+      sum += own;
+      evidence += own * known / (1 + known);
+      // Deviations from a mean: one class says nothing that the others have not said.
+      evidence -= 0.5 * std::log(1 + known) * (modulus - 1) / modulus;
+    }
+    return {sum, evidence};
+  }
+  /// Squared scatter of scans within their classes, in units of their own noise; at least 1.
+  [[nodiscard]] double scatter(const std::vector<Scan>& scans, Numbering number) const {
+    double squares = 0;
+    for (const Scan& s : scans) {
+      if (s.information(0, 0) <= 0) continue;
+      const double off = s.score[0] / s.information(0, 0) -
+                         value(static_cast<std::size_t>(s.*number) % score.size());
+      squares += off * off * s.information(0, 0);
+    }
+    return std::max(1.0, squares / std::max(1.0, static_cast<double>(scans.size() - score.size())));
+  }
+};
+
 /// Faces do not drift: a pattern that grows or fades within a capture, or from the first capture to the last,
-/// is something else. `values`: of the faces, mm.
-bool grows_or_fades(const std::vector<Scan>& scans, const std::vector<double>& values, double inflate) {
+/// is something else.
+bool grows_or_fades(const std::vector<Scan>& scans, Numbering number, const Classes& pattern, double inflate) {
   const double last = std::max(1, scans.back().group);
   const auto significance = [&](const auto& place) {
     // The pattern with a slope beside the pattern itself, whose size is open.
     Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
     Eigen::Vector2d score = Eigen::Vector2d::Zero();
     for (const Scan& s : scans) {
-      const double size = values[static_cast<std::size_t>(s.seq) % values.size()];
+      const double size = pattern.value(static_cast<std::size_t>(s.*number) % pattern.score.size());
       const Eigen::Vector2d x(size, size * place(s));
       information += s.information(0, 0) * x * x.transpose();
       score += s.score[0] * x;
@@ -482,17 +537,16 @@ bool grows_or_fades(const std::vector<Scan>& scans, const std::vector<double>& v
     return 0.5 * slope * slope / own / inflate;
   };
   constexpr double beyond_chance = 6;
-  return significance([](const Scan& s) { return (s.seq - (s.scans - 1) / 2.0) / std::max(1, s.scans); }) >
-             beyond_chance ||
+  return significance([](const Scan& s) {
+           return (static_cast<double>(s.seq) - (s.scans - 1) / 2.0) / std::max(1, s.scans);
+         }) > beyond_chance ||
          significance([last](const Scan& s) { return s.group / last - 0.5; }) > beyond_chance;
 }
 
-/// Common ranges that depend on the scan's number only: mirror faces, or anything else.
-void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
-  if (scans.size() < 20) return;
-  // Spread of the scans' common range beyond their own noise, within any pattern: from differences over
-  // captures of scans with the same number.
-  std::map<int, std::vector<const Scan*>> by_number;
+/// Squared scatter of scans with the same number in their captures, in units of their own noise, whatever
+/// the pattern is; at least 1.
+double scatter_of_numbers(const std::vector<Scan>& scans) {
+  std::map<std::int64_t, std::vector<const Scan*>> by_number;
   for (const Scan& s : scans)
     if (s.information(0, 0) > 0) by_number[s.seq].push_back(&s);
   double excess = 0, count = 0;
@@ -512,68 +566,62 @@ void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
     }
     count -= 1;
   }
-  const double inflate = count > 10 ? std::max(1.0, excess / count) : few ? 1.5 : 1.0;
-  const auto classes = [&](int modulus, std::vector<double>* values, double* likelihood) {
-    std::vector<double> score(static_cast<std::size_t>(modulus)),
-        information(static_cast<std::size_t>(modulus));
-    for (const Scan& s : scans) {
-      const auto at = static_cast<std::size_t>(s.seq % modulus);
-      score[at] += s.score[0];
-      information[at] += s.information(0, 0);
-    }
-    double sum = 0, evidence = 0;
-    for (std::size_t c = 0; c < score.size(); ++c) {
-      if (information[c] <= 0) continue;
-      const double known = information[c] / inflate;  // against a prior of 1 mm
-      const double gain = 0.5 * score[c] * score[c] / information[c] / inflate;
-      sum += gain;
-      evidence += gain * known / (1 + known);
-      // Deviations from a mean: one class says nothing that the others have not said.
-      evidence -= 0.5 * std::log(1 + known) * (modulus - 1.0) / modulus;
-      if (values) values->push_back(score[c] / information[c]);
-    }
-    *likelihood = sum;
-    return evidence;
-  };
-  int longest = 0;
+  return count > 10 ? std::max(1.0, excess / count) : few ? 1.5 : 1.0;
+}
+
+/// Amplitude and phase of the faces' first harmonic.
+std::map<std::string, Estimate> faces_of(const Classes& pattern, double inflate) {
+  const auto faces = static_cast<double>(pattern.score.size());
+  double sine = 0, cosine = 0, information = 0;
+  for (std::size_t i = 0; i < pattern.score.size(); ++i) {
+    const double x = 2 * pi * static_cast<double>(i) / faces;
+    sine += 2 * pattern.value(i) * std::sin(x) / faces;
+    cosine += 2 * pattern.value(i) * std::cos(x) / faces;
+    information += pattern.information[i];
+  }
+  const double u = std::sqrt(2 * inflate / information);
+  double amplitude = std::hypot(sine, cosine), phase = std::atan2(cosine, sine) * deg_per_rad,
+         phase_u = u / std::max(u, amplitude) * deg_per_rad;
+  if (faces == 2) {
+    amplitude = std::abs(pattern.value(0) - pattern.value(1)) / 2;
+    phase = pattern.value(0) > pattern.value(1) ? 90 : -90;
+    phase_u = 0;
+  }
+  return {{"amplitude_mm", {amplitude, u}}, {"phase_deg", {phase, phase_u}}, {"facets", {faces, 0}}};
+}
+
+/// Common ranges that depend on the scan's number only: mirror faces, or anything else.
+void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
+  if (scans.size() < 20) return;
+  const double of_numbers = scatter_of_numbers(scans);
+  std::int64_t longest = 0;
   for (const Scan& s : scans) longest = std::max(longest, s.seq + 1);
+  const double price = std::log(4.0) + std::log(static_cast<double>(numberings.size()));
   Suspect facet;
   facet.mechanism = mechanism("facet-wobble");
   facet.evidence = -1;
-  std::vector<double> best_values;
-  for (int facets = 2; facets <= std::min(8, longest - 1); ++facets) {
-    std::vector<double> values;
-    double gain = 0;
-    const double evidence = classes(facets, &values, &gain) - std::log(4.0);
-    if (evidence <= facet.evidence + 3) continue;  // a multiple of the right number fits as well
-    facet.evidence = evidence;
-    facet.gain = gain;
-    best_values = values;
-    double sine = 0, cosine = 0;
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      const double x = 2 * pi * static_cast<double>(i) / facets;
-      sine += 2 * values[i] * std::sin(x) / facets;
-      cosine += 2 * values[i] * std::cos(x) / facets;
+  bool drifts = false;
+  for (const Numbering number : numberings)
+    for (std::size_t faces = 2; faces <= static_cast<std::size_t>(std::min<std::int64_t>(8, longest - 1));
+         ++faces) {
+      const Classes pattern(scans, number, faces);
+      const double inflate = number == &Scan::seq ? of_numbers : pattern.scatter(scans, number);
+      const auto [gain, evidence] = pattern.gain(inflate);
+      // A multiple of the right number fits as well, and so does another count in captures that go on.
+      if (evidence - price <= facet.evidence + 3) continue;
+      facet.evidence = evidence - price;
+      facet.gain = gain;
+      facet.parameters = faces_of(pattern, inflate);
+      drifts = facet.evidence > accept_at && grows_or_fades(scans, number, pattern, inflate);
     }
-    double information = 0;
-    for (const Scan& s : scans) information += s.information(0, 0);
-    const double u = std::sqrt(2 * inflate / information);
-    double amplitude = std::hypot(sine, cosine);
-    double phase = std::atan2(cosine, sine) * deg_per_rad;
-    if (facets == 2) {
-      amplitude = std::abs(values[0] - values[1]) / 2;
-      phase = values[0] > values[1] ? 90 : -90;
-    }
-    facet.parameters = {{"amplitude_mm", {amplitude, u}},
-                        {"phase_deg", {phase, facets == 2 ? 0 : u / std::max(u, amplitude) * deg_per_rad}},
-                        {"facets", {static_cast<double>(facets), 0}}};
-  }
-  double every_gain = 0;
-  double every = longest <= 400 ? classes(longest, nullptr, &every_gain) : -1;
-  const bool drifts = facet.evidence > accept_at && grows_or_fades(scans, best_values, inflate);
+  double every_gain = 0, every = -1;
+  if (longest <= 400)
+    std::tie(every_gain, every) =
+        Classes(scans, &Scan::seq, static_cast<std::size_t>(longest)).gain(of_numbers);
   if (drifts && every < facet.evidence) every = facet.evidence;
   // Captures that hardly see a face twice must say so better than any pattern of scans does.
-  const bool repeats = facet.evidence > accept_at && 2 * facet.parameters.at("facets").value <= longest;
+  const bool repeats = facet.evidence > accept_at &&
+                       2 * facet.parameters.at("facets").value <= static_cast<double>(longest);
   if (facet.evidence > accept_at && facet.evidence > every + (repeats ? -3 : 1) && !drifts) {
     result.accepted.push_back(facet);
   } else if (every > accept_at + 2.5) {
@@ -583,7 +631,7 @@ void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
     u.gain = every_gain;
     u.evidence = every;
     u.from = 0;
-    u.to = longest - 1;
+    u.to = static_cast<double>(longest - 1);
     u.describes =
         "the range depends on the number of the scan in its capture in a way that no mirror face and "
         "no swinging stage makes";
@@ -927,16 +975,35 @@ void output_steps(const Reduced& reduced, SpreadResult& result, double* fixed_va
   *fixed_variance = best_step * best_step / 12;
 }
 
+/// Near an edge, unless its neighbours on both sides, farther than edges blur, see the target as well.
+bool may_miss_its_target(const Reduced& reduced, std::size_t index) {
+  constexpr double doubt_rad = 1.5 * rad_per_deg, blur_rad = 0.5 * rad_per_deg;
+  const Cell& cell = reduced.cells[index];
+  if (std::abs(cell.at.edge_rad) >= doubt_rad) return false;
+  if (std::abs(cell.at.edge_rad) < blur_rad) return true;
+  const Group& group = reduced.groups[static_cast<std::size_t>(cell.group)];
+  const auto sees_it = [&](const Cell& other) {
+    return other.sight.target == cell.sight.target && 2 * other.n > other.n + other.stray + other.lost;
+  };
+  bool below = false, above = false;
+  for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+    const double away = reduced.cells[i].beam_rad - cell.beam_rad;
+    if (std::abs(away) < blur_rad || std::abs(away) > 2 * blur_rad || !sees_it(reduced.cells[i])) continue;
+    (away < 0 ? below : above) = true;
+  }
+  return !below || !above;
+}
+
 void losses(const Reduced& reduced, SpreadResult& result) {
   struct Count {
     double intensity, beam_deg, lost, all;
   };
   std::vector<Count> counts;
   double lost = 0, all = 0;
-  for (const Cell& cell : reduced.cells) {
-    if (std::abs(cell.at.incidence_rad) > 75 * rad_per_deg || std::abs(cell.at.edge_rad) < 1.5 * rad_per_deg)
-      continue;
+  for (std::size_t i = 0; i < reduced.cells.size(); ++i) {
+    const Cell& cell = reduced.cells[i];
     if (cell.n + cell.lost == 0) continue;
+    if (std::abs(cell.at.incidence_rad) > 75 * rad_per_deg || may_miss_its_target(reduced, i)) continue;
     counts.push_back({cell.at.intensity, cell.beam_rad * deg_per_rad, static_cast<double>(cell.lost),
                       static_cast<double>(cell.n + cell.stray + cell.lost)});
     lost += cell.lost;

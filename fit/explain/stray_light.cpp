@@ -57,7 +57,7 @@ class Edges {
   void look(const Group& group) {
     const CaptureInfo& info = reduced_.captures[static_cast<std::size_t>(group.capture)];
     if (std::abs(info.stage_rate_rad_s) > 1e-9) return;
-    const Scene scene(reduced_.bench, means_.best.nuisance, info,
+    const Scene scene(reduced_.bench, displaced(reduced_, means_.best.nuisance, at_work_), info,
                       reduced_.absent[static_cast<std::size_t>(group.capture)]);
     const std::vector<Edge> edges = scene.edges(group.stage_rad);
     for (const Edge& edge : edges) {

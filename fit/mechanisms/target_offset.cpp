@@ -15,6 +15,7 @@ Mechanism make_target_offset() {
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = p[0] / std::max(0.05, c.cos_incidence)};
   };
+  m.displaces = [](std::span<const double> p) { return Displacement{.offset_mm = p[0]}; };
   m.says = [](const Finding& f) {
     return "Target '" + f.target + "' stands " + with_uncertainty(f.at("offset_mm"), "mm") +
            " farther out along its normal than the bench file's uncertainty allows.";

@@ -3,7 +3,8 @@
 
 namespace fit::mechanisms {
 
-// A target is turned about its middle.
+// A target is turned about its middle, counter-clockwise as every angle of the world frame. Where it is met at a
+// slant the range changes by more than in proportion.
 Mechanism make_target_tilt() {
   Mechanism m;
   m.id = "target-tilt";
@@ -13,11 +14,14 @@ Mechanism make_target_tilt() {
   m.geometric = true;
   m.parameters = {{.name = "tilt_deg", .typical = 0.5}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    return Effect{.range_mm = p[0] * rad_per_deg * c.along_mm / std::max(0.05, c.cos_incidence)};
+    const double slope = std::tan(p[0] * rad_per_deg);
+    const double facing = c.cos_incidence + slope * std::sin(c.incidence_rad);
+    return Effect{.range_mm = -c.along_sign * slope * c.along_mm / std::max(0.05, facing)};
   };
+  m.displaces = [](std::span<const double> p) { return Displacement{.turn_rad = p[0] * rad_per_deg}; };
   m.says = [](const Finding& f) {
     return "Target '" + f.target + "' is turned by " + with_uncertainty(f.at("tilt_deg"), "deg") +
-           ", more than the bench file's uncertainty allows.";
+           " counter-clockwise, more than the bench file's uncertainty allows.";
   };
   m.separate = "move or turn the target, not the lidar";
   return m;

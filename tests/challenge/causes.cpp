@@ -442,11 +442,20 @@ struct TargetOffset : Subsurface {  // a board stands elsewhere
 };
 
 struct TargetTilt : Subsurface {
+  double out = 1;  // -1: counter-clockwise, its end to which along_mm grows comes nearer
+  void draw(Session& session, Random& random) override {
+    Subsurface::draw(session, random);
+    const Wall& board = session.walls[static_cast<std::size_t>(wall)];
+    const Vector middle = (board.from + board.to) / 2, along = board.to - board.from;
+    out = middle.x() * along.y() - middle.y() * along.x() > 0 ? -1 : 1;
+  }
   double range(const Moment&, const Sight& sight, const World&) const override {
     const double tilt = strength * 0.3 * degree;
-    return sight.wall == wall ? sight.along_mm * std::tan(tilt) / std::cos(sight.incidence) : 0;
+    return sight.wall == wall ? sight.along_mm * std::tan(tilt) /
+                                    (std::cos(sight.incidence) - std::tan(tilt) * std::sin(sight.incidence))
+                              : 0;
   }
-  json parameters() const override { return {{"target", name}, {"tilt_deg", 0.3 * strength}}; }
+  json parameters() const override { return {{"target", name}, {"tilt_deg", out * 0.3 * strength}}; }
 };
 
 struct TargetCurvature : Subsurface {  // a board bent to a circle between its supports
