@@ -15,9 +15,13 @@ struct ImaginedRoom {
   using Bend = std::function<double(double beam_rad)>;
   using Stretch = std::function<double(double beam_rad, double range_mm, double time_s)>;
   Bend bend = [](double) { return 0.0; };
+  /// Of all ranges of one turn of the mirror (mm), counted through the time between captures.
+  std::function<double(std::int64_t turn)> face = [](std::int64_t) { return 0.0; };
+  double third_wall_turned_deg = 0;  ///< Counter-clockwise about its middle.
   Stretch stretch = [](double, double, double) { return 0.0; };
   int captures = 16, scans = 8, every_beam = 4;
   double sigma_mm = 5;
+  double pause_s = 60;    ///< From the start of a capture to that of the next.
   double rate_deg_s = 0;  ///< The stage turns during captures, both ways in turn.
   unsigned seed = 1;
   bool thermometer = false;
@@ -49,20 +53,23 @@ struct ImaginedRoom {
     truth.y_mm += 3 * normal(*random);
     truth.yaw_rad += 0.3 * fit::rad_per_deg * normal(*random);
     for (double& offset : truth.offset_mm) offset += 1.5 * normal(*random);
-    const ImaginedRoom self = *this;
+    truth.turn_rad[2] += third_wall_turned_deg * fit::rad_per_deg;
+    const auto self = std::make_shared<const ImaginedRoom>(*this);
     SyntheticRecording recording(
         b, [=](const fit::CaptureInfo& info, std::int64_t seq, auto& range, auto& intensity) {
-          std::normal_distribution<double> noise(0, self.sigma_mm);
+          std::normal_distribution<double> noise(0, self->sigma_mm);
+          const double of_face =
+              self->face(std::llround(info.since_power_on_s.value_or(0) * b.lidar.scan_hz) + seq);
           const fit::explain::Scene scene(b, truth, info);
           for (std::size_t k = 0; k < range.size(); ++k) {
             const double beam = b.lidar.beam_angle(info.first_step + static_cast<double>(k) * info.cluster);
             fit::Effect effect;
-            effect.beam_rad = self.bend(beam);
+            effect.beam_rad = self->bend(beam);
             const double stage =
                 info.stage_rad + info.stage_rate_rad_s * static_cast<double>(seq) / b.lidar.scan_hz;
             const auto sight = scene.look(stage, beam, effect);
-            const double more = self.stretch(beam, sight.range_mm, info.since_power_on_s.value_or(0));
-            range[k] = static_cast<std::uint16_t>(std::lround(sight.range_mm + more + noise(*random)));
+            const double more = self->stretch(beam, sight.range_mm, info.since_power_on_s.value_or(0));
+            range[k] = static_cast<std::uint16_t>(std::lround(sight.range_mm + more + of_face + noise(*random)));
             intensity[k] = static_cast<std::uint16_t>(3e6 * std::cos(sight.incidence_rad) / sight.range_mm);
           }
         });
@@ -72,7 +79,7 @@ struct ImaginedRoom {
       info.stage_rad = 720.0 / captures * turn * fit::rad_per_deg;
       info.approach = i == 0 ? 0 : i <= captures / 2 ? 1 : -1;
       info.stage_rate_rad_s = (i % 2 == 0 ? 1 : -1) * rate_deg_s * fit::rad_per_deg;
-      info.since_power_on_s = 30 + 60.0 * i;
+      info.since_power_on_s = 30 + pause_s * i;
       if (thermometer) info.temperature_c = 20 + 10 * (1 - std::exp(-*info.since_power_on_s / 400));
       info.last_step = b.lidar.steps - 1;
       info.cluster = every_beam;

@@ -168,6 +168,34 @@ TEST_CASE("what was found, taken into the bench, leaves nothing to explain") {
   CHECK(fit::parse_bench(fit::to_json_text(first.bench)).knows("encoder-eccentricity"));
 }
 
+TEST_CASE("mirror faces are told whatever face a capture begins with") {
+  ImaginedRoom room;
+  room.scans = 9;
+  room.pause_s = 20.025;  // an odd number of turns
+  room.face = [](std::int64_t turn) { return turn % 2 == 0 ? 0.4 : -0.4; };
+  const Explanation e = explanation_of(room);
+  INFO(to_text(e));
+  REQUIRE(names(e) == std::vector<std::string>{"facet-wobble"});
+  const auto& found = e.mechanisms.front().parameters;
+  CHECK(found.at("facets").value == 2);
+  CHECK(std::abs(found.at("amplitude_mm").value - 0.4) < 4 * found.at("amplitude_mm").u);
+}
+
+TEST_CASE("a wall that stands turned is told as such, exactly, and nothing else is accused") {
+  const double turned_deg = GENERATE(-0.7, 0.6, 1.5);
+  ImaginedRoom room;
+  room.every_beam = 2;
+  room.sigma_mm = 2;
+  room.third_wall_turned_deg = turned_deg;
+  const Explanation e = explanation_of(room);
+  INFO("turned by " << turned_deg << " deg: " << to_text(e));
+  REQUIRE(names(e) == std::vector<std::string>{"target-tilt"});
+  CHECK(e.mechanisms.front().target == "wall 3");
+  const auto& tilt = e.mechanisms.front().parameters.at("tilt_deg");
+  CHECK(std::abs(tilt.value - turned_deg) < 4 * tilt.u);
+  CHECK(e.after.rms_mm < 1.02 * e.noise_floor_mm);
+}
+
 TEST_CASE("a bias that no mechanism makes is called unknown and described") {
   ImaginedRoom room;
   room.stretch = [](double beam, double, double) { return 4 * std::sin(7 * beam + 0.4); };
@@ -212,6 +240,7 @@ TEST_CASE("an explanation as JSON keeps the contract") {
 }
 
 TEST_CASE("a recording without anything to compare is refused with a reason") {
-  SyntheticRecording empty(fit::Bench{}, [](const auto&, auto, auto&, auto&) {});
+  const fit::Bench bench;
+  SyntheticRecording empty(bench, [](const auto&, auto, auto&, auto&) {});
   CHECK_THROWS_WITH(explain({&empty}, {}), Catch::Contains("no targets"));
 }

@@ -27,9 +27,10 @@ class SyntheticRecording : public fit::Recording {
                      const std::function<void(const fit::ScanView&)>& visit) const override {
     const fit::CaptureInfo& capture = captures_.at(index);
     std::vector<std::uint16_t> range(static_cast<std::size_t>(capture.beams())), intensity(range.size());
+    const auto first_ms = static_cast<std::int64_t>(1000 * capture.since_power_on_s.value_or(0));
     for (long seq = 0; seq < scans_[index]; ++seq) {
       maker_(capture, seq, range, intensity);
-      visit({seq, seq * 25, seq * 25000, range, intensity, {}});
+      visit({seq, first_ms + seq * 25, seq * 25000, range, intensity, {}});
     }
   }
 
