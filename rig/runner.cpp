@@ -236,10 +236,22 @@ void Runner::Impl::conclude() {
   } catch (const std::exception&) {
     // The session cannot be written any more; the failure that follows says why.
   }
+  finish_session();
   state.phase = stopped   ? RunState::Phase::aborted
                 : failure ? RunState::Phase::failed
                           : RunState::Phase::done;
   for (const auto& observer : observers) observer(state);
+}
+
+void Runner::Impl::finish_session() {
+  try {
+    session.finish();
+  } catch (const std::exception& error) {
+    if (!failure)
+      failure = std::current_exception();
+    else if (words_of(failure) != error.what())
+      tell("error", error.what());
+  }
 }
 
 bool Runner::Impl::is_stopped(const std::exception_ptr& why) { return is_a<RunStopped>(why); }

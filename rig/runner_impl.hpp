@@ -143,6 +143,8 @@ struct Runner::Impl final : StepContext {
   void changed();
 
   void note(const std::string& level, const std::string& text) override;
+  /// As note(), to those who watch only: the session is finished.
+  void tell(const std::string& level, const std::string& text);
 
   void stop_if_aborted() const;
 
@@ -345,6 +347,8 @@ struct Runner::Impl final : StepContext {
 
   void conclude();
 
+  /// Last, because a session that was removed since its last capture is saved as it then stands.
+  void finish_session();
   static bool is_stopped(const std::exception_ptr& why);
 };
 

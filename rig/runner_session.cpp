@@ -119,6 +119,7 @@ json Runner::Impl::fit(const std::string& kind, const json& options) {
   changed();
   const json result = parts.fit(kind, session, options);
   session.add_result(kind, result.dump(-1, ' ', false, json::error_handler_t::replace));
+  session.demand_name();
   if (!procedure.limits.empty()) state.checks_text = check_limits(procedure.limits, session)["checks"].dump();
   changed();
   return result;
@@ -138,6 +139,7 @@ void Runner::Impl::report(const std::string& file) {
         ", outside the session's folder " + inside.string() +
         ". It was not written; what was measured is in the session. Remove the link, or use rig report.");
   store_limits();
+  session.demand_name();  // The report is made from the file.
   parts.report(session, target.string());
   note("info", "report written to " + target.string());
 }
@@ -187,6 +189,10 @@ void Runner::Impl::changed() {
 
 void Runner::Impl::note(const std::string& level, const std::string& text) {
   session.add_event(now_us(), level, text);
+  tell(level, text);
+}
+
+void Runner::Impl::tell(const std::string& level, const std::string& text) {
   state.messages.push_back({now_us(), level, text});
   ++state.messages_total;
   if (state.messages.size() > messages_kept) state.messages.erase(state.messages.begin());

@@ -411,6 +411,7 @@ struct SessionStore::Impl {
   std::optional<SQLite::Statement> insert_scan, insert_geometry;
   std::optional<std::int64_t> open_capture;
   int open_capture_beams = 0;
+  bool rescued = false;  // Once is enough: what follows is the end of the run.
   std::vector<fit::TrackPose> poses;
   std::vector<Event> waiting_events;
   std::vector<std::uint16_t> swapped;
@@ -452,22 +453,23 @@ struct SessionStore::Impl {
   /// A session that was removed or replaced while it is written goes on without a name and ends with this
   /// program: all of it is saved under another name, and the run stops.
   void demand_name() {
-    if (!lock || lock->names(path)) return;
+    if (rescued || !lock || lock->names(path)) return;
+    rescued = true;
     const std::string words = path + " was removed or replaced by another program while it was written. ";
     const std::string name = std::filesystem::path(path).filename().string() + ".rescued";
     using Folder = std::filesystem::path;
     for (const Folder& refuge : {Folder(path).parent_path(), Folder("."), Folder("/tmp")}) {
-      const std::string rescued = (refuge / name).string();
+      const std::string copy = (refuge / name).string();
       try {
         SQLite::Statement save(*database, "VACUUM INTO ?");
-        save.bind(1, rescued);
+        save.bind(1, copy);
         save.exec();
       } catch (const SQLite::Exception&) {
         continue;
       }
-      sync_folder(rescued);
-      throw MeasurementError(words + "Everything captured was saved to " + rescued + ". Rename it to " +
-                             path + " and go on with --resume.");
+      sync_folder(copy);
+      throw MeasurementError(words + "Everything captured was saved to " + copy + ". Rename it to " + path +
+                             " and go on with --resume.");
     }
     throw MeasurementError(words + "It could not be saved elsewhere: what was captured is lost. Begin anew.");
   }
@@ -526,10 +528,7 @@ struct SessionStore::Impl {
       if (open_capture) rollback();
       if (mode != Mode::read) {
         flush();
-        insert_scan.reset();
-        insert_geometry.reset();
-        // A finished session is one plain file, which other clients can read from read-only media too.
-        database->exec("PRAGMA journal_mode = DELETE");
+        make_plain();
       }
     } catch (const std::exception&) {
       // What was committed is in the log; the next reader finds it there.
@@ -537,6 +536,13 @@ struct SessionStore::Impl {
     insert_scan.reset();
     insert_geometry.reset();
     database.reset();
+  }
+
+  /// A finished session is one plain file, which other clients can read from read-only media too.
+  void make_plain() {
+    insert_scan.reset();
+    insert_geometry.reset();
+    database->exec("PRAGMA journal_mode = DELETE");
   }
 
   void put(const std::string& key, const std::string& value) {
@@ -715,6 +721,26 @@ void SessionStore::commit_capture(std::int64_t capture) {
     }
     impl_->open_capture.reset();
     impl_->demand_name();
+  });
+}
+
+void SessionStore::demand_name() {
+  if (impl_->open_capture) throw std::logic_error("a capture is open");  // It would not be saved.
+  guarded(impl_->path, [&] { impl_->demand_name(); });
+}
+
+void SessionStore::finish() {
+  guarded(impl_->path, [&] {
+    if (impl_->open_capture) impl_->rollback();
+    impl_->flush();
+    impl_->demand_name();
+    if (impl_->rescued) return;
+    try {
+      impl_->make_plain();
+    } catch (const SQLite::Exception&) {
+      // What was committed is in the log; the next reader finds it there.
+    }
+    impl_->demand_name();  // It may have been removed just now.
   });
 }
 

@@ -46,6 +46,13 @@ class SessionStore {
   /// Forgets a capture that was begun and not committed.
   void abandon_capture(std::int64_t capture);
 
+  /// Saves everything as `FILE.rig.rescued` and throws MeasurementError if another program removed or
+  /// replaced the file meanwhile; once. commit_capture() does the same. Not while a capture is open.
+  void demand_name();
+  /// Ends writing: an open capture is forgotten, the file is one plain file, and under its name
+  /// (demand_name()).
+  void finish();
+
   /// What a resumed run needs to know of a step that is done (JSON). Between begin_capture and commit_capture
   /// it becomes durable together with the capture: either both are there or neither.
   void set_progress(const std::string& step, const std::string& json);

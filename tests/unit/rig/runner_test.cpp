@@ -726,6 +726,21 @@ TEST_CASE("a limit that is not met is the run's result, not an error") {
   CHECK(good.run());
 }
 
+TEST_CASE("a session that is removed after the last capture is saved before the run ends") {
+  const std::string last = GENERATE("", "  - fit: {kind: noise}\n", "  - report: {file: test.html}\n");
+  Rig rig("  - home\n  - capture: {samples: 5}\n  - move: {to_deg: 5}\n" + last);
+  rig.prepare = [&rig](rig::Runner& runner) {
+    runner.observe([&rig](const rig::RunState& state) {
+      if (state.stage_deg > 4) std::filesystem::remove(rig.file);
+    });
+  };
+  CHECK_THROWS_WITH(rig.run(), Contains("was removed") && Contains(".rescued"));
+  rig.prepare = [](rig::Runner&) {};
+  std::filesystem::rename(rig.file.string() + ".rescued", rig.file);
+  CHECK(rig.run());
+  CHECK(rig.captures().size() == 1);
+}
+
 TEST_CASE("a report cannot leave the session's folder, and is refused before anything moves") {
   for (const char* file :
        {"/tmp/report.html", "../report.html", "a/../../report.html", "report.exe", "bench.json/.."}) {

@@ -243,6 +243,40 @@ TEST_CASE("a session that is removed while it is written is saved under another 
   CHECK(rescued.recording(plain_bench())->captures().size() == 2);
 }
 
+TEST_CASE(
+    "a session that is removed after its last capture is saved under another name when it is finished") {
+  const Folder folder;
+  const bool replaced = GENERATE(false, true);
+  {
+    SessionStore store(folder.file(), Mode::create);
+    for (int i = 0; i < 2; ++i) {
+      const auto id = store.begin_capture(small_capture());
+      store.add_scan(id, scan_of(0, {1, 2, 3}));
+      store.commit_capture(id);
+    }
+    store.add_result("range", "{}");
+    std::filesystem::remove(folder.file());
+    if (replaced) std::ofstream(folder.file()) << "something else";
+    CHECK_THROWS_WITH(store.finish(), Catch::Matchers::Contains("run.rig.rescued"));
+    CHECK_NOTHROW(store.finish());
+  }
+  // As the words say: renamed, it is the session; nothing of the removed one's log comes into it.
+  std::filesystem::rename(folder.file("run.rig.rescued"), folder.file());
+  CHECK_FALSE(std::filesystem::exists(folder.file("run.rig-wal")));
+  const SessionStore store(folder.file(), Mode::append);
+  CHECK(store.recording(plain_bench())->captures().size() == 2);
+  CHECK(store.latest_result("range").value_or("") == "{}");
+}
+
+TEST_CASE("a finished session is one plain file while its writer is still there") {
+  const Folder folder;
+  SessionStore store(folder.file(), Mode::create);
+  add_capture(store, 1);
+  store.finish();
+  CHECK_FALSE(std::filesystem::exists(folder.file("run.rig-wal")));
+  CHECK(SessionStore(folder.file(), Mode::read).recording(plain_bench())->captures().size() == 1);
+}
+
 TEST_CASE("damaged scans are refused rather than misread") {
   const Folder folder;
   {
