@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cmath>
 #include <complex>
+#include <exception>
 #include <functional>
 #include <set>
 #include <thread>
@@ -118,8 +119,18 @@ void on_two_cores(std::size_t count, const Work& work) {
   const auto run = [&] {
     for (std::size_t i = next++; i < count; i = next++) work(i);
   };
-  std::jthread other(run);
-  run();
+  std::exception_ptr failed;
+  {
+    const std::jthread other([&] {
+      try {
+        run();
+      } catch (...) {
+        failed = std::current_exception();  // The caller's, as if there were one thread.
+      }
+    });
+    run();
+  }
+  if (failed) std::rethrow_exception(failed);
 }
 
 class Search {
