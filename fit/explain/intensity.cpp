@@ -4,9 +4,12 @@
 #include <nlopt.h>
 
 #include <algorithm>
+#include <array>
 #include <boost/math/special_functions/erf.hpp>
 #include <cmath>
+#include <map>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "fit/empirical.hpp"
@@ -143,7 +146,11 @@ struct Suspicion {
   std::vector<int> coefficients;             ///< radiometry: those that are wrong.
   Coordinate coordinate = Coordinate::beam;  ///< Of an unnamed function, ...
   int about = -1;                            ///< ... of places on this target if not negative, ...
-  double length = 0;                         ///< ... and its correlation length, share of the span.
+  double length = 0;                         ///< ... and its correlation length, share of the span, ...
+  struct Patch {
+    double from_mm, to_mm, price;  ///< Price: log of the number of places that were looked at.
+  };
+  std::optional<Patch> patch;  ///< ... or brighter or darker from edge to edge.
   double size = 0;                           ///< Scale of its prior, found.
   double evidence = -1e300, gain = 0;
 
@@ -156,7 +163,9 @@ struct Suspicion {
   [[nodiscard]] bool same_kind(const Suspicion& o) const { return (is_law() && o.is_law()) || same_as(o); }
   [[nodiscard]] bool same_as(const Suspicion& o) const {
     if (mechanism != o.mechanism) return false;
-    if (!mechanism) return coordinate == o.coordinate && about == o.about;
+    if (patch && o.patch)
+      return about == o.about && patch->from_mm < o.patch->to_mm && o.patch->from_mm < patch->to_mm;
+    if (!mechanism) return coordinate == o.coordinate && about == o.about && !patch == !o.patch;
     return true;
   }
 };
@@ -550,6 +559,10 @@ class Intensity {
         const Circumstances& at = cell(static_cast<std::size_t>(i)).at;
         x[i] = at.target == s.about ? at.along_mm : std::nan("");
       }
+    if (s.patch) {
+      const auto inside = [&](double v) { return v >= s.patch->from_mm && v < s.patch->to_mm ? 1.0 : 0.0; };
+      return x.unaryExpr(inside);
+    }
     if (s.other_law()) x = x.array().log();
     return bells(x, s.length * span_of(x));
   }
@@ -624,6 +637,59 @@ class Intensity {
     for (std::size_t i = 0; i < rows_.size(); ++i) ++seen[static_cast<std::size_t>(cell(i).at.target)];
     for (std::size_t t = 0; t < seen.size() && t < 12; ++t)
       if (seen[t] > 40) offer(Coordinate::target, static_cast<int>(t));
+    return list;
+  }
+
+  /// The patch of every target whose intensity deviates most from that of the rest.
+  [[nodiscard]] std::vector<Suspicion> patches(const Model& model) const {
+    constexpr double bin_mm = 20;
+    constexpr std::array<std::size_t, 5> widths{3, 6, 12, 24, 48};
+    struct Sums {
+      double low_mm = 1e300, high_mm = -1e300;
+      std::vector<double> weight, along;  // before each bin
+    };
+    std::map<int, Sums> targets;
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      Sums& sums = targets[cell(i).at.target];
+      sums.low_mm = std::min(sums.low_mm, cell(i).at.along_mm);
+      sums.high_mm = std::max(sums.high_mm, cell(i).at.along_mm);
+    }
+    for (auto& [target, sums] : targets) {
+      const auto bins = static_cast<std::size_t>((sums.high_mm - sums.low_mm) / bin_mm) + 1;
+      sums.weight.assign(bins + 1, 0);
+      sums.along.assign(bins + 1, 0);
+    }
+    const VectorXd residual = model.residual();
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      Sums& sums = targets.at(cell(i).at.target);
+      const auto bin = static_cast<std::size_t>((cell(i).at.along_mm - sums.low_mm) / bin_mm) + 1;
+      const double w = 1 / (rows_[i].sigma * rows_[i].sigma);
+      sums.weight[bin] += w;
+      sums.along[bin] += w * residual[static_cast<Index>(i)];
+    }
+    std::vector<Suspicion> list;
+    for (auto& [target, sums] : targets) {
+      std::partial_sum(sums.weight.begin(), sums.weight.end(), sums.weight.begin());
+      std::partial_sum(sums.along.begin(), sums.along.end(), sums.along.begin());
+      double best = 0, looked_at = 0;
+      Suspicion s;
+      s.coordinate = Coordinate::target;
+      s.about = target;
+      for (const std::size_t width : widths)
+        for (std::size_t first = 0; 2 * width < sums.weight.size() && first + width < sums.weight.size();
+             ++first) {
+          const double weight = sums.weight[first + width] - sums.weight[first],
+                       along = sums.along[first + width] - sums.along[first];
+          ++looked_at;
+          if (!(weight > 0) || along * along <= best * weight) continue;
+          best = along * along / weight;
+          const double from = sums.low_mm + static_cast<double>(first) * bin_mm;
+          s.patch = {from, from + static_cast<double>(width) * bin_mm, 0};
+        }
+      if (!s.patch) continue;
+      s.patch->price = std::log(looked_at / 3);  // neighbours hardly differ
+      list.push_back(s);
+    }
     return list;
   }
 
@@ -794,7 +860,8 @@ class Intensity {
     for (const double size : {0.01, 0.03, 0.1, 0.3}) {
       const Prior prior{VectorXd::Zero(columns.cols()), VectorXd::Constant(columns.cols(), size)};
       const MeanModel::Fit fit = MeanModel::solve(products, prior, false);
-      const double price = (s.other_law() ? price_of_mechanism : price_of_unknown) + std::log(4.0);
+      const double price = (s.other_law() ? price_of_mechanism : price_of_unknown) + std::log(4.0) +
+                           (s.patch ? s.patch->price : 0);
       if (fit.evidence - price <= s.evidence) continue;
       s.evidence = fit.evidence - price;
       s.gain = fit.gain;
@@ -821,7 +888,9 @@ class Intensity {
             list.push_back(look(model, m, t));
       }
     }
-    for (Suspicion s : functions()) {
+    std::vector<Suspicion> unnamed_ones = functions();
+    for (const Suspicion& s : patches(model)) unnamed_ones.push_back(s);
+    for (Suspicion s : unnamed_ones) {
       if (taken(s)) continue;
       look_at_function(model, s);
       list.push_back(s);
@@ -1119,11 +1188,13 @@ class Intensity {
     u.observable = Observable::intensity;
     u.coordinate = f.coordinate;
     const VectorXd at = coordinate(f.coordinate);
-    u.from = at.minCoeff();
-    u.to = at.maxCoeff();
+    u.from = s.about >= 0 ? s.about : at.minCoeff();
+    u.to = s.about >= 0 ? s.about + 0.1 : at.maxCoeff();
     if (!s.mechanism) {
       u.describes = "intensity deviates from the bench's law by up to " + per_cent(largest_of(s).first) +
-                    ", a smooth function of " + std::string(name_of(f.coordinate)) +
+                    (s.patch ? ", from " + rounded(s.patch->from_mm, 3) + " mm to " +
+                                   rounded(s.patch->to_mm, 3) + " mm from the middle"
+                             : ", a smooth function of " + std::string(name_of(f.coordinate))) +
                     (s.about >= 0 ? " along target '" +
                                         reduced_.bench.targets[static_cast<std::size_t>(s.about)].name + "'"
                                   : "");

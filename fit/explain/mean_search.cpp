@@ -9,6 +9,7 @@
 #include <complex>
 #include <exception>
 #include <functional>
+#include <iterator>
 #include <set>
 #include <thread>
 #include <unsupported/Eigen/FFT>
@@ -89,6 +90,21 @@ double price_of_gear(double period_deg) {
   return period_deg < fewest_teeth_deg || std::abs(period_deg - 360) < 1 || std::abs(period_deg - 180) < 1
              ? 0
              : odd;
+}
+
+/// Whether stops so far apart show a period of the stage as something slow: then it is another name for a scale or
+/// an eccentricity, by chance within a thousandth.
+bool is_slow_by_alias(const Reduced& reduced, const Term& term) {
+  if (term.mechanism->id != "stage-periodic") return false;
+  constexpr double slow_deg = 180;
+  std::set<double> stops;
+  for (const Group& group : reduced.groups) stops.insert(group.stage_rad * deg_per_rad);
+  if (stops.size() < 3 || stops.size() > 400) return false;
+  std::vector<double> apart;
+  for (auto a = stops.begin(), b = std::next(a); b != stops.end(); ++a, ++b) apart.push_back(*b - *a);
+  const double spacing = median_of(apart), turns = spacing / term.values[2];
+  const double left = std::abs(turns - std::round(turns));
+  return turns > 0.5 && spacing > slow_deg * left;
 }
 
 /// How far out of the ordinary a size is: catalogues' orders of magnitude may be wrong, but not by anything.
@@ -967,6 +983,7 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
     for (const Scored& scored : list) {
       if (scored.shape && std::exchange(unnamed, true)) continue;
       if (rivals.size() > 7 || (rivals.size() > 2 && scored.evidence < 0.3 * first_evidence)) break;
+      if (!scored.shape && is_slow_by_alias(reduced_, scored.term)) continue;
       const Hypothesis other = extended(less, scored);
       Rival rival;
       if (scored.shape)

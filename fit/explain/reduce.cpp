@@ -585,6 +585,7 @@ void predict(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>
       cell.at.bearing_rad = sight.bearing_rad;
       cell.at.along_mm = sight.along_mm;
       cell.at.along_sign = sight.along_sign;
+      cell.at.corner_mm = scene.to_corner_mm(sight);
       // Once more: mount and walls may have moved since the circumstances before.
       cell.nominal_mm = sight.range_mm + effect_there().range_mm;
     }

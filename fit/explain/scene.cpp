@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace fit::explain {
 namespace {
@@ -81,14 +82,14 @@ double Sight::shift(const Effect& effect) const {
 
 Scene::Scene(const Bench& bench, const Nuisance& nuisance, const CaptureInfo& capture, const Absent& absent)
     : nuisance_(nuisance) {
-  const auto meets = [&](std::size_t own, const Eigen::Vector2d& end) {
+  const auto neighbour = [&](std::size_t own, const Eigen::Vector2d& end) {
     for (std::size_t j = 0; j < bench.targets.size(); ++j) {
       if (j == own || absent.contains(static_cast<int>(j))) continue;
       if ((bench.targets[j].from_mm - end).norm() < joined_within_mm ||
           (bench.targets[j].to_mm - end).norm() < joined_within_mm)
-        return true;
+        return static_cast<int>(j);
     }
-    return false;
+    return -1;
   };
   for (std::size_t i = 0; i < bench.targets.size(); ++i) {
     const Target& target = bench.targets[i];
@@ -104,10 +105,27 @@ Scene::Scene(const Bench& bench, const Nuisance& nuisance, const CaptureInfo& ca
     s.to = s.middle + s.half_mm * s.along;
     s.reflectance = reflectance_in(capture, target);
     s.absent = absent.contains(static_cast<int>(i));
-    s.joined_from = !moved && meets(i, target.from_mm);
-    s.joined_to = !moved && meets(i, target.to_mm);
+    s.corner_from_mm = -s.half_mm;
+    s.corner_to_mm = s.half_mm;
+    if (!moved) {
+      s.joined_from = neighbour(i, target.from_mm);
+      s.joined_to = neighbour(i, target.to_mm);
+    }
     segments_.push_back(s);
   }
+  for (Segment& s : segments_) {
+    s.corner_from_mm = corner(s, s.joined_from, s.corner_from_mm);
+    s.corner_to_mm = corner(s, s.joined_to, s.corner_to_mm);
+  }
+}
+
+double Scene::corner(const Segment& own, int joined, double stated_mm) const {
+  if (joined < 0) return stated_mm;
+  const Segment& other = segments_[static_cast<std::size_t>(joined)];
+  const double slope = own.along.dot(other.outward);
+  if (std::abs(slope) < 0.1) return stated_mm;
+  const double at = (other.middle - own.middle).dot(other.outward) / slope;
+  return std::abs(at - stated_mm) < joined_reach_mm ? at : stated_mm;
 }
 
 Sight Scene::aim(double stage_rad, double beam_rad, const Effect& effect) const {
@@ -154,7 +172,8 @@ Sight Scene::look(double stage_rad, double beam_rad, const Effect& effect) const
     if (s.absent) continue;
     Sight sight = best;
     if (!meet(i, sight) || sight.range_mm >= nearest) continue;
-    const double below = s.joined_from ? joined_reach_mm : 0, above = s.joined_to ? joined_reach_mm : 0;
+    const double below = s.joined_from >= 0 ? joined_reach_mm : 0,
+                 above = s.joined_to >= 0 ? joined_reach_mm : 0;
     if (sight.along_mm < -s.half_mm - below || sight.along_mm > s.half_mm + above) continue;
     nearest = sight.range_mm;
     best = sight;
@@ -176,7 +195,7 @@ std::vector<Edge> Scene::edges(double stage_rad) const {
   for (std::size_t i = 0; i < segments_.size(); ++i) {
     if (segments_[i].absent) continue;
     for (const bool start : {true, false}) {
-      if (start ? segments_[i].joined_from : segments_[i].joined_to) continue;
+      if ((start ? segments_[i].joined_from : segments_[i].joined_to) >= 0) continue;
       const Eigen::Vector2d end = (start ? segments_[i].from : segments_[i].to) - origin;
       const double bearing = std::atan2(end.y(), end.x());
       const double beam = bearing - stage_rad - nuisance_.yaw_rad;
@@ -218,6 +237,14 @@ double Scene::pull(const Sight& sight, double stage_rad) const {
   return sum;
 }
 
+double Scene::to_corner_mm(const Sight& sight) const {
+  const Segment& s = segments_[static_cast<std::size_t>(sight.target)];
+  double nearest = std::numeric_limits<double>::infinity();
+  if (s.joined_from >= 0) nearest = std::abs(sight.along_mm - s.corner_from_mm);
+  if (s.joined_to >= 0) nearest = std::min(nearest, std::abs(sight.along_mm - s.corner_to_mm));
+  return nearest;
+}
+
 void Scene::describe(const Sight& sight, double stage_rad, const std::vector<Edge>& edges,
                      Circumstances& c) const {
   c.range_mm = sight.range_mm;
@@ -230,8 +257,7 @@ void Scene::describe(const Sight& sight, double stage_rad, const std::vector<Edg
   c.normal = sight.normal;
   const Segment& s = segments_[static_cast<std::size_t>(sight.target)];
   c.half_length_mm = s.half_mm;
-  if (s.joined_from) c.corner_mm = std::min(c.corner_mm, std::abs(sight.along_mm + s.half_mm));
-  if (s.joined_to) c.corner_mm = std::min(c.corner_mm, std::abs(sight.along_mm - s.half_mm));
+  c.corner_mm = to_corner_mm(sight);
   for (const Edge& edge : edges) {
     const double away = wrap_angle(sight.bearing_rad - edge.bearing_rad) * edge.near_side;
     if (std::abs(away) >= std::abs(c.edge_rad)) continue;

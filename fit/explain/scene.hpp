@@ -80,6 +80,8 @@ class Scene {
   /// The same for the plane of one target, whatever stands before it and wherever it ends.
   [[nodiscard]] Sight look_at(int target, double stage_rad, double beam_rad, const Effect& effect) const;
   [[nodiscard]] std::vector<Edge> edges(double stage_rad) const;
+  /// To the next inner corner along the target; infinite if there is none.
+  [[nodiscard]] double to_corner_mm(const Sight& sight) const;
   /// Fills what depends on the place only: range, incidence, target, edge, corner, neighbours.
   void describe(const Sight& sight, double stage_rad, const std::vector<Edge>& edges, Circumstances& c) const;
 
@@ -87,11 +89,15 @@ class Scene {
   struct Segment {
     Eigen::Vector2d from, to, middle, along, outward;
     double half_mm, reflectance;
-    bool joined_from, joined_to, absent;
+    int joined_from = -1, joined_to = -1;  ///< The target that its end meets; -1: none.
+    double corner_from_mm, corner_to_mm;   ///< Where it meets them, along from its middle.
+    bool absent;
   };
   [[nodiscard]] Sight aim(double stage_rad, double beam_rad, const Effect& effect) const;
   /// Fills in where the beam meets that segment's plane; false if it does not.
   [[nodiscard]] bool meet(std::size_t segment, Sight& sight) const;
+  /// Where a segment meets the one that it is joined to, along from its middle, as both stand.
+  [[nodiscard]] double corner(const Segment& own, int joined, double stated_mm) const;
   static void finish(Sight& sight);
   [[nodiscard]] double echo_power(const Sight& sight) const;
   [[nodiscard]] double pull(const Sight& sight, double stage_rad) const;
