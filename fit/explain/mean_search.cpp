@@ -28,7 +28,7 @@ constexpr double price_of_unknown = 7.0;    // the catalogue is tried first
 constexpr double worth_a_name = 3;          // a name that explains as much is preferred
 constexpr double strained = 7;              // log of the odds at which stated uncertainties are not believed
 constexpr double worth_a_first_name = 0.3, worth_a_move = 1.5, worth_fitting = -2;
-constexpr std::size_t rows_of_search = 6000, rows_of_last_search = 30000;
+constexpr std::size_t rows_of_search = 6000, rows_of_last_search = 30000, rows_of_judgement = 120000;
 constexpr std::size_t finalists = 7;
 constexpr double hardly_worse = 2.2, most_behind = 12;  // a rival that is simply more adjustable
 constexpr double confirmed_by = 3;                      // log-likelihood of places not fitted to
@@ -169,13 +169,24 @@ class Search {
       Search coarse(few, noise_, progress_);
       best = coarse.explore(empty);
       settle(best);
-      best = climb(best, 4, !best.shapes.empty());
     } else {
       best = explore(empty);
     }
     report(0.8);
     MeanResult result(reduced_.bench);
-    judge(best, result);
+    if (is_larger_than(rows_of_judgement)) {
+      // So many cells say the same as fewer of them taken together; only the figures are of all.
+      place(best);
+      Reduced some = merged(reduced_, rows_of_judgement);
+      Search fewer(some, noise_, progress_);
+      fewer.decide(best, result);
+      fit(best);
+      measure(best, result);
+    } else if (is_larger_than(rows_of_search)) {
+      decide(best, result);
+    } else {
+      judge(best, result);
+    }
     report(1);
     return result;
   }
@@ -197,6 +208,12 @@ class Search {
       sum += same && shape.kind == Shape::Kind::smooth ? 2 * worth_a_name : worth_a_name;
     }
     return sum;
+  }
+
+  /// What was found among fewer cells, looked at once more and judged.
+  void decide(Hypothesis& best, MeanResult& result) {
+    best = climb(best, 4, !best.shapes.empty());
+    judge(best, result);
   }
 
   /// Both ways up from a start, which may be far from its best values.
@@ -814,9 +831,11 @@ class Search {
   // ---- judgement
   // -------------------------------------------------------------------------------------------
   void judge(Hypothesis& best, MeanResult& result);
+  void measure(const Hypothesis& best, MeanResult& result);
   void keep_what_transfers(Hypothesis& best);
   [[nodiscard]] double strain(const Hypothesis& h) const;
   std::vector<Term> only_priors(const Term& term, const Hypothesis& without);
+  std::vector<int> blocks_and_floor(MeanResult& result, int* count) const;
   HeldOutFigures held_out(const Hypothesis& h, const std::vector<int>& blocks, int count);
 
   Reduced& reduced_;
@@ -840,6 +859,15 @@ std::vector<int> blocks_of(const MeanModel& model, const Reduced& reduced, int* 
     }
   }
   return blocks;
+}
+
+/// Blocks of the held-out figures, and the noise floor.
+std::vector<int> Search::blocks_and_floor(MeanResult& result, int* count) const {
+  const MeanModel model(reduced_, noise_);
+  double sum = 0;
+  for (Eigen::Index i = 0; i < model.rows(); ++i) sum += model.variance_of_mean(i);
+  result.noise_floor_mm = std::sqrt(sum / std::max<double>(1, static_cast<double>(model.rows())));
+  return blocks_of(model, reduced_, count);
 }
 
 HeldOutFigures Search::held_out(const Hypothesis& h, const std::vector<int>& blocks, int count) {
@@ -940,14 +968,7 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
   result.stated_otherwise = std::move(said);
   keep_what_transfers(best);
   int count = 0;
-  std::vector<int> blocks;
-  {
-    const MeanModel model(reduced_, noise_);
-    blocks = blocks_of(model, reduced_, &count);
-    double sum = 0;
-    for (Eigen::Index i = 0; i < model.rows(); ++i) sum += model.variance_of_mean(i);
-    result.noise_floor_mm = std::sqrt(sum / std::max<double>(1, static_cast<double>(model.rows())));
-  }
+  const std::vector<int> blocks = blocks_and_floor(result, &count);
   // What does not help on captures it has not seen is not believed. If the bench file's uncertainties alone
   // speak for it, it is one of several ways in which the bench file may be wrong.
   for (bool again = true; again;) {
@@ -1014,6 +1035,23 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
   result.noise = noise_;
   result.excess = excess_;
   result.transfers = transfers_;
+}
+
+/// The figures of what was judged, from all cells.
+void Search::measure(const Hypothesis& best, MeanResult& result) {
+  int count = 0;
+  const std::vector<int> blocks = blocks_and_floor(result, &count);
+  result.after = held_out(best, blocks, count);
+  result.without.clear();
+  for (std::size_t t = 0; t < best.terms.size(); ++t)
+    result.without.push_back(held_out(without(best, t), blocks, count));
+  Hypothesis nothing(reduced_.bench);
+  fit(nothing);
+  result.before = held_out(nothing, blocks, count);
+  result.best = best;
+  result.noise = noise_;
+  result.excess = excess_;
+  place(best);
 }
 
 /// Variance (mm^2) of what whole groups are off beyond what their cells say.
