@@ -679,17 +679,14 @@ void swinging(Reduced& reduced, SpreadResult& result) {
     struct Result {
       double gain;
       Eigen::Vector2d value;
-      Eigen::Matrix2d covariance;
     };
-    const Eigen::Matrix2d covariance = square.inverse();
-    const Eigen::Vector2d value = covariance * along;
-    return Result{0.5 * along.dot(value), value, covariance};
+    const Eigen::Vector2d value = square.inverse() * along;
+    return Result{0.5 * along.dot(value), value};
   };
   Suspect suspect;
   suspect.mechanism = mechanism("settling");
   double best_tau = 0.1, best_hz = 0;
   Eigen::Vector2d value = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
   const auto look = [&](double tau, double hz) {
     const auto r = shape(tau, hz);
     if (!(r.gain > suspect.gain)) return;
@@ -697,7 +694,6 @@ void swinging(Reduced& reduced, SpreadResult& result) {
     best_tau = tau;
     best_hz = hz;
     value = r.value;
-    covariance = r.covariance;
   };
   for (const double tau : {0.05, 0.1, 0.2, 0.4, 1.0})
     for (double hz = 0; hz < 19.5; hz += 0.5) look(tau, hz);
@@ -723,12 +719,37 @@ void swinging(Reduced& reduced, SpreadResult& result) {
   suspect.evidence = suspect.gain - 2 * price_of_size(suspect.gain) - price_of_shape(suspect.gain, 3) -
                      price_of_shape(suspect.gain, 20);
   if (suspect.evidence < accept_at) return;
-  const double amplitude = value.norm(), u = std::sqrt(covariance.trace() / 2 * inflate);
+  // All four together: a swing that fades sooner seems to begin larger.
+  const auto swing = [&](double tau, double hz) {
+    shape(tau, hz);
+    return Eigen::VectorXd(wave * value);
+  };
+  constexpr double share = 0.02, aside_hz = 0.02;
+  Eigen::MatrixXd slopes(wave.rows(), 4);
+  shape(best_tau, best_hz);
+  slopes.leftCols(2) = wave;
+  slopes.col(2) = (swing(best_tau * (1 + share), best_hz) - swing(best_tau * (1 - share), best_hz)) /
+                  (2 * share * best_tau);
+  slopes.col(3) = (swing(best_tau, best_hz + aside_hz) - swing(best_tau, best_hz - aside_hz)) / (2 * aside_hz);
+  Eigen::Matrix4d information = Eigen::Matrix4d::Zero();
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Eigen::Vector4d x = slopes.row(static_cast<Eigen::Index>(i)).transpose();
+    information += precision[i] * rows[i]->wvv * x * x.transpose();
+  }
+  // What cannot be known better than by its order of magnitude stays finite.
+  information(2, 2) += 1 / (best_tau * best_tau);
+  information(3, 3) += 1 / (0.5 * 0.5 + 1 / (best_tau * best_tau));
+  const Eigen::Matrix4d u2 = inflate * information.inverse();
+  const double amplitude = value.norm();
+  const Eigen::Vector2d out = value / amplitude, across(-out.y(), out.x());
+  const Eigen::Matrix2d of_size = u2.topLeftCorner<2, 2>();
   suspect.parameters = {
-      {"amplitude_deg", {amplitude * deg_per_rad, u * deg_per_rad}},
-      {"phase_deg", {std::atan2(value[1], value[0]) * deg_per_rad, u / amplitude * deg_per_rad}},
-      {"tau_s", {best_tau, best_tau * 1.5 / std::sqrt(1 + 2 * suspect.gain)}},
-      {"frequency_hz", {best_hz, 1 / (2 * pi * best_tau) / std::sqrt(1 + 2 * suspect.gain)}}};
+      {"amplitude_deg", {amplitude * deg_per_rad, std::sqrt(out.dot(of_size * out)) * deg_per_rad}},
+      {"phase_deg",
+       {std::atan2(value[1], value[0]) * deg_per_rad,
+        std::sqrt(across.dot(of_size * across)) / amplitude * deg_per_rad}},
+      {"tau_s", {best_tau, std::sqrt(u2(2, 2))}},
+      {"frequency_hz", {best_hz, std::sqrt(u2(3, 3))}}};
   result.accepted.push_back(suspect);
   shape(best_tau, best_hz);
   for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -1108,7 +1129,7 @@ void edges(const Reduced& reduced, SpreadResult& result) {
     double away_deg, share, n;
   };
   std::map<int, std::vector<Place>> by_edge;
-  int between = 0, mixed = 0;
+  int between = 0, mixed = 0, in_mixed = 0;
   for (const Cell& cell : reduced.cells) {
     if (cell.far_share < 0 || cell.edge < 0) continue;
     const int n = cell.n + cell.stray;
@@ -1118,7 +1139,9 @@ void edges(const Reduced& reduced, SpreadResult& result) {
     // Beside what the surfaces' places leave open.
     const double doubt = (2 * reduced.groups[static_cast<std::size_t>(cell.group)].sigma_mm + 8) /
                          std::max(1.0, cell.at.gap_mm);
-    mixed += std::min(cell.far_share, 1 - cell.far_share) > std::max(0.04, doubt);
+    if (std::min(cell.far_share, 1 - cell.far_share) <= std::max(0.04, doubt)) continue;
+    ++mixed;
+    in_mixed += n;
   }
   const auto fit = [&](double width) {
     double sum = 0;
@@ -1147,11 +1170,28 @@ void edges(const Reduced& reduced, SpreadResult& result) {
     best = l;
     width = w;
   }
+  constexpr double finer = 1.03;
+  for (double w = width / 1.25, from = width; w < 1.25 * from; w *= finer) {
+    const double l = fit(w);
+    if (l <= best) continue;
+    best = l;
+    width = w;
+  }
+  const auto reach = [&](double step) {  // to where the likelihood has fallen by a half
+    double w = width;
+    for (int k = 0; k < 40 && fit(w) > best - 0.5; ++k) w *= step;
+    return w;
+  };
+  // A receiver that favours the stronger of two echoes changes over in less than the beam's width, by how much
+  // is its own affair; where most samples of mixed beams are on one surface or the other, the width is known from
+  // below only.
+  const double own_affair = 2 * between < in_mixed ? 1.5 : 0.5;
+  const double u = std::hypot((reach(finer) - reach(1 / finer)) / 2, own_affair * width);
   Suspect suspect;
   suspect.mechanism = mechanism("mixed-pixel");
   suspect.gain = best - hard + (between > 2 ? 2.0 * between : 0);
   suspect.evidence = suspect.gain - price_of_size(suspect.gain) - 2;
-  suspect.parameters = {{"width_deg", {width, std::max(0.002, width * 0.8 / std::sqrt(1 + mixed))}}};
+  suspect.parameters = {{"width_deg", {width, u}}};
   if (suspect.evidence <= accept_at) return;
   result.accepted.push_back(suspect);
   result.noise.footprint_rad = width * rad_per_deg;
