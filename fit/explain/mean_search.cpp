@@ -26,6 +26,7 @@ using Role = Parameter::Role;
 constexpr double price_of_mechanism = 4.0;  // log odds against any one of the catalogue
 constexpr double price_of_unknown = 7.0;    // the catalogue is tried first
 constexpr double worth_a_name = 3;          // a name that explains as much is preferred
+constexpr double worth_a_name_beside_a_place = 2;  // ... of a step, or a period
 constexpr double strained = 7;              // log of the odds at which stated uncertainties are not believed
 constexpr double worth_a_first_name = 0.3, worth_a_move = 1.5, worth_fitting = -2;
 constexpr std::size_t rows_of_search = 6000, rows_of_last_search = 30000, rows_of_judgement = 120000;
@@ -196,7 +197,7 @@ class Search {
 
  private:
   /// How far names may be behind unnamed functions: farther where only what a mechanism depends on is
-  /// certain, not its curve.
+  /// certain, not its curve; less far behind a step or a wave, which hardly resemble anything else.
   static double preference(const Hypothesis& named, const Hypothesis& unnamed) {
     constexpr double uncertain_curve = 0.5;
     double sum = 0;
@@ -205,7 +206,9 @@ class Search {
         return term.mechanism->formula_error > uncertain_curve &&
                term.mechanism->coordinate == shape.coordinate;
       });
-      sum += same && shape.kind == Shape::Kind::smooth ? 2 * worth_a_name : worth_a_name;
+      sum += shape.kind != Shape::Kind::smooth ? worth_a_name_beside_a_place
+             : same                            ? 2 * worth_a_name
+                                               : worth_a_name;
     }
     return sum;
   }
