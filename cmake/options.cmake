@@ -11,7 +11,7 @@ target_compile_definitions(rig_options INTERFACE RIG_VERSION="${PROJECT_VERSION}
 target_link_libraries(rig_options INTERFACE Threads::Threads)
 
 if(RIG_SANITIZE)
-  # No -Werror here: g++ 12 gives false warnings under AddressSanitizer (docs/decisions). Every report ends the program, or a test
+  # No -Werror here: g++ 12 gives false warnings under AddressSanitizer. Every report ends the program, or a test
   # would pass over it; the checks that AddressSanitizer makes as well, at a third of the compiler's time, are left out.
   set(sanitize -fsanitize=${RIG_SANITIZE} -fno-omit-frame-pointer)
   if(RIG_SANITIZE MATCHES "undefined")
