@@ -365,11 +365,17 @@ std::vector<Oracle::Interval> Oracle::located(const Verdict& verdict, const Caus
   const World plain(session_, {}, session_.truth);
   std::vector<double> at;
   for (const Cell& cell : cells_) at.push_back(coordinate(cell, cause, plain));
-  const double low = *std::ranges::min_element(at), high = *std::ranges::max_element(at);
+  double low = 1e300, high = -1e300;  // without those that lose every echo
+  for (const double x : at) {
+    if (!std::isfinite(x)) continue;
+    low = std::min(low, x);
+    high = std::max(high, x);
+  }
   constexpr int bins = 30;
   const double width = std::max(1e-9, (high - low) / bins);
   std::vector<double> information(bins);
   for (std::size_t i = 0; i < cells_.size(); ++i) {
+    if (!std::isfinite(at[i])) continue;
     const int bin = std::min(bins - 1, static_cast<int>((at[i] - low) / width));
     information[static_cast<std::size_t>(bin)] += verdict.information[static_cast<Eigen::Index>(i)];
   }
