@@ -536,11 +536,20 @@ class Intensity {
   }
 
   [[nodiscard]] Model model_of(const std::vector<Suspicion>& accepted) const {
+    return model_of(accepted, law_);
+  }
+  /// Expanded at another law than the claimed one.
+  [[nodiscard]] Model model_of(const std::vector<Suspicion>& accepted, const L& at) const {
     VectorXd weight(count());
     for (Index i = 0; i < count(); ++i) weight[i] = 1 / rows_[static_cast<std::size_t>(i)].sigma;
-    Model model(deviations(law_, accepted), weight);
-    Block base = nuisances(law_, accepted);
-    // The law's columns pull to what is claimed, not to where the search stands.
+    VectorXd y = deviations(at, accepted);
+    Block base = nuisances(at, accepted);
+    // The law's columns pull to what is claimed, not to where the model is expanded.
+    for (int k = 0; k < L::size; ++k) {
+      const auto c = static_cast<std::size_t>(k);
+      y += (at.value[c] - law_.value[c]) * base.columns.col(k);
+    }
+    Model model(std::move(y), weight);
     for (const Suspicion& s : accepted) {
       if (s.mechanism && s.coefficients.empty()) add_freedom(s, base);
       if (!s.mechanism) {
@@ -1053,13 +1062,16 @@ class Intensity {
   }
 
   void write(Explanation& out) {
-    const Model model = model_of(accepted_);
-    const VectorXd x = model.coefficients(), u = model.uncertainties();
+    Model model = model_of(accepted_);
     law_now_ = law_;
-    for (int k = 0; k < L::size; ++k) {
-      const auto c = static_cast<std::size_t>(k);
-      law_now_.value[c] += x[k];
-      law_u_[c] = u[k] > 1e-5 ? u[k] : 0;
+    for (int pass = 0; pass < 5; ++pass) {  // the logarithm of an overlap bends
+      if (pass > 0) model = model_of(accepted_, law_now_);
+      const VectorXd x = model.coefficients(), u = model.uncertainties();
+      for (int k = 0; k < L::size; ++k) {
+        const auto c = static_cast<std::size_t>(k);
+        law_now_.value[c] = law_.value[c] + std::clamp(x[k], -2.0, 2.0);
+        law_u_[c] = u[k] > 1e-5 ? u[k] : 0;
+      }
     }
     std::vector<std::string> added;
     for (const Judged& j : judged_) {
