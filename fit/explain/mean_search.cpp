@@ -188,6 +188,8 @@ class Search {
     } else {
       judge(best, result);
     }
+    doubt_aliases(result.best);
+    place(result.best);
     report(1);
     return result;
   }
@@ -835,6 +837,7 @@ class Search {
   // -------------------------------------------------------------------------------------------
   void judge(Hypothesis& best, MeanResult& result);
   void measure(const Hypothesis& best, MeanResult& result);
+  void doubt_aliases(Hypothesis& best);
   void keep_what_transfers(Hypothesis& best);
   [[nodiscard]] double strain(const Hypothesis& h) const;
   std::vector<Term> only_priors(const Term& term, const Hypothesis& without);
@@ -1038,6 +1041,56 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
   result.noise = noise_;
   result.excess = excess_;
   result.transfers = transfers_;
+}
+
+/// Millimetres from one place of a regular ladder to the next.
+std::optional<double> rung_of(const Reduced& reduced) {
+  std::set<double> places;
+  for (const CaptureInfo& capture : reduced.captures)
+    if (capture.target) places.insert(capture.target_shift_mm);
+  if (places.size() < 5) return {};
+  std::vector<double> apart;
+  for (auto a = places.begin(), b = std::next(a); b != places.end(); ++a, ++b) apart.push_back(*b - *a);
+  const auto [least, most] = std::ranges::minmax(apart);
+  if (most > 1.02 * least) return {};
+  return least;
+}
+
+/// On a regular ladder a wave looks the same as others whose turns differ by whole numbers from rung to rung: the
+/// longest that fits as well is told, and the uncertainty of its period holds them all.
+void Search::doubt_aliases(Hypothesis& best) {
+  constexpr double as_good = 1.5;
+  const std::optional<double> rung = rung_of(reduced_);
+  if (!rung) return;
+  for (std::size_t t = 0; t < best.terms.size(); ++t) {
+    if (best.terms[t].mechanism->id != "cyclic-error") continue;
+    constexpr std::size_t period = 2;
+    const Parameter& p = best.terms[t].mechanism->parameters[period];
+    fit(best);
+    std::vector<Hypothesis> others{best};
+    for (const int turns : {-3, -2, -1, 1, 2, 3}) {
+      const double other = 1 / std::abs(1 / best.terms[t].values[period] + turns / *rung);
+      if (other < p.lower || other > p.upper) continue;
+      others.push_back(best);
+      others.back().terms[t].values[period] = other;
+      fit(others.back());
+    }
+    double top = -1e300, squares = 0, weight = 0;
+    for (const Hypothesis& h : others) top = std::max(top, h.evidence);
+    const Hypothesis* longest = nullptr;
+    for (const Hypothesis& h : others)
+      if (h.evidence > top - as_good &&
+          (!longest || h.terms[t].values[period] > longest->terms[t].values[period]))
+        longest = &h;
+    const double told = longest->terms[t].values[period];
+    for (const Hypothesis& h : others) {
+      const double w = std::exp(h.evidence - top);
+      squares += w * std::pow(h.terms[t].values[period] - told, 2);
+      weight += w;
+    }
+    best = *longest;
+    best.terms[t].sigma[period] = std::hypot(best.terms[t].sigma[period], std::sqrt(squares / weight));
+  }
 }
 
 /// The figures of what was judged, from all cells.
