@@ -156,7 +156,7 @@ TEST_CASE("a lamp shakes the ranges with its own frequency") {
   world.rotor.rolling = false;
   world.light.lamp = 5e-4;
   world.light.lamp_hz = 10;  // four scans
-  const std::vector<double>& r = record(world, 400).at(0).ranges;
+  const std::vector<double> r = record(world, 400).at(0).ranges;
   double swing = 0, other = 0;
   for (std::size_t i = 0; i < r.size(); i += 4) {
     swing += (r[i + 3] - r[i + 1]) / 2;
