@@ -31,7 +31,8 @@ if(RIG_SANITIZE)
     target_compile_options(rig_options INTERFACE ${sanitize})
   else()
     # fit/ is compiled with the release build's own flags, so that the compiler's cache has it; all else is instrumented.
-    list(APPEND sanitize -O1 -g1 -UNDEBUG)
+    # Matrices pass between both: Eigen would allocate them in another way where AddressSanitizer watches.
+    list(APPEND sanitize -O1 -g1 -UNDEBUG -DEIGEN_MALLOC_ALREADY_ALIGNED=1)
     set(is_fit $<STREQUAL:$<TARGET_PROPERTY:NAME>,fit>)
     target_compile_options(rig_options INTERFACE "$<${is_fit}:-Werror>" "$<$<NOT:${is_fit}>:${sanitize}>")
   endif()
