@@ -151,7 +151,7 @@ struct Suspicion {
     double from_mm, to_mm, price;  ///< Price: log of the number of places that were looked at.
   };
   std::optional<Patch> patch;  ///< ... or brighter or darker from edge to edge.
-  double size = 0;                           ///< Scale of its prior, found.
+  double size = 0;             ///< Scale of its prior, found.
   double evidence = -1e300, gain = 0;
 
   /// A function of range or of brightness alone is another law than the claimed one: radiometry.
@@ -1062,8 +1062,8 @@ class Intensity {
   }
 
   void write(Explanation& out) {
-    Model model = model_of(accepted_);
     law_now_ = law_;
+    Model model = model_of(accepted_, law_now_);
     for (int pass = 0; pass < 5; ++pass) {  // the logarithm of an overlap bends
       if (pass > 0) model = model_of(accepted_, law_now_);
       const VectorXd x = model.coefficients(), u = model.uncertainties();
@@ -1073,7 +1073,6 @@ class Intensity {
         law_u_[c] = u[k] > 1e-5 ? u[k] : 0;
       }
     }
-    std::vector<std::string> added;
     for (const Judged& j : judged_) {
       const Suspicion& s = j.suspicion;
       if (j.unknown) {

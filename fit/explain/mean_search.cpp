@@ -23,11 +23,11 @@ namespace {
 
 using Role = Parameter::Role;
 
-constexpr double price_of_mechanism = 4.0;  // log odds against any one of the catalogue
-constexpr double price_of_unknown = 7.0;    // the catalogue is tried first
-constexpr double worth_a_name = 3;          // a name that explains as much is preferred
+constexpr double price_of_mechanism = 4.0;         // log odds against any one of the catalogue
+constexpr double price_of_unknown = 7.0;           // the catalogue is tried first
+constexpr double worth_a_name = 3;                 // a name that explains as much is preferred
 constexpr double worth_a_name_beside_a_place = 2;  // ... of a step, or a period
-constexpr double strained = 7;              // log of the odds at which stated uncertainties are not believed
+constexpr double strained = 7;  // log of the odds at which stated uncertainties are not believed
 constexpr double worth_a_first_name = 0.3, worth_a_move = 1.5, worth_fitting = -2;
 constexpr std::size_t rows_of_search = 6000, rows_of_last_search = 30000, rows_of_judgement = 120000;
 constexpr std::size_t finalists = 7;
@@ -93,17 +93,21 @@ double price_of_gear(double period_deg) {
              : odd;
 }
 
-/// Whether stops so far apart show a period of the stage as something slow: then it is another name for a scale or
-/// an eccentricity, by chance within a thousandth.
+std::vector<double> steps_between(const std::set<double>& places) {
+  std::vector<double> steps;
+  for (auto a = places.begin(), b = std::next(a); b != places.end(); ++a, ++b) steps.push_back(*b - *a);
+  return steps;
+}
+
+/// Whether stops so far apart show a period of the stage as something slow: then it is another name for a
+/// scale or an eccentricity, by chance within a thousandth.
 bool is_slow_by_alias(const Reduced& reduced, const Term& term) {
   if (term.mechanism->id != "stage-periodic") return false;
   constexpr double slow_deg = 180;
   std::set<double> stops;
   for (const Group& group : reduced.groups) stops.insert(group.stage_rad * deg_per_rad);
   if (stops.size() < 3 || stops.size() > 400) return false;
-  std::vector<double> apart;
-  for (auto a = stops.begin(), b = std::next(a); b != stops.end(); ++a, ++b) apart.push_back(*b - *a);
-  const double spacing = median_of(apart), turns = spacing / term.values[2];
+  const double spacing = median_of(steps_between(stops)), turns = spacing / term.values[2];
   const double left = std::abs(turns - std::round(turns));
   return turns > 0.5 && spacing > slow_deg * left;
 }
@@ -260,9 +264,8 @@ class Search {
       }
     }
     for (int pass = 0; pass < most_passes; ++pass) {
-      std::vector<Active> at_work = h.active();
-      for (const Term& term : known_terms(reduced_.bench)) at_work.push_back(term.active());
-      if (reassign(reduced_, h.nuisance, at_work, noise_.footprint_rad, most) == 0) break;
+      if (reassign(reduced_, h.nuisance, all_at_work(reduced_.bench, h), noise_.footprint_rad, most) == 0)
+        break;
       pool_variances(reduced_, noise_);
       fit(h);
       most = fits_most(h);
@@ -1017,8 +1020,8 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
         rival.shape = scored.shape;
       else
         rival.term = other.terms.back();
-      rival.behind =
-          best.evidence - other.evidence + (scored.shape && other.terms.empty() ? preference(best, other) : 0);
+      rival.behind = best.evidence - other.evidence +
+                     (scored.shape && other.terms.empty() ? preference(best, other) : 0);
       rival.fits_as_well =
           rival.behind < most_behind && adjusted_fit(other) > adjusted_fit(best) - hardly_worse;
       if (rival.behind < -0.5 && (!better || better->evidence < other.evidence)) better = other;
@@ -1049,15 +1052,14 @@ std::optional<double> rung_of(const Reduced& reduced) {
   for (const CaptureInfo& capture : reduced.captures)
     if (capture.target) places.insert(capture.target_shift_mm);
   if (places.size() < 5) return {};
-  std::vector<double> apart;
-  for (auto a = places.begin(), b = std::next(a); b != places.end(); ++a, ++b) apart.push_back(*b - *a);
+  const std::vector<double> apart = steps_between(places);
   const auto [least, most] = std::ranges::minmax(apart);
   if (most > 1.02 * least) return {};
   return least;
 }
 
-/// On a regular ladder a wave looks the same as others whose turns differ by whole numbers from rung to rung: the
-/// longest that fits as well is told, and the uncertainty of its period holds them all.
+/// On a regular ladder a wave looks the same as others whose turns differ by whole numbers from rung to rung:
+/// the longest that fits as well is told, and the uncertainty of its period holds them all.
 void Search::doubt_aliases(Hypothesis& best) {
   constexpr double as_good = 1.5;
   const std::optional<double> rung = rung_of(reduced_);
@@ -1141,9 +1143,13 @@ double Search::scatter_of_groups(const Hypothesis& best) {
 }  // namespace
 
 void predict_at(Reduced& reduced, const Hypothesis& h, bool may_leave_out) {
-  std::vector<Active> at_work = h.active();
-  for (const Term& known : known_terms(reduced.bench)) at_work.push_back(known.active());
-  predict(reduced, h.nuisance, at_work, may_leave_out);
+  predict(reduced, h.nuisance, all_at_work(reduced.bench, h), may_leave_out);
+}
+
+std::vector<Active> all_at_work(const Bench& bench, const Hypothesis& h) {
+  std::vector<Active> list = h.active();
+  for (const Term& known : known_terms(bench)) list.push_back(known.active());
+  return list;
 }
 
 bool Hypothesis::has(const Term& term) const {

@@ -59,6 +59,9 @@ struct MeanResult {
 /// Terms for the mechanisms that the bench already knows, with their uncertainties.
 [[nodiscard]] std::vector<Term> known_terms(const Bench& bench);
 
+/// What a hypothesis holds and what the bench already knows.
+[[nodiscard]] std::vector<Active> all_at_work(const Bench& bench, const Hypothesis& hypothesis);
+
 /// Predicts every cell under a hypothesis, with what the bench already knows at work.
 void predict_at(Reduced& reduced, const Hypothesis& hypothesis, bool may_leave_out = false);
 

@@ -86,8 +86,7 @@ double mean_of(const std::vector<double>& values) {
 /// Predicts all cells with given mechanisms and places mount and targets so that they fit best.
 void place_and_predict(Reduced& reduced, const Predictor& what, bool found) {
   Hypothesis h(reduced.bench);
-  std::vector<Active> at_work;
-  for (const Term& term : known_terms(reduced.bench)) at_work.push_back(term.active());
+  std::vector<Active> at_work = all_at_work(reduced.bench, h);
   if (found)
     for (const auto& [term, target] : what.terms) {
       Active active = term.active();

@@ -554,6 +554,17 @@ Nuisance displaced(const Reduced& reduced, Nuisance nuisance, const std::vector<
   return nuisance;
 }
 
+namespace {
+
+/// Of the mechanisms at work and of what has no name.
+Effect effect_there(const Reduced& reduced, const std::vector<Active>& at_work, const Circumstances& at) {
+  Effect effect = effect_of(at_work, at);
+  for (const Mechanism& unnamed : reduced.empirical) effect += unnamed.act(at, {});
+  return effect;
+}
+
+}  // namespace
+
 void predict(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>& at_work,
              bool may_leave_out) {
   const Nuisance nuisance = displaced(reduced, fitted, at_work);
@@ -563,12 +574,7 @@ void predict(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       Cell& cell = reduced.cells[i];
       if (!cell.smooth) continue;
-      const auto effect_there = [&] {
-        Effect effect = effect_of(at_work, cell.at);
-        for (const Mechanism& unnamed : reduced.empirical) effect += unnamed.act(cell.at, {});
-        return effect;
-      };
-      const Effect effect = effect_there();
+      const Effect effect = effect_there(reduced, at_work, cell.at);
       const Sight sight = may_leave_out
                               ? scene.look(group.stage_rad, cell.beam_rad, effect)
                               : scene.look_at(cell.sight.target, group.stage_rad, cell.beam_rad, effect);
@@ -587,7 +593,7 @@ void predict(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>
       cell.at.along_sign = sight.along_sign;
       cell.at.corner_mm = scene.to_corner_mm(sight);
       // Once more: mount and walls may have moved since the circumstances before.
-      cell.nominal_mm = sight.range_mm + effect_there().range_mm;
+      cell.nominal_mm = sight.range_mm + effect_there(reduced, at_work, cell.at).range_mm;
     }
   }
 }
@@ -620,8 +626,7 @@ int reassign(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       Cell& cell = reduced.cells[i];
       if (!cell.doubtful && !(cell.smooth && may_leave_out)) continue;
-      Effect effect = effect_of(at_work, cell.at);
-      for (const Mechanism& unnamed : reduced.empirical) effect += unnamed.act(cell.at, {});
+      const Effect effect = effect_there(reduced, at_work, cell.at);
       const Sight sight = scene.look(group.stage_rad, cell.beam_rad, effect);
       Circumstances at = cell.at;
       at.corner_mm = at.edge_rad = std::numeric_limits<double>::infinity();

@@ -38,8 +38,7 @@ double power_of(const Reduced& reduced, const CaptureInfo& info, const Sight& si
 class Edges {
  public:
   Edges(const Reduced& reduced, const MeanResult& means)
-      : reduced_(reduced), means_(means), at_work_(means.best.active()) {
-    for (const Term& term : known_terms(reduced.bench)) at_work_.push_back(term.active());
+      : reduced_(reduced), means_(means), at_work_(all_at_work(reduced.bench, means.best)) {
     for (const Group& group : reduced.groups)
       if (group.scans > 2) look(group);
   }

@@ -2,10 +2,12 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <utility>
 #include <vector>
 
 #include "fit/angle.hpp"
 #include "fit/beam_statistics.hpp"
+#include "fit/median.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting.hpp"
 
@@ -15,10 +17,7 @@ namespace {
 using nlohmann::json;
 
 double median_of(std::vector<double> values) {
-  if (values.empty()) return std::nan("");
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  return values.empty() ? std::nan("") : fit::median_of(std::move(values));
 }
 
 json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
