@@ -180,7 +180,7 @@ Columns linear_columns(const MeanModel& model, const Term& term) {
     std::vector<double> values = only_shapes(term);
     values[k] = 1;
     list.push_back(term.mechanism->displaces ? slope_column(model, term, k)
-                                          : effect_column(model, term, values));
+                                             : effect_column(model, term, values));
     mean.push_back(parameters[k].expected);
     sigma.push_back(parameters[k].typical);
     if (!has_phase(*term.mechanism, k)) continue;
@@ -197,15 +197,29 @@ Columns linear_columns(const MeanModel& model, const Term& term) {
   return c;
 }
 
+bool is_comb(const Mechanism& mechanism) { return mechanism.id == "time-quantisation"; }
+
+/// Millimetres by which a bin may change before its comb is another one: a quarter of a bin over the ranges
+/// seen. Less would count beams at the edges of bins, whose ranges are not known so well.
+static double step_of_comb(const MeanModel& model, double bin_mm) {
+  double low = 1e300, high = 0;
+  for (Eigen::Index i = 0; i < model.rows(); ++i) {
+    low = std::min(low, model.cell(i).sight.range_mm);
+    high = std::max(high, model.cell(i).sight.range_mm);
+  }
+  return 0.25 * bin_mm * bin_mm / std::max(bin_mm, high - low);
+}
+
 Columns shape_columns(const MeanModel& model, const Term& term) {
   Columns c;
   const auto& parameters = term.mechanism->parameters;
   for (std::size_t k = 0; k < parameters.size(); ++k) {
     const Parameter& p = parameters[k];
     if (p.role != Role::shape) continue;
-    // Less than what can be told apart: a comb of a thousand bins is another one at a thousandth more.
-    const double part = std::min(1e-3, 0.1 / p.starts);
-    const double step = p.logarithmic ? part : part * (p.upper - p.lower);
+    const double part = 1e-3;
+    const double step = is_comb(*term.mechanism) ? step_of_comb(model, term.values[k])
+                        : p.logarithmic          ? part
+                                                 : part * (p.upper - p.lower);
     std::vector<double> above = term.values, below = term.values;
     above[k] = p.logarithmic ? above[k] * std::exp(step) : above[k] + step;
     below[k] = p.logarithmic ? below[k] * std::exp(-step) : below[k] - step;
@@ -365,6 +379,12 @@ Columns shape_of(const MeanModel& model, const Shape& shape) {
   }
   c.prior.sigma *= shape.size * std::sqrt(2 / sum);
   return c;
+}
+
+Eigen::VectorXd effect_of(const MeanModel& model, const Shape& shape) {
+  return shape_of(model, shape).columns_mm *
+         Eigen::Map<const Eigen::VectorXd>(shape.values.data(),
+                                           static_cast<Eigen::Index>(shape.values.size()));
 }
 
 }  // namespace fit::explain

@@ -58,11 +58,15 @@ void set_coefficients(Term& term, const Eigen::VectorXd& values, const Eigen::Ma
 
 /// Columns of the linear coefficients at the term's shape values, and their prior around zero.
 [[nodiscard]] Columns linear_columns(const MeanModel& model, const Term& term);
+/// Whether a term cuts ranges into bins: its effect jumps, and neighbouring beams differ.
+[[nodiscard]] bool is_comb(const Mechanism& mechanism);
 /// Derivatives by the shape parameters, in the unit in which they are searched (logarithm or value).
 [[nodiscard]] Columns shape_columns(const MeanModel& model, const Term& term);
 /// A smooth correction of a few per cent on the term's own coordinate: real causes only resemble formulas.
 [[nodiscard]] Columns freedom_columns(const MeanModel& model, const Term& term);
 [[nodiscard]] Columns shape_of(const MeanModel& model, const Shape& shape);
+/// What a fitted one does to every mean, mm.
+[[nodiscard]] Eigen::VectorXd effect_of(const MeanModel& model, const Shape& shape);
 
 /// Value of the shape function at one row, mm.
 [[nodiscard]] double coordinate_at(const MeanModel& model, Coordinate coordinate, Eigen::Index row);

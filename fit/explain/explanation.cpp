@@ -74,7 +74,7 @@ std::string describe(const Shape& shape, const MeanModel& model, double* from, d
                            : shape.channel == Channel::beam_angle ? "beam angle"
                                                                   : "stage angle";
   double low = 1e300, high = -1e300;
-  const Columns columns = shape_of(model, shape);
+  const Eigen::VectorXd effect = effect_of(model, shape);
   double least = 1e300, most = -1e300, least_at = 0, most_at = 0;
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
     const double v = coordinate_at(model, shape.coordinate, i);
@@ -83,9 +83,7 @@ std::string describe(const Shape& shape, const MeanModel& model, double* from, d
     high = std::max(high, v);
     const double lever = lever_of(shape.channel, model.cell(i).sight);
     if (std::abs(lever) < (angle ? 100 : 0.5)) continue;
-    double y = 0;
-    for (std::size_t k = 0; k < shape.values.size(); ++k)
-      y += shape.values[k] * columns.columns_mm(i, static_cast<Eigen::Index>(k)) / lever;
+    const double y = effect[i] / lever;
     if (y < least) least = y, least_at = v;
     if (y > most) most = y, most_at = v;
   }
@@ -399,7 +397,13 @@ class Writer {
     std::set<Coordinate> taken;
     for (const Term& term : means_.best.terms) {
       if (!taken.insert(term.mechanism->coordinate).second) continue;
-      for (const Located& l : locate_term(before, term)) out_.located.push_back(l);
+      for (const Located& l : locate_effect(before, effect_of(before, term), term.mechanism->coordinate))
+        out_.located.push_back(l);
+    }
+    for (const Shape& shape : means_.best.shapes) {
+      if (!taken.insert(shape.coordinate).second) continue;
+      for (const Located& l : locate_effect(before, effect_of(before, shape), shape.coordinate))
+        out_.located.push_back(l);
     }
     for (const Suspect& suspect : spread_.accepted) {
       for (const Located& l : locate_suspect(suspect, reduced_)) out_.located.push_back(l);
@@ -451,6 +455,10 @@ class Writer {
     if (means_.excess > 1)
       out_.notes.push_back("The means of neighbouring beams scatter " + rounded(std::sqrt(means_.excess), 3) +
                            " times more than their samples say; everything was weighed accordingly.");
+    if (means_.cut_short)
+      out_.notes.push_back(
+          "Nothing tried fits these means well, and the search was ended before every combination was tried: "
+          "correct the bench file by what is told here, and explain again.");
     if (!means_.transfers)
       out_.notes.push_back(
           "Means deviate in ways that one place does not share with the others; nothing is built on these.");

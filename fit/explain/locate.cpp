@@ -49,10 +49,10 @@ double two_sided(double z) { return std::max(1e-300, boost::math::erfc(std::abs(
 
 }  // namespace
 
-std::vector<Located> locate_term(const MeanModel& model, const Term& term) {
-  const Coordinate coordinate = term.mechanism->coordinate;
+std::vector<Located> locate_effect(const MeanModel& model, const Eigen::VectorXd& effect_mm,
+                                   Coordinate coordinate) {
   const Span span = span_of(model, coordinate);
-  const Eigen::VectorXd left = model.remainder(effect_of(model, term));
+  const Eigen::VectorXd left = model.remainder(effect_mm);
   std::vector<double> information(bins, 0.0);
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
     const double v = coordinate_at(model, coordinate, i);

@@ -31,6 +31,8 @@ constexpr double strained = 7;  // log of the odds at which stated uncertainties
 constexpr double worth_a_first_name = 0.3, worth_a_move = 1.5, worth_fitting = -2;
 constexpr std::size_t rows_of_search = 6000, rows_of_last_search = 30000, rows_of_judgement = 120000;
 constexpr std::size_t finalists = 7;
+// Fits after which a search stops trying other ways: twice what any recording of one or two effects needed.
+constexpr double rows_of_patience = 6e6, least_patience = 200, most_patience = 1000;
 constexpr double hardly_worse = 2.2, most_behind = 12;  // a rival that is simply more adjustable
 constexpr double confirmed_by = 3;                      // log-likelihood of places not fitted to
 
@@ -173,6 +175,7 @@ class Search {
       Reduced few = merged(reduced_, rows_of_search);
       Search coarse(few, noise_, progress_);
       best = coarse.explore(empty);
+      cut_short_ = coarse.cut_short_;
       settle(best);
     } else {
       best = explore(empty);
@@ -185,6 +188,7 @@ class Search {
       Reduced some = merged(reduced_, rows_of_judgement);
       Search fewer(some, noise_, progress_);
       fewer.decide(best, result);
+      cut_short_ = cut_short_ || fewer.cut_short_;
       fit(best);
       measure(best, result);
     } else if (is_larger_than(rows_of_search)) {
@@ -194,6 +198,7 @@ class Search {
     }
     doubt_aliases(result.best);
     place(result.best);
+    result.cut_short = cut_short_;
     report(1);
     return result;
   }
@@ -230,18 +235,26 @@ class Search {
     fit(empty);
     Hypothesis best = climb(empty, finalists);
     report(0.4);
-    if (best.terms.size() + best.shapes.size() > 0) {
+    if (best.terms.size() + best.shapes.size() > 0 && has_patience()) {
       // Another way up: whatever is there may be one unnamed function instead of several mechanisms.
       const Hypothesis other = from_unnamed(empty);
       if (says_more(other, best, empty)) best = other;
     }
-    if (!best.shapes.empty()) {
+    if (!best.shapes.empty() && has_patience()) {
       // And one unnamed function may hide that several mechanisms explain more together.
       const Hypothesis other = climb(empty, finalists, true, false);
       if (other.evidence > best.evidence - preference(other, best)) best = other;
     }
     report(0.6);
     return best;
+  }
+
+  /// A recording that nothing fits well would be searched for many minutes.
+  bool has_patience() {
+    const double limit = std::clamp(rows_of_patience / static_cast<double>(reduced_.cells.size()), least_patience,
+                                    most_patience);
+    cut_short_ = cut_short_ || fits_ > limit;
+    return !cut_short_;
   }
 
   void report(double share) const {
@@ -335,6 +348,7 @@ class Search {
   };
 
   Trial tried(const Hypothesis& h) {
+    ++fits_;
     place(h);
     MeanModel model(reduced_, noise_);
     Base base = base_columns(model, h);
@@ -421,14 +435,20 @@ class Search {
     return static_cast<std::size_t>(std::ranges::count_if(reduced_.cells, &Cell::smooth)) > rows;
   }
 
+  /// The means as a hypothesis leaves them.
+  [[nodiscard]] MeanModel model_of(const Reduced& reduced, const Hypothesis& h) const {
+    MeanModel model(reduced, noise_);
+    Base base = base_columns(model, h);
+    model.set_base(std::move(base.all.columns_mm), base.all.prior);
+    return model;
+  }
+
   /// Every mechanism not in `h` (nor in `but`), on top of it.
   std::vector<Scored> scan(const Hypothesis& h, const Term* but, bool named, bool unnamed) {
     place(h);
     std::optional<Reduced> few;
     if (is_larger_than(rows_of_last_search)) few = merged(reduced_, rows_of_last_search);
-    MeanModel model(few ? *few : reduced_, noise_);
-    Base base = base_columns(model, h);
-    model.set_base(std::move(base.all.columns_mm), base.all.prior);
+    const MeanModel model = model_of(few ? *few : reduced_, h);
     std::vector<Term> terms;
     if (named) {
       for (const Mechanism& m : catalogue()) {
@@ -442,9 +462,16 @@ class Search {
       }
     }
     const std::vector<Shape> shapes = unnamed ? shapes_to_try(model) : std::vector<Shape>();
+    // Fine combs are gone where neighbouring beams are taken together.
+    std::optional<MeanModel> every;
+    if (few && std::ranges::any_of(terms, [](const Term& term) { return is_comb(*term.mechanism); }))
+      every = model_of(reduced_, h);
     std::vector<Scored> list(terms.size() + shapes.size());
     on_two_cores(list.size(), [&](std::size_t i) {
-      list[i] = i < terms.size() ? look(model, terms[i]) : look(model, shapes[i - terms.size()]);
+      if (i >= terms.size())
+        list[i] = look(model, shapes[i - terms.size()]);
+      else
+        list[i] = look(every && is_comb(*terms[i].mechanism) ? *every : model, terms[i]);
     });
     std::erase_if(list, [](const Scored& s) { return !(s.evidence > worth_fitting); });
     std::ranges::sort(list, [](const Scored& a, const Scored& b) { return a.evidence > b.evidence; });
@@ -480,7 +507,7 @@ class Search {
       return evidence;
     };
     std::vector<std::vector<double>> grids{term.values};
-    if (term.mechanism->id == "time-quantisation")
+    if (is_comb(*term.mechanism))
       grids = combs(model, term);
     else
       for (const std::size_t k : shapes) {
@@ -723,6 +750,7 @@ class Search {
 
   std::vector<Hypothesis> best_of(const Hypothesis& h, const std::vector<Scored>& list, std::size_t tries) {
     std::vector<Hypothesis> results;
+    if (!has_patience()) tries = 1;
     for (const Scored& scored : list) {
       if (results.size() >= tries || scored.evidence < list.front().evidence - 15) break;
       results.push_back(extended(h, scored));
@@ -754,7 +782,7 @@ class Search {
         h = pruned(h);
         continue;
       }
-      if (!exchange) break;
+      if (!exchange || !has_patience()) break;
       const Hypothesis other = exchanged(h, tries);
       if (other.evidence <= h.evidence + 0.5) break;
       h = pruned(other);
@@ -851,6 +879,8 @@ class Search {
   MeanNoise noise_;
   const Progress& progress_;
   double excess_ = 1;
+  int fits_ = 0;
+  bool cut_short_ = false;
   bool transfers_ = true;   ///< Nothing was dropped because other places do not confirm it.
   bool may_change_ = true;  ///< The last comparison may still find a better explanation, once.
 };
@@ -1012,7 +1042,7 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
     bool unnamed = false;
     for (const Scored& scored : list) {
       if (scored.shape && std::exchange(unnamed, true)) continue;
-      if (rivals.size() > 7 || (rivals.size() > 2 && scored.evidence < 0.3 * first_evidence)) break;
+      if (rivals.size() > (has_patience() ? 7 : 3) || (rivals.size() > 2 && scored.evidence < 0.3 * first_evidence)) break;
       if (!scored.shape && is_slow_by_alias(reduced_, scored.term)) continue;
       const Hypothesis other = extended(less, scored);
       Rival rival;

@@ -50,6 +50,7 @@ struct MeanResult {
   double scatter_mm = 0;  ///< Of whole captures, beyond what their samples say; 0: none.
   double excess = 1;      ///< Factor on the variance of the means.
   bool transfers = true;  ///< False: something was dropped because other places do not confirm it.
+  bool cut_short = false;  ///< Not everything was tried that might explain more.
   MeanNoise noise;
 };
 

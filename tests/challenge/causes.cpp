@@ -435,25 +435,22 @@ struct TimeOffset : Cause {  // the stage's stamps come late
 };
 
 struct TargetOffset : Subsurface {  // a board stands elsewhere
-  double range(const Moment&, const Sight& sight, const World&) const override {
-    return sight.wall == wall ? strength * 5 / std::cos(sight.incidence) : 0;
+  double range(const Moment&, const Sight&, const World&) const override { return 0; }
+  Displacement displaced(int which) const override {
+    return which == wall ? Displacement{strength * 5, 0} : Displacement{};
   }
   json parameters() const override { return {{"target", name}, {"offset_mm", 5 * strength}}; }
 };
 
-struct TargetTilt : Subsurface {
-  double out = 1;  // -1: counter-clockwise, its end to which along_mm grows comes nearer
+struct TargetTilt : TargetOffset {
+  double out = 1;  // 1: counter-clockwise
   void draw(Session& session, Random& random) override {
     Subsurface::draw(session, random);
-    const Wall& board = session.walls[static_cast<std::size_t>(wall)];
-    const Vector middle = (board.from + board.to) / 2, along = board.to - board.from;
-    out = middle.x() * along.y() - middle.y() * along.x() > 0 ? -1 : 1;
+    out = random.sign();
   }
-  double range(const Moment&, const Sight& sight, const World&) const override {
-    const double tilt = strength * 0.3 * degree;
-    return sight.wall == wall ? sight.along_mm * std::tan(tilt) /
-                                    (std::cos(sight.incidence) - std::tan(tilt) * std::sin(sight.incidence))
-                              : 0;
+  double largest_strength() const override { return 40; }
+  Displacement displaced(int which) const override {
+    return which == wall ? Displacement{0, out * strength * 0.3 * degree} : Displacement{};
   }
   json parameters() const override { return {{"target", name}, {"tilt_deg", out * 0.3 * strength}}; }
 };

@@ -25,8 +25,19 @@ Moment World::moment(std::size_t capture, int seq, int step) const {
 }
 
 const std::vector<World::Segment>& World::standing(std::size_t capture_index) const {
-  if (standing_capture_ == capture_index) return standing_;
+  std::vector<Displacement> displaced(session_.walls.size());
+  double moved_in_all = 0;  // a cause's strength may have changed since
+  for (std::size_t i = 0; i < displaced.size(); ++i) {
+    for (const auto& cause : causes_) {
+      const Displacement own = cause->displaced(static_cast<int>(i));
+      displaced[i].away_mm += own.away_mm;
+      displaced[i].turned_rad += own.turned_rad;
+    }
+    moved_in_all += displaced[i].away_mm + displaced[i].turned_rad;
+  }
+  if (standing_capture_ == capture_index && standing_moved_ == moved_in_all) return standing_;
   standing_capture_ = capture_index;
+  standing_moved_ = moved_in_all;
   standing_.clear();
   const Capture& capture = session_.captures[capture_index];
   for (std::size_t i = 0; i < session_.walls.size(); ++i) {
@@ -35,8 +46,8 @@ const std::vector<World::Segment>& World::standing(std::size_t capture_index) co
     Vector outward(stated.y(), -stated.x());
     if (outward.dot(wall.from) < 0) outward = -outward;
     const bool moved = capture.target == static_cast<int>(i);
-    const double shift = nuisance_.offset_mm[i] + (moved ? capture.shift_mm : 0);
-    const double angle = nuisance_.tilt_rad[i];
+    const double shift = nuisance_.offset_mm[i] + displaced[i].away_mm + (moved ? capture.shift_mm : 0);
+    const double angle = nuisance_.tilt_rad[i] + displaced[i].turned_rad;
     const Vector along(stated.x() * std::cos(angle) - stated.y() * std::sin(angle),
                        stated.x() * std::sin(angle) + stated.y() * std::cos(angle));
     const Vector middle = (wall.from + wall.to) / 2 + shift * outward;

@@ -38,6 +38,11 @@ struct Sight {
 
 class World;
 
+/// How a wall stands otherwise than the session's truth says.
+struct Displacement {
+  double away_mm = 0, turned_rad = 0;  ///< Counter-clockwise about its middle.
+};
+
 /// One concealed piece of physics. `draw` fixes its shape once; `strength` scales it (1: as drawn) until an
 /// oracle sees it at the wanted signal-to-noise. Hooks that a cause does not need stay as they are here.
 class Cause {
@@ -55,6 +60,7 @@ class Cause {
   virtual double stage(const Moment&) const { return 0; }  ///< True minus commanded stage angle, rad.
   virtual double beam(const Moment&) const { return 0; }   ///< True minus nominal beam angle, rad.
   virtual Vector origin(const Moment&, double) const { return Vector::Zero(); }
+  virtual Displacement displaced(int) const { return {}; }  ///< Of a wall.
   virtual double range(const Moment&, const Sight&, const World&) const { return 0; }
   virtual double variance(const Moment&, const Sight&, const World&) const { return 0; }
   virtual double lost(const Moment&, const Sight&) const { return 0; }
@@ -128,6 +134,7 @@ class World {
   Nuisance nuisance_;
   double footprint_ = 0;
   mutable std::size_t standing_capture_ = static_cast<std::size_t>(-1);
+  mutable double standing_moved_ = 0;
   mutable std::vector<Segment> standing_;
 };
 
