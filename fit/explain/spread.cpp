@@ -413,8 +413,11 @@ class VarianceSearch {
     const auto fit = more(lever_column(), suspect.gain);
     const Eigen::Index last = fit.value.size() - 1;
     const double degree2 = deg_per_rad * deg_per_rad;
-    suspect.parameters = {{"sigma_deg", root(fit.value[last] * degree2, fit.sigma[last] * degree2)}};
+    const Estimate sigma = root(fit.value[last] * degree2, fit.sigma[last] * degree2);
+    suspect.parameters = {{"sigma_deg", sigma}};
     suspect.evidence = suspect.gain - price_of_size(suspect.gain);
+    // No mirror is so loose: something else scatters.
+    if (sigma.value > suspect.mechanism->parameters.front().largest) suspect.evidence = -1;
     return suspect;
   }
 
@@ -792,7 +795,8 @@ void common_noise(const std::vector<Scan>& scans, const Reduced& reduced, Spread
       only_range2 = r * r;
     }
   }
-  for (double a = 0.001; a < 3; a *= 1.5) {
+  const double most_deg = mechanism("angle-jitter")->parameters.front().largest;
+  for (double a = 0.001; a < 2 * most_deg; a *= 1.5) {
     const double l = likelihood(0, std::pow(a * rad_per_deg, 2));
     if (l > only_angle) {
       only_angle = l;
@@ -810,6 +814,11 @@ void common_noise(const std::vector<Scan>& scans, const Reduced& reduced, Spread
     improve(0, angle2);
     improve(range2, 0);
     if (r == range2 && a == angle2) step = std::sqrt(step);
+  }
+  if (angle2 > std::pow(most_deg * rad_per_deg, 2)) {
+    angle2 = only_angle = 0;
+    range2 = only_range2;
+    best = only_range;
   }
   const double range_gain = best - only_angle, angle_gain = best - only_range;
   const auto curvature = [&](double at, bool of_angle) {

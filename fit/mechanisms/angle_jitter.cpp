@@ -11,7 +11,7 @@ Mechanism make_angle_jitter() {
   m.observable = Observable::range_variance;
   m.coordinate = Coordinate::range_rate;
   m.geometric = true;
-  m.parameters = {{.name = "sigma_deg", .typical = 0.1, .sign = 1}};
+  m.parameters = {{.name = "sigma_deg", .typical = 0.1, .largest = 1, .sign = 1}};
   m.act = [](const Circumstances&, std::span<const double> p) {
     return Effect{.scan_angle_variance_rad2 = p[0] * p[0] * rad_per_deg * rad_per_deg};
   };
