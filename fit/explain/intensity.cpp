@@ -1039,7 +1039,7 @@ class Intensity {
   /// Posterior widths of a term's values, everything else free.
   [[nodiscard]] std::pair<std::vector<double>, std::vector<double>> uncertainties_of(
       const Suspicion& s, const Model& model) const {
-    Index first = nuisances(law_, accepted_).columns.cols();
+    Index first = nuisances(law_now_, accepted_).columns.cols();
     for (const Suspicion& other : accepted_) {
       if (other.mechanism && other.coefficients.empty()) {
         if (other.mechanism == s.mechanism && other.target == s.target && other.values == s.values) break;
