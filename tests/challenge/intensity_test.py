@@ -37,6 +37,13 @@ with tempfile.TemporaryDirectory() as temporary:
             continue
         assert named(why) == [kind], named(why)
         assert any(l["observable"] == "intensity" for l in why["located"])
+        truth = json.loads((folder / "case.truth.json").read_text())["parameters"][kind]
+        for name, found in why["mechanisms"][0]["parameters"].items():
+            if not isinstance(found, dict) or not isinstance(truth.get(name), float):
+                continue
+            off = (found["value"] - truth[name]) / found["u"]
+            print("  ", name, truth[name], found, "off by", round(off, 1))
+            assert abs(off) < 6, (name, truth[name], found)
         law = next(k for k in why["bench"]["known"] if k["mechanism"] == "radiometry")
         assert law["parameters"]["relative_noise"] > 0 if isinstance(law["parameters"]["relative_noise"], float) else True
         # The same recording under a bench that claims nothing: intensity is a covariate, whatever it does.
