@@ -317,6 +317,9 @@ class Writer {
   void stray_light_beside_edges() {
     if (!light_) return;
     if (light_->or_mixed_pixel) {
+      const auto is_wide_beam = [](const Suspect& s) { return s.mechanism->id == "mixed-pixel"; };
+      if (reduced_.bench.knows("mixed-pixel") || std::ranges::any_of(spread_.accepted, is_wide_beam)) return;
+      for (const Located& l : light_->located) out_.located.push_back(l);
       out_.undecided_between.push_back({"crosstalk", "mixed-pixel"});
       return;
     }

@@ -15,9 +15,11 @@ using Eigen::VectorXd;
 
 constexpr double window_deg = 3;
 constexpr double least_away_deg = 0.3;                     // of a beam from where the surface changes
+constexpr double beside_deg = 0.06;                        // ... if it need not be told from a wide beam
 constexpr double least_gap_mm = 15, largest_gap_mm = 500;  // farther echoes are two
 constexpr double halo_deg = 0.7, halo_ends_deg = 1.01;     // as fit/mechanisms/crosstalk.cpp and Scene::pull
 constexpr double accept_at = 6, told_apart_at = 3.5;       // logarithms of odds
+constexpr double doubt_beside_edges = 3;                   // edges may be elsewhere by a part of a beam
 constexpr double price = 7;  // of one more mechanism (4), of the forms of its halo that are tried (3)
 
 /// One beam of one group beside an edge.
@@ -115,7 +117,7 @@ class Edges {
   void add(const Group& group, const CaptureInfo& info, const Beam& beam, double change) {
     const Cell& cell = *beam.cell;
     const double away = std::abs(beam.inside_deg - change);
-    if (away < least_away_deg || cell.stray > 0 || cell.lost > 0 || cell.at.corner_mm < 60) return;
+    if (away < beside_deg || cell.stray > 0 || cell.lost > 0 || cell.at.corner_mm < 60) return;
     const Sight &own = beam.on_near ? beam.near : beam.far, &other = beam.on_near ? beam.far : beam.near;
     if (std::abs(own.incidence_rad) > 70 * rad_per_deg) return;
     Row row;
@@ -233,63 +235,104 @@ std::vector<Located> where(const std::vector<Row>& rows, const VectorXd& effect_
   return list;
 }
 
-}  // namespace
-
-std::optional<StrayLight> stray_light(const Reduced& reduced, const MeanResult& means) {
-  const Edges edges(reduced, means);
-  const std::vector<Row>& rows = edges.rows();
-  if (rows.size() < 40) return {};
-  const Residuals residuals(rows, reduced.bench.targets.size());
-  const auto effect = [&](auto of_row) {
-    VectorXd v(static_cast<Index>(rows.size()));
-    for (std::size_t i = 0; i < rows.size(); ++i) v[static_cast<Index>(i)] = of_row(rows[i]);
-    return v;
-  };
-  // How far stray light reaches differs from receiver to receiver.
-  std::vector<Halo> halos{lorentz};
-  for (const double h : {0.4, 0.55, 0.75, 1.0, 1.3})
-    halos.emplace_back([h](double angle) { return std::exp(-angle * angle / (h * h)); });
-  double best = 0, misfit = residuals.misfit();
-  for (const Halo& halo : halos) {
-    const auto f = residuals.fit(effect([&](const Row& row) { return pull_of(row, halo); }));
-    if (f.gain <= best) continue;
-    best = f.gain;
-    misfit = f.misfit;
+/// What is to be explained beside edges, and how well stray light does it.
+class Beside {
+ public:
+  Beside(std::vector<Row> rows, std::size_t targets) : rows_(std::move(rows)), residuals_(rows_, targets) {
+    // How far stray light reaches differs from receiver to receiver.
+    halos_.emplace_back(lorentz);
+    for (const double h : {0.4, 0.55, 0.75, 1.0, 1.3})
+      halos_.emplace_back([h](double angle) { return std::exp(-angle * angle / (h * h)); });
+    double misfit = residuals_.misfit();
+    for (const Halo& halo : halos_) {
+      const auto f = fit([&](const Row& row) { return pull_of(row, halo); });
+      if (f.gain <= best_) continue;
+      best_ = f.gain;
+      misfit = f.misfit;
+    }
+    // What no form takes away is noise that was not known of.
+    excess_ = std::max(1.0, misfit);
+    best_ /= excess_;
+    formula_mm_ = effect([](const Row& row) { return pull_of(row, lorentz); });
+    found_ = residuals_.fit(formula_mm_);
   }
-  // What no form takes away is noise that was not known of.
-  const double excess = std::max(1.0, misfit);
-  best /= excess;
-  const VectorXd formula = effect([&](const Row& row) { return pull_of(row, lorentz); });
-  const auto found = residuals.fit(formula);
-  if (best - price < accept_at || found.size <= 0) return {};
+
+  [[nodiscard]] bool shows(double least) const { return best_ - price >= least && found_.size > 0; }
+  [[nodiscard]] double best() const { return best_; }
+  /// What beams that are too wide would explain instead.
+  [[nodiscard]] double rival() const;
+  [[nodiscard]] StrayLight said(double evidence) const {
+    StrayLight light;
+    light.suspect.mechanism = find_mechanism("crosstalk");
+    light.suspect.gain = best_;
+    light.suspect.evidence = evidence;
+    light.suspect.parameters = {{"leak", {found_.size, found_.u * std::sqrt(excess_)}}};
+    light.located = where(rows_, formula_mm_, best_);
+    return light;
+  }
+
+ private:
+  template <typename OfRow>
+  [[nodiscard]] VectorXd effect(OfRow of_row) const {
+    VectorXd v(static_cast<Index>(rows_.size()));
+    for (std::size_t i = 0; i < rows_.size(); ++i) v[static_cast<Index>(i)] = of_row(rows_[i]);
+    return v;
+  }
+  template <typename OfRow>
+  [[nodiscard]] Residuals::Fit fit(OfRow of_row) const {
+    return residuals_.fit(effect(of_row));
+  }
+
+  std::vector<Row> rows_;
+  Residuals residuals_;
+  std::vector<Halo> halos_;
+  double best_ = 0, excess_ = 1;
+  VectorXd formula_mm_;
+  Residuals::Fit found_;
+};
+
+double Beside::rival() const {
   double rival = 0;
   for (const double w : {0.08, 0.12, 0.16, 0.2, 0.25, 0.3, 0.36, 0.43, 0.5}) {
     const auto beyond = [&](const Row& row) { return 0.5 * std::erfc(row.away_deg / w / std::sqrt(2.0)); };
     // A wide beam mixes front and back by their light; or by a share that knows nothing of light.
-    rival = std::max(rival, residuals.gain(effect([&](const Row& row) {
+    rival = std::max(rival, residuals_.gain(effect([&](const Row& row) {
       const double far = beyond(row) * row.light;
       return row.gap_mm * far / (far + 1 - beyond(row));
     })));
-    rival =
-        std::max(rival, residuals.fit(effect([&](const Row& row) { return row.gap_mm * beyond(row); })).gain);
+    rival = std::max(rival, fit([&](const Row& row) { return row.gap_mm * beyond(row); }).gain);
   }
-  for (const Halo& halo : halos)
-    rival = std::max(rival, residuals
-                                .fit(effect([&](const Row& row) {
-                                  Row plain = row;
-                                  plain.light = 1;
-                                  return pull_of(plain, halo);
-                                }))
-                                .gain);
-  rival /= excess;
-  if (rival > best + told_apart_at) return {};
-  StrayLight light;
-  light.or_mixed_pixel = rival > best - told_apart_at;
-  light.suspect.mechanism = find_mechanism("crosstalk");
-  light.suspect.gain = best;
-  light.suspect.evidence = std::min(best, best - rival) - price;
-  light.suspect.parameters = {{"leak", {found.size, found.u * std::sqrt(excess)}}};
-  light.located = where(rows, formula, best);
+  for (const Halo& halo : halos_)
+    rival = std::max(rival, fit([&](const Row& row) {
+                              Row plain = row;
+                              plain.light = 1;
+                              return pull_of(plain, halo);
+                            }).gain);
+  return rival / excess_;
+}
+
+}  // namespace
+
+std::optional<StrayLight> stray_light(const Reduced& reduced, const MeanResult& means) {
+  const Edges edges(reduced, means);
+  std::vector<Row> clear;
+  std::ranges::copy_if(edges.rows(), std::back_inserter(clear),
+                       [](const Row& row) { return row.away_deg >= least_away_deg; });
+  constexpr std::size_t fewest = 40;
+  if (clear.size() < fewest) return {};
+  const Beside beside(std::move(clear), reduced.bench.targets.size());
+  if (beside.shows(accept_at)) {
+    const double rival = beside.rival();
+    if (rival > beside.best() + told_apart_at) return {};
+    StrayLight light = beside.said(std::min(beside.best(), beside.best() - rival) - price);
+    light.or_mixed_pixel = rival > beside.best() - told_apart_at;
+    return light;
+  }
+  // The beams nearest to the edges alone cannot tell stray light from a beam that is wider than known.
+  const Beside nearest(edges.rows(), reduced.bench.targets.size());
+  if (!nearest.shows(accept_at + doubt_beside_edges)) return {};
+  StrayLight light = nearest.said(nearest.best() - price);
+  light.or_mixed_pixel = true;
   return light;
 }
 

@@ -230,7 +230,6 @@ struct Multipath : Cause {  // light over the other wall of an inner corner: for
 struct Crosstalk : Cause {  // stray light of neighbours is part of the same echo
   void draw(Session&, Random& random) override { halo = random.uniform(0.4, 1.0) * degree; }
   double range(const Moment& moment, const Sight& sight, const World& world) const override {
-    if (sight.end_mm > 40 * halo * sight.range_mm / 10) return 0;
     double power = sight.power, sum = 0;
     for (const int side : {-4, -3, -2, -1, 1, 2, 3, 4}) {
       const double angle = side * 0.25 * degree;
