@@ -251,8 +251,8 @@ class Search {
 
   /// A recording that nothing fits well would be searched for many minutes.
   bool has_patience() {
-    const double limit = std::clamp(rows_of_patience / static_cast<double>(reduced_.cells.size()), least_patience,
-                                    most_patience);
+    const double limit = std::clamp(rows_of_patience / static_cast<double>(reduced_.cells.size()),
+                                    least_patience, most_patience);
     cut_short_ = cut_short_ || fits_ > limit;
     return !cut_short_;
   }
@@ -994,6 +994,13 @@ bool says_where_a_target_stands(const Term& term) {
   return term.mechanism->id == "target-offset" || term.mechanism->id == "target-tilt";
 }
 
+/// Whether a term was set aside, because the bench file's uncertainties alone speak for it.
+bool is_set_aside(const MeanResult& result, const Term& term) {
+  return std::ranges::any_of(result.stated_otherwise, [&](const std::vector<Term>& set) {
+    return std::ranges::any_of(set, [&](const Term& other) { return other.same(term); });
+  });
+}
+
 /// Akaike's: how well it fits, less one for everything that its mechanisms may adjust.
 double adjusted_fit(const Hypothesis& h) {
   double fit = h.density;
@@ -1042,8 +1049,11 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
     bool unnamed = false;
     for (const Scored& scored : list) {
       if (scored.shape && std::exchange(unnamed, true)) continue;
-      if (rivals.size() > (has_patience() ? 7 : 3) || (rivals.size() > 2 && scored.evidence < 0.3 * first_evidence)) break;
-      if (!scored.shape && is_slow_by_alias(reduced_, scored.term)) continue;
+      if (rivals.size() > (has_patience() ? 7 : 3) ||
+          (rivals.size() > 2 && scored.evidence < 0.3 * first_evidence))
+        break;
+      if (!scored.shape && (is_slow_by_alias(reduced_, scored.term) || is_set_aside(result, scored.term)))
+        continue;
       const Hypothesis other = extended(less, scored);
       Rival rival;
       if (scored.shape)
