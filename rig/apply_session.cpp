@@ -131,6 +131,7 @@ ApplyReport apply_to_session(const ApplyRequest& request) {
                         std::to_string(report.samples) + " samples, of which " +
                         std::to_string(report.outside_range) + " outside its distances and " +
                         std::to_string(report.outside_intensity) + " outside its intensities");
+  session.finish();
   return report;
 }
 

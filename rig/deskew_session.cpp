@@ -373,6 +373,7 @@ json deskew_session(const DeskewRequest& request) {
   }
   SessionStore output(request.output, SessionStore::Mode::append);
   output.add_result("deskew", result.dump());
+  output.finish();
   return result;
 }
 

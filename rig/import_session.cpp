@@ -421,6 +421,12 @@ ImportReport import_session(const ImportRequest& request) {
   }
   store->set("bench", request.bench ? *request.bench : bench_document(request, writer, distances).dump(2));
   write_keys(*store, request, writer);
+  try {
+    store->finish();
+  } catch (const MeasurementError&) {
+    unfinished.keep();  // What is there now is another program's.
+    throw;
+  }
   store.reset();
   write_imu(request.output, writer);
   unfinished.keep();
