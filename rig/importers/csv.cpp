@@ -134,7 +134,8 @@ class Reader {
       for (std::size_t i = timed ? 1 : 0; i < cells.size(); ++i) wide_.push_back(i);
     }
     ++rows_;
-    if (cells.size() <= wide_.back() || wide_.size() > 100'000) {
+    const auto widest = std::max(static_cast<std::ptrdiff_t>(wide_.back()), std::ptrdiff_t{wide_time_});
+    if (std::ssize(cells) <= widest || wide_.size() > 100'000) {
       ++faulty_;
       return;
     }

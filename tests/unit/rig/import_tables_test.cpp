@@ -170,6 +170,19 @@ TEST_CASE("a table with one row a value is read, as rig export writes it") {
   CHECK(in.scans[0].geometry.step_rad * fit::deg_per_rad == Approx(0.25));
 }
 
+TEST_CASE("a row of a table that ends before its time is left out") {
+  const Folder folder;
+  rig::ImportOptions options;
+  options.first_deg = 0;
+  options.step_deg = 1;
+  const auto in =
+      import(folder, folder.write("cut.csv", "a,b,host_us\n500,600,1000\n501,601\n502,602,51000\n"), options);
+  REQUIRE(in.scans.size() == 2);
+  CHECK(in.scans[1].range_mm == std::vector<std::uint16_t>{502, 602});
+  CHECK(in.scans[1].host_us == 50'000);
+  CHECK_THAT(in.notes, Contains("1 rows or scans were cut"));
+}
+
 TEST_CASE("tables that are none are refused in words") {
   const Folder folder;
   CHECK_THROWS_AS(import(folder, folder.write("words.csv", "hello,world\nand,more\n")), std::exception);
