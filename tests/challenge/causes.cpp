@@ -324,7 +324,10 @@ struct ScanPlaneTilt : Cause {  // mirror's plane leans: rays climb, walls stay 
     return sight.range_mm * (1 / std::sqrt(1 - rise * rise) - 1);
   }
   double largest_strength() const override { return 100; }
-  json parameters() const override { return {{"tilt_deg", lean() / degree}, {"axis_deg", axis / degree}}; }
+  json parameters() const override {  // rays climb most a right angle from the axis, and fall opposite
+    return {{"tilt_squared_deg2", std::pow(lean() / degree, 2)},
+            {"axis_deg", std::remainder(axis / degree + 90, 180)}};
+  }
 };
 
 struct FacetWobble : Cause {  // polygon mirror whose faces are not equally far from its axis

@@ -253,6 +253,8 @@ void conceal(const Wanted& wanted) {
   }
   std::filesystem::create_directories(wanted.out);
   write_session(wanted.out / (name + ".rig"), session, causes, random);
+  std::vector<double> tilt_deg;
+  for (const double tilt : session.truth.tilt_rad) tilt_deg.push_back(tilt / degree);
   const ordered_json truth{{"kinds", wanted.kinds},
                            {"scene", session.scene},
                            {"seed", wanted.seed},
@@ -272,6 +274,7 @@ void conceal(const Wanted& wanted) {
                              {"y_mm", session.truth.y_mm},
                              {"yaw_deg", session.truth.yaw_rad / degree},
                              {"offset_mm", session.truth.offset_mm},
+                             {"tilt_deg", tilt_deg},
                              {"sigma_mm", session.sigma_mm}}}};
   if (const std::string world = world_file(session, causes); !world.empty())
     std::ofstream(wanted.out / (name + ".world.json")) << world << '\n';
