@@ -471,7 +471,8 @@ run range-validation.yaml a3.rig --set samples=100 --set correction=correction.j
   const fit::Correction correction = correction_in(result);
   REQUIRE(correction.intensity);
   REQUIRE(correction.range);
-  for (const double mm : {300.0, 1500.0, 5000.0, 9500.0}) {
+  // Where this short run measured: between its first two distances, 800 mm apart, several curves fit alike.
+  for (const double mm : {200.0, 1500.0, 5000.0, 9500.0}) {
     const double counts = counts_of(0.85, mm), error = 30 * std::exp(-counts / 500) + 0.002 * mm;
     CHECK(correction.apply(mm + error, counts).range_mm == Approx(mm).margin(1));
   }

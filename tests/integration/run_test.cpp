@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // `rig run` as its operator meets it: two programs, real sockets, a real pseudo-terminal.
 #include <catch2/catch.hpp>
+#include <cstdlib>
 #include <random>
 
 #include "rig/session_store.hpp"
@@ -434,8 +435,9 @@ TEST_CASE("the bench is walked through and what is wrong with it is told") {
   command[3] = bench.folder / "wrong.json";
   Program bad(command, bench.folder);
   CHECK(bad.exit_status() == 1);
-  CHECK_THAT(bad.errors(),
-             Contains("BAD   target board") && Contains("-20") && Contains("Measure its place"));
+  CHECK_THAT(bad.errors(), Contains("BAD   target board") && Contains("Measure its place"));
+  const std::string told = bad.errors().substr(bad.errors().find("target board") + 12);
+  CHECK(std::atof(told.c_str()) == Approx(-200).margin(10));  // the mean of 40 scans of 5 mm noise
 
   Program found({RIG_BIN_DIR "/rig", "devices", "--lidar", bench.sim->lidar(), "--stage", bench.sim->stage(),
                  "--json", "-"},
