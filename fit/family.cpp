@@ -299,6 +299,31 @@ const FamilyFit* best_of(const std::vector<FamilyFit>& sorted) {
   return best;
 }
 
+std::optional<OpenStretch> most_open_stretch(const std::vector<FamilyFit>& table, const FamilyFit& chosen,
+                                             std::span<const CurvePoint> points) {
+  constexpr double as_well = 1.5, much = 2;
+  constexpr int places = 8;  // Looked at between two points.
+  const auto u_at = [&](double x) {
+    double u = chosen.u(x);
+    for (const FamilyFit& rival : table)
+      if (rival.usable && rival.held_out <= as_well * chosen.held_out)
+        u = std::max(u, std::abs(rival(x) - chosen(x)) / 2);
+    return u;
+  };
+  std::vector<double> at;
+  for (const CurvePoint& point : points) at.push_back(point.x);
+  std::ranges::sort(at);
+  OpenStretch open;
+  for (const double x : at) open.u_at_points = std::max(open.u_at_points, u_at(x));
+  for (std::size_t i = 0; i + 1 < at.size(); ++i)
+    for (int k = 1; k < places; ++k) {
+      const double x = at[i] + (at[i + 1] - at[i]) * k / places, u = u_at(x);
+      if (u > open.u) open = {at[i], at[i + 1], x, u, open.u_at_points};
+    }
+  if (!(open.u > much * open.u_at_points)) return std::nullopt;
+  return open;
+}
+
 double extra_scatter(std::span<const CurvePoint> points) {
   std::vector<CurvePoint> sorted(points.begin(), points.end());
   std::ranges::sort(sorted, {}, &CurvePoint::x);

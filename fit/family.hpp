@@ -5,6 +5,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -32,8 +33,8 @@ struct Family {
   std::vector<std::string> coefficients;
   std::string equation;
   std::vector<std::string>
-      derivatives;                 ///< Of the equation with respect to each coefficient, the same syntax.
-  int constant = -1;               ///< Which coefficient only adds to the curve; -1: none.
+      derivatives;    ///< Of the equation with respect to each coefficient, the same syntax.
+  int constant = -1;  ///< Which coefficient only adds to the curve; -1: none.
   /// Column of the fitted form without which the others no longer hold a constant; -1: they hold none.
   int constant_column = -1;
   bool positive_argument = false;  ///< Needs x > 0.
@@ -143,6 +144,21 @@ struct FamilyOptions {
 /// The usable fit that predicts best: the first of compare_families() that has an equation, unless one with
 /// fewer parameters predicts as well within 2 %. Null when there is none.
 [[nodiscard]] const FamilyFit* best_of(const std::vector<FamilyFit>& sorted);
+
+/// Where between two neighbouring points a curve is much less certain than at them.
+struct OpenStretch {
+  double from = 0, to = 0;  ///< The neighbouring points.
+  double at = 0;            ///< Where it is least certain.
+  double u = 0;             ///< Standard uncertainty there; contains how far other families part from it.
+  double u_at_points = 0;   ///< The largest at any point.
+};
+
+/// The stretch on which the chosen curve is least certain: by its own uncertainty, or because families whose
+/// held-out error is at most 1.5 times as large go another way. None where it is at most twice as uncertain
+/// as at the points.
+[[nodiscard]] std::optional<OpenStretch> most_open_stretch(const std::vector<FamilyFit>& table,
+                                                           const FamilyFit& chosen,
+                                                           std::span<const CurvePoint> points);
 
 /// Scatter of the points beyond their own uncertainties (placement of targets, say): from the deviation of
 /// each point from the line through its two neighbours, so that no curve is assumed. 0 when there is none.

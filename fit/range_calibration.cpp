@@ -345,6 +345,18 @@ void state_identifiability(RangeCalibration& out, const std::vector<RangePoint>&
              out.correlation));
 }
 
+/// Between points far apart a curve is less certain than at them: says where a capture would help.
+void state_open_stretch(RangeCalibration& out, const std::vector<FamilyFit>& table, const FamilyFit& chosen,
+                        const std::vector<CurvePoint>& points, const char* what, const char* unit) {
+  const auto open = most_open_stretch(table, chosen, points);
+  if (!open) return;
+  out.identifiability.push_back(
+      text("between %.0f and %.0f ", open->from, open->to) + unit + " no " + what +
+      text(" was measured: there the correction is known to %.2g mm (k = 2, at %.0f ", 2 * open->u,
+           open->at) +
+      unit + text("), at the measured ones to %.2g mm. Measure there as well", 2 * open->u_at_points));
+}
+
 double rms_of(const std::vector<RangePoint>& points, const Correction* correction) {
   double sum = 0;
   for (const RangePoint& p : points)
@@ -469,6 +481,14 @@ RangeCalibration calibrate_range(std::vector<RangePoint> points, const RangeOpti
                       ? "no family of curves could be fitted to these points"
                       : "a range correction needs at least three distances, or four surfaces at one distance";
   }
+  if (intensity)
+    state_open_stretch(out, out.intensity_table, *intensity,
+                       curve(points, &RangePoint::for_intensity, &RangePoint::intensity, 0), "surface",
+                       "counts");
+  if (distance)
+    state_open_stretch(out, out.distance_table, *distance,
+                       curve(points, &RangePoint::for_distance, &RangePoint::measured_mm, 0), "distance",
+                       "mm");
   out.sequential = intensity && distance ? out.sequential : std::nullopt;
   for (auto* correction : {&out.joint, &out.sequential}) {
     if (!*correction) continue;

@@ -61,6 +61,30 @@ TEST_CASE(
   CHECK(covered >= 34);
 }
 
+TEST_CASE(
+    "where no distance was between two far apart, curves that part there are told, and where one would "
+    "decide") {
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> normal;
+  // Near the lidar the error rises steeply; beyond, hardly.
+  const auto error = [](double mm) { return -40 * std::exp(-mm / 180) + 0.0004 * mm; };
+  const auto said_of = [&](const std::vector<double>& distances) {
+    std::vector<fit::RangePoint> points;
+    for (const double mm : distances)
+      points.push_back({mm, mm + error(mm) + 0.1 * normal(random), 0.1, 1000});
+    std::string said;
+    for (const std::string& sentence : fit::calibrate_range(points).identifiability) said += sentence + "\n";
+    return said;
+  };
+  std::vector<double> sparse{200}, dense;
+  for (int k = 0; k < 12; ++k) sparse.push_back(1000 + 150 * k);
+  for (int k = 0; k < 55; ++k) dense.push_back(200 + 50 * k);
+  CHECK_THAT(said_of(sparse), Catch::Contains("no distance was measured: there the correction is known to"));
+  CHECK_THAT(said_of(sparse),
+             Catch::Contains("between 18"));  // 200 mm less its error, 13 mm
+  CHECK_THAT(said_of(dense), !Catch::Contains("no distance was measured"));
+}
+
 TEST_CASE("A3 on simulated samples improves by more than the paper's 30 to 60 %, A6 by more than its 28 %") {
   std::mt19937_64 random(8);
   std::uniform_real_distribution<double> grey(0.05, 0.95);
