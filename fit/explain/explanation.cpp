@@ -16,8 +16,9 @@ namespace fit::explain {
 namespace {
 
 constexpr double sure = 0.9;
-constexpr double close_behind = 3.5;  // log of the odds within which suspects are not told apart
-constexpr double not_excluded = 5;    // where some are not, those within this belong to them
+constexpr double odds_against_any = 2.2;  // log, against one certain mechanism of the catalogue
+constexpr double close_behind = 3.5;      // log of the odds within which suspects are not told apart
+constexpr double not_excluded = 5;        // where some are not, those within this belong to them
 
 double largest_effect(const Reduced& reduced, const Term& term, double* at) {
   double largest = 0;
@@ -351,7 +352,8 @@ class Writer {
       Found found;
       found.mechanism = suspect.mechanism;
       found.parameters = suspect.parameters;
-      found.probability = std::min(0.999, 1 / (1 + std::exp(3 - suspect.evidence)));
+      found.probability =
+          std::min(0.999, 1 / (1 + std::exp(odds_against_any - suspect.evidence) + std::exp(-suspect.ahead)));
       Finding finding;
       finding.parameters = suspect.parameters;
       found.says = suspect.mechanism->says(finding);

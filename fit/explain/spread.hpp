@@ -15,6 +15,7 @@ struct Suspect {
   std::map<std::string, Estimate> parameters;
   double gain = 0;      ///< Of the log-likelihood.
   double evidence = 0;  ///< Log Bayes factor.
+  double ahead = 50;    ///< Of the next that might be it instead: log odds.
 };
 
 /// Something that no mechanism of the catalogue explains.
