@@ -442,7 +442,7 @@ class Reducer {
         Sector& sector = out_.sectors.back();
         // Where enough samples tell, a noisy beam counts less: else its noise looks like the whole scan's.
         const double q =
-            block.scans < 50
+            block.scans < weighted_from_scans
                 ? 1
                 : std::clamp(group.sigma_mm * group.sigma_mm / std::max(1.0 / 12, cell.variance_mm2), 0.01,
                              4.0);

@@ -34,6 +34,9 @@ struct Cell {
   double pooled_mm2 = 0;       ///< Variance of one sample, shared with its neighbours; 0: not yet pooled.
 };
 
+/// Of so many scans each beam's own noise is known well enough to weigh it.
+constexpr int weighted_from_scans = 50;
+
 /// Scans that share all circumstances: a capture, a span of a long one, or one scan of a turning one.
 struct Group {
   int capture = 0;

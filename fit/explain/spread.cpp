@@ -452,6 +452,16 @@ struct Scan {
   Eigen::Vector2d score = Eigen::Vector2d::Zero();
 };
 
+/// Of single samples about what their scan has in common, mm^2. The typical spread of a few samples, a
+/// median, is a little too small, and a thousand scans would show that.
+double own_variance(const Group& group) {
+  const double typical = group.sigma_mm * group.sigma_mm + 1.0 / 12;
+  const double news =
+      static_cast<double>(group.pairs) * (1 - 2.0 / std::max<double>(3, static_cast<double>(group.cells)));
+  if (group.scans >= weighted_from_scans || news < 200) return typical;
+  return std::clamp(group.lagged[0] / news, 0.9 * typical, 1.2 * typical);
+}
+
 std::vector<Scan> scans_of(const Reduced& reduced) {
   std::vector<Scan> scans;
   for (const Sector& s : reduced.sectors) {
@@ -465,7 +475,7 @@ std::vector<Scan> scans_of(const Reduced& reduced) {
       scan.scans = group.scans;
       scans.push_back(scan);
     }
-    const double precision = 1 / (group.sigma_mm * group.sigma_mm + 1.0 / 12);
+    const double precision = 1 / own_variance(group);
     Scan& scan = scans.back();
     Eigen::Matrix2d information;
     information << s.w, s.wv, s.wv, s.wvv;
