@@ -500,7 +500,7 @@ class Search {
     const auto attempt = [&](const std::vector<double>& values) {
       Term t = term;
       t.values = values;
-      if (!possible(*t.mechanism, values)) return -1e300;
+      if (!possible(*t.mechanism, values) || is_slow_by_alias(reduced_, t)) return -1e300;
       const MeanModel::Fit f = evaluate(model, t);
       set_coefficients(t, f.value, f.sigma.cwiseAbs2().asDiagonal());
       const double evidence = f.evidence - implausible(t);
@@ -1057,8 +1057,7 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
       if (rivals.size() > (has_patience() ? 7 : 3) ||
           (rivals.size() > 2 && scored.evidence < 0.3 * first_evidence))
         break;
-      if (!scored.shape && (is_slow_by_alias(reduced_, scored.term) || is_set_aside(result, scored.term)))
-        continue;
+      if (!scored.shape && is_set_aside(result, scored.term)) continue;
       const Hypothesis other = extended(less, scored);
       Rival rival;
       if (scored.shape)
