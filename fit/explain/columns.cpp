@@ -352,6 +352,16 @@ Columns shape_of(const MeanModel& model, const Shape& shape) {
     c.prior.sigma = Eigen::VectorXd::Constant(1, shape.size);
     return c;
   }
+  if (shape.kind == Shape::Kind::bump) {
+    c.columns_mm.resize(n, 1);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const double x = (coordinate_at(model, shape.coordinate, i) - shape.at) / shape.length;
+      c.columns_mm(i, 0) = lever[i] == 0 ? 0 : lever[i] * std::exp(-x * x / 2);
+    }
+    c.prior.mean = Eigen::VectorXd::Zero(1);
+    c.prior.sigma = Eigen::VectorXd::Constant(1, shape.size);
+    return c;
+  }
   if (shape.kind == Shape::Kind::wave) {
     c.columns_mm.resize(n, 2);
     for (Eigen::Index i = 0; i < n; ++i) {

@@ -27,14 +27,15 @@ enum class Channel { range, beam_angle, stage_angle };
 
 /// An unnamed function of one coordinate: what physics outside the catalogue looks like.
 struct Shape {
-  enum class Kind { smooth, step, wave };
+  enum class Kind { smooth, step, wave, bump };
   Kind kind = Kind::smooth;
   Coordinate coordinate = Coordinate::beam;
   Channel channel = Channel::range;
-  double length = 0.3;         ///< smooth: correlation length as a share of the span.
-  double at = 0;               ///< step: place; wave: period. File unit of the coordinate.
-  double size = 1;             ///< Standard size of the prior: mm or rad.
-  double price = 0;            ///< Log of the number of such functions that were tried.
+  double length =
+      0.3;           ///< smooth: correlation length as a share of the span; bump: standard width, file unit.
+  double at = 0;     ///< step, bump: place; wave: period. File unit of the coordinate.
+  double size = 1;   ///< Standard size of the prior: mm or rad.
+  double price = 0;  ///< Log of the number of such functions that were tried.
   std::vector<double> values;  ///< Coefficients, after a fit.
 };
 

@@ -102,6 +102,14 @@ std::string describe(const Shape& shape, const MeanModel& model, double* from, d
     return "the " + what + " steps by " + rounded(shape.values.empty() ? 0 : shape.values[0] * scale, 3) +
            unit + " at " + coordinate + " = " + rounded(shape.at, 4) + unit_of_coordinate;
   }
+  if (shape.kind == Shape::Kind::bump) {
+    *from = std::max(low, shape.at - 1.2 * shape.length);
+    *to = std::min(high, shape.at + 1.2 * shape.length);
+    return "the " + what + " has a bump of " +
+           rounded(shape.values.empty() ? 0 : shape.values[0] * scale, 3) + unit + " at " + coordinate +
+           " = " + rounded(shape.at, 4) + unit_of_coordinate + ", " + rounded(2.355 * shape.length, 2) +
+           unit_of_coordinate + " wide at half its height";
+  }
   if (shape.kind == Shape::Kind::wave) {
     const double size = shape.values.size() > 1 ? std::hypot(shape.values[0], shape.values[1]) : 0;
     return "the " + what + " waves along " + coordinate + ": period " + rounded(shape.at, 4) +
