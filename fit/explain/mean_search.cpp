@@ -32,7 +32,7 @@ constexpr double something_is_missing = 1.8;
 constexpr double worth_a_name = 3;                 // a name that explains as much is preferred
 constexpr double worth_a_name_beside_a_place = 2;  // ... of a step, or a period
 constexpr double strained = 7;  // log of the odds at which stated uncertainties are not believed
-constexpr double worth_a_first_name = 0, worth_a_first_form = 0.5, worth_a_move = 1.5, worth_fitting = -2;
+constexpr double worth_a_first_name = 0.5, worth_a_first_form = 0.5, worth_a_move = 1.5, worth_fitting = -2;
 constexpr std::size_t rows_of_search = 6000, rows_of_last_search = 30000, rows_of_judgement = 120000;
 constexpr std::size_t finalists = 7;
 // Fits after which a search stops trying other ways: twice what any recording of one or two effects needed.

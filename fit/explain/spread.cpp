@@ -607,8 +607,8 @@ std::map<std::string, Estimate> faces_of(const Classes& pattern, double inflate)
   return {{"amplitude_mm", {amplitude, u}}, {"phase_deg", {phase, phase_u}}, {"facets", {faces, 0}}};
 }
 
-/// Common ranges that depend on the scan's number only: mirror faces, or anything else.
-void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
+/// Common ranges that depend on the scan's number only: mirror faces, which are taken off, or anything else.
+void scan_numbers(std::vector<Scan>& scans, SpreadResult& result) {
   if (scans.size() < 20) return;
   const double of_numbers = scatter_of_numbers(scans);
   std::int64_t longest = 0;
@@ -618,6 +618,7 @@ void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
   facet.mechanism = mechanism("facet-wobble");
   facet.evidence = -1;
   bool drifts = false;
+  Numbering counted_as = numberings.front();
   for (const Numbering number : numberings)
     for (std::size_t faces = 2; faces <= static_cast<std::size_t>(std::min<std::int64_t>(8, longest - 1));
          ++faces) {
@@ -629,6 +630,7 @@ void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
       facet.evidence = evidence - price;
       facet.gain = gain;
       facet.parameters = faces_of(pattern, inflate);
+      counted_as = number;
       drifts = facet.evidence > accept_at && grows_or_fades(scans, number, pattern, inflate);
     }
   double every_gain = 0, every = -1;
@@ -641,6 +643,10 @@ void scan_numbers(const std::vector<Scan>& scans, SpreadResult& result) {
       facet.evidence > accept_at && 2 * facet.parameters.at("facets").value <= static_cast<double>(longest);
   if (facet.evidence > accept_at && facet.evidence > every + (repeats ? -3 : 1) && !drifts) {
     result.accepted.push_back(facet);
+    const auto faces = static_cast<std::size_t>(std::lround(facet.parameters.at("facets").value));
+    const Classes pattern(scans, counted_as, faces);
+    for (Scan& s : scans)
+      s.score -= s.information.col(0) * pattern.value(static_cast<std::size_t>(s.*counted_as) % faces);
   } else if (every > accept_rare_at + 2.5) {
     Unexplained u;
     u.observable = Observable::range_mean;
@@ -1264,12 +1270,12 @@ SpreadResult explain_spread(const Reduced& given) {
   strays(given, result);
   edges(given, result);
   swinging(reduced, result);
-  const std::vector<Scan> scans = scans_of(reduced);
+  std::vector<Scan> scans = scans_of(reduced);
   scan_numbers(scans, result);
   const bool numbered = !result.unknown.empty() || std::ranges::any_of(result.accepted, [](const Suspect& s) {
     return s.mechanism->id == "facet-wobble";
   });
-  if (!numbered) common_noise(scans, reduced, result);
+  if (result.unknown.empty()) common_noise(scans, reduced, result);
   if (!numbered) memory(given, result, &discount);
   const std::vector<Pool> pools = pools_of(given);
   const Estimate stated = stated_noise(given.bench);
