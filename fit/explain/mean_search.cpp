@@ -24,7 +24,7 @@ namespace {
 using Role = Parameter::Role;
 
 constexpr double price_of_mechanism = 4.0;  // log odds against any one of the catalogue
-constexpr double price_of_unknown = 5.5;    // the catalogue is tried first
+constexpr double price_of_unknown = 7.0;    // the catalogue is tried first
 // Whoever asks suspects something. Of 92 recordings with nothing missing, one (whose wall stood 4.4 standard
 // uncertainties off) was worth a name; none of the others came nearer than 0.9, or than 1.3 to an unnamed
 // form.
@@ -32,7 +32,7 @@ constexpr double something_is_missing = 1.8;
 constexpr double worth_a_name = 3;                 // a name that explains as much is preferred
 constexpr double worth_a_name_beside_a_place = 2;  // ... of a step, or a period
 constexpr double strained = 7;  // log of the odds at which stated uncertainties are not believed
-constexpr double worth_a_first_name = 0.5, worth_a_first_form = 0.5, worth_a_move = 1.5, worth_fitting = -2;
+constexpr double worth_a_first_name = 0.5, worth_a_first_form = -1, worth_a_move = 1.5, worth_fitting = -2;
 constexpr std::size_t rows_of_search = 6000, rows_of_last_search = 30000, rows_of_judgement = 120000;
 constexpr std::size_t finalists = 7;
 // Fits after which a search stops trying other ways: twice what any recording of one or two effects needed.
