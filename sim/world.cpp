@@ -309,6 +309,8 @@ json parsed(const std::string& text, const std::string& name) {
     const fit::TextPosition at = fit::position_at(text, error.byte > 0 ? error.byte - 1 : 0);
     throw std::invalid_argument(name + ":" + std::to_string(at.line) + ":" + std::to_string(at.column) +
                                 ": is not JSON. Check for a missing comma, quote or bracket just before.");
+  } catch (const json::exception&) {
+    throw std::invalid_argument(name + ": holds a number that is too large for anything in a world");
   }
 }
 

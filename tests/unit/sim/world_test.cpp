@@ -88,6 +88,8 @@ TEST_CASE("wrong keys and values of a world are refused with their place and the
   CHECK_THROWS_WITH(with(R"({"firmware": {"median": 4}})"), Contains("odd"));
   CHECK_THROWS_WITH(with(R"({"schema": "world/7"})"), Contains("world/1"));
   CHECK_THROWS_WITH(sim::parse_world("{\n  \"schema\": \"world/1\",,\n}"), Contains("world:2:"));
+  CHECK_THROWS_WITH(sim::parse_world(R"({"schema": "world/1", "air": {"index_error": 1e999}})"),
+                    Contains("world: holds a number that is too large"));
   CHECK_THROWS_WITH(sim::parse_world(R"({"schema": "world/1"})"), Contains("bench"));
   CHECK_THROWS_WITH(sim::load_world("/nowhere.world.json"), Contains("/nowhere.world.json"));
 }
