@@ -198,17 +198,8 @@ json entry_with(const json& list, const char* key, const std::string& name) {
 }  // namespace
 
 Bench parse_bench(const std::string& text, const std::string& name) {
-  json document;
-  try {
-    document = json::parse(text, nullptr, true, true);
-  } catch (const json::parse_error& error) {
-    const TextPosition at = position_at(text, error.byte > 0 ? error.byte - 1 : 0);
-    throw std::invalid_argument(
-        name + ":" + std::to_string(at.line) + ":" + std::to_string(at.column) +
-        ": not JSON here: look for a missing comma, quote or bracket just before this place");
-  } catch (const json::exception&) {
-    throw std::invalid_argument(name + ": holds a number that is too large for any quantity of a bench");
-  }
+  const json document = parse_json(
+      text, name, "not JSON here: look for a missing comma, quote or bracket just before this place");
   const Reader reader(document, "", text, name);
   reader.must_be_object();
   if (!reader.has("schema")) reader.refuse("not a bench file: the key \"schema\": \"bench/1\" is missing");

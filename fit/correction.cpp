@@ -160,19 +160,6 @@ Eigen::MatrixXd read_factor(const Reader& reader, std::size_t rows) {
   return out;
 }
 
-json parse_text(const std::string& text, const std::string& name) {
-  try {
-    return json::parse(text);
-  } catch (const json::parse_error& error) {
-    const TextPosition place = position_at(text, error.byte > 0 ? error.byte - 1 : 0);
-    throw std::invalid_argument(name + ":" + std::to_string(place.line) + ":" + std::to_string(place.column) +
-                                ": this is not JSON; a correction is written by 'rig export SESSION --format "
-                                "correction'");
-  } catch (const json::exception& error) {
-    throw std::invalid_argument(name + ": " + error.what());
-  }
-}
-
 }  // namespace
 
 double CorrectionTerm::value(double x) const {
@@ -259,7 +246,8 @@ std::string to_json_text(const Correction& c) {
 }
 
 Correction parse_correction(const std::string& text, const std::string& name) {
-  const json document = parse_text(text, name);
+  const json document = parse_json(
+      text, name, "this is not JSON; a correction is written by 'rig export SESSION --format correction'");
   const Reader reader(document, name);
   if (reader.text_or("schema", "") != "correction/1")
     reader.fail("schema", "must be \"correction/1\", the version that this program reads");

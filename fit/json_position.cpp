@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cctype>
+#include <nlohmann/json.hpp>
 #include <numeric>
+#include <stdexcept>
 #include <vector>
 
 namespace fit {
@@ -121,6 +123,18 @@ TextPosition position_at(std::string_view text, std::size_t offset) {
 
 TextPosition position_of(std::string_view text, std::string_view pointer) {
   return position_at(text, Locator(text).find(pointer));
+}
+
+nlohmann::json parse_json(const std::string& text, const std::string& name, const std::string& remedy) {
+  try {
+    return nlohmann::json::parse(text, nullptr, true, true);
+  } catch (const nlohmann::json::parse_error& error) {
+    const TextPosition at = position_at(text, error.byte > 0 ? error.byte - 1 : 0);
+    throw std::invalid_argument(name + ":" + std::to_string(at.line) + ":" + std::to_string(at.column) +
+                                ": " + remedy);
+  } catch (const nlohmann::json::exception&) {
+    throw std::invalid_argument(name + ": holds a number that is too large for any quantity");
+  }
 }
 
 std::size_t edit_distance(std::string_view a, std::string_view b) {

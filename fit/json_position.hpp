@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
 
@@ -18,6 +19,11 @@ struct TextPosition {
 
 /// Line and column of a byte offset.
 [[nodiscard]] TextPosition position_at(std::string_view text, std::size_t offset);
+
+/// What `text` says, `//` and `/* */` comments apart. Throws std::invalid_argument: "name:line:column:
+/// `remedy`" where it is not JSON, "name: ..." where a number is too large for any quantity.
+[[nodiscard]] nlohmann::json parse_json(const std::string& text, const std::string& name,
+                                        const std::string& remedy);
 
 /// The candidate most like `word` (edit distance), or "" when none is near enough to be a misspelling of it.
 template <class Range>

@@ -302,22 +302,12 @@ void read_surroundings(Section& top, World& w) {
   });
 }
 
-json parsed(const std::string& text, const std::string& name) {
-  try {
-    return json::parse(text, nullptr, true, true);
-  } catch (const json::parse_error& error) {
-    const fit::TextPosition at = fit::position_at(text, error.byte > 0 ? error.byte - 1 : 0);
-    throw std::invalid_argument(name + ":" + std::to_string(at.line) + ":" + std::to_string(at.column) +
-                                ": is not JSON. Check for a missing comma, quote or bracket just before.");
-  } catch (const json::exception&) {
-    throw std::invalid_argument(name + ": holds a number that is too large for anything in a world");
-  }
-}
+constexpr const char* not_json = "is not JSON. Check for a missing comma, quote or bracket just before.";
 
 }  // namespace
 
 World parse_world(const std::string& text, const std::string& name, const std::optional<fit::Bench>& bench) {
-  const json document = parsed(text, name);
+  const json document = fit::parse_json(text, name, not_json);
   Section top(document, "", text, name);
   const json* schema = top.find("schema");
   if (!schema || *schema != "world/1") top.refuse(schema ? "/schema" : "", "needs \"schema\": \"world/1\"");
@@ -349,7 +339,7 @@ World load_world(const std::filesystem::path& path, const std::optional<fit::Ben
   };
   const std::string text = read(path);
   if (bench) return parse_world(text, path.string(), bench);
-  const json document = parsed(text, path.string());
+  const json document = fit::parse_json(text, path.string(), not_json);
   const auto beside = document.is_object() ? document.find("bench_file") : document.end();
   if (!document.is_object() || beside == document.end() || !beside->is_string()) {
     return parse_world(text, path.string());
