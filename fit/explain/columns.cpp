@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fit/explain/unnamed.hpp"
+
 namespace fit::explain {
 namespace {
 
@@ -42,8 +44,23 @@ bool has_phase(const Mechanism& mechanism, std::size_t size) {
   return size + 1 < mechanism.parameters.size() && mechanism.parameters[size + 1].role == Role::phase;
 }
 
-/// The coordinate scaled to -1 .. 1 over the session; by rank where its values are very uneven.
-Eigen::VectorXd scaled(const MeanModel& model, Coordinate coordinate, bool by_rank) {
+}  // namespace
+
+double lever_of(Channel channel, const Sight& sight) {
+  return channel == Channel::range        ? 1
+         : channel == Channel::beam_angle ? sight.beam_lever()
+                                          : sight.stage_lever();
+}
+
+Eigen::VectorXd effect_of(const MeanModel& model, const Term& term) {
+  return effect_column(model, term, term.values);
+}
+
+double coordinate_at(const MeanModel& model, Coordinate coordinate, Eigen::Index row) {
+  return value_of(coordinate, model.cell(row), model.group(row));
+}
+
+Eigen::VectorXd scaled_coordinate(const MeanModel& model, Coordinate coordinate) {
   const Eigen::Index n = model.rows();
   Eigen::VectorXd x(n);
   for (Eigen::Index i = 0; i < n; ++i) x[i] = coordinate_at(model, coordinate, i);
@@ -54,7 +71,8 @@ Eigen::VectorXd scaled(const MeanModel& model, Coordinate coordinate, bool by_ra
     high = std::max(high, x[i]);
   }
   if (!(high > low)) return Eigen::VectorXd::Zero(n);
-  if (!by_rank) {
+  const bool uneven = coordinate == Coordinate::intensity || coordinate == Coordinate::range;
+  if (!uneven) {
     for (Eigen::Index i = 0; i < n; ++i) x[i] = std::isfinite(x[i]) ? 2 * (x[i] - low) / (high - low) - 1 : 0;
     return x;
   }
@@ -82,24 +100,6 @@ Eigen::VectorXd scaled(const MeanModel& model, Coordinate coordinate, bool by_ra
     x[i] = rank + (x[i] - low) / (high - low) - 1;
   }
   return x;
-}
-
-bool uneven(Coordinate c) { return c == Coordinate::intensity || c == Coordinate::range; }
-
-}  // namespace
-
-double lever_of(Channel channel, const Sight& sight) {
-  return channel == Channel::range        ? 1
-         : channel == Channel::beam_angle ? sight.beam_lever()
-                                          : sight.stage_lever();
-}
-
-Eigen::VectorXd effect_of(const MeanModel& model, const Term& term) {
-  return effect_column(model, term, term.values);
-}
-
-double coordinate_at(const MeanModel& model, Coordinate coordinate, Eigen::Index row) {
-  return value_of(coordinate, model.cell(row), model.group(row));
 }
 
 void add(Columns& all, const Columns& more) {
@@ -250,7 +250,7 @@ Columns freedom_columns(const MeanModel& model, const Term& term) {
     for (Eigen::Index i = 0; i < n; ++i)
       x[i] = std::exp(-std::min(1e4, model.cell(i).at.corner_mm) / 300) * 2 - 1;
   } else {
-    x = scaled(model, coordinate, uneven(coordinate));
+    x = scaled_coordinate(model, coordinate);
   }
   // Typical size of the effect in each way it works.
   Eigen::VectorXd whole(n), even(n);
@@ -276,10 +276,11 @@ Columns freedom_columns(const MeanModel& model, const Term& term) {
   if (formula_error > 0.5) {
     // Only the coordinate is certain, not the curve.
     Shape curve;
+    curve.form = find_form("smooth");
     curve.coordinate = coordinate;
     curve.length = 0.1;
     curve.size = formula_error * range;
-    return shape_of(model, curve);
+    return columns_of(model, curve);
   }
   const bool harmonic =
       std::ranges::any_of(mechanism.parameters, [](const Parameter& p) { return p.role == Role::phase; });
@@ -334,67 +335,6 @@ Columns freedom_columns(const MeanModel& model, const Term& term) {
     c.prior.sigma[static_cast<Eigen::Index>(j)] = share[j];
   }
   return c;
-}
-
-Columns shape_of(const MeanModel& model, const Shape& shape) {
-  const Eigen::Index n = model.rows();
-  Eigen::VectorXd lever(n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    lever[i] = lever_of(shape.channel, model.cell(i).sight);
-    if (!std::isfinite(coordinate_at(model, shape.coordinate, i))) lever[i] = 0;
-  }
-  Columns c;
-  if (shape.kind == Shape::Kind::step) {
-    c.columns_mm.resize(n, 1);
-    for (Eigen::Index i = 0; i < n; ++i)
-      c.columns_mm(i, 0) = coordinate_at(model, shape.coordinate, i) > shape.at ? lever[i] : 0;
-    c.prior.mean = Eigen::VectorXd::Zero(1);
-    c.prior.sigma = Eigen::VectorXd::Constant(1, shape.size);
-    return c;
-  }
-  if (shape.kind == Shape::Kind::bump) {
-    c.columns_mm.resize(n, 1);
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const double x = (coordinate_at(model, shape.coordinate, i) - shape.at) / shape.length;
-      c.columns_mm(i, 0) = lever[i] == 0 ? 0 : lever[i] * std::exp(-x * x / 2);
-    }
-    c.prior.mean = Eigen::VectorXd::Zero(1);
-    c.prior.sigma = Eigen::VectorXd::Constant(1, shape.size);
-    return c;
-  }
-  if (shape.kind == Shape::Kind::wave) {
-    c.columns_mm.resize(n, 2);
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const double x = 2 * pi * coordinate_at(model, shape.coordinate, i) / shape.at;
-      c.columns_mm(i, 0) = lever[i] * std::sin(x);
-      c.columns_mm(i, 1) = lever[i] * std::cos(x);
-    }
-    c.prior.mean = Eigen::VectorXd::Zero(2);
-    c.prior.sigma = Eigen::VectorXd::Constant(2, shape.size);
-    return c;
-  }
-  // Cosines with the spectrum of a Gaussian process of that correlation length.
-  const Eigen::VectorXd x = scaled(model, shape.coordinate, uneven(shape.coordinate));
-  const int terms = std::clamp(static_cast<int>(2.2 / shape.length), 4, 30);
-  c.columns_mm.resize(n, terms);
-  c.prior.mean = Eigen::VectorXd::Zero(terms);
-  c.prior.sigma.resize(terms);
-  double sum = 0;
-  for (int j = 1; j <= terms; ++j) {
-    const double w = std::exp(-0.5 * std::pow(j * pi * shape.length / 2, 2));
-    c.prior.sigma[j - 1] = w;
-    sum += w * w;
-    for (Eigen::Index i = 0; i < n; ++i)
-      c.columns_mm(i, j - 1) = lever[i] * std::cos(j * pi * (x[i] + 1) / 2);
-  }
-  c.prior.sigma *= shape.size * std::sqrt(2 / sum);
-  return c;
-}
-
-Eigen::VectorXd effect_of(const MeanModel& model, const Shape& shape) {
-  return shape_of(model, shape).columns_mm *
-         Eigen::Map<const Eigen::VectorXd>(shape.values.data(),
-                                           static_cast<Eigen::Index>(shape.values.size()));
 }
 
 }  // namespace fit::explain

@@ -25,20 +25,6 @@ struct Term {
 /// Where an unnamed function acts.
 enum class Channel { range, beam_angle, stage_angle };
 
-/// An unnamed function of one coordinate: what physics outside the catalogue looks like.
-struct Shape {
-  enum class Kind { smooth, step, wave, bump };
-  Kind kind = Kind::smooth;
-  Coordinate coordinate = Coordinate::beam;
-  Channel channel = Channel::range;
-  double length =
-      0.3;           ///< smooth: correlation length as a share of the span; bump: standard width, file unit.
-  double at = 0;     ///< step, bump: place; wave: period. File unit of the coordinate.
-  double size = 1;   ///< Standard size of the prior: mm or rad.
-  double price = 0;  ///< Log of the number of such functions that were tried.
-  std::vector<double> values;  ///< Coefficients, after a fit.
-};
-
 /// d range / d what the channel changes: 1, or mm per rad.
 [[nodiscard]] double lever_of(Channel channel, const Sight& sight);
 
@@ -65,12 +51,11 @@ void set_coefficients(Term& term, const Eigen::VectorXd& values, const Eigen::Ma
 [[nodiscard]] Columns shape_columns(const MeanModel& model, const Term& term);
 /// A smooth correction of a few per cent on the term's own coordinate: real causes only resemble formulas.
 [[nodiscard]] Columns freedom_columns(const MeanModel& model, const Term& term);
-[[nodiscard]] Columns shape_of(const MeanModel& model, const Shape& shape);
-/// What a fitted one does to every mean, mm.
-[[nodiscard]] Eigen::VectorXd effect_of(const MeanModel& model, const Shape& shape);
-
-/// Value of the shape function at one row, mm.
+/// A row's coordinate, file unit; not finite where it has none.
 [[nodiscard]] double coordinate_at(const MeanModel& model, Coordinate coordinate, Eigen::Index row);
+/// The coordinate of every row, scaled to -1 .. 1 over the recording; where its values are very uneven,
+/// partly by rank.
+[[nodiscard]] Eigen::VectorXd scaled_coordinate(const MeanModel& model, Coordinate coordinate);
 
 /// Joins columns side by side.
 void add(Columns& all, const Columns& more);

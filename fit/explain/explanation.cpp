@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "fit/explain/intensity.hpp"
+#include "fit/explain/odds.hpp"
 #include "fit/explain/stray_light.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/explain/twin.hpp"
@@ -16,9 +17,8 @@ namespace fit::explain {
 namespace {
 
 constexpr double sure = 0.9;
-constexpr double odds_against_any = 2.2;  // log, against one certain mechanism of the catalogue
-constexpr double close_behind = 3.5;      // log of the odds within which suspects are not told apart
-constexpr double not_excluded = 5;        // where some are not, those within this belong to them
+constexpr double close_behind = 3.5;  // log of the odds within which suspects are not told apart
+constexpr double not_excluded = 5;    // where some are not, those within this belong to them
 
 double largest_effect(const Reduced& reduced, const Term& term, double* at) {
   double largest = 0;
@@ -64,60 +64,6 @@ std::string evidence_of(const MeanResult& means, std::size_t t) {
     ++told;
   }
   return text + (told > 0 ? "." : "");
-}
-
-std::string describe(const Shape& shape, const MeanModel& model, double* from, double* to) {
-  const std::string coordinate = name_of(shape.coordinate);
-  const bool angle = shape.channel != Channel::range;
-  const std::string unit = angle ? " deg" : " mm";
-  const double scale = angle ? deg_per_rad : 1;
-  const std::string what = shape.channel == Channel::range        ? "range"
-                           : shape.channel == Channel::beam_angle ? "beam angle"
-                                                                  : "stage angle";
-  double low = 1e300, high = -1e300;
-  const Eigen::VectorXd effect = effect_of(model, shape);
-  double least = 1e300, most = -1e300, least_at = 0, most_at = 0;
-  for (Eigen::Index i = 0; i < model.rows(); ++i) {
-    const double v = coordinate_at(model, shape.coordinate, i);
-    if (!std::isfinite(v)) continue;
-    low = std::min(low, v);
-    high = std::max(high, v);
-    const double lever = lever_of(shape.channel, model.cell(i).sight);
-    if (std::abs(lever) < (angle ? 100 : 0.5)) continue;
-    const double y = effect[i] / lever;
-    if (y < least) least = y, least_at = v;
-    if (y > most) most = y, most_at = v;
-  }
-  *from = low;
-  *to = high;
-  const std::string unit_of_coordinate = coordinate.ends_with("_deg")  ? " deg"
-                                         : coordinate.ends_with("_mm") ? " mm"
-                                         : coordinate.ends_with("_s")  ? " s"
-                                         : coordinate.ends_with("_c")  ? " K"
-                                         : coordinate == "intensity"   ? " counts"
-                                                                       : "";
-  if (shape.kind == Shape::Kind::step) {
-    *from = shape.at - (high - low) / 30;
-    *to = shape.at + (high - low) / 30;
-    return "the " + what + " steps by " + rounded(shape.values.empty() ? 0 : shape.values[0] * scale, 3) +
-           unit + " at " + coordinate + " = " + rounded(shape.at, 4) + unit_of_coordinate;
-  }
-  if (shape.kind == Shape::Kind::bump) {
-    *from = std::max(low, shape.at - 1.2 * shape.length);
-    *to = std::min(high, shape.at + 1.2 * shape.length);
-    return "the " + what + " has a bump of " +
-           rounded(shape.values.empty() ? 0 : shape.values[0] * scale, 3) + unit + " at " + coordinate +
-           " = " + rounded(shape.at, 4) + unit_of_coordinate + ", " + rounded(2.355 * shape.length, 2) +
-           unit_of_coordinate + " wide at half its height";
-  }
-  if (shape.kind == Shape::Kind::wave) {
-    const double size = shape.values.size() > 1 ? std::hypot(shape.values[0], shape.values[1]) : 0;
-    return "the " + what + " waves along " + coordinate + ": period " + rounded(shape.at, 4) +
-           unit_of_coordinate + ", amplitude " + rounded(size * scale, 3) + unit;
-  }
-  return "the " + what + " follows a smooth function of " + coordinate + ": from " +
-         rounded(least * scale, 3) + unit + " at " + rounded(least_at, 4) + unit_of_coordinate + " to " +
-         rounded(most * scale, 3) + unit + " at " + rounded(most_at, 4) + unit_of_coordinate;
 }
 
 std::vector<Located> locate_suspect(const Suspect& suspect, const Reduced& reduced) {
@@ -360,8 +306,8 @@ class Writer {
       Found found;
       found.mechanism = suspect.mechanism;
       found.parameters = suspect.parameters;
-      found.probability =
-          std::min(0.999, 1 / (1 + std::exp(odds_against_any - suspect.evidence) + std::exp(-suspect.ahead)));
+      found.probability = std::min(
+          0.999, 1 / (1 + std::exp(odds::against_any - suspect.evidence) + std::exp(-suspect.ahead)));
       Finding finding;
       finding.parameters = suspect.parameters;
       found.says = suspect.mechanism->says(finding);
@@ -388,11 +334,12 @@ class Writer {
       const Shape& shape = means_.best.shapes.front();
       u.observable = Observable::range_mean;
       u.coordinate = shape.coordinate;
-      u.describes = describe(shape, model, &u.from, &u.to);
-      for (std::size_t i = 1; i < means_.best.shapes.size(); ++i) {
-        double from = 0, to = 0;
-        u.describes += "; and " + describe(means_.best.shapes[i], model, &from, &to);
-      }
+      const Described first = describe(shape, model);
+      u.describes = first.text;
+      u.from = first.from;
+      u.to = first.to;
+      for (std::size_t i = 1; i < means_.best.shapes.size(); ++i)
+        u.describes += "; and " + describe(means_.best.shapes[i], model).text;
       u.evidence = means_.after.log_likelihood - means_.before.log_likelihood;
       out_.unknown = u;
     } else if (!spread_.unknown.empty()) {

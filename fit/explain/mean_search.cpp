@@ -1,21 +1,17 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/mean_search.hpp"
 
-#include <nlopt.h>
-
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <complex>
 #include <exception>
-#include <functional>
-#include <iterator>
 #include <set>
 #include <thread>
-#include <unsupported/Eigen/FFT>
 #include <utility>
 
-#include "fit/explain/spread.hpp"
+#include "fit/explain/candidate.hpp"
+#include "fit/explain/odds.hpp"
+#include "fit/explain/sampling.hpp"
 #include "fit/median.hpp"
 
 namespace fit::explain {
@@ -23,28 +19,12 @@ namespace {
 
 using Role = Parameter::Role;
 
-constexpr double price_of_mechanism = 4.0;  // log odds against any one of the catalogue
-constexpr double price_of_unknown = 7.0;    // the catalogue is tried first
-// Whoever asks suspects something. Of 92 recordings with nothing missing, one (whose wall stood 4.4 standard
-// uncertainties off) was worth a name; none of the others came nearer than 0.9, or than 1.3 to an unnamed
-// form.
-constexpr double something_is_missing = 1.8;
-constexpr double worth_a_name = 3;                 // a name that explains as much is preferred
-constexpr double worth_a_name_beside_a_place = 2;  // ... of a step, or a period
-constexpr double strained = 7;  // log of the odds at which stated uncertainties are not believed
-constexpr double worth_a_first_name = 0.5, worth_a_first_form = -1, worth_a_move = 1.5, worth_fitting = -2;
 constexpr std::size_t rows_of_search = 6000, rows_of_last_search = 30000, rows_of_judgement = 120000;
 constexpr std::size_t finalists = 7;
 // Fits after which a search stops trying other ways: twice what any recording of one or two effects needed.
 constexpr double rows_of_patience = 6e6, least_patience = 200, most_patience = 1000;
 constexpr double hardly_worse = 2.2, most_behind = 12;  // a rival that is simply more adjustable
 constexpr double confirmed_by = 3;                      // log-likelihood of places not fitted to
-
-bool moves_means(const Mechanism& m) {
-  if (m.observable != Observable::range_mean) return false;
-  return m.coordinate !=
-         Coordinate::scan_seq;  // differs within a capture: seen in its scans, not in its means
-}
 
 bool is_known(const Bench& bench, const Term& term) {
   for (const KnownMechanism& known : bench.known) {
@@ -56,88 +36,6 @@ bool is_known(const Bench& bench, const Term& term) {
       return true;
   }
   return false;
-}
-
-struct Scored {
-  Term term;
-  std::optional<Shape> shape;
-  double evidence = -1e300, gain = 0;
-};
-
-/// Independent places that the search over a shape parameter looks at.
-double places_of(const Parameter& p) { return std::max(1.5, p.starts / 3.0); }
-
-/// Periods of gears are whole fractions of a turn.
-bool possible(const Mechanism& m, const std::vector<double>& values) {
-  if (m.id != "stage-periodic") return true;
-  const double period = values[2];
-  if (period < 24) return true;
-  return std::abs(360 / period - std::round(360 / period)) < 0.02;
-}
-
-std::vector<double> starts_of(const Mechanism& m, const Parameter& p) {
-  std::vector<double> list;
-  if (m.id == "stage-periodic") {
-    for (const double turn : {360.0, 180.0, 120.0, 90.0, 72.0, 60.0, 45.0, 36.0, 30.0}) list.push_back(turn);
-    for (double v = 24; v > p.lower; v *= 0.965) list.push_back(v);
-    return list;
-  }
-  for (int i = 0; i < p.starts; ++i) {
-    const double x = p.starts > 1 ? static_cast<double>(i) / (p.starts - 1) : 0.5;
-    list.push_back(p.logarithmic ? p.lower * std::pow(p.upper / p.lower, x)
-                                 : p.lower + x * (p.upper - p.lower));
-  }
-  return list;
-}
-
-/// Worms make periods of a few degrees, a wheel or scale off its axis one or two periods in a turn; what lies
-/// between is nothing that a stage has, but at a few stage angles it can imitate everything.
-double price_of_gear(double period_deg) {
-  constexpr double fewest_teeth_deg = 7.5, odd = 3;
-  return period_deg < fewest_teeth_deg || std::abs(period_deg - 360) < 1 || std::abs(period_deg - 180) < 1
-             ? 0
-             : odd;
-}
-
-std::vector<double> steps_between(const std::set<double>& places) {
-  std::vector<double> steps;
-  for (auto a = places.begin(), b = std::next(a); b != places.end(); ++a, ++b) steps.push_back(*b - *a);
-  return steps;
-}
-
-/// Whether stops so far apart show a period of the stage as something slow: then it is another name for a
-/// scale or an eccentricity, by chance within a thousandth.
-bool is_slow_by_alias(const Reduced& reduced, const Term& term) {
-  if (term.mechanism->id != "stage-periodic") return false;
-  constexpr double slow_deg = 180;
-  std::set<double> stops;
-  for (const Group& group : reduced.groups) stops.insert(group.stage_rad * deg_per_rad);
-  if (stops.size() < 3 || stops.size() > 400) return false;
-  const double spacing = median_of(steps_between(stops)), turns = spacing / term.values[2];
-  const double left = std::abs(turns - std::round(turns));
-  return turns > 0.5 && spacing > slow_deg * left;
-}
-
-/// How far out of the ordinary a size is: catalogues' orders of magnitude may be wrong, but not by anything.
-double implausible(const Term& term) {
-  double price = term.mechanism->id == "stage-periodic" ? price_of_gear(term.values[2]) : 0;
-  for (std::size_t k = 0; k < term.values.size(); ++k) {
-    const Parameter& p = term.mechanism->parameters[k];
-    // At the end of what physics allows: the recording would rather have something else.
-    if (p.role == Role::shape && (p.name == "reach_mm" || p.name == "tau_s") &&
-        (term.values[k] > 0.98 * p.upper || term.values[k] < 1.02 * p.lower))
-      price += 4;
-    if (p.role != Role::size) continue;
-    const double ratio = std::abs(term.values[k] - p.expected) / p.typical;
-    if (ratio > 10) price += 0.5 * std::pow((ratio - 10) / 3, 2);
-    const double u = term.sigma.empty() ? 0 : std::max(1e-12, term.sigma[k]);
-    if (std::abs(term.values[k]) > p.largest)
-      price += u > 0 ? 0.5 * std::pow((std::abs(term.values[k]) - p.largest) / u, 2) : 50;
-    const bool phased = k + 1 < term.values.size() && term.mechanism->parameters[k + 1].role == Role::phase;
-    if (p.sign != 0 && !phased && term.values[k] * p.sign < 0)
-      price += u > 0 ? 0.7 + 0.5 * std::pow(term.values[k] / u, 2) : 50;
-  }
-  return price;
 }
 
 template <typename Work>
@@ -163,7 +61,10 @@ void on_two_cores(std::size_t count, const Work& work) {
 class Search {
  public:
   Search(Reduced& reduced, MeanNoise noise, const Progress& progress)
-      : reduced_(reduced), noise_(std::move(noise)), progress_(progress) {}
+      : reduced_(reduced),
+        stops_apart_deg_(stops_apart_deg(reduced)),
+        noise_(std::move(noise)),
+        progress_(progress) {}
 
   MeanResult run() {
     Hypothesis empty(reduced_.bench);
@@ -221,9 +122,9 @@ class Search {
         return term.mechanism->formula_error > uncertain_curve &&
                term.mechanism->coordinate == shape.coordinate;
       });
-      sum += shape.kind != Shape::Kind::smooth ? worth_a_name_beside_a_place
-             : same                            ? 2 * worth_a_name
-                                               : worth_a_name;
+      sum += shape.form->tells_a_place ? odds::worth_a_name_beside_a_place
+             : same                    ? 2 * odds::worth_a_name
+                                       : odds::worth_a_name;
     }
     return sum;
   }
@@ -342,7 +243,8 @@ class Search {
 
   /// Beside a name, what is left is sooner a fault of its formula.
   static double price_of_unnamed(const Hypothesis& h) {
-    return static_cast<double>(h.shapes.size()) * (price_of_unknown + (h.terms.empty() ? 0 : worth_a_name));
+    return static_cast<double>(h.shapes.size()) *
+           (odds::price_of_unknown + (h.terms.empty() ? 0 : odds::worth_a_name));
   }
 
   /// A hypothesis as it stands, how well it does there, and where a Gauss-Newton step leads.
@@ -361,9 +263,9 @@ class Search {
     Trial trial{h, h, 0};
     Hypothesis& next = trial.next;
     next.evidence = posterior.log_evidence - base.all.price -
-                    price_of_mechanism * static_cast<double>(h.terms.size()) - price_of_unnamed(h);
+                    odds::price_of_mechanism * static_cast<double>(h.terms.size()) - price_of_unnamed(h);
     for (const Shape& shape : h.shapes) next.evidence -= shape.price;
-    if (!h.terms.empty() || !h.shapes.empty()) next.evidence += something_is_missing;
+    if (!h.terms.empty() || !h.shapes.empty()) next.evidence += odds::something_is_missing;
     const Eigen::VectorXd nuisance = h.nuisance.as_vector();
     next.nuisance.set(nuisance + posterior.value.head(nuisance.size()));
     trial.density = model.density_here(nuisance.size());
@@ -375,7 +277,7 @@ class Search {
       Eigen::VectorXd x = posterior.value.segment(first, count);
       for (std::size_t k = 0; k < now.size(); ++k) x[static_cast<Eigen::Index>(k)] += now[k];
       set_coefficients(term, x, posterior.covariance.block(first, first, count, count));
-      next.evidence -= implausible(term);
+      next.evidence -= odds::against(term);
     }
     for (std::size_t s = 0; s < h.shapes.size(); ++s) {
       const Eigen::Index first = base.shape_first[s], last = base.shape_first[s + 1];
@@ -449,7 +351,7 @@ class Search {
   }
 
   /// Every mechanism not in `h` (nor in `but`), on top of it.
-  std::vector<Scored> scan(const Hypothesis& h, const Term* but, bool named, bool unnamed) {
+  std::vector<Candidate> scan(const Hypothesis& h, const Term* but, bool named, bool unnamed) {
     place(h);
     std::optional<Reduced> few;
     if (is_larger_than(rows_of_last_search)) few = merged(reduced_, rows_of_last_search);
@@ -466,292 +368,26 @@ class Search {
         }
       }
     }
-    const std::vector<Shape> shapes = unnamed ? shapes_to_try(model) : std::vector<Shape>();
+    const std::vector<Shape> shapes = unnamed ? forms_to_try(model) : std::vector<Shape>();
     // Fine combs are gone where neighbouring beams are taken together.
     std::optional<MeanModel> every;
     if (few && std::ranges::any_of(terms, [](const Term& term) { return is_comb(*term.mechanism); }))
       every = model_of(reduced_, h);
-    std::vector<Scored> list(terms.size() + shapes.size());
+    std::vector<Candidate> list(terms.size() + shapes.size());
     on_two_cores(list.size(), [&](std::size_t i) {
       if (i >= terms.size())
         list[i] = look(model, shapes[i - terms.size()]);
       else
-        list[i] = look(every && is_comb(*terms[i].mechanism) ? *every : model, terms[i]);
+        list[i] = look(every && is_comb(*terms[i].mechanism) ? *every : model, terms[i], stops_apart_deg_);
     });
-    std::erase_if(list, [](const Scored& s) { return !(s.evidence > worth_fitting); });
-    std::ranges::sort(list, [](const Scored& a, const Scored& b) { return a.evidence > b.evidence; });
-    return list;
-  }
-
-  static MeanModel::Fit evaluate(const MeanModel& model, const Term& term) {
-    const Columns c = linear_columns(model, term);
-    return MeanModel::solve(model.products(c.columns_mm), c.prior, true);
-  }
-
-  /// Best shape of one mechanism: grid, then NLopt from the best places.
-  Scored look(const MeanModel& model, Term term) const {
-    const auto& parameters = term.mechanism->parameters;
-    std::vector<std::size_t> shapes;
-    for (std::size_t k = 0; k < parameters.size(); ++k)
-      if (parameters[k].role == Role::shape) shapes.push_back(k);
-    Scored best;
-    best.term = term;
-    std::vector<std::pair<double, std::vector<double>>> tried;
-    const auto attempt = [&](const std::vector<double>& values) {
-      Term t = term;
-      t.values = values;
-      if (!possible(*t.mechanism, values) || is_slow_by_alias(reduced_, t)) return -1e300;
-      const MeanModel::Fit f = evaluate(model, t);
-      set_coefficients(t, f.value, f.sigma.cwiseAbs2().asDiagonal());
-      const double evidence = f.evidence - implausible(t);
-      if (evidence > best.evidence) {
-        best.evidence = evidence;
-        best.gain = f.gain;
-        best.term = t;
-      }
-      return evidence;
-    };
-    std::vector<std::vector<double>> grids{term.values};
-    if (is_comb(*term.mechanism))
-      grids = combs(model, term);
-    else
-      for (const std::size_t k : shapes) {
-        std::vector<std::vector<double>> more;
-        for (const auto& values : grids)
-          for (const double v : starts_of(*term.mechanism, parameters[k])) {
-            more.push_back(values);
-            more.back()[k] = v;
-          }
-        grids = std::move(more);
-      }
-    for (const auto& values : grids) tried.emplace_back(attempt(values), values);
-    if (!shapes.empty() && best.gain > 3) {
-      std::ranges::sort(tried, [](const auto& a, const auto& b) { return a.first > b.first; });
-      for (std::size_t s = 0; s < std::min<std::size_t>(2, tried.size()); ++s)
-        if (tried[s].first > tried[0].first - 8) refine(tried[s].second, shapes, term, attempt);
-    }
-    for (const std::size_t k : shapes) best.evidence -= price_of_shape(best.gain, places_of(parameters[k]));
-    if (term.mechanism->one_target)
-      best.evidence -= 0.5 * std::log(static_cast<double>(reduced_.bench.targets.size()));
-    return best;
-  }
-
-  /// A comb of bins fits only within a thousandth of its width, so tens of thousands are possible: those
-  /// whose first harmonic shows in the residual's spectrum along the range are tried by their plain
-  /// correlation, and the best of these are fitted.
-  static std::vector<std::vector<double>> combs(const MeanModel& model, const Term& term) {
-    const Parameter& p = term.mechanism->parameters[1];
-    const Eigen::VectorXd residual = model.residual();
-    std::vector<double> range, score;
-    double low = 1e300, high = 0;
-    for (Eigen::Index i = 0; i < model.rows(); ++i) {
-      range.push_back(model.cell(i).sight.range_mm);
-      score.push_back(residual[i] / std::pow(model.sigma_of_mean(i), 2));
-      low = std::min(low, range.back());
-      high = std::max(high, range.back());
-    }
-    const auto along = [&](double bin) {
-      double sum = 0;
-      for (std::size_t i = 0; i < range.size(); ++i)
-        sum += score[i] * (bin * std::round(range[i] / bin) - range[i]);
-      return sum / bin;
-    };
-    std::vector<std::pair<double, double>> lines = comb_lines(range, score, low, high, p);
-    std::vector<std::pair<double, std::vector<double>>> tried;
-    const double apart = 1 / (8 * (high - low + p.upper));  // of two frequencies within one line
-    for (const auto& [strength, frequency] : lines)
-      for (int k = -2; k <= 2; ++k) {
-        const double bin = std::clamp(1 / (frequency + k * apart / 2), p.lower, p.upper);
-        tried.push_back({along(bin), {term.values[0], bin}});
-      }
-    const std::size_t keep = std::min<std::size_t>(6, tried.size());
-    std::partial_sort(tried.begin(), tried.begin() + static_cast<std::ptrdiff_t>(keep), tried.end(),
-                      [](const auto& a, const auto& b) { return a.first > b.first; });
-    std::vector<std::vector<double>> best;
-    for (std::size_t i = 0; i < keep; ++i) best.push_back(tried[i].second);
-    return best;
-  }
-
-  /// Frequencies (per mm) of the strongest waves along the range that have a comb's phase, strongest first.
-  static std::vector<std::pair<double, double>> comb_lines(const std::vector<double>& range,
-                                                           const std::vector<double>& score, double low,
-                                                           double high, const Parameter& bins) {
-    constexpr std::size_t kept = 24, most = std::size_t{1} << 20;
-    const double step = bins.lower / 8;
-    std::size_t size = 1024;
-    while (size < most && static_cast<double>(size) * step < 4 * (high - low + bins.upper)) size *= 2;
-    std::vector<double> grid(size, 0.0);
-    for (std::size_t i = 0; i < range.size(); ++i) {
-      const double at = (range[i] - low) / step;
-      if (at + 1 < static_cast<double>(size)) grid[static_cast<std::size_t>(at + 0.5)] += score[i];
-    }
-    std::vector<std::complex<double>> spectrum;
-    Eigen::FFT<double> transform;
-    transform.fwd(spectrum, grid);
-    std::vector<std::pair<double, double>> lines;
-    const double least = 1 / (static_cast<double>(size) * step);
-    for (std::size_t k = 1; k < size / 2; ++k) {
-      const double frequency = static_cast<double>(k) * least;
-      if (frequency < 1 / bins.upper || frequency > 1 / bins.lower) continue;
-      // Rounding reads short just above a multiple of the bin: minus a sine.
-      const double strength = std::imag(spectrum[k] * std::polar(1.0, -2 * pi * frequency * low));
-      if (lines.size() == kept && strength <= lines.back().first) continue;
-      lines.emplace_back(strength, frequency);
-      std::ranges::sort(lines, std::greater<>());
-      if (lines.size() > kept) lines.pop_back();
-    }
-    return lines;
-  }
-
-  template <typename Attempt>
-  void refine(const std::vector<double>& start, const std::vector<std::size_t>& shapes, const Term& term,
-              const Attempt& attempt) const {
-    const auto& parameters = term.mechanism->parameters;
-    const auto n = static_cast<unsigned>(shapes.size());
-    struct Context {
-      const Attempt& attempt;
-      std::vector<double> values;
-      const std::vector<std::size_t>& shapes;
-      const std::vector<Parameter>& parameters;
-    } context{attempt, start, shapes, parameters};
-    std::vector<double> x, lower, upper, first;
-    for (const std::size_t k : shapes) {
-      const Parameter& p = parameters[k];
-      const auto in = [&](double v) { return p.logarithmic ? std::log(v) : v; };
-      x.push_back(in(std::clamp(start[k], p.lower, p.upper)));
-      lower.push_back(in(p.lower));
-      upper.push_back(in(p.upper));
-      first.push_back((upper.back() - lower.back()) / std::max(2, p.starts) / 2);
-    }
-    nlopt_opt optimiser = nlopt_create(NLOPT_LN_NELDERMEAD, n);
-    nlopt_set_lower_bounds(optimiser, lower.data());
-    nlopt_set_upper_bounds(optimiser, upper.data());
-    nlopt_set_initial_step(optimiser, first.data());
-    nlopt_set_maxeval(optimiser, 15 + 15 * static_cast<int>(n));
-    nlopt_set_ftol_abs(optimiser, 0.02);
-    nlopt_set_max_objective(
-        optimiser,
-        [](unsigned size, const double* at, double*, void* data) {
-          auto& c = *static_cast<Context*>(data);
-          std::vector<double> values = c.values;
-          for (unsigned i = 0; i < size; ++i)
-            values[c.shapes[i]] = c.parameters[c.shapes[i]].logarithmic ? std::exp(at[i]) : at[i];
-          return c.attempt(values);
-        },
-        &context);
-    double value = 0;
-    nlopt_optimize(optimiser, x.data(), &value);
-    nlopt_destroy(optimiser);
-  }
-
-  static Scored look(const MeanModel& model, Shape shape) {
-    Scored best;
-    const double price = shape.price;
-    shape.size = 1;
-    const Columns unit = shape_of(model, shape);
-    const MeanModel::Products products = model.products(unit.columns_mm);
-    if (products.square.trace() < 1e-9) return best;
-    for (double size : {0.1, 0.3, 1.0, 3.0, 10.0, 30.0}) {
-      if (shape.channel != Channel::range) size *= 0.02 * rad_per_deg;
-      Prior prior = unit.prior;
-      prior.sigma *= size;
-      const MeanModel::Fit f = MeanModel::solve(products, prior, false);
-      if (f.evidence - price <= best.evidence) continue;
-      best.evidence = f.evidence - price;
-      best.gain = f.gain;
-      shape.size = size;
-      best.shape = shape;
-    }
-    return best;
-  }
-
-  /// Unnamed functions of every coordinate, with the price of having looked at so many.
-  static std::vector<Shape> shapes_to_try(const MeanModel& model) {
-    std::vector<Shape> list;
-    const auto consider = [&](Shape shape, double price) {
-      shape.price = price;
-      list.push_back(shape);
-    };
-    struct Place {
-      Coordinate coordinate;
-      Channel channel;
-    };
-    const std::vector<Place> places{
-        {Coordinate::beam, Channel::range},       {Coordinate::beam, Channel::beam_angle},
-        {Coordinate::stage, Channel::range},      {Coordinate::stage, Channel::stage_angle},
-        {Coordinate::range, Channel::range},      {Coordinate::intensity, Channel::range},
-        {Coordinate::incidence, Channel::range},  {Coordinate::time, Channel::range},
-        {Coordinate::time, Channel::stage_angle}, {Coordinate::temperature, Channel::range}};
-    for (const Place& place : places) {
-      double low = 1e300, high = -1e300;
-      std::set<double> values;
-      for (Eigen::Index i = 0; i < model.rows(); ++i) {
-        const double v = coordinate_at(model, place.coordinate, i);
-        if (!std::isfinite(v)) continue;
-        low = std::min(low, v);
-        high = std::max(high, v);
-        if (values.size() < 400) values.insert(v);
-      }
-      if (!(high - low > 1e-6) || values.size() < 4) continue;
-      for (const double length : {0.5, 0.2, 0.08})
-        if (values.size() > 2 / length)
-          consider({Shape::Kind::smooth, place.coordinate, place.channel, length, 0, 1, 0, {}},
-                   price_of_scale(1, 1));
-      if (place.coordinate == Coordinate::incidence || place.coordinate == Coordinate::temperature) continue;
-      const std::vector<double> steps = quantiles(model, place.coordinate, 40);
-      for (const double at : steps)
-        consider({Shape::Kind::step, place.coordinate, place.channel, 0, at, 1, 0, {}},
-                 std::log(static_cast<double>(steps.size())) + price_of_scale(1, 1));
-      if (place.channel == Channel::range &&
-          (place.coordinate == Coordinate::beam || place.coordinate == Coordinate::range ||
-           place.coordinate == Coordinate::time)) {
-        std::vector<std::pair<double, double>> bumps;  // width, middle
-        for (const double share : {0.012, 0.024, 0.048})
-          for (double at = low; at < high; at += 1.5 * share * (high - low))
-            bumps.emplace_back(share * (high - low), at);
-        for (const auto& [width, at] : bumps)
-          consider({Shape::Kind::bump, place.coordinate, place.channel, width, at, 1, 0, {}},
-                   std::log(static_cast<double>(bumps.size())) + price_of_scale(1, 1));
-      }
-      if (place.coordinate == Coordinate::beam) {
-        // Whole numbers of lobes in a turn, and any other number: coarse slits, gears.
-        for (int lobes = 3; lobes <= 12; ++lobes)
-          consider({Shape::Kind::wave, place.coordinate, place.channel, 0, 360.0 / lobes, 1, 0, {}},
-                   std::log(10.0) + price_of_scale(1, 1));
-        for (double cycles = 4; cycles < 20; cycles += 0.4)
-          consider({Shape::Kind::wave, place.coordinate, place.channel, 0, (high - low) / cycles, 1, 0, {}},
-                   std::log(40.0) + price_of_scale(1, 1));
-      } else if (place.coordinate == Coordinate::time) {
-        for (double turns = 1.5; turns < 12; turns *= 1.08)
-          consider({Shape::Kind::wave, place.coordinate, place.channel, 0, (high - low) / turns, 1, 0, {}},
-                   std::log(15.0) + price_of_scale(1, 1));
-      }
-    }
-    return list;
-  }
-
-  static std::vector<double> quantiles(const MeanModel& model, Coordinate coordinate, int count) {
-    std::vector<double> values;
-    for (Eigen::Index i = 0; i < model.rows(); i += std::max<Eigen::Index>(1, model.rows() / 4000)) {
-      const double v = coordinate_at(model, coordinate, i);
-      if (std::isfinite(v)) values.push_back(v);
-    }
-    std::ranges::sort(values);
-    std::vector<double> list;
-    for (int q = 1; q < count; ++q) {
-      const std::size_t i = values.size() * static_cast<std::size_t>(q) / static_cast<std::size_t>(count);
-      const double v = values[i];
-      double next = v;
-      for (std::size_t j = i; j < values.size() && next <= v; ++j) next = values[j];
-      const double middle = (v + next) / 2;
-      if (next > v && (list.empty() || middle > list.back() + 1e-9)) list.push_back(middle);
-    }
+    std::erase_if(list, [](const Candidate& s) { return !(s.evidence > odds::worth_fitting); });
+    std::ranges::sort(list, [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
     return list;
   }
 
   // ---- moves
   // -----------------------------------------------------------------------------------------------
-  Hypothesis extended(const Hypothesis& h, const Scored& scored) {
+  Hypothesis extended(const Hypothesis& h, const Candidate& scored) {
     Hypothesis more = h;
     if (scored.shape) {
       more.shapes.push_back(*scored.shape);
@@ -764,10 +400,11 @@ class Search {
     return more;
   }
 
-  std::vector<Hypothesis> best_of(const Hypothesis& h, const std::vector<Scored>& list, std::size_t tries) {
+  std::vector<Hypothesis> best_of(const Hypothesis& h, const std::vector<Candidate>& list,
+                                  std::size_t tries) {
     std::vector<Hypothesis> results;
     if (!has_patience()) tries = 1;
-    for (const Scored& scored : list) {
+    for (const Candidate& scored : list) {
       if (results.size() >= tries || scored.evidence < list.front().evidence - 15) break;
       results.push_back(extended(h, scored));
     }
@@ -780,15 +417,16 @@ class Search {
     for (int move = 0; move < 8; ++move) {
       bool moved = false;
       if (h.terms.size() + h.shapes.size() < 4) {
-        std::vector<Scored> list = scan(h, nullptr, true, unnamed_too && h.shapes.size() < 2);
+        std::vector<Candidate> list = scan(h, nullptr, true, unnamed_too && h.shapes.size() < 2);
         // Unnamed functions are many: only the best of them competes.
         bool unnamed = false;
-        std::erase_if(list, [&](const Scored& s) { return s.shape ? std::exchange(unnamed, true) : false; });
+        std::erase_if(list,
+                      [&](const Candidate& s) { return s.shape ? std::exchange(unnamed, true) : false; });
         const auto candidates = best_of(h, list, tries);
         const bool first = h.terms.empty() && h.shapes.empty() && !candidates.empty();
-        const double worth = !first                              ? worth_a_move
-                             : candidates.front().shapes.empty() ? worth_a_first_name
-                                                                 : worth_a_first_form;
+        const double worth = !first                              ? odds::worth_a_move
+                             : candidates.front().shapes.empty() ? odds::worth_a_first_name
+                                                                 : odds::worth_a_first_form;
         if (!candidates.empty() && candidates.front().evidence > h.evidence + worth) {
           h = candidates.front();
           moved = true;
@@ -818,7 +456,7 @@ class Search {
       again = false;
       for (std::size_t t = 0; t < h.terms.size() && !again; ++t) {
         const Hypothesis less = without(h, t);
-        if (less.evidence < h.evidence - worth_a_move) continue;
+        if (less.evidence < h.evidence - odds::worth_a_move) continue;
         h = less;
         again = true;
       }
@@ -826,7 +464,7 @@ class Search {
         Hypothesis less = h;
         less.shapes.erase(less.shapes.begin() + static_cast<std::ptrdiff_t>(s));
         fit(less);
-        if (less.evidence < h.evidence - worth_a_move) continue;
+        if (less.evidence < h.evidence - odds::worth_a_move) continue;
         h = less;
         again = true;
       }
@@ -856,11 +494,11 @@ class Search {
 
   /// From the best curve, the best step and the best wave.
   Hypothesis from_unnamed(const Hypothesis& empty) {
-    std::vector<Scored> list = scan(empty, nullptr, false, true);
-    std::set<Shape::Kind> kinds;
-    std::erase_if(list, [&](const Scored& s) { return !kinds.insert(s.shape->kind).second; });
+    std::vector<Candidate> list = scan(empty, nullptr, false, true);
+    std::set<const Form*> kinds;
+    std::erase_if(list, [&](const Candidate& s) { return !kinds.insert(s.shape->form).second; });
     Hypothesis best = empty;
-    for (const Scored& start : list) {
+    for (const Candidate& start : list) {
       const Hypothesis other = climb(extended(empty, start), finalists);
       if (says_more(other, best, empty)) best = other;
     }
@@ -871,7 +509,7 @@ class Search {
   static bool says_more(const Hypothesis& one, const Hypothesis& other, const Hypothesis& empty) {
     constexpr double hardly = 0.01;  // of what is explained
     const auto rank = [](const Hypothesis& h) {
-      return h.shapes.empty() || h.shapes.front().kind == Shape::Kind::smooth ? 0 : 1;
+      return !h.shapes.empty() && h.shapes.front().form->tells_a_place ? 1 : 0;
     };
     const double margin = hardly * std::max(0.0, std::max(one.evidence, other.evidence) - empty.evidence);
     const bool both_unnamed =
@@ -892,6 +530,7 @@ class Search {
   HeldOutFigures held_out(const Hypothesis& h, const std::vector<int>& blocks, int count);
 
   Reduced& reduced_;
+  std::optional<double> stops_apart_deg_;
   MeanNoise noise_;
   const Progress& progress_;
   double excess_ = 1;
@@ -993,11 +632,11 @@ double Search::strain(const Hypothesis& h) const {
 std::vector<Term> Search::only_priors(const Term& term, const Hypothesis& without) {
   std::vector<Term> set{term};
   constexpr double as_good = 4;
-  const std::vector<Scored> list = scan(without, nullptr, true, false);
+  const std::vector<Candidate> list = scan(without, nullptr, true, false);
   if (list.empty()) return set;
-  const auto own = std::ranges::find_if(list, [&](const Scored& s) { return s.term.same(term); });
+  const auto own = std::ranges::find_if(list, [&](const Candidate& s) { return s.term.same(term); });
   const double evidence = own == list.end() ? list.front().evidence : own->evidence;
-  for (const Scored& other : list) {
+  for (const Candidate& other : list) {
     if (set.size() > 4 || other.evidence < evidence - as_good) break;
     if (std::ranges::none_of(set, [&](const Term& t) { return t.mechanism == other.term.mechanism; }))
       set.push_back(other.term);
@@ -1042,7 +681,7 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
       result.without.push_back(held_out(less, blocks, count));
       if (result.without.back().log_likelihood < result.after.log_likelihood) continue;
       const double gain = best.evidence - less.evidence;
-      if (gain > strained && strain(less) - strain(best) > 0.4 * gain) {
+      if (gain > odds::strained && strain(less) - strain(best) > 0.4 * gain) {
         const std::vector<Term> set = only_priors(best.terms[t], less);
         if (set.size() == 1 && says_where_a_target_stands(set.front())) continue;
         result.stated_otherwise.push_back(set);
@@ -1060,10 +699,10 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
     std::optional<Hypothesis> better;
     const Hypothesis less = without(best, t);
     rivals.push_back({{}, {}, best.evidence - less.evidence});
-    const std::vector<Scored> list = scan(less, &best.terms[t], true, best.shapes.empty());
+    const std::vector<Candidate> list = scan(less, &best.terms[t], true, best.shapes.empty());
     const double first_evidence = list.empty() ? 0 : list.front().evidence;
     bool unnamed = false;
-    for (const Scored& scored : list) {
+    for (const Candidate& scored : list) {
       if (scored.shape && std::exchange(unnamed, true)) continue;
       if (rivals.size() > (has_patience() ? 7 : 3) ||
           (rivals.size() > 2 && scored.evidence < 0.3 * first_evidence))
@@ -1101,23 +740,11 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
   result.transfers = transfers_;
 }
 
-/// Millimetres from one place of a regular ladder to the next.
-std::optional<double> rung_of(const Reduced& reduced) {
-  std::set<double> places;
-  for (const CaptureInfo& capture : reduced.captures)
-    if (capture.target) places.insert(capture.target_shift_mm);
-  if (places.size() < 5) return {};
-  const std::vector<double> apart = steps_between(places);
-  const auto [least, most] = std::ranges::minmax(apart);
-  if (most > 1.02 * least) return {};
-  return least;
-}
-
 /// On a regular ladder a wave looks the same as others whose turns differ by whole numbers from rung to rung:
 /// the longest that fits as well is told, and the uncertainty of its period holds them all.
 void Search::doubt_aliases(Hypothesis& best) {
   constexpr double as_good = 1.5;
-  const std::optional<double> rung = rung_of(reduced_);
+  const std::optional<double> rung = rung_mm(reduced_);
   if (!rung) return;
   for (std::size_t t = 0; t < best.terms.size(); ++t) {
     if (best.terms[t].mechanism->id != "cyclic-error") continue;
@@ -1196,96 +823,6 @@ double Search::scatter_of_groups(const Hypothesis& best) {
 }
 
 }  // namespace
-
-void predict_at(Reduced& reduced, const Hypothesis& h, bool may_leave_out) {
-  predict(reduced, h.nuisance, all_at_work(reduced.bench, h), may_leave_out);
-}
-
-std::vector<Active> all_at_work(const Bench& bench, const Hypothesis& h) {
-  std::vector<Active> list = h.active();
-  for (const Term& known : known_terms(bench)) list.push_back(known.active());
-  return list;
-}
-
-bool Hypothesis::has(const Term& term) const {
-  return std::ranges::any_of(terms, [&](const Term& t) { return t.same(term); });
-}
-
-std::vector<Active> Hypothesis::active() const {
-  std::vector<Active> list;
-  for (const Term& term : terms) list.push_back(term.active());
-  return list;
-}
-
-std::vector<Term> known_terms(const Bench& bench) {
-  std::vector<Term> list;
-  for (const KnownMechanism& known : bench.known) {
-    const Mechanism* m = find_mechanism(known.mechanism);
-    if (!m || !moves_means(*m)) continue;
-    Term term{m, -1, m->values(known.parameters), {}};
-    for (const Parameter& p : m->parameters) {
-      const auto found = known.parameters.find(p.name);
-      term.sigma.push_back(found == known.parameters.end() ? 0 : found->second.u);
-    }
-    if (m->one_target) {
-      const auto name = known.texts.find("target");
-      for (std::size_t i = 0; i < bench.targets.size(); ++i)
-        if (name != known.texts.end() && bench.targets[i].name == name->second)
-          term.target = static_cast<int>(i);
-      if (term.target < 0) continue;
-    }
-    list.push_back(term);
-  }
-  return list;
-}
-
-Base base_columns(const MeanModel& model, const Hypothesis& h) {
-  Base base;
-  const Bench& bench = model.bench();
-  base.all.columns_mm = model.nuisance_columns();
-  const Nuisance stated(bench);
-  base.all.prior.mean = stated.as_vector() - h.nuisance.as_vector();
-  base.all.prior.sigma = Nuisance::prior_sigma(bench);
-  for (const Term& term : known_terms(bench)) {
-    Columns c = linear_columns(model, term);
-    std::size_t k = 0;
-    for (std::size_t p = 0; p < term.values.size(); ++p) {
-      if (term.mechanism->parameters[p].role != Role::size) continue;
-      const bool phased = p + 1 < term.values.size() && term.mechanism->parameters[p + 1].role == Role::phase;
-      const double u = phased ? std::hypot(term.sigma[p], term.values[p] * term.sigma[p + 1] * rad_per_deg)
-                              : term.sigma[p];
-      for (int copy = 0; copy < (phased ? 2 : 1); ++copy, ++k) {
-        c.prior.mean[static_cast<Eigen::Index>(k)] = 0;
-        c.prior.sigma[static_cast<Eigen::Index>(k)] = std::max(1e-12, 1.5 * u);
-      }
-    }
-    add(base.all, c);
-    add(base.all, freedom_columns(model, term));
-  }
-  for (const Term& term : h.terms) {
-    Columns c = linear_columns(model, term);
-    const std::vector<double> now = linear_coefficients(term);
-    double ratio = least_stretch(c.prior);
-    for (std::size_t k = 0; k < now.size(); ++k) {
-      const auto i = static_cast<Eigen::Index>(k);
-      ratio = std::max(ratio, 1.2 * std::abs(now[k] - c.prior.mean[i]) / c.prior.sigma[i]);
-    }
-    for (std::size_t k = 0; k < now.size(); ++k) c.prior.mean[static_cast<Eigen::Index>(k)] -= now[k];
-    c.prior.sigma *= ratio;
-    c.price = price_of_scale(ratio, static_cast<double>(now.size()));
-    add(c, shape_columns(model, term));
-    base.term_first.push_back(base.all.columns_mm.cols());
-    base.term_count.push_back(c.columns_mm.cols());
-    add(base.all, c);
-    add(base.all, freedom_columns(model, term));
-  }
-  for (const Shape& shape : h.shapes) {
-    base.shape_first.push_back(base.all.columns_mm.cols());
-    add(base.all, shape_of(model, shape));
-  }
-  base.shape_first.push_back(base.all.columns_mm.cols());
-  return base;
-}
 
 MeanResult search_means(Reduced& reduced, const MeanNoise& noise, const Progress& progress) {
   Search search(reduced, noise, progress);

@@ -1,28 +1,12 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include <map>
 #include <optional>
-#include <string>
 #include <vector>
 
-#include "fit/explain/columns.hpp"
+#include "fit/explain/hypothesis.hpp"
 
 namespace fit::explain {
-
-/// One way to explain the means: where things stand, which mechanisms work, which unnamed functions remain.
-struct Hypothesis {
-  explicit Hypothesis(const Bench& bench) : nuisance(bench) {}
-  Nuisance nuisance;
-  std::vector<Term> terms;
-  std::vector<Shape> shapes;
-  double evidence =
-      -1e300;  ///< Log of the marginal likelihood, priors of mechanisms included; up to a constant.
-  double density = -1e300;  ///< Log of the posterior density at its best; up to a constant.
-
-  [[nodiscard]] bool has(const Term& term) const;
-  [[nodiscard]] std::vector<Active> active() const;
-};
 
 /// One other explanation of what a term explains, and how much worse it is.
 struct Rival {
@@ -47,30 +31,14 @@ struct MeanResult {
   std::vector<HeldOutFigures> without;  ///< Held-out figures without each term.
   HeldOutFigures before, after;
   double noise_floor_mm = 0;
-  double scatter_mm = 0;  ///< Of whole captures, beyond what their samples say; 0: none.
-  double excess = 1;      ///< Factor on the variance of the means.
-  bool transfers = true;  ///< False: something was dropped because other places do not confirm it.
+  double scatter_mm = 0;   ///< Of whole captures, beyond what their samples say; 0: none.
+  double excess = 1;       ///< Factor on the variance of the means.
+  bool transfers = true;   ///< False: something was dropped because other places do not confirm it.
   bool cut_short = false;  ///< Not everything was tried that might explain more.
   MeanNoise noise;
 };
 
 /// Finds the mechanisms that move means. `reduced` is left predicted at the best hypothesis.
 [[nodiscard]] MeanResult search_means(Reduced& reduced, const MeanNoise& noise, const Progress& progress);
-
-/// Terms for the mechanisms that the bench already knows, with their uncertainties.
-[[nodiscard]] std::vector<Term> known_terms(const Bench& bench);
-
-/// What a hypothesis holds and what the bench already knows.
-[[nodiscard]] std::vector<Active> all_at_work(const Bench& bench, const Hypothesis& hypothesis);
-
-/// Predicts every cell under a hypothesis, with what the bench already knows at work.
-void predict_at(Reduced& reduced, const Hypothesis& hypothesis, bool may_leave_out = false);
-
-/// Columns of everything but a chosen term, at the present prediction.
-struct Base {
-  Columns all;
-  std::vector<Eigen::Index> term_first, term_count, shape_first;
-};
-[[nodiscard]] Base base_columns(const MeanModel& model, const Hypothesis& hypothesis);
 
 }  // namespace fit::explain

@@ -157,7 +157,7 @@ EmpiricalCorrection tabulated(const Shape& shape, const MeanModel& model) {
   EmpiricalCorrection table;
   table.coordinate = shape.coordinate;
   table.channel = shape.channel;
-  const Columns columns = shape_of(model, shape);
+  const Columns columns = columns_of(model, shape);
   std::map<double, std::pair<double, double>> places;  // coordinate: value times weight, weight
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
     const double v = coordinate_at(model, shape.coordinate, i);

@@ -10,6 +10,8 @@
 #include <set>
 #include <tuple>
 
+#include "fit/explain/odds.hpp"
+
 namespace fit::explain {
 namespace {
 
@@ -355,7 +357,7 @@ class VarianceSearch {
       best.parameters = {{"sigma_mm_at_1000_counts", root(fit.value[last], fit.sigma[last])},
                          {"exponent", {exponent, 1 / std::sqrt(1 + gain)}}};
     }
-    best.evidence = best.gain - price_of_size(best.gain) - price_of_shape(best.gain, 2);
+    best.evidence = best.gain - price_of_size(best.gain) - odds::against_place(best.gain, 2);
     return best;
   }
 
@@ -393,8 +395,8 @@ class VarianceSearch {
         }
       }
     }
-    best.evidence = best.gain - price_of_size(best.gain) - price_of_shape(best.gain, (high - low) / 12) -
-                    price_of_shape(best.gain, 2);
+    best.evidence = best.gain - price_of_size(best.gain) - odds::against_place(best.gain, (high - low) / 12) -
+                    odds::against_place(best.gain, 2);
     return best;
   }
 
@@ -739,8 +741,8 @@ void swinging(Reduced& reduced, SpreadResult& result) {
   }
   const double inflate = count > 10 ? std::max(1.0, (excess - 2 * suspect.gain) / count) : 1;
   suspect.gain /= inflate;
-  suspect.evidence = suspect.gain - 2 * price_of_size(suspect.gain) - price_of_shape(suspect.gain, 3) -
-                     price_of_shape(suspect.gain, 20);
+  suspect.evidence = suspect.gain - 2 * price_of_size(suspect.gain) - odds::against_place(suspect.gain, 3) -
+                     odds::against_place(suspect.gain, 20);
   if (suspect.evidence < accept_at) return;
   // All four together: a swing that fades sooner seems to begin larger.
   const auto swing = [&](double tau, double hz) {
@@ -950,7 +952,7 @@ void memory(const Reduced& reduced, SpreadResult& result, double* discount) {
   Suspect suspect;
   suspect.mechanism = mechanism("correlated-noise");
   suspect.gain = (before - best) / 2;
-  suspect.evidence = suspect.gain - price_of_size(suspect.gain) - price_of_shape(suspect.gain, 2);
+  suspect.evidence = suspect.gain - price_of_size(suspect.gain) - odds::against_place(suspect.gain, 2);
   if (suspect.evidence < accept_at) return;
   const double u = 1 / std::sqrt(1 + suspect.gain);
   suspect.parameters = {{"rho", {rho, u}}, {"share", {share, u}}};
@@ -1239,10 +1241,6 @@ Estimate stated_noise(const Bench& bench) {
 }
 
 }  // namespace
-
-double price_of_shape(double gain, double places) {
-  return std::max(0.0, std::log(places)) + 0.5 * std::log(1 + std::max(0.0, gain) / 2);
-}
 
 /// Where distances come in coarse steps, a cell's variance and memory depend on where its mean lies between
 /// two of them. What makes less of a difference than that is not believed.

@@ -41,7 +41,4 @@ struct SpreadResult {
 
 [[nodiscard]] SpreadResult explain_spread(const Reduced& reduced);
 
-/// Price of one searched parameter that ended up with a signal of that log-likelihood gain.
-[[nodiscard]] double price_of_shape(double gain, double independent_places);
-
 }  // namespace fit::explain

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/hypothesis.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fit::explain {
+
+using Role = Parameter::Role;
+
+bool moves_means(const Mechanism& m) {
+  return m.observable == Observable::range_mean && m.coordinate != Coordinate::scan_seq;
+}
+
+void predict_at(Reduced& reduced, const Hypothesis& h, bool may_leave_out) {
+  predict(reduced, h.nuisance, all_at_work(reduced.bench, h), may_leave_out);
+}
+
+std::vector<Active> all_at_work(const Bench& bench, const Hypothesis& h) {
+  std::vector<Active> list = h.active();
+  for (const Term& known : known_terms(bench)) list.push_back(known.active());
+  return list;
+}
+
+bool Hypothesis::has(const Term& term) const {
+  return std::ranges::any_of(terms, [&](const Term& t) { return t.same(term); });
+}
+
+std::vector<Active> Hypothesis::active() const {
+  std::vector<Active> list;
+  for (const Term& term : terms) list.push_back(term.active());
+  return list;
+}
+
+std::vector<Term> known_terms(const Bench& bench) {
+  std::vector<Term> list;
+  for (const KnownMechanism& known : bench.known) {
+    const Mechanism* m = find_mechanism(known.mechanism);
+    if (!m || !moves_means(*m)) continue;
+    Term term{m, -1, m->values(known.parameters), {}};
+    for (const Parameter& p : m->parameters) {
+      const auto found = known.parameters.find(p.name);
+      term.sigma.push_back(found == known.parameters.end() ? 0 : found->second.u);
+    }
+    if (m->one_target) {
+      const auto name = known.texts.find("target");
+      for (std::size_t i = 0; i < bench.targets.size(); ++i)
+        if (name != known.texts.end() && bench.targets[i].name == name->second)
+          term.target = static_cast<int>(i);
+      if (term.target < 0) continue;
+    }
+    list.push_back(term);
+  }
+  return list;
+}
+
+Base base_columns(const MeanModel& model, const Hypothesis& h) {
+  Base base;
+  const Bench& bench = model.bench();
+  base.all.columns_mm = model.nuisance_columns();
+  const Nuisance stated(bench);
+  base.all.prior.mean = stated.as_vector() - h.nuisance.as_vector();
+  base.all.prior.sigma = Nuisance::prior_sigma(bench);
+  for (const Term& term : known_terms(bench)) {
+    Columns c = linear_columns(model, term);
+    std::size_t k = 0;
+    for (std::size_t p = 0; p < term.values.size(); ++p) {
+      if (term.mechanism->parameters[p].role != Role::size) continue;
+      const bool phased = p + 1 < term.values.size() && term.mechanism->parameters[p + 1].role == Role::phase;
+      const double u = phased ? std::hypot(term.sigma[p], term.values[p] * term.sigma[p + 1] * rad_per_deg)
+                              : term.sigma[p];
+      for (int copy = 0; copy < (phased ? 2 : 1); ++copy, ++k) {
+        c.prior.mean[static_cast<Eigen::Index>(k)] = 0;
+        c.prior.sigma[static_cast<Eigen::Index>(k)] = std::max(1e-12, 1.5 * u);
+      }
+    }
+    add(base.all, c);
+    add(base.all, freedom_columns(model, term));
+  }
+  for (const Term& term : h.terms) {
+    Columns c = linear_columns(model, term);
+    const std::vector<double> now = linear_coefficients(term);
+    double ratio = least_stretch(c.prior);
+    for (std::size_t k = 0; k < now.size(); ++k) {
+      const auto i = static_cast<Eigen::Index>(k);
+      ratio = std::max(ratio, 1.2 * std::abs(now[k] - c.prior.mean[i]) / c.prior.sigma[i]);
+    }
+    for (std::size_t k = 0; k < now.size(); ++k) c.prior.mean[static_cast<Eigen::Index>(k)] -= now[k];
+    c.prior.sigma *= ratio;
+    c.price = price_of_scale(ratio, static_cast<double>(now.size()));
+    add(c, shape_columns(model, term));
+    base.term_first.push_back(base.all.columns_mm.cols());
+    base.term_count.push_back(c.columns_mm.cols());
+    add(base.all, c);
+    add(base.all, freedom_columns(model, term));
+  }
+  for (const Shape& shape : h.shapes) {
+    base.shape_first.push_back(base.all.columns_mm.cols());
+    add(base.all, columns_of(model, shape));
+  }
+  base.shape_first.push_back(base.all.columns_mm.cols());
+  return base;
+}
+
+}  // namespace fit::explain

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <vector>
+
+#include "fit/explain/unnamed.hpp"
+
+namespace fit::explain {
+
+/// One way to explain the means: where things stand, which mechanisms work, which unnamed functions remain.
+struct Hypothesis {
+  explicit Hypothesis(const Bench& bench) : nuisance(bench) {}
+  Nuisance nuisance;
+  std::vector<Term> terms;
+  std::vector<Shape> shapes;
+  double evidence =
+      -1e300;  ///< Log of the marginal likelihood, priors of mechanisms included; up to a constant.
+  double density = -1e300;  ///< Log of the posterior density at its best; up to a constant.
+
+  [[nodiscard]] bool has(const Term& term) const;
+  [[nodiscard]] std::vector<Active> active() const;
+};
+
+/// Whether a mechanism moves the means of captures: what differs within one is seen in its scans.
+[[nodiscard]] bool moves_means(const Mechanism& mechanism);
+
+/// Terms for the mechanisms that the bench already knows, with their uncertainties.
+[[nodiscard]] std::vector<Term> known_terms(const Bench& bench);
+
+/// What a hypothesis holds and what the bench already knows.
+[[nodiscard]] std::vector<Active> all_at_work(const Bench& bench, const Hypothesis& hypothesis);
+
+/// Predicts every cell under a hypothesis, with what the bench already knows at work.
+void predict_at(Reduced& reduced, const Hypothesis& hypothesis, bool may_leave_out = false);
+
+/// Columns of everything but a chosen term, at the present prediction.
+struct Base {
+  Columns all;
+  std::vector<Eigen::Index> term_first, term_count, shape_first;
+};
+[[nodiscard]] Base base_columns(const MeanModel& model, const Hypothesis& hypothesis);
+
+}  // namespace fit::explain

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "fit/explain/columns.hpp"
+
+/// What is believed before the recording is looked at, in logarithms of odds.
+namespace fit::explain::odds {
+
+constexpr double price_of_mechanism = 4.0;  // log odds against any one of the catalogue
+constexpr double price_of_unknown = 7.0;    // the catalogue is tried first
+// Whoever asks suspects something. Of 92 recordings with nothing missing, one (whose wall stood 4.4 standard
+// uncertainties off) was worth a name; none of the others came nearer than 0.9, or than 1.3 to an unnamed
+// form.
+constexpr double something_is_missing = 1.8;
+/// Against one mechanism of the catalogue, asked for by itself.
+constexpr double against_any = price_of_mechanism - something_is_missing;
+constexpr double worth_a_name = 3;                 // a name that explains as much is preferred
+constexpr double worth_a_name_beside_a_place = 2;  // ... of a step, or a period
+constexpr double strained = 7;  // log of the odds at which stated uncertainties are not believed
+constexpr double worth_a_first_name = 0.5, worth_a_first_form = -1, worth_a_move = 1.5, worth_fitting = -2;
+
+/// How far out of the ordinary a size is: catalogues' orders of magnitude may be wrong, but not by anything.
+[[nodiscard]] double against(const Term& term);
+/// Against one searched parameter that ended up with a signal of that log-likelihood gain.
+[[nodiscard]] double against_place(double gain, double independent_places);
+
+}  // namespace fit::explain::odds

@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/unnamed.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+namespace fit::explain {
+namespace forms {
+std::vector<Form> all();
+}
+namespace {
+
+/// Where unnamed physics may act, and on what.
+struct Place {
+  Coordinate coordinate;
+  Channel channel;
+};
+constexpr Place places[] = {
+    {Coordinate::beam, Channel::range},       {Coordinate::beam, Channel::beam_angle},
+    {Coordinate::stage, Channel::range},      {Coordinate::stage, Channel::stage_angle},
+    {Coordinate::range, Channel::range},      {Coordinate::intensity, Channel::range},
+    {Coordinate::incidence, Channel::range},  {Coordinate::time, Channel::range},
+    {Coordinate::time, Channel::stage_angle}, {Coordinate::temperature, Channel::range}};
+
+std::vector<double> quantiles(const MeanModel& model, Coordinate coordinate, int count) {
+  std::vector<double> values;
+  for (Eigen::Index i = 0; i < model.rows(); i += std::max<Eigen::Index>(1, model.rows() / 4000)) {
+    const double v = coordinate_at(model, coordinate, i);
+    if (std::isfinite(v)) values.push_back(v);
+  }
+  std::ranges::sort(values);
+  std::vector<double> list;
+  for (int q = 1; q < count; ++q) {
+    const std::size_t i = values.size() * static_cast<std::size_t>(q) / static_cast<std::size_t>(count);
+    const double v = values[i];
+    double next = v;
+    for (std::size_t j = i; j < values.size() && next <= v; ++j) next = values[j];
+    const double middle = (v + next) / 2;
+    if (next > v && (list.empty() || middle > list.back() + 1e-9)) list.push_back(middle);
+  }
+  return list;
+}
+
+Axis axis_of(const MeanModel& model, const Place& place) {
+  constexpr std::size_t most = 400;
+  constexpr int parts = 40;
+  Axis axis{place.coordinate, place.channel, 1e300, -1e300, 0, {}};
+  std::set<double> values;
+  for (Eigen::Index i = 0; i < model.rows(); ++i) {
+    const double v = coordinate_at(model, place.coordinate, i);
+    if (!std::isfinite(v)) continue;
+    axis.low = std::min(axis.low, v);
+    axis.high = std::max(axis.high, v);
+    if (values.size() < most) values.insert(v);
+  }
+  axis.values = values.size();
+  if (!values.empty()) axis.between = quantiles(model, place.coordinate, parts);
+  return axis;
+}
+
+std::string unit_of(const std::string& coordinate) {
+  return coordinate.ends_with("_deg")  ? " deg"
+         : coordinate.ends_with("_mm") ? " mm"
+         : coordinate.ends_with("_s")  ? " s"
+         : coordinate.ends_with("_c")  ? " K"
+         : coordinate == "intensity"   ? " counts"
+                                       : "";
+}
+
+Course course_of(const Shape& shape, const MeanModel& model) {
+  const bool angle = shape.channel != Channel::range;
+  Course course;
+  course.what = shape.channel == Channel::range        ? "range"
+                : shape.channel == Channel::beam_angle ? "beam angle"
+                                                       : "stage angle";
+  course.unit = angle ? " deg" : " mm";
+  course.scale = angle ? deg_per_rad : 1;
+  course.coordinate = name_of(shape.coordinate);
+  course.unit_of_coordinate = unit_of(course.coordinate);
+  course.low = course.least = 1e300;
+  course.high = course.most = -1e300;
+  const Eigen::VectorXd effect = effect_of(model, shape);
+  for (Eigen::Index i = 0; i < model.rows(); ++i) {
+    const double v = coordinate_at(model, shape.coordinate, i);
+    if (!std::isfinite(v)) continue;
+    course.low = std::min(course.low, v);
+    course.high = std::max(course.high, v);
+    const double lever = lever_of(shape.channel, model.cell(i).sight);
+    if (std::abs(lever) < (angle ? 100 : 0.5)) continue;  // says little about the function
+    const double y = effect[i] / lever;
+    if (y < course.least) course.least = y, course.least_at = v;
+    if (y > course.most) course.most = y, course.most_at = v;
+  }
+  return course;
+}
+
+}  // namespace
+
+const std::vector<Form>& all_forms() {
+  static const std::vector<Form> list = forms::all();
+  return list;
+}
+
+const Form* find_form(const std::string& id) {
+  const auto found = std::ranges::find(all_forms(), id, &Form::id);
+  return found == all_forms().end() ? nullptr : &*found;
+}
+
+Columns columns_of(const MeanModel& model, const Shape& shape) {
+  const Form& form = *shape.form;
+  const Eigen::Index n = model.rows(), terms = form.terms(shape);
+  Eigen::VectorXd x;
+  if (form.scaled) x = scaled_coordinate(model, shape.coordinate);
+  Columns c;
+  c.columns_mm.resize(n, terms);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const double v = coordinate_at(model, shape.coordinate, i),
+                 lever = lever_of(shape.channel, model.cell(i).sight);
+    for (Eigen::Index k = 0; k < terms; ++k)
+      c.columns_mm(i, k) =
+          std::isfinite(v) ? lever * form.basis(shape, form.scaled ? x[i] : v, static_cast<int>(k)) : 0;
+  }
+  c.prior.mean = Eigen::VectorXd::Zero(terms);
+  c.prior.sigma = Eigen::VectorXd::Constant(terms, shape.size);
+  if (form.shares) {
+    const std::vector<double> shares = form.shares(shape);
+    for (Eigen::Index k = 0; k < terms; ++k) c.prior.sigma[k] *= shares[static_cast<std::size_t>(k)];
+  }
+  return c;
+}
+
+Eigen::VectorXd effect_of(const MeanModel& model, const Shape& shape) {
+  return columns_of(model, shape).columns_mm *
+         Eigen::Map<const Eigen::VectorXd>(shape.values.data(),
+                                           static_cast<Eigen::Index>(shape.values.size()));
+}
+
+std::vector<Shape> forms_to_try(const MeanModel& model) {
+  constexpr std::size_t fewest_values = 4;
+  std::vector<Shape> list;
+  for (const Place& place : places) {
+    const Axis axis = axis_of(model, place);
+    if (!(axis.high - axis.low > 1e-6) || axis.values < fewest_values) continue;
+    for (const Form& form : all_forms())
+      for (Shape& shape : form.along(axis)) {
+        shape.form = &form;
+        shape.coordinate = axis.coordinate;
+        shape.channel = axis.channel;
+        shape.price += price_of_scale(1, 1);
+        list.push_back(std::move(shape));
+      }
+  }
+  return list;
+}
+
+Described describe(const Shape& shape, const MeanModel& model) {
+  return shape.form->says(shape, course_of(shape, model));
+}
+
+}  // namespace fit::explain

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "fit/explain/columns.hpp"
+
+namespace fit::explain {
+
+struct Form;
+
+/// An unnamed function of one coordinate: what physics outside the catalogue looks like.
+struct Shape {
+  const Form* form = nullptr;
+  Coordinate coordinate = Coordinate::beam;
+  Channel channel = Channel::range;
+  double at = 0;               ///< Place or period, file unit of the coordinate.
+  double length = 0;           ///< Extent, as its form has it.
+  double size = 1;             ///< Standard size of the prior: mm or rad.
+  double price = 0;            ///< Log of the number of such functions that were tried.
+  std::vector<double> values = {};  ///< Coefficients, after a fit.
+};
+
+/// A coordinate as a recording samples it.
+struct Axis {
+  Coordinate coordinate = Coordinate::beam;
+  Channel channel = Channel::range;
+  double low = 0, high = 0;     ///< File unit.
+  std::size_t values = 0;       ///< Different ones, counted to a few hundred.
+  std::vector<double> between;  ///< Places that halve, quarter, ... its cells; between two values each.
+};
+
+/// What a fitted function does over the coordinate, for people; `what` is "range" or an angle.
+struct Course {
+  std::string what, unit, coordinate, unit_of_coordinate;
+  double scale = 1;          ///< From the coefficients' unit to `unit`.
+  double low = 0, high = 0;  ///< The coordinate's ends.
+  double least = 0, most = 0, least_at = 0, most_at = 0;
+};
+
+struct Described {
+  std::string text;
+  double from = 0, to = 0;  ///< Where on the coordinate it acts.
+};
+
+/// One kind of unnamed function: a sum of basis functions with a normal prior each.
+struct Form {
+  std::string id;
+  bool tells_a_place = true;  ///< A place or period tells people more than a curve.
+  bool scaled = false;        ///< Its functions are of the coordinate scaled to -1 .. 1 over the recording.
+  std::function<int(const Shape&)> terms = [](const Shape&) { return 1; };
+  std::function<double(const Shape&, double x, int term)> basis;
+  /// Standard sizes of the coefficients where the whole has that of 1; empty: all 1.
+  std::function<std::vector<double>(const Shape&)> shares;
+  /// Those to look for along a coordinate: places, extents and prices.
+  std::function<std::vector<Shape>(const Axis&)> along;
+  std::function<Described(const Shape&, const Course&)> says;
+};
+
+/// All forms there are, one file each in fit/forms.
+[[nodiscard]] const std::vector<Form>& all_forms();
+[[nodiscard]] const Form* find_form(const std::string& id);
+
+/// Columns of the basis functions, mm, and their prior around zero.
+[[nodiscard]] Columns columns_of(const MeanModel& model, const Shape& shape);
+/// What a fitted one does to every mean, mm.
+[[nodiscard]] Eigen::VectorXd effect_of(const MeanModel& model, const Shape& shape);
+/// Unnamed functions of every coordinate, with the price of having looked at so many.
+[[nodiscard]] std::vector<Shape> forms_to_try(const MeanModel& model);
+/// A fitted one in words.
+[[nodiscard]] Described describe(const Shape& shape, const MeanModel& model);
+
+}  // namespace fit::explain

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+
+#include "fit/explain/unnamed.hpp"
+
+namespace fit::explain::forms {
+
+// A bell at one place; `length` is its standard width, file unit of the coordinate.
+Form make_bump() {
+  Form f;
+  f.id = "bump";
+  f.basis = [](const Shape& s, double x, int) { return std::exp(-0.5 * std::pow((x - s.at) / s.length, 2)); };
+  f.along = [](const Axis& axis) {
+    std::vector<Shape> list;
+    const bool sampled_finely = axis.coordinate == Coordinate::beam || axis.coordinate == Coordinate::range ||
+                                axis.coordinate == Coordinate::time;
+    if (axis.channel != Channel::range || !sampled_finely) return list;
+    const double span = axis.high - axis.low;
+    for (const double share : {0.012, 0.024, 0.048})
+      for (double at = axis.low; at < axis.high; at += 1.5 * share * span)
+        list.push_back({.at = at, .length = share * span});
+    for (Shape& shape : list) shape.price = std::log(static_cast<double>(list.size()));
+    return list;
+  };
+  f.says = [](const Shape& s, const Course& c) {
+    const double reach = 1.2 * s.length, width_at_half = 2.355 * s.length;
+    return Described{"the " + c.what + " has a bump of " + rounded(s.values.front() * c.scale, 3) + c.unit +
+                         " at " + c.coordinate + " = " + rounded(s.at, 4) + c.unit_of_coordinate + ", " +
+                         rounded(width_at_half, 2) + c.unit_of_coordinate + " wide at half its height",
+                     std::max(c.low, s.at - reach), std::min(c.high, s.at + reach)};
+  };
+  return f;
+}
+
+}  // namespace fit::explain::forms

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: MIT
+#include <cmath>
+
+#include "fit/explain/unnamed.hpp"
+
+namespace fit::explain::forms {
+
+// A sine of some period: lobes, gears, something that swings.
+Form make_wave() {
+  Form f;
+  f.id = "wave";
+  f.terms = [](const Shape&) { return 2; };
+  f.basis = [](const Shape& s, double x, int term) {
+    const double phase = 2 * pi * x / s.at;
+    return term == 0 ? std::sin(phase) : std::cos(phase);
+  };
+  f.along = [](const Axis& axis) {
+    std::vector<Shape> list;
+    const double span = axis.high - axis.low;
+    if (axis.coordinate == Coordinate::beam) {
+      // Whole numbers of lobes in a turn, and any other number: coarse slits, gears.
+      for (int lobes = 3; lobes <= 12; ++lobes)
+        list.push_back({.at = 360.0 / lobes, .price = std::log(10.0)});
+      for (double cycles = 4; cycles < 20; cycles += 0.4)
+        list.push_back({.at = span / cycles, .price = std::log(40.0)});
+    } else if (axis.coordinate == Coordinate::time) {
+      for (double turns = 1.5; turns < 12; turns *= 1.08)
+        list.push_back({.at = span / turns, .price = std::log(15.0)});
+    }
+    return list;
+  };
+  f.says = [](const Shape& s, const Course& c) {
+    const double amplitude = std::hypot(s.values[0], s.values[1]);
+    return Described{"the " + c.what + " waves along " + c.coordinate + ": period " + rounded(s.at, 4) +
+                         c.unit_of_coordinate + ", amplitude " + rounded(amplitude * c.scale, 3) + c.unit,
+                     c.low, c.high};
+  };
+  return f;
+}
+
+}  // namespace fit::explain::forms
