@@ -299,8 +299,8 @@ class Range : public Fitting {
       double worst = 0;
       for (const fit::RangePoint& p : points)
         worst = std::max(worst, calibration.joint->u(p.measured_mm, p.intensity));
-      out["values"].push_back(
-          plain_value("largest_u_mm", "Largest standard uncertainty of the correction at a measured point", worst, "mm"));
+      out["values"].push_back(plain_value(
+          "largest_u_mm", "Largest standard uncertainty of the correction at a measured point", worst, "mm"));
     }
     double mean_u = 0;
     for (const fit::RangePoint& p : points) mean_u = std::max(mean_u, p.u_mm);

@@ -62,8 +62,7 @@ TEST_CASE(
 }
 
 TEST_CASE(
-    "where no distance was between two far apart, curves that part there are told, and where one would "
-    "decide") {
+    "where no distance was measured between two far apart, the correction's uncertainty there is told") {
   std::mt19937_64 random(5);
   std::normal_distribution<double> normal;
   // Near the lidar the error rises steeply; beyond, hardly.
