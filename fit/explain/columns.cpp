@@ -254,13 +254,14 @@ Columns freedom_columns(const MeanModel& model, const Term& term) {
   }
   // Typical size of the effect in each way it works.
   Eigen::VectorXd whole(n), even(n);
-  double range2 = 0, beam2 = 0, stage2 = 0, count = 0;
+  double range1 = 0, range2 = 0, beam2 = 0, stage2 = 0, count = 0;
   for (Eigen::Index i = 0; i < n; ++i) {
     const Cell& cell = model.cell(i);
     whole[i] = 0;
     if (!acts_on(term, cell)) continue;
     const Effect e = mechanism.act(cell.at, term.values);
     whole[i] = cell.sight.shift(e);
+    range1 += e.range_mm;
     range2 += e.range_mm * e.range_mm;
     beam2 += e.beam_rad * e.beam_rad;
     stage2 += e.stage_rad * e.stage_rad;
@@ -274,12 +275,13 @@ Columns freedom_columns(const MeanModel& model, const Term& term) {
     even[i] = range + sight.beam_lever() * beam + sight.stage_lever() * stage;
   }
   if (formula_error > 0.5) {
-    // Only the coordinate is certain, not the curve.
+    // Only the coordinate is certain, not the curve: of what shows of it here, not of what is the same
+    // everywhere.
     Shape curve;
     curve.form = find_form("smooth");
     curve.coordinate = coordinate;
     curve.length = 0.1;
-    curve.size = formula_error * range;
+    curve.size = formula_error * std::sqrt(std::max(0.0, range2 / count - std::pow(range1 / count, 2)));
     return columns_of(model, curve);
   }
   const bool harmonic =

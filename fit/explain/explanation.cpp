@@ -217,6 +217,13 @@ class Writer {
           set.emplace_back("mount-offset");
         }
       if (term.mechanism->id == "index-offset") set.emplace_back("mount-yaw");  // the same on one bench
+      if (const Shape* form = set.size() == 1 ? near_form(t) : nullptr) {
+        set.emplace_back("unknown-physics");
+        out_.unnamed_suspects.push_back(*form);
+        out_.notes.push_back("Nearly as probable as " + term.mechanism->id +
+                             ", and no mechanism that is known here: " +
+                             describe(*form, MeanModel(reduced_, means_.noise)).text + ".");
+      }
       if (set.size() > 1) {
         out_.undecided_between.push_back(set);
         out_.suspects.insert(out_.suspects.end(), members.begin(), members.end());
@@ -240,6 +247,13 @@ class Writer {
       known_.push_back({term.mechanism->id, finding.parameters, {}});
       if (!found.target.empty()) known_.back().texts["target"] = found.target;
     }
+  }
+
+  /// The unnamed form that leaves a term less than sure, if that is what does.
+  [[nodiscard]] const Shape* near_form(std::size_t t) const {
+    if (means_.probability[t] >= sure || means_.rivals[t].empty()) return nullptr;
+    const Rival& nearest = means_.rivals[t].front();
+    return nearest.shape && nearest.shape->form->tells_a_place ? &*nearest.shape : nullptr;
   }
 
   /// What only the bench file's uncertainties show may be any of several mechanisms, or the bench file

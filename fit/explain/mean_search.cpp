@@ -122,9 +122,10 @@ class Search {
         return term.mechanism->formula_error > uncertain_curve &&
                term.mechanism->coordinate == shape.coordinate;
       });
-      sum += shape.form->tells_a_place ? odds::worth_a_name_beside_a_place
-             : same                    ? 2 * odds::worth_a_name
-                                       : odds::worth_a_name;
+      if (shape.form->tells_a_place)
+        sum += same ? 0 : odds::worth_a_name_beside_a_place;
+      else
+        sum += same ? 2 * odds::worth_a_name : odds::worth_a_name;
     }
     return sum;
   }
@@ -270,6 +271,9 @@ class Search {
     next.nuisance.set(nuisance + posterior.value.head(nuisance.size()));
     trial.density = model.density_here(nuisance.size());
     next.density = trial.density;
+    next.adjusted = 0;
+    for (Eigen::Index k = nuisance.size(); k < posterior.value.size(); ++k)
+      next.adjusted += 1 - posterior.covariance(k, k) / std::pow(base.all.prior.sigma[k], 2);
     for (std::size_t t = 0; t < h.terms.size(); ++t) {
       Term& term = next.terms[t];
       const auto first = base.term_first[t], count = base.term_count[t];
@@ -656,12 +660,8 @@ bool is_set_aside(const MeanResult& result, const Term& term) {
   });
 }
 
-/// Akaike's: how well it fits, less one for everything that its mechanisms may adjust.
-double adjusted_fit(const Hypothesis& h) {
-  double fit = h.density;
-  for (const Term& term : h.terms) fit -= static_cast<double>(term.values.size());
-  return fit;
-}
+/// Akaike's: how well it fits, less one for everything that its mechanisms adjusted to the recording.
+double adjusted_fit(const Hypothesis& h) { return h.density - h.adjusted; }
 
 void Search::judge(Hypothesis& best, MeanResult& result) {
   auto said = std::move(result.stated_otherwise);
@@ -711,7 +711,7 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
       const Hypothesis other = extended(less, scored);
       Rival rival;
       if (scored.shape)
-        rival.shape = scored.shape;
+        rival.shape = other.shapes.back();
       else
         rival.term = other.terms.back();
       rival.behind = best.evidence - other.evidence +

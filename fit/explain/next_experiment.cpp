@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <random>
 
 #include "fit/explain/intensity.hpp"
@@ -131,45 +132,66 @@ CaptureInfo aimed(const Bench& bench, const Target& target) {
   return c;
 }
 
+/// What an experiment may find: a mechanism or an unnamed form, as it came out and as it may adjust.
+struct Suspected {
+  std::function<Eigen::VectorXd(const MeanModel&)> effect_mm;
+  std::function<Columns(const MeanModel&)> columns;
+};
+
+Suspected suspected(const Term& term) {
+  return {[&term](const MeanModel& model) { return effect_of(model, term); },
+          [&term](const MeanModel& model) {
+            Columns c = linear_columns(model, term);
+            c.prior.mean.setZero();
+            c.prior.sigma *= 10;
+            add(c, shape_columns(model, term));
+            add(c, freedom_columns(model, term));
+            return c;
+          }};
+}
+
+Suspected suspected(const Shape& shape) {
+  return {[&shape](const MeanModel& model) { return effect_of(model, shape); },
+          [&shape](const MeanModel& model) {
+            Columns c = columns_of(model, shape);
+            c.prior.sigma *= 10;
+            return c;
+          }};
+}
+
+/// Evidence that the effect of one would leave when the other tries to take it up.
+double evidence_against(const MeanModel& plain, const Suspected& rival, const Suspected& truth) {
+  MeanModel model = plain;
+  Columns base;
+  base.columns_mm = model.nuisance_columns();
+  base.prior.mean = Eigen::VectorXd::Zero(base.columns_mm.cols());
+  base.prior.sigma = Nuisance::prior_sigma(model.bench());
+  add(base, rival.columns(model));
+  model.set_base(base.columns_mm, {Eigen::VectorXd::Zero(base.columns_mm.cols()), base.prior.sigma});
+  const Eigen::VectorXd left = model.remainder(truth.effect_mm(model));
+  double sum = 0;
+  for (Eigen::Index i = 0; i < model.rows(); ++i) sum += std::pow(left[i] / model.sigma_of_mean(i), 2);
+  return sum / 2;
+}
+
 /// Smallest evidence that separates a pair, both ways.
-double separation(const Reduced& all, const std::vector<Term>& suspects) {
+double separation(const Reduced& all, const Explanation& explanation) {
   constexpr std::size_t enough = 12000;
   const std::optional<Reduced> few =
       all.cells.size() > enough ? std::optional(merged(all, enough)) : std::nullopt;
   const MeanModel plain(few ? *few : all, {});
+  const double share =
+      static_cast<double>(all.cells.size()) / std::max<double>(1, static_cast<double>(plain.rows()));
+  std::vector<Suspected> suspects;
+  for (const Term& term : explanation.suspects)
+    if (std::none_of(explanation.suspects.data(), &term, [&](const Term& other) { return other.same(term); }))
+      suspects.push_back(suspected(term));
+  for (const Shape& shape : explanation.unnamed_suspects) suspects.push_back(suspected(shape));
   double least = 1e300;
-  for (const Term& truth : suspects) {
-    for (const Term& rival : suspects) {
-      if (truth.same(rival)) continue;
-      MeanModel model = plain;
-      Columns base;
-      base.columns_mm = model.nuisance_columns();
-      base.prior.mean = Eigen::VectorXd::Zero(base.columns_mm.cols());
-      base.prior.sigma = Nuisance::prior_sigma(all.bench);
-      Columns own = linear_columns(model, rival);
-      for (Eigen::Index k = 0; k < own.prior.mean.size(); ++k) {
-        own.prior.mean[k] = 0;
-        own.prior.sigma[k] *= 10;
-      }
-      add(base, own);
-      add(base, shape_columns(model, rival));
-      add(base, freedom_columns(model, rival));
-      model.set_base(base.columns_mm, {Eigen::VectorXd::Zero(base.columns_mm.cols()), base.prior.sigma});
-      Eigen::VectorXd effect(model.rows());
-      for (Eigen::Index i = 0; i < model.rows(); ++i) {
-        const Cell& cell = model.cell(i);
-        const bool acts = truth.target < 0 || truth.target == cell.at.target;
-        effect[i] = acts ? cell.sight.shift(truth.mechanism->act(cell.at, truth.values)) : 0;
-        if (!std::isfinite(effect[i])) effect[i] = 0;
-      }
-      const Eigen::VectorXd left = model.remainder(effect);
-      double sum = 0;
-      for (Eigen::Index i = 0; i < model.rows(); ++i) sum += std::pow(left[i] / model.sigma_of_mean(i), 2);
-      least = std::min(least, sum / 2 *
-                                  (static_cast<double>(all.cells.size()) /
-                                   std::max<double>(1, static_cast<double>(model.rows()))));
-    }
-  }
+  for (std::size_t truth = 0; truth < suspects.size(); ++truth)
+    for (std::size_t rival = 0; rival < suspects.size(); ++rival)
+      if (rival != truth)
+        least = std::min(least, share * evidence_against(plain, suspects[rival], suspects[truth]));
   return least;
 }
 
@@ -270,17 +292,13 @@ namespace {
 /// What an experiment would tell beside what is recorded: the least evidence between any two suspects.
 double expected_of(Reduced& all, const Explanation& explanation) {
   double least = 1e300;
-  if (explanation.suspects.size() > 1) {
+  if (explanation.rivals_in_range() > 1) {
     pool_variances(all);
-    least = separation(all, explanation.suspects);
+    least = separation(all, explanation);
   }
   if (explanation.light_suspects.size() > 1)
     least = std::min(least, separation_of_light(all, explanation.light_suspects));
   return least < 1e300 ? least : 0;
-}
-
-bool has_rivals(const Explanation& explanation) {
-  return explanation.suspects.size() > 1 || explanation.light_suspects.size() > 1;
 }
 
 double typical_sigma(const Reduced& reduced) {
@@ -326,7 +344,7 @@ std::vector<Experiment> experiments_by_hand(const Bench& bench, const std::vecto
 
 std::optional<Experiment> best_experiment(const std::vector<const Recording*>& recordings,
                                           const Explanation& explanation, const StageTravel& travel) {
-  if (!has_rivals(explanation) || recordings.empty()) return {};
+  if (!explanation.has_rivals() || recordings.empty()) return {};
   Reduced so_far = reduce(*recordings.front(), {});
   for (std::size_t i = 1; i < recordings.size(); ++i) append(so_far, reduce(*recordings[i], {}));
   const Brightness brightness = Brightness::of(so_far);
@@ -345,7 +363,7 @@ std::optional<Experiment> best_experiment(const std::vector<const Recording*>& r
 
 std::optional<Experiment> best_experiment_by_hand(const std::vector<const Recording*>& recordings,
                                                   const Explanation& explanation) {
-  if (!has_rivals(explanation) || recordings.empty() || recordings.front()->bench().targets.empty())
+  if (!explanation.has_rivals() || recordings.empty() || recordings.front()->bench().targets.empty())
     return {};
   const Bench& bench = recordings.front()->bench();
   const Reduced first = reduce(*recordings.front(), {});

@@ -369,30 +369,45 @@ class VarianceSearch {
       low = std::min(low, p.beam_deg);
       high = std::max(high, p.beam_deg);
     }
-    const auto look = [&](double centre, double width) {
+    double centre = 0, width = 0;
+    const auto gain_at = [&](double c, double w) {
+      const std::vector<double> column = light_column(c, w);
       double gain = 0;
-      const std::vector<double> column = light_column(centre, width);
-      if (*std::ranges::max_element(column) < 0.5) return;  // a size at a place that no beam saw
+      if (*std::ranges::max_element(column) < 0.5) return gain;  // a size at a place that no beam saw
       const auto fit = more(column, gain);
-      if (gain <= best.gain) return;
-      best.gain = gain;
-      const Eigen::Index last = fit.value.size() - 1;
-      const double u = width / std::sqrt(1 + 2 * gain);
-      best.parameters = {{"sigma_mm", root(fit.value[last], fit.sigma[last])},
-                         {"centre_deg", {centre, u}},
-                         {"width_deg", {width, u}}};
+      if (gain > best.gain) {
+        best.gain = gain;
+        centre = c;
+        width = w;
+        best.parameters["sigma_mm"] = root(fit.value[fit.value.size() - 1], fit.sigma[fit.sigma.size() - 1]);
+      }
+      return gain;
     };
     if (high - low > 20) {
-      for (const double width : {5.0, 9.0, 16.0, 28.0})
-        for (double centre = low; centre <= high; centre += 0.8 * width) look(centre, width);
+      for (const double w : {5.0, 9.0, 16.0, 28.0})
+        for (double c = low; c <= high; c += 0.8 * w) gain_at(c, w);
       if (best.gain > 2) {
-        for (int pass = 0; pass < 3; ++pass) {
-          const double centre = best.parameters.at("centre_deg").value,
-                       width = best.parameters.at("width_deg").value, step = width * 0.3 / (1 << pass);
-          for (const double c : {centre - step, centre + step}) look(c, width);
-          for (const double w : {width / (1 + 0.3 / (1 << pass)), width * (1 + 0.3 / (1 << pass))})
-            look(centre, w);
+        constexpr double finest = 0.02;
+        for (double share = 0.3; share > finest;) {
+          const double before = best.gain, c = centre, w = width, step = share * width;
+          for (const double other : {c - step, c + step}) gain_at(other, w);
+          for (const double other : {w / (1 + share), w * (1 + share)}) gain_at(c, other);
+          if (best.gain <= before) share /= 2;
         }
+        // To where the log-likelihood has fallen by a half, on a parabola through places well aside.
+        constexpr double aside = 0.25;
+        const auto uncertainty = [&](double one, double other) {
+          const double fall = std::max(0.05, best.gain - (one + other) / 2);
+          return aside * width / std::sqrt(2 * fall);
+        };
+        const double top = best.gain, c = centre, w = width;
+        const double c_u = uncertainty(gain_at(c - aside * w, w), gain_at(c + aside * w, w));
+        const double w_u = uncertainty(gain_at(c, w * (1 - aside)), gain_at(c, w * (1 + aside)));
+        best.gain = top;
+        best.parameters["centre_deg"] = {c, c_u};
+        // A window's light has another profile than this one: its width at half height is 1.2 of this one's.
+        constexpr double unknown_profile = 0.18;
+        best.parameters["width_deg"] = {w, std::hypot(w_u, unknown_profile * w)};
       }
     }
     best.evidence = best.gain - price_of_size(best.gain) - odds::against_place(best.gain, (high - low) / 12) -
@@ -492,6 +507,9 @@ std::vector<Scan> scans_of(const Reduced& reduced) {
 using Numbering = std::int64_t Scan::*;
 constexpr std::array<Numbering, 3> numberings{&Scan::seq, &Scan::counted, &Scan::turn};
 
+// Standard sizes of patterns that are tried, and the log of what trying costs.
+constexpr double least_pattern_mm = 0.01, most_pattern_mm = 5, price_of_pattern_size = 2;
+
 /// What scans of every class, their number modulo the number of classes, have in common.
 struct Classes {
   std::vector<double> score, information;
@@ -507,20 +525,14 @@ struct Classes {
   [[nodiscard]] double value(std::size_t at) const {
     return information[at] > 0 ? score[at] / information[at] : 0;
   }
-  /// Log-likelihood that these values gain, and its evidence against a prior of 1 mm.
+  /// Log-likelihood that these values gain, and its evidence against a prior whose scale is searched.
   [[nodiscard]] std::pair<double, double> gain(double inflate) const {
-    double sum = 0, evidence = 0;
-    const auto modulus = static_cast<double>(score.size());
-    for (std::size_t c = 0; c < score.size(); ++c) {
-      if (information[c] <= 0) continue;
-      const double known = information[c] / inflate;
-      const double own = 0.5 * score[c] * score[c] / information[c] / inflate;
-      sum += own;
-      evidence += own * known / (1 + known);
-      // Deviations from a mean: one class says nothing that the others have not said.
-      evidence -= 0.5 * std::log(1 + known) * (modulus - 1) / modulus;
-    }
-    return {sum, evidence};
+    double sum = 0, best = -1e300;
+    for (std::size_t c = 0; c < score.size(); ++c)
+      if (information[c] > 0) sum += 0.5 * score[c] * score[c] / information[c] / inflate;
+    for (double scale_mm = least_pattern_mm; scale_mm < most_pattern_mm; scale_mm *= 2)
+      best = std::max(best, evidence_at(scale_mm, inflate));
+    return {sum, best - price_of_pattern_size};
   }
   /// Squared scatter of scans within their classes, in units of their own noise; at least 1.
   [[nodiscard]] double scatter(const std::vector<Scan>& scans, Numbering number) const {
@@ -532,6 +544,21 @@ struct Classes {
       squares += off * off * s.information(0, 0);
     }
     return std::max(1.0, squares / std::max(1.0, static_cast<double>(scans.size() - score.size())));
+  }
+
+ private:
+  [[nodiscard]] double evidence_at(double scale_mm, double inflate) const {
+    double evidence = 0;
+    const auto modulus = static_cast<double>(score.size());
+    for (std::size_t c = 0; c < score.size(); ++c) {
+      if (information[c] <= 0) continue;
+      const double known = information[c] / inflate * scale_mm * scale_mm;
+      const double own = 0.5 * score[c] * score[c] / information[c] / inflate;
+      evidence += own * known / (1 + known);
+      // Deviations from a mean: one class says nothing that the others have not said.
+      evidence -= 0.5 * std::log(1 + known) * (modulus - 1) / modulus;
+    }
+    return evidence;
   }
 };
 
@@ -609,6 +636,78 @@ std::map<std::string, Estimate> faces_of(const Classes& pattern, double inflate)
   return {{"amplitude_mm", {amplitude, u}}, {"phase_deg", {phase, phase_u}}, {"facets", {faces, 0}}};
 }
 
+/// How a pattern grows: within every capture, or from capture to capture; 1 at its end.
+using Growth = double (*)(const Scan& scan, const Scan& last);
+double in_captures(const Scan& scan, const Scan&) {
+  return (static_cast<double>(scan.seq) + 1) / std::max(1, scan.scans);
+}
+double over_captures(const Scan& scan, const Scan& last) { return (scan.group + 1.0) / (last.group + 1.0); }
+
+/// What scans of every class have in common where that grows: information and score of the classes, of what
+/// is news in captures whose own means are not known.
+std::pair<Eigen::MatrixXd, Eigen::VectorXd> growing_classes(const std::vector<Scan>& scans, Numbering number,
+                                                            int modulus, Growth growth) {
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(modulus, modulus);
+  Eigen::VectorXd score = Eigen::VectorXd::Zero(modulus), mean(modulus), of_scan(modulus);
+  const auto column = [&](const Scan& s) {
+    of_scan.setZero();
+    of_scan[static_cast<Eigen::Index>(s.*number % modulus)] = growth(s, scans.back());
+  };
+  for (std::size_t first = 0, end = 0; first < scans.size(); first = end) {
+    mean.setZero();
+    for (end = first; end < scans.size() && scans[end].group == scans[first].group; ++end) {
+      column(scans[end]);
+      mean += of_scan;
+    }
+    mean /= static_cast<double>(end - first);
+    for (std::size_t i = first; i < end; ++i) {
+      column(scans[i]);
+      of_scan -= mean;
+      information += scans[i].information(0, 0) * of_scan * of_scan.transpose();
+      score += scans[i].score[0] * of_scan;
+    }
+  }
+  return {information, score};
+}
+
+/// A pattern of scans' numbers that grows.
+struct GrowingPattern {
+  double gain = 0, evidence = -1;
+  std::string describes;
+};
+
+GrowingPattern growing_pattern(const std::vector<Scan>& scans, double price, std::int64_t longest) {
+  struct Way {
+    Growth growth;
+    const char* says;
+  };
+  const double price_of_way = std::log(2.0);
+  GrowingPattern best;
+  for (const Way way :
+       {Way{in_captures, "within every capture"}, Way{over_captures, "from capture to capture"}})
+    for (const Numbering number : numberings)
+      for (int modulus = 2; modulus <= static_cast<int>(std::min<std::int64_t>(8, longest - 1)); ++modulus) {
+        const double inflate =
+            Classes(scans, number, static_cast<std::size_t>(modulus)).scatter(scans, number);
+        auto [information, score] = growing_classes(scans, number, modulus, way.growth);
+        information /= inflate;
+        score /= inflate;
+        for (double scale_mm = least_pattern_mm; scale_mm < most_pattern_mm; scale_mm *= 2) {
+          const Eigen::LLT<Eigen::MatrixXd> factor(Eigen::MatrixXd::Identity(modulus, modulus) +
+                                                   scale_mm * scale_mm * information);
+          const double gain = 0.5 * scale_mm * scale_mm * score.dot(factor.solve(score));
+          double log_det = 0;
+          for (Eigen::Index k = 0; k < modulus; ++k) log_det += std::log(factor.matrixL()(k, k));
+          const double evidence = gain - log_det - price_of_pattern_size - price - price_of_way;
+          if (evidence > best.evidence)
+            best = {gain, evidence,
+                    "the range follows the number of the scan, the same every " + std::to_string(modulus) +
+                        " scans, and more and more so " + way.says};
+        }
+      }
+  return best;
+}
+
 /// Common ranges that depend on the scan's number only: mirror faces, which are taken off, or anything else.
 void scan_numbers(std::vector<Scan>& scans, SpreadResult& result) {
   if (scans.size() < 20) return;
@@ -640,6 +739,17 @@ void scan_numbers(std::vector<Scan>& scans, SpreadResult& result) {
     std::tie(every_gain, every) =
         Classes(scans, &Scan::seq, static_cast<std::size_t>(longest)).gain(of_numbers);
   if (drifts && every < facet.evidence) every = facet.evidence;
+  std::string describes =
+      "the range depends on the number of the scan in its capture in a way that no mirror face and no "
+      "swinging "
+      "stage makes";
+  const GrowingPattern growing = growing_pattern(scans, price, longest);
+  if (growing.evidence > facet.evidence + 3 && growing.evidence > every) {
+    every = growing.evidence;
+    every_gain = growing.gain;
+    describes = growing.describes;
+    drifts = true;
+  }
   // Captures that hardly see a face twice must say so better than any pattern of scans does.
   const bool repeats =
       facet.evidence > accept_at && 2 * facet.parameters.at("facets").value <= static_cast<double>(longest);
@@ -649,7 +759,7 @@ void scan_numbers(std::vector<Scan>& scans, SpreadResult& result) {
     const Classes pattern(scans, counted_as, faces);
     for (Scan& s : scans)
       s.score -= s.information.col(0) * pattern.value(static_cast<std::size_t>(s.*counted_as) % faces);
-  } else if (every > accept_rare_at + 2.5) {
+  } else if (every > accept_rare_at) {
     Unexplained u;
     u.observable = Observable::range_mean;
     u.coordinate = Coordinate::scan_seq;
@@ -657,9 +767,7 @@ void scan_numbers(std::vector<Scan>& scans, SpreadResult& result) {
     u.evidence = every;
     u.from = 0;
     u.to = static_cast<double>(longest - 1);
-    u.describes =
-        "the range depends on the number of the scan in its capture in a way that no mirror face and "
-        "no swinging stage makes";
+    u.describes = describes;
     result.unknown.push_back(u);
   }
 }

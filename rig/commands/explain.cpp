@@ -129,7 +129,7 @@ class Explain : public Command {
   /// Writes the procedure that separates the suspects best; empty when there is none or nowhere to write it.
   std::string next_experiment(const fit::explain::Explanation& explanation,
                               const std::vector<const fit::Recording*>& recordings) const {
-    if (explanation.suspects.size() < 2 && explanation.light_suspects.size() < 2) return {};
+    if (!explanation.has_rivals()) return {};
     const fit::Bench& bench = recordings.front()->bench();
     const StageLimits limits = stage_limits(bench);
     const auto best = explanation.several_places
@@ -144,6 +144,7 @@ class Explain : public Command {
     std::string names;
     for (const auto& suspect : explanation.suspects)
       names += (names.empty() ? "" : ", ") + suspect.mechanism->id;
+    if (!explanation.unnamed_suspects.empty()) names += ", unknown-physics";
     for (const auto& suspect : explanation.light_suspects)
       names += (names.empty() ? "" : ", ") + suspect.mechanism->id;
     const std::string text = procedure_text(*best, names);

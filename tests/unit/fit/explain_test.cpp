@@ -181,6 +181,54 @@ TEST_CASE("mirror faces are told whatever face a capture begins with") {
   CHECK(std::abs(found.at("amplitude_mm").value - 0.4) < 4 * found.at("amplitude_mm").u);
 }
 
+TEST_CASE("a pattern of scans that grows is no mirror") {
+  ImaginedRoom room;
+  room.scans = 9;
+  room.pause_s = 20.025;
+  room.face = [](std::int64_t turn) { return (turn % 2 == 0 ? 1 : -1) * 3e-5 * static_cast<double>(turn); };
+  const Explanation e = explanation_of(room);
+  INFO(to_text(e));
+  CHECK(names(e).empty());
+  REQUIRE(e.unknown);
+  CHECK(e.unknown->coordinate == fit::Coordinate::scan_seq);
+  CHECK_THAT(e.unknown->describes, Catch::Contains("same every 2 scans, and more and more so from capture"));
+}
+
+TEST_CASE("a step of the range along the beams is told as one, or nothing is told for certain") {
+  for (const double step_mm : {0.3, 0.5, 0.7, 1.0, 2.0}) {
+    ImaginedRoom room;
+    room.stretch = [step_mm](double beam, double, double) { return beam > 0.3 ? step_mm : 0; };
+    const Explanation e = explanation_of(room);
+    INFO(step_mm << " mm: " << to_text(e));
+    for (const auto& found : e.mechanisms) CHECK(found.probability < 0.9);
+    if (step_mm >= 1) {
+      REQUIRE(e.unknown);
+      CHECK_THAT(e.unknown->describes, Catch::Contains("range steps by"));
+    }
+  }
+}
+
+TEST_CASE("an experiment is planned between a mechanism and an unnamed step") {
+  ImaginedRoom room;
+  const SyntheticRecording recording = room.record();
+  Explanation e;
+  fit::explain::Shape step;
+  step.form = fit::explain::find_form("step");
+  step.at = 20;
+  step.size = 0.2;
+  step.values = {0.2};
+  e.unnamed_suspects.push_back(step);
+  CHECK_FALSE(fit::explain::best_experiment({&recording}, e, {}));
+  e.suspects.push_back({fit::find_mechanism("encoder-eccentricity"), -1, {0.01, 60}, {}});
+  const auto next = fit::explain::best_experiment({&recording}, e, {});
+  REQUIRE(next);
+  CHECK(next->expected > 3);
+  // What nobody could see, no experiment tells apart.
+  e.unnamed_suspects.front().values = {1e-5};
+  e.suspects.front().values = {1e-6, 60};
+  CHECK_FALSE(fit::explain::best_experiment({&recording}, e, {}));
+}
+
 TEST_CASE("a wall that stands turned is told as such, exactly, and nothing else is accused") {
   const double turned_deg = GENERATE(-0.7, 0.6, 1.5);
   ImaginedRoom room;
