@@ -67,8 +67,9 @@ std::vector<double> Mechanism::values(const std::map<std::string, Estimate>& giv
     if (found != given.end())
       list.push_back(found->second.value);
     else
-      list.push_back(parameter.role == Parameter::Role::shape && parameter.expected == 0 ? parameter.lower
-                                                                                         : parameter.expected);
+      list.push_back(parameter.role == Parameter::Role::shape && parameter.expected == 0
+                         ? parameter.lower
+                         : parameter.expected);
   }
   return list;
 }
@@ -86,7 +87,13 @@ const Mechanism* find_mechanism(const std::string& id) {
 
 std::string rounded(double value, int digits) {
   char text[40];
-  std::snprintf(text, sizeof text, "%.*g", digits, value);
+  const double size = std::abs(value);
+  if (size >= std::pow(10, digits) && size < 1e6) {  // no powers of ten for people
+    const double unit = std::pow(10, std::floor(std::log10(size)) + 1 - digits);
+    std::snprintf(text, sizeof text, "%.0f", std::round(value / unit) * unit);
+  } else {
+    std::snprintf(text, sizeof text, "%.*g", digits, value);
+  }
   return text;
 }
 

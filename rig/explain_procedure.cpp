@@ -124,7 +124,7 @@ std::string procedure_text(const Experiment& e, const std::string& suspects) {
   const bool both = e.kind == Experiment::Kind::all_round || e.kind == Experiment::Kind::both_sides;
   return "procedure: next-experiment\ntitle: " + quoted(e.title) + "\nabout: " +
          quoted("Separates " + suspects + ": the odds between them are expected to become e^" +
-                fit::rounded(std::min(e.expected, 9999.0), 2) +
+                std::to_string(std::lround(std::min(e.expected, 9999.0))) +
                 " or more. Afterwards: rig explain THE-SESSION-SO-FAR.rig THE-NEW-ONE.rig") +
          (e.by_hand ? std::string("\nsteps:\n")
                     : std::string("\nstage: {approach: ") + (both ? "direct" : "positive") +

@@ -22,10 +22,10 @@ using Role = Parameter::Role;
 double places_of(const Parameter& p) { return std::max(1.5, p.starts / 3.0); }
 
 /// Periods of gears are whole fractions of a turn.
-bool possible(const Mechanism& m, const std::vector<double>& values, std::optional<double> stops_apart_deg) {
+bool possible(const Mechanism& m, const std::vector<double>& values, std::optional<double> spacing_deg) {
   if (m.id != "stage-periodic") return true;
   const double period = values[2];
-  if (stops_apart_deg && looks_slow(period, *stops_apart_deg)) return false;
+  if (spacing_deg && looks_slow(period, *spacing_deg)) return false;
   if (period < 24) return true;
   return std::abs(360 / period - std::round(360 / period)) < 0.02;
 }
@@ -160,7 +160,7 @@ void refine(const std::vector<double>& start, const std::vector<std::size_t>& sh
 
 }  // namespace
 
-Candidate look(const MeanModel& model, const Term& term, std::optional<double> stops_apart_deg) {
+Candidate look(const MeanModel& model, const Term& term, std::optional<double> spacing_deg) {
   const auto& parameters = term.mechanism->parameters;
   std::vector<std::size_t> shapes;
   for (std::size_t k = 0; k < parameters.size(); ++k)
@@ -171,7 +171,7 @@ Candidate look(const MeanModel& model, const Term& term, std::optional<double> s
   const auto attempt = [&](const std::vector<double>& values) {
     Term t = term;
     t.values = values;
-    if (!possible(*t.mechanism, values, stops_apart_deg)) return -1e300;
+    if (!possible(*t.mechanism, values, spacing_deg)) return -1e300;
     const MeanModel::Fit f = evaluate(model, t);
     set_coefficients(t, f.value, f.sigma.cwiseAbs2().asDiagonal());
     const double evidence = f.evidence - odds::against(t);
@@ -204,7 +204,7 @@ Candidate look(const MeanModel& model, const Term& term, std::optional<double> s
   for (const std::size_t k : shapes)
     best.evidence -= odds::against_place(best.gain, places_of(parameters[k]));
   if (term.mechanism->one_target)
-    best.evidence -= 0.5 * std::log(static_cast<double>(model.bench().targets.size()));
+    best.evidence -= std::log(static_cast<double>(model.bench().targets.size()));
   return best;
 }
 

@@ -16,7 +16,8 @@ struct Candidate {
 };
 
 /// The best values of one mechanism on top of the model's base: every start, then NLopt from the best ones.
-[[nodiscard]] Candidate look(const MeanModel& model, const Term& term, std::optional<double> stops_apart_deg);
+/// `spacing_deg`: of the stage's stops.
+[[nodiscard]] Candidate look(const MeanModel& model, const Term& term, std::optional<double> spacing_deg);
 
 /// The best size of one unnamed form.
 [[nodiscard]] Candidate look(const MeanModel& model, Shape shape);

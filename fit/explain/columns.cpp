@@ -40,10 +40,6 @@ std::vector<double> only_shapes(const Term& term) {
   return values;
 }
 
-bool has_phase(const Mechanism& mechanism, std::size_t size) {
-  return size + 1 < mechanism.parameters.size() && mechanism.parameters[size + 1].role == Role::phase;
-}
-
 }  // namespace
 
 double lever_of(Channel channel, const Sight& sight) {
@@ -197,6 +193,12 @@ Columns linear_columns(const MeanModel& model, const Term& term) {
   return c;
 }
 
+bool has_free_curve(const Mechanism& mechanism) { return mechanism.formula_error > 0.5; }
+
+bool has_phase(const Mechanism& mechanism, std::size_t size) {
+  return size + 1 < mechanism.parameters.size() && mechanism.parameters[size + 1].role == Role::phase;
+}
+
 bool is_comb(const Mechanism& mechanism) { return mechanism.id == "time-quantisation"; }
 
 /// Millimetres by which a bin may change before its comb is another one: a quarter of a bin over the ranges
@@ -274,7 +276,7 @@ Columns freedom_columns(const MeanModel& model, const Term& term) {
     const Sight& sight = model.cell(i).sight;
     even[i] = range + sight.beam_lever() * beam + sight.stage_lever() * stage;
   }
-  if (formula_error > 0.5) {
+  if (has_free_curve(mechanism)) {
     // Only the coordinate is certain, not the curve: of what shows of it here, not of what is the same
     // everywhere.
     Shape curve;
@@ -282,7 +284,7 @@ Columns freedom_columns(const MeanModel& model, const Term& term) {
     curve.coordinate = coordinate;
     curve.length = 0.1;
     curve.size = formula_error * std::sqrt(std::max(0.0, range2 / count - std::pow(range1 / count, 2)));
-    return columns_of(model, curve);
+    return curve.size > 0 ? columns_of(model, curve) : c;
   }
   const bool harmonic =
       std::ranges::any_of(mechanism.parameters, [](const Parameter& p) { return p.role == Role::phase; });

@@ -219,7 +219,8 @@ class Writer {
       if (term.mechanism->id == "index-offset") set.emplace_back("mount-yaw");  // the same on one bench
       if (const Shape* form = set.size() == 1 ? near_form(t) : nullptr) {
         set.emplace_back("unknown-physics");
-        out_.unnamed_suspects.push_back(*form);
+        // A curve is scaled to what was recorded: of another recording it says nothing.
+        if (!form->form->scaled) out_.unnamed_suspects.push_back(*form);
         out_.notes.push_back("Nearly as probable as " + term.mechanism->id +
                              ", and no mechanism that is known here: " +
                              describe(*form, MeanModel(reduced_, means_.noise)).text + ".");
@@ -251,9 +252,10 @@ class Writer {
 
   /// The unnamed form that leaves a term less than sure, if that is what does.
   [[nodiscard]] const Shape* near_form(std::size_t t) const {
-    if (means_.probability[t] >= sure || means_.rivals[t].empty()) return nullptr;
-    const Rival& nearest = means_.rivals[t].front();
-    return nearest.shape && nearest.shape->form->tells_a_place ? &*nearest.shape : nullptr;
+    if (means_.probability[t] >= sure) return nullptr;
+    const auto form =
+        std::ranges::find_if(means_.rivals[t], [](const Rival& r) { return r.shape.has_value(); });
+    return form != means_.rivals[t].end() && form->behind < close_behind ? &*form->shape : nullptr;
   }
 
   /// What only the bench file's uncertainties show may be any of several mechanisms, or the bench file

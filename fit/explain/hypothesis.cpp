@@ -66,7 +66,7 @@ Base base_columns(const MeanModel& model, const Hypothesis& h) {
     std::size_t k = 0;
     for (std::size_t p = 0; p < term.values.size(); ++p) {
       if (term.mechanism->parameters[p].role != Role::size) continue;
-      const bool phased = p + 1 < term.values.size() && term.mechanism->parameters[p + 1].role == Role::phase;
+      const bool phased = has_phase(*term.mechanism, p);
       const double u = phased ? std::hypot(term.sigma[p], term.values[p] * term.sigma[p + 1] * rad_per_deg)
                               : term.sigma[p];
       for (int copy = 0; copy < (phased ? 2 : 1); ++copy, ++k) {

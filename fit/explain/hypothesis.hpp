@@ -34,7 +34,7 @@ struct Hypothesis {
 /// Predicts every cell under a hypothesis, with what the bench already knows at work.
 void predict_at(Reduced& reduced, const Hypothesis& hypothesis, bool may_leave_out = false);
 
-/// Columns of everything but a chosen term, at the present prediction.
+/// Columns of mount, targets, known and new mechanisms and forms, at the present prediction.
 struct Base {
   Columns all;
   std::vector<Eigen::Index> term_first, term_count, shape_first;

@@ -109,18 +109,16 @@ class Search {
   }
 
   double scatter_of_groups(const Hypothesis& best);
-  [[nodiscard]] const MeanNoise& noise() const { return noise_; }
 
  private:
-  /// How far names may be behind unnamed functions: farther where only what a mechanism depends on is
-  /// certain, not its curve; less far behind a step or a wave, which hardly resemble anything else.
+  /// How far names may be behind unnamed functions: less far behind a step or a wave, which hardly resemble
+  /// anything else. A mechanism of which only the coordinate is certain may be farther behind another curve
+  /// of that, but no step behind a step: its own curve has taken up what it could.
   static double preference(const Hypothesis& named, const Hypothesis& unnamed) {
-    constexpr double uncertain_curve = 0.5;
     double sum = 0;
     for (const Shape& shape : unnamed.shapes) {
       const bool same = std::ranges::any_of(named.terms, [&](const Term& term) {
-        return term.mechanism->formula_error > uncertain_curve &&
-               term.mechanism->coordinate == shape.coordinate;
+        return has_free_curve(*term.mechanism) && term.mechanism->coordinate == shape.coordinate;
       });
       if (shape.form->tells_a_place)
         sum += same ? 0 : odds::worth_a_name_beside_a_place;
@@ -132,6 +130,7 @@ class Search {
 
   /// What was found among fewer cells, looked at once more and judged.
   void decide(Hypothesis& best, MeanResult& result) {
+    fit(best);  // Evidences compare on the same cells only.
     best = climb(best, 4, !best.shapes.empty());
     judge(best, result);
   }
@@ -230,9 +229,7 @@ class Search {
   }
 
   void find_excess(Hypothesis& empty) {
-    MeanModel model(reduced_, noise_);
-    Base base = base_columns(model, empty);
-    model.set_base(std::move(base.all.columns_mm), base.all.prior);
+    const MeanModel model = model_of(reduced_, empty);
     excess_ = excess_scatter(model);
     // Four standard errors of a median of squares of which neighbours share two beams.
     const double doubt = 4 * 3.4 / std::sqrt(std::max<double>(60, static_cast<double>(model.rows())));
@@ -273,7 +270,8 @@ class Search {
     next.density = trial.density;
     next.adjusted = 0;
     for (Eigen::Index k = nuisance.size(); k < posterior.value.size(); ++k)
-      next.adjusted += 1 - posterior.covariance(k, k) / std::pow(base.all.prior.sigma[k], 2);
+      if (const double free = base.all.prior.sigma[k]; free > 0)
+        next.adjusted += 1 - posterior.covariance(k, k) / (free * free);
     for (std::size_t t = 0; t < h.terms.size(); ++t) {
       Term& term = next.terms[t];
       const auto first = base.term_first[t], count = base.term_count[t];
@@ -282,6 +280,8 @@ class Search {
       for (std::size_t k = 0; k < now.size(); ++k) x[static_cast<Eigen::Index>(k)] += now[k];
       set_coefficients(term, x, posterior.covariance.block(first, first, count, count));
       next.evidence -= odds::against(term);
+      if (term.mechanism->one_target)
+        next.evidence -= std::log(static_cast<double>(reduced_.bench.targets.size()));
     }
     for (std::size_t s = 0; s < h.shapes.size(); ++s) {
       const Eigen::Index first = base.shape_first[s], last = base.shape_first[s + 1];
@@ -340,8 +340,7 @@ class Search {
     h = best;
   }
 
-  // ---- looking for one more
-  // --------------------------------------------------------------------------------
+  // ---- looking for one more ---------------------------------------------------------------------
   [[nodiscard]] bool is_larger_than(std::size_t rows) const {
     return static_cast<std::size_t>(std::ranges::count_if(reduced_.cells, &Cell::smooth)) > rows;
   }
@@ -389,8 +388,7 @@ class Search {
     return list;
   }
 
-  // ---- moves
-  // -----------------------------------------------------------------------------------------------
+  // ---- moves ------------------------------------------------------------------------------------
   Hypothesis extended(const Hypothesis& h, const Candidate& scored) {
     Hypothesis more = h;
     if (scored.shape) {
@@ -496,7 +494,7 @@ class Search {
     return best;
   }
 
-  /// From the best curve, the best step and the best wave.
+  /// From the best of every form.
   Hypothesis from_unnamed(const Hypothesis& empty) {
     std::vector<Candidate> list = scan(empty, nullptr, false, true);
     std::set<const Form*> kinds;
@@ -522,8 +520,7 @@ class Search {
     return one.evidence + sign * margin > other.evidence;
   }
 
-  // ---- judgement
-  // -------------------------------------------------------------------------------------------
+  // ---- judgement --------------------------------------------------------------------------------
   void judge(Hypothesis& best, MeanResult& result);
   void measure(const Hypothesis& best, MeanResult& result);
   void doubt_aliases(Hypothesis& best);
@@ -570,9 +567,7 @@ std::vector<int> Search::blocks_and_floor(MeanResult& result, int* count) const 
 
 HeldOutFigures Search::held_out(const Hypothesis& h, const std::vector<int>& blocks, int count) {
   place(h);
-  MeanModel model(reduced_, noise_);
-  Base base = base_columns(model, h);
-  model.set_base(std::move(base.all.columns_mm), base.all.prior);
+  const MeanModel model = model_of(reduced_, h);
   const MeanModel::HeldOut out = model.held_out(blocks, count);
   const double n = std::max(1.0, out.cells);
   return {out.log_likelihood, std::sqrt(out.squares / n), out.within_2u / n, out.cells};
@@ -701,9 +696,9 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
     rivals.push_back({{}, {}, best.evidence - less.evidence});
     const std::vector<Candidate> list = scan(less, &best.terms[t], true, best.shapes.empty());
     const double first_evidence = list.empty() ? 0 : list.front().evidence;
-    bool unnamed = false;
+    std::set<const Form*> forms;  // Of every form, the best one.
     for (const Candidate& scored : list) {
-      if (scored.shape && std::exchange(unnamed, true)) continue;
+      if (scored.shape && !forms.insert(scored.shape->form).second) continue;
       if (rivals.size() > (has_patience() ? 7 : 3) ||
           (rivals.size() > 2 && scored.evidence < 0.3 * first_evidence))
         break;
@@ -797,9 +792,7 @@ void Search::measure(const Hypothesis& best, MeanResult& result) {
 /// Variance (mm^2) of what whole groups are off beyond what their cells say.
 double Search::scatter_of_groups(const Hypothesis& best) {
   place(best);
-  MeanModel model(reduced_, noise_);
-  Base base = base_columns(model, best);
-  model.set_base(std::move(base.all.columns_mm), base.all.prior);
+  const MeanModel model = model_of(reduced_, best);
   const Eigen::VectorXd residual = model.residual();
   std::vector<double> sum(reduced_.groups.size(), 0.0), weight(reduced_.groups.size(), 0.0);
   for (Eigen::Index i = 0; i < model.rows(); ++i) {

@@ -150,6 +150,7 @@ Suspected suspected(const Term& term) {
           }};
 }
 
+/// Where a step stands, or how long a period is, is held as it came out: promises are a little too good.
 Suspected suspected(const Shape& shape) {
   return {[&shape](const MeanModel& model) { return effect_of(model, shape); },
           [&shape](const MeanModel& model) {
@@ -159,39 +160,43 @@ Suspected suspected(const Shape& shape) {
           }};
 }
 
-/// Evidence that the effect of one would leave when the other tries to take it up.
-double evidence_against(const MeanModel& plain, const Suspected& rival, const Suspected& truth) {
-  MeanModel model = plain;
-  Columns base;
-  base.columns_mm = model.nuisance_columns();
-  base.prior.mean = Eigen::VectorXd::Zero(base.columns_mm.cols());
-  base.prior.sigma = Nuisance::prior_sigma(model.bench());
-  add(base, rival.columns(model));
-  model.set_base(base.columns_mm, {Eigen::VectorXd::Zero(base.columns_mm.cols()), base.prior.sigma});
-  const Eigen::VectorXd left = model.remainder(truth.effect_mm(model));
-  double sum = 0;
-  for (Eigen::Index i = 0; i < model.rows(); ++i) sum += std::pow(left[i] / model.sigma_of_mean(i), 2);
-  return sum / 2;
+/// Every suspect once, whatever the number of sets it is in.
+std::vector<Suspected> suspects_of(const Explanation& explanation) {
+  std::vector<const Term*> terms;
+  for (const Term& term : explanation.suspects)
+    if (std::ranges::none_of(terms, [&](const Term* other) { return other->same(term); }))
+      terms.push_back(&term);
+  std::vector<Suspected> list;
+  for (const Term* term : terms) list.push_back(suspected(*term));
+  for (const Shape& shape : explanation.unnamed_suspects) list.push_back(suspected(shape));
+  return list;
 }
 
-/// Smallest evidence that separates a pair, both ways.
+/// Smallest evidence that the effect of one leaves when another tries to take it up.
 double separation(const Reduced& all, const Explanation& explanation) {
   constexpr std::size_t enough = 12000;
   const std::optional<Reduced> few =
       all.cells.size() > enough ? std::optional(merged(all, enough)) : std::nullopt;
-  const MeanModel plain(few ? *few : all, {});
+  MeanModel model(few ? *few : all, {});
   const double share =
-      static_cast<double>(all.cells.size()) / std::max<double>(1, static_cast<double>(plain.rows()));
-  std::vector<Suspected> suspects;
-  for (const Term& term : explanation.suspects)
-    if (std::none_of(explanation.suspects.data(), &term, [&](const Term& other) { return other.same(term); }))
-      suspects.push_back(suspected(term));
-  for (const Shape& shape : explanation.unnamed_suspects) suspects.push_back(suspected(shape));
+      static_cast<double>(all.cells.size()) / std::max<double>(1, static_cast<double>(model.rows()));
+  const std::vector<Suspected> suspects = suspects_of(explanation);
   double least = 1e300;
-  for (std::size_t truth = 0; truth < suspects.size(); ++truth)
-    for (std::size_t rival = 0; rival < suspects.size(); ++rival)
-      if (rival != truth)
-        least = std::min(least, share * evidence_against(plain, suspects[rival], suspects[truth]));
+  for (std::size_t rival = 0; rival < suspects.size(); ++rival) {
+    Columns base;
+    base.columns_mm = model.nuisance_columns();
+    base.prior.mean = Eigen::VectorXd::Zero(base.columns_mm.cols());
+    base.prior.sigma = Nuisance::prior_sigma(all.bench);
+    add(base, suspects[rival].columns(model));
+    model.set_base(base.columns_mm, {Eigen::VectorXd::Zero(base.columns_mm.cols()), base.prior.sigma});
+    for (std::size_t truth = 0; truth < suspects.size(); ++truth) {
+      if (truth == rival) continue;
+      const Eigen::VectorXd left = model.remainder(suspects[truth].effect_mm(model));
+      double sum = 0;
+      for (Eigen::Index i = 0; i < model.rows(); ++i) sum += std::pow(left[i] / model.sigma_of_mean(i), 2);
+      least = std::min(least, share * sum / 2);
+    }
+  }
   return least;
 }
 

@@ -34,8 +34,7 @@ double against(const Term& term) {
     const double u = term.sigma.empty() ? 0 : std::max(1e-12, term.sigma[k]);
     if (std::abs(term.values[k]) > p.largest)
       price += u > 0 ? 0.5 * std::pow((std::abs(term.values[k]) - p.largest) / u, 2) : 50;
-    const bool phased = k + 1 < term.values.size() && term.mechanism->parameters[k + 1].role == Role::phase;
-    if (p.sign != 0 && !phased && term.values[k] * p.sign < 0)
+    if (p.sign != 0 && !has_phase(*term.mechanism, k) && term.values[k] * p.sign < 0)
       price += u > 0 ? 0.7 + 0.5 * std::pow(term.values[k] / u, 2) : 50;
   }
   return price;

@@ -28,10 +28,10 @@ std::optional<double> stops_apart_deg(const Reduced& reduced) {
   return median_of(steps_between(stops));
 }
 
-bool looks_slow(double period_deg, double stops_apart_deg) {
+bool looks_slow(double period_deg, double spacing_deg) {
   constexpr double slow_deg = 180;
-  const double periods = stops_apart_deg / period_deg, left = std::abs(periods - std::round(periods));
-  return periods > 0.5 && stops_apart_deg > slow_deg * left;
+  const double periods = spacing_deg / period_deg, left = std::abs(periods - std::round(periods));
+  return periods > 0.5 && spacing_deg > slow_deg * left;
 }
 
 std::optional<double> rung_mm(const Reduced& reduced) {

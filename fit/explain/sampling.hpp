@@ -13,7 +13,7 @@ namespace fit::explain {
 
 /// Whether stops so far apart show a period of the stage as something slow: then it is another name for a
 /// scale or an eccentricity, by chance within a thousandth.
-[[nodiscard]] bool looks_slow(double period_deg, double stops_apart_deg);
+[[nodiscard]] bool looks_slow(double period_deg, double spacing_deg);
 
 /// Millimetres from one place of a regular ladder of distances to the next.
 [[nodiscard]] std::optional<double> rung_mm(const Reduced& reduced);

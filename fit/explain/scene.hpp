@@ -34,7 +34,8 @@ struct Active {
 /// all: the scene shows it where they put it.
 [[nodiscard]] Effect effect_of(const std::vector<Active>& at_work, const Circumstances& at);
 
-/// Reflectance of a target in a capture: what the capture states about it, or the bench file, or a middling one.
+/// Reflectance of a target in a capture: what the capture states about it, or the bench file, or a middling
+/// one.
 [[nodiscard]] double reflectance_in(const CaptureInfo& capture, const Target& target);
 
 /// What one beam meets in one stage position.

@@ -15,8 +15,8 @@
 namespace fit::explain {
 namespace {
 
-// Log Bayes factors. Of 106 recordings with nothing missing none came nearer than 1.7 to the first.
-constexpr double accept_at = 3.3;       // outweighs the number of suspects
+// Log Bayes factors. Of 60 recordings with nothing missing none came nearer than 1.5 to the first.
+constexpr double accept_at = odds::against_any + odds::worth_a_first_name;
 constexpr double accept_rare_at = 5.5;  // ... where single samples decide, whose odds are less certain
 constexpr double told_apart_at = 3;
 
@@ -369,46 +369,50 @@ class VarianceSearch {
       low = std::min(low, p.beam_deg);
       high = std::max(high, p.beam_deg);
     }
-    double centre = 0, width = 0;
-    const auto gain_at = [&](double c, double w) {
-      const std::vector<double> column = light_column(c, w);
+    const Parameter& bounds = best.mechanism->parameters[2];
+    const auto gain_of = [&](double centre, double width) {
+      const std::vector<double> column = light_column(centre, width);
       double gain = 0;
       if (*std::ranges::max_element(column) < 0.5) return gain;  // a size at a place that no beam saw
-      const auto fit = more(column, gain);
-      if (gain > best.gain) {
-        best.gain = gain;
-        centre = c;
-        width = w;
-        best.parameters["sigma_mm"] = root(fit.value[fit.value.size() - 1], fit.sigma[fit.sigma.size() - 1]);
-      }
+      (void)more(column, gain);
       return gain;
     };
-    if (high - low > 20) {
+    double centre = 0, width = 0;
+    const auto take_if_better = [&](double c, double w) {
+      if (w < bounds.lower || w > bounds.upper) return;
+      const double gain = gain_of(c, w);
+      if (gain <= best.gain) return;
+      best.gain = gain;
+      centre = c;
+      width = w;
+    };
+    if (high - low > 20)
       for (const double w : {5.0, 9.0, 16.0, 28.0})
-        for (double c = low; c <= high; c += 0.8 * w) gain_at(c, w);
-      if (best.gain > 2) {
-        constexpr double finest = 0.02;
-        for (double share = 0.3; share > finest;) {
-          const double before = best.gain, c = centre, w = width, step = share * width;
-          for (const double other : {c - step, c + step}) gain_at(other, w);
-          for (const double other : {w / (1 + share), w * (1 + share)}) gain_at(c, other);
-          if (best.gain <= before) share /= 2;
-        }
-        // To where the log-likelihood has fallen by a half, on a parabola through places well aside.
-        constexpr double aside = 0.25;
-        const auto uncertainty = [&](double one, double other) {
-          const double fall = std::max(0.05, best.gain - (one + other) / 2);
-          return aside * width / std::sqrt(2 * fall);
-        };
-        const double top = best.gain, c = centre, w = width;
-        const double c_u = uncertainty(gain_at(c - aside * w, w), gain_at(c + aside * w, w));
-        const double w_u = uncertainty(gain_at(c, w * (1 - aside)), gain_at(c, w * (1 + aside)));
-        best.gain = top;
-        best.parameters["centre_deg"] = {c, c_u};
-        // A window's light has another profile than this one: its width at half height is 1.2 of this one's.
-        constexpr double unknown_profile = 0.18;
-        best.parameters["width_deg"] = {w, std::hypot(w_u, unknown_profile * w)};
+        for (double c = low; c <= high; c += 0.8 * w) take_if_better(c, w);
+    if (best.gain > 2) {
+      constexpr double finest = 0.02, hardly = 0.01;
+      for (double share = 0.3; share > finest;) {
+        const double before = best.gain, c = centre, w = width;
+        for (const double other : {c - share * w, c + share * w}) take_if_better(other, w);
+        for (const double other : {w / (1 + share), w * (1 + share)}) take_if_better(c, other);
+        if (best.gain < before + hardly) share /= 2;
       }
+    }
+    if (best.gain > 0) {
+      double gain = 0;
+      const VarianceModel::Fit fit = more(light_column(centre, width), gain);
+      best.parameters["sigma_mm"] = root(fit.value[fit.value.size() - 1], fit.sigma[fit.sigma.size() - 1]);
+      // To where the log-likelihood has fallen by a half, on a parabola through places well aside.
+      const double aside = 0.25 * width;
+      const auto uncertainty = [&](double one, double other) {
+        return aside / std::sqrt(2 * std::max(0.05, best.gain - (one + other) / 2));
+      };
+      const double centre_u = uncertainty(gain_of(centre - aside, width), gain_of(centre + aside, width));
+      const double width_u = uncertainty(gain_of(centre, width - aside), gain_of(centre, width + aside));
+      // A window's light has another profile than this one: its width at half height is 1.2 of this one's.
+      constexpr double unknown_profile = 0.18;
+      best.parameters["centre_deg"] = {centre, centre_u};
+      best.parameters["width_deg"] = {width, std::hypot(width_u, unknown_profile * width)};
     }
     best.evidence = best.gain - price_of_size(best.gain) - odds::against_place(best.gain, (high - low) / 12) -
                     odds::against_place(best.gain, 2);
@@ -456,15 +460,16 @@ class VarianceSearch {
   bool several_places = false;
 };
 
-// ---- scans
-// -------------------------------------------------------------------------------------------------
+// ---- scans --------------------------------------------------------------------------------------
 
 /// What one scan's cells say together of a common range and a common angle: information and score.
 struct Scan {
   int group = 0, scans = 0;
-  std::int64_t seq = 0;      ///< In its capture.
-  std::int64_t counted = 0;  ///< In the recording.
-  std::int64_t turn = 0;     ///< Of the mirror, by the lidar's clock.
+  int capture = 0;
+  double through_capture = 1;  ///< Share of its capture that has passed at its end.
+  std::int64_t seq = 0;        ///< In its capture.
+  std::int64_t counted = 0;    ///< In the recording.
+  std::int64_t turn = 0;       ///< Of the mirror, by the lidar's clock.
   Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
   Eigen::Vector2d score = Eigen::Vector2d::Zero();
 };
@@ -490,6 +495,7 @@ std::vector<Scan> scans_of(const Reduced& reduced) {
       scan.counted = static_cast<std::int64_t>(scans.size());
       scan.turn = s.turn;
       scan.scans = group.scans;
+      scan.capture = group.capture;
       scans.push_back(scan);
     }
     const double precision = 1 / own_variance(group);
@@ -499,6 +505,10 @@ std::vector<Scan> scans_of(const Reduced& reduced) {
     scan.information += precision * information;
     scan.score += precision * Eigen::Vector2d(s.wd, s.wdv);
   }
+  std::map<int, std::int64_t> last;
+  for (const Scan& s : scans) last[s.capture] = std::max(last[s.capture], s.seq);
+  for (Scan& s : scans)
+    s.through_capture = static_cast<double>(s.seq + 1) / static_cast<double>(last[s.capture] + 1);
   return scans;
 }
 
@@ -638,10 +648,10 @@ std::map<std::string, Estimate> faces_of(const Classes& pattern, double inflate)
 
 /// How a pattern grows: within every capture, or from capture to capture; 1 at its end.
 using Growth = double (*)(const Scan& scan, const Scan& last);
-double in_captures(const Scan& scan, const Scan&) {
-  return (static_cast<double>(scan.seq) + 1) / std::max(1, scan.scans);
+double in_captures(const Scan& scan, const Scan&) { return scan.through_capture; }
+double over_captures(const Scan& scan, const Scan& last) {
+  return (scan.capture + 1.0) / (last.capture + 1.0);
 }
-double over_captures(const Scan& scan, const Scan& last) { return (scan.group + 1.0) / (last.group + 1.0); }
 
 /// What scans of every class have in common where that grows: information and score of the classes, of what
 /// is news in captures whose own means are not known.
@@ -655,11 +665,13 @@ std::pair<Eigen::MatrixXd, Eigen::VectorXd> growing_classes(const std::vector<Sc
   };
   for (std::size_t first = 0, end = 0; first < scans.size(); first = end) {
     mean.setZero();
+    double weight = 0;
     for (end = first; end < scans.size() && scans[end].group == scans[first].group; ++end) {
       column(scans[end]);
-      mean += of_scan;
+      mean += scans[end].information(0, 0) * of_scan;
+      weight += scans[end].information(0, 0);
     }
-    mean /= static_cast<double>(end - first);
+    if (weight > 0) mean /= weight;
     for (std::size_t i = first; i < end; ++i) {
       column(scans[i]);
       of_scan -= mean;
@@ -687,6 +699,7 @@ GrowingPattern growing_pattern(const std::vector<Scan>& scans, double price, std
        {Way{in_captures, "within every capture"}, Way{over_captures, "from capture to capture"}})
     for (const Numbering number : numberings)
       for (int modulus = 2; modulus <= static_cast<int>(std::min<std::int64_t>(8, longest - 1)); ++modulus) {
+        if (way.growth == over_captures && scans.front().capture == scans.back().capture) continue;
         const double inflate =
             Classes(scans, number, static_cast<std::size_t>(modulus)).scatter(scans, number);
         auto [information, score] = growing_classes(scans, number, modulus, way.growth);
@@ -741,8 +754,7 @@ void scan_numbers(std::vector<Scan>& scans, SpreadResult& result) {
   if (drifts && every < facet.evidence) every = facet.evidence;
   std::string describes =
       "the range depends on the number of the scan in its capture in a way that no mirror face and no "
-      "swinging "
-      "stage makes";
+      "swinging stage makes";
   const GrowingPattern growing = growing_pattern(scans, price, longest);
   if (growing.evidence > facet.evidence + 3 && growing.evidence > every) {
     every = growing.evidence;
@@ -1003,8 +1015,7 @@ void common_noise(const std::vector<Scan>& scans, const Reduced& reduced, Spread
   }
 }
 
-// ---- memory
-// ------------------------------------------------------------------------------------------------
+// ---- memory -------------------------------------------------------------------------------------
 
 /// Expected sums of lagged products of n demeaned AR(1) values of variance one, lags 0..3.
 std::array<double, 4> lagged_of(int n, double rho) {
@@ -1083,8 +1094,7 @@ void memory(const Reduced& reduced, SpreadResult& result, double* discount) {
   *discount = (1 - rho * rho) / (1 + rho * rho) * share + (1 - share);
 }
 
-// ---- echoes
-// ------------------------------------------------------------------------------------------------
+// ---- echoes -------------------------------------------------------------------------------------
 
 void strays(const Reduced& reduced, SpreadResult& result) {
   double strays = 0, samples = 0;
@@ -1140,9 +1150,15 @@ void output_steps(const Reduced& reduced, SpreadResult& result, double* fixed_va
 /// Near an edge, unless its neighbours on both sides, farther than edges blur, see the target as well.
 bool may_miss_its_target(const Reduced& reduced, std::size_t index) {
   constexpr double doubt_rad = 1.5 * rad_per_deg, blur_rad = 0.5 * rad_per_deg;
+  constexpr double displaced_rad = 6 * rad_per_deg;  // 60 mm at half a metre
   const Cell& cell = reduced.cells[index];
-  if (std::abs(cell.at.edge_rad) >= doubt_rad) return false;
-  if (std::abs(cell.at.edge_rad) < blur_rad) return true;
+  const double to_edge = std::abs(cell.at.edge_rad);
+  if (to_edge < blur_rad) return true;
+  // Nearer than `doubt_rad` to an edge its neighbours must see the target, on both sides; a beam without any
+  // echo from farther inside needs only something of the target on both sides.
+  const bool near = to_edge < doubt_rad;
+  if (!near && (cell.n > 0 || to_edge > displaced_rad)) return false;
+  const double from = near ? blur_rad : 0, to = near ? 2 * blur_rad : displaced_rad;
   const Group& group = reduced.groups[static_cast<std::size_t>(cell.group)];
   const auto sees_it = [&](const Cell& other) {
     return other.sight.target == cell.sight.target && 2 * other.n > other.n + other.stray + other.lost;
@@ -1150,7 +1166,7 @@ bool may_miss_its_target(const Reduced& reduced, std::size_t index) {
   bool below = false, above = false;
   for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
     const double away = reduced.cells[i].beam_rad - cell.beam_rad;
-    if (std::abs(away) < blur_rad || std::abs(away) > 2 * blur_rad || !sees_it(reduced.cells[i])) continue;
+    if (std::abs(away) < from || std::abs(away) > to || !sees_it(reduced.cells[i])) continue;
     (away < 0 ? below : above) = true;
   }
   return !below || !above;
@@ -1348,8 +1364,6 @@ Estimate stated_noise(const Bench& bench) {
   return stated;
 }
 
-}  // namespace
-
 /// Where distances come in coarse steps, a cell's variance and memory depend on where its mean lies between
 /// two of them. What makes less of a difference than that is not believed.
 void distrust_beside_coarse_steps(const Reduced& reduced, SpreadResult& result) {
@@ -1364,6 +1378,8 @@ void distrust_beside_coarse_steps(const Reduced& reduced, SpreadResult& result) 
     return of_noise && s.gain < least;
   });
 }
+
+}  // namespace
 
 SpreadResult explain_spread(const Reduced& given) {
   Reduced reduced;  // only the sectors are changed: what a swinging stage explains is taken off

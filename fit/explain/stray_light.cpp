@@ -328,7 +328,9 @@ std::optional<StrayLight> stray_light(const Reduced& reduced, const MeanResult& 
   if (beside.shows(accept_at)) {
     const double rival = beside.rival();
     if (rival > beside.best() + told_apart_at) return {};
-    StrayLight light = beside.said(std::min(beside.best(), beside.best() - rival) - price);
+    // Nothing, or the rival: their odds add.
+    StrayLight light =
+        beside.said(-std::log(std::exp(price - beside.best()) + std::exp(rival - beside.best())));
     light.or_mixed_pixel = rival > beside.best() - told_apart_at;
     return light;
   }

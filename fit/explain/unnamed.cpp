@@ -29,8 +29,9 @@ std::vector<double> quantiles(const MeanModel& model, Coordinate coordinate, int
     const double v = coordinate_at(model, coordinate, i);
     if (std::isfinite(v)) values.push_back(v);
   }
-  std::ranges::sort(values);
   std::vector<double> list;
+  if (values.empty()) return list;
+  std::ranges::sort(values);
   for (int q = 1; q < count; ++q) {
     const std::size_t i = values.size() * static_cast<std::size_t>(q) / static_cast<std::size_t>(count);
     const double v = values[i];
@@ -55,7 +56,7 @@ Axis axis_of(const MeanModel& model, const Place& place) {
     if (values.size() < most) values.insert(v);
   }
   axis.values = values.size();
-  if (!values.empty()) axis.between = quantiles(model, place.coordinate, parts);
+  axis.between = quantiles(model, place.coordinate, parts);
   return axis;
 }
 

@@ -16,10 +16,10 @@ struct Shape {
   const Form* form = nullptr;
   Coordinate coordinate = Coordinate::beam;
   Channel channel = Channel::range;
-  double at = 0;               ///< Place or period, file unit of the coordinate.
-  double length = 0;           ///< Extent, as its form has it.
-  double size = 1;             ///< Standard size of the prior: mm or rad.
-  double price = 0;            ///< Log of the number of such functions that were tried.
+  double at = 0;                    ///< Place or period, file unit of the coordinate.
+  double length = 0;                ///< Extent, as its form has it.
+  double size = 1;                  ///< Standard size of the prior: mm or rad.
+  double price = 0;                 ///< Log of the number of such functions that were tried.
   std::vector<double> values = {};  ///< Coefficients, after a fit.
 };
 

@@ -11,8 +11,7 @@ Mechanism make_range_walk() {
   m.id = "range-walk";
   m.cause = "weak echoes cross the receiver's threshold later";
   m.coordinate = Coordinate::intensity;
-  m.formula_error =
-      0.8;  // the curve differs from device to device; what counts is that it follows the echo alone
+  m.formula_error = 0.8;  // free curve: it differs from device to device, but it follows the echo alone
   m.parameters = {
       {.name = "amplitude_mm", .typical = 25},
       {.name = "intensity_scale", .role = Parameter::Role::shape, .lower = 30, .upper = 2500, .starts = 8},
