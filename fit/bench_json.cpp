@@ -22,10 +22,8 @@ class Reader {
   [[nodiscard]] bool has(const std::string& key) const { return value_.contains(key); }
 
   [[noreturn]] void refuse(const std::string& complaint) const {
-    const TextPosition at = position_of(text_, pointer_);
-    throw std::invalid_argument(name_ + ":" + std::to_string(at.line) + ":" + std::to_string(at.column) +
-                                ": " + (pointer_.empty() ? "" : "\"" + pointer_.substr(1) + "\" ") +
-                                complaint);
+    throw std::invalid_argument(position_of(text_, pointer_).in(name_) +
+                                (pointer_.empty() ? "" : "\"" + pointer_.substr(1) + "\" ") + complaint);
   }
 
   [[nodiscard]] Reader at(const std::string& key) const {

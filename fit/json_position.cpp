@@ -114,6 +114,10 @@ class Locator {
 
 }  // namespace
 
+std::string TextPosition::in(const std::string& name) const {
+  return name + ":" + std::to_string(line) + ":" + std::to_string(column) + ": ";
+}
+
 TextPosition position_at(std::string_view text, std::size_t offset) {
   const std::string_view before = text.substr(0, offset);
   const std::size_t line_start = before.rfind('\n');
@@ -130,8 +134,7 @@ nlohmann::json parse_json(const std::string& text, const std::string& name, cons
     return nlohmann::json::parse(text, nullptr, true, true);
   } catch (const nlohmann::json::parse_error& error) {
     const TextPosition at = position_at(text, error.byte > 0 ? error.byte - 1 : 0);
-    throw std::invalid_argument(name + ":" + std::to_string(at.line) + ":" + std::to_string(at.column) +
-                                ": " + remedy);
+    throw std::invalid_argument(at.in(name) + remedy);
   } catch (const nlohmann::json::exception&) {
     throw std::invalid_argument(name + ": holds a number that is too large for any quantity");
   }

@@ -10,6 +10,9 @@ namespace fit {
 /// Where in a text something stands, counted from 1.
 struct TextPosition {
   int line = 1, column = 1;
+
+  /// "name:line:column: ", as compilers begin what they say.
+  [[nodiscard]] std::string in(const std::string& name) const;
 };
 
 /// Line and column of the value at `pointer` ("/targets/0/u_mm", RFC 6901 without escapes) in JSON text with

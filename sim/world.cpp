@@ -28,9 +28,8 @@ class Section {
   }
 
   [[noreturn]] void refuse(const std::string& pointer, const std::string& complaint) const {
-    const fit::TextPosition at = fit::position_of(text_, pointer);
-    throw std::invalid_argument(name_ + ":" + std::to_string(at.line) + ":" + std::to_string(at.column) +
-                                ": \"" + (pointer.empty() ? pointer : pointer.substr(1)) + "\" " + complaint);
+    throw std::invalid_argument(fit::position_of(text_, pointer).in(name_) + "\"" +
+                                (pointer.empty() ? pointer : pointer.substr(1)) + "\" " + complaint);
   }
 
   const json* find(const std::string& key) {
