@@ -73,13 +73,12 @@ class Imagined : public Recording {
           std::clamp(std::exp(brightness_.log_gain + brightness_.exponent * std::log(power)), 1.0, 4000.0));
     }
     std::mt19937 random(static_cast<unsigned>(index) + 1);
-    std::normal_distribution<double> noise(0, sigma_mm_);
+    std::normal_distribution<double> noise;  // of a lidar without noise, too
     for (int seq = 0; seq < experiment_.scans; ++seq) {
       for (std::size_t b = 0; b < beams; ++b)
-        shown[b] =
-            range[b] > 0
-                ? static_cast<std::uint16_t>(std::clamp(std::round(range[b] + noise(random)), 30.0, 60000.0))
-                : std::uint16_t{0};
+        shown[b] = range[b] > 0 ? static_cast<std::uint16_t>(std::clamp(
+                                      std::round(range[b] + sigma_mm_ * noise(random)), 30.0, 60000.0))
+                                : std::uint16_t{0};
       ScanView view;
       view.seq = seq;
       view.host_us = info.started_us + static_cast<std::int64_t>(seq * 1e6 / bench_.lidar.scan_hz);

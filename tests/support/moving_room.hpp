@@ -113,7 +113,7 @@ inline double rms_at_best(const std::vector<Wall>& walls, const std::vector<Poin
 inline std::vector<std::uint16_t> scan(const std::vector<Wall>& walls,
                                        const std::function<Place(double)>& lidar_at, double begin_s,
                                        double sigma_mm, std::mt19937& random, int beams = 1081) {
-  std::normal_distribution<double> gauss(0, sigma_mm);
+  std::normal_distribution<double> gauss(0, std::max(1e-12, sigma_mm));
   std::vector<std::uint16_t> ranges;
   const double step = 270 * deg / (beams - 1);
   for (int k = 0; k < beams; ++k) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "fit/drive.hpp"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <random>
 
@@ -51,7 +52,7 @@ class Drive : public fit::Recording {
     const auto states = robot.drive();
     const auto walls = room::furnished();
     std::mt19937 random(seed);
-    std::normal_distribution<double> gauss(0, robot.sigma_mm);
+    std::normal_distribution<double> gauss(0, std::max(1e-12, robot.sigma_mm));
     fit::CaptureInfo capture;
     capture.last_step = 239;
     captures_.push_back(capture);

@@ -50,7 +50,7 @@ class WallByHand : public fit::Recording {
   [[nodiscard]] const std::vector<fit::TrackPose>& track() const override { return track_; }
   void for_each_scan(std::size_t, const std::function<void(const fit::ScanView&)>& visit) const override {
     std::mt19937 random(seed_);
-    std::normal_distribution<double> noise(0, 2), angle(0, scatter_rad_);
+    std::normal_distribution<double> noise(0, 2), angle;
     std::uniform_real_distribution<double> first(0, 1.5 * rad_per_deg);
     for (int seq = 0; seq < 150; ++seq) {
       fit::ScanView scan;
@@ -60,7 +60,7 @@ class WallByHand : public fit::Recording {
       std::vector<std::uint16_t> range(240);
       for (std::size_t k = 0; k < range.size(); ++k) {
         const double beam = scan.geometry->first_rad + static_cast<double>(k) * scan.geometry->step_rad;
-        const double slant = fit::wrap_angle(beam + yaw_rad_ + angle(random));
+        const double slant = fit::wrap_angle(beam + yaw_rad_ + scatter_rad_ * angle(random));
         const double along = true_mm_ / std::max(0.1, std::cos(slant));
         range[k] = static_cast<std::uint16_t>(std::lround(along + noise(random)));
       }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "fit/wall.hpp"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <random>
 
@@ -30,7 +31,7 @@ SyntheticRecording turn(const Corner& corner, unsigned seed, double from_deg, do
   SyntheticRecording recording(corner_bench(), [corner, random](const fit::CaptureInfo& capture, std::int64_t,
                                                                 std::vector<std::uint16_t>& range,
                                                                 std::vector<std::uint16_t>&) {
-    std::normal_distribution<double> gauss(0, corner.sigma);
+    std::normal_distribution<double> gauss(0, std::max(1e-12, corner.sigma));
     const double a = capture.stage_rad + corner.direction;
     for (std::size_t k = 0; k < range.size(); ++k) {
       const double heading = capture.stage_rad + corner.yaw + (0.25 + 0.75 * double(k) - 135) * deg;
