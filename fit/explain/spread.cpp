@@ -756,7 +756,9 @@ void scan_numbers(std::vector<Scan>& scans, SpreadResult& result) {
       "the range depends on the number of the scan in its capture in a way that no mirror face and no "
       "swinging stage makes";
   const GrowingPattern growing = growing_pattern(scans, price, longest);
-  if (growing.evidence > facet.evidence + 3 && growing.evidence > every) {
+  constexpr double worth_a_name = 3;
+  facet.ahead = facet.evidence + worth_a_name - growing.evidence;
+  if (facet.ahead < 0 && growing.evidence > every) {
     every = growing.evidence;
     every_gain = growing.gain;
     describes = growing.describes;
