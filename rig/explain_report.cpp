@@ -4,6 +4,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "fit/explain/explanation.hpp"
 #include "rig/html_text.hpp"
 #include "rig/number_format.hpp"
 #include "rig/plot.hpp"
@@ -165,7 +166,7 @@ std::string explanation_html(const json& e, const std::string& sessions) {
   for (const json& set : e.at("undecided_between")) {
     html += "<h2>Undecided</h2>\n<p class=\"box\">One of: ";
     for (std::size_t i = 0; i < set.size(); ++i)
-      html += (i > 0 ? ", " : "") + escaped(set[i].get<std::string>());
+      html += (i > 0 ? ", " : "") + escaped(fit::explain::suspect_in_words(set[i].get<std::string>()));
     html += ". They would have left the same traces in this recording.</p>\n";
   }
   if (e.contains("next_experiment") && e["next_experiment"].is_string())

@@ -11,10 +11,11 @@
 #include <fstream>
 #include <kainjow/mustache.hpp>
 #include <map>
-#include <optional>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "fit/bench.hpp"
+#include "fit/explain/explanation.hpp"
 #include "rig/errors.hpp"
 #include "rig/number_format.hpp"
 #include "rig/plot.hpp"
@@ -381,7 +382,8 @@ json shown_explanation(const json& explanation) {
   for (const json& set : list_of(explanation, "undecided_between")) {
     std::string names;
     for (const json& name : set)
-      names += (names.empty() ? "" : " or ") + (name.is_string() ? name.get<std::string>() : name.dump());
+      names += (names.empty() ? "" : " or ") +
+               (name.is_string() ? fit::explain::suspect_in_words(name.get<std::string>()) : name.dump());
     out["undecided"].push_back(names);
   }
   const json fit = explanation.value("fit", json::object());

@@ -89,6 +89,9 @@ struct Explanation {
 /// The answer in a few lines for a terminal.
 [[nodiscard]] std::string to_text(const Explanation& explanation);
 
+/// A member of an undecided set as people read it.
+[[nodiscard]] std::string suspect_in_words(const std::string& id);
+
 /// Where an effect shows (information by bins of its coordinate), and where residuals are significant with a
 /// controlled false-discovery rate.
 [[nodiscard]] std::vector<Located> locate_effect(const MeanModel& model, const Eigen::VectorXd& effect_mm,

@@ -123,6 +123,10 @@ json to_json(const Explanation& e) {
   return out;
 }
 
+std::string suspect_in_words(const std::string& id) {
+  return id == "unknown-physics" ? "something that no mechanism of the catalogue makes" : id;
+}
+
 std::string to_text(const Explanation& e) {
   std::string text;
   if (e.verdict == "nothing-missing")
@@ -133,7 +137,7 @@ std::string to_text(const Explanation& e) {
   for (const auto& set : e.undecided_between) {
     text += "Undecided between";
     for (std::size_t i = 0; i < set.size(); ++i)
-      text += (i == 0 ? " " : i + 1 == set.size() ? " and " : ", ") + set[i];
+      text += (i == 0 ? " " : i + 1 == set.size() ? " and " : ", ") + suspect_in_words(set[i]);
     text += ": this recording cannot tell them apart.\n";
   }
   if (e.unknown) text += "Unknown physics: " + e.unknown->describes + ".\n";
