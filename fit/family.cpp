@@ -9,6 +9,8 @@
 #include <numeric>
 #include <set>
 
+#include "fit/find_by_id.hpp"
+
 namespace fit {
 
 namespace families {
@@ -183,9 +185,7 @@ const std::vector<Family>& all_families() {
 }
 
 const Family* find_family(const std::string& id) {
-  for (const Family& family : all_families())
-    if (family.id == id) return &family;
-  return nullptr;
+  return find_by_id(all_families(), id);
 }
 
 double FamilyFit::operator()(double x) const {

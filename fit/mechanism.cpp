@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "fit/find_by_id.hpp"
+
 namespace fit::mechanisms {
 std::vector<Mechanism> all();
 }
@@ -79,21 +81,16 @@ const std::vector<Mechanism>& catalogue() {
   return mechanisms;
 }
 
-const Mechanism* find_mechanism(const std::string& id) {
-  for (const Mechanism& mechanism : catalogue())
-    if (mechanism.id == id) return &mechanism;
-  return nullptr;
-}
+const Mechanism* find_mechanism(const std::string& id) { return find_by_id(catalogue(), id); }
 
 std::string rounded(double value, int digits) {
   char text[40];
-  const double size = std::abs(value);
-  if (size >= std::pow(10, digits) && size < 1e6) {  // no powers of ten for people
-    const double unit = std::pow(10, std::floor(std::log10(size)) + 1 - digits);
-    std::snprintf(text, sizeof text, "%.0f", std::round(value / unit) * unit);
-  } else {
+  const double size = std::abs(value), unit = std::pow(10, std::floor(std::log10(size)) + 1 - digits),
+               shown = std::round(value / unit) * unit;
+  if (size >= 1 && std::abs(shown) >= std::pow(10, digits) && size < 1e6)  // no powers of ten for people
+    std::snprintf(text, sizeof text, "%.0f", shown);
+  else
     std::snprintf(text, sizeof text, "%.*g", digits, value);
-  }
   return text;
 }
 

@@ -367,9 +367,7 @@ class Writer {
     Hypothesis nothing(reduced_.bench);
     nothing.nuisance = means_.best.nuisance;
     predict_at(reduced_, nothing);
-    MeanModel before(reduced_, means_.noise);
-    Base base = base_columns(before, nothing);
-    before.set_base(std::move(base.all.columns_mm), base.all.prior);
+    const MeanModel before = model_of(reduced_, means_.noise, nothing);
     std::set<Coordinate> taken;
     for (const Term& term : means_.best.terms) {
       if (!taken.insert(term.mechanism->coordinate).second) continue;
@@ -397,9 +395,7 @@ class Writer {
     }
     // Pictures.
     predict_at(reduced_, means_.best);
-    MeanModel after(reduced_, means_.noise);
-    Base full = base_columns(after, means_.best);
-    after.set_base(std::move(full.all.columns_mm), full.all.prior);
+    const MeanModel after = model_of(reduced_, means_.noise, means_.best);
     predict_at(reduced_, nothing);
     std::vector<Coordinate> wanted;
     for (const Term& term : means_.best.terms) wanted.push_back(term.mechanism->coordinate);

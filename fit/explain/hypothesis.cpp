@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace fit::explain {
 
@@ -100,6 +101,13 @@ Base base_columns(const MeanModel& model, const Hypothesis& h) {
   }
   base.shape_first.push_back(base.all.columns_mm.cols());
   return base;
+}
+
+MeanModel model_of(const Reduced& reduced, const MeanNoise& noise, const Hypothesis& h) {
+  MeanModel model(reduced, noise);
+  Base base = base_columns(model, h);
+  model.set_base(std::move(base.all.columns_mm), base.all.prior);
+  return model;
 }
 
 }  // namespace fit::explain

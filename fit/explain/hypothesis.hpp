@@ -41,4 +41,8 @@ struct Base {
 };
 [[nodiscard]] Base base_columns(const MeanModel& model, const Hypothesis& hypothesis);
 
+/// The means as a hypothesis leaves them, at the present prediction.
+[[nodiscard]] MeanModel model_of(const Reduced& reduced, const MeanNoise& noise,
+                                 const Hypothesis& hypothesis);
+
 }  // namespace fit::explain

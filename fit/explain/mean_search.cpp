@@ -229,7 +229,7 @@ class Search {
   }
 
   void find_excess(Hypothesis& empty) {
-    const MeanModel model = model_of(reduced_, empty);
+    const MeanModel model = model_of(reduced_, noise_, empty);
     excess_ = excess_scatter(model);
     // Four standard errors of a median of squares of which neighbours share two beams.
     const double doubt = 4 * 3.4 / std::sqrt(std::max<double>(60, static_cast<double>(model.rows())));
@@ -345,20 +345,12 @@ class Search {
     return static_cast<std::size_t>(std::ranges::count_if(reduced_.cells, &Cell::smooth)) > rows;
   }
 
-  /// The means as a hypothesis leaves them.
-  [[nodiscard]] MeanModel model_of(const Reduced& reduced, const Hypothesis& h) const {
-    MeanModel model(reduced, noise_);
-    Base base = base_columns(model, h);
-    model.set_base(std::move(base.all.columns_mm), base.all.prior);
-    return model;
-  }
-
   /// Every mechanism not in `h` (nor in `but`), on top of it.
   std::vector<Candidate> scan(const Hypothesis& h, const Term* but, bool named, bool unnamed) {
     place(h);
     std::optional<Reduced> few;
     if (is_larger_than(rows_of_last_search)) few = merged(reduced_, rows_of_last_search);
-    const MeanModel model = model_of(few ? *few : reduced_, h);
+    const MeanModel model = model_of(few ? *few : reduced_, noise_, h);
     std::vector<Term> terms;
     if (named) {
       for (const Mechanism& m : catalogue()) {
@@ -375,7 +367,7 @@ class Search {
     // Fine combs are gone where neighbouring beams are taken together.
     std::optional<MeanModel> every;
     if (few && std::ranges::any_of(terms, [](const Term& term) { return is_comb(*term.mechanism); }))
-      every = model_of(reduced_, h);
+      every = model_of(reduced_, noise_, h);
     std::vector<Candidate> list(terms.size() + shapes.size());
     on_two_cores(list.size(), [&](std::size_t i) {
       if (i >= terms.size())
@@ -567,7 +559,7 @@ std::vector<int> Search::blocks_and_floor(MeanResult& result, int* count) const 
 
 HeldOutFigures Search::held_out(const Hypothesis& h, const std::vector<int>& blocks, int count) {
   place(h);
-  const MeanModel model = model_of(reduced_, h);
+  const MeanModel model = model_of(reduced_, noise_, h);
   const MeanModel::HeldOut out = model.held_out(blocks, count);
   const double n = std::max(1.0, out.cells);
   return {out.log_likelihood, std::sqrt(out.squares / n), out.within_2u / n, out.cells};
@@ -580,9 +572,7 @@ void Search::keep_what_transfers(Hypothesis& best) {
   if (places < 3 || std::ranges::all_of(reduced_.absent, [](const Absent& a) { return a.empty(); })) return;
   const auto unseen = [&](const Hypothesis& h) {
     place(h);
-    MeanModel model(reduced_, noise_);
-    const Base base = base_columns(model, h);
-    model.set_base(base.all.columns_mm, base.all.prior);
+    const MeanModel model = model_of(reduced_, noise_, h);
     std::vector<int> blocks;
     for (Eigen::Index i = 0; i < model.rows(); ++i) blocks.push_back(model.group(i).capture);
     return model.unseen(blocks, places);
@@ -792,7 +782,7 @@ void Search::measure(const Hypothesis& best, MeanResult& result) {
 /// Variance (mm^2) of what whole groups are off beyond what their cells say.
 double Search::scatter_of_groups(const Hypothesis& best) {
   place(best);
-  const MeanModel model = model_of(reduced_, best);
+  const MeanModel model = model_of(reduced_, noise_, best);
   const Eigen::VectorXd residual = model.residual();
   std::vector<double> sum(reduced_.groups.size(), 0.0), weight(reduced_.groups.size(), 0.0);
   for (Eigen::Index i = 0; i < model.rows(); ++i) {

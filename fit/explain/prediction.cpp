@@ -200,9 +200,7 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadRe
   nothing.nuisance = means.best.nuisance;
   for (int pass = 0; pass < 2; ++pass) {
     predict_at(reduced, nothing);
-    MeanModel model(reduced, means.noise);
-    const Base base = base_columns(model, nothing);
-    model.set_base(base.all.columns_mm, base.all.prior);
+    const MeanModel model = model_of(reduced, means.noise, nothing);
     const Eigen::VectorXd now = nothing.nuisance.as_vector();
     nothing.nuisance.set(now + model.posterior().value.head(now.size()));
   }

@@ -655,31 +655,28 @@ double over_captures(const Scan& scan, const Scan& last) {
 
 /// What scans of every class have in common where that grows: information and score of the classes, of what
 /// is news in captures whose own means are not known.
-std::pair<Eigen::MatrixXd, Eigen::VectorXd> growing_classes(const std::vector<Scan>& scans, Numbering number,
-                                                            int modulus, Growth growth) {
-  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(modulus, modulus);
-  Eigen::VectorXd score = Eigen::VectorXd::Zero(modulus), mean(modulus), of_scan(modulus);
-  const auto column = [&](const Scan& s) {
-    of_scan.setZero();
-    of_scan[static_cast<Eigen::Index>(s.*number % modulus)] = growth(s, scans.back());
-  };
+MeanModel::Products growing_classes(const std::vector<Scan>& scans, Numbering number, int modulus,
+                                    Growth growth) {
+  MeanModel::Products sums{Eigen::MatrixXd::Zero(modulus, modulus), Eigen::VectorXd::Zero(modulus)};
+  Eigen::VectorXd weighted(modulus);
   for (std::size_t first = 0, end = 0; first < scans.size(); first = end) {
-    mean.setZero();
-    double weight = 0;
+    weighted.setZero();
+    double weight = 0, score = 0;
     for (end = first; end < scans.size() && scans[end].group == scans[first].group; ++end) {
-      column(scans[end]);
-      mean += scans[end].information(0, 0) * of_scan;
-      weight += scans[end].information(0, 0);
+      const Scan& s = scans[end];
+      const auto at = static_cast<Eigen::Index>(s.*number % modulus);
+      const double size = growth(s, scans.back());
+      weighted[at] += s.information(0, 0) * size;
+      sums.square(at, at) += s.information(0, 0) * size * size;
+      sums.along[at] += s.score[0] * size;
+      weight += s.information(0, 0);
+      score += s.score[0];
     }
-    if (weight > 0) mean /= weight;
-    for (std::size_t i = first; i < end; ++i) {
-      column(scans[i]);
-      of_scan -= mean;
-      information += scans[i].information(0, 0) * of_scan * of_scan.transpose();
-      score += scans[i].score[0] * of_scan;
-    }
+    if (weight <= 0) continue;
+    sums.square -= weighted * weighted.transpose() / weight;
+    sums.along -= score / weight * weighted;
   }
-  return {information, score};
+  return sums;
 }
 
 /// A pattern of scans' numbers that grows.
@@ -702,18 +699,15 @@ GrowingPattern growing_pattern(const std::vector<Scan>& scans, double price, std
         if (way.growth == over_captures && scans.front().capture == scans.back().capture) continue;
         const double inflate =
             Classes(scans, number, static_cast<std::size_t>(modulus)).scatter(scans, number);
-        auto [information, score] = growing_classes(scans, number, modulus, way.growth);
-        information /= inflate;
-        score /= inflate;
+        MeanModel::Products sums = growing_classes(scans, number, modulus, way.growth);
+        sums.square /= inflate;
+        sums.along /= inflate;
         for (double scale_mm = least_pattern_mm; scale_mm < most_pattern_mm; scale_mm *= 2) {
-          const Eigen::LLT<Eigen::MatrixXd> factor(Eigen::MatrixXd::Identity(modulus, modulus) +
-                                                   scale_mm * scale_mm * information);
-          const double gain = 0.5 * scale_mm * scale_mm * score.dot(factor.solve(score));
-          double log_det = 0;
-          for (Eigen::Index k = 0; k < modulus; ++k) log_det += std::log(factor.matrixL()(k, k));
-          const double evidence = gain - log_det - price_of_pattern_size - price - price_of_way;
+          const Prior prior{Eigen::VectorXd::Zero(modulus), Eigen::VectorXd::Constant(modulus, scale_mm)};
+          const MeanModel::Fit fit = MeanModel::solve(sums, prior, false);
+          const double evidence = fit.evidence - price_of_pattern_size - price - price_of_way;
           if (evidence > best.evidence)
-            best = {gain, evidence,
+            best = {fit.gain, evidence,
                     "the range follows the number of the scan, the same every " + std::to_string(modulus) +
                         " scans, and more and more so " + way.says};
         }
@@ -756,8 +750,7 @@ void scan_numbers(std::vector<Scan>& scans, SpreadResult& result) {
       "the range depends on the number of the scan in its capture in a way that no mirror face and no "
       "swinging stage makes";
   const GrowingPattern growing = growing_pattern(scans, price, longest);
-  constexpr double worth_a_name = 3;
-  facet.ahead = facet.evidence + worth_a_name - growing.evidence;
+  facet.ahead = facet.evidence + odds::worth_a_name - growing.evidence;
   if (facet.ahead < 0 && growing.evidence > every) {
     every = growing.evidence;
     every_gain = growing.gain;

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <set>
 
+#include "fit/find_by_id.hpp"
+
 namespace fit::explain {
 namespace forms {
 std::vector<Form> all();
@@ -103,10 +105,7 @@ const std::vector<Form>& all_forms() {
   return list;
 }
 
-const Form* find_form(const std::string& id) {
-  const auto found = std::ranges::find(all_forms(), id, &Form::id);
-  return found == all_forms().end() ? nullptr : &*found;
-}
+const Form* find_form(const std::string& id) { return find_by_id(all_forms(), id); }
 
 Columns columns_of(const MeanModel& model, const Shape& shape) {
   const Form& form = *shape.form;

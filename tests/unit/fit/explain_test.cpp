@@ -272,6 +272,15 @@ TEST_CASE("a warm-up whose thermometer follows it is answered with both suspects
   CHECK(next->expected > 3);
 }
 
+TEST_CASE("numbers in sentences have as many digits as said, and no powers of ten") {
+  CHECK(fit::rounded(140.2, 2) == "140");
+  CHECK(fit::rounded(-12345.6, 4) == "-12350");
+  CHECK(fit::rounded(999.6, 3) == "1000");
+  CHECK(fit::rounded(99.4, 2) == "99");
+  CHECK(fit::rounded(0.012345, 3) == "0.0123");
+  CHECK(fit::rounded(0, 3) == "0");
+}
+
 TEST_CASE("an explanation as JSON keeps the contract") {
   ImaginedRoom room;
   room.bend = eccentric;
