@@ -28,11 +28,10 @@ std::string quoted(const std::string& text) {
 
 std::string deg(double rad) { return text_of(rad * fit::deg_per_rad); }
 
-std::string beams_of(const CaptureInfo& c) {
-  // Beam angles of the UST-10LX; others differ only in where the whole scene ends, which is left out then.
+std::string beams_of(const CaptureInfo& c, const fit::LidarGeometry& lidar) {
   if (!c.target) return "";
-  return ", beams_deg: [" + text_of((c.first_step - 540) * 0.25) + ", " +
-         text_of((c.last_step - 540) * 0.25) + "]";
+  return ", beams_deg: [" + deg(lidar.beam_angle(c.first_step)) + ", " + deg(lidar.beam_angle(c.last_step)) +
+         "]";
 }
 
 /// A target that people put up anew: where, and how well.
@@ -73,8 +72,19 @@ std::string heat_step(double celsius) {
          "\n      place: {temperature_c: " + t + "}\n";
 }
 
-std::string steps_of(const Experiment& e) {
+/// The lidar warm: what a drift is compared with.
+std::string steady_step(const CaptureInfo& c) {
+  const std::string t = text_of(c.temperature_c.value_or(25)),
+                    since_s = text_of(c.since_power_on_s.value_or(0));
+  return "  - prompt:\n      title: \"The lidar warm\"\n      text: " +
+         quoted("Let the lidar be on for " + text_of(c.since_power_on_s.value_or(0) / 60) +
+                " minutes with its housing held at " + t + " C, then confirm.") +
+         "\n      place: {temperature_c: " + t + ", since_power_on_s: " + since_s + "}\n";
+}
+
+std::string steps_of(const Experiment& e, const fit::LidarGeometry& lidar) {
   std::string steps;
+  if (e.steady) steps += steady_step(e.captures.front());
   const std::string samples = std::to_string(e.scans);
   switch (e.kind) {
     case Experiment::Kind::all_round:
@@ -92,7 +102,7 @@ std::string steps_of(const Experiment& e) {
       steps += "  - move: {to_deg: 0}\n";
       for (const CaptureInfo& c : e.captures)
         steps += place_step(c) + "  - capture: {samples: " + samples + ", target: " + quoted(*c.target) +
-                 beams_of(c) + "}\n";
+                 beams_of(c, lidar) + "}\n";
       break;
     case Experiment::Kind::heat:
       steps += "  - move: {to_deg: 0}\n";
@@ -104,7 +114,8 @@ std::string steps_of(const Experiment& e) {
       steps +=
           "  - prompt:\n      title: \"Cold start\"\n      text: \"Switch the lidar off for two hours, hold "
           "its housing "
-          "at 25 C, switch it on and confirm at once.\"\n      place: {temperature_c: 25}\n";
+          "at 25 C, switch it on and confirm at once.\"\n      place: {temperature_c: 25, since_power_on_s: "
+          "0}\n";
       steps += "  - for-each: {minute: {from: 1, to: " + std::to_string(e.captures.size()) +
                ", step: 1}}\n    steps:\n      - capture: {samples: " + samples +
                "}\n      - wait: {seconds: 59}\n";
@@ -118,18 +129,39 @@ std::string steps_of(const Experiment& e) {
   return steps;
 }
 
+std::string list_of(const std::vector<std::string>& ids, const char* last) {
+  std::string text;
+  for (std::size_t i = 0; i < ids.size(); ++i)
+    text += (i == 0 ? "" : i + 1 < ids.size() ? ", " : std::string(" ") + last + " ") + ids[i];
+  return text;
+}
+
+/// Whom it tells apart, how surely, and whom it leaves together.
+std::string promise_of(const Experiment& e) {
+  std::vector<std::string> groups, together;
+  for (const auto& group : e.groups) {
+    groups.push_back(list_of(group, "or"));
+    if (group.size() > 1) together.push_back(list_of(group, "and"));
+  }
+  constexpr double million_to_one = 13.8;
+  const std::string odds =
+      e.expected > million_to_one
+          ? "beyond doubt (more than a million to one)"
+          : "with odds of about " + fit::rounded(std::exp(e.expected), 1) + " to one at least";
+  return "Tells apart " + list_of(groups, "and") + ", " + odds + " if what was found so far is right." +
+         (together.empty() ? "" : " It leaves together " + list_of(together, "and") + ".");
+}
+
 }  // namespace
 
-std::string procedure_text(const Experiment& e, const std::string& suspects) {
+std::string procedure_text(const Experiment& e, const fit::Bench& bench) {
   const bool both = e.kind == Experiment::Kind::all_round || e.kind == Experiment::Kind::both_sides;
   return "procedure: next-experiment\ntitle: " + quoted(e.title) + "\nabout: " +
-         quoted("Separates " + suspects + ": the odds between them are expected to become e^" +
-                std::to_string(std::lround(std::min(e.expected, 9999.0))) +
-                " or more. Afterwards: rig explain THE-SESSION-SO-FAR.rig THE-NEW-ONE.rig") +
+         quoted(promise_of(e) + " Afterwards: rig explain THE-SESSION-SO-FAR.rig THE-NEW-ONE.rig") +
          (e.by_hand ? std::string("\nsteps:\n")
                     : std::string("\nstage: {approach: ") + (both ? "direct" : "positive") +
                           ", margin_deg: 0.5}\nsteps:\n  - home\n") +
-         steps_of(e);
+         steps_of(e, bench.lidar);
 }
 
 }  // namespace rig

@@ -8,7 +8,6 @@
 namespace rig {
 
 /// The experiment as a procedure file that runs as it stands on the bench it was made for.
-[[nodiscard]] std::string procedure_text(const fit::explain::Experiment& experiment,
-                                         const std::string& suspects);
+[[nodiscard]] std::string procedure_text(const fit::explain::Experiment& experiment, const fit::Bench& bench);
 
 }  // namespace rig

@@ -95,6 +95,7 @@ class BenchOperator final : public Operator {
     if (place.shift_mm) what["shift_mm"] = *place.shift_mm;
     if (place.reflectance) what["reflectance"] = *place.reflectance;
     if (place.temperature_c) what["temperature_c"] = *place.temperature_c;
+    if (place.since_power_on_s) what["since_power_on_s"] = *place.since_power_on_s;
     return what;
   }
 

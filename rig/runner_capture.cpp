@@ -28,10 +28,16 @@ fit::CaptureInfo Runner::Impl::info_of(const CaptureRequest& request) {
       info.reflectance = placed->second.reflectance;
     }
   if (const auto air = scene.find(""); air != scene.end()) info.temperature_c = air->second.temperature_c;
+  info.since_power_on_s = since_power_on_s(info.started_us);
   info.first_step = request.first_step;
   info.last_step = request.last_step;
   info.cluster = request.cluster;
   return info;
+}
+
+std::optional<double> Runner::Impl::since_power_on_s(std::int64_t at_us) const {
+  if (!power_on_us) return std::nullopt;
+  return static_cast<double>(at_us - *power_on_us) * 1e-6;
 }
 
 awaitable<std::int64_t> Runner::Impl::capture(CaptureRequest request) {
@@ -311,6 +317,7 @@ std::int64_t Runner::Impl::store_turning(const CaptureRequest& request, const Tu
   const auto& [scans, track, lost] = turned;
   fit::CaptureInfo info = info_of(request);
   info.started_us = session_us(scans.front());
+  info.since_power_on_s = since_power_on_s(info.started_us);
   const auto [start_deg, rate_deg_s] = track.at_and_rate(static_cast<double>(info.started_us) / 1e6);
   info.stage_rad = start_deg * fit::rad_per_deg;
   info.stage_readback_rad.reset();

@@ -88,7 +88,8 @@ struct Runner::Impl final : StepContext {
 
   std::map<std::string, std::string> progress;  // As in the session.
   Variables variables;
-  std::map<std::string, Placement> scene;  // By target; the temperature under "".
+  std::map<std::string, Placement> scene;   // By target; the temperature under "".
+  std::optional<std::int64_t> power_on_us;  // When the lidar was switched on, on the session's clock.
   std::set<std::string> skipped_turns;
   std::size_t current = 0;
   std::string current_name;
@@ -210,6 +211,8 @@ struct Runner::Impl final : StepContext {
 
   /// Brings a lost lidar back or gives up with a DeviceError.
   awaitable<void> reconnect_lidar(std::exception_ptr why);
+  /// Tries for as long as a lidar takes to start; `why` it is gone so far, if known.
+  awaitable<void> connect_again(std::exception_ptr why);
 
   /// Whether the device's clock runs with the host's: a simulation at full speed does not.
   awaitable<void> compare_clocks();
@@ -218,6 +221,8 @@ struct Runner::Impl final : StepContext {
 
   // Capture
 
+  /// Of the lidar, if a prompt said when it was switched on.
+  std::optional<double> since_power_on_s(std::int64_t at_us) const;
   fit::CaptureInfo info_of(const CaptureRequest& request);
 
   awaitable<std::int64_t> capture(CaptureRequest request) override;
@@ -275,7 +280,7 @@ struct Runner::Impl final : StepContext {
 
   static std::string wrong_answer(const Prompt& prompt, Answer& answer);
 
-  void apply(const Prompt& prompt);
+  awaitable<void> apply(const Prompt& prompt);
 
   void restore_scene();
 

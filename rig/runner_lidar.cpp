@@ -1,9 +1,41 @@
 // SPDX-License-Identifier: MIT
+#include <charconv>
+#include <cmath>
+
 #include "rig/runner_impl.hpp"
 #include "rig/scan_gate.hpp"
 
 namespace rig {
 namespace {
+
+std::optional<double> parameter(const json& identity, const char* name) {
+  const auto pp = identity.find("PP");
+  if (pp == identity.end() || !pp->is_object() || !pp->contains(name) || !(*pp)[name].is_string())
+    return std::nullopt;
+  const auto text = (*pp)[name].get<std::string>();
+  double value = 0;
+  const auto [end, failed] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return failed == std::errc() ? std::optional(value) : std::nullopt;
+}
+
+/// Throws if the lidar, by its own parameters, is another kind than the bench file describes.
+void compare_with_bench(const json& identity, const fit::LidarGeometry& known) {
+  std::string differs;
+  const auto note = [&](const char* key, double bench, double lidar) {
+    differs += (differs.empty() ? "" : ", ") + std::string(key) + " " + to_text(bench) +
+               " where the lidar has " + to_text(lidar);
+  };
+  if (const auto last = parameter(identity, "AMAX"); last && known.steps > *last + 1)
+    note("steps", known.steps, *last + 1);
+  if (const auto front = parameter(identity, "AFRT"); front && known.front_step != *front)
+    note("front_step", known.front_step, *front);
+  if (const auto turn = parameter(identity, "ARES");
+      turn && *turn > 0 && std::abs(known.step_rad * fit::deg_per_rad - 360 / *turn) > 1e-6)
+    note("step_deg", known.step_rad * fit::deg_per_rad, 360 / *turn);
+  if (!differs.empty())
+    throw UsageError("The bench file describes another lidar: " + differs +
+                     ". Correct 'lidar' in the bench file, or connect the lidar that it describes.");
+}
 
 constexpr int connect_attempts = 4;  // 0.5, 1, 2, 4 s apart: an UST-10LX is back about 3 s after power-up.
 
@@ -63,6 +95,7 @@ awaitable<lidar::Scan> Runner::Impl::next_scan(LidarStream stream, ScanGate* gat
 awaitable<void> Runner::Impl::connect_lidar() {
   auto connecting = parts.lidar.connect();
   const json identity = co_await std::move(connecting);
+  compare_with_bench(identity, known_bench.lidar);
   connected = true;
   seen_ms.reset();
   const auto before = session.get("lidar");
@@ -86,6 +119,13 @@ awaitable<void> Runner::Impl::connect_lidar() {
 awaitable<void> Runner::Impl::reconnect_lidar(std::exception_ptr why) {
   streaming = false;
   note("warning", "lidar lost: " + sentence(why) + " The rig connects to it anew.");
+  auto connecting = connect_again(why);
+  co_await std::move(connecting);
+  ++state.reconnects;
+  note("info", "lidar is back");
+}
+
+awaitable<void> Runner::Impl::connect_again(std::exception_ptr why) {
   double pause_s = 0.5;
   for (int attempt = 1; attempt <= connect_attempts; ++attempt, pause_s *= 2) {
     stop_if_aborted();
@@ -99,10 +139,8 @@ awaitable<void> Runner::Impl::reconnect_lidar(std::exception_ptr why) {
       why = std::current_exception();
     }
     if (!why) {
-      ++state.reconnects;
       // A device that was switched off counts from zero again.
       own_anchor_ms.reset();
-      note("info", "lidar is back");
       co_return;
     }
   }

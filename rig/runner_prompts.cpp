@@ -45,7 +45,8 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
     if (answer.kind != Answer::Kind::confirmed) continue;
     prompt.check = wrong_answer(prompt, answer);
     if (prompt.check.empty()) {
-      apply(prompt);
+      auto applying = apply(prompt);
+      co_await std::move(applying);
       if (prompt.until) {
         auto looking = look_at(*prompt.until);
         const Look look_now = co_await std::move(looking);
@@ -107,9 +108,9 @@ std::string Runner::Impl::wrong_answer(const Prompt& prompt, Answer& answer) {
   return "";
 }
 
-void Runner::Impl::apply(const Prompt& prompt) {
-  if (!prompt.place) return;
-  const Placement& place = *prompt.place;
+awaitable<void> Runner::Impl::apply(const Prompt& prompt) {
+  if (!prompt.place) co_return;
+  const Placement place = *prompt.place;
   Placement& known = scene[place.target];
   known.target = place.target;
   if (place.shift_mm) known.shift_mm = place.shift_mm;
@@ -118,9 +119,18 @@ void Runner::Impl::apply(const Prompt& prompt) {
   json all = json::array();
   for (const auto& [target, each] : scene) all.push_back(json_of(each));
   record("scene", all);
+  if (!place.since_power_on_s) co_return;
+  power_on_us = now_us() - static_cast<std::int64_t>(1e6 * *place.since_power_on_s);
+  record("power_on_us", *power_on_us);
+  streaming = false;
+  note("info", "the lidar was switched off and on: the rig connects to it anew");
+  auto connecting = connect_again(nullptr);
+  co_await std::move(connecting);
 }
 
 void Runner::Impl::restore_scene() {
+  if (const json since = progress_of("power_on_us"); since.is_number_integer())
+    power_on_us = since.get<std::int64_t>();
   const json all = progress_of("scene");
   if (!all.is_array()) return;
   for (const json& each : all) {

@@ -24,8 +24,9 @@ struct StageLimits {
 /// What changed on the bench, in the words of a prompt's `place`. Machine-readable, so that a simulated bench
 /// does it.
 struct Placement {
-  std::string target;  ///< Empty: nothing but the temperature.
+  std::string target;  ///< Empty: nothing but the lidar's own temperature and power.
   std::optional<double> shift_mm, reflectance, temperature_c;
+  std::optional<double> since_power_on_s;  ///< The lidar was switched off, and on again so long ago.
 };
 
 /// Where a procedure stands while it is walked through without devices: for the dry run, the count of steps

@@ -29,7 +29,7 @@ struct StageMoment {
 class Engine {
  public:
   virtual ~Engine() = default;
-  /// Fills one value per step. `scan_s` is the simulated time since power-on at which step 0 is passed;
+  /// Fills one value per step. `scan_s` is the simulated time at which step 0 is passed;
   /// `stage_at` gives the stage at any later time of the scan. Codes: 4 = too near, 65533 = no echo.
   virtual void scan(double scan_s, const std::function<StageMoment(double time_s)>& stage_at,
                     std::span<std::uint32_t> range_mm, std::span<std::uint32_t> intensity) = 0;
@@ -37,6 +37,8 @@ class Engine {
   /// Told where the stage's drive stands when a move begins, ends or turns back. Engines with gear play and
   /// ringing need it for moves that happen between two scans; the others ignore it.
   virtual void stage_moves(double /*time_s*/, const StageMoment& /*stage*/) {}
+  /// The lidar, cold, was switched on at that time. Before the first call it is so since time 0.
+  virtual void switched_on(double /*time_s*/) {}
   /// The lidar begins a stream. Engines that repeat measurements (`rig-sim --repeatable`) begin their noise
   /// anew.
   virtual void begin_stream() {}

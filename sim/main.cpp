@@ -98,6 +98,11 @@ int serve(const Options& options) {
   for (const fit::Target& target : scene.targets) operator_options.targets.push_back(target.name);
   sim::OperatorPort::Bench at_the_bench;
   at_the_bench.place = [&](const sim::SceneState& placed) { engine->set_scene(placed); };
+  at_the_bench.switch_on = [&](double since_s) {
+    device.reboot(clock.now_s() - since_s);
+    server.reset_connection();
+    engine->switched_on(clock.now_s() - since_s);
+  };
   at_the_bench.fault = [&](const std::string& fault) { faults.add(fault); };
   at_the_bench.state = [&] {
     return nlohmann::json{{"time_s", clock.now_s()},

@@ -94,6 +94,8 @@ class ModelEngine : public Engine {
     seen_from_ = std::numeric_limits<double>::quiet_NaN();
   }
 
+  void switched_on(double time_s) override { on_since_s_ = time_s; }
+
   void scan(double scan_s, const StageAt& stage_at, std::span<std::uint32_t> range_mm,
             std::span<std::uint32_t> intensity) override {
     last_move_.follow(scan_s, stage_at);
@@ -205,9 +207,9 @@ class ModelEngine : public Engine {
     intensity = 0;
     fit::Circumstances& c = sights_[step];
     if (c.target < 0) return;
-    c.time_s = scan_s + c.beam_time_s;
+    c.time_s = scan_s - on_since_s_ + c.beam_time_s;
     c.temperature_k = temperature_c_ - first_temperature_c_;
-    c.since_move_s = last_move_.since_s(c.time_s);
+    c.since_move_s = last_move_.since_s(scan_s + c.beam_time_s);
     c.approach = last_move_.approach();
     c.stage_rate_rad_s = stage.rate_rad_s;
     c.seq = static_cast<int>(scans_ % 27720);  // whatever the number of facets
@@ -254,7 +256,7 @@ class ModelEngine : public Engine {
   causal::Random random_;
   std::vector<double> memory_;
   LastMove last_move_;
-  double temperature_c_ = 25, first_temperature_c_ = -1e9;
+  double on_since_s_ = 0, temperature_c_ = 25, first_temperature_c_ = -1e9;
   double seen_from_ = std::numeric_limits<double>::quiet_NaN();
   double scan_normal_ = 0;
   std::int64_t scans_ = 0;

@@ -123,9 +123,10 @@ json OperatorPort::Impl::obey(const json& request) {
 
 void OperatorPort::Impl::place(const json& what) {
   for (const auto& [key, value] : what.items())
-    if (key != "target" && key != "shift_mm" && key != "reflectance" && key != "temperature_c")
+    if (key != "target" && key != "shift_mm" && key != "reflectance" && key != "temperature_c" &&
+        key != "since_power_on_s")
       throw std::invalid_argument("'place' has no '" + key +
-                                  "'; it has target, shift_mm, reflectance, temperature_c");
+                                  "'; it has target, shift_mm, reflectance, temperature_c, since_power_on_s");
   const std::string target = what.contains("target") ? what["target"].get<std::string>() : "";
   if (!target.empty() && std::ranges::count(targets, target) == 0)
     throw std::invalid_argument("the bench has no target '" + target + "'");
@@ -137,8 +138,11 @@ void OperatorPort::Impl::place(const json& what) {
   if (what.contains("reflectance")) scene.reflectance = number(what, "reflectance");
   if (what.contains("temperature_c")) temperature_c = number(what, "temperature_c");
   scene.temperature_c = temperature_c;
+  const bool switched = what.contains("since_power_on_s");
+  const double since_s = switched ? number(what, "since_power_on_s") : 0;
   placed[target] = scene;
   bench.place(scene);
+  if (switched) bench.switch_on(since_s);
 }
 
 OperatorPort::OperatorPort(const asio::any_io_executor& executor, const Options& options, Bench bench)

@@ -18,6 +18,7 @@ namespace sim {
 ///
 ///   {"place": {"target": "board", "shift_mm": 100, "reflectance": 0.2, "temperature_c": 30}}  -> {"ok":
 ///   true}
+///   {"place": {"since_power_on_s": 0}}                                          -> {"ok": true}
 ///   {"fault": "stage stall"}                                                                  -> {"ok":
 ///   true}
 ///   {"get": "state"}                                                -> {"ok": true, "time_s": 12.3,
@@ -34,6 +35,8 @@ class OperatorPort {
   };
   struct Bench {
     std::function<void(const SceneState& scene)> place;
+    /// The lidar was off until it was cold, and has been on again for so long.
+    std::function<void(double since_s)> switch_on;
     std::function<void(const std::string& fault)> fault;  ///< Throws std::invalid_argument.
     std::function<nlohmann::json()> state;
   };

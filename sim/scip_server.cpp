@@ -217,13 +217,17 @@ awaitable<void> ScipServer::Impl::stream_scans(std::shared_ptr<Connection> host)
       continue;
     }
     bytes.clear();
+    // Who leaves scans out lets time pass and will stop at a certain one: hours of such a stream fit into the
+    // buffers on the way.
+    const bool in_batches = clock.is_max() && !device.skips_scans();
     do {
       device.append_next_scan(bytes);
       clock.advance_to(device.scan_end_s());
-    } while (clock.is_max() && device.streaming() && bytes.size() < batch_bytes &&
+    } while (in_batches && device.streaming() && bytes.size() < batch_bytes &&
              !(fault.is_due && fault.is_due()));
     if (host->waiting() < waiting_limit) send(*host, bytes);
-    if (clock.is_max() && host->waiting() == 0) {  // a fault swallowed them all: let others run
+    // Not in batches, or a fault swallowed them all: let others run.
+    if (clock.is_max() && (!in_batches || host->waiting() == 0)) {
       host->wake_streamer.expires_after(std::chrono::milliseconds(1));
       co_await host->wake_streamer.async_wait(redirect_error(use_awaitable, ignored));
     }

@@ -35,6 +35,8 @@ class UstDevice {
   [[nodiscard]] std::string handle(std::string_view line, double now_s);
 
   [[nodiscard]] bool streaming() const { return stream_.has_value(); }
+  /// Streams, and leaves scans out between two that are sent.
+  [[nodiscard]] bool skips_scans() const { return stream_ && stream_->request.scan.skip > 0; }
   /// When the next scan of the stream is ready to be sent, given that it is `now_s`: scans that nobody could
   /// take are passed over, as the motor does not wait.
   [[nodiscard]] double next_scan_ready_s(double now_s);

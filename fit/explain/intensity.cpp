@@ -195,29 +195,30 @@ class Intensity {
     write(out);
   }
 
-  /// Smallest evidence (logarithm of odds) that tells one of them from another, whichever is true.
-  double separation(const std::vector<LightSuspect>& suspects) {
+  /// Evidence (logarithm of odds) against one (column) when another (row) is true.
+  MatrixXd evidence_between(const std::vector<LightSuspect>& suspects) {
     constexpr double scatter = 0.01;  // what intensities are never better predicted than
-    if (!collect()) return 0;
+    const auto size = static_cast<Index>(suspects.size());
+    MatrixXd evidence = MatrixXd::Zero(size, size);
+    if (!collect()) return evidence;
     VectorXd weight(count());
     for (Index i = 0; i < count(); ++i)
       weight[i] = 1 / std::max(scatter, rows_[static_cast<std::size_t>(i)].sigma);
-    double least = 1e300;
-    for (const LightSuspect& truth : suspects)
-      for (const LightSuspect& rival : suspects) {
-        if (truth.mechanism == rival.mechanism && truth.target == rival.target) continue;
-        const Suspicion other = suspicion_of(rival);
+    for (Index truth = 0; truth < size; ++truth)
+      for (Index rival = 0; rival < size; ++rival) {
+        if (truth == rival) continue;
+        const Suspicion other = suspicion_of(suspects[static_cast<std::size_t>(rival)]);
         Block base = nuisances(law_, {other});
         if (other.coefficients.empty()) {
           base.add(effect_of(other), 10);
           add_freedom(other, base);
         }
-        const VectorXd effect = effect_of(truth);
+        const VectorXd effect = effect_of(suspects[static_cast<std::size_t>(truth)]);
         Model model(effect, weight);
         model.set_base(base);
-        least = std::min(least, 0.5 * model.left_of(effect).squaredNorm());
+        evidence(truth, rival) = 0.5 * model.left_of(effect).squaredNorm();
       }
-    return least < 1e300 ? least : 0;
+    return evidence;
   }
 
  private:
@@ -1328,10 +1329,11 @@ class Intensity {
 
 }  // namespace
 
-double separation_of_light(const Reduced& reduced, const std::vector<LightSuspect>& suspects) {
+MatrixXd evidence_between(const Reduced& reduced, const std::vector<LightSuspect>& suspects) {
   auto claim = claimed_intensity(reduced.bench);
-  if (!claim || !reduced.has_intensity) return 0;
-  return Intensity(reduced, std::move(*claim)).separation(suspects);
+  const auto size = static_cast<Index>(suspects.size());
+  if (!claim || !reduced.has_intensity) return MatrixXd::Zero(size, size);
+  return Intensity(reduced, std::move(*claim)).evidence_between(suspects);
 }
 
 void explain_intensity(const Reduced& reduced, Explanation& explanation) {

@@ -11,8 +11,9 @@ namespace fit::explain {
 /// as it is.
 void explain_intensity(const Reduced& reduced, Explanation& explanation);
 
-/// Smallest evidence (logarithm of odds) by which recordings like these tell one suspect of intensity from
-/// another, whichever is true; what a bench's law leaves open is taken into account.
-[[nodiscard]] double separation_of_light(const Reduced& reduced, const std::vector<LightSuspect>& suspects);
+/// Evidence (logarithm of odds) that recordings like these give against one suspect of intensity (column)
+/// when another (row) is true; what a bench's law leaves open is taken into account.
+[[nodiscard]] Eigen::MatrixXd evidence_between(const Reduced& reduced,
+                                               const std::vector<LightSuspect>& suspects);
 
 }  // namespace fit::explain

@@ -13,7 +13,8 @@
 namespace fit::explain {
 namespace {
 
-constexpr double worth_doing = 3;  // expected log odds below which an experiment separates nothing
+constexpr double worth_doing = 3;            // expected log odds below which an experiment separates nothing
+constexpr double longest_movable_mm = 3000;  // nobody moves a wall
 
 /// Counts against echo power as the session shows them: log I = a + b log power.
 struct Brightness {
@@ -131,14 +132,40 @@ CaptureInfo aimed(const Bench& bench, const Target& target) {
   return c;
 }
 
+constexpr double steady_c = 25;
+
+bool drifts(const Mechanism& mechanism) {
+  return mechanism.coordinate == Coordinate::time || mechanism.coordinate == Coordinate::temperature;
+}
+
+/// Where a drift is suspected, an experiment says how warm the lidar is: a run that does not know when the
+/// lidar was switched on would be compared at the wrong time.
+void hold_steady(Experiment& e, const Explanation& explanation) {
+  if (e.kind == Experiment::Kind::cold_start) return;
+  e.steady = std::ranges::any_of(explanation.suspects, [](const Term& t) { return drifts(*t.mechanism); });
+  if (!e.steady) return;
+  for (CaptureInfo& c : e.captures)
+    if (!c.temperature_c) c.temperature_c = steady_c;
+}
+
+/// A turning stage brings errors of its own: it is for suspects that show nowhere else.
+bool worth_imagining(const Experiment& e, const Explanation& explanation) {
+  return e.kind != Experiment::Kind::turning ||
+         std::ranges::any_of(explanation.suspects, [](const Term& term) {
+           return term.mechanism->coordinate == Coordinate::stage_rate ||
+                  term.mechanism->coordinate == Coordinate::range_rate;
+         });
+}
+
 /// What an experiment may find: a mechanism or an unnamed form, as it came out and as it may adjust.
 struct Suspected {
+  std::string id;
   std::function<Eigen::VectorXd(const MeanModel&)> effect_mm;
   std::function<Columns(const MeanModel&)> columns;
 };
 
 Suspected suspected(const Term& term) {
-  return {[&term](const MeanModel& model) { return effect_of(model, term); },
+  return {term.mechanism->id, [&term](const MeanModel& model) { return effect_of(model, term); },
           [&term](const MeanModel& model) {
             Columns c = linear_columns(model, term);
             c.prior.mean.setZero();
@@ -151,7 +178,7 @@ Suspected suspected(const Term& term) {
 
 /// Where a step stands, or how long a period is, is held as it came out: promises are a little too good.
 Suspected suspected(const Shape& shape) {
-  return {[&shape](const MeanModel& model) { return effect_of(model, shape); },
+  return {"unknown-physics", [&shape](const MeanModel& model) { return effect_of(model, shape); },
           [&shape](const MeanModel& model) {
             Columns c = columns_of(model, shape);
             c.prior.sigma *= 10;
@@ -171,138 +198,212 @@ std::vector<Suspected> suspects_of(const Explanation& explanation) {
   return list;
 }
 
-/// Smallest evidence that the effect of one leaves when another tries to take it up.
-double separation(const Reduced& all, const Explanation& explanation) {
+/// Evidence that the effect of one (row) leaves when another (column) tries to take it up.
+Eigen::MatrixXd evidence_between(const Reduced& all, const std::vector<Suspected>& suspects) {
   constexpr std::size_t enough = 12000;
   const std::optional<Reduced> few =
       all.cells.size() > enough ? std::optional(merged(all, enough)) : std::nullopt;
   MeanModel model(few ? *few : all, {});
   const double share =
       static_cast<double>(all.cells.size()) / std::max<double>(1, static_cast<double>(model.rows()));
-  const std::vector<Suspected> suspects = suspects_of(explanation);
-  double least = 1e300;
-  for (std::size_t rival = 0; rival < suspects.size(); ++rival) {
+  const auto count = static_cast<Eigen::Index>(suspects.size());
+  Eigen::MatrixXd evidence = Eigen::MatrixXd::Zero(count, count);
+  for (Eigen::Index rival = 0; rival < count; ++rival) {
     Columns base;
     base.columns_mm = model.nuisance_columns();
     base.prior.mean = Eigen::VectorXd::Zero(base.columns_mm.cols());
     base.prior.sigma = Nuisance::prior_sigma(all.bench);
-    add(base, suspects[rival].columns(model));
+    add(base, suspects[static_cast<std::size_t>(rival)].columns(model));
     model.set_base(base.columns_mm, {Eigen::VectorXd::Zero(base.columns_mm.cols()), base.prior.sigma});
-    for (std::size_t truth = 0; truth < suspects.size(); ++truth) {
+    for (Eigen::Index truth = 0; truth < count; ++truth) {
       if (truth == rival) continue;
-      const Eigen::VectorXd left = model.remainder(suspects[truth].effect_mm(model));
+      const Eigen::VectorXd left =
+          model.remainder(suspects[static_cast<std::size_t>(truth)].effect_mm(model));
       double sum = 0;
       for (Eigen::Index i = 0; i < model.rows(); ++i) sum += std::pow(left[i] / model.sigma_of_mean(i), 2);
-      least = std::min(least, share * sum / 2);
+      evidence(truth, rival) = share * sum / 2;
     }
   }
-  return least;
+  return evidence;
+}
+
+/// Adds what an experiment tells about suspects with that evidence between them.
+void judge(Experiment& e, const Eigen::MatrixXd& evidence, const std::vector<std::string>& ids) {
+  const Eigen::MatrixXd apart = evidence.cwiseMin(evidence.transpose());
+  const Eigen::Index count = apart.rows();
+  std::vector<bool> taken(ids.size(), false);
+  for (Eigen::Index first = 0; first < count; ++first) {
+    double doubt = 1;  // what the others keep beside a probability of 1
+    for (Eigen::Index other = 0; other < count; ++other)
+      if (other != first) doubt += std::exp(-apart(first, other));
+    e.information += std::log(static_cast<double>(count) / doubt) / static_cast<double>(count);
+    if (taken[static_cast<std::size_t>(first)]) continue;
+    std::vector<Eigen::Index> group = {first};
+    taken[static_cast<std::size_t>(first)] = true;
+    for (std::size_t i = 0; i < group.size(); ++i)
+      for (Eigen::Index other = 0; other < count; ++other)
+        if (!taken[static_cast<std::size_t>(other)] && apart(group[i], other) <= worth_doing) {
+          taken[static_cast<std::size_t>(other)] = true;
+          group.push_back(other);
+        }
+    e.groups.emplace_back();
+    for (const Eigen::Index member : group) e.groups.back().push_back(ids[static_cast<std::size_t>(member)]);
+  }
+  for (Eigen::Index i = 0; i < count; ++i)
+    for (Eigen::Index j = 0; j < i; ++j)
+      if (apart(i, j) > worth_doing) e.expected = std::min(e.expected, apart(i, j));
+}
+
+/// Seconds of somebody's day: time for the stage and the lidar, more for what hands have to do.
+double work_s(const Experiment& e) {
+  constexpr double by_hand_s = 300, cooling_s = 7200;
+  if (e.captures.empty()) return 0;
+  const double passed =
+      static_cast<double>(e.captures.back().started_us - e.captures.front().started_us) * 1e-6;
+  const bool hands = e.by_hand || e.kind == Experiment::Kind::ladder || e.kind == Experiment::Kind::greys;
+  return passed + (hands ? by_hand_s * static_cast<double>(e.captures.size()) : 0) +
+         (e.steady ? e.captures.front().since_power_on_s.value_or(0) : 0) +
+         (e.kind == Experiment::Kind::cold_start ? cooling_s : 0);
+}
+
+bool better(const Experiment& a, const Experiment& b) {
+  constexpr double same_information = 0.05, same_odds = 1, beyond_doubt = 20;
+  if (std::abs(a.information - b.information) > same_information) return a.information > b.information;
+  const double odds_a = std::min(a.expected, beyond_doubt), odds_b = std::min(b.expected, beyond_doubt);
+  if (std::abs(odds_a - odds_b) > same_odds) return odds_a > odds_b;
+  return work_s(a) < work_s(b);
+}
+
+Experiment experiment(Experiment::Kind kind, std::string title, int scans, std::string target = "") {
+  Experiment e;
+  e.kind = kind;
+  e.title = std::move(title);
+  e.scans = scans;
+  e.target = std::move(target);
+  return e;
+}
+
+/// Stage angles up and down again.
+Experiment from_both_sides(Experiment e, const Bench& bench, double from_deg, double to_deg, double step_deg,
+                           double pause_s) {
+  for (double angle = from_deg; angle <= to_deg; angle += step_deg)
+    e.captures.push_back(whole_scene(bench, angle));
+  const std::size_t up = e.captures.size();
+  for (std::size_t i = 0; i < up; ++i) e.captures.push_back(e.captures[up - 1 - i]);
+  number(e, pause_s, 1800);
+  return e;
+}
+
+Experiment ladder(const Bench& bench, const Target& target) {
+  Experiment e =
+      experiment(Experiment::Kind::ladder, "Target '" + target.name + "' at many distances, bright and dark",
+                 60, target.name);
+  const double distance_mm = std::abs(target.from_mm.dot(target.outward_normal()));
+  for (const double rho : {0.85, 0.4, 0.12})
+    for (const double away_mm : {300, 450, 650, 900, 1250, 1700, 2300, 3100, 4200, 5700, 7700}) {
+      CaptureInfo c = aimed(bench, target);
+      c.target_shift_mm = away_mm - distance_mm;
+      c.reflectance = rho;
+      e.captures.push_back(c);
+    }
+  number(e, 20, 3600);
+  return e;
+}
+
+Experiment greys(const Bench& bench, const Target& target) {
+  Experiment e = experiment(Experiment::Kind::greys,
+                            "Target '" + target.name + "' in many greys at two distances", 60, target.name);
+  for (const double shift_mm : {0.0, 1000.0})
+    for (const double rho : {0.9, 0.5, 0.28, 0.16, 0.09, 0.05}) {
+      CaptureInfo c = aimed(bench, target);
+      c.target_shift_mm = shift_mm;
+      c.reflectance = rho;
+      e.captures.push_back(c);
+    }
+  number(e, 20, 3600);
+  return e;
+}
+
+Experiment heat(const Bench& bench) {
+  Experiment e =
+      experiment(Experiment::Kind::heat, "The lidar's housing heated and cooled after warm-up", 40);
+  for (const double celsius : {20.0, 26.0, 32.0, 38.0, 32.0, 26.0, 20.0}) {
+    CaptureInfo c = whole_scene(bench, 0);
+    c.temperature_c = celsius;
+    e.captures.push_back(c);
+  }
+  number(e, 900, 7200);
+  return e;
+}
+
+Experiment cold_start(const Bench& bench) {
+  Experiment e = experiment(Experiment::Kind::cold_start,
+                            "From a cold start, at a housing temperature that is held", 10);
+  for (int minute = 0; minute < 60; ++minute) {
+    CaptureInfo c = whole_scene(bench, 0);
+    c.temperature_c = 25;
+    e.captures.push_back(c);
+  }
+  number(e, 60, 0);
+  return e;
+}
+
+Experiment turning(const Bench& bench, double from_deg, double to_deg) {
+  Experiment e = experiment(Experiment::Kind::turning, "The stage turns at two rates, both ways", 40);
+  for (const double rate : {10.0, 30.0})
+    for (const double sign : {1.0, -1.0}) {
+      CaptureInfo c = whole_scene(bench, -sign * std::min({60.0, -from_deg, to_deg}) / 2);
+      c.stage_rate_rad_s = sign * rate * rad_per_deg;
+      c.approach = sign > 0 ? 1 : -1;
+      e.captures.push_back(c);
+    }
+  number(e, 20, 1800);
+  return e;
 }
 
 }  // namespace
 
 std::vector<Experiment> possible_experiments(const Bench& bench, const StageTravel& travel) {
-  std::vector<Experiment> list;
   const double from = travel.from_rad * deg_per_rad, to = travel.to_rad * deg_per_rad;
-  Experiment round{Experiment::Kind::all_round,
-                   "",
-                   "The whole scene from stage angles all round, from both sides",
-                   {},
-                   10,
-                   0};
-  std::vector<double> angles;
-  for (double a = std::max(-180.0, from); a <= std::min(165.0, to); a += 15) angles.push_back(a);
-  for (const double a : angles) round.captures.push_back(whole_scene(bench, a));
-  for (auto a = angles.rbegin(); a != angles.rend(); ++a) round.captures.push_back(whole_scene(bench, *a));
-  number(round, 12, 1800);
-  list.push_back(round);
-  Experiment fine{Experiment::Kind::both_sides, "", "Small stage steps from both sides", {}, 20, 0};
-  for (double a = std::max(-8.0, from); a <= std::min(8.0, to); a += 0.37)
-    fine.captures.push_back(whole_scene(bench, a));
-  const std::size_t up = fine.captures.size();
-  for (std::size_t i = 0; i < up; ++i) fine.captures.push_back(fine.captures[up - 1 - i]);
-  number(fine, 6, 1800);
-  list.push_back(fine);
+  std::vector<Experiment> list;
+  list.push_back(
+      from_both_sides(experiment(Experiment::Kind::all_round,
+                                 "The whole scene from stage angles all round, from both sides", 10),
+                      bench, std::max(-180.0, from), std::min(165.0, to), 15, 12));
+  list.push_back(
+      from_both_sides(experiment(Experiment::Kind::both_sides, "Small stage steps from both sides", 20),
+                      bench, std::max(-8.0, from), std::min(8.0, to), 0.37, 6));
   for (const Target& target : bench.targets) {
-    const double distance = std::abs(target.from_mm.dot(target.outward_normal()));
-    Experiment ladder{Experiment::Kind::ladder,
-                      target.name,
-                      "Target '" + target.name + "' at many distances, bright and dark",
-                      {},
-                      60,
-                      0};
-    for (const double rho : {0.85, 0.4, 0.12})
-      for (double shift = 0; distance + shift < 8000; shift += 650) {
-        CaptureInfo c = aimed(bench, target);
-        c.target_shift_mm = shift;
-        c.reflectance = rho;
-        ladder.captures.push_back(c);
-      }
-    number(ladder, 20, 3600);
-    list.push_back(ladder);
-    Experiment greys{Experiment::Kind::greys,
-                     target.name,
-                     "Target '" + target.name + "' in many greys at two distances",
-                     {},
-                     60,
-                     0};
-    for (const double shift : {0.0, 1000.0})
-      for (const double rho : {0.9, 0.5, 0.28, 0.16, 0.09, 0.05}) {
-        CaptureInfo c = aimed(bench, target);
-        c.target_shift_mm = shift;
-        c.reflectance = rho;
-        greys.captures.push_back(c);
-      }
-    number(greys, 20, 3600);
-    list.push_back(greys);
+    if ((target.to_mm - target.from_mm).norm() > longest_movable_mm) continue;
+    list.push_back(ladder(bench, target));
+    list.push_back(greys(bench, target));
   }
-  Experiment heat{
-      Experiment::Kind::heat, "", "The lidar's housing heated and cooled after warm-up", {}, 40, 0};
-  for (const double t : {20.0, 26.0, 32.0, 38.0, 32.0, 26.0, 20.0}) {
-    CaptureInfo c = whole_scene(bench, 0);
-    c.temperature_c = t;
-    heat.captures.push_back(c);
-  }
-  number(heat, 900, 7200);
-  list.push_back(heat);
-  Experiment cold{Experiment::Kind::cold_start,
-                  "",
-                  "From a cold start, at a housing temperature that is held",
-                  {},
-                  10,
-                  0};
-  for (int i = 0; i < 60; ++i) {
-    CaptureInfo c = whole_scene(bench, 0);
-    c.temperature_c = 25;
-    cold.captures.push_back(c);
-  }
-  number(cold, 60, 30);
-  list.push_back(cold);
-  Experiment turning{Experiment::Kind::turning, "", "The stage turns at two rates, both ways", {}, 40, 0};
-  for (const double rate : {10.0, 30.0})
-    for (const double sign : {1.0, -1.0}) {
-      CaptureInfo c = whole_scene(bench, -sign * std::min({60.0, -from, to}) / 2);
-      c.stage_rate_rad_s = sign * rate * rad_per_deg;
-      c.approach = sign > 0 ? 1 : -1;
-      turning.captures.push_back(c);
-    }
-  number(turning, 20, 1800);
-  list.push_back(turning);
+  list.push_back(heat(bench));
+  list.push_back(cold_start(bench));
+  list.push_back(turning(bench, from, to));
   return list;
 }
 
 namespace {
 
-/// What an experiment would tell beside what is recorded: the least evidence between any two suspects.
-double expected_of(Reduced& all, const Explanation& explanation) {
-  double least = 1e300;
+/// Fills in what an experiment would tell beside what is recorded; false if it tells nobody apart.
+bool judge(Experiment& e, Reduced& all, const Explanation& explanation) {
+  e.information = 0;
+  e.expected = 1e300;
+  e.groups.clear();
   if (explanation.rivals_in_range() > 1) {
     pool_variances(all);
-    least = separation(all, explanation);
+    const std::vector<Suspected> suspects = suspects_of(explanation);
+    std::vector<std::string> ids;
+    for (const Suspected& suspect : suspects) ids.push_back(suspect.id);
+    judge(e, evidence_between(all, suspects), ids);
   }
-  if (explanation.light_suspects.size() > 1)
-    least = std::min(least, separation_of_light(all, explanation.light_suspects));
-  return least < 1e300 ? least : 0;
+  if (explanation.light_suspects.size() > 1) {
+    std::vector<std::string> ids;
+    for (const LightSuspect& suspect : explanation.light_suspects) ids.push_back(suspect.mechanism->id);
+    judge(e, evidence_between(all, explanation.light_suspects), ids);
+  }
+  return e.expected < 1e300;
 }
 
 double typical_sigma(const Reduced& reduced) {
@@ -323,7 +424,8 @@ std::vector<Experiment> experiments_by_hand(const Bench& bench, const std::vecto
     const double nominal = std::abs(target.from_mm.dot(target.outward_normal()));
     const auto add = [&](const char* title, const std::vector<double>& distances,
                          const std::vector<double>& greys) {
-      Experiment e{Experiment::Kind::ladder, target.name, "Target '" + target.name + "' " + title, {}, 100};
+      Experiment e =
+          experiment(Experiment::Kind::ladder, "Target '" + target.name + "' " + title, 100, target.name);
       e.by_hand = true;
       for (const double rho : greys)
         for (const double distance : distances) {
@@ -356,11 +458,12 @@ std::optional<Experiment> best_experiment(const std::vector<const Recording*>& r
   if (so_far.groups.empty()) return {};
   std::optional<Experiment> best;
   for (Experiment& e : possible_experiments(so_far.bench, travel)) {
+    if (!worth_imagining(e, explanation)) continue;
+    hold_steady(e, explanation);
     const Imagined imagined(so_far.bench, e, brightness, sigma);
     Reduced all = so_far;
     append(all, reduce(imagined, {}));
-    e.expected = expected_of(all, explanation);
-    if (e.expected > worth_doing && (!best || e.expected > best->expected)) best = e;
+    if (judge(e, all, explanation) && (!best || better(e, *best))) best = e;
   }
   return best;
 }
@@ -375,6 +478,7 @@ std::optional<Experiment> best_experiment_by_hand(const std::vector<const Record
   const double sigma = typical_sigma(first);
   std::optional<Experiment> best;
   for (Experiment& e : experiments_by_hand(bench, recordings)) {
+    hold_steady(e, explanation);
     const Imagined imagined(bench, e, brightness, sigma);
     std::vector<const Recording*> list = recordings;
     list.push_back(&imagined);
@@ -387,8 +491,7 @@ std::optional<Experiment> best_experiment_by_hand(const std::vector<const Record
       else
         all = std::move(one);
     }
-    e.expected = expected_of(*all, explanation);
-    if (e.expected > worth_doing && (!best || e.expected > best->expected)) best = e;
+    if (judge(e, *all, explanation) && (!best || better(e, *best))) best = e;
   }
   return best;
 }

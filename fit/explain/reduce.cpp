@@ -12,8 +12,9 @@ namespace fit::explain {
 namespace {
 
 constexpr int sectors_per_scan = 8;
-constexpr int scans_per_group = 200;  // a longer capture is split in time
-constexpr int turning_beams = 3;      // beams taken together where every scan has its own stage angle
+constexpr double steady_within_k = 0.2;  // a thermometer that shows no more than that shows nothing
+constexpr int scans_per_group = 200;     // a longer capture is split in time
+constexpr int turning_beams = 3;         // beams taken together where every scan has its own stage angle
 constexpr double edge_margin_rad = 1.3 * rad_per_deg;   // half a footprint and doubt about the yaw
 constexpr double brink_margin_rad = 0.8 * rad_per_deg;  // where nothing lies behind the edge: only the yaw
 constexpr double edge_window_rad = 2.5 * rad_per_deg;
@@ -530,7 +531,7 @@ Reduced reduce(const Recording& recording, const Progress& progress, const Stand
     break;
   }
   for (const CaptureInfo& capture : out.captures)
-    if (capture.temperature_c && std::abs(*capture.temperature_c - out.first_temperature_c) > 0.2)
+    if (capture.temperature_c && std::abs(*capture.temperature_c - out.first_temperature_c) > steady_within_k)
       out.has_temperature = true;
   Reducer reducer(recording, out, keep_samples);
   for (std::size_t i = 0; i < out.captures.size(); ++i) {
@@ -710,7 +711,20 @@ Reduced merged(const Reduced& reduced, std::size_t rows) {
   return out;
 }
 
+namespace {
+
+bool has_thermometer(const Reduced& reduced) {
+  return std::ranges::any_of(reduced.captures,
+                             [](const CaptureInfo& c) { return c.temperature_c.has_value(); });
+}
+
+}  // namespace
+
 void append(Reduced& reduced, const Reduced& other) {
+  // Temperatures count from the first that anybody read.
+  const bool mine = has_thermometer(reduced), theirs = has_thermometer(other);
+  if (!mine && theirs) reduced.first_temperature_c = other.first_temperature_c;
+  const double warmer_k = mine && theirs ? other.first_temperature_c - reduced.first_temperature_c : 0;
   const auto captures = static_cast<int>(reduced.captures.size()),
              groups = static_cast<int>(reduced.groups.size());
   const std::size_t cells = reduced.cells.size();
@@ -724,6 +738,7 @@ void append(Reduced& reduced, const Reduced& other) {
   }
   for (Cell cell : other.cells) {
     cell.group += groups;
+    cell.at.temperature_k += warmer_k;
     reduced.cells.push_back(cell);
   }
   for (Sector sector : other.sectors) {
@@ -736,7 +751,8 @@ void append(Reduced& reduced, const Reduced& other) {
                                   other.strays_of_target.end());
   reduced.samples += other.samples;
   reduced.has_intensity = reduced.has_intensity || other.has_intensity;
-  reduced.has_temperature = reduced.has_temperature || other.has_temperature;
+  reduced.has_temperature =
+      reduced.has_temperature || other.has_temperature || std::abs(warmer_k) > steady_within_k;
   reduced.left_out += other.left_out;
 }
 

@@ -46,6 +46,20 @@ void refuse_if_carried(const Recording& recording) {
                               "what shows on the move");
 }
 
+/// A lidar that numbers its beams in another way is another one.
+void refuse_if_another_lidar(const LidarGeometry& first, const LidarGeometry& other) {
+  if (first.steps == other.steps && first.front_step == other.front_step &&
+      std::abs(first.step_rad - other.step_rad) < 1e-9)
+    return;
+  const auto words = [](const LidarGeometry& lidar) {
+    return std::to_string(lidar.steps) + " steps of " + rounded(lidar.step_rad * deg_per_rad, 6) +
+           " deg with the front at step " + std::to_string(lidar.front_step);
+  };
+  throw std::invalid_argument(
+      "the sessions are not of one lidar: the first one's bench has " + words(first) + ", another one's " +
+      words(other) + ". Explain each alone, or give the bench file that holds for both with --bench");
+}
+
 bool stands_alike(const Target& a, const Target& b) {
   return a.name == b.name && (a.from_mm - b.from_mm).norm() < 1e-6 && (a.to_mm - b.to_mm).norm() < 1e-6;
 }
@@ -88,6 +102,8 @@ Together::Together(const std::vector<const Recording*>& given) {
     recordings.push_back(recording);
   }
   bench_ = recordings.front()->bench();
+  for (const Recording* recording : recordings)
+    refuse_if_another_lidar(bench_.lidar, recording->bench().lidar);
   for (const Recording* recording : recordings)
     placed_.push_back(std::make_unique<Placed>(*recording, bench_));
   std::vector<std::set<std::string>> standing(recordings.size());  // what every capture of a session sees

@@ -141,13 +141,7 @@ class Explain : public Command {
       std::fprintf(stderr, "No experiment that this bench can do separates them.\n");
       return {};
     }
-    std::string names;
-    for (const auto& suspect : explanation.suspects)
-      names += (names.empty() ? "" : ", ") + suspect.mechanism->id;
-    if (!explanation.unnamed_suspects.empty()) names += ", unknown-physics";
-    for (const auto& suspect : explanation.light_suspects)
-      names += (names.empty() ? "" : ", ") + suspect.mechanism->id;
-    const std::string text = procedure_text(*best, names);
+    const std::string text = procedure_text(*best, bench);
     const std::string path =
         next_.empty() ? std::filesystem::path(sessions_.front()).replace_extension(".next.yaml").string()
                       : next_;

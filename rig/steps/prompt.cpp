@@ -24,7 +24,11 @@ const std::vector<Option>& place_options() {
       {.name = "shift_mm", .about = "how far from its place in the bench file, away from the axis"},
       {.name = "at_mm", .about = "or its distance from the stage's axis"},
       {.name = "reflectance", .about = "of the surface put there", .min = 0, .max = 10},
-      {.name = "temperature_c", .about = "of the lidar's housing", .min = -40, .max = 90}};
+      {.name = "temperature_c", .about = "of the lidar's housing", .min = -40, .max = 90},
+      {.name = "since_power_on_s",
+       .about = "the lidar was switched off and is on again for so long when this is confirmed",
+       .min = 0,
+       .max = 1e6}};
   return options;
 }
 
@@ -48,6 +52,7 @@ Placement placement(const Arguments& place, const fit::Bench& bench) {
   result.shift_mm = place.maybe_number("shift_mm");
   result.reflectance = place.maybe_number("reflectance");
   result.temperature_c = place.maybe_number("temperature_c");
+  result.since_power_on_s = place.maybe_number("since_power_on_s");
   const auto at_mm = place.maybe_number("at_mm");
   if (result.target.empty()) {
     if (result.shift_mm || at_mm || result.reflectance)

@@ -49,7 +49,7 @@ class CausalEngine : public Engine {
 
   void scan(double scan_s, const std::function<StageMoment(double)>& stage_at,
             std::span<std::uint32_t> range_mm, std::span<std::uint32_t> intensity) override {
-    heat_.advance(scan_s, room_c_);
+    heat_.advance(scan_s - on_since_s_, room_c_);
     rotor_.turn(scans_++);
     begin(scan_s, stage_at);
     if (world_.receiver.stray > 0) survey(range_mm.size());
@@ -64,6 +64,11 @@ class CausalEngine : public Engine {
   void set_scene(const SceneState& state) override {
     scene_.set(state);
     room_c_ = state.temperature_c;
+  }
+
+  void switched_on(double time_s) override {
+    on_since_s_ = time_s;
+    heat_ = causal::Heat(world_.heat);
   }
 
   void stage_moves(double time_s, const StageMoment& stage) override {
@@ -270,7 +275,7 @@ class CausalEngine : public Engine {
   double yaw_;
   std::vector<double> memory_, jitter_state_;
   double wander_, jitter_ = 0;
-  double room_c_ = 25;
+  double room_c_ = 25, on_since_s_ = 0;
   double last_scan_s_ = 0;
   std::size_t scans_ = 0;
   std::array<double, knots> table_{};

@@ -980,7 +980,11 @@ std::unique_ptr<Recorder> make_recorder(const Session& session, const Causes& ca
 }
 
 std::string world_file(const Session& session, const Causes& causes) {
-  return world_of(session, causes).dump(1);
+  json world = world_of(session, causes);
+  // Who serves it has the whole lidar that the session's bench describes, not only the steps that were used.
+  world["bench"]["lidar"]["steps"] = session.steps;
+  world["bench"]["lidar"]["front_step"] = session.front_step;
+  return world.dump(1);
 }
 
 }  // namespace challenge

@@ -272,6 +272,44 @@ TEST_CASE("a warm-up whose thermometer follows it is answered with both suspects
   CHECK(next->expected > 3);
 }
 
+TEST_CASE("temperatures of several sessions count from the first that was read") {
+  ImaginedRoom room;
+  const auto at = [&](double celsius, double more_mm) {
+    room.stretch = [=](double, double, double) { return more_mm; };
+    const SyntheticRecording source = room.record();
+    auto recording = std::make_unique<SyntheticRecording>(source.bench(), source.maker());
+    for (fit::CaptureInfo info : source.captures()) {
+      info.temperature_c = celsius;
+      recording->add(info, room.scans);
+    }
+    return recording;
+  };
+  const auto cool = at(20, 0), warm = at(32, 6);
+  // Neither alone shows a temperature; together they tell its slope.
+  CHECK_FALSE(fit::explain::reduce(*warm, {}).has_temperature);
+  auto all = fit::explain::reduce(*cool, {});
+  append(all, fit::explain::reduce(*warm, {}));
+  CHECK(all.has_temperature);
+  CHECK(all.cells.front().at.temperature_k == 0);
+  CHECK(all.cells.back().at.temperature_k == 12);
+  const Explanation e = explain({cool.get(), warm.get()}, {});
+  INFO(to_text(e));
+  REQUIRE(names(e) == std::vector<std::string>{"temperature"});
+  const auto& slope = e.mechanisms.front().parameters.at("slope_mm_per_k");
+  CHECK(std::abs(slope.value - 0.5) < 4 * slope.u);
+}
+
+TEST_CASE("sessions of two lidars are not explained together") {
+  ImaginedRoom room;
+  const SyntheticRecording one = room.record();
+  fit::Bench other = one.bench();
+  other.lidar.front_step = 384;
+  SyntheticRecording two(other, one.maker());
+  two.add(one.captures().front(), 4);
+  CHECK_THROWS_WITH(explain({&one, &two}, {}),
+                    Catch::Contains("not of one lidar") && Catch::Contains("step 384"));
+}
+
 TEST_CASE("numbers in sentences have as many digits as said, and no powers of ten") {
   CHECK(fit::rounded(140.2, 2) == "140");
   CHECK(fit::rounded(-12345.6, 4) == "-12350");

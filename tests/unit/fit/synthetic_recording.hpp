@@ -20,6 +20,7 @@ class SyntheticRecording : public fit::Recording {
     captures_.push_back(std::move(capture));
     scans_.push_back(scans);
   }
+  const Maker& maker() const { return maker_; }
   const fit::Bench& bench() const override { return bench_; }
   const std::vector<fit::CaptureInfo>& captures() const override { return captures_; }
   const std::vector<fit::TrackPose>& track() const override { return track_; }

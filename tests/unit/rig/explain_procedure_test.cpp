@@ -23,9 +23,17 @@ TEST_CASE("every experiment that can be proposed is a procedure that runs as it 
   const auto all = fit::explain::possible_experiments(
       b, {limits.min_deg * fit::rad_per_deg, limits.max_deg * fit::rad_per_deg});
   CHECK(all.size() >= 7);
-  for (const auto& experiment : all) {
-    const std::string text = rig::procedure_text(experiment, "warm-up, temperature");
+  const bool steady = GENERATE(false, true);
+  for (auto experiment : all) {
+    experiment.expected = 8;
+    experiment.steady = steady;
+    experiment.groups = {{"warm-up"}, {"temperature", "air-index"}};
+    const std::string text = rig::procedure_text(experiment, b);
     INFO(text);
+    CHECK_THAT(
+        text,
+        Catch::Contains("Tells apart warm-up and temperature or air-index, with odds of about 3000 to one") &&
+            Catch::Contains("It leaves together temperature and air-index."));
     const auto procedure = rig::parse_procedure(text, "next.yaml");
     long captures = 0;
     for (const auto& step : rig::unroll(procedure, b)) captures += step.captures;

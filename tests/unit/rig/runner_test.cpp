@@ -64,6 +64,7 @@ class FakeLidar final : public rig::LidarSource {
   bool dead = false, silent = false, dead_once_stopped = false;
   std::function<void()> when_silent = [] {}, at_cancel = [] {};
   int connects = 0, stops = 0, fails_at_stop = -1;
+  json parameters;
   rig::LidarStream stream;
 
   std::function<void()> when_connecting = [] {};
@@ -72,7 +73,9 @@ class FakeLidar final : public rig::LidarSource {
     when_connecting();
     co_await yield();
     if (dead) throw rig::DeviceError("nothing listens at the lidar's address.");
-    co_return json{{"version", {{"SERI", "H123"}}}};
+    json who{{"version", {{"SERI", "H123"}}}};
+    if (!parameters.empty()) who["PP"] = parameters;
+    co_return who;
   }
   awaitable<void> start(rig::LidarStream wanted) override {
     stream = wanted;
@@ -258,12 +261,13 @@ struct Rig {
 
   struct Seen {
     std::string step;
-    double stage_deg;
-    int approach;
+    double stage_deg = 0;
+    int approach = 0;
     std::vector<std::int64_t> stamps;
     std::size_t beams = 0;
     std::uint16_t range = 0;
     double shift_mm = 0;
+    std::optional<double> since_power_on_s;
   };
   std::vector<Seen> captures() const {
     const rig::SessionStore session(file, rig::SessionStore::Mode::read);
@@ -271,8 +275,12 @@ struct Rig {
     std::vector<Seen> all;
     for (std::size_t i = 0; i < recording->captures().size(); ++i) {
       const fit::CaptureInfo& info = recording->captures()[i];
-      Seen seen{info.step, std::round(info.stage_rad * fit::deg_per_rad * 1e6) / 1e6, info.approach, {}};
+      Seen seen;
+      seen.step = info.step;
+      seen.stage_deg = std::round(info.stage_rad * fit::deg_per_rad * 1e6) / 1e6;
+      seen.approach = info.approach;
       seen.shift_mm = info.target_shift_mm;
+      seen.since_power_on_s = info.since_power_on_s;
       recording->for_each_scan(i, [&](const fit::ScanView& scan) {
         seen.stamps.push_back(scan.device_ms);
         seen.beams = scan.range_mm.size();
@@ -595,6 +603,40 @@ TEST_CASE("a prompt is asked again until the rig sees what was asked for") {
   CHECK(rig.person.asked.size() == 2);
   CHECK(rig.captures()[0].range == 1500);
   CHECK(rig.captures()[0].shift_mm == 100);
+}
+
+TEST_CASE("captures know how long the lidar has been on once a prompt has said so, in a resumed run too") {
+  Rig rig(
+      "  - home\n  - capture: {samples: 5}\n"
+      "  - prompt: {title: Switch it off and on, place: {since_power_on_s: 30}}\n"
+      "  - capture: {samples: 5}\n  - wait: {seconds: 100}\n  - capture: {samples: 50}\n");
+  rig.lidar.before_scan = [&](std::uint64_t number) { rig.lidar.dead = number >= 60; };
+  CHECK_THROWS(rig.run());
+  CHECK(rig.lidar.connects >= 2);  // Who was switched off is connected to anew, and that is no fault.
+  CHECK(rig.told("the lidar was switched off and on"));
+  rig.lidar.dead = false;
+  rig.lidar.before_scan = [](std::uint64_t) {};
+  CHECK(rig.run());
+  const auto captures = rig.captures();
+  REQUIRE(captures.size() == 3);
+  CHECK_FALSE(captures[0].since_power_on_s);
+  REQUIRE(captures[1].since_power_on_s);
+  REQUIRE(captures[2].since_power_on_s);
+  CHECK(*captures[1].since_power_on_s == Approx(30).margin(1));
+  const auto passed_s = static_cast<double>(captures[2].stamps[0] - captures[1].stamps[0]) / 1e3;
+  CHECK(*captures[2].since_power_on_s - *captures[1].since_power_on_s == Approx(passed_s).margin(1));
+}
+
+TEST_CASE("a lidar that the bench file does not describe is refused at once, with what differs") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n");
+  rig.lidar.parameters = {{"AMAX", "1080"}, {"AFRT", "540"}, {"ARES", "1440"}};
+  CHECK(rig.run());
+  Rig another("  - home\n  - capture: {samples: 5}\n");
+  another.lidar.parameters = {{"AMAX", "682"}, {"AFRT", "384"}, {"ARES", "1024"}};
+  CHECK_THROWS_WITH(another.run(), Contains("steps 1081 where the lidar has 683") &&
+                                       Contains("front_step 540 where the lidar has 384") &&
+                                       Contains("step_deg 0.25 where the lidar has 0.35"));
+  CHECK(another.lidar.connects == 1);
 }
 
 TEST_CASE("nobody is asked for ever: a bench that contradicts the captures ends the run") {

@@ -362,6 +362,21 @@ TEST_CASE("a warming device drifts by the sum of its two exponentials") {
   }
 }
 
+TEST_CASE("a device that is switched off and on warms up again") {
+  sim::World world = narrow(wall_at(2000), 1);
+  world.heat.rise_fast_k = 8;
+  world.heat.delay_ps_per_k = 10;
+  const auto engine = sim::make_causal_engine(world, 1);
+  const auto at = [&](double time) {
+    return record_steps(*engine, world.bench.lidar, 200, time).at(0).mean();
+  };
+  const double cold = at(0), warm = at(9000);
+  REQUIRE(warm - cold > 5);
+  engine->switched_on(10000);
+  CHECK(at(10000) == Approx(cold).margin(0.5));
+  CHECK(at(19000) == Approx(warm).margin(0.5));
+}
+
 TEST_CASE("in a warmer room the device follows slowly") {
   sim::World world = narrow(wall_at(2000), 1);
   world.heat.delay_ps_per_k = 10;

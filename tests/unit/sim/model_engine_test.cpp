@@ -127,6 +127,19 @@ TEST_CASE("a twin knows from which side the stage came, and how long ago it stop
   CHECK(from(-1) == Approx(twin(bench_of(slant), 200).at(0.5).mean()).margin(0.4));
 }
 
+TEST_CASE("a twin that is switched off and on warms up again") {
+  const fit::Bench bench = bench_of(slant, {known("warm-up", {{"amplitude_mm", 20}, {"tau_s", 600}})});
+  const auto engine = sim::make_model_engine(bench, 5);
+  const auto still = [](double) { return sim::StageMoment{}; };
+  const auto at = [&](double time) {
+    return record_steps(*engine, bench.lidar, 300, time, still).at(0).mean() - wall_range(0);
+  };
+  CHECK(at(9000) == Approx(20).margin(0.5));
+  engine->switched_on(10000);
+  CHECK(at(10000) == Approx(0).margin(0.5));
+  CHECK(at(10600) == Approx(20 * (1 - std::exp(-1))).margin(0.5));
+}
+
 TEST_CASE("scans of a turning stage are skewed only if the bench knows motion skew") {
   const auto stage = [](double t) { return sim::StageMoment{0.5 * t, 0.5}; };
   const fit::Bench bench = bench_of(slant), rolling = bench_of(slant, {known("motion-skew", {{"share", 1}})});

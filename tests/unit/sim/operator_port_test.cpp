@@ -15,6 +15,8 @@ TEST_CASE("the operator port places targets, keeps what is not mentioned and ref
   options.targets = {"board", "wall"};
   sim::OperatorPort::Bench bench;
   bench.place = [&](const sim::SceneState& scene) { seen.push_back(scene); };
+  std::vector<double> switched_on;
+  bench.switch_on = [&](double since_s) { switched_on.push_back(since_s); };
   bench.fault = [](const std::string& fault) {
     if (fault != "stage stall") throw std::invalid_argument("no such fault");
   };
@@ -30,12 +32,17 @@ TEST_CASE("the operator port places targets, keeps what is not mentioned and ref
   CHECK(seen[1].reflectance == 0.2);
   CHECK(seen[2].temperature_c == 31);
   CHECK(seen[2].reflectance < 0);
+  CHECK(say(R"({"place": {"temperature_c": 25, "since_power_on_s": 0}})")["ok"] == true);
+  CHECK(switched_on == std::vector<double>{0});
+  CHECK(seen.back().temperature_c == 25);
   CHECK(say(R"({"get": "state"})")["time_s"] == 1.5);
   CHECK(say(R"({"fault": "stage stall"})")["ok"] == true);
   for (const char* wrong :
        {"", "nonsense", "[]", "{}", R"({"place": {"target": "door"}})", R"({"place": {"shift_mm": 5}})",
-        R"({"place": {"target": "board", "shift_mm": "far"}})", R"({"place": {"target": 5}})",
-        R"({"place": {"colour": 1}})", R"({"fault": "x"})", R"({"get": "rich"})"})
+        R"({"place": {"target": "board", "shift_mm": "far"}})", R"({"place": {"since_power_on_s": "long"}})",
+        R"({"place": {"target": 5}})", R"({"place": {"colour": 1}})", R"({"fault": "x"})",
+        R"({"get": "rich"})"})
     CHECK(say(wrong)["ok"] == false);
-  CHECK(seen.size() == 3);
+  CHECK(seen.size() == 4);
+  CHECK(switched_on.size() == 1);
 }
