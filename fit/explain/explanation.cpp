@@ -420,6 +420,13 @@ class Writer {
   }
 
   void notes() {
+    if (2 * reduced_.astray > reduced_.in_clear)
+      out_.notes.push_back(
+          "Most of what was recorded (" + std::to_string(reduced_.astray) + " of " +
+          std::to_string(reduced_.in_clear) +
+          " cells away from edges) lies more than 400 mm off the bench file's targets: is it the "
+          "bench file of this set-up? Check places, mount and the stage's zero before anything "
+          "here is believed.");
     if (reduced_.left_out > 0)
       out_.notes.push_back(std::to_string(reduced_.left_out) + " of " +
                            std::to_string(reduced_.cells.size()) +

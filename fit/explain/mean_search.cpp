@@ -444,6 +444,12 @@ class Search {
     fit(less);
     return less;
   }
+  Hypothesis without_shape(const Hypothesis& h, std::size_t shape) {
+    Hypothesis less = h;
+    less.shapes.erase(less.shapes.begin() + static_cast<std::ptrdiff_t>(shape));
+    fit(less);
+    return less;
+  }
 
   Hypothesis pruned(Hypothesis h) {
     for (bool again = true; again && h.terms.size() + h.shapes.size() > 1;) {
@@ -582,12 +588,8 @@ void Search::keep_what_transfers(Hypothesis& best) {
     std::optional<Hypothesis> better;
     double least = 0;
     for (std::size_t k = 0; k < best.terms.size() + best.shapes.size(); ++k) {
-      Hypothesis less = best;
-      if (k < best.terms.size())
-        less.terms.erase(less.terms.begin() + static_cast<std::ptrdiff_t>(k));
-      else
-        less.shapes.erase(less.shapes.begin() + static_cast<std::ptrdiff_t>(k - best.terms.size()));
-      fit(less);
+      const Hypothesis less =
+          k < best.terms.size() ? without(best, k) : without_shape(best, k - best.terms.size());
       const std::vector<double> then = unseen(less);
       double gain = 0;
       int confirmed = 0;
@@ -674,6 +676,12 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
       best = less;
       again = true;
       break;
+    }
+    for (std::size_t s = 0; !again && s < best.shapes.size(); ++s) {
+      const Hypothesis less = without_shape(best, s);
+      if (held_out(less, blocks, count).log_likelihood < result.after.log_likelihood) continue;
+      best = less;
+      again = true;
     }
   }
   Hypothesis nothing(reduced_.bench);

@@ -348,6 +348,7 @@ class Reducer {
       cell.smooth = false;
       return;
     }
+    const bool in_clear = cell.smooth;
     at_edge(cell, group);
     sorted_ = values_;
     // Around their own median: a cut around a prediction, which is off by as much as the mount is unknown,
@@ -388,8 +389,10 @@ class Reducer {
     if (own > 1.6 * group.sigma_mm + 1 || cell.stray > 0 || cell.lost > 0 || cell.between > 0)
       cell.doubtful = false;
     if (own > 4 * group.sigma_mm + 20) cell.smooth = false;
-    if (std::abs(cell.mean_mm - cell.nominal_mm) > 400 || cell.n * 2 < looked - cell.lost)
-      cell.smooth = false;
+    const bool astray = std::abs(cell.mean_mm - cell.nominal_mm) > 400;
+    if (astray || cell.n * 2 < looked - cell.lost) cell.smooth = false;
+    out_.in_clear += in_clear;
+    out_.astray += in_clear && astray;
   }
 
   /// Near an edge: where between the two surfaces the samples lie.
@@ -754,6 +757,8 @@ void append(Reduced& reduced, const Reduced& other) {
   reduced.has_temperature =
       reduced.has_temperature || other.has_temperature || std::abs(warmer_k) > steady_within_k;
   reduced.left_out += other.left_out;
+  reduced.in_clear += other.in_clear;
+  reduced.astray += other.astray;
 }
 
 double value_of(Coordinate coordinate, const Cell& cell, const Group& group) {

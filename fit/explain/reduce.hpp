@@ -79,6 +79,8 @@ struct Reduced {
   double first_temperature_c = 0;
   bool has_intensity = false, has_temperature = false;
   int left_out = 0;  ///< Cells that no mean is taken of.
+  int in_clear = 0;  ///< Cells away from edges and corners, square on enough, by the bench file.
+  int astray = 0;    ///< Of these, whose range has nothing to do with the target there.
 };
 
 /// What of the bench stands where. Left empty: every target is there in every capture, and all differ.

@@ -46,10 +46,12 @@ void refuse_if_carried(const Recording& recording) {
                               "what shows on the move");
 }
 
-/// A lidar that numbers its beams in another way is another one.
+/// A lidar that numbers its beams in another way is another one. (Scans that bring their own geometry number
+/// them from 0, and their spacing may differ from session to session.)
 void refuse_if_another_lidar(const LidarGeometry& first, const LidarGeometry& other) {
-  if (first.steps == other.steps && first.front_step == other.front_step &&
-      std::abs(first.step_rad - other.step_rad) < 1e-9)
+  const bool own_geometry = first.front_step == 0 && other.front_step == 0;
+  if (own_geometry || (first.steps == other.steps && first.front_step == other.front_step &&
+                       std::abs(first.step_rad - other.step_rad) < 1e-9))
     return;
   const auto words = [](const LidarGeometry& lidar) {
     return std::to_string(lidar.steps) + " steps of " + rounded(lidar.step_rad * deg_per_rad, 6) +

@@ -299,6 +299,20 @@ TEST_CASE("temperatures of several sessions count from the first that was read")
   CHECK(std::abs(slope.value - 0.5) < 4 * slope.u);
 }
 
+TEST_CASE("the bench file of another room is told as that, first of all") {
+  ImaginedRoom room;
+  room.captures = 4;
+  const SyntheticRecording own = room.record();
+  fit::Bench other = own.bench();
+  for (fit::Target& wall : other.targets) wall.from_mm *= 1.4, wall.to_mm *= 1.4;
+  SyntheticRecording recording(other, own.maker());
+  for (const fit::CaptureInfo& info : own.captures()) recording.add(info, room.scans);
+  const Explanation wrong = explain({&recording}, {}), right = explain({&own}, {});
+  REQUIRE_FALSE(wrong.notes.empty());
+  CHECK_THAT(wrong.notes.front(), Catch::Contains("is it the bench file of this set-up?"));
+  for (const std::string& note : right.notes) CHECK_THAT(note, !Catch::Contains("is it the bench file"));
+}
+
 TEST_CASE("sessions of two lidars are not explained together") {
   ImaginedRoom room;
   const SyntheticRecording one = room.record();
