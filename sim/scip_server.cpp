@@ -24,6 +24,7 @@ namespace {
 constexpr std::size_t waiting_limit =
     256 * 1024;  // about 38 full scans; beyond, a real device has long dropped some
 constexpr std::size_t batch_bytes = 64 * 1024;  // at maximum speed: as much as one write takes well
+constexpr int scans_at_leisure = 4;             // then a millisecond's rest, when the client lets time pass
 constexpr auto idle_check =
     std::chrono::seconds(1);  // no wait without a limit: look again at least this often
 }  // namespace
@@ -217,17 +218,19 @@ awaitable<void> ScipServer::Impl::stream_scans(std::shared_ptr<Connection> host)
       continue;
     }
     bytes.clear();
-    // Who leaves scans out lets time pass and will stop at a certain one: hours of such a stream fit into the
-    // buffers on the way.
-    const bool in_batches = clock.is_max() && !device.skips_scans();
+    // Who leaves scans out lets time pass and will stop at a certain one: hours of such a stream would fit
+    // into the buffers on the way.
+    const bool lets_time_pass = clock.is_max() && device.skips_scans();
+    int scans = 0;
     do {
       device.append_next_scan(bytes);
       clock.advance_to(device.scan_end_s());
-    } while (in_batches && device.streaming() && bytes.size() < batch_bytes &&
-             !(fault.is_due && fault.is_due()));
+      ++scans;
+    } while (clock.is_max() && device.streaming() && bytes.size() < batch_bytes &&
+             !(lets_time_pass && scans == scans_at_leisure) && !(fault.is_due && fault.is_due()));
     if (host->waiting() < waiting_limit) send(*host, bytes);
-    // Not in batches, or a fault swallowed them all: let others run.
-    if (clock.is_max() && (!in_batches || host->waiting() == 0)) {
+    // Or a fault swallowed them all: let others run.
+    if (lets_time_pass || (clock.is_max() && host->waiting() == 0)) {
       host->wake_streamer.expires_after(std::chrono::milliseconds(1));
       co_await host->wake_streamer.async_wait(redirect_error(use_awaitable, ignored));
     }

@@ -8,6 +8,7 @@
 #include "rig/fitting.hpp"
 #include "rig/report.hpp"
 #include "sim/simple_engine.hpp"
+#include "tests/support/results.hpp"
 
 namespace {
 
@@ -98,13 +99,6 @@ class Session {
   std::unique_ptr<sim::SimpleEngine> engine_;
   std::unique_ptr<rig::SessionStore> store_;
 };
-
-fit::Estimate value_of(const nlohmann::json& result, const std::string& name) {
-  for (const auto& value : result.at("values"))
-    if (value.at("name") == name) return {value.at("value").get<double>(), value.at("u").get<double>()};
-  FAIL("no value " << name);
-  return {};
-}
 
 /// Four positions, turned by 54, 119 and 34.5 deg from one to the next.
 void measure_centre(Session& session, long stop_scans, long scans) {

@@ -52,6 +52,30 @@ TEST_CASE("a lidar is identified, streams whole scans in order, and is silent af
   CHECK_FALSE(bench.device.streaming());
 }
 
+TEST_CASE("at maximum speed, who lets a minute pass finds a minute passed and not hours") {
+  Bench bench;
+  lidar::Client client = bench.client();
+  double passed_s = 0, after_s = 0;
+  auto session = [&]() -> awaitable<void> {
+    co_await client.connect();
+    lidar::StreamRequest beam(540, 540, 1, 9, false);
+    co_await client.start(beam);
+    const lidar::Scan first = co_await client.next();
+    while (passed_s < 60) {
+      const lidar::Scan scan = co_await client.next();
+      passed_s = static_cast<double>(scan.device_ms - first.device_ms) / 1e3;
+    }
+    co_await client.stop();
+    co_await client.start(beam);
+    const lidar::Scan scan = co_await client.next();
+    after_s = static_cast<double>(scan.device_ms - first.device_ms) / 1e3;
+    co_await client.stop();
+  };
+  bench.run(session);
+  CHECK(passed_s < 61);
+  CHECK(after_s < 300);  // It was hours: as much of the stream as the buffers on the way take.
+}
+
 TEST_CASE("a device that an earlier client left streaming is cleaned up, and its scans are not delivered") {
   Bench bench;
   // The abandoned stream comes over the same connection, as from a device that keeps it: the first bytes are

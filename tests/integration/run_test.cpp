@@ -6,6 +6,7 @@
 
 #include "rig/session_store.hpp"
 #include "tests/support/programs.hpp"
+#include "tests/support/results.hpp"
 
 using Catch::Matchers::Contains;
 using nlohmann::json;
@@ -83,17 +84,6 @@ std::vector<std::string> measured(const std::string& file) {
   return all;
 }
 
-json values_of(const std::string& file, const std::string& kind) {
-  const rig::SessionStore session(file, rig::SessionStore::Mode::read);
-  return json::parse(session.latest_result(kind).value_or("{}")).value("values", json::array());
-}
-
-json value_of(const std::string& file, const std::string& kind, const std::string& name) {
-  for (const json& value : values_of(file, kind))
-    if (value["name"] == name) return value;
-  throw std::runtime_error("no result " + kind + "." + name);
-}
-
 }  // namespace
 
 TEST_CASE("the demo calibrates the simulated bench within its stated uncertainty") {
@@ -106,13 +96,13 @@ TEST_CASE("the demo calibrates the simulated bench within its stated uncertainty
   const int status = rig.exit_status(std::chrono::seconds(120));
   INFO(rig.errors());
   REQUIRE(status == 0);
-  const json x = value_of(folder / "demo.rig", "centre", "centre_x_mm");
-  const json y = value_of(folder / "demo.rig", "centre", "centre_y_mm");
-  const json window = value_of(folder / "demo.rig", "sensitivity", "window_deg");
+  const json centre = latest_result(folder / "demo.rig", "centre");
+  const fit::Estimate x = value_of(centre, "centre_x_mm"), y = value_of(centre, "centre_y_mm");
+  const fit::Estimate window = value_of(latest_result(folder / "demo.rig", "sensitivity"), "window_deg");
   // Three expanded uncertainties: the coverage itself is tested over many seeds elsewhere.
-  CHECK(x["value"].get<double>() == Approx(-1.63).margin(3 * x["u"].get<double>()));
-  CHECK(y["value"].get<double>() == Approx(-12.65).margin(3 * y["u"].get<double>()));
-  CHECK(window["value"].get<double>() == Approx(0.05).margin(0.01));
+  CHECK(x.value == Approx(-1.63).margin(3 * x.u));
+  CHECK(y.value == Approx(-12.65).margin(3 * y.u));
+  CHECK(window.value == Approx(0.05).margin(0.01));
   CHECK_THAT(file_text(folder / "demo.html"), Contains("</html>"));
   CHECK_THAT(rig.errors(), Contains("Limits:") && Contains("pass"));
 }
@@ -128,7 +118,7 @@ TEST_CASE("a run that is killed at any moment and resumed ends as an undisturbed
   Bench bench({"--repeatable"});
   REQUIRE(bench.run(steps) == 0);
   const auto undisturbed = measured(bench.folder / "out.rig");
-  const json values = values_of(bench.folder / "out.rig", "noise");
+  const json values = latest_result(bench.folder / "out.rig", "noise").at("values");
   REQUIRE(undisturbed.size() > 10);
   std::filesystem::remove(bench.folder / "out.rig");
 
@@ -152,7 +142,7 @@ TEST_CASE("a run that is killed at any moment and resumed ends as an undisturbed
   }
   CHECK(kills >= 5);
   CHECK(measured(bench.folder / "out.rig") == undisturbed);
-  CHECK(values_of(bench.folder / "out.rig", "noise") == values);
+  CHECK(latest_result(bench.folder / "out.rig", "noise").at("values") == values);
 }
 
 TEST_CASE("Ctrl-C stops the stage and keeps the data") {

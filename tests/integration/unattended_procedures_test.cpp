@@ -8,6 +8,7 @@
 
 #include "rig/session_store.hpp"
 #include "tests/support/programs.hpp"
+#include "tests/support/results.hpp"
 
 namespace {
 
@@ -33,11 +34,7 @@ class Unattended {
     REQUIRE(status == 0);
   }
   [[nodiscard]] fit::Estimate value(const std::string& kind, const std::string& name) const {
-    const rig::SessionStore store(session(), rig::SessionStore::Mode::read);
-    const auto result = nlohmann::json::parse(store.latest_result(kind).value_or("{}"));
-    for (const auto& v : result.at("values"))
-      if (v.at("name") == name) return {v.at("value").get<double>(), v.at("u").get<double>()};
-    throw std::runtime_error("no value " + name);
+    return value_of(latest_result(session(), kind), name);
   }
   [[nodiscard]] std::string text_of(const std::string& file) const { return file_text(folder_ / file); }
 

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+
+#include "fit/estimate.hpp"
+#include "rig/session_store.hpp"
+
+/// The latest result of a kind that a session file holds; an empty object if there is none.
+inline nlohmann::json latest_result(const std::string& file, const std::string& kind) {
+  const rig::SessionStore session(file, rig::SessionStore::Mode::read);
+  return nlohmann::json::parse(session.latest_result(kind).value_or("{}"));
+}
+
+/// A value of a result by its name, with its standard uncertainty.
+inline fit::Estimate value_of(const nlohmann::json& result, const std::string& name) {
+  for (const auto& value : result.at("values"))
+    if (value.at("name") == name) return {value.at("value").get<double>(), value.at("u").get<double>()};
+  throw std::runtime_error("no value " + name + " in " + result.dump());
+}
