@@ -136,7 +136,8 @@ std::string list_of(const std::vector<std::string>& ids, const char* last) {
   return text;
 }
 
-/// Whom it tells apart, how surely, and whom it leaves together.
+}  // namespace
+
 std::string promise_of(const Experiment& e) {
   std::vector<std::string> groups, together;
   for (const auto& group : e.groups) {
@@ -151,8 +152,6 @@ std::string promise_of(const Experiment& e) {
   return "Tells apart " + list_of(groups, "and") + ", " + odds + " if what was found so far is right." +
          (together.empty() ? "" : " It leaves together " + list_of(together, "and") + ".");
 }
-
-}  // namespace
 
 std::string procedure_text(const Experiment& e, const fit::Bench& bench) {
   const bool both = e.kind == Experiment::Kind::all_round || e.kind == Experiment::Kind::both_sides;

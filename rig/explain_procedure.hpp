@@ -7,6 +7,10 @@
 
 namespace rig {
 
+/// Sentences that say whom of the suspects it is expected to tell apart, how surely, and whom it leaves
+/// together.
+[[nodiscard]] std::string promise_of(const fit::explain::Experiment& experiment);
+
 /// The experiment as a procedure file that runs as it stands on the bench it was made for.
 [[nodiscard]] std::string procedure_text(const fit::explain::Experiment& experiment, const fit::Bench& bench);
 

@@ -62,6 +62,28 @@ void refuse_if_another_lidar(const LidarGeometry& first, const LidarGeometry& ot
       words(other) + ". Explain each alone, or give the bench file that holds for both with --bench");
 }
 
+/// Drifts of several sessions are compared by how long the lidar has been on, and how warm it is.
+void note_unknown_warmth(const std::vector<const Recording*>& recordings, std::vector<std::string>& notes) {
+  const auto know = [&](auto member) {
+    return std::ranges::count_if(recordings, [&](const Recording* recording) {
+      return std::ranges::any_of(recording->captures(),
+                                 [&](const CaptureInfo& c) { return (c.*member).has_value(); });
+    });
+  };
+  const auto all = static_cast<std::ptrdiff_t>(recordings.size());
+  const std::ptrdiff_t on = know(&CaptureInfo::since_power_on_s), warm = know(&CaptureInfo::temperature_c);
+  if (on > 0 && on < all)
+    notes.push_back(
+        "Not every session says how long the lidar had been on; where none does, it counts as switched on "
+        "when "
+        "the session began.");
+  if (warm > 0 && warm < all)
+    notes.push_back(
+        "Not every session says how warm the lidar's housing was; where none does, it counts as warm as at "
+        "the "
+        "beginning of the others.");
+}
+
 bool stands_alike(const Target& a, const Target& b) {
   return a.name == b.name && (a.from_mm - b.from_mm).norm() < 1e-6 && (a.to_mm - b.to_mm).norm() < 1e-6;
 }
@@ -104,6 +126,7 @@ Together::Together(const std::vector<const Recording*>& given) {
     recordings.push_back(recording);
   }
   bench_ = recordings.front()->bench();
+  note_unknown_warmth(recordings, notes_);
   for (const Recording* recording : recordings)
     refuse_if_another_lidar(bench_.lidar, recording->bench().lidar);
   for (const Recording* recording : recordings)

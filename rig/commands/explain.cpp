@@ -152,7 +152,8 @@ class Explain : public Command {
       std::fprintf(stderr, "note: the next experiment is not written (%s)\n", error.what());
       return {};
     }
-    std::fprintf(stderr, "next experiment: %s: %s\n", path.c_str(), best->title.c_str());
+    std::fprintf(stderr, "next experiment: %s: %s. %s\n", path.c_str(), best->title.c_str(),
+                 promise_of(*best).c_str());
     return path;
   }
 

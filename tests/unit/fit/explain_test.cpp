@@ -313,6 +313,25 @@ TEST_CASE("the bench file of another room is told as that, first of all") {
   for (const std::string& note : right.notes) CHECK_THAT(note, !Catch::Contains("is it the bench file"));
 }
 
+TEST_CASE("sessions that do not say how long the lidar had been on are compared with a note") {
+  ImaginedRoom room;
+  room.captures = 4;
+  const SyntheticRecording first = room.record();
+  SyntheticRecording second(first.bench(), first.maker());
+  for (fit::CaptureInfo info : first.captures()) {
+    info.since_power_on_s.reset();
+    second.add(info, room.scans);
+  }
+  const auto noted = [](const Explanation& e) {
+    return std::ranges::any_of(e.notes, [](const std::string& note) {
+      return note.find("how long the lidar had been on") != std::string::npos;
+    });
+  };
+  CHECK(noted(explain({&first, &second}, {})));
+  CHECK_FALSE(noted(explain({&first, &first}, {})));
+  CHECK_FALSE(noted(explain({&second}, {})));
+}
+
 TEST_CASE("sessions of two lidars are not explained together") {
   ImaginedRoom room;
   const SyntheticRecording one = room.record();
