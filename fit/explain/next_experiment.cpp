@@ -157,6 +157,28 @@ bool worth_imagining(const Experiment& e, const Explanation& explanation) {
          });
 }
 
+bool is_like(const CaptureInfo& a, const CaptureInfo& b, bool at_its_time) {
+  const auto close = [](const std::optional<double>& x, const std::optional<double>& y, double within) {
+    return x.has_value() == y.has_value() && (!x || std::abs(*x - *y) <= within);
+  };
+  return a.target == b.target && std::abs(a.stage_rad - b.stage_rad) < 0.02 * rad_per_deg &&
+         std::abs(a.target_shift_mm - b.target_shift_mm) < 5 && close(a.reflectance, b.reflectance, 0.02) &&
+         std::abs(a.stage_rate_rad_s - b.stage_rate_rad_s) < rad_per_deg &&
+         close(a.temperature_c, b.temperature_c, 2) &&
+         (!at_its_time || close(a.since_power_on_s, b.since_power_on_s, 60));
+}
+
+/// What was recorded already and decided nothing is not proposed again.
+bool repeats(const Experiment& e, const std::vector<CaptureInfo>& so_far) {
+  constexpr double mostly = 0.8;
+  const auto known = std::ranges::count_if(e.captures, [&](const CaptureInfo& c) {
+    return std::ranges::any_of(so_far, [&](const CaptureInfo& other) {
+      return is_like(c, other, e.kind == Experiment::Kind::cold_start);
+    });
+  });
+  return static_cast<double>(known) > mostly * static_cast<double>(e.captures.size());
+}
+
 /// What an experiment may find: a mechanism or an unnamed form, as it came out and as it may adjust.
 struct Suspected {
   std::string id;
@@ -227,9 +249,8 @@ Eigen::MatrixXd evidence_between(const Reduced& all, const std::vector<Suspected
   return evidence;
 }
 
-/// Adds what an experiment tells about suspects with that evidence between them.
-void judge(Experiment& e, const Eigen::MatrixXd& evidence, const std::vector<std::string>& ids) {
-  const Eigen::MatrixXd apart = evidence.cwiseMin(evidence.transpose());
+/// Adds what an experiment tells about suspects that lie so far apart (log odds).
+void judge(Experiment& e, const Eigen::MatrixXd& apart, const std::vector<std::string>& ids) {
   const Eigen::Index count = apart.rows();
   std::vector<bool> taken(ids.size(), false);
   for (Eigen::Index first = 0; first < count; ++first) {
@@ -386,23 +407,74 @@ std::vector<Experiment> possible_experiments(const Bench& bench, const StageTrav
 
 namespace {
 
+Reduced pooled(Reduced all) {
+  pool_variances(all);
+  return all;
+}
+
+/// Before one bench that holds every placement by hand.
+Reduced reduced_together(const std::vector<const Recording*>& list) {
+  const Together together(list);
+  Reduced all = reduce(*together.recordings().front(), {}, together.standing(0));
+  for (std::size_t i = 1; i < list.size(); ++i)
+    append(all, reduce(*together.recordings()[i], {}, together.standing(i)));
+  return pooled(std::move(all));
+}
+
+/// Suspects of one kind: what recordings are worth between them.
+class Rivalry {
+ public:
+  using Evidence = std::function<Eigen::MatrixXd(const Reduced&)>;
+
+  Rivalry(std::vector<std::string> ids, Evidence evidence, const Reduced& so_far)
+      : ids_(std::move(ids)), evidence_(std::move(evidence)) {
+    // They could not be told apart so far. If what is recorded should have told them apart all the same,
+    // their formulas can bend more than the small changes that are imagined, and promises are cut down by as
+    // much.
+    constexpr double undecided_within = 3.5;
+    believed_ = between(so_far).unaryExpr(
+        [](double apart) { return apart > undecided_within ? undecided_within / apart : 1.0; });
+  }
+  void judge(Experiment& e, const Reduced& all) const {
+    explain::judge(e, between(all).cwiseProduct(believed_), ids_);
+  }
+
+ private:
+  /// Whichever of two is true.
+  [[nodiscard]] Eigen::MatrixXd between(const Reduced& all) const {
+    const Eigen::MatrixXd evidence = evidence_(all);
+    return evidence.cwiseMin(evidence.transpose());
+  }
+  std::vector<std::string> ids_;
+  Evidence evidence_;
+  Eigen::MatrixXd believed_;
+};
+
+std::vector<Rivalry> rivalries_of(const Explanation& explanation, const Reduced& so_far) {
+  std::vector<Rivalry> list;
+  std::vector<std::string> ids;
+  if (explanation.rivals_in_range() > 1) {
+    const std::vector<Suspected> suspects = suspects_of(explanation);
+    for (const Suspected& suspect : suspects) ids.push_back(suspect.id);
+    list.emplace_back(
+        ids, [suspects](const Reduced& all) { return evidence_between(all, suspects); }, so_far);
+  }
+  if (explanation.light_suspects.size() > 1) {
+    ids.clear();
+    for (const LightSuspect& suspect : explanation.light_suspects) ids.push_back(suspect.mechanism->id);
+    list.emplace_back(
+        ids, [&explanation](const Reduced& all) { return evidence_between(all, explanation.light_suspects); },
+        so_far);
+  }
+  return list;
+}
+
 /// Fills in what an experiment would tell beside what is recorded; false if it tells nobody apart.
-bool judge(Experiment& e, Reduced& all, const Explanation& explanation) {
+bool judge(Experiment& e, const Reduced& all, const std::vector<Rivalry>& rivalries) {
   e.information = 0;
   e.expected = 1e300;
   e.groups.clear();
-  if (explanation.rivals_in_range() > 1) {
-    pool_variances(all);
-    const std::vector<Suspected> suspects = suspects_of(explanation);
-    std::vector<std::string> ids;
-    for (const Suspected& suspect : suspects) ids.push_back(suspect.id);
-    judge(e, evidence_between(all, suspects), ids);
-  }
-  if (explanation.light_suspects.size() > 1) {
-    std::vector<std::string> ids;
-    for (const LightSuspect& suspect : explanation.light_suspects) ids.push_back(suspect.mechanism->id);
-    judge(e, evidence_between(all, explanation.light_suspects), ids);
-  }
+  for (const Rivalry& rivalry : rivalries) rivalry.judge(e, all);
   return e.expected < 1e300;
 }
 
@@ -453,17 +525,18 @@ std::optional<Experiment> best_experiment(const std::vector<const Recording*>& r
   if (!explanation.has_rivals() || recordings.empty()) return {};
   Reduced so_far = reduce(*recordings.front(), {});
   for (std::size_t i = 1; i < recordings.size(); ++i) append(so_far, reduce(*recordings[i], {}));
+  if (so_far.groups.empty()) return {};
   const Brightness brightness = Brightness::of(so_far);
   const double sigma = typical_sigma(so_far);
-  if (so_far.groups.empty()) return {};
+  const std::vector<Rivalry> rivalries = rivalries_of(explanation, pooled(so_far));
   std::optional<Experiment> best;
   for (Experiment& e : possible_experiments(so_far.bench, travel)) {
     if (!worth_imagining(e, explanation)) continue;
     hold_steady(e, explanation);
-    const Imagined imagined(so_far.bench, e, brightness, sigma);
+    if (repeats(e, so_far.captures)) continue;
     Reduced all = so_far;
-    append(all, reduce(imagined, {}));
-    if (judge(e, all, explanation) && (!best || better(e, *best))) best = e;
+    append(all, reduce(Imagined(so_far.bench, e, brightness, sigma), {}));
+    if (judge(e, pooled(std::move(all)), rivalries) && (!best || better(e, *best))) best = e;
   }
   return best;
 }
@@ -476,22 +549,18 @@ std::optional<Experiment> best_experiment_by_hand(const std::vector<const Record
   const Reduced first = reduce(*recordings.front(), {});
   const Brightness brightness = Brightness::of(first);
   const double sigma = typical_sigma(first);
+  const std::vector<Rivalry> rivalries = rivalries_of(explanation, reduced_together(recordings));
+  std::vector<CaptureInfo> recorded;
+  for (const Recording* recording : recordings)
+    recorded.insert(recorded.end(), recording->captures().begin(), recording->captures().end());
   std::optional<Experiment> best;
   for (Experiment& e : experiments_by_hand(bench, recordings)) {
     hold_steady(e, explanation);
+    if (repeats(e, recorded)) continue;
     const Imagined imagined(bench, e, brightness, sigma);
     std::vector<const Recording*> list = recordings;
     list.push_back(&imagined);
-    const Together together(list);
-    std::optional<Reduced> all;
-    for (std::size_t i = 0; i < list.size(); ++i) {
-      Reduced one = reduce(*together.recordings()[i], {}, together.standing(i));
-      if (all)
-        append(*all, one);
-      else
-        all = std::move(one);
-    }
-    if (judge(e, *all, explanation) && (!best || better(e, *best))) best = e;
+    if (judge(e, reduced_together(list), rivalries) && (!best || better(e, *best))) best = e;
   }
   return best;
 }

@@ -223,6 +223,15 @@ TEST_CASE("an experiment is planned between a mechanism and an unnamed step") {
   const auto next = fit::explain::best_experiment({&recording}, e, {});
   REQUIRE(next);
   CHECK(next->expected > 3);
+  CHECK(next->groups.size() == 2);
+  // What was done and decided nothing is not proposed again.
+  SyntheticRecording done(recording.bench(), recording.maker());
+  for (fit::CaptureInfo info : next->captures) {
+    info.since_power_on_s.reset();
+    done.add(info, 1);
+  }
+  const auto other = fit::explain::best_experiment({&recording, &done}, e, {});
+  CHECK((!other || other->title != next->title));
   // What nobody could see, no experiment tells apart.
   e.unnamed_suspects.front().values = {1e-5};
   e.suspects.front().values = {1e-6, 60};
