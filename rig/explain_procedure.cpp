@@ -149,6 +149,9 @@ std::string promise_of(const Experiment& e) {
       e.expected > million_to_one
           ? "beyond doubt (more than a million to one)"
           : "with odds of about " + fit::rounded(std::exp(e.expected), 1) + " to one at least";
+  if (e.groups.size() == 1)
+    return "Narrows down who of " + list_of(e.groups.front(), "and") + " it is, " + odds +
+           " between two of them if what was found so far is right.";
   return "Tells apart " + list_of(groups, "and") + ", " + odds + " if what was found so far is right." +
          (together.empty() ? "" : " It leaves together " + list_of(together, "and") + ".");
 }

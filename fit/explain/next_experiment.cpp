@@ -335,16 +335,21 @@ std::optional<Experiment> best_experiment(const std::vector<const Recording*>& r
   const Brightness brightness = Brightness::of(so_far);
   const double sigma = typical_sigma(so_far);
   const std::vector<Rivalry> rivalries = rivalries_of(explanation, pooled(so_far));
-  std::optional<Experiment> best;
-  for (Experiment& e : possible_experiments(so_far.bench, travel)) {
-    if (!worth_imagining(e, explanation)) continue;
-    hold_steady(e, explanation);
-    if (repeats(e, so_far.captures)) continue;
-    Reduced all = so_far;
-    append(all, reduce(Imagined(so_far.bench, e, brightness, sigma), {}));
-    if (judge(e, pooled(std::move(all)), rivalries) && (!best || better(e, *best))) best = e;
+  // What is too weak for a few scans may show in many.
+  for (const int times : {1, 10}) {
+    std::optional<Experiment> best;
+    for (Experiment& e : possible_experiments(so_far.bench, travel)) {
+      if (!worth_imagining(e, explanation)) continue;
+      hold_steady(e, explanation);
+      if (times == 1 && repeats(e, so_far.captures)) continue;
+      e.scans *= times;
+      Reduced all = so_far;
+      append(all, reduce(Imagined(so_far.bench, e, brightness, sigma), {}));
+      if (judge(e, pooled(std::move(all)), rivalries) && (!best || better(e, *best))) best = e;
+    }
+    if (best) return best;
   }
-  return best;
+  return {};
 }
 
 std::optional<Experiment> best_experiment_by_hand(const std::vector<const Recording*>& recordings,

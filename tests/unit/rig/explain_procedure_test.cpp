@@ -41,6 +41,16 @@ TEST_CASE("every experiment that can be proposed is a procedure that runs as it 
   }
 }
 
+TEST_CASE("an experiment that leaves a chain of doubts does not promise to break it") {
+  fit::explain::Experiment e;
+  e.expected = 5;
+  e.groups = {{"zero-offset", "range-walk", "warm-up"}};
+  CHECK(rig::promise_of(e) ==
+        "Narrows down who of zero-offset, range-walk and warm-up it is, with odds of about 100 to one at "
+        "least between "
+        "two of them if what was found so far is right.");
+}
+
 TEST_CASE("an explanation becomes a page that needs nothing else") {
   const auto explanation = nlohmann::json::parse(
       R"({"schema": "explanation/1", "verdict": "explained", "cells": 10, "samples": 100,
