@@ -9,6 +9,7 @@ namespace {
 
 using fit::CaptureInfo;
 using fit::explain::Experiment;
+using fit::explain::listed;
 
 std::string text_of(double value) {
   char text[40];
@@ -72,9 +73,17 @@ std::string heat_step(double celsius) {
          "\n      place: {temperature_c: " + t + "}\n";
 }
 
+std::string cold_step(const CaptureInfo& c) {
+  const std::string t = text_of(c.temperature_c.value_or(fit::explain::steady_c));
+  return "  - prompt:\n      title: \"Cold start\"\n      text: " +
+         quoted("Switch the lidar off for two hours, hold its housing at " + t +
+                " C, switch it on and confirm at once.") +
+         "\n      place: {temperature_c: " + t + ", since_power_on_s: 0}\n";
+}
+
 /// The lidar warm: what a drift is compared with.
 std::string steady_step(const CaptureInfo& c) {
-  const std::string t = text_of(c.temperature_c.value_or(25)),
+  const std::string t = text_of(c.temperature_c.value_or(fit::explain::steady_c)),
                     since_s = text_of(c.since_power_on_s.value_or(0));
   return "  - prompt:\n      title: \"The lidar warm\"\n      text: " +
          quoted("Let the lidar be on for " + text_of(c.since_power_on_s.value_or(0) / 60) +
@@ -111,11 +120,7 @@ std::string steps_of(const Experiment& e, const fit::LidarGeometry& lidar) {
       break;
     case Experiment::Kind::cold_start:
       steps += "  - move: {to_deg: 0}\n";
-      steps +=
-          "  - prompt:\n      title: \"Cold start\"\n      text: \"Switch the lidar off for two hours, hold "
-          "its housing "
-          "at 25 C, switch it on and confirm at once.\"\n      place: {temperature_c: 25, since_power_on_s: "
-          "0}\n";
+      steps += cold_step(e.captures.front());
       steps += "  - for-each: {minute: {from: 1, to: " + std::to_string(e.captures.size()) +
                ", step: 1}}\n    steps:\n      - capture: {samples: " + samples +
                "}\n      - wait: {seconds: 59}\n";
@@ -129,20 +134,13 @@ std::string steps_of(const Experiment& e, const fit::LidarGeometry& lidar) {
   return steps;
 }
 
-std::string list_of(const std::vector<std::string>& ids, const char* last) {
-  std::string text;
-  for (std::size_t i = 0; i < ids.size(); ++i)
-    text += (i == 0 ? "" : i + 1 < ids.size() ? ", " : std::string(" ") + last + " ") + ids[i];
-  return text;
-}
-
 }  // namespace
 
 std::string promise_of(const Experiment& e) {
   std::vector<std::string> groups, together;
   for (const auto& group : e.groups) {
-    groups.push_back(list_of(group, "or"));
-    if (group.size() > 1) together.push_back(list_of(group, "and"));
+    groups.push_back(listed(group, "or"));
+    if (group.size() > 1) together.push_back(listed(group));
   }
   constexpr double million_to_one = 13.8;
   const std::string odds =
@@ -150,10 +148,10 @@ std::string promise_of(const Experiment& e) {
           ? "beyond doubt (more than a million to one)"
           : "with odds of about " + fit::rounded(std::exp(e.expected), 1) + " to one at least";
   if (e.groups.size() == 1)
-    return "Narrows down who of " + list_of(e.groups.front(), "and") + " it is, " + odds +
+    return "Narrows down who of " + listed(e.groups.front()) + " it is, " + odds +
            " between two of them if what was found so far is right.";
-  return "Tells apart " + list_of(groups, "and") + ", " + odds + " if what was found so far is right." +
-         (together.empty() ? "" : " It leaves together " + list_of(together, "and") + ".");
+  return "Tells apart " + listed(groups) + ", " + odds + " if what was found so far is right." +
+         (together.empty() ? "" : " It leaves together " + listed(together) + ".");
 }
 
 std::string procedure_text(const Experiment& e, const fit::Bench& bench) {

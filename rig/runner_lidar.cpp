@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-#include <charconv>
 #include <cmath>
 
 #include "rig/runner_impl.hpp"
 #include "rig/scan_gate.hpp"
+#include "rig/text_lines.hpp"
 
 namespace rig {
 namespace {
@@ -12,10 +12,7 @@ std::optional<double> parameter(const json& identity, const char* name) {
   const auto pp = identity.find("PP");
   if (pp == identity.end() || !pp->is_object() || !pp->contains(name) || !(*pp)[name].is_string())
     return std::nullopt;
-  const auto text = (*pp)[name].get<std::string>();
-  double value = 0;
-  const auto [end, failed] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return failed == std::errc() ? std::optional(value) : std::nullopt;
+  return number_in((*pp)[name].get<std::string>());
 }
 
 /// Throws if the lidar, by its own parameters, is another kind than the bench file describes.

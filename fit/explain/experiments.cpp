@@ -44,12 +44,11 @@ CaptureInfo aimed(const Bench& bench, const Target& target) {
   return c;
 }
 
-Experiment experiment(Experiment::Kind kind, std::string title, int scans, std::string target = "") {
+Experiment experiment(Experiment::Kind kind, std::string title, int scans) {
   Experiment e;
   e.kind = kind;
   e.title = std::move(title);
   e.scans = scans;
-  e.target = std::move(target);
   return e;
 }
 
@@ -65,9 +64,8 @@ Experiment from_both_sides(Experiment e, const Bench& bench, double from_deg, do
 }
 
 Experiment ladder(const Bench& bench, const Target& target) {
-  Experiment e =
-      experiment(Experiment::Kind::ladder, "Target '" + target.name + "' at many distances, bright and dark",
-                 60, target.name);
+  Experiment e = experiment(Experiment::Kind::ladder,
+                            "Target '" + target.name + "' at many distances, bright and dark", 60);
   const double distance_mm = std::abs(target.from_mm.dot(target.outward_normal()));
   for (const double rho : {0.85, 0.4, 0.12})
     for (const double away_mm : {300, 450, 650, 900, 1250, 1700, 2300, 3100, 4200, 5700, 7700}) {
@@ -81,8 +79,8 @@ Experiment ladder(const Bench& bench, const Target& target) {
 }
 
 Experiment greys(const Bench& bench, const Target& target) {
-  Experiment e = experiment(Experiment::Kind::greys,
-                            "Target '" + target.name + "' in many greys at two distances", 60, target.name);
+  Experiment e =
+      experiment(Experiment::Kind::greys, "Target '" + target.name + "' in many greys at two distances", 60);
   for (const double shift_mm : {0.0, 1000.0})
     for (const double rho : {0.9, 0.5, 0.28, 0.16, 0.09, 0.05}) {
       CaptureInfo c = aimed(bench, target);
@@ -111,7 +109,7 @@ Experiment cold_start(const Bench& bench) {
                             "From a cold start, at a housing temperature that is held", 10);
   for (int minute = 0; minute < 60; ++minute) {
     CaptureInfo c = whole_scene(bench, 0);
-    c.temperature_c = 25;
+    c.temperature_c = steady_c;
     e.captures.push_back(c);
   }
   number(e, 60, 0);
@@ -165,8 +163,7 @@ std::vector<Experiment> experiments_by_hand(const Bench& bench, const std::vecto
     const double nominal = std::abs(target.from_mm.dot(target.outward_normal()));
     const auto add = [&](const char* title, const std::vector<double>& distances,
                          const std::vector<double>& greys) {
-      Experiment e =
-          experiment(Experiment::Kind::ladder, "Target '" + target.name + "' " + title, 100, target.name);
+      Experiment e = experiment(Experiment::Kind::ladder, "Target '" + target.name + "' " + title, 100);
       e.by_hand = true;
       for (const double rho : greys)
         for (const double distance : distances) {

@@ -8,11 +8,13 @@
 
 namespace fit::explain {
 
+/// At which a lidar's housing is held, degrees Celsius.
+constexpr double steady_c = 25;
+
 /// What the bench can do to separate suspects: a list of captures and what the operator changes between them.
 struct Experiment {
   enum class Kind { all_round, both_sides, ladder, greys, heat, cold_start, turning };
   Kind kind = Kind::all_round;
-  std::string target;  ///< For ladder and greys.
   std::string title;
   std::vector<CaptureInfo> captures;
   int scans = 10;

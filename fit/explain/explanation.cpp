@@ -17,8 +17,7 @@ namespace fit::explain {
 namespace {
 
 constexpr double sure = 0.9;
-constexpr double close_behind = 3.5;  // log of the odds within which suspects are not told apart
-constexpr double not_excluded = 5;    // where some are not, those within this belong to them
+constexpr double not_excluded = 5;  // where some are not, those within this belong to them
 
 double largest_effect(const Reduced& reduced, const Term& term, double* at) {
   double largest = 0;
@@ -197,7 +196,7 @@ class Writer {
       std::vector<std::string> set{term.mechanism->id};
       std::vector<Term> members{term};
       const auto is_near = [](const Rival& rival) {
-        return rival.term && (rival.behind < close_behind || rival.fits_as_well);
+        return rival.term && (rival.behind < odds::close_behind || rival.fits_as_well);
       };
       const bool doubt = std::ranges::any_of(means_.rivals[t], is_near);
       for (const Rival& rival : means_.rivals[t]) {
@@ -255,7 +254,7 @@ class Writer {
     if (means_.probability[t] >= sure) return nullptr;
     const auto form =
         std::ranges::find_if(means_.rivals[t], [](const Rival& r) { return r.shape.has_value(); });
-    return form != means_.rivals[t].end() && form->behind < close_behind ? &*form->shape : nullptr;
+    return form != means_.rivals[t].end() && form->behind < odds::close_behind ? &*form->shape : nullptr;
   }
 
   /// What only the bench file's uncertainties show may be any of several mechanisms, or the bench file
@@ -423,8 +422,8 @@ class Writer {
     if (2 * reduced_.astray > reduced_.in_clear)
       out_.notes.push_back(
           "Most of what was recorded (" + std::to_string(reduced_.astray) + " of " +
-          std::to_string(reduced_.in_clear) +
-          " cells away from edges) lies more than 400 mm off the bench file's targets: is it the "
+          std::to_string(reduced_.in_clear) + " cells away from edges) lies more than " + rounded(astray_mm) +
+          " mm off the bench file's targets: is it the "
           "bench file of this set-up? Check places, mount and the stage's zero before anything "
           "here is believed.");
     if (reduced_.left_out > 0)

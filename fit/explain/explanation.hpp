@@ -89,6 +89,9 @@ struct Explanation {
 /// The answer in a few lines for a terminal.
 [[nodiscard]] std::string to_text(const Explanation& explanation);
 
+/// "a, b LAST c".
+[[nodiscard]] std::string listed(const std::vector<std::string>& names, const std::string& last = "and");
+
 /// A member of an undecided set as people read it.
 [[nodiscard]] std::string suspect_in_words(const std::string& id);
 

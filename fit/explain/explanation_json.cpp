@@ -123,6 +123,13 @@ json to_json(const Explanation& e) {
   return out;
 }
 
+std::string listed(const std::vector<std::string>& names, const std::string& last) {
+  std::string text;
+  for (std::size_t i = 0; i < names.size(); ++i)
+    text += (i == 0 ? "" : i + 1 < names.size() ? ", " : " " + last + " ") + names[i];
+  return text;
+}
+
 std::string suspect_in_words(const std::string& id) {
   return id == "unknown-physics" ? "something that no mechanism of the catalogue makes" : id;
 }
@@ -135,10 +142,9 @@ std::string to_text(const Explanation& e) {
     text += found.mechanism->id + " (probability " + rounded(found.probability, 3) + "): " + found.says +
             "\n    " + found.evidence + "\n";
   for (const auto& set : e.undecided_between) {
-    text += "Undecided between";
-    for (std::size_t i = 0; i < set.size(); ++i)
-      text += (i == 0 ? " " : i + 1 == set.size() ? " and " : ", ") + suspect_in_words(set[i]);
-    text += ": this recording cannot tell them apart.\n";
+    std::vector<std::string> names;
+    for (const std::string& id : set) names.push_back(suspect_in_words(id));
+    text += "Undecided between " + listed(names) + ": this recording cannot tell them apart.\n";
   }
   if (e.unknown) text += "Unknown physics: " + e.unknown->describes + ".\n";
   text += "Held-out means: rms " + rounded(e.before.rms_mm, 3) + " mm before, " + rounded(e.after.rms_mm, 3) +

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "fit/empirical.hpp"
+#include "fit/explain/odds.hpp"
 #include "fit/median.hpp"
 #include "fit/radiometer.hpp"
 
@@ -25,7 +26,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr std::size_t rows_at_most = 4000;
-constexpr double price_of_mechanism = 4.0, price_of_unknown = 7.0, worth_it = 1.5, close_behind = 3.5;
+using odds::price_of_mechanism, odds::price_of_unknown;
+constexpr double worth_it = 1.5;
 /// What nobody's law of intensity gets right to better: receivers bend, surfaces are not quite Lambertian.
 constexpr double response_doubt = 0.02, incidence_doubt = 0.03;
 constexpr double open_response =
@@ -979,7 +981,7 @@ class Intensity {
         if (std::ranges::any_of(kinds, [&](const Suspicion* k) { return k->same_kind(s); })) continue;
         kinds.push_back(&s);
         total += std::exp(std::min(50.0, s.evidence - own));
-        if ((s.mechanism || s.other_law()) && s.evidence > own - close_behind) j.rivals.push_back(s);
+        if ((s.mechanism || s.other_law()) && s.evidence > own - odds::close_behind) j.rivals.push_back(s);
         if (!s.mechanism && !s.other_law() && s.evidence > own) j.unknown = true;
       }
       total += std::exp(std::min(50.0, -own));  // nothing at all

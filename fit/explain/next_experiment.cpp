@@ -7,6 +7,7 @@
 #include <random>
 
 #include "fit/explain/intensity.hpp"
+#include "fit/explain/odds.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/median.hpp"
 
@@ -95,8 +96,6 @@ class Imagined : public Recording {
   double sigma_mm_;
   std::vector<TrackPose> track_;
 };
-
-constexpr double steady_c = 25;
 
 bool drifts(const Mechanism& mechanism) {
   return mechanism.coordinate == Coordinate::time || mechanism.coordinate == Coordinate::temperature;
@@ -271,9 +270,8 @@ class Rivalry {
     // They could not be told apart so far. If what is recorded should have told them apart all the same,
     // their formulas can bend more than the small changes that are imagined, and promises are cut down by as
     // much.
-    constexpr double undecided_within = 3.5;
     believed_ = between(so_far).unaryExpr(
-        [](double apart) { return apart > undecided_within ? undecided_within / apart : 1.0; });
+        [](double apart) { return apart > odds::close_behind ? odds::close_behind / apart : 1.0; });
   }
   void judge(Experiment& e, const Reduced& all) const {
     explain::judge(e, between(all).cwiseProduct(believed_), ids_);

@@ -16,6 +16,7 @@ constexpr double something_is_missing = 1.8;
 constexpr double against_any = price_of_mechanism - something_is_missing;
 constexpr double worth_a_name = 3;                 // a name that explains as much is preferred
 constexpr double worth_a_name_beside_a_place = 2;  // ... of a step, or a period
+constexpr double close_behind = 3.5;               // within this suspects are not told apart
 constexpr double strained = 4.5;  // log of the odds at which stated uncertainties are not believed
 constexpr double worth_a_first_name = 0.5, worth_a_first_form = -1, worth_a_move = 1.5, worth_fitting = -2;
 

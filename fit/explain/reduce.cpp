@@ -389,7 +389,7 @@ class Reducer {
     if (own > 1.6 * group.sigma_mm + 1 || cell.stray > 0 || cell.lost > 0 || cell.between > 0)
       cell.doubtful = false;
     if (own > 4 * group.sigma_mm + 20) cell.smooth = false;
-    const bool astray = std::abs(cell.mean_mm - cell.nominal_mm) > 400;
+    const bool astray = std::abs(cell.mean_mm - cell.nominal_mm) > astray_mm;
     if (astray || cell.n * 2 < looked - cell.lost) cell.smooth = false;
     out_.in_clear += in_clear;
     out_.astray += in_clear && astray;

@@ -61,6 +61,9 @@ struct Sector {
   double w = 0, wv = 0, wvv = 0, wd = 0, wdv = 0;
 };
 
+/// A mean so far off has nothing to do with the target that the bench file has there.
+constexpr double astray_mm = 400;
+
 struct Reduced {
   Bench bench;
   std::vector<Mechanism> empirical;  ///< What the bench knows without a name; always at work.
@@ -80,7 +83,7 @@ struct Reduced {
   bool has_intensity = false, has_temperature = false;
   int left_out = 0;  ///< Cells that no mean is taken of.
   int in_clear = 0;  ///< Cells away from edges and corners, square on enough, by the bench file.
-  int astray = 0;    ///< Of these, whose range has nothing to do with the target there.
+  int astray = 0;    ///< Of these, those more than `astray_mm` off their target.
 };
 
 /// What of the bench stands where. Left empty: every target is there in every capture, and all differ.

@@ -75,13 +75,11 @@ void note_unknown_warmth(const std::vector<const Recording*>& recordings, std::v
   if (on > 0 && on < all)
     notes.push_back(
         "Not every session says how long the lidar had been on; where none does, it counts as switched on "
-        "when "
-        "the session began.");
+        "when the session began.");
   if (warm > 0 && warm < all)
     notes.push_back(
         "Not every session says how warm the lidar's housing was; where none does, it counts as warm as at "
-        "the "
-        "beginning of the others.");
+        "the beginning of the others.");
 }
 
 bool stands_alike(const Target& a, const Target& b) {
