@@ -23,17 +23,6 @@ std::vector<Beside> places_of(const std::vector<Beside>& beams) {
   return list;
 }
 
-/// Likelihood of a transition there of that width.
-double likelihood(const std::vector<Beside>& beams, double shift, double width) {
-  double sum = 0;
-  for (const Beside& b : beams) {
-    const double far =
-        std::clamp(0.5 * std::erfc((b.inside_deg - shift) / width / std::sqrt(2.0)), 0.004, 0.996);
-    sum += b.n * (b.far_share * std::log(far) + (1 - b.far_share) * std::log(1 - far));
-  }
-  return sum;
-}
-
 /// Where the farther surface takes over: the middle of the places that are as likely as the best.
 void settle(SeenEdge& edge) {
   const auto [low, high] = std::ranges::minmax_element(edge.beams, {}, &Beside::far_share);
@@ -45,7 +34,7 @@ void settle(SeenEdge& edge) {
     const auto look = [&](double from, double to, double step) {
       top = -1e300;
       for (double shift = from; shift <= to; shift += step) {
-        const double l = likelihood(beams, shift, width);
+        const double l = likelihood_of_edge(beams, shift, width);
         if (l > top + 0.5) first = shift;
         if (l > top - 0.5) last = shift;
         top = std::max(top, l);
@@ -62,6 +51,16 @@ void settle(SeenEdge& edge) {
 }
 
 }  // namespace
+
+double likelihood_of_edge(const std::vector<Beside>& beams, double shift_deg, double width_deg) {
+  double sum = 0;
+  for (const Beside& b : beams) {
+    const double far =
+        std::clamp(0.5 * std::erfc((b.inside_deg - shift_deg) / width_deg / std::sqrt(2.0)), 0.004, 0.996);
+    sum += b.n * (b.far_share * std::log(far) + (1 - b.far_share) * std::log(1 - far));
+  }
+  return sum;
+}
 
 std::map<int, SeenEdge> seen_edges(const Reduced& reduced, const Nuisance& fitted,
                                    const std::vector<Active>& at_work) {

@@ -21,6 +21,9 @@ struct Beside {
   double place = 0, u_place = 0;
 };
 
+/// Log-likelihood of shares of the farther surface, which takes over there within that standard width.
+[[nodiscard]] double likelihood_of_edge(const std::vector<Beside>& beams, double shift_deg, double width_deg);
+
 /// One edge of the scene, seen in some captures.
 struct SeenEdge {
   std::vector<Beside> beams;

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <vector>
+
+#include "fit/explain/seen_edges.hpp"
+#include "fit/explain/spread/questions.hpp"
+#include "fit/explain/spread/suspects.hpp"
+
+namespace fit::explain::spread {
+namespace {
+
+/// What the beams beside edges see.
+class BesideEdges {
+ public:
+  explicit BesideEdges(const Reduced& reduced) {
+    for (const Cell& cell : reduced.cells) {
+      if (cell.far_share < 0 || cell.edge < 0) continue;
+      const int n = cell.n + cell.stray;
+      if (n < 2) continue;
+      by_edge_[cell.edge].push_back(
+          {cell.at.edge_rad * deg_per_rad, cell.far_share, std::min(20.0, 1.0 * n)});
+      between_ += cell.between;
+      // Beside what the surfaces' places leave open.
+      const double doubt = (2 * reduced.groups[static_cast<std::size_t>(cell.group)].sigma_mm + 8) /
+                           std::max(1.0, cell.at.gap_mm);
+      if (std::min(cell.far_share, 1 - cell.far_share) <= std::max(0.04, doubt)) continue;
+      ++mixed_;
+      in_mixed_ += n;
+    }
+  }
+
+  [[nodiscard]] bool tell() const { return !by_edge_.empty() && mixed_ >= 2; }
+  /// Samples on neither surface.
+  [[nodiscard]] int between() const { return between_; }
+  /// Whether most samples of mixed beams lie between the surfaces.
+  [[nodiscard]] bool are_blended() const { return 2 * between_ >= in_mixed_; }
+
+  /// Log-likelihood of beams that wide, every edge being where it fits best.
+  [[nodiscard]] double likelihood(double width_deg) const {
+    double sum = 0;
+    for (const auto& [edge, beams] : by_edge_) {
+      double best = -1e300;
+      for (double shift = -edge_reach_deg; shift <= edge_reach_deg;
+           shift += std::clamp(width_deg / 3, 0.01, 0.05))
+        best = std::max(best, likelihood_of_edge(beams, shift, width_deg));
+      sum += best;
+    }
+    return sum;
+  }
+
+ private:
+  std::map<int, std::vector<Beside>> by_edge_;
+  int between_ = 0, mixed_ = 0, in_mixed_ = 0;
+};
+
+}  // namespace
+
+void edges(const Reduced& reduced, SpreadResult& result) {
+  const BesideEdges beams(reduced);
+  if (!beams.tell()) return;
+  constexpr double hard_deg = 0.004;
+  const double hard = beams.likelihood(hard_deg);
+  double best = hard, width = hard_deg;
+  const auto look = [&](double w) {
+    const double l = beams.likelihood(w);
+    if (l <= best) return;
+    best = l;
+    width = w;
+  };
+  constexpr double coarse = 1.25, finer = 1.03;
+  for (double w = 0.008; w < 0.6; w *= coarse) look(w);
+  for (double w = width / coarse, from = width; w < coarse * from; w *= finer) look(w);
+  const auto reach = [&](double step) {  // to where the likelihood has fallen by a half
+    double w = width;
+    for (int k = 0; k < 40 && beams.likelihood(w) > best - 0.5; ++k) w *= step;
+    return w;
+  };
+  // A receiver that favours the stronger of two echoes changes over in less than the beam's width, by how
+  // much is its own affair; where most samples of mixed beams are on one surface or the other, the width is
+  // known from below only.
+  const double own_affair = beams.are_blended() ? 0.5 : 1.5;
+  const double u = std::hypot((reach(finer) - reach(1 / finer)) / 2, own_affair * width);
+  Suspect suspect = suspected("mixed-pixel");
+  suspect.gain = best - hard + (beams.between() > 2 ? 2.0 * beams.between() : 0);
+  suspect.evidence = suspect.gain - price_of_size(suspect.gain) - 2;
+  suspect.parameters = {{"width_deg", {width, u}}};
+  if (suspect.evidence <= accept_rare_at) return;
+  result.accepted.push_back(suspect);
+  result.noise.footprint_rad = width * rad_per_deg;
+}
+
+}  // namespace fit::explain::spread

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "fit/explain/spread/questions.hpp"
+#include "fit/explain/spread/suspects.hpp"
+
+namespace fit::explain::spread {
+namespace {
+
+constexpr double rarest = 1e-6;  // probability of no echo: so many are lost whatever the cause
+
+/// Near an edge, unless its neighbours on both sides, farther than edges blur, see the target as well.
+bool may_miss_its_target(const Reduced& reduced, std::size_t index) {
+  constexpr double doubt_rad = 1.5 * rad_per_deg, blur_rad = 0.5 * rad_per_deg;
+  constexpr double displaced_rad = 6 * rad_per_deg;  // 60 mm at half a metre
+  const Cell& cell = reduced.cells[index];
+  const double to_edge = std::abs(cell.at.edge_rad);
+  if (to_edge < blur_rad) return true;
+  // Nearer than `doubt_rad` to an edge its neighbours must see the target, on both sides; a beam without any
+  // echo from farther inside needs only something of the target on both sides.
+  const bool near = to_edge < doubt_rad;
+  if (!near && (cell.n > 0 || to_edge > displaced_rad)) return false;
+  const double from = near ? blur_rad : 0, to = near ? 2 * blur_rad : displaced_rad;
+  const Group& group = reduced.groups[static_cast<std::size_t>(cell.group)];
+  const auto sees_it = [&](const Cell& other) {
+    return other.sight.target == cell.sight.target && 2 * other.n > other.n + other.stray + other.lost;
+  };
+  bool below = false, above = false;
+  for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+    const double away = reduced.cells[i].beam_rad - cell.beam_rad;
+    if (std::abs(away) < from || std::abs(away) > to || !sees_it(reduced.cells[i])) continue;
+    (away < 0 ? below : above) = true;
+  }
+  return !below || !above;
+}
+
+/// Samples of one cell, with echo or not.
+struct Count {
+  double intensity, beam_deg, lost, all;
+};
+struct Counts {
+  std::vector<Count> cells;
+  double lost = 0, all = 0;
+  double darkest = 1e9;  ///< Intensity, counts.
+};
+
+/// Of all cells that cannot but meet their target.
+Counts count(const Reduced& reduced) {
+  Counts counts;
+  for (std::size_t i = 0; i < reduced.cells.size(); ++i) {
+    const Cell& cell = reduced.cells[i];
+    if (cell.n + cell.lost == 0) continue;
+    if (std::abs(cell.at.incidence_rad) > 75 * rad_per_deg || may_miss_its_target(reduced, i)) continue;
+    const double all = cell.n + cell.stray + cell.lost;
+    counts.cells.push_back(
+        {cell.at.intensity, cell.beam_rad * deg_per_rad, static_cast<double>(cell.lost), all});
+    counts.lost += cell.lost;
+    counts.all += all;
+  }
+  // Cells that lost everything are as dark as the darkest seen.
+  for (const Count& c : counts.cells)
+    if (std::isfinite(c.intensity)) counts.darkest = std::min(counts.darkest, c.intensity);
+  for (Count& c : counts.cells)
+    if (!std::isfinite(c.intensity)) c.intensity = counts.darkest;
+  return counts;
+}
+
+double clamped(double probability) { return std::clamp(probability, rarest, 1 - rarest); }
+
+/// Of losing each with the same probability.
+double constant_likelihood(const Counts& counts) {
+  const double p = clamped(counts.lost / counts.all);
+  return counts.lost * std::log(p) + (counts.all - counts.lost) * std::log(1 - p);
+}
+
+/// Echoes weaker than `at` counts are lost.
+struct Threshold {
+  double log_likelihood = 0;
+  double at = 0, width = 0;
+};
+
+/// The best one, if any is better than a constant probability.
+Threshold best_threshold(const Counts& counts, double constant) {
+  Threshold best{constant};
+  double top = 0;
+  for (const Count& c : counts.cells) top = std::max(top, c.intensity);
+  const auto likelihood = [&](double at, double width) {
+    double sum = 0;
+    for (const Count& c : counts.cells) {
+      const double p = clamped(1 / (1 + std::exp((c.intensity - at) / width)));
+      sum += c.lost * std::log(p) + (c.all - c.lost) * std::log(1 - p);
+    }
+    return sum;
+  };
+  for (double at = std::max(3.0, counts.darkest * 0.3); at < top; at *= 1.12)
+    for (const double share : {0.03, 0.06, 0.1, 0.2, 0.35}) {
+      const double l = likelihood(at, share * at);
+      if (l > best.log_likelihood) best = {l, at, share * at};
+    }
+  return best;
+}
+
+/// Beams around `centre_deg` lose more, or less, than all others.
+struct Window {
+  double log_likelihood = 0;
+  double centre_deg = 0;
+  double elsewhere = 0;  ///< Samples lost by the others.
+};
+
+/// The best one, if any is better than a constant probability.
+Window best_window(const Counts& counts, double constant) {
+  Window best{constant, 0, counts.lost};
+  for (double centre = -130; centre <= 130; centre += 6)
+    for (const double width : {8.0, 14.0, 22.0}) {
+      double in_lost = 0, in_all = 0;
+      for (const Count& c : counts.cells)
+        if (std::abs(c.beam_deg - centre) < width) {
+          in_lost += c.lost;
+          in_all += c.all;
+        }
+      if (in_all < 1) continue;
+      const double out_lost = counts.lost - in_lost, out_all = counts.all - in_all;
+      const double p_in = clamped(in_lost / in_all), p_out = clamped(out_lost / std::max(1.0, out_all));
+      const double l = in_lost * std::log(p_in) + (in_all - in_lost) * std::log(1 - p_in) +
+                       out_lost * std::log(p_out) + (out_all - out_lost) * std::log(1 - p_out);
+      if (l > best.log_likelihood) best = {l, centre, out_lost};
+    }
+  return best;
+}
+
+Unexplained lost_anywhere(const Counts& counts) {
+  Unexplained u;
+  u.observable = Observable::dropout;
+  u.coordinate = Coordinate::beam;
+  u.describes = "echoes are missing, " + rounded(100 * clamped(counts.lost / counts.all), 2) +
+                " % of all, whatever their strength and angle";
+  u.from = 180;
+  u.to = -180;
+  for (const Count& c : counts.cells) {
+    u.from = std::min(u.from, c.beam_deg);
+    u.to = std::max(u.to, c.beam_deg);
+  }
+  return u;
+}
+
+}  // namespace
+
+void losses(const Reduced& reduced, SpreadResult& result) {
+  constexpr double price = 8;
+  const Counts counts = count(reduced);
+  if (counts.lost < 3 || counts.all < 100) return;
+  const double none = counts.lost * std::log(rarest), constant = constant_likelihood(counts);
+  const Threshold threshold = reduced.has_intensity ? best_threshold(counts, constant) : Threshold{constant};
+  const Window window = best_window(counts, constant);
+  const bool light = is_accepted(result, "sunlight");
+  // Part of it: background light also hides echoes.
+  if (light && window.log_likelihood > threshold.log_likelihood - 8) return;
+  Suspect dropout = suspected("dropout");
+  dropout.gain = threshold.log_likelihood - none;
+  dropout.evidence = dropout.gain - price;
+  if (dropout.evidence < accept_rare_at) return;
+  if (threshold.at > 0 && threshold.log_likelihood - constant > 4 &&
+      threshold.log_likelihood >= window.log_likelihood - 3) {
+    const double u = threshold.width / std::sqrt(1 + counts.lost);
+    dropout.parameters = {{"intensity_min", {threshold.at, u}}, {"width", {threshold.width, u}}};
+    result.accepted.push_back(dropout);
+    return;
+  }
+  // Light that falls in explains what is lost there, not what is lost everywhere.
+  if (window.log_likelihood - constant > 8 && window.elsewhere < 0.1 * counts.lost) {
+    Suspect sun = suspected("sunlight");
+    sun.gain = window.log_likelihood - none;
+    sun.evidence = sun.gain - price;
+    sun.parameters = {{"sigma_mm", {0, 1}}, {"centre_deg", {window.centre_deg, 5}}, {"width_deg", {14, 5}}};
+    if (!light) result.accepted.push_back(sun);
+    return;
+  }
+  if (counts.lost < 10) return;
+  Unexplained unknown = lost_anywhere(counts);
+  unknown.gain = constant - none;
+  unknown.evidence = unknown.gain - price;
+  result.unknown.push_back(unknown);
+}
+
+}  // namespace fit::explain::spread

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "fit/explain/spread/growing_pattern.hpp"
+#include "fit/explain/spread/questions.hpp"
+#include "fit/explain/spread/suspects.hpp"
+
+namespace fit::explain::spread {
+namespace {
+
+/// Squared scatter of scans with the same number in their captures, in units of their own noise, whatever
+/// the pattern is; at least 1.
+double scatter_of_numbers(const std::vector<Scan>& scans) {
+  std::map<std::int64_t, std::vector<const Scan*>> by_number;
+  for (const Scan& s : scans)
+    if (s.range_information() > 0) by_number[s.seq].push_back(&s);
+  double excess = 0, count = 0;
+  const bool few = by_number.size() * 2 > scans.size();
+  for (const auto& [seq, list] : by_number) {
+    if (list.size() < 2) continue;
+    double mean = 0, weight = 0;
+    for (const Scan* s : list) {
+      mean += s->range_score();
+      weight += s->range_information();
+    }
+    mean /= weight;
+    for (const Scan* s : list) {
+      const double d = s->range_score() / s->range_information() - mean;
+      excess += d * d * s->range_information();
+      count += 1;
+    }
+    count -= 1;
+  }
+  return count > 10 ? std::max(1.0, excess / count) : few ? 1.5 : 1.0;
+}
+
+/// Amplitude and phase of the faces' first harmonic.
+std::map<std::string, Estimate> harmonic_of(const Classes& pattern, double inflate) {
+  const auto faces = static_cast<double>(pattern.size());
+  double sine = 0, cosine = 0;
+  for (std::size_t i = 0; i < pattern.size(); ++i) {
+    const double x = 2 * pi * static_cast<double>(i) / faces;
+    sine += 2 * pattern.value(i) * std::sin(x) / faces;
+    cosine += 2 * pattern.value(i) * std::cos(x) / faces;
+  }
+  const double u = std::sqrt(2 * inflate / pattern.information());
+  double amplitude = std::hypot(sine, cosine), phase = std::atan2(cosine, sine) * deg_per_rad,
+         phase_u = u / std::max(u, amplitude) * deg_per_rad;
+  if (faces == 2) {
+    amplitude = std::abs(pattern.value(0) - pattern.value(1)) / 2;
+    phase = pattern.value(0) > pattern.value(1) ? 90 : -90;
+    phase_u = 0;
+  }
+  return {{"amplitude_mm", {amplitude, u}}, {"phase_deg", {phase, phase_u}}, {"facets", {faces, 0}}};
+}
+
+/// The mirror faces that explain most.
+struct Faces {
+  Suspect suspect = suspected("facet-wobble");
+  Numbering counted_as = numberings.front();
+  bool drift = false;  ///< Then they are none.
+
+  [[nodiscard]] std::size_t count() const {
+    return static_cast<std::size_t>(std::lround(suspect.parameters.at("facets").value));
+  }
+};
+
+Faces best_faces(const std::vector<Scan>& scans, double scatter_of_same_numbers, double price) {
+  Faces best;
+  best.suspect.evidence = -1;
+  const std::size_t most = most_classes(scans);
+  for (const Numbering number : numberings)
+    for (std::size_t faces = 2; faces <= most; ++faces) {
+      const Classes classes(scans, number, faces);
+      const double inflate = number == &Scan::seq ? scatter_of_same_numbers : classes.scatter(scans);
+      const Pattern pattern = classes.pattern(inflate);
+      // A multiple of the right number fits as well, and so does another count in captures that go on.
+      if (pattern.evidence - price <= best.suspect.evidence + 3) continue;
+      best.suspect.evidence = pattern.evidence - price;
+      best.suspect.gain = pattern.gain;
+      best.suspect.parameters = harmonic_of(classes, inflate);
+      best.counted_as = number;
+      best.drift = best.suspect.evidence > accept_at && classes.grow_or_fade(scans, inflate);
+    }
+  return best;
+}
+
+/// Every number has a range of its own, the same in all captures.
+Pattern any_pattern(const std::vector<Scan>& scans, double scatter_of_same_numbers) {
+  constexpr std::int64_t most = 400;
+  Pattern any;
+  const std::int64_t longest = longest_capture(scans);
+  if (longest <= most)
+    any = Classes(scans, &Scan::seq, static_cast<std::size_t>(longest)).pattern(scatter_of_same_numbers);
+  any.describes =
+      "the range depends on the number of the scan in its capture in a way that no mirror face and no "
+      "swinging stage makes";
+  return any;
+}
+
+bool are_believed(const Faces& faces, const Pattern& other, std::int64_t longest) {
+  if (faces.drift || faces.suspect.evidence <= accept_at) return false;
+  // Captures that hardly see a face twice must say so better than any pattern of scans does.
+  const bool repeat = 2 * faces.count() <= static_cast<std::size_t>(longest);
+  return faces.suspect.evidence > other.evidence + (repeat ? -3 : 1);
+}
+
+void take_off(const Faces& faces, std::vector<Scan>& scans) {
+  const Classes pattern(scans, faces.counted_as, faces.count());
+  for (Scan& s : scans) s.score -= s.information.col(0) * pattern.value_at(s);
+}
+
+Unexplained in_words(const Pattern& pattern, std::int64_t longest) {
+  Unexplained u;
+  u.observable = Observable::range_mean;
+  u.coordinate = Coordinate::scan_seq;
+  u.gain = pattern.gain;
+  u.evidence = pattern.evidence;
+  u.from = 0;
+  u.to = static_cast<double>(longest - 1);
+  u.describes = pattern.describes;
+  return u;
+}
+
+}  // namespace
+
+void scan_numbers(std::vector<Scan>& scans, SpreadResult& result) {
+  if (scans.size() < 20) return;
+  const double scatter = scatter_of_numbers(scans);
+  const std::int64_t longest = longest_capture(scans);
+  const double price = std::log(4.0) + std::log(static_cast<double>(numberings.size()));
+  Faces faces = best_faces(scans, scatter, price);
+  Pattern other = any_pattern(scans, scatter);
+  if (faces.drift) other.evidence = std::max(other.evidence, faces.suspect.evidence);
+  const Pattern growing = growing_pattern(scans, price);
+  faces.suspect.ahead = faces.suspect.evidence + odds::worth_a_name - growing.evidence;
+  if (faces.suspect.ahead < 0 && growing.evidence > other.evidence) {
+    other = growing;
+    faces.drift = true;
+  }
+  if (are_believed(faces, other, longest)) {
+    result.accepted.push_back(faces.suspect);
+    take_off(faces, scans);
+  } else if (other.evidence > accept_rare_at) {
+    result.unknown.push_back(in_words(other, longest));
+  }
+}
+
+}  // namespace fit::explain::spread

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/spread/scans.hpp"
+
+#include <algorithm>
+#include <map>
+
+namespace fit::explain::spread {
+namespace {
+
+/// Of single samples about what their scan has in common, mm^2. The typical spread of a few samples, a
+/// median, is a little too small, and a thousand scans would show that.
+double own_variance(const Group& group) {
+  const double typical = typical_variance(group);
+  const double news =
+      static_cast<double>(group.pairs) * (1 - 2.0 / std::max<double>(3, static_cast<double>(group.cells)));
+  if (group.scans >= weighted_from_scans || news < 200) return typical;
+  return std::clamp(group.lagged[0] / news, 0.9 * typical, 1.2 * typical);
+}
+
+}  // namespace
+
+double typical_variance(const Group& group) { return group.sigma_mm * group.sigma_mm + 1.0 / 12; }
+
+std::vector<Scan> scans_of(const std::vector<Group>& groups, const std::vector<Sector>& sectors) {
+  std::vector<Scan> scans;
+  for (const Sector& s : sectors) {
+    const Group& group = groups[static_cast<std::size_t>(s.group)];
+    if (scans.empty() || scans.back().group != s.group || scans.back().seq != s.seq) {
+      Scan scan;
+      scan.group = s.group;
+      scan.seq = s.seq;
+      scan.counted = static_cast<std::int64_t>(scans.size());
+      scan.turn = s.turn;
+      scan.scans = group.scans;
+      scan.capture = group.capture;
+      scans.push_back(scan);
+    }
+    const double precision = 1 / own_variance(group);
+    Scan& scan = scans.back();
+    Eigen::Matrix2d information;
+    information << s.w, s.wv, s.wv, s.wvv;
+    scan.information += precision * information;
+    scan.score += precision * Eigen::Vector2d(s.wd, s.wdv);
+  }
+  std::map<int, std::int64_t> last;
+  for (const Scan& s : scans) last[s.capture] = std::max(last[s.capture], s.seq);
+  for (Scan& s : scans)
+    s.through_capture = static_cast<double>(s.seq + 1) / static_cast<double>(last[s.capture] + 1);
+  return scans;
+}
+
+}  // namespace fit::explain::spread

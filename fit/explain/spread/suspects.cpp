@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/spread/suspects.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fit::explain::spread {
+
+Suspect suspected(const char* id) {
+  Suspect suspect;
+  suspect.mechanism = find_mechanism(id);
+  return suspect;
+}
+
+bool is(const Suspect& suspect, const char* id) { return suspect.mechanism->id == id; }
+
+bool is_accepted(const SpreadResult& result, const char* id) {
+  return std::ranges::any_of(result.accepted, [&](const Suspect& s) { return is(s, id); });
+}
+
+double price_of_size(double gain) { return 0.5 * std::log(1 + 2 * std::max(0.0, gain)) + 0.7; }
+
+Estimate root(const Estimate& square) {
+  const double size = std::sqrt(std::max(0.0, square.value));
+  return {size, size > 0 ? std::min(square.u / (2 * size), std::sqrt(square.u)) : std::sqrt(square.u)};
+}
+
+Estimate root_deg(const Estimate& square_rad2) {
+  constexpr double degree2 = deg_per_rad * deg_per_rad;
+  return root({square_rad2.value * degree2, square_rad2.u * degree2});
+}
+
+}  // namespace fit::explain::spread

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "fit/explain/odds.hpp"
+#include "fit/explain/spread.hpp"
+
+/// What all questions about the spread have in common: when a suspect is accepted, and what its size costs.
+namespace fit::explain::spread {
+
+// Log Bayes factors. Of 60 recordings with nothing missing none came nearer than 1.5 to the first.
+constexpr double accept_at = odds::against_any + odds::worth_a_first_name;
+constexpr double accept_rare_at = 5.5;  // ... where single samples decide, whose odds are less certain
+
+/// A mechanism of the catalogue, of which nothing is known yet.
+[[nodiscard]] Suspect suspected(const char* id);
+[[nodiscard]] bool is(const Suspect& suspect, const char* id);
+[[nodiscard]] bool is_accepted(const SpreadResult& result, const char* id);
+
+/// Log of what one size costs that was found with that gain of the log-likelihood.
+[[nodiscard]] double price_of_size(double gain);
+
+/// A size from its square; each with its standard uncertainty.
+[[nodiscard]] Estimate root(const Estimate& square);
+/// The same, in degrees from rad^2.
+[[nodiscard]] Estimate root_deg(const Estimate& square_rad2);
+
+}  // namespace fit::explain::spread

@@ -1,0 +1,292 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "fit/explain/spread/questions.hpp"
+#include "fit/explain/spread/suspects.hpp"
+#include "fit/explain/spread/variance_model.hpp"
+
+namespace fit::explain::spread {
+namespace {
+
+constexpr double told_apart_at = 3;
+
+Estimate stated_noise(const Bench& bench) {
+  Estimate stated{10, 10};
+  if (const KnownMechanism* known = bench.knows("range-noise")) {
+    const auto found = known->parameters.find("sigma_mm");
+    if (found != known->parameters.end()) stated = found->second;
+  }
+  stated.u = std::max(stated.u, 0.02 * stated.value);
+  return stated;
+}
+
+// What the variance may depend on: a column each, for pools of the same noise of size one.
+
+Column of_intensity(const std::vector<Pool>& pools, double exponent) {
+  Column column;
+  for (const Pool& p : pools)
+    column.push_back(std::isfinite(p.intensity) ? std::pow(1000 / std::max(20.0, p.intensity), exponent) : 0);
+  return column;
+}
+
+Column of_light(const std::vector<Pool>& pools, double centre_deg, double width_deg) {
+  Column column;
+  for (const Pool& p : pools) {
+    const double away = wrap_angle((p.beam_deg - centre_deg) * rad_per_deg) * deg_per_rad / width_deg;
+    column.push_back(std::exp(-away * away / 2));
+  }
+  return column;
+}
+
+Column of_lever(const std::vector<Pool>& pools) {
+  Column column;
+  for (const Pool& p : pools) column.push_back(p.lever2);
+  return column;
+}
+
+Column of_suspect(const std::vector<Pool>& pools, const Suspect& suspect) {
+  const auto value = [&](const char* name) { return suspect.parameters.at(name).value; };
+  if (is(suspect, "intensity-noise")) return of_intensity(pools, value("exponent"));
+  if (is(suspect, "sunlight")) return of_light(pools, value("centre_deg"), value("width_deg"));
+  return of_lever(pools);
+}
+
+/// Finds, part by part, what the noise of single samples consists of.
+class VarianceSearch {
+ public:
+  VarianceSearch(const VarianceModel& model, bool has_intensity)
+      : model_(model), has_intensity_(has_intensity) {}
+
+  /// `in_several_places`: targets were put up in different places for the captures.
+  void run(bool in_several_places, SpreadResult& result) {
+    if (pools().size() < 3) return;
+    const bool scans_jitter = is_accepted(result, "angle-jitter");
+    if (in_several_places) tell_places_apart();
+    if (scans_jitter) parts_.columns.push_back(of_lever(pools()));
+    for (int step = 0; step < 2; ++step) {
+      base_ = model_.fit(parts_);
+      if (!accept_first(believed_suspects(result), result)) break;
+    }
+    base_ = model_.fit(parts_);
+    result.sigma_mm = std::sqrt(base_.value[0]);
+    if (scans_jitter) whole_jitter(result);
+    if (parts_.places > 0) result.sigma_by_capture_mm = sigma_by_capture();
+  }
+
+ private:
+  /// A constant noise for every place, if the places differ. Whatever depends on slant or light is then
+  /// judged within places.
+  void tell_places_apart() {
+    int captures = 0;
+    for (const Pool& p : pools()) captures = std::max(captures, p.capture + 1);
+    if (captures < 2) return;
+    Parts constants;
+    for (int c = 1; c < captures; ++c) {
+      Column& column = constants.columns.emplace_back();
+      for (const Pool& p : pools()) column.push_back(p.capture == c);
+    }
+    constants.places = constants.columns.size();
+    // Beside a slope with the slant: else a place whose walls are seen at more of a slant is only noisier.
+    const Column slant = of_lever(pools());
+    const double gain =
+        model_.fit(constants.with(slant)).log_likelihood - model_.fit(Parts().with(slant)).log_likelihood;
+    const auto places = static_cast<double>(constants.places);
+    const double each = gain / places;
+    if (gain - price_of_size(each) * places < accept_rare_at) return;
+    parts_ = constants;
+  }
+
+  /// Whatever may explain more than is known so far, the best first.
+  [[nodiscard]] std::vector<Suspect> believed_suspects(const SpreadResult& result) const {
+    std::vector<Suspect> suspects;
+    if (has_intensity_ && !is_accepted(result, "intensity-noise")) suspects.push_back(intensity_noise());
+    if (!is_accepted(result, "sunlight")) suspects.push_back(sunlight());
+    if (!parts_.free) suspects.push_back(range_noise());
+    if (!is_accepted(result, "angle-jitter")) suspects.push_back(angle_jitter());
+    std::ranges::sort(suspects, [](const auto& a, const auto& b) { return a.evidence > b.evidence; });
+    // What does not help on captures that it has not seen is not believed.
+    std::erase_if(suspects, [&](const Suspect& s) {
+      if (s.evidence < accept_at || is(s, "range-noise")) return false;
+      const auto gain = model_.unseen_gain(parts_, of_suspect(pools(), s));
+      return gain && *gain < 0;
+    });
+    return suspects;
+  }
+
+  /// Accepts the first, or answers with all that cannot be told from it; false if there is nothing more to
+  /// find.
+  bool accept_first(const std::vector<Suspect>& suspects, SpreadResult& result) {
+    if (suspects.empty() || suspects.front().evidence < accept_at) return false;
+    Suspect first = suspects.front();
+    std::vector<Suspect> set{first};
+    for (std::size_t i = 1; i < suspects.size(); ++i)
+      if (suspects[i].evidence > first.evidence - told_apart_at) set.push_back(suspects[i]);
+    if (set.size() > 1) {
+      result.undecided.push_back(set);
+      return false;
+    }
+    if (suspects.size() > 1) first.ahead = first.evidence - suspects[1].evidence;
+    if (is(first, "range-noise"))
+      parts_.free = true;
+    else
+      parts_.columns.push_back(of_suspect(pools(), first));
+    result.accepted.push_back(first);
+    return true;
+  }
+
+  /// Beams may scatter on their own beside what a scan has in common: the spread of samples shows both.
+  void whole_jitter(SpreadResult& result) const {
+    const Estimate whole = root_deg(base_.at(parts_.places + 1));
+    for (Suspect& s : result.accepted) {
+      if (!is(s, "angle-jitter")) continue;
+      Estimate& common = s.parameters.at("sigma_deg");
+      if (whole.value > 1.2 * common.value && whole.value > common.value + 3 * std::hypot(whole.u, common.u))
+        common = whole;
+    }
+  }
+
+  [[nodiscard]] std::vector<double> sigma_by_capture() const {
+    std::vector<double> sigma_mm;
+    for (std::size_t c = 0; c <= parts_.places; ++c)
+      sigma_mm.push_back(std::sqrt(std::max(1e-3, base_.value[0] + (c > 0 ? base_.at(c).value : 0))));
+    return sigma_mm;
+  }
+
+  /// With one more column; `gain` of the log-likelihood.
+  VarianceModel::Fit fit_with(const Column& column, double& gain) const {
+    const VarianceModel::Fit fit = model_.fit(parts_.with(column));
+    gain = fit.log_likelihood - base_.log_likelihood;
+    return fit;
+  }
+
+  [[nodiscard]] Suspect intensity_noise() const {
+    Suspect best = suspected("intensity-noise");
+    for (const double exponent : {1.0, 1.5, 2.0, 2.5, 3.0, 4.0}) {
+      double gain = 0;
+      const auto fit = fit_with(of_intensity(pools(), exponent), gain);
+      if (gain <= best.gain) continue;
+      best.gain = gain;
+      best.parameters = {{"sigma_mm_at_1000_counts", root(fit.last())},
+                         {"exponent", {exponent, 1 / std::sqrt(1 + gain)}}};
+    }
+    best.evidence = best.gain - price_of_size(best.gain) - odds::against_place(best.gain, 2);
+    return best;
+  }
+
+  /// Light that falls in around one beam angle.
+  struct Light {
+    double centre_deg = 0, width_deg = 0, gain = 0;
+  };
+
+  [[nodiscard]] Suspect sunlight() const {
+    Suspect suspect = suspected("sunlight");
+    double low = 1e9, high = -1e9;
+    for (const Pool& p : pools()) {
+      low = std::min(low, p.beam_deg);
+      high = std::max(high, p.beam_deg);
+    }
+    const Light light = best_light(low, high, suspect.mechanism->parameters[2]);
+    suspect.gain = light.gain;
+    if (light.gain > 0) suspect.parameters = parameters_of(light);
+    suspect.evidence = light.gain - price_of_size(light.gain) -
+                       odds::against_place(light.gain, (high - low) / 12) -
+                       odds::against_place(light.gain, 2);
+    return suspect;
+  }
+
+  [[nodiscard]] Light best_light(double low_deg, double high_deg, const Parameter& bounds) const {
+    Light best;
+    const auto take_if_better = [&](double centre, double width) {
+      if (width < bounds.lower || width > bounds.upper) return;
+      const double gain = gain_of_light(centre, width);
+      if (gain > best.gain) best = {centre, width, gain};
+    };
+    if (high_deg - low_deg > 20)
+      for (const double w : {5.0, 9.0, 16.0, 28.0})
+        for (double c = low_deg; c <= high_deg; c += 0.8 * w) take_if_better(c, w);
+    if (best.gain <= 2) return best;
+    constexpr double finest = 0.02, hardly = 0.01;
+    for (double share = 0.3; share > finest;) {
+      const auto [c, w, before] = best;
+      for (const double other : {c - share * w, c + share * w}) take_if_better(other, w);
+      for (const double other : {w / (1 + share), w * (1 + share)}) take_if_better(c, other);
+      if (best.gain < before + hardly) share /= 2;
+    }
+    return best;
+  }
+
+  [[nodiscard]] double gain_of_light(double centre_deg, double width_deg) const {
+    const Column column = of_light(pools(), centre_deg, width_deg);
+    double gain = 0;
+    if (*std::ranges::max_element(column) < 0.5) return gain;  // a size at a place that no beam saw
+    (void)fit_with(column, gain);
+    return gain;
+  }
+
+  [[nodiscard]] std::map<std::string, Estimate> parameters_of(const Light& light) const {
+    const double centre = light.centre_deg, width = light.width_deg;
+    double gain = 0;
+    const Estimate variance = fit_with(of_light(pools(), centre, width), gain).last();
+    // To where the log-likelihood has fallen by a half, on a parabola through places well aside.
+    const double aside = 0.25 * width;
+    const auto uncertainty = [&](double one, double other) {
+      return aside / std::sqrt(2 * std::max(0.05, light.gain - (one + other) / 2));
+    };
+    const double centre_u =
+        uncertainty(gain_of_light(centre - aside, width), gain_of_light(centre + aside, width));
+    const double width_u =
+        uncertainty(gain_of_light(centre, width - aside), gain_of_light(centre, width + aside));
+    // A window's light has another profile than this one: its width at half height is 1.2 of this one's.
+    constexpr double unknown_profile = 0.18;
+    return {{"sigma_mm", root(variance)},
+            {"centre_deg", {centre, centre_u}},
+            {"width_deg", {width, std::hypot(width_u, unknown_profile * width)}}};
+  }
+
+  /// More noise than the bench states.
+  [[nodiscard]] Suspect range_noise() const {
+    Suspect suspect = suspected("range-noise");
+    Parts parts = parts_;
+    parts.free = true;
+    const auto fit = model_.fit(parts);
+    suspect.gain = fit.log_likelihood - base_.log_likelihood;
+    const Estimate all = fit.at(0), stated = model_.stated_variance();
+    const double extra = all.value - stated.value;
+    suspect.parameters = {{"sigma_mm", root({std::max(0.0, extra), std::hypot(all.u, stated.u)})}};
+    suspect.evidence = extra > 0 ? suspect.gain - 2 : -1;
+    return suspect;
+  }
+
+  [[nodiscard]] Suspect angle_jitter() const {
+    Suspect suspect = suspected("angle-jitter");
+    const Estimate sigma = root_deg(fit_with(of_lever(pools()), suspect.gain).last());
+    suspect.parameters = {{"sigma_deg", sigma}};
+    suspect.evidence = suspect.gain - price_of_size(suspect.gain);
+    // No mirror is so loose: something else scatters.
+    if (sigma.value > suspect.mechanism->parameters.front().largest) suspect.evidence = -1;
+    return suspect;
+  }
+
+  [[nodiscard]] const std::vector<Pool>& pools() const { return model_.pools(); }
+
+  const VarianceModel& model_;
+  bool has_intensity_;
+  Parts parts_;              ///< Accepted so far.
+  VarianceModel::Fit base_;  ///< With these.
+};
+
+}  // namespace
+
+void variance(const Reduced& reduced, double step_mm, double worth_of_sample, SpreadResult& result) {
+  const VarianceModel model(pools_of(reduced), stated_noise(reduced.bench), step_mm * step_mm / 12,
+                            worth_of_sample);
+  const bool in_several_places =
+      std::ranges::any_of(reduced.absent, [](const Absent& absent) { return !absent.empty(); });
+  VarianceSearch(model, reduced.has_intensity).run(in_several_places, result);
+}
+
+}  // namespace fit::explain::spread
