@@ -108,26 +108,28 @@ class Motion {
   explicit Motion(const Session& session) : session_(session) {}
   [[nodiscard]] sim::StageMoment at(double time) const {
     std::size_t i = 0;
-    while (i + 1 < session_.captures.size() && time >= session_.captures[i + 1].since_power_on_s - move_s)
-      ++i;
+    while (i + 1 < session_.captures.size() && time >= leaves_before(session_.captures[i + 1])) ++i;
     const Capture& capture = session_.captures[i];
-    const double begins = capture.since_power_on_s, target = capture.stage_deg * degree;
-    if (time >= begins) {
-      const double rate = capture.rate_deg_s * degree;
-      return {target + rate * (time - begins), rate};
-    }
+    const double rate_there = capture.rate_deg_s * degree;
+    // A stage that turns through a capture has come up to speed before its first scan.
+    const double begins = capture.since_power_on_s - (rate_there != 0 ? run_up_s : 0),
+                 target = capture.stage_deg * degree - rate_there * (capture.since_power_on_s - begins);
+    if (time >= begins) return {target + rate_there * (time - begins), rate_there};
     double from = target - degree;
     if (i > 0) {
       const Capture& before = session_.captures[i - 1];
-      from = (before.stage_deg + before.rate_deg_s * (begins - move_s - before.since_power_on_s)) * degree;
+      from = (before.stage_deg + before.rate_deg_s * (leaves_before(capture) - before.since_power_on_s)) *
+             degree;
     }
-    if (time < begins - move_s) return {from, 0};
-    const double rate = (target - from) / move_s;
-    return {from + rate * (time - begins + move_s), rate};
+    const double leaves = leaves_before(capture);
+    if (time < leaves) return {from, 0};
+    const double rate = (target - from) / (begins - leaves);
+    return {from + rate * (time - leaves), rate};
   }
 
  private:
-  static constexpr double move_s = 0.5;
+  static constexpr double move_s = 0.5, run_up_s = 0.1;
+  static double leaves_before(const Capture& capture) { return capture.since_power_on_s - move_s; }
   const Session& session_;
 };
 
