@@ -74,6 +74,38 @@ class TurnCounter {
   std::int64_t turn_ = 0, counted_ms_ = 0, counted_ = 0;
 };
 
+/// Products of every beam's deviation in one scan with those in the scans before, by bands of lags.
+class LagProducts {
+ public:
+  explicit LagProducts(std::size_t beams) : sums_{std::vector<double>(beams, 0.0)}, before_(beams, 0.0) {}
+
+  /// `deviation` of every beam in the next scan; 0 where there is none.
+  void add(const std::vector<double>& deviation, Group& group) {
+    const int scan = static_cast<int>(sums_.size()) - 1;  // scans before this one
+    std::vector<double> sum = sums_.back();
+    for (std::size_t beam = 0; beam < sum.size(); ++beam) {
+      const double d = deviation[beam], product = d * before_[beam];
+      group.lagged[0] += d * d;
+      group.lagged_squares += product * product;
+      sum[beam] += d;
+    }
+    for (std::size_t band = 1; band < lag_bands.size() && lag_bands[band].first <= scan; ++band) {
+      const std::vector<double>&to = sums_[static_cast<std::size_t>(scan - lag_bands[band].first + 1)],
+            &from = sums_[static_cast<std::size_t>(std::max(0, scan - lag_bands[band].last))];
+      double products = 0;
+      for (std::size_t beam = 0; beam < sum.size(); ++beam)
+        products += deviation[beam] * (to[beam] - from[beam]);
+      group.lagged[band] += products;
+    }
+    sums_.push_back(std::move(sum));
+    before_ = deviation;
+  }
+
+ private:
+  std::vector<std::vector<double>> sums_;  ///< Of all deviations before scan 0, 1, ...
+  std::vector<double> before_;
+};
+
 /// Reads one capture's scans into blocks and reduces each.
 class Reducer {
  public:
@@ -415,11 +447,11 @@ class Reducer {
   /// What all beams of a scan have in common, and how noise remembers the scans before.
   void look_at_scans(const Samples& block, Group& group) {
     const int width = std::max(1, (block.beams + sectors_per_scan - 1) / sectors_per_scan);
-    std::vector<std::vector<double>> history(4, std::vector<double>(static_cast<std::size_t>(block.beams)));
-    std::vector<std::vector<char>> valid(4, std::vector<char>(static_cast<std::size_t>(block.beams), 0));
+    LagProducts products(static_cast<std::size_t>(block.beams));
+    std::vector<double> now(static_cast<std::size_t>(block.beams));
+    std::vector<char> good(static_cast<std::size_t>(block.beams));
     for (int scan = 0; scan < block.scans; ++scan) {
-      auto& now = history[static_cast<std::size_t>(scan % 4)];
-      auto& good = valid[static_cast<std::size_t>(scan % 4)];
+      std::ranges::fill(now, 0.0);
       std::ranges::fill(good, 0);
       double sum = 0, weight = 0, lever = 0, square = 0, moment = 0;
       const std::size_t first_sector = out_.sectors.size();
@@ -463,7 +495,6 @@ class Reducer {
         now[static_cast<std::size_t>(beam)] = d;
         good[static_cast<std::size_t>(beam)] = 1;
       }
-      if (weight < 1) continue;
       // Common range and common angle of the scan are taken off before the memory of single beams is judged.
       const double det = weight * square - lever * lever;
       double common = weight > 3 ? sum / weight : 0, angle = 0;
@@ -471,21 +502,13 @@ class Reducer {
         angle = (weight * moment - lever * sum) / det;
         common = (sum - angle * lever) / weight;
       }
-      for (int beam = 0; beam < block.beams; ++beam) {
-        if (!good[static_cast<std::size_t>(beam)]) continue;
-        const Cell& cell =
-            out_.cells[static_cast<std::size_t>(index_of_beam_[static_cast<std::size_t>(beam)])];
-        double& d = now[static_cast<std::size_t>(beam)];
-        d -= common + angle * cell.sight.stage_lever();
-        group.lagged[0] += d * d;
-        for (int lag = 1; lag <= std::min(3, scan); ++lag) {
-          const auto before = static_cast<std::size_t>((scan - lag) % 4);
-          if (valid[before][static_cast<std::size_t>(beam)])
-            group.lagged[static_cast<std::size_t>(lag)] +=
-                d * history[before][static_cast<std::size_t>(beam)];
-        }
+      for (std::size_t beam = 0; beam < now.size(); ++beam) {
+        if (!good[beam]) continue;
+        const Cell& cell = out_.cells[static_cast<std::size_t>(index_of_beam_[beam])];
+        now[beam] -= common + angle * cell.sight.stage_lever();
         if (scan > 0) ++group.pairs;
       }
+      products.add(now, group);
     }
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i)
       if (out_.cells[i].smooth && out_.cells[i].stray == 0) ++group.cells;

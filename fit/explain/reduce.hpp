@@ -5,6 +5,7 @@
 #include <functional>
 #include <vector>
 
+#include "fit/explain/lag_bands.hpp"
 #include "fit/explain/scene.hpp"
 
 namespace fit::explain {
@@ -44,9 +45,10 @@ struct Group {
   double stage_rad = 0;
   double time_s = 0;
   double sigma_mm = 0;  ///< Robust spread of a sample.
-  /// Sums over cells and scans of d_t d_(t+k), k = 0..3, d the deviation from the cell's mean less that of
-  /// its scan.
-  std::array<double, 4> lagged{};
+  /// Sums over cells and scans of d_t d_(t+k), mm^2, for the lags k of every band, d the deviation from the
+  /// cell's mean less that of its scan; and of (d_t d_(t+1))^2, mm^4.
+  LagSums lagged{};
+  double lagged_squares = 0;
   long pairs = 0, cells = 0;
   std::size_t first_cell = 0, last_cell = 0;
 };
@@ -74,7 +76,7 @@ struct Reduced {
   std::vector<Cell> cells;
   std::vector<Sector> sectors;
   std::vector<float> kept;  ///< Samples that belong to the targets, cell after cell; empty unless asked for.
-  std::vector<long> remainder;  ///< Counts of (range mod q) = r for q = 2..24, at q * 24 + r.
+  std::vector<long> remainder;  ///< Counts of (range mod q) = r for q = 2..24, at q * 25 + r.
   /// Samples too far from their target for any noise, the first thousands: in mm, and as a share of the way
   /// to the target.
   std::vector<float> strays_mm, strays_of_target;

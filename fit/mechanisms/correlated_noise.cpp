@@ -11,12 +11,7 @@ Mechanism make_correlated_noise() {
   m.observable = Observable::time_correlation;
   m.coordinate = Coordinate::time;
   m.parameters = {{.name = "rho", .typical = 0.5, .sign = 1},
-                  {.name = "share",
-                   .role = Parameter::Role::shape,
-                   .lower = 0.05,
-                   .upper = 1,
-                   .starts = 5,
-                   .logarithmic = false}};
+                  {.name = "share", .role = Parameter::Role::shape, .lower = 0.001, .upper = 1, .starts = 5}};
   m.act = [](const Circumstances&, std::span<const double> p) {
     return Effect{.memory_rho = p[0], .memory_share = p[1]};
   };

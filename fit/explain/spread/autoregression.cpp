@@ -1,26 +1,58 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/spread/autoregression.hpp"
 
+#include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <vector>
 
 namespace fit::explain::spread {
 
-std::array<double, 4> lagged_of(int n, double rho) {
-  std::array<double, 4> sums{};
-  std::vector<double> row(static_cast<std::size_t>(n));
-  double mean = 0;
-  for (int i = 0; i < n; ++i) {
-    for (int j = 0; j < n; ++j) row[static_cast<std::size_t>(i)] += std::pow(rho, std::abs(i - j)) / n;
-    mean += row[static_cast<std::size_t>(i)] / n;
-  }
-  for (int lag = 0; lag <= 3; ++lag)
-    for (int i = 0; i + lag < n; ++i)
-      sums[static_cast<std::size_t>(lag)] += (lag == 0 ? 1 : std::pow(rho, lag)) -
-                                             row[static_cast<std::size_t>(i)] -
-                                             row[static_cast<std::size_t>(i + lag)] + mean;
+LagSums lagged_of(int n, double rho) {
+  // Correlation of every value with the mean of all, and what of it the values up to there have together.
+  std::vector<double> up_to{0.0};
+  const auto geometric = [rho](int terms) { return rho * (1 - std::pow(rho, terms)) / (1 - rho); };
+  for (int i = 0; i < n; ++i) up_to.push_back(up_to.back() + (1 + geometric(i) + geometric(n - 1 - i)) / n);
+  const auto to = [&](int i) { return up_to[static_cast<std::size_t>(i)]; };
+  const double of_mean = to(n) / n;
+  LagSums sums{};
+  for (std::size_t band = 0; band < lag_bands.size(); ++band)
+    for (int lag = lag_bands[band].first; lag <= std::min(lag_bands[band].last, n - 1); ++lag)
+      sums[band] +=
+          (n - lag) * ((lag == 0 ? 1 : std::pow(rho, lag)) + of_mean) - to(n - lag) - (to(n) - to(lag));
   return sums;
+}
+
+LagSums pairs_of(int n) {
+  LagSums pairs{};
+  for (std::size_t band = 0; band < lag_bands.size(); ++band)
+    for (int lag = lag_bands[band].first; lag <= std::min(lag_bands[band].last, n - 1); ++lag)
+      pairs[band] += n - lag;
+  return pairs;
+}
+
+Eigen::Matrix<double, lag_bands.size(), lag_bands.size()> covariance_of_lagged(int n, double rho,
+                                                                               double share) {
+  const int longest = std::min(lag_bands.back().last, n - 1);
+  std::vector<double> correlation(static_cast<std::size_t>(2 * (n + longest) + 1));
+  for (std::size_t lag = 0; lag < correlation.size(); ++lag)
+    correlation[lag] = lag == 0 ? 1 : share * std::pow(rho, static_cast<double>(lag));
+  const auto at = [&](int lag) { return correlation[static_cast<std::size_t>(std::abs(lag))]; };
+  const auto band_of = [](int lag) {
+    Eigen::Index band = 0;
+    while (lag > lag_bands[static_cast<std::size_t>(band)].last) ++band;
+    return band;
+  };
+  Eigen::Matrix<double, lag_bands.size(), lag_bands.size()> sum;
+  sum.setZero();
+  for (int j = 0; j <= longest; ++j)
+    for (int k = j; k <= longest; ++k) {
+      double both = 0;
+      for (int m = -n; m <= n; ++m) both += at(m) * at(m + k - j) + at(m + k) * at(m - j);
+      both *= n - k;
+      sum(band_of(j), band_of(k)) += both;
+      if (k > j) sum(band_of(k), band_of(j)) += both;
+    }
+  return sum;
 }
 
 double pairs_at(int lag, int n, double rho) {

@@ -1,13 +1,25 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include <array>
+#include <Eigen/Core>
+
+#include "fit/explain/lag_bands.hpp"
 
 /// Noise with memory, AR(1): of two values k steps apart the correlation is rho^k.
 namespace fit::explain::spread {
 
-/// Expected sums of lagged products of n demeaned values of variance one, lags 0..3.
-[[nodiscard]] std::array<double, 4> lagged_of(int n, double rho);
+/// Expected sums of lagged products, by bands of lags, of n values of variance one about their own mean.
+[[nodiscard]] LagSums lagged_of(int n, double rho);
+
+/// Number of pairs of n values in every band of lags.
+[[nodiscard]] LagSums pairs_of(int n);
+
+/// Covariance of the sums of lagged products, of n values of variance one of which a share has memory and the
+/// rest is white (Bartlett 1946: that of c_j and c_k is the sum over m of r_m r_(m+k-j) + r_(m+k) r_(m-j), by
+/// the number of pairs).
+[[nodiscard]] Eigen::Matrix<double, lag_bands.size(), lag_bands.size()> covariance_of_lagged(int n,
+                                                                                             double rho,
+                                                                                             double share);
 
 /// What the pairs of n values that are `lag` apart add to the variance of their mean, in units of that which
 /// n values without memory have.

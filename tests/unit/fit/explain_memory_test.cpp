@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: MIT
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <random>
+
+#include "fit/bench.hpp"
+#include "fit/explain/mean_model.hpp"
+#include "fit/explain/reduce.hpp"
+#include "fit/explain/spread.hpp"
+#include "fit/recording.hpp"
+
+namespace {
+
+using fit::explain::SpreadResult;
+using fit::explain::Suspect;
+
+/// One part of a beam's noise: so much of the variance, remembered from scan to scan.
+struct Part {
+  double share, rho;
+};
+
+/// A lidar that looks at a wall for a while, a few times, and whose noise remembers: every part is drawn as
+/// the random walk back to zero that it is.
+class RememberingWall : public fit::Recording {
+ public:
+  RememberingWall(std::vector<Part> parts, int scans, unsigned seed)
+      : parts_(std::move(parts)), scans_(scans), seed_(seed) {
+    bench_ = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 161, "front_step": 80,
+      "step_deg": 0.25, "scan_hz": 40}, "targets": [{"name": "wall", "from_mm": [1500, -900],
+      "to_mm": [1500, 900], "u_mm": 3}]})");
+    for (int i = 0; i < 4; ++i) {
+      fit::CaptureInfo info;
+      info.id = i + 1;
+      info.last_step = 160;
+      info.started_us = 60'000'000LL * i;
+      captures_.push_back(info);
+    }
+  }
+  [[nodiscard]] const fit::Bench& bench() const override { return bench_; }
+  [[nodiscard]] const std::vector<fit::CaptureInfo>& captures() const override { return captures_; }
+  [[nodiscard]] const std::vector<fit::TrackPose>& track() const override { return track_; }
+  void for_each_scan(std::size_t index,
+                     const std::function<void(const fit::ScanView&)>& visit) const override {
+    std::mt19937 random(seed_ * 100 + static_cast<unsigned>(index));
+    std::normal_distribution<double> normal;
+    constexpr double sigma_mm = 4;
+    std::vector<std::vector<double>> kept(parts_.size(), std::vector<double>(161));
+    for (auto& part : kept)
+      for (double& value : part) value = normal(random);
+    double white = 1;
+    for (const Part& part : parts_) white -= part.share;
+    std::vector<std::uint16_t> range(161);
+    for (int seq = 0; seq < scans_; ++seq) {
+      for (std::size_t beam = 0; beam < range.size(); ++beam) {
+        double noise = std::sqrt(white) * normal(random);
+        for (std::size_t p = 0; p < parts_.size(); ++p) {
+          const double rho = parts_[p].rho;
+          double& value = kept[p][beam];
+          if (seq > 0) value = rho * value + std::sqrt(1 - rho * rho) * normal(random);
+          noise += std::sqrt(parts_[p].share) * value;
+        }
+        const double slant = (static_cast<double>(beam) - 80) * 0.25 * fit::rad_per_deg;
+        range[beam] = static_cast<std::uint16_t>(std::lround(1500 / std::cos(slant) + sigma_mm * noise));
+      }
+      fit::ScanView scan;
+      scan.seq = seq;
+      scan.host_us = captures_[index].started_us + 25000LL * seq;
+      scan.device_ms = scan.host_us / 1000;
+      scan.range_mm = range;
+      visit(scan);
+    }
+  }
+
+ private:
+  std::vector<Part> parts_;
+  int scans_;
+  unsigned seed_;
+  fit::Bench bench_;
+  std::vector<fit::CaptureInfo> captures_;
+  std::vector<fit::TrackPose> track_;
+};
+
+SpreadResult spread_of(std::vector<Part> parts, int scans, unsigned seed) {
+  const RememberingWall wall(std::move(parts), scans, seed);
+  fit::explain::Reduced reduced = fit::explain::reduce(wall, {});
+  fit::explain::pool_variances(reduced);
+  return fit::explain::explain_spread(reduced);
+}
+
+const Suspect* memory_in(const SpreadResult& result) {
+  for (const Suspect& s : result.accepted)
+    if (s.mechanism->id == "correlated-noise") return &s;
+  return nullptr;
+}
+
+}  // namespace
+
+TEST_CASE("noise that fades slowly is seen at shares that neighbouring scans hardly show") {
+  // It lasts 20 scans, and neighbours correlate by less than 0.009.
+  int seen = 0;
+  for (unsigned seed = 1; seed <= 10; ++seed) {
+    const SpreadResult result = spread_of({{0.009, 0.95}}, 150, seed);
+    seen += memory_in(result) != nullptr;
+    CHECK(result.accepted.size() <= 1);
+  }
+  CHECK(seen >= 9);
+}
+
+TEST_CASE("noise without memory is not said to have one") {
+  int accused = 0;
+  for (unsigned seed = 1; seed <= 60; ++seed) {
+    const SpreadResult result = spread_of({}, seed % 2 == 0 ? 150 : 12, seed);
+    accused += memory_in(result) != nullptr;
+  }
+  CHECK(accused <= 2);
+}
+
+TEST_CASE("how much noise remembers, and for how long, lies within what is stated") {
+  struct Truth {
+    double rho, share;
+  };
+  int inside_rho = 0, inside_share = 0, all = 0;
+  for (const Truth truth : {Truth{0.5, 0.3}, {0.8, 0.2}, {0.95, 0.3}, {0.3, 0.5}})
+    for (unsigned seed = 1; seed <= 20; ++seed) {
+      const SpreadResult result = spread_of({{truth.share, truth.rho}}, 150, seed);
+      const Suspect* found = memory_in(result);
+      REQUIRE(found);
+      const fit::Estimate rho = found->parameters.at("rho"), share = found->parameters.at("share");
+      // A millimetre's rounding adds a half of a per cent of white noise.
+      inside_rho += std::abs(rho.value - truth.rho) < 1.96 * rho.u;
+      inside_share += std::abs(share.value - truth.share / (1 + 1.0 / 12 / 16)) < 1.96 * share.u;
+      ++all;
+    }
+  INFO(inside_rho << " and " << inside_share << " of " << all);
+  CHECK(inside_rho >= 0.88 * all);
+  CHECK(inside_share >= 0.88 * all);
+}
