@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/spread/growing_pattern.hpp"
 
+#include <Eigen/Dense>
 #include <cmath>
 #include <string>
 
@@ -42,15 +43,31 @@ MeanModel::Products growing_classes(const std::vector<Scan>& scans, Numbering nu
   return sums;
 }
 
+/// Of the differences between classes: what all have in common is a drift, and no pattern of scans.
+MeanModel::Products differences_of(const MeanModel::Products& classes) {
+  const Eigen::Index modulus = classes.along.size();
+  const Eigen::VectorXd drift = Eigen::VectorXd::Ones(modulus), shared = classes.square * drift;
+  const double own = drift.dot(shared);
+  const Eigen::MatrixXd basis = Eigen::HouseholderQR<Eigen::MatrixXd>(drift).householderQ();
+  const auto differences = basis.rightCols(modulus - 1);
+  MeanModel::Products rest = classes;
+  // From capture to capture there is no drift: every capture's own mean is taken off.
+  if (own > 1e-9 * classes.square.trace()) {
+    rest.square -= shared * shared.transpose() / own;
+    rest.along -= shared * (drift.dot(classes.along) / own);
+  }
+  return {differences.transpose() * rest.square * differences, differences.transpose() * rest.along};
+}
+
 /// That pattern of the size that explains most; `price_of_pattern_size` is paid.
 Pattern growing_pattern(const std::vector<Scan>& scans, Numbering number, int modulus, Growth growth) {
   const double inflate = Classes(scans, number, static_cast<std::size_t>(modulus)).scatter(scans);
-  MeanModel::Products sums = growing_classes(scans, number, modulus, growth);
+  MeanModel::Products sums = differences_of(growing_classes(scans, number, modulus, growth));
   sums.square /= inflate;
   sums.along /= inflate;
   Pattern best{0, -1e300, {}};
   for (double scale_mm = least_pattern_mm; scale_mm < most_pattern_mm; scale_mm *= 2) {
-    const Prior prior{Eigen::VectorXd::Zero(modulus), Eigen::VectorXd::Constant(modulus, scale_mm)};
+    const Prior prior{Eigen::VectorXd::Zero(modulus - 1), Eigen::VectorXd::Constant(modulus - 1, scale_mm)};
     const MeanModel::Fit fit = MeanModel::solve(sums, prior, false);
     const double evidence = fit.evidence - price_of_pattern_size;
     if (evidence > best.evidence) best = {fit.gain, evidence, {}};
