@@ -31,7 +31,6 @@ struct Unexplained {
 struct SpreadResult {
   std::vector<Suspect> accepted;
   std::vector<std::vector<Suspect>> undecided;  ///< Each a set whose members explain about the same.
-  std::vector<Suspect> rejected;                ///< Seen, but explained better by an accepted one.
   std::vector<Unexplained> unknown;
   MeanNoise noise;
   double sigma_mm = 0;  ///< White noise of one sample, fitted.

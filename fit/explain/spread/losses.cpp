@@ -11,13 +11,38 @@ namespace {
 
 constexpr double rarest = 1e-6;  // probability of no echo: so many are lost whatever the cause
 
+constexpr double doubt_rad = 1.5 * rad_per_deg;
+constexpr double displaced_rad = 6 * rad_per_deg;  // 60 mm at half a metre
+
+/// Without any echo where one target ends and another begins: one that stands turned leaves a slit there.
+bool may_be_a_slit(const Reduced& reduced, std::size_t index) {
+  const Cell& cell = reduced.cells[index];
+  if (cell.n > 0) return false;
+  const Group& group = reduced.groups[static_cast<std::size_t>(cell.group)];
+  const Cell *below = nullptr, *above = nullptr;  // the nearest that see something
+  for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+    const Cell& other = reduced.cells[i];
+    if (other.n == 0) continue;
+    if (other.beam_rad < cell.beam_rad)
+      below = &other;
+    else if (!above)
+      above = &other;
+  }
+  if (!below || !above || above->beam_rad - below->beam_rad > displaced_rad) return false;
+  const auto begin = reduced.cells.begin() + static_cast<std::ptrdiff_t>(group.first_cell),
+             end = reduced.cells.begin() + static_cast<std::ptrdiff_t>(group.last_cell);
+  return std::any_of(begin, end, [&](const Cell& other) {
+    return other.n > 0 && other.sight.target != cell.sight.target &&
+           other.beam_rad > below->beam_rad - doubt_rad && other.beam_rad < above->beam_rad + doubt_rad;
+  });
+}
+
 /// Near an edge, unless its neighbours on both sides, farther than edges blur, see the target as well.
 bool may_miss_its_target(const Reduced& reduced, std::size_t index) {
-  constexpr double doubt_rad = 1.5 * rad_per_deg, blur_rad = 0.5 * rad_per_deg;
-  constexpr double displaced_rad = 6 * rad_per_deg;  // 60 mm at half a metre
+  constexpr double blur_rad = 0.5 * rad_per_deg;
   const Cell& cell = reduced.cells[index];
   const double to_edge = std::abs(cell.at.edge_rad);
-  if (to_edge < blur_rad) return true;
+  if (to_edge < blur_rad || may_be_a_slit(reduced, index)) return true;
   // Nearer than `doubt_rad` to an edge its neighbours must see the target, on both sides; a beam without any
   // echo from farther inside needs only something of the target on both sides.
   const bool near = to_edge < doubt_rad;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,7 +13,7 @@
 namespace fit::explain::spread {
 namespace {
 
-constexpr double told_apart_at = 3;
+constexpr double told_apart_at = 3, beyond_doubt = 20;
 
 Estimate stated_noise(const Bench& bench) {
   Estimate stated{10, 10};
@@ -74,6 +75,8 @@ class VarianceSearch {
     base_ = model_.fit(parts_);
     result.sigma_mm = std::sqrt(base_.value[0]);
     if (scans_jitter) whole_jitter(result);
+    if (unconfirmed_ && result.accepted.empty() && result.undecided.empty() && result.unknown.empty())
+      result.unknown.push_back(noise_of_some_captures(*unconfirmed_));
     if (parts_.places > 0) result.sigma_by_capture_mm = sigma_by_capture();
   }
 
@@ -101,7 +104,7 @@ class VarianceSearch {
   }
 
   /// Whatever may explain more than is known so far, the best first.
-  [[nodiscard]] std::vector<Suspect> believed_suspects(const SpreadResult& result) const {
+  [[nodiscard]] std::vector<Suspect> believed_suspects(const SpreadResult& result) {
     std::vector<Suspect> suspects;
     if (has_intensity_ && !is_accepted(result, "intensity-noise")) suspects.push_back(intensity_noise());
     if (!is_accepted(result, "sunlight")) suspects.push_back(sunlight());
@@ -112,9 +115,29 @@ class VarianceSearch {
     std::erase_if(suspects, [&](const Suspect& s) {
       if (s.evidence < accept_at || is(s, "range-noise")) return false;
       const auto gain = model_.unseen_gain(parts_, of_suspect(pools(), s));
-      return gain && *gain < 0;
+      if (!gain || *gain >= 0) return false;
+      if (s.evidence > beyond_doubt && (!unconfirmed_ || s.evidence > unconfirmed_->evidence))
+        unconfirmed_ = s;
+      return true;
     });
     return suspects;
+  }
+
+  /// What is there beyond doubt, but which captures that it was not fitted to do not confirm.
+  [[nodiscard]] Unexplained noise_of_some_captures(const Suspect& suspect) const {
+    Unexplained u;
+    u.observable = Observable::range_variance;
+    u.coordinate = suspect.mechanism->coordinate;
+    u.gain = suspect.gain;
+    u.evidence = suspect.evidence;
+    const bool of_light = u.coordinate == Coordinate::intensity;
+    const auto place = [of_light](const Pool& p) { return of_light ? p.intensity : p.beam_deg; };
+    u.from = place(std::ranges::min(pools(), {}, place));
+    u.to = place(std::ranges::max(pools(), {}, place));
+    u.describes = std::string("samples scatter more than the simulation says ") +
+                  (of_light ? "where echoes are weak" : "at some angles") +
+                  ", but in some captures only: the others do not confirm any law of it";
+    return u;
   }
 
   /// Accepts the first, or answers with all that cannot be told from it; false if there is nothing more to
@@ -275,8 +298,9 @@ class VarianceSearch {
 
   const VarianceModel& model_;
   bool has_intensity_;
-  Parts parts_;              ///< Accepted so far.
-  VarianceModel::Fit base_;  ///< With these.
+  Parts parts_;                         ///< Accepted so far.
+  std::optional<Suspect> unconfirmed_;  ///< The most evident of those that no other capture confirms.
+  VarianceModel::Fit base_;             ///< With these.
 };
 
 }  // namespace
