@@ -712,6 +712,8 @@ void Search::judge(Hypothesis& best, MeanResult& result) {
       rival.fits_as_well =
           rival.behind < most_behind && adjusted_fit(other) > adjusted_fit(best) - hardly_worse;
       if (rival.behind < -0.5 && (!better || better->evidence < other.evidence)) better = other;
+      if (rival.shape)
+        rival.behind = std::max(std::min(0.0, rival.behind), rival.behind - odds::more_than_forms_show);
       rivals.push_back(rival);
     }
     std::ranges::sort(rivals, [](const Rival& a, const Rival& b) { return a.behind < b.behind; });
