@@ -66,15 +66,20 @@ std::string place_step(const CaptureInfo& c) {
          "\n      place: {target: " + quoted(name) + ", shift_mm: " + shift + ", reflectance: " + rho + "}\n";
 }
 
-std::string heat_step(double celsius) {
-  const std::string t = text_of(celsius);
+/// In degrees Celsius.
+std::string temperature_of(const CaptureInfo& c) {
+  return text_of(c.temperature_c.value_or(fit::explain::steady_c));
+}
+
+std::string heat_step(const CaptureInfo& c) {
+  const std::string t = temperature_of(c);
   return "  - prompt:\n      title: " + quoted("Lidar's housing at " + t + " C") + "\n      text: " +
          quoted("Bring the lidar's housing to " + t + " C and hold it there for ten minutes.") +
          "\n      place: {temperature_c: " + t + "}\n";
 }
 
 std::string cold_step(const CaptureInfo& c) {
-  const std::string t = text_of(c.temperature_c.value_or(fit::explain::steady_c));
+  const std::string t = temperature_of(c);
   return "  - prompt:\n      title: \"Cold start\"\n      text: " +
          quoted("Switch the lidar off for two hours, hold its housing at " + t +
                 " C, switch it on and confirm at once.") +
@@ -83,8 +88,7 @@ std::string cold_step(const CaptureInfo& c) {
 
 /// The lidar warm: what a drift is compared with.
 std::string steady_step(const CaptureInfo& c) {
-  const std::string t = text_of(c.temperature_c.value_or(fit::explain::steady_c)),
-                    since_s = text_of(c.since_power_on_s.value_or(0));
+  const std::string t = temperature_of(c), since_s = text_of(c.since_power_on_s.value_or(0));
   return "  - prompt:\n      title: \"The lidar warm\"\n      text: " +
          quoted("Let the lidar be on for " + text_of(c.since_power_on_s.value_or(0) / 60) +
                 " minutes with its housing held at " + t + " C, then confirm.") +
@@ -116,7 +120,7 @@ std::string steps_of(const Experiment& e, const fit::LidarGeometry& lidar) {
     case Experiment::Kind::heat:
       steps += "  - move: {to_deg: 0}\n";
       for (const CaptureInfo& c : e.captures)
-        steps += heat_step(c.temperature_c.value_or(25)) + "  - capture: {samples: " + samples + "}\n";
+        steps += heat_step(c) + "  - capture: {samples: " + samples + "}\n";
       break;
     case Experiment::Kind::cold_start:
       steps += "  - move: {to_deg: 0}\n";
@@ -139,8 +143,9 @@ std::string steps_of(const Experiment& e, const fit::LidarGeometry& lidar) {
 std::string promise_of(const Experiment& e) {
   std::vector<std::string> groups, together;
   for (const auto& group : e.groups) {
-    groups.push_back(listed(group, "or"));
-    if (group.size() > 1) together.push_back(listed(group));
+    const std::vector<std::string> names = fit::explain::suspects_in_words(group);
+    groups.push_back(listed(names, "or"));
+    if (names.size() > 1) together.push_back(listed(names));
   }
   constexpr double million_to_one = 13.8;
   const std::string odds =
@@ -148,7 +153,7 @@ std::string promise_of(const Experiment& e) {
           ? "beyond doubt (more than a million to one)"
           : "with odds of about " + fit::rounded(std::exp(e.expected), 1) + " to one at least";
   if (e.groups.size() == 1)
-    return "Narrows down who of " + listed(e.groups.front()) + " it is, " + odds +
+    return "Narrows down who of " + together.front() + " it is, " + odds +
            " between two of them if what was found so far is right.";
   return "Tells apart " + listed(groups) + ", " + odds + " if what was found so far is right." +
          (together.empty() ? "" : " It leaves together " + listed(together) + ".");

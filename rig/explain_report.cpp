@@ -164,10 +164,9 @@ std::string explanation_html(const json& e, const std::string& sessions) {
   if (!e.at("mechanisms").empty()) html += "<h2>Mechanisms</h2>\n";
   for (const json& m : e.at("mechanisms")) html += mechanism_section(m);
   for (const json& set : e.at("undecided_between")) {
-    html += "<h2>Undecided</h2>\n<p class=\"box\">One of: ";
-    for (std::size_t i = 0; i < set.size(); ++i)
-      html += (i > 0 ? ", " : "") + escaped(fit::explain::suspect_in_words(set[i].get<std::string>()));
-    html += ". They would have left the same traces in this recording.</p>\n";
+    const auto suspects = fit::explain::suspects_in_words(set.get<std::vector<std::string>>());
+    html += "<h2>Undecided</h2>\n<p class=\"box\">One of: " + escaped(fit::explain::listed(suspects, "or")) +
+            ". They would have left the same traces in this recording.</p>\n";
   }
   if (e.contains("next_experiment") && e["next_experiment"].is_string())
     html += "<p>The experiment that separates them best: <code>" +

@@ -380,11 +380,9 @@ json shown_explanation(const json& explanation) {
                                  {"says", text_of(found, "says")}});
   }
   for (const json& set : list_of(explanation, "undecided_between")) {
-    std::string names;
-    for (const json& name : set)
-      names += (names.empty() ? "" : " or ") +
-               (name.is_string() ? fit::explain::suspect_in_words(name.get<std::string>()) : name.dump());
-    out["undecided"].push_back(names);
+    std::vector<std::string> suspects;
+    for (const json& name : set) suspects.push_back(name.is_string() ? name.get<std::string>() : name.dump());
+    out["undecided"].push_back(fit::explain::listed(fit::explain::suspects_in_words(suspects), "or"));
   }
   const json fit = explanation.value("fit", json::object());
   if (fit.contains("rms_before_mm")) {

@@ -92,8 +92,8 @@ struct Explanation {
 /// "a, b LAST c".
 [[nodiscard]] std::string listed(const std::vector<std::string>& names, const std::string& last = "and");
 
-/// A member of an undecided set as people read it.
-[[nodiscard]] std::string suspect_in_words(const std::string& id);
+/// The members of an undecided set as people read them.
+[[nodiscard]] std::vector<std::string> suspects_in_words(std::vector<std::string> ids);
 
 /// Where an effect shows (information by bins of its coordinate), and where residuals are significant with a
 /// controlled false-discovery rate.

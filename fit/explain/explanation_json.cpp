@@ -130,8 +130,10 @@ std::string listed(const std::vector<std::string>& names, const std::string& las
   return text;
 }
 
-std::string suspect_in_words(const std::string& id) {
-  return id == "unknown-physics" ? "something that no mechanism of the catalogue makes" : id;
+std::vector<std::string> suspects_in_words(std::vector<std::string> ids) {
+  for (std::string& id : ids)
+    if (id == "unknown-physics") id = "something that no mechanism of the catalogue makes";
+  return ids;
 }
 
 std::string to_text(const Explanation& e) {
@@ -141,11 +143,9 @@ std::string to_text(const Explanation& e) {
   for (const Found& found : e.mechanisms)
     text += found.mechanism->id + " (probability " + rounded(found.probability, 3) + "): " + found.says +
             "\n    " + found.evidence + "\n";
-  for (const auto& set : e.undecided_between) {
-    std::vector<std::string> names;
-    for (const std::string& id : set) names.push_back(suspect_in_words(id));
-    text += "Undecided between " + listed(names) + ": this recording cannot tell them apart.\n";
-  }
+  for (const auto& set : e.undecided_between)
+    text +=
+        "Undecided between " + listed(suspects_in_words(set)) + ": this recording cannot tell them apart.\n";
   if (e.unknown) text += "Unknown physics: " + e.unknown->describes + ".\n";
   text += "Held-out means: rms " + rounded(e.before.rms_mm, 3) + " mm before, " + rounded(e.after.rms_mm, 3) +
           " mm after, noise floor " + rounded(e.noise_floor_mm, 3) + " mm; 95 % intervals hold " +

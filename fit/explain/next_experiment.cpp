@@ -322,6 +322,35 @@ double typical_sigma(const Reduced& reduced) {
   return median_of(sigmas);
 }
 
+/// What is recorded so far, and how another recording would join it.
+struct Recorded {
+  const Bench& bench;
+  std::vector<CaptureInfo> captures;
+  Brightness brightness;
+  double sigma_mm;  ///< Of one sample.
+  std::vector<Rivalry> rivalries;
+  std::function<Reduced(const Recording& more)> with;
+};
+
+/// Of these, the one that tells most beside what is recorded.
+std::optional<Experiment> best_of(std::vector<Experiment> possible, const Explanation& explanation,
+                                  const Recorded& recorded) {
+  // What is too weak for a few scans may show in many.
+  for (const int times : {1, 10}) {
+    std::optional<Experiment> best;
+    for (Experiment e : possible) {
+      if (!worth_imagining(e, explanation)) continue;
+      hold_steady(e, explanation);
+      if (times == 1 && repeats(e, recorded.captures)) continue;
+      e.scans *= times;
+      const Imagined imagined(recorded.bench, e, recorded.brightness, recorded.sigma_mm);
+      if (judge(e, recorded.with(imagined), recorded.rivalries) && (!best || better(e, *best))) best = e;
+    }
+    if (best) return best;
+  }
+  return {};
+}
+
 }  // namespace
 
 std::optional<Experiment> best_experiment(const std::vector<const Recording*>& recordings,
@@ -330,24 +359,14 @@ std::optional<Experiment> best_experiment(const std::vector<const Recording*>& r
   Reduced so_far = reduce(*recordings.front(), {});
   for (std::size_t i = 1; i < recordings.size(); ++i) append(so_far, reduce(*recordings[i], {}));
   if (so_far.groups.empty()) return {};
-  const Brightness brightness = Brightness::of(so_far);
-  const double sigma = typical_sigma(so_far);
-  const std::vector<Rivalry> rivalries = rivalries_of(explanation, pooled(so_far));
-  // What is too weak for a few scans may show in many.
-  for (const int times : {1, 10}) {
-    std::optional<Experiment> best;
-    for (Experiment& e : possible_experiments(so_far.bench, travel)) {
-      if (!worth_imagining(e, explanation)) continue;
-      hold_steady(e, explanation);
-      if (times == 1 && repeats(e, so_far.captures)) continue;
-      e.scans *= times;
-      Reduced all = so_far;
-      append(all, reduce(Imagined(so_far.bench, e, brightness, sigma), {}));
-      if (judge(e, pooled(std::move(all)), rivalries) && (!best || better(e, *best))) best = e;
-    }
-    if (best) return best;
-  }
-  return {};
+  const auto with = [&so_far](const Recording& more) {
+    Reduced all = so_far;
+    append(all, reduce(more, {}));
+    return pooled(std::move(all));
+  };
+  return best_of(possible_experiments(so_far.bench, travel), explanation,
+                 {so_far.bench, so_far.captures, Brightness::of(so_far), typical_sigma(so_far),
+                  rivalries_of(explanation, pooled(so_far)), with});
 }
 
 std::optional<Experiment> best_experiment_by_hand(const std::vector<const Recording*>& recordings,
@@ -356,22 +375,17 @@ std::optional<Experiment> best_experiment_by_hand(const std::vector<const Record
     return {};
   const Bench& bench = recordings.front()->bench();
   const Reduced first = reduce(*recordings.front(), {});
-  const Brightness brightness = Brightness::of(first);
-  const double sigma = typical_sigma(first);
-  const std::vector<Rivalry> rivalries = rivalries_of(explanation, reduced_together(recordings));
-  std::vector<CaptureInfo> recorded;
+  std::vector<CaptureInfo> captures;
   for (const Recording* recording : recordings)
-    recorded.insert(recorded.end(), recording->captures().begin(), recording->captures().end());
-  std::optional<Experiment> best;
-  for (Experiment& e : experiments_by_hand(bench, recordings)) {
-    hold_steady(e, explanation);
-    if (repeats(e, recorded)) continue;
-    const Imagined imagined(bench, e, brightness, sigma);
+    captures.insert(captures.end(), recording->captures().begin(), recording->captures().end());
+  const auto with = [&recordings](const Recording& more) {
     std::vector<const Recording*> list = recordings;
-    list.push_back(&imagined);
-    if (judge(e, reduced_together(list), rivalries) && (!best || better(e, *best))) best = e;
-  }
-  return best;
+    list.push_back(&more);
+    return reduced_together(list);
+  };
+  return best_of(experiments_by_hand(bench, recordings), explanation,
+                 {bench, captures, Brightness::of(first), typical_sigma(first),
+                  rivalries_of(explanation, reduced_together(recordings)), with});
 }
 
 }  // namespace fit::explain
