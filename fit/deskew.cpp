@@ -381,9 +381,12 @@ FusedSweep Fusion::add(const Sweep& sweep) {
 // --- crispness --------------------------------------------------------------------------------------------
 
 Crispness crispness(std::span<const Vector2d> map, double radius_mm, std::size_t most) {
+  // Of a map of many points some say as much about walls as all.
+  constexpr std::size_t enough = 50'000;
+  const std::size_t thinned = std::max<std::size_t>(1, map.size() / enough);
   std::vector<OrientedPoint> points;
-  points.reserve(map.size());
-  for (const Vector2d& at : map) points.push_back({at, Vector2d::Zero()});
+  points.reserve(map.size() / thinned + 1);
+  for (std::size_t i = 0; i < map.size(); i += thinned) points.push_back({map[i], Vector2d::Zero()});
   const PointCloud cloud(std::move(points));
   const std::size_t stride = std::max<std::size_t>(1, map.size() / std::max<std::size_t>(1, most));
   std::vector<double> thick;
@@ -392,11 +395,11 @@ Crispness crispness(std::span<const Vector2d> map, double radius_mm, std::size_t
     const auto near = cloud.within(map[i], radius_mm);
     if (near.size() < 10) continue;
     Vector2d mean = Vector2d::Zero();
-    for (const std::size_t k : near) mean += map[k] - map[i];
+    for (const std::size_t k : near) mean += cloud.points()[k].at_mm - map[i];
     mean /= static_cast<double>(near.size());
     Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();
     for (const std::size_t k : near) {
-      const Vector2d d = map[k] - map[i] - mean;
+      const Vector2d d = cloud.points()[k].at_mm - map[i] - mean;
       spread += d * d.transpose();
     }
     spread /= static_cast<double>(near.size());

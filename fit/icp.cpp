@@ -134,7 +134,9 @@ std::vector<std::size_t> PointCloud::within(const Vector2d& at, double radius_mm
   std::vector<std::size_t> indices;
   if (!tree_->index) return indices;
   std::vector<std::pair<std::size_t, double>> matches;
-  tree_->index->radiusSearch(at.data(), radius_mm * radius_mm, matches, nanoflann::SearchParams());
+  constexpr bool sorted = false;
+  tree_->index->radiusSearch(at.data(), radius_mm * radius_mm, matches,
+                             nanoflann::SearchParams(32, 0, sorted));
   for (const auto& match : matches) indices.push_back(match.first);
   return indices;
 }

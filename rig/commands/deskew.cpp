@@ -15,9 +15,9 @@ class Deskew : public Command {
  public:
   CLI::App* declare(CLI::App& root) override {
     auto* command = root.add_subcommand("deskew", "Removes the motion distortion of a moving lidar's scans");
-    command->add_option("session", request_.input, "Session with odometry or a stage track")->required();
-    command->add_option("-o,--output", request_.output, "Session to make (*.rig)")->required();
-    command->add_option("--offset-ms", request_.offset_ms,
+    command->add_option("session", input_, "Session with odometry or a stage track")->required();
+    command->add_option("-o,--output", output_, "Session to make (*.rig)")->required();
+    command->add_option("--offset-ms", options_.offset_ms,
                         "Path time minus scan time; default: estimated from the scans");
     command
         ->add_option("--beam-order", order_, "forward, reverse or auto: how beams follow each other in time")
@@ -25,7 +25,7 @@ class Deskew : public Command {
         ->capture_default_str();
     command->add_flag("--odometry-only", odometry_only_, "No matching: odometry at each beam's own time");
     command
-        ->add_option("--odometry-u", request_.odometry_u,
+        ->add_option("--odometry-u", options_.odometry_u,
                      "Relative standard uncertainty of the odometry over one scan")
         ->check(CLI::Range(0.001, 10.0))
         ->capture_default_str();
@@ -34,9 +34,9 @@ class Deskew : public Command {
   }
 
   int run() override {
-    request_.fuse = !odometry_only_;
-    if (order_ != "auto") request_.reversed = order_ == "reverse";
-    const nlohmann::json result = deskew_session(request_);
+    options_.fuse = !odometry_only_;
+    if (order_ != "auto") options_.reversed = order_ == "reverse";
+    const nlohmann::json result = deskew_session(input_, output_, options_);
     std::fputs(to_text(result).c_str(), stderr);
     for (const auto& row : result["tables"][0]["rows"])
       std::fprintf(stderr, "  %-42s within 20 scans %s mm, whole map %s mm\n",
@@ -50,8 +50,8 @@ class Deskew : public Command {
   }
 
  private:
-  DeskewRequest request_;
-  std::string order_ = "auto", json_;
+  DeskewOptions options_;
+  std::string input_, output_, order_ = "auto", json_;
   bool odometry_only_ = false;
 };
 

@@ -34,9 +34,14 @@ class Noise : public Fitting {
     const auto recording = sources.front().session->recording();
     std::vector<StepCaptures> captures;
     std::vector<double> range, sigma, sigmas, correlations;
-    long values = 0, ranges = 0;
+    long values = 0, ranges = 0, turning = 0;
     for (std::size_t i = 0; i < recording->captures().size(); ++i) {
       const fit::CaptureInfo& capture = recording->captures()[i];
+      // While the stage turns, a beam's range changes because it meets another place.
+      if (capture.stage_rate_rad_s != 0) {
+        ++turning;
+        continue;
+      }
       fit::BeamStatistics beams(static_cast<std::size_t>(capture.beams()));
       recording->for_each_scan(i, [&](const fit::ScanView& scan) {
         beams.add(scan.range_mm);
@@ -55,10 +60,14 @@ class Noise : public Fitting {
       add_capture(captures, capture, beams.scans(), median_of(of_capture));
     }
     if (sigmas.empty())
-      throw MeasurementError("no beam of " + sources.front().path +
-                             " has 20 valid samples in one capture: capture more scans at each position");
-    return document(rows_of(captures), range, sigma, median_of(sigmas), median_of(correlations), values,
-                    values - ranges);
+      throw MeasurementError(
+          "no beam of " + sources.front().path +
+          " has 20 valid samples in one capture at rest: capture more scans at each position");
+    json out = document(rows_of(captures), range, sigma, median_of(sigmas), median_of(correlations), values,
+                        values - ranges);
+    if (turning > 0)
+      out["notes"].push_back("Captures of a turning stage are left out: " + std::to_string(turning) + ".");
+    return out;
   }
 
  private:

@@ -17,9 +17,10 @@ const std::string procedures = RIG_SOURCE_DIR "/procedures/";
 /// `rig run` of a procedure from its first step to its last, beside a simulator of the true bench.
 class Unattended {
  public:
-  Unattended(const std::string& bench, const std::string& truth) : bench_(procedures + bench) {
+  Unattended(const std::string& bench, const std::string& truth, const std::string& speed = "max")
+      : bench_(procedures + bench) {
     std::ofstream(folder_ / "truth.json") << truth;
-    sim_.emplace(folder_, folder_ / "truth.json", std::vector<std::string>{"--seed", "7"});
+    sim_.emplace(folder_, folder_ / "truth.json", std::vector<std::string>{"--seed", "7", "--speed", speed});
   }
 
   void run(const std::string& procedure, std::vector<std::string> settings) {
@@ -96,4 +97,29 @@ TEST_CASE("a board's edge gives the rotation centre within what is stated") {
   CHECK(std::abs(found_y.value - y) < 4 * found_y.u);
   CHECK(found_x.u < 1);
   CHECK(found_y.u < 1);
+}
+
+TEST_CASE("a turning stage distorts scans, and its rate takes the distortion out again") {
+  // In real time: at full speed nobody can say when a beam met what, while the stage turned.
+  Unattended bench("corner.bench.json", R"({"schema": "bench/1",
+    "lidar": {"model": "UST-10LX", "steps": 1081, "front_step": 540, "step_deg": 0.25, "scan_hz": 40,
+              "mount": {"x_mm": 45, "y_mm": 12, "yaw_deg": 0.7}},
+    "stage": {"resolution_deg": 0.01, "limits_deg": [-170, 170], "speed_deg_s": 30},
+    "targets": [{"name": "front", "from_mm": [1500, -1500], "to_mm": [1500, 1500], "reflectance": 0.8},
+                {"name": "side", "from_mm": [1500, 1500], "to_mm": [-1500, 1500], "reflectance": 0.8}],
+    "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": 2}}]})",
+                   "real");
+  bench.run("motion-distortion.yaml", {"samples=25", "from_deg=-12"});
+  const fit::Estimate at_rest = bench.value("deskew", "shape_at_rest_mm"),
+                      turning = bench.value("deskew", "shape_turning_mm"),
+                      by_stage = bench.value("deskew", "shape_by_stage_mm"),
+                      fused = bench.value("deskew", "shape_fused_mm");
+  INFO(at_rest.value << ", " << turning.value << " -> " << by_stage.value << ", " << fused.value << " mm");
+  // 0.56 deg within a scan bends the walls by more than a millimetre.
+  CHECK(turning.value > std::hypot(at_rest.value, 1.0));
+  CHECK(by_stage.value < std::hypot(at_rest.value, 0.5));
+  CHECK(fused.value < std::hypot(at_rest.value, 0.5));
+  // Only what is at rest tells the noise.
+  CHECK(bench.value("noise", "noise_median_mm").value == Approx(2).margin(0.3));
+  CHECK_THAT(bench.text_of("motion-distortion.html"), Catch::Contains("as seen at rest"));
 }

@@ -63,22 +63,21 @@ void write_turning(const std::string& file, int scans) {
 TEST_CASE("rig deskew writes corrected points of every beam, poses, and pictures of the map") {
   const Folder folder;
   write_turning(folder.file("in.rig"), 80);
-  rig::DeskewRequest request;
-  request.input = folder.file("in.rig");
-  request.output = folder.file("out.rig");
-  request.offset_ms = 0;
-  request.reversed = false;
-  const auto result = rig::deskew_session(request);
+  rig::DeskewOptions options;
+  options.offset_ms = 0;
+  options.reversed = false;
+  const std::string made = folder.file("out.rig");
+  const auto result = rig::deskew_session(folder.file("in.rig"), made, options);
   CHECK(result.at("kind") == "deskew");
   CHECK(result.at("plots").size() >= 4);
 
-  const rig::SessionStore out(request.output, rig::SessionStore::Mode::read);
+  const rig::SessionStore out(made, rig::SessionStore::Mode::read);
   CHECK(out.latest_result("deskew").has_value());
   const auto recording = out.recording();
   CHECK(recording->captures().size() == 1);
   CHECK(recording->track().size() == 160);
 
-  SQLite::Database database(request.output, SQLite::OPEN_READONLY);
+  SQLite::Database database(made, SQLite::OPEN_READONLY);
   SQLite::Statement rows(database, "SELECT x_mm, y_mm, heading_deg, points FROM deskewed ORDER BY seq");
   const auto walls = room::furnished();
   int count = 0;
@@ -108,14 +107,10 @@ TEST_CASE("rig deskew refuses what does not tell how the lidar moved, and leaves
     rig::SessionStore store(folder.file("empty.rig"), rig::SessionStore::Mode::create);
     store.set("bench", bench);
   }
-  rig::DeskewRequest request;
-  request.input = folder.file("empty.rig");
-  request.output = folder.file("out.rig");
-  CHECK_THROWS_AS(rig::deskew_session(request), rig::MeasurementError);
-  CHECK_FALSE(fs::exists(request.output));
+  CHECK_THROWS_AS(rig::deskew_session(folder.file("empty.rig"), folder.file("out.rig"), {}),
+                  rig::MeasurementError);
+  CHECK_FALSE(fs::exists(folder.file("out.rig")));
   write_turning(folder.file("in.rig"), 6);
   write_turning(folder.file("there.rig"), 6);
-  request.input = folder.file("in.rig");
-  request.output = folder.file("there.rig");
-  CHECK_THROWS_AS(rig::deskew_session(request), rig::UsageError);
+  CHECK_THROWS_AS(rig::deskew_session(folder.file("in.rig"), folder.file("there.rig"), {}), rig::UsageError);
 }

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: MIT
+#include "fit/shape_at_rest.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <random>
+
+#include "tests/support/moving_room.hpp"
+
+namespace {
+
+using Eigen::Vector2d;
+using room::deg;
+
+/// One scan of a furnished room by a lidar that turns about its own axis, every beam cast at its own time.
+fit::Sweep scan(double heading_deg, double rate_deg_s, double sigma_mm, std::mt19937& random) {
+  static const std::vector<room::Wall> walls = room::furnished();
+  fit::CaptureInfo capture;
+  capture.last_step = 1080;
+  const auto ranges = room::scan(
+      walls,
+      [&](double t) {
+        return room::Place{0, 0, (heading_deg + rate_deg_s * t) * deg};
+      },
+      0, sigma_mm, random);
+  fit::ScanView view;
+  view.range_mm = ranges;
+  return fit::sweep_of(view, capture, {});
+}
+
+std::vector<Vector2d> points_of(const fit::Sweep& sweep) {
+  std::vector<Vector2d> points;
+  for (const fit::SweptPoint& point : sweep.points) points.push_back(point.at_mm);
+  return points;
+}
+
+}  // namespace
+
+TEST_CASE("scans at rest lie on the scene as far as their noise lets them, wherever they are thought to be") {
+  std::mt19937 random(3);
+  fit::ShapeAtRest scene;
+  for (int i = 0; i < 30; ++i) scene.add(scan(0, 0, 4, random), {});
+  scene.finish();
+  for (const fit::Pose2 guess : {fit::Pose2{0, 0, 0}, fit::Pose2{15, -10, 0.01}}) {
+    const double off = scene.distance_of(points_of(scan(0, 0, 4, random)), guess);
+    // Less than 4 mm where walls are seen aslant.
+    CHECK(off > 2);
+    CHECK(off < 4.3);
+  }
+}
+
+TEST_CASE("a scan of a turning lidar is bent, and straight again once every beam is placed at its own time") {
+  std::mt19937 random(4);
+  fit::ShapeAtRest scene;
+  for (int i = 0; i < 30; ++i) scene.add(scan(0, 0, 2, random), {});
+  scene.finish();
+  const double at_rest = scene.distance_of(points_of(scan(0, 0, 2, random)), {});
+  const fit::Sweep turning = scan(0, 60, 2, random);
+  const fit::Path path({{-1, {0, 0, -60 * deg}}, {1, {0, 0, 60 * deg}}});
+  const double bent = scene.distance_of(points_of(turning), {}),
+               straight = scene.distance_of(fit::deskew(turning, path, {}), {});
+  INFO(at_rest << ", " << bent << " -> " << straight);
+  CHECK(bent > 2 * at_rest);
+  CHECK(straight < 1.15 * at_rest);
+}
+
+TEST_CASE("nothing is said of scans that meet no surface of the scene") {
+  std::mt19937 random(5);
+  fit::ShapeAtRest scene;
+  scene.finish();
+  CHECK(scene.empty());
+  scene = {};
+  scene.add(scan(0, 0, 2, random), {});
+  scene.finish();
+  const std::vector<Vector2d> elsewhere(200, Vector2d(90'000, 90'000));
+  CHECK(std::isnan(scene.distance_of(elsewhere, {})));
+}
