@@ -336,9 +336,13 @@ class Writer {
         known_.push_back({suspect.mechanism->id, suspect.parameters, {}});
     }
     for (const auto& set : spread_.undecided) {
-      std::vector<std::string> names;
-      for (const Suspect& s : set) names.push_back(s.mechanism->id);
+      std::vector<std::string> names, ways;
+      for (const Suspect& s : set) {
+        names.push_back(s.mechanism->id);
+        if (!std::ranges::count(ways, s.mechanism->separate)) ways.push_back(s.mechanism->separate);
+      }
       out_.undecided_between.push_back(names);
+      out_.notes.push_back("What would tell " + listed(names) + " apart: " + listed(ways, "or") + ".");
     }
   }
 

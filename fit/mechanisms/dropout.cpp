@@ -19,7 +19,7 @@ Mechanism make_dropout() {
   m.says = [](const Finding& f) {
     return "Weak echoes are lost: half of them at " + with_uncertainty(f.at("intensity_min"), "counts") + ".";
   };
-  m.separate = "darken or brighten the target at a fixed distance";
+  m.separate = "put up a darker surface at the same distance and see whether echoes are lost";
   return m;
 }
 

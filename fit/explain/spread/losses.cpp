@@ -209,4 +209,17 @@ void losses(const Reduced& reduced, SpreadResult& result) {
   result.unknown.push_back(unknown);
 }
 
+void may_be_near_threshold(SpreadResult& result) {
+  if (is_accepted(result, "dropout")) return;
+  const auto noise = std::ranges::find_if(result.accepted, [](const Suspect& s) {
+    return is(s, "intensity-noise") && s.parameters.at("exponent").value > steepest_of_noise;
+  });
+  if (noise == result.accepted.end()) return;
+  Suspect dropout = suspected("dropout");
+  dropout.gain = noise->gain;
+  dropout.evidence = noise->evidence;
+  result.undecided.push_back({*noise, dropout});
+  result.accepted.erase(noise);
+}
+
 }  // namespace fit::explain::spread

@@ -11,6 +11,10 @@ namespace fit::explain::spread {
 constexpr double accept_at = odds::against_any + odds::worth_a_first_name;
 constexpr double accept_rare_at = 5.5;  // ... where single samples decide, whose odds are less certain
 
+/// Exponent of one over the intensity up to which a receiver's noise may grow: its variance goes with the
+/// square of the echo's power, and counts with a root of that.
+constexpr double steepest_of_noise = 5;
+
 /// A mechanism of the catalogue, of which nothing is known yet.
 [[nodiscard]] Suspect suspected(const char* id);
 [[nodiscard]] bool is(const Suspect& suspect, const char* id);

@@ -188,10 +188,11 @@ class VarianceSearch {
 
   [[nodiscard]] Suspect intensity_noise() const {
     Suspect best = suspected("intensity-noise");
-    for (const double exponent : {1.0, 1.5, 2.0, 2.5, 3.0, 4.0}) {
+    for (const double exponent : {1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.5, 8.0, 12.0, 18.0}) {
       double gain = 0;
       const auto fit = fit_with(of_intensity(pools(), exponent), gain);
-      if (gain <= best.gain) continue;
+      // Steeper than any receiver's own noise only if that is clear.
+      if (gain <= best.gain + (exponent > steepest_of_noise ? 2 : 0)) continue;
       best.gain = gain;
       best.parameters = {{"sigma_mm_at_1000_counts", root(fit.last())},
                          {"exponent", {exponent, 1 / std::sqrt(1 + gain)}}};
