@@ -105,15 +105,17 @@ json plain_world(const Session& session) {
 /// Where the stage is: it arrives at every capture half a second after leaving the one before.
 class Motion {
  public:
-  explicit Motion(const Session& session) : session_(session) {}
+  explicit Motion(const Session& session)
+      : session_(session), early_s_(session.scene == "settle" ? 0 : 0.1) {}
   [[nodiscard]] sim::StageMoment at(double time) const {
     std::size_t i = 0;
     while (i + 1 < session_.captures.size() && time >= leaves_before(session_.captures[i + 1])) ++i;
     const Capture& capture = session_.captures[i];
     const double rate_there = capture.rate_deg_s * degree;
-    // A stage that turns through a capture has come up to speed before its first scan.
-    const double begins = capture.since_power_on_s - (rate_there != 0 ? run_up_s : 0),
-                 target = capture.stage_deg * degree - rate_there * (capture.since_power_on_s - begins);
+    // Before the first scan the stage has arrived, or come up to the speed at which it turns through the
+    // capture.
+    const double begins = capture.since_power_on_s - early_s_,
+                 target = capture.stage_deg * degree - rate_there * early_s_;
     if (time >= begins) return {target + rate_there * (time - begins), rate_there};
     double from = target - degree;
     if (i > 0) {
@@ -128,9 +130,10 @@ class Motion {
   }
 
  private:
-  static constexpr double move_s = 0.5, run_up_s = 0.1;
+  static constexpr double move_s = 0.5;
   static double leaves_before(const Capture& capture) { return capture.since_power_on_s - move_s; }
   const Session& session_;
+  double early_s_;  ///< Where it is seen to settle, the first scan begins as it stops.
 };
 
 /// Runs the engine through the session.
