@@ -6,6 +6,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "fit/explain/scene.hpp"
+
 namespace fit::explain {
 namespace {
 
@@ -148,7 +150,7 @@ std::vector<FittedRoom::Stretch> FittedRoom::stretches() const {
   const std::vector<TrackPose> track = in_order(own_.track());
   std::vector<Stretch> list;
   for (std::size_t c = 0; c < own_.captures().size(); ++c) {
-    if (std::abs(own_.captures()[c].stage_rate_rad_s) > 1e-9) continue;
+    if (is_turning(own_.captures()[c])) continue;
     bool resting = false;
     own_.for_each_scan(c, [&](const ScanView& scan) {
       const bool rests = at_rest(track, scan.host_us);

@@ -69,7 +69,7 @@ void pool_variances(Reduced& reduced, const MeanNoise& noise) {
       const Sum& scans = own_scans[static_cast<std::size_t>(&group - reduced.groups.data())];
       const double prior = (scans.freedom > 60 ? scans : all).mean();
       reduced.cells[group.first_cell + k].pooled_mm2 =
-          std::max(1.0 / 12, (squares[high] - squares[low] + borrowed * prior) / (own + borrowed));
+          std::max(rounding_mm2, (squares[high] - squares[low] + borrowed * prior) / (own + borrowed));
     }
   }
 }

@@ -61,7 +61,7 @@ double best_constant(const Reduced& reduced, const std::vector<Suspect>& noise, 
     }
     return sum;
   };
-  constexpr double least2 = 1.0 / 12;  // ranges are whole millimetres
+  constexpr double least2 = rounding_mm2;
   double low = least2, high = std::max(2 * least2, 4 * all / samples);
   if (slope(low) <= 0) return std::sqrt(low);
   for (int pass = 0; pass < 60; ++pass) {

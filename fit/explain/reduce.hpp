@@ -35,6 +35,9 @@ struct Cell {
   double pooled_mm2 = 0;       ///< Variance of one sample, shared with its neighbours; 0: not yet pooled.
 };
 
+/// Variance of rounding to whole millimetres, in which ranges come.
+constexpr double rounding_mm2 = 1.0 / 12;
+
 /// Of so many scans each beam's own noise is known well enough to weigh it.
 constexpr int weighted_from_scans = 50;
 
@@ -86,6 +89,15 @@ struct Reduced {
   int left_out = 0;  ///< Cells that no mean is taken of.
   int in_clear = 0;  ///< Cells away from edges and corners, square on enough, by the bench file.
   int astray = 0;    ///< Of these, those more than `astray_mm` off their target.
+
+  [[nodiscard]] std::size_t smooth_cells() const;
+  /// Whether targets were put up in different places for the captures.
+  [[nodiscard]] bool in_several_places() const;
+  [[nodiscard]] const CaptureInfo& capture_of(const Group& group) const {
+    return captures[static_cast<std::size_t>(group.capture)];
+  }
+  /// The targets as they stand in the group's capture.
+  [[nodiscard]] Scene scene_of(const Group& group, const Nuisance& nuisance) const;
 };
 
 /// What of the bench stands where. Left empty: every target is there in every capture, and all differ.

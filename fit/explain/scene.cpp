@@ -34,6 +34,8 @@ double reflectance_in(const CaptureInfo& capture, const Target& target) {
   return about_it && capture.reflectance ? *capture.reflectance : target.reflectance.value_or(0.5);
 }
 
+bool is_turning(const CaptureInfo& capture) { return std::abs(capture.stage_rate_rad_s) > 1e-9; }
+
 Nuisance::Nuisance(const Bench& bench)
     : x_mm(bench.lidar.mount.x_mm.value),
       y_mm(bench.lidar.mount.y_mm.value),

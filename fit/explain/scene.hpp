@@ -38,6 +38,9 @@ struct Active {
 /// one.
 [[nodiscard]] double reflectance_in(const CaptureInfo& capture, const Target& target);
 
+/// Whether the stage turns while it records, so that every scan has its own stage angle.
+[[nodiscard]] bool is_turning(const CaptureInfo& capture);
+
 /// What one beam meets in one stage position.
 struct Sight {
   int target = -1;  ///< -1: nothing.

@@ -67,9 +67,9 @@ std::map<int, SeenEdge> seen_edges(const Reduced& reduced, const Nuisance& fitte
   const Nuisance nuisance = displaced(reduced, fitted, at_work);
   std::map<int, SeenEdge> edges;
   for (const Group& group : reduced.groups) {
-    const CaptureInfo& info = reduced.captures[static_cast<std::size_t>(group.capture)];
-    if (std::abs(info.stage_rate_rad_s) > 1e-9) continue;
-    const Scene scene(reduced.bench, nuisance, info, reduced.absent[static_cast<std::size_t>(group.capture)]);
+    const CaptureInfo& info = reduced.capture_of(group);
+    if (is_turning(info)) continue;
+    const Scene scene = reduced.scene_of(group, nuisance);
     const std::vector<Edge> in_sight = scene.edges(group.stage_rad);
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       const Cell& cell = reduced.cells[i];

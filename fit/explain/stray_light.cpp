@@ -60,10 +60,9 @@ class Edges {
   };
 
   void look(const Group& group) {
-    const CaptureInfo& info = reduced_.captures[static_cast<std::size_t>(group.capture)];
-    if (std::abs(info.stage_rate_rad_s) > 1e-9) return;
-    const Scene scene(reduced_.bench, displaced(reduced_, means_.best.nuisance, at_work_), info,
-                      reduced_.absent[static_cast<std::size_t>(group.capture)]);
+    const CaptureInfo& info = reduced_.capture_of(group);
+    if (is_turning(info)) return;
+    const Scene scene = reduced_.scene_of(group, displaced(reduced_, means_.best.nuisance, at_work_));
     const std::vector<Edge> edges = scene.edges(group.stage_rad);
     for (const Edge& edge : edges) {
       if (edge.far_mm <= 0) continue;

@@ -19,7 +19,7 @@ double own_variance(const Group& group) {
 
 }  // namespace
 
-double typical_variance(const Group& group) { return group.sigma_mm * group.sigma_mm + 1.0 / 12; }
+double typical_variance(const Group& group) { return group.sigma_mm * group.sigma_mm + rounding_mm2; }
 
 std::vector<Scan> scans_of(const std::vector<Group>& groups, const std::vector<Sector>& sectors) {
   std::vector<Scan> scans;

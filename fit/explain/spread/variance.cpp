@@ -9,18 +9,16 @@
 #include "fit/explain/spread/questions.hpp"
 #include "fit/explain/spread/suspects.hpp"
 #include "fit/explain/spread/variance_model.hpp"
+#include "fit/explain/stated_noise.hpp"
 
 namespace fit::explain::spread {
 namespace {
 
 constexpr double told_apart_at = 3, beyond_doubt = 20;
 
-Estimate stated_noise(const Bench& bench) {
-  Estimate stated{10, 10};
-  if (const KnownMechanism* known = bench.knows("range-noise")) {
-    const auto found = known->parameters.find("sigma_mm");
-    if (found != known->parameters.end()) stated = found->second;
-  }
+/// No noise is constant to better than that.
+Estimate known_noise(const Bench& bench) {
+  Estimate stated = stated_noise(bench);
   stated.u = std::max(stated.u, 0.02 * stated.value);
   return stated;
 }
@@ -307,11 +305,9 @@ class VarianceSearch {
 }  // namespace
 
 void variance(const Reduced& reduced, double step_mm, double worth_of_sample, SpreadResult& result) {
-  const VarianceModel model(pools_of(reduced), stated_noise(reduced.bench), step_mm * step_mm / 12,
+  const VarianceModel model(pools_of(reduced), known_noise(reduced.bench), step_mm * step_mm / 12,
                             worth_of_sample);
-  const bool in_several_places =
-      std::ranges::any_of(reduced.absent, [](const Absent& absent) { return !absent.empty(); });
-  VarianceSearch(model, reduced.has_intensity).run(in_several_places, result);
+  VarianceSearch(model, reduced.has_intensity).run(reduced.in_several_places(), result);
 }
 
 }  // namespace fit::explain::spread

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: MIT
+#include <cmath>
+
+#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/temperature.hpp"
+
+namespace fit::explain {
+
+using reduction::first_temperature, reduction::steady_within_k;
+
+void append(Reduced& reduced, const Reduced& other) {
+  // Temperatures count from the first that anybody read.
+  const bool mine = first_temperature(reduced.captures).has_value(),
+             theirs = first_temperature(other.captures).has_value();
+  if (!mine && theirs) reduced.first_temperature_c = other.first_temperature_c;
+  const double warmer_k = mine && theirs ? other.first_temperature_c - reduced.first_temperature_c : 0;
+  const auto captures = static_cast<int>(reduced.captures.size()),
+             groups = static_cast<int>(reduced.groups.size());
+  const std::size_t cells = reduced.cells.size();
+  reduced.captures.insert(reduced.captures.end(), other.captures.begin(), other.captures.end());
+  reduced.absent.insert(reduced.absent.end(), other.absent.begin(), other.absent.end());
+  for (Group group : other.groups) {
+    group.capture += captures;
+    group.first_cell += cells;
+    group.last_cell += cells;
+    reduced.groups.push_back(group);
+  }
+  for (Cell cell : other.cells) {
+    cell.group += groups;
+    cell.at.temperature_k += warmer_k;
+    reduced.cells.push_back(cell);
+  }
+  for (Sector sector : other.sectors) {
+    sector.group += groups;
+    reduced.sectors.push_back(sector);
+  }
+  for (std::size_t i = 0; i < reduced.remainder.size(); ++i) reduced.remainder[i] += other.remainder[i];
+  reduced.strays_mm.insert(reduced.strays_mm.end(), other.strays_mm.begin(), other.strays_mm.end());
+  reduced.strays_of_target.insert(reduced.strays_of_target.end(), other.strays_of_target.begin(),
+                                  other.strays_of_target.end());
+  reduced.samples += other.samples;
+  reduced.has_intensity = reduced.has_intensity || other.has_intensity;
+  reduced.has_temperature =
+      reduced.has_temperature || other.has_temperature || std::abs(warmer_k) > steady_within_k;
+  reduced.left_out += other.left_out;
+  reduced.in_clear += other.in_clear;
+  reduced.astray += other.astray;
+}
+
+}  // namespace fit::explain

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <vector>
+
+#include "fit/explain/reduce.hpp"
+
+namespace fit::explain::reduction {
+
+/// What the mechanisms at work and what has no name do there together.
+[[nodiscard]] Effect effect_there(const Reduced& reduced, const std::vector<Active>& at_work,
+                                  const Circumstances& at);
+
+}  // namespace fit::explain::reduction

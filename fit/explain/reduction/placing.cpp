@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/reduction/placing.hpp"
+
+#include <cmath>
+#include <limits>
+
+#include "fit/explain/reduction/margins.hpp"
+
+namespace fit::explain::reduction {
+namespace {
+
+constexpr double edge_margin_rad = 1.3 * rad_per_deg;   // half a footprint and doubt about the yaw
+constexpr double brink_margin_rad = 0.8 * rad_per_deg;  // where nothing lies behind the edge: only the yaw
+constexpr double edge_window_rad = 2.5 * rad_per_deg;
+constexpr double grazing_rad = 78 * rad_per_deg;
+
+Circumstances circumstances(const Reduced& session, const Setting& setting, const Cell& cell, double beam_s) {
+  const auto& [capture, group, samples, scene, edges] = setting;
+  constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+  Circumstances c;
+  scene.describe(cell.sight, group.stage_rad, edges, c);
+  c.target = session.same_as[static_cast<std::size_t>(cell.sight.target)];
+  c.beam_rad = cell.beam_rad;
+  c.stage_rad = group.stage_rad;
+  c.time_s = group.time_s;
+  c.temperature_k = capture.temperature_c ? *capture.temperature_c - session.first_temperature_c : unknown;
+  c.beam_time_s = beam_s;
+  c.since_move_s = samples.since_start_s.front() + c.beam_time_s;
+  c.stage_rate_rad_s = capture.stage_rate_rad_s;
+  c.approach = capture.approach;
+  c.seq = static_cast<int>(samples.seq.front());
+  c.intensity = unknown;
+  return c;
+}
+
+/// Whether the mean may be compared with a surface, or only may not because of what is doubtful.
+void judge_place(const Mount& mount, const Setting& setting, const Beams& beams, Cell& cell) {
+  const double stage_rad = setting.group.stage_rad;
+  const Samples& samples = setting.samples;
+  const Circumstances& c = cell.at;
+  const double sway = sway_mm(mount, cell.sight.range_mm, doubt_of_mount);
+  const bool near_corner = c.corner_mm < corner_margin_mm(cell.sight, sway);
+  const bool near_edge =
+      std::abs(c.edge_rad) <= (c.gap_mm > 0 ? edge_margin_rad : brink_margin_rad) + samples.spacing_rad / 2;
+  const bool slanted = std::abs(cell.sight.incidence_rad) >= grazing_rad;
+  cell.smooth = !near_edge && !near_corner && !slanted;
+  cell.doubtful = !cell.smooth && !slanted && beams.count == 1;
+  if (beams.count == 1) return;
+  const Sight left = setting.scene.look(stage_rad, beams.from(samples.beam_rad)),
+              right = setting.scene.look(stage_rad, beams.to(samples.beam_rad));
+  if (left.target != right.target) cell.smooth = false;
+}
+
+/// The target that begins where the edge's own ends.
+int behind(const Scene& scene, const Edge& edge, double stage_rad, double yaw_rad) {
+  constexpr double aside = 2e-4;
+  return scene.look(stage_rad, edge.bearing_rad - edge.near_side * aside - stage_rad - yaw_rad).target;
+}
+
+/// The edge within reach, and the plane on its other side.
+void find_edge(const Mount& mount, const Setting& setting, Cell& cell) {
+  const double stage_rad = setting.group.stage_rad;
+  const Edge* nearest = nullptr;
+  const auto away = [&](const Edge& edge) {
+    return std::abs(wrap_angle(cell.sight.bearing_rad - edge.bearing_rad));
+  };
+  for (const Edge& edge : setting.edges)
+    if (away(edge) < (nearest ? away(*nearest) : 1e9)) nearest = &edge;
+  if (!nearest) return;
+  cell.edge = nearest->id;
+  if (!(std::abs(cell.at.edge_rad) < edge_window_rad) || !(cell.at.gap_mm > 0)) return;
+  // Both surfaces may be slanted: each is taken where this beam would meet it.
+  const int other = cell.at.edge_rad > 0 ? behind(setting.scene, *nearest, stage_rad, mount.yaw_rad.value)
+                                         : nearest->id / 2;
+  if (other >= 0 && other != cell.sight.target)
+    cell.other_mm = setting.scene.look_at(other, stage_rad, cell.beam_rad, {}).range_mm;
+}
+
+}  // namespace
+
+Cell placed(const Reduced& session, const Setting& setting, const Beams& beams) {
+  const Mount& mount = session.bench.lidar.mount;
+  Cell cell;
+  cell.beam_rad = beams.midway(setting.samples.beam_rad);
+  cell.sight = setting.scene.look(setting.group.stage_rad, cell.beam_rad);
+  if (cell.sight.target < 0) return cell;
+  cell.at = circumstances(session, setting, cell, beams.midway(setting.samples.beam_s));
+  judge_place(mount, setting, beams, cell);
+  cell.nominal_mm = cell.sight.range_mm;
+  find_edge(mount, setting, cell);
+  return cell;
+}
+
+}  // namespace fit::explain::reduction

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <vector>
+
+#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/samples.hpp"
+
+namespace fit::explain::reduction {
+
+/// A group of scans in its surroundings, by the bench file.
+struct Setting {
+  const CaptureInfo& capture;
+  const Group& group;
+  const Samples& samples;
+  const Scene& scene;
+  std::vector<Edge> edges;
+};
+
+/// Neighbouring columns that make one cell: one, or several where every scan has its own stage angle.
+struct Beams {
+  int first = 0, count = 1;
+
+  /// Of values by column: that of the first beam, of the last one, and midway.
+  [[nodiscard]] double from(const std::vector<double>& by_column) const {
+    return by_column[static_cast<std::size_t>(first)];
+  }
+  [[nodiscard]] double to(const std::vector<double>& by_column) const {
+    return by_column[static_cast<std::size_t>(first + count - 1)];
+  }
+  [[nodiscard]] double midway(const std::vector<double>& by_column) const {
+    return (from(by_column) + to(by_column)) / 2;
+  }
+};
+
+/// The cell of those beams without its samples: what they meet by the bench file, in which circumstances, and
+/// whether their mean may be compared with it. Its target is -1 if they meet nothing.
+[[nodiscard]] Cell placed(const Reduced& session, const Setting& setting, const Beams& beams);
+
+}  // namespace fit::explain::reduction

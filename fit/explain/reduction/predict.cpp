@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/effect_there.hpp"
+
+namespace fit::explain {
+
+using reduction::effect_there;
+
+Effect reduction::effect_there(const Reduced& reduced, const std::vector<Active>& at_work,
+                               const Circumstances& at) {
+  Effect effect = effect_of(at_work, at);
+  for (const Mechanism& unnamed : reduced.empirical) effect += unnamed.act(at, {});
+  return effect;
+}
+
+Nuisance displaced(const Reduced& reduced, Nuisance nuisance, const std::vector<Active>& at_work) {
+  for (const Active& active : at_work) {
+    if (!active.mechanism->displaces || active.target < 0) continue;
+    const Displacement moved = active.mechanism->displaces(active.values);
+    for (std::size_t i = 0; i < reduced.bench.targets.size(); ++i) {
+      if (reduced.same_as[i] != active.target) continue;
+      nuisance.offset_mm[i] += moved.offset_mm;
+      nuisance.turn_rad[i] += moved.turn_rad;
+    }
+  }
+  return nuisance;
+}
+
+namespace {
+
+/// The cell meets its target elsewhere than before.
+void move_to(const Sight& sight, const Scene& scene, Cell& cell) {
+  cell.sight = sight;
+  cell.at.range_mm = sight.range_mm;
+  cell.at.incidence_rad = sight.incidence_rad;
+  cell.at.cos_incidence = sight.cos_incidence();
+  cell.at.bearing_rad = sight.bearing_rad;
+  cell.at.along_mm = sight.along_mm;
+  cell.at.along_sign = sight.along_sign;
+  cell.at.corner_mm = scene.to_corner_mm(sight);
+}
+
+}  // namespace
+
+void predict(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>& at_work,
+             bool may_leave_out) {
+  const Nuisance nuisance = displaced(reduced, fitted, at_work);
+  for (const Group& group : reduced.groups) {
+    const Scene scene = reduced.scene_of(group, nuisance);
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+      Cell& cell = reduced.cells[i];
+      if (!cell.smooth) continue;
+      const Effect effect = effect_there(reduced, at_work, cell.at);
+      const Sight sight = may_leave_out
+                              ? scene.look(group.stage_rad, cell.beam_rad, effect)
+                              : scene.look_at(cell.sight.target, group.stage_rad, cell.beam_rad, effect);
+      if (sight.target != cell.sight.target) {
+        if (!may_leave_out) continue;
+        cell.smooth = false;
+        ++reduced.left_out;
+        continue;
+      }
+      move_to(sight, scene, cell);
+      // Once more: mount and walls may have moved since the circumstances before.
+      cell.nominal_mm = sight.range_mm + effect_there(reduced, at_work, cell.at).range_mm;
+    }
+  }
+}
+
+}  // namespace fit::explain

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/effect_there.hpp"
+#include "fit/explain/reduction/margins.hpp"
+#include "fit/explain/seen_edges.hpp"
+
+namespace fit::explain {
+namespace {
+
+using reduction::corner_margin_mm, reduction::sway_mm;
+
+/// What is left of the doubt about mount and walls once they are fitted: a share of the priors' sway.
+constexpr double doubt_left = 0.15 * reduction::doubt_of_mount;
+
+/// What a cell's beam meets now.
+struct Met {
+  Sight sight;
+  Circumstances at;
+  double effect_mm = 0;  ///< On the range, of mechanisms at work.
+};
+
+class Reassignment {
+ public:
+  Reassignment(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>& at_work,
+               double footprint_rad, bool may_leave_out)
+      : reduced_(reduced),
+        at_work_(at_work),
+        nuisance_(displaced(reduced, fitted, at_work)),
+        seen_(seen_edges(reduced, fitted, at_work)),
+        edge_margin_rad_(std::max(0.6 * rad_per_deg, 3.5 * footprint_rad)),
+        may_leave_out_(may_leave_out) {}
+
+  /// Returns how many cells changed.
+  int run() {
+    int changed = 0;
+    for (const Group& group : reduced_.groups) {
+      const Scene scene = reduced_.scene_of(group, nuisance_);
+      const std::vector<Edge> edges = scene.edges(group.stage_rad);
+      for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+        Cell& cell = reduced_.cells[i];
+        if (!cell.doubtful && !(cell.smooth && may_leave_out_)) continue;
+        const Met now = met_by(cell, group, scene, edges);
+        changed += cell.smooth ? leaves_out(cell, now) : takes_in(cell, now, group);
+      }
+    }
+    return changed;
+  }
+
+ private:
+  [[nodiscard]] Met met_by(const Cell& cell, const Group& group, const Scene& scene,
+                           const std::vector<Edge>& edges) const {
+    const Effect effect = reduction::effect_there(reduced_, at_work_, cell.at);
+    Met met{scene.look(group.stage_rad, cell.beam_rad, effect), cell.at, effect.range_mm};
+    Circumstances& at = met.at;
+    at.corner_mm = at.edge_rad = std::numeric_limits<double>::infinity();
+    at.gap_mm = at.pull_mm = 0;
+    const int target = met.sight.target;
+    if (target >= 0) scene.describe(met.sight, group.stage_rad, edges, at);
+    at.target = target < 0 ? -1 : reduced_.same_as[static_cast<std::size_t>(target)];
+    return met;
+  }
+
+  /// A smooth cell that meets another target or a corner.
+  bool leaves_out(Cell& cell, const Met& now) {
+    // By geometry alone: how far a mean is off must not decide whether it counts.
+    if (now.sight.target == cell.sight.target && now.at.corner_mm >= corner_margin_mm(now.sight, 0))
+      return false;
+    cell.smooth = false;
+    cell.doubtful = true;
+    ++reduced_.left_out;
+    return true;
+  }
+
+  /// A doubtful cell that is off by no more than mount and walls may be, away from corners and edges.
+  bool takes_in(Cell& cell, const Met& now, const Group& group) {
+    if (now.sight.target < 0 || !is_clear(now, cell.edge)) return false;
+    const double nominal = now.sight.range_mm + now.effect_mm;
+    if (std::abs(cell.mean_mm - nominal) > 60 + 5 * group.sigma_mm) return false;
+    cell.sight = now.sight;
+    cell.at = now.at;
+    cell.nominal_mm = nominal;
+    cell.smooth = true;
+    cell.doubtful = false;
+    --reduced_.left_out;
+    return true;
+  }
+
+  [[nodiscard]] bool is_clear(const Met& now, int edge) const {
+    const Mount& mount = reduced_.bench.lidar.mount;
+    const double sway = sway_mm(mount, now.sight.range_mm, doubt_left);
+    return now.at.corner_mm >= corner_margin_mm(now.sight, sway) &&
+           from_edge(edge, now.at) >= edge_margin_rad_ + doubt_left * mount.yaw_rad.u;
+  }
+
+  /// Bright surfaces seem wider than they are: an edge is where the recording shows it.
+  [[nodiscard]] double from_edge(int edge, const Circumstances& at) const {
+    const auto found = seen_.find(edge);
+    const bool known = found != seen_.end() && found->second.settled;
+    return std::min(std::abs(at.edge_rad),
+                    std::abs(at.edge_rad - (known ? found->second.shift_deg * rad_per_deg : 0)));
+  }
+
+  Reduced& reduced_;
+  const std::vector<Active>& at_work_;
+  Nuisance nuisance_;
+  std::map<int, SeenEdge> seen_;
+  double edge_margin_rad_;
+  bool may_leave_out_;
+};
+
+}  // namespace
+
+int reassign(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>& at_work,
+             double footprint_rad, bool may_leave_out) {
+  return Reassignment(reduced, fitted, at_work, footprint_rad, may_leave_out).run();
+}
+
+}  // namespace fit::explain

@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/reduction/summary.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fit/explain/stated_noise.hpp"
+#include "fit/median.hpp"
+
+namespace fit::explain::reduction {
+namespace {
+
+constexpr std::size_t strays_at_most = 5000;
+
+/// What came back to a cell.
+struct Returned {
+  std::vector<double> ranges_mm;  ///< Brought to the cell's middle.
+  int looked = 0, lost = 0;
+  int lit = 0;  ///< With an intensity.
+  double intensity = 0, intensity_squares = 0;
+};
+
+Returned returned_to(const Cell& cell, const Setting& setting, const Beams& beams) {
+  const Samples& samples = setting.samples;
+  Returned all;
+  all.ranges_mm.reserve(static_cast<std::size_t>(samples.scans) * static_cast<std::size_t>(beams.count));
+  // Beams taken together are brought to their middle.
+  const auto aside_mm = [&](int beam) {
+    if (beams.count == 1) return 0.0;
+    const double beam_rad = samples.beam_rad[static_cast<std::size_t>(beam)];
+    return setting.scene.look(setting.group.stage_rad, beam_rad).range_mm - cell.nominal_mm;
+  };
+  for (int scan = 0; scan < samples.scans; ++scan) {
+    for (int beam = beams.first; beam < beams.first + beams.count; ++beam) {
+      const double range = samples.at(scan, beam);
+      if (range == not_looked) continue;
+      ++all.looked;
+      if (!is_echo(range)) {
+        ++all.lost;
+        continue;
+      }
+      all.ranges_mm.push_back(range - aside_mm(beam));
+      if (samples.intensity.empty()) continue;
+      const double counts = samples.intensity[samples.index(scan, beam)];
+      all.intensity += counts;
+      all.intensity_squares += counts * counts;
+      ++all.lit;
+    }
+  }
+  return all;
+}
+
+void tell_intensity(const Returned& all, Cell& cell) {
+  cell.at.intensity = all.intensity / all.lit;
+  if (all.lit < 2) return;
+  const double squares = all.intensity_squares - all.intensity * all.intensity / all.lit;
+  cell.intensity_sd = std::sqrt(std::max(0.0, squares / (all.lit - 1)));
+}
+
+/// Near an edge: where between the two surfaces the samples lie.
+void tell_place_at_edge(const std::vector<double>& ranges_mm, double sigma_mm, Cell& cell) {
+  if (!(cell.other_mm > 0)) return;
+  const bool on_near = cell.at.edge_rad > 0;
+  const double near = on_near ? cell.nominal_mm : cell.other_mm,
+               gap = (on_near ? cell.other_mm : cell.nominal_mm) - near;
+  if (gap < 12 * sigma_mm + 30) return;
+  const double margin = (6 * sigma_mm + 15) / gap;
+  double sum = 0;
+  for (const double range : ranges_mm) {
+    const double place = (range - near) / gap;
+    sum += std::clamp(place, 0.0, 1.0);
+    if (place > margin && place < 1 - margin) ++cell.between;
+  }
+  cell.far_share = sum / static_cast<double>(ranges_mm.size());
+}
+
+/// Ranges around their own median: a cut around a prediction, which is off by as much as the mount is
+/// unknown, lets noise decide on one side only, and shifts the means.
+struct Core {
+  double middle_mm = 0;
+  double spread_mm = 0;  ///< Standard deviation, robust.
+};
+
+Core core_of(std::vector<double> ranges_mm) {
+  const double middle = median_of(ranges_mm);
+  for (double& v : ranges_mm) v = std::abs(v - middle);
+  return {middle, 1.4826 * median_of(ranges_mm)};
+}
+
+/// How far (mm) from the median a sample may lie that belongs to the target.
+double reach_of(const Core& core, std::size_t samples, double sigma_mm, bool turning) {
+  if (turning) return std::max(60.0, 10 * sigma_mm);
+  // A few samples say little about their own spread.
+  const double least = samples < 50 ? 25 : 4;
+  return std::max({least, 6 * sigma_mm, 5 * core.spread_mm});
+}
+
+/// Mean and variance of those within reach; all others are strays.
+void average(const std::vector<double>& ranges_mm, double middle_mm, double reach_mm, double sigma_mm,
+             bool keep_samples, Cell& cell, Reduced& session) {
+  const double too_far_mm = std::max({reach_mm, 12 * sigma_mm, 60.0});
+  double sum = 0, squares = 0;
+  cell.first_kept = session.kept.size();
+  for (const double range : ranges_mm) {
+    const double off = range - middle_mm;
+    if (std::abs(off) <= reach_mm) {
+      sum += off;
+      squares += off * off;
+      ++cell.n;
+      if (keep_samples) session.kept.push_back(static_cast<float>(range));
+      continue;
+    }
+    ++cell.stray;
+    if (std::abs(off) <= too_far_mm) continue;
+    ++cell.far;
+    if (!cell.smooth || session.strays_mm.size() >= strays_at_most) continue;
+    session.strays_mm.push_back(static_cast<float>(range));
+    session.strays_of_target.push_back(static_cast<float>(range / middle_mm));
+  }
+  if (cell.n > 0) cell.mean_mm = middle_mm + sum / cell.n;
+  if (cell.n > 1) cell.variance_mm2 = std::max(0.0, (squares - sum * sum / cell.n) / (cell.n - 1));
+}
+
+/// Whether samples so spread and so many may be compared with a surface.
+void judge_samples(const Core& core, int echoes, double sigma_mm, bool turning, Cell& cell) {
+  if (turning && cell.stray > 0) cell.smooth = false;  // which of three is wrong nobody knows
+  if (core.spread_mm > 1.6 * sigma_mm + 1 || cell.stray > 0 || cell.lost > 0 || cell.between > 0)
+    cell.doubtful = false;
+  if (core.spread_mm > 4 * sigma_mm + 20) cell.smooth = false;
+  if (cell.n * 2 < echoes) cell.smooth = false;
+}
+
+}  // namespace
+
+double typical_spread(const Samples& samples, const Bench& bench) {
+  std::vector<double> spreads;
+  for (int beam = 0; beam < samples.beams; beam += std::max(1, samples.beams / 200)) {
+    double sum = 0;
+    int count = 0;
+    for (int scan = 1; scan < samples.scans; ++scan) {
+      const double a = samples.at(scan, beam), b = samples.at(scan - 1, beam);
+      if (!is_echo(a) || !is_echo(b) || std::abs(a - b) > 400) continue;
+      sum += std::abs(a - b);
+      ++count;
+    }
+    if (count > 0) spreads.push_back(sum / count * 0.8862);
+  }
+  if (!spreads.empty()) return std::max(0.3, median_of(spreads));
+  const double stated = stated_noise(bench).value;
+  return stated > 0 ? stated : unstated_noise_mm;
+}
+
+void summarise(const Setting& setting, const Beams& beams, bool keep_samples, Cell& cell, Reduced& session) {
+  const double sigma_mm = setting.group.sigma_mm;
+  const bool turning = is_turning(setting.capture);
+  const Returned all = returned_to(cell, setting, beams);
+  cell.lost = all.lost;
+  session.samples += static_cast<long>(all.ranges_mm.size());
+  if (all.lit > 0) {
+    tell_intensity(all, cell);
+    session.has_intensity = true;
+  }
+  if (all.ranges_mm.empty()) {
+    cell.smooth = false;
+    return;
+  }
+  const bool in_clear = cell.smooth;
+  tell_place_at_edge(all.ranges_mm, sigma_mm, cell);
+  const Core core = core_of(all.ranges_mm);
+  const double reach_mm = reach_of(core, all.ranges_mm.size(), sigma_mm, turning);
+  average(all.ranges_mm, core.middle_mm, reach_mm, sigma_mm, keep_samples, cell, session);
+  if (cell.n == 0) {
+    cell.smooth = false;
+    return;
+  }
+  judge_samples(core, all.looked - all.lost, sigma_mm, turning, cell);
+  const bool astray = std::abs(cell.mean_mm - cell.nominal_mm) > astray_mm;
+  if (astray) cell.smooth = false;
+  session.in_clear += in_clear;
+  session.astray += in_clear && astray;
+}
+
+}  // namespace fit::explain::reduction
