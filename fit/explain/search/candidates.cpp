@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/search/candidates.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <exception>
+#include <optional>
+#include <thread>
+
+#include "fit/explain/odds.hpp"
+
+namespace fit::explain::search {
+namespace {
+
+constexpr std::size_t rows_of_last_search = 30000;
+
+template <typename Work>
+void on_two_cores(std::size_t count, const Work& work) {
+  std::atomic<std::size_t> next{0};
+  const auto run = [&] {
+    for (std::size_t i = next++; i < count; i = next++) work(i);
+  };
+  std::exception_ptr failed;
+  {
+    const std::jthread other([&] {
+      try {
+        run();
+      } catch (...) {
+        failed = std::current_exception();  // The caller's, as if there were one thread.
+      }
+    });
+    run();
+  }
+  if (failed) std::rethrow_exception(failed);
+}
+
+bool is_known(const Bench& bench, const Term& term) {
+  for (const KnownMechanism& known : bench.known) {
+    if (known.mechanism != term.mechanism->id) continue;
+    if (!term.mechanism->one_target) return true;
+    const auto target = known.texts.find("target");
+    if (target != known.texts.end() && term.target >= 0 &&
+        target->second == bench.targets[static_cast<std::size_t>(term.target)].name)
+      return true;
+  }
+  return false;
+}
+
+/// Every mechanism that is neither in `h` nor `but` nor known, for every target that it may act on.
+std::vector<Term> terms_to_try(const Bench& bench, const Hypothesis& h, const Term* but) {
+  std::vector<Term> terms;
+  for (const Mechanism& m : catalogue()) {
+    if (!moves_means(m)) continue;
+    const int first = m.one_target ? 0 : -1, end = m.one_target ? static_cast<int>(bench.targets.size()) : 0;
+    for (int target = first; target < end; ++target) {
+      Term term{&m, target, std::vector<double>(m.parameters.size(), 0.0), {}};
+      if (h.has(term) || (but && but->same(term)) || is_known(bench, term)) continue;
+      terms.push_back(term);
+    }
+  }
+  return terms;
+}
+
+}  // namespace
+
+std::vector<Candidate> candidates(Fitting& fitting, const Hypothesis& h, const Asked& asked) {
+  fitting.place(h);
+  const Reduced& reduced = fitting.reduced();
+  std::optional<Reduced> few;
+  if (fitting.is_larger_than(rows_of_last_search)) few = merged(reduced, rows_of_last_search);
+  const MeanModel model = model_of(few ? *few : reduced, fitting.noise(), h);
+  const std::vector<Term> terms =
+      asked.named ? terms_to_try(reduced.bench, h, asked.but) : std::vector<Term>();
+  const std::vector<Shape> shapes = asked.unnamed ? forms_to_try(model) : std::vector<Shape>();
+  // Fine combs are gone where neighbouring beams are taken together.
+  std::optional<MeanModel> every;
+  if (few && std::ranges::any_of(terms, [](const Term& term) { return is_comb(*term.mechanism); }))
+    every = model_of(reduced, fitting.noise(), h);
+  const auto model_for = [&](const Term& term) -> const MeanModel& {
+    return every && is_comb(*term.mechanism) ? *every : model;
+  };
+  std::vector<Candidate> list(terms.size() + shapes.size());
+  on_two_cores(list.size(), [&](std::size_t i) {
+    if (i >= terms.size())
+      list[i] = look(model, shapes[i - terms.size()]);
+    else
+      list[i] = look(model_for(terms[i]), terms[i], fitting.stops_apart_deg());
+  });
+  std::erase_if(list, [](const Candidate& s) { return !(s.evidence > odds::worth_fitting); });
+  std::ranges::sort(list, [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
+  return list;
+}
+
+}  // namespace fit::explain::search

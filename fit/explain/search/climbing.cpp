@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/search/climbing.hpp"
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "fit/explain/odds.hpp"
+#include "fit/explain/search/candidates.hpp"
+
+namespace fit::explain::search {
+namespace {
+
+constexpr std::size_t most_together = 4;  // terms and shapes of a hypothesis
+
+std::vector<Hypothesis> best_of(Fitting& fitting, const Hypothesis& h, const std::vector<Candidate>& list,
+                                std::size_t tries) {
+  std::vector<Hypothesis> results;
+  if (!fitting.has_patience()) tries = 1;
+  for (const Candidate& candidate : list) {
+    if (results.size() >= tries || candidate.evidence < list.front().evidence - 15) break;
+    results.push_back(fitting.extended(h, candidate));
+  }
+  std::ranges::sort(results, [](const auto& a, const auto& b) { return a.evidence > b.evidence; });
+  return results;
+}
+
+/// The best hypothesis with one more, if that is worth it.
+std::optional<Hypothesis> with_one_more(Fitting& fitting, const Hypothesis& h, const Way& way) {
+  if (h.terms.size() + h.shapes.size() >= most_together) return std::nullopt;
+  std::vector<Candidate> list = candidates(fitting, h, {.unnamed = way.unnamed && h.shapes.size() < 2});
+  // Unnamed functions are many: only the best of them competes.
+  bool unnamed = false;
+  std::erase_if(list, [&](const Candidate& s) { return s.shape ? std::exchange(unnamed, true) : false; });
+  const std::vector<Hypothesis> more = best_of(fitting, h, list, way.tries);
+  if (more.empty()) return std::nullopt;
+  const bool first = h.terms.empty() && h.shapes.empty();
+  const double worth = !first                        ? odds::worth_a_move
+                       : more.front().shapes.empty() ? odds::worth_a_first_name
+                                                     : odds::worth_a_first_form;
+  if (!(more.front().evidence > h.evidence + worth)) return std::nullopt;
+  return more.front();
+}
+
+/// Without what is not worth it beside the rest.
+Hypothesis pruned(Fitting& fitting, Hypothesis h) {
+  for (bool again = true; again && h.terms.size() + h.shapes.size() > 1;) {
+    again = false;
+    const auto take_if_enough = [&](const Hypothesis& less) {
+      if (less.evidence < h.evidence - odds::worth_a_move) return;
+      h = less;
+      again = true;
+    };
+    for (std::size_t t = 0; t < h.terms.size() && !again; ++t) take_if_enough(fitting.without(h, t));
+    for (std::size_t s = 0; s < h.shapes.size() && !again; ++s) take_if_enough(fitting.without_shape(h, s));
+  }
+  return h;
+}
+
+/// The best with one mechanism or unnamed function exchanged for another mechanism.
+Hypothesis exchanged(Fitting& fitting, const Hypothesis& h, std::size_t tries) {
+  Hypothesis best = h;
+  for (std::size_t t = 0; t < h.terms.size(); ++t) {
+    const Hypothesis less = fitting.without(h, t);
+    const auto list = candidates(fitting, less, {.but = &h.terms[t], .unnamed = false});
+    for (const Hypothesis& other : best_of(fitting, less, list, tries))
+      if (other.evidence > best.evidence) best = other;
+  }
+  // A named mechanism that does what an unnamed function did may make others needless too.
+  for (std::size_t s = 0; s < h.shapes.size(); ++s) {
+    const Hypothesis less = fitting.without_shape(h, s);
+    const auto list = candidates(fitting, less, {.unnamed = false});
+    for (const Hypothesis& other : best_of(fitting, less, list, tries)) {
+      const Hypothesis fewer = pruned(fitting, other);
+      if (fewer.evidence > best.evidence) best = fewer;
+    }
+  }
+  return best;
+}
+
+/// A period or the place of a step tells people more than a curve that explains hardly more.
+bool says_more(const Hypothesis& one, const Hypothesis& other, const Hypothesis& empty) {
+  constexpr double hardly = 0.01;  // of what is explained
+  const auto rank = [](const Hypothesis& h) {
+    return !h.shapes.empty() && h.shapes.front().form->tells_a_place ? 1 : 0;
+  };
+  const double margin = hardly * std::max(0.0, std::max(one.evidence, other.evidence) - empty.evidence);
+  const bool both_unnamed =
+      !one.shapes.empty() && !other.shapes.empty() && one.terms.empty() && other.terms.empty();
+  const double sign = both_unnamed ? rank(one) - rank(other) : 0;
+  return one.evidence + sign * margin > other.evidence;
+}
+
+/// From the best of every form.
+Hypothesis from_unnamed(Fitting& fitting, const Hypothesis& empty) {
+  std::vector<Candidate> list = candidates(fitting, empty, {.named = false});
+  std::set<const Form*> forms;
+  std::erase_if(list, [&](const Candidate& s) { return !forms.insert(s.shape->form).second; });
+  Hypothesis best = empty;
+  for (const Candidate& start : list) {
+    const Hypothesis other = climbed(fitting, fitting.extended(empty, start), {});
+    if (says_more(other, best, empty)) best = other;
+  }
+  return best;
+}
+
+}  // namespace
+
+Hypothesis climbed(Fitting& fitting, Hypothesis h, const Way& way) {
+  constexpr int most_moves = 8;
+  for (int move = 0; move < most_moves; ++move) {
+    if (const std::optional<Hypothesis> more = with_one_more(fitting, h, way)) {
+      h = pruned(fitting, *more);
+      continue;
+    }
+    if (!way.exchange || !fitting.has_patience()) break;
+    const Hypothesis other = exchanged(fitting, h, way.tries);
+    if (other.evidence <= h.evidence + 0.5) break;
+    h = pruned(fitting, other);
+  }
+  return h;
+}
+
+Hypothesis explored(Fitting& fitting, Hypothesis empty, const Progress& progress) {
+  fitting.fit(empty);
+  Hypothesis best = climbed(fitting, empty, {});
+  report(progress, 0.4);
+  if (best.terms.size() + best.shapes.size() > 0 && fitting.has_patience()) {
+    // Another way up: whatever is there may be one unnamed function instead of several mechanisms.
+    const Hypothesis other = from_unnamed(fitting, empty);
+    if (says_more(other, best, empty)) best = other;
+  }
+  if (!best.shapes.empty() && fitting.has_patience()) {
+    // And one unnamed function may hide that several mechanisms explain more together.
+    const Hypothesis other = climbed(fitting, empty, {.unnamed = false});
+    if (other.evidence > best.evidence - preference(other, best)) best = other;
+  }
+  report(progress, 0.6);
+  return best;
+}
+
+double preference(const Hypothesis& named, const Hypothesis& unnamed) {
+  double sum = 0;
+  for (const Shape& shape : unnamed.shapes) {
+    const bool same = std::ranges::any_of(named.terms, [&](const Term& term) {
+      return has_free_curve(*term.mechanism) && term.mechanism->coordinate == shape.coordinate;
+    });
+    if (shape.form->tells_a_place)
+      sum += same ? 0 : odds::worth_a_name_beside_a_place;
+    else
+      sum += same ? 2 * odds::worth_a_name : odds::worth_a_name;
+  }
+  return sum;
+}
+
+void report(const Progress& progress, double share) {
+  if (progress) progress(share, "comparing mechanisms");
+}
+
+}  // namespace fit::explain::search

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/search/judgement.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "fit/explain/odds.hpp"
+#include "fit/explain/search/candidates.hpp"
+#include "fit/explain/search/climbing.hpp"
+#include "fit/explain/search/figures.hpp"
+#include "fit/explain/search/priors.hpp"
+#include "fit/explain/search/transfer.hpp"
+
+namespace fit::explain::search {
+namespace {
+
+constexpr double hardly_worse = 2.2, most_behind = 12;  // a rival that is simply more adjustable
+
+/// Then the name says the same as that the bench file is wrong.
+bool says_where_a_target_stands(const Term& term) {
+  return term.mechanism->id == "target-offset" || term.mechanism->id == "target-tilt";
+}
+
+/// Whether a term was set aside, because the bench file's uncertainties alone speak for it.
+bool is_set_aside(const MeanResult& result, const Term& term) {
+  return std::ranges::any_of(result.stated_otherwise, [&](const std::vector<Term>& set) {
+    return std::ranges::any_of(set, [&](const Term& other) { return other.same(term); });
+  });
+}
+
+/// Akaike's: how well it fits, less one for everything that its mechanisms adjusted to the recording.
+double adjusted_fit(const Hypothesis& h) { return h.density - h.adjusted; }
+
+/// How a hypothesis with another explanation in place of a term of `best` compares.
+Rival rival_of(const Hypothesis& best, const Hypothesis& other, bool by_form) {
+  Rival rival;
+  if (by_form)
+    rival.shape = other.shapes.back();
+  else
+    rival.term = other.terms.back();
+  rival.behind =
+      best.evidence - other.evidence + (by_form && other.terms.empty() ? preference(best, other) : 0);
+  rival.fits_as_well = rival.behind < most_behind && adjusted_fit(other) > adjusted_fit(best) - hardly_worse;
+  return rival;
+}
+
+class Judgement {
+ public:
+  Judgement(Fitting& fitting, Hypothesis& best, MeanResult& result)
+      : fitting_(fitting), best_(best), result_(result) {}
+
+  void run() {
+    while (!judge_once()) {
+    }
+    fitting_.fit(best_);
+    fitting_.place(best_);
+    result_.best = best_;
+    result_.transfers = transfers_;
+  }
+
+ private:
+  /// False if a better explanation came up among the rivals, and is to be judged instead: once.
+  bool judge_once() {
+    auto said = std::move(result_.stated_otherwise);
+    result_ = MeanResult(fitting_.bench());
+    result_.stated_otherwise = std::move(said);
+    if (!keep_what_transfers(fitting_, best_)) transfers_ = false;
+    const Blocks blocks = blocks_and_floor(fitting_, result_);
+    while (drops_one(blocks)) {
+    }
+    result_.before = held_out_of_nothing(fitting_, blocks);
+    for (std::size_t t = 0; t < best_.terms.size(); ++t) {
+      const std::optional<Hypothesis> better = compare_with_rivals(t);
+      if (!may_change_ || !better) continue;
+      best_ = *better;
+      may_change_ = false;
+      return false;
+    }
+    return true;
+  }
+
+  /// What does not help on captures it has not seen is not believed. If the bench file's uncertainties alone
+  /// speak for it, it is one of several ways in which the bench file may be wrong. False if all helps.
+  bool drops_one(const Blocks& blocks) {
+    result_.without.clear();
+    result_.after = held_out(fitting_, best_, blocks);
+    for (std::size_t t = 0; t < best_.terms.size(); ++t) {
+      const Hypothesis less = fitting_.without(best_, t);
+      result_.without.push_back(held_out(fitting_, less, blocks));
+      if (result_.without.back().log_likelihood < result_.after.log_likelihood) continue;
+      if (relieves_priors(best_, less, fitting_.bench())) {
+        const std::vector<Term> set = only_priors(fitting_, best_.terms[t], less);
+        if (set.size() == 1 && says_where_a_target_stands(set.front())) continue;
+        result_.stated_otherwise.push_back(set);
+      }
+      best_ = less;
+      return true;
+    }
+    for (std::size_t s = 0; s < best_.shapes.size(); ++s) {
+      const Hypothesis less = fitting_.without_shape(best_, s);
+      if (held_out(fitting_, less, blocks).log_likelihood < result_.after.log_likelihood) continue;
+      best_ = less;
+      return true;
+    }
+    return false;
+  }
+
+  /// Sets other explanations beside a term. Returns one that is better after all; then the result is not
+  /// filled in if it may still change.
+  std::optional<Hypothesis> compare_with_rivals(std::size_t term) {
+    constexpr double clearly = 0.5;
+    const Hypothesis less = fitting_.without(best_, term);
+    std::vector<Rival> rivals;
+    rivals.push_back({{}, {}, best_.evidence - less.evidence});
+    std::optional<Hypothesis> better;
+    const std::vector<Candidate> list =
+        candidates(fitting_, less, {.but = &best_.terms[term], .unnamed = best_.shapes.empty()});
+    const double first_evidence = list.empty() ? 0 : list.front().evidence;
+    std::set<const Form*> forms;  // Of every form, the best one.
+    for (const Candidate& candidate : list) {
+      const bool by_form = candidate.shape.has_value();
+      if (by_form && !forms.insert(candidate.shape->form).second) continue;
+      if (rivals.size() > (fitting_.has_patience() ? 7 : 3) ||
+          (rivals.size() > 2 && candidate.evidence < 0.3 * first_evidence))
+        break;
+      if (!by_form && is_set_aside(result_, candidate.term)) continue;
+      const Hypothesis other = fitting_.extended(less, candidate);
+      Rival rival = rival_of(best_, other, by_form);
+      if (rival.behind < -clearly && (!better || better->evidence < other.evidence)) better = other;
+      if (by_form)
+        rival.behind = std::max(std::min(0.0, rival.behind), rival.behind - odds::more_than_forms_show);
+      rivals.push_back(rival);
+    }
+    std::ranges::sort(rivals, [](const Rival& a, const Rival& b) { return a.behind < b.behind; });
+    if (!may_change_ || !better) add(rivals);
+    return better;
+  }
+
+  void add(const std::vector<Rival>& rivals) {
+    double others = 0;
+    for (const Rival& rival : rivals) others += std::exp(-std::clamp(rival.behind, -30.0, 60.0));
+    result_.probability.push_back(1 / (1 + others));
+    result_.rivals.push_back(rivals);
+  }
+
+  Fitting& fitting_;
+  Hypothesis& best_;
+  MeanResult& result_;
+  bool transfers_ = true;   ///< Nothing was dropped because other places do not confirm it.
+  bool may_change_ = true;  ///< The last comparison may still find a better explanation, once.
+};
+
+}  // namespace
+
+void judge(Fitting& fitting, Hypothesis& best, MeanResult& result) { Judgement(fitting, best, result).run(); }
+
+}  // namespace fit::explain::search

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <vector>
+
+#include "fit/explain/search/fitting.hpp"
+
+namespace fit::explain::search {
+
+/// Whether `best` is better than `less` mainly because it leaves mount and targets nearer to where the bench
+/// file states them.
+[[nodiscard]] bool relieves_priors(const Hypothesis& best, const Hypothesis& less, const Bench& bench);
+
+/// A term that only the bench file's uncertainties show, and others that would relieve them as well. `less`:
+/// without it.
+[[nodiscard]] std::vector<Term> only_priors(Fitting& fitting, const Term& term, const Hypothesis& less);
+
+}  // namespace fit::explain::search
