@@ -7,6 +7,7 @@
 
 #include "fit/json_position.hpp"
 #include "rig/errors.hpp"
+#include "rig/report.hpp"
 
 namespace rig {
 
@@ -40,6 +41,8 @@ void run_export(const std::string& format, const ExportSource& source, const std
   const Exporter& exporter = exporter_of(format);
   if (!source.session && !exporter.accepts_files())
     throw UsageError(source.path + " is not a session file (*.rig), which the format '" + format + "' needs");
+  if (is_no_plain_file(output))
+    throw UsageError("cannot write " + output + ": it is no plain file. Give -o the name of a file.");
   // Written beside its place and moved there when whole: a reader never sees half of it.
   const std::filesystem::path part = output + ".part" + std::to_string(::getpid());
   std::error_code ignored;

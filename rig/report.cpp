@@ -533,18 +533,26 @@ std::string to_html(const json& certificate) {
   return layout.render(to_mustache(page));
 }
 
+bool is_no_plain_file(const std::string& path) {
+  std::error_code ignored;
+  const std::filesystem::file_status status = std::filesystem::status(path, ignored);
+  return std::filesystem::exists(status) && !std::filesystem::is_regular_file(status);
+}
+
 void write_file_atomically(const std::string& path, const std::string& text) {
-  const std::string part = path + ".part";
+  const bool in_place = is_no_plain_file(path);
+  const std::string part = in_place ? path : path + ".part";
   {
     std::ofstream out(part, std::ios::binary);
     out << text;
     out.flush();
     if (!out) {
       std::error_code ignored;
-      std::filesystem::remove(part, ignored);
+      if (!in_place) std::filesystem::remove(part, ignored);
       throw UsageError("cannot write " + path + ": check that its folder exists, is writable and has room");
     }
   }
+  if (in_place) return;
   std::error_code failed;
   std::filesystem::rename(part, path, failed);
   if (failed) throw UsageError("cannot write " + path + ": " + failed.message());

@@ -46,6 +46,8 @@ Samples columns_for(const ScanView& scan, const CaptureInfo& capture, const Lida
 
 bool Samples::add(const ScanView& scan, const CaptureInfo& capture, TurnCounter& turns) {
   if (!(scan.geometry ? add_by_angle(scan) : add_by_step(scan))) return false;
+  // A scan came without intensities: then nobody knows which are whose.
+  if (intensity.size() != range.size()) intensity.clear();
   since_start_s.push_back(std::max(0.0, static_cast<double>(scan.host_us - capture.started_us) * 1e-6));
   seq.push_back(scan.seq);
   turn.push_back(turns.at(scan.device_ms));

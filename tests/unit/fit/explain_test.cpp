@@ -6,6 +6,7 @@
 #include "../../support/imagined_room.hpp"
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/next_experiment.hpp"
+#include "fit/explain/reduce.hpp"
 
 namespace {
 
@@ -359,6 +360,30 @@ TEST_CASE("numbers in sentences have as many digits as said, and no powers of te
   CHECK(fit::rounded(99.4, 2) == "99");
   CHECK(fit::rounded(0.012345, 3) == "0.0123");
   CHECK(fit::rounded(0, 3) == "0");
+}
+
+TEST_CASE("intensities that some scans of a capture lack are not read") {
+  class Dim : public fit::Recording {
+   public:
+    explicit Dim(const fit::Recording& of) : of_(of) {}
+    const fit::Bench& bench() const override { return of_.bench(); }
+    const std::vector<fit::CaptureInfo>& captures() const override { return of_.captures(); }
+    const std::vector<fit::TrackPose>& track() const override { return of_.track(); }
+    void for_each_scan(std::size_t i, const std::function<void(const fit::ScanView&)>& v) const override {
+      of_.for_each_scan(i, [&](fit::ScanView scan) {
+        if (scan.seq % 2 == 1) scan.intensity = {};
+        v(scan);
+      });
+    }
+
+   private:
+    const fit::Recording& of_;
+  };
+  const SyntheticRecording whole = ImaginedRoom().record();
+  const Dim dim(whole);
+  const fit::explain::Reduced reduced = fit::explain::reduce(dim, {});
+  CHECK(reduced.cells.size() == fit::explain::reduce(whole, {}).cells.size());
+  CHECK_FALSE(reduced.has_intensity);
 }
 
 TEST_CASE("an explanation as JSON keeps the contract") {
