@@ -19,4 +19,7 @@ namespace fit {
 /// The same of values that nobody else needs.
 [[nodiscard]] inline double median_of(std::vector<double>&& values) { return median_of(std::span(values)); }
 
+/// Of the squares of standard normal numbers: by this a median of squares becomes a variance.
+constexpr double median_of_normal_squares = 0.4549;
+
 }  // namespace fit

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "fit/empirical.hpp"
+#include "fit/explain/stretches.hpp"
 #include "fit/explain/twin.hpp"
 #include "fit/median.hpp"
 #include "fit/radiometer.hpp"
@@ -58,13 +59,10 @@ class Description {
     return c.smooth && c.n > 0 && c.stray == 0 && std::isfinite(c.at.intensity) && c.at.intensity >= 3;
   }
   void add(const Cell& c) {
-    const CaptureInfo& info =
-        reduced_
-            .captures[static_cast<std::size_t>(reduced_.groups[static_cast<std::size_t>(c.group)].capture)];
     const Target& target = reduced_.bench.targets[static_cast<std::size_t>(c.at.target)];
     Echo e;
     e.cell = &c;
-    e.reflectance = reflectance_in(info, target);
+    e.reflectance = reflectance_of(reduced_, c);
     e.log_counts = std::log(c.at.intensity);
     e.sigma = std::hypot(least_sigma, 0.3 / c.at.intensity);
     const auto found = std::ranges::find_if(
@@ -196,11 +194,10 @@ class Description {
     constexpr std::size_t places = 30;
     const std::size_t each = std::max<std::size_t>(20, order.size() / places);
     EmpiricalFunction f{coordinate, "log_intensity", "", {}, {}};
-    for (std::size_t i = 0; i < order.size();) {
-      std::size_t end = std::min(order.size(), i + each);
-      while (end < order.size() && order[end].first <= order[end - 1].first + 1e-9) ++end;
+    const auto place_of = [&](std::size_t k) { return order[k].first; };
+    for (const auto& [from, to] : stretches(order.size(), each, place_of)) {
       double x = 0, y = 0, w = 0;
-      for (std::size_t k = i; k < end; ++k) {
+      for (std::size_t k = from; k < to; ++k) {
         const double weight = std::pow(echoes_[static_cast<std::size_t>(order[k].second)].sigma, -2);
         x += weight * order[k].first;
         y += weight * rest[order[k].second];
@@ -208,7 +205,6 @@ class Description {
       }
       f.at.push_back(x / w);
       f.value.push_back(y / w);
-      i = end;
     }
     if (f.at.size() < 3) return;
     VectorXd left = rest;

@@ -181,10 +181,7 @@ class Writer {
     unknown();
     locate();
     notes();
-    out_.verdict = out_.unknown                      ? "unknown-physics"
-                   : !out_.undecided_between.empty() ? "undecided"
-                   : !out_.mechanisms.empty()        ? "explained"
-                                                     : "nothing-missing";
+    out_.verdict = verdict_of(out_);
     bench();
     return std::move(out_);
   }
@@ -229,7 +226,7 @@ class Writer {
         out_.suspects.insert(out_.suspects.end(), members.begin(), members.end());
         continue;
       }
-      if (means_.probability[t] < 0.3) continue;
+      if (means_.probability[t] < worth_telling) continue;
       Found found;
       found.mechanism = term.mechanism;
       const Finding finding = finding_of(reduced_, term);
@@ -508,6 +505,13 @@ class Writer {
 };
 
 }  // namespace
+
+std::string verdict_of(const Explanation& explanation) {
+  return explanation.unknown                      ? "unknown-physics"
+         : !explanation.undecided_between.empty() ? "undecided"
+         : !explanation.mechanisms.empty()        ? "explained"
+                                                  : "nothing-missing";
+}
 
 Explanation explain(const std::vector<const Recording*>& recordings, const Progress& progress) {
   if (recordings.empty()) throw std::invalid_argument("no recording was given");

@@ -21,6 +21,9 @@ struct Located {
   double p_value = 1;
 };
 
+/// Probability below which a mechanism is no part of an explanation.
+constexpr double worth_telling = 0.3;
+
 /// One mechanism that is part of the explanation.
 struct Found {
   const Mechanism* mechanism = nullptr;
@@ -83,6 +86,9 @@ struct Explanation {
 /// Explains one or several recordings of the same bench together. Throws std::invalid_argument when there is
 /// nothing to compare: no targets, no scans that meet one, or benches that differ.
 [[nodiscard]] Explanation explain(const std::vector<const Recording*>& recordings, const Progress& progress);
+
+/// What is found so far in one word.
+[[nodiscard]] std::string verdict_of(const Explanation& explanation);
 
 /// `explanation/1`; `next_experiment` is the caller's.
 [[nodiscard]] nlohmann::json to_json(const Explanation& explanation);

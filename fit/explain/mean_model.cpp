@@ -346,7 +346,7 @@ double excess_scatter(const MeanModel& model) {
     ratios.push_back(bend * bend / (sb * sb + (sa * sa + sc * sc) / 4));
   }
   if (ratios.size() < 60) return 1;
-  return median_of(ratios) / 0.4549;
+  return median_of(ratios) / median_of_normal_squares;
 }
 
 }  // namespace fit::explain

@@ -138,6 +138,13 @@ int reassign(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
 /// Joins the cells of another session on the same bench.
 void append(Reduced& reduced, const Reduced& other);
 
+/// Nominal reflectance of what a cell's beam meets, 0..1.
+[[nodiscard]] inline double reflectance_of(const Reduced& reduced, const Cell& cell) {
+  const Group& group = reduced.groups[static_cast<std::size_t>(cell.group)];
+  return reflectance_in(reduced.captures[static_cast<std::size_t>(group.capture)],
+                        reduced.bench.targets[static_cast<std::size_t>(cell.at.target)]);
+}
+
 /// Value of a coordinate of formats.md, in its file unit.
 [[nodiscard]] double value_of(Coordinate coordinate, const Cell& cell, const Group& group);
 

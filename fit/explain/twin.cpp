@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "fit/empirical.hpp"
+#include "fit/explain/stretches.hpp"
 #include "fit/radiometer.hpp"
 
 namespace fit::explain {
@@ -113,21 +114,19 @@ EmpiricalFunction table_of(const MeanModel& model, const VectorXd& effect_mm, co
   const double scale = a.channel == Channel::range ? 1 : deg_per_rad;
   // As many rows in every place, but never two places for one value of the coordinate.
   const std::size_t each = std::max<std::size_t>(1, order.size() / places_of_table);
-  for (std::size_t i = 0; i < order.size();) {
-    std::size_t end = std::min(order.size(), i + each);
-    while (end < order.size() && a.at[order[end]] <= a.at[order[end - 1]] + 1e-9) ++end;
+  const auto place_of = [&](std::size_t k) { return a.at[order[k]]; };
+  for (const auto& [from, to] : stretches(order.size(), each, place_of)) {
     double x = 0, y = 0, w = 0;
-    for (std::size_t k = i; k < end; ++k) {
+    for (std::size_t k = from; k < to; ++k) {
       const double lever = lever_of(a.channel, model.cell(order[k]).sight);
       x += a.at[order[k]];
       y += effect_mm[order[k]] * lever;
       w += lever * lever;
     }
     if (w > 1e-6) {
-      table.at.push_back(x / static_cast<double>(end - i));
+      table.at.push_back(x / static_cast<double>(to - from));
       table.value.push_back(scale * y / w);
     }
-    i = end;
   }
   if (table.at.size() < 2) table.at.clear(), table.value.clear();
   return table;
