@@ -26,6 +26,8 @@ Suspicion suspicion_of(const LightSuspect& light) {
 }
 
 VectorXd effect_of(const Readings& readings, const LightSuspect& light) {
+  // A law of which the bench states nothing can be wrong in nothing.
+  if (light.values.empty()) return VectorXd::Zero(readings.count());
   if (light.coefficients.empty()) return effect_of(readings, suspicion_of(light));
   const MatrixXd columns = law_columns(readings, readings.claim.law);
   VectorXd sum = VectorXd::Zero(readings.count());
@@ -37,7 +39,7 @@ VectorXd effect_of(const Readings& readings, const LightSuspect& light) {
 /// What a rival can take up of anything: nuisances, and itself in whatever size.
 Block base_of_rival(const Readings& readings, const Suspicion& rival) {
   Block base = nuisances(readings, {rival}, readings.claim.law);
-  if (rival.acts()) {
+  if (rival.acts() && !rival.values.empty()) {
     base.add(effect_of(readings, rival), 10);
     base.add(freedom_of(readings, rival));
   }
