@@ -89,8 +89,7 @@ Carrier carrier_of(const Recording& recording) {
     if (pose.stage_rad) stage.push_back({t, {0, 0, *pose.stage_rad}});
   }
   if (odometry.size() >= 2) return {Path(std::move(odometry)), true};
-  const bool rates =
-      std::ranges::any_of(recording.captures(), [](const CaptureInfo& c) { return c.stage_rate_rad_s != 0; });
+  const bool rates = std::ranges::any_of(recording.captures(), is_turning);
   if (!rates && stage.size() >= 2) return {Path(std::move(stage)), false};
   return {path_of_captures(recording), false};
 }

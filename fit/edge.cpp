@@ -93,7 +93,7 @@ BeamStops collect(const Recording& recording, const EdgeOptions& options) {
   BeamStops beams;
   for (std::size_t i = 0; i < recording.captures().size(); ++i) {
     const CaptureInfo& capture = recording.captures()[i];
-    if (capture.stage_rate_rad_s != 0) continue;
+    if (is_turning(capture)) continue;
     if (options.target && capture.target && *capture.target != *options.target) continue;
     std::vector<Histogram> histograms(static_cast<std::size_t>(capture.beams()));
     recording.for_each_scan(i, [&](const ScanView& scan) {

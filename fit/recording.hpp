@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -31,6 +32,11 @@ struct CaptureInfo {
   /// Values per scan: one for each step, or for each cluster of steps.
   [[nodiscard]] int beams() const { return (last_step - first_step) / cluster + 1; }
 };
+
+/// Whether the stage turns while it records, so that every scan has its own stage angle.
+[[nodiscard]] inline bool is_turning(const CaptureInfo& capture) {
+  return std::abs(capture.stage_rate_rad_s) > 1e-9;
+}
 
 /// Own geometry of one scan, for lidars whose scans differ (the `scan_geometry` table).
 struct ScanGeometry {

@@ -2,9 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <map>
 #include <span>
-#include <vector>
 
 #include "fit/deskew.hpp"
 #include "fit/icp.hpp"
@@ -16,10 +14,17 @@ namespace fit {
 /// while a stage turns the lidar. What the odometry of source B lacks.
 class ShapeAtRest {
  public:
-  /// A scan at rest, the lidar at that pose (mm, rad). Scans of one pose are averaged beam by beam.
-  void add(const Sweep& scan, const Pose2& lidar);
-  /// Call once, after the last scan.
-  void finish();
+  /// A scan at rest, borrowed, and where the lidar was (mm, rad).
+  struct Scan {
+    const Sweep& sweep;
+    Pose2 lidar;
+  };
+
+  /// Of no scene: it is empty.
+  ShapeAtRest() = default;
+  /// Scans in a row that were taken from one pose are averaged beam by beam.
+  explicit ShapeAtRest(std::span<const Scan> scans);
+
   [[nodiscard]] bool empty() const { return surface_.points().empty(); }
 
   /// Root mean square distance (mm) of a scan's points, in the lidar's frame, from the scene's surfaces, once
@@ -28,16 +33,6 @@ class ShapeAtRest {
   [[nodiscard]] double distance_of(std::span<const Eigen::Vector2d> points, const Pose2& guess) const;
 
  private:
-  struct Beam {
-    Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-    int count = 0;
-  };
-  struct Stand {
-    Pose2 lidar;
-    int scans = 0;
-    std::map<std::uint32_t, Beam> beams;
-  };
-  std::vector<Stand> stands_;
   PointCloud surface_;
 };
 

@@ -467,7 +467,7 @@ WallFit fit_wall(const std::vector<const Recording*>& recordings, const WallOpti
   for (const Recording* recording : recordings)
     for (std::size_t i = 0; i < recording->captures().size(); ++i) {
       const CaptureInfo& capture = recording->captures()[i];
-      if (capture.stage_rate_rad_s != 0) {
+      if (is_turning(capture)) {
         ++moving;
       } else if (capture.target_shift_mm != 0) {
         ++shifted;

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -16,6 +17,7 @@
 #include "fit/mechanism.hpp"
 #include "fit/shape_at_rest.hpp"
 #include "rig/errors.hpp"
+#include "rig/result_document.hpp"
 
 namespace rig {
 namespace {
@@ -28,6 +30,7 @@ using Points = std::vector<Vector2d>;
 struct ScanOfSession {
   std::int64_t capture = 0, seq = 0, host_us = 0;
   double stage_rate_deg_s = 0;
+  bool turning = false;
   std::size_t beams = 0;
   fit::Sweep sweep;
 };
@@ -40,7 +43,8 @@ std::vector<ScanOfSession> read_scans(const fit::Recording& recording, int most_
     recording.for_each_scan(i, [&](const fit::ScanView& scan) {
       if (most_per_capture > 0 && ++count > most_per_capture) return;
       scans.push_back({capture.id, scan.seq, scan.host_us, capture.stage_rate_rad_s * fit::deg_per_rad,
-                       scan.range_mm.size(), fit::sweep_of(scan, capture, recording.bench().lidar)});
+                       fit::is_turning(capture), scan.range_mm.size(),
+                       fit::sweep_of(scan, capture, recording.bench().lidar)});
     });
   }
   std::stable_sort(scans.begin(), scans.end(), [](const ScanOfSession& a, const ScanOfSession& b) {
@@ -78,6 +82,17 @@ struct Departures {
   std::vector<double> before, by_stage, fused;
 };
 
+/// One way to correct scans, as it is compared with the others.
+struct ComparedWay {
+  const char* label;
+  const char* value_name;  ///< Of its mean at the greatest stage rate.
+  std::vector<double> Departures::*values;
+};
+constexpr std::array<ComparedWay, 3> compared_ways{
+    {{"not corrected", "shape_turning_mm", &Departures::before},
+     {"by the stage", "shape_by_stage_mm", &Departures::by_stage},
+     {"fused", "shape_fused_mm", &Departures::fused}}};
+
 fit::Estimate mean_of(const std::vector<double>& values) {
   double sum = 0, squares = 0;
   for (const double v : values) sum += v;
@@ -87,40 +102,45 @@ fit::Estimate mean_of(const std::vector<double>& values) {
   return {sum / n, n > 1 ? std::sqrt(squares / (n - 1) / n) : 0};
 }
 
-json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
+json new_map(const std::string& title) {
+  json plot = new_plot(title, "x (mm)", "y (mm)");
+  plot["equal_axes"] = true;
+  return plot;
+}
 
 json picture(const Way& way) {
-  json x = json::array(), y = json::array();
+  std::vector<double> x, y;
   const std::size_t stride = std::max<std::size_t>(1, way.map.size() / 15'000);
   for (std::size_t i = 0; i < way.map.size(); i += stride) {
     x.push_back(std::round(way.map[i].x()));
     y.push_back(std::round(way.map[i].y()));
   }
-  return {{"title", "Map: " + way.label},
-          {"x_label", "x (mm)"},
-          {"y_label", "y (mm)"},
-          {"equal_axes", true},
-          {"series", {{{"name", way.label}, {"style", "points"}, {"x", x}, {"y", y}}}}};
+  json plot = new_map("Map: " + way.label);
+  add_series(plot, way.label, "points", x, y);
+  return plot;
 }
 
 json path_plot(const fit::Path& before, const std::vector<fit::TimedPose>& after) {
-  json series = json::array();
+  json plot = new_map("Path");
   const auto add = [&](const char* name, const std::vector<fit::TimedPose>& poses) {
-    json x = json::array(), y = json::array();
+    std::vector<double> x, y;
     const std::size_t stride = std::max<std::size_t>(1, poses.size() / 3000);
     for (std::size_t i = 0; i < poses.size(); i += stride) {
       x.push_back(poses[i].pose.x_mm);
       y.push_back(poses[i].pose.y_mm);
     }
-    series.push_back({{"name", name}, {"style", "line"}, {"x", x}, {"y", y}});
+    add_series(plot, name, "line", x, y);
   };
   add("odometry", before.poses());
   if (!after.empty()) add("fused", after);
-  return {{"title", "Path"},
-          {"x_label", "x (mm)"},
-          {"y_label", "y (mm)"},
-          {"equal_axes", true},
-          {"series", series}};
+  return plot;
+}
+
+void add_mean_distance(json& out, const char* name, const std::string& of_what,
+                       const std::vector<double>& values) {
+  const fit::Estimate mean = mean_of(values);
+  if (std::isfinite(mean.value))
+    out["values"].push_back(result_value(name, "Distance from the scene, " + of_what, mean, "mm"));
 }
 
 }  // namespace
@@ -165,7 +185,11 @@ class Deskewing::Work {
   void look_at_rest();
   void compare_with_rest(std::size_t scan, std::vector<double> Departures::*way, const Points& points);
   [[nodiscard]] std::string speeds_in_words() const;
+  void add_crispness(json& out) const;
+  void add_timing(json& out) const;
   void add_shapes(json& out) const;
+  void add_plots(json& out) const;
+  void add_notes(json& out) const;
 
   DeskewOptions options_;
   fit::Carrier carrier_;
@@ -200,11 +224,11 @@ void Deskewing::Work::find_timing() {
 
 /// A stage says exactly where the lidar is, and at rest no scan is distorted: the truth for those that are.
 void Deskewing::Work::look_at_rest() {
-  const auto turns = [](const ScanOfSession& scan) { return scan.stage_rate_deg_s != 0; };
-  if (carrier_.drifts || std::ranges::none_of(scans_, turns)) return;
+  if (carrier_.drifts || std::ranges::none_of(scans_, &ScanOfSession::turning)) return;
+  std::vector<fit::ShapeAtRest::Scan> resting;
   for (const ScanOfSession& scan : scans_)
-    if (!turns(scan)) at_rest_.add(scan.sweep, path_.at(path_begin(scan.sweep)) * lidar_);
-  at_rest_.finish();
+    if (!scan.turning) resting.push_back({scan.sweep, path_.at(path_begin(scan.sweep)) * lidar_});
+  at_rest_ = fit::ShapeAtRest(resting);
 }
 
 void Deskewing::Work::compare_with_rest(std::size_t scan, std::vector<double> Departures::*way,
@@ -279,127 +303,118 @@ std::string Deskewing::Work::speeds_in_words() const {
   return text;
 }
 
-/// Table and values of the scans' shapes against the scene at rest.
+/// Table, plot and values of the scans' shapes against the scene at rest.
 void Deskewing::Work::add_shapes(json& out) const {
   if (departures_.empty()) return;
-  json rows = json::array();
-  for (const auto& [rate, departures] : departures_)
-    rows.push_back({number(rate), departures.before.size(), number(mean_of(departures.before).value),
-                    number(mean_of(departures.by_stage).value), number(mean_of(departures.fused).value)});
-  out["tables"].push_back({{"title", "Distance of a scan's points from the scene as seen at rest"},
-                           {"columns",
-                            {{{"name", "stage rate"}, {"unit", "deg/s"}},
-                             "scans",
-                             {{"name", "not corrected"}, {"unit", "mm"}, {"decimals", 2}},
-                             {{"name", "by the stage"}, {"unit", "mm"}, {"decimals", 2}},
-                             {{"name", "fused"}, {"unit", "mm"}, {"decimals", 2}}}},
-                           {"rows", rows}});
-  json series = json::array();
-  const auto draw = [&](const char* name, std::vector<double> Departures::*way) {
-    json x = json::array(), y = json::array();
+  const char* const title = "Distance of a scan's points from the scene as seen at rest";
+  json columns = {{{"name", "stage rate"}, {"unit", "deg/s"}}, "scans"}, rows = json::array();
+  for (const auto& [rate, departures] : departures_) {
+    json row = {number_or_null(rate), departures.before.size()};
+    for (const ComparedWay& way : compared_ways)
+      row.push_back(number_or_null(mean_of(departures.*way.values).value));
+    rows.push_back(std::move(row));
+  }
+  json plot = new_plot(title, "stage rate (deg/s)", "rms distance (mm)");
+  for (const ComparedWay& way : compared_ways) {
+    columns.push_back({{"name", way.label}, {"unit", "mm"}, {"decimals", 2}});
+    std::vector<double> rates, means;
     for (const auto& [rate, departures] : departures_) {
-      if ((departures.*way).empty()) continue;
-      x.push_back(rate);
-      y.push_back(mean_of(departures.*way).value);
+      if ((departures.*way.values).empty()) continue;
+      rates.push_back(rate);
+      means.push_back(mean_of(departures.*way.values).value);
     }
-    if (!x.empty()) series.push_back({{"name", name}, {"style", "line"}, {"x", x}, {"y", y}});
-  };
-  draw("not corrected", &Departures::before);
-  draw("by the stage", &Departures::by_stage);
-  draw("fused", &Departures::fused);
-  out["plots"].push_back({{"title", "Distance of a scan's points from the scene as seen at rest"},
-                          {"x_label", "stage rate (deg/s)"},
-                          {"y_label", "rms distance (mm)"},
-                          {"series", series}});
+    if (!rates.empty()) add_series(plot, way.label, "line", rates, means);
+  }
+  out["tables"].push_back({{"title", title}, {"columns", columns}, {"rows", rows}});
+  out["plots"].push_back(std::move(plot));
+  if (departures_.contains(0))
+    add_mean_distance(out, "shape_at_rest_mm", "at rest", departures_.at(0).before);
   const auto slower = [](const auto& a, const auto& b) { return std::abs(a.first) < std::abs(b.first); };
   const auto& [rate, fastest] = *std::ranges::max_element(departures_, slower);
-  const auto add = [&out](const char* name, const std::string& label, const std::vector<double>& values) {
-    const fit::Estimate mean = mean_of(values);
-    if (std::isfinite(mean.value))
-      out["values"].push_back(
-          {{"name", name}, {"label", label}, {"value", mean.value}, {"u", mean.u}, {"unit", "mm"}});
-  };
-  const std::string turning = " at " + fit::rounded(rate, 3) + " deg/s";
-  if (departures_.contains(0))
-    add("shape_at_rest_mm", "Distance from the scene, at rest", departures_.at(0).before);
-  add("shape_turning_mm", "Distance from the scene, not corrected," + turning, fastest.before);
-  add("shape_by_stage_mm", "Distance from the scene, by the stage," + turning, fastest.by_stage);
-  add("shape_fused_mm", "Distance from the scene, fused," + turning, fastest.fused);
+  const std::string turning = ", at " + fit::rounded(rate, 3) + " deg/s";
+  for (const ComparedWay& way : compared_ways)
+    add_mean_distance(out, way.value_name, way.label + turning, fastest.*way.values);
 }
 
-json Deskewing::Work::document() const {
-  json out = {{"schema", "result/1"}, {"kind", "deskew"}};
-  out["method"] =
-      "Every beam is placed by the odometry (or stage track) interpolated at its own time; the fusion "
-      "matches "
-      "each scan to the map of those before by point-to-line ICP with robust weights, spreads what odometry "
-      "got wrong linearly over the beams and repeats until it converges (after Wang et al.). Wall thickness: "
-      "standard deviation of the points across the wall they lie on, within 150 mm.";
-  json rows = json::array(), values = json::array();
+void Deskewing::Work::add_crispness(json& out) const {
+  json rows = json::array();
   for (const Way& way : ways_) {
-    rows.push_back({way.label, number(way.local_mm), number(way.crispness.mean_thickness_mm),
-                    number(way.crispness.thickness_mm), number(way.crispness.entropy)});
-    values.push_back({{"name", "thickness_" + way.name + "_mm"},
-                      {"label", "Mean wall thickness, " + way.label},
-                      {"value", number(std::round(100 * way.crispness.mean_thickness_mm) / 100)},
-                      {"u", nullptr},
-                      {"unit", "mm"}});
+    const fit::Crispness& whole = way.crispness;
+    rows.push_back({way.label, number_or_null(way.local_mm), number_or_null(whole.mean_thickness_mm),
+                    number_or_null(whole.thickness_mm), number_or_null(whole.entropy)});
+    out["values"].push_back(plain_value("thickness_" + way.name + "_mm", "Mean wall thickness, " + way.label,
+                                        std::round(100 * whole.mean_thickness_mm) / 100, "mm"));
   }
+  out["tables"].push_back({{"title", "How crisp the map is"},
+                           {"columns",
+                            {"scans placed by",
+                             {{"name", "wall thickness within 20 scans"}, {"unit", "mm"}},
+                             {{"name", "mean wall thickness, whole map"}, {"unit", "mm"}},
+                             {{"name", "median wall thickness, whole map"}, {"unit", "mm"}},
+                             {{"name", "entropy"}, {"unit", "nat"}}}},
+                           {"rows", rows}});
+}
+
+void Deskewing::Work::add_timing(json& out) const {
+  const char *const name = "time_offset_ms", *const label = "Path time minus scan time";
+  const double offset_ms = 1e3 * timing_.offset_s;
   const bool estimated = !options_.offset_ms && estimate_.determined;
-  values.push_back({{"name", "time_offset_ms"},
-                    {"label", "Path time minus scan time"},
-                    {"value", number(1e3 * timing_.offset_s)},
-                    {"u", estimated ? number(1e3 * estimate_.offset_s.u) : json(nullptr)},
-                    {"unit", "ms"}});
-  out["values"] = values;
-  out["tables"] = {{{"title", "How crisp the map is"},
-                    {"columns",
-                     {"scans placed by",
-                      {{"name", "wall thickness within 20 scans"}, {"unit", "mm"}},
-                      {{"name", "mean wall thickness, whole map"}, {"unit", "mm"}},
-                      {{"name", "median wall thickness, whole map"}, {"unit", "mm"}},
-                      {{"name", "entropy"}, {"unit", "nat"}}}},
-                    {"rows", rows}}};
-  out["plots"] = json::array();
-  add_shapes(out);
+  out["values"].push_back(estimated ? result_value(name, label, {offset_ms, 1e3 * estimate_.offset_s.u}, "ms")
+                                    : plain_value(name, label, offset_ms, "ms"));
+  if (!options_.offset_ms && !estimated)
+    out["undetermined"].push_back(
+        "The time offset between scans and path: the motion changes too little to show it. 0 was used.");
+}
+
+void Deskewing::Work::add_plots(json& out) const {
   json& plots = out["plots"];
   for (const Way& way : ways_)
     if (way.name != "rigid") plots.push_back(picture(way));
   plots.push_back(path_plot(path_, fused_path_));
-  if (!estimate_.tried_s.empty() && !estimate_.score_mm.empty()) {
-    json x = json::array();
-    for (const double s : estimate_.tried_s) x.push_back(1e3 * s);
-    plots.push_back(
-        {{"title", "Disagreement of scans against time offset"},
-         {"x_label", "path time minus scan time (ms)"},
-         {"y_label", "disagreement (mm)"},
-         {"series", {{{"name", "scans"}, {"style", "line"}, {"x", x}, {"y", estimate_.score_mm}}}}});
-  }
-  json notes = {speeds_in_words()};
+  if (estimate_.tried_s.empty() || estimate_.score_mm.empty()) return;
+  std::vector<double> tried_ms;
+  for (const double s : estimate_.tried_s) tried_ms.push_back(1e3 * s);
+  json plot = new_plot("Disagreement of scans against time offset", "path time minus scan time (ms)",
+                       "disagreement (mm)");
+  add_series(plot, "scans", "line", tried_ms, estimate_.score_mm);
+  plots.push_back(std::move(plot));
+}
+
+void Deskewing::Work::add_notes(json& out) const {
+  json& notes = out["notes"];
+  notes.push_back(speeds_in_words());
   if (timing_.reversed)
     notes.push_back(
         "The beams are listed against the order in which they were taken (judged by the agreement of "
         "the scans).");
-  if (options_.fuse) {
-    char text[200];
-    std::snprintf(text, sizeof text, "%zu of %zu scans were matched, in %.2f ms each.", matched_,
-                  scans_.size(), fusion_ms_ / static_cast<double>(scans_.size()));
-    notes.push_back(text);
-    if (weakest_ < 0.02)
-      notes.push_back(
-          "Some scans see hardly anything that fixes them in one direction (a corridor): there the "
-          "odometry rules.");
-  }
-  out["notes"] = notes;
-  out["undetermined"] = json::array();
-  if (!options_.offset_ms && !estimate_.determined)
-    out["undetermined"].push_back(
-        "The time offset between scans and path: the motion changes too little to show it. 0 was used.");
+  if (!options_.fuse) return;
+  char text[200];
+  std::snprintf(text, sizeof text, "%zu of %zu scans were matched, in %.2f ms each.", matched_, scans_.size(),
+                fusion_ms_ / static_cast<double>(scans_.size()));
+  notes.push_back(text);
+  if (weakest_ < 0.02)
+    notes.push_back(
+        "Some scans see hardly anything that fixes them in one direction (a corridor): there the "
+        "odometry rules.");
+}
+
+json Deskewing::Work::document() const {
+  json out = new_result(
+      "deskew",
+      "Every beam is placed by the odometry (or stage track) interpolated at its own time; the fusion "
+      "matches each scan to the map of those before by point-to-line ICP with robust weights, spreads what "
+      "odometry got wrong linearly over the beams and repeats until it converges (after Wang et al.). Wall "
+      "thickness: standard deviation of the points across the wall they lie on, within 150 mm.");
+  add_crispness(out);
+  add_timing(out);
+  add_shapes(out);
+  add_plots(out);
+  add_notes(out);
   out["data"] = {{"scans", scans_.size()},
                  {"points", count_},
                  {"reversed", timing_.reversed},
-                 {"disagreement_mm", number(estimate_.disagreement_mm)},
-                 {"disagreement_other_order_mm", number(estimate_.disagreement_other_mm)},
+                 {"disagreement_mm", number_or_null(estimate_.disagreement_mm)},
+                 {"disagreement_other_order_mm", number_or_null(estimate_.disagreement_other_mm)},
                  {"fusion_ms_per_scan", fusion_ms_ / static_cast<double>(scans_.size())}};
   return out;
 }

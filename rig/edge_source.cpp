@@ -72,7 +72,7 @@ void compare_with_bench(EdgeSource& source) {
   for (const auto& recording : source.recordings)
     for (const fit::CaptureInfo& capture : recording->captures()) {
       ++captures;
-      standing += capture.stage_rate_rad_s == 0 &&
+      standing += !fit::is_turning(capture) &&
                   (!options.target || !capture.target || *capture.target == *options.target);
     }
   throw MeasurementError(

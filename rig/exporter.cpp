@@ -1,13 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "rig/exporter.hpp"
 
-#include <unistd.h>
-
-#include <filesystem>
-
 #include "fit/json_position.hpp"
 #include "rig/errors.hpp"
-#include "rig/report.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig {
 
@@ -43,19 +39,7 @@ void run_export(const std::string& format, const ExportSource& source, const std
     throw UsageError(source.path + " is not a session file (*.rig), which the format '" + format + "' needs");
   if (is_no_plain_file(output))
     throw UsageError("cannot write " + output + ": it is no plain file. Give -o the name of a file.");
-  // Written beside its place and moved there when whole: a reader never sees half of it.
-  const std::filesystem::path part = output + ".part" + std::to_string(::getpid());
-  std::error_code ignored;
-  try {
-    exporter.write(source, part.string());
-    std::filesystem::rename(part, output);
-  } catch (const std::filesystem::filesystem_error& error) {
-    std::filesystem::remove(part, ignored);
-    throw UsageError("cannot write " + output + ": " + error.code().message());
-  } catch (...) {
-    std::filesystem::remove(part, ignored);
-    throw;
-  }
+  write_beside(output, [&](const std::string& part) { exporter.write(source, part); });
 }
 
 }  // namespace rig

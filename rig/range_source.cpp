@@ -171,7 +171,7 @@ std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::s
   const fit::Bench& bench = recording.bench();
   const std::string name =
       "capture " + std::to_string(capture.id) + (capture.step.empty() ? "" : " (" + capture.step + ")");
-  if (capture.stage_rate_rad_s != 0) return std::nullopt;
+  if (fit::is_turning(capture)) return std::nullopt;
   const fit::Target* target = target_of(bench, capture);
   if (!target) {
     source.notes.push_back(name + " was left out: the bench file has no target " +

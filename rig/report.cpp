@@ -8,7 +8,6 @@
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <kainjow/mustache.hpp>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -19,6 +18,7 @@
 #include "rig/errors.hpp"
 #include "rig/number_format.hpp"
 #include "rig/plot.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig {
 
@@ -467,6 +467,22 @@ int run_quietly(const std::vector<std::string>& arguments) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
+void write_pdf(const std::string& html, const std::string& output) {
+  write_beside(output, [&](const std::string& part) {
+    const std::string page = output + ".part.html";
+    write_file_atomically(page, html);
+    const int status = run_quietly({"weasyprint", "-q", page, part});
+    std::error_code ignored;
+    std::filesystem::remove(page, ignored);
+    if (status == 127)
+      throw UsageError(
+          "PDF needs WeasyPrint: install the package 'weasyprint', or write .html and print it from a "
+          "browser");
+    if (status != 0 || !std::filesystem::exists(part))
+      throw UsageError("WeasyPrint could not write " + output + ": write .html and print it from a browser");
+  });
+}
+
 }  // namespace
 
 json make_certificate(const SessionStore& session, const std::string& session_file) {
@@ -533,31 +549,6 @@ std::string to_html(const json& certificate) {
   return layout.render(to_mustache(page));
 }
 
-bool is_no_plain_file(const std::string& path) {
-  std::error_code ignored;
-  const std::filesystem::file_status status = std::filesystem::status(path, ignored);
-  return std::filesystem::exists(status) && !std::filesystem::is_regular_file(status);
-}
-
-void write_file_atomically(const std::string& path, const std::string& text) {
-  const bool in_place = is_no_plain_file(path);
-  const std::string part = in_place ? path : path + ".part";
-  {
-    std::ofstream out(part, std::ios::binary);
-    out << text;
-    out.flush();
-    if (!out) {
-      std::error_code ignored;
-      if (!in_place) std::filesystem::remove(part, ignored);
-      throw UsageError("cannot write " + path + ": check that its folder exists, is writable and has room");
-    }
-  }
-  if (in_place) return;
-  std::error_code failed;
-  std::filesystem::rename(part, path, failed);
-  if (failed) throw UsageError("cannot write " + path + ": " + failed.message());
-}
-
 void write_report(const std::string& session_file, const std::string& output) {
   const std::string ending = std::filesystem::path(output).extension().string();
   if (ending != ".html" && ending != ".pdf" && ending != ".json")
@@ -567,19 +558,7 @@ void write_report(const std::string& session_file, const std::string& output) {
   if (ending == ".json") return write_file_atomically(output, certificate_text(session, session_file));
   const std::string html = to_html(make_certificate(session, session_file));
   if (ending == ".html") return write_file_atomically(output, html);
-  const std::string page = output + ".part.html", pdf = output + ".part";
-  write_file_atomically(page, html);
-  const int status = run_quietly({"weasyprint", "-q", page, pdf});
-  std::error_code ignored;
-  std::filesystem::remove(page, ignored);
-  if (status != 0 || !std::filesystem::exists(pdf)) {
-    std::filesystem::remove(pdf, ignored);
-    throw UsageError(status == 127 ? "PDF needs WeasyPrint: install the package 'weasyprint', or write .html "
-                                     "and print it from a browser"
-                                   : "WeasyPrint could not write " + output +
-                                         ": write .html and print it from a browser");
-  }
-  std::filesystem::rename(pdf, output);
+  write_pdf(html, output);
 }
 
 }  // namespace rig

@@ -21,11 +21,4 @@ namespace rig {
 /// The file appears whole or not at all. Throws UsageError (unknown ending, unwritable place, no WeasyPrint).
 void write_report(const std::string& session_file, const std::string& output);
 
-/// A device, a pipe, a folder: nothing that may be replaced by a file.
-[[nodiscard]] bool is_no_plain_file(const std::string& path);
-
-/// Writes `text` to `path` so that a reader never sees half of it; into a device or a pipe as it comes.
-/// Throws UsageError.
-void write_file_atomically(const std::string& path, const std::string& text);
-
 }  // namespace rig

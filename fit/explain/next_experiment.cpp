@@ -25,7 +25,9 @@ struct Brightness {
     double n = 0, x = 0, y = 0, xx = 0, xy = 0;
     for (const Cell& cell : reduced.cells) {
       if (!cell.smooth || !(cell.at.intensity > 1)) continue;
-      const double lx = std::log(power(reduced, cell)), ly = std::log(cell.at.intensity);
+      const CaptureInfo& info = reduced.capture_of(reduced.groups[static_cast<std::size_t>(cell.group)]);
+      const double lx = std::log(echo_power(info, reduced.bench, cell.sight)),
+                   ly = std::log(cell.at.intensity);
       n += 1;
       x += lx;
       y += ly;
@@ -38,14 +40,7 @@ struct Brightness {
     b.log_gain = (y - b.exponent * x) / n;
     return b;
   }
-  static double power(const Reduced& reduced, const Cell& cell) {
-    const CaptureInfo& info =
-        reduced
-            .captures[static_cast<std::size_t>(reduced.groups[static_cast<std::size_t>(cell.group)].capture)];
-    const Target& target = reduced.bench.targets[static_cast<std::size_t>(cell.sight.target)];
-    const double rho = reflectance_in(info, target);
-    return rho * cell.sight.cos_incidence() * 1e6 / (cell.sight.range_mm * cell.sight.range_mm);
-  }
+  [[nodiscard]] double counts(double power) const { return std::exp(log_gain + exponent * std::log(power)); }
 };
 
 /// A recording of an experiment that was never made: what the bench alone predicts, with its noise.
@@ -67,11 +62,8 @@ class Imagined : public Recording {
       const Sight sight = scene.look(info.stage_rad, beam);
       if (sight.target < 0) continue;
       range[b] = sight.range_mm;
-      const Target& target = bench_.targets[static_cast<std::size_t>(sight.target)];
-      const double rho = reflectance_in(info, target);
-      const double power = rho * sight.cos_incidence() * 1e6 / (sight.range_mm * sight.range_mm);
       intensity[b] = static_cast<std::uint16_t>(
-          std::clamp(std::exp(brightness_.log_gain + brightness_.exponent * std::log(power)), 1.0, 4000.0));
+          std::clamp(brightness_.counts(echo_power(info, bench_, sight)), 1.0, 4000.0));
     }
     std::mt19937 random(static_cast<unsigned>(index) + 1);
     std::normal_distribution<double> noise;  // of a lidar without noise, too

@@ -34,7 +34,10 @@ double reflectance_in(const CaptureInfo& capture, const Target& target) {
   return about_it && capture.reflectance ? *capture.reflectance : target.reflectance.value_or(0.5);
 }
 
-bool is_turning(const CaptureInfo& capture) { return std::abs(capture.stage_rate_rad_s) > 1e-9; }
+double echo_power(const CaptureInfo& capture, const Bench& bench, const Sight& sight) {
+  const Target& target = bench.targets[static_cast<std::size_t>(sight.target)];
+  return reflectance_in(capture, target) * sight.cos_incidence() * 1e6 / (sight.range_mm * sight.range_mm);
+}
 
 Nuisance::Nuisance(const Bench& bench)
     : x_mm(bench.lidar.mount.x_mm.value),

@@ -38,9 +38,6 @@ struct Active {
 /// one.
 [[nodiscard]] double reflectance_in(const CaptureInfo& capture, const Target& target);
 
-/// Whether the stage turns while it records, so that every scan has its own stage angle.
-[[nodiscard]] bool is_turning(const CaptureInfo& capture);
-
 /// What one beam meets in one stage position.
 struct Sight {
   int target = -1;  ///< -1: nothing.
@@ -62,6 +59,9 @@ struct Sight {
   /// Change of the measured range that an effect makes to first order, mm.
   [[nodiscard]] double shift(const Effect& effect) const;
 };
+
+/// Power of an echo from there, in units of that of a perfect target met squarely at 1 m.
+[[nodiscard]] double echo_power(const CaptureInfo& capture, const Bench& bench, const Sight& sight);
 
 /// A place where a nearer surface ends before a farther one.
 struct Edge {

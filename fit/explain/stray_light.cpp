@@ -36,11 +36,6 @@ struct Row {
   double turn_lever = 0, beam_deg = 0, step_deg = 0.25;
 };
 
-double power_of(const Reduced& reduced, const CaptureInfo& info, const Sight& sight) {
-  const Target& target = reduced.bench.targets[static_cast<std::size_t>(sight.target)];
-  return reflectance_in(info, target) * sight.cos_incidence() * 1e6 / (sight.range_mm * sight.range_mm);
-}
-
 class Edges {
  public:
   Edges(const Reduced& reduced, const MeanResult& means)
@@ -127,7 +122,7 @@ class Edges {
     row.target = reduced_.same_as[static_cast<std::size_t>(own.target)];
     row.away_deg = away;
     row.gap_mm = other.range_mm - own.range_mm;
-    row.light = power_of(reduced_, info, other) / power_of(reduced_, info, own);
+    row.light = echo_power(info, reduced_.bench, other) / echo_power(info, reduced_.bench, own);
     row.y_mm = cell.mean_mm - (beam.on_near ? beam.near_mm : beam.far_mm);
     if (std::abs(row.y_mm) > 0.6 * std::abs(row.gap_mm)) return;
     row.sigma_mm =

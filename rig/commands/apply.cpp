@@ -5,7 +5,7 @@
 #include "rig/apply_session.hpp"
 #include "rig/command.hpp"
 #include "rig/correction_source.hpp"
-#include "rig/report.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig::commands {
 namespace {

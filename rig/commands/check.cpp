@@ -13,9 +13,9 @@
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
 #include "rig/operators.hpp"
-#include "rig/report.hpp"
 #include "rig/scip_source.hpp"
 #include "rig/stage_patience.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig::commands {
 namespace {

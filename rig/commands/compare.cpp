@@ -8,8 +8,8 @@
 #include "rig/command.hpp"
 #include "rig/compare_report.hpp"
 #include "rig/errors.hpp"
-#include "rig/report.hpp"
 #include "rig/session_store.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig::commands {
 namespace {

@@ -6,7 +6,7 @@
 #include "rig/deskew_session.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting.hpp"
-#include "rig/report.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig::commands {
 namespace {

@@ -9,8 +9,8 @@
 #include "rig/command.hpp"
 #include "rig/endpoint.hpp"
 #include "rig/errors.hpp"
-#include "rig/report.hpp"
 #include "rig/stage_factory.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig::commands {
 namespace {

@@ -14,8 +14,8 @@
 #include "rig/explain_procedure.hpp"
 #include "rig/explain_report.hpp"
 #include "rig/procedure_plan.hpp"
-#include "rig/report.hpp"
 #include "rig/session_store.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig::commands {
 namespace {

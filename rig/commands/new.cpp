@@ -4,7 +4,7 @@
 
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
-#include "rig/report.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig {
 extern const char* const starter_bench;

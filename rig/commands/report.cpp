@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "rig/command.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig::commands {
 namespace {

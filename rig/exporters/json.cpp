@@ -3,7 +3,7 @@
 
 #include "fit/angle.hpp"
 #include "rig/exporter.hpp"
-#include "rig/report.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig::exporters {
 namespace {

@@ -10,6 +10,7 @@
 #include "fit/median.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting.hpp"
+#include "rig/result_document.hpp"
 
 namespace rig::fittings {
 namespace {
@@ -19,8 +20,6 @@ using nlohmann::json;
 double median_of(std::vector<double> values) {
   return values.empty() ? std::nan("") : fit::median_of(std::move(values));
 }
-
-json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
 
 /// Noise as recorded, without any model: where to look before anything is fitted.
 class Noise : public Fitting {
@@ -38,7 +37,7 @@ class Noise : public Fitting {
     for (std::size_t i = 0; i < recording->captures().size(); ++i) {
       const fit::CaptureInfo& capture = recording->captures()[i];
       // While the stage turns, a beam's range changes because it meets another place.
-      if (capture.stage_rate_rad_s != 0) {
+      if (fit::is_turning(capture)) {
         ++turning;
         continue;
       }
@@ -98,39 +97,26 @@ class Noise : public Fitting {
     json rows = json::array();
     for (const StepCaptures& step : all)
       rows.push_back({step.step, step.count, step.least_deg, step.most_deg, step.scans, step.beams,
-                      number(median_of(step.sigma_mm))});
+                      number_or_null(median_of(step.sigma_mm))});
     return rows;
   }
 
   static json document(const json& rows, const std::vector<double>& range, const std::vector<double>& sigma,
                        double typical, double correlation, long values, long none) {
-    json out = {{"schema", "result/1"}, {"kind", "noise"}};
-    out["method"] =
-        "Sample standard deviation of each beam within each capture and the correlation of one scan with the "
-        "next; no model.";
+    json out = new_result("noise",
+                          "Sample standard deviation of each beam within each capture and the correlation of "
+                          "one scan with the next; no model.");
     const double u = typical / std::sqrt(2.0 * static_cast<double>(sigma.size()));
     // A median of estimates is 1.25 times as uncertain as their mean; a share has a beta posterior (flat
     // prior).
     const auto samples = static_cast<double>(values), lost = static_cast<double>(none);
     const double u_correlation = 1.2533 / std::sqrt(std::max(1.0, samples - lost));
     const double u_share = std::sqrt((lost + 1) * (samples - lost + 1) / (samples + 3)) / (samples + 2);
-    out["values"] = {{{"name", "noise_median_mm"},
-                      {"label", "Standard deviation, median beam"},
-                      {"value", typical},
-                      {"u", u},
-                      {"unit", "mm"},
-                      {"k", 2},
-                      {"U", 2 * u}},
-                     {{"name", "scan_correlation"},
-                      {"label", "Correlation of neighbouring scans, median beam"},
-                      {"value", correlation},
-                      {"u", u_correlation},
-                      {"unit", ""}},
-                     {{"name", "dropout_share"},
-                      {"label", "Share of samples without echo"},
-                      {"value", values ? static_cast<double>(none) / static_cast<double>(values) : 0.0},
-                      {"u", u_share},
-                      {"unit", ""}}};
+    const double share = values ? lost / samples : 0.0;
+    out["values"] = {result_value("noise_median_mm", "Standard deviation, median beam", {typical, u}, "mm"),
+                     result_value("scan_correlation", "Correlation of neighbouring scans, median beam",
+                                  {correlation, u_correlation}, ""),
+                     result_value("dropout_share", "Share of samples without echo", {share, u_share}, "")};
     out["tables"] = {{{"title", "Captures"},
                       {"columns",
                        {"step",
@@ -141,11 +127,9 @@ class Noise : public Fitting {
                         "beams",
                         {{"name", "median standard deviation"}, {"unit", "mm"}}}},
                       {"rows", rows}}};
-    out["plots"] = {{{"title", "Noise against range"},
-                     {"x_label", "mean range (mm)"},
-                     {"y_label", "standard deviation (mm)"},
-                     {"series", {{{"name", "beams"}, {"style", "points"}, {"x", range}, {"y", sigma}}}}}};
-    out["notes"] = json::array();
+    json plot = new_plot("Noise against range", "mean range (mm)", "standard deviation (mm)");
+    add_series(plot, "beams", "points", range, sigma);
+    out["plots"].push_back(std::move(plot));
     if (std::abs(correlation) > 0.1)
       out["notes"].push_back(
           "Neighbouring scans are correlated: means are less certain than their number of samples says.");

@@ -46,8 +46,7 @@ std::optional<Surface> surface_of(const fit::Recording& recording, std::size_t i
   const fit::Bench& bench = recording.bench();
   const std::string name = wanted.empty() ? capture.target.value_or("") : wanted;
   const fit::Target* target = bench.target(name);
-  if (!target || capture.stage_rate_rad_s != 0 || (capture.target && *capture.target != name))
-    return std::nullopt;
+  if (!target || fit::is_turning(capture) || (capture.target && *capture.target != name)) return std::nullopt;
   const fit::Mount& mount = bench.lidar.mount;
   const double stage = capture.stage_readback_rad.value_or(capture.stage_rad);
   const Vector2d origin = Eigen::Rotation2Dd(stage) * Vector2d(mount.x_mm.value, mount.y_mm.value);

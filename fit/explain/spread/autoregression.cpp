@@ -14,24 +14,16 @@ LagSums lagged_of(int n, double rho) {
   for (int i = 0; i < n; ++i) up_to.push_back(up_to.back() + (1 + geometric(i) + geometric(n - 1 - i)) / n);
   const auto to = [&](int i) { return up_to[static_cast<std::size_t>(i)]; };
   const double of_mean = to(n) / n;
-  LagSums sums{};
-  for (std::size_t band = 0; band < lag_bands.size(); ++band)
-    for (int lag = lag_bands[band].first; lag <= std::min(lag_bands[band].last, n - 1); ++lag)
-      sums[band] +=
-          (n - lag) * ((lag == 0 ? 1 : std::pow(rho, lag)) + of_mean) - to(n - lag) - (to(n) - to(lag));
-  return sums;
+  return sums_over_bands(n, [&](int lag) {
+    return (n - lag) * ((lag == 0 ? 1 : std::pow(rho, lag)) + of_mean) - to(n - lag) - (to(n) - to(lag));
+  });
 }
 
 LagSums pairs_of(int n) {
-  LagSums pairs{};
-  for (std::size_t band = 0; band < lag_bands.size(); ++band)
-    for (int lag = lag_bands[band].first; lag <= std::min(lag_bands[band].last, n - 1); ++lag)
-      pairs[band] += n - lag;
-  return pairs;
+  return sums_over_bands(n, [n](int lag) { return n - lag; });
 }
 
-Eigen::Matrix<double, lag_bands.size(), lag_bands.size()> covariance_of_lagged(int n, double rho,
-                                                                               double share) {
+LagCovariance covariance_of_lagged(int n, double rho, double share) {
   const int longest = std::min(lag_bands.back().last, n - 1);
   std::vector<double> correlation(static_cast<std::size_t>(2 * (n + longest) + 1));
   for (std::size_t lag = 0; lag < correlation.size(); ++lag)
@@ -42,8 +34,7 @@ Eigen::Matrix<double, lag_bands.size(), lag_bands.size()> covariance_of_lagged(i
     while (lag > lag_bands[static_cast<std::size_t>(band)].last) ++band;
     return band;
   };
-  Eigen::Matrix<double, lag_bands.size(), lag_bands.size()> sum;
-  sum.setZero();
+  LagCovariance sum = LagCovariance::Zero();
   for (int j = 0; j <= longest; ++j)
     for (int k = j; k <= longest; ++k) {
       double both = 0;
@@ -55,8 +46,10 @@ Eigen::Matrix<double, lag_bands.size(), lag_bands.size()> covariance_of_lagged(i
   return sum;
 }
 
-double pairs_at(int lag, int n, double rho) {
-  return 2 * (1 - static_cast<double>(lag) / n) * std::pow(rho, lag);
+double added_to_mean(int n, double rho) {
+  double sum = 0;
+  for (int lag = 1; lag < n; ++lag) sum += 2 * (1 - static_cast<double>(lag) / n) * std::pow(rho, lag);
+  return sum;
 }
 
 }  // namespace fit::explain::spread

@@ -14,15 +14,15 @@ namespace fit::explain::spread {
 /// Number of pairs of n values in every band of lags.
 [[nodiscard]] LagSums pairs_of(int n);
 
+using LagCovariance = Eigen::Matrix<double, lag_bands.size(), lag_bands.size()>;
+
 /// Covariance of the sums of lagged products, of n values of variance one of which a share has memory and the
 /// rest is white (Bartlett 1946: that of c_j and c_k is the sum over m of r_m r_(m+k-j) + r_(m+k) r_(m-j), by
 /// the number of pairs).
-[[nodiscard]] Eigen::Matrix<double, lag_bands.size(), lag_bands.size()> covariance_of_lagged(int n,
-                                                                                             double rho,
-                                                                                             double share);
+[[nodiscard]] LagCovariance covariance_of_lagged(int n, double rho, double share);
 
-/// What the pairs of n values that are `lag` apart add to the variance of their mean, in units of that which
-/// n values without memory have.
-[[nodiscard]] double pairs_at(int lag, int n, double rho);
+/// What the correlation of n values adds to the variance of their mean, in units of that which n values
+/// without memory have.
+[[nodiscard]] double added_to_mean(int n, double rho);
 
 }  // namespace fit::explain::spread

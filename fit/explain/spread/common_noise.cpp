@@ -91,13 +91,6 @@ double memory_of_range(const std::vector<Scan>& scans) {
   return std::clamp(squares > 0 ? products / squares + 1.5 / n : 0.0, 0.05, 0.98);
 }
 
-/// Variance of the mean of n correlated values, in units of that of n independent ones.
-double factor_of_mean(int n, double rho) {
-  double factor = 1;
-  for (int k = 1; k < n; ++k) factor += pairs_at(k, n, rho);
-  return factor;
-}
-
 }  // namespace
 
 void common_noise(const std::vector<Scan>& scans, const std::vector<Group>& groups, SpreadResult& result) {
@@ -126,7 +119,7 @@ void common_noise(const std::vector<Scan>& scans, const std::vector<Group>& grou
     result.accepted.push_back(wander);
     result.noise.scan_range_mm2 = range_mm2;
     for (const Group& group : groups)
-      result.noise.range_mm2.push_back(range_mm2 * factor_of_mean(group.scans, rho) /
+      result.noise.range_mm2.push_back(range_mm2 * (1 + added_to_mean(group.scans, rho)) /
                                        std::max(1, group.scans));
   }
 }

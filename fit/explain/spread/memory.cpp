@@ -11,25 +11,41 @@
 namespace fit::explain::spread {
 namespace {
 
-/// What groups of so many scans show together.
-struct Lagged {
-  LagSums sums{};      ///< Of products, in units of the variance.
-  double squares = 0;  ///< Of products of neighbours, in units of the variance's square.
-  double cells = 0;
-};
-using ByLength = std::map<int, Lagged>;
-
 /// The white noise of a beam and noise with memory.
 struct Mixture {
   double rho = 0, share = 0;  ///< Of the noise with memory, of the whole variance.
 };
+
+/// What groups of n scans show together.
+struct Lagged {
+  int n;
+  LagSums pairs = pairs_of(n), white = lagged_of(n, 0);
+  LagSums sums{};      ///< Of products, in units of the variance.
+  double squares = 0;  ///< Of products of neighbours, in units of the variance's square.
+  double cells = 0;
+
+  explicit Lagged(int scans) : n(scans) {}
+
+  /// Of the sums, of one cell whose variance is one.
+  [[nodiscard]] LagSums expected(const Mixture& noise) const {
+    LagSums mixed = lagged_of(n, noise.rho);
+    for (std::size_t band = 0; band < lag_bands.size(); ++band)
+      mixed[band] = noise.share * mixed[band] + (1 - noise.share) * white[band];
+    return mixed;
+  }
+  /// Variance of one product in units of that of normal samples of equal variance: beams that differ in
+  /// noise, and samples that are not normal, make products scatter more.
+  [[nodiscard]] double each_product() const { return std::max(1.0, squares / (cells * pairs[1])); }
+};
+using ByLength = std::map<int, Lagged>;
+
 constexpr double least_rho = 0.05, most_rho = 0.99, least_share = 0.001;
 
 ByLength lagged_by_length(const std::vector<Group>& groups) {
   ByLength by_length;
   for (const Group& group : groups) {
     if (group.scans < 4 || group.cells == 0) continue;
-    Lagged& lagged = by_length[group.scans];
+    Lagged& lagged = by_length.try_emplace(group.scans, group.scans).first->second;
     const double scale = group.lagged[0] / (group.scans - 1.0) / static_cast<double>(group.cells);
     if (scale <= 0) continue;
     for (std::size_t band = 0; band < lag_bands.size(); ++band)
@@ -40,25 +56,18 @@ ByLength lagged_by_length(const std::vector<Group>& groups) {
   return by_length;
 }
 
-/// Variance of one product in units of that of normal samples of equal variance: beams that differ in noise,
-/// and samples that are not normal, make products scatter more.
-double each_product(const Lagged& lagged, const LagSums& pairs) {
-  return std::max(1.0, lagged.squares / (lagged.cells * pairs[1]));
-}
-
 /// Deviations of the sums from what is expected, in units of their standard deviations without memory.
 Eigen::VectorXd deviations(const ByLength& by_length, const Mixture& noise) {
   Eigen::VectorXd list(static_cast<Eigen::Index>(by_length.size() * (lag_bands.size() - 1)));
   list.setZero();
   Eigen::Index at = 0;
   for (const auto& [n, lagged] : by_length) {
-    const LagSums with = lagged_of(n, noise.rho), white = lagged_of(n, 0), pairs = pairs_of(n);
-    const double unit = lagged.sums[0] / (noise.share * with[0] + (1 - noise.share) * white[0]);
-    const double each = each_product(lagged, pairs);
+    const LagSums expected = lagged.expected(noise);
+    const double unit = lagged.sums[0] / expected[0], each = lagged.each_product();
     for (std::size_t band = 1; band < lag_bands.size(); ++band, ++at) {
-      if (pairs[band] <= 0) continue;
-      const double expected = unit * (noise.share * with[band] + (1 - noise.share) * white[band]);
-      list[at] = (lagged.sums[band] - expected) / std::sqrt(lagged.cells * pairs[band] * each);
+      if (lagged.pairs[band] <= 0) continue;
+      list[at] =
+          (lagged.sums[band] - unit * expected[band]) / std::sqrt(lagged.cells * lagged.pairs[band] * each);
     }
   }
   return list;
@@ -113,33 +122,37 @@ Mixture refined(const ByLength& by_length, Mixture noise) {
   return noise;
 }
 
+/// How the deviations of one cell change with its sums: with their own, and by the unit that the variance
+/// gives.
+Eigen::MatrixXd changes_with_sums(const Lagged& lagged, const Mixture& noise) {
+  constexpr auto bands = static_cast<Eigen::Index>(lag_bands.size());
+  const LagSums expected = lagged.expected(noise);
+  Eigen::MatrixXd change = Eigen::MatrixXd::Zero(bands - 1, bands);
+  for (Eigen::Index band = 1; band < bands; ++band) {
+    const auto b = static_cast<std::size_t>(band);
+    if (lagged.pairs[b] <= 0) continue;
+    const double scale = 1 / std::sqrt(lagged.pairs[b] * lagged.each_product());
+    change(band - 1, band) = scale;
+    change(band - 1, 0) = -scale * expected[b] / expected[0];
+  }
+  return change;
+}
+
 /// Standard uncertainties of rho and the share: products of noise with memory scatter more than those of
 /// white noise, by which the deviations are weighed, and together.
 Eigen::Vector2d uncertainties(const ByLength& by_length, const Mixture& noise) {
   const Eigen::MatrixX2d slope = slopes(by_length, noise);
   const Eigen::Matrix2d covariance = covariance_of(slope);
-  constexpr auto bands = static_cast<Eigen::Index>(lag_bands.size());
+  constexpr auto rows = static_cast<Eigen::Index>(lag_bands.size()) - 1;
   Eigen::Matrix2d scatter = covariance.inverse() - slope.transpose() * slope;
   Eigen::Index first = 0;
   for (const auto& [n, lagged] : by_length) {
-    const LagSums with = lagged_of(n, noise.rho), white = lagged_of(n, 0), pairs = pairs_of(n);
-    const auto expected = [&](std::size_t band) {
-      return noise.share * with[band] + (1 - noise.share) * white[band];
-    };
-    // Of the deviations' changes with the sums: their own, and by the unit that the variance gives.
-    Eigen::MatrixXd change = Eigen::MatrixXd::Zero(bands - 1, bands);
-    const double each = each_product(lagged, pairs);
-    for (Eigen::Index band = 1; band < bands; ++band) {
-      const auto b = static_cast<std::size_t>(band);
-      if (pairs[b] <= 0) continue;
-      const double scale = 1 / std::sqrt(pairs[b] * each);
-      change(band - 1, band) = scale;
-      change(band - 1, 0) = -scale * expected(b) / expected(0);
-    }
-    const auto own = slope.middleRows(first, bands - 1);
-    scatter += own.transpose() * change * (each * covariance_of_lagged(n, noise.rho, noise.share)) *
+    const Eigen::MatrixXd change = changes_with_sums(lagged, noise);
+    const auto own = slope.middleRows(first, rows);
+    scatter += own.transpose() * change *
+               (lagged.each_product() * covariance_of_lagged(n, noise.rho, noise.share)) *
                change.transpose() * own;
-    first += bands - 1;
+    first += rows;
   }
   return (covariance * scatter * covariance).diagonal().cwiseSqrt();
 }
@@ -148,13 +161,8 @@ Eigen::Vector2d uncertainties(const ByLength& by_length, const Mixture& noise) {
 double factor_of_means(const ByLength& by_length, const Mixture& noise) {
   double number = 0, factor = 0;
   for (const auto& [n, lagged] : by_length) {
-    double of_mean = 1, within = 1;
-    for (int k = 1; k < n; ++k) {
-      const double pair = pairs_at(k, n, noise.rho) * noise.share;
-      of_mean += pair;
-      within -= pair / (n - 1.0);
-    }
-    factor += lagged.cells * of_mean / std::max(0.05, within);
+    const double added = noise.share * added_to_mean(n, noise.rho);
+    factor += lagged.cells * (1 + added) / std::max(0.05, 1 - added / (n - 1.0));
     number += lagged.cells;
   }
   return std::max(1.0, factor / number);

@@ -148,18 +148,12 @@ TEST_CASE("what was found, taken into the bench, leaves nothing to explain") {
   const SyntheticRecording recording = room.record();
   const Explanation first = explain({&recording}, {});
   REQUIRE(first.bench.knows("encoder-eccentricity"));
-  class Again : public fit::Recording {
+  class Again : public Forwarded {
    public:
-    Again(const fit::Recording& of, const fit::Bench& bench) : of_(of), bench_(bench) {}
+    Again(const fit::Recording& of, const fit::Bench& bench) : Forwarded(of), bench_(bench) {}
     const fit::Bench& bench() const override { return bench_; }
-    const std::vector<fit::CaptureInfo>& captures() const override { return of_.captures(); }
-    void for_each_scan(std::size_t i, const std::function<void(const fit::ScanView&)>& v) const override {
-      of_.for_each_scan(i, v);
-    }
-    const std::vector<fit::TrackPose>& track() const override { return of_.track(); }
 
    private:
-    const fit::Recording& of_;
     const fit::Bench& bench_;
   } const again(recording, first.bench);
   const Explanation second = explain({&again}, {});
@@ -363,21 +357,15 @@ TEST_CASE("numbers in sentences have as many digits as said, and no powers of te
 }
 
 TEST_CASE("intensities that some scans of a capture lack are not read") {
-  class Dim : public fit::Recording {
+  class Dim : public Forwarded {
    public:
-    explicit Dim(const fit::Recording& of) : of_(of) {}
-    const fit::Bench& bench() const override { return of_.bench(); }
-    const std::vector<fit::CaptureInfo>& captures() const override { return of_.captures(); }
-    const std::vector<fit::TrackPose>& track() const override { return of_.track(); }
+    using Forwarded::Forwarded;
     void for_each_scan(std::size_t i, const std::function<void(const fit::ScanView&)>& v) const override {
-      of_.for_each_scan(i, [&](fit::ScanView scan) {
+      Forwarded::for_each_scan(i, [&](fit::ScanView scan) {
         if (scan.seq % 2 == 1) scan.intensity = {};
         v(scan);
       });
     }
-
-   private:
-    const fit::Recording& of_;
   };
   const SyntheticRecording whole = ImaginedRoom().record();
   const Dim dim(whole);

@@ -89,14 +89,3 @@ TEST_CASE("a certificate that cannot be written says why and leaves nothing behi
   CHECK_THROWS_AS(rig::write_report(session, (folder.path / "none" / "c.html").string()), rig::UsageError);
   CHECK(!std::filesystem::exists(folder.path / "c.docx"));
 }
-
-TEST_CASE("what is no plain file is written into, never replaced") {
-  const Folder folder;
-  const std::filesystem::path way = folder.path / "to-nowhere";
-  std::filesystem::create_symlink("/dev/null", way);
-  CHECK(rig::is_no_plain_file(way.string()));
-  rig::write_file_atomically(way.string(), "lost");
-  CHECK(std::filesystem::is_symlink(way));
-  CHECK_FALSE(std::filesystem::exists(way.string() + ".part"));
-  CHECK_FALSE(rig::is_no_plain_file((folder.path / "not-there").string()));
-}
