@@ -18,9 +18,11 @@ Mechanism make_specular() {
     return Effect{.log_intensity = std::log1p(std::max(-0.9, p[0]) * std::exp(-away * away))};
   };
   m.says = [](const Finding& f) {
+    const Estimate gain = f.at("gain");
+    const std::string brighter = gain.value < 0.5 ? with_uncertainty({100 * gain.value, 100 * gain.u}, "%")
+                                                  : "a factor of " + rounded(1 + gain.value, 2);
     return "Square on, " + (f.target.empty() ? "targets are" : "target '" + f.target + "' is") +
-           " brighter by a factor of " + rounded(1 + f.at("gain").value, 2) + " within " +
-           with_uncertainty(f.at("width_deg"), "deg") +
+           " brighter by " + brighter + " within " + with_uncertainty(f.at("width_deg"), "deg") +
            (f.target.empty() ? ": they are glossy." : ": it is glossy.");
   };
   m.separate = "turn the target by one or two degrees";

@@ -61,7 +61,7 @@ std::vector<double> uncertainties_of(const Readings& readings, const std::vector
                                      std::size_t t, const FittedLaw& fitted) {
   const Suspicion& s = accepted[t];
   const std::vector<Suspicion> before(accepted.begin(), accepted.begin() + static_cast<std::ptrdiff_t>(t));
-  const Index first = base_of(readings, before, fitted.law).columns.cols();
+  const Index first = base_of(readings, before, fitted.expanded_at).columns.cols();
   const VectorXd u = fitted.model.uncertainties();
   std::vector<double> sigma(s.values.size(), 0);
   const std::vector<Searched> list = searched(*s.mechanism);
@@ -101,7 +101,7 @@ Found found_of(const Readings& readings, const Judgement& judgement, std::size_t
     tell_mechanism(readings, judgement.accepted, t, fitted, found);
   found.evidence = "Intensities of captures it was not fitted to scatter by " + per_cent(judged.rms_without) +
                    " around their prediction without it, and by " + per_cent(judgement.after.rms) +
-                   " with it.";
+                   " with it; it makes these e^" + rounded(judged.gain, 2) + " times more probable.";
   return found;
 }
 
@@ -175,9 +175,12 @@ void tell_unknown(const Readings& readings, const std::vector<Suspicion>& accept
 
 FittedLaw fitted_law(const Readings& readings, const std::vector<Suspicion>& accepted) {
   const L& claimed = readings.claim.law;
-  FittedLaw fitted{claimed, {}, model_of(readings, accepted)};
+  FittedLaw fitted{claimed, {}, claimed, model_of(readings, accepted)};
   for (int pass = 0; pass < 5; ++pass) {  // the logarithm of an overlap bends
-    if (pass > 0) fitted.model = model_of(readings, accepted, fitted.law);
+    if (pass > 0) {
+      fitted.expanded_at = fitted.law;
+      fitted.model = model_of(readings, accepted, fitted.law);
+    }
     const VectorXd x = fitted.model.coefficients(), u = fitted.model.uncertainties();
     for (int k = 0; k < L::size; ++k) {
       const auto c = static_cast<std::size_t>(k);

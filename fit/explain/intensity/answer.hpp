@@ -12,6 +12,7 @@ namespace fit::explain::intensity {
 struct FittedLaw {
   IntensityLaw law;
   std::array<double, IntensityLaw::size> u{};  ///< Standard; 0 of what was not fitted.
+  IntensityLaw expanded_at;                    ///< The law around which the model is linear: nearly that.
   Model model;                                 ///< The deviations from it.
 };
 [[nodiscard]] FittedLaw fitted_law(const Readings& readings, const std::vector<Suspicion>& accepted);

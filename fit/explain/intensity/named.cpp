@@ -88,6 +88,21 @@ SearchBox box_of(const Suspicion& s, const std::vector<Searched>& list) {
   return box;
 }
 
+/// A size of that many usual ones, believed at a price.
+struct OutOfTheUsual {
+  double scale = 1;  ///< Factor on the prior's standard deviation.
+  double price = 0;
+};
+OutOfTheUsual out_of_the_usual(double ratio) {
+  constexpr double least = 1e-4;
+  if (ratio > 1) return {ratio, 0.5 + std::log(ratio)};
+  // Sizes in the catalogue are orders of magnitude: a prior as wide as the size that was found may be
+  // cheaper.
+  const double own = std::max(least, ratio), usual = 0.5 * ratio * ratio,
+               smaller = 0.5 + price_of_scale(own, 1);
+  return smaller < usual - std::log(own) ? OutOfTheUsual{own, smaller} : OutOfTheUsual{1, usual};
+}
+
 /// Evidence of an effect around its best values (Laplace), over what the base explains.
 void weigh_up(const Readings& readings, const Model& model, Suspicion& s) {
   const std::vector<Searched> list = searched(*s.mechanism);
@@ -99,10 +114,9 @@ void weigh_up(const Readings& readings, const Model& model, Suspicion& s) {
     slopes.col(static_cast<Index>(j)) = slope_of(readings, s, list[j]);
     prior[static_cast<Index>(j)] = sigma;
     if (s.mechanism->parameters[k].role != Role::size) continue;
-    // A size far from the usual is believed, at a price.
-    const double ratio = std::abs(s.values[k]) / sigma;
-    if (ratio > 1) prior[static_cast<Index>(j)] *= ratio;
-    far += ratio > 1 ? 0.5 + std::log(ratio) : 0.5 * ratio * ratio;
+    const auto [scale, price] = out_of_the_usual(std::abs(s.values[k]) / sigma);
+    prior[static_cast<Index>(j)] *= scale;
+    far += price;
   }
   MatrixXd normal = prior.asDiagonal() * model.products(slopes).square * prior.asDiagonal();
   normal.diagonal().array() += 1;

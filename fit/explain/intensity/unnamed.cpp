@@ -19,6 +19,7 @@ using Eigen::VectorXd;
 constexpr std::size_t targets_at_most = 12;
 constexpr int rows_of_target = 40;
 constexpr std::array lengths{finest, 0.15, 0.4};
+constexpr std::array sizes{0.001, 0.003, 0.01, 0.03, 0.1, 0.3};  // of the logarithm of intensity
 constexpr double bin_mm = 20;
 constexpr std::array<std::size_t, 5> widths{3, 6, 12, 24, 48};  // of patches, bins
 
@@ -83,7 +84,7 @@ std::optional<Suspicion::Patch> best_patch(const AlongTarget& sums) {
 }
 
 double price_of(const Suspicion& s) {
-  return (s.other_law() ? odds::price_of_mechanism : odds::price_of_unknown) + std::log(4.0) +
+  return (s.other_law() ? odds::price_of_mechanism : odds::price_of_unknown) + std::log(sizes.size()) +
          (s.patch ? s.patch->price : 0);
 }
 
@@ -127,7 +128,7 @@ void find_size(const Readings& readings, const Model& model, Suspicion& s) {
   if (columns.cols() == 0) return;
   const MeanModel::Products products = model.products(columns);
   const double price = price_of(s);
-  for (const double size : {0.01, 0.03, 0.1, 0.3}) {
+  for (const double size : sizes) {
     const Prior prior{VectorXd::Zero(columns.cols()), VectorXd::Constant(columns.cols(), size)};
     const MeanModel::Fit fit = MeanModel::solve(products, prior, false);
     if (fit.evidence - price <= s.evidence) continue;
