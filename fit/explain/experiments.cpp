@@ -92,6 +92,22 @@ Experiment greys(const Bench& bench, const Target& target) {
   return e;
 }
 
+/// The weakest echoes that a bench can make.
+Experiment dark(const Bench& bench, const Target& target) {
+  Experiment e =
+      experiment(Experiment::Kind::greys, "Target '" + target.name + "' in dark greys, far away", 60);
+  const double distance_mm = std::abs(target.from_mm.dot(target.outward_normal()));
+  for (const double away_mm : {2300, 4200, 6500, 9800})
+    for (const double rho : {0.2, 0.1, 0.05, 0.02}) {
+      CaptureInfo c = aimed(bench, target);
+      c.target_shift_mm = away_mm - distance_mm;
+      c.reflectance = rho;
+      e.captures.push_back(c);
+    }
+  number(e, 20, 3600);
+  return e;
+}
+
 Experiment heat(const Bench& bench) {
   Experiment e =
       experiment(Experiment::Kind::heat, "The lidar's housing heated and cooled after warm-up", 40);
@@ -145,6 +161,7 @@ std::vector<Experiment> possible_experiments(const Bench& bench, const StageTrav
     if ((target.to_mm - target.from_mm).norm() > longest_movable_mm) continue;
     list.push_back(ladder(bench, target));
     list.push_back(greys(bench, target));
+    list.push_back(dark(bench, target));
   }
   list.push_back(heat(bench));
   list.push_back(cold_start(bench));

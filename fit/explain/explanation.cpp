@@ -332,14 +332,22 @@ class Writer {
       if (suspect.mechanism->id != "range-noise")
         known_.push_back({suspect.mechanism->id, suspect.parameters, {}});
     }
+    for (const Suspect& suspect : spread_.brought_along) {
+      known_.push_back({suspect.mechanism->id, suspect.parameters, {}});
+      out_.notes.push_back("Echoes that are about to be lost scatter more; that is no other physics.");
+    }
     for (const auto& set : spread_.undecided) {
       std::vector<std::string> names, ways;
+      const bool has_unnamed = std::ranges::any_of(set, [](const Suspect& s) { return !s.mechanism; });
       for (const Suspect& s : set) {
+        if (!s.mechanism) continue;
         names.push_back(s.mechanism->id);
+        out_.noise_suspects.push_back(s);
         if (!std::ranges::count(ways, s.mechanism->separate)) ways.push_back(s.mechanism->separate);
       }
-      out_.undecided_between.push_back(names);
       out_.notes.push_back("What would tell " + listed(names) + " apart: " + listed(ways, "or") + ".");
+      if (has_unnamed) names.emplace_back("unknown-physics");
+      out_.undecided_between.push_back(names);
     }
   }
 

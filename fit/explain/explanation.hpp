@@ -77,10 +77,13 @@ struct Explanation {
   std::vector<Term> suspects;   ///< Members of undecided sets, with their values: for the next experiment.
   std::vector<Shape> unnamed_suspects;       ///< Forms that explain nearly as much as one of these.
   std::vector<LightSuspect> light_suspects;  ///< The same for intensity.
+  std::vector<Suspect> noise_suspects;       ///< The same for noise and lost echoes.
 
   [[nodiscard]] std::size_t rivals_in_range() const { return suspects.size() + unnamed_suspects.size(); }
   /// Whether there is something that an experiment could decide.
-  [[nodiscard]] bool has_rivals() const { return rivals_in_range() > 1 || light_suspects.size() > 1; }
+  [[nodiscard]] bool has_rivals() const {
+    return rivals_in_range() > 1 || light_suspects.size() > 1 || noise_suspects.size() > 1;
+  }
 };
 
 /// Explains one or several recordings of the same bench together. Throws std::invalid_argument when there is

@@ -8,6 +8,7 @@
 
 #include "fit/explain/intensity.hpp"
 #include "fit/explain/odds.hpp"
+#include "fit/explain/spread/rivals.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/median.hpp"
 
@@ -294,6 +295,16 @@ std::vector<Rivalry> rivalries_of(const Explanation& explanation, const Reduced&
     for (const LightSuspect& suspect : explanation.light_suspects) ids.push_back(suspect.mechanism->id);
     list.emplace_back(
         ids, [&explanation](const Reduced& all) { return evidence_between(all, explanation.light_suspects); },
+        so_far);
+  }
+  if (explanation.noise_suspects.size() > 1) {
+    ids.clear();
+    for (const Suspect& suspect : explanation.noise_suspects) ids.push_back(suspect.mechanism->id);
+    list.emplace_back(
+        ids,
+        [&explanation](const Reduced& all) {
+          return spread::evidence_between(all, explanation.noise_suspects);
+        },
         so_far);
   }
   return list;

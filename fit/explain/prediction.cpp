@@ -194,6 +194,7 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadRe
                                  : reduced.bench.targets[static_cast<std::size_t>(term.target)].name});
   for (const Suspect& suspect : spread.accepted)
     if (suspect.mechanism->id != "range-noise") p.noise.push_back(suspect);
+  for (const Suspect& suspect : spread.brought_along) p.noise.push_back(suspect);
   for (const auto& set : spread.undecided)
     if (!set.empty() && set.front().mechanism->id != "range-noise") p.noise.push_back(set.front());
   Hypothesis nothing(reduced.bench);

@@ -25,7 +25,7 @@ SpreadResult explain_spread(const Reduced& reduced) {
   spread::variance(reduced, step_mm, worth_of_sample, result);
   spread::distrust_beside_coarse_steps(reduced, result);
   spread::losses(reduced, result);
-  spread::may_be_near_threshold(result);
+  spread::may_be_near_threshold(reduced, result);
   return result;
 }
 

@@ -11,7 +11,7 @@ namespace fit::explain {
 
 /// A suspect that acts on something other than the cells' means, with its evidence.
 struct Suspect {
-  const Mechanism* mechanism = nullptr;
+  const Mechanism* mechanism = nullptr;  ///< Null: something outside the catalogue.
   std::map<std::string, Estimate> parameters;
   double gain = 0;      ///< Of the log-likelihood.
   double evidence = 0;  ///< Log Bayes factor.
@@ -30,6 +30,7 @@ struct Unexplained {
 /// What noise, echoes, distributions and memory say.
 struct SpreadResult {
   std::vector<Suspect> accepted;
+  std::vector<Suspect> brought_along;           ///< Noise that something accepted makes: nothing of its own.
   std::vector<std::vector<Suspect>> undecided;  ///< Each a set whose members explain about the same.
   std::vector<Unexplained> unknown;
   MeanNoise noise;

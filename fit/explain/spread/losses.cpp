@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <vector>
 
 #include "fit/explain/spread/questions.hpp"
@@ -11,8 +12,13 @@ namespace {
 
 constexpr double rarest = 1e-6;  // probability of no echo: so many are lost whatever the cause
 
-constexpr double doubt_rad = 1.5 * rad_per_deg;
-constexpr double displaced_rad = 6 * rad_per_deg;  // 60 mm at half a metre
+constexpr double doubt_rad = 1.5 * rad_per_deg, widest_slit_rad = 6 * rad_per_deg;
+
+/// By how much a target may stand aside from where it is said to stand, as seen by that cell.
+double displaced_rad(const Cell& cell) {
+  constexpr double aside_mm = 60, most_rad = 6 * rad_per_deg;
+  return std::clamp(aside_mm / std::max(1.0, cell.sight.range_mm), doubt_rad, most_rad);
+}
 
 /// Without any echo where one target ends and another begins: one that stands turned leaves a slit there.
 bool may_be_a_slit(const Reduced& reduced, std::size_t index) {
@@ -28,7 +34,7 @@ bool may_be_a_slit(const Reduced& reduced, std::size_t index) {
     else if (!above)
       above = &other;
   }
-  if (!below || !above || above->beam_rad - below->beam_rad > displaced_rad) return false;
+  if (!below || !above || above->beam_rad - below->beam_rad > widest_slit_rad) return false;
   const auto begin = reduced.cells.begin() + static_cast<std::ptrdiff_t>(group.first_cell),
              end = reduced.cells.begin() + static_cast<std::ptrdiff_t>(group.last_cell);
   return std::any_of(begin, end, [&](const Cell& other) {
@@ -46,8 +52,8 @@ bool may_miss_its_target(const Reduced& reduced, std::size_t index) {
   // Nearer than `doubt_rad` to an edge its neighbours must see the target, on both sides; a beam without any
   // echo from farther inside needs only something of the target on both sides.
   const bool near = to_edge < doubt_rad;
-  if (!near && (cell.n > 0 || to_edge > displaced_rad)) return false;
-  const double from = near ? blur_rad : 0, to = near ? 2 * blur_rad : displaced_rad;
+  if (!near && (cell.n > 0 || to_edge > displaced_rad(cell))) return false;
+  const double from = near ? blur_rad : 0, to = near ? 2 * blur_rad : displaced_rad(cell);
   const Group& group = reduced.groups[static_cast<std::size_t>(cell.group)];
   const auto sees_it = [&](const Cell& other) {
     return other.sight.target == cell.sight.target && 2 * other.n > other.n + other.stray + other.lost;
@@ -170,6 +176,22 @@ Unexplained lost_anywhere(const Counts& counts) {
   return u;
 }
 
+/// Mean intensity of the cell that is darkest.
+double weakest_echo(const Reduced& reduced) {
+  double weakest = 1e9;
+  for (const Cell& cell : reduced.cells)
+    if (cell.smooth && cell.at.intensity > 0) weakest = std::min(weakest, cell.at.intensity);
+  return weakest;
+}
+
+/// Of which nothing has been lost yet: somewhat below the weakest echo there is, how far nobody knows.
+Suspect dropout_below(double weakest) {
+  Suspect dropout = suspected("dropout");
+  dropout.parameters = {{"intensity_min", {0.75 * weakest, 0.15 * weakest}},
+                        {"width", {0.03 * weakest, 0.03 * weakest}}};
+  return dropout;
+}
+
 }  // namespace
 
 void losses(const Reduced& reduced, SpreadResult& result) {
@@ -209,17 +231,33 @@ void losses(const Reduced& reduced, SpreadResult& result) {
   result.unknown.push_back(unknown);
 }
 
-void may_be_near_threshold(SpreadResult& result) {
-  if (is_accepted(result, "dropout")) return;
-  const auto noise = std::ranges::find_if(result.accepted, [](const Suspect& s) {
-    return is(s, "intensity-noise") && s.parameters.at("exponent").value > steepest_of_noise;
-  });
-  if (noise == result.accepted.end()) return;
-  Suspect dropout = suspected("dropout");
-  dropout.gain = noise->gain;
-  dropout.evidence = noise->evidence;
-  result.undecided.push_back({*noise, dropout});
-  result.accepted.erase(noise);
+void may_be_near_threshold(const Reduced& reduced, SpreadResult& result) {
+  const auto holds_it = [](const std::vector<Suspect>& set) {
+    return std::ranges::any_of(set, is_steeper_than_a_receiver);
+  };
+  if (is_accepted(result, "dropout")) {
+    // Echoes that are about to be lost scatter more: the same cause.
+    const auto bring_along = [&](const std::vector<Suspect>& list) {
+      std::ranges::copy_if(list, std::back_inserter(result.brought_along), is_steeper_than_a_receiver);
+    };
+    bring_along(result.accepted);
+    std::erase_if(result.accepted, is_steeper_than_a_receiver);
+    for (const auto& set : result.undecided) bring_along(set);
+    std::erase_if(result.undecided, holds_it);
+    return;
+  }
+  const Suspect dropout = dropout_below(weakest_echo(reduced));
+  const auto noise = std::ranges::find_if(result.accepted, is_steeper_than_a_receiver);
+  if (noise != result.accepted.end()) {
+    result.undecided.push_back({*noise});
+    result.accepted.erase(noise);
+  }
+  for (auto& set : result.undecided) {
+    if (!holds_it(set)) continue;
+    set.insert(set.begin() + 1, dropout);
+    set[1].gain = set.front().gain;
+    set[1].evidence = set.front().evidence;
+  }
 }
 
 }  // namespace fit::explain::spread

@@ -49,7 +49,8 @@ void distrust_beside_coarse_steps(const Reduced& reduced, SpreadResult& result);
 void losses(const Reduced& reduced, SpreadResult& result);
 
 /// Does the noise of weak echoes grow more steeply than a receiver's own does? So it does where they are
-/// about to be lost, though none has been yet: then it is `intensity-noise` or `dropout`.
-void may_be_near_threshold(SpreadResult& result);
+/// about to be lost: `dropout` brings it along, and where none has been lost yet it is `intensity-noise` or
+/// `dropout`.
+void may_be_near_threshold(const Reduced& reduced, SpreadResult& result);
 
 }  // namespace fit::explain::spread

@@ -12,10 +12,14 @@ Suspect suspected(const char* id) {
   return suspect;
 }
 
-bool is(const Suspect& suspect, const char* id) { return suspect.mechanism->id == id; }
+bool is(const Suspect& suspect, const char* id) { return suspect.mechanism && suspect.mechanism->id == id; }
 
 bool is_accepted(const SpreadResult& result, const char* id) {
   return std::ranges::any_of(result.accepted, [&](const Suspect& s) { return is(s, id); });
+}
+
+bool is_steeper_than_a_receiver(const Suspect& suspect) {
+  return is(suspect, "intensity-noise") && suspect.parameters.at("exponent").value > steepest_of_noise;
 }
 
 double price_of_size(double gain) { return 0.5 * std::log(1 + 2 * std::max(0.0, gain)) + 0.7; }

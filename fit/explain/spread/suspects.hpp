@@ -19,6 +19,8 @@ constexpr double steepest_of_noise = 5;
 [[nodiscard]] Suspect suspected(const char* id);
 [[nodiscard]] bool is(const Suspect& suspect, const char* id);
 [[nodiscard]] bool is_accepted(const SpreadResult& result, const char* id);
+/// Noise of weak echoes that grows more steeply than a receiver's own does.
+[[nodiscard]] bool is_steeper_than_a_receiver(const Suspect& suspect);
 
 /// Log of what one size costs that was found with that gain of the log-likelihood.
 [[nodiscard]] double price_of_size(double gain);

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "fit/explain/spread/noise_columns.hpp"
 #include "fit/explain/spread/questions.hpp"
 #include "fit/explain/spread/suspects.hpp"
 #include "fit/explain/spread/variance_model.hpp"
@@ -21,37 +22,6 @@ Estimate known_noise(const Bench& bench) {
   Estimate stated = stated_noise(bench);
   stated.u = std::max(stated.u, 0.02 * stated.value);
   return stated;
-}
-
-// What the variance may depend on: a column each, for pools of the same noise of size one.
-
-Column of_intensity(const std::vector<Pool>& pools, double exponent) {
-  Column column;
-  for (const Pool& p : pools)
-    column.push_back(std::isfinite(p.intensity) ? std::pow(1000 / std::max(20.0, p.intensity), exponent) : 0);
-  return column;
-}
-
-Column of_light(const std::vector<Pool>& pools, double centre_deg, double width_deg) {
-  Column column;
-  for (const Pool& p : pools) {
-    const double away = wrap_angle((p.beam_deg - centre_deg) * rad_per_deg) * deg_per_rad / width_deg;
-    column.push_back(std::exp(-away * away / 2));
-  }
-  return column;
-}
-
-Column of_lever(const std::vector<Pool>& pools) {
-  Column column;
-  for (const Pool& p : pools) column.push_back(p.lever2);
-  return column;
-}
-
-Column of_suspect(const std::vector<Pool>& pools, const Suspect& suspect) {
-  const auto value = [&](const char* name) { return suspect.parameters.at(name).value; };
-  if (is(suspect, "intensity-noise")) return of_intensity(pools, value("exponent"));
-  if (is(suspect, "sunlight")) return of_light(pools, value("centre_deg"), value("width_deg"));
-  return of_lever(pools);
 }
 
 /// Finds, part by part, what the noise of single samples consists of.
@@ -74,7 +44,7 @@ class VarianceSearch {
     result.sigma_mm = std::sqrt(base_.value[0]);
     if (scans_jitter) whole_jitter(result);
     if (unconfirmed_ && result.accepted.empty() && result.undecided.empty() && result.unknown.empty())
-      result.unknown.push_back(noise_of_some_captures(*unconfirmed_));
+      tell_unconfirmed(result);
     if (parts_.places > 0) result.sigma_by_capture_mm = sigma_by_capture();
   }
 
@@ -119,6 +89,14 @@ class VarianceSearch {
       return true;
     });
     return suspects;
+  }
+
+  /// Only the weakest echoes show what is so steep: there others cannot confirm it.
+  void tell_unconfirmed(SpreadResult& result) const {
+    if (is_steeper_than_a_receiver(*unconfirmed_))
+      result.undecided.push_back({*unconfirmed_, Suspect{}});
+    else
+      result.unknown.push_back(noise_of_some_captures(*unconfirmed_));
   }
 
   /// What is there beyond doubt, but which captures that it was not fitted to do not confirm.
@@ -186,7 +164,7 @@ class VarianceSearch {
 
   [[nodiscard]] Suspect intensity_noise() const {
     Suspect best = suspected("intensity-noise");
-    for (const double exponent : {1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.5, 8.0, 12.0, 18.0}) {
+    for (const double exponent : exponents_of_noise) {
       double gain = 0;
       const auto fit = fit_with(of_intensity(pools(), exponent), gain);
       // Steeper than any receiver's own noise only if that is clear.

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/spread/noise_columns.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fit/angle.hpp"
+#include "fit/explain/spread/suspects.hpp"
+
+namespace fit::explain::spread {
+
+Column of_intensity(const std::vector<Pool>& pools, double exponent) {
+  Column column;
+  for (const Pool& p : pools)
+    column.push_back(std::isfinite(p.intensity) ? std::pow(1000 / std::max(20.0, p.intensity), exponent) : 0);
+  return column;
+}
+
+Column of_light(const std::vector<Pool>& pools, double centre_deg, double width_deg) {
+  Column column;
+  for (const Pool& p : pools) {
+    const double away = wrap_angle((p.beam_deg - centre_deg) * rad_per_deg) * deg_per_rad / width_deg;
+    column.push_back(std::exp(-away * away / 2));
+  }
+  return column;
+}
+
+Column of_lever(const std::vector<Pool>& pools) {
+  Column column;
+  for (const Pool& p : pools) column.push_back(p.lever2);
+  return column;
+}
+
+Column of_suspect(const std::vector<Pool>& pools, const Suspect& suspect) {
+  const auto value = [&](const char* name) { return suspect.parameters.at(name).value; };
+  if (is(suspect, "intensity-noise")) return of_intensity(pools, value("exponent"));
+  if (is(suspect, "sunlight")) return of_light(pools, value("centre_deg"), value("width_deg"));
+  if (is(suspect, "range-noise")) return Column(pools.size(), 1);
+  return of_lever(pools);
+}
+
+double size_of(const Suspect& suspect) {
+  const auto value = [&](const char* name) { return suspect.parameters.at(name).value; };
+  const double size = is(suspect, "intensity-noise") ? value("sigma_mm_at_1000_counts")
+                      : is(suspect, "angle-jitter")  ? value("sigma_deg") * rad_per_deg
+                                                     : value("sigma_mm");
+  return size * size;
+}
+
+}  // namespace fit::explain::spread

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/spread/rivals.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fit/explain/spread/noise_columns.hpp"
+#include "fit/explain/spread/suspects.hpp"
+#include "fit/explain/spread/variance_model.hpp"
+#include "fit/explain/stated_noise.hpp"
+
+namespace fit::explain::spread {
+namespace {
+
+/// Probability that an echo of so many counts is lost.
+double lost(const Suspect& suspect, double intensity) {
+  constexpr double rarest = 1e-6;
+  if (!is(suspect, "dropout") || !suspect.parameters.contains("intensity_min")) return rarest;
+  const double at = suspect.parameters.at("intensity_min").value,
+               width = suspect.parameters.at("width").value;
+  return std::clamp(1 / (1 + std::exp((intensity - at) / width)), rarest, 1 - rarest);
+}
+
+/// What cells would tell of echoes that one loses and the other does not.
+double evidence_of_losses(const Reduced& reduced, const Suspect& truth, const Suspect& rival) {
+  double sum = 0;
+  for (const Cell& cell : reduced.cells) {
+    if (!cell.smooth || !std::isfinite(cell.at.intensity)) continue;
+    const double p = lost(truth, cell.at.intensity), q = lost(rival, cell.at.intensity);
+    sum += cell.n * (p * std::log(p / q) + (1 - p) * std::log((1 - p) / (1 - q)));
+  }
+  return sum;
+}
+
+/// All ways in which a suspect may make noise: it keeps its place, and noise of weak echoes may take another
+/// exponent.
+std::vector<Parts> ways_of(const std::vector<Pool>& pools, const Suspect& suspect) {
+  if (is(suspect, "range-noise")) {
+    Parts constant;
+    constant.free = true;
+    return {constant};
+  }
+  if (!is(suspect, "intensity-noise")) return {Parts().with(of_suspect(pools, suspect))};
+  std::vector<Parts> ways;
+  for (const double exponent : exponents_of_noise)
+    ways.push_back(Parts().with(of_intensity(pools, exponent)));
+  return ways;
+}
+
+/// The variance of every pool if that suspect is true, as large as it came out.
+std::vector<Pool> expected(const Reduced& reduced, const Suspect& truth) {
+  const VarianceModel recorded(pools_of(reduced), stated_noise(reduced.bench), 0, 1);
+  std::vector<Pool> pools = recorded.pools();
+  const Column column = of_suspect(pools, truth);
+  const double constant = recorded.fit(Parts().with(column)).at(0).value, size = size_of(truth);
+  for (std::size_t i = 0; i < pools.size(); ++i) pools[i].variance = constant + size * column[i];
+  return pools;
+}
+
+double evidence_of_noise(const Reduced& reduced, const Suspect& truth, const Suspect& rival) {
+  // Echoes that are about to be lost scatter as much as any noise that is as steep.
+  if (is(truth, "dropout") || is(rival, "dropout")) return 0;
+  const VarianceModel model(expected(reduced, truth), stated_noise(reduced.bench), 0, 1);
+  const auto best = [&](const Suspect& suspect) {
+    double likelihood = -1e300;
+    for (const Parts& way : ways_of(model.pools(), suspect))
+      likelihood = std::max(likelihood, model.fit(way).log_likelihood);
+    return likelihood;
+  };
+  return std::max(0.0, best(truth) - best(rival));
+}
+
+}  // namespace
+
+Eigen::MatrixXd evidence_between(const Reduced& reduced, const std::vector<Suspect>& suspects) {
+  const auto count = static_cast<Eigen::Index>(suspects.size());
+  Eigen::MatrixXd evidence = Eigen::MatrixXd::Zero(count, count);
+  for (Eigen::Index i = 0; i < count; ++i)
+    for (Eigen::Index j = 0; j < count; ++j) {
+      if (i == j) continue;
+      const Suspect &truth = suspects[static_cast<std::size_t>(i)],
+                    &rival = suspects[static_cast<std::size_t>(j)];
+      evidence(i, j) = evidence_of_noise(reduced, truth, rival) + evidence_of_losses(reduced, truth, rival);
+    }
+  return evidence;
+}
+
+}  // namespace fit::explain::spread
