@@ -61,7 +61,7 @@ Base base_columns(const MeanModel& model, const Hypothesis& h) {
   base.all.columns_mm = model.nuisance_columns();
   const Nuisance stated(bench);
   base.all.prior.mean = stated.as_vector() - h.nuisance.as_vector();
-  base.all.prior.sigma = Nuisance::prior_sigma(bench);
+  base.all.prior.sigma = h.bench_u;
   for (const Term& term : known_terms(bench)) {
     Columns c = linear_columns(model, term);
     std::size_t k = 0;

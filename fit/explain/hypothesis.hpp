@@ -9,8 +9,10 @@ namespace fit::explain {
 
 /// One way to explain the means: where things stand, which mechanisms work, which unnamed functions remain.
 struct Hypothesis {
-  explicit Hypothesis(const Bench& bench) : nuisance(bench) {}
+  explicit Hypothesis(const Bench& bench) : nuisance(bench), bench_u(Nuisance::prior_sigma(bench)) {}
   Nuisance nuisance;
+  /// Standard uncertainties of mount and targets: the bench file's, or wider where that is not believed.
+  Eigen::VectorXd bench_u;
   std::vector<Term> terms;
   std::vector<Shape> shapes;
   double evidence =

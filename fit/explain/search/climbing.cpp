@@ -104,6 +104,25 @@ Hypothesis from_unnamed(Fitting& fitting, const Hypothesis& empty) {
   return best;
 }
 
+/// Two mechanisms together may look like a third one: from those that explain a good part of what the best
+/// one does, with one more.
+Hypothesis from_parts(Fitting& fitting, const Hypothesis& empty, const Hypothesis& best) {
+  constexpr double good_part = 0.3;
+  constexpr std::size_t parts = 3, tries = 3;
+  const double gain = best.evidence - empty.evidence;
+  Hypothesis found = best;
+  std::size_t tried = 0;
+  for (const Candidate& part : candidates(fitting, empty, {.unnamed = false})) {
+    if (tried == parts || part.evidence < good_part * gain) break;
+    if (best.has(part.term)) continue;
+    ++tried;
+    const auto two =
+        with_one_more(fitting, fitting.extended(empty, part), {.tries = tries, .unnamed = false});
+    if (two && two->evidence > found.evidence + odds::worth_a_move) found = *two;
+  }
+  return found.evidence > best.evidence ? climbed(fitting, found, {}) : best;
+}
+
 }  // namespace
 
 Hypothesis climbed(Fitting& fitting, Hypothesis h, const Way& way) {
@@ -125,6 +144,8 @@ Hypothesis explored(Fitting& fitting, Hypothesis empty, const Progress& progress
   fitting.fit(empty);
   Hypothesis best = climbed(fitting, empty, {});
   report(progress, 0.4);
+  if (best.terms.size() == 1 && best.shapes.empty() && fitting.has_patience())
+    best = from_parts(fitting, empty, best);
   if (best.terms.size() + best.shapes.size() > 0 && fitting.has_patience()) {
     // Another way up: whatever is there may be one unnamed function instead of several mechanisms.
     const Hypothesis other = from_unnamed(fitting, empty);

@@ -94,6 +94,10 @@ class Judgement {
         const std::vector<Term> set = only_priors(fitting_, best_.terms[t], less);
         if (set.size() == 1 && says_where_a_target_stands(set.front())) continue;
         result_.stated_otherwise.push_back(set);
+        best_ = less;
+        believe_bench_less(best_, fitting_.bench());
+        fitting_.fit(best_);
+        return true;
       }
       best_ = less;
       return true;

@@ -2,6 +2,7 @@
 #include "fit/explain/search/priors.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "fit/explain/odds.hpp"
 #include "fit/explain/search/candidates.hpp"
@@ -9,21 +10,28 @@
 namespace fit::explain::search {
 namespace {
 
-/// Half the squared distance of mount and targets from what the bench file states, in its uncertainties.
-double strain(const Hypothesis& h, const Bench& bench) {
-  const Eigen::VectorXd u = Nuisance::prior_sigma(bench),
-                        off = h.nuisance.as_vector() - Nuisance(bench).as_vector();
-  double sum = 0;
-  for (Eigen::Index i = 0; i < u.size(); ++i)
-    if (u[i] > 0) sum += 0.5 * off[i] * off[i] / (u[i] * u[i]);
-  return sum;
+/// How far mount and targets are from where the bench file states them, in the uncertainties believed.
+Eigen::VectorXd strains(const Hypothesis& h, const Bench& bench) {
+  Eigen::VectorXd list = h.nuisance.as_vector() - Nuisance(bench).as_vector();
+  for (Eigen::Index i = 0; i < list.size(); ++i)
+    list[i] = h.bench_u[i] > 0 ? std::abs(list[i]) / h.bench_u[i] : 0;
+  return list;
 }
+
+double strain(const Hypothesis& h, const Bench& bench) { return 0.5 * strains(h, bench).squaredNorm(); }
 
 }  // namespace
 
 bool relieves_priors(const Hypothesis& best, const Hypothesis& less, const Bench& bench) {
   const double gain = best.evidence - less.evidence;
   return gain > odds::strained && strain(less, bench) - strain(best, bench) > 0.4 * gain;
+}
+
+void believe_bench_less(Hypothesis& h, const Bench& bench) {
+  constexpr double strained = 2;
+  const Eigen::VectorXd list = strains(h, bench);
+  for (Eigen::Index i = 0; i < list.size(); ++i)
+    if (list[i] > strained) h.bench_u[i] *= list[i];
 }
 
 std::vector<Term> only_priors(Fitting& fitting, const Term& term, const Hypothesis& less) {

@@ -11,6 +11,10 @@ namespace fit::explain::search {
 /// file states them.
 [[nodiscard]] bool relieves_priors(const Hypothesis& best, const Hypothesis& less, const Bench& bench);
 
+/// Where a hypothesis has mount and targets far from where the bench file states them, it is believed so much
+/// less: the file may be wrong there, and nothing else is to be named only because it relieves that.
+void believe_bench_less(Hypothesis& h, const Bench& bench);
+
 /// A term that only the bench file's uncertainties show, and others that would relieve them as well. `less`:
 /// without it.
 [[nodiscard]] std::vector<Term> only_priors(Fitting& fitting, const Term& term, const Hypothesis& less);

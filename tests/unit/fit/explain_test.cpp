@@ -248,6 +248,43 @@ TEST_CASE("a wall that stands turned is told as such, exactly, and nothing else 
   CHECK(e.after.rms_mm < 1.02 * e.noise_floor_mm);
 }
 
+TEST_CASE("an offset and a scale together are no wave that a regular ladder aliases") {
+  // Far more than the bench file's uncertainty lets the board take up: two sets hold the two, and no single
+  // name is given to both.
+  const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 1081,
+    "front_step": 540, "step_deg": 0.25, "scan_hz": 40}, "targets": [{"name": "board", "from_mm": [300, -300],
+    "to_mm": [300, 300], "u_mm": 3}]})");
+  constexpr double offset_mm = 39, scale = 2.5e-4, sigma_mm = 5;
+  std::mt19937 random(5);
+  std::normal_distribution<double> noise(0, sigma_mm);
+  SyntheticRecording ladder(bench, [&](const fit::CaptureInfo& capture, std::int64_t,
+                                       std::vector<std::uint16_t>& range, std::vector<std::uint16_t>&) {
+    for (std::size_t i = 0; i < range.size(); ++i) {
+      const double slant = (static_cast<double>(i) - 8) * 0.25 * rad_per_deg,
+                   far = (300 + capture.target_shift_mm) / std::cos(slant);
+      range[i] = static_cast<std::uint16_t>(std::lround(far * (1 + scale) + offset_mm + noise(random)));
+    }
+  });
+  for (int i = 0; i < 50; ++i) {
+    fit::CaptureInfo capture;
+    capture.target = "board";
+    capture.target_shift_mm = 170.0 * i;
+    capture.first_step = 532;
+    capture.last_step = 548;
+    capture.started_us = 30'000'000LL * i;
+    ladder.add(capture, 60);
+  }
+  const Explanation e = explain({&ladder}, {});
+  INFO(to_text(e));
+  CHECK(names(e).empty());
+  const auto some_set_holds = [&](const char* id) {
+    return std::ranges::any_of(e.undecided_between,
+                               [&](const auto& set) { return std::ranges::count(set, id) > 0; });
+  };
+  CHECK(some_set_holds("zero-offset"));
+  CHECK(some_set_holds("range-scale"));
+}
+
 TEST_CASE("a bias that no mechanism makes is called unknown and described") {
   ImaginedRoom room;
   room.stretch = [](double beam, double, double) { return 4 * std::sin(7 * beam + 0.4); };
