@@ -46,17 +46,28 @@ void add_newest_capture(json& state, const fit::Recording& recording) {
   state["stage_deg"] = capture.stage_readback_rad.value_or(capture.stage_rad) * fit::deg_per_rad;
 }
 
+/// A member that may be missing, or null where there is no number.
+double number_or(const json& object, const char* name, double otherwise) {
+  const auto found = object.find(name);
+  return found != object.end() && found->is_number() ? found->get<double>() : otherwise;
+}
+
+std::string text_or(const json& object, const char* name, const std::string& otherwise) {
+  const auto found = object.find(name);
+  return found != object.end() && found->is_string() ? found->get<std::string>() : otherwise;
+}
+
 void add_results(json& state, const SessionStore& session) {
   for (const SessionStore::Result& result : session.latest_results()) {
     const json document = json::parse(result.json, nullptr, false);
     if (!document.is_object() || !document.contains("values") || !document.at("values").is_array()) continue;
     for (const json& value : document.at("values")) {
       if (!value.is_object() || !value.contains("value") || !value.at("value").is_number()) continue;
-      const double expanded = value.value("U", 2 * value.value("u", 0.0));
-      state["results"].push_back(
-          {{"name", value.value("label", value.value("name", result.kind))},
-           {"text", format_value(value.at("value").get<double>(), expanded) + " " + value.value("unit", "") +
-                        (expanded > 0 ? ", U " + format_uncertainty(expanded) : "")}});
+      const double expanded = number_or(value, "U", 2 * number_or(value, "u", 0));
+      state["results"].push_back({{"name", text_or(value, "label", text_or(value, "name", result.kind))},
+                                  {"text", format_value(value.at("value").get<double>(), expanded) + " " +
+                                               text_or(value, "unit", "") +
+                                               (expanded > 0 ? ", U " + format_uncertainty(expanded) : "")}});
     }
   }
 }

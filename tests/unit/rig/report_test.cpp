@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "rig/report.hpp"
 
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <catch2/catch.hpp>
@@ -10,6 +11,7 @@
 #include <sstream>
 
 #include "rig/errors.hpp"
+#include "rig/live/session_state.hpp"
 
 namespace {
 
@@ -88,4 +90,27 @@ TEST_CASE("a certificate that cannot be written says why and leaves nothing behi
   CHECK_THROWS_AS(rig::write_report(session, (folder.path / "c.docx").string()), rig::UsageError);
   CHECK_THROWS_AS(rig::write_report(session, (folder.path / "none" / "c.html").string()), rig::UsageError);
   CHECK(!std::filesystem::exists(folder.path / "c.docx"));
+}
+
+TEST_CASE("results without an uncertainty, or without words, are shown by those who watch a session") {
+  const Folder folder;
+  const std::string file = make_session(folder);
+  {
+    rig::SessionStore store(file, rig::SessionStore::Mode::append);
+    store.add_result("deskew", R"({"schema":"result/1","kind":"deskew","values":[
+      {"name":"scans","label":null,"value":320,"u":null,"U":null,"unit":null}]})");
+  }
+  const nlohmann::json state = rig::state_of(rig::SessionStore(file, rig::SessionStore::Mode::read));
+  REQUIRE(state.at("results").size() == 2);
+  const nlohmann::json& shown = state.at("results").at(1);
+  CHECK(shown.at("name") == "scans");
+  CHECK(shown.at("text").get<std::string>().starts_with("320"));
+}
+
+TEST_CASE("a certificate on paper replaces no pipe") {
+  const Folder folder;
+  const std::string session = make_session(folder), pipe = (folder.path / "way.pdf").string();
+  REQUIRE(::mkfifo(pipe.c_str(), 0600) == 0);
+  CHECK_THROWS_AS(rig::write_report(session, pipe), rig::UsageError);
+  CHECK(std::filesystem::is_fifo(pipe));
 }
