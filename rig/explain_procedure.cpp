@@ -107,6 +107,7 @@ std::string steps_of(const Experiment& e, const fit::LidarGeometry& lidar) {
       break;
     case Experiment::Kind::ladder:
     case Experiment::Kind::greys:
+    case Experiment::Kind::dark:
       for (const CaptureInfo& c : e.captures)
         if (e.by_hand)
           steps +=

@@ -95,7 +95,7 @@ Experiment greys(const Bench& bench, const Target& target) {
 /// The weakest echoes that a bench can make.
 Experiment dark(const Bench& bench, const Target& target) {
   Experiment e =
-      experiment(Experiment::Kind::greys, "Target '" + target.name + "' in dark greys, far away", 60);
+      experiment(Experiment::Kind::dark, "Target '" + target.name + "' in dark greys, far away", 60);
   const double distance_mm = std::abs(target.from_mm.dot(target.outward_normal()));
   for (const double away_mm : {2300, 4200, 6500, 9800})
     for (const double rho : {0.2, 0.1, 0.05, 0.02}) {
@@ -206,7 +206,8 @@ double work_s(const Experiment& e) {
   if (e.captures.empty()) return 0;
   const double passed =
       static_cast<double>(e.captures.back().started_us - e.captures.front().started_us) * 1e-6;
-  const bool hands = e.by_hand || e.kind == Experiment::Kind::ladder || e.kind == Experiment::Kind::greys;
+  const bool hands = e.by_hand || e.kind == Experiment::Kind::ladder || e.kind == Experiment::Kind::greys ||
+                     e.kind == Experiment::Kind::dark;
   return passed + (hands ? by_hand_s * static_cast<double>(e.captures.size()) : 0) +
          (e.steady ? e.captures.front().since_power_on_s.value_or(0) : 0) +
          (e.kind == Experiment::Kind::cold_start ? cooling_s : 0);

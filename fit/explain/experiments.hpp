@@ -13,7 +13,7 @@ constexpr double steady_c = 25;
 
 /// What the bench can do to separate suspects: a list of captures and what the operator changes between them.
 struct Experiment {
-  enum class Kind { all_round, both_sides, ladder, greys, heat, cold_start, turning };
+  enum class Kind { all_round, both_sides, ladder, greys, dark, heat, cold_start, turning };
   Kind kind = Kind::all_round;
   std::string title;
   std::vector<CaptureInfo> captures;

@@ -104,8 +104,10 @@ void hold_steady(Experiment& e, const Explanation& explanation) {
     if (!c.temperature_c) c.temperature_c = steady_c;
 }
 
-/// A turning stage brings errors of its own: it is for suspects that show nowhere else.
+/// A turning stage brings errors of its own, and echoes that are as weak as a bench can make them are lost by
+/// every lidar: these are for suspects that show nowhere else.
 bool worth_imagining(const Experiment& e, const Explanation& explanation) {
+  if (e.kind == Experiment::Kind::dark) return !explanation.noise_suspects.empty();
   return e.kind != Experiment::Kind::turning ||
          std::ranges::any_of(explanation.suspects, [](const Term& term) {
            return term.mechanism->coordinate == Coordinate::stage_rate ||

@@ -14,9 +14,12 @@ constexpr double rarest = 1e-6;  // probability of no echo: so many are lost wha
 
 constexpr double doubt_rad = 1.5 * rad_per_deg, widest_slit_rad = 6 * rad_per_deg;
 
-/// By how much a target may stand aside from where it is said to stand, as seen by that cell.
-double displaced_rad(const Cell& cell) {
+/// By how much a target may stand aside from where it is said to stand, as seen by that cell: 60 mm at half a
+/// metre, and the same angle farther off, where one that is not seen at all may not be there. Where other
+/// echoes scatter as those do that are about to be lost, it is.
+double displaced_rad(const Cell& cell, bool near_threshold) {
   constexpr double aside_mm = 60, most_rad = 6 * rad_per_deg;
+  if (!near_threshold) return most_rad;
   return std::clamp(aside_mm / std::max(1.0, cell.sight.range_mm), doubt_rad, most_rad);
 }
 
@@ -44,16 +47,16 @@ bool may_be_a_slit(const Reduced& reduced, std::size_t index) {
 }
 
 /// Near an edge, unless its neighbours on both sides, farther than edges blur, see the target as well.
-bool may_miss_its_target(const Reduced& reduced, std::size_t index) {
+bool may_miss_its_target(const Reduced& reduced, std::size_t index, bool near_threshold) {
   constexpr double blur_rad = 0.5 * rad_per_deg;
   const Cell& cell = reduced.cells[index];
-  const double to_edge = std::abs(cell.at.edge_rad);
+  const double to_edge = std::abs(cell.at.edge_rad), displaced = displaced_rad(cell, near_threshold);
   if (to_edge < blur_rad || may_be_a_slit(reduced, index)) return true;
   // Nearer than `doubt_rad` to an edge its neighbours must see the target, on both sides; a beam without any
   // echo from farther inside needs only something of the target on both sides.
   const bool near = to_edge < doubt_rad;
-  if (!near && (cell.n > 0 || to_edge > displaced_rad(cell))) return false;
-  const double from = near ? blur_rad : 0, to = near ? 2 * blur_rad : displaced_rad(cell);
+  if (!near && (cell.n > 0 || to_edge > displaced)) return false;
+  const double from = near ? blur_rad : 0, to = near ? 2 * blur_rad : displaced;
   const Group& group = reduced.groups[static_cast<std::size_t>(cell.group)];
   const auto sees_it = [&](const Cell& other) {
     return other.sight.target == cell.sight.target && 2 * other.n > other.n + other.stray + other.lost;
@@ -78,12 +81,13 @@ struct Counts {
 };
 
 /// Of all cells that cannot but meet their target.
-Counts count(const Reduced& reduced) {
+Counts count(const Reduced& reduced, bool near_threshold) {
   Counts counts;
   for (std::size_t i = 0; i < reduced.cells.size(); ++i) {
     const Cell& cell = reduced.cells[i];
     if (cell.n + cell.lost == 0) continue;
-    if (std::abs(cell.at.incidence_rad) > 75 * rad_per_deg || may_miss_its_target(reduced, i)) continue;
+    if (std::abs(cell.at.incidence_rad) > 75 * rad_per_deg || may_miss_its_target(reduced, i, near_threshold))
+      continue;
     const double all = cell.n + cell.stray + cell.lost;
     counts.cells.push_back(
         {cell.at.intensity, cell.beam_rad * deg_per_rad, static_cast<double>(cell.lost), all});
@@ -176,6 +180,15 @@ Unexplained lost_anywhere(const Counts& counts) {
   return u;
 }
 
+bool holds_steep_noise(const std::vector<Suspect>& set) {
+  return std::ranges::any_of(set, is_steeper_than_a_receiver);
+}
+
+/// Whether weak echoes scatter as those do that are about to be lost.
+bool is_near_threshold(const SpreadResult& result) {
+  return holds_steep_noise(result.accepted) || std::ranges::any_of(result.undecided, holds_steep_noise);
+}
+
 /// Mean intensity of the cell that is darkest.
 double weakest_echo(const Reduced& reduced) {
   double weakest = 1e9;
@@ -196,7 +209,7 @@ Suspect dropout_below(double weakest) {
 
 void losses(const Reduced& reduced, SpreadResult& result) {
   constexpr double price = 8;
-  const Counts counts = count(reduced);
+  const Counts counts = count(reduced, is_near_threshold(result));
   if (counts.lost < 3 || counts.all < 100) return;
   const double none = counts.lost * std::log(rarest), constant = constant_likelihood(counts);
   const Threshold threshold = reduced.has_intensity ? best_threshold(counts, constant) : Threshold{constant};
@@ -232,9 +245,6 @@ void losses(const Reduced& reduced, SpreadResult& result) {
 }
 
 void may_be_near_threshold(const Reduced& reduced, SpreadResult& result) {
-  const auto holds_it = [](const std::vector<Suspect>& set) {
-    return std::ranges::any_of(set, is_steeper_than_a_receiver);
-  };
   if (is_accepted(result, "dropout")) {
     // Echoes that are about to be lost scatter more: the same cause.
     const auto bring_along = [&](const std::vector<Suspect>& list) {
@@ -243,7 +253,7 @@ void may_be_near_threshold(const Reduced& reduced, SpreadResult& result) {
     bring_along(result.accepted);
     std::erase_if(result.accepted, is_steeper_than_a_receiver);
     for (const auto& set : result.undecided) bring_along(set);
-    std::erase_if(result.undecided, holds_it);
+    std::erase_if(result.undecided, holds_steep_noise);
     return;
   }
   const Suspect dropout = dropout_below(weakest_echo(reduced));
@@ -253,7 +263,7 @@ void may_be_near_threshold(const Reduced& reduced, SpreadResult& result) {
     result.accepted.erase(noise);
   }
   for (auto& set : result.undecided) {
-    if (!holds_it(set)) continue;
+    if (!holds_steep_noise(set)) continue;
     set.insert(set.begin() + 1, dropout);
     set[1].gain = set.front().gain;
     set[1].evidence = set.front().evidence;
