@@ -16,10 +16,11 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double window_deg = 3;
-constexpr double least_away_deg = 0.3;                     // of a beam from where the surface changes
-constexpr double beside_deg = 0.06;                        // ... if it need not be told from a wide beam
-constexpr double least_gap_mm = 15, largest_gap_mm = 500;  // farther echoes are two
-constexpr double halo_deg = 0.7, halo_ends_deg = 1.01;     // as fit/mechanisms/crosstalk.cpp and Scene::pull
+constexpr double least_away_deg = 0.3;  // of a beam from where the surface changes
+constexpr double beside_deg = 0.06;     // ... if it need not be told from a wide beam
+constexpr double least_gap_mm = 15, largest_gap_mm = 3000;
+constexpr double one_echo_mm = 500;  // farther apart they are two, and only the tail of one reaches the other
+constexpr double halo_deg = 0.7, halo_ends_deg = 1.01;  // as fit/mechanisms/crosstalk.cpp and Scene::pull
 // Logarithms of odds. Of 22 recordings with panels and nothing missing none came nearer than 4.6 to
 // acceptance.
 constexpr double accept_at = 1.5, told_apart_at = 3.5;
@@ -312,21 +313,24 @@ double Beside::rival() const {
 }  // namespace
 
 std::optional<StrayLight> stray_light(const Reduced& reduced, const MeanResult& means) {
-  const Edges edges(reduced, means);
-  std::vector<Row> clear;
-  std::ranges::copy_if(edges.rows(), std::back_inserter(clear),
-                       [](const Row& row) { return row.away_deg >= least_away_deg; });
   constexpr std::size_t fewest = 40;
-  if (clear.size() < fewest) return {};
-  const Beside beside(std::move(clear), reduced.bench.targets.size());
-  if (beside.shows(accept_at)) {
-    const double rival = beside.rival();
-    if (rival > beside.best() + told_apart_at) return {};
-    // Nothing, or the rival: their odds add.
-    StrayLight light =
-        beside.said(-std::log(std::exp(price - beside.best()) + std::exp(rival - beside.best())));
-    light.or_mixed_pixel = rival > beside.best() - told_apart_at;
-    return light;
+  const Edges edges(reduced, means);
+  if (edges.rows().size() < fewest) return {};
+  std::vector<Row> clear;
+  std::ranges::copy_if(edges.rows(), std::back_inserter(clear), [](const Row& row) {
+    return row.away_deg >= least_away_deg && std::abs(row.gap_mm) < one_echo_mm;
+  });
+  if (clear.size() >= fewest) {
+    const Beside beside(std::move(clear), reduced.bench.targets.size());
+    if (beside.shows(accept_at)) {
+      const double rival = beside.rival();
+      if (rival > beside.best() + told_apart_at) return {};
+      // Nothing, or the rival: their odds add.
+      StrayLight light =
+          beside.said(-std::log(std::exp(price - beside.best()) + std::exp(rival - beside.best())));
+      light.or_mixed_pixel = rival > beside.best() - told_apart_at;
+      return light;
+    }
   }
   // The beams nearest to the edges alone cannot tell stray light from a beam that is wider than known.
   const Beside nearest(edges.rows(), reduced.bench.targets.size());
