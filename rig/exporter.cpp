@@ -37,8 +37,6 @@ void run_export(const std::string& format, const ExportSource& source, const std
   const Exporter& exporter = exporter_of(format);
   if (!source.session && !exporter.accepts_files())
     throw UsageError(source.path + " is not a session file (*.rig), which the format '" + format + "' needs");
-  if (is_no_plain_file(output))
-    throw UsageError("cannot write " + output + ": it is no plain file. Give -o the name of a file.");
   write_beside(output, [&](const std::string& part) { exporter.write(source, part); });
 }
 

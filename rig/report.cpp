@@ -558,8 +558,6 @@ void write_report(const std::string& session_file, const std::string& output) {
   if (ending == ".json") return write_file_atomically(output, certificate_text(session, session_file));
   const std::string html = to_html(make_certificate(session, session_file));
   if (ending == ".html") return write_file_atomically(output, html);
-  if (is_no_plain_file(output))
-    throw UsageError("cannot write " + output + ": it is no plain file. Give -o the name of a file.");
   write_pdf(html, output);
 }
 

@@ -17,6 +17,8 @@ bool is_no_plain_file(const std::string& path) {
 }
 
 void write_beside(const std::string& path, const std::function<void(const std::string& part)>& write) {
+  if (is_no_plain_file(path))
+    throw UsageError("cannot write " + path + ": it is no plain file. Give -o the name of a file.");
   const std::string part = path + ".part" + std::to_string(::getpid());
   std::error_code ignored;
   try {

@@ -63,17 +63,22 @@ Experiment from_both_sides(Experiment e, const Bench& bench, double from_deg, do
   return e;
 }
 
+double distance_of(const Target& target) { return std::abs(target.from_mm.dot(target.outward_normal())); }
+
+/// One more capture of a target that was moved and covered.
+void add_placement(Experiment& e, const Bench& bench, const Target& target, double shift_mm, double rho) {
+  CaptureInfo c = aimed(bench, target);
+  c.target_shift_mm = shift_mm;
+  c.reflectance = rho;
+  e.captures.push_back(c);
+}
+
 Experiment ladder(const Bench& bench, const Target& target) {
   Experiment e = experiment(Experiment::Kind::ladder,
                             "Target '" + target.name + "' at many distances, bright and dark", 60);
-  const double distance_mm = std::abs(target.from_mm.dot(target.outward_normal()));
   for (const double rho : {0.85, 0.4, 0.12})
-    for (const double away_mm : {300, 450, 650, 900, 1250, 1700, 2300, 3100, 4200, 5700, 7700}) {
-      CaptureInfo c = aimed(bench, target);
-      c.target_shift_mm = away_mm - distance_mm;
-      c.reflectance = rho;
-      e.captures.push_back(c);
-    }
+    for (const double away_mm : {300, 450, 650, 900, 1250, 1700, 2300, 3100, 4200, 5700, 7700})
+      add_placement(e, bench, target, away_mm - distance_of(target), rho);
   number(e, 20, 3600);
   return e;
 }
@@ -82,12 +87,8 @@ Experiment greys(const Bench& bench, const Target& target) {
   Experiment e =
       experiment(Experiment::Kind::greys, "Target '" + target.name + "' in many greys at two distances", 60);
   for (const double shift_mm : {0.0, 1000.0})
-    for (const double rho : {0.9, 0.5, 0.28, 0.16, 0.09, 0.05}) {
-      CaptureInfo c = aimed(bench, target);
-      c.target_shift_mm = shift_mm;
-      c.reflectance = rho;
-      e.captures.push_back(c);
-    }
+    for (const double rho : {0.9, 0.5, 0.28, 0.16, 0.09, 0.05})
+      add_placement(e, bench, target, shift_mm, rho);
   number(e, 20, 3600);
   return e;
 }
@@ -96,14 +97,9 @@ Experiment greys(const Bench& bench, const Target& target) {
 Experiment dark(const Bench& bench, const Target& target) {
   Experiment e =
       experiment(Experiment::Kind::dark, "Target '" + target.name + "' in dark greys, far away", 60);
-  const double distance_mm = std::abs(target.from_mm.dot(target.outward_normal()));
   for (const double away_mm : {2300, 4200, 6500, 9800})
-    for (const double rho : {0.2, 0.1, 0.05, 0.02}) {
-      CaptureInfo c = aimed(bench, target);
-      c.target_shift_mm = away_mm - distance_mm;
-      c.reflectance = rho;
-      e.captures.push_back(c);
-    }
+    for (const double rho : {0.2, 0.1, 0.05, 0.02})
+      add_placement(e, bench, target, away_mm - distance_of(target), rho);
   number(e, 20, 3600);
   return e;
 }
@@ -177,7 +173,7 @@ std::vector<Experiment> experiments_by_hand(const Bench& bench, const std::vecto
                                  [&](const CaptureInfo& c) { return c.target == target.name; });
     });
     if (!used) continue;
-    const double nominal = std::abs(target.from_mm.dot(target.outward_normal()));
+    const double nominal = distance_of(target);
     const auto add = [&](const char* title, const std::vector<double>& distances,
                          const std::vector<double>& greys) {
       Experiment e = experiment(Experiment::Kind::ladder, "Target '" + target.name + "' " + title, 100);

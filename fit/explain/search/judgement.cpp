@@ -90,16 +90,17 @@ class Judgement {
       const Hypothesis less = fitting_.without(best_, t);
       result_.without.push_back(held_out(fitting_, less, blocks));
       if (result_.without.back().log_likelihood < result_.after.log_likelihood) continue;
-      if (relieves_priors(best_, less, fitting_.bench())) {
+      const bool only_the_file = relieves_priors(best_, less, fitting_.bench());
+      if (only_the_file) {
         const std::vector<Term> set = only_priors(fitting_, best_.terms[t], less);
         if (set.size() == 1 && says_where_a_target_stands(set.front())) continue;
         result_.stated_otherwise.push_back(set);
-        best_ = less;
-        believe_bench_less(best_, fitting_.bench());
-        fitting_.fit(best_);
-        return true;
       }
       best_ = less;
+      if (only_the_file) {
+        believe_bench_less(best_, fitting_.bench());
+        fitting_.fit(best_);
+      }
       return true;
     }
     for (std::size_t s = 0; s < best_.shapes.size(); ++s) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "fit/explain/spread/noise_columns.hpp"
 #include "fit/explain/spread/suspects.hpp"
@@ -57,31 +58,45 @@ std::vector<Pool> expected(const Reduced& reduced, const Suspect& truth) {
   return pools;
 }
 
-double evidence_of_noise(const Reduced& reduced, const Suspect& truth, const Suspect& rival) {
-  // Echoes that are about to be lost scatter as much as any noise that is as steep.
-  if (is(truth, "dropout") || is(rival, "dropout")) return 0;
-  const VarianceModel model(expected(reduced, truth), stated_noise(reduced.bench), 0, 1);
-  const auto best = [&](const Suspect& suspect) {
+/// What is expected of recordings if one suspect is true: how much likelier it makes them than others do.
+class IfTrue {
+ public:
+  IfTrue(const Reduced& reduced, const Suspect& truth) : reduced_(reduced), truth_(truth) {
+    if (is(truth, "dropout")) return;
+    noise_.emplace(expected(reduced, truth), stated_noise(reduced.bench), 0, 1);
+    own_ = likelihood_of(truth);
+  }
+  [[nodiscard]] double evidence_against(const Suspect& rival) const {
+    const double of_losses = evidence_of_losses(reduced_, truth_, rival);
+    // Echoes that are about to be lost scatter as much as any noise that is as steep.
+    if (!noise_ || is(rival, "dropout")) return of_losses;
+    return std::max(0.0, own_ - likelihood_of(rival)) + of_losses;
+  }
+
+ private:
+  [[nodiscard]] double likelihood_of(const Suspect& suspect) const {
     double likelihood = -1e300;
-    for (const Parts& way : ways_of(model.pools(), suspect))
-      likelihood = std::max(likelihood, model.fit(way).log_likelihood);
+    for (const Parts& way : ways_of(noise_->pools(), suspect))
+      likelihood = std::max(likelihood, noise_->fit(way).log_likelihood);
     return likelihood;
-  };
-  return std::max(0.0, best(truth) - best(rival));
-}
+  }
+
+  const Reduced& reduced_;
+  const Suspect& truth_;
+  std::optional<VarianceModel> noise_;  ///< None of a dropout, whose noise is like its rival's.
+  double own_ = 0;
+};
 
 }  // namespace
 
 Eigen::MatrixXd evidence_between(const Reduced& reduced, const std::vector<Suspect>& suspects) {
   const auto count = static_cast<Eigen::Index>(suspects.size());
   Eigen::MatrixXd evidence = Eigen::MatrixXd::Zero(count, count);
-  for (Eigen::Index i = 0; i < count; ++i)
-    for (Eigen::Index j = 0; j < count; ++j) {
-      if (i == j) continue;
-      const Suspect &truth = suspects[static_cast<std::size_t>(i)],
-                    &rival = suspects[static_cast<std::size_t>(j)];
-      evidence(i, j) = evidence_of_noise(reduced, truth, rival) + evidence_of_losses(reduced, truth, rival);
-    }
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const IfTrue one(reduced, suspects[static_cast<std::size_t>(i)]);
+    for (Eigen::Index j = 0; j < count; ++j)
+      if (i != j) evidence(i, j) = one.evidence_against(suspects[static_cast<std::size_t>(j)]);
+  }
   return evidence;
 }
 
