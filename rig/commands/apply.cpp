@@ -2,9 +2,9 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "rig/apply_session.hpp"
 #include "rig/command.hpp"
-#include "rig/correction_source.hpp"
+#include "rig/fitting/apply_session.hpp"
+#include "rig/fitting/correction_source.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig::commands {

@@ -8,13 +8,13 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "rig/bench_check.hpp"
-#include "rig/bench_file.hpp"
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
-#include "rig/operators.hpp"
-#include "rig/scip_source.hpp"
-#include "rig/stage_patience.hpp"
+#include "rig/runner/bench_check.hpp"
+#include "rig/runner/bench_file.hpp"
+#include "rig/runner/operators.hpp"
+#include "rig/runner/scip_source.hpp"
+#include "rig/stage/stage_patience.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig::commands {

@@ -4,11 +4,11 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "rig/bench_file.hpp"
 #include "rig/command.hpp"
-#include "rig/compare_report.hpp"
 #include "rig/errors.hpp"
-#include "rig/session_store.hpp"
+#include "rig/report/compare_report.hpp"
+#include "rig/runner/bench_file.hpp"
+#include "rig/session/session_store.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig::commands {

@@ -3,9 +3,9 @@
 #include <nlohmann/json.hpp>
 
 #include "rig/command.hpp"
-#include "rig/deskew_session.hpp"
 #include "rig/errors.hpp"
-#include "rig/fitting.hpp"
+#include "rig/fitting/deskew_session.hpp"
+#include "rig/fitting/fitting.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig::commands {

@@ -7,9 +7,9 @@
 
 #include "lidar/client.hpp"
 #include "rig/command.hpp"
-#include "rig/endpoint.hpp"
 #include "rig/errors.hpp"
-#include "rig/stage_factory.hpp"
+#include "rig/runner/endpoint.hpp"
+#include "rig/stage/stage_factory.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig::commands {

@@ -11,10 +11,10 @@
 #include "fit/explain/explanation.hpp"
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
-#include "rig/explain_procedure.hpp"
-#include "rig/explain_report.hpp"
-#include "rig/procedure_plan.hpp"
-#include "rig/session_store.hpp"
+#include "rig/procedure/procedure_plan.hpp"
+#include "rig/report/explain_procedure.hpp"
+#include "rig/report/explain_report.hpp"
+#include "rig/session/session_store.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig::commands {

@@ -4,7 +4,7 @@
 
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
-#include "rig/exporter.hpp"
+#include "rig/export/exporter.hpp"
 
 namespace rig::commands {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
-#include "rig/fitting.hpp"
+#include "rig/fitting/fitting.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig::commands {

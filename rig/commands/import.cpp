@@ -5,7 +5,7 @@
 
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
-#include "rig/import_session.hpp"
+#include "rig/import/import_session.hpp"
 
 namespace rig::commands {
 namespace {

@@ -11,16 +11,16 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "rig/bench_file.hpp"
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
-#include "rig/fitting.hpp"
+#include "rig/fitting/fitting.hpp"
 #include "rig/live/live_server.hpp"
-#include "rig/operators.hpp"
-#include "rig/report.hpp"
-#include "rig/run_view.hpp"
-#include "rig/scip_source.hpp"
-#include "rig/stage_patience.hpp"
+#include "rig/report/report.hpp"
+#include "rig/runner/bench_file.hpp"
+#include "rig/runner/operators.hpp"
+#include "rig/runner/run_view.hpp"
+#include "rig/runner/scip_source.hpp"
+#include "rig/stage/stage_patience.hpp"
 
 namespace rig::commands {
 namespace {

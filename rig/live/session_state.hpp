@@ -3,7 +3,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "rig/session_store.hpp"
+#include "rig/session/session_store.hpp"
 
 namespace rig {
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "fit/beam_statistics.hpp"
-#include "rig/session_store.hpp"
+#include "rig/session/session_store.hpp"
 
 namespace {
 

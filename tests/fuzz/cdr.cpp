@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-#include "rig/cdr.hpp"
+#include "rig/import/cdr.hpp"
 
-#include "rig/ros_messages.hpp"
+#include "rig/import/ros_messages.hpp"
 
 namespace {
 

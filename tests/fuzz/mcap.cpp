@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "rig/mcap.hpp"
+#include "rig/import/mcap.hpp"
 
 #include <sstream>
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
 // A procedure is read or refused with ProcedureError; the planner ends on whatever was read.
-#include "rig/procedure.hpp"
+#include "rig/procedure/procedure.hpp"
 
 #include <cstdint>
 #include <string>
 
 #include "rig/errors.hpp"
-#include "rig/procedure_plan.hpp"
+#include "rig/procedure/procedure_plan.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   try {

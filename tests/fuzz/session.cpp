@@ -7,7 +7,7 @@
 #include <string>
 
 #include "rig/errors.hpp"
-#include "rig/session_store.hpp"
+#include "rig/session/session_store.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const std::string path = "/tmp/fuzz-session-" + std::to_string(getpid()) + ".rig";

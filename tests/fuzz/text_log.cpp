@@ -8,7 +8,7 @@
 #include <string>
 
 #include "rig/errors.hpp"
-#include "rig/importer.hpp"
+#include "rig/import/importer.hpp"
 
 namespace {
 

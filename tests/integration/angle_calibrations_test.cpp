@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 
 #include "fit/angle.hpp"
-#include "rig/fitting.hpp"
-#include "rig/report.hpp"
+#include "rig/fitting/fitting.hpp"
+#include "rig/report/report.hpp"
 #include "sim/simple_engine.hpp"
 #include "tests/support/results.hpp"
 

@@ -13,11 +13,11 @@
 
 #include "fit/correction.hpp"
 #include "fit/family.hpp"
-#include "rig/apply_session.hpp"
-#include "rig/correction_source.hpp"
 #include "rig/errors.hpp"
-#include "rig/exporter.hpp"
-#include "rig/fitting.hpp"
+#include "rig/export/exporter.hpp"
+#include "rig/fitting/apply_session.hpp"
+#include "rig/fitting/correction_source.hpp"
+#include "rig/fitting/fitting.hpp"
 
 namespace {
 

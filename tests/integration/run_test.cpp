@@ -4,7 +4,7 @@
 #include <cstdlib>
 #include <random>
 
-#include "rig/session_store.hpp"
+#include "rig/session/session_store.hpp"
 #include "tests/support/programs.hpp"
 #include "tests/support/results.hpp"
 

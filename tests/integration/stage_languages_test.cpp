@@ -12,7 +12,7 @@
 #include <filesystem>
 
 #include "rig/errors.hpp"
-#include "rig/stage_guard.hpp"
+#include "rig/stage/stage_guard.hpp"
 #include "sim/random.hpp"
 #include "tests/support/stage_rig.hpp"
 

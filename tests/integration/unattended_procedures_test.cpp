@@ -6,7 +6,7 @@
 #include <numbers>
 #include <optional>
 
-#include "rig/session_store.hpp"
+#include "rig/session/session_store.hpp"
 #include "tests/support/programs.hpp"
 #include "tests/support/results.hpp"
 

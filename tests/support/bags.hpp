@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "rig/mcap.hpp"
+#include "rig/import/mcap.hpp"
 
 // Small ROS 2 bags made by the tests themselves.
 namespace bags {

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "fit/estimate.hpp"
-#include "rig/session_store.hpp"
+#include "rig/session/session_store.hpp"
 
 /// The latest result of a kind that a session file holds; an empty object if there is none.
 inline nlohmann::json latest_result(const std::string& file, const std::string& kind) {

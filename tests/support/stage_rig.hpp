@@ -13,7 +13,7 @@
 #include <utility>
 
 #include "fit/angle.hpp"
-#include "rig/stage_factory.hpp"
+#include "rig/stage/stage_factory.hpp"
 #include "sim/pty_port.hpp"
 #include "sim/stage_device.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "rig/deskew_session.hpp"
+#include "rig/fitting/deskew_session.hpp"
 
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <unistd.h>
@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rig/errors.hpp"
-#include "rig/session_store.hpp"
+#include "rig/session/session_store.hpp"
 #include "tests/support/moving_room.hpp"
 
 namespace {

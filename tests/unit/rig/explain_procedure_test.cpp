@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
-#include "rig/explain_procedure.hpp"
+#include "rig/report/explain_procedure.hpp"
 
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 
-#include "rig/explain_report.hpp"
-#include "rig/procedure_plan.hpp"
+#include "rig/procedure/procedure_plan.hpp"
+#include "rig/report/explain_report.hpp"
 
 namespace {
 

@@ -5,8 +5,8 @@
 #include <filesystem>
 
 #include "fit/explain/explanation.hpp"
-#include "rig/import_session.hpp"
-#include "rig/session_store.hpp"
+#include "rig/import/import_session.hpp"
+#include "rig/session/session_store.hpp"
 
 namespace {
 

@@ -8,10 +8,10 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "rig/cdr.hpp"
 #include "rig/errors.hpp"
-#include "rig/exporter.hpp"
-#include "rig/mcap.hpp"
+#include "rig/export/exporter.hpp"
+#include "rig/import/cdr.hpp"
+#include "rig/import/mcap.hpp"
 
 namespace {
 

@@ -8,8 +8,8 @@
 
 #include "fit/angle.hpp"
 #include "rig/errors.hpp"
-#include "rig/import_session.hpp"
-#include "rig/session_store.hpp"
+#include "rig/import/import_session.hpp"
+#include "rig/session/session_store.hpp"
 
 namespace {
 

@@ -10,10 +10,10 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "rig/cdr.hpp"
 #include "rig/errors.hpp"
-#include "rig/import_session.hpp"
-#include "rig/session_store.hpp"
+#include "rig/import/cdr.hpp"
+#include "rig/import/import_session.hpp"
+#include "rig/session/session_store.hpp"
 #include "tests/support/bags.hpp"
 
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "rig/plot.hpp"
+#include "rig/report/plot.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>

@@ -13,7 +13,7 @@
 #include <sstream>
 
 #include "rig/errors.hpp"
-#include "rig/session_store.hpp"
+#include "rig/session/session_store.hpp"
 
 namespace {
 

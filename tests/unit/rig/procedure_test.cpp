@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
-#include "rig/procedure.hpp"
+#include "rig/procedure/procedure.hpp"
 
 #include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 
-#include "rig/procedure_plan.hpp"
+#include "rig/procedure/procedure_plan.hpp"
 
 using Catch::Matchers::Contains;
 using Catch::Matchers::StartsWith;

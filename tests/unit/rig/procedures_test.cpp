@@ -5,8 +5,8 @@
 #include <map>
 #include <sstream>
 
-#include "rig/procedure.hpp"
-#include "rig/procedure_plan.hpp"
+#include "rig/procedure/procedure.hpp"
+#include "rig/procedure/procedure_plan.hpp"
 
 namespace {
 

@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 
 #include "rig/errors.hpp"
-#include "rig/fitting.hpp"
-#include "rig/import_session.hpp"
-#include "rig/report.hpp"
+#include "rig/fitting/fitting.hpp"
+#include "rig/import/import_session.hpp"
+#include "rig/report/report.hpp"
 
 namespace {
 

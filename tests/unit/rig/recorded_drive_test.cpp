@@ -6,9 +6,9 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "rig/fitting.hpp"
-#include "rig/import_session.hpp"
-#include "rig/session_store.hpp"
+#include "rig/fitting/fitting.hpp"
+#include "rig/import/import_session.hpp"
+#include "rig/session/session_store.hpp"
 
 namespace fs = std::filesystem;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "rig/report.hpp"
+#include "rig/report/report.hpp"
 
 #include <sys/stat.h>
 #include <unistd.h>

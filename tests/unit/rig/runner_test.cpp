@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "rig/runner.hpp"
+#include "rig/runner/runner.hpp"
 
 #include <unistd.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "rig/session_store.hpp"
+#include "rig/session/session_store.hpp"
 
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <sys/wait.h>
@@ -11,7 +11,7 @@
 #include <fstream>
 
 #include "rig/errors.hpp"
-#include "rig/sha256.hpp"
+#include "rig/session/sha256.hpp"
 
 using rig::SessionStore;
 using Mode = rig::SessionStore::Mode;

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "rig/session/session_store.hpp"
+
+namespace rig {
+
+/// What is exported: a session, or a file of another kind for a format that accepts it (a correction).
+struct ExportSource {
+  std::string path;
+  const SessionStore* session = nullptr;  ///< Null when `path` is not a session file.
+};
+
+/// One format of `rig export`. Each lives in its own file rig/export/formats/NAME.cpp, which defines
+/// `std::unique_ptr<rig::Exporter> rig::exporters::make_NAME()`.
+class Exporter {
+ public:
+  virtual ~Exporter() = default;
+  [[nodiscard]] virtual std::string format() const = 0;
+  /// One line for --help.
+  [[nodiscard]] virtual std::string describes() const = 0;
+  /// True if files that are not sessions are welcome too.
+  [[nodiscard]] virtual bool accepts_files() const { return false; }
+  /// Writes the whole of `output`, or throws and leaves the caller to remove what there is of it.
+  virtual void write(const ExportSource& source, const std::string& output) const = 0;
+};
+
+/// Every format there is, in the order of their file names.
+[[nodiscard]] const std::vector<std::unique_ptr<Exporter>>& all_exporters();
+
+/// Exports to `output`, which appears whole or not at all. Throws UsageError for an unknown format (with what
+/// there is) and MeasurementError when the source does not hold what the format needs.
+void run_export(const std::string& format, const ExportSource& source, const std::string& output);
+
+}  // namespace rig

@@ -1,0 +1,322 @@
+// SPDX-License-Identifier: MIT
+#include <zstd.h>
+
+#include <array>
+#include <bit>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <ctime>
+#include <fstream>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "rig/errors.hpp"
+#include "rig/export/exporter.hpp"
+
+namespace rig::exporters {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "MCAP and our CDR are little-endian");
+
+using Bytes = std::string;
+
+template <class T>
+void put(Bytes& out, T value) {
+  out.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+void put_text(Bytes& out, const std::string& text) {
+  put(out, static_cast<std::uint32_t>(text.size()));
+  out += text;
+}
+
+/// One record: opcode, length, content (mcap.dev/spec).
+Bytes record(std::uint8_t opcode, const Bytes& content) {
+  Bytes out;
+  put(out, opcode);
+  put(out, static_cast<std::uint64_t>(content.size()));
+  return out + content;
+}
+
+std::uint32_t crc32_of(const Bytes& bytes) {
+  static const std::array<std::uint32_t, 256> table = [] {
+    std::array<std::uint32_t, 256> t{};
+    for (std::uint32_t i = 0; i < 256; ++i) {
+      std::uint32_t c = i;
+      for (int k = 0; k < 8; ++k) c = c & 1 ? 0xEDB88320u ^ (c >> 1) : c >> 1;
+      t[i] = c;
+    }
+    return t;
+  }();
+  std::uint32_t crc = 0xFFFFFFFFu;
+  for (const char c : bytes) crc = table[(crc ^ static_cast<std::uint8_t>(c)) & 0xFF] ^ (crc >> 8);
+  return ~crc;
+}
+
+/// An indexed MCAP file with one zstd-compressed chunk for about a megabyte of messages.
+class McapWriter {
+ public:
+  explicit McapWriter(const std::string& path) : out_(path, std::ios::binary) {
+    if (!out_) throw UsageError("cannot write " + path + ": check the folder and the permission");
+    emit(Bytes("\x89MCAP0\r\n", 8));
+    Bytes header;
+    put_text(header, "ros2");
+    put_text(header, "rig " RIG_VERSION);
+    emit(record(0x01, header));
+  }
+
+  std::uint16_t add_channel(const std::string& topic, const std::string& type,
+                            const std::string& definition) {
+    const auto id = static_cast<std::uint16_t>(channels_ + 1);
+    ++channels_;
+    Bytes schema;
+    put(schema, id);
+    put_text(schema, type);
+    put_text(schema, "ros2msg");
+    put_text(schema, definition);
+    Bytes channel;
+    put(channel, id);
+    put(channel, id);
+    put_text(channel, topic);
+    put_text(channel, "cdr");
+    put(channel, std::uint32_t{0});  // no metadata
+    descriptions_ += record(0x03, schema) + record(0x04, channel);
+    chunk_ += record(0x03, schema) + record(0x04, channel);
+    return id;
+  }
+
+  void add_message(std::uint16_t channel, std::uint64_t time_ns, const Bytes& data) {
+    index_[channel].push_back({time_ns, chunk_.size()});
+    Bytes message;
+    put(message, channel);
+    put(message, static_cast<std::uint32_t>(counts_[channel]++));
+    put(message, time_ns);
+    put(message, time_ns);
+    chunk_ += record(0x05, message + data);
+    first_ = std::min(first_, time_ns);
+    last_ = std::max(last_, time_ns);
+    chunk_first_ = std::min(chunk_first_, time_ns);
+    chunk_last_ = std::max(chunk_last_, time_ns);
+    if (chunk_.size() > 1'000'000) end_chunk();
+  }
+
+  void close() {
+    end_chunk();
+    emit(record(0x0F, Bytes(4, '\0')));  // data end, without a checksum of the whole
+    const std::uint64_t summary_start = at_;
+    emit(descriptions_);
+    emit(chunk_indexes_);
+    emit(record(0x0B, statistics()));
+    Bytes footer;
+    put(footer, summary_start);
+    put(footer, std::uint64_t{0});
+    put(footer, std::uint32_t{0});
+    emit(record(0x02, footer));
+    emit(Bytes("\x89MCAP0\r\n", 8));
+    out_.close();
+    if (!out_) throw MeasurementError("writing failed: is the disk full?");
+  }
+
+ private:
+  struct Place {
+    std::uint64_t time_ns, offset;
+  };
+
+  void emit(const Bytes& bytes) {
+    out_.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    at_ += bytes.size();
+  }
+
+  void end_chunk() {
+    if (index_.empty()) return;
+    Bytes packed(ZSTD_compressBound(chunk_.size()), '\0');
+    const std::size_t size = ZSTD_compress(packed.data(), packed.size(), chunk_.data(), chunk_.size(), 1);
+    if (ZSTD_isError(size)) throw MeasurementError("zstd cannot compress a chunk of the export");
+    packed.resize(size);
+    Bytes content;
+    put(content, chunk_first_);
+    put(content, chunk_last_);
+    put(content, static_cast<std::uint64_t>(chunk_.size()));
+    put(content, crc32_of(chunk_));
+    put_text(content, "zstd");
+    put(content, static_cast<std::uint64_t>(packed.size()));
+    const std::uint64_t chunk_start = at_;
+    emit(record(0x06, content + packed));
+    index_chunk(chunk_start, packed.size());
+    chunk_.clear();
+    index_.clear();
+    chunk_first_ = ~std::uint64_t{0};
+    chunk_last_ = 0;
+  }
+
+  void index_chunk(std::uint64_t chunk_start, std::uint64_t packed) {
+    const std::uint64_t chunk_length = at_ - chunk_start, indexes_start = at_;
+    Bytes offsets;
+    for (const auto& [channel, places] : index_) {
+      put(offsets, channel);
+      put(offsets, at_);
+      Bytes entries, index;
+      for (const Place& place : places) {
+        put(entries, place.time_ns);
+        put(entries, place.offset);
+      }
+      put(index, channel);
+      put_text(index, entries);
+      emit(record(0x07, index));
+    }
+    Bytes content;
+    put(content, chunk_first_);
+    put(content, chunk_last_);
+    put(content, chunk_start);
+    put(content, chunk_length);
+    put_text(content, offsets);
+    put(content, at_ - indexes_start);
+    put_text(content, "zstd");
+    put(content, packed);
+    put(content, static_cast<std::uint64_t>(chunk_.size()));
+    chunk_indexes_ += record(0x08, content);
+    ++chunks_;
+  }
+
+  Bytes statistics() const {
+    std::uint64_t messages = 0;
+    Bytes counts, content;
+    for (const auto& [channel, count] : counts_) {
+      put(counts, channel);
+      put(counts, count);
+      messages += count;
+    }
+    put(content, messages);
+    put(content, channels_);
+    put(content, static_cast<std::uint32_t>(channels_));
+    put(content, std::uint32_t{0});
+    put(content, std::uint32_t{0});
+    put(content, chunks_);
+    put(content, messages ? first_ : std::uint64_t{0});
+    put(content, last_);
+    put_text(content, counts);
+    return content;
+  }
+
+  std::ofstream out_;
+  std::uint64_t at_ = 0;
+  std::uint16_t channels_ = 0;
+  std::uint32_t chunks_ = 0;
+  Bytes chunk_, descriptions_, chunk_indexes_;
+  std::map<std::uint16_t, std::vector<Place>> index_;
+  std::map<std::uint16_t, std::uint64_t> counts_;
+  std::uint64_t first_ = ~std::uint64_t{0}, last_ = 0, chunk_first_ = ~std::uint64_t{0}, chunk_last_ = 0;
+};
+
+/// One message in CDR: values aligned to their own size, counted from behind the four bytes of encapsulation.
+class Cdr {
+ public:
+  template <class T>
+  Cdr& add(T value) {
+    while ((bytes_.size() - 4) % sizeof(T)) bytes_ += '\0';
+    put(bytes_, value);
+    return *this;
+  }
+  Cdr& text(const std::string& value) {
+    add(static_cast<std::uint32_t>(value.size() + 1));
+    bytes_ += value + '\0';
+    return *this;
+  }
+  Cdr& stamp(std::uint64_t time_ns) {
+    add(static_cast<std::int32_t>(time_ns / 1'000'000'000));
+    return add(static_cast<std::uint32_t>(time_ns % 1'000'000'000));
+  }
+  template <class T>
+  Cdr& sequence(const std::vector<T>& values) {
+    add(static_cast<std::uint32_t>(values.size()));
+    for (const T value : values) add(value);
+    return *this;
+  }
+  [[nodiscard]] const Bytes& bytes() const { return bytes_; }
+
+ private:
+  Bytes bytes_{"\x00\x01\x00\x00", 4};
+};
+
+const std::string separator = "\n" + std::string(80, '=') + "\n";
+const std::string header_definition = separator +
+                                      "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id" +
+                                      separator + "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n";
+const std::string scan_definition =
+    "std_msgs/Header header\nfloat32 angle_min\nfloat32 angle_max\nfloat32 angle_increment\n"
+    "float32 time_increment\nfloat32 scan_time\nfloat32 range_min\nfloat32 range_max\n"
+    "float32[] ranges\nfloat32[] intensities\n" +
+    header_definition;
+const std::string joint_definition =
+    "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n" +
+    header_definition;
+
+/// Nanoseconds of the Unix epoch at which the session began; 0 when it does not say.
+std::uint64_t begin_ns(const SessionStore& session) {
+  const std::string text = session.get("created_utc").value_or("");
+  std::tm utc{};
+  if (!strptime(text.c_str(), "%Y-%m-%dT%H:%M:%S", &utc)) return 0;
+  return static_cast<std::uint64_t>(timegm(&utc)) * 1'000'000'000;
+}
+
+/// `sensor_msgs/LaserScan` on /scan and the stage as `sensor_msgs/JointState` on /joint_states.
+class Mcap : public Exporter {
+ public:
+  std::string format() const override { return "mcap"; }
+  std::string describes() const override {
+    return "ROS 2 bag: LaserScan on /scan, stage angle on /joint_states";
+  }
+
+  void write(const ExportSource& source, const std::string& output) const override {
+    const auto recording = source.session->recording();
+    const std::uint64_t begin = begin_ns(*source.session);
+    McapWriter out(output);
+    const auto scans = out.add_channel("/scan", "sensor_msgs/msg/LaserScan", scan_definition);
+    const auto joints = out.add_channel("/joint_states", "sensor_msgs/msg/JointState", joint_definition);
+    for (std::size_t i = 0; i < recording->captures().size(); ++i) {
+      const fit::CaptureInfo& capture = recording->captures()[i];
+      recording->for_each_scan(i, [&](const fit::ScanView& scan) {
+        const std::uint64_t time = begin + static_cast<std::uint64_t>(scan.host_us) * 1000;
+        out.add_message(scans, time, laser_scan(recording->bench().lidar, capture, scan, time));
+        out.add_message(joints, time, stage_state(capture, scan, time));
+      });
+    }
+    out.close();
+  }
+
+ private:
+  static Bytes laser_scan(const fit::LidarGeometry& lidar, const fit::CaptureInfo& capture,
+                          const fit::ScanView& scan, std::uint64_t time_ns) {
+    const double period = scan.geometry && scan.geometry->scan_s ? *scan.geometry->scan_s : 1 / lidar.scan_hz;
+    const double step = scan.geometry ? scan.geometry->step_rad : lidar.step_rad * capture.cluster;
+    const double first = scan.geometry ? scan.geometry->first_rad : lidar.beam_angle(capture.first_step);
+    const double last = first + step * (static_cast<double>(scan.range_mm.size()) - 1);
+    std::vector<float> ranges, intensities(scan.intensity.begin(), scan.intensity.end());
+    for (const std::uint16_t range : scan.range_mm)  // REP 117: no echo is +infinity
+      ranges.push_back(range ? static_cast<float>(range) * 1e-3F : std::numeric_limits<float>::infinity());
+    Cdr out;
+    out.stamp(time_ns).text("laser");
+    for (const double value :
+         {first, last, step, std::abs(step) / (2 * fit::pi) * period, period, 0.02, 60.0})
+      out.add(static_cast<float>(value));
+    return out.sequence(ranges).sequence(intensities).bytes();
+  }
+
+  static Bytes stage_state(const fit::CaptureInfo& capture, const fit::ScanView& scan,
+                           std::uint64_t time_ns) {
+    const double since_s = static_cast<double>(scan.host_us - capture.started_us) * 1e-6;
+    Cdr out;
+    out.stamp(time_ns).text("").add(std::uint32_t{1}).text("stage");
+    out.sequence(std::vector<double>{capture.stage_rad + capture.stage_rate_rad_s * since_s});
+    out.sequence(std::vector<double>{capture.stage_rate_rad_s});
+    return out.add(std::uint32_t{0}).bytes();
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Exporter> make_mcap() { return std::make_unique<Mcap>(); }
+
+}  // namespace rig::exporters

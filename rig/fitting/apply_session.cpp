@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: MIT
+#include "rig/fitting/apply_session.hpp"
+
+#include <SQLiteCpp/SQLiteCpp.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "rig/errors.hpp"
+#include "rig/session/session_store.hpp"
+
+namespace rig {
+namespace {
+
+constexpr std::uint16_t first_error_code = 65500;
+
+std::string serial_of(const SessionStore& session) {
+  const auto lidar = nlohmann::json::parse(session.get("lidar").value_or("{}"), nullptr, false);
+  if (!lidar.is_object()) return "";
+  for (const char* key : {"SERI", "serial"})
+    if (lidar.contains(key) && lidar.at(key).is_string()) return lidar.at(key).get<std::string>();
+  return "";
+}
+
+void check(const ApplyRequest& request) {
+  const SessionStore session(request.input, SessionStore::Mode::read);
+  if (std::filesystem::exists(request.output))
+    throw UsageError(request.output + " is there already. Choose another name, or remove it.");
+  if (session.get("correction"))
+    throw UsageError(request.input +
+                     " is corrected already; apply corrections to the session as it was measured");
+  const std::string serial = serial_of(session);
+  if (!request.any_lidar && !serial.empty() && !request.correction.lidar_serial.empty() &&
+      serial != request.correction.lidar_serial)
+    throw UsageError("the correction is for the lidar " + request.correction.lidar_serial +
+                     ", the session is of " + serial +
+                     ". Calibrate that one, or say --any-lidar if you know better.");
+}
+
+std::vector<std::uint16_t> values_of(const SQLite::Column& column) {
+  std::vector<std::uint16_t> out(static_cast<std::size_t>(column.getBytes()) / 2);
+  if (!out.empty()) std::memcpy(out.data(), column.getBlob(), 2 * out.size());
+  return out;
+}
+
+class Applying {
+ public:
+  explicit Applying(const ApplyRequest& request) : request_(request) {}
+
+  ApplyReport run() {
+    SQLite::Database source(request_.input, SQLite::OPEN_READONLY, 5000);
+    {
+      SQLite::Statement copy(source, "VACUUM INTO ?");
+      copy.bind(1, request_.output);
+      copy.exec();
+    }
+    SQLite::Database target(request_.output, SQLite::OPEN_READWRITE, 5000);
+    SQLite::Transaction transaction(target);
+    SQLite::Statement scans(source,
+                            "SELECT capture, seq, range_mm, intensity FROM scan ORDER BY capture, seq");
+    SQLite::Statement update(target, "UPDATE scan SET range_mm = ? WHERE capture = ? AND seq = ?");
+    while (scans.executeStep()) {
+      auto range = values_of(scans.getColumn(2));
+      const auto intensity = values_of(scans.getColumn(3));
+      if (request_.correction.intensity && intensity.size() != range.size())
+        throw MeasurementError(request_.input +
+                               " has scans without intensities, which this correction needs: record them, or "
+                               "calibrate distance alone");
+      correct(range, intensity);
+      update.reset();
+      update.bind(1, range.data(), static_cast<int>(2 * range.size()));
+      update.bind(2, scans.getColumn(0).getInt64());
+      update.bind(3, scans.getColumn(1).getInt64());
+      update.exec();
+      ++report_.scans;
+    }
+    target.exec("DELETE FROM result");
+    transaction.commit();
+    report_.mean_error_mm = report_.samples ? sum_ / static_cast<double>(report_.samples) : 0;
+    return report_;
+  }
+
+ private:
+  void correct(std::vector<std::uint16_t>& range, const std::vector<std::uint16_t>& intensity) {
+    for (std::size_t k = 0; k < range.size(); ++k) {
+      if (range[k] == 0 || range[k] >= first_error_code) {
+        ++report_.without_echo;
+        continue;
+      }
+      const auto corrected = request_.correction.apply(range[k], k < intensity.size() ? intensity[k] : 0);
+      ++report_.samples;
+      report_.outside_range += corrected.range_outside;
+      report_.outside_intensity += corrected.intensity_outside;
+      sum_ += corrected.error_mm;
+      const bool drop = request_.drop_outside && !corrected.inside();
+      range[k] = drop ? std::uint16_t{0}
+                      : static_cast<std::uint16_t>(
+                            std::lround(std::clamp(corrected.range_mm, 1.0, first_error_code - 1.0)));
+    }
+  }
+
+  const ApplyRequest& request_;
+  ApplyReport report_;
+  double sum_ = 0;
+};
+
+}  // namespace
+
+ApplyReport apply_to_session(const ApplyRequest& request) {
+  check(request);
+  ApplyReport report;
+  try {
+    report = Applying(request).run();
+  } catch (const SQLite::Exception& error) {
+    std::error_code ignored;
+    std::filesystem::remove(request.output, ignored);
+    throw UsageError("cannot write " + request.output + ": " + error.what());
+  } catch (...) {
+    std::error_code ignored;
+    std::filesystem::remove(request.output, ignored);
+    throw;
+  }
+  SessionStore session(request.output, SessionStore::Mode::append);
+  session.set("correction", fit::to_json_text(request.correction));
+  session.add_event(0, "info",
+                    "ranges corrected with " + request.correction_name + ": " +
+                        std::to_string(report.samples) + " samples, of which " +
+                        std::to_string(report.outside_range) + " outside its distances and " +
+                        std::to_string(report.outside_intensity) + " outside its intensities");
+  session.finish();
+  return report;
+}
+
+}  // namespace rig

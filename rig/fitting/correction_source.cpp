@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: MIT
+#include "rig/fitting/correction_source.hpp"
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "rig/errors.hpp"
+
+namespace rig {
+
+fit::Correction load_correction(const std::string& path, const SessionStore& session) {
+  const auto result = session.latest_result("range");
+  const auto document = nlohmann::json::parse(result.value_or("null"), nullptr, false);
+  if (!document.is_object() || !document.contains("data") || !document.at("data").is_object() ||
+      !document.at("data").contains("correction") || !document.at("data").at("correction").is_object())
+    throw MeasurementError(
+        path + " holds no range correction: run 'rig fit range " + path +
+        "' first, on captures at three distances or more, or of four surfaces at one distance");
+  try {
+    return fit::parse_correction(document.at("data").at("correction").dump(), path);
+  } catch (const std::invalid_argument& error) {
+    throw UsageError(error.what());
+  }
+}
+
+fit::Correction load_correction(const std::string& path) {
+  if (is_session_file(path)) {
+    const SessionStore session(path, SessionStore::Mode::read);
+    return load_correction(path, session);
+  }
+  std::ifstream in(path, std::ios::binary);
+  if (!in) throw UsageError("cannot read " + path + ": no such file, or no permission");
+  std::stringstream text;
+  text << in.rdbuf();
+  try {
+    return fit::parse_correction(text.str(), path);
+  } catch (const std::invalid_argument& error) {
+    throw UsageError(error.what());
+  }
+}
+
+}  // namespace rig

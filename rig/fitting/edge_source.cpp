@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: MIT
+#include "rig/fitting/edge_source.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "rig/errors.hpp"
+
+namespace rig {
+namespace {
+
+std::string target_of(const std::vector<std::unique_ptr<fit::Recording>>& recordings,
+                      const nlohmann::json& options) {
+  if (options.contains("target")) return options.at("target").get<std::string>();
+  std::map<std::string, int> votes;
+  for (const auto& recording : recordings)
+    for (const fit::CaptureInfo& capture : recording->captures())
+      if (capture.target) ++votes[*capture.target];
+  const auto most =
+      std::ranges::max_element(votes, [](const auto& a, const auto& b) { return a.second < b.second; });
+  return most == votes.end() ? std::string() : most->first;
+}
+
+std::string degrees(double rad) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f", rad * fit::deg_per_rad);
+  return text;
+}
+
+/// The target's end on that side, as seen from the axis (right: the clockwise one).
+Eigen::Vector2d end_of(const fit::Target& target, bool right) {
+  const double turn = target.from_mm.x() * target.to_mm.y() - target.from_mm.y() * target.to_mm.x();
+  return (turn > 0) == right ? target.from_mm : target.to_mm;
+}
+
+/// How far the crossing's bearing is from where the bench says the target ends.
+double off_bench(const SourcedCrossing& sourced, const fit::Target& target) {
+  const fit::EdgeCrossing& crossing = sourced.crossing;
+  const Eigen::Vector2d end = end_of(target, crossing.right);
+  const fit::Mount& mount = sourced.recording->bench().lidar.mount;
+  const double stage = crossing.response.edge_rad.value;
+  const Eigen::Vector2d origin(std::cos(stage) * mount.x_mm.value - std::sin(stage) * mount.y_mm.value,
+                               std::sin(stage) * mount.x_mm.value + std::cos(stage) * mount.y_mm.value);
+  const Eigen::Vector2d ray = end - origin;
+  return std::abs(
+      fit::wrap_angle(stage + mount.yaw_rad.value + crossing.beam_rad - std::atan2(ray.y(), ray.x())));
+}
+
+/// Keeps the crossings that are where the bench says; if there are none, keeps all and says so.
+void compare_with_bench(EdgeSource& source) {
+  if (source.target.empty() || source.crossings.empty()) return;
+  const fit::Target* target = source.recordings.front()->bench().target(source.target);
+  if (!target) return;
+  const auto far = [&](const SourcedCrossing& sourced) {
+    return off_bench(sourced, *target) > 3 * fit::rad_per_deg;
+  };
+  if (std::ranges::all_of(source.crossings, far)) {
+    const SourcedCrossing& best = source.crossings.front();
+    source.notes.push_back("The captures contradict the bench file: the best edge seen is " +
+                           degrees(off_bench(best, *target)) + " deg away from the end of '" + source.target +
+                           "'. Measure the target's place again, or check the mount's yaw.");
+    return;
+  }
+  std::erase_if(source.crossings, far);
+}
+
+[[noreturn]] void explain_absence(const EdgeSource& source, const fit::EdgeOptions& options) {
+  long captures = 0, standing = 0;
+  for (const auto& recording : source.recordings)
+    for (const fit::CaptureInfo& capture : recording->captures()) {
+      ++captures;
+      standing += !fit::is_turning(capture) &&
+                  (!options.target || !capture.target || *capture.target == *options.target);
+    }
+  throw MeasurementError(
+      "no beam passes an edge" + (source.target.empty() ? std::string() : " of '" + source.target + "'") +
+      " in the session (" + std::to_string(captures) + " captures, " + std::to_string(standing) +
+      " with the stage at rest and about that target): at least two neighbouring stops, no more than " +
+      degrees(options.least_gap_rad) +
+      " deg apart, must show the target and what is behind it. Sweep the stage over the edge (the find-edge "
+      "and sweep steps do), and check that something stands at least 50 mm behind the target or nothing at "
+      "all.");
+}
+
+}  // namespace
+
+std::vector<std::pair<std::string, std::string>> edge_options() {
+  return {
+      {"target", "name of the target whose edge is followed; the one most captures are about if not given"},
+      {"edge", "right or left end of it, as the lidar sees it; both if not given"}};
+}
+
+EdgeSource read_edges(const std::vector<FitSource>& sources, const nlohmann::json& options) {
+  EdgeSource source;
+  for (const FitSource& file : sources) source.recordings.push_back(file.session->recording());
+  source.target = target_of(source.recordings, options);
+  fit::EdgeOptions edge;
+  if (!source.target.empty()) edge.target = source.target;
+  if (options.contains("edge")) {
+    const auto side = options.at("edge").get<std::string>();
+    if (side != "right" && side != "left")
+      throw UsageError("option edge is 'right' or 'left', not '" + side + "'");
+    edge.right = side == "right";
+  }
+  for (const auto& recording : source.recordings)
+    for (fit::EdgeCrossing& crossing : fit::find_edge_crossings(*recording, edge))
+      source.crossings.push_back({std::move(crossing), recording.get()});
+  if (source.crossings.empty()) explain_absence(source, edge);
+  std::ranges::stable_sort(source.crossings, {},
+                           [](const SourcedCrossing& c) { return c.crossing.response.edge_rad.u; });
+  compare_with_bench(source);
+  return source;
+}
+
+}  // namespace rig

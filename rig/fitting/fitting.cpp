@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: MIT
+#include "rig/fitting/fitting.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "fit/json_position.hpp"
+#include "rig/errors.hpp"
+#include "rig/number_format.hpp"
+
+namespace rig {
+
+namespace fittings {
+std::vector<std::unique_ptr<Fitting>> all();
+}
+
+namespace {
+
+std::string kinds_in_words() {
+  std::string out;
+  for (const auto& fitting : all_fittings()) out += (out.empty() ? "" : ", ") + fitting->kind();
+  return out;
+}
+
+const Fitting& fitting_of(const std::string& kind) {
+  for (const auto& fitting : all_fittings())
+    if (fitting->kind() == kind) return *fitting;
+  std::vector<std::string> kinds;
+  for (const auto& fitting : all_fittings()) kinds.push_back(fitting->kind());
+  const std::string meant = fit::nearest_word(kind, kinds);
+  throw UsageError("there is no calibration '" + kind + "'" +
+                   (meant.empty() ? "." : "; did you mean '" + meant + "'?") +
+                   " There are: " + kinds_in_words());
+}
+
+void check_options(const Fitting& fitting, const nlohmann::json& options) {
+  if (!options.is_object()) return;
+  std::vector<std::string> known;
+  for (const auto& [name, meaning] : fitting.options()) known.push_back(name);
+  for (const auto& [name, value] : options.items()) {
+    if (std::ranges::find(known, name) != known.end()) continue;
+    const std::string meant = fit::nearest_word(name, known);
+    std::string list;
+    for (const std::string& option : known) list += (list.empty() ? "" : ", ") + option;
+    throw UsageError("the calibration '" + fitting.kind() + "' has no option '" + name + "'" +
+                     (meant.empty() ? "" : "; did you mean '" + meant + "'?") +
+                     " It has: " + (list.empty() ? "none" : list));
+  }
+}
+
+/// A number, or 0 when it is missing or null.
+double number_in(const nlohmann::json& object, const char* key) {
+  const auto found = object.find(key);
+  return found != object.end() && found->is_number() ? found->get<double>() : 0;
+}
+
+std::string padded(const std::string& text, std::size_t width) {
+  return text + std::string(width > text.size() ? width - text.size() : 0, ' ');
+}
+
+}  // namespace
+
+void check_fit(const std::string& kind, const nlohmann::json& options) {
+  check_options(fitting_of(kind), options);
+}
+
+const std::vector<std::unique_ptr<Fitting>>& all_fittings() {
+  static const std::vector<std::unique_ptr<Fitting>> fittings = fittings::all();
+  return fittings;
+}
+
+nlohmann::json run_fit(const std::string& kind, const std::vector<FitSource>& sources,
+                       const nlohmann::json& options) {
+  const Fitting& fitting = fitting_of(kind);
+  check_options(fitting, options);
+  for (const FitSource& source : sources)
+    if (!source.session && !fitting.accepts_files())
+      throw UsageError(source.path + " is not a session file (*.rig), which the calibration '" + kind +
+                       "' needs: make one with 'rig run' or 'rig import'");
+  if (sources.empty()) throw UsageError("the calibration '" + kind + "' needs at least one session");
+  return fitting.run(sources, options.is_object() ? options : nlohmann::json::object());
+}
+
+std::string to_text(const nlohmann::json& result) {
+  std::ostringstream out;
+  out << result.value("kind", "result") << "\n";
+  std::size_t width = 10;
+  for (const auto& value : result.value("values", nlohmann::json::array()))
+    width = std::max(width, value.value("label", value.value("name", "")).size() + 2);
+  for (const auto& value : result.value("values", nlohmann::json::array())) {
+    const double u = number_in(value, "u"), expanded = value.contains("U") ? number_in(value, "U") : 2 * u;
+    const bool known = value.contains("value") && value.at("value").is_number();
+    out << "  " << padded(value.value("label", value.value("name", "")), width)
+        << format_value(known ? value.at("value").get<double>() : std::nan(""), expanded) << ' '
+        << value.value("unit", "");
+    if (expanded > 0)
+      out << "   U = " << format_uncertainty(expanded) << ' ' << value.value("unit", "")
+          << " (k = " << value.value("k", 2.0) << ")";
+    out << "\n";
+  }
+  for (const auto& note : result.value("notes", nlohmann::json::array()))
+    out << "  note: " << note.get<std::string>() << "\n";
+  for (const auto& what : result.value("undetermined", nlohmann::json::array()))
+    out << "  not determined: " << what.get<std::string>() << "\n";
+  return out.str();
+}
+
+}  // namespace rig

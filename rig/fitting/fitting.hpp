@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "rig/session/session_store.hpp"
+
+namespace rig {
+
+/// What a calibration is made from: a session, or a file of another kind for a calibration that accepts it.
+struct FitSource {
+  std::string path;
+  const SessionStore* session = nullptr;  ///< Null when `path` is not a session file.
+};
+
+/// One calibration: `rig fit KIND SESSION...` and the `fit` step of procedures. Each lives in its own file
+/// rig/fitting/kinds/NAME.cpp, which defines `std::unique_ptr<rig::Fitting> rig::fittings::make_NAME()`.
+class Fitting {
+ public:
+  virtual ~Fitting() = default;
+  [[nodiscard]] virtual std::string kind() const = 0;
+  /// One line for --help.
+  [[nodiscard]] virtual std::string describes() const = 0;
+  /// Options with their meaning, for messages and help: {"board": "name of the target whose edge is
+  /// followed"}.
+  [[nodiscard]] virtual std::vector<std::pair<std::string, std::string>> options() const { return {}; }
+  /// True if files that are not sessions are welcome too.
+  [[nodiscard]] virtual bool accepts_files() const { return false; }
+  /// The result document (`result/1`, docs/results.md). Throws MeasurementError when the data do not allow
+  /// one.
+  [[nodiscard]] virtual nlohmann::json run(const std::vector<FitSource>& sources,
+                                           const nlohmann::json& options) const = 0;
+};
+
+/// Every calibration there is, in the order of their file names.
+[[nodiscard]] const std::vector<std::unique_ptr<Fitting>>& all_fittings();
+
+/// Throws the UsageError of run_fit() without running anything.
+void check_fit(const std::string& kind, const nlohmann::json& options);
+
+/// Runs the calibration of that kind. Throws UsageError for an unknown kind (with what there is) or option.
+[[nodiscard]] nlohmann::json run_fit(const std::string& kind, const std::vector<FitSource>& sources,
+                                     const nlohmann::json& options);
+
+/// The result as a table for a terminal.
+[[nodiscard]] std::string to_text(const nlohmann::json& result);
+
+}  // namespace rig

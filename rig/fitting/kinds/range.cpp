@@ -1,0 +1,425 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "fit/angle.hpp"
+#include "rig/errors.hpp"
+#include "rig/fitting/range_source.hpp"
+#include "rig/fitting/result_document.hpp"
+
+namespace rig::fittings {
+namespace {
+
+using fit::Correction;
+using fit::FamilyFit;
+using nlohmann::json;
+
+std::string text(double value, const char* format = "%.2f") {
+  char out[64];
+  std::snprintf(out, sizeof out, format, value);
+  return out;
+}
+
+/// For tables that people read: so many significant digits.
+json digits(double value, int count = 3) {
+  if (!std::isfinite(value) || value == 0) return number_or_null(value);
+  const double unit = std::pow(10.0, std::floor(std::log10(std::abs(value))) - count + 1);
+  return std::round(value / unit) * unit;
+}
+
+/// Hundredths of a millimetre.
+json hundredths(double mm) { return number_or_null(std::round(mm * 100) / 100); }
+
+json column(const char* name, const char* unit) { return {{"name", name}, {"unit", unit}}; }
+
+/// Points of one way of selecting samples.
+std::vector<fit::RangePoint> points_of(const RangeSource& source, bool robust) {
+  std::vector<fit::RangePoint> out;
+  for (const RangeCapture& capture : source.captures)
+    out.push_back(capture.point(robust ? capture.robust : capture.paper));
+  return out;
+}
+
+json captures_table(const RangeSource& source) {
+  json rows = json::array();
+  for (const RangeCapture& c : source.captures) {
+    const fit::RangePoint point = c.point(c.paper);
+    rows.push_back({c.label, hundredths(point.true_mm), hundredths(point.measured_mm),
+                    hundredths(point.error_mm()), digits(point.u_mm),
+                    digits(2 * std::hypot(point.u_mm, c.u_placement_mm)), c.paper.intensity, c.paper.kept});
+  }
+  return {{"title",
+           "Range error of each capture: beam square on the target, mean of the most frequent intensity"},
+          {"columns",
+           {"capture", column("true", "mm"), column("mean", "mm"), column("error", "mm"),
+            column("u(mean)", "mm"), column("U(error)", "mm"), "counts", "samples"}},
+          {"rows", rows}};
+}
+
+json robust_table(const RangeSource& source) {
+  json rows = json::array();
+  for (const RangeCapture& c : source.captures)
+    rows.push_back({c.label, hundredths(c.true_mm), hundredths(c.beam_deg),
+                    c.normal_from_data ? "data" : "bench file",
+                    hundredths(c.robust.mean_mm - c.oblique_mm - c.true_mm), digits(c.robust.u_mm),
+                    digits(c.robust.intensity, 5)});
+  return {{"title", "The beam, and the robust alternative: Huber's mean of all samples"},
+          {"columns",
+           {"capture", column("true", "mm"), column("beam", "deg"), "normal from", column("error", "mm"),
+            column("u(mean)", "mm"), "mean counts"}},
+          {"rows", rows}};
+}
+
+json selection_table(const RangeSource& source) {
+  json rows = json::array();
+  for (const RangeCapture& c : source.captures)
+    rows.push_back({c.label, c.paper.samples, c.paper.rejected.no_echo, c.paper.rejected.abnormal,
+                    c.paper.rejected.impulse, c.paper.rejected.other_intensity, c.paper.kept, c.robust.kept,
+                    digits(c.paper.sd_mm), digits(c.robust.effective, 4)});
+  return {{"title", "Selection of samples, each rejected one counted under its first reason"},
+          {"columns",
+           {"capture", "samples", "no echo", "abnormal", "impulse", "other", "kept", "robust",
+            column("sd", "mm"), "worth"}},
+          {"rows", rows}};
+}
+
+/// As the paper's tables; what there is to say about a family follows in a table of its own.
+void add_families(json& tables, const std::vector<FamilyFit>& fits, const std::string& title) {
+  json rows = json::array(), words = json::array();
+  for (const FamilyFit& fit : fits) {
+    if (!fit.usable) words.push_back({fit.title, fit.message});
+    for (const std::string& remark : fit.remarks) words.push_back({fit.title, remark});
+    if (!fit.usable) continue;
+    rows.push_back({fit.title, digits(fit.held_out), digits(fit.r2, 5), digits(fit.rmse, 4),
+                    digits(fit.parameters), digits(fit.aicc, 4), digits(fit.bic, 4),
+                    fit.spline ? json(nullptr) : digits(fit.condition, 2),
+                    fit.spline ? json(nullptr) : digits(fit.printed_mm, 2)});
+  }
+  tables.push_back(
+      {{"title", title + ": families by their error at held-out points (condition: of the coefficients; "
+                         "4 digits: error of the curve when they are printed so)"},
+       {"columns",
+        {"family", column("held out", "mm"), "R2", column("RMSE", "mm"), "coeff.", "AICc", "BIC", "condition",
+         column("4 digits", "mm")}},
+       {"rows", rows}});
+  if (!words.empty())
+    tables.push_back({{"title", title + ": what must be known about these families"},
+                      {"columns", {"family", "remark"}},
+                      {"rows", words}});
+}
+
+json coefficients_table(const Correction& c) {
+  json rows = json::array();
+  const auto names = c.parameter_names();
+  std::vector<double> values = {c.zero_mm.value};
+  for (const auto* term : {&c.intensity, &c.range})
+    if (*term) values.insert(values.end(), (*term)->coefficients.begin(), (*term)->coefficients.end());
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    char digits[40];
+    std::snprintf(digits, sizeof digits, "%.17g", values[i]);
+    rows.push_back({names[i], digits, number_or_null(c.factor.row(static_cast<Eigen::Index>(i)).norm())});
+  }
+  std::string equation = "error = zero";
+  if (c.intensity) equation += " + f_I(I): " + fit::find_family(c.intensity->family)->equation;
+  if (c.range) equation += " + f_L(r): " + fit::find_family(c.range->family)->equation;
+  return {{"title", "Coefficients of the correction, all digits. " + equation},
+          {"columns", {"coefficient", "value", "u"}},
+          {"rows", rows}};
+}
+
+/// Joint against sequential along the points.
+json ways_table(const fit::RangeCalibration& calibration, const std::vector<fit::RangePoint>& points,
+                double& largest) {
+  json rows = json::array();
+  largest = 0;
+  for (const fit::RangePoint& p : points) {
+    const double joint = calibration.joint->apply(p.measured_mm, p.intensity).error_mm;
+    const double sequential = calibration.sequential->apply(p.measured_mm, p.intensity).error_mm;
+    largest = std::max(largest, std::abs(joint - sequential));
+    rows.push_back({p.true_mm, p.intensity, p.error_mm(), joint,
+                    calibration.joint->u(p.measured_mm, p.intensity), sequential, joint - sequential});
+  }
+  return {{"title", "Joint fit beside the paper's sequential way"},
+          {"columns",
+           {column("true", "mm"), "counts", column("measured", "mm"), column("joint fit", "mm"),
+            column("u", "mm"), column("sequential", "mm"), column("difference", "mm")}},
+          {"rows", rows}};
+}
+
+struct Curve {
+  std::vector<double> x, y, expanded;
+};
+
+/// One term over its argument with its k = 2 band, the other terms left out.
+Curve drawn(const Correction& c, bool over_intensity) {
+  Correction only = c;
+  (over_intensity ? only.range : only.intensity).reset();
+  const auto names = c.parameter_names();
+  std::vector<Eigen::Index> rows = {0};
+  for (std::size_t i = 1; i < names.size(); ++i)
+    if (names[i].starts_with(over_intensity ? "intensity." : "range."))
+      rows.push_back(static_cast<Eigen::Index>(i));
+  only.factor.resize(static_cast<Eigen::Index>(rows.size()), c.factor.cols());
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    only.factor.row(static_cast<Eigen::Index>(i)) = c.factor.row(rows[i]);
+  only.common_u_mm = 0;
+  const fit::CorrectionTerm& term = over_intensity ? *c.intensity : *c.range;
+  Curve out;
+  for (int i = 0; i <= 120; ++i) {
+    const double x = term.from + (term.to - term.from) * i / 120;
+    const double measured = over_intensity ? only.reference_mm : x + only.zero_mm.value;
+    const double y = only.zero_mm.value + term.value(x), u = only.u(measured, x);
+    out.x.push_back(x), out.y.push_back(y), out.expanded.push_back(2 * u);
+  }
+  return out;
+}
+
+void add_curve(json& plot, const Curve& curve, const char* name) {
+  add_series(plot, "k = 2", "band", curve.x, curve.y, curve.expanded);
+  add_series(plot, name, "line", curve.x, curve.y);
+}
+
+json points_plot(const std::vector<fit::RangePoint>& points, const Correction* correction,
+                 bool over_intensity) {
+  json plot = over_intensity ? new_plot("Range error against intensity", "intensity (counts)", "error (mm)")
+                             : new_plot("Range error against distance", "range (mm)", "error (mm)");
+  std::vector<double> x, y, u;
+  for (const fit::RangePoint& p : points) {
+    if (!(over_intensity ? p.for_intensity : p.for_distance) && correction) continue;
+    // The other term's share is taken off, so that points and curve belong together.
+    double other = 0;
+    if (correction && over_intensity && correction->range)
+      other = correction->range->value(std::clamp(p.true_mm, correction->range->from, correction->range->to));
+    if (correction && !over_intensity && correction->intensity)
+      other = correction->intensity->value(
+          std::clamp(p.intensity, correction->intensity->from, correction->intensity->to));
+    x.push_back(over_intensity ? p.intensity : p.true_mm);
+    y.push_back(p.error_mm() - other);
+    u.push_back(2 * p.u_mm);
+  }
+  add_series(plot, "measured, k = 2", "errorbars", x, y, u);
+  if (correction) add_curve(plot, drawn(*correction, over_intensity), "correction");
+  return plot;
+}
+
+class Range : public Fitting {
+ public:
+  std::string kind() const override { return "range"; }
+  std::string describes() const override {
+    return "range error against echo strength and distance, and the correction that follows";
+  }
+  std::vector<std::pair<std::string, std::string>> options() const override {
+    return {
+        {"selection",
+         "samples that the correction is made from: robust (default) or paper (most frequent intensity)"},
+        {"intensity", "family of the intensity curve instead of the one that predicts best"},
+        {"distance", "family of the distance curve instead of the one that predicts best"},
+        {"reference_intensity",
+         "counts at which the intensity error counts as 0 (default: the largest at the reference distance)"}};
+  }
+
+  json run(const std::vector<FitSource>& sources, const json& options) const override {
+    const std::string selection = options.value("selection", "robust");
+    if (selection != "robust" && selection != "paper")
+      throw UsageError("the option selection is 'robust' or 'paper', not '" + selection + "'");
+    const RangeSource source = read_ranges(sources);
+    fit::RangeOptions how;
+    how.intensity_family = family_option(options, "intensity"),
+    how.distance_family = family_option(options, "distance");
+    how.reference_intensity = options.value("reference_intensity", 0.0);
+    for (const RangeCapture& c : source.captures)
+      how.placement_u_mm = std::max(how.placement_u_mm, c.u_placement_mm);
+    auto points = points_of(source, selection == "robust");
+    fit::RangeCalibration calibration = fit::calibrate_range(points, how);
+    fit::sort_into_experiments(points);
+    json out = new_result("range", method());
+    out["tables"].push_back(captures_table(source));
+    add_values(out, source, points, calibration);
+    if (!calibration.intensity_table.empty())
+      add_families(out["tables"], calibration.intensity_table, "Experiment A1, error against intensity");
+    if (!calibration.distance_table.empty())
+      add_families(out["tables"], calibration.distance_table, "Experiment A2, error against distance");
+    if (calibration.joint) add_correction(out, sources, source, points, calibration, selection);
+    if (!calibration.joint) out["plots"].push_back(points_plot(points, nullptr, false));
+    out["tables"].push_back(robust_table(source));
+    out["tables"].push_back(selection_table(source));
+    for (const std::string& note : source.notes) out["notes"].push_back(note);
+    for (const std::string& note : calibration.notes) out["notes"].push_back(note);
+    if (!calibration.why_not.empty()) out["undetermined"].push_back("no correction: " + calibration.why_not);
+    for (const std::string& sentence : calibration.identifiability) out["undetermined"].push_back(sentence);
+    return out;
+  }
+
+ private:
+  static std::string method() {
+    return "Range calibration after Zhao et al., experiments A1 and A2: error of the beam square on a flat "
+           "target at "
+           "known distances. Abnormal values and impulse noise are removed and the samples of the most "
+           "frequent "
+           "intensity averaged; beside it stands Huber's mean of all samples. Families of curves are fitted "
+           "by "
+           "separable least squares from many starts and sorted by their error at blocks of points that were "
+           "held "
+           "out. Intensity and distance errors are then fitted together.";
+  }
+
+  static std::string family_option(const json& options, const char* name) {
+    const std::string wanted = options.value(name, "");
+    if (wanted.empty()) return wanted;
+    const fit::Family* family = fit::find_family(wanted);
+    if (family && !family->honest_reference) return wanted;
+    std::string known;
+    for (const fit::Family& item : fit::all_families())
+      if (!item.honest_reference) known += (known.empty() ? "" : ", ") + item.id;
+    throw UsageError("there is no family of curves '" + wanted + "' to correct with; there are: " + known);
+  }
+
+  static void add_values(json& out, const RangeSource& source, const std::vector<fit::RangePoint>& points,
+                         const fit::RangeCalibration& calibration) {
+    if (source.captures.size() <= 12) {
+      std::set<long> named;
+      for (const RangeCapture& c : source.captures) {
+        const fit::RangePoint p = c.point(c.paper);
+        if (!named.insert(std::lround(p.true_mm)).second) continue;
+        out["values"].push_back(result_value("error_at_" + text(p.true_mm, "%.0f") + "_mm",
+                                             "Range error at " + text(p.true_mm, "%.0f") + " mm",
+                                             {p.error_mm(), std::hypot(p.u_mm, c.u_placement_mm)}, "mm"));
+      }
+    }
+    out["values"].push_back(plain_value("rms_error_before_mm", "RMS range error of the captures, uncorrected",
+                                        calibration.rms_before_mm, "mm"));
+    if (calibration.joint) {
+      out["values"].push_back(
+          plain_value("rms_error_after_mm", "The same, corrected", calibration.rms_after_mm, "mm"));
+      out["values"].push_back(plain_value("held_out_error_mm", "The same, each predicted from the others",
+                                          calibration.held_out_mm, "mm"));
+      double worst = 0;
+      for (const fit::RangePoint& p : points)
+        worst = std::max(worst, calibration.joint->u(p.measured_mm, p.intensity));
+      out["values"].push_back(plain_value(
+          "largest_u_mm", "Largest standard uncertainty of the correction at a measured point", worst, "mm"));
+    }
+    double mean_u = 0;
+    for (const fit::RangePoint& p : points) mean_u = std::max(mean_u, p.u_mm);
+    out["budget"].push_back(budget_line("mean of the samples, worst capture", "A", mean_u, "mm"));
+    const auto scatter = [&](long captures, double u, const std::string& experiment) {
+      if (captures == 0) return;
+      out["budget"].push_back(
+          captures < 7
+              ? budget_line("placement of each capture (bench file; too few to see it), " + experiment, "B",
+                            u, "mm")
+              : budget_line("scatter between captures beyond that, " + experiment, "A", u, "mm"));
+    };
+    scatter(calibration.points_intensity, calibration.scatter_intensity_mm, "intensity");
+    scatter(calibration.points_distance, calibration.scatter_distance_mm, "distance");
+    double placement = 0;
+    for (const RangeCapture& c : source.captures) placement = std::max(placement, c.u_placement_mm);
+    out["budget"].push_back(budget_line("true distance (bench file), common to all", "B", placement, "mm"));
+  }
+
+  void add_correction(json& out, const std::vector<FitSource>& sources, const RangeSource& source,
+                      const std::vector<fit::RangePoint>& points, fit::RangeCalibration& calibration,
+                      const std::string& selection) const {
+    Correction& correction = *calibration.joint;
+    describe(correction, sources, calibration);
+    if (correction.intensity && correction.range)
+      out["values"].push_back(result_value(
+          "zero_mm",
+          "Range error at the reference condition (" + text(correction.reference_mm, "%.0f") + " mm, " +
+              text(correction.reference_intensity, "%.0f") + " counts)",
+          {correction.zero_mm.value, std::hypot(correction.zero_mm.u, correction.common_u_mm)}, "mm"));
+    if (correction.intensity) out["plots"].push_back(points_plot(points, &correction, true));
+    if (correction.range) out["plots"].push_back(points_plot(points, &correction, false));
+    out["plots"].push_back(residual_plot(points, correction));
+    out["tables"].push_back(coefficients_table(correction));
+    if (calibration.sequential) {
+      double largest = 0;
+      out["tables"].push_back(ways_table(calibration, points, largest));
+      out["notes"].push_back("Fitted jointly and in the paper's sequential way, the correction differs by " +
+                             text(largest) + " mm at most at the measured points.");
+    }
+    compare_selections(out, source, correction, selection);
+    out["data"] = {{"correction", json::parse(fit::to_json_text(correction))},
+                   {"selection", selection},
+                   {"condition_number", number_or_null(calibration.condition)},
+                   {"intensity_distance_correlation", number_or_null(calibration.correlation)}};
+    warn_of_the_reference(out, calibration);
+  }
+
+  /// Where the smoother without an equation predicts much better, no family follows the data.
+  static void warn_of_the_reference(json& out, const fit::RangeCalibration& calibration) {
+    for (const auto* table : {&calibration.intensity_table, &calibration.distance_table}) {
+      const auto spline =
+          std::ranges::find_if(*table, [](const FamilyFit& fit) { return fit.usable && fit.spline; });
+      const FamilyFit* best = fit::best_of(*table);
+      if (spline == table->end() || !best || spline->held_out > 0.7 * best->held_out) continue;
+      out["notes"].push_back("No family follows the error against " +
+                             std::string(table == &calibration.intensity_table ? "intensity" : "distance") +
+                             " well: a smooth curve without an equation predicts held-out points to " +
+                             text(spline->held_out) + " mm, the best family (" + best->title + ") to " +
+                             text(best->held_out) + " mm. rig explain looks for the physics behind it.");
+    }
+  }
+
+  static void compare_selections(json& out, const RangeSource& source, const Correction& correction,
+                                 const std::string& selection) {
+    double sum = 0, largest = 0;
+    for (const RangeCapture& c : source.captures) {
+      const double corrected_a = correction.apply(c.point(c.paper).measured_mm, c.paper.intensity).range_mm;
+      const double corrected_b = correction.apply(c.point(c.robust).measured_mm, c.robust.intensity).range_mm;
+      sum += std::pow(corrected_a - corrected_b, 2);
+      largest = std::max(largest, std::abs(corrected_a - corrected_b));
+    }
+    out["notes"].push_back("The correction is made from the " +
+                           std::string(selection == "robust" ? "robust means of all samples"
+                                                             : "means of the most frequent intensity") +
+                           "; corrected, the two ways of selecting samples differ by " +
+                           text(std::sqrt(sum / static_cast<double>(source.captures.size()))) +
+                           " mm RMS and " + text(largest) + " mm at most.");
+  }
+
+  static json residual_plot(const std::vector<fit::RangePoint>& points, const Correction& correction) {
+    json plot = new_plot("Error left after the correction", "range (mm)", "error (mm)");
+    std::vector<double> x, y, u;
+    for (const fit::RangePoint& p : points) {
+      x.push_back(p.true_mm), u.push_back(2 * p.u_mm);
+      y.push_back(correction.apply(p.measured_mm, p.intensity).range_mm - p.true_mm);
+    }
+    add_series(plot, "corrected, k = 2 of the mean", "errorbars", x, y, u);
+    return plot;
+  }
+
+  static void describe(Correction& correction, const std::vector<FitSource>& sources,
+                       const fit::RangeCalibration& calibration) {
+    const SessionStore& session = *sources.front().session;
+    const json lidar = json::parse(session.get("lidar").value_or("{}"), nullptr, false);
+    const auto said = [&](std::initializer_list<const char*> keys) -> std::string {
+      for (const char* key : keys)
+        if (lidar.is_object() && lidar.contains(key) && lidar.at(key).is_string())
+          return lidar.at(key).get<std::string>();
+      return "";
+    };
+    correction.lidar_model = said({"PROD", "MODL", "model"});
+    correction.lidar_serial = said({"SERI", "serial"});
+    correction.lidar_firmware = said({"FIRM", "firmware"});
+    correction.created_utc = session.get("created_utc").value_or("");
+    correction.software = "rig " RIG_VERSION;
+    for (const FitSource& source : sources) {
+      correction.session_sha256.push_back(source.session->content_hash());
+      const std::string procedure =
+          source.session->get("procedure_name").value_or(source.session->get("kind").value_or(""));
+      if (procedure.size() < 100)
+        correction.procedure += (correction.procedure.empty() ? "" : ", ") + procedure;
+    }
+    for (const std::string& sentence : calibration.identifiability) correction.notes.push_back(sentence);
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Fitting> make_range() { return std::make_unique<Range>(); }
+
+}  // namespace rig::fittings

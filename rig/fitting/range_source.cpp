@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: MIT
+#include "rig/fitting/range_source.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <optional>
+
+#include "rig/errors.hpp"
+
+namespace rig {
+namespace {
+
+using Eigen::Vector2d;
+
+std::string text(double value, const char* format) {
+  char out[64];
+  std::snprintf(out, sizeof out, format, value);
+  return out;
+}
+
+/// The target as it stood during a capture, in the lidar's frame.
+struct Board {
+  Vector2d from, to, normal;
+  double distance_mm = 0, normal_rad = 0;
+};
+
+Board board_of(const fit::Target& target, const fit::CaptureInfo& capture, const fit::Mount& mount) {
+  const double stage = capture.stage_readback_rad.value_or(capture.stage_rad);
+  const Vector2d origin = Eigen::Rotation2Dd(stage) * Vector2d(mount.x_mm.value, mount.y_mm.value);
+  const Eigen::Rotation2Dd to_lidar(-stage - mount.yaw_rad.value);
+  const Vector2d shift = target.outward_normal() * capture.target_shift_mm;
+  Board board;
+  board.from = to_lidar * (target.from_mm + shift - origin);
+  board.to = to_lidar * (target.to_mm + shift - origin);
+  board.normal = to_lidar * target.outward_normal();
+  board.distance_mm = board.normal.dot(board.from);
+  if (board.distance_mm < 0) board.normal = -board.normal, board.distance_mm = -board.distance_mm;
+  board.normal_rad = std::atan2(board.normal.y(), board.normal.x());
+  return board;
+}
+
+/// Whether a beam in this direction meets the middle part of the board.
+bool meets(const Board& board, double direction_rad) {
+  const Vector2d ray(std::cos(direction_rad), std::sin(direction_rad));
+  const double facing = ray.dot(board.normal);
+  if (facing < 0.2) return false;
+  const Vector2d at = ray * (board.distance_mm / facing), along = board.to - board.from;
+  const double place = (at - board.from).dot(along) / along.squaredNorm();
+  return place > 0.1 && place < 0.9;
+}
+
+struct Angles {
+  double first_rad, step_rad;
+};
+Angles angles_of(const fit::ScanView& scan, const fit::CaptureInfo& capture,
+                 const fit::LidarGeometry& lidar) {
+  if (scan.geometry) return {scan.geometry->first_rad, scan.geometry->step_rad};
+  // A cluster's value stands for the middle of its steps.
+  return {lidar.beam_angle(capture.first_step + (capture.cluster - 1) / 2.0),
+          lidar.step_rad * capture.cluster};
+}
+
+struct Normal {
+  double rad = 0, u_rad = 0;
+  bool from_data = false;
+};
+
+/// Direction of the board's normal from what was seen of it, if that is better than the bench knows it.
+Normal normal_of(const fit::Recording& recording, std::size_t index, const Board& board, double bench_u_rad) {
+  const fit::CaptureInfo& capture = recording.captures()[index];
+  const Normal by_bench{board.normal_rad, bench_u_rad, false};
+  // A few neighbouring beams say nothing of a direction; reading a long capture twice would cost.
+  if (capture.beams() < 8) return by_bench;
+  std::vector<Vector2d> seen;
+  long scans = 0;
+  recording.for_each_scan(index, [&](const fit::ScanView& scan) {
+    if (++scans > 400) return;
+    const Angles angles = angles_of(scan, capture, recording.bench().lidar);
+    for (std::size_t k = 0; k < scan.range_mm.size(); ++k) {
+      const double direction = angles.first_rad + static_cast<double>(k) * angles.step_rad;
+      if (scan.range_mm[k] == 0 || scan.range_mm[k] >= 65500 || !meets(board, direction)) continue;
+      const double range = scan.range_mm[k];
+      const Vector2d point(range * std::cos(direction), range * std::sin(direction));
+      // Something else stands in front, or nothing: not the board.
+      if (std::abs(board.normal.dot(point) - board.distance_mm) < 0.1 * board.distance_mm + 60)
+        seen.push_back(point);
+    }
+  });
+  // Depth against place along the board, as the bench has it: a slope is a turn of the normal.
+  const Vector2d along(-board.normal.y(), board.normal.x());
+  double slope = 0, sigma = 0, spread = 0;
+  for (int round = 0; round < 4; ++round) {
+    if (seen.size() < 50) return by_bench;
+    const auto n = static_cast<double>(seen.size());
+    Vector2d mean = Vector2d::Zero();
+    for (const Vector2d& p : seen) mean += p / n;
+    double square = 0, product = 0, residual = 0;
+    for (const Vector2d& p : seen) {
+      const double t = along.dot(p - mean), q = board.normal.dot(p - mean);
+      square += t * t, product += t * q;
+    }
+    if (square <= 0) return by_bench;
+    slope = product / square;
+    const auto off = [&](const Vector2d& p) {
+      return board.normal.dot(p - mean) - slope * along.dot(p - mean);
+    };
+    for (const Vector2d& p : seen) residual += off(p) * off(p);
+    sigma = std::sqrt(residual / n), spread = std::sqrt(square / n);
+    std::erase_if(seen, [&](const Vector2d& p) { return std::abs(off(p)) > 3.5 * sigma + 0.5; });
+  }
+  const double angle = board.normal_rad - std::atan(slope);
+  // Errors of neighbouring beams go together (surface, walk error): count ten samples as one.
+  const double u = std::max(1e-4, sigma / spread / std::sqrt(static_cast<double>(seen.size()) / 10));
+  if (u >= bench_u_rad) return by_bench;
+  return {angle, u, true};
+}
+
+/// Per scan the beam nearest to the normal; false when none is within one and a half steps of it.
+struct SquareBeam {
+  std::vector<fit::Sample> samples;
+  double sum_rad = 0, sum_secant = 0;
+  long scans = 0;
+};
+SquareBeam square_beam(const fit::Recording& recording, std::size_t index, double normal_rad) {
+  const fit::CaptureInfo& capture = recording.captures()[index];
+  SquareBeam out;
+  recording.for_each_scan(index, [&](const fit::ScanView& scan) {
+    ++out.scans;
+    const Angles angles = angles_of(scan, capture, recording.bench().lidar);
+    const long last = static_cast<long>(scan.range_mm.size()) - 1;
+    if (last < 0) return;
+    // A full turn may begin or end just beside the normal: the beam may be the first, the last or neither.
+    const double turns = 2 * fit::pi / std::abs(angles.step_rad);
+    double place = fit::wrap_angle(normal_rad - angles.first_rad) / angles.step_rad;
+    if (place < 0) place += turns;
+    const auto off_of = [&](long k) {
+      return fit::wrap_angle(angles.first_rad + static_cast<double>(k) * angles.step_rad - normal_rad);
+    };
+    long k = 0;
+    for (const long candidate : {std::min(std::lround(place), last), last})
+      if (std::abs(off_of(candidate)) < std::abs(off_of(k))) k = candidate;
+    const double off = off_of(k);
+    if (std::abs(off) > 1.5 * std::abs(angles.step_rad)) return;
+    const auto at = static_cast<std::size_t>(k);
+    out.samples.push_back(
+        {scan.range_mm[at], at < scan.intensity.size() ? scan.intensity[at] : std::uint16_t{0}});
+    out.sum_rad += normal_rad + off;
+    out.sum_secant += 1 / std::cos(off) - 1;
+  });
+  return out;
+}
+
+/// The target a capture is about; without a name, the nearest one that the capture's beams meet squarely.
+const fit::Target* target_of(const fit::Bench& bench, const fit::CaptureInfo& capture) {
+  if (capture.target) return bench.target(*capture.target);
+  const fit::Target* nearest = nullptr;
+  double least = 1e300;
+  for (const fit::Target& target : bench.targets) {
+    const Board board = board_of(target, capture, bench.lidar.mount);
+    if (meets(board, board.normal_rad) && board.distance_mm < least)
+      least = board.distance_mm, nearest = &target;
+  }
+  return nearest;
+}
+
+std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::size_t index,
+                                         RangeSource& source) {
+  const fit::CaptureInfo& capture = recording.captures()[index];
+  const fit::Bench& bench = recording.bench();
+  const std::string name =
+      "capture " + std::to_string(capture.id) + (capture.step.empty() ? "" : " (" + capture.step + ")");
+  if (fit::is_turning(capture)) return std::nullopt;
+  const fit::Target* target = target_of(bench, capture);
+  if (!target) {
+    source.notes.push_back(name + " was left out: the bench file has no target " +
+                           (capture.target ? "'" + *capture.target + "'" : "that its beams meet squarely"));
+    return std::nullopt;
+  }
+  const Board board = board_of(*target, capture, bench.lidar.mount);
+  const double bench_u = std::hypot(target->u_rad, bench.lidar.mount.yaw_rad.u);
+  const Normal normal = normal_of(recording, index, board, std::max(bench_u, 1e-5));
+  const SquareBeam beam = square_beam(recording, index, normal.rad);
+  if (beam.samples.size() < 20) {
+    source.notes.push_back(name + " was left out: " + std::to_string(beam.samples.size()) +
+                           " samples of the beam square on '" + target->name + "', at least 20 are needed");
+    return std::nullopt;
+  }
+  RangeCapture out;
+  out.label = capture.step.empty() ? std::to_string(capture.id) : capture.step;
+  out.target = target->name;
+  out.true_mm = board.distance_mm;
+  out.normal_deg = normal.rad * fit::deg_per_rad, out.u_normal_deg = normal.u_rad * fit::deg_per_rad;
+  out.normal_from_data = normal.from_data;
+  const auto n = static_cast<double>(beam.samples.size());
+  out.beam_deg = fit::wrap_angle(beam.sum_rad / n) * fit::deg_per_rad;
+  out.oblique_mm = board.distance_mm * beam.sum_secant / n;
+  out.u_placement_mm = target->u_mm;
+  out.reflectance = capture.reflectance ? capture.reflectance : target->reflectance;
+  out.paper = fit::select_most_frequent(beam.samples);
+  out.robust = fit::select_robust(beam.samples);
+  out.scans = beam.scans;
+  if (out.paper.kept < 1) {
+    source.notes.push_back(name + " was left out: no valid sample");
+    return std::nullopt;
+  }
+  const double off = std::abs(fit::wrap_angle(normal.rad - board.normal_rad));
+  if (normal.from_data && off > 4 * bench_u)
+    source.notes.push_back(name + ": '" + target->name + "' is turned by " +
+                           text(off * fit::deg_per_rad, "%.1f") +
+                           " deg from where the bench file says; correct its mount yaw or the target");
+  if (std::abs(out.paper.mean_mm - out.true_mm) > 0.1 * out.true_mm + 60)
+    source.notes.push_back(name + ": the beam sees " + text(out.paper.mean_mm, "%.0f") +
+                           " mm where the bench file puts '" + target->name + "' at " +
+                           text(out.true_mm, "%.0f") + " mm; check the true distance");
+  return out;
+}
+
+}  // namespace
+
+RangeSource read_ranges(const std::vector<FitSource>& sources) {
+  RangeSource out;
+  for (const FitSource& source : sources) {
+    const auto recording = source.session->recording();
+    for (std::size_t i = 0; i < recording->captures().size(); ++i)
+      if (auto capture = read_capture(*recording, i, out)) out.captures.push_back(std::move(*capture));
+  }
+  if (!out.captures.empty()) return out;
+  std::string why;
+  for (const std::string& note : out.notes) why += "\n  " + note;
+  throw MeasurementError("no capture looks squarely at a target whose distance is known" + why +
+                         "\nThe bench file must hold the target, and captures of a range ladder its shift.");
+}
+
+}  // namespace rig

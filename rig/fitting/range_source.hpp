@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "fit/range_calibration.hpp"
+#include "fit/recording.hpp"
+#include "fit/selection.hpp"
+#include "rig/fitting/fitting.hpp"
+
+namespace rig {
+
+/// What one capture says of one target: the beam square on it, its selected samples, and the true distance.
+struct RangeCapture {
+  std::string label, target;
+  double true_mm = 0;     ///< Along the normal, from bench and shift.
+  double normal_deg = 0;  ///< Direction of the normal in the lidar's frame that was used.
+  double u_normal_deg = 0;
+  bool normal_from_data = false;
+  double beam_deg = 0;    ///< Mean direction of the beam nearest to it.
+  double oblique_mm = 0;  ///< Range along that beam less the distance along the normal.
+  double u_placement_mm = 0;
+  std::optional<double> reflectance;
+  fit::SelectedMean paper, robust;
+  long scans = 0;
+  [[nodiscard]] fit::RangePoint point(const fit::SelectedMean& mean) const {
+    fit::RangePoint out;
+    out.true_mm = true_mm, out.measured_mm = mean.mean_mm - oblique_mm;
+    out.u_mm = mean.u_mm, out.intensity = mean.intensity;
+    return out;
+  }
+};
+
+struct RangeSource {
+  std::vector<RangeCapture> captures;
+  std::vector<std::string> notes;  ///< Captures left out, and where the bench contradicts what was seen.
+};
+
+/// One RangeCapture for every capture of the sessions that looks squarely at a target with a known place.
+/// Throws MeasurementError when there is none.
+[[nodiscard]] RangeSource read_ranges(const std::vector<FitSource>& sources);
+
+}  // namespace rig

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rig/import/importer.hpp"
+
+namespace rig {
+
+/// What the operator asked of `rig import`.
+struct ImportRequest {
+  std::vector<std::string> files;  ///< One capture each.
+  std::string output;
+  ImportOptions options;
+  std::optional<std::string> bench;  ///< Text of a bench file; without it one is made from the recording.
+  std::string target = "wall";
+  std::vector<double> true_mm;  ///< True distance of the target for each file; empty: guessed from the names.
+  double true_u_mm = 5;
+  double target_width_mm = 600;
+};
+
+struct ImportReport {
+  std::uint64_t scans = 0, poses = 0;
+  std::vector<std::string> notes;  ///< Sentences for the operator, each once.
+};
+
+/// Reads the files, one capture each, into a new session. What is damaged is left out and said; a file
+/// without a single scan is refused (MeasurementError) and no session left behind. Nothing is resampled:
+/// scans that differ keep their own geometry (formats.md, `scan_geometry`).
+///
+/// With true distances, the session's bench has a flat target square to the x axis at the first of them, and
+/// every capture the shift that puts it at its own: what `rig fit range` and `rig explain` need. Beside the
+/// tables of formats.md it writes `imu(host_us, yaw_deg, rate_deg_s)`, and the session keys `import`,
+/// `transforms` and `lidar_on_robot` (docs/import.md).
+ImportReport import_session(const ImportRequest& request);
+
+/// The distance that a file's name, or its folder's, tells ("wall_0.5m", "1500mm_0.mcap"), in millimetres.
+[[nodiscard]] std::optional<double> distance_in_name(const std::string& path);
+
+}  // namespace rig

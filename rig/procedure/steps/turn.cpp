@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: MIT
+#include <cmath>
+
+#include "rig/procedure/step.hpp"
+
+namespace rig::steps {
+namespace {
+
+using Type = Option::Type;
+
+class Turn final : public StepKind {
+ public:
+  std::string name() const override { return "turn"; }
+  std::string about() const override { return "Captures while the stage turns at a constant rate"; }
+  const std::vector<Option>& options() const override {
+    static const std::vector<Option> options = [] {
+      std::vector<Option> all = {{.name = "rate_deg_s",
+                                  .about = "rate of turning, counter-clockwise positive",
+                                  .required = true,
+                                  .min = -360,
+                                  .max = 360},
+                                 {.name = "from_deg", .about = "angle to start from", .required = true},
+                                 {.name = "samples",
+                                  .type = Type::integer,
+                                  .about = "scans to capture",
+                                  .required = true,
+                                  .min = 1,
+                                  .max = 20000}};
+      for (auto& option : capture_options()) all.push_back(option);
+      return all;
+    }();
+    return options;
+  }
+  void plan(const Arguments& arguments, Plan& plan) const override {
+    const double rate = arguments.number("rate_deg_s"), from = arguments.number("from_deg");
+    if (rate == 0)
+      throw ProcedureError(arguments.place_of("rate_deg_s"), "a rate of 0 is a 'capture', not a 'turn'.");
+    const int samples = arguments.integer_or("samples", 1);
+    (void)capture_request(arguments, *plan.bench, samples);
+    plan.move_to(from, arguments.place_of("from_deg"), rate > 0 ? 1 : -1);
+    const double end = from + rate * (samples / plan.bench->lidar.scan_hz + 1);
+    if (end < plan.limits.min_deg || end > plan.limits.max_deg)
+      throw ProcedureError(arguments.place(), "turning would end near " + to_text(std::round(end)) +
+                                                  " deg, beyond the stage's soft limits " +
+                                                  to_text(plan.limits.min_deg) + " to " +
+                                                  to_text(plan.limits.max_deg) +
+                                                  " deg; take fewer samples, a lower rate or another start.");
+    plan.capture(samples, 0);
+    plan.seconds += 1;
+    plan.travel_deg += std::abs(end - from);
+    plan.stage_deg = NAN;
+    plan.says = "turn at " + to_text(rate) + " deg/s from " + to_text(from) + " deg, " +
+                std::to_string(samples) + " scans";
+  }
+  awaitable<void> run(const Arguments& arguments, StepContext& context) const override {
+    CaptureRequest request = capture_request(arguments, context.bench(), arguments.integer_or("samples", 1));
+    request.name = context.name();
+    request.key = context.key() + "/capture";
+    request.rate_deg_s = arguments.number("rate_deg_s");
+    auto capturing =
+        context.capture_turning(request, arguments.number("from_deg"), arguments.place_of("from_deg"));
+    co_await std::move(capturing);
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<StepKind> make_turn();
+std::unique_ptr<StepKind> make_turn() { return std::make_unique<Turn>(); }
+
+}  // namespace rig::steps

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: MIT
+#include "rig/report/explain_report.hpp"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "fit/explain/explanation.hpp"
+#include "rig/number_format.hpp"
+#include "rig/report/html_text.hpp"
+#include "rig/report/plot.hpp"
+
+namespace rig {
+namespace {
+
+using nlohmann::json;
+
+std::string figure_of(double value, int digits = 4) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.*g", digits, value);
+  return text;
+}
+
+double number_at(const json& object, const char* key) {
+  const auto found = object.find(key);
+  return found != object.end() && found->is_number() ? found->get<double>() : NAN;
+}
+
+std::string verdict_in_words(const std::string& verdict) {
+  if (verdict == "nothing-missing")
+    return "Nothing is missing: the simulation explains the recording to its noise.";
+  if (verdict == "explained") return "The mismatch is explained.";
+  if (verdict == "undecided")
+    return "Something is missing, and this recording cannot tell which of several causes it is.";
+  return "Something is missing that no mechanism of the catalogue makes.";
+}
+
+std::string mechanism_section(const json& m) {
+  std::string html =
+      "<h3>" + escaped(m.at("mechanism").get<std::string>()) + " <span class=\"sub\">probability " +
+      figure_of(m.at("probability").get<double>(), 3) + "</span></h3>\n<p class=\"box\">" +
+      escaped(m.at("says").get<std::string>()) + "</p>\n<p>" + escaped(m.value("evidence", "")) +
+      "</p>\n<table><thead><tr><th>Parameter</th><th class=\"n\">Value</th><th class=\"n\">Standard "
+      "uncertainty</th></tr></thead><tbody>\n";
+  for (const auto& [name, p] : m.at("parameters").items()) {
+    if (p.is_string()) {
+      html += "<tr><td>" + escaped(name) + "</td><td class=\"n\">" + escaped(p.get<std::string>()) +
+              "</td><td></td></tr>\n";
+      continue;
+    }
+    const double value = number_at(p, "value"), u = number_at(p, "u");
+    html += "<tr><td>" + escaped(name) + "</td><td class=\"n\">" + format_value(value, u) +
+            "</td><td class=\"n\">" + format_uncertainty(u) + "</td></tr>\n";
+  }
+  return html + "</tbody></table>\n";
+}
+
+std::string curve_section(const json& curve) {
+  Plot plot;
+  const std::string coordinate = curve.at("coordinate").get<std::string>();
+  plot.title = "Mean residual along " + coordinate;
+  plot.x_label = coordinate;
+  plot.y_label = "recording - simulation (mm)";
+  const auto x = curve.at("at").get<std::vector<double>>();
+  const auto u = curve.at("u_mm").get<std::vector<double>>();
+  plot.series.push_back(
+      {"before", Series::Style::errorbars, x, curve.at("before_mm").get<std::vector<double>>(), u});
+  plot.series.push_back(
+      {"after", Series::Style::errorbars, x, curve.at("after_mm").get<std::vector<double>>(), u});
+  return "<figure>" + to_svg(plot) + "<figcaption>Means over intervals of " + escaped(coordinate) +
+         " with their standard uncertainties, after mount and targets were fitted; before: with the bench as "
+         "it was; "
+         "after: with what was found.</figcaption></figure>\n";
+}
+
+/// A recording that took no part in the fit: figures, spread and means along the incidence.
+std::string prediction_section(const json& p) {
+  const json &before = p.at("before"), &after = p.at("after"), &cells = p.at("cells");
+  const json& gain = p.at("log_likelihood_gain");
+  const auto row = [&](const char* what, const char* key, int digits) {
+    return "<tr><td>" + std::string(what) + "</td><td class=\"n\">" +
+           figure_of(number_at(before, key), digits) + "</td><td class=\"n\">" +
+           figure_of(number_at(after, key), digits) + "</td></tr>\n";
+  };
+  std::string html = "<h2>Predicted, not fitted: " + escaped(p.value("session", "")) + "</h2>\n<p>" +
+                     std::to_string(p.value("samples", 0L)) +
+                     " samples of a recording that took no part in the fit. Before: the bench's geometry and "
+                     "the constant noise "
+                     "that suits the fitted recordings best; after: with what was found in them. In both, "
+                     "only where mount and "
+                     "targets of this recording stand was fitted to it.</p>\n<table><thead><tr><th></th><th "
+                     "class=\"n\">before</th><th class=\"n\">after</th></tr></thead><tbody>\n" +
+                     row("rms of the samples (mm)", "rms_mm", 4) +
+                     row("rms of the means (mm)", "rms_of_means_mm", 4) +
+                     row("log-likelihood of a sample", "log_likelihood", 4) +
+                     row("share within the predicted 95 % intervals", "coverage_95", 3) +
+                     "</tbody></table>\n<p>All samples "
+                     "together are e^" +
+                     figure_of(number_at(gain, "value"), 3) + " times as likely, the exponent +/- " +
+                     figure_of(number_at(gain, "u"), 2) + " as beams differ.</p>\n";
+  if (!cells.contains("incidence_deg")) return html;
+  const auto column = [&](const char* key) { return cells.at(key).get<std::vector<double>>(); };
+  const auto x = column("incidence_deg");
+  Plot spread;
+  spread.title = "Spread of the samples of a beam";
+  spread.x_label = "incidence (deg)";
+  spread.y_label = "standard deviation (mm)";
+  spread.series.push_back({"recorded", Series::Style::points, x, column("sd_mm"), {}});
+  spread.series.push_back({"predicted before", Series::Style::points, x, column("sd_before_mm"), {}});
+  spread.series.push_back({"predicted after", Series::Style::points, x, column("sd_after_mm"), {}});
+  Plot means = spread;
+  means.title = "Mean of a beam's samples";
+  means.y_label = "recording - prediction (mm)";
+  means.series.clear();
+  means.series.push_back({"before", Series::Style::points, x, column("mean_before_mm"), {}});
+  means.series.push_back({"after", Series::Style::points, x, column("mean_after_mm"), {}});
+  return html + "<figure>" + to_svg(spread) + "</figure>\n<figure>" + to_svg(means) + "</figure>\n";
+}
+
+std::string intensity_section(const json& curve) {
+  Plot plot;
+  const std::string coordinate = curve.at("coordinate").get<std::string>();
+  const auto per_cent = [&](const char* key) {
+    auto values = curve.at(key).get<std::vector<double>>();
+    for (double& v : values) v *= 100;
+    return values;
+  };
+  plot.title = "Intensity along " + coordinate;
+  plot.x_label = coordinate;
+  plot.y_label = "recording over bench's law, less 1 (%)";
+  const auto x = curve.at("at").get<std::vector<double>>();
+  const auto u = per_cent("u");
+  plot.series.push_back({"before", Series::Style::errorbars, x, per_cent("before"), u});
+  plot.series.push_back({"after", Series::Style::errorbars, x, per_cent("after"), u});
+  return "<figure>" + to_svg(plot) + "<figcaption>Intensity against the law that the bench states, along " +
+         escaped(coordinate) +
+         ", less what reflectances and the law's own uncertainties explain.</figcaption></figure>\n";
+}
+
+std::string style() {
+  return "body{font:15px/1.45 \"Source Sans 3\",\"DejaVu "
+         "Sans\",sans-serif;color:#1a1a1a;max-width:52rem;margin:2rem "
+         "auto;padding:0 1.2rem}h1{font-size:1.7rem}h2{font-size:1.2rem;margin-top:2rem;border-bottom:2px "
+         "solid "
+         "#1a1a1a}table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}th,td{text-"
+         "align:left;"
+         "padding:.28rem .6rem .28rem 0;border-bottom:1px solid "
+         "#cfcfcf}td.n,th.n{text-align:right}.sub{color:#5a5a5a;"
+         "font-weight:400;font-size:.9rem}.box{border-left:.3rem solid #006d4c;padding:.3rem "
+         ".9rem;background:#f7f7f5}"
+         "figure{margin:1rem 0}figure "
+         "svg{max-width:100%;height:auto}figcaption{color:#5a5a5a;font-size:.9rem}"
+         "@page{size:A4;margin:18mm 16mm}@media print{figure,table,.box{break-inside:avoid}}";
+}
+
+}  // namespace
+
+std::string explanation_html(const json& e, const std::string& sessions) {
+  std::string html =
+      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Explanation</title><style>" +
+      style() + "</style></head><body>\n<h1>What the simulation left out</h1>\n<p class=\"sub\">" +
+      escaped(sessions) + " &middot; " + std::to_string(e.value("cells", 0L)) + " cells, " +
+      std::to_string(e.value("samples", 0L)) + " samples</p>\n<p class=\"box\"><strong>" +
+      escaped(verdict_in_words(e.at("verdict").get<std::string>())) + "</strong></p>\n";
+  if (!e.at("mechanisms").empty()) html += "<h2>Mechanisms</h2>\n";
+  for (const json& m : e.at("mechanisms")) html += mechanism_section(m);
+  for (const json& set : e.at("undecided_between")) {
+    const auto suspects = fit::explain::suspects_in_words(set.get<std::vector<std::string>>());
+    html += "<h2>Undecided</h2>\n<p class=\"box\">One of: " + escaped(fit::explain::listed(suspects, "or")) +
+            ". They would have left the same traces in this recording.</p>\n";
+  }
+  if (e.contains("next_experiment") && e["next_experiment"].is_string())
+    html += "<p>The experiment that separates them best: <code>" +
+            escaped(e["next_experiment"].get<std::string>()) +
+            "</code>, written as a procedure that runs as it stands.</p>\n";
+  if (e.contains("unknown"))
+    html += "<h2>Unknown physics</h2>\n<p class=\"box\">" + escaped(e["unknown"].value("describes", "")) +
+            " (" + escaped(e["unknown"].value("observable", "")) + ").</p>\n";
+  const json& fit = e.at("fit");
+  html +=
+      "<h2>On data that the fit had not seen</h2>\n<table><thead><tr><th></th><th class=\"n\">before</th><th "
+      "class=\"n\">after</th></tr></thead><tbody>\n<tr><td>rms of the means (mm)</td><td class=\"n\">" +
+      figure_of(number_at(fit, "rms_before_mm")) + "</td><td class=\"n\">" +
+      figure_of(number_at(fit, "rms_after_mm")) +
+      "</td></tr>\n<tr><td>log-likelihood per cell</td><td class=\"n\">" +
+      figure_of(number_at(fit, "held_out_log_likelihood_before")) + "</td><td class=\"n\">" +
+      figure_of(number_at(fit, "held_out_log_likelihood_after")) +
+      "</td></tr>\n<tr><td>share within the predicted 95 % intervals</td><td class=\"n\">" +
+      figure_of(number_at(fit, "coverage_95_before"), 3) + "</td><td class=\"n\">" +
+      figure_of(number_at(fit, "coverage_95_after"), 3) +
+      "</td></tr>\n</tbody></table>\n<p>Noise floor of the means: " +
+      figure_of(number_at(fit, "noise_floor_mm")) + " mm.</p>\n";
+  if (e.contains("prediction"))
+    for (const json& p : e["prediction"]) html += prediction_section(p);
+  if (!e.at("curves").empty()) html += "<h2>Residuals</h2>\n";
+  for (const json& curve : e.at("curves")) html += curve_section(curve);
+  if (e.contains("intensity_curves")) html += "<h2>Intensity</h2>\n";
+  for (const json& curve : e.value("intensity_curves", json::array())) html += intensity_section(curve);
+  if (!e.at("located").empty()) {
+    html +=
+        "<h2>Where they differ</h2>\n<table><thead><tr><th>Coordinate</th><th class=\"n\">from</th><th "
+        "class=\"n\">to</th><th>Observable</th><th class=\"n\">p-value</th></tr></thead><tbody>\n";
+    for (const json& l : e.at("located"))
+      html += "<tr><td>" + l.at("coordinate").get<std::string>() + "</td><td class=\"n\">" +
+              figure_of(number_at(l, "from")) + "</td><td class=\"n\">" + figure_of(number_at(l, "to")) +
+              "</td><td>" + l.at("observable").get<std::string>() + "</td><td class=\"n\">" +
+              figure_of(number_at(l, "p_value"), 2) + "</td></tr>\n";
+    html += "</tbody></table>\n";
+  }
+  if (!e.at("notes").empty()) html += "<h2>Notes</h2>\n";
+  for (const json& note : e.at("notes")) html += "<p>" + escaped(note.get<std::string>()) + "</p>\n";
+  return html + "</body></html>\n";
+}
+
+}  // namespace rig

@@ -1,0 +1,306 @@
+// SPDX-License-Identifier: MIT
+#include "rig/runner/bench_check.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "rig/procedure/procedure_plan.hpp"
+#include "rig/runner/scan_gate.hpp"
+
+namespace rig {
+namespace {
+
+using boost::asio::awaitable;
+using Verdict = CheckLine::Verdict;
+
+constexpr int scans_of_rate = 40, scans_of_look = 20;
+constexpr double accuracy_mm = 40;  // UST-10LX, 0.06 m to 10 m (data sheet).
+constexpr double stage_tolerance_deg = 0.02;
+constexpr double weak_intensity = 200, shares_of_beams = 0.5;
+
+double median(std::vector<double> values) {
+  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+std::string rounded(double value, int digits = 0) {
+  const double scale = std::pow(10, digits);
+  return to_text(std::round(value * scale) / scale);
+}
+
+double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
+
+/// Medians over some scans, beam by beam; NaN where most scans had no echo.
+struct Look {
+  std::vector<double> range_mm, intensity;
+};
+
+class Checker {
+ public:
+  Checker(const fit::Bench& bench, LidarSource& lidar, Stage& stage, RunClock& clock,
+          std::function<void(const CheckLine&)> tell)
+      : bench_(bench),
+        lidar_(lidar),
+        stage_(stage),
+        clock_(clock),
+        tell_(std::move(tell)),
+        limits_(stage_limits(bench)) {}
+
+  awaitable<std::vector<CheckLine>> run(bool stay_still) {
+    auto greeting = greet();
+    co_await std::move(greeting);
+    auto timing = check_rate();
+    co_await std::move(timing);
+    auto knowing = check_stage(stay_still);
+    co_await std::move(knowing);
+    auto looking = look();
+    const Look seen = co_await std::move(looking);
+    check_echoes(seen);
+    for (const fit::Target& target : bench_.targets) {
+      auto checking = check_target(target, stay_still);
+      co_await std::move(checking);
+    }
+    if (!stay_still) {
+      auto moving = stage_.move_to(0);
+      co_await std::move(moving);
+    }
+    co_return lines_;
+  }
+
+ private:
+  void say(Verdict verdict, const std::string& what, const std::string& says,
+           const std::string& remedy = "") {
+    lines_.emplace_back(verdict, what, says, remedy);
+    tell_(lines_.back());
+  }
+
+  awaitable<void> greet() {
+    auto connecting = lidar_.connect();
+    const nlohmann::json identity = co_await std::move(connecting);
+    const std::string text = identity.dump();
+    say(Verdict::good, "lidar", text.size() > 160 ? describe(identity) : text);
+  }
+
+  static std::string describe(const nlohmann::json& identity) {
+    std::string text;
+    for (const auto& [part, values] : identity.items())
+      for (const char* key : {"PROD", "MODL", "SERI", "FIRM", "LASR", "STAT"})
+        if (values.is_object() && values.contains(key) && values[key].is_string())
+          text += (text.empty() ? "" : ", ") + values[key].get<std::string>();
+    return text.empty() ? "answers in SCIP" : text;
+  }
+
+  awaitable<void> check_rate() {
+    auto starting = lidar_.start(whole_scan(bench_.lidar));
+    co_await std::move(starting);
+    std::vector<double> gaps_ms;
+    std::uint64_t before_ms = 0;
+    for (int i = 0; i < scans_of_rate; ++i) {
+      auto reading = lidar_.next();
+      const lidar::Scan scan = co_await std::move(reading);
+      if (i > 0) gaps_ms.push_back(static_cast<double>(scan.device_ms) - static_cast<double>(before_ms));
+      before_ms = scan.device_ms;
+    }
+    auto stopping = lidar_.stop();
+    co_await std::move(stopping);
+    double passed_ms = 0;
+    for (const double gap : gaps_ms) passed_ms += gap;
+    const double period_ms = 1000 / bench_.lidar.scan_hz;
+    long lost = 0;
+    for (const double gap : gaps_ms) lost += std::max(0L, std::lround(gap / period_ms) - 1);
+    const double hz =
+        1000.0 * static_cast<double>(gaps_ms.size() + static_cast<std::size_t>(lost)) / passed_ms;
+    say(std::abs(hz / bench_.lidar.scan_hz - 1) < 0.02 ? Verdict::good : Verdict::bad, "scan rate",
+        rounded(hz, 2) + " Hz, the bench file says " + to_text(bench_.lidar.scan_hz) + " Hz",
+        "Correct lidar.scan_hz in the bench file, or the lidar's motor setting.");
+    say(lost == 0 ? Verdict::good : Verdict::look, "scans lost",
+        std::to_string(lost) + " of " + std::to_string(scans_of_rate),
+        "Check the network: a cable of its own, no Wi-Fi, no other client.");
+  }
+
+  awaitable<void> check_stage(bool stay_still) {
+    auto identifying = stage_.identify();
+    const StageIdentity who = co_await std::move(identifying);
+    say(Verdict::good, "stage",
+        who.language + " " + who.model + (who.serial.empty() ? "" : ", serial " + who.serial) + ", " +
+            rounded(who.units_per_deg, 2) + " units/deg");
+    auto asking = stage_.status();
+    const StageStatus status = co_await std::move(asking);
+    for (const auto& warning : status.warnings)
+      if (status.homed)
+        say(Verdict::look, "stage says", warning, "See docs/stages.md, or the controller's manual.");
+    if (limits_.min_deg < -1e8)
+      say(Verdict::look, "soft limits", "none in the bench file",
+          "Write stage.limits_deg, so that no cable is torn.");
+    if (stay_still) {
+      at_deg_ = status.position_deg;
+      say(status.homed ? Verdict::good : Verdict::look, "homed", status.homed ? "yes" : "no",
+          "Home it, or let `rig check` do it (without --stay-still).");
+      co_return;
+    }
+    auto homing = stage_.home();
+    co_await std::move(homing);
+    say(Verdict::good, "homing", "done");
+    auto travelling = travel();
+    co_await std::move(travelling);
+  }
+
+  awaitable<void> travel() {
+    const double first_deg = std::max(limits_.min_deg, -180.0), last_deg = std::min(limits_.max_deg, 180.0);
+    double worst_deg = 0;
+    for (const double target_deg : {first_deg, last_deg, 0.0}) {
+      auto moving = stage_.move_to(target_deg);
+      const double arrived_deg = co_await std::move(moving);
+      worst_deg = std::max(worst_deg, std::abs(arrived_deg - target_deg));
+    }
+    at_deg_ = 0;
+    say(worst_deg <= stage_tolerance_deg ? Verdict::good : Verdict::bad, "full turn",
+        to_text(first_deg) + " to " + to_text(last_deg) + " deg, read-back within " + rounded(worst_deg, 4) +
+            " deg",
+        "Nothing may block the table; check its units (stage.units_per_deg) and its load.");
+  }
+
+  awaitable<Look> look() {
+    const auto beams = static_cast<std::size_t>(bench_.lidar.steps);
+    std::vector<std::vector<double>> ranges(beams), levels(beams);
+    auto starting = lidar_.start(whole_scan(bench_.lidar));
+    co_await std::move(starting);
+    for (int i = 0; i <= scans_of_look; ++i) {
+      auto reading = lidar_.next();
+      const lidar::Scan scan = co_await std::move(reading);
+      if (i == 0) continue;  // It may have begun before the stage stood.
+      for (std::size_t k = 0; k < std::min(beams, scan.range_mm.size()); ++k) {
+        if (scan.range_mm[k] == 0) continue;
+        ranges[k].push_back(scan.range_mm[k]);
+        if (k < scan.intensity.size()) levels[k].push_back(scan.intensity[k]);
+      }
+    }
+    auto stopping = lidar_.stop();
+    co_await std::move(stopping);
+    Look seen;
+    for (std::size_t k = 0; k < beams; ++k) {
+      const bool sure = ranges[k].size() * 2 > scans_of_look;
+      seen.range_mm.push_back(sure ? median(ranges[k]) : std::numeric_limits<double>::quiet_NaN());
+      seen.intensity.push_back(sure ? median(levels[k]) : std::numeric_limits<double>::quiet_NaN());
+    }
+    co_return seen;
+  }
+
+  void check_echoes(const Look& seen) {
+    std::size_t echoes = 0, near = 0;
+    std::vector<double> levels;
+    for (std::size_t k = 0; k < seen.range_mm.size(); ++k) {
+      if (!std::isfinite(seen.range_mm[k])) continue;
+      ++echoes;
+      near += seen.range_mm[k] < 60;
+      if (std::isfinite(seen.intensity[k])) levels.push_back(seen.intensity[k]);
+    }
+    const double share = static_cast<double>(echoes) / static_cast<double>(seen.range_mm.size());
+    say(share > 0.02 ? Verdict::good : Verdict::bad, "echoes", rounded(100 * share) + " % of the beams",
+        "Nothing is seen: is the window covered, is anything within 10 m?");
+    if (near > 0)
+      say(Verdict::look, "something close", std::to_string(near) + " beams see less than 60 mm",
+          "Take cables and hands away from the window, and clean it.");
+    const double level = median(levels);
+    say(level >= weak_intensity ? Verdict::good : Verdict::look, "intensity",
+        levels.empty() ? "none" : "median " + rounded(level),
+        "Echoes are weak: clean the window, use lighter targets, or go nearer.");
+  }
+
+  /// The stage's angle at which beam 0 looks at the middle of the target, if the limits allow it.
+  double facing_deg(const fit::Target& target) const {
+    const Eigen::Vector2d middle = (target.from_mm + target.to_mm) / 2;
+    const double wanted =
+        fit::wrap_angle(std::atan2(middle.y(), middle.x()) - bench_.lidar.mount.yaw_rad.value);
+    return std::clamp(std::round(wanted * fit::deg_per_rad), limits_.min_deg, limits_.max_deg);
+  }
+
+  awaitable<void> check_target(fit::Target target, bool stay_still) {
+    if (!stay_still) {
+      at_deg_ = facing_deg(target);
+      auto moving = stage_.move_to(at_deg_);
+      co_await std::move(moving);
+    }
+    const auto expected = expected_ranges_mm(bench_, target, at_deg_ * fit::rad_per_deg);
+    auto looking = look();
+    const Look seen = co_await std::move(looking);
+    std::vector<double> off_mm, levels;
+    std::size_t beams = 0;
+    for (std::size_t k = 0; k < expected.size(); ++k) {
+      if (!std::isfinite(expected[k])) continue;
+      ++beams;
+      if (!std::isfinite(seen.range_mm[k])) continue;
+      off_mm.push_back(seen.range_mm[k] - expected[k]);
+      levels.push_back(seen.intensity[k]);
+    }
+    judge_target(target, beams, off_mm, levels);
+  }
+
+  void judge_target(const fit::Target& target, std::size_t beams, const std::vector<double>& off_mm,
+                    const std::vector<double>& levels) {
+    const std::string what = "target " + target.name;
+    if (beams == 0)
+      return say(Verdict::look, what, "not in the field of view at " + to_text(at_deg_) + " deg",
+                 "Nothing can be said of it from here.");
+    if (static_cast<double>(off_mm.size()) < shares_of_beams * static_cast<double>(beams))
+      return say(Verdict::bad, what,
+                 "no echo from " + std::to_string(beams - off_mm.size()) + " of its " +
+                     std::to_string(beams) + " beams",
+                 "It is not where the bench file says, is too dark, or something stands before it.");
+    const fit::Mount& mount = bench_.lidar.mount;
+    const double allowed_mm = accuracy_mm + 3 * std::hypot(target.u_mm, std::max(mount.x_mm.u, mount.y_mm.u));
+    const double middle_mm = median(off_mm);
+    const auto near = std::ranges::count_if(off_mm, [&](double off) { return std::abs(off) <= allowed_mm; });
+    const bool there = static_cast<double>(near) >= shares_of_beams * static_cast<double>(beams);
+    say(there ? Verdict::good : Verdict::bad, what,
+        rounded(middle_mm) + " mm from where the bench file says (" + rounded(allowed_mm) +
+            " mm would be no surprise), intensity " + rounded(median(levels)),
+        "Measure its place and correct from_mm and to_mm, or put it where they say. Look that nothing stands "
+        "before it.");
+  }
+
+  const fit::Bench& bench_;
+  LidarSource& lidar_;
+  Stage& stage_;
+  RunClock& clock_;
+  std::function<void(const CheckLine&)> tell_;
+  StageLimits limits_;
+  double at_deg_ = 0;
+  std::vector<CheckLine> lines_;
+};
+
+}  // namespace
+
+std::vector<double> expected_ranges_mm(const fit::Bench& bench, const fit::Target& target, double stage_rad) {
+  const fit::LidarGeometry& lidar = bench.lidar;
+  const Eigen::Vector2d origin =
+      Eigen::Rotation2Dd(stage_rad) * Eigen::Vector2d(lidar.mount.x_mm.value, lidar.mount.y_mm.value);
+  const Eigen::Vector2d along = target.to_mm - target.from_mm, to_wall = target.from_mm - origin;
+  std::vector<double> ranges(static_cast<std::size_t>(lidar.steps), std::numeric_limits<double>::quiet_NaN());
+  for (int step = 0; step < lidar.steps; ++step) {
+    const double direction = stage_rad + lidar.mount.yaw_rad.value + lidar.beam_angle(step);
+    const Eigen::Vector2d ray(std::cos(direction), std::sin(direction));
+    const double facing = cross(ray, along);
+    if (std::abs(facing) < 1e-9) continue;
+    const double range = cross(to_wall, along) / facing, place = cross(to_wall, ray) / facing;
+    // The ends are left out: a mount known to some millimetres moves the edges.
+    if (range > 0 && place > 0.1 && place < 0.9) ranges[static_cast<std::size_t>(step)] = range;
+  }
+  return ranges;
+}
+
+awaitable<std::vector<CheckLine>> check_bench(const fit::Bench& bench, LidarSource& lidar, Stage& stage,
+                                              RunClock& clock, bool stay_still,
+                                              std::function<void(const CheckLine&)> tell) {
+  Checker checker(bench, lidar, stage, clock, std::move(tell));
+  auto checking = checker.run(stay_still);
+  auto lines = co_await std::move(checking);
+  co_return lines;
+}
+
+}  // namespace rig

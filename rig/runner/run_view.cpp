@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: MIT
+#include "rig/runner/run_view.hpp"
+
+#include <sys/ioctl.h>
+
+#include <algorithm>
+#include <chrono>
+#include <nlohmann/json.hpp>
+
+#include "rig/number_format.hpp"
+
+namespace rig {
+namespace {
+
+using nlohmann::json;
+using std::chrono::steady_clock;
+
+/// The messages that a view has not shown yet.
+class NewMessages {
+ public:
+  template <class Visit>
+  void each(const RunState& state, Visit visit) {
+    const auto fresh = std::min<std::uint64_t>(state.messages_total - seen_, state.messages.size());
+    for (std::size_t i = state.messages.size() - fresh; i < state.messages.size(); ++i)
+      visit(state.messages[i]);
+    seen_ = state.messages_total;
+  }
+  [[nodiscard]] bool any(const RunState& state) const { return state.messages_total != seen_; }
+
+ private:
+  std::uint64_t seen_ = 0;
+};
+
+/// At most so often; a change of phase or step always passes.
+class Throttle {
+ public:
+  explicit Throttle(std::chrono::milliseconds period) : period_(period) {}
+  bool passes(const RunState& state) {
+    const auto now = steady_clock::now();
+    if (state.phase == phase_ && state.step == step_ && now - last_ < period_) return false;
+    last_ = now;
+    phase_ = state.phase;
+    step_ = state.step;
+    return true;
+  }
+
+ private:
+  std::chrono::milliseconds period_;
+  steady_clock::time_point last_{};
+  RunState::Phase phase_ = RunState::Phase::starting;
+  std::size_t step_ = 0;
+};
+
+std::string progress_line(const RunState& state) {
+  std::string text = "[" + std::to_string(state.step + 1) + "/" + std::to_string(state.steps.size()) + "] ";
+  text += state.phase == RunState::Phase::paused ? "paused: " + state.activity : state.activity;
+  if (state.total > 1)
+    text +=
+        " " + grouped(state.done) + "/" + grouped(state.total) + (state.unit.empty() ? "" : " " + state.unit);
+  char share[64];
+  std::snprintf(share, sizeof share, "  %3.0f %%, ", 100 * state.overall);
+  return text + share + duration_text(state.left_s) + " left";
+}
+
+int columns_of(std::FILE* out) {
+  winsize size{};
+  return ioctl(fileno(out), TIOCGWINSZ, &size) == 0 && size.ws_col > 20 ? size.ws_col : 80;
+}
+
+class TerminalView final : public RunView {
+ public:
+  TerminalView(std::FILE* out, bool is_terminal) : out_(out), is_terminal_(is_terminal) {}
+  ~TerminalView() override { clear(); }
+
+  void show(const RunState& state) override {
+    if (messages_.any(state)) {
+      clear();
+      messages_.each(state, [&](const RunState::Message& message) { print(message); });
+    }
+    if (!is_terminal_ || state.steps.empty()) return;
+    const bool ended = state.phase >= RunState::Phase::done;
+    if (state.phase == RunState::Phase::prompt || ended) return clear();
+    if (!throttle_.passes(state)) return;
+    std::string line = progress_line(state);
+    const auto room = static_cast<std::size_t>(columns_of(out_) - 1);
+    if (line.size() > room) line.resize(room);
+    std::fprintf(out_, "\r\033[K%s", line.c_str());
+    std::fflush(out_);
+    drawn_ = true;
+  }
+
+ private:
+  void print(const RunState::Message& message) {
+    if (!is_terminal_ && message.level == "info") return;
+    if (message.text.starts_with("asks: ")) return;  // The operator says it at length.
+    if (message.level == "error") return;            // Why the run failed is the program's last line.
+    const char* mark = message.level == "warning" ? "warning: " : "";
+    std::fprintf(out_, "%s%s\n", mark, message.text.c_str());
+  }
+  void clear() {
+    if (!drawn_) return;
+    std::fputs("\r\033[K", out_);
+    std::fflush(out_);
+    drawn_ = false;
+  }
+
+  std::FILE* out_;
+  bool is_terminal_, drawn_ = false;
+  NewMessages messages_;
+  Throttle throttle_{std::chrono::milliseconds(100)};
+};
+
+class JsonLog final : public RunView {
+ public:
+  explicit JsonLog(std::FILE* out) : out_(out) {}
+
+  void show(const RunState& state) override {
+    messages_.each(state, [&](const RunState::Message& message) {
+      write({{"type", "message"},
+             {"time_s", static_cast<double>(message.time_us) / 1e6},
+             {"level", message.level},
+             {"text", message.text}});
+    });
+    if (!throttle_.passes(state) || state.steps.empty()) return;
+    json line = {{"type", "progress"},
+                 {"phase", phase_word(state.phase)},
+                 {"step", state.step + 1},
+                 {"steps", state.steps.size()},
+                 {"says", state.steps[state.step].first},
+                 {"activity", state.activity},
+                 {"done", state.done},
+                 {"total", state.total},
+                 {"unit", state.unit},
+                 {"overall", state.overall},
+                 {"left_s", state.left_s},
+                 {"stage_deg", state.stage_deg},
+                 {"scans_lost", state.scans_lost},
+                 {"scans_rejected", state.scans_rejected},
+                 {"reconnects", state.reconnects}};
+    if (state.prompt) line["prompt"] = {{"title", state.prompt->title}, {"text", state.prompt->text}};
+    if (state.phase >= RunState::Phase::done) line["limits"] = json::parse(state.checks_text);
+    write(line);
+  }
+
+ private:
+  void write(const json& line) {
+    std::fprintf(out_, "%s\n", line.dump(-1, ' ', false, json::error_handler_t::replace).c_str());
+    std::fflush(out_);
+  }
+
+  std::FILE* out_;
+  NewMessages messages_;
+  Throttle throttle_{std::chrono::milliseconds(500)};
+};
+
+/// Letters as wide as they look: counts the bytes that begin a character.
+std::string padded(std::string text, std::size_t width) {
+  const auto shown = static_cast<std::size_t>(
+      std::ranges::count_if(text, [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+  if (shown < width) text.append(width - shown, ' ');
+  return text;
+}
+
+double number_in(const json& object, const char* key, double otherwise) {
+  return object.contains(key) && object[key].is_number() ? object[key].get<double>() : otherwise;
+}
+
+void add_values(std::string& text, const std::string& kind, const json& result) {
+  if (!result.is_object() || !result.contains("values") || !result["values"].is_array()) return;
+  for (const json& value : result["values"]) {
+    if (!value.is_object() || !value.contains("value") || !value["value"].is_number()) continue;
+    const double expanded = number_in(value, "U", number_in(value, "k", 2) * number_in(value, "u", 0));
+    text += "  " + padded(kind, 12) + " " + padded(value.value("label", value.value("name", "")), 44) + " " +
+            format_value(value["value"].get<double>(), expanded) +
+            (expanded > 0 ? " ± " + format_uncertainty(expanded) : "") + " " + value.value("unit", "") + "\n";
+  }
+}
+
+void add_limits(std::string& text, const json& checks) {
+  for (const json& check : checks) {
+    const std::string verdict = check.value("verdict", "");
+    const std::string reason = check.value("reason", "");
+    text += "  " + padded(verdict, 12) + " " + padded(check.value("name", ""), 44) +
+            (reason.empty() ? "" : " " + reason) + "\n";
+  }
+}
+
+}  // namespace
+
+std::string summary_text(const RunState& state, const SessionStore& session, double seconds) {
+  const auto recorded = std::ranges::count_if(
+      state.steps, [](const auto& step) { return step.second == RunState::StepState::recorded; });
+  std::string text = "\n" + state.procedure + ": " + phase_word(state.phase) + "\n  " +
+                     std::to_string(recorded) + " of " + std::to_string(state.steps.size()) + " steps, " +
+                     grouped(static_cast<long>(session.recording()->captures().size())) + " captures, " +
+                     duration_text(seconds) + " min; scans lost: " + std::to_string(state.scans_lost) +
+                     ", refused: " + std::to_string(state.scans_rejected) +
+                     ", reconnections: " + std::to_string(state.reconnects) + "\n";
+  std::string values;
+  for (const auto& result : session.latest_results())
+    if (result.kind != "limits") add_values(values, result.kind, json::parse(result.json, nullptr, false));
+  if (!values.empty()) text += "Results (± is the expanded uncertainty, k = 2):\n" + values;
+  const json checks = json::parse(state.checks_text, nullptr, false);
+  if (checks.is_array() && !checks.empty()) {
+    text += "Limits:\n";
+    add_limits(text, checks);
+  }
+  return text + "Session: " + session.path() + "\n";
+}
+
+std::unique_ptr<RunView> make_terminal_view(std::FILE* out, bool is_terminal) {
+  return std::make_unique<TerminalView>(out, is_terminal);
+}
+std::unique_ptr<RunView> make_json_log(std::FILE* out) { return std::make_unique<JsonLog>(out); }
+
+}  // namespace rig

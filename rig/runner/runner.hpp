@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <boost/asio/any_io_executor.hpp>
+#include <boost/asio/awaitable.hpp>
+#include <functional>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "rig/procedure/procedure_plan.hpp"
+#include "rig/runner/lidar_source.hpp"
+#include "rig/session/session_store.hpp"
+#include "rig/stage/stage.hpp"
+
+namespace rig {
+
+/// The runner's time. Tests bring a clock that moves only when slept on.
+class RunClock {
+ public:
+  virtual ~RunClock() = default;
+  [[nodiscard]] virtual std::int64_t host_us() const = 0;  ///< Monotonic; the base of lidar::Scan::host_us.
+  [[nodiscard]] virtual std::int64_t unix_us() const = 0;
+  virtual boost::asio::awaitable<void> sleep(double seconds) = 0;
+};
+
+/// Whoever answers prompts: a person at a terminal, a simulated bench, or nobody (--yes).
+class Operator {
+ public:
+  virtual ~Operator() = default;
+  /// Answers one prompt; cancelled when the answer came from elsewhere (the live page).
+  virtual boost::asio::awaitable<Answer> ask(Prompt prompt) = 0;
+  /// Nobody can mend a wrong placement: the run fails instead of asking for ever.
+  [[nodiscard]] virtual bool unattended() const = 0;
+};
+
+struct RunnerParts {
+  LidarSource& lidar;
+  Stage& stage;
+  RunClock& clock;
+  Operator& operator_;
+  std::function<nlohmann::json(const std::string& kind, SessionStore& session, const nlohmann::json& options)>
+      fit;
+  /// Writes the certificate of the session to a file in the session's folder.
+  std::function<void(const SessionStore& session, const std::string& file)> report;
+};
+
+/// Everything an observer needs to draw the run; a late observer sees all of it.
+struct RunState {
+  enum class Phase { starting, running, prompt, paused, done, failed, aborted };
+  enum class StepState { not_started, running, recorded };
+  struct Message {
+    std::int64_t time_us;
+    std::string level, text;
+  };
+  Phase phase = Phase::starting;
+  std::string procedure, session;
+  std::vector<std::pair<std::string, StepState>> steps;
+  std::size_t step = 0;            ///< Index into steps.
+  std::string activity;            ///< "capture", "moving to 12.34 deg" ...
+  long done = 0, total = 0;        ///< Of the current activity.
+  std::string unit;                ///< Of done and total.
+  double left_s = 0, overall = 0;  ///< Time left and share done of the whole run.
+  std::optional<Prompt> prompt;
+  lidar::Scan scan;  ///< The latest.
+  bool scan_seen = false;
+  double stage_deg = 0;
+  bool pausing = false;  ///< A pause is asked for and takes hold when what is under way is done.
+  std::uint64_t scans_lost = 0, scans_rejected = 0;
+  int reconnects = 0;
+  std::vector<Message> messages;  ///< The latest hundred.
+  std::uint64_t messages_total = 0;
+  std::vector<std::uint16_t> beam_mm;  ///< What the middle beam of the latest scans saw, oldest first.
+  int beam_step = 0;
+  std::string checks_text = "[]";  ///< The limits checked so far, JSON as in docs/report.md.
+};
+
+/// "running", "prompt" ...
+const char* phase_word(RunState::Phase phase);
+
+/// The state as the live page's document (docs/live.md).
+nlohmann::json to_json(const RunState& state, const fit::Bench& bench);
+
+/// Runs one procedure: owns progress, pause, abort, checkpoints and events. It knows no terminal and no web
+/// page; those observe it and send it commands. All on one thread.
+///
+/// Whatever ends the run, the stage is stopped, the lidar's laser is switched off if it answers, and
+/// everything captured is in the session. What was recorded is never measured again by a resumed run.
+class Runner {
+ public:
+  /// Plans the run; throws ProcedureError when the bench forbids it. `session` may hold an earlier part of
+  /// the run.
+  Runner(Procedure procedure, fit::Bench bench, SessionStore& session, RunnerParts parts);
+  ~Runner();
+  Runner(const Runner&) = delete;
+  Runner& operator=(const Runner&) = delete;
+
+  /// Runs to the end. Returns true if every limit is met (or there are none). Throws DeviceError when a
+  /// device was lost for good, RunStopped when the operator stopped it, else why it failed.
+  boost::asio::awaitable<bool> run();
+
+  void pause();  ///< At the next checkpoint.
+  void resume();
+  void abort();  ///< Now: a move is stopped, a capture under way is kept and marked short.
+  void answer(const Answer& answer);
+  /// A command of the live page (docs/live.md); unknown ones are ignored.
+  void command(const nlohmann::json& command);
+
+  using Observer = std::function<void(const RunState&)>;
+  void observe(Observer observer);
+  [[nodiscard]] const RunState& state() const;
+  [[nodiscard]] const std::vector<PlannedStep>& plan() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// The operator stopped the run; what() says how to go on.
+class RunStopped : public MeasurementError {
+  using MeasurementError::MeasurementError;
+};
+
+/// Checks limits against the newest results: `limits/1` of docs/report.md.
+nlohmann::json check_limits(const std::vector<Limit>& limits, const SessionStore& session);
+
+}  // namespace rig

@@ -1,0 +1,374 @@
+// SPDX-License-Identifier: MIT
+#include <boost/asio/experimental/awaitable_operators.hpp>
+#include <cmath>
+
+#include "rig/runner/runner_impl.hpp"
+#include "rig/runner/scan_gate.hpp"
+
+namespace rig {
+namespace {
+
+using namespace asio::experimental::awaitable_operators;
+
+constexpr double turn_run_up_s = 0.5;
+
+}  // namespace
+
+fit::CaptureInfo Runner::Impl::info_of(const CaptureRequest& request) {
+  fit::CaptureInfo info;
+  info.step = request.name;
+  info.started_us = now_us();
+  info.stage_rad = position_deg * fit::rad_per_deg;
+  info.stage_readback_rad = readback_deg * fit::rad_per_deg;
+  info.approach = last_approach;
+  info.target = request.target;
+  if (request.target)
+    if (const auto placed = scene.find(*request.target); placed != scene.end()) {
+      info.target_shift_mm = placed->second.shift_mm.value_or(0);
+      info.reflectance = placed->second.reflectance;
+    }
+  if (const auto air = scene.find(""); air != scene.end()) info.temperature_c = air->second.temperature_c;
+  info.since_power_on_s = since_power_on_s(info.started_us);
+  info.first_step = request.first_step;
+  info.last_step = request.last_step;
+  info.cluster = request.cluster;
+  return info;
+}
+
+std::optional<double> Runner::Impl::since_power_on_s(std::int64_t at_us) const {
+  if (!power_on_us) return std::nullopt;
+  return static_cast<double>(at_us - *power_on_us) * 1e-6;
+}
+
+awaitable<std::int64_t> Runner::Impl::capture(CaptureRequest request) {
+  if (recorded(request.key)) co_return progress_of(request.key).value("capture", std::int64_t{0});
+  stop_if_aborted();
+  const std::int64_t id = session.begin_capture(info_of(request));
+  std::exception_ptr why, lost_at_end;
+  long got = 0;
+  try {
+    auto filling = fill(id, request, got);
+    co_await std::move(filling);
+    // The capture is whole: that the lidar is lost now is the next step's trouble.
+    try {
+      auto ending = end_stream();
+      co_await std::move(ending);
+    } catch (...) {
+      lost_at_end = std::current_exception();
+    }
+    replace_short_one(request);
+    record(request.key, {{"capture", id}, {"samples", got}});
+    session.commit_capture(id);
+  } catch (...) {
+    why = std::current_exception();
+  }
+  if (why) {
+    progress.erase(request.key);
+    keep_short(id, request, got);
+    std::rethrow_exception(why);
+  }
+  if (lost_at_end) {
+    stop_if_aborted();
+    auto reconnecting = reconnect_lidar(lost_at_end);
+    co_await std::move(reconnecting);
+  }
+  co_return id;
+}
+
+void Runner::Impl::keep_short(std::int64_t id, const CaptureRequest& request, long got) {
+  try {
+    if (got == 0) {
+      session.abandon_capture(id);
+      return;
+    }
+    replace_short_one(request);
+    session.mark_short(id);
+    record(request.key + "/short", {{"capture", id}, {"samples", got}, {"asked", request.samples}});
+    session.commit_capture(id);
+    note("warning",
+         request.name + " is short: " + grouped(got) + " of " + grouped(request.samples) + " scans");
+  } catch (const std::exception&) {
+    // The disk refuses; the capture is lost, as the caller's error says.
+    progress.erase(request.key + "/short");
+  }
+}
+
+void Runner::Impl::replace_short_one(const CaptureRequest& request) {
+  const json before = progress_of(request.key + "/short");
+  if (!before.is_object() || !before.contains("capture")) return;
+  session.replace_capture(before["capture"].get<std::int64_t>());
+  record(request.key + "/short", json::object());
+}
+
+awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& request, long& got) {
+  const int skip = skip_for(request.spacing_s, known_bench.lidar.scan_hz);
+  ScanGate gate(request, known_bench.lidar.scan_hz, skip);
+  state.activity = "capturing";
+  const bool counts = plan[current].captures <= 1;  // Else the step counts its stops.
+  const auto rejected_before = parts.lidar.rejected();
+  int failures = 0;
+  while (got < request.samples) {
+    auto reading = next_scan(stream_for(request, skip), &gate, failures);
+    lidar::Scan scan = co_await std::move(reading);
+    if (!gate.takes(scan, own_time ? 0 : settled_us)) {
+      if (gate.hopeless()) {
+        auto beginning = begin_anew(request, failures);
+        co_await std::move(beginning);
+      }
+      continue;
+    }
+    failures = 0;
+    store(id, got, scan);
+    ++got;
+    if (counts) state.done = got, state.total = request.samples, state.unit = "scans";
+    if (!counts && request.samples >= 200 && got % 40 == 0)
+      state.activity = "capturing " + grouped(got) + "/" + grouped(request.samples) + " scans at stop";
+    show(scan);
+    changed();
+    parts.lidar.reuse(std::move(scan));
+  }
+  tell_losses(request, gate.lost(), parts.lidar.rejected() - rejected_before);
+}
+
+std::string Runner::Impl::unfit_scans(const CaptureRequest& request) {
+  return "The lidar sends scans that do not belong to the capture (other steps than " +
+         std::to_string(request.first_step) + " to " + std::to_string(request.last_step) +
+         ", or stamps that do not advance). None was stored. Switch it off and on, then go on with "
+         "--resume.";
+}
+
+awaitable<void> Runner::Impl::begin_anew(const CaptureRequest& request, int& failures) {
+  if (++failures > failures_without_scan) throw DeviceError(unfit_scans(request));
+  auto reconnecting = reconnect_lidar(
+      std::make_exception_ptr(DeviceError("its scans are of other steps, or their stamps do not advance")));
+  co_await std::move(reconnecting);
+}
+
+void Runner::Impl::store(std::int64_t id, long seq, const lidar::Scan& scan) {
+  fit::ScanView view;
+  view.seq = seq;
+  view.device_ms = static_cast<std::int64_t>(scan.device_ms);
+  view.host_us = session_us(scan);
+  view.range_mm = scan.range_mm;
+  view.intensity = scan.intensity;
+  session.add_scan(id, view);
+}
+
+void Runner::Impl::tell_losses(const CaptureRequest& request, std::uint64_t lost, std::uint64_t rejected) {
+  state.scans_lost += lost;
+  if (lost > 0)
+    note("warning",
+         request.name + ": " + std::to_string(lost) + " scans were lost on the way; the capture is complete");
+  if (rejected > 0)
+    note("warning",
+         request.name + ": " + std::to_string(rejected) + " answers with wrong checksums were thrown away");
+}
+
+awaitable<std::int64_t> Runner::Impl::capture_turning(CaptureRequest request, double from_deg,
+                                                      const Place& place) {
+  if (recorded(request.key)) co_return progress_of(request.key).value("capture", std::int64_t{0});
+  if (own_time)
+    throw MeasurementError(
+        "A turning capture needs scans and stage positions on one clock, and this lidar's clock does not "
+        "run with this "
+        "computer's. Run the simulator with --speed real.");
+  const double rate_deg_s = *request.rate_deg_s;
+  TurningScans turned;
+  for (int attempt = 1;; ++attempt) {
+    auto going = move_to(from_deg, rate_deg_s > 0 ? 1 : -1, place);
+    co_await std::move(going);
+    std::exception_ptr why;
+    turned = TurningScans();
+    try {
+      auto turning = turn(rate_deg_s);
+      co_await std::move(turning);
+      auto filling = fill_turning(request, turned);
+      co_await std::move(filling);
+    } catch (...) {
+      why = std::current_exception();
+    }
+    if (!why) break;
+    // The stage stands before anything else; then the attempt is judged.
+    try {
+      auto recovering = recover_turn(why, attempt);
+      co_await std::move(recovering);
+      why = nullptr;
+    } catch (...) {
+      why = std::current_exception();
+    }
+    if (why) {
+      keep_short_turning(request, turned);
+      std::rethrow_exception(why);
+    }
+  }
+  const std::int64_t id = store_turning(request, turned, "");
+  tell_losses(request, turned.lost, 0);
+  // Nothing that the lidar does now may keep the stage turning.
+  auto standing = stop_turning_for_sure();
+  co_await std::move(standing);
+  auto stopping = stop_stream();
+  co_await std::move(stopping);
+  co_return id;
+}
+
+awaitable<void> Runner::Impl::recover_turn(std::exception_ptr why, int attempt) {
+  const bool lidar_lost = is_lidar_lost(why);
+  if (aborted || attempt >= stage_attempts || (!lidar_lost && !is_stage_error(why)))
+    std::rethrow_exception(why);
+  if (!lidar_lost) note("warning", "stage: " + words_of(why));
+  note("warning", "the turn is broken off and begun anew");
+  auto standing = stop_turning_for_sure();
+  co_await std::move(standing);
+  stop_if_aborted();
+  if (lidar_lost) {
+    auto reconnecting = reconnect_lidar(why);
+    co_await std::move(reconnecting);
+  } else {
+    auto recovering = recover_stage(attempt, false);  // Which homes it if it lost its reference.
+    co_await std::move(recovering);
+    auto stopping = stop_stream();
+    co_await std::move(stopping);
+  }
+}
+
+awaitable<void> Runner::Impl::fill_turning(const CaptureRequest& request, TurningScans& turned) {
+  ScanGate gate(request, known_bench.lidar.scan_hz, 0);
+  gate.restart(seen_ms);
+  const std::int64_t begun_us = parts.clock.host_us();
+  const std::int64_t ready_us = begun_us + static_cast<std::int64_t>(1e6 * turn_run_up_s);
+  const double room_deg =
+      request.rate_deg_s > 0 ? limits.max_deg - position_deg : position_deg - limits.min_deg;
+  const double longest_s = room_deg / std::abs(*request.rate_deg_s);
+  auto starting = start_stream(stream_for(request, 0));
+  co_await std::move(starting);
+  while (turned.scans.size() < static_cast<std::size_t>(request.samples)) {
+    stop_if_aborted();
+    const double passed_s = static_cast<double>(parts.clock.host_us() - begun_us) / 1e6;
+    auto reading = next_scan_before_limit(longest_s - passed_s);
+    lidar::Scan scan = co_await std::move(reading);
+    if (!gate.takes(scan, ready_us)) {
+      if (gate.hopeless()) throw DeviceError(unfit_scans(request));
+      continue;
+    }
+    show(scan);
+    turned.scans.push_back(std::move(scan));
+    turned.lost = gate.lost();
+    state.done = static_cast<long>(turned.scans.size()), state.total = request.samples, state.unit = "scans";
+    changed();
+    if (turned.scans.size() % 4 == 1) {
+      auto asking = track_stage(turned.track);
+      co_await std::move(asking);
+    }
+  }
+  auto asking = track_stage(turned.track);
+  co_await std::move(asking);
+}
+
+awaitable<lidar::Scan> Runner::Impl::next_scan_before_limit(double seconds) {
+  std::exception_ptr why;
+  lidar::Scan scan;
+  auto reading = read_quietly(scan, why);
+  auto stopping = stop_stage_after(seconds);
+  const auto first = co_await (std::move(reading) || std::move(stopping));
+  if (first.index() == 1)
+    throw MeasurementError(
+        "The turning stage came to its soft limit before the lidar had sent what was asked for, and was "
+        "stopped. Look for what made scans late (the session's events), then go on with --resume.");
+  if (why) std::rethrow_exception(why);
+  co_return scan;
+}
+
+awaitable<void> Runner::Impl::read_quietly(lidar::Scan& scan, std::exception_ptr& why) {
+  try {
+    auto reading = parts.lidar.next();
+    scan = co_await std::move(reading);
+  } catch (...) {
+    why = std::current_exception();
+  }
+}
+
+awaitable<void> Runner::Impl::stop_stage_after(double seconds) {
+  if (seconds > 0) {
+    auto resting = parts.clock.sleep(seconds);
+    co_await std::move(resting);
+  }
+  auto stopping = parts.stage.stop();
+  co_await std::move(stopping);
+}
+
+awaitable<void> Runner::Impl::track_stage(Track& track) {
+  const std::int64_t before_us = parts.clock.host_us();
+  auto asking = stage_status();
+  const StageStatus status = co_await std::move(asking);
+  const std::int64_t middle_us = session_us((before_us + parts.clock.host_us()) / 2);
+  if (status.position_deg < limits.min_deg || status.position_deg > limits.max_deg)
+    throw MeasurementError("The turning stage passed its soft limits at " + to_text(status.position_deg) +
+                           " deg and was stopped. Lower the rate or the number of samples.");
+  position_deg = status.position_deg;
+  track.add(static_cast<double>(middle_us) / 1e6, status.position_deg);
+  fit::TrackPose pose;
+  pose.host_us = middle_us;
+  pose.stage_rad = status.position_deg * fit::rad_per_deg;
+  session.add_pose(pose);
+}
+
+std::int64_t Runner::Impl::store_turning(const CaptureRequest& request, const TurningScans& turned,
+                                         const std::string& mark) {
+  const auto& [scans, track, lost] = turned;
+  fit::CaptureInfo info = info_of(request);
+  info.started_us = session_us(scans.front());
+  info.since_power_on_s = since_power_on_s(info.started_us);
+  const auto [start_deg, rate_deg_s] = track.at_and_rate(static_cast<double>(info.started_us) / 1e6);
+  info.stage_rad = start_deg * fit::rad_per_deg;
+  info.stage_readback_rad.reset();
+  info.approach = rate_deg_s > 0 ? 1 : -1;
+  info.stage_rate_rad_s = rate_deg_s * fit::rad_per_deg;
+  const std::int64_t id = session.begin_capture(info);
+  try {
+    for (std::size_t i = 0; i < scans.size(); ++i) store(id, static_cast<long>(i), scans[i]);
+    replace_short_one(request);
+    if (!mark.empty()) session.mark_short(id);
+    record(request.key + mark, {{"capture", id}, {"samples", scans.size()}, {"asked", request.samples}});
+    session.commit_capture(id);
+  } catch (...) {
+    progress.erase(request.key + mark);
+    session.abandon_capture(id);
+    throw;
+  }
+  return id;
+}
+
+void Runner::Impl::keep_short_turning(const CaptureRequest& request, const TurningScans& turned) {
+  const std::vector<lidar::Scan>& scans = turned.scans;
+  if (scans.empty() || turned.track.time_s.size() < 2) return;
+  try {
+    (void)store_turning(request, turned, "/short");
+    note("warning", request.name + " is short: " + grouped(static_cast<long>(scans.size())) + " of " +
+                        grouped(request.samples) + " scans");
+  } catch (const std::exception&) {
+    // The disk refuses; the caller's error says so.
+  }
+}
+
+awaitable<void> Runner::Impl::wait(double seconds) {
+  LidarStream stream;
+  stream.first_step = stream.last_step = known_bench.lidar.front_step;
+  stream.skip = 9;
+  std::optional<std::uint64_t> first_ms;
+  state.activity = "waiting";
+  int failures = 0;
+  for (double passed_s = 0; passed_s < seconds;) {
+    auto reading = next_scan(stream, nullptr, failures);
+    const lidar::Scan scan = co_await std::move(reading);
+    if (!first_ms || scan.device_ms < *first_ms) first_ms = scan.device_ms;
+    passed_s = static_cast<double>(scan.device_ms - *first_ms) / 1e3;
+    (void)session_us(scan);
+    failures = 0;
+    state.done = std::lround(passed_s), state.total = std::lround(seconds), state.unit = "s";
+    changed();
+  }
+  auto stopping = stop_stream();
+  co_await std::move(stopping);
+}
+
+}  // namespace rig

@@ -1,0 +1,360 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+// The inside of Runner, shared by the runner_*.cpp files only.
+
+#include <boost/asio/redirect_error.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/asio/this_coro.hpp>
+#include <boost/asio/use_awaitable.hpp>
+#include <deque>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "rig/runner/runner.hpp"
+
+namespace rig {
+
+namespace asio = boost::asio;
+using asio::awaitable;
+using nlohmann::json;
+
+constexpr int failures_without_scan = 3;  // A lidar that reconnects and never measures is lost.
+
+/// Opens once; waiting for an open gate returns at once.
+class Gate {
+ public:
+  awaitable<void> wait() {
+    while (!open_) {
+      asio::steady_timer timer(co_await asio::this_coro::executor, asio::steady_timer::time_point::max());
+      waiting_ = &timer;
+      boost::system::error_code ignored;
+      co_await timer.async_wait(asio::redirect_error(asio::use_awaitable, ignored));
+      waiting_ = nullptr;
+      const auto cancelled = co_await asio::this_coro::cancellation_state;
+      if (cancelled.cancelled() != asio::cancellation_type::none) co_return;
+    }
+  }
+  void open() {
+    open_ = true;
+    if (waiting_) waiting_->cancel();
+  }
+  void close() { open_ = false; }
+  [[nodiscard]] bool is_open() const { return open_; }
+
+ private:
+  bool open_ = false;
+  asio::steady_timer* waiting_ = nullptr;
+};
+
+/// What an exception says to the operator.
+std::string words_of(const std::exception_ptr& why);
+/// The same with a full stop at its end: another sentence may follow.
+std::string sentence(const std::exception_ptr& why);
+json json_of(const Value& value);
+Value value_of(const json& stored);
+struct Track;
+struct TurningScans;
+class ScanGate;
+
+/// Whether it is of that class or one derived from it.
+template <typename Error>
+bool is_a(const std::exception_ptr& why) {
+  try {
+    std::rethrow_exception(why);
+  } catch (const Error&) {
+    return true;
+  } catch (...) {
+    return false;
+  }
+}
+
+constexpr int stage_attempts = 3;  // Of a move, a homing, a turn.
+bool is_stage_error(const std::exception_ptr& why);
+bool is_stage_lost(const std::exception_ptr& why);
+/// The lidar's driver gave up: no answer, a closed connection, an answer that makes no sense.
+bool is_lidar_lost(const std::exception_ptr& why);
+
+struct Runner::Impl final : StepContext {
+  Procedure procedure;
+  fit::Bench known_bench;
+  SessionStore& session;
+  RunnerParts parts;
+  std::vector<PlannedStep> plan;
+  StageLimits limits;
+  RunState state;
+  std::vector<Observer> observers;
+
+  std::map<std::string, std::string> progress;  // As in the session.
+  Variables variables;
+  std::map<std::string, Placement> scene;   // By target; the temperature under "".
+  std::optional<std::int64_t> power_on_us;  // When the lidar was switched on, on the session's clock.
+  std::set<std::string> skipped_turns;
+  std::size_t current = 0;
+  std::string current_name;
+  json outputs;  // Variables set by the running step, kept for a resumed run.
+  std::optional<std::size_t> jump;
+
+  bool aborted = false, paused = false, streaming = false, connected = false;
+  Gate abort_gate, resume_gate, answer_gate;
+  std::optional<Answer> answered;
+
+  double position_deg = 0;
+  double readback_deg = 0;
+  int last_approach = 0;
+  std::int64_t settled_us = 0;
+  std::int64_t host_start_us = 0, session_offset_us = 0;
+  // Lidar time as session time, when its clock does not run with the host's.
+  bool own_time = false;
+  std::optional<std::uint64_t> own_anchor_ms;
+  std::int64_t own_now_us = 0, own_anchor_us = 0;
+  std::optional<std::uint64_t> seen_ms;  // The latest stamp since the lidar was connected.
+  double seconds_done = 0, seconds_planned = 0;
+
+  Impl(Procedure procedure_, fit::Bench bench_, SessionStore& session_, RunnerParts parts_);
+
+  // What the session knows
+
+  void check_same_procedure();
+
+  json variables_json() const;
+
+  void describe_session();
+
+  json progress_of(const std::string& part) const;
+
+  void record(const std::string& part, const json& what);
+
+  bool recorded(const std::string& part) const override { return progress.count(part) > 0; }
+
+  // Time
+
+  std::int64_t session_us(std::int64_t host_us) const { return host_us - host_start_us + session_offset_us; }
+  std::int64_t now_us() const { return own_time ? own_now_us : session_us(parts.clock.host_us()); }
+
+  std::int64_t session_us(const lidar::Scan& scan);
+
+  void estimate_time_left();
+  double seconds_skipped = 0;  // Of steps that an earlier run recorded.
+  double passed_planned() const;
+
+  // Observers, events
+
+  void changed();
+
+  void note(const std::string& level, const std::string& text) override;
+  /// As note(), to those who watch only: the session is finished.
+  void tell(const std::string& level, const std::string& text);
+
+  void stop_if_aborted() const;
+
+  // StepContext
+
+  const fit::Bench& bench() const override { return known_bench; }
+  const StageRules& rules() const override { return procedure.stage; }
+  const std::string& key() const override { return plan[current].key; }
+  const std::string& name() const override { return current_name; }
+  double stage_deg() const override { return position_deg; }
+
+  awaitable<void> checkpoint(long done, long total) override;
+
+  void set(const std::string& variable, const Value& value) override;
+
+  void skip_rest_of_iteration() override;
+
+  json fit(const std::string& kind, const json& options) override;
+
+  void report(const std::string& file) override;
+
+  void for_each_scan(std::int64_t capture,
+                     const std::function<void(const fit::ScanView&)>& visit) const override;
+
+  // Stage
+
+  awaitable<void> home(bool again) override;
+  awaitable<void> home_once(bool again);
+
+  awaitable<StageStatus> stage_status();
+
+  void check_soft_limits(double target_deg, const Place& place) const;
+
+  awaitable<double> move_to(double target_deg, int approach, const Place& place) override;
+
+  /// One move of the stage, tried again when the link or the stage failed in a way that it recovers from.
+  awaitable<double> drive_to(double target_deg);
+
+  awaitable<void> recover_stage(int attempt, bool link_lost);
+
+  awaitable<void> turn(double rate_deg_s);
+
+  awaitable<void> stop_turning();
+
+  /// stop_turning(), after a link that was lost is opened anew.
+  awaitable<void> stop_turning_for_sure();
+
+  // Lidar
+
+  awaitable<void> start_stream(LidarStream stream);
+
+  /// Once; the failure is the caller's.
+  awaitable<void> end_stream();
+
+  /// A lidar that is lost meanwhile is connected anew.
+  awaitable<void> stop_stream();
+
+  /// The next scan. The stream is started when none runs, and then `gate` begins anew; a lidar that was lost
+  /// is connected anew unless that happened too often (`failures`) since the caller last got what it wanted.
+  awaitable<lidar::Scan> next_scan(LidarStream stream, ScanGate* gate, int& failures);
+
+  awaitable<void> connect_lidar();
+
+  /// Brings a lost lidar back or gives up with a DeviceError.
+  awaitable<void> reconnect_lidar(std::exception_ptr why);
+  /// Tries for as long as a lidar takes to start; `why` it is gone so far, if known.
+  awaitable<void> connect_again(std::exception_ptr why);
+
+  /// Whether the device's clock runs with the host's: a simulation at full speed does not.
+  awaitable<void> compare_clocks();
+
+  void show(const lidar::Scan& scan);
+
+  // Capture
+
+  /// Of the lidar, if a prompt said when it was switched on.
+  std::optional<double> since_power_on_s(std::int64_t at_us) const;
+  fit::CaptureInfo info_of(const CaptureRequest& request);
+
+  awaitable<std::int64_t> capture(CaptureRequest request) override;
+
+  /// What was measured before an interruption is kept, marked short, until a full capture replaces it.
+  void keep_short(std::int64_t id, const CaptureRequest& request, long got);
+
+  void replace_short_one(const CaptureRequest& request);
+
+  awaitable<void> fill(std::int64_t id, const CaptureRequest& request, long& got);
+
+  static std::string unfit_scans(const CaptureRequest& request);
+
+  /// Connects a lidar anew whose scans do not belong to the capture (its timer may have jumped), unless that
+  /// happened too often since the caller last got what it wanted.
+  awaitable<void> begin_anew(const CaptureRequest& request, int& failures);
+
+  void store(std::int64_t id, long seq, const lidar::Scan& scan);
+
+  void tell_losses(const CaptureRequest& request, std::uint64_t lost, std::uint64_t rejected);
+
+  awaitable<std::int64_t> capture_turning(CaptureRequest request, double from_deg,
+                                          const Place& place) override;
+
+  /// Scans of a turn wait in memory until the stage's track during them is known: the angle at the start
+  /// comes from a line through the positions that the stage reported meanwhile.
+  awaitable<void> fill_turning(const CaptureRequest& request, TurningScans& turned);
+
+  /// After a turn that failed: the stage stands, and what failed is connected anew, or `why` goes on to the
+  /// caller if another attempt is of no use.
+  awaitable<void> recover_turn(std::exception_ptr why, int attempt);
+
+  /// The next scan, or the stage stopped after `seconds`, when it comes to its soft limit, and an error.
+  awaitable<lidar::Scan> next_scan_before_limit(double seconds);
+  awaitable<void> read_quietly(lidar::Scan& scan, std::exception_ptr& why);
+  awaitable<void> stop_stage_after(double seconds);
+
+  awaitable<void> track_stage(Track& track);
+
+  std::int64_t store_turning(const CaptureRequest& request, const TurningScans& turned,
+                             const std::string& mark);
+  void keep_short_turning(const CaptureRequest& request, const TurningScans& turned);
+
+  awaitable<void> wait(double seconds) override;
+
+  // Prompts
+
+  awaitable<Answer> ask(Prompt prompt) override;
+
+  /// The operator's answer, from wherever it comes first: the terminal, the bench, the live page.
+  awaitable<Answer> ask_once(Prompt prompt);
+  std::exception_ptr operator_failed;
+
+  awaitable<void> ask_operator(Prompt prompt);
+
+  static std::string wrong_answer(const Prompt& prompt, Answer& answer);
+
+  awaitable<void> apply(const Prompt& prompt);
+
+  void restore_scene();
+
+  /// A simulated bench may have been restarted meanwhile: it is put as it was.
+  awaitable<void> place_again();
+
+  /// What the rig sees, and whether it is what was asked for.
+  struct Look {
+    bool good = true;
+    std::string text;
+  };
+
+  awaitable<Look> look_at(Sight sight);
+
+  /// `ranges`: of every beam from `first_step` on, its echoes in mm.
+  Look judge(const Sight& sight, int first_step, const std::vector<std::vector<double>>& ranges) const;
+
+  static double largest_deviation_from_line(const std::vector<double>& x, const std::vector<double>& y);
+
+  /// While a person works at the bench: shows scans, tells whether they are as asked for, and brings a lidar
+  /// back that was lost meanwhile. Goes on until it is cancelled; end_watch() then stops the stream.
+  awaitable<void> watch_bench(std::optional<Sight> until);
+  awaitable<void> watch_stream(std::optional<Sight> until);
+  awaitable<void> end_watch();
+  void tell(const Look& look);
+  awaitable<void> pause_for(double seconds);
+  static awaitable<void> never();
+
+  /// Goes back to the loop's turn before this one; its captures stay in the session under another name.
+  bool repeat_previous_turn();
+
+  // The run
+
+  /// Both devices connected, and the stage found standing.
+  awaitable<void> prepare();
+
+  /// Takes over what a step gave that an earlier run recorded.
+  void take_over(std::size_t index);
+  json resume_at;  // Where the stage stood after the last recorded step, and from which side it came.
+
+  void mark_done(std::size_t index);
+
+  bool in_skipped_turn(std::size_t index) const;
+
+  /// Before the first step that a resumed run does itself: the stage goes where it stood, from the same side.
+  awaitable<void> return_to_place();
+
+  awaitable<void> run_step();
+  bool homed = false, moved = false;
+
+  awaitable<void> run_steps();
+
+  void go_back();
+
+  /// run_steps with its failure as a value: `||` goes on waiting when one side throws.
+  awaitable<void> run_steps_quietly();
+  std::exception_ptr failure;
+
+  /// The stage is stopped before what runs is called off: that may wait for a lidar that does not answer.
+  awaitable<void> stop_stage_when_aborted();
+
+  /// Stage stopped, laser off, whatever happened. Each with the device's own deadline.
+  awaitable<void> make_safe();
+  std::string safe_problems;
+
+  void store_limits();
+
+  bool limits_met() const;
+
+  void conclude();
+
+  /// Last, because a session that was removed since its last capture is saved as it then stands.
+  void finish_session();
+  static bool is_stopped(const std::exception_ptr& why);
+};
+
+}  // namespace rig

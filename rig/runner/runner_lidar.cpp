@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: MIT
+#include <cmath>
+
+#include "rig/runner/runner_impl.hpp"
+#include "rig/runner/scan_gate.hpp"
+#include "rig/text_lines.hpp"
+
+namespace rig {
+namespace {
+
+std::optional<double> parameter(const json& identity, const char* name) {
+  const auto pp = identity.find("PP");
+  if (pp == identity.end() || !pp->is_object() || !pp->contains(name) || !(*pp)[name].is_string())
+    return std::nullopt;
+  return number_in((*pp)[name].get<std::string>());
+}
+
+/// Throws if the lidar, by its own parameters, is another kind than the bench file describes.
+void compare_with_bench(const json& identity, const fit::LidarGeometry& known) {
+  std::string differs;
+  const auto note = [&](const char* key, double bench, double lidar) {
+    differs += (differs.empty() ? "" : ", ") + std::string(key) + " " + to_text(bench) +
+               " where the lidar has " + to_text(lidar);
+  };
+  if (const auto last = parameter(identity, "AMAX"); last && known.steps > *last + 1)
+    note("steps", known.steps, *last + 1);
+  if (const auto front = parameter(identity, "AFRT"); front && known.front_step != *front)
+    note("front_step", known.front_step, *front);
+  if (const auto turn = parameter(identity, "ARES");
+      turn && *turn > 0 && std::abs(known.step_rad * fit::deg_per_rad - 360 / *turn) > 1e-6)
+    note("step_deg", known.step_rad * fit::deg_per_rad, 360 / *turn);
+  if (!differs.empty())
+    throw UsageError("The bench file describes another lidar: " + differs +
+                     ". Correct 'lidar' in the bench file, or connect the lidar that it describes.");
+}
+
+constexpr int connect_attempts = 4;  // 0.5, 1, 2, 4 s apart: an UST-10LX is back about 3 s after power-up.
+
+}  // namespace
+
+awaitable<void> Runner::Impl::start_stream(LidarStream stream) {
+  auto starting = parts.lidar.start(stream);
+  co_await std::move(starting);
+  streaming = true;
+}
+
+awaitable<void> Runner::Impl::end_stream() {
+  if (!streaming) co_return;
+  streaming = false;
+  auto stopping = parts.lidar.stop();
+  co_await std::move(stopping);
+}
+
+awaitable<void> Runner::Impl::stop_stream() {
+  std::exception_ptr why;
+  try {
+    auto ending = end_stream();
+    co_await std::move(ending);
+  } catch (...) {
+    why = std::current_exception();
+  }
+  if (!why) co_return;
+  stop_if_aborted();
+  auto reconnecting = reconnect_lidar(why);
+  co_await std::move(reconnecting);
+}
+
+awaitable<lidar::Scan> Runner::Impl::next_scan(LidarStream stream, ScanGate* gate, int& failures) {
+  for (;;) {
+    stop_if_aborted();
+    std::exception_ptr why;
+    lidar::Scan scan;
+    try {
+      if (!streaming) {
+        if (gate) gate->restart(seen_ms);
+        auto starting = start_stream(stream);
+        co_await std::move(starting);
+      }
+      auto reading = parts.lidar.next();
+      scan = co_await std::move(reading);
+    } catch (...) {
+      why = std::current_exception();
+    }
+    if (!why) co_return scan;
+    stop_if_aborted();
+    if (++failures > failures_without_scan) std::rethrow_exception(why);
+    auto reconnecting = reconnect_lidar(why);
+    co_await std::move(reconnecting);
+  }
+}
+
+awaitable<void> Runner::Impl::connect_lidar() {
+  auto connecting = parts.lidar.connect();
+  const json identity = co_await std::move(connecting);
+  compare_with_bench(identity, known_bench.lidar);
+  connected = true;
+  seen_ms.reset();
+  const auto before = session.get("lidar");
+  if (!before) {
+    session.set("lidar", identity.dump());
+    co_return;
+  }
+  const auto serial = [](const json& who) {
+    if (who.contains("SERI")) return who["SERI"].dump();
+    for (const auto& part : who)
+      if (part.is_object() && part.contains("SERI")) return part["SERI"].dump();
+    return std::string();
+  };
+  const json known = json::parse(*before, nullptr, false);
+  if (serial(known) != serial(identity))
+    throw DeviceError("This is another lidar (" + serial(identity) +
+                      ") than the one the session was begun with (" + serial(known) +
+                      "). Connect that one, or begin a new session.");
+}
+
+awaitable<void> Runner::Impl::reconnect_lidar(std::exception_ptr why) {
+  streaming = false;
+  note("warning", "lidar lost: " + sentence(why) + " The rig connects to it anew.");
+  auto connecting = connect_again(why);
+  co_await std::move(connecting);
+  ++state.reconnects;
+  note("info", "lidar is back");
+}
+
+awaitable<void> Runner::Impl::connect_again(std::exception_ptr why) {
+  double pause_s = 0.5;
+  for (int attempt = 1; attempt <= connect_attempts; ++attempt, pause_s *= 2) {
+    stop_if_aborted();
+    auto resting = parts.clock.sleep(pause_s);
+    co_await std::move(resting);
+    try {
+      auto connecting = connect_lidar();
+      co_await std::move(connecting);
+      why = nullptr;
+    } catch (...) {
+      why = std::current_exception();
+    }
+    if (!why) {
+      // A device that was switched off counts from zero again.
+      own_anchor_ms.reset();
+      co_return;
+    }
+  }
+  stop_if_aborted();
+  throw DeviceError("The lidar was lost and did not come back: " + sentence(why) +
+                    " The stage stands, and what was captured is in " + session.path() +
+                    ". Check the lidar's power and cable, then go on with --resume.");
+}
+
+awaitable<void> Runner::Impl::compare_clocks() {
+  constexpr int scans = 12;
+  const LidarStream all = whole_scan(known_bench.lidar);
+  std::uint64_t first_ms = 0, last_ms = 0;
+  std::int64_t first_us = 0, last_us = 0;
+  int failures = 0;
+  for (int i = 0; i < scans; ++i) {
+    const auto reconnects_before = state.reconnects;
+    auto reading = next_scan(all, nullptr, failures);
+    const lidar::Scan scan = co_await std::move(reading);
+    if (state.reconnects != reconnects_before) i = 0;  // The pause in between says nothing of the clocks.
+    last_ms = scan.device_ms;
+    last_us = parts.clock.host_us();
+    if (i == 1) first_ms = last_ms, first_us = last_us;
+    show(scan);
+  }
+  auto stopping = stop_stream();
+  co_await std::move(stopping);
+  const double device_s = static_cast<double>(last_ms - first_ms) / 1e3;
+  const double host_s = static_cast<double>(last_us - first_us) / 1e6;
+  own_time = parts.lidar.own_time() || host_s < 0.8 * device_s || host_s > 1.5 * device_s + 0.2;
+  own_now_us = session_us(parts.clock.host_us());
+  if (own_time)
+    note("info", "the lidar's clock does not run with this computer's: its time is the session's");
+}
+
+void Runner::Impl::show(const lidar::Scan& scan) {
+  if (!seen_ms || scan.device_ms > *seen_ms) seen_ms = scan.device_ms;
+  constexpr std::size_t kept = 400;
+  const int middle = (scan.first_step + scan.last_step) / 2;
+  if (middle != state.beam_step || state.beam_mm.size() >= 2 * kept) {
+    const auto end = state.beam_mm.end();
+    if (middle == state.beam_step)
+      state.beam_mm.erase(state.beam_mm.begin(), end - kept);
+    else
+      state.beam_mm.clear();
+    state.beam_step = middle;
+  }
+  if (!scan.range_mm.empty()) state.beam_mm.push_back(scan.range_mm[scan.range_mm.size() / 2]);
+  state.scan = scan;
+  state.scan_seen = true;
+}
+
+}  // namespace rig

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "rig/runner/runner_impl.hpp"
+
+namespace rig {
+namespace {
+
+constexpr std::size_t messages_kept = 100;
+
+}  // namespace
+
+std::string words_of(const std::exception_ptr& why) {
+  try {
+    std::rethrow_exception(why);
+  } catch (const std::exception& error) {
+    return error.what();
+  } catch (...) {
+    return "unknown error";
+  }
+}
+
+std::string sentence(const std::exception_ptr& why) {
+  std::string words = words_of(why);
+  if (!words.empty() && std::string(".!?").find(words.back()) == std::string::npos) words += '.';
+  return words;
+}
+
+json json_of(const Value& value) {
+  if (const auto* number = std::get_if<double>(&value)) return *number;
+  if (const auto* flag = std::get_if<bool>(&value)) return *flag;
+  if (const auto* text = std::get_if<std::string>(&value)) return *text;
+  return nullptr;
+}
+
+Value value_of(const json& stored) {
+  if (stored.is_number()) return stored.get<double>();
+  if (stored.is_boolean()) return stored.get<bool>();
+  if (stored.is_string()) return stored.get<std::string>();
+  return Unknown{};
+}
+
+void Runner::Impl::check_same_procedure() {
+  const auto stored = session.get("procedure");
+  if (!stored) return;
+  if (*stored != procedure.text)
+    throw UsageError(procedure.file + " differs from the procedure that " + session.path() +
+                     " was begun with, so it cannot be resumed. Restore the file or begin a new session.");
+  const json before = json::parse(session.get("variables").value_or("null"), nullptr, false);
+  if (before.is_object() && before != variables_json())
+    throw UsageError("the variables differ from those that " + session.path() +
+                     " was begun with, so it cannot be resumed. Give the same ones or begin a new session.");
+}
+
+json Runner::Impl::variables_json() const {
+  json all = json::object();
+  for (const auto& [name, value] : procedure.variables) all[name] = json_of(value);
+  return all;
+}
+
+void Runner::Impl::describe_session() {
+  if (session.get("procedure")) {
+    note("info", "resumed: " + std::to_string(progress.size()) + " parts are recorded already");
+    return;
+  }
+  session.set("bench", fit::to_json_text(known_bench));
+  session.set("procedure", procedure.text);
+  session.set("procedure_name", procedure.title);
+  session.set("kind", procedure.name);
+  session.set("variables", variables_json().dump());
+  session.set("epoch_unix_us", std::to_string(parts.clock.unix_us()));
+}
+
+json Runner::Impl::progress_of(const std::string& part) const {
+  const auto found = progress.find(part);
+  if (found == progress.end()) return nullptr;
+  return json::parse(found->second, nullptr, false);
+}
+
+void Runner::Impl::record(const std::string& part, const json& what) {
+  session.set_progress(part, what.dump());
+  progress[part] = what.dump();
+}
+
+awaitable<void> Runner::Impl::checkpoint(long done, long total) {
+  state.done = done;
+  state.total = total;
+  if (total > 0) state.unit = "stops";
+  changed();
+  stop_if_aborted();
+  if (!paused) co_return;
+  resume_gate.close();
+  note("info", "paused");
+  const auto before = state.phase;
+  state.phase = RunState::Phase::paused;
+  state.pausing = false;
+  changed();
+  auto waiting = resume_gate.wait();
+  co_await std::move(waiting);
+  state.phase = before;
+  stop_if_aborted();
+  note("info", "resumed by the operator");
+}
+
+void Runner::Impl::set(const std::string& variable, const Value& value) {
+  variables[variable] = value;
+  outputs[variable] = json_of(value);
+}
+
+void Runner::Impl::skip_rest_of_iteration() {
+  if (!plan[current].turns.empty()) skipped_turns.insert(plan[current].turns.back());
+}
+
+json Runner::Impl::fit(const std::string& kind, const json& options) {
+  if (!parts.fit) throw UsageError("this program cannot fit '" + kind + "' yet.");
+  state.activity = "fit " + kind;
+  changed();
+  const json result = parts.fit(kind, session, options);
+  session.add_result(kind, result.dump(-1, ' ', false, json::error_handler_t::replace));
+  session.demand_name();
+  if (!procedure.limits.empty()) state.checks_text = check_limits(procedure.limits, session)["checks"].dump();
+  changed();
+  return result;
+}
+
+void Runner::Impl::report(const std::string& file) {
+  if (!parts.report) throw UsageError("this program cannot write reports yet.");
+  const auto folder = std::filesystem::absolute(session.path()).parent_path();
+  const auto target = folder / file;
+  // Links are followed before it is judged where the report would go.
+  const auto inside = std::filesystem::weakly_canonical(folder),
+             really = std::filesystem::weakly_canonical(target);
+  const bool leaves = std::ranges::mismatch(inside, really).in1 != inside.end();
+  if (leaves || std::filesystem::is_symlink(target))
+    throw UsageError(
+        "the report '" + file + "' would be written to " + really.string() +
+        ", outside the session's folder " + inside.string() +
+        ". It was not written; what was measured is in the session. Remove the link, or use rig report.");
+  store_limits();
+  session.demand_name();  // The report is made from the file.
+  parts.report(session, target.string());
+  note("info", "report written to " + target.string());
+}
+
+void Runner::Impl::for_each_scan(std::int64_t capture,
+                                 const std::function<void(const fit::ScanView&)>& visit) const {
+  session.for_each_scan(capture, visit);
+}
+
+std::int64_t Runner::Impl::session_us(const lidar::Scan& scan) {
+  if (!own_time) return session_us(scan.host_us);
+  if (!own_anchor_ms) {
+    own_anchor_ms = scan.device_ms;
+    own_anchor_us = own_now_us;
+  }
+  const auto passed_ms = static_cast<std::int64_t>(scan.device_ms - *own_anchor_ms);
+  own_now_us = own_anchor_us + 1000 * passed_ms;
+  return own_now_us;
+}
+
+void Runner::Impl::estimate_time_left() {
+  const PlannedStep& step = plan[current];
+  const double part =
+      state.total > 0 ? static_cast<double>(state.done) / static_cast<double>(state.total) : 0;
+  const double done = seconds_done + part * step.seconds;
+  state.overall = seconds_planned > 0 ? std::min(1.0, done / seconds_planned) : 0;
+  const double passed = static_cast<double>(parts.clock.host_us() - host_start_us) / 1e6;
+  // The plan's own pace until the run has shown another.
+  const double own = std::min(1.0, passed_planned() / 20);
+  const double pace = passed_planned() > 0 ? own * passed / passed_planned() + (1 - own) : 1;
+  state.left_s = pace * (seconds_planned - done);
+}
+
+double Runner::Impl::passed_planned() const {
+  const PlannedStep& step = plan[current];
+  const double part =
+      state.total > 0 ? static_cast<double>(state.done) / static_cast<double>(state.total) : 0;
+  return seconds_done - seconds_skipped + part * step.seconds;
+}
+
+void Runner::Impl::changed() {
+  if (!plan.empty() && current < plan.size()) estimate_time_left();
+  state.stage_deg = position_deg;
+  state.scans_rejected = parts.lidar.rejected();
+  for (const auto& observer : observers) observer(state);
+}
+
+void Runner::Impl::note(const std::string& level, const std::string& text) {
+  session.add_event(now_us(), level, text);
+  tell(level, text);
+}
+
+void Runner::Impl::tell(const std::string& level, const std::string& text) {
+  state.messages.push_back({now_us(), level, text});
+  ++state.messages_total;
+  if (state.messages.size() > messages_kept) state.messages.erase(state.messages.begin());
+  changed();
+}
+
+void Runner::Impl::stop_if_aborted() const {
+  if (aborted)
+    throw RunStopped(
+        "Stopped by the operator. The stage stands, the lidar's laser is off, and what was captured is "
+        "in " +
+        session.path() + ". Go on with --resume.");
+}
+
+}  // namespace rig

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+
+#include "rig/runner/runner_impl.hpp"
+
+namespace rig {
+
+bool is_stage_error(const std::exception_ptr& why) { return is_a<StageError>(why); }
+
+bool is_stage_lost(const std::exception_ptr& why) { return is_a<StageLost>(why); }
+
+bool is_lidar_lost(const std::exception_ptr& why) { return is_a<DeviceError>(why) && !is_a<StageError>(why); }
+
+awaitable<void> Runner::Impl::home(bool again) {
+  for (int attempt = 1;; ++attempt) {
+    std::exception_ptr why;
+    try {
+      auto homing = home_once(again);
+      co_await std::move(homing);
+      co_return;
+    } catch (...) {
+      why = std::current_exception();
+    }
+    stop_if_aborted();
+    if (attempt >= stage_attempts || !is_stage_error(why)) std::rethrow_exception(why);
+    note("warning", "stage: " + sentence(why) + " It is homed again.");
+    auto recovering = recover_stage(attempt, is_stage_lost(why));
+    co_await std::move(recovering);
+  }
+}
+
+awaitable<void> Runner::Impl::home_once(bool again) {
+  auto asking = stage_status();
+  const StageStatus status = co_await std::move(asking);
+  if (!status.homed || again) {
+    state.activity = "homing";
+    changed();
+    auto homing = parts.stage.home();
+    co_await std::move(homing);
+    note("info", "stage homed");
+    auto asking_again = stage_status();
+    const StageStatus after = co_await std::move(asking_again);
+    position_deg = after.position_deg;
+    for (const auto& warning : after.warnings) note("warning", "stage: " + warning);
+  } else {
+    position_deg = status.position_deg;
+  }
+  last_approach = 0;
+  settled_us = parts.clock.host_us();
+}
+
+awaitable<StageStatus> Runner::Impl::stage_status() {
+  auto asking = parts.stage.status();
+  co_return co_await std::move(asking);
+}
+
+void Runner::Impl::check_soft_limits(double target_deg, const Place& place) const {
+  if (target_deg < limits.min_deg - 1e-9 || target_deg > limits.max_deg + 1e-9 || !std::isfinite(target_deg))
+    throw ProcedureError(place,
+                         "the stage would go to " + to_text(target_deg) + " deg, beyond its soft limits " +
+                             to_text(limits.min_deg) + " to " + to_text(limits.max_deg) +
+                             " deg (stage.limits_deg in the bench file). It stands; nothing was moved.");
+}
+
+awaitable<double> Runner::Impl::move_to(double target_deg, int approach, const Place& place) {
+  check_soft_limits(target_deg, place);
+  stop_if_aborted();
+  const bool stands_there =
+      target_deg == position_deg && settled_us != 0 && (approach == 0 || last_approach == approach);
+  if (stands_there) co_return readback_deg;
+  state.activity = "moving to " + to_text(target_deg) + " deg";
+  changed();
+  for (int attempt = 1;; ++attempt) {
+    if (approach != 0 && (last_approach != approach || (target_deg - position_deg) * approach <= 0)) {
+      const double run_up_deg =
+          std::clamp(target_deg - approach * procedure.stage.margin_deg, limits.min_deg, limits.max_deg);
+      auto running_up = drive_to(run_up_deg);
+      co_await std::move(running_up);
+    }
+    auto driving = drive_to(target_deg);
+    readback_deg = co_await std::move(driving);
+    // After a recovery on the way the last move may have come from the wrong side.
+    const bool right_side = approach == 0 || last_approach == approach || attempt >= stage_attempts;
+    if (std::abs(readback_deg - target_deg) <= procedure.stage.tolerance_deg) {
+      if (right_side) break;
+      continue;
+    }
+    const std::string seen = "The stage was sent to " + to_text(target_deg) + " deg and reads back " +
+                             to_text(readback_deg) + " deg";
+    if (attempt >= stage_attempts)
+      throw StageError(seen + ", " + std::to_string(attempt) +
+                       " times. It was stopped. Check that nothing blocks it and that its scale is right "
+                       "(stage in the bench file), then go on with --resume.");
+    note("warning", seen + "; it is sent again");
+    last_approach = 0;
+  }
+  if (procedure.stage.settle_s > 0) {
+    auto resting = parts.clock.sleep(procedure.stage.settle_s);
+    co_await std::move(resting);
+  }
+  settled_us = parts.clock.host_us();
+  co_return readback_deg;
+}
+
+awaitable<double> Runner::Impl::drive_to(double target_deg) {
+  for (int attempt = 1;; ++attempt) {
+    stop_if_aborted();
+    std::exception_ptr why;
+    try {
+      auto moving = parts.stage.move_to(target_deg);
+      const double arrived_deg = co_await std::move(moving);
+      last_approach = target_deg > position_deg ? 1 : target_deg < position_deg ? -1 : last_approach;
+      position_deg = target_deg;
+      co_return arrived_deg;
+    } catch (...) {
+      why = std::current_exception();
+    }
+    stop_if_aborted();
+    if (attempt >= stage_attempts) std::rethrow_exception(why);
+    note("warning", "stage: " + sentence(why) + " The rig tries again.");
+    auto recovering = recover_stage(attempt, is_stage_lost(why));
+    co_await std::move(recovering);
+  }
+}
+
+awaitable<void> Runner::Impl::recover_stage(int attempt, bool link_lost) {
+  auto resting = parts.clock.sleep(0.5 * attempt);
+  co_await std::move(resting);
+  last_approach = 0;
+  std::exception_ptr why;
+  try {
+    if (link_lost) {
+      auto opening = parts.stage.reopen();
+      co_await std::move(opening);
+    }
+    auto stopping = parts.stage.stop();
+    co_await std::move(stopping);
+    auto asking = stage_status();
+    const StageStatus status = co_await std::move(asking);
+    position_deg = status.position_deg;
+    if (!status.homed && !procedure.stage.unhomed) {
+      note("warning", "the stage has lost its reference and is homed again");
+      auto homing = home_once(true);
+      co_await std::move(homing);
+    }
+  } catch (...) {
+    why = std::current_exception();
+  }
+  stop_if_aborted();
+  if (why) note("warning", "stage: " + words_of(why));
+}
+
+awaitable<void> Runner::Impl::turn(double rate_deg_s) {
+  stop_if_aborted();
+  state.activity = "turning at " + to_text(rate_deg_s) + " deg/s";
+  changed();
+  auto turning = parts.stage.turn(rate_deg_s);
+  co_await std::move(turning);
+}
+
+awaitable<void> Runner::Impl::stop_turning() {
+  auto stopping = parts.stage.stop();
+  co_await std::move(stopping);
+  auto asking = stage_status();
+  position_deg = readback_deg = (co_await std::move(asking)).position_deg;
+  last_approach = 0;
+  settled_us = 0;
+}
+
+awaitable<void> Runner::Impl::stop_turning_for_sure() {
+  std::exception_ptr why;
+  try {
+    auto stopping = stop_turning();
+    co_await std::move(stopping);
+    co_return;
+  } catch (...) {
+    why = std::current_exception();
+  }
+  stop_if_aborted();
+  note("warning", "stage: " + sentence(why) + " It is told to stop again.");
+  auto recovering = recover_stage(1, is_stage_lost(why));
+  co_await std::move(recovering);
+  auto stopping = stop_turning();
+  co_await std::move(stopping);
+}
+
+}  // namespace rig

@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+
+#include "rig/runner/runner_impl.hpp"
+#include "rig/runner/scan_gate.hpp"
+
+namespace rig {
+namespace {
+
+constexpr int scans_of_a_look = 10;
+constexpr double between_attempts_s = 2;
+// Of a device that sends as fast as it is read: two looks a second are enough for an eye.
+constexpr double between_looks_s = 0.5;
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// The echoes of the beams of a sight, collected until they can be judged.
+class Echoes {
+ public:
+  explicit Echoes(std::size_t beams) : ranges_(beams) {}
+  /// `offset`: index of the sight's first beam within the scan.
+  void add(const lidar::Scan& scan, std::size_t offset) {
+    ++scans_;
+    for (std::size_t i = 0; i < ranges_.size() && offset + i < scan.range_mm.size(); ++i)
+      if (scan.range_mm[offset + i] > 0) ranges_[i].push_back(scan.range_mm[offset + i]);
+  }
+  [[nodiscard]] bool enough() const { return scans_ >= scans_of_a_look; }
+  [[nodiscard]] const std::vector<std::vector<double>>& ranges() const { return ranges_; }
+
+ private:
+  std::vector<std::vector<double>> ranges_;
+  int scans_ = 0;
+};
+
+bool is_cancellation(const std::exception_ptr& why) {
+  try {
+    std::rethrow_exception(why);
+  } catch (const boost::system::system_error& error) {
+    return error.code() == asio::error::operation_aborted;
+  } catch (...) {
+    return false;
+  }
+}
+
+CaptureRequest steps_of(const Sight& sight, const fit::LidarGeometry& lidar) {
+  CaptureRequest request;
+  const double step_deg = lidar.step_rad * fit::deg_per_rad;
+  request.first_step = static_cast<int>(std::lround(lidar.front_step + sight.from_deg / step_deg));
+  request.last_step = static_cast<int>(std::lround(lidar.front_step + sight.to_deg / step_deg));
+  return request;
+}
+
+}  // namespace
+
+awaitable<Runner::Impl::Look> Runner::Impl::look_at(Sight sight) {
+  const CaptureRequest request = steps_of(sight, known_bench.lidar);
+  Echoes echoes(static_cast<std::size_t>(request.last_step - request.first_step + 1));
+  ScanGate gate(request, known_bench.lidar.scan_hz, 0);
+  int failures = 0;
+  while (!echoes.enough()) {
+    auto reading = next_scan(stream_for(request, 0), &gate, failures);
+    const lidar::Scan scan = co_await std::move(reading);
+    if (!gate.takes(scan, 0)) {
+      if (gate.hopeless()) {
+        auto beginning = begin_anew(request, failures);
+        co_await std::move(beginning);
+      }
+      continue;
+    }
+    failures = 0;
+    echoes.add(scan, 0);
+    show(scan);
+  }
+  auto stopping = stop_stream();
+  co_await std::move(stopping);
+  co_return judge(sight, request.first_step, echoes.ranges());
+}
+
+Runner::Impl::Look Runner::Impl::judge(const Sight& sight, int first_step,
+                                       const std::vector<std::vector<double>>& ranges) const {
+  std::vector<double> medians, x, y;
+  for (std::size_t i = 0; i < ranges.size(); ++i) {
+    if (ranges[i].size() < scans_of_a_look / 2) continue;
+    medians.push_back(median(ranges[i]));
+    const double angle = known_bench.lidar.beam_angle(first_step + static_cast<double>(i));
+    x.push_back(medians.back() * std::cos(angle));
+    y.push_back(medians.back() * std::sin(angle));
+  }
+  if (medians.size() * 2 < ranges.size())
+    return {false, "the rig sees nothing there (no echo from most beams)."};
+  const double seen_mm = median(medians);
+  if (sight.within_mm && (seen_mm < sight.within_mm->first || seen_mm > sight.within_mm->second))
+    return {false, "the rig sees " + to_text(seen_mm) + " mm and wants " + to_text(sight.within_mm->first) +
+                       " to " + to_text(sight.within_mm->second) + " mm."};
+  const double rough_mm = largest_deviation_from_line(x, y);
+  if (sight.flat_within_mm && rough_mm > *sight.flat_within_mm)
+    return {false, "what the rig sees is not flat: " + to_text(std::round(rough_mm)) +
+                       " mm off a straight line, " + to_text(*sight.flat_within_mm) + " mm allowed."};
+  return {true, "the rig sees " + to_text(seen_mm) + " mm, as asked."};
+}
+
+double Runner::Impl::largest_deviation_from_line(const std::vector<double>& x, const std::vector<double>& y) {
+  if (x.size() < 3) return 0;
+  const double n = static_cast<double>(x.size());
+  double mx = 0, my = 0, xx = 0, xy = 0, yy = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) mx += x[i] / n, my += y[i] / n;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    xx += (x[i] - mx) * (x[i] - mx);
+    xy += (x[i] - mx) * (y[i] - my);
+    yy += (y[i] - my) * (y[i] - my);
+  }
+  const double along = 0.5 * std::atan2(2 * xy, xx - yy);
+  double largest = 0;
+  for (std::size_t i = 0; i < x.size(); ++i)
+    largest = std::max(largest, std::abs(-std::sin(along) * (x[i] - mx) + std::cos(along) * (y[i] - my)));
+  return largest;
+}
+
+awaitable<void> Runner::Impl::pause_for(double seconds) {
+  auto resting = parts.clock.sleep(seconds);
+  co_await std::move(resting);
+}
+
+awaitable<void> Runner::Impl::never() {
+  asio::steady_timer timer(co_await asio::this_coro::executor, asio::steady_timer::time_point::max());
+  co_await timer.async_wait(asio::use_awaitable);
+}
+
+awaitable<void> Runner::Impl::watch_bench(std::optional<Sight> until) {
+  const bool someone_looks = !parts.operator_.unattended() && connected;
+  bool lost = false;
+  while (someone_looks) {
+    std::exception_ptr why;
+    try {
+      if (lost) {
+        auto connecting = connect_lidar();
+        co_await std::move(connecting);
+        lost = false;
+        ++state.reconnects;
+        own_anchor_ms.reset();
+        note("info", "lidar is back");
+      }
+      auto watching = watch_stream(until);
+      co_await std::move(watching);
+    } catch (...) {
+      why = std::current_exception();
+    }
+    // The driver has reset the cancellation state for its last words to the device: only the exception tells.
+    if (is_cancellation(why) || answered || operator_failed || aborted) co_return;
+    if (!lost)
+      note("warning", "lidar lost: " + words_of(why) + " Check its power and cable; rig goes on trying.");
+    lost = true;
+    streaming = false;
+    tell({false, "the lidar does not answer."});
+    changed();
+    auto resting = pause_for(between_attempts_s);
+    co_await std::move(resting);
+  }
+  auto resting = never();
+  co_await std::move(resting);
+}
+
+awaitable<void> Runner::Impl::watch_stream(std::optional<Sight> until) {
+  const fit::LidarGeometry& lidar = known_bench.lidar;
+  const CaptureRequest wanted = until ? steps_of(*until, lidar) : CaptureRequest();
+  const auto beams = static_cast<std::size_t>(until ? wanted.last_step - wanted.first_step + 1 : 0);
+  while (true) {
+    // A start that is cancelled half-way leaves the device streaming as well.
+    streaming = true;
+    auto starting = parts.lidar.start(whole_scan(lidar));
+    co_await std::move(starting);
+    Echoes echoes(beams);
+    bool enough = false;
+    while (!enough) {
+      auto reading = parts.lidar.next();
+      const lidar::Scan scan = co_await std::move(reading);
+      show(scan);
+      echoes.add(scan, static_cast<std::size_t>(std::max(0, wanted.first_step - scan.first_step)));
+      if (echoes.enough()) {
+        if (until) tell(judge(*until, wanted.first_step, echoes.ranges()));
+        echoes = Echoes(beams);
+        enough = own_time;
+      }
+      changed();
+    }
+    auto stopping = end_stream();
+    co_await std::move(stopping);
+    auto resting = pause_for(between_looks_s);
+    co_await std::move(resting);
+  }
+}
+
+void Runner::Impl::tell(const Look& look) {
+  if (!state.prompt) return;
+  state.prompt->check = look.good ? "" : look.text;
+  state.prompt->seen = look.good ? look.text : "";
+}
+
+awaitable<void> Runner::Impl::end_watch() {
+  std::exception_ptr why;
+  try {
+    auto stopping = end_stream();
+    co_await std::move(stopping);
+  } catch (...) {
+    why = std::current_exception();
+  }
+  // The next step connects anew.
+  if (why) note("warning", "lidar lost: " + words_of(why));
+}
+
+}  // namespace rig

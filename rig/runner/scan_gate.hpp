@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "rig/procedure/step.hpp"
+#include "rig/runner/lidar_source.hpp"
+
+namespace rig {
+
+constexpr int refusals_in_a_row = 400;    // Ten seconds of scans that do not belong to the capture.
+constexpr double longest_gap_ms = 3.6e6;  // No stream is silent so long: a stamp beyond it is wrong.
+
+/// Decides for every scan of a stream whether it belongs to the capture, and counts what is missing.
+class ScanGate {
+ public:
+  ScanGate(const CaptureRequest& request, double scan_hz, int skip)
+      : request_(request), period_ms_(1000.0 / scan_hz * (skip + 1)), half_scan_ms_(500.0 / scan_hz) {}
+
+  /// A stream begins anew: its first scan may have begun before the command. Scans of before `seen_ms`, the
+  /// latest stamp since the lidar was connected, are an earlier stream's; without one it has just been
+  /// connected, and its stamps may have begun anew.
+  void restart(std::optional<std::uint64_t> seen_ms) {
+    if (!seen_ms) taken_ms_.reset();
+    fresh_ = true;
+    last_ms_.reset();
+    seen_ms_ = seen_ms;
+    refused_in_a_row_ = 0;
+  }
+
+  /// `settled_us`: host time before which the stage had not settled, or 0 if host times say nothing.
+  bool takes(const lidar::Scan& scan, std::int64_t settled_us) {
+    if (!fits(scan)) return refuse();
+    if (std::exchange(fresh_, false)) return false;
+    if (settled_us != 0 && scan.host_us < settled_us) return refuse();
+    if (seen_ms_ && scan.device_ms <= *seen_ms_) return refuse();
+    const auto stamp = static_cast<double>(scan.device_ms);
+    if (last_ms_ && (stamp <= *last_ms_ || stamp > *last_ms_ + longest_gap_ms)) return refuse();
+    // Stamps count whole milliseconds, so a gap is a lost scan from one and a half periods on.
+    if (last_ms_)
+      lost_ += static_cast<std::uint64_t>(std::max(0L, std::lround((stamp - *last_ms_) / period_ms_) - 1));
+    last_ms_ = stamp;
+    refused_in_a_row_ = 0;
+    if (taken_ms_ && stamp < *taken_ms_ + 1000 * request_.spacing_s - half_scan_ms_) return false;
+    taken_ms_ = stamp;
+    return true;
+  }
+
+  [[nodiscard]] std::uint64_t lost() const { return lost_; }
+  [[nodiscard]] bool hopeless() const { return refused_in_a_row_ > refusals_in_a_row; }
+
+ private:
+  bool fits(const lidar::Scan& scan) const {
+    const auto beams =
+        static_cast<std::size_t>((request_.last_step - request_.first_step) / request_.cluster + 1);
+    return scan.first_step == request_.first_step && scan.last_step == request_.last_step &&
+           scan.cluster == request_.cluster && scan.range_mm.size() == beams &&
+           (scan.intensity.empty() || scan.intensity.size() == beams);
+  }
+  bool refuse() {
+    ++refused_in_a_row_;
+    return false;
+  }
+
+  const CaptureRequest& request_;
+  double period_ms_, half_scan_ms_;
+  bool fresh_ = true;
+  std::optional<std::uint64_t> seen_ms_;
+  std::optional<double> last_ms_, taken_ms_;
+  std::uint64_t lost_ = 0;
+  int refused_in_a_row_ = 0;
+};
+
+/// The most scans that the device itself may leave out and still serve the spacing; SCIP allows 9.
+int skip_for(double spacing_s, double scan_hz);
+LidarStream stream_for(const CaptureRequest& request, int skip);
+/// All steps of the bench's lidar.
+LidarStream whole_scan(const fit::LidarGeometry& lidar);
+
+/// Least-squares line through stage positions against time.
+struct Track {
+  std::vector<double> time_s, angle_deg;
+  void add(double s, double deg) {
+    time_s.push_back(s);
+    angle_deg.push_back(deg);
+  }
+  [[nodiscard]] std::pair<double, double> at_and_rate(double s) const {
+    const double n = static_cast<double>(time_s.size());
+    double mean_t = 0, mean_a = 0, tt = 0, ta = 0;
+    for (std::size_t i = 0; i < time_s.size(); ++i) mean_t += time_s[i] / n, mean_a += angle_deg[i] / n;
+    for (std::size_t i = 0; i < time_s.size(); ++i) {
+      tt += (time_s[i] - mean_t) * (time_s[i] - mean_t);
+      ta += (time_s[i] - mean_t) * (angle_deg[i] - mean_a);
+    }
+    const double rate = tt > 0 ? ta / tt : 0;
+    return {mean_a + rate * (s - mean_t), rate};
+  }
+};
+
+/// What came in while the stage turned.
+struct TurningScans {
+  std::vector<lidar::Scan> scans;
+  Track track;
+  std::uint64_t lost = 0;
+};
+
+}  // namespace rig

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: MIT
+#include "rig/runner/scip_source.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include "lidar/client.hpp"
+#include "rig/errors.hpp"
+
+namespace rig {
+namespace {
+
+using nlohmann::json;
+
+class ScipSource final : public LidarSource {
+ public:
+  ScipSource(boost::asio::any_io_executor executor, const Endpoint& address)
+      : client_(std::move(executor), address.host, address.port) {}
+
+  awaitable<json> connect() override {
+    auto connecting = identify();
+    const lidar::Identity identity = co_await told_as_device_error(std::move(connecting));
+    try {
+      auto comparing = client_.synchronise();
+      co_await std::move(comparing);
+    } catch (const lidar::LidarError& error) {
+      // A lidar without time adjustment is dated by when its scans arrive; one that went away is lost.
+      if (!client_.connected()) throw DeviceError(error.what());
+    }
+    co_return json::parse(identity.json);
+  }
+
+  awaitable<void> start(LidarStream stream) override {
+    lidar::StreamRequest request(stream.first_step, stream.last_step, stream.cluster, stream.skip,
+                                 stream.intensity);
+    auto starting = client_.start(request);
+    co_await told_as_device_error(std::move(starting));
+  }
+
+  awaitable<lidar::Scan> next() override {
+    auto reading = client_.next();
+    co_return co_await told_as_device_error(std::move(reading));
+  }
+
+  void reuse(lidar::Scan scan) override { client_.reuse(std::move(scan)); }
+
+  awaitable<void> stop() override {
+    auto stopping = client_.stop();
+    co_await told_as_device_error(std::move(stopping));
+  }
+
+  std::uint64_t rejected() const override { return client_.statistics().bad; }
+  bool own_time() const override { return !client_.clock().follows_host; }
+
+ private:
+  awaitable<lidar::Identity> identify() {
+    if (!known_) {
+      auto connecting = client_.connect();
+      lidar::Identity identity = co_await std::move(connecting);
+      known_ = true;
+      co_return identity;
+    }
+    auto connecting = client_.reconnect();
+    co_return co_await std::move(connecting);
+  }
+
+  template <class T>
+  static awaitable<T> told_as_device_error(awaitable<T> work) {
+    try {
+      co_return co_await std::move(work);
+    } catch (const lidar::LidarError& error) {
+      throw DeviceError(error.what());
+    }
+  }
+
+  lidar::Client client_;
+  bool known_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<LidarSource> make_scip_source(boost::asio::any_io_executor executor,
+                                              const Endpoint& address) {
+  return std::make_unique<ScipSource>(std::move(executor), address);
+}
+
+}  // namespace rig

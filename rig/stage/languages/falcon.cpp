@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: MIT
+// Pegasus Falcon rotator: degrees with two decimals from 0 to 360 on its own scale, whose ends it does not
+// pass. It keeps its zero without power, has no home switch and no command for its speed.
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <optional>
+
+#include "rig/stage/stage_language.hpp"
+#include "rig/stage/stage_reply.hpp"
+
+namespace rig::stages {
+
+namespace {
+
+using boost::asio::awaitable;
+using Clock = SerialLink::Clock;
+
+constexpr int most_attempts = 3;
+constexpr double units_per_deg = 100;
+constexpr long long units_per_turn = 36000;
+constexpr auto silence = std::chrono::milliseconds(20);
+
+class FalconProtocol : public StageProtocol {
+ public:
+  FalconProtocol(SerialLink& link, const StageOptions& options) : link_(link), options_(options) {}
+
+  awaitable<StageIdentity> identify() override;
+  awaitable<StageReading> read() override;
+  awaitable<void> set_speed(double, double) override { co_return; }
+  [[nodiscard]] bool has_speed() const override { return false; }
+  awaitable<void> start_homing() override { co_return; }
+  awaitable<void> start_move(long long target) override;
+  awaitable<void> start_turn(double speed) override;
+  awaitable<void> start_stop() override;
+  std::string stop_now() override;
+  std::string stop_for_good() override { return "\nFH\n"; }
+  void forget_answers() override { is_dirty_ = true; }
+
+ private:
+  awaitable<std::optional<std::string>> ask_once(std::string text, std::string beginning);
+  awaitable<std::string> ask(std::string text, std::string beginning);
+  awaitable<FalconStatus> status();
+  void demand_not_stopped() const;
+
+  SerialLink& link_;
+  StageOptions options_;
+  bool is_dirty_ = true;
+  bool is_stop_requested_ = false;
+  std::optional<double> target_;  ///< Of the motion that is not over yet.
+};
+
+/// The answer that begins so; nothing if none came.
+awaitable<std::optional<std::string>> FalconProtocol::ask_once(std::string text, std::string beginning) {
+  if (std::exchange(is_dirty_, false)) {
+    auto draining = link_.drain(silence);
+    co_await std::move(draining);
+  }
+  link_.discard();
+  const auto deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(
+                                           std::chrono::duration<double>(options_.reply_s));
+  std::string bytes = text + "\n";
+  auto writing = link_.write(std::move(bytes), deadline);
+  co_await std::move(writing);
+  for (;;) {
+    auto reading = link_.read_line(deadline);
+    const std::optional<std::string> line = co_await std::move(reading);
+    if (!line) break;
+    if (line->starts_with(beginning)) co_return line;
+  }
+  is_dirty_ = true;
+  co_return std::nullopt;
+}
+
+awaitable<std::string> FalconProtocol::ask(std::string text, std::string beginning) {
+  for (int attempt = 0; attempt < most_attempts; ++attempt) {
+    auto asking = ask_once(text, beginning);
+    const std::optional<std::string> line = co_await std::move(asking);
+    if (line) co_return *line;
+  }
+  throw StageLost("the stage on " + link_.path() + " did not answer `" + text + "`, asked " +
+                  std::to_string(most_attempts) +
+                  " times. If it still turns, switch it off. Check its power and its cable.");
+}
+
+awaitable<StageIdentity> FalconProtocol::identify() {
+  const std::string beginning = "FV:";
+  auto asking = ask("FV", beginning);
+  const std::string line = co_await std::move(asking);
+  StageIdentity identity;
+  identity.language = "falcon";
+  identity.model = options_.model.empty() ? "Pegasus Falcon" : options_.model;
+  identity.firmware = line.substr(beginning.size());
+  identity.units_per_deg = units_per_deg;
+  co_return identity;
+}
+
+awaitable<FalconStatus> FalconProtocol::status() {
+  for (int attempt = 0; attempt < most_attempts; ++attempt) {
+    auto asking = ask("FA", "FR_OK:");
+    const std::string line = co_await std::move(asking);
+    if (const auto found = falcon_status(line)) co_return *found;
+  }
+  throw StageLost("the stage on " + link_.path() +
+                  " answers `FA` with damaged lines. If it still turns, switch it off. Check its cable.");
+}
+
+/// There is no checksum: rest is believed when said twice, with the same position.
+awaitable<StageReading> FalconProtocol::read() {
+  auto asking = status();
+  FalconStatus now = co_await std::move(asking);
+  StageReading reading;
+  reading.moving = now.moving;
+  if (!now.moving) {
+    auto asking_again = status();
+    const FalconStatus again = co_await std::move(asking_again);
+    reading.moving = again.moving || again.deg != now.deg;
+    now = again;
+  }
+  reading.position = std::round(now.deg * units_per_deg);
+  reading.homed = true;
+  if (now.at_limit) reading.warnings.push_back("a limit switch stopped it");
+  if (now.reversed)
+    reading.warnings.push_back("its own sense of rotation is reversed: its angles are mirrored");
+  if (!reading.moving) {
+    const std::optional<double> target = std::exchange(target_, std::nullopt);
+    if (target && reading.position != *target)
+      reading.fault =
+          now.at_limit ? "a limit switch was hit"
+                       : "it stands before its target and does not say why (stalled, power interrupted, or "
+                         "stopped from elsewhere)";
+  }
+  co_return reading;
+}
+
+void FalconProtocol::demand_not_stopped() const {
+  if (is_stop_requested_)
+    throw StageError("the stage was stopped. It stands where it is; give the command again to go on.");
+}
+
+awaitable<void> FalconProtocol::start_move(long long target) {
+  is_stop_requested_ = false;
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "MD:%.2f", static_cast<double>(target) / units_per_deg);
+  const std::string command = text.data();
+  if (target < 0 || target >= units_per_turn)
+    throw StageRefusal(
+        "the stage cannot do `" + command +
+        "`: it turns from 0 to 359.99 deg of its own scale. Nothing was moved. Move the rig's zero on "
+        "that scale with zero_deg in the bench file, or change the procedure.");
+  for (int attempt = 0; attempt < most_attempts; ++attempt) {
+    demand_not_stopped();
+    auto asking = ask_once(command, command);
+    const std::optional<std::string> echo = co_await std::move(asking);
+    target_ = static_cast<double>(target);
+    if (echo && *echo == command) co_return;
+    auto looking = status();
+    const FalconStatus now = co_await std::move(looking);
+    if (now.moving || std::round(now.deg * units_per_deg) == *target_) co_return;
+  }
+  target_.reset();
+  throw StageRefusal("the stage did not take `" + command + "`, told " + std::to_string(most_attempts) +
+                     " times. Nothing was moved by it. Look at its own display or program for an error.");
+}
+
+awaitable<void> FalconProtocol::start_turn(double) {
+  throw StageRefusal(
+      "this stage cannot turn at a given rate: its language has no speed. Nothing was moved. Use a sweep "
+      "instead.");
+  co_return;
+}
+
+awaitable<void> FalconProtocol::start_stop() {
+  is_stop_requested_ = false;
+  is_dirty_ = true;
+  target_.reset();
+  auto asking = ask("FH", "FH:1");
+  co_await std::move(asking);
+}
+
+std::string FalconProtocol::stop_now() {
+  is_stop_requested_ = true;
+  return "\nFH\n";
+}
+
+}  // namespace
+
+StageLanguage make_falcon() {
+  StageLanguage language;
+  language.names = {"falcon"};
+  language.baud = 9600;
+  language.zero_deg = 180;
+  language.create = [](const std::string&, SerialLink& link,
+                       const StageOptions& options) -> std::unique_ptr<StageProtocol> {
+    return std::make_unique<FalconProtocol>(link, options);
+  };
+  return language;
+}
+
+}  // namespace rig::stages
