@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <functional>
@@ -31,6 +32,11 @@ struct CaptureInfo {
 
   /// Values per scan: one for each step, or for each cluster of steps.
   [[nodiscard]] int beams() const { return (last_step - first_step) / cluster + 1; }
+  /// The step that value k of a scan stands for: the middle of its cluster, the last of which may be short.
+  [[nodiscard]] double step_of(int k) const {
+    const int first = first_step + k * cluster;
+    return (first + std::min(first + cluster - 1, std::max(first, last_step))) / 2.0;
+  }
 };
 
 /// Whether the stage turns while it records, so that every scan has its own stage angle.

@@ -127,7 +127,7 @@ class Collector {
     const auto angle = [&](std::size_t k) {
       return scan.geometry
                  ? wrap_angle(scan.geometry->first_rad + static_cast<double>(k) * scan.geometry->step_rad)
-                 : bench.lidar.beam_angle(info.first_step + static_cast<double>(k) * info.cluster);
+                 : bench.lidar.beam_angle(info.step_of(static_cast<int>(k)));
     };
     const auto range = [&](std::size_t k) { return static_cast<double>(scan.range_mm[k]); };
     std::map<int, double> now;

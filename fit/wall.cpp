@@ -63,8 +63,7 @@ Station read_station(const Recording& recording, std::size_t index, std::size_t 
   });
   station.beams.resize(samples.size());
   for (std::size_t k = 0; k < samples.size(); ++k) {
-    station.beams[k].angle = lidar.beam_angle(capture.first_step + 0.5 * (capture.cluster - 1) +
-                                              static_cast<double>(k) * capture.cluster);
+    station.beams[k].angle = lidar.beam_angle(capture.step_of(static_cast<int>(k)));
     set_mean(station.beams[k], samples[k]);
   }
   return station;

@@ -9,6 +9,7 @@
 
 #include "fit/explain/intensity.hpp"
 #include "fit/explain/odds.hpp"
+#include "fit/explain/single_beams.hpp"
 #include "fit/explain/stray_light.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/explain/twin.hpp"
@@ -523,7 +524,10 @@ std::string verdict_of(const Explanation& explanation) {
 
 Explanation explain(const std::vector<const Recording*>& recordings, const Progress& progress) {
   if (recordings.empty()) throw std::invalid_argument("no recording was given");
-  const Together together(recordings);
+  const std::vector<SingleBeams> single = single_beams(recordings);
+  std::vector<const Recording*> looked_at;
+  for (const SingleBeams& one : single) looked_at.push_back(&one);
+  const Together together(looked_at);
   Reduced reduced = reduce_all(together, progress);
   if (reduced.bench.targets.empty())
     throw std::invalid_argument(
@@ -560,6 +564,8 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
   explanation.several_places = together.in_several_places();
   explanation.bench.targets.resize(together.first_scene());
   explanation.notes.insert(explanation.notes.begin(), together.notes().begin(), together.notes().end());
+  if (const std::string note = note_on_clusters(single); !note.empty())
+    explanation.notes.insert(explanation.notes.begin(), note);
   if (progress) progress(1, "done");
   return explanation;
 }

@@ -186,8 +186,7 @@ std::vector<Target> FittedRoom::walls_of(const Stretch& stretch) const {
     for (std::size_t k = 0; k < scan.range_mm.size(); ++k) {
       const double angle = scan.geometry
                                ? scan.geometry->first_rad + static_cast<double>(k) * scan.geometry->step_rad
-                               : lidar.beam_angle(info.first_step +
-                                                  static_cast<double>(k) * static_cast<double>(info.cluster));
+                               : lidar.beam_angle(info.step_of(static_cast<int>(k)));
       const auto at = static_cast<std::size_t>((wrap_angle(angle) + pi) / spacing) % ranges.size();
       if (scan.range_mm[k] >= 22) ranges[at].push_back(scan.range_mm[k]);
     }

@@ -59,7 +59,7 @@ class Imagined : public Recording {
     std::vector<double> range(beams, 0.0);
     std::vector<std::uint16_t> shown(beams, 0), intensity(beams, 0);
     for (std::size_t b = 0; b < beams; ++b) {
-      const double beam = bench_.lidar.beam_angle(info.first_step + static_cast<int>(b) * info.cluster);
+      const double beam = bench_.lidar.beam_angle(info.step_of(static_cast<int>(b)));
       const Sight sight = scene.look(info.stage_rad, beam);
       if (sight.target < 0) continue;
       range[b] = sight.range_mm;

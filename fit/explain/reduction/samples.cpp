@@ -11,7 +11,7 @@ Samples columns_by_step(const CaptureInfo& capture, const LidarGeometry& lidar) 
   Samples columns;
   columns.beams = capture.beams();
   for (int k = 0; k < columns.beams; ++k) {
-    const int step = capture.first_step + k * capture.cluster;
+    const double step = capture.step_of(k);
     columns.beam_rad.push_back(lidar.beam_angle(step));
     columns.beam_s.push_back(lidar.beam_time_s(step));
   }
