@@ -45,7 +45,10 @@ struct ImaginedRoom {
   }
 
   [[nodiscard]] SyntheticRecording record() const {
-    const fit::Bench b = bench();
+    fit::Bench b = bench();
+    b.lidar.steps = (b.lidar.steps - 1) / every_beam + 1;
+    b.lidar.front_step /= every_beam;
+    b.lidar.step_rad *= every_beam;
     auto random = std::make_shared<std::mt19937>(seed);
     fit::explain::Nuisance truth(b);
     std::normal_distribution<double> normal;
@@ -62,7 +65,7 @@ struct ImaginedRoom {
               self->face(std::llround(info.since_power_on_s.value_or(0) * b.lidar.scan_hz) + seq);
           const fit::explain::Scene scene(b, truth, info);
           for (std::size_t k = 0; k < range.size(); ++k) {
-            const double beam = b.lidar.beam_angle(info.first_step + static_cast<double>(k) * info.cluster);
+            const double beam = b.lidar.beam_angle(info.first_step + static_cast<double>(k));
             fit::Effect effect;
             effect.beam_rad = self->bend(beam);
             const double stage =
@@ -82,7 +85,6 @@ struct ImaginedRoom {
       info.since_power_on_s = 30 + pause_s * i;
       if (thermometer) info.temperature_c = 20 + 10 * (1 - std::exp(-*info.since_power_on_s / 400));
       info.last_step = b.lidar.steps - 1;
-      info.cluster = every_beam;
       recording.add(info, scans);
     }
     return recording;
