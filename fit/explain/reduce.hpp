@@ -14,11 +14,12 @@ namespace fit::explain {
 struct Cell {
   int group = 0;
   double beam_rad = 0;
-  int n = 0;      ///< Samples that belong to the target.
-  int lost = 0;   ///< Samples without echo.
-  int stray = 0;  ///< Samples far from all others.
-  int far = 0;    ///< Of these, samples too far for any noise.
-  int edge = -1;  ///< The edge within reach: 2 * target + (0: its start, 1: its end); -1: none.
+  int n = 0;       ///< Samples that belong to the target.
+  int lost = 0;    ///< Samples without echo.
+  int stray = 0;   ///< Samples far from all others.
+  int far = 0;     ///< Of these, samples too far for any noise.
+  int beside = 0;  ///< Of those, samples less than twice too far: as many as the noise may hide.
+  int edge = -1;   ///< The edge within reach: 2 * target + (0: its start, 1: its end); -1: none.
   double mean_mm = 0, variance_mm2 = 0;
   double intensity_sd = 0;  ///< Standard deviation of one sample's intensity, counts.
   double far_share =

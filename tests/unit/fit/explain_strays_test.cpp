@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: MIT
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <random>
+
+#include "fit/explain/reduce.hpp"
+#include "fit/explain/spread.hpp"
+#include "synthetic_recording.hpp"
+
+namespace {
+
+/// What is said of a wall 1.5 m away whose samples are dust between lidar and wall now and then.
+fit::explain::SpreadResult dusty_wall(double fraction, unsigned seed) {
+  const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 101, "front_step": 50,
+    "step_deg": 0.5, "scan_hz": 40}, "targets": [{"name": "wall", "from_mm": [1500, -4000], "to_mm": [1500, 4000],
+    "u_mm": 1}], "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 10, "u": 0.2}}}]})");
+  std::mt19937 random(seed);
+  SyntheticRecording wall(bench, [&](const fit::CaptureInfo&, std::int64_t, std::vector<std::uint16_t>& range,
+                                     std::vector<std::uint16_t>& intensity) {
+    std::normal_distribution<double> noise(0, 10);
+    std::uniform_real_distribution<double> share;
+    for (std::size_t k = 0; k < range.size(); ++k) {
+      const double far = 1500 / std::cos((static_cast<double>(k) - 50) * 0.5 * fit::rad_per_deg);
+      const double at = share(random) < fraction ? 60 + share(random) * (far - 60) : far + noise(random);
+      range[k] = static_cast<std::uint16_t>(std::lround(at));
+      intensity[k] = 500;
+    }
+  });
+  fit::CaptureInfo capture;
+  capture.last_step = 100;
+  for (int i = 0; i < 3; ++i) wall.add(capture, 100);
+  fit::explain::Reduced reduced = fit::explain::reduce(wall, {});
+  fit::explain::pool_variances(reduced);
+  return fit::explain::explain_spread(reduced);
+}
+
+}  // namespace
+
+TEST_CASE("the fraction of outliers counts those that noise hides, and its uncertainty covers") {
+  constexpr double truth = 0.01;
+  constexpr int rounds = 60;
+  int covered = 0;
+  double sum = 0;
+  for (unsigned seed = 1; seed <= rounds; ++seed) {
+    const fit::explain::SpreadResult result = dusty_wall(truth, seed);
+    REQUIRE(result.accepted.size() == 1);
+    REQUIRE(result.accepted.front().mechanism->id == "outliers");
+    const fit::Estimate fraction = result.accepted.front().parameters.at("fraction");
+    sum += fraction.value;
+    covered += std::abs(fraction.value - truth) < 1.96 * fraction.u;
+  }
+  CHECK(covered >= 52);  // of 60: 57 expected, and less than 52 once in a hundred times
+  CHECK(sum / rounds == Approx(truth).margin(0.0002));
+}
