@@ -184,7 +184,7 @@ class Run : public Command {
     if (failure) std::rethrow_exception(failure);
     if (stopped || !stage) throw RunStopped("Stopped by the operator before anything moved.");
     io.restart();
-    RunnerParts parts{*lidar, *stage, *clock, *person, fit_function(), report_function()};
+    RunnerParts parts{*lidar, *stage, *clock, *person, fit_function(), write_report};
     Runner runner(procedure, bench, session, parts);
     return conduct(io, runner, bench, session, started);
   }
@@ -196,14 +196,10 @@ class Run : public Command {
     return make_terminal_operator(executor, live_option_->count() > 0);
   }
 
-  static std::function<json(const std::string&, SessionStore&, const json&)> fit_function() {
-    return [](const std::string& kind, SessionStore& session, const json& options) {
+  static std::function<json(const std::string&, const SessionStore&, const json&)> fit_function() {
+    return [](const std::string& kind, const SessionStore& session, const json& options) {
       return run_fit(kind, {{session.path(), &session}}, options);
     };
-  }
-
-  static std::function<void(const SessionStore&, const std::string&)> report_function() {
-    return [](const SessionStore& session, const std::string& file) { write_report(session.path(), file); };
   }
 
   int conduct(asio::io_context& io, Runner& runner, const fit::Bench& bench, SessionStore& session,

@@ -129,8 +129,9 @@ class StepContext {
   virtual void set(const std::string& variable, const Value& value) = 0;
   virtual void skip_rest_of_iteration() = 0;
 
-  virtual nlohmann::json fit(const std::string& kind, const nlohmann::json& options) = 0;
-  virtual void report(const std::string& file) = 0;
+  /// Computed beside all else that goes on; a wait that is called off ends at once.
+  virtual awaitable<nlohmann::json> fit(std::string kind, nlohmann::json options) = 0;
+  virtual awaitable<void> report(std::string file) = 0;
 
   /// Pauses here if the operator asked for it, and tells observers how far the step is.
   virtual awaitable<void> checkpoint(long done, long total) = 0;

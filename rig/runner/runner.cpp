@@ -287,6 +287,10 @@ void Runner::resume() {
 }
 
 void Runner::abort() {
+  if (impl_->computing && !impl_->aborted)
+    impl_->tell("warning",
+                "what is being computed cannot be broken off: rig ends when it is done and throws it away "
+                "(a second Ctrl-C ends rig at once; nothing captured is lost)");
   impl_->aborted = true;
   impl_->abort_gate.open();
   impl_->resume_gate.open();

@@ -40,10 +40,12 @@ struct RunnerParts {
   Stage& stage;
   RunClock& clock;
   Operator& operator_;
-  std::function<nlohmann::json(const std::string& kind, SessionStore& session, const nlohmann::json& options)>
+  /// Computes a calibration of the session. Called on a thread of its own, with a session opened for reading.
+  std::function<nlohmann::json(const std::string& kind, const SessionStore& session,
+                               const nlohmann::json& options)>
       fit;
-  /// Writes the certificate of the session to a file in the session's folder.
-  std::function<void(const SessionStore& session, const std::string& file)> report;
+  /// Writes the certificate of the session to a file in the session's folder; on a thread of its own too.
+  std::function<void(const std::string& session_file, const std::string& file)> report;
 };
 
 /// Everything an observer needs to draw the run; a late observer sees all of it.
@@ -83,7 +85,8 @@ const char* phase_word(RunState::Phase phase);
 nlohmann::json to_json(const RunState& state, const fit::Bench& bench);
 
 /// Runs one procedure: owns progress, pause, abort, checkpoints and events. It knows no terminal and no web
-/// page; those observe it and send it commands. All on one thread.
+/// page; those observe it and send it commands. All on one thread, but for fits and reports: they are
+/// computed on a second one while this one goes on serving devices, operator and page.
 ///
 /// Whatever ends the run, the stage is stopped, the lidar's laser is switched off if it answers, and
 /// everything captured is in the session. What was recorded is never measured again by a resumed run.
@@ -92,6 +95,7 @@ class Runner {
   /// Plans the run; throws ProcedureError when the bench forbids it. `session` may hold an earlier part of
   /// the run.
   Runner(Procedure procedure, fit::Bench bench, SessionStore& session, RunnerParts parts);
+  /// Waits for a fit or report that an abort has left alone; to be destroyed before the io_context of run().
   ~Runner();
   Runner(const Runner&) = delete;
   Runner& operator=(const Runner&) = delete;

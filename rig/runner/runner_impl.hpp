@@ -3,11 +3,14 @@
 
 // The inside of Runner, shared by the runner_*.cpp files only.
 
+#include <boost/asio/post.hpp>
 #include <boost/asio/redirect_error.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/asio/this_coro.hpp>
+#include <boost/asio/thread_pool.hpp>
 #include <boost/asio/use_awaitable.hpp>
 #include <deque>
+#include <future>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -163,9 +166,18 @@ struct Runner::Impl final : StepContext {
 
   void skip_rest_of_iteration() override;
 
-  json fit(const std::string& kind, const json& options) override;
+  awaitable<json> fit(std::string kind, json options) override;
 
-  void report(const std::string& file) override;
+  awaitable<void> report(std::string file) override;
+
+  /// Where the report goes. Throws UsageError when a link leads it out of the session's folder.
+  std::string report_target(const std::string& file) const;
+
+  /// What `work` returns or throws, computed on the worker while the I/O thread goes on. Calling the wait off
+  /// ends it at once; the work goes on and its result is thrown away, so `work` owns all that it uses.
+  template <typename Work>
+  awaitable<std::invoke_result_t<Work&>> compute(Work work);
+  bool computing = false;
 
   void for_each_scan(std::int64_t capture,
                      const std::function<void(const fit::ScanView&)>& visit) const override;
@@ -355,6 +367,26 @@ struct Runner::Impl final : StepContext {
   /// Last, because a session that was removed since its last capture is saved as it then stands.
   void finish_session();
   static bool is_stopped(const std::exception_ptr& why);
+
+  asio::thread_pool worker{1};  // Last, so that it is joined before what its work hands back to is gone.
 };
+
+template <typename Work>
+awaitable<std::invoke_result_t<Work&>> Runner::Impl::compute(Work work) {
+  const auto here = co_await asio::this_coro::executor;
+  const auto done = std::make_shared<Gate>();
+  std::packaged_task<std::invoke_result_t<Work&>()> task(std::move(work));
+  auto result = task.get_future();
+  asio::post(worker, [here, done, task = std::move(task)]() mutable {
+    task();
+    asio::post(here, [done] { done->open(); });
+  });
+  computing = true;
+  auto waiting = done->wait();
+  co_await std::move(waiting);
+  if (!done->is_open()) throw boost::system::system_error(asio::error::operation_aborted);
+  computing = false;
+  co_return result.get();
+}
 
 }  // namespace rig

@@ -113,20 +113,37 @@ void Runner::Impl::skip_rest_of_iteration() {
   if (!plan[current].turns.empty()) skipped_turns.insert(plan[current].turns.back());
 }
 
-json Runner::Impl::fit(const std::string& kind, const json& options) {
+awaitable<json> Runner::Impl::fit(std::string kind, json options) {
   if (!parts.fit) throw UsageError("this program cannot fit '" + kind + "' yet.");
   state.activity = "fit " + kind;
   changed();
-  const json result = parts.fit(kind, session, options);
+  session.demand_name();  // The worker opens the file by its name: a connection belongs to one thread.
+  auto computing_it = compute([fit = parts.fit, file = session.path(), kind, options = std::move(options)] {
+    const SessionStore recorded_so_far(file, SessionStore::Mode::read);
+    return fit(kind, recorded_so_far, options);
+  });
+  json result = co_await std::move(computing_it);
   session.add_result(kind, result.dump(-1, ' ', false, json::error_handler_t::replace));
   session.demand_name();
   if (!procedure.limits.empty()) state.checks_text = check_limits(procedure.limits, session)["checks"].dump();
   changed();
-  return result;
+  co_return result;
 }
 
-void Runner::Impl::report(const std::string& file) {
+awaitable<void> Runner::Impl::report(std::string file) {
   if (!parts.report) throw UsageError("this program cannot write reports yet.");
+  std::string target = report_target(file);
+  state.activity = "report to " + file;
+  store_limits();
+  changed();
+  session.demand_name();  // The report is made from the file.
+  auto writing = compute(
+      [report = parts.report, session_file = session.path(), target] { report(session_file, target); });
+  co_await std::move(writing);
+  note("info", "report written to " + target);
+}
+
+std::string Runner::Impl::report_target(const std::string& file) const {
   const auto folder = std::filesystem::absolute(session.path()).parent_path();
   const auto target = folder / file;
   // Links are followed before it is judged where the report would go.
@@ -138,10 +155,7 @@ void Runner::Impl::report(const std::string& file) {
         "the report '" + file + "' would be written to " + really.string() +
         ", outside the session's folder " + inside.string() +
         ". It was not written; what was measured is in the session. Remove the link, or use rig report.");
-  store_limits();
-  session.demand_name();  // The report is made from the file.
-  parts.report(session, target.string());
-  note("info", "report written to " + target.string());
+  return target.string();
 }
 
 void Runner::Impl::for_each_scan(std::int64_t capture,

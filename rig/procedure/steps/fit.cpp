@@ -28,9 +28,8 @@ class Fit final : public StepKind {
     plan.says = "fit " + arguments.text_or("kind", "");
   }
   awaitable<void> run(const Arguments& arguments, StepContext& context) const override {
-    const nlohmann::json options = arguments.json("options");
-    context.fit(arguments.text_or("kind", ""), options);
-    co_return;
+    auto fitting = context.fit(arguments.text_or("kind", ""), arguments.json("options"));
+    co_await std::move(fitting);
   }
 };
 

@@ -38,8 +38,8 @@ class Report final : public StepKind {
     plan.says = "report to " + arguments.text_or("file", "");
   }
   awaitable<void> run(const Arguments& arguments, StepContext& context) const override {
-    context.report(arguments.text_or("file", "report.html"));
-    co_return;
+    auto writing = context.report(arguments.text_or("file", "report.html"));
+    co_await std::move(writing);
   }
 };
 

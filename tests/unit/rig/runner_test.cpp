@@ -13,6 +13,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <filesystem>
+#include <future>
 #include <nlohmann/json.hpp>
 
 using Catch::Matchers::Contains;
@@ -224,6 +225,10 @@ struct Rig {
   std::filesystem::path file;
   std::function<void(rig::Runner&)> prepare = [](rig::Runner&) {};
   json fitted = {{"values", json::array()}};
+  std::function<json(const std::string&, const rig::SessionStore&, const json&)> fit =
+      [this](const std::string&, const rig::SessionStore&, const json&) { return fitted; };
+  asio::io_context io{1};
+  std::function<void()> when_ended = [] {};  ///< The run has ended, the runner is still there.
 
   explicit Rig(const std::string& steps, const std::string& head = "")
       : text("procedure: test\n" + head + "steps:\n" + steps) {
@@ -240,20 +245,17 @@ struct Rig {
     const bool again = std::filesystem::exists(file);
     rig::SessionStore session(file,
                               again ? rig::SessionStore::Mode::append : rig::SessionStore::Mode::create);
-    rig::RunnerParts parts{lidar,
-                           stage,
-                           world.clock,
-                           person,
-                           [this](const std::string&, rig::SessionStore&, const json&) { return fitted; },
-                           [](const rig::SessionStore&, const std::string&) {}};
+    rig::RunnerParts parts{lidar,  stage, world.clock,
+                           person, fit,   [](const std::string&, const std::string&) {}};
     rig::Runner runner(rig::parse_procedure(text, "test.yaml"), small_bench(), session, parts);
     prepare(runner);
-    asio::io_context io(1);
     std::exception_ptr why;
     bool met = false, ended = false;
+    io.restart();
     asio::co_spawn(io, runner.run(),
                    [&](std::exception_ptr error, bool result) { why = error, met = result, ended = true; });
     io.run();
+    when_ended();
     REQUIRE(ended);
     if (why) std::rethrow_exception(why);
     return met;
@@ -766,6 +768,57 @@ TEST_CASE("a limit that is not met is the run's result, not an error") {
            "limits:\n  - {name: noise, of: noise.sigma, max: 5}\n");
   good.fitted = rig.fitted;
   CHECK(good.run());
+}
+
+TEST_CASE("while a fit computes, whatever else is ready is served") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n  - fit: {kind: noise}\n");
+  std::size_t captures_seen = 0;
+  bool served_meanwhile = false;
+  rig.fit = [&](const std::string&, const rig::SessionStore& session, const json&) {
+    const auto served = std::make_shared<std::promise<void>>();
+    const auto waiting = served->get_future();
+    asio::post(rig.io, [served] { served->set_value(); });
+    served_meanwhile = waiting.wait_for(std::chrono::seconds(60)) == std::future_status::ready;
+    captures_seen = session.recording()->captures().size();
+    return rig.fitted;
+  };
+  CHECK(rig.run());
+  CHECK(served_meanwhile);
+  CHECK(captures_seen == 1);
+}
+
+TEST_CASE("an abort while a fit computes is answered at once, and what the fit gives is thrown away") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n  - fit: {kind: noise}\n");
+  rig::Runner* running = nullptr;
+  rig.prepare = [&](rig::Runner& runner) { running = &runner; };
+  std::promise<void> ended;
+  const auto end = ended.get_future().share();
+  bool ended_before_the_fit = false;
+  rig.fit = [&](const std::string&, const rig::SessionStore&, const json&) {
+    asio::post(rig.io, [&] { running->abort(); });
+    ended_before_the_fit = end.wait_for(std::chrono::seconds(60)) == std::future_status::ready;
+    return rig.fitted;
+  };
+  rig.when_ended = [&] { ended.set_value(); };
+  CHECK_THROWS_AS(rig.run(), rig::RunStopped);
+  CHECK(ended_before_the_fit);
+  CHECK(rig.stage.stops >= 1);
+  CHECK_FALSE(rig::SessionStore(rig.file, rig::SessionStore::Mode::read).latest_result("noise"));
+  CHECK_FALSE(std::filesystem::exists(rig.file.string() + "-wal"));  // One plain file, as after every run.
+  rig.fit = [&](const std::string&, const rig::SessionStore&, const json&) { return rig.fitted; };
+  rig.when_ended = [] {};
+  CHECK(rig.run());
+  CHECK(rig.captures().size() == 1);
+}
+
+TEST_CASE("what a fit says against the data ends the run in its own words, and the devices are safe") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n  - fit: {kind: noise}\n");
+  rig.fit = [](const std::string&, const rig::SessionStore&, const json&) -> json {
+    throw rig::MeasurementError("too few captures.");
+  };
+  CHECK_THROWS_AS(rig.run(), rig::MeasurementError);
+  CHECK_THROWS_WITH(rig.run(), "too few captures.");
+  CHECK(rig.stage.stops >= 2);
 }
 
 TEST_CASE("a session that is removed after the last capture is saved before the run ends") {
