@@ -46,6 +46,11 @@ std::string format_value(double value, double expanded) {
   return text.data();
 }
 
+std::string format_measurement(double value, double expanded, const std::string& unit) {
+  return format_value(value, expanded) + (expanded > 0 ? " ± " + format_uncertainty(expanded) : "") +
+         (unit.empty() ? "" : " " + unit);
+}
+
 double coverage_factor(double degrees_of_freedom) {
   if (!std::isfinite(degrees_of_freedom) || degrees_of_freedom > 200 || degrees_of_freedom <= 0) return 2;
   const boost::math::students_t distribution(std::max(1.0, degrees_of_freedom));

@@ -12,6 +12,9 @@ namespace rig {
 /// hyphen-minus). Without an uncertainty, six significant digits. Non-finite: "not determined".
 [[nodiscard]] std::string format_value(double value, double expanded);
 
+/// Both with the unit: (-1.6342, 0.123, "mm") -> "-1.63 ± 0.12 mm"; without an uncertainty the value alone.
+[[nodiscard]] std::string format_measurement(double value, double expanded, const std::string& unit);
+
 /// Coverage factor for 95.45 % at `degrees_of_freedom` (GUM G.2); 2 when they are infinite, unknown or large.
 [[nodiscard]] double coverage_factor(double degrees_of_freedom);
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "rig/live/session_state.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -57,19 +58,61 @@ std::string text_or(const json& object, const char* name, const std::string& oth
   return found != object.end() && found->is_string() ? found->get<std::string>() : otherwise;
 }
 
+json list_of(const json& object, const char* name) {
+  const auto found = object.is_object() ? object.find(name) : object.end();
+  return object.is_object() && found != object.end() && found->is_array() ? *found : json::array();
+}
+
 void add_results(json& state, const SessionStore& session) {
   for (const SessionStore::Result& result : session.latest_results()) {
     const json document = json::parse(result.json, nullptr, false);
-    if (!document.is_object() || !document.contains("values") || !document.at("values").is_array()) continue;
-    for (const json& value : document.at("values")) {
+    for (const json& value : list_of(document, "values")) {
       if (!value.is_object() || !value.contains("value") || !value.at("value").is_number()) continue;
-      const double expanded = number_or(value, "U", 2 * number_or(value, "u", 0));
+      const double expanded = number_or(value, "U", number_or(value, "k", 2) * number_or(value, "u", 0));
       state["results"].push_back({{"name", text_or(value, "label", text_or(value, "name", result.kind))},
-                                  {"text", format_value(value.at("value").get<double>(), expanded) + " " +
-                                               text_or(value, "unit", "") +
-                                               (expanded > 0 ? ", U " + format_uncertainty(expanded) : "")}});
+                                  {"text", format_measurement(value.at("value").get<double>(), expanded,
+                                                              text_or(value, "unit", ""))}});
     }
+    for (const json& check :
+         list_of(document, "checks"))  // The limits; those of earlier versions have no text.
+      if (check.is_object())
+        state["results"].push_back(
+            {{"name", text_or(check, "name", "limit")},
+             {"text", text_or(check, "text",
+                              format_measurement(number_or(check, "value", std::nan("")),
+                                                 number_or(check, "U", 0), text_or(check, "unit", "")))},
+             {"verdict", text_or(check, "verdict", "")}});
   }
+}
+
+/// The steps of the captures: all that the session of an import knows.
+json captured_steps(const fit::Recording& recording) {
+  json steps = json::array();
+  for (const fit::CaptureInfo& capture : recording.captures())
+    if (steps.empty() || steps.back().at("text") != capture.step)
+      steps.push_back({{"text", capture.step}, {"state", "recorded"}});
+  return steps;
+}
+
+/// The steps of the procedure, some before and some after the first that is not recorded; those of the
+/// captures where no procedure ran.
+void add_steps(json& state, const SessionStore& session, const fit::Recording& recording) {
+  constexpr std::size_t before = 10, after = 40;
+  const std::size_t captures = recording.captures().size();
+  const std::string captured = std::to_string(captures) + (captures == 1 ? " capture" : " captures");
+  const json plan = json::parse(session.get("steps").value_or("null"), nullptr, false);
+  state["step"] = {{"n", captures}, {"of", captures}, {"text", captured + " recorded"}};
+  state["steps"] = captured_steps(recording);
+  if (!plan.is_array() || plan.empty()) return;
+  const auto progress = session.progress();
+  const auto is_recorded = [&](const json& step) { return progress.count(text_or(step, "key", "")) > 0; };
+  const auto recorded = static_cast<std::size_t>(std::ranges::count_if(plan, is_recorded));
+  const auto next = static_cast<std::size_t>(std::ranges::find_if_not(plan, is_recorded) - plan.begin());
+  state["step"] = {{"n", recorded}, {"of", plan.size()}, {"text", captured + " recorded"}};
+  state["steps"] = json::array();
+  for (std::size_t i = next > before ? next - before : 0; i < std::min(plan.size(), next + after); ++i)
+    state["steps"].push_back({{"text", text_or(plan[i], "text", "")},
+                              {"state", is_recorded(plan[i]) ? "recorded" : "not started"}});
 }
 
 }  // namespace
@@ -80,20 +123,10 @@ json state_of(const SessionStore& session) {
       {"phase", "watching"},
       {"procedure", session.get("procedure_name").value_or(session.get("kind").value_or("recording"))},
       {"session", std::filesystem::path(session.path()).filename().string()},
-      {"steps", json::array()},
       {"messages", json::array()},
       {"results", json::array()}};
   const auto recording = session.recording();
-  const std::size_t captures = recording->captures().size();
-  std::string previous;
-  for (const fit::CaptureInfo& capture : recording->captures()) {
-    if (capture.step != previous) state["steps"].push_back({{"text", capture.step}, {"state", "recorded"}});
-    previous = capture.step;
-  }
-  state["step"] = {
-      {"n", captures},
-      {"of", captures},
-      {"text", std::to_string(captures) + (captures == 1 ? " capture" : " captures") + " recorded"}};
+  add_steps(state, session, *recording);
   add_newest_capture(state, *recording);
   for (const SessionStore::Event& event : session.events())
     state["messages"].push_back(

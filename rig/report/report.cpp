@@ -410,6 +410,8 @@ json shown_checks(const json& limits) {
       range = "at least " + format_value(low, 0);
     else if (std::isfinite(high))
       range = "at most " + format_value(high, 0);
+    if (const double widest = number_of(check, "max_U"); std::isfinite(widest))
+      range += (range.empty() ? "U at most " : "; U at most ") + format_value(widest, 0);
     checks.push_back({{"name", text_of(check, "label", text_of(check, "name"))},
                       {"value", format_value(number_of(check, "value"), expanded)},
                       {"unit", text_of(check, "unit")},

@@ -171,17 +171,14 @@ void add_values(std::string& text, const std::string& kind, const json& result) 
     if (!value.is_object() || !value.contains("value") || !value["value"].is_number()) continue;
     const double expanded = number_in(value, "U", number_in(value, "k", 2) * number_in(value, "u", 0));
     text += "  " + padded(kind, 12) + " " + padded(value.value("label", value.value("name", "")), 44) + " " +
-            format_value(value["value"].get<double>(), expanded) +
-            (expanded > 0 ? " ± " + format_uncertainty(expanded) : "") + " " + value.value("unit", "") + "\n";
+            format_measurement(value["value"].get<double>(), expanded, value.value("unit", "")) + "\n";
   }
 }
 
 void add_limits(std::string& text, const json& checks) {
   for (const json& check : checks) {
-    const std::string verdict = check.value("verdict", "");
-    const std::string reason = check.value("reason", "");
-    text += "  " + padded(verdict, 12) + " " + padded(check.value("name", ""), 44) +
-            (reason.empty() ? "" : " " + reason) + "\n";
+    text += "  " + padded(check.value("verdict", ""), 12) + " " + padded(check.value("name", ""), 44) + " " +
+            check.value("text", "") + "\n";
   }
 }
 

@@ -124,6 +124,8 @@ struct Runner::Impl final : StepContext {
   json variables_json() const;
 
   void describe_session();
+  /// The plan for those who watch the session: key (as in its progress) and words of every step.
+  json steps_json() const;
 
   json progress_of(const std::string& part) const;
 

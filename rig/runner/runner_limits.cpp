@@ -3,6 +3,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "rig/number_format.hpp"
 #include "rig/runner/runner.hpp"
 
 namespace rig {
@@ -35,26 +36,55 @@ double number_or(const json& object, const char* key, double otherwise) {
   return object.contains(key) && object[key].is_number() ? object[key].get<double>() : otherwise;
 }
 
+/// NaN when the result tells none.
 double expanded_uncertainty(const json& value) {
-  return number_or(value, "U", number_or(value, "k", 2) * number_or(value, "u", 0));
+  return number_or(value, "U", number_or(value, "k", 2) * number_or(value, "u", NAN));
+}
+
+struct Judgement {
+  std::string verdict, reason;  ///< The reason, with figures, is empty when the limit is met.
+};
+
+std::string with_unit(const std::string& number, const std::string& unit) {
+  return unit.empty() ? number : number + " " + unit;
 }
 
 /// Guarded acceptance as in ILAC-G8:09/2019: w = 0 is simple acceptance, w = U accepts falsely in less
 /// than 2.5 %. Between the guarded and the plain limit, and as far beyond it, nothing is decided.
-std::string verdict_of(const Limit& limit, double value, double expanded, std::string& reason) {
+Judgement judge(const Limit& limit, double value, double expanded, const std::string& unit) {
   const double guard = limit.guarded ? expanded : limit.guard_band;
   const double low = limit.min.value_or(-INFINITY), high = limit.max.value_or(INFINITY);
-  if (limit.max_expanded && !(expanded <= *limit.max_expanded)) {
-    reason = "the uncertainty is larger than allowed";
-    return "fail";
-  }
-  if (value < low - guard || value > high + guard) {
-    reason = "outside the limits";
-    return "fail";
-  }
-  if (value >= low + guard && value <= high - guard) return "pass";
-  reason = "within the guard band of the limit";
-  return "inconclusive";
+  if (limit.max_expanded && !std::isfinite(expanded))
+    return {"fail", "its uncertainty is not known, and at most " +
+                        with_unit(to_text(*limit.max_expanded), unit) + " is allowed"};
+  if (limit.max_expanded && expanded > *limit.max_expanded)
+    return {"fail", "its uncertainty is larger than the " + with_unit(to_text(*limit.max_expanded), unit) +
+                        " allowed"};
+  if (limit.guarded && !std::isfinite(expanded))
+    return {"inconclusive", "its uncertainty is not known, and so its guard band is not"};
+  const bool too_low = value - low < high - value;  // Or nearer to that side.
+  const double beyond = too_low ? low - value : value - high;
+  const std::string side = too_low ? "below the smallest value allowed" : "above the largest value allowed";
+  if (beyond > guard) return {"fail", with_unit(format_value(beyond, expanded), unit) + " " + side};
+  if (beyond <= -guard) return {"pass", ""};
+  const std::string inner = too_low ? "above the smallest value allowed" : "below the largest value allowed";
+  return {"inconclusive", with_unit(format_value(std::abs(beyond), expanded), unit) + " " +
+                              (beyond > 0 ? side : inner) + ", within the guard band of " +
+                              with_unit(format_value(guard, expanded), unit)};
+}
+
+/// "9.00 ± 0.20 mm; allowed: 1 to 5 mm, U at most 0.5 mm".
+std::string figures(const Limit& limit, double value, double expanded, const std::string& unit) {
+  std::string allowed;
+  if (limit.min && limit.max)
+    allowed = to_text(*limit.min) + " to " + with_unit(to_text(*limit.max), unit);
+  else if (limit.min || limit.max)
+    allowed =
+        (limit.min ? "at least " : "at most ") + with_unit(to_text(limit.min.value_or(*limit.max)), unit);
+  if (limit.max_expanded)
+    allowed +=
+        (allowed.empty() ? "U at most " : ", U at most ") + with_unit(to_text(*limit.max_expanded), unit);
+  return format_measurement(value, expanded, unit) + "; allowed: " + allowed;
 }
 
 json check(const Limit& limit, const SessionStore& session) {
@@ -67,15 +97,18 @@ json check(const Limit& limit, const SessionStore& session) {
   if (!std::isfinite(number)) {
     result["verdict"] = "inconclusive";
     result["reason"] = "no result " + limit.kind + "." + limit.value + names_in(session, limit.kind);
+    result["text"] = result["reason"];
     return result;
   }
   const double expanded = expanded_uncertainty(value);
-  std::string reason;
+  const std::string unit = value.contains("unit") && value["unit"].is_string() ? value["unit"] : json("");
+  const auto [verdict, reason] = judge(limit, number, expanded, unit);
   result["value"] = number;
   if (std::isfinite(expanded)) result["U"] = expanded;
-  result["unit"] = value.value("unit", "");
-  result["verdict"] = verdict_of(limit, number, expanded, reason);
+  result["unit"] = unit;
+  result["verdict"] = verdict;
   result["reason"] = reason;
+  result["text"] = figures(limit, number, expanded, unit) + (reason.empty() ? "" : "; " + reason);
   return result;
 }
 

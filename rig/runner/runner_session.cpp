@@ -61,6 +61,7 @@ json Runner::Impl::variables_json() const {
 }
 
 void Runner::Impl::describe_session() {
+  if (!session.get("steps")) session.set("steps", steps_json().dump());
   if (session.get("procedure")) {
     note("info", "resumed: " + std::to_string(progress.size()) + " parts are recorded already");
     return;
@@ -71,6 +72,12 @@ void Runner::Impl::describe_session() {
   session.set("kind", procedure.name);
   session.set("variables", variables_json().dump());
   session.set("epoch_unix_us", std::to_string(parts.clock.unix_us()));
+}
+
+json Runner::Impl::steps_json() const {
+  json steps = json::array();
+  for (const PlannedStep& step : plan) steps.push_back({{"key", step.key}, {"text", step.says}});
+  return steps;
 }
 
 json Runner::Impl::progress_of(const std::string& part) const {

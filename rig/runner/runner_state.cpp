@@ -36,14 +36,10 @@ json prompt_json(const Prompt& prompt) {
 
 json results_json(const std::string& checks_text) {
   json results = json::array();
-  for (const json& check : json::parse(checks_text)) {
-    std::string text = check.value("reason", "");
-    if (check.contains("value"))
-      text = to_text(check["value"].get<double>()) + " " + check.value("unit", "") + ", U " +
-             to_text(check.value("U", 0.0)) + (text.empty() ? "" : " (" + text + ")");
-    results.push_back(
-        {{"name", check.value("name", "")}, {"text", text}, {"verdict", check.value("verdict", "")}});
-  }
+  for (const json& check : json::parse(checks_text))
+    results.push_back({{"name", check.value("name", "")},
+                       {"text", check.value("text", "")},
+                       {"verdict", check.value("verdict", "")}});
   return results;
 }
 

@@ -16,6 +16,12 @@ TEST_CASE("a value is rounded to the place of its uncertainty's second digit") {
   CHECK(rig::format_value(-0.001, 0.12) == "0.00");
 }
 
+TEST_CASE("a measurement is written with its uncertainty and unit, as far as there are any") {
+  CHECK(rig::format_measurement(-1.6342, 0.1234, "mm") == "-1.63 ± 0.12 mm");
+  CHECK(rig::format_measurement(320, 0, "") == "320");
+  CHECK(rig::format_measurement(3.25, std::nan(""), "mm") == "3.25 mm");
+}
+
 TEST_CASE("what is not a number is not printed as one") {
   CHECK(rig::format_value(std::nan(""), 1) == "not determined");
   CHECK(rig::format_uncertainty(std::numeric_limits<double>::infinity()) == "not determined");

@@ -101,8 +101,11 @@ TEST_CASE("results without an uncertainty, or without words, are shown by those 
       {"name":"scans","label":null,"value":320,"u":null,"U":null,"unit":null}]})");
   }
   const nlohmann::json state = rig::state_of(rig::SessionStore(file, rig::SessionStore::Mode::read));
-  REQUIRE(state.at("results").size() == 2);
-  const nlohmann::json& shown = state.at("results").at(1);
+  REQUIRE(state.at("results").size() == 3);
+  CHECK(state.at("results").at(1).at("text") ==
+        "-1.60 ± 0.12 mm");  // A limit, as an earlier version wrote it.
+  CHECK(state.at("results").at(1).at("verdict") == "pass");
+  const nlohmann::json& shown = state.at("results").at(2);
   CHECK(shown.at("name") == "scans");
   CHECK(shown.at("text").get<std::string>().starts_with("320"));
 }

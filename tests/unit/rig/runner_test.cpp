@@ -16,6 +16,8 @@
 #include <future>
 #include <nlohmann/json.hpp>
 
+#include "rig/live/session_state.hpp"
+
 using Catch::Matchers::Contains;
 using nlohmann::json;
 namespace asio = boost::asio;
@@ -819,6 +821,107 @@ TEST_CASE("what a fit says against the data ends the run in its own words, and t
   CHECK_THROWS_AS(rig.run(), rig::MeasurementError);
   CHECK_THROWS_WITH(rig.run(), "too few captures.");
   CHECK(rig.stage.stops >= 2);
+}
+
+TEST_CASE(
+    "a limit tells what was measured, what is allowed, and by how much and on which side it is missed") {
+  struct Row {
+    std::optional<double> min, max, max_expanded, u;
+    bool guarded;
+    std::string verdict, text;
+  };
+  const std::vector<Row> rows = {
+      {{},
+       5,
+       {},
+       0.1,
+       false,
+       "fail",
+       "9.00 ± 0.20 mm; allowed: at most 5 mm; 4.00 mm above the largest value allowed"},
+      {10,
+       {},
+       {},
+       0.1,
+       false,
+       "fail",
+       "9.00 ± 0.20 mm; allowed: at least 10 mm; 1.00 mm below the smallest value allowed"},
+      {8, 10, {}, 0.1, true, "pass", "9.00 ± 0.20 mm; allowed: 8 to 10 mm"},
+      {9.1,
+       12,
+       {},
+       0.1,
+       true,
+       "inconclusive",
+       "9.00 ± 0.20 mm; allowed: 9.1 to 12 mm; 0.10 mm below the smallest value allowed, within the guard "
+       "band "
+       "of 0.20 mm"},
+      {1,
+       9.1,
+       {},
+       0.1,
+       true,
+       "inconclusive",
+       "9.00 ± 0.20 mm; allowed: 1 to 9.1 mm; 0.10 mm below the largest value allowed, within the guard band "
+       "of 0.20 mm"},
+      {{},
+       10,
+       0.1,
+       0.1,
+       false,
+       "fail",
+       "9.00 ± 0.20 mm; allowed: at most 10 mm, U at most 0.1 mm; its uncertainty is larger than the 0.1 mm "
+       "allowed"},
+      {{},
+       {},
+       0.1,
+       {},
+       false,
+       "fail",
+       "9 mm; allowed: U at most 0.1 mm; its uncertainty is not known, and at most 0.1 mm is allowed"},
+      {{},
+       10,
+       {},
+       {},
+       true,
+       "inconclusive",
+       "9 mm; allowed: at most 10 mm; its uncertainty is not known, and so its guard band is not"}};
+  for (const Row& row : rows) {
+    const Rig rig("  - home\n");
+    rig::SessionStore session(rig.file, rig::SessionStore::Mode::create);
+    json value = {{"name", "sigma"}, {"value", 9.0}, {"unit", "mm"}};
+    if (row.u) value["u"] = *row.u;
+    session.add_result("noise", json{{"values", {value}}}.dump());
+    rig::Limit limit;
+    limit.name = "noise", limit.kind = "noise", limit.value = "sigma";
+    limit.min = row.min, limit.max = row.max, limit.max_expanded = row.max_expanded;
+    limit.guarded = row.guarded;
+    const json check = rig::check_limits({limit}, session)["checks"][0];
+    CHECK(check["verdict"] == row.verdict);
+    CHECK(check["text"] == row.text);
+  }
+}
+
+TEST_CASE("who watches a session sees the procedure's steps, and limits with figures and verdict") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n  - fit: {kind: noise}\n  - wait: {seconds: 1}\n",
+          "limits:\n  - {name: noise, of: noise.sigma, max: 5}\n");
+  rig.fitted = {{"schema", "result/1"},
+                {"kind", "noise"},
+                {"values", {{{"name", "sigma"}, {"value", 9.0}, {"u", 0.1}, {"unit", "mm"}}}}};
+  json live;
+  rig.prepare = [&](rig::Runner& runner) {
+    runner.observe([&](const rig::RunState& state) { live = rig::to_json(state, small_bench()); });
+  };
+  CHECK_FALSE(rig.run());
+  const std::string figures =
+      "9.00 ± 0.20 mm; allowed: at most 5 mm; 4.00 mm above the largest value allowed";
+  const json row = {{"name", "noise"}, {"text", figures}, {"verdict", "fail"}};
+  CHECK(live["results"] == json{row});
+  const json watched = rig::state_of(rig::SessionStore(rig.file, rig::SessionStore::Mode::read));
+  CHECK(watched["results"] == json{{{"name", "sigma"}, {"text", "9.00 ± 0.20 mm"}}, row});
+  CHECK(watched["step"]["n"] == 4);
+  CHECK(watched["step"]["of"] == 4);
+  REQUIRE(watched["steps"].size() == 4);
+  CHECK(watched["steps"][1] == json{{"text", "capture 5 scans"}, {"state", "recorded"}});
 }
 
 TEST_CASE("a session that is removed after the last capture is saved before the run ends") {
