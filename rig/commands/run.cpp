@@ -133,8 +133,7 @@ class Run : public Command {
   fit::Bench known_bench() const {
     std::optional<std::string> stored;
     if (continues()) stored = SessionStore(out_, SessionStore::Mode::read).get("bench");
-    if (bench_.empty() && !stored)
-      throw UsageError("--bench is missing: the bench file says what stands where.");
+    if (bench_.empty() && !stored) throw UsageError(bench_missing());
     if (bench_.empty()) return read_bench_text(*stored, out_ + " (its bench)");
     fit::Bench bench = read_bench_file(bench_);
     if (stored && json::parse(*stored) != json::parse(fit::to_json_text(bench)))
@@ -142,6 +141,20 @@ class Run : public Command {
           bench_ + " differs from the bench that " + out_ +
           " was begun with, so it cannot be resumed. Leave --bench out, or begin a new session.");
     return bench;
+  }
+
+  std::string bench_missing() const {
+    if (continues())
+      return out_ +
+             " holds no bench: it was ended before its run began. Give --bench FILE, the bench it runs on.";
+    if (resume_)
+      return "there is no session " + out_ +
+             " to resume, and so no bench in it. Give the session's name with --out, or --bench FILE to "
+             "begin "
+             "one.";
+    return "--bench is missing: the bench file says what stands where. `rig new bench FILE` writes a "
+           "commented "
+           "one.";
   }
 
   int run_on_devices(const Procedure& procedure, const fit::Bench& bench) {

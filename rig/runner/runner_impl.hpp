@@ -124,6 +124,10 @@ struct Runner::Impl final : StepContext {
   json variables_json() const;
 
   void describe_session();
+  /// How far the session is, in the operator's terms: captures, the next step, the variables it sees.
+  std::string resumed_words() const;
+  /// The captures of an unfinished step that are whole.
+  long captures_begun(const PlannedStep& step) const;
   /// The plan for those who watch the session: key (as in its progress) and words of every step.
   json steps_json() const;
 

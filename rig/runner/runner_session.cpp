@@ -63,7 +63,7 @@ json Runner::Impl::variables_json() const {
 void Runner::Impl::describe_session() {
   if (!session.get("steps")) session.set("steps", steps_json().dump());
   if (session.get("procedure")) {
-    note("info", "resumed: " + std::to_string(progress.size()) + " parts are recorded already");
+    note("info", resumed_words());
     return;
   }
   session.set("bench", fit::to_json_text(known_bench));
@@ -72,6 +72,46 @@ void Runner::Impl::describe_session() {
   session.set("kind", procedure.name);
   session.set("variables", variables_json().dump());
   session.set("epoch_unix_us", std::to_string(parts.clock.unix_us()));
+}
+
+std::string Runner::Impl::resumed_words() const {
+  long captures = 0, done = 0;
+  const PlannedStep* next = nullptr;
+  std::set<std::string> skipped;
+  Variables known;
+  for (const PlannedStep& step : plan) {
+    const json what = progress_of(step.key);
+    const bool left_out =
+        std::ranges::any_of(step.turns, [&](const auto& turn) { return skipped.count(turn) > 0; });
+    if (!left_out) captures += step.captures;
+    if (what.is_object()) {
+      done += step.captures;
+      if (what.contains("skip")) skipped.insert(what["skip"].get<std::string>());
+      const json set_by_it = what.value("set", json::object());
+      for (const auto& [name, value] : set_by_it.items()) known[name] = value_of(value);
+    } else if (!next && !left_out) {
+      next = &step;
+    }
+  }
+  if (!next)
+    return "resumed: all " + grouped(captures) + " captures and all " + std::to_string(plan.size()) +
+           " steps are done already";
+  done += captures_begun(*next);
+  for (const auto& [name, value] : next->loop_variables) known[name] = value;
+  std::string text = "resumed: " + grouped(done) + " of " + grouped(captures) +
+                     " captures are done; next is step " + std::to_string(next - plan.data() + 1) + " of " +
+                     std::to_string(plan.size()) + ", " + next->says;
+  for (const auto& [name, value] : known)
+    text += (name == known.begin()->first ? ", with " : ", ") + name + " = " + to_text(value);
+  return text;
+}
+
+long Runner::Impl::captures_begun(const PlannedStep& step) const {
+  const auto whole = std::ranges::count_if(progress, [&](const auto& part) {
+    return part.first.starts_with(step.key + "/") && !part.first.ends_with("/short") &&
+           part.second.find("\"capture\"") != std::string::npos;
+  });
+  return std::min<long>(whole, step.captures);  // A search may have taken more than it was planned with.
 }
 
 json Runner::Impl::steps_json() const {

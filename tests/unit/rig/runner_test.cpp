@@ -507,6 +507,25 @@ TEST_CASE("what was recorded is not measured again by a resumed run") {
   CHECK(after[11].stage_deg == 1);
 }
 
+TEST_CASE("a resumed run says how many captures are done, which step is next and with which variables") {
+  Rig rig(
+      "  - home\n"
+      "  - for-each: {d: [1, 2]}\n"
+      "    steps:\n"
+      "      - prompt: {title: 'Place ${d}', ask: {name: rail, default: 7.5}}\n"
+      "      - sweep: {start_deg: 0, stop_deg: 1, step_deg: 0.5, samples: 10}\n");
+  rig.lidar.before_scan = [&](std::uint64_t) { rig.lidar.dead = rig.stage.moves.size() >= 7; };
+  CHECK_THROWS(rig.run());
+  REQUIRE(rig.captures().size() >= 4);
+  rig.lidar.dead = false;
+  rig.lidar.before_scan = [](std::uint64_t) {};
+  CHECK(rig.run());
+  CHECK(rig.told("resumed: 4 of 6 captures are done; next is step 5 of 5, sweep"));
+  CHECK(rig.told(", with d = 2, rail = 7.5"));
+  CHECK(rig.run());
+  CHECK(rig.told("resumed: all 6 captures and all 5 steps are done already"));
+}
+
 TEST_CASE("a resumed run refuses another procedure") {
   Rig rig("  - home\n  - capture: {samples: 5}\n");
   rig.run();
