@@ -18,17 +18,16 @@ Runner::Impl::Impl(Procedure procedure_, fit::Bench bench_, SessionStore& sessio
     : procedure(std::move(procedure_)),
       known_bench(std::move(bench_)),
       session(session_),
-      parts(std::move(parts_)) {
-  plan = unroll(procedure, known_bench);
+      parts(std::move(parts_)),
+      plan(unroll(procedure, known_bench)),
+      time_left(plan) {
   limits = stage_limits(known_bench);
   variables = procedure.variables;
   progress = session.progress();
   state.procedure = procedure.title;
   state.session = std::filesystem::path(session.path()).filename().string();
-  for (const auto& step : plan) {
-    state.steps.emplace_back(step.says, RunState::StepState::not_started);
-    seconds_planned += step.seconds;
-  }
+  for (const auto& step : plan) state.steps.emplace_back(step.says, RunState::StepState::not_started);
+  if (!plan.empty()) state.left_s = time_left.left_s(TimeLeft::Running());
   check_same_procedure();
   host_start_us = parts.clock.host_us();
   if (const auto epoch = session.get("epoch_unix_us"))
@@ -76,13 +75,12 @@ void Runner::Impl::take_over(std::size_t index) {
   for (const auto& [name, value] : outputs_before.items()) variables[name] = value_of(value);
   if (what.contains("skip")) skipped_turns.insert(what["skip"].get<std::string>());
   if (what.contains("stage_deg")) resume_at = what;
-  mark_done(index);
-  seconds_skipped += plan[index].seconds;
+  leave_out(index);
 }
 
-void Runner::Impl::mark_done(std::size_t index) {
+void Runner::Impl::leave_out(std::size_t index) {
   state.steps[index].second = RunState::StepState::recorded;
-  seconds_done += plan[index].seconds;
+  time_left.over(index);
 }
 
 bool Runner::Impl::in_skipped_turn(std::size_t index) const {
@@ -112,6 +110,11 @@ awaitable<void> Runner::Impl::run_step() {
                                             : to_text(evaluate_text(planned.step->name, visible));
   state.step = current;
   state.steps[current].second = RunState::StepState::running;
+  step_begun_us = parts.clock.host_us();
+  step_paused_us = 0;
+  step_done_before = planned.captures > 0 ? static_cast<double>(captures_begun(planned)) /
+                                                static_cast<double>(planned.captures)
+                                          : 0;
   state.activity = planned.says;
   outputs = json::object();
   auto checking = checkpoint(0, 0);
@@ -131,7 +134,8 @@ awaitable<void> Runner::Impl::run_step() {
   if (!planned.turns.empty() && skipped_turns.count(planned.turns.back()))
     what["skip"] = planned.turns.back();
   if (!jump) record(planned.key, what);
-  mark_done(current);
+  state.steps[current].second = RunState::StepState::recorded;
+  time_left.over(running_step());
 }
 
 awaitable<void> Runner::Impl::run_steps() {
@@ -144,7 +148,7 @@ awaitable<void> Runner::Impl::run_steps() {
       continue;
     }
     if (in_skipped_turn(current)) {
-      mark_done(current);
+      leave_out(current);
       continue;
     }
     if (resume_at.is_object()) {
@@ -161,7 +165,7 @@ awaitable<void> Runner::Impl::run_steps() {
 void Runner::Impl::go_back() {
   const std::size_t target = *std::exchange(jump, std::nullopt);
   for (std::size_t i = target; i <= current; ++i) {
-    if (state.steps[i].second == RunState::StepState::recorded) seconds_done -= plan[i].seconds;
+    if (state.steps[i].second == RunState::StepState::recorded) time_left.again(i);
     state.steps[i].second = RunState::StepState::not_started;
   }
   current = target - 1;  // The loop adds one; wraps to 0 from the first step.

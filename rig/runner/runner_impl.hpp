@@ -16,6 +16,7 @@
 #include <set>
 
 #include "rig/runner/runner.hpp"
+#include "rig/runner/time_left.hpp"
 
 namespace rig {
 
@@ -113,7 +114,9 @@ struct Runner::Impl final : StepContext {
   std::optional<std::uint64_t> own_anchor_ms;
   std::int64_t own_now_us = 0, own_anchor_us = 0;
   std::optional<std::uint64_t> seen_ms;  // The latest stamp since the lidar was connected.
-  double seconds_done = 0, seconds_planned = 0;
+  TimeLeft time_left;
+  std::int64_t step_begun_us = 0, step_paused_us = 0;
+  double step_done_before = 0;  // By an earlier run, as a share.
 
   Impl(Procedure procedure_, fit::Bench bench_, SessionStore& session_, RunnerParts parts_);
 
@@ -145,8 +148,7 @@ struct Runner::Impl final : StepContext {
   std::int64_t session_us(const lidar::Scan& scan);
 
   void estimate_time_left();
-  double seconds_skipped = 0;  // Of steps that an earlier run recorded.
-  double passed_planned() const;
+  TimeLeft::Running running_step() const;
 
   // Observers, events
 
@@ -339,7 +341,8 @@ struct Runner::Impl final : StepContext {
   void take_over(std::size_t index);
   json resume_at;  // Where the stage stood after the last recorded step, and from which side it came.
 
-  void mark_done(std::size_t index);
+  /// Nothing was measured now.
+  void leave_out(std::size_t index);
 
   bool in_skipped_turn(std::size_t index) const;
 

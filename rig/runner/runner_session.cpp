@@ -144,8 +144,10 @@ awaitable<void> Runner::Impl::checkpoint(long done, long total) {
   state.phase = RunState::Phase::paused;
   state.pausing = false;
   changed();
+  const std::int64_t paused_us = parts.clock.host_us();
   auto waiting = resume_gate.wait();
   co_await std::move(waiting);
+  step_paused_us += parts.clock.host_us() - paused_us;
   state.phase = before;
   stop_if_aborted();
   note("info", "resumed by the operator");
@@ -221,24 +223,22 @@ std::int64_t Runner::Impl::session_us(const lidar::Scan& scan) {
   return own_now_us;
 }
 
-void Runner::Impl::estimate_time_left() {
-  const PlannedStep& step = plan[current];
-  const double part =
-      state.total > 0 ? static_cast<double>(state.done) / static_cast<double>(state.total) : 0;
-  const double done = seconds_done + part * step.seconds;
-  state.overall = seconds_planned > 0 ? std::min(1.0, done / seconds_planned) : 0;
-  const double passed = static_cast<double>(parts.clock.host_us() - host_start_us) / 1e6;
-  // The plan's own pace until the run has shown another.
-  const double own = std::min(1.0, passed_planned() / 20);
-  const double pace = passed_planned() > 0 ? own * passed / passed_planned() + (1 - own) : 1;
-  state.left_s = pace * (seconds_planned - done);
+TimeLeft::Running Runner::Impl::running_step() const {
+  TimeLeft::Running now;
+  now.step = current;
+  now.from = step_done_before;
+  now.done = state.total > 0 ? static_cast<double>(state.done) / static_cast<double>(state.total) : 0;
+  now.passed_s = static_cast<double>(parts.clock.host_us() - step_begun_us - step_paused_us) / 1e6;
+  return now;
 }
 
-double Runner::Impl::passed_planned() const {
-  const PlannedStep& step = plan[current];
-  const double part =
-      state.total > 0 ? static_cast<double>(state.done) / static_cast<double>(state.total) : 0;
-  return seconds_done - seconds_skipped + part * step.seconds;
+void Runner::Impl::estimate_time_left() {
+  const TimeLeft::Running now = running_step();
+  // Between steps the last one is over already.
+  const bool runs = state.steps[current].second == RunState::StepState::running;
+  if (!runs) return;
+  state.overall = time_left.share(now);
+  state.left_s = time_left.left_s(now);
 }
 
 void Runner::Impl::changed() {
