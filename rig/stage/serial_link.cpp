@@ -8,6 +8,7 @@
 #include <termios.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <boost/asio/as_tuple.hpp>
 #include <boost/asio/experimental/awaitable_operators.hpp>
@@ -15,6 +16,7 @@
 #include <boost/asio/steady_timer.hpp>
 #include <boost/asio/use_awaitable.hpp>
 #include <cerrno>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -30,6 +32,7 @@ using namespace boost::asio::experimental::awaitable_operators;
 
 namespace {
 
+constexpr std::size_t most_heard = 64, most_shown = 24;
 constexpr auto waiting = asio::as_tuple(asio::use_awaitable);
 
 struct Baud {
@@ -54,30 +57,33 @@ speed_t speed_code(int rate) {
                    " baud. Use one of 1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800.");
 }
 
-[[noreturn]] void refuse_to_open(const std::string& path, int error) {
+/// What a port that cannot be opened means for the stage.
+const std::string never_opened = "Nothing was moved.";
+const std::string opened_before = "Where the stage stands is not known: if it still turns, switch it off.";
+
+[[noreturn]] void refuse_to_open(const std::string& path, int error, const std::string& meaning) {
   const std::string port = "the stage's port " + path;
   switch (error) {
     case ENOENT:
     case ENODEV:
     case ENXIO:
-      throw StageError(
-          port +
-          " is not there. Nothing was moved. Check that the stage is switched on and plugged in; "
-          "`rig devices` lists the ports there are.");
+      throw StageError(port + " is not there. " + meaning +
+                       " Check that the stage is switched on and plugged in; "
+                       "`rig devices` lists the ports there are.");
     case EACCES:
     case EPERM:
-      throw StageError(port +
-                       " may not be opened by this user. Nothing was moved. Join the group that owns it "
+      throw StageError(port + " may not be opened by this user. " + meaning +
+                       " Join the group that owns it "
                        "(sudo usermod -aG dialout $USER) and log in again.");
     case EBUSY:
     case EWOULDBLOCK:
-      throw StageBusy(port + " is in use by another program. Nothing was moved. End that program (fuser -v " +
+      throw StageBusy(port + " is in use by another program. " + meaning + " End that program (fuser -v " +
                       path + " names it) and try again.");
     case ENOTTY:
     case EISDIR:
       throw StageError(port + " is not a serial port. Give the port of the stage, e.g. /dev/ttyUSB0.");
     default:
-      throw StageError(port + " cannot be opened: " + std::strerror(error) + ". Nothing was moved.");
+      throw StageError(port + " cannot be opened: " + std::strerror(error) + ". " + meaning);
   }
 }
 
@@ -143,17 +149,17 @@ bool set_raw(int fd, int baud, bool hardware_flow_control) {
   return ::tcsetattr(fd, TCSANOW, &settings) == 0;
 }
 
-int open_port(const std::string& path, int baud, bool hardware_flow_control) {
+int open_port(const std::string& path, int baud, bool hardware_flow_control, const std::string& meaning) {
   std::error_code failed;
   const std::string real_path = fs::canonical(path, failed);
-  if (failed) refuse_to_open(path, failed.value());
+  if (failed) refuse_to_open(path, failed.value(), meaning);
   // Ours first: the lock decides who may change the settings.
   Descriptor fd(::open(real_path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
-  if (fd.get() < 0) refuse_to_open(path, errno);
-  if (::isatty(fd.get()) == 0) refuse_to_open(path, ENOTTY);
-  if (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0) refuse_to_open(path, EBUSY);
+  if (fd.get() < 0) refuse_to_open(path, errno, meaning);
+  if (::isatty(fd.get()) == 0) refuse_to_open(path, ENOTTY, meaning);
+  if (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0) refuse_to_open(path, EBUSY, meaning);
   if (is_listed_port(real_path)) set_up_listed(real_path, baud, hardware_flow_control);
-  if (!set_raw(fd.get(), baud, hardware_flow_control)) refuse_to_open(path, errno);
+  if (!set_raw(fd.get(), baud, hardware_flow_control)) refuse_to_open(path, errno, meaning);
   // Not on a pseudo-terminal: there it would outlive us for as long as the simulator holds the other end.
   if (is_listed_port(real_path)) ::ioctl(fd.get(), TIOCEXCL);
   ::tcflush(fd.get(), TCIOFLUSH);
@@ -165,11 +171,11 @@ int open_port(const std::string& path, int baud, bool hardware_flow_control) {
 struct SerialLink::Impl {
   Impl(const asio::any_io_executor& executor, std::string path_, int baud_, bool flow)
       : port(executor), timer(executor), path(std::move(path_)), baud(baud_), hardware_flow_control(flow) {
-    open();
+    open(never_opened);
   }
 
-  void open() {
-    const int fd = open_port(path, baud, hardware_flow_control);
+  void open(const std::string& meaning) {
+    const int fd = open_port(path, baud, hardware_flow_control, meaning);
     port.assign(fd);
     received.clear();
     is_dropping = false;
@@ -194,6 +200,7 @@ struct SerialLink::Impl {
   int baud;
   bool hardware_flow_control;
   std::string received;
+  std::string heard;         ///< The first bytes since the question.
   bool is_dropping = false;  ///< Within a line that was too long.
 };
 
@@ -215,6 +222,7 @@ void SerialLink::Impl::take_what_came() {
     const ssize_t size = ::read(port.native_handle(), bytes.data(), bytes.size());
     if (size > 0) {
       received.append(bytes.data(), static_cast<std::size_t>(size));
+      heard.append(bytes.data(), std::min(static_cast<std::size_t>(size), most_heard - heard.size()));
       if (received.size() > 64 * longest_line) return;
     } else if (size < 0 && (errno == EAGAIN || errno == EINTR)) {
       return;
@@ -251,12 +259,14 @@ SerialLink::~SerialLink() = default;
 
 const std::string& SerialLink::path() const { return impl_->path; }
 
+int SerialLink::baud() const { return impl_->baud; }
+
 int SerialLink::descriptor() const { return impl_->port.is_open() ? impl_->port.native_handle() : -1; }
 
 void SerialLink::reopen() {
   boost::system::error_code ignored;
   impl_->port.close(ignored);
-  impl_->open();
+  impl_->open(opened_before);
 }
 
 awaitable<void> SerialLink::write(std::string bytes, Clock::time_point deadline) {
@@ -304,6 +314,33 @@ awaitable<void> SerialLink::drain(Clock::duration quiet) {
     if (is_noisy) impl_->take_what_came();
   }
   impl_->received.clear();
+}
+
+void SerialLink::listen_anew() noexcept { impl_->heard.clear(); }
+
+const std::string& SerialLink::heard() const { return impl_->heard; }
+
+StageLost SerialLink::unanswered(const std::string& question, int attempts, const std::string& check) const {
+  const std::string asked = "`" + question + "`, asked " + std::to_string(attempts) + " times";
+  const std::string safe = "If it still turns, switch it off. ";
+  if (impl_->heard.empty())
+    return StageLost("the stage on " + impl_->path + " did not answer " + asked + ". " + safe + check);
+  return StageLost(
+      "what came from " + impl_->path + " to " + asked + ", is not an answer in the stage's language: " +
+      shown_bytes(impl_->heard) + " at " + std::to_string(impl_->baud) + " baud. " + safe +
+      "The usual causes are another baud rate (`baud` in the bench file or the stage's address), another "
+      "device on this port, and a noisy cable.");
+}
+
+std::string shown_bytes(const std::string& bytes) {
+  std::string text = "\"";
+  for (const char c : bytes.substr(0, most_shown)) {
+    std::array<char, 8> escaped{};
+    const bool is_plain = c >= ' ' && c <= '~' && c != '"' && c != '\\';
+    std::snprintf(escaped.data(), escaped.size(), is_plain ? "%c" : "\\x%02X", static_cast<unsigned char>(c));
+    text += c == '\r' ? "\\r" : c == '\n' ? "\\n" : escaped.data();
+  }
+  return text + (bytes.size() > most_shown ? "...\"" : "\"");
 }
 
 }  // namespace rig

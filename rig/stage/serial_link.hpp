@@ -8,11 +8,15 @@
 #include <optional>
 #include <string>
 
+#include "rig/errors.hpp"
+
 namespace rig {
 
 /// A serial line, read by lines. Real ports are opened through libserialport; pseudo-terminals and whatever
 /// else the kernel does not list as a port are opened directly. A path may be a symbolic link
 /// (/dev/serial/by-id/...).
+///
+/// What came instead of an answer is kept to be shown: a wrong baud rate or another device is not silence.
 ///
 /// Bytes that arrived stay in the link's own buffer when a wait times out or is cancelled. Use it on one
 /// thread.
@@ -33,7 +37,9 @@ class SerialLink {
   [[nodiscard]] const std::string& path() const;
   /// The open port; -1 when it is lost.
   [[nodiscard]] int descriptor() const;
-  /// Closes the port and opens it again by its name; throws as the constructor does.
+  [[nodiscard]] int baud() const;
+  /// Closes the port and opens it again by its name; throws as the constructor does, but says that the stage
+  /// may still turn.
   void reopen();
 
   /// Throws StageLost when the port is gone or does not take the bytes by the deadline.
@@ -49,11 +55,23 @@ class SerialLink {
   /// long.
   awaitable<void> drain(Clock::duration quiet);
 
+  /// Forgets what heard() tells: a new question is asked.
+  void listen_anew() noexcept;
+  /// The first bytes that came since listen_anew(), understood or not.
+  [[nodiscard]] const std::string& heard() const;
+  /// A question had no answer that the language knows: silence, which `check` says the remedy of, or
+  /// something else, which is shown.
+  [[nodiscard]] StageLost unanswered(const std::string& question, int attempts,
+                                     const std::string& check) const;
+
   static constexpr std::size_t longest_line = 1024;
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+/// Bytes in quotes for a message: what is not printable as \x81, at most 24 bytes of them.
+[[nodiscard]] std::string shown_bytes(const std::string& bytes);
 
 }  // namespace rig

@@ -187,34 +187,61 @@ std::unique_ptr<SerialLink> open_link(const boost::asio::any_io_executor& execut
                                       language.hardware_flow_control);
 }
 
-/// Who answers in this dialect; nothing if nobody does. Throws when the port itself fails.
-awaitable<std::optional<StageIdentity>> who_answers(boost::asio::any_io_executor executor, PortUrl port,
-                                                    const StageLanguage& language, std::string dialect) {
+/// What came when the languages were tried.
+struct Answers {
+  Answers() {}
+  std::optional<StageIdentity> identity;  ///< Who answers in one that the rig speaks.
+  std::string heard;                      ///< Else the first bytes that came, if any.
+  int baud = 0;                           ///< At which they came.
+};
+
+/// Who answers in this dialect. Throws when the port itself fails.
+awaitable<Answers> who_answers(boost::asio::any_io_executor executor, PortUrl port,
+                               const StageLanguage& language, std::string dialect) {
+  Answers answers;
   port.options.reply_s = probe_reply_s;
   const auto link = open_link(executor, port, language);
   port.options.language.clear();  // What is only guessed must prove itself.
   const auto protocol = language.create(dialect, *link, port.options);
   try {
     auto asking = protocol->identify();
-    StageIdentity identity = co_await std::move(asking);
-    co_return identity;
+    answers.identity = co_await std::move(asking);
   } catch (const StageError&) {
-    co_return std::nullopt;
+    answers.heard = link->heard();
+    answers.baud = link->baud();
   }
+  co_return answers;
 }
 
 /// The dialect spoken at the port, with who speaks it.
-awaitable<std::optional<StageIdentity>> find_speaker(boost::asio::any_io_executor executor, PortUrl port) {
+awaitable<Answers> find_speaker(boost::asio::any_io_executor executor, PortUrl port) {
+  Answers all_answers;
   auto all = stages::all();
   std::ranges::stable_sort(all, std::greater(), &StageLanguage::baud);  // Fast lines are asked sooner.
   for (const StageLanguage& language : all) {
     for (const std::string& dialect : language.names) {
       auto asking = who_answers(executor, port, language, dialect);
-      std::optional<StageIdentity> identity = co_await std::move(asking);
-      if (identity) co_return identity;
+      Answers answers = co_await std::move(asking);
+      if (answers.identity || all_answers.heard.empty()) all_answers = answers;
+      if (answers.identity) co_return all_answers;
     }
   }
-  co_return std::nullopt;
+  co_return all_answers;
+}
+
+/// Why no language was found.
+StageError nobody_speaks(const std::string& path, const Answers& answers) {
+  const std::string languages =
+      " in a language that the rig speaks (" + known_languages() + "). Nothing was moved. ";
+  if (answers.heard.empty())
+    return StageError(
+        "nothing at " + path + " answers" + languages +
+        "Check that the stage is switched on, its baud rate, and the `language` in the bench file.");
+  return StageError(
+      "something at " + path + " answers, but not" + languages + "It said " + shown_bytes(answers.heard) +
+      " at " + std::to_string(answers.baud) +
+      " baud. The usual causes are another baud rate (`baud` in the bench file or the stage's address) "
+      "and another device on this port.");
 }
 
 }  // namespace
@@ -233,14 +260,9 @@ awaitable<std::unique_ptr<Stage>> open_stage(boost::asio::any_io_executor execut
   PortUrl port = parse_url(url, std::move(options));
   if (port.options.language.empty()) {
     auto searching = find_speaker(executor, port);
-    const std::optional<StageIdentity> found = co_await std::move(searching);
-    if (!found)
-      throw StageError("nothing at " + port.path + " answers in a language that the rig speaks (" +
-                       known_languages() +
-                       "). Nothing was moved. Check that the stage is switched on, its baud rate, and the "
-                       "`language` in the bench "
-                       "file.");
-    port.options.language = found->language;
+    const Answers found = co_await std::move(searching);
+    if (!found.identity) throw nobody_speaks(port.path, found);
+    port.options.language = found.identity->language;
   }
   const auto all = stages::all();
   const StageLanguage* language = find_language(all, port.options.language);
@@ -277,7 +299,8 @@ awaitable<std::optional<StageIdentity>> probe_stage(boost::asio::any_io_executor
   PortUrl port;
   port.path = std::move(path);
   auto searching = find_speaker(executor, port);
-  co_return co_await std::move(searching);
+  const Answers found = co_await std::move(searching);
+  co_return found.identity;
 }
 
 }  // namespace rig

@@ -195,6 +195,35 @@ TEST_CASE("lost and late answers and lost commands do not lead a stage astray in
   CHECK(failures < 3);
 }
 
+TEST_CASE("what is no answer in the stage's language is shown, with baud rate and device as likely causes") {
+  const std::string language = GENERATE("zaber", "shot", "gsc", "falcon", "");
+  INFO(language);
+  StageRig rig(language.empty() ? "zaber" : language);
+  rig.options.language = language;
+  rig.options.reply_s = 0.05;
+  rig.switch_on();
+  rig.port->set_line_fault([](sim::PtyPort::Direction direction, const std::string& bytes) {
+    sim::PtyPort::Passage passage(bytes);
+    if (direction != sim::PtyPort::Direction::to_device) passage.bytes = "\x81k\"\xFE";
+    return passage;
+  });
+  std::string why;
+  try {
+    rig.open();
+  } catch (const rig::StageError& error) {
+    why = error.what();
+  }
+  CHECK_THAT(why, Contains(R"("\x81k\x22\xFE)") && Contains(" baud. ") && Contains("another baud rate") &&
+                      Contains("another device"));
+  CHECK_THAT(why, !Contains("did not answer") && !Contains("is switched on"));
+  rig.port->set_line_fault({});
+  rig.open();
+  CHECK(rig.run(rig.stage->identify()).language == (language.empty() ? "zaber" : language));
+  rig.port->set_line_fault(
+      [](sim::PtyPort::Direction, const std::string&) { return sim::PtyPort::Passage(""); });
+  CHECK_THROWS_WITH(rig.run(rig.stage->status()), Contains("did not answer"));
+}
+
 TEST_CASE("a stage of any language is found again after it was unplugged") {
   const std::string language = GENERATE("shot", "gsc", "falcon");
   INFO(language);
@@ -206,6 +235,8 @@ TEST_CASE("a stage of any language is found again after it was unplugged") {
   CHECK(rig.run(rig.stage->move_to(3)) == Approx(3));
   rig.port->unplug();
   CHECK_THROWS_AS(rig.run(rig.stage->move_to(4)), rig::StageLost);
+  CHECK_THROWS_WITH(rig.run(rig.stage->reopen()),
+                    Contains("if it still turns") && !Contains("Nothing was moved"));
   rig.port->replug();
   rig.run(rig.stage->reopen());
   // A SHOT or GSC may have lost its power as well, and would not say so.

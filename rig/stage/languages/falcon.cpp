@@ -74,14 +74,13 @@ awaitable<std::optional<std::string>> FalconProtocol::ask_once(std::string text,
 }
 
 awaitable<std::string> FalconProtocol::ask(std::string text, std::string beginning) {
+  link_.listen_anew();
   for (int attempt = 0; attempt < most_attempts; ++attempt) {
     auto asking = ask_once(text, beginning);
     const std::optional<std::string> line = co_await std::move(asking);
     if (line) co_return *line;
   }
-  throw StageLost("the stage on " + link_.path() + " did not answer `" + text + "`, asked " +
-                  std::to_string(most_attempts) +
-                  " times. If it still turns, switch it off. Check its power and its cable.");
+  throw link_.unanswered(text, most_attempts, "Check its power and its cable.");
 }
 
 awaitable<StageIdentity> FalconProtocol::identify() {

@@ -100,6 +100,7 @@ awaitable<void> ShotProtocol::send(std::string text) {
 }
 
 awaitable<ShotStatus> ShotProtocol::status() {
+  link_.listen_anew();
   for (int attempt = 0; attempt < most_attempts; ++attempt) {
     auto sending = send("Q:");
     co_await std::move(sending);
@@ -114,11 +115,11 @@ awaitable<ShotStatus> ShotProtocol::status() {
     }
     is_dirty_ = true;
   }
-  throw StageLost(
-      "the stage on " + link_.path() + " did not answer `Q:`, asked " + std::to_string(most_attempts) +
-      " times. If it still turns, switch it off. Check its power, its cable (these controllers need the "
-      "RTS and CTS wires), its baud rate and its axis (" +
-      axis() + ").");
+  throw link_.unanswered(
+      "Q:", most_attempts,
+      "Check its power, its cable (these controllers need the RTS and CTS wires), its baud rate "
+      "and its axis (" +
+          axis() + ").");
 }
 
 /// Nothing if it does not know the question.
@@ -163,6 +164,7 @@ awaitable<std::optional<bool>> ShotProtocol::command(std::string text) {
 
 /// For commands that may be given twice.
 awaitable<void> ShotProtocol::demand(std::string text) {
+  link_.listen_anew();
   for (int attempt = 0; attempt < most_attempts; ++attempt) {
     auto asking = command(text);
     const std::optional<bool> understood = co_await std::move(asking);
@@ -170,9 +172,7 @@ awaitable<void> ShotProtocol::demand(std::string text) {
     if (understood && attempt + 1 == most_attempts)
       refuse(text, "it does not know this command or its values");
   }
-  throw StageLost("the stage on " + link_.path() + " did not answer `" + text + "`, asked " +
-                  std::to_string(most_attempts) +
-                  " times. If it still turns, switch it off. Check its power and cable.");
+  throw link_.unanswered(text, most_attempts, "Check its power and cable.");
 }
 
 // --- who it is ---

@@ -136,6 +136,7 @@ awaitable<std::optional<ZaberReply>> ZaberProtocol::ask_once(const std::string& 
 
 /// Repeats what got no answer: moves are absolute, so saying them twice does no harm.
 awaitable<ZaberReply> ZaberProtocol::ask(std::string words, int axis) {
+  link_.listen_anew();
   for (int attempt = 0; attempt < most_attempts; ++attempt) {
     auto asking = ask_once(words, axis);
     const std::optional<ZaberReply> reply = co_await std::move(asking);
@@ -148,10 +149,9 @@ awaitable<ZaberReply> ZaberProtocol::ask(std::string words, int axis) {
                          ". Nothing was moved by it.");
     co_return *reply;
   }
-  throw StageLost("the stage on " + link_.path() + " did not answer `" + words + "`, asked " +
-                  std::to_string(most_attempts) +
-                  " times. If it still turns, switch it off. Check its power, its cable and its address (" +
-                  std::to_string(options_.address) + ").");
+  throw link_.unanswered(
+      words, most_attempts,
+      "Check its power, its cable and its address (" + std::to_string(options_.address) + ").");
 }
 
 awaitable<long long> ZaberProtocol::get(std::string setting, int axis) {
