@@ -98,6 +98,7 @@ class Run : public Command {
     const Procedure procedure = read_procedure(find_procedure(procedure_), overrides());
     check_fits(procedure.steps);
     if (out_.empty()) out_ = procedure.name + ".rig";
+    demand_place_to_write();
     const fit::Bench bench = known_bench();
     const auto plan =
         unroll(procedure, bench);  // What the bench forbids is found before anything is touched.
@@ -118,10 +119,28 @@ class Run : public Command {
     for (const std::string& setting : settings_) {
       const auto equals = setting.find('=');
       if (equals == std::string::npos || equals == 0)
-        throw UsageError("--set takes NAME=VALUE, not '" + setting + "'.");
-      values[setting.substr(0, equals)] = value_of_text(setting.substr(equals + 1));
+        throw UsageError("--set " + setting +
+                         ": it takes NAME=VALUE, the name of one of the procedure's variables and what it is "
+                         "to be, as in --set samples=100.");
+      const std::string name = setting.substr(0, equals);
+      const Value value = value_of_text(setting.substr(equals + 1));
+      if (!values.emplace(name, value).second)
+        throw UsageError("--set " + name + " is given twice, last as " + to_text(value) + ". Leave one out.");
     }
     return values;
+  }
+
+  /// Found before the devices are touched; a new session's folder is looked at by the session itself.
+  void demand_place_to_write() const {
+    std::error_code missing;
+    const auto kind = std::filesystem::status(out_, missing).type();
+    if (kind == std::filesystem::file_type::directory)
+      throw UsageError("--out " + out_ + " is a folder. Give the name of a file in it, as in --out " +
+                       (std::filesystem::path(out_) / "session.rig").string() + ".");
+    if (kind != std::filesystem::file_type::regular && kind != std::filesystem::file_type::not_found)
+      throw UsageError("--out " + out_ +
+                       " cannot hold a session: it is a device or a pipe, or its folder may not be entered. "
+                       "Give the name of a file.");
   }
 
   bool continues() const {

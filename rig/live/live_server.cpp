@@ -129,11 +129,11 @@ void LiveServer::Impl::listen() {
   const auto address = asio::ip::make_address(options.address, failed);
   if (failed)
     throw UsageError("--live: '" + options.address +
-                     "' is not an IP address; use 127.0.0.1 or the address of a network card");
+                     "' is not an IP address; use 127.0.0.1 or the address of a network card.");
   if (!address.is_loopback() && options.token.empty())
     throw UsageError("--live on " + options.address +
                      " would let the whole network stop the stage: give --live-token SECRET, or leave the "
-                     "address at 127.0.0.1");
+                     "address at 127.0.0.1.");
   const asio::ip::tcp::endpoint endpoint(address, options.port);
   acceptor.open(endpoint.protocol(), failed);
   if (!failed) acceptor.set_option(asio::socket_base::reuse_address(true), failed);
@@ -141,7 +141,7 @@ void LiveServer::Impl::listen() {
   if (!failed) acceptor.listen(asio::socket_base::max_listen_connections, failed);
   if (failed)
     throw UsageError("the live page cannot use " + options.address + ":" + std::to_string(options.port) +
-                     " (" + failed.message() + "): choose another port with --live PORT");
+                     " (" + failed.message() + "). Choose another port with --live PORT.");
   port = acceptor.local_endpoint().port();
 }
 

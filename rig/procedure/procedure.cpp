@@ -39,7 +39,7 @@ class Copier {
     if (++nodes_ > most_nodes || depth > deepest_nesting)
       throw ProcedureError(node.place,
                            "the file is nested too deeply or repeats itself through aliases; write it out "
-                           "in fewer levels");
+                           "in fewer levels.");
     if (from.IsScalar()) {
       node.kind = Node::Kind::scalar;
       node.scalar = from.Scalar();
@@ -58,9 +58,9 @@ class Copier {
     std::set<std::string> seen;
     for (const auto& member : from) {
       Node key = copy(member.first, depth + 1);
-      if (key.kind != Node::Kind::scalar) throw ProcedureError(key.place, "a key must be a plain word");
+      if (key.kind != Node::Kind::scalar) throw ProcedureError(key.place, "a key must be a plain word.");
       if (!seen.insert(key.scalar).second)
-        throw ProcedureError(key.place, "'" + key.scalar + "' is given twice; remove one");
+        throw ProcedureError(key.place, "'" + key.scalar + "' is given twice; remove one.");
       node.members.push_back({std::move(key), copy(member.second, depth + 1)});
     }
   }
@@ -111,9 +111,16 @@ std::string expected(const Option& option) {
   return "";
 }
 
+/// Where a value that was not written there comes from.
+std::string origin_of(const Node& node) {
+  if (!has_expression(node.scalar)) return "";
+  return " That is what " + node.scalar +
+         " gives; correct the variables there, or --set on the command line.";
+}
+
 [[noreturn]] void refuse_value(const Node& node, const Option& option, const std::string& got) {
-  throw ProcedureError(node.place,
-                       "'" + option.name + "' must be " + expected(option) + ", not '" + got + "'.");
+  throw ProcedureError(node.place, "'" + option.name + "' must be " + expected(option) + ", not '" + got +
+                                       "'." + origin_of(node));
 }
 
 void check_in_range(const Node& node, const Option& option, double number) {
@@ -152,10 +159,10 @@ void check_scalar(const Node& node, const Option& option, const Variables& varia
   switch (option.type) {
     case Type::number:
     case Type::integer:
-      if (!number) refuse_value(node, option, node.scalar);
+      if (!number) refuse_value(node, option, to_text(value));
       return check_in_range(node, option, *number);
     case Type::flag:
-      if (!std::holds_alternative<bool>(value)) refuse_value(node, option, node.scalar);
+      if (!std::holds_alternative<bool>(value)) refuse_value(node, option, to_text(value));
       return;
     case Type::choice:
       if (std::ranges::find(option.choices, to_text(value)) == option.choices.end()) {
@@ -305,6 +312,15 @@ bool is_variable_name(const std::string& name) {
   });
 }
 
+/// A variable given on the command line has the type of the procedure's own.
+Value instead_of(const Value& own, const std::string& name, const Value& given) {
+  const bool fits = own.index() == given.index() || std::holds_alternative<std::string>(own);
+  if (fits || std::holds_alternative<Unknown>(own)) return given;
+  const std::string wanted = std::holds_alternative<bool>(own) ? "true or false" : "a number";
+  throw UsageError("--set " + name + "=" + to_text(given) + ": '" + name + "' must be " + wanted + ", not '" +
+                   to_text(given) + "'. The procedure's own is " + name + "=" + to_text(own) + ".");
+}
+
 Variables read_variables(const Node& node, const Variables& overrides) {
   Variables variables;
   for (const auto& [key, value] : node.members) {
@@ -314,15 +330,17 @@ Variables read_variables(const Node& node, const Variables& overrides) {
     if (value.kind != Node::Kind::scalar)
       throw ProcedureError(value.place,
                            "a variable holds one number, text or true/false; lists stand in for-each.");
+    const Value own = evaluated(value, variables);
     const auto given = overrides.find(key.scalar);
-    variables[key.scalar] = given == overrides.end() ? evaluated(value, variables) : given->second;
+    variables[key.scalar] = given == overrides.end() ? own : instead_of(own, key.scalar, given->second);
   }
   for (const auto& [name, value] : overrides)
     if (!variables.count(name)) {
       std::vector<std::string> names;
       for (const auto& [known, each] : variables) names.push_back(known);
       const std::string meant = did_you_mean(name, names);
-      throw UsageError(node.place.file + " has no variable '" + name + "'" +
+      throw UsageError("--set " + name + "=" + to_text(value) + ": " + node.place.file +
+                       " has no variable '" + name + "'" +
                        (meant.empty() ? (names.empty() ? "." : "; it has " + quoted_list(names) + ".")
                                       : "; did you mean '" + meant + "'?"));
     }

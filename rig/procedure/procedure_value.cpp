@@ -228,10 +228,15 @@ std::string to_text(const Value& value) {
   if (const auto* number = std::get_if<double>(&value)) {
     // Twelve digits: 0.1 + 0.2 reads 0.3.
     char digits[40];
-    std::snprintf(digits, sizeof digits, "%.12g", *number);
+    std::snprintf(digits, sizeof digits, "%.12g", *number == 0 ? 0.0 : *number);  // No "-0".
     return digits;
   }
   return "?";
+}
+
+std::string rounded_text(double value, int decimals) {
+  const double scale = std::pow(10, decimals);
+  return to_text(std::round(value * scale) / scale);
 }
 
 Value value_of_text(const std::string& text) {

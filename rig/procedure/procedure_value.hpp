@@ -39,6 +39,9 @@ Value evaluate_text(const std::string& text, const Variables& variables);
 
 /// Plain text of a value: numbers as a person writes them ("0.3", "200"), "?" for Unknown.
 [[nodiscard]] std::string to_text(const Value& value);
+/// A measured number without digits that mean nothing: at most so many decimals, no zeros at their end, and
+/// no "-0".
+[[nodiscard]] std::string rounded_text(double value, int decimals);
 /// The other way: a number if it reads as one, true or false, else text.
 [[nodiscard]] Value value_of_text(const std::string& text);
 

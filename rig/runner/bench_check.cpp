@@ -28,10 +28,7 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-std::string rounded(double value, int digits = 0) {
-  const double scale = std::pow(10, digits);
-  return to_text(std::round(value * scale) / scale);
-}
+std::string rounded(double value, int digits = 0) { return rounded_text(value, digits); }
 
 double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 

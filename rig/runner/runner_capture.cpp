@@ -302,8 +302,8 @@ awaitable<void> Runner::Impl::track_stage(Track& track) {
   const StageStatus status = co_await std::move(asking);
   const std::int64_t middle_us = session_us((before_us + parts.clock.host_us()) / 2);
   if (status.position_deg < limits.min_deg || status.position_deg > limits.max_deg)
-    throw MeasurementError("The turning stage passed its soft limits at " + to_text(status.position_deg) +
-                           " deg and was stopped. Lower the rate or the number of samples.");
+    throw MeasurementError("The turning stage passed its soft limits at " + in_deg(status.position_deg) +
+                           " and was stopped. Lower the rate or the number of samples.");
   position_deg = status.position_deg;
   track.add(static_cast<double>(middle_us) / 1e6, status.position_deg);
   fit::TrackPose pose;

@@ -56,6 +56,8 @@ class Gate {
 std::string words_of(const std::exception_ptr& why);
 /// The same with a full stop at its end: another sentence may follow.
 std::string sentence(const std::exception_ptr& why);
+/// With its unit, to a ten-thousandth: finer than any stage here reads back.
+std::string in_deg(double deg);
 json json_of(const Value& value);
 Value value_of(const json& stored);
 struct Track;

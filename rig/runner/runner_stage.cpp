@@ -6,6 +6,8 @@
 
 namespace rig {
 
+std::string in_deg(double deg) { return rounded_text(deg, 4) + " deg"; }
+
 bool is_stage_error(const std::exception_ptr& why) { return is_a<StageError>(why); }
 
 bool is_stage_lost(const std::exception_ptr& why) { return is_a<StageLost>(why); }
@@ -58,7 +60,7 @@ awaitable<StageStatus> Runner::Impl::stage_status() {
 void Runner::Impl::check_soft_limits(double target_deg, const Place& place) const {
   if (target_deg < limits.min_deg - 1e-9 || target_deg > limits.max_deg + 1e-9 || !std::isfinite(target_deg))
     throw ProcedureError(place,
-                         "the stage would go to " + to_text(target_deg) + " deg, beyond its soft limits " +
+                         "the stage would go to " + in_deg(target_deg) + ", beyond its soft limits " +
                              to_text(limits.min_deg) + " to " + to_text(limits.max_deg) +
                              " deg (stage.limits_deg in the bench file). It stands; nothing was moved.");
 }
@@ -69,7 +71,7 @@ awaitable<double> Runner::Impl::move_to(double target_deg, int approach, const P
   const bool stands_there =
       target_deg == position_deg && settled_us != 0 && (approach == 0 || last_approach == approach);
   if (stands_there) co_return readback_deg;
-  state.activity = "moving to " + to_text(target_deg) + " deg";
+  state.activity = "moving to " + in_deg(target_deg);
   changed();
   for (int attempt = 1;; ++attempt) {
     if (approach != 0 && (last_approach != approach || (target_deg - position_deg) * approach <= 0)) {
@@ -86,8 +88,8 @@ awaitable<double> Runner::Impl::move_to(double target_deg, int approach, const P
       if (right_side) break;
       continue;
     }
-    const std::string seen = "The stage was sent to " + to_text(target_deg) + " deg and reads back " +
-                             to_text(readback_deg) + " deg";
+    const std::string seen =
+        "The stage was sent to " + in_deg(target_deg) + " and reads back " + in_deg(readback_deg);
     if (attempt >= stage_attempts)
       throw StageError(seen + ", " + std::to_string(attempt) +
                        " times. It was stopped. Check that nothing blocks it and that its scale is right "

@@ -95,13 +95,14 @@ Runner::Impl::Look Runner::Impl::judge(const Sight& sight, int first_step,
     return {false, "the rig sees nothing there (no echo from most beams)."};
   const double seen_mm = median(medians);
   if (sight.within_mm && (seen_mm < sight.within_mm->first || seen_mm > sight.within_mm->second))
-    return {false, "the rig sees " + to_text(seen_mm) + " mm and wants " + to_text(sight.within_mm->first) +
-                       " to " + to_text(sight.within_mm->second) + " mm."};
+    return {false, "the rig sees " + rounded_text(seen_mm, 1) + " mm and wants " +
+                       rounded_text(sight.within_mm->first, 1) + " to " +
+                       rounded_text(sight.within_mm->second, 1) + " mm."};
   const double rough_mm = largest_deviation_from_line(x, y);
   if (sight.flat_within_mm && rough_mm > *sight.flat_within_mm)
-    return {false, "what the rig sees is not flat: " + to_text(std::round(rough_mm)) +
+    return {false, "what the rig sees is not flat: " + rounded_text(rough_mm, 0) +
                        " mm off a straight line, " + to_text(*sight.flat_within_mm) + " mm allowed."};
-  return {true, "the rig sees " + to_text(seen_mm) + " mm, as asked."};
+  return {true, "the rig sees " + rounded_text(seen_mm, 1) + " mm, as asked."};
 }
 
 double Runner::Impl::largest_deviation_from_line(const std::vector<double>& x, const std::vector<double>& y) {

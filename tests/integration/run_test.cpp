@@ -107,6 +107,46 @@ TEST_CASE("the demo calibrates the simulated bench within its stated uncertainty
   CHECK_THAT(rig.errors(), Contains("Limits:") && Contains("pass"));
 }
 
+TEST_CASE("a place that cannot hold a session is refused before anything moves, with what to do") {
+  Bench bench;
+  bench.write("p.yaml", "procedure: test\nsteps:\n  - home\n");
+  bench.write("plain", "no folder");
+  const std::vector<std::pair<std::string, std::string>> places = {
+      {bench.folder / "", "is a folder. Give the name of a file in it"},
+      {"/dev/null", "Give the name of a file"},
+      {bench.folder / "none/out.rig", "Make the folder first"},
+      {bench.folder / "plain/out.rig", "no such folder"}};
+  for (const auto& [place, remedy] : places) {
+    auto words = bench.command(bench.folder / "p.yaml");
+    words.back() = place;
+    Program rig(words, bench.folder);
+    CHECK(rig.exit_status() == 2);
+    CHECK_THAT(rig.errors(), Contains(remedy));
+  }
+}
+
+TEST_CASE("a session that is resumed brings its own bench, and one without says so") {
+  Bench bench;
+  const std::string steps = "  - home\n  - capture: {samples: 20}\n";
+  CHECK(bench.run(steps) == 0);
+  const auto resumed = [&](const std::string& out) {
+    auto words = bench.command(bench.folder / "p.yaml", {"--resume"});
+    const auto option = std::ranges::find(words, "--bench");
+    words.erase(option, option + 2);
+    words.end()[-2] = out;
+    Program rig(words, bench.folder);
+    const int status = rig.exit_status();
+    bench.said = rig.errors();
+    return status;
+  };
+  CHECK(resumed(bench.folder / "out.rig") == 0);
+  CHECK(resumed(bench.folder / "none.rig") == 2);
+  CHECK_THAT(bench.said, Contains("no session") && Contains("to resume") && Contains("--out"));
+  { const rig::SessionStore empty(bench.folder / "empty.rig", rig::SessionStore::Mode::create); }
+  CHECK(resumed(bench.folder / "empty.rig") == 2);
+  CHECK_THAT(bench.said, Contains("holds no bench") && Contains("Give --bench FILE"));
+}
+
 TEST_CASE("a run that is killed at any moment and resumed ends as an undisturbed one") {
   const std::string steps =
       "  - home\n"

@@ -226,13 +226,14 @@ class Search {
       if (followed < scan.range_mm.size()) samples.push_back(scan.range_mm[followed]);
     });
     if (samples.empty())
-      throw MeasurementError("find-edge: the capture at " + to_text(angle_deg(stop)) + " deg is empty.");
+      throw MeasurementError("find-edge: the capture at " + rounded_text(angle_deg(stop), 4) +
+                             " deg is empty.");
     co_return samples;
   }
 
   void check_levels() const {
     const auto seen = [](const Level& level) {
-      return level.echo ? to_text(std::round(level.median_mm)) + " mm" : std::string("no echo");
+      return level.echo ? rounded_text(level.median_mm, 0) + " mm" : std::string("no echo");
     };
     const bool apart =
         board_.echo != background_.echo ||
@@ -240,8 +241,8 @@ class Search {
     if (apart && board_.echo) return;
     throw MeasurementError(
         "find-edge: no edge of '" + settings_.target + "' between stage angles " +
-        to_text(settings_.from_deg) + " and " + to_text(settings_.to_deg) + " deg: the beam sees " +
-        seen(settings_.right ? background_ : board_) + " and " +
+        rounded_text(settings_.from_deg, 4) + " and " + rounded_text(settings_.to_deg, 4) +
+        " deg: the beam sees " + seen(settings_.right ? background_ : board_) + " and " +
         seen(settings_.right ? board_ : background_) +
         ". The stage stands. Compare the target's place with the bench file, or widen search_deg.");
   }
@@ -251,10 +252,10 @@ class Search {
     context_.set(settings_.save + "_smooth_deg", board_deg);
     context_.set(settings_.save + "_background_deg", background_deg);
     context_.set(settings_.save + "_deg", (board_deg + background_deg) / 2);
-    context_.note("info", context_.name() + ": the edge is at " + to_text((board_deg + background_deg) / 2) +
-                              " deg; smooth on the board at " + to_text(board_deg) +
-                              ", on the background at " + to_text(background_deg) + " deg; " +
-                              std::to_string(stops_) + " stops");
+    context_.note(
+        "info", context_.name() + ": the edge is at " + rounded_text((board_deg + background_deg) / 2, 4) +
+                    " deg; smooth on the board at " + rounded_text(board_deg, 4) + ", on the background at " +
+                    rounded_text(background_deg, 4) + " deg; " + std::to_string(stops_) + " stops");
   }
 
   const Settings& settings_;
@@ -314,9 +315,9 @@ class FindEdge final : public StepKind {
     const double middle = (settings.from_deg + settings.to_deg) / 2;
     plan.stage_deg = middle;
     plan.says = "find the " + std::string(settings.right ? "right" : "left") + " edge of " + settings.target +
-                " with beam " + arguments.text_or("beam_deg", "?") + " deg, near " +
-                to_text(std::round(middle * 100) / 100) + " deg, about " + std::to_string(usual_stops) +
-                " stops of " + std::to_string(settings.samples) + " scans";
+                " with beam " + arguments.text_or("beam_deg", "?") + " deg, near " + rounded_text(middle, 2) +
+                " deg, about " + std::to_string(usual_stops) + " stops of " +
+                std::to_string(settings.samples) + " scans";
   }
   awaitable<void> run(const Arguments& arguments, StepContext& context) const override {
     const Settings settings = settings_of(arguments, context.bench(), context.rules().approach);

@@ -170,6 +170,31 @@ TEST_CASE("command-line variables replace the file's and nothing else") {
   CHECK_THROWS_WITH(parse_procedure(text, "p.yaml", {{"sample", 5.0}}), Contains("did you mean 'samples'?"));
 }
 
+TEST_CASE("a variable given on the command line is told with its value and what is expected") {
+  const std::string text =
+      "procedure: x\nvariables: {samples: 10000, dark: false, board: b}\nsteps:\n"
+      "  - capture: {samples: '${samples}'}\n";
+  const auto with = [&](const std::string& name, const rig::Value& value) {
+    return [&, name, value] { (void)parse_procedure(text, "p.yaml", {{name, value}}); };
+  };
+  CHECK_THROWS_WITH(with("samples", std::string("abc"))(),
+                    "--set samples=abc: 'samples' must be a number, not 'abc'. The procedure's own is "
+                    "samples=10000.");
+  CHECK_THROWS_WITH(with("dark", 3.0)(), Contains("--set dark=3") && Contains("true or false"));
+  CHECK_THROWS_WITH(with("sample", 5.0)(), Contains("--set sample=5") && Contains("did you mean"));
+  CHECK_NOTHROW(with("board", 5.0)());
+  CHECK_THROWS_WITH(with("samples", -5.0)(), Contains("p.yaml:4:") && Contains("at least 1") &&
+                                                 Contains("not '-5'") && Contains("${samples} gives") &&
+                                                 Contains("--set"));
+}
+
+TEST_CASE("numbers are told without a zero's sign and without digits that mean nothing") {
+  CHECK(rig::to_text(-0.0) == "0");
+  CHECK(rig::rounded_text(-0.00001, 4) == "0");
+  CHECK(rig::rounded_text(10.0000651041667, 4) == "10.0001");
+  CHECK(rig::rounded_text(1400, 1) == "1400");
+}
+
 TEST_CASE("the schema that editors use is the one the checks use") {
   const auto path = std::filesystem::path(RIG_SOURCE_DIR) / "procedures" / "procedure.schema.json";
   if (std::getenv("RIG_UPDATE_SCHEMA")) std::ofstream(path) << rig::procedure_schema();
