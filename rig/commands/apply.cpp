@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include <cstdio>
-#include <nlohmann/json.hpp>
 
-#include "rig/command.hpp"
+#include "rig/commands/json_output.hpp"
 #include "rig/fitting/apply_session.hpp"
 #include "rig/fitting/correction_source.hpp"
-#include "rig/whole_file.hpp"
 
 namespace rig::commands {
 namespace {
@@ -32,11 +30,13 @@ class Apply : public Command {
         ->capture_default_str();
     command->add_flag("--any-lidar", request_.any_lidar,
                       "Also for another lidar than the one that was calibrated");
-    command->add_option("--json", json_, "Write what was done to FILE, or '-' for standard output");
+    json_.declare(*command, "what was done");
     return command;
   }
 
   int run() override {
+    check_outputs({{request_.output, "corrected.rig"}, json_.output()},
+                  {request_.correction_name, request_.input});
     request_.correction = load_correction(request_.correction_name);
     request_.drop_outside = outside_ == "drop";
     const ApplyReport report = apply_to_session(request_);
@@ -50,23 +50,20 @@ class Apply : public Command {
           "they were %s\n",
           percent(report.outside_range, report.samples), percent(report.outside_intensity, report.samples),
           request_.drop_outside ? "left out" : "corrected as at the border of the calibrated region");
-    const nlohmann::json out = {{"schema", "apply/1"},
-                                {"scans", report.scans},
-                                {"samples", report.samples},
-                                {"without_echo", report.without_echo},
-                                {"outside_range", report.outside_range},
-                                {"outside_intensity", report.outside_intensity},
-                                {"mean_error_mm", report.mean_error_mm}};
-    if (json_ == "-")
-      std::printf("%s\n", out.dump(1).c_str());
-    else if (!json_.empty())
-      write_file_atomically(json_, out.dump(1) + "\n");
+    json_.write({{"schema", "apply/1"},
+                 {"scans", report.scans},
+                 {"samples", report.samples},
+                 {"without_echo", report.without_echo},
+                 {"outside_range", report.outside_range},
+                 {"outside_intensity", report.outside_intensity},
+                 {"mean_error_mm", report.mean_error_mm}});
     return 0;
   }
 
  private:
   ApplyRequest request_;
-  std::string outside_ = "hold", json_;
+  JsonOutput json_;
+  std::string outside_ = "hold";
 };
 
 }  // namespace

@@ -6,16 +6,13 @@
 #include <boost/asio/signal_set.hpp>
 #include <boost/asio/use_awaitable.hpp>
 #include <cstdio>
-#include <nlohmann/json.hpp>
 
-#include "rig/command.hpp"
-#include "rig/errors.hpp"
+#include "rig/commands/json_output.hpp"
 #include "rig/runner/bench_check.hpp"
 #include "rig/runner/bench_file.hpp"
 #include "rig/runner/operators.hpp"
 #include "rig/runner/scip_source.hpp"
 #include "rig/stage/stage_patience.hpp"
-#include "rig/whole_file.hpp"
 
 namespace rig::commands {
 namespace {
@@ -50,11 +47,12 @@ class Check : public Command {
     check->add_option("--stage", stage_, "serial:PATH[?language=zaber&baud=...]")->required();
     check->add_option("--bench", bench_, "Bench file")->required();
     check->add_flag("--stay-still", stay_still_, "Do not home or move the stage");
-    check->add_option("--json", json_, "Write what was found to FILE, or '-' for standard output");
+    json_.declare(*check, "what was found");
     return check;
   }
 
   int run() override {
+    check_outputs({json_.output()}, {bench_});
     const fit::Bench bench = read_bench_file(bench_);
     const Endpoint address = parse_endpoint(lidar_, "--lidar", 10940);
     const StageOptions options = bench_stage_options(bench);
@@ -114,16 +112,13 @@ class Check : public Command {
       all.push_back({{"what", line.what}, {"verdict", word(line.verdict)}, {"says", line.says}});
       if (line.verdict != CheckLine::Verdict::good) all.back()["remedy"] = line.remedy;
     }
-    const std::string text = json{{"schema", "check/1"}, {"lines", all}}.dump(1) + "\n";
-    if (json_ == "-")
-      std::fputs(text.c_str(), stdout);
-    else if (!json_.empty())
-      write_file_atomically(json_, text);
+    json_.write({{"schema", "check/1"}, {"lines", all}});
     if (bad) throw MeasurementError("the bench is not ready: mend what is marked BAD and check again.");
     return 0;
   }
 
-  std::string lidar_, stage_, bench_, json_;
+  std::string lidar_, stage_, bench_;
+  JsonOutput json_;
   bool stay_still_ = false;
 };
 

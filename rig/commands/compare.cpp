@@ -2,14 +2,11 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
-#include <nlohmann/json.hpp>
 
-#include "rig/command.hpp"
-#include "rig/errors.hpp"
+#include "rig/commands/json_output.hpp"
 #include "rig/report/compare_report.hpp"
 #include "rig/runner/bench_file.hpp"
 #include "rig/session/session_store.hpp"
-#include "rig/whole_file.hpp"
 
 namespace rig::commands {
 namespace {
@@ -40,7 +37,7 @@ class Compare : public Command {
     command->add_option("recorded", recorded_, "Session files (*.rig) of the one")->required();
     command->add_option("--with", other_, "Session files of the other")->required();
     command->add_option("-o,--output", output_, "Page to write (HTML)");
-    command->add_option("--json", json_, "Write the distances to FILE, or '-' for standard output");
+    json_.declare(*command, "the distances");
     command->add_option("--beams", beams_, "Beams that count for noise and intensity, degrees: FROM TO")
         ->expected(2);
     command->add_option("--names", names_, "What the two are called")->expected(2)->capture_default_str();
@@ -48,8 +45,11 @@ class Compare : public Command {
   }
 
   int run() override {
-    if (output_.empty() && json_.empty())
+    if (output_.empty() && !json_.wanted())
       throw UsageError("say where the page goes: -o PAGE.html, or --json FILE");
+    std::vector<std::string> inputs = recorded_;
+    inputs.insert(inputs.end(), other_.begin(), other_.end());
+    check_outputs({{output_, "comparison.html"}, json_.output()}, inputs);
     const Sessions recorded(recorded_), other(other_);
     fit::StatisticsOptions options;
     if (beams_.size() == 2) {
@@ -71,10 +71,7 @@ class Compare : public Command {
     for (const auto& s : document.at("statistics"))
       std::fprintf(stderr, "%-28s %s\n", s.at("statistic").get<std::string>().c_str(),
                    s.at("verdict").get<std::string>().c_str());
-    if (json_ == "-")
-      std::printf("%s\n", document.dump(1).c_str());
-    else if (!json_.empty())
-      write_file_atomically(json_, document.dump(1) + "\n");
+    json_.write(document);
     if (!output_.empty()) {
       write_file_atomically(output_, comparison_html(comparison));
       std::fprintf(stderr, "page: %s\n", std::filesystem::absolute(output_).c_str());
@@ -84,7 +81,8 @@ class Compare : public Command {
 
  private:
   std::vector<std::string> recorded_, other_, names_{"recorded", "simulated"};
-  std::string output_, json_;
+  std::string output_;
+  JsonOutput json_;
   std::vector<double> beams_;
 };
 

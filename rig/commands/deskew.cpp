@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include <cstdio>
-#include <nlohmann/json.hpp>
 
-#include "rig/command.hpp"
-#include "rig/errors.hpp"
+#include "rig/commands/json_output.hpp"
 #include "rig/fitting/deskew_session.hpp"
 #include "rig/fitting/fitting.hpp"
-#include "rig/whole_file.hpp"
 
 namespace rig::commands {
 namespace {
@@ -29,11 +26,12 @@ class Deskew : public Command {
                      "Relative standard uncertainty of the odometry over one scan")
         ->check(CLI::Range(0.001, 10.0))
         ->capture_default_str();
-    command->add_option("--json", json_, "Write the result to FILE, or '-' for standard output");
+    json_.declare(*command, "the result");
     return command;
   }
 
   int run() override {
+    check_outputs({{output_, "straight.rig"}, json_.output()}, {input_});
     options_.fuse = !odometry_only_;
     if (order_ != "auto") options_.reversed = order_ == "reverse";
     const nlohmann::json result = deskew_session(input_, output_, options_);
@@ -42,16 +40,14 @@ class Deskew : public Command {
       std::fprintf(stderr, "  %-42s within 20 scans %s mm, whole map %s mm\n",
                    row[0].get<std::string>().c_str(), row[1].dump().substr(0, 5).c_str(),
                    row[2].dump().substr(0, 5).c_str());
-    if (json_ == "-")
-      std::printf("%s\n", result.dump(1).c_str());
-    else if (!json_.empty())
-      write_file_atomically(json_, result.dump(1) + "\n");
+    json_.write(result);
     return 0;
   }
 
  private:
   DeskewOptions options_;
-  std::string input_, output_, order_ = "auto", json_;
+  JsonOutput json_;
+  std::string input_, output_, order_ = "auto";
   bool odometry_only_ = false;
 };
 

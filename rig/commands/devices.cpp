@@ -3,14 +3,11 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/use_awaitable.hpp>
 #include <cstdio>
-#include <nlohmann/json.hpp>
 
 #include "lidar/client.hpp"
-#include "rig/command.hpp"
-#include "rig/errors.hpp"
+#include "rig/commands/json_output.hpp"
 #include "rig/runner/endpoint.hpp"
 #include "rig/stage/stage_factory.hpp"
-#include "rig/whole_file.hpp"
 
 namespace rig::commands {
 namespace {
@@ -30,22 +27,19 @@ class Devices : public Command {
         std::string("Address to ask, tcp://HOST[:PORT]; may be repeated; default: ") + factory_address);
     devices->add_option("--stage", stages_, "Another port to ask, serial:PATH; may be repeated");
     devices->add_flag("--no-probe", no_probe_, "List the serial ports and ask nobody");
-    devices->add_option("--json", json_, "Write what was found to FILE, or '-' for standard output");
+    json_.declare(*devices, "what was found");
     return devices;
   }
 
   int run() override {
+    check_outputs({json_.output()});
     asio::io_context io(1);
     std::exception_ptr failure;
     auto searching = search();
     asio::co_spawn(io, std::move(searching), [&](std::exception_ptr why) { failure = why; });
     io.run();
     if (failure) std::rethrow_exception(failure);
-    const std::string text = found_.dump(1) + "\n";
-    if (json_ == "-")
-      std::fputs(text.c_str(), stdout);
-    else if (!json_.empty())
-      write_file_atomically(json_, text);
+    json_.write(found_);
     if (asked_in_vain_) throw DeviceError("not every device that was asked for answers; see above.");
     return 0;
   }
@@ -135,7 +129,7 @@ class Devices : public Command {
   }
 
   std::vector<std::string> lidars_, stages_;
-  std::string json_;
+  JsonOutput json_;
   bool no_probe_ = false, asked_in_vain_ = false;
   json found_ = {{"schema", "devices/1"}, {"ports", json::array()}, {"lidars", json::array()}};
 };

@@ -5,17 +5,14 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "fit/explain/explanation.hpp"
-#include "rig/command.hpp"
-#include "rig/errors.hpp"
+#include "rig/commands/json_output.hpp"
 #include "rig/procedure/procedure_plan.hpp"
 #include "rig/report/explain_procedure.hpp"
 #include "rig/report/explain_report.hpp"
 #include "rig/session/session_store.hpp"
-#include "rig/whole_file.hpp"
 
 namespace rig::commands {
 namespace {
@@ -65,7 +62,7 @@ class Explain : public Command {
                      "Session files (*.rig) of one bench; several are explained together")
         ->required();
     command->add_option("--bench", bench_, "Bench file; default: the one in the session");
-    command->add_option("--json", json_, "Write the explanation to FILE, or '-' for standard output");
+    json_.declare(*command, "the explanation");
     command->add_option("--report", report_,
                         "Write the explanation as one HTML page with pictures to FILE.html");
     command->add_option(
@@ -78,14 +75,12 @@ class Explain : public Command {
   }
 
   int run() override {
+    check_outputs({json_.output(), {report_, "explanation.html"}, {next_, "next.yaml"}}, inputs());
     std::optional<fit::Bench> bench;
     if (!bench_.empty()) bench = read_bench(bench_);
     const nlohmann::json document = explained(bench);
     if (!no_store_ && sessions_.size() == 1) store(document);
-    if (json_ == "-")
-      std::printf("%s\n", document.dump(1).c_str());
-    else if (!json_.empty())
-      write_file_atomically(json_, document.dump(1) + "\n");
+    json_.write(document);
     if (!report_.empty()) {
       std::string names;
       for (const std::string& path : sessions_) names += (names.empty() ? "" : ", ") + path;
@@ -96,6 +91,13 @@ class Explain : public Command {
   }
 
  private:
+  [[nodiscard]] std::vector<std::string> inputs() const {
+    std::vector<std::string> files = sessions_;
+    files.insert(files.end(), predicted_.begin(), predicted_.end());
+    files.push_back(bench_);
+    return files;
+  }
+
   nlohmann::json explained(const std::optional<fit::Bench>& bench) {
     std::vector<std::unique_ptr<SessionStore>> stores;
     std::vector<std::unique_ptr<fit::Recording>> recordings;
@@ -169,7 +171,8 @@ class Explain : public Command {
   }
 
   std::vector<std::string> sessions_, predicted_;
-  std::string bench_, json_, report_, next_;
+  std::string bench_, report_, next_;
+  JsonOutput json_;
   bool no_store_ = false;
 };
 

@@ -5,6 +5,7 @@
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
 #include "rig/export/exporter.hpp"
+#include "rig/output_place.hpp"
 
 namespace rig::commands {
 namespace {
@@ -24,6 +25,7 @@ class Export : public Command {
   }
 
   int run() override {
+    check_outputs({{output_}}, {source_});
     std::unique_ptr<SessionStore> session;
     if (is_session_file(source_)) session = std::make_unique<SessionStore>(source_, SessionStore::Mode::read);
     run_export(format_, {source_, session.get()}, output_);

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include <cstdio>
 #include <map>
-#include <nlohmann/json.hpp>
 
-#include "rig/command.hpp"
+#include "rig/commands/json_output.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/fitting.hpp"
-#include "rig/whole_file.hpp"
 
 namespace rig::commands {
 namespace {
@@ -38,13 +36,14 @@ class Fit : public Command {
     command->add_option("kind", kind_, "Which calibration")->required();
     command->add_option("session", sessions_, "Session files")->required();
     command->add_option("--option", options_, "NAME=VALUE, see below");
-    command->add_option("--json", json_, "Write the result to FILE, or '-' for standard output");
+    json_.declare(*command, "the result");
     command->add_flag("--no-store", no_store_, "Leave the session file as it is");
     command->footer("Calibrations:" + kinds);
     return command;
   }
 
   int run() override {
+    check_outputs({json_.output()}, inputs());
     std::vector<std::unique_ptr<SessionStore>> stores;
     std::vector<FitSource> sources;
     for (const std::string& path : sessions_) {
@@ -57,14 +56,18 @@ class Fit : public Command {
     stores.clear();
     if (!no_store_) store(sources.front(), result);
     std::fputs(to_text(result).c_str(), stderr);
-    if (json_ == "-")
-      std::printf("%s\n", result.dump(1).c_str());
-    else if (!json_.empty())
-      write_file_atomically(json_, result.dump(1) + "\n");
+    json_.write(result);
     return 0;
   }
 
  private:
+  /// Options may name files too: correction=FILE.
+  [[nodiscard]] std::vector<std::string> inputs() const {
+    std::vector<std::string> files = sessions_;
+    for (const std::string& option : options_) files.push_back(option.substr(option.find('=') + 1));
+    return files;
+  }
+
   /// A recording on read-only media can be fitted all the same; the result is then only printed.
   static void store(const FitSource& source, const nlohmann::json& result) {
     if (!source.session) return;
@@ -76,7 +79,8 @@ class Fit : public Command {
     }
   }
 
-  std::string kind_, json_;
+  std::string kind_;
+  JsonOutput json_;
   std::vector<std::string> sessions_, options_;
   bool no_store_ = false;
 };

@@ -6,6 +6,7 @@
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
 #include "rig/import/import_session.hpp"
+#include "rig/output_place.hpp"
 
 namespace rig::commands {
 namespace {
@@ -48,6 +49,9 @@ class Import : public Command {
   }
 
   int run() override {
+    std::vector<std::string> inputs = request_.files;
+    inputs.push_back(bench_);
+    check_outputs({{request_.output, "recording.rig"}}, inputs);
     if (!bench_.empty()) request_.bench = contents(bench_);
     ImportReport report;
     try {

@@ -4,6 +4,7 @@
 
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
+#include "rig/output_place.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig {
@@ -34,7 +35,9 @@ class New : public Command {
       std::fputs(text, stdout);
       return 0;
     }
-    if (std::filesystem::exists(file_))
+    check_outputs({{file_, bench ? "new.bench.json" : "new.yaml"}});
+    std::error_code ignored;
+    if (std::filesystem::exists(file_, ignored))
       throw UsageError(file_ + " exists already and is not overwritten. Choose another name.");
     write_file_atomically(file_, text);
     std::fprintf(stderr, "%s is written. Next: edit it, then\n  rig run %s --dry-run\n", file_.c_str(),

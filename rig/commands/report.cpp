@@ -4,8 +4,7 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "rig/command.hpp"
-#include "rig/whole_file.hpp"
+#include "rig/commands/json_output.hpp"
 
 namespace rig::commands {
 namespace {
@@ -18,28 +17,25 @@ class Report : public Command {
     command->add_option("session", session_, "Session file (*.rig)")->required();
     command->add_option("-o,--output", output_,
                         "FILE.html, FILE.pdf or FILE.json; default: beside the session, .html");
-    command->add_option("--json", json_, "Write the certificate as JSON to FILE, or '-' for standard output");
+    json_.declare(*command, "the certificate");
     return command;
   }
 
   int run() override {
-    if (!json_.empty()) {
-      const SessionStore session(session_, SessionStore::Mode::read);
-      const std::string text = certificate_text(session, session_);
-      if (json_ == "-")
-        std::fwrite(text.data(), 1, text.size(), stdout);
-      else
-        write_file_atomically(json_, text);
-      if (output_.empty()) return 0;
-    }
-    if (output_.empty()) output_ = std::filesystem::path(session_).replace_extension(".html").string();
+    const std::filesystem::path page = std::filesystem::path(session_).replace_extension(".html");
+    if (output_.empty() && !json_.wanted()) output_ = page.string();
+    check_outputs({{output_, page.filename().string()}, json_.output()}, {session_});
+    if (json_.wanted())
+      json_.write(make_certificate(SessionStore(session_, SessionStore::Mode::read), session_));
+    if (output_.empty()) return 0;
     write_report(session_, output_);
     std::fprintf(stderr, "report: %s\n", std::filesystem::absolute(output_).c_str());
     return 0;
   }
 
  private:
-  std::string session_, output_, json_;
+  std::string session_, output_;
+  JsonOutput json_;
 };
 
 }  // namespace

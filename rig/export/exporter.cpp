@@ -3,6 +3,7 @@
 
 #include "fit/json_position.hpp"
 #include "rig/errors.hpp"
+#include "rig/output_place.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig {
@@ -37,6 +38,7 @@ void run_export(const std::string& format, const ExportSource& source, const std
   const Exporter& exporter = exporter_of(format);
   if (!source.session && !exporter.accepts_files())
     throw UsageError(source.path + " is not a session file (*.rig), which the format '" + format + "' needs");
+  check_outputs({{output}}, {source.path});
   write_beside(output, [&](const std::string& part) { exporter.write(source, part); });
 }
 

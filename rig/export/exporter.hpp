@@ -33,7 +33,8 @@ class Exporter {
 [[nodiscard]] const std::vector<std::unique_ptr<Exporter>>& all_exporters();
 
 /// Exports to `output`, which appears whole or not at all. Throws UsageError for an unknown format (with what
-/// there is) and MeasurementError when the source does not hold what the format needs.
+/// there is) and an output that cannot be written or must not be replaced, and MeasurementError when the
+/// source does not hold what the format needs.
 void run_export(const std::string& format, const ExportSource& source, const std::string& output);
 
 }  // namespace rig

@@ -18,12 +18,12 @@
 #include <stdexcept>
 
 #include "rig/errors.hpp"
+#include "rig/output_place.hpp"
 #include "rig/session/sha256.hpp"
 
 namespace rig {
 namespace {
 
-constexpr int application_id = 0x52494731;  // 'RIG1', formats.md
 constexpr int schema_version = 1;
 // A scan of 1081 ranges and intensities (4324 bytes) then lies whole in one page: WITHOUT ROWID tables move
 // rows above about an eighth of a page to overflow chains, which halves the reading speed.
@@ -233,7 +233,7 @@ std::unique_ptr<SQLite::Database> open_for_reading(const std::string& path) {
 void check_identity(SQLite::Database& database, const std::string& path) {
   const int application = database.execAndGet("PRAGMA application_id").getInt();
   const int version = database.execAndGet("PRAGMA user_version").getInt();
-  if (application != application_id)
+  if (application != static_cast<int>(session_application_id))
     throw UsageError(path + " is an SQLite database but not a session file of rig (application id " +
                      std::to_string(application) + "). Use `rig import` for other tools' recordings.");
   if (version > schema_version)
@@ -484,7 +484,7 @@ struct SessionStore::Impl {
       database->exec("PRAGMA page_size = " + std::to_string(page_bytes));
       database->exec("PRAGMA synchronous = FULL");
       SQLite::Transaction transaction(*database);
-      database->exec("PRAGMA application_id = " + std::to_string(application_id));
+      database->exec("PRAGMA application_id = " + std::to_string(session_application_id));
       database->exec("PRAGMA user_version = " + std::to_string(schema_version));
       database->exec(schema);
       put("created_utc", utc_now());

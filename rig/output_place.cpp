@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: MIT
+#include "rig/output_place.hpp"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+#include "rig/errors.hpp"
+
+namespace rig {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view sqlite_magic("SQLite format 3\0", 16);
+constexpr std::size_t application_id_at = 68;  // https://www.sqlite.org/fileformat.html, 1.3
+
+bool has_the_mark(const std::string& path) {
+  std::error_code ignored;
+  if (!fs::is_regular_file(path, ignored)) return false;  // Opening a pipe would wait for a writer.
+  std::array<char, application_id_at + 4> head{};
+  std::ifstream file(path, std::ios::binary);
+  if (!file.read(head.data(), head.size())) return false;
+  if (std::string_view(head.data(), sqlite_magic.size()) != sqlite_magic) return false;
+  std::uint32_t id = 0;
+  for (std::size_t i = 0; i < 4; ++i) id = id << 8 | static_cast<std::uint8_t>(head[application_id_at + i]);
+  return id == session_application_id;
+}
+
+std::string folder_of(const std::string& path) {
+  const fs::path parent = fs::path(path).parent_path();
+  return parent.empty() ? "." : parent.string();
+}
+
+bool same_file(const std::string& a, const std::string& b) {
+  std::error_code ignored;
+  if (fs::equivalent(a, b, ignored)) return true;
+  const fs::path one = fs::weakly_canonical(a, ignored), other = fs::weakly_canonical(b, ignored);
+  return !one.empty() && one == other;
+}
+
+[[noreturn]] void refuse(const std::string& path, const std::string& why) {
+  throw UsageError("cannot write " + path + ": " + why);
+}
+
+/// Whoever named a folder meant a file in it.
+void refuse_folder(const Output& output) {
+  std::error_code ignored;
+  const bool named_like_one = output.path.ends_with('/');
+  if (!named_like_one && !fs::is_directory(output.path, ignored)) return;
+  refuse(output.path, "it is a folder, where the name of a file is expected, such as " +
+                          (fs::path(output.path) / output.example).string() + ".");
+}
+
+/// By the rights that opening it would be judged by.
+bool may_be_written(const std::string& path) {
+  return ::faccessat(AT_FDCWD, path.c_str(), W_OK, AT_EACCESS) == 0;
+}
+
+/// Makes the part that will be written, and takes it away again: the disk itself is asked, not its
+/// permissions.
+void try_place(const std::string& path) {
+  if (is_no_plain_file(path)) {
+    if (!may_be_written(path)) refuse(path, why_not_written(path, errno));
+    return;
+  }
+  std::error_code ignored;
+  if (fs::exists(path, ignored) && !may_be_written(path) && errno == EACCES)
+    refuse(path, "it is there already and protected against writing. Give the output another name.");
+  const std::string part = part_of(end_of_link(path));
+  const int fd = ::open(part.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
+  if (fd < 0) refuse(path, why_not_written(path, errno));
+  ::close(fd);
+  ::unlink(part.c_str());
+}
+
+}  // namespace
+
+bool is_recording(const std::string& path) {
+  if (has_the_mark(path)) return true;
+  for (const std::string_view beside : {"-wal", "-shm", "-journal"})
+    if (path.ends_with(beside) && has_the_mark(path.substr(0, path.size() - beside.size()))) return true;
+  return false;
+}
+
+bool is_no_plain_file(const std::string& path) {
+  std::error_code ignored;
+  const fs::file_status status = fs::status(path, ignored);
+  return fs::exists(status) && !fs::is_regular_file(status);
+}
+
+std::string end_of_link(const std::string& path) {
+  std::error_code ignored;
+  const fs::path real = fs::is_symlink(path, ignored) ? fs::weakly_canonical(path, ignored) : fs::path(path);
+  return real.empty() ? path : real.string();
+}
+
+std::string part_of(const std::string& path) { return path + ".part" + std::to_string(::getpid()); }
+
+std::string why_not_written(const std::string& path, int error) {
+  const std::string folder = folder_of(path);
+  std::error_code ignored;
+  switch (error) {
+    case ENOENT:
+      if (fs::exists(folder, ignored)) return "no file can be made in " + folder + ". Choose another folder.";
+      return "there is no folder " + folder + ". Make it first, or choose another.";
+    case ENOTDIR:
+      return folder + " is no folder. Choose another place.";
+    case EACCES:
+    case EPERM:
+      return "writing there is not permitted. Choose another folder, or mend the permissions of " + folder +
+             ".";
+    case EROFS:
+      return "the disk is read-only. Choose a folder on another one.";
+    case ENOSPC:
+    case EDQUOT:
+      return "the disk is full. Free some space, or choose a folder on another one.";
+    case ENAMETOOLONG:
+      return "the name is too long. Choose a shorter one.";
+    case ELOOP:
+      return "its links lead in a circle. Choose another name.";
+    default:
+      return std::string(std::strerror(error)) + ". Choose another folder.";
+  }
+}
+
+void refuse_recording(const std::string& path) {
+  if (!is_recording(path)) return;
+  const std::string real = end_of_link(path);
+  refuse(path, (real == path ? "it is" : "it leads to " + real + ",") +
+                   std::string(" a recording (a session file), and no output replaces one. Give the output "
+                               "another name."));
+}
+
+void check_outputs(const std::vector<Output>& outputs, const std::vector<std::string>& inputs) {
+  std::vector<std::string> others;
+  for (const Output& output : outputs) {
+    const std::string& path = output.path;
+    if (path.empty() || path == "-") continue;
+    refuse_folder(output);
+    for (const std::string& input : inputs)
+      if (same_file(path, input))
+        refuse(path, (path == input ? "it is" : "it is the same file as " + input + ",") +
+                         std::string(" what this command reads. Give the output another name."));
+    refuse_recording(path);
+    for (const std::string& other : others)
+      if (!is_no_plain_file(path) && same_file(path, other))
+        refuse(path, "it is to hold " + (path == other ? "two outputs" : "what goes to " + other + " too") +
+                         ". Give each its own name.");
+    try_place(path);
+    others.push_back(path);
+  }
+}
+
+}  // namespace rig

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace rig {
+
+/// The mark of session files among SQLite's databases: 'RIG1' (formats.md).
+inline constexpr std::uint32_t session_application_id = 0x52494731;
+
+/// Whether a session file lies there, whatever it is called, or one of the files that SQLite keeps beside one
+/// while it is written. Links are followed.
+[[nodiscard]] bool is_recording(const std::string& path);
+
+/// A device, a pipe, a folder: nothing that may be replaced by a file.
+[[nodiscard]] bool is_no_plain_file(const std::string& path);
+
+/// A file that a command is to write in the end; "" is none, "-" is standard output.
+struct Output {
+  std::string path;
+  std::string example = "result";  ///< What such a file could be called, for those who name a folder.
+};
+
+/// The rules of every output, to be asked before anything is computed: it can be written where it is to go;
+/// it replaces no recording and nothing of what the command reads, by whatever name or link; no two outputs
+/// are one file. Nothing is left there. Throws UsageError, which says what is in the way and what to do.
+void check_outputs(const std::vector<Output>& outputs, const std::vector<std::string>& inputs = {});
+
+/// The same for one output without inputs: the last moment to refuse it.
+void refuse_recording(const std::string& path);
+
+/// Where a file of that name really lies: the end of a link, so that a file takes the place of another and
+/// never of a link to it.
+[[nodiscard]] std::string end_of_link(const std::string& path);
+
+/// A name beside `path`, for what is not whole yet.
+[[nodiscard]] std::string part_of(const std::string& path);
+
+/// Why `path` cannot be written, by the system's error number: a sentence and a remedy.
+[[nodiscard]] std::string why_not_written(const std::string& path, int error);
+
+}  // namespace rig

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: MIT
+#include "rig/output_place.hpp"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+
+#include "rig/errors.hpp"
+#include "rig/export/exporter.hpp"
+#include "rig/report/report.hpp"
+#include "rig/session/session_store.hpp"
+#include "rig/whole_file.hpp"
+#include "tests/support/programs.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using Catch::Matchers::Contains;
+
+std::string recording_in(const TestFolder& folder, const std::string& name = "run.rig") {
+  rig::SessionStore store(folder / name, rig::SessionStore::Mode::create);
+  store.set("bench", R"({"schema": "bench/1"})");
+  return folder / name;
+}
+
+std::size_t files_in(const TestFolder& folder) {
+  return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder.path()), {}));
+}
+
+/// Rights count for nothing to the superuser: somebody else asks.
+class Nobody {
+ public:
+  Nobody() : was_root_(::geteuid() == 0) {
+    if (was_root_ && ::seteuid(65534) != 0) throw std::runtime_error("cannot become nobody");
+  }
+  ~Nobody() {
+    if (was_root_ && ::seteuid(0) != 0) std::abort();
+  }
+
+ private:
+  bool was_root_;
+};
+
+}  // namespace
+
+TEST_CASE("a recording is known by its mark, whatever it is called and however it is reached") {
+  const TestFolder folder;
+  const std::string recording = recording_in(folder, "plain.html");
+  CHECK(rig::is_recording(recording));
+  fs::create_symlink(recording, folder / "link");
+  fs::create_hard_link(recording, folder / "second");
+  CHECK(rig::is_recording(folder / "link"));
+  CHECK(rig::is_recording(folder / "second"));
+  CHECK(rig::is_recording(recording + "-wal"));  // What SQLite would put there belongs to it.
+  CHECK_FALSE(rig::is_recording(folder / "none"));
+  std::ofstream(folder / "page.rig") << "<!doctype html>" << std::string(200, ' ');
+  CHECK_FALSE(rig::is_recording(folder / "page.rig"));
+  REQUIRE(::mkfifo((folder / "pipe").c_str(), 0600) == 0);
+  CHECK_FALSE(rig::is_recording(folder / "pipe"));  // Without waiting for a writer.
+}
+
+TEST_CASE("no output replaces a recording, not by a link either") {
+  const TestFolder folder;
+  const std::string recording = recording_in(folder);
+  fs::create_symlink("run.rig", folder / "link.html");
+  fs::create_hard_link(recording, folder / "hard.json");
+  const std::string before = file_text(recording);
+  for (const std::string& path : {recording, folder / "link.html", folder / "hard.json"}) {
+    CAPTURE(path);
+    CHECK_THROWS_WITH(rig::check_outputs({{path}}),
+                      Contains(path) && Contains("recording") && Contains("Give the output another name"));
+    CHECK_THROWS_AS(rig::write_file_atomically(path, "text"), rig::UsageError);
+    CHECK_THROWS_AS(rig::write_beside(path, [](const std::string& part) { std::ofstream(part) << "x"; }),
+                    rig::UsageError);
+  }
+  CHECK(file_text(recording) == before);
+  CHECK(fs::is_symlink(folder / "link.html"));
+  CHECK(files_in(folder) == 3);
+}
+
+TEST_CASE("reports and exports refuse a recording and what they read before they compute") {
+  const TestFolder folder;
+  const std::string recording = recording_in(folder), other = recording_in(folder, "other.html");
+  CHECK_THROWS_WITH(rig::write_report(recording, other), Contains("recording"));
+  const rig::SessionStore session(recording, rig::SessionStore::Mode::read);
+  CHECK_THROWS_WITH(rig::run_export("csv", {recording, &session}, other), Contains("recording"));
+  std::ofstream(folder / "correction.json") << "{}";
+  fs::create_hard_link(folder / "correction.json", folder / "same.json");
+  for (const char* name : {"correction.json", "same.json", "./correction.json"})
+    CHECK_THROWS_WITH(rig::run_export("correction", {folder / "correction.json", nullptr}, folder / name),
+                      Contains("what this command reads"));
+  CHECK(file_text(folder / "correction.json") == "{}");
+}
+
+TEST_CASE("where an output cannot be written is said before anything is computed, with a remedy") {
+  const TestFolder folder;
+  std::ofstream(folder / "file.txt") << "text";
+  fs::create_directory(folder / "taken");
+  const auto refused = [&](const std::string& path, const std::string& why, const std::string& remedy) {
+    CAPTURE(path);
+    CHECK_THROWS_WITH(rig::check_outputs({{path, "page.html"}}),
+                      Contains("cannot write " + path) && Contains(why) && Contains(remedy));
+  };
+  refused(folder / "none/x.html", "there is no folder " + folder / "none", "Make it first");
+  refused(folder / "file.txt/x.html", "is no folder", "Choose another place");
+  refused(folder / "taken", "it is a folder", "such as " + folder / "taken/page.html");
+  refused(folder / "taken/", "it is a folder", "such as " + folder / "taken/page.html");
+  refused(folder / std::string(300, 'x'), "the name is too long", "shorter");
+  refused("/proc/x.html", "no file can be made in /proc", "another folder");
+  REQUIRE(::chmod(folder.path().c_str(), 0755) == 0);
+  REQUIRE(::chmod((folder / "file.txt").c_str(), 0444) == 0);
+  {
+    const Nobody other;
+    refused(folder / "x.html", "not permitted", "mend the permissions of " + folder.path());
+    refused(folder / "file.txt", "protected against writing", "another name");
+  }
+  CHECK(files_in(folder) == 2);
+}
+
+TEST_CASE("what can be written is not touched by asking") {
+  const TestFolder folder;
+  std::ofstream(folder / "old.html") << "old";
+  REQUIRE_NOTHROW(rig::check_outputs({{folder / "old.html"}, {folder / "new.html"}, {""}, {"-"}},
+                                     {folder / "missing.rig", ""}));
+  REQUIRE_NOTHROW(rig::check_outputs({{"/dev/null"}, {"/dev/null"}}));
+  CHECK(file_text(folder / "old.html") == "old");
+  CHECK(files_in(folder) == 1);
+}
+
+TEST_CASE("two outputs are not one file") {
+  const TestFolder folder;
+  CHECK_THROWS_WITH(rig::check_outputs({{folder / "a"}, {folder / "a"}}), Contains("Give each its own name"));
+  fs::create_symlink("a", folder / "b");
+  std::ofstream(folder / "a") << "x";
+  CHECK_THROWS_WITH(rig::check_outputs({{folder / "a"}, {folder / "b"}}), Contains("Give each its own name"));
+}
