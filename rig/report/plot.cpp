@@ -11,10 +11,10 @@
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "rig/report/child_program.hpp"
 #include "rig/report/html_text.hpp"
 
 namespace rig {
@@ -144,16 +144,6 @@ std::string script_of(const Plot& plot, const std::vector<const Series*>& drawn)
   return out.str();
 }
 
-std::string output_of(const std::string& command) {
-  std::string output;
-  const std::unique_ptr<FILE, int (*)(FILE*)> pipe(popen(command.c_str(), "r"), pclose);
-  if (!pipe) return output;
-  std::array<char, 65536> buffer{};
-  while (const std::size_t n = fread(buffer.data(), 1, buffer.size(), pipe.get()))
-    output.append(buffer.data(), n);
-  return output;
-}
-
 void replace_all(std::string& text, const std::string& from, const std::string& to) {
   for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size()))
     text.replace(at, from.size(), to);
@@ -231,7 +221,7 @@ std::string with_coloured_markers(const std::string& svg) {
 
 }  // namespace
 
-std::string to_svg(const Plot& plot) {
+std::string to_svg(const Plot& plot, std::chrono::milliseconds longest) {
   std::vector<const Series*> drawn;
   for (const Series& series : plot.series) {
     const std::size_t n = std::min(series.x.size(), series.y.size());
@@ -244,13 +234,17 @@ std::string to_svg(const Plot& plot) {
   const TemporaryFile script;
   if (script.descriptor < 0) return message_svg(plot, "no room for a temporary file, picture left out");
   std::ofstream(script.path) << script_of(plot, drawn);
-  std::string svg = output_of("gnuplot '" + script.path + "' 2>/dev/null");
+  ChildResult drawing = run_child({"gnuplot", script.path}, longest);
+  if (drawing.end == ChildResult::End::hung)
+    return message_svg(plot, hung_in_words("gnuplot", longest) + ", picture left out");
+  std::string& svg = drawing.output;
   const std::size_t start = svg.find("<svg");
   if (start == std::string::npos || svg.find("</svg>") == std::string::npos)
-    return message_svg(plot, "install gnuplot-nox to see this picture");
+    return message_svg(plot, drawing.end == ChildResult::End::missing
+                                 ? "install gnuplot-nox to see this picture"
+                                 : "gnuplot failed, picture left out");
   svg.erase(0, start);  // the XML declaration may not stand inside HTML
-  svg = with_coloured_markers(svg);
-  return svg;
+  return with_coloured_markers(svg);
 }
 
 Plot plot_from_json(const nlohmann::json& json) {

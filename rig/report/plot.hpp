@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <chrono>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
@@ -26,8 +27,10 @@ struct Plot {
 };
 
 /// Draws the plot as an SVG element that can stand in HTML and prints well (gnuplot does the drawing; the
-/// same plot gives the same bytes). Without gnuplot, or with nothing to draw, an SVG that says so.
-[[nodiscard]] std::string to_svg(const Plot& plot);
+/// same plot gives the same bytes). Without gnuplot, with one that is not done within `longest`, or with
+/// nothing to draw, an SVG that says so.
+[[nodiscard]] std::string to_svg(const Plot& plot,
+                                 std::chrono::milliseconds longest = std::chrono::seconds(30));
 
 /// Reads the "plots" entries of a result document (docs/results.md).
 [[nodiscard]] Plot plot_from_json(const nlohmann::json& json);

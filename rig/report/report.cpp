@@ -1,12 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "rig/report/report.hpp"
 
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <kainjow/mustache.hpp>
 #include <map>
@@ -17,6 +13,8 @@
 #include "fit/explain/explanation.hpp"
 #include "rig/errors.hpp"
 #include "rig/number_format.hpp"
+#include "rig/output_place.hpp"
+#include "rig/report/child_program.hpp"
 #include "rig/report/plot.hpp"
 #include "rig/whole_file.hpp"
 
@@ -453,34 +451,21 @@ std::string shown_time(std::int64_t host_us) {
   return text;
 }
 
-int run_quietly(const std::vector<std::string>& arguments) {
-  std::vector<char*> raw;
-  for (const std::string& argument : arguments) raw.push_back(const_cast<char*>(argument.c_str()));
-  raw.push_back(nullptr);
-  const pid_t child = fork();
-  if (child == 0) {
-    setenv("SOURCE_DATE_EPOCH", "0", 0);  // the same certificate gives the same bytes
-    if (freopen("/dev/null", "w", stderr) == nullptr) _exit(126);
-    execvp(raw[0], raw.data());
-    _exit(127);
-  }
-  int status = 0;
-  if (child < 0 || waitpid(child, &status, 0) < 0) return -1;
-  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
-
-void write_pdf(const std::string& html, const std::string& output) {
+void write_pdf(const std::string& html, const std::string& output, std::chrono::milliseconds longest) {
   write_beside(output, [&](const std::string& part) {
-    const std::string page = output + ".part.html";
+    const std::string page = part + ".html";
     write_file_atomically(page, html);
-    const int status = run_quietly({"weasyprint", "-q", page, part});
+    const auto printing = run_child({"weasyprint", "-q", page, part}, longest).end;
     std::error_code ignored;
     std::filesystem::remove(page, ignored);
-    if (status == 127)
+    if (printing == ChildResult::End::missing)
       throw UsageError(
           "PDF needs WeasyPrint: install the package 'weasyprint', or write .html and print it from a "
           "browser");
-    if (status != 0 || !std::filesystem::exists(part))
+    if (printing == ChildResult::End::hung)
+      throw MeasurementError(hung_in_words("WeasyPrint", longest) + ", so " + output +
+                             " is not written: write .html and print it from a browser");
+    if (printing != ChildResult::End::done || !std::filesystem::exists(part))
       throw UsageError("WeasyPrint could not write " + output + ": write .html and print it from a browser");
   });
 }
@@ -519,10 +504,6 @@ json make_certificate(const SessionStore& session, const std::string& session_fi
   return certificate;
 }
 
-std::string certificate_text(const SessionStore& session, const std::string& session_file) {
-  return make_certificate(session, session_file).dump(1) + "\n";
-}
-
 std::string to_html(const json& certificate) {
   json page = certificate;
   page["created"] = text_of(certificate, "created_utc");
@@ -551,16 +532,21 @@ std::string to_html(const json& certificate) {
   return layout.render(to_mustache(page));
 }
 
-void write_report(const std::string& session_file, const std::string& output) {
+void write_report(const std::string& session_file, const std::string& output,
+                  std::chrono::milliseconds longest_pdf) {
+  check_outputs({{output, std::filesystem::path(session_file).stem().string() + ".html"}}, {session_file});
   const std::string ending = std::filesystem::path(output).extension().string();
   if (ending != ".html" && ending != ".pdf" && ending != ".json")
     throw UsageError("rig report writes .html, .pdf or .json, not '" + output +
                      "': give -o a name with one of these endings");
   const SessionStore session(session_file, SessionStore::Mode::read);
-  if (ending == ".json") return write_file_atomically(output, certificate_text(session, session_file));
-  const std::string html = to_html(make_certificate(session, session_file));
+  const json certificate = make_certificate(session, session_file);
+  if (ending == ".json")
+    return write_file_atomically(output,
+                                 certificate.dump(1, ' ', false, json::error_handler_t::replace) + "\n");
+  const std::string html = to_html(certificate);
   if (ending == ".html") return write_file_atomically(output, html);
-  write_pdf(html, output);
+  write_pdf(html, output, longest_pdf);
 }
 
 }  // namespace rig
