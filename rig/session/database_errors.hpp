@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <SQLiteCpp/SQLiteCpp.h>
+
+#include <string>
+
+namespace rig {
+
+/// Turns the database's words about the session file `path` into the operator's. Throws UsageError or
+/// MeasurementError.
+[[noreturn]] void tell_operator(const std::string& path, const SQLite::Exception& error);
+
+/// Runs `work` on the session file `path`; what the database complains of is told as above.
+template <class F>
+auto guarded(const std::string& path, F work) {
+  try {
+    return work();
+  } catch (const SQLite::Exception& error) {
+    tell_operator(path, error);
+  }
+}
+
+}  // namespace rig

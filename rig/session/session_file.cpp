@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: MIT
+#include "rig/session/session_file.hpp"
+
+#include <fcntl.h>
+#include <sqlite3.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <filesystem>
+
+#include "rig/errors.hpp"
+
+namespace rig {
+namespace {
+
+std::string immutable_uri(const std::string& path) {
+  std::string uri = "file:";
+  for (const char c : std::filesystem::absolute(path).string()) {
+    if (c == '%' || c == '?' || c == '#')
+      uri += c == '%' ? "%25" : c == '?' ? "%3f" : "%23";
+    else
+      uri += c;
+  }
+  return uri + "?immutable=1";
+}
+
+}  // namespace
+
+WriterLock::WriterLock(const std::string& path) : fd_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
+  if (fd_ >= 0 && ::flock(fd_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+    ::close(fd_);
+    throw UsageError(path + " is being written by another program. Wait for it to finish or stop it.");
+  }
+}
+
+WriterLock::~WriterLock() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+bool WriterLock::names(const std::string& path) const {
+  struct stat open {
+  }, named{};
+  if (fd_ < 0 || ::fstat(fd_, &open) != 0) return true;
+  return ::stat(path.c_str(), &named) == 0 && open.st_dev == named.st_dev && open.st_ino == named.st_ino;
+}
+
+void sync_folder(const std::string& path) {
+  const auto folder = std::filesystem::absolute(path).parent_path();
+  const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) return;
+  ::fsync(fd);
+  ::close(fd);
+}
+
+bool has_data(const std::string& path) {
+  std::error_code ignored;
+  const auto size = std::filesystem::file_size(path, ignored);
+  return !ignored && size > 0;
+}
+
+std::unique_ptr<SQLite::Database> open_for_reading(const std::string& path) {
+  struct stat found {};
+  if (::stat(path.c_str(), &found) != 0)
+    throw UsageError(path + ": no such session file. Check the name and the folder.");
+  if (S_ISDIR(found.st_mode)) throw UsageError(path + " is a folder, not a session file.");
+  if (::access(path.c_str(), R_OK) != 0)
+    throw UsageError(path + " cannot be read: permission denied. Check the file's permissions.");
+  try {
+    auto database = std::make_unique<SQLite::Database>(path, SQLite::OPEN_READONLY, 2000);
+    (void)database->execAndGet("PRAGMA user_version").getInt();
+    (void)database->execAndGet("SELECT count(*) FROM sqlite_schema").getInt();
+    return database;
+  } catch (const SQLite::Exception& error) {
+    const int code = error.getErrorCode();
+    if (code != SQLITE_CANTOPEN && code != SQLITE_READONLY && code != SQLITE_IOERR) throw;
+    // Power that failed while the file was made leaves a journal that only a writer may roll back.
+    if (has_data(path + "-journal") && ::access(path.c_str(), W_OK) == 0) {
+      SQLite::Database mended(path, SQLite::OPEN_READWRITE, 2000);
+      (void)mended.execAndGet("SELECT count(*) FROM sqlite_schema").getInt();
+      return std::make_unique<SQLite::Database>(path, SQLite::OPEN_READONLY, 2000);
+    }
+    // On read-only media the side files of the write-ahead log cannot be made. Without a log there is nothing
+    // in them to miss.
+    if (has_data(path + "-wal"))
+      throw UsageError(path + " lies on a read-only disk beside an unfinished log (" + path +
+                       "-wal). Copy both to a writable folder and read the copy.");
+    return std::make_unique<SQLite::Database>(immutable_uri(path), SQLite::OPEN_READONLY | SQLite::OPEN_URI,
+                                              2000);
+  }
+}
+
+}  // namespace rig

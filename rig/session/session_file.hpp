@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <SQLiteCpp/SQLiteCpp.h>
+
+#include <memory>
+#include <string>
+
+namespace rig {
+
+/// Holds an advisory lock for as long as the writer lives, so that a second `rig run` on the same file is
+/// told so (UsageError). SQLite's own locks are per transaction only.
+class WriterLock {
+ public:
+  explicit WriterLock(const std::string& path);
+  ~WriterLock();
+  WriterLock(const WriterLock&) = delete;
+  WriterLock& operator=(const WriterLock&) = delete;
+
+  /// Whether the file still has its name: it may have been removed or replaced meanwhile.
+  [[nodiscard]] bool names(const std::string& path) const;
+
+ private:
+  int fd_;
+};
+
+/// A name is on the disk only when its folder is: flushes the folder of `path`.
+void sync_folder(const std::string& path);
+
+/// Whether there is a file of more than no bytes.
+[[nodiscard]] bool has_data(const std::string& path);
+
+/// Opens a session, or what should be one, for reading: beside a writer, after a crash, and on read-only
+/// media too. Throws UsageError or SQLite::Exception.
+[[nodiscard]] std::unique_ptr<SQLite::Database> open_for_reading(const std::string& path);
+
+}  // namespace rig
