@@ -29,7 +29,7 @@ class Apply : public Command {
         ->check(CLI::IsMember({"hold", "drop"}))
         ->capture_default_str();
     command->add_flag("--any-lidar", request_.any_lidar,
-                      "Also for another lidar than the one that was calibrated");
+                      "Also for another lidar than the one that was calibrated, or one of another model");
     json_.declare(*command, "what was done");
     return command;
   }
@@ -40,6 +40,7 @@ class Apply : public Command {
     request_.correction = load_correction(request_.correction_name);
     request_.drop_outside = outside_ == "drop";
     const ApplyReport report = apply_to_session(request_);
+    for (const std::string& warning : report.warnings) std::fprintf(stderr, "rig: %s\n", warning.c_str());
     std::fprintf(stderr, "apply: %ld samples of %ld scans corrected, by %.2f mm on average -> %s\n",
                  report.samples, report.scans, report.mean_error_mm, request_.output.c_str());
     if (report.outside_range + report.outside_intensity > 0)

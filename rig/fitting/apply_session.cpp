@@ -6,11 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <filesystem>
-#include <nlohmann/json.hpp>
 #include <vector>
 
 #include "rig/errors.hpp"
+#include "rig/session/lidar_identity.hpp"
+#include "rig/session/new_session.hpp"
+#include "rig/session/session_file.hpp"
 #include "rig/session/session_store.hpp"
 
 namespace rig {
@@ -18,27 +19,18 @@ namespace {
 
 constexpr std::uint16_t first_error_code = 65500;
 
-std::string serial_of(const SessionStore& session) {
-  const auto lidar = nlohmann::json::parse(session.get("lidar").value_or("{}"), nullptr, false);
-  if (!lidar.is_object()) return "";
-  for (const char* key : {"SERI", "serial"})
-    if (lidar.contains(key) && lidar.at(key).is_string()) return lidar.at(key).get<std::string>();
-  return "";
-}
-
-void check(const ApplyRequest& request) {
+/// Refuses what must not be corrected; returns what the operator should know all the same.
+std::vector<std::string> check(const ApplyRequest& request) {
   const SessionStore session(request.input, SessionStore::Mode::read);
-  if (std::filesystem::exists(request.output))
-    throw UsageError(request.output + " is there already. Choose another name, or remove it.");
   if (session.get("correction"))
     throw UsageError(request.input +
                      " is corrected already; apply corrections to the session as it was measured");
-  const std::string serial = serial_of(session);
-  if (!request.any_lidar && !serial.empty() && !request.correction.lidar_serial.empty() &&
-      serial != request.correction.lidar_serial)
-    throw UsageError("the correction is for the lidar " + request.correction.lidar_serial +
-                     ", the session is of " + serial +
-                     ". Calibrate that one, or say --any-lidar if you know better.");
+  const LidarMatch match =
+      match_lidar(request.correction.lidar_model, request.correction.lidar_serial, lidar_of(session));
+  if (match.another && !request.any_lidar)
+    throw UsageError(match.says + ". Calibrate that one, or say --any-lidar if you know better.");
+  if (match.says.empty()) return {};
+  return {match.says + "."};
 }
 
 std::vector<std::uint16_t> values_of(const SQLite::Column& column) {
@@ -49,16 +41,13 @@ std::vector<std::uint16_t> values_of(const SQLite::Column& column) {
 
 class Applying {
  public:
-  explicit Applying(const ApplyRequest& request) : request_(request) {}
+  Applying(const ApplyRequest& request, const std::string& output) : request_(request), output_(output) {}
 
   ApplyReport run() {
-    SQLite::Database source(request_.input, SQLite::OPEN_READONLY, 5000);
-    {
-      SQLite::Statement copy(source, "VACUUM INTO ?");
-      copy.bind(1, request_.output);
-      copy.exec();
-    }
-    SQLite::Database target(request_.output, SQLite::OPEN_READWRITE, 5000);
+    copy_session(request_.input, output_);
+    const auto opened = open_for_reading(request_.input);
+    SQLite::Database& source = *opened;
+    SQLite::Database target(output_, SQLite::OPEN_READWRITE, 5000);
     SQLite::Transaction transaction(target);
     SQLite::Statement scans(source,
                             "SELECT capture, seq, range_mm, intensity FROM scan ORDER BY capture, seq");
@@ -104,6 +93,7 @@ class Applying {
   }
 
   const ApplyRequest& request_;
+  const std::string& output_;
   ApplyReport report_;
   double sum_ = 0;
 };
@@ -111,27 +101,21 @@ class Applying {
 }  // namespace
 
 ApplyReport apply_to_session(const ApplyRequest& request) {
-  check(request);
   ApplyReport report;
-  try {
-    report = Applying(request).run();
-  } catch (const SQLite::Exception& error) {
-    std::error_code ignored;
-    std::filesystem::remove(request.output, ignored);
-    throw UsageError("cannot write " + request.output + ": " + error.what());
-  } catch (...) {
-    std::error_code ignored;
-    std::filesystem::remove(request.output, ignored);
-    throw;
-  }
-  SessionStore session(request.output, SessionStore::Mode::append);
-  session.set("correction", fit::to_json_text(request.correction));
-  session.add_event(0, "info",
-                    "ranges corrected with " + request.correction_name + ": " +
-                        std::to_string(report.samples) + " samples, of which " +
-                        std::to_string(report.outside_range) + " outside its distances and " +
-                        std::to_string(report.outside_intensity) + " outside its intensities");
-  session.finish();
+  make_session(request.output, [&](const std::string& unfinished) {
+    auto warnings = check(request);
+    report = Applying(request, unfinished).run();
+    report.warnings = std::move(warnings);
+    SessionStore session(unfinished, SessionStore::Mode::append);
+    session.set("correction", fit::to_json_text(request.correction));
+    for (const std::string& warning : report.warnings) session.add_event(0, "warning", warning);
+    session.add_event(0, "info",
+                      "ranges corrected with " + request.correction_name + ": " +
+                          std::to_string(report.samples) + " samples, of which " +
+                          std::to_string(report.outside_range) + " outside its distances and " +
+                          std::to_string(report.outside_intensity) + " outside its intensities");
+    session.finish();
+  });
   return report;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "fit/correction.hpp"
 
@@ -12,18 +13,20 @@ struct ApplyRequest {
   fit::Correction correction;
   std::string correction_name, input, output;
   bool drop_outside = false;  ///< Samples outside the calibrated region become "no echo".
-  bool any_lidar = false;     ///< Also when the serial numbers differ.
+  bool any_lidar = false;     ///< Also when it was made for another lidar.
 };
 
 struct ApplyReport {
   long scans = 0, samples = 0, without_echo = 0;
   long outside_range = 0, outside_intensity = 0;  ///< A sample may count in both.
   double mean_error_mm = 0;                       ///< Subtracted, on average.
+  std::vector<std::string> warnings;              ///< Sentences for the operator.
 };
 
 /// Writes a copy of the session with corrected ranges, rounded to whole millimetres as the format has them;
 /// its results, which belong to the uncorrected ranges, are left out, and its key `correction` says what was
-/// done. Throws UsageError (files, another lidar, corrected already) or MeasurementError (no intensities).
+/// done. It appears whole or not at all. Throws UsageError (files, another lidar or one of another model,
+/// corrected already) or MeasurementError (no intensities).
 ApplyReport apply_to_session(const ApplyRequest& request);
 
 }  // namespace rig

@@ -12,8 +12,8 @@ namespace rig {
 /// scans as they are, the lidar carrier's corrected poses as its track, a table `deskewed(capture, seq, x_mm,
 /// y_mm, heading_deg, points)` with each scan's lidar pose in the map at the scan's beginning and its points
 /// in the lidar's frame at that moment (little-endian float32 pairs, one a beam, NaN without echo), and the
-/// result `deskew` with pictures of the map and its crispness. Returns that result. Throws UsageError (files)
-/// or MeasurementError (no motion known).
+/// result `deskew` with pictures of the map and its crispness. It appears whole or not at all. Returns that
+/// result. Throws UsageError (files) or MeasurementError (no motion known).
 nlohmann::json deskew_session(const std::string& input, const std::string& output,
                               const DeskewOptions& options);
 

@@ -16,7 +16,10 @@
 
 #include "rig/errors.hpp"
 #include "rig/number_format.hpp"
+#include "rig/output_place.hpp"
+#include "rig/session/new_session.hpp"
 #include "rig/session/session_store.hpp"
+#include "rig/session/utc.hpp"
 
 namespace rig {
 namespace {
@@ -25,6 +28,7 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 
 constexpr std::int64_t forever = std::numeric_limits<std::int64_t>::max();
+constexpr std::int64_t first_plausible_s = 631'152'000;  // 1990: no recording is older.
 
 double tidy_degrees(double rad) { return std::round(rad * fit::deg_per_rad * 1e6) / 1e6; }
 
@@ -154,6 +158,7 @@ class SessionWriter : public ImportSink {
     const auto model = properties_.find("model");
     return model != properties_.end() ? model->second : frame_.empty() ? "imported" : frame_;
   }
+  [[nodiscard]] std::int64_t epoch_ns() const { return epoch_ns_; }
   [[nodiscard]] std::size_t most_beams() const { return most_beams_; }
   [[nodiscard]] double mean_first_rad() const { return first_sum_ / scans(); }
   [[nodiscard]] double mean_step_rad() const { return step_sum_ / scans(); }
@@ -291,23 +296,6 @@ void write_imu(const std::string& path, const SessionWriter& written) {
   transaction.commit();
 }
 
-/// Removes an unfinished session unless told that it is whole.
-class Unfinished {
- public:
-  explicit Unfinished(std::string path) : path_(std::move(path)) {}
-  ~Unfinished() {
-    if (path_.empty()) return;
-    std::error_code ignored;
-    for (const char* suffix : {"", "-wal", "-shm", "-journal"}) fs::remove(path_ + suffix, ignored);
-  }
-  Unfinished(const Unfinished&) = delete;
-  Unfinished& operator=(const Unfinished&) = delete;
-  void keep() { path_.clear(); }
-
- private:
-  std::string path_;
-};
-
 std::vector<FirstScan> look_at(const ImportRequest& request) {
   std::vector<FirstScan> looks;
   for (const auto& file : request.files) {
@@ -327,11 +315,20 @@ std::vector<FirstScan> look_at(const ImportRequest& request) {
 fit::CaptureInfo capture_info(const FirstScan& look, const std::string& file, std::int64_t epoch_ns) {
   fit::CaptureInfo info;
   const fs::path path = fs::path(file).filename().empty() ? fs::path(file).parent_path() : fs::path(file);
-  info.step = fs::is_directory(path) ? path.filename().string() : path.stem().string();
+  std::error_code ignored;
+  info.step = fs::is_directory(path, ignored) ? path.filename().string() : path.stem().string();
   info.started_us = (look.stamp_ns() - epoch_ns) / 1000;
   info.first_step = 0;
   info.last_step = static_cast<int>(look.beams()) - 1;
   return info;
+}
+
+/// The date that a recording's first stamp tells; none for clocks that count from some other moment (a
+/// simulation's, a lidar's own).
+std::optional<std::string> utc_of(std::int64_t stamp_ns) {
+  const std::int64_t seconds = stamp_ns / 1'000'000'000, now = std::time(nullptr);
+  if (seconds < first_plausible_s || seconds > now + 86'400) return std::nullopt;
+  return utc_text(seconds);
 }
 
 void write_keys(SessionStore& store, const ImportRequest& request, const SessionWriter& written) {
@@ -341,9 +338,13 @@ void write_keys(SessionStore& store, const ImportRequest& request, const Session
   store.set("import", json{{"files", files}, {"scans", written.source()}}.dump());
   store.set("procedure", "import");
   json lidar = json::object();
-  for (const auto& [key, value] : written.properties()) lidar[key] = value;
-  lidar["model"] = written.lidar_model();
+  for (const auto& [key, value] : written.properties())
+    if (key == "recorded_local")
+      store.set(key, value);
+    else
+      lidar[key] = value;
   store.set("lidar", lidar.dump());
+  if (const auto recorded = utc_of(written.epoch_ns())) store.set("recorded_utc", *recorded);
   if (const json transforms = written.transforms(); !transforms.empty())
     store.set("transforms", transforms.dump());
   if (const auto place = written.lidar_on_robot()) {
@@ -356,6 +357,38 @@ void write_keys(SessionStore& store, const ImportRequest& request, const Session
                    {"yaw_deg", tidy_degrees(std::atan2(t.linear()(1, 0), t.linear()(0, 0)))}}
                   .dump());
   }
+}
+
+/// Looks at every file before the first scan is written.
+ImportReport import_into(const std::string& unfinished, const ImportRequest& request) {
+  const auto looks = look_at(request);
+  ImportReport report;
+  const auto distances = true_distances(request, report);
+  std::optional<fit::Bench> bench;
+  if (request.bench) bench = fit::parse_bench(*request.bench);
+  std::int64_t epoch_ns = forever;
+  for (const auto& look : looks) epoch_ns = std::min(epoch_ns, look.stamp_ns());
+
+  auto store = std::make_unique<SessionStore>(unfinished, SessionStore::Mode::create);
+  SessionWriter writer(*store, epoch_ns);
+  writer.report() = report;
+  for (std::size_t i = 0; i < request.files.size(); ++i) {
+    fit::CaptureInfo info = capture_info(looks[i], request.files[i], epoch_ns);
+    if (!distances.empty()) {
+      info.target = request.target;
+      info.target_shift_mm =
+          bench ? shift_of(*bench, request.target, distances[i]) : distances[i] - distances[0];
+    }
+    writer.begin_file(request.files[i], info);
+    importer_for(request.files[i])->read(request.files[i], request.options, writer);
+    writer.end_file();
+  }
+  store->set("bench", request.bench ? *request.bench : bench_document(request, writer, distances).dump(2));
+  write_keys(*store, request, writer);
+  store->finish();
+  store.reset();
+  write_imu(unfinished, writer);
+  return writer.report();
 }
 
 }  // namespace
@@ -376,9 +409,10 @@ std::optional<double> distance_in_name(const std::string& path) {
 }
 
 std::unique_ptr<Importer> importer_for(const std::string& path) {
-  if (!fs::exists(path)) throw UsageError(path + ": no such file or folder. Check the name.");
+  std::error_code ignored;
+  if (!fs::exists(path, ignored)) throw UsageError(path + ": no such file or folder. Check the name.");
   std::vector<std::uint8_t> first;
-  if (!fs::is_directory(path)) {
+  if (!fs::is_directory(path, ignored)) {
     std::ifstream in(path, std::ios::binary);
     if (!in) throw UsageError(path + " cannot be opened. Check the permissions.");
     first.resize(4096);
@@ -396,41 +430,11 @@ std::unique_ptr<Importer> importer_for(const std::string& path) {
 }
 
 ImportReport import_session(const ImportRequest& request) {
-  const auto looks = look_at(request);
+  check_outputs({{request.output, "session.rig"}}, request.files);
   ImportReport report;
-  const auto distances = true_distances(request, report);
-  std::optional<fit::Bench> bench;
-  if (request.bench) bench = fit::parse_bench(*request.bench);
-  std::int64_t epoch_ns = forever;
-  for (const auto& look : looks) epoch_ns = std::min(epoch_ns, look.stamp_ns());
-
-  auto store = std::make_unique<SessionStore>(request.output, SessionStore::Mode::create);
-  Unfinished unfinished(request.output);
-  SessionWriter writer(*store, epoch_ns);
-  writer.report() = report;
-  for (std::size_t i = 0; i < request.files.size(); ++i) {
-    fit::CaptureInfo info = capture_info(looks[i], request.files[i], epoch_ns);
-    if (!distances.empty()) {
-      info.target = request.target;
-      info.target_shift_mm =
-          bench ? shift_of(*bench, request.target, distances[i]) : distances[i] - distances[0];
-    }
-    writer.begin_file(request.files[i], info);
-    importer_for(request.files[i])->read(request.files[i], request.options, writer);
-    writer.end_file();
-  }
-  store->set("bench", request.bench ? *request.bench : bench_document(request, writer, distances).dump(2));
-  write_keys(*store, request, writer);
-  try {
-    store->finish();
-  } catch (const MeasurementError&) {
-    unfinished.keep();  // What is there now is another program's.
-    throw;
-  }
-  store.reset();
-  write_imu(request.output, writer);
-  unfinished.keep();
-  return writer.report();
+  make_session(request.output,
+               [&](const std::string& unfinished) { report = import_into(unfinished, request); });
+  return report;
 }
 
 }  // namespace rig

@@ -423,6 +423,15 @@ TEST_CASE("a correction for another lidar is not applied by mistake") {
   request.any_lidar = true;
   request.drop_outside = true;
   CHECK(rig::apply_to_session(request).samples == 20);
+  fs::remove(request.output);
+  request.any_lidar = false;
+  request.correction.lidar_serial.clear();
+  const auto report = rig::apply_to_session(request);
+  REQUIRE(report.warnings.size() == 1);
+  CHECK_THAT(report.warnings.front(), Catch::Contains("the correction does not say which lidar it is of"));
+  fs::remove(request.output);
+  request.correction.lidar_model = "UTM-30LX";
+  CHECK_THROWS_WITH(rig::apply_to_session(request), Catch::Contains("UTM-30LX"));
 }
 
 TEST_CASE("range procedures run unattended on the simulated bench and lead to a correction that validates") {

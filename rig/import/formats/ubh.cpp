@@ -43,7 +43,10 @@ class Reader {
     } else if (key == "scan") {
       scan(text);
       stamp_ms_.reset();
-    } else if (key != "logtime" && key != "scanMark" && header_.size() < 100) {
+    } else if (key == "logtime") {
+      if (!dated_) sink_.property("recorded_local", std::string(text));
+      dated_ = true;
+    } else if (key != "scanMark" && header_.size() < 100) {
       header_[key] = std::string(text);
     }
   }
@@ -139,7 +142,7 @@ class Reader {
   double wraps_ = 0;
   std::size_t steps_ = 0;
   std::uint64_t faulty_ = 0, backwards_ = 0;
-  bool several_ = false;
+  bool several_ = false, dated_ = false;
   std::vector<std::uint16_t> range_mm_, intensity_;
 };
 

@@ -91,6 +91,8 @@ TEST_CASE("a UrgBenri log becomes a session with the lidar's own angles and time
   CHECK(in.scans[1].host_us - in.scans[0].host_us == 25'000);  // over the wrap of the 24-bit timer
   const rig::SessionStore store(folder.file("out.rig"), rig::SessionStore::Mode::read);
   CHECK_THAT(store.get("lidar").value(), Contains("UST-10LX") && Contains("H1234567"));
+  CHECK_FALSE(store.get("recorded_utc"));  // Its times are the lidar's own.
+  CHECK(store.get("recorded_local") == "2024-05-06 07:08:09.123");
 }
 
 TEST_CASE("a UrgBenri log of several echoes, without intensity, cut at its end, is read as far as it goes") {

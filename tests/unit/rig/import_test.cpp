@@ -114,6 +114,8 @@ void check_robot_session(const std::string& path) {
   const rig::SessionStore store(path, rig::SessionStore::Mode::read);
   const auto recording = store.recording();
   REQUIRE(recording->captures().size() == 1);
+  CHECK(store.get("recorded_utc") == "2026-02-02T02:40:00Z");  // t0
+  CHECK(store.get("lidar") == "{}");                           // A topic's frame is no model.
   std::vector<std::vector<std::uint16_t>> ranges, intensities;
   std::vector<std::int64_t> times;
   std::vector<fit::ScanGeometry> geometries;

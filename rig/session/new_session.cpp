@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: MIT
+#include "rig/session/new_session.hpp"
+
+#include <fcntl.h>
+#include <sqlite3.h>
+#include <stdio.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <filesystem>
+
+#include "rig/errors.hpp"
+#include "rig/output_place.hpp"
+#include "rig/session/database_errors.hpp"
+#include "rig/session/session_file.hpp"
+
+namespace rig {
+namespace {
+
+namespace fs = std::filesystem;
+
+void demand_free(const std::string& path) {
+  std::error_code ignored;
+  const bool empty_file = fs::is_regular_file(path, ignored) && !has_data(path);
+  if (!empty_file && fs::exists(fs::symlink_status(path, ignored)) && !fs::is_directory(path, ignored))
+    throw UsageError(path + " is there already and is not overwritten. Choose another name, or remove it.");
+  check_outputs({{path, "session.rig"}});
+}
+
+/// All that SQLite may have left of a database.
+void remove_database(const std::string& path) {
+  std::error_code ignored;
+  for (const char* ending : {"", "-wal", "-shm", "-journal"}) fs::remove(path + ending, ignored);
+}
+
+void sync_file(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const bool failed = fd < 0 || ::fsync(fd) != 0;
+  const int error = errno;
+  if (fd >= 0) ::close(fd);
+  if (failed) throw MeasurementError("cannot write " + path + ": " + why_not_written(path, error));
+}
+
+/// The database's words to one who makes a session: there is nothing to resume.
+[[noreturn]] void tell_maker(const std::string& path, const SQLite::Exception& error) {
+  switch (error.getErrorCode()) {
+    case SQLITE_FULL:
+      throw MeasurementError("cannot write " + path +
+                             ": the disk is full. Nothing is left of it; free some " +
+                             "space and try again.");
+    case SQLITE_IOERR:
+      throw MeasurementError("cannot write " + path + ": reading or writing failed (" + error.what() +
+                             "). Nothing is left of it; check the disk and try again.");
+    default:
+      tell_operator(path, error);
+  }
+}
+
+/// Gives the file its name unless another has it. Returns 0 or the system's error number.
+int take_name(const std::string& unfinished, const std::string& path) {
+  const auto rename = [&](unsigned flags) {
+    return ::renameat2(AT_FDCWD, unfinished.c_str(), AT_FDCWD, path.c_str(), flags) == 0 ? 0 : errno;
+  };
+  const int error = rename(RENAME_NOREPLACE);
+  std::error_code ignored;
+  const bool free = !fs::exists(fs::symlink_status(path, ignored));
+  const bool empty_file = fs::is_regular_file(fs::symlink_status(path, ignored)) && !has_data(path);
+  // Some file systems know no such flag; and an empty file is nothing to be kept.
+  if ((error == EINVAL && free) || (error != 0 && empty_file)) return rename(0);
+  return error;
+}
+
+}  // namespace
+
+void make_session(const std::string& path, const std::function<void(const std::string& unfinished)>& make) {
+  demand_free(path);
+  const std::string unfinished = path + ".unfinished-" + std::to_string(::getpid());
+  remove_database(unfinished);  // Of a program that was killed and had the same number.
+  try {
+    make(unfinished);
+    sync_file(unfinished);
+  } catch (const SQLite::Exception& error) {
+    remove_database(unfinished);
+    tell_maker(path, error);
+  } catch (...) {
+    remove_database(unfinished);
+    throw;
+  }
+  if (const int error = take_name(unfinished, path); error != 0)
+    throw UsageError(
+        "cannot write " + path + ": " +
+        (error == EEXIST ? "another file has appeared there meanwhile." : why_not_written(path, error)) +
+        " The session is whole and is kept as " + unfinished + ": rename it.");
+  sync_folder(path);
+}
+
+void copy_session(const std::string& from, const std::string& to) {
+  const auto source = open_for_reading(from);
+  SQLite::Statement copy(*source, "VACUUM INTO ?");
+  copy.bind(1, to);
+  copy.exec();
+}
+
+}  // namespace rig
