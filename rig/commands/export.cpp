@@ -20,6 +20,8 @@ class Export : public Command {
     command->add_option("session", source_, "Session file (*.rig), or a correction (*.json)")->required();
     command->add_option("--format", format_, "See below")->required();
     command->add_option("-o,--output", output_, "File to write")->required();
+    command->add_flag("--any-lidar", any_lidar_,
+                      "Also a correction that was made for another lidar than the session's");
     command->footer("Formats:" + formats);
     return command;
   }
@@ -28,13 +30,15 @@ class Export : public Command {
     check_outputs({{output_}}, {source_});
     std::unique_ptr<SessionStore> session;
     if (is_session_file(source_)) session = std::make_unique<SessionStore>(source_, SessionStore::Mode::read);
-    run_export(format_, {source_, session.get()}, output_);
+    for (const std::string& note : run_export(format_, {source_, session.get(), any_lidar_}, output_))
+      std::fprintf(stderr, "rig: %s\n", note.c_str());
     std::fprintf(stderr, "exported: %s\n", std::filesystem::absolute(output_).c_str());
     return 0;
   }
 
  private:
   std::string source_, format_, output_;
+  bool any_lidar_ = false;
 };
 
 }  // namespace

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include <optional>
 #include <string>
+#include <vector>
 
 #include "fit/correction.hpp"
+#include "fit/family.hpp"
 #include "rig/export/exporter.hpp"
 
 namespace rig {
@@ -22,17 +23,28 @@ struct CorrectionExport {
 };
 [[nodiscard]] CorrectionExport read_for_export(const ExportSource& source);
 
-/// C99 without dependencies: error, correction, state flags, equations 13/17 of source A
-/// (docs/correction.md).
-[[nodiscard]] std::string c_header(const CorrectionExport& what);
-/// C++11 without dependencies: the same with uncertainty.
-[[nodiscard]] std::string cpp_header(const CorrectionExport& what);
-/// A grid over range and intensity, for bilinear interpolation.
-[[nodiscard]] std::string csv_table(const fit::Correction& correction);
-/// A parameter file for any ROS 2 node.
-[[nodiscard]] std::string ros2_parameters(const CorrectionExport& what);
+/// A format of `rig export` that is a text made from a correction; its file in rig/export/formats makes it.
+class CorrectionFormat : public Exporter {
+ public:
+  bool accepts_files() const final { return true; }
+  void write(const ExportSource& source, const std::string& output) const final;
 
-/// Writes text to a file; throws UsageError or MeasurementError.
-void write_text(const std::string& output, const std::string& text);
+ private:
+  [[nodiscard]] virtual std::string text_of(const CorrectionExport& what) const = 0;
+};
+
+// What their texts have in common.
+
+/// All digits, and recognisable as a real number in C, C++ and YAML.
+[[nodiscard]] std::string real(double value);
+[[nodiscard]] std::string list(const std::vector<double>& values, const char* between = ", ");
+/// What was calibrated, when, and from what, as comments: each line begins with `begin`.
+[[nodiscard]] std::string headline(const fit::Correction& correction, const char* begin);
+[[nodiscard]] const fit::Family& family_of(const fit::CorrectionTerm& term);
+/// The equation or a derivative with its coefficients taken from the array `name`.
+[[nodiscard]] std::string with_array(const fit::CorrectionTerm& term, const std::string& expression,
+                                     const std::string& array);
+/// The term's value where it counts from.
+[[nodiscard]] std::string zero_of(const fit::CorrectionTerm& term);
 
 }  // namespace rig

@@ -3,7 +3,9 @@
 
 #include "fit/json_position.hpp"
 #include "rig/errors.hpp"
+#include "rig/fitting/correction_source.hpp"
 #include "rig/output_place.hpp"
+#include "rig/session/lidar_identity.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig {
@@ -32,14 +34,30 @@ const Exporter& exporter_of(const std::string& format) {
                    (meant.empty() ? "" : "; did you mean '" + meant + "'?") + " There are: " + list);
 }
 
+/// A session may hold a correction that was made from another lidar's recordings.
+std::vector<std::string> check_lidar(const ExportSource& source) {
+  const fit::Correction correction = load_correction(source.path, *source.session);
+  const LidarMatch match =
+      match_lidar(correction.lidar_model, correction.lidar_serial, lidar_of(*source.session));
+  if (match.another && !source.any_lidar)
+    throw UsageError(source.path + ": " + match.says +
+                     ". Calibrate that one, or say --any-lidar if you know better.");
+  if (match.says.empty()) return {};
+  return {match.says + "."};
+}
+
 }  // namespace
 
-void run_export(const std::string& format, const ExportSource& source, const std::string& output) {
+std::vector<std::string> run_export(const std::string& format, const ExportSource& source,
+                                    const std::string& output) {
   const Exporter& exporter = exporter_of(format);
   if (!source.session && !exporter.accepts_files())
     throw UsageError(source.path + " is not a session file (*.rig), which the format '" + format + "' needs");
   check_outputs({{output}}, {source.path});
+  std::vector<std::string> notes;
+  if (source.session && exporter.accepts_files()) notes = check_lidar(source);
   write_beside(output, [&](const std::string& part) { exporter.write(source, part); });
+  return notes;
 }
 
 }  // namespace rig

@@ -13,6 +13,7 @@ namespace rig {
 struct ExportSource {
   std::string path;
   const SessionStore* session = nullptr;  ///< Null when `path` is not a session file.
+  bool any_lidar = false;                 ///< Also a correction that was made for another lidar.
 };
 
 /// One format of `rig export`. Each lives in its own file rig/export/formats/NAME.cpp, which defines
@@ -32,9 +33,11 @@ class Exporter {
 /// Every format there is, in the order of their file names.
 [[nodiscard]] const std::vector<std::unique_ptr<Exporter>>& all_exporters();
 
-/// Exports to `output`, which appears whole or not at all. Throws UsageError for an unknown format (with what
-/// there is) and an output that cannot be written or must not be replaced, and MeasurementError when the
-/// source does not hold what the format needs.
-void run_export(const std::string& format, const ExportSource& source, const std::string& output);
+/// Exports to `output`, which appears whole or not at all; returns sentences for the operator. Throws
+/// UsageError for an unknown format (with what there is), an output that cannot be written or must not be
+/// replaced, and a correction that is not for the session's lidar, and MeasurementError when the source does
+/// not hold what the format needs.
+std::vector<std::string> run_export(const std::string& format, const ExportSource& source,
+                                    const std::string& output);
 
 }  // namespace rig

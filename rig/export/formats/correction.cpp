@@ -4,15 +4,16 @@
 namespace rig::exporters {
 namespace {
 
-class CorrectionFile : public Exporter {
+class CorrectionFile : public CorrectionFormat {
  public:
   std::string format() const override { return "correction"; }
   std::string describes() const override {
     return "a range correction as JSON (correction/1), for rig apply and archives";
   }
-  bool accepts_files() const override { return true; }
-  void write(const ExportSource& source, const std::string& output) const override {
-    write_text(output, fit::to_json_text(read_for_export(source).correction));
+
+ private:
+  std::string text_of(const CorrectionExport& what) const override {
+    return fit::to_json_text(what.correction);
   }
 };
 

@@ -14,6 +14,7 @@
 
 #include "rig/errors.hpp"
 #include "rig/export/exporter.hpp"
+#include "rig/session/session_dates.hpp"
 
 namespace rig::exporters {
 namespace {
@@ -253,9 +254,9 @@ const std::string joint_definition =
     "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n" +
     header_definition;
 
-/// Nanoseconds of the Unix epoch at which the session began; 0 when it does not say.
+/// Nanoseconds of the Unix epoch at which what the session holds was measured; 0 when it does not say.
 std::uint64_t begin_ns(const SessionStore& session) {
-  const std::string text = session.get("created_utc").value_or("");
+  const std::string text = dates_of(session).measured_utc;
   std::tm utc{};
   if (!strptime(text.c_str(), "%Y-%m-%dT%H:%M:%S", &utc)) return 0;
   return static_cast<std::uint64_t>(timegm(&utc)) * 1'000'000'000;

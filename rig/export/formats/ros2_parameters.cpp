@@ -1,17 +1,58 @@
 // SPDX-License-Identifier: MIT
+#include <nlohmann/json.hpp>
+
 #include "rig/export/correction_export.hpp"
 
 namespace rig::exporters {
 namespace {
 
-class Ros2Parameters : public Exporter {
+using fit::Correction;
+using fit::CorrectionTerm;
+
+/// A parameter file for any ROS 2 node.
+std::string ros2_parameters(const CorrectionExport& what) {
+  const Correction& c = what.correction;
+  const auto quoted = [](const std::string& text) { return nlohmann::json(text).dump(-1, ' ', true); };
+  std::string out = headline(c, "# ") +
+                    "\n# error = zero_mm + intensity(I) + distance(measured_mm - zero_mm - intensity(I)); "
+                    "each term counts from its value at\n" +
+                    "# zero_at (when has_zero); corrected = measured - error. Outside from .. to the "
+                    "border's value holds.\n" +
+                    "/**:\n  ros__parameters:\n    range_correction:\n      schema: \"correction/1\"\n";
+  out += "      lidar_model: " + quoted(c.lidar_model) + "\n      lidar_serial: " + quoted(c.lidar_serial) +
+         "\n      measured_utc: " + quoted(c.created_utc) + "\n      zero_mm: " + real(c.zero_mm.value) +
+         "\n      common_u_mm: " + real(c.common_u_mm) + "\n";
+  const auto term = [&](const std::optional<CorrectionTerm>& t, const char* name) {
+    out += std::string("      use_") + name + ": " + (t ? "true" : "false") + "\n";
+    if (!t) return;
+    std::string names;
+    for (const std::string& coefficient : family_of(*t).coefficients)
+      names += (names.empty() ? "" : ", ") + quoted(coefficient);
+    out += std::string("      ") + name + ":\n        family: " + quoted(t->family) +
+           "\n        equation: " + quoted(family_of(*t).equation) + "\n        names: [" + names +
+           "]\n        coefficients: [" + list(t->coefficients) + "]\n        from: " + real(t->from) +
+           "\n        to: " + real(t->to) + "\n        has_zero: " + (t->zero_at ? "true" : "false") +
+           "\n        zero_at: " + real(t->zero_at.value_or(0)) + "\n";
+  };
+  term(c.intensity, "intensity");
+  term(c.range, "distance");
+  std::vector<double> flat;
+  for (Eigen::Index i = 0; i < c.factor.rows(); ++i)
+    for (Eigen::Index j = 0; j < c.factor.cols(); ++j) flat.push_back(c.factor(i, j));
+  out += "      covariance_factor_columns: " + std::to_string(c.factor.cols()) +
+         "\n      covariance_factor: [" + list(flat) + "]\n";
+  out += "      centre_calibrated: " + std::string(what.centre.calibrated ? "true" : "false") +
+         "\n      centre_mm: [" + real(what.centre.x_mm) + ", " + real(what.centre.y_mm) + "]\n";
+  return out;
+}
+
+class Ros2Parameters : public CorrectionFormat {
  public:
   std::string format() const override { return "ros2-parameters"; }
   std::string describes() const override { return "a range correction as a ROS 2 parameter file"; }
-  bool accepts_files() const override { return true; }
-  void write(const ExportSource& source, const std::string& output) const override {
-    write_text(output, ros2_parameters(read_for_export(source)));
-  }
+
+ private:
+  std::string text_of(const CorrectionExport& what) const override { return ros2_parameters(what); }
 };
 
 }  // namespace

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: MIT
+#include "rig/session/session_dates.hpp"
+
+namespace rig {
+
+SessionDates dates_of(const SessionStore& session) {
+  const std::string created = session.get("created_utc").value_or("");
+  if (session.get("kind") != "import") return {created, "", ""};
+  const std::string utc = session.get("recorded_utc").value_or("");
+  return {utc, utc.empty() ? session.get("recorded_local").value_or("") : "", created};
+}
+
+std::string SessionDates::measured() const {
+  if (imported_utc.empty()) return measured_utc;
+  if (!measured_utc.empty()) return measured_utc + " by the clock of the recording";
+  return measured_local.empty() ? "" : measured_local + " by the local time of the recording computer";
+}
+
+}  // namespace rig

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <string>
+
+#include "rig/session/session_store.hpp"
+
+namespace rig {
+
+/// When what a session holds was measured, which for an imported one is not when the file was made. Texts as
+/// the session has them (UTC, ISO 8601); empty: not known.
+struct SessionDates {
+  std::string measured_utc;    ///< Imported: by the clock of the recording.
+  std::string measured_local;  ///< As an imported recording has it, where it tells no UTC.
+  std::string imported_utc;    ///< Empty unless imported.
+
+  /// In words, for certificates; empty if nothing is known.
+  [[nodiscard]] std::string measured() const;
+};
+[[nodiscard]] SessionDates dates_of(const SessionStore& session);
+
+}  // namespace rig
