@@ -5,6 +5,8 @@
 #include <filesystem>
 
 #include "rig/commands/json_output.hpp"
+#include "rig/report/certificate.hpp"
+#include "rig/session/session_store.hpp"
 
 namespace rig::commands {
 namespace {

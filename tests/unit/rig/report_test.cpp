@@ -117,3 +117,59 @@ TEST_CASE("a certificate on paper replaces no pipe") {
   CHECK_THROWS_AS(rig::write_report(session, pipe), rig::UsageError);
   CHECK(std::filesystem::is_fifo(pipe));
 }
+
+TEST_CASE("unknown physics has a section of its own: what, where, how large, and that it is not corrected") {
+  const Folder folder;
+  const std::string session = make_session(folder), page = (folder.path / "c.html").string();
+  rig::write_report(session, page);
+  CHECK_THAT(contents(page), !Catch::Contains("Unknown physics"));
+  {
+    rig::SessionStore store(session, rig::SessionStore::Mode::append);
+    store.add_result("explanation", R"({"schema":"explanation/1","verdict":"unknown-physics","mechanisms":[],
+      "undecided_between":[],"located":[],"fit":{},
+      "empirical_correction":[{"coordinate":"beam_deg","at":[0,10],"range_mm":[-3.2,1.5]}],
+      "unknown":{"coordinate":"beam_deg","observable":"range-mean","describes":"the range steps by -3.2 mm",
+                 "from":40,"to":95.5}})");
+  }
+  rig::write_report(session, page);
+  for (const char* expected : {"<h2>Unknown physics</h2>", "the range steps by -3.2 mm", "mean of the ranges",
+                               "along beam_deg from 40 to 95.5", "up to 3.2 mm", "does not contain it"})
+    CHECK_THAT(contents(page), Catch::Contains(expected));
+  const std::string data = (folder.path / "c.json").string();
+  rig::write_report(session, data);
+  CHECK(nlohmann::json::parse(contents(data)).at("unknown_physics").at("rows").size() == 4);
+  {  // The last explanation counts.
+    rig::SessionStore store(session, rig::SessionStore::Mode::append);
+    store.add_result("explanation", R"({"schema":"explanation/1","verdict":"nothing-missing"})");
+  }
+  rig::write_report(session, page);
+  CHECK_THAT(contents(page), !Catch::Contains("Unknown physics"));
+}
+
+TEST_CASE("an imported session is dated by its recording, never by its import") {
+  const Folder folder;
+  const std::string session = make_session(folder), page = (folder.path / "c.html").string(),
+                    data = (folder.path / "c.json").string();
+  const auto set = [&](const std::string& key, const std::string& value) {
+    rig::SessionStore(session, rig::SessionStore::Mode::append).set(key, value);
+  };
+  set("kind", "import");
+  rig::write_report(session, page);
+  CHECK_THAT(contents(page),
+             Catch::Contains("RIG-undated-") &&
+                 Catch::Contains("measured at an unknown time, imported 2026-05-04T10:00:00Z"));
+  set("recorded_local", "2018-02-03 04:05:06.700");
+  rig::write_report(session, page);
+  CHECK_THAT(contents(page), Catch::Contains("RIG-20180203-") &&
+                                 Catch::Contains("by the local time of the recording computer"));
+  set("recorded_utc", "2019-02-03T04:05:06Z");
+  rig::write_report(session, page);
+  rig::write_report(session, data);
+  CHECK_THAT(contents(page),
+             Catch::Contains("RIG-20190203-") &&
+                 Catch::Contains("measured 2019-02-03T04:05:06Z, imported 2026-05-04T10:00:00Z") &&
+                 Catch::Contains("2019-02-03T04:05:06Z by the clock of the recording"));
+  const auto certificate = nlohmann::json::parse(contents(data));
+  CHECK(certificate.at("measured_utc") == "2019-02-03T04:05:06Z");
+  CHECK(certificate.at("imported_utc") == "2026-05-04T10:00:00Z");
+}

@@ -1,0 +1,276 @@
+// SPDX-License-Identifier: MIT
+#include "rig/report/certificate.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "fit/bench.hpp"
+#include "rig/report/json_fields.hpp"
+#include "rig/report/plot.hpp"
+#include "rig/session/lidar_identity.hpp"
+#include "rig/session/session_dates.hpp"
+
+namespace rig {
+namespace {
+
+using json = nlohmann::json;
+
+json parsed(const std::optional<std::string>& text) {
+  if (!text) return json::object();
+  json value = json::parse(*text, nullptr, false, true);
+  return value.is_discarded() ? json::object() : value;
+}
+
+void add(json& rows, const std::string& name, const std::string& text) {
+  rows.push_back({{"name", name}, {"text", text.empty() ? "not stated" : text}});
+}
+
+std::string join_nonempty(const std::vector<std::string>& parts, const std::string& separator) {
+  std::string out;
+  for (const std::string& part : parts)
+    if (!part.empty()) out += (out.empty() ? "" : separator) + part;
+  return out;
+}
+
+json identification(const SessionStore& session, const json& bench, const std::string& session_file) {
+  const LidarIdentity lidar = lidar_of(session);
+  const json stage = parsed(session.get("stage"));
+  const json stated = bench.value("certificate", json::object());
+  json rows = json::array();
+  add(rows, "Laboratory", text_of(stated, "laboratory"));
+  add(rows, "Place", text_of(stated, "place"));
+  add(rows, "Customer", text_of(stated, "customer"));
+  add(rows, "Item calibrated",
+      text_of(stated, "item", join_nonempty({lidar.product, lidar.model}, ", model ")));
+  add(rows, "Serial number", lidar.serial);
+  add(rows, "Firmware", lidar.firmware);
+  add(rows, "Condition on receipt", text_of(stated, "item_condition"));
+  add(rows, "Rotary stage",
+      join_nonempty({text_of(stage, "model"), text_of(stage, "language"),
+                     text_of(stage, "serial").empty() ? "" : "serial " + text_of(stage, "serial"),
+                     text_of(stage, "firmware").empty() ? "" : "firmware " + text_of(stage, "firmware")},
+                    ", "));
+  std::string targets;
+  for (const json& target : list_of(bench, "targets"))
+    targets += (targets.empty() ? "" : ", ") + text_of(target, "name");
+  add(rows, "Bench", text_of(bench, "name", targets.empty() ? "" : "targets: " + targets));
+  add(rows, "Procedure", session.get("procedure_name").value_or(session.get("kind").value_or("")));
+  add(rows, "Traceability", text_of(stated, "traceability"));
+  add(rows, "Authorised by", text_of(stated, "authorised_by"));
+  add(rows, "Session", std::filesystem::path(session_file).filename().string());
+  return rows;
+}
+
+struct Span {
+  double low = INFINITY, high = -INFINITY;
+  void include(double value) {
+    low = std::min(low, value);
+    high = std::max(high, value);
+  }
+  [[nodiscard]] bool empty() const { return low > high; }
+  [[nodiscard]] std::string text(const std::string& unit, const char* format = "%.1f") const {
+    if (empty()) return "";
+    char a[64], b[64];
+    std::snprintf(a, sizeof a, format, low);
+    std::snprintf(b, sizeof b, format, high);
+    return std::string(a) + (std::string(a) == b ? "" : std::string(" to ") + b) + " " + unit;
+  }
+};
+
+json conditions(const SessionStore& session, const fit::Recording& recording) {
+  Span temperature, warm, stage, started;
+  for (const fit::CaptureInfo& capture : recording.captures()) {
+    if (capture.temperature_c) temperature.include(*capture.temperature_c);
+    if (capture.since_power_on_s) warm.include(*capture.since_power_on_s / 60);
+    stage.include(capture.stage_rad * fit::deg_per_rad);
+    started.include(static_cast<double>(capture.started_us) / 60e6);
+  }
+  json rows = json::array();
+  const SessionDates dates = dates_of(session);
+  add(rows, "Measured", dates.measured());
+  if (!dates.imported_utc.empty()) add(rows, "Imported", dates.imported_utc);
+  add(rows, "Captures", std::to_string(recording.captures().size()));
+  add(rows, "Duration up to the last capture",
+      started.empty() ? "" : Span{started.high - started.low, started.high - started.low}.text("min"));
+  add(rows, "Stage angles", stage.text("deg", "%.2f"));
+  add(rows, "Lidar housing", temperature.text("\u00b0C"));
+  add(rows, "Time since power-on", warm.text("min", "%.0f"));
+  return rows;
+}
+
+/// The mean echo of every beam of one capture, in the world frame, and the targets where the bench says they
+/// are.
+Plot scan_picture(const fit::Recording& recording, std::string& caption) {
+  Plot plot{"", "x (mm)", "y (mm)", {}};
+  plot.equal_axes = true;
+  plot.height_px = 560;
+  const auto& captures = recording.captures();
+  std::size_t widest = captures.size();
+  for (std::size_t i = 0; i < captures.size(); ++i)
+    if (widest == captures.size() || captures[i].beams() > captures[widest].beams()) widest = i;
+  if (widest == captures.size()) return plot;
+  const fit::CaptureInfo& capture = captures[widest];
+  const fit::Bench& bench = recording.bench();
+  std::vector<double> sum, count, angle;
+  int scans = 0;
+  recording.for_each_scan(widest, [&](const fit::ScanView& scan) {
+    if (scans++ > 100) return;
+    sum.resize(std::max(sum.size(), scan.range_mm.size()));
+    count.resize(sum.size());
+    angle.resize(sum.size());
+    for (std::size_t i = 0; i < scan.range_mm.size(); ++i) {
+      angle[i] = scan.geometry
+                     ? scan.geometry->first_rad + static_cast<double>(i) * scan.geometry->step_rad
+                     : bench.lidar.beam_angle(capture.first_step +
+                                              (static_cast<double>(i) + 0.5) * capture.cluster - 0.5);
+      if (scan.range_mm[i] == 0) continue;
+      sum[i] += scan.range_mm[i];
+      count[i] += 1;
+    }
+  });
+  const double theta = capture.stage_rad, yaw = bench.lidar.mount.yaw_rad.value;
+  const double mx = bench.lidar.mount.x_mm.value, my = bench.lidar.mount.y_mm.value;
+  const double ox = std::cos(theta) * mx - std::sin(theta) * my,
+               oy = std::sin(theta) * mx + std::cos(theta) * my;
+  Series echoes{"mean echo of each beam", Series::Style::points, {}, {}, {}};
+  for (std::size_t i = 0; i < sum.size(); ++i) {
+    if (count[i] == 0) continue;
+    const double direction = theta + yaw + angle[i], range = sum[i] / count[i];
+    echoes.x.push_back(ox + range * std::cos(direction));
+    echoes.y.push_back(oy + range * std::sin(direction));
+  }
+  for (const fit::Target& target : bench.targets) {
+    const Eigen::Vector2d shift = capture.target == target.name
+                                      ? Eigen::Vector2d(target.outward_normal() * capture.target_shift_mm)
+                                      : Eigen::Vector2d::Zero();
+    plot.series.push_back({target.name + " (bench file)",
+                           Series::Style::line,
+                           {target.from_mm.x() + shift.x(), target.to_mm.x() + shift.x()},
+                           {target.from_mm.y() + shift.y(), target.to_mm.y() + shift.y()},
+                           {}});
+  }
+  plot.series.push_back(std::move(echoes));
+  plot.series.push_back({"stage axis", Series::Style::points, {0}, {0}, {}});
+  caption = "The scene in the world frame: capture " + std::to_string(capture.id) + " at stage angle " +
+            Span{theta * fit::deg_per_rad, theta * fit::deg_per_rad}.text("deg", "%.2f") +
+            ", beside the bench file's targets.";
+  return plot;
+}
+
+json noteworthy_events(const SessionStore& session) {
+  json rows = json::array();
+  for (const SessionStore::Event& event : session.events())
+    if (event.level == "warning" || event.level == "error")
+      rows.push_back({{"host_us", event.host_us}, {"level", event.level}, {"text", event.text}});
+  return rows;
+}
+
+/// What kind of reading the unknown physics shows in.
+std::string observable_in_words(const std::string& id) {
+  static const std::map<std::string, std::string> words = {
+      {"range-mean", "mean of the ranges"},
+      {"range-variance", "scatter of the ranges"},
+      {"range-distribution", "shape of the ranges' distribution"},
+      {"intensity", "intensity"},
+      {"dropout", "echoes that are missing"},
+      {"time-correlation", "ranges of successive scans, which depend on each other"}};
+  const auto word = words.find(id);
+  return word == words.end() ? id : word->second;
+}
+
+std::string rounded(double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
+}
+
+/// The largest effect that an explanation's unnamed function has along that coordinate.
+std::string size_along(const json& explanation, const std::string& coordinate) {
+  for (const json& part : list_of(explanation, "empirical_correction")) {
+    if (text_of(part, "coordinate") != coordinate) continue;
+    for (const auto& [key, unit] :
+         {std::pair{"range_mm", " mm"}, {"beam_angle_deg", " deg"}, {"stage_angle_deg", " deg"}}) {
+      double largest = 0;
+      for (const json& value : list_of(part, key))
+        if (value.is_number()) largest = std::max(largest, std::abs(value.get<double>()));
+      if (largest > 0) return "up to " + rounded(largest) + unit;
+    }
+  }
+  return "";
+}
+
+/// What the last explanation found and no mechanism makes: the calibration knows nothing of it. Null if it
+/// found no such thing.
+json unknown_physics(const json& explanation) {
+  const json unknown = explanation.is_object() ? explanation.value("unknown", json()) : json();
+  const bool said = text_of(explanation, "verdict") == "unknown-physics";
+  if (!unknown.is_object() && !said) return nullptr;
+  const std::string coordinate = text_of(unknown, "coordinate");
+  const double from = number_of(unknown, "from"), to = number_of(unknown, "to");
+  std::string where = coordinate.empty() ? "" : "along " + coordinate;
+  if (std::isfinite(from) && std::isfinite(to)) where += " from " + rounded(from) + " to " + rounded(to);
+  json rows = json::array();
+  add(rows, "What", text_of(unknown, "describes"));
+  add(rows, "Seen in", observable_in_words(text_of(unknown, "observable")));
+  add(rows, "Where", where);
+  if (const std::string size = size_along(explanation, coordinate); !size.empty()) add(rows, "Size", size);
+  return {{"rows", rows},
+          {"says",
+           "The recording shows an effect that no mechanism of the catalogue makes. The calibration does not "
+           "contain it: neither its values nor their uncertainties allow for it."}};
+}
+
+std::string certificate_number(const std::string& hash, const std::string& measured) {
+  std::string date;
+  for (const char c : measured.substr(0, 10))
+    if (c != '-') date += c;
+  return "RIG-" + (date.empty() ? "undated" : date) + "-" + hash.substr(0, 8);
+}
+
+}  // namespace
+
+json make_certificate(const SessionStore& session, const std::string& session_file) {
+  const auto recording = session.recording();
+  const json bench = parsed(session.get("bench"));
+  const std::string hash = session.content_hash();
+  const SessionDates dates = dates_of(session);
+  json certificate = {{"schema", "certificate/1"},
+                      {"title", "Calibration certificate"},
+                      {"number", certificate_number(hash, dates.measured())},
+                      {"created_utc", session.get("created_utc").value_or("")},
+                      {"measured_utc", dates.measured_utc.empty() ? json() : json(dates.measured_utc)},
+                      {"software", "rig " RIG_VERSION},
+                      {"session_software", session.get("software").value_or("")},
+                      {"session_file", std::filesystem::path(session_file).filename().string()},
+                      {"sha256", hash},
+                      {"identification", identification(session, bench, session_file)},
+                      {"conditions", conditions(session, *recording)},
+                      {"results", json::array()},
+                      {"events", noteworthy_events(session)}};
+  if (!dates.imported_utc.empty()) certificate["imported_utc"] = dates.imported_utc;
+  if (!dates.measured_local.empty()) certificate["measured_local"] = dates.measured_local;
+  for (const SessionStore::Result& result : session.latest_results()) {
+    const json document = parsed(result.json);
+    if (result.kind == "limits")
+      certificate["limits"] = document;
+    else if (result.kind == "explanation" || result.kind == "explain")
+      certificate["explanation"] = document;
+    else
+      certificate["results"].push_back(
+          {{"kind", result.kind}, {"created_utc", result.created_utc}, {"result", document}});
+  }
+  if (certificate.contains("explanation"))
+    if (json unknown = unknown_physics(certificate["explanation"]); !unknown.is_null())
+      certificate["unknown_physics"] = std::move(unknown);
+  std::string caption;
+  const Plot picture = scan_picture(*recording, caption);
+  if (!picture.series.empty()) certificate["scan_picture"] = {{"svg", to_svg(picture)}, {"caption", caption}};
+  return certificate;
+}
+
+}  // namespace rig

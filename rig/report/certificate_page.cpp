@@ -1,0 +1,300 @@
+// SPDX-License-Identifier: MIT
+#include "rig/report/certificate_page.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <kainjow/mustache.hpp>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "fit/explain/explanation.hpp"
+#include "rig/number_format.hpp"
+#include "rig/report/json_fields.hpp"
+#include "rig/report/plot.hpp"
+
+namespace rig {
+
+extern const char* const certificate_template;
+
+namespace {
+
+using json = nlohmann::json;
+namespace mustache = kainjow::mustache;
+
+/// JSON to what the template engine reads. Empty arrays and nulls are false there.
+mustache::data to_mustache(const json& value) {
+  if (value.is_object()) {
+    mustache::data object;
+    for (const auto& [key, part] : value.items()) object.set(key, to_mustache(part));
+    return object;
+  }
+  if (value.is_array()) {
+    mustache::data list{mustache::data::type::list};
+    for (const json& part : value) list.push_back(to_mustache(part));
+    return list;
+  }
+  if (value.is_boolean())
+    return value.get<bool>() ? mustache::data{mustache::data::type::bool_true}
+                             : mustache::data{mustache::data::type::bool_false};
+  if (value.is_null()) return mustache::data{mustache::data::type::bool_false};
+  return mustache::data{value.is_string() ? value.get<std::string>() : value.dump()};
+}
+
+json shown_value(const json& value) {
+  const double u = number_of(value, "u", 0);
+  const double k = number_of(value, "k", coverage_factor(number_of(value, "nu_eff")));
+  const double expanded = number_of(value, "U", k * u);
+  char factor[32];
+  std::snprintf(factor, sizeof factor, "%.2g", k);
+  if (std::abs(k - 2) > 0.05) std::snprintf(factor, sizeof factor, "%.2f", k);
+  const bool certain = expanded == 0;
+  return {{"label", text_of(value, "label", text_of(value, "name"))},
+          {"value", format_value(number_of(value, "value"), expanded)},
+          {"unit", text_of(value, "unit")},
+          {"expanded", certain ? "" : format_uncertainty(expanded) + " " + text_of(value, "unit")},
+          {"k", certain ? "" : factor}};
+}
+
+/// Decimals a number needs to be written whole.
+int decimals_of(double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.6f", value);
+  std::string digits = text;
+  digits.erase(digits.find_last_not_of('0') + 1);
+  return static_cast<int>(digits.size() - digits.find('.') - 1);
+}
+
+/// Decimals of all numbers in a column, so that they can be compared: four significant digits for a typical
+/// one, two for an uncertainty. None where they span orders of magnitude.
+std::optional<int> decimals_of_column(const json& body, std::size_t column, const std::string& name) {
+  std::vector<double> sizes;
+  int needed = 0;
+  for (const json& row : body) {
+    if (!row.is_array() || column >= row.size() || !row[column].is_number_float()) continue;
+    const double value = row[column].get<double>();
+    if (!std::isfinite(value) || value == 0) continue;
+    sizes.push_back(std::abs(value));
+    needed = std::max(needed, decimals_of(value));
+  }
+  if (sizes.empty()) return std::nullopt;
+  std::sort(sizes.begin(), sizes.end());
+  const bool uncertainty = name == "u" || name == "U" || name.starts_with("u(");
+  const int significant = uncertainty ? 2 : 4;
+  const double typical = uncertainty ? sizes.front() : sizes[sizes.size() / 2];
+  if (sizes.back() > 1e4 * typical) return std::nullopt;
+  const int decimals = significant - 1 - static_cast<int>(std::floor(std::log10(typical)));
+  return std::clamp(decimals, std::min(2, needed), std::min(6, needed));
+}
+
+json shown_cell(const json& cell, std::optional<int> decimals) {
+  if (cell.is_number_integer()) return {{"text", std::to_string(cell.get<long long>())}, {"numeric", true}};
+  if (cell.is_number() && decimals && std::isfinite(cell.get<double>())) {
+    char text[64];
+    std::snprintf(text, sizeof text, "%.*f", *decimals, cell.get<double>());
+    return {{"text", text}, {"numeric", true}};
+  }
+  if (cell.is_number()) return {{"text", format_value(cell.get<double>(), 0)}, {"numeric", true}};
+  if (cell.is_null()) return {{"text", ""}, {"numeric", false}};
+  if (cell.is_boolean()) return {{"text", cell.get<bool>() ? "yes" : "no"}, {"numeric", false}};
+  return {{"text", cell.is_string() ? cell.get<std::string>() : cell.dump()}, {"numeric", false}};
+}
+
+json shown_table(const json& table) {
+  json columns = json::array(), rows = json::array();
+  const json body = list_of(table, "rows");
+  std::vector<std::optional<int>> decimals;
+  std::size_t i = 0;
+  for (const json& column : list_of(table, "columns")) {
+    const bool numeric = !body.empty() && body[0].is_array() && i < body[0].size() && body[0][i].is_number();
+    const std::string name = column.is_string() ? column.get<std::string>() : text_of(column, "name");
+    const std::string unit = column.is_object() ? text_of(column, "unit") : "";
+    columns.push_back({{"text", unit.empty() ? name : name + " (" + unit + ")"}, {"numeric", numeric}});
+    if (column.is_object() && column.contains("decimals"))
+      decimals.push_back(column["decimals"].get<int>());
+    else
+      decimals.push_back(decimals_of_column(body, i, name));
+    ++i;
+  }
+  for (const json& row : body) {
+    json cells = json::array();
+    for (std::size_t k = 0; row.is_array() && k < row.size(); ++k)
+      cells.push_back(shown_cell(row[k], k < decimals.size() ? decimals[k] : std::nullopt));
+    rows.push_back({{"cells", cells}});
+  }
+  constexpr std::size_t columns_of_a_page = 6;
+  return {{"title", text_of(table, "title")},
+          {"wide", columns.size() > columns_of_a_page},
+          {"columns", columns},
+          {"rows", rows}};
+}
+
+const std::map<std::string, std::string>& section_titles() {
+  static const std::map<std::string, std::string> titles = {
+      {"sensitivity", "Angular sensitivity at an edge"},
+      {"centre", "Rotation centre"},
+      {"range", "Range calibration"},
+      {"range-intensity", "Range error against intensity"},
+      {"range-distance", "Range error against distance"},
+      {"validation", "Validation: as found and as left"},
+      {"wall", "Right-angle wall calibration"},
+      {"odometry", "Odometry and lidar pose"},
+      {"deskew", "Motion distortion"},
+      {"noise", "Noise as recorded"},
+  };
+  return titles;
+}
+
+json shown_section(const std::string& kind, const json& result) {
+  const auto known = section_titles().find(kind);
+  json section = {{"title", text_of(result, "title", known == section_titles().end() ? kind : known->second)},
+                  {"method", text_of(result, "method")},
+                  {"values", json::array()},
+                  {"plots", json::array()},
+                  {"tables", json::array()},
+                  {"budget", json::array()},
+                  {"notes", list_of(result, "notes")},
+                  {"undetermined", list_of(result, "undetermined")}};
+  for (const json& value : list_of(result, "values")) section["values"].push_back(shown_value(value));
+  for (const json& plot : list_of(result, "plots"))
+    section["plots"].push_back({{"svg", to_svg(plot_from_json(plot))}});
+  for (const json& table : list_of(result, "tables")) section["tables"].push_back(shown_table(table));
+  for (const json& row : list_of(result, "budget"))
+    section["budget"].push_back({{"source", text_of(row, "source")},
+                                 {"kind", text_of(row, "kind")},
+                                 {"u", format_uncertainty(number_of(row, "u"))},
+                                 {"unit", text_of(row, "unit")}});
+  section["has_values"] = !section["values"].empty();
+  section["has_budget"] = !section["budget"].empty();
+  return section;
+}
+
+json shown_explanation(const json& explanation) {
+  static const std::map<std::string, std::string> words = {
+      {"nothing-missing", "Nothing is missing: the simulation predicts the recording to within its noise."},
+      {"explained", "The simulation differed from the recording; what was left out has been found."},
+      {"undecided", "Something is missing, but this recording cannot decide what."},
+      {"unknown-physics", "Something is missing that no mechanism in the catalogue explains."}};
+  const auto word = words.find(text_of(explanation, "verdict"));
+  json out = {{"verdict", word == words.end() ? text_of(explanation, "verdict") : word->second},
+              {"mechanisms", json::array()},
+              {"undecided", json::array()},
+              {"next", text_of(explanation, "next_experiment")}};
+  for (const json& found : list_of(explanation, "mechanisms")) {
+    char probability[32];
+    std::snprintf(probability, sizeof probability, "%.3f", number_of(found, "probability"));
+    out["mechanisms"].push_back({{"name", text_of(found, "mechanism")},
+                                 {"probability", probability},
+                                 {"says", text_of(found, "says")}});
+  }
+  for (const json& set : list_of(explanation, "undecided_between")) {
+    std::vector<std::string> suspects;
+    for (const json& name : set) suspects.push_back(name.is_string() ? name.get<std::string>() : name.dump());
+    out["undecided"].push_back(fit::explain::listed(fit::explain::suspects_in_words(suspects), "or"));
+  }
+  const json fit = explanation.value("fit", json::object());
+  if (fit.contains("rms_before_mm")) {
+    char text[256];
+    std::snprintf(
+        text, sizeof text, "Residual rms before %.2f mm, after %.2f mm; noise floor %.2f mm (held-out data).",
+        number_of(fit, "rms_before_mm"), number_of(fit, "rms_after_mm"), number_of(fit, "noise_floor_mm"));
+    out["fit"] = text;
+  }
+  return out;
+}
+
+json shown_checks(const json& limits) {
+  json checks = json::array();
+  for (const json& check : list_of(limits, "checks")) {
+    const double expanded = number_of(check, "U", 0);
+    const double low = number_of(check, "min"), high = number_of(check, "max");
+    std::string range;
+    if (std::isfinite(low) && std::isfinite(high))
+      range = format_value(low, 0) + " to " + format_value(high, 0);
+    else if (std::isfinite(low))
+      range = "at least " + format_value(low, 0);
+    else if (std::isfinite(high))
+      range = "at most " + format_value(high, 0);
+    if (const double widest = number_of(check, "max_U"); std::isfinite(widest))
+      range += (range.empty() ? "U at most " : "; U at most ") + format_value(widest, 0);
+    checks.push_back({{"name", text_of(check, "label", text_of(check, "name"))},
+                      {"value", format_value(number_of(check, "value"), expanded)},
+                      {"unit", text_of(check, "unit")},
+                      {"expanded", expanded > 0 ? format_uncertainty(expanded) : ""},
+                      {"limits", range},
+                      {"verdict", text_of(check, "verdict", "inconclusive")},
+                      {"reason", text_of(check, "reason")}});
+  }
+  return checks;
+}
+
+json overall_verdict(const json& checks) {
+  if (checks.empty()) return nullptr;
+  int failed = 0, open = 0;
+  for (const json& check : checks) {
+    failed += check.at("verdict") == "fail";
+    open += check.at("verdict") != "fail" && check.at("verdict") != "pass";
+  }
+  if (failed > 0)
+    return {
+        {"class", "fail"},
+        {"word", "FAIL"},
+        {"text", std::to_string(failed) + " of " + std::to_string(checks.size()) + " requirements not met"}};
+  if (open > 0)
+    return {
+        {"class", "inconclusive"},
+        {"word", "INCONCLUSIVE"},
+        {"text", std::to_string(open) + " of " + std::to_string(checks.size()) + " requirements undecided"}};
+  return {{"class", "pass"},
+          {"word", "PASS"},
+          {"text", "all " + std::to_string(checks.size()) + " requirements met"}};
+}
+
+std::string shown_time(std::int64_t host_us) {
+  char text[64];
+  const double s = static_cast<double>(host_us) / 1e6;
+  std::snprintf(text, sizeof text, "%d:%02d:%04.1f", static_cast<int>(s / 3600),
+                static_cast<int>(std::fmod(s / 60, 60)), std::fmod(s, 60));
+  return text;
+}
+
+/// The certificate's date is that of the measurement; without one it says so rather than another.
+std::string shown_date(const json& certificate) {
+  const std::string imported = text_of(certificate, "imported_utc");
+  if (imported.empty()) return text_of(certificate, "measured_utc", text_of(certificate, "created_utc"));
+  const std::string known = text_of(certificate, "measured_utc", text_of(certificate, "measured_local"));
+  return (known.empty() ? "measured at an unknown time" : "measured " + known) + ", imported " + imported;
+}
+
+}  // namespace
+
+std::string to_html(const json& certificate) {
+  json page = certificate;
+  page["dated"] = shown_date(certificate);
+  page["hash"] = text_of(certificate, "sha256");
+  page["sections"] = json::array();
+  json headline = json::array();
+  for (const json& entry : list_of(certificate, "results")) {
+    json section = shown_section(text_of(entry, "kind"), entry.value("result", json::object()));
+    for (const json& value : section["values"])
+      if (!value.at("expanded").get<std::string>().empty()) headline.push_back(value);
+    page["sections"].push_back(std::move(section));
+  }
+  if (!headline.empty()) page["headline"] = {{"values", headline}};
+  const json limits = certificate.value("limits", json::object());
+  page["checks"] = shown_checks(limits);
+  page["has_checks"] = !page["checks"].empty();
+  page["rule"] = text_of(limits, "rule", "simple acceptance (ILAC-G8:09/2019, guard band w = 0)");
+  page["verdict"] = overall_verdict(page["checks"]);
+  if (certificate.contains("explanation"))
+    page["explanation"] = shown_explanation(certificate.at("explanation"));
+  for (json& event : page["events"]) event["time"] = shown_time(event.value("host_us", std::int64_t{0}));
+  page["has_events"] = !page["events"].empty();
+  page.erase("results");
+  page.erase("limits");
+  mustache::mustache layout{std::string(certificate_template)};
+  return layout.render(to_mustache(page));
+}
+
+}  // namespace rig
