@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: MIT
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "rig/session/session_store.hpp"
+#include "tests/support/programs.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using Words = std::vector<std::string>;
+
+std::string recording_in(const TestFolder& folder, const std::string& name) {
+  rig::SessionStore store(folder / name, rig::SessionStore::Mode::create);
+  store.set("bench", R"({"schema": "bench/1"})");
+  return folder / name;
+}
+
+Words rig_command(Words words) {
+  words.insert(words.begin(), RIG_BIN_DIR "/rig");
+  return words;
+}
+
+}  // namespace
+
+TEST_CASE("no command replaces a recording, nor what it reads") {
+  const TestFolder folder;
+  const std::string input = recording_in(folder, "in.rig"), kept = recording_in(folder, "kept.rig"),
+                    bench = folder / "a.bench.json";
+  std::ofstream(bench) << R"({"schema": "bench/1"})";
+  fs::create_symlink(kept, folder / "link");
+  const std::string before = file_text(kept), bench_before = file_text(bench);
+  const Words with_check = {"check",   "--lidar", "tcp://127.0.0.1:1", "--stage", "serial:none",
+                            "--bench", bench};
+  for (const std::string& output : {kept, folder / "link"})
+    for (const Words& words : std::vector<Words>{{"fit", "noise", input, "--json", output},
+                                                 {"explain", input, "--json", output},
+                                                 {"explain", input, "--report", output},
+                                                 {"explain", input, "--next", output},
+                                                 {"report", input, "-o", output},
+                                                 {"report", input, "--json", output},
+                                                 {"compare", input, "--with", input, "-o", output},
+                                                 {"compare", input, "--with", input, "--json", output},
+                                                 {"export", input, "--format", "csv", "-o", output},
+                                                 {"deskew", input, "-o", output},
+                                                 {"apply", bench, input, "-o", output},
+                                                 {"import", bench, "-o", output},
+                                                 {"devices", "--no-probe", "--json", output},
+                                                 {"new", "bench", output}}) {
+      CAPTURE(words);
+      Program program(rig_command(words), folder);
+      CHECK(program.exit_status() == 2);
+      CHECK_THAT(program.errors(), Catch::Contains("recording"));
+      CHECK(file_text(kept) == before);
+    }
+  Words check = with_check;
+  check.insert(check.end(), {"--json", bench});
+  Program program(rig_command(check), folder);
+  CHECK(program.exit_status() == 2);
+  CHECK_THAT(program.errors(), Catch::Contains("what this command reads"));
+  CHECK(file_text(bench) == bench_before);
+}
+
+TEST_CASE("with --json - standard output holds the document alone") {
+  const TestFolder folder;
+  const std::string input = recording_in(folder, "in.rig");
+  Program program(rig_command({"report", input, "-o", folder / "page.html", "--json", "-"}), folder);
+  std::string output;
+  while (const auto line = program.line()) output += *line + "\n";
+  CHECK(program.exit_status() == 0);
+  CHECK(nlohmann::json::parse(output).at("schema") == "certificate/1");
+  CHECK_THAT(program.errors(), Catch::Contains("page.html"));
+  CHECK(fs::exists(folder / "page.html"));
+}
