@@ -8,13 +8,10 @@
 #include <cmath>
 #include <deque>
 #include <fstream>
-#include <map>
 #include <sstream>
 #include <stdexcept>
 
-#include "lidar/encoding.hpp"
-#include "lidar/response.hpp"
-#include "sim/random.hpp"
+#include "sim/fault_kind.hpp"
 
 namespace sim {
 
@@ -26,12 +23,6 @@ constexpr auto tick = std::chrono::milliseconds(5);
 constexpr std::size_t most_events = 10000;
 /// At most so many at once, should simulated time leap.
 constexpr int most_at_once = 100;
-
-using Parameters = std::map<std::string, double>;
-
-std::size_t count_of(const Parameters& parameters, const std::string& name) {
-  return static_cast<std::size_t>(std::clamp(parameters.at(name), 0.0, 1e6));
-}
 
 std::vector<std::string> words_of(const std::string& line) {
   std::istringstream in(line.substr(0, line.find('#')));
@@ -60,46 +51,30 @@ bool split(const std::string& word, std::string& key, double& value) {
   return true;
 }
 
+}  // namespace
+
 // --- what becomes of bytes ---
 
-void lose(std::string& bytes, std::size_t count, Random& random) {
+std::size_t count_of(const FaultParameters& parameters, const std::string& name) {
+  return static_cast<std::size_t>(std::clamp(parameters.at(name), 0.0, 1e6));
+}
+
+void lose_bytes(std::string& bytes, std::size_t count, Random& random) {
   if (bytes.empty()) return;
   const auto at = static_cast<std::size_t>(random.uniform() * static_cast<double>(bytes.size()));
   bytes.erase(at, count);
 }
 
-void flip(std::string& bytes, std::size_t count, Random& random) {
+void flip_bits(std::string& bytes, std::size_t count, Random& random) {
   for (std::size_t i = 0; i < count && !bytes.empty(); ++i) {
     char& c = bytes[static_cast<std::size_t>(random.uniform() * static_cast<double>(bytes.size()))];
     c = static_cast<char>(c ^ (1 << (random.bits() % 8)));
   }
 }
 
-/// Changes one character of a lidar's answer into another that is allowed there, so that only the sum can
-/// tell.
-void spoil_sum(std::string& bytes, Random& random) {
-  const std::size_t after_echo = bytes.find('\n');
-  if (after_echo == std::string::npos || after_echo + 2 >= bytes.size()) return;
-  for (int attempt = 0; attempt < 100; ++attempt) {
-    const auto at =
-        after_echo + 1 +
-        static_cast<std::size_t>(random.uniform() * static_cast<double>(bytes.size() - after_echo - 1));
-    if (!lidar::is_data_character(bytes[at])) continue;
-    bytes[at] = static_cast<char>(0x30 + (bytes[at] - 0x30 + 1) % 64);
-    return;
-  }
-}
-
-}  // namespace
-
-struct FaultInjector::Impl : std::enable_shared_from_this<FaultInjector::Impl> {
-  using ByteFault = std::function<void(std::string& bytes)>;
-  struct Kind {
-    std::string name, about;
-    Parameters parameters;  ///< With their defaults.
-    bool at_random = true;  ///< Among those that chance picks.
-    std::function<void(Impl&, const Parameters&)> apply;
-  };
+struct FaultInjector::Impl final : FaultSite, std::enable_shared_from_this<FaultInjector::Impl> {
+  using Kind = FaultKind;
+  using Parameters = FaultParameters;
   struct Order {
     const Kind* kind = nullptr;  ///< Null: chance picks among `choices`.
     Parameters parameters;
@@ -109,7 +84,7 @@ struct FaultInjector::Impl : std::enable_shared_from_this<FaultInjector::Impl> {
   };
 
   Impl(const asio::any_io_executor& executor, SimClock& clock_, const Bench& bench_, std::uint64_t seed)
-      : clock(clock_), bench(bench_), random(seed), ticker(executor) {}
+      : FaultSite(clock_, bench_, seed), ticker(executor) {}
 
   static const std::vector<Kind>& kinds();
   static const Kind& kind_called(const std::string& name);
@@ -118,222 +93,31 @@ struct FaultInjector::Impl : std::enable_shared_from_this<FaultInjector::Impl> {
   }
 
   void attach();
+  std::string pass_to_host(std::string bytes);
+  void change_message(std::string& message);
   void wait_for_tick();
   void fire_due();
   void fire(const Kind& kind, const Parameters& parameters);
   Order parse(const std::vector<std::string>& words);
   void parse_random(Order& order, const std::vector<std::string>& words) const;
-  /// Real seconds: what the bench's people do (plugging, switching) takes their time.
-  void later(double seconds, std::function<void()> then);
+  void later(double seconds, std::function<void()> then) override;
   [[nodiscard]] double chance_s(double rate) { return -std::log(1 - random.uniform()) / rate; }
 
-  SimClock& clock;
-  Bench bench;
-  Random random;
   asio::steady_timer ticker;
   std::vector<Order> orders;
   std::deque<FaultEvent> events;
   std::uint64_t count = 0;
   std::function<void(const FaultEvent&)> observer;
-  std::vector<ByteFault> lidar_out, lidar_in, stage_in;  ///< For the next bytes that pass.
-  std::vector<std::function<void(PtyPort::Passage&)>> stage_out;
   bool is_firing = false;
 };
 
-// --- the catalogue ---
-
-const std::vector<FaultInjector::Impl::Kind>& FaultInjector::Impl::kinds() {
-  using P = const Parameters&;
-  const auto stage = [](StageFault fault) {
-    return [fault](Impl& impl, P) { impl.bench.stage->inject(fault, impl.clock.now_s()); };
-  };
-  static const std::vector<Kind> all{
-      {"lidar lose",
-       "bytes of the next answer are lost",
-       {{"bytes", 1}},
-       true,
-       [](Impl& impl, P p) {
-         impl.lidar_out.push_back(
-             [&impl, n = count_of(p, "bytes")](std::string& bytes) { lose(bytes, n, impl.random); });
-       }},
-      {"lidar flip",
-       "bits of the next answer are flipped",
-       {{"bits", 1}},
-       true,
-       [](Impl& impl, P p) {
-         impl.lidar_out.push_back(
-             [&impl, n = count_of(p, "bits")](std::string& bytes) { flip(bytes, n, impl.random); });
-       }},
-      {"lidar checksum",
-       "a character of the next answer is another one; only the sum tells",
-       {},
-       true,
-       [](Impl& impl, P) {
-         impl.lidar_out.push_back([&impl](std::string& bytes) { spoil_sum(bytes, impl.random); });
-       }},
-      {"lidar status",
-       "the next answer is an error with this status, and the stream ends",
-       {{"code", 98}},
-       true,
-       [](Impl& impl, P p) {
-         std::string code = std::to_string(count_of(p, "code") % 100);
-         if (code.size() < 2) code.insert(0, "0");
-         impl.lidar_out.push_back([&impl, code](std::string& bytes) {
-           bytes = lidar::build_status_response(bytes.substr(0, bytes.find('\n')), code);
-           impl.bench.lidar->disconnected();
-         });
-       }},
-      {"lidar split",
-       "bytes leave in small pieces for a while",
-       {{"bytes", 7}, {"s", 1}},
-       true,
-       [](Impl& impl, P p) { impl.bench.server->split_output(count_of(p, "bytes"), p.at("s")); }},
-      {"lidar delay",
-       "nothing leaves for a while",
-       {{"s", 0.3}},
-       true,
-       [](Impl& impl, P p) { impl.bench.server->hold_output(p.at("s")); }},
-      {"lidar lose-request",
-       "the next request does not arrive",
-       {},
-       true,
-       [](Impl& impl, P) { impl.lidar_in.push_back([](std::string& bytes) { bytes.clear(); }); }},
-      {"lidar reset",
-       "the connection is reset",
-       {},
-       true,
-       [](Impl& impl, P) { impl.bench.server->reset_connection(); }},
-      {"lidar half-open",
-       "the connection is dead and nobody says so",
-       {},
-       true,
-       [](Impl& impl, P) { impl.bench.server->abandon_connection(); }},
-      {"lidar reboot",
-       "it restarts: the timer begins anew, the connection is reset",
-       {},
-       true,
-       [](Impl& impl, P) {
-         impl.bench.lidar->reboot(impl.clock.now_s());
-         impl.bench.server->reset_connection();
-       }},
-      {"lidar left-streaming",
-       "whoever connects next finds it streaming",
-       {},
-       true,
-       [](Impl& impl, P) {
-         impl.bench.server->keep_streaming_once();
-         impl.bench.server->drop_connection();
-       }},
-      {"lidar clock-jump",
-       "its timer jumps",
-       {{"ms", 1000}},
-       true,
-       [](Impl& impl, P p) { impl.bench.lidar->shift_clock_ms(std::llround(p.at("ms"))); }},
-      {"lidar clock-wrap",
-       "its 24-bit timer wraps soon",
-       {{"ms", 500}},
-       true,
-       [](Impl& impl, P p) {
-         impl.bench.lidar->wrap_clock_in_ms(impl.clock.now_s(), std::llround(p.at("ms")));
-       }},
-      {"lidar refuse-queries",
-       "VV and II are refused while it streams (on=0: no longer)",
-       {{"on", 1}},
-       true,
-       [](Impl& impl, P p) { impl.bench.lidar->refuse_queries_while_streaming(p.at("on") != 0); }},
-
-      {"stage lose-reply",
-       "the next reply is lost",
-       {},
-       true,
-       [](Impl& impl, P) {
-         impl.stage_out.push_back([](PtyPort::Passage& passage) { passage.bytes.clear(); });
-       }},
-      {"stage lose",
-       "bytes of the next reply are lost",
-       {{"bytes", 1}},
-       true,
-       [](Impl& impl, P p) {
-         impl.stage_out.push_back([&impl, n = count_of(p, "bytes")](PtyPort::Passage& passage) {
-           lose(passage.bytes, n, impl.random);
-         });
-       }},
-      {"stage flip",
-       "bits of the next reply are flipped",
-       {{"bits", 1}},
-       true,
-       [](Impl& impl, P p) {
-         impl.stage_out.push_back([&impl, n = count_of(p, "bits")](PtyPort::Passage& passage) {
-           flip(passage.bytes, n, impl.random);
-         });
-       }},
-      {"stage split",
-       "the next reply comes in two halves",
-       {},
-       true,
-       [](Impl& impl, P) {
-         impl.stage_out.push_back([](PtyPort::Passage& passage) { passage.split = true; });
-       }},
-      {"stage delay",
-       "the next reply comes late",
-       {{"s", 0.2}},
-       true,
-       [](Impl& impl, P p) {
-         impl.stage_out.push_back([s = p.at("s")](PtyPort::Passage& passage) { passage.delay_s = s; });
-       }},
-      {"stage lose-command",
-       "the next command does not arrive",
-       {},
-       true,
-       [](Impl& impl, P) { impl.stage_in.push_back([](std::string& bytes) { bytes.clear(); }); }},
-      {"stage garble-command",
-       "bits of the next command are flipped",
-       {{"bits", 1}},
-       true,
-       [](Impl& impl, P p) {
-         impl.stage_in.push_back(
-             [&impl, n = count_of(p, "bits")](std::string& bytes) { flip(bytes, n, impl.random); });
-       }},
-      {"stage reject", "the next motion is refused", {}, true, stage(StageFault::reject_next)},
-      {"stage stall",
-       "the rotor stands in the middle of a motion; the controller says so",
-       {},
-       true,
-       stage(StageFault::stall)},
-      {"stage limit",
-       "a limit switch is hit where none should be",
-       {},
-       true,
-       stage(StageFault::limit_switch)},
-      {"stage lose-position",
-       "the rotor slips and nobody notices",
-       {},
-       false,
-       stage(StageFault::lost_position)},
-      {"stage alert-storm", "two hundred unsolicited lines", {}, true, stage(StageFault::alert_storm)},
-      {"stage power-cycle",
-       "power is lost and comes back: not homed",
-       {},
-       true,
-       stage(StageFault::power_cycle)},
-      {"stage dead",
-       "it answers nothing for a while, then starts anew",
-       {{"s", 3}},
-       false,
-       [](Impl& impl, P p) {
-         impl.bench.stage->inject(StageFault::dead, impl.clock.now_s());
-         impl.later(p.at("s"),
-                    [&impl] { impl.bench.stage->inject(StageFault::power_cycle, impl.clock.now_s()); });
-       }},
-      {"stage unplug",
-       "its port is unplugged and comes back as another one",
-       {{"s", 1}},
-       true,
-       [](Impl& impl, P p) {
-         impl.bench.port->unplug();
-         impl.later(p.at("s"), [&impl] { impl.bench.port->replug(); });
-       }},
-  };
+const std::vector<FaultKind>& FaultInjector::Impl::kinds() {
+  static const std::vector<FaultKind> all = [] {
+    std::vector<FaultKind> kinds = lidar_faults();
+    const std::vector<FaultKind> of_stage = stage_faults();
+    kinds.insert(kinds.end(), of_stage.begin(), of_stage.end());
+    return kinds;
+  }();
   return all;
 }
 
@@ -409,13 +193,16 @@ void FaultInjector::Impl::attach() {
   if (bench.server != nullptr) {
     ScipServer::Fault fault;
     fault.to_host = [this](std::string bytes, bool&) {
-      for (const ByteFault& change : std::exchange(lidar_out, {})) change(bytes);
+      bytes = pass_to_host(std::move(bytes));
       fire_due();  // For the next answer.
       return bytes;
     };
     fault.is_due = [this] {
       const double now_s = clock.now_s();
-      return !lidar_out.empty() ||
+      const bool is_waited_for = std::ranges::any_of(lidar_messages, [](const WaitingFault& waiting) {
+        return waiting.of != MessageFault::Of::parameters;
+      });
+      return !lidar_out.empty() || is_waited_for ||
              std::ranges::any_of(orders, [now_s](const Order& order) { return order.due_s <= now_s; });
     };
     fault.to_device = [this](std::string bytes) {
@@ -434,6 +221,38 @@ void FaultInjector::Impl::attach() {
       return passage;
     });
   wait_for_tick();
+}
+
+std::string FaultInjector::Impl::pass_to_host(std::string bytes) {
+  for (const ByteFault& change : std::exchange(lidar_out, {})) change(bytes);
+  if (lidar_messages.empty() && always.empty() && concerns(MessageFault::Of::scan, bytes)) return bytes;
+  std::string out;
+  for (std::size_t begin = 0; begin < bytes.size();) {
+    const std::size_t empty_line = bytes.find("\n\n", begin);
+    const std::size_t end = empty_line == std::string::npos ? bytes.size() : empty_line + 2;
+    std::string message = bytes.substr(begin, end - begin);
+    begin = end;
+    const std::string as_sent = message;
+    change_message(message);
+    if (!concerns(MessageFault::Of::scan, as_sent)) previous_answer = as_sent;
+    out += message;
+  }
+  return out;
+}
+
+/// Faults that wait for such a message act on it, once.
+void FaultInjector::Impl::change_message(std::string& message) {
+  std::vector<WaitingFault> due;
+  for (std::size_t i = 0; i < lidar_messages.size();) {
+    if (!concerns(lidar_messages[i].of, message)) {
+      ++i;
+      continue;
+    }
+    due.push_back(std::move(lidar_messages[i]));
+    lidar_messages.erase(lidar_messages.begin() + static_cast<std::ptrdiff_t>(i));
+  }
+  for (const WaitingFault& fault : due) fault.change(message);
+  std::erase_if(always, [&message](const auto& change) { return !change(message); });
 }
 
 void FaultInjector::Impl::wait_for_tick() {

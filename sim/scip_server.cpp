@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "sim/scip_server.hpp"
 
+#include <algorithm>
 #include <array>
 #include <boost/asio/co_spawn.hpp>
 #include <boost/asio/detached.hpp>
@@ -24,7 +25,10 @@ namespace {
 constexpr std::size_t waiting_limit =
     256 * 1024;  // about 38 full scans; beyond, a real device has long dropped some
 constexpr std::size_t batch_bytes = 64 * 1024;  // at maximum speed: as much as one write takes well
-constexpr int scans_at_leisure = 4;             // then a millisecond's rest, when the client lets time pass
+constexpr auto between_pieces = std::chrono::milliseconds(1);
+constexpr int most_pieces = 100;  // of one batch, when it is only to be split
+constexpr auto slow_pause = std::chrono::milliseconds(10);
+constexpr int scans_at_leisure = 4;  // then a millisecond's rest, when the client lets time pass
 constexpr auto idle_check =
     std::chrono::seconds(1);  // no wait without a limit: look again at least this often
 }  // namespace
@@ -38,7 +42,7 @@ struct ScipServer::Impl : std::enable_shared_from_this<ScipServer::Impl> {
           wake_streamer(socket.get_executor()) {}
     tcp::socket socket;
     std::string outbox;
-    bool closed = false, writing = false, abandoned = false;
+    bool closed = false, writing = false, abandoned = false, ends_in_reset = false;
     asio::steady_timer wake_writer, wake_streamer;
     void close() {
       error_code ignored;
@@ -46,6 +50,11 @@ struct ScipServer::Impl : std::enable_shared_from_this<ScipServer::Impl> {
       if (!abandoned) socket.close(ignored);
       wake_writer.cancel();
       wake_streamer.cancel();
+    }
+    void reset() {
+      error_code ignored;
+      socket.set_option(asio::socket_base::linger(true, 0), ignored);
+      close();
     }
     [[nodiscard]] std::size_t waiting() const { return outbox.size() + (writing ? batch_bytes : 0); }
   };
@@ -59,10 +68,18 @@ struct ScipServer::Impl : std::enable_shared_from_this<ScipServer::Impl> {
   UstDevice& device;
   Fault fault;
   std::shared_ptr<Connection> connection;
-  bool stopped = false, keeps_streaming = false;
+  bool stopped = false, keeps_streaming = false, listening = false;
+  std::uint64_t connections = 0;
   std::vector<std::shared_ptr<Connection>> abandoned;  ///< Still open, as far as their hosts know.
-  SimClock::Host::time_point held_until{}, split_until{};
-  std::size_t piece_bytes = 1;
+  tcp::endpoint endpoint;
+  SimClock::Host::time_point held_until{}, refused_until{}, unserved_until{};
+  /// How bytes leave, for a while.
+  struct Pieces {
+    SimClock::Host::time_point until{};
+    std::size_t bytes = 1;
+    SimClock::Host::duration pause{};
+    int most = 0;  ///< Of one batch; 0: all of it.
+  } pieces;
 
   void send(Connection& to, std::string bytes) {
     bool drop = false;
@@ -85,6 +102,8 @@ struct ScipServer::Impl : std::enable_shared_from_this<ScipServer::Impl> {
     });
   }
 
+  void listen();
+  awaitable<void> wait_until(SimClock::Host::time_point when) const;
   awaitable<void> accept_hosts();
   awaitable<void> read_requests(std::shared_ptr<Connection> host);
   awaitable<void> write_answers(std::shared_ptr<Connection> host);
@@ -93,21 +112,49 @@ struct ScipServer::Impl : std::enable_shared_from_this<ScipServer::Impl> {
   void answer(const std::shared_ptr<Connection>& host, std::string_view line);
 };
 
+void ScipServer::Impl::listen() {
+  acceptor.open(endpoint.protocol());
+  acceptor.set_option(asio::socket_base::reuse_address(true));
+  acceptor.bind(endpoint);
+  endpoint = acceptor.local_endpoint();
+  listening = refused_until <= SimClock::Host::now();
+  if (listening) acceptor.listen();  // A port that is only bound refuses.
+}
+
+awaitable<void> ScipServer::Impl::wait_until(SimClock::Host::time_point when) const {
+  asio::steady_timer timer(executor, when);
+  error_code ignored;
+  co_await timer.async_wait(redirect_error(use_awaitable, ignored));
+}
+
 awaitable<void> ScipServer::Impl::accept_hosts() {
   const auto self = shared_from_this();
   while (!stopped) {
     error_code failed;
+    if (!listening) {
+      auto waiting = wait_until(refused_until);
+      co_await std::move(waiting);
+      if (stopped) co_return;
+      acceptor.listen();
+      listening = true;
+    }
     tcp::socket socket = co_await acceptor.async_accept(redirect_error(use_awaitable, failed));
     if (stopped) co_return;
     if (failed) {
-      asio::steady_timer pause(executor, idle_check);
-      co_await pause.async_wait(redirect_error(use_awaitable, failed));
+      auto waiting = wait_until(SimClock::Host::now() + (listening ? idle_check : between_pieces));
+      co_await std::move(waiting);
       continue;
+    }
+    if (unserved_until > SimClock::Host::now()) {
+      auto waiting = wait_until(unserved_until);
+      co_await std::move(waiting);
+      if (stopped) co_return;
     }
     socket.set_option(tcp::no_delay(true), failed);
     forget_abandoned();
     const auto host = std::make_shared<Connection>(std::move(socket));
     connection = host;
+    ++connections;
     auto writing = write_answers(host);
     asio::co_spawn(executor, std::move(writing), asio::detached);
     auto streaming = stream_scans(host);
@@ -122,7 +169,9 @@ awaitable<void> ScipServer::Impl::accept_hosts() {
 }
 
 void ScipServer::Impl::answer(const std::shared_ptr<Connection>& host, std::string_view line) {
-  std::string reply = device.handle(line, clock.now_s());
+  const double now_s = clock.now_s(), at_s = device.answers_at_s(now_s);
+  std::string reply = device.handle(line, at_s);
+  if (at_s > now_s) held_until = std::max(held_until, clock.when(at_s));
   if (!reply.empty()) send(*host, std::move(reply));
   if (device.streaming()) host->wake_streamer.cancel();
 }
@@ -170,6 +219,7 @@ awaitable<void> ScipServer::Impl::write_answers(std::shared_ptr<Connection> host
     auto writing = write_pieces(host, bytes);
     failed = co_await std::move(writing);
     host->writing = false;
+    if (!failed && host->ends_in_reset && host->outbox.empty()) host->reset();
     if (failed) {
       host->close();
       co_return;
@@ -180,19 +230,18 @@ awaitable<void> ScipServer::Impl::write_answers(std::shared_ptr<Connection> host
 
 awaitable<error_code> ScipServer::Impl::write_pieces(std::shared_ptr<Connection> host,
                                                      const std::string& bytes) {
-  constexpr int most_pieces = 100;  // the rest of a long batch leaves whole
-  constexpr auto between_pieces = std::chrono::milliseconds(1);
   error_code failed;
   std::size_t sent = 0;
   asio::steady_timer pause(executor);
-  for (int i = 0; i < most_pieces && split_until > SimClock::Host::now() && sent < bytes.size() && !failed;
+  for (int i = 0; (pieces.most == 0 || i < pieces.most) && pieces.until > SimClock::Host::now() &&
+                  sent < bytes.size() && !failed && !host->closed;
        ++i) {
-    const std::size_t size = std::min(piece_bytes, bytes.size() - sent);
+    const std::size_t size = std::min(pieces.bytes, bytes.size() - sent);
     co_await asio::async_write(host->socket, asio::buffer(bytes.data() + sent, size),
                                redirect_error(use_awaitable, failed));
     sent += size;
     error_code ignored;
-    pause.expires_after(between_pieces);
+    pause.expires_after(pieces.pause);
     co_await pause.async_wait(redirect_error(use_awaitable, ignored));
   }
   if (failed || host->closed) co_return failed;
@@ -240,18 +289,19 @@ awaitable<void> ScipServer::Impl::stream_scans(std::shared_ptr<Connection> host)
 ScipServer::ScipServer(boost::asio::any_io_executor executor, const Options& options, SimClock& clock,
                        UstDevice& device)
     : impl_(std::make_shared<Impl>(executor, clock, device)) {
-  const tcp::endpoint endpoint(asio::ip::make_address(options.address), options.port);
-  impl_->acceptor.open(endpoint.protocol());
-  impl_->acceptor.set_option(asio::socket_base::reuse_address(true));
-  impl_->acceptor.bind(endpoint);
-  impl_->acceptor.listen();
+  impl_->endpoint = tcp::endpoint(asio::ip::make_address(options.address), options.port);
+  impl_->listen();
   auto accepting = impl_->accept_hosts();
   asio::co_spawn(executor, std::move(accepting), asio::detached);
 }
 
 ScipServer::~ScipServer() { stop(); }
 
-std::uint16_t ScipServer::port() const { return impl_->acceptor.local_endpoint().port(); }
+std::uint16_t ScipServer::port() const { return impl_->endpoint.port(); }
+
+bool ScipServer::has_host() const { return impl_->connection != nullptr; }
+
+std::uint64_t ScipServer::connections() const { return impl_->connections; }
 
 void ScipServer::set_fault(Fault fault) { impl_->fault = std::move(fault); }
 
@@ -260,10 +310,13 @@ void ScipServer::drop_connection() {
 }
 
 void ScipServer::reset_connection() {
+  if (impl_->connection) impl_->connection->reset();
+}
+
+void ScipServer::reset_after_output() {
   if (!impl_->connection) return;
-  error_code ignored;
-  impl_->connection->socket.set_option(asio::socket_base::linger(true, 0), ignored);
-  impl_->connection->close();
+  impl_->connection->ends_in_reset = true;
+  impl_->connection->wake_writer.cancel();
 }
 
 void ScipServer::abandon_connection() {
@@ -276,16 +329,33 @@ void ScipServer::abandon_connection() {
   impl_->abandoned.push_back(host);
 }
 
-void ScipServer::hold_output(double seconds) {
-  impl_->held_until = SimClock::Host::now() + std::chrono::duration_cast<SimClock::Host::duration>(
-                                                  std::chrono::duration<double>(seconds));
+namespace {
+SimClock::Host::time_point in_real(double seconds) {
+  return SimClock::Host::now() +
+         std::chrono::duration_cast<SimClock::Host::duration>(std::chrono::duration<double>(seconds));
 }
+}  // namespace
+
+void ScipServer::hold_output(double seconds) { impl_->held_until = in_real(seconds); }
 
 void ScipServer::split_output(std::size_t piece, double seconds) {
-  impl_->piece_bytes = std::max<std::size_t>(piece, 1);
-  impl_->split_until = SimClock::Host::now() + std::chrono::duration_cast<SimClock::Host::duration>(
-                                                   std::chrono::duration<double>(seconds));
+  impl_->pieces = {in_real(seconds), std::max<std::size_t>(piece, 1), between_pieces, most_pieces};
 }
+
+void ScipServer::slow_output(double bytes_per_s, double seconds) {
+  const double in_a_pause = bytes_per_s * std::chrono::duration<double>(slow_pause).count();
+  impl_->pieces = {in_real(seconds), static_cast<std::size_t>(std::clamp(in_a_pause, 1.0, 1e6)), slow_pause,
+                   0};
+}
+
+void ScipServer::refuse_connections(double seconds) {
+  impl_->refused_until = in_real(seconds);
+  error_code ignored;
+  impl_->acceptor.close(ignored);
+  impl_->listen();
+}
+
+void ScipServer::serve_nobody(double seconds) { impl_->unserved_until = in_real(seconds); }
 
 void ScipServer::keep_streaming_once() { impl_->keeps_streaming = true; }
 

@@ -39,6 +39,9 @@ class ScipServer {
   ScipServer& operator=(const ScipServer&) = delete;
 
   [[nodiscard]] std::uint16_t port() const;
+  [[nodiscard]] bool has_host() const;
+  /// Hosts that were served so far.
+  [[nodiscard]] std::uint64_t connections() const;
   void set_fault(Fault fault);
   /// Closes the present connection in good order.
   void drop_connection();
@@ -49,8 +52,17 @@ class ScipServer {
   void abandon_connection();
   /// Nothing leaves for so many real seconds; then everything does.
   void hold_output(double seconds);
-  /// For so many real seconds bytes leave in pieces of this size, with pauses.
+  /// For so many real seconds bytes leave in pieces of this size, with pauses; the rest of a long batch
+  /// whole.
   void split_output(std::size_t piece, double seconds);
+  /// For so many real seconds no more than this many bytes leave in a second.
+  void slow_output(double bytes_per_s, double seconds);
+  /// Once what waits has left, the connection ends with a reset.
+  void reset_after_output();
+  /// The port is closed for so many real seconds.
+  void refuse_connections(double seconds);
+  /// For so many real seconds hosts may connect and are not served, as while the device starts.
+  void serve_nobody(double seconds);
   /// The next host that leaves finds the device still streaming when it comes back.
   void keep_streaming_once();
   void stop();

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "lidar/encoding.hpp"
 #include "lidar/response.hpp"
 
 namespace sim {
@@ -12,8 +13,9 @@ using lidar::Command;
 
 namespace {
 
-constexpr double frame_s =
-    1e-3;  // a UST hands scans over on its timer's next 1 ms frame (urg_stamped README)
+// A UST hands scans over on its timer's next 1 ms frame, firmware 4.0.0 to 4.0.2 on a 5 ms one, as it does
+// answers (urg_stamped README).
+constexpr double usual_frame_s = 1e-3, slow_frame_s = 5e-3;
 constexpr double restart_window_s = 1;  // the second RB must come within it (hokuyolx)
 
 constexpr std::uint32_t nearest_mm = 21, farthest_mm = 65532;  // what is neither code (manual, table 3)
@@ -34,14 +36,20 @@ UstDevice::UstDevice(const fit::LidarGeometry& lidar, UstIdentity identity, std:
       engine_(std::move(engine)),
       stage_at_(std::move(stage_at)),
       range_(static_cast<std::size_t>(lidar.steps)),
-      intensity_(range_.size()) {
-  clock_offset_ms_ = identity_.clock_start_ms;
+      intensity_(range_.size()),
+      clock_(identity_.clock_ppm, identity_.scan_period_s, identity_.clock_start_ms) {}
+
+double UstDevice::answers_at_s(double now_s) const {
+  return has(UstHabit::slow_frame) ? clock_.next_frame_s(now_s, slow_frame_s) : now_s;
 }
 
-std::uint32_t UstDevice::stamp_ms(double time_s) const {
-  const double device_ms = (time_s - timer_zero_s_) * (1 + identity_.clock_ppm * 1e-6) * 1e3;
-  return static_cast<std::uint32_t>((static_cast<std::int64_t>(std::floor(device_ms)) + clock_offset_ms_) &
-                                    0xffffff);
+/// Whether it hears this request; what it waited for opens its ears again.
+bool UstDevice::hears(const lidar::Request& request) {
+  const bool resets = request.command == Command::reset || request.command == Command::reset_keep_speed ||
+                      request.command == Command::reboot;
+  const bool quits = request.command == Command::quit;
+  if (resets || (quits && hears_ == Hearing::quit_or_reset)) hears_ = Hearing::all;
+  return hears_ == Hearing::all;
 }
 
 std::string UstDevice::handle(std::string_view line, double now_s) {
@@ -49,9 +57,13 @@ std::string UstDevice::handle(std::string_view line, double now_s) {
   const auto request = lidar::parse_request(line);
   if (!request) return lidar::build_status_response(line, lidar::status_of(request.error()));
   const Command command = request->command;
+  if (!hears(*request)) return "";
   if (command != Command::reboot) first_restart_s_ = -1;
-  if (refuses_queries_ && stream_ && (command == Command::version || command == Command::information))
-    return lidar::build_status_response(line, "10");
+  const bool queries = command == Command::version || command == Command::information;
+  if (has(UstHabit::refuse_queries) && stream_ && queries) return lidar::build_status_response(line, "10");
+  if (has(UstHabit::queries_stop_stream) && (queries || command == Command::parameters)) stream_.reset();
+  if (in_error_ && !queries && command != Command::reboot && command != Command::state)
+    return lidar::build_status_response(line, "0L");
   switch (command) {
     case Command::version:
       return identify(line);
@@ -59,10 +71,11 @@ std::string UstDevice::handle(std::string_view line, double now_s) {
       return state(line, now_s);
     case Command::state:
       return lidar::build_text_response(line, "00",
-                                        adjusting_time_ ? "002"
-                                        : stream_       ? "004"
-                                        : laser_on_     ? "003"
-                                                        : "000");
+                                        in_error_         ? "900"
+                                        : adjusting_time_ ? "002"
+                                        : stream_         ? "004"
+                                        : laser_on_       ? "003"
+                                                          : "000");
     case Command::reboot:
       return restart(line, now_s);
     case Command::reset:
@@ -74,6 +87,8 @@ std::string UstDevice::handle(std::string_view line, double now_s) {
     case Command::time_enter:
     case Command::time_leave:
       return time_adjust(line, command, now_s);
+    case Command::quit:
+      return quit(line);
     default:
       break;
   }
@@ -81,10 +96,6 @@ std::string UstDevice::handle(std::string_view line, double now_s) {
   switch (command) {
     case Command::parameters:
       return parameters(line);
-    case Command::quit:
-      stream_.reset();
-      laser_on_ = false;
-      return lidar::build_status_response(line, "00");
     case Command::laser_on:
       if (stream_) return lidar::build_status_response(line, "10");
       return lidar::build_status_response(line, std::exchange(laser_on_, true) ? "02" : "00");
@@ -99,6 +110,24 @@ std::string UstDevice::handle(std::string_view line, double now_s) {
   }
 }
 
+std::string UstDevice::quit(std::string_view echo) {
+  if (adjusting_time_) {
+    if (!has(UstHabit::quit_leaves_time)) return lidar::build_status_response(echo, "10");
+    adjusting_time_ = false;
+  }
+  if (quits_ignored_ > 0) {
+    --quits_ignored_;
+    return "";
+  }
+  laser_on_ = false;
+  const int more = std::exchange(scans_after_quit_, 0);
+  if (more > 0 && streaming())
+    stream_->closing = more;
+  else
+    stream_.reset();
+  return lidar::build_status_response(echo, "00");
+}
+
 std::string UstDevice::identify(std::string_view echo) const {
   const KeyValues lines = {{"VEND", "Hokuyo Automatic Co., Ltd."},
                            {"PROD", identity_.model},
@@ -111,40 +140,61 @@ std::string UstDevice::identify(std::string_view echo) const {
 std::string UstDevice::parameters(std::string_view echo) const {
   const int steps_per_turn = static_cast<int>(std::lround(2 * fit::pi / lidar_.step_rad));
   const int rpm = static_cast<int>(std::lround(lidar_.scan_hz * 60));
-  const KeyValues lines = {{"MODL", identity_.model},
-                           {"DMIN", "20"},
-                           {"DMAX", "30000"},
-                           {"ARES", std::to_string(steps_per_turn)},
-                           {"AMIN", "0"},
-                           {"AMAX", std::to_string(lidar_.steps - 1)},
-                           {"AFRT", std::to_string(lidar_.front_step)},
-                           {"SCAN", std::to_string(rpm)}};
+  KeyValues lines = {{"MODL", identity_.model},
+                     {"DMIN", "20"},
+                     {"DMAX", "30000"},
+                     {"ARES", std::to_string(steps_per_turn)},
+                     {"AMIN", "0"},
+                     {"AMAX", std::to_string(lidar_.steps - 1)},
+                     {"AFRT", std::to_string(lidar_.front_step)},
+                     {"SCAN", std::to_string(rpm)}};
+  if (has(UstHabit::reordered_parameters)) std::reverse(lines.begin(), lines.end());
+  if (has(UstHabit::more_parameters)) lines.emplace_back("PROT", "SCIP 2.2");
   return lidar::build_key_value_response(echo, "00", lines);
 }
 
 std::string UstDevice::state(std::string_view echo, double now_s) const {
-  char time[8];
-  std::snprintf(time, sizeof time, "%06X", stamp_ms(now_s));
+  std::string time;
+  if (has(UstHabit::coded_time)) {
+    lidar::append_value(time, clock_.stamp_ms(now_s), 4);
+  } else {
+    char digits[8];
+    std::snprintf(digits, sizeof digits, "%06X", clock_.stamp_ms(now_s));
+    time = digits;
+  }
   const int rpm = static_cast<int>(std::lround(lidar_.scan_hz * 60));
-  const KeyValues lines = {{"MODL", identity_.model},
-                           {"LASR", laser_on_ ? "ON" : "OFF"},
-                           {"SCSP", std::to_string(rpm)},
-                           {"MESM", stream_ ? "Measuring by Sensitive Mode" : "Idle"},
-                           {"SBPS", "Ethernet 100[Mbps]"},
-                           {"TIME", time},
-                           {"STAT", "sensor is working normally"}};
-  return lidar::build_key_value_response(echo, "00", lines);
+  const KeyValues lines = {
+      {"MODL", identity_.model},
+      {"LASR", laser_on_ ? "ON" : "OFF"},
+      {"SCSP", std::to_string(rpm)},
+      {"MESM", stream_ ? "Measuring by Sensitive Mode" : "Idle"},
+      {"SBPS", "Ethernet 100[Mbps]"},
+      {"TIME", time},
+      {"STAT", in_error_ ? "sensor is in an error state" : "sensor is working normally"}};
+  if (!has(UstHabit::comments)) return lidar::build_key_value_response(echo, "00", lines);
+  std::string out = lidar::build_status_response(echo, "00");
+  out.pop_back();  // the empty line
+  for (const auto& [key, value] : lines) {
+    const std::string text = key + ":" + value;
+    out += text + "<-" + key + ";" + lidar::checksum(text) + "\n";
+  }
+  return out + "\n";
 }
 
 std::string UstDevice::time_adjust(std::string_view echo, Command command, double now_s) {
   if (command == Command::time_enter) {
-    if (stream_) return lidar::build_status_response(echo, "10");
+    if (stream_ || refuses_time_) return lidar::build_status_response(echo, "10");
     laser_on_ = false;
-    return lidar::build_status_response(echo, std::exchange(adjusting_time_, true) ? "02" : "00");
+    const bool was_on = std::exchange(adjusting_time_, true) && !has(UstHabit::never_already);
+    return lidar::build_status_response(echo, was_on ? "02" : "00");
   }
-  // Real sensors answer TM1 outside the mode as well (urg_stamped's simulator).
-  if (command == Command::time_read) return lidar::build_time_response(echo, stamp_ms(now_s));
-  return lidar::build_status_response(echo, std::exchange(adjusting_time_, false) ? "00" : "03");
+  if (command == Command::time_read) {
+    // Real sensors answer TM1 outside the mode as well (urg_stamped's simulator).
+    if (!adjusting_time_ && has(UstHabit::strict_time)) return lidar::build_status_response(echo, "04");
+    return lidar::build_time_response(echo, clock_.stamp_ms(now_s));
+  }
+  const bool was_on = std::exchange(adjusting_time_, false) || has(UstHabit::never_already);
+  return lidar::build_status_response(echo, was_on ? "00" : "03");
 }
 
 std::string UstDevice::check_steps(const lidar::ScanCommand& scan) const {
@@ -156,8 +206,7 @@ std::string UstDevice::single_scan(std::string_view echo, const lidar::Request& 
   if (const std::string wrong = check_steps(request.scan); !wrong.empty())
     return lidar::build_status_response(echo, wrong);
   const double measured_s = lidar_.beam_time_s(lidar_.steps);
-  const auto index = std::max<std::int64_t>(
-      0, static_cast<std::int64_t>(std::floor((now_s - measured_s) / identity_.scan_period_s)));
+  const auto index = std::max<std::int64_t>(0, clock_.turn_at(now_s - measured_s));
   std::string out;
   measure(request, index, std::string(echo), "00", out);
   return out;
@@ -168,44 +217,75 @@ std::string UstDevice::start_stream(std::string_view echo, const lidar::Request&
     return lidar::build_status_response(echo, wrong);
   laser_on_ = true;
   engine_->begin_stream();
-  stream_ = Stream{request, request.scan.count, request.scan.count == 0,
-                   static_cast<std::int64_t>(std::ceil(now_s / identity_.scan_period_s)) + 1};
+  stream_ = Stream();
+  stream_->request = request;
+  if (std::exchange(forgets_intensities_, false)) stream_->request.scan.format = lidar::ScanFormat::distance3;
+  stream_->remaining = request.scan.count;
+  stream_->endless = request.scan.count == 0;
+  stream_->next_index = clock_.turn_from(now_s) + 1;
   return lidar::build_status_response(echo, "00");
 }
 
+void UstDevice::stall() {
+  if (stream_) stream_->stalled = true;
+}
+
+void UstDevice::switch_laser_off() {
+  stream_.reset();
+  laser_on_ = false;
+}
+
+void UstDevice::set_error_state(bool on) {
+  in_error_ = on;
+  if (on) switch_laser_off();
+}
+
+void UstDevice::check_itself(double now_s, double seconds, const std::string& status) {
+  if (stream_) stream_->notices = {{now_s, status}, {now_s + std::max(0.0, seconds), "98"}};
+}
+
 double UstDevice::next_scan_ready_s(double now_s) {
-  const double period = identity_.scan_period_s;
+  if (!stream_->notices.empty()) return std::max(now_s, stream_->notices.front().due_s);
+  const double frame_s = has(UstHabit::slow_frame) ? slow_frame_s : usual_frame_s;
   const auto ready = [&](std::int64_t index) {
-    const double complete = static_cast<double>(index) * period + lidar_.beam_time_s(lidar_.steps);
-    const double tick_s = frame_s / (1 + identity_.clock_ppm * 1e-6);
-    return timer_zero_s_ + std::ceil((complete - timer_zero_s_) / tick_s) * tick_s;
+    const double complete_s = clock_.turn_begins_s(index) + lidar_.beam_time_s(lidar_.steps);
+    return clock_.next_frame_s(complete_s, frame_s);
   };
-  while (ready(stream_->next_index) < now_s - period) stream_->next_index += stream_->request.scan.skip + 1;
+  while (ready(stream_->next_index) < now_s - identity_.scan_period_s)
+    stream_->next_index += stream_->request.scan.skip + 1;
   return ready(stream_->next_index);
 }
 
 void UstDevice::append_next_scan(std::string& out) {
   Stream& stream = *stream_;
+  if (!stream.notices.empty()) {
+    const Notice notice = stream.notices.front();
+    stream.notices.erase(stream.notices.begin());
+    out += lidar::build_status_response(with_count(stream.request, stream.remaining), notice.status);
+    scan_end_s_ = notice.due_s;
+    return;
+  }
   if (!stream.endless) --stream.remaining;
   measure(stream.request, stream.next_index,
           with_count(stream.request, stream.endless ? 0 : stream.remaining), "99", out);
   stream.next_index += stream.request.scan.skip + 1;
-  if (stream.endless || stream.remaining > 0) return;
+  const bool closed = stream.closing > 0 && --stream.closing == 0;
+  if (!closed && (stream.endless || stream.remaining > 0)) return;
   stream_.reset();
   laser_on_ = false;
 }
 
 void UstDevice::measure(const lidar::Request& request, std::int64_t scan_index, const std::string& echo,
                         std::string_view status, std::string& out) {
-  const double scan_s = static_cast<double>(scan_index) * identity_.scan_period_s;
+  const double scan_s = clock_.turn_begins_s(scan_index);
   engine_->scan(scan_s, stage_at_, range_, intensity_);
   ++scans_made_;
-  scan_end_s_ = scan_s + identity_.scan_period_s;
+  scan_end_s_ = clock_.turn_begins_s(scan_index + 1);
   const lidar::ScanCommand& scan = request.scan;
   const auto first = static_cast<std::ptrdiff_t>(scan.first_step),
              past = static_cast<std::ptrdiff_t>(scan.last_step) + 1;
   lidar::ScanData data;
-  data.stamp = stamp_ms(scan_s);
+  data.stamp = clock_.stamp_ms(scan_s);
   if (scan.cluster > 1) {
     sent_range_.assign(range_.begin() + first, range_.begin() + past);
     sent_intensity_.assign(intensity_.begin() + first, intensity_.begin() + past);
@@ -222,8 +302,7 @@ void UstDevice::measure(const lidar::Request& request, std::int64_t scan_index, 
 
 std::string UstDevice::reset(std::string_view echo, double now_s) {
   disconnected();
-  timer_zero_s_ = now_s;
-  clock_offset_ms_ = 0;
+  clock_.zero_timer(now_s);
   return lidar::build_status_response(echo, "00");
 }
 
@@ -232,14 +311,15 @@ std::string UstDevice::restart(std::string_view echo, double now_s) {
   first_restart_s_ = now_s;
   if (!second) return lidar::build_status_response(echo, "01");
   reboot_requested_ = true;
-  return lidar::build_status_response(echo, "00");
+  return has(UstHabit::silent_reboot) ? "" : lidar::build_status_response(echo, "00");
 }
 
 void UstDevice::reboot(double now_s) {
   disconnected();
-  timer_zero_s_ = now_s;
-  clock_offset_ms_ = 0;
+  clock_.start(now_s);
   first_restart_s_ = -1;
+  hears_ = Hearing::all;
+  in_error_ = false;
 }
 
 void UstDevice::disconnected() {

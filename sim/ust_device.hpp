@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -11,6 +13,8 @@
 #include "fit/bench.hpp"
 #include "lidar/request.hpp"
 #include "sim/engine.hpp"
+#include "sim/ust_clock.hpp"
+#include "sim/ust_habits.hpp"
 
 namespace sim {
 
@@ -34,7 +38,8 @@ class UstDevice {
   /// The answer to one line (without its end) received at `now_s`. Empty when the device says nothing.
   [[nodiscard]] std::string handle(std::string_view line, double now_s);
 
-  [[nodiscard]] bool streaming() const { return stream_.has_value(); }
+  /// Scans are to be sent.
+  [[nodiscard]] bool streaming() const { return stream_ && !stream_->stalled; }
   /// Streams, and leaves scans out between two that are sent.
   [[nodiscard]] bool skips_scans() const { return stream_ && stream_->request.scan.skip > 0; }
   /// When the next scan of the stream is ready to be sent, given that it is `now_s`: scans that nobody could
@@ -51,25 +56,55 @@ class UstDevice {
   void reboot(double now_s);
   /// True once after the second RB: the connection is to be dropped.
   [[nodiscard]] bool take_reboot_request() { return std::exchange(reboot_requested_, false); }
-  void shift_clock_ms(std::int64_t by) { clock_offset_ms_ += by; }
-  /// The 24-bit timer will wrap in so many milliseconds.
-  void wrap_clock_in_ms(double now_s, std::int64_t ms) {
-    clock_offset_ms_ += 0x1000000 - ms - stamp_ms(now_s);
-  }
-  /// Some firmwares answer VV, PP and II with an error while they stream.
-  void refuse_queries_while_streaming(bool refuse) { refuses_queries_ = refuse; }
+
+  // What goes wrong with it; `FaultInjector::catalogue()` says what is meant.
+
+  UstClock& clock() { return clock_; }
+  void set_habit(UstHabit habit, bool on) { habits_[static_cast<std::size_t>(habit)] = on; }
+  /// The stream stalls; the laser stays on, and the device believes that it measures.
+  void stall();
+  void switch_laser_off();
+  /// The stream gives way to this status, and goes on with "98" so much later.
+  void check_itself(double now_s, double seconds, const std::string& status);
+  /// The next stream is of distances alone, whatever is asked for.
+  void forget_intensities_once() { forgets_intensities_ = true; }
+  enum class Hearing { all, quit_or_reset, reset };
+  /// Hears nothing else, until it hears that.
+  void hear_only(Hearing what) { hears_ = what; }
+  void ignore_quits(int count) { quits_ignored_ = count; }
+  /// So many scans follow the next QT's acknowledgement.
+  void send_after_quit(int scans) { scans_after_quit_ = scans; }
+  /// In it, all is refused but RB and questions who it is.
+  void set_error_state(bool on);
+  void refuse_time_adjustment(bool refuse) { refuses_time_ = refuse; }
+  /// Another device at the same address, by its serial number.
+  void change_serial(const std::string& serial) { identity_.serial = serial; }
+  [[nodiscard]] const std::string& serial() const { return identity_.serial; }
+
   /// Scans that were produced, for logs.
   [[nodiscard]] std::uint64_t scans_made() const { return scans_made_; }
+  /// When a request that comes now is worked on.
+  [[nodiscard]] double answers_at_s(double now_s) const;
 
  private:
+  /// A message that stands in for scans.
+  struct Notice {
+    double due_s;
+    std::string status;
+  };
   struct Stream {
     lidar::Request request;
     int remaining = 0;  ///< Scans still to send; 0 with `endless`.
     bool endless = false;
-    std::int64_t next_index = 0;  ///< Number of the next scan since power-on.
+    std::int64_t next_index = 0;  ///< Turn of the mirror since power-on.
+    int closing = 0;              ///< Scans still to come although it was told to stop; 0: it was not.
+    bool stalled = false;
+    std::vector<Notice> notices;
   };
 
-  [[nodiscard]] std::uint32_t stamp_ms(double time_s) const;
+  [[nodiscard]] bool has(UstHabit habit) const { return habits_[static_cast<std::size_t>(habit)]; }
+  [[nodiscard]] bool hears(const lidar::Request& request);
+  [[nodiscard]] std::string quit(std::string_view echo);
   [[nodiscard]] std::string check_steps(const lidar::ScanCommand& scan) const;
   [[nodiscard]] std::string identify(std::string_view echo) const;
   [[nodiscard]] std::string parameters(std::string_view echo) const;
@@ -88,9 +123,13 @@ class UstDevice {
   std::function<StageMoment(double)> stage_at_;
   std::vector<std::uint32_t> range_, intensity_;            ///< Of all steps.
   std::vector<std::uint32_t> sent_range_, sent_intensity_;  ///< Of the clusters that were asked for.
-  bool laser_on_ = false, adjusting_time_ = false, reboot_requested_ = false, refuses_queries_ = false;
-  double timer_zero_s_ = 0, scan_end_s_ = 0, first_restart_s_ = -1;
-  std::int64_t clock_offset_ms_ = 0;
+  UstClock clock_;
+  std::array<bool, ust_habits.size()> habits_{};
+  bool laser_on_ = false, adjusting_time_ = false, reboot_requested_ = false;
+  bool forgets_intensities_ = false, in_error_ = false, refuses_time_ = false;
+  Hearing hears_ = Hearing::all;
+  int quits_ignored_ = 0, scans_after_quit_ = 0;
+  double scan_end_s_ = 0, first_restart_s_ = -1;
   std::uint64_t scans_made_ = 0;
   std::optional<Stream> stream_;
 };
