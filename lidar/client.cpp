@@ -10,10 +10,12 @@
 #include <boost/asio/use_awaitable.hpp>
 #include <boost/asio/write.hpp>
 #include <charconv>
+#include <cstdio>
 #include <random>
 
 #include "lidar/frame_reader.hpp"
 #include "lidar/identity.hpp"
+#include "lidar/reply.hpp"
 #include "lidar/request.hpp"
 #include "lidar/scan_receiver.hpp"
 #include "lidar/status.hpp"
@@ -123,8 +125,13 @@ struct Client::Impl {
   bool connected = false, streaming = false;
   unsigned requests = 0;
   int bad_in_a_row = 0;
+  int repeated_in_a_row = 0;
   std::uint64_t last_scan_ms = 0;
   bool scan_seen = false;
+  unsigned damaged_answers = 0;  ///< To our own requests, on this connection.
+  std::string last_stray;        ///< First line and status of what came in the stream's place.
+  unsigned attempts_failed = 0;  ///< To connect, in a row.
+  steady_clock::time_point first_attempt{};
   std::int64_t arrived_us = 0;  ///< When the bytes of the present frame were read.
 
   [[nodiscard]] std::string address() const { return host + ":" + std::to_string(port); }
@@ -195,6 +202,8 @@ struct Client::Impl {
   awaitable<void> leave_time_adjust();
   awaitable<Identity> identify();
   awaitable<Identity> connect();
+  awaitable<Identity> connect_once();
+  awaitable<void> wake();
   awaitable<Identity> connect_first();
   awaitable<Identity> reconnect();
   awaitable<void> start(StreamRequest wanted);
@@ -205,11 +214,13 @@ struct Client::Impl {
   awaitable<void> exchange_times();
   std::optional<Scan> scan_in(const Frame& frame);
   std::optional<Scan> scan_at_hand();
-  void place_in_time(Scan& scan, std::uint32_t stamp);
+  bool place_in_time(Scan& scan, std::uint32_t stamp);
+  void count_repetition();
   [[nodiscard]] std::optional<Frame> scan_frame_in_wreck(std::string_view bytes) const;
   void judge_stream_status(const Frame& frame);
   void count_damage(const std::string& what);
-  [[noreturn]] void no_scan_came();
+  awaitable<void> no_scan_came();
+  awaitable<std::string> state_of_lidar();
 };
 
 namespace {
@@ -255,6 +266,11 @@ std::optional<Frame> answer_in(std::string_view bytes, std::string_view line) {
   return std::nullopt;
 }
 
+/// Whether what came, damaged or not, begins as the answer to that line.
+bool repeats(std::string_view bytes, std::string_view line) {
+  return bytes.starts_with(line) && bytes.size() > line.size() && bytes[line.size()] == '\n';
+}
+
 /// Waits for the answer that repeats `line`; others are strays. An empty optional when none came in time.
 awaitable<std::optional<Client::Impl::Answer>> Client::Impl::answer_to(const std::string& line,
                                                                        steady_clock::time_point until) {
@@ -267,9 +283,14 @@ awaitable<std::optional<Client::Impl::Answer>> Client::Impl::answer_to(const std
     }
     if (const auto answer = answer_in(reader.last_bytes(), line))
       co_return Answer(std::string(answer->status), std::string(answer->body));
-    if (!frame)
+    if (!frame) {
       ++statistics.resynchronised;
-    else if (streaming || (*frame)->status == "99")
+      if (repeats(reader.last_bytes(), line)) {  // No better one will come.
+        ++statistics.bad;
+        ++damaged_answers;
+        co_return std::nullopt;
+      }
+    } else if (streaming || (*frame)->status == "99")
       ++statistics.stale;
     else
       ++statistics.strays;
@@ -285,25 +306,37 @@ awaitable<std::optional<Client::Impl::Answer>> Client::Impl::exchange(Request wa
   co_return co_await std::move(answering);
 }
 
-/// The body of the answer to a request that may be repeated. Throws when it is refused or never answered.
+/// The body of the answer to a request that may be repeated. A refusal may pass: a lidar that has just
+/// started or stopped measuring refuses for a while (urg_stamped #115). Throws when it is refused every time
+/// or never answered.
 awaitable<std::string> Client::Impl::ask(Request request_) {
   const std::string line = build_line(request_);
+  asio::steady_timer pause(executor);
+  std::string refusal;
+  const unsigned damaged_before = damaged_answers;
   for (int attempt = 0; attempt < attempts; ++attempt) {
     auto asking = exchange(request_);
     const std::optional<Answer> answer = co_await std::move(asking);
     if (!answer) continue;
     const StatusKind kind = kind_of(answer->status, request_);
     if (kind == StatusKind::done || kind == StatusKind::already) co_return answer->body;
-    const std::string said = "the lidar at " + address() + " answered " + line + " with status " +
-                             answer->status + ": " + meaning_of(answer->status, request_);
+    refusal = "the lidar at " + address() + " answered " + line + " with status " + answer->status + ": " +
+              meaning_of(answer->status, request_);
     if (kind == StatusKind::hardware_fault)
-      fail(Kind::hardware_fault, said + ". Switch it off and on; if the fault stays, it needs service");
-    fail(Kind::refused, said);
+      fail(Kind::hardware_fault, refusal + ". Switch it off and on; if the fault stays, it needs service");
+    pause.expires_after(options.quiet);
+    error_code failed;
+    co_await pause.async_wait(redirect_error(use_awaitable, failed));
+    if (failed) throw boost::system::system_error(failed);
   }
+  const std::string times = ", asked " + std::to_string(attempts) + " times";
+  if (!refusal.empty()) fail(Kind::refused, refusal + times + ". Switch it off and on if this does not pass");
+  if (damaged_answers - damaged_before == attempts)
+    fail(Kind::bad_answer, "the lidar at " + address() + " answered " + line + " with wrong sums" + times +
+                               ". Check the network cable; connecting anew may help");
   fail(Kind::no_answer, "the lidar at " + address() + " did not answer " + line + " within " +
-                            std::to_string(options.reply_timeout.count()) + " ms, asked " +
-                            std::to_string(attempts) +
-                            " times. Check that nothing else is connected to it, then switch it off and on");
+                            std::to_string(options.reply_timeout.count()) + " ms" + times +
+                            ". Check that nothing else is connected to it, then switch it off and on");
 }
 
 // --- connecting -------------------------------------------------------------------------------------------
@@ -380,6 +413,10 @@ awaitable<void> Client::Impl::end_stream() {
   while (steady_clock::now() < until) {
     auto asking = exchange(Request(Command::quit));
     const std::optional<Answer> answer = co_await std::move(asking);
+    if (!answer && damaged_answers >= attempts)
+      fail(Kind::bad_answer, "the lidar at " + address() + " answers QT with wrong sums, " +
+                                 std::to_string(damaged_answers) +
+                                 " times. Check the network cable; connecting anew may help");
     if (!answer) continue;
     acknowledged = true;
     auto waiting = falls_silent(std::min(until, steady_clock::now() + options.reply_timeout));
@@ -413,15 +450,31 @@ awaitable<Identity> Client::Impl::identify() {
   co_return *read;
 }
 
-awaitable<Identity> Client::Impl::connect() {
+/// Ends what an earlier host left running. A lidar that heeds no QT may heed RS, which stops it as well.
+awaitable<void> Client::Impl::wake() {
+  std::exception_ptr why;
+  try {
+    co_await end_stream();
+    co_return;
+  } catch (const LidarError& error) {
+    if (error.kind() != Kind::no_answer || !connected) throw;
+    why = std::current_exception();
+  }
+  auto resetting = exchange(Request(Command::reset));
+  const std::optional<Answer> answer = co_await std::move(resetting);
+  if (!answer) std::rethrow_exception(why);
+  co_await end_stream();
+}
+
+awaitable<Identity> Client::Impl::connect_once() {
   co_await open();
-  statistics = {};
   scan_seen = false;
+  damaged_answers = 0;
   // A bare line end first: it ends whatever an earlier host left half written and is never answered.
   co_await send("\n", "connecting");
   std::optional<LidarError> mute;
   try {
-    co_await end_stream();
+    co_await wake();
   } catch (const LidarError& error) {
     mute = error;
   }
@@ -436,14 +489,42 @@ awaitable<Identity> Client::Impl::connect() {
   if (mute) throw *mute;
   co_await leave_time_adjust();
   auto identifying = identify();
-  identity = co_await std::move(identifying);
-  co_return identity;
+  co_return co_await std::move(identifying);
+}
+
+/// What a UST damages on its first connection after power-up, it sends whole on the next (urg_node #57). A
+/// failure says how often the address was tried in vain, this attempt included.
+awaitable<Identity> Client::Impl::connect() {
+  if (attempts_failed == 0) first_attempt = steady_clock::now();
+  std::optional<LidarError> why;
+  for (int connection = 0; connection < 2; ++connection) {
+    why.reset();
+    try {
+      auto connecting = connect_once();
+      Identity found = co_await std::move(connecting);
+      attempts_failed = 0;
+      co_return found;
+    } catch (const LidarError& error) {
+      why = error;
+    }
+    close();
+    ++attempts_failed;
+    ++statistics.failed_connects;
+    if (why->kind() != Kind::bad_answer) break;
+  }
+  if (attempts_failed == 1) throw *why;
+  const auto since = std::chrono::duration<double>(steady_clock::now() - first_attempt).count();
+  char tried[80];
+  std::snprintf(tried, sizeof tried, ". Tried %u times in %.1f s", attempts_failed, since);
+  throw LidarError(why->kind(), why->what() + std::string(tried));
 }
 
 /// What was known of a clock holds for as long as it is the same lidar: reconnect() keeps it.
 awaitable<Identity> Client::Impl::connect_first() {
+  if (!identity.json.empty()) statistics = {};  // Else attempts in vain are counted on.
   auto connecting = connect();
   Identity found = co_await std::move(connecting);
+  identity = found;
   const double period_ms = found.scan_period_s * 1000;
   clock = ClockEstimator(period_ms, period_ms * found.max_step / found.steps_per_turn,
                          found.model.starts_with("UST") ? ClockEstimator::Departure::on_tick
@@ -452,21 +533,16 @@ awaitable<Identity> Client::Impl::connect_first() {
 }
 
 awaitable<Identity> Client::Impl::reconnect() {
-  const std::string serial = identity.serial;
-  const Statistics before = statistics;
   auto connecting = connect();
-  const Identity again = co_await std::move(connecting);
-  const Statistics since = statistics;
-  statistics = before;
-  statistics.bytes += since.bytes;
-  statistics.strays += since.strays;
-  ++statistics.reconnects;
-  if (!serial.empty() && again.serial != serial) {
+  Identity again = co_await std::move(connecting);
+  if (!identity.serial.empty() && again.serial != identity.serial) {
     close();
     fail(Kind::refused, "another lidar answers at " + address() + ": serial number " + again.serial +
-                            " in place of " + serial +
+                            " in place of " + identity.serial +
                             ". Connect the first one again, or begin a new session");
   }
+  ++statistics.reconnects;
+  identity = again;
   co_return again;
 }
 
@@ -502,7 +578,12 @@ awaitable<void> Client::Impl::start(StreamRequest wanted) {
       co_await end_stream();
       continue;
     }
-    if (kind != StatusKind::done && kind != StatusKind::already)
+    const bool is_refused = kind != StatusKind::done && kind != StatusKind::already;
+    if (is_refused && kind != StatusKind::hardware_fault && attempt + 1 < attempts) {
+      co_await end_stream();  // Whatever state it is in, QT leads out of it.
+      continue;
+    }
+    if (is_refused)
       fail(kind == StatusKind::hardware_fault ? Kind::hardware_fault : Kind::refused,
            "the lidar at " + address() + " will not measure: status " + answer->status + ", " +
                meaning_of(answer->status, asked) + ". Switch it off and on if this does not pass");
@@ -512,8 +593,9 @@ awaitable<void> Client::Impl::start(StreamRequest wanted) {
     stream_echo = build_line(asked);
     stream_echo.resize(stream_echo.size() - 2);  // the number of scans that remain changes
     streaming = true;
-    bad_in_a_row = 0;
+    bad_in_a_row = repeated_in_a_row = 0;
     scan_seen = false;
+    last_stray.clear();
     clock.begin_stream();
     co_return;
   }
@@ -532,6 +614,7 @@ void Client::Impl::count_damage(const std::string& what) {
 void Client::Impl::judge_stream_status(const Frame& frame) {
   const Request asked(stream_command);
   const StatusKind kind = kind_of(frame.status, asked);
+  last_stray = "status " + std::string(frame.status) + ", " + meaning_of(frame.status, asked);
   if (kind != StatusKind::hardware_fault) return;  // checking and resumed: wait on
   streaming = false;
   fail(Kind::hardware_fault, "the lidar at " + address() + " stopped measuring: status " +
@@ -554,6 +637,7 @@ std::optional<Scan> Client::Impl::scan_in(const Frame& frame) {
   if (!ours) {
     const bool a_scan = frame.status == "99";
     ++(a_scan ? statistics.stale : statistics.strays);
+    last_stray = "an answer to " + std::string(frame.echo.substr(0, 40)) + ", which was not asked for";
     return std::nullopt;
   }
   if (kind_of(frame.status, Request(stream_command)) != StatusKind::scan_data) {
@@ -567,17 +651,34 @@ std::optional<Scan> Client::Impl::scan_in(const Frame& frame) {
     return inner ? scan_in(*inner) : std::nullopt;
   }
   Scan scan = scan_from(*raw, identity);
-  place_in_time(scan, static_cast<std::uint32_t>(raw->stamp & 0xFFFFFF));
+  if (!place_in_time(scan, static_cast<std::uint32_t>(raw->stamp & 0xFFFFFF))) return std::nullopt;
   return scan;
 }
 
-/// Completes a good scan with what is known of it beside its values, and counts it.
-void Client::Impl::place_in_time(Scan& scan, std::uint32_t stamp) {
+/// A scan whose stamp is not later than that of the one before is the same again, or one from before.
+void Client::Impl::count_repetition() {
+  ++statistics.repeated;
+  if (++repeated_in_a_row < options.max_bad_scans) return;
+  fail(Kind::bad_answer,
+       "the time stamps of " + std::to_string(repeated_in_a_row) + " scans in a row from the lidar at " +
+           address() +
+           " do not advance: its timer stands or was set back, or it repeats itself. None of them "
+           "was delivered. Connect anew; switch it off and on if this does not pass");
+}
+
+/// Completes a good scan with what is known of it beside its values, and counts it; false when it is a
+/// repetition.
+bool Client::Impl::place_in_time(Scan& scan, std::uint32_t stamp) {
   bad_in_a_row = 0;
   scan.first_step = request.first_step;
   scan.last_step = request.last_step;
   scan.cluster = request.cluster;
   scan.device_ms = clock.unwrap(stamp, static_cast<double>(arrived_us));
+  if (scan_seen && scan.device_ms <= last_scan_ms) {
+    count_repetition();
+    return false;
+  }
+  repeated_in_a_row = 0;
   scan.host_us = static_cast<std::int64_t>(
       std::llround(clock.add_scan(scan.device_ms, static_cast<double>(arrived_us))));
   if (scan_seen) {
@@ -588,19 +689,18 @@ void Client::Impl::place_in_time(Scan& scan, std::uint32_t stamp) {
   scan_seen = true;
   last_scan_ms = scan.device_ms;
   ++statistics.scans;
+  return true;
 }
 
-/// The scan that the waiting bytes begin with, if they are as expected.
+/// The next scan in the waiting bytes, for as long as they are as expected.
 std::optional<Scan> Client::Impl::scan_at_hand() {
   std::optional<Scan> scan(std::move(spare));
-  const auto stamp = receiver.take(reader.waiting(), *scan);
-  if (!stamp) {
-    spare = std::move(*scan);
-    return std::nullopt;
+  while (const auto stamp = receiver.take(reader.waiting(), *scan)) {
+    reader.consume(receiver.message_bytes());
+    if (place_in_time(*scan, *stamp)) return scan;
   }
-  reader.consume(receiver.message_bytes());
-  place_in_time(*scan, *stamp);
-  return scan;
+  spare = std::move(*scan);
+  return std::nullopt;
 }
 
 /// Most scans of a fast stream came with the one before: those take neither the clock nor a wait.
@@ -625,19 +725,34 @@ awaitable<Scan> Client::Impl::next_to_come() {
       if (std::optional<Scan> scan = scan_in(**frame)) co_return std::move(*scan);
     } else {
       const bool arrived = co_await fill(until, "waiting for a scan");
-      if (!arrived) no_scan_came();
+      if (!arrived) co_await no_scan_came();
     }
   }
 }
 
-void Client::Impl::no_scan_came() {
+/// What a lidar that sends nothing says of itself, to be read behind "; ".
+awaitable<std::string> Client::Impl::state_of_lidar() {
+  auto asking = exchange(Request(Command::information));
+  const std::optional<Answer> answer = co_await std::move(asking);
+  if (!answer) co_return "it does not answer questions either";
+  const auto values = decode_key_values(answer->body);
+  if (!values || values->empty()) co_return "asked how it is, it answers with status " + answer->status;
+  co_return "asked how it is, it says laser " + value_of(*values, "LASR") + ", " + value_of(*values, "MESM") +
+      ", " + value_of(*values, "STAT");
+}
+
+awaitable<void> Client::Impl::no_scan_came() {
   const std::string limit = std::to_string(options.scan_timeout.count()) + " ms";
   if (bad_in_a_row > 0)
     fail(Kind::bad_answer, "only damaged scans (" + std::to_string(bad_in_a_row) +
                                ") arrived from the lidar at " + address() + " in " + limit +
                                ". Check the network cable; reconnecting may help");
-  fail(Kind::no_answer,
-       "the lidar at " + address() + " sent no scan for " + limit + ". Check its power and network cable");
+  std::string what = "the lidar at " + address() + " sent no scan for " + limit;
+  if (!last_stray.empty()) what += "; the last it sent was " + last_stray;
+  auto asking = state_of_lidar();
+  const std::string state = co_await std::move(asking);
+  what += "; " + state;
+  fail(Kind::no_answer, what + ". Check its power and network cable; connecting anew may help");
 }
 
 awaitable<void> Client::Impl::stop() {

@@ -66,16 +66,18 @@ struct Options {
   }  // NOLINT: a user-provided constructor keeps g++ 12 from destroying temporaries twice in co_await.
 };
 
-/// What the stream was like since connect().
+/// What came over the connections since the first connect().
 struct Statistics {
   std::uint64_t scans = 0;           ///< Delivered by next().
   std::uint64_t lost = 0;            ///< Missing between two delivered ones, by the device's stamps.
-  std::uint64_t bad = 0;             ///< Arrived damaged and were dropped.
+  std::uint64_t bad = 0;             ///< Scans and answers that arrived damaged and were dropped.
+  std::uint64_t repeated = 0;        ///< Scans whose stamp was not later than the one before; dropped.
   std::uint64_t stale = 0;           ///< Of an earlier request, dropped.
   std::uint64_t strays = 0;          ///< Other answers that nobody waited for.
   std::uint64_t resynchronised = 0;  ///< Times the stream was out of step and was found again.
   std::uint64_t bytes = 0;           ///< Received.
   std::uint64_t reconnects = 0;
+  std::uint64_t failed_connects = 0;  ///< Attempts to connect that came to nothing.
 };
 
 /// A SCIP 2.x lidar on TCP. One io_context, one thread; one call at a time. Every wait has a deadline. When a

@@ -74,6 +74,12 @@ tl::expected<Identity, std::string> make_identity(std::string_view version, std:
   out.steps_per_turn = number_of(*pp, "ARES").value_or(out.steps_per_turn);
   out.min_range_mm = number_of(*pp, "DMIN").value_or(out.min_range_mm);
   out.max_range_mm = number_of(*pp, "DMAX").value_or(out.max_range_mm);
+  std::string missing;
+  for (const char* key : {"AMIN", "AMAX", "AFRT", "ARES"})
+    if (!number_of(*pp, key)) missing += (missing.empty() ? "" : ", ") + std::string(key);
+  if (!missing.empty())
+    return tl::unexpected<std::string>("its answer to PP does not give " + missing +
+                                       ", without which its beams have no direction");
   const int turns_a_minute = number_of(*pp, "SCAN").value_or(2400);
   if (out.min_step < 0 || out.max_step < out.min_step || out.max_step > 9999 || out.steps_per_turn < 1 ||
       turns_a_minute < 1)

@@ -145,6 +145,14 @@ std::vector<std::string> fault_names() {
   return names;
 }
 
+/// The fault over within 0.05 s, if it is one that lasts.
+std::string quick(const std::string& name) {
+  std::istringstream in(sim::FaultInjector::catalogue());
+  for (std::string line; std::getline(in, line);)
+    if (line.starts_with(name + " ") && line.find(" s=") != std::string::npos) return name + " s=0.05";
+  return name;
+}
+
 }  // namespace
 
 TEST_CASE("after every single fault of the catalogue scans are right and the stage is where it says") {
@@ -154,8 +162,7 @@ TEST_CASE("after every single fault of the catalogue scans are right and the sta
     // Nobody can notice lost steps without an encoder; the fault that simulates them is tested elsewhere.
     if (name == "stage lose-position") continue;
     bench.run(bench.take_scans(2));
-    const std::string quickly = name == "stage unplug" || name == "stage dead" ? " s=0.05" : "";
-    bench.faults->add(name + quickly);
+    bench.faults->add(quick(name));
     if (name.starts_with("lidar")) bench.run(bench.take_scans(30));
     static double target_deg = 0;
     target_deg = target_deg > 5 ? -5 : target_deg + 1;
@@ -171,7 +178,7 @@ TEST_CASE("stages without checksums are where they say as well, after every faul
   for (const std::string& name : fault_names()) {
     INFO(language << ": " << name);
     if (!name.starts_with("stage") || name == "stage lose-position") continue;
-    bench.faults->add(name + (name == "stage unplug" || name == "stage dead" ? " s=0.05" : ""));
+    bench.faults->add(quick(name));
     target_deg = target_deg > 5 ? -5 : target_deg + 1;
     bench.run(bench.reach(target_deg));
   }
@@ -257,4 +264,185 @@ TEST_CASE("a fault that there is not is refused with what there is") {
   std::ofstream(path) << "# nothing\n\nat=1e6 lidar reset # late\nstage explode\n";
   CHECK_THROWS_WITH(bench.faults->add_file(path.string()), Contains(":4:"));
   std::filesystem::remove(path);
+}
+
+namespace {
+
+/// A driver on a faulty bench, impatient, and what it says when it fails.
+struct Watched : FaultyBench {
+  template <class Make>
+  std::string failure(Make make) {
+    try {
+      run(make());
+    } catch (const lidar::LidarError& error) {
+      kind = error.kind();
+      return error.what();
+    }
+    return "nothing failed";
+  }
+  awaitable<void> stream(int scans) {
+    const lidar::StreamRequest all;
+    if (!client->connected()) co_await client->connect();
+    if (!client->streaming()) co_await client->start(all);
+    for (int i = 0; i < scans; ++i) {
+      const lidar::Scan scan = co_await client->next();
+      if (last_ms && scan.device_ms <= *last_ms) throw std::runtime_error("a scan came twice");
+      last_ms = scan.device_ms;
+    }
+  }
+  std::optional<std::uint64_t> last_ms;
+  std::optional<lidar::LidarError::Kind> kind;
+};
+
+using Kind = lidar::LidarError::Kind;
+
+}  // namespace
+
+TEST_CASE("a scan that comes twice, or with a stamp of before, is delivered once and counted") {
+  Watched bench;
+  bench.run(bench.stream(5));
+  bench.faults->add("lidar repeat-scan times=3");
+  bench.run(bench.stream(100));
+  CHECK(bench.client->statistics().repeated == 3);
+  bench.faults->add("lidar old-stamp ms=60");
+  bench.run(bench.stream(100));
+  CHECK(bench.client->statistics().repeated == 4);
+  CHECK(bench.client->statistics().scans == 205);
+  CHECK(bench.client->statistics().bad == 0);
+}
+
+TEST_CASE("a lidar whose timer stands is told as that, and none of those scans is delivered") {
+  Watched bench;
+  bench.run(bench.stream(5));
+  bench.faults->add("lidar clock-stands s=2");
+  CHECK_THAT(bench.failure([&] { return bench.stream(400); }), Contains("do not advance"));
+  CHECK(bench.kind == Kind::bad_answer);
+}
+
+TEST_CASE("scans with too few values or a short line are counted and cost nothing else") {
+  Watched bench;
+  bench.run(bench.stream(5));
+  for (const char* name : {"lidar short-scan", "lidar short-line", "lidar insert", "lidar checksum"}) {
+    INFO(name);
+    const auto before = bench.client->statistics();
+    bench.faults->add(name);
+    bench.run(bench.stream(100));
+    CHECK(bench.client->statistics().bad - before.bad >= 1);
+    CHECK(bench.client->statistics().bad - before.bad <= 2);
+    CHECK(bench.client->statistics().lost - before.lost == 1);
+  }
+}
+
+TEST_CASE("a stream that stops without a word says what the lidar says of itself") {
+  Watched bench;
+  bench.run(bench.stream(5));
+  SECTION("the laser went off by itself") {
+    bench.faults->add("lidar laser-off");
+    CHECK_THAT(bench.failure([&] { return bench.stream(200); }),
+               Contains("sent no scan") && Contains("laser OFF") && Contains("Idle"));
+  }
+  SECTION("it believes that it measures") {
+    bench.faults->add("lidar stall");
+    CHECK_THAT(bench.failure([&] { return bench.stream(200); }),
+               Contains("sent no scan") && Contains("laser ON") && Contains("Measuring"));
+  }
+  SECTION("it answers nothing any more") {
+    bench.faults->add("lidar stall");
+    bench.faults->add("lidar deaf");
+    CHECK_THAT(bench.failure([&] { return bench.stream(200); }),
+               Contains("does not answer questions either"));
+  }
+  CHECK(bench.kind == Kind::no_answer);
+  bench.run(bench.take_scans(10));
+}
+
+TEST_CASE("a lidar that checks itself and goes on is waited for") {
+  Watched bench;
+  bench.run(bench.stream(5));
+  bench.faults->add("lidar self-check code=34 s=0.4");
+  bench.run(bench.stream(200));
+  CHECK(bench.client->statistics().lost >= 14);
+  CHECK(bench.client->statistics().lost <= 18);
+  CHECK(bench.client->statistics().reconnects == 0);
+}
+
+TEST_CASE("a stream of another kind than was asked for is told as that, and the next is right") {
+  Watched bench;
+  bench.faults->add("lidar wrong-mode");
+  CHECK_THAT(bench.failure([&] { return bench.stream(10); }),
+             Contains("MD00001080") && Contains("not asked for"));
+  bench.run(bench.take_scans(10));
+}
+
+TEST_CASE("a lidar that heeds neither questions nor QT is reset when it is connected") {
+  Watched bench;
+  bench.run(bench.stream(5));
+  bench.faults->add("lidar deaf reset=1");
+  bench.client->close();
+  bench.last_ms.reset();
+  bench.run(bench.stream(10));
+}
+
+TEST_CASE("damage that ends with the connection is survived by connecting once more") {
+  Watched bench;
+  bench.faults->add("lidar bad-connection");
+  bench.run(bench.stream(10));
+  CHECK(bench.client->statistics().failed_connects == 1);
+  CHECK(bench.client->statistics().bad >= 3);
+}
+
+TEST_CASE("a refusal that passes is waited for; one that stays is told with how often it was asked") {
+  Watched bench;
+  bench.run(bench.stream(1));
+  bench.faults->add("lidar refuse-time s=0.1");
+  const auto compare = [&]() -> awaitable<void> { co_await bench.client->synchronise(); };
+  bench.run(compare());
+  bench.faults->add("lidar refuse-time s=30");
+  CHECK_THAT(bench.failure(compare), Contains("TM0") && Contains("status 10") && Contains("asked 3 times"));
+  CHECK(bench.kind == Kind::refused);
+}
+
+TEST_CASE("parameters without which beams have no direction are not made up") {
+  Watched bench;
+  bench.faults->add("lidar missing-parameter line=6");
+  bench.run(bench.stream(5));  // the second answer has them
+  bench.client->close();
+  bench.last_ms.reset();
+  bench.faults->add("lidar missing-parameter line=4");
+  bench.faults->add("lidar missing-parameter line=6");  // the same answer lacks two
+  CHECK(bench.client->statistics().failed_connects == 1);
+  bench.run(bench.stream(5));
+}
+
+TEST_CASE("another lidar at the address is refused however often it is tried, and the first one taken back") {
+  Watched bench;
+  bench.run(bench.stream(5));
+  bench.lidar_device.change_serial("H2699999");
+  const auto reconnect = [&]() -> awaitable<void> { co_await bench.client->reconnect(); };
+  for (int i = 0; i < 3; ++i) {
+    CHECK_THAT(bench.failure(reconnect), Contains("H2699999") && Contains("H2600001"));
+    CHECK(bench.kind == Kind::refused);
+  }
+  bench.lidar_device.change_serial("H2600001");
+  bench.run(reconnect());
+  CHECK(bench.client->identity().serial == "H2600001");
+}
+
+TEST_CASE("statistics go on across reconnections, and a failure says where and how often it was tried") {
+  Watched bench;
+  bench.run(bench.stream(30));
+  const std::uint64_t before = bench.client->statistics().scans;
+  CHECK(before == 30);
+  bench.server.refuse_connections(0.3);
+  bench.client->close();
+  const auto reconnect = [&]() -> awaitable<void> { co_await bench.client->reconnect(); };
+  const std::string address = "127.0.0.1:" + std::to_string(bench.server.port());
+  CHECK_THAT(bench.failure(reconnect), Contains(address) && !Contains("Tried"));
+  CHECK_THAT(bench.failure(reconnect), Contains(address) && Contains("Tried 2 times"));
+  CHECK(bench.kind == Kind::cannot_connect);
+  while (bench.failure(reconnect) != "nothing failed") bench.run(bench.pause());
+  bench.run(bench.stream(20));
+  CHECK(bench.client->statistics().scans == 50);
+  CHECK(bench.client->statistics().reconnects == 1);
+  CHECK(bench.client->statistics().failed_connects >= 2);
 }
