@@ -3,7 +3,7 @@
 
 #include <boost/asio/awaitable.hpp>
 #include <cstdint>
-#include <nlohmann/json_fwd.hpp>
+#include <nlohmann/json.hpp>
 
 #include "lidar/scan.hpp"
 
@@ -36,6 +36,9 @@ class LidarSource {
   virtual awaitable<void> stop() = 0;
   /// Answers thrown away so far because of a wrong checksum or shape.
   [[nodiscard]] virtual std::uint64_t rejected() const = 0;
+  /// What came so far, across reconnections: {"scans", "lost", "damaged", "repeated", "stale",
+  /// "reconnections", "attempts_in_vain"}; null where nobody counts.
+  [[nodiscard]] virtual nlohmann::json statistics() const { return nullptr; }
   /// True when the device's clock does not run with the host's: a simulation faster than real time. Its own
   /// clock is then the session's.
   [[nodiscard]] virtual bool own_time() const = 0;

@@ -228,6 +228,7 @@ bool Runner::Impl::limits_met() const {
 void Runner::Impl::conclude() {
   const bool stopped = aborted || (failure && is_stopped(failure));
   try {
+    if (connected) record_lidar_statistics();
     if (!safe_problems.empty()) note("warning", safe_problems);
     if (failure || aborted)
       note(stopped ? "warning" : "error", aborted ? "stopped by the operator" : words_of(failure));

@@ -373,6 +373,9 @@ struct Runner::Impl final : StepContext {
 
   bool limits_met() const;
 
+  /// What the lidar's driver counted in this run, as an event and under "lidar_statistics".
+  void record_lidar_statistics();
+
   void conclude();
 
   /// Last, because a session that was removed since its last capture is saved as it then stands.

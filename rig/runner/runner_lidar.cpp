@@ -173,6 +173,22 @@ awaitable<void> Runner::Impl::compare_clocks() {
     note("info", "the lidar's clock does not run with this computer's: its time is the session's");
 }
 
+void Runner::Impl::record_lidar_statistics() {
+  const json counted = parts.lidar.statistics();
+  if (!counted.is_object()) return;
+  session.set("lidar_statistics", counted.dump());
+  const auto count = [&](const char* key) { return counted.value(key, std::int64_t{0}); };
+  const bool is_clean = count("lost") + count("damaged") + count("repeated") + count("reconnections") +
+                            count("attempts_in_vain") ==
+                        0;
+  note(is_clean ? "info" : "warning",
+       "lidar in this run: " + grouped(count("scans")) + " scans received; " + grouped(count("lost")) +
+           " lost, " + grouped(count("damaged")) + " with wrong sums or shape, " +
+           grouped(count("repeated")) + " repeated, " + grouped(count("stale")) + " of earlier requests; " +
+           grouped(count("reconnections")) + " reconnections, " + grouped(count("attempts_in_vain")) +
+           " attempts to connect in vain");
+}
+
 void Runner::Impl::show(const lidar::Scan& scan) {
   if (!seen_ms || scan.device_ms > *seen_ms) seen_ms = scan.device_ms;
   constexpr std::size_t kept = 400;

@@ -49,6 +49,16 @@ class ScipSource final : public LidarSource {
   }
 
   std::uint64_t rejected() const override { return client_.statistics().bad; }
+  json statistics() const override {
+    const lidar::Statistics counted = client_.statistics();
+    return {{"scans", counted.scans},
+            {"lost", counted.lost},
+            {"damaged", counted.bad},
+            {"repeated", counted.repeated},
+            {"stale", counted.stale},
+            {"reconnections", counted.reconnects},
+            {"attempts_in_vain", counted.failed_connects}};
+  }
   bool own_time() const override { return !client_.clock().follows_host; }
 
  private:
