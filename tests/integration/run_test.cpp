@@ -437,6 +437,45 @@ TEST_CASE("a run that is killed while the stage turns leaves the stage standing"
   CHECK(first_deg < 0);
 }
 
+TEST_CASE(
+    "in the middle of a long move the stage is stopped by Ctrl-C, and when the run is killed or hangs") {
+  const auto [signal, farthest_deg] = GENERATE(table<int, double>({
+      {SIGKILL, 40},   // by its guard, at once: 20 deg/s
+      {SIGINT, 40},    // by itself
+      {SIGSTOP, 150},  // by its guard, which waits five seconds for a sign of life
+  }));
+  Bench bench({"--speed", "real"});
+  bench.write("p.yaml", "procedure: test\nsteps:\n  - home\n  - move: {to_deg: 165}\n");
+  Program rig(bench.command(bench.folder / "p.yaml", {"--json-log"}), bench.folder);
+  const auto state = [&] { return bench.sim->ask({{"get", "state"}}); };
+  const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(40);
+  const auto in_time = [&] { return std::chrono::steady_clock::now() < until; };
+  for (int step = 0; step < 2;) {
+    const auto line = rig.line();
+    REQUIRE(line);
+    const json what = json::parse(*line);
+    if (what["type"] == "progress") step = what["step"];
+  }
+  while (state()["stage_deg"].get<double>() < 5) REQUIRE(in_time());
+  INFO("signal " << signal);
+  const double struck_deg = state()["stage_deg"];
+  rig.signal(signal);
+  // Stands: the same true angle a third of a second later.
+  json last = state(), now = last;
+  while (now["stage_deg"] != last["stage_deg"] ||
+         now["time_s"].get<double>() - last["time_s"].get<double>() < 0.3) {
+    REQUIRE(in_time());
+    if (now["stage_deg"] != last["stage_deg"]) last = now;
+    now = state();
+  }
+  CHECK(now["stage_deg"].get<double>() - struck_deg >= 0);
+  CHECK(now["stage_deg"].get<double>() < farthest_deg);
+  if (signal == SIGINT) {
+    CHECK(rig.exit_status() == 1);
+    CHECK_THAT(rig.errors(), Contains("The stage stands"));
+  }
+}
+
 TEST_CASE("two runs do not share a stage") {
   Bench bench({"--speed", "real"});
   bench.write("p.yaml", "procedure: test\nsteps:\n  - home\n  - capture: {samples: 4000}\n");
