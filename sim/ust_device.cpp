@@ -263,6 +263,8 @@ void UstDevice::append_next_scan(std::string& out) {
     stream.notices.erase(stream.notices.begin());
     out += lidar::build_status_response(with_count(stream.request, stream.remaining), notice.status);
     scan_end_s_ = notice.due_s;
+    // What the mirror passes meanwhile is not measured.
+    stream.next_index = std::max(stream.next_index, clock_.turn_from(notice.due_s));
     return;
   }
   if (!stream.endless) --stream.remaining;
