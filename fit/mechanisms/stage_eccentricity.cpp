@@ -16,7 +16,7 @@ Mechanism make_stage_eccentricity() {
                   {.name = "phase_deg", .role = Parameter::Role::phase}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double at = c.stage_rad + p[1] * rad_per_deg;
-    return Effect{.origin_mm = {p[0] * std::sin(at), -p[0] * std::cos(at)}};
+    return Effect{.origin_mm = {p[0] * std::cos(at), p[0] * std::sin(at)}};
   };
   m.says = [](const Finding& f) {
     return "The stage's axis travels a circle of " + with_uncertainty(f.at("amplitude_mm"), "mm") + ".";
