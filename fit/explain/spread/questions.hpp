@@ -29,6 +29,11 @@ void swinging(const std::vector<Group>& groups, std::vector<Sector>& sectors, Sp
 /// anything else as unknown.
 void scan_numbers(std::vector<Scan>& scans, SpreadResult& result);
 
+/// Takes the ranges of mirror faces off the sectors if they are believed, and by more than that evidence.
+/// `scans` are those of the sectors.
+[[nodiscard]] bool take_off_evident_faces(const std::vector<Scan>& scans, double least_evidence,
+                                          std::vector<Sector>& sectors);
+
 /// What random range and angle has a whole scan in common? Adds `angle-jitter` and `correlated-noise`, and
 /// their variances, by scan and by group, to the noise.
 void common_noise(const std::vector<Scan>& scans, const std::vector<Group>& groups, SpreadResult& result);

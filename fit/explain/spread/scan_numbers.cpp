@@ -12,6 +12,8 @@
 namespace fit::explain::spread {
 namespace {
 
+constexpr std::size_t fewest_scans = 20;
+
 /// Squared scatter of scans with the same number in their captures, in units of their own noise, whatever
 /// the pattern is; at least 1.
 double scatter_of_numbers(const std::vector<Scan>& scans) {
@@ -109,9 +111,27 @@ bool are_believed(const Faces& faces, const Pattern& other, std::int64_t longest
   return faces.suspect.evidence > other.evidence + (repeat ? -3 : 1);
 }
 
-void take_off(const Faces& faces, std::vector<Scan>& scans) {
-  const Classes pattern(scans, faces.counted_as, faces.count());
-  for (Scan& s : scans) s.score -= s.information.col(0) * pattern.value_at(s);
+/// What scans do that depends on their number only.
+struct Repeating {
+  Faces faces;
+  bool are_faces = false;  ///< Beyond chance, and beyond any other pattern.
+  Pattern other;           ///< What it is if not faces.
+};
+
+Repeating repeating(const std::vector<Scan>& scans) {
+  const double scatter = scatter_of_numbers(scans);
+  const double price = std::log(4.0) + std::log(static_cast<double>(numberings.size()));
+  Repeating found{best_faces(scans, scatter, price), false, any_pattern(scans, scatter)};
+  auto& [faces, are_faces, other] = found;
+  if (faces.drift) other.evidence = std::max(other.evidence, faces.suspect.evidence);
+  const Pattern growing = growing_pattern(scans, price);
+  faces.suspect.ahead = faces.suspect.evidence + odds::worth_a_name - growing.evidence;
+  if (faces.suspect.ahead < 0 && growing.evidence > other.evidence) {
+    other = growing;
+    faces.drift = true;
+  }
+  are_faces = are_believed(faces, other, longest_capture(scans));
+  return found;
 }
 
 Unexplained in_words(const Pattern& pattern, std::int64_t longest) {
@@ -129,25 +149,31 @@ Unexplained in_words(const Pattern& pattern, std::int64_t longest) {
 }  // namespace
 
 void scan_numbers(std::vector<Scan>& scans, SpreadResult& result) {
-  if (scans.size() < 20) return;
-  const double scatter = scatter_of_numbers(scans);
-  const std::int64_t longest = longest_capture(scans);
-  const double price = std::log(4.0) + std::log(static_cast<double>(numberings.size()));
-  Faces faces = best_faces(scans, scatter, price);
-  Pattern other = any_pattern(scans, scatter);
-  if (faces.drift) other.evidence = std::max(other.evidence, faces.suspect.evidence);
-  const Pattern growing = growing_pattern(scans, price);
-  faces.suspect.ahead = faces.suspect.evidence + odds::worth_a_name - growing.evidence;
-  if (faces.suspect.ahead < 0 && growing.evidence > other.evidence) {
-    other = growing;
-    faces.drift = true;
+  if (scans.size() < fewest_scans) return;
+  const Repeating found = repeating(scans);
+  if (found.are_faces) {
+    result.accepted.push_back(found.faces.suspect);
+    const Classes pattern(scans, found.faces.counted_as, found.faces.count());
+    for (Scan& s : scans) s.score -= s.information.col(0) * pattern.value_at(s);
+  } else if (found.other.evidence > accept_rare_at) {
+    result.unknown.push_back(in_words(found.other, longest_capture(scans)));
   }
-  if (are_believed(faces, other, longest)) {
-    result.accepted.push_back(faces.suspect);
-    take_off(faces, scans);
-  } else if (other.evidence > accept_rare_at) {
-    result.unknown.push_back(in_words(other, longest));
+}
+
+bool take_off_evident_faces(const std::vector<Scan>& scans, double least_evidence,
+                            std::vector<Sector>& sectors) {
+  if (scans.size() < fewest_scans) return false;
+  const auto [faces, are_faces, other] = repeating(scans);
+  if (!are_faces || faces.suspect.evidence <= least_evidence) return false;
+  const Classes pattern(scans, faces.counted_as, faces.count());
+  auto scan = scans.begin();
+  for (Sector& s : sectors) {
+    if (s.group != scan->group || s.seq != scan->seq) ++scan;  // both are in the recording's order
+    const double range_mm = pattern.value_at(*scan);
+    s.wd -= s.w * range_mm;
+    s.wdv -= s.wv * range_mm;
   }
+  return true;
 }
 
 }  // namespace fit::explain::spread

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
@@ -148,22 +149,41 @@ std::map<std::string, Estimate> parameters_of(const Swing& swing, const Eigen::M
           {"frequency_hz", {swing.frequency_hz, std::sqrt(covariance(3, 3))}}};
 }
 
+/// The swing that sectors show, as a suspect.
+struct Seen {
+  Swing swing;
+  Suspect suspect = suspected("settling");
+};
+
+Seen swing_in(const std::vector<Scan>& scans, const AfterMoves& rows) {
+  Seen seen{rows.best()};
+  const double gain = seen.swing.gain;
+  // Random angles of whole scans look like a swing now and then: their spread is the noise to be beaten.
+  const double inflate = scatter_of_angles(scans, gain);
+  Suspect& suspect = seen.suspect;
+  suspect.gain = gain / inflate;
+  suspect.evidence = suspect.gain - 2 * price_of_size(suspect.gain) - odds::against_place(suspect.gain, 3) -
+                     odds::against_place(suspect.gain, 20);
+  if (suspect.evidence >= accept_at)
+    suspect.parameters = parameters_of(seen.swing, inflate * rows.covariance(seen.swing));
+  return seen;
+}
+
 }  // namespace
 
 void swinging(const std::vector<Group>& groups, std::vector<Sector>& sectors, SpreadResult& result) {
   AfterMoves rows(groups, sectors);
   if (!rows.are_enough()) return;
-  const Swing swing = rows.best();
-  // Random angles of whole scans look like a swing now and then: their spread is the noise to be beaten.
-  const double inflate = scatter_of_angles(scans_of(groups, sectors), swing.gain);
-  Suspect suspect = suspected("settling");
-  suspect.gain = swing.gain / inflate;
-  suspect.evidence = suspect.gain - 2 * price_of_size(suspect.gain) - odds::against_place(suspect.gain, 3) -
-                     odds::against_place(suspect.gain, 20);
-  if (suspect.evidence < accept_at) return;
-  suspect.parameters = parameters_of(swing, inflate * rows.covariance(swing));
-  result.accepted.push_back(suspect);
-  rows.take_off(swing);
+  const std::vector<Scan> scans = scans_of(groups, sectors);
+  Seen seen = swing_in(scans, rows);
+  if (seen.suspect.evidence < accept_at) return;
+  // Where walls are met at a slant, mirror faces look like a stage that swings: of the two that which is more
+  // evident is believed first, and the other by what is left.
+  if (std::vector<Sector> rest = sectors; take_off_evident_faces(scans, seen.suspect.evidence, rest))
+    seen = swing_in(scans_of(groups, rest), AfterMoves(groups, rest));
+  if (seen.suspect.evidence < accept_at) return;
+  result.accepted.push_back(seen.suspect);
+  rows.take_off(seen.swing);
 }
 
 }  // namespace fit::explain::spread

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: MIT
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <random>
+
+#include "fit/explain/explanation.hpp"
+#include "plain_bench.hpp"
+#include "synthetic_recording.hpp"
+
+namespace {
+
+using fit::explain::Explanation;
+using plain_bench::degree;
+
+/// A room of which most is seen at a slant, so that a range that all beams have in common resembles a turn of
+/// the stage. Every face of the mirror reads its own amount too far; the stage comes from both sides.
+Explanation explained(const std::vector<double>& faces_mm, unsigned seed, double swing_deg = 0) {
+  const std::vector<plain_bench::Wall> room{
+      {{2400, -3000}, {1100, 1500}}, {{1100, 1500}, {-2800, 1500}}, {{-2800, 1500}, {2400, -3000}}};
+  const plain_bench::Mount mount{8, 3, -20};
+  const fit::Bench bench =
+      fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 271, "front_step": 135,
+    "step_deg": 1, "scan_hz": 40, "mount": {"x_mm": {"value": 8, "u": 3}, "y_mm": {"value": 3, "u": 3},
+    "yaw_deg": {"value": -20, "u": 0.3}}}, "targets": [
+    {"name": "east", "from_mm": [2400, -3000], "to_mm": [1100, 1500], "u_mm": 1.5, "u_deg": 0.1},
+    {"name": "north", "from_mm": [1100, 1500], "to_mm": [-2800, 1500], "u_mm": 1.5, "u_deg": 0.1},
+    {"name": "slant", "from_mm": [-2800, 1500], "to_mm": [2400, -3000], "u_mm": 1.5, "u_deg": 0.1}],
+    "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 4, "u": 0.4}}}]})");
+  std::mt19937 random(seed);
+  std::normal_distribution<double> noise(0, 4);
+  SyntheticRecording recording(
+      bench, [&](const fit::CaptureInfo& capture, std::int64_t seq, auto& range, auto&) {
+        const auto turn = static_cast<std::size_t>(std::llround(40 * *capture.since_power_on_s) + seq);
+        for (std::size_t k = 0; k < range.size(); ++k) {
+          const double beam = (static_cast<double>(k) - 135) * degree;
+          const double since_s = 0.025 * static_cast<double>(seq) + (beam + 135 * degree) / (14400 * degree);
+          const double swings =
+              swing_deg * degree * capture.approach * std::exp(-since_s / 0.1) * std::cos(30 * since_s);
+          const auto met = plain_bench::look(room, mount, capture.stage_rad, beam, {.stage_rad = swings});
+          const double mm = met->range_mm + faces_mm[turn % faces_mm.size()] + noise(random);
+          range[k] = static_cast<std::uint16_t>(std::lround(mm));
+        }
+      });
+  for (int i = 0; i < 16; ++i) {
+    fit::CaptureInfo capture;
+    capture.stage_rad = 45.0 * (i < 8 ? i : 15 - i) * degree;
+    capture.approach = i < 8 ? 1 : -1;
+    capture.since_power_on_s = 100 + 20 * i;
+    capture.last_step = 270;
+    recording.add(capture, 12);
+  }
+  return fit::explain::explain({&recording}, {});
+}
+
+}  // namespace
+
+TEST_CASE("mirror faces are named, and nothing beside them") {
+  const std::vector<double> faces_mm =
+      GENERATE(std::vector{0.5, -0.5}, std::vector{0.7, -0.2, -0.5}, std::vector{0.6, 0.1, -0.6, -0.1},
+               std::vector{1.2, -1.2}, std::vector{0.9, 0.4, -0.7, -0.9, 0.3});
+  for (const unsigned seed : {1u, 2u}) {
+    const Explanation e = explained(faces_mm, seed);
+    INFO(faces_mm.size() << " faces, seed " << seed << ": " << to_text(e));
+    REQUIRE(e.mechanisms.size() == 1);
+    CHECK(e.mechanisms.front().mechanism->id == "facet-wobble");
+    CHECK(e.mechanisms.front().parameters.at("facets").value == static_cast<double>(faces_mm.size()));
+    CHECK_FALSE(e.unknown);
+    CHECK(e.undecided_between.empty());
+    CHECK(e.verdict == "explained");
+  }
+}
+
+TEST_CASE("a stage that hardly swings any more does not get a name beside mirror faces") {
+  const Explanation e = explained({1.2, -1.2}, 3, 0.002);
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  CHECK(e.mechanisms.front().mechanism->id == "facet-wobble");
+  CHECK(e.verdict == "explained");
+}
