@@ -2,10 +2,14 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <set>
 
 #include "fit/explain/spread/autoregression.hpp"
+#include "fit/explain/spread/other_patterns.hpp"
 #include "fit/explain/spread/questions.hpp"
 #include "fit/explain/spread/suspects.hpp"
+#include "fit/explain/spread/unseen.hpp"
 
 namespace fit::explain::spread {
 namespace {
@@ -77,21 +81,95 @@ double uncertainty_of_angle(const std::vector<Scan>& scans, const Variances& bes
   return c > 0 ? 1 / std::sqrt(c) : at;
 }
 
-/// The memory of the common range: lag-one correlation of its estimates.
-double memory_of_range(const std::vector<Scan>& scans) {
-  double products = 0, squares = 0;
-  for (std::size_t i = 1; i < scans.size(); ++i) {
-    if (scans[i].group != scans[i - 1].group) continue;
-    const double a = scans[i].range_score() / std::max(1e-9, scans[i].range_information()),
-                 b = scans[i - 1].range_score() / std::max(1e-9, scans[i - 1].range_information());
+/// Products of the common ranges of neighbouring scans, and their squares.
+struct Neighbours {
+  double products = 0, squares = 0, pairs = 0;
+
+  void add(const Scan& one, const Scan& next) {
+    const double a = next.range_score() / std::max(1e-9, next.range_information()),
+                 b = one.range_score() / std::max(1e-9, one.range_information());
     products += a * b;
     squares += (a * a + b * b) / 2;
+    pairs += 1;
   }
-  const double n = scans.front().scans;
-  return std::clamp(squares > 0 ? products / squares + 1.5 / n : 0.0, 0.05, 0.98);
+  void operator+=(const Neighbours& other) {
+    products += other.products;
+    squares += other.squares;
+    pairs += other.pairs;
+  }
+  /// Their correlation. `scans` of a capture share its mean, from which they are counted.
+  [[nodiscard]] double correlation(double scans) const {
+    return squares > 0 ? products / squares + 1.5 / scans : 0;
+  }
+  /// What the log-likelihood of these gains if every scan is predicted by the one before, so correlated.
+  [[nodiscard]] double gain(double correlated, double variance, double scans) const {
+    return correlated * ((products + 1.5 / scans * squares) - correlated / 2 * squares) / variance;
+  }
+};
+
+/// The memory of the common range.
+class MemoryOfScans {
+ public:
+  explicit MemoryOfScans(const std::vector<Scan>& scans) : scans_(scans.front().scans) {
+    for (std::size_t i = 1; i < scans.size(); ++i) {
+      if (scans[i].group != scans[i - 1].group) continue;
+      by_capture_[scans[i].capture].add(scans[i - 1], scans[i]);
+      all_.add(scans[i - 1], scans[i]);
+    }
+  }
+  /// Lag-one correlation.
+  [[nodiscard]] double rho() const { return std::clamp(all_.correlation(scans_), 0.05, 0.98); }
+  /// Whether captures show it that it was not learnt from.
+  [[nodiscard]] bool is_seen_afresh() const {
+    if (by_capture_.size() < 2) return false;
+    std::set<int> captures;
+    for (const auto& [capture, pairs] : by_capture_) captures.insert(capture);
+    const int blocks = static_cast<int>(std::min<std::size_t>(4, captures.size()));
+    const std::map<int, int> block = block_of_capture(captures, blocks);
+    Unseen unseen;
+    for (int b = 0; b < blocks; ++b) {
+      Neighbours own, others;
+      for (const auto& [capture, pairs] : by_capture_) (block.at(capture) == b ? own : others) += pairs;
+      const double learnt = std::clamp(others.correlation(scans_), 0.0, 0.98);
+      if (others.pairs > 0 && others.squares > 0)
+        unseen.add(own.gain(learnt, (1 - learnt * learnt) * others.squares / others.pairs, scans_));
+    }
+    return unseen.gain() > 0;
+  }
+  /// Whether it would have been seen if there were one to speak of: `share` of the squares is common to a
+  /// scan, the rest is the noise of beams.
+  [[nodiscard]] bool is_excluded(double share) const {
+    constexpr double to_speak_of = 0.3;
+    return all_.correlation(scans_) + 2 / std::sqrt(std::max(1.0, all_.pairs)) < to_speak_of * share;
+  }
+  /// Of the squares of the ranges, mm^2.
+  [[nodiscard]] double mean_square() const { return all_.squares / std::max(1.0, all_.pairs); }
+
+ private:
+  double scans_;
+  std::map<int, Neighbours> by_capture_;
+  Neighbours all_;
+};
+
+/// Scans that are long or short as a whole, and remember nothing.
+Unexplained scans_at_random(const std::vector<Scan>& scans, const Suspect& suspect, double range_mm2) {
+  Unexplained u;
+  u.observable = Observable::range_variance;
+  u.coordinate = Coordinate::scan_seq;
+  u.gain = suspect.gain;
+  u.evidence = suspect.evidence;
+  for (const Scan& s : scans) u.to = std::max(u.to, static_cast<double>(s.seq));
+  u.describes = "all ranges of a scan are long or short together, by " + rounded(std::sqrt(range_mm2), 2) +
+                " mm at random, and no scan remembers the one before";
+  return u;
 }
 
 }  // namespace
+
+double evidence_of_common_noise(const std::vector<Scan>& scans) {
+  const double gain = most_likely(scans).both.gain;
+  return gain - 2 * price_of_size(gain);
+}
 
 void common_noise(const std::vector<Scan>& scans, const std::vector<Group>& groups, SpreadResult& result) {
   if (scans.size() < 10) return;
@@ -111,12 +189,19 @@ void common_noise(const std::vector<Scan>& scans, const std::vector<Group>& grou
   wander.gain = found.gain_of_range();
   wander.evidence = wander.gain - price_of_size(wander.gain);
   if (range_mm2 > 0 && wander.evidence > accept_at) {
-    const double rho = memory_of_range(scans);
+    const MemoryOfScans memory(scans);
+    const double rho = memory.rho();
     double sigma2 = 0;
     for (const Group& group : groups) sigma2 = std::max(sigma2, group.sigma_mm * group.sigma_mm);
     wander.parameters = {{"rho", {rho, std::sqrt((1 - rho * rho) / static_cast<double>(scans.size()))}},
                          {"share", {std::min(1.0, range_mm2 / (sigma2 + 1e-9)), 0.1}}};
-    result.accepted.push_back(wander);
+    // Noise with a memory only if that is seen; a range that every scan draws anew is another thing.
+    if (memory.is_seen_afresh())
+      result.accepted.push_back(wander);
+    else if (memory.is_excluded(std::min(1.0, range_mm2 / memory.mean_square())))
+      result.unknown.push_back(scans_at_random(scans, wander, range_mm2));
+    else
+      result.undecided.push_back({wander, Suspect{}});
     result.noise.scan_range_mm2 = range_mm2;
     for (const Group& group : groups)
       result.noise.range_mm2.push_back(range_mm2 * (1 + added_to_mean(group.scans, rho)) /

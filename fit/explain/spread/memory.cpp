@@ -3,10 +3,15 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
+#include <set>
+#include <utility>
 
 #include "fit/explain/spread/autoregression.hpp"
+#include "fit/explain/spread/other_patterns.hpp"
 #include "fit/explain/spread/questions.hpp"
 #include "fit/explain/spread/suspects.hpp"
+#include "fit/explain/spread/unseen.hpp"
 
 namespace fit::explain::spread {
 namespace {
@@ -41,10 +46,12 @@ using ByLength = std::map<int, Lagged>;
 
 constexpr double least_rho = 0.05, most_rho = 0.99, least_share = 0.001;
 
+bool tells_of_memory(const Group& group) { return group.scans >= 4 && group.cells > 0; }
+
 ByLength lagged_by_length(const std::vector<Group>& groups) {
   ByLength by_length;
   for (const Group& group : groups) {
-    if (group.scans < 4 || group.cells == 0) continue;
+    if (!tells_of_memory(group)) continue;
     Lagged& lagged = by_length.try_emplace(group.scans, group.scans).first->second;
     const double scale = group.lagged[0] / (group.scans - 1.0) / static_cast<double>(group.cells);
     if (scale <= 0) continue;
@@ -157,6 +164,50 @@ Eigen::Vector2d uncertainties(const ByLength& by_length, const Mixture& noise) {
   return (covariance * scatter * covariance).diagonal().cwiseSqrt();
 }
 
+/// What the memory that some captures show gains in others; stretches of one that is long, if there is no
+/// other. Not known of a single one.
+std::optional<double> unseen_gain(const std::vector<Group>& groups) {
+  std::set<int> captures;
+  for (const Group& group : groups)
+    if (tells_of_memory(group)) captures.insert(group.capture);
+  const bool several = captures.size() > 1;
+  std::set<int> parts = captures;
+  const auto part_of = [&](std::size_t i) { return several ? groups[i].capture : static_cast<int>(i); };
+  if (!several) {
+    parts.clear();
+    for (std::size_t i = 0; i < groups.size(); ++i)
+      if (tells_of_memory(groups[i])) parts.insert(part_of(i));
+  }
+  if (parts.size() < 2) return {};
+  const int blocks = static_cast<int>(std::min<std::size_t>(4, parts.size()));
+  const std::map<int, int> block = block_of_capture(parts, blocks);
+  Unseen unseen;
+  for (int b = 0; b < blocks; ++b) {
+    std::vector<Group> own, others;
+    for (std::size_t i = 0; i < groups.size(); ++i)
+      if (tells_of_memory(groups[i])) (block.at(part_of(i)) == b ? own : others).push_back(groups[i]);
+    const ByLength taught = lagged_by_length(others), asked = lagged_by_length(own);
+    unseen.add((misfit(asked, {}) - misfit(asked, refined(taught, likeliest(taught)))) / 2);
+  }
+  return unseen.gain();
+}
+
+/// Some captures show what others do not.
+Unexplained memory_of_some_captures(const std::vector<Group>& groups, const Suspect& suspect) {
+  Unexplained u;
+  u.observable = Observable::time_correlation;
+  u.coordinate = Coordinate::time;
+  u.gain = suspect.gain;
+  u.evidence = suspect.evidence;
+  const auto [first, last] = std::ranges::minmax(groups, {}, &Group::time_s);
+  u.from = first.time_s;
+  u.to = last.time_s;
+  u.describes =
+      "the noise of beams repeats from scan to scan, but not as noise with one memory does: some captures do "
+      "not confirm what the others show";
+  return u;
+}
+
 /// The mean of n such values scatters more than their number says, and they scatter less about it.
 double factor_of_means(const ByLength& by_length, const Mixture& noise) {
   double number = 0, factor = 0;
@@ -168,22 +219,43 @@ double factor_of_means(const ByLength& by_length, const Mixture& noise) {
   return std::max(1.0, factor / number);
 }
 
-}  // namespace
-
-double memory(const std::vector<Group>& groups, SpreadResult& result) {
-  constexpr double all = 1, lengths_of_memory = 3;
-  const ByLength by_length = lagged_by_length(groups);
-  if (by_length.empty()) return all;
+/// Noise with memory that these groups show best, as a suspect.
+std::pair<Suspect, Mixture> suspect_in(const ByLength& by_length) {
+  constexpr double lengths_of_memory = 3;
   const Mixture noise = refined(by_length, likeliest(by_length));
   Suspect suspect = suspected("correlated-noise");
   suspect.gain = (misfit(by_length, {}) - misfit(by_length, noise)) / 2;
   suspect.evidence =
       suspect.gain - price_of_size(suspect.gain) - odds::against_place(suspect.gain, lengths_of_memory);
+  return {suspect, noise};
+}
+
+}  // namespace
+
+double evidence_of_memory(const std::vector<Group>& groups) {
+  const ByLength by_length = lagged_by_length(groups);
+  return by_length.empty() ? -1 : suspect_in(by_length).first.evidence;
+}
+
+double memory(const std::vector<Group>& groups, SpreadResult& result) {
+  constexpr double all = 1, beyond_doubt = 20;
+  const ByLength by_length = lagged_by_length(groups);
+  if (by_length.empty()) return all;
+  auto [suspect, noise] = suspect_in(by_length);
   if (suspect.evidence < accept_at) return all;
   const auto [rho, share] = noise;
   const Eigen::Vector2d u = uncertainties(by_length, noise);
   suspect.parameters = {{"rho", {rho, u[0]}}, {"share", {share, u[1]}}};
-  if (!is_accepted(result, "correlated-noise")) result.accepted.push_back(suspect);
+  // Fitted to some captures it must be seen in others, or it is only one of the ways to describe these.
+  const std::optional<double> gain = unseen_gain(groups);
+  if (gain.value_or(-1) <= 0) {
+    if (gain && suspect.evidence > beyond_doubt)
+      result.unknown.push_back(memory_of_some_captures(groups, suspect));
+    else if (!is_suspected(result, "correlated-noise"))
+      result.undecided.push_back({suspect, Suspect{}});
+  } else if (!is_suspected(result, "correlated-noise")) {
+    result.accepted.push_back(suspect);
+  }
   result.noise.factor = factor_of_means(by_length, noise);
   return (1 - rho * rho) / (1 + rho * rho) * share + (1 - share);
 }

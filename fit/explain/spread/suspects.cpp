@@ -18,6 +18,13 @@ bool is_accepted(const SpreadResult& result, const char* id) {
   return std::ranges::any_of(result.accepted, [&](const Suspect& s) { return is(s, id); });
 }
 
+bool is_suspected(const SpreadResult& result, const char* id) {
+  const auto holds_it = [&](const auto& set) {
+    return std::ranges::any_of(set, [&](const Suspect& s) { return is(s, id); });
+  };
+  return holds_it(result.accepted) || std::ranges::any_of(result.undecided, holds_it);
+}
+
 bool is_steeper_than_a_receiver(const Suspect& suspect) {
   return is(suspect, "intensity-noise") && suspect.parameters.at("exponent").value > steepest_of_noise;
 }

@@ -19,6 +19,8 @@ constexpr double steepest_of_noise = 5;
 [[nodiscard]] Suspect suspected(const char* id);
 [[nodiscard]] bool is(const Suspect& suspect, const char* id);
 [[nodiscard]] bool is_accepted(const SpreadResult& result, const char* id);
+/// Accepted, or in a set.
+[[nodiscard]] bool is_suspected(const SpreadResult& result, const char* id);
 /// Noise of weak echoes that grows more steeply than a receiver's own does.
 [[nodiscard]] bool is_steeper_than_a_receiver(const Suspect& suspect);
 

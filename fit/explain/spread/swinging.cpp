@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "fit/explain/spread/other_patterns.hpp"
 #include "fit/explain/spread/questions.hpp"
 #include "fit/explain/spread/suspects.hpp"
 
@@ -170,6 +171,11 @@ Seen swing_in(const std::vector<Scan>& scans, const AfterMoves& rows) {
 }
 
 }  // namespace
+
+double evidence_of_swing(const std::vector<Group>& groups, std::vector<Sector>& sectors) {
+  const AfterMoves rows(groups, sectors);
+  return rows.are_enough() ? swing_in(scans_of(groups, sectors), rows).suspect.evidence : -1;
+}
 
 void swinging(const std::vector<Group>& groups, std::vector<Sector>& sectors, SpreadResult& result) {
   AfterMoves rows(groups, sectors);

@@ -8,6 +8,8 @@
 #include <set>
 #include <utility>
 
+#include "fit/explain/spread/unseen.hpp"
+
 namespace fit::explain::spread {
 namespace {
 
@@ -26,16 +28,6 @@ std::vector<T> those(const std::vector<T>& list, const std::vector<bool>& wanted
 Parts those(Parts parts, const std::vector<bool>& wanted) {
   for (Column& column : parts.columns) column = those(column, wanted);
   return parts;
-}
-
-/// Deals captures out to blocks.
-std::map<int, int> block_of_capture(const std::set<int>& captures, int blocks) {
-  std::map<int, int> block;
-  for (const int capture : captures) {
-    const int next = static_cast<int>(block.size()) % blocks;
-    block.emplace(capture, next);
-  }
-  return block;
 }
 
 }  // namespace
@@ -64,6 +56,7 @@ std::vector<Pool> pools_of(const Reduced& reduced) {
       if (count == beams || cell.at.target != target) finish();
       target = cell.at.target;
       pool.capture = group.capture;
+      pool.time_s = group.time_s;
       const double lever = cell.sight.beam_lever();
       pool.freedom += cell.n - 1;
       pool.variance += (cell.n - 1) * cell.variance_mm2;
@@ -175,6 +168,17 @@ double VarianceModel::likelihood(const Parts& parts, const VectorXd& x) const {
   return sum;
 }
 
+std::vector<double> VarianceModel::variances(const Parts& parts, const Fit& fit) const {
+  std::vector<double> list;
+  for (std::size_t i = 0; i < pools_.size(); ++i) {
+    double v = fit.value[0] + fixed_mm2_;
+    for (std::size_t j = 0; j < parts.columns.size(); ++j)
+      v += parts.columns[j][i] * fit.value[static_cast<Index>(j) + 1];
+    list.push_back(std::max(1e-3, v));
+  }
+  return list;
+}
+
 std::optional<double> VarianceModel::unseen_gain(const Parts& parts, const Column& more) const {
   std::set<int> captures;
   for (const Pool& p : pools_) captures.insert(p.capture);
@@ -182,8 +186,7 @@ std::optional<double> VarianceModel::unseen_gain(const Parts& parts, const Colum
   const int blocks = static_cast<int>(std::min<std::size_t>(8, captures.size()));
   const std::map<int, int> block = block_of_capture(captures, blocks);
   const Parts with_more = parts.with(more);
-  double gain = 0;
-  int confirmed = 0, denied = 0;
+  Unseen unseen;
   for (int b = 0; b < blocks; ++b) {
     std::vector<bool> own, others;
     for (const Pool& p : pools_) {
@@ -195,12 +198,9 @@ std::optional<double> VarianceModel::unseen_gain(const Parts& parts, const Colum
     const auto predicted = [&](const Parts& p) {
       return asked.with_own_constant(those(p, own), taught.fit(those(p, others)).value);
     };
-    const double change = predicted(with_more) - predicted(parts);
-    gain += change;
-    if (std::abs(change) < 0.5) continue;  // has no say
-    (change > 0 ? confirmed : denied) += 1;
+    unseen.add(predicted(with_more) - predicted(parts));
   }
-  return confirmed > 1 && confirmed > denied ? gain : std::min(gain, -1.0);
+  return unseen.gain();
 }
 
 /// Best likelihood over the constant variance, all other sizes given.

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "fit/explain/reduce.hpp"
+#include "fit/explain/spread/interval.hpp"
 
 namespace fit::explain::spread {
 
@@ -15,6 +16,7 @@ struct Pool {
   double freedom = 0, variance = 0, beam_deg = 0, intensity = 0;
   double lever2 = 0;  ///< Of d range / d beam angle, (mm/rad)^2.
   int capture = 0;
+  double time_s = 0;  ///< Since power-on.
 };
 
 [[nodiscard]] std::vector<Pool> pools_of(const Reduced& reduced);
@@ -50,6 +52,10 @@ class VarianceModel {
     [[nodiscard]] Estimate last() const;
   };
   [[nodiscard]] Fit fit(const Parts& parts) const;
+
+  /// The variance of every pool as fitted, mm^2.
+  [[nodiscard]] std::vector<double> variances(const Parts& parts, const Fit& fit) const;
+  [[nodiscard]] double worth_of_sample() const { return worth_of_sample_; }
 
   /// What one more column gains in captures that it was not fitted to, each with its own constant noise. Not
   /// known with fewer than three; none, unless two confirm it and fewer deny it.

@@ -24,8 +24,10 @@ struct Part {
 /// the random walk back to zero that it is.
 class RememberingWall : public fit::Recording {
  public:
-  RememberingWall(std::vector<Part> parts, int scans, unsigned seed)
-      : parts_(std::move(parts)), scans_(scans), seed_(seed) {
+  /// `first`: captures that remember; `scan_mm`: of a range that every scan draws anew for all its beams.
+  RememberingWall(std::vector<Part> parts, int scans, unsigned seed, std::size_t first = 99,
+                  double scan_mm = 0)
+      : parts_(std::move(parts)), scans_(scans), seed_(seed), first_(first), scan_mm_(scan_mm) {
     bench_ = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 161, "front_step": 80,
       "step_deg": 0.25, "scan_hz": 40}, "targets": [{"name": "wall", "from_mm": [1500, -900],
       "to_mm": [1500, 900], "u_mm": 3}]})");
@@ -52,16 +54,18 @@ class RememberingWall : public fit::Recording {
     for (const Part& part : parts_) white -= part.share;
     std::vector<std::uint16_t> range(161);
     for (int seq = 0; seq < scans_; ++seq) {
+      const double of_scan_mm = scan_mm_ > 0 ? scan_mm_ * normal(random) : 0;
       for (std::size_t beam = 0; beam < range.size(); ++beam) {
         double noise = std::sqrt(white) * normal(random);
         for (std::size_t p = 0; p < parts_.size(); ++p) {
-          const double rho = parts_[p].rho;
+          const double rho = index < first_ ? parts_[p].rho : 0;
           double& value = kept[p][beam];
           if (seq > 0) value = rho * value + std::sqrt(1 - rho * rho) * normal(random);
           noise += std::sqrt(parts_[p].share) * value;
         }
         const double slant = (static_cast<double>(beam) - 80) * 0.25 * fit::rad_per_deg;
-        range[beam] = static_cast<std::uint16_t>(std::lround(1500 / std::cos(slant) + sigma_mm * noise));
+        range[beam] =
+            static_cast<std::uint16_t>(std::lround(1500 / std::cos(slant) + sigma_mm * noise + of_scan_mm));
       }
       fit::ScanView scan;
       scan.seq = seq;
@@ -76,13 +80,16 @@ class RememberingWall : public fit::Recording {
   std::vector<Part> parts_;
   int scans_;
   unsigned seed_;
+  std::size_t first_;
+  double scan_mm_;
   fit::Bench bench_;
   std::vector<fit::CaptureInfo> captures_;
   std::vector<fit::TrackPose> track_;
 };
 
-SpreadResult spread_of(std::vector<Part> parts, int scans, unsigned seed) {
-  const RememberingWall wall(std::move(parts), scans, seed);
+SpreadResult spread_of(std::vector<Part> parts, int scans, unsigned seed, std::size_t first = 99,
+                       double scan_mm = 0) {
+  const RememberingWall wall(std::move(parts), scans, seed, first, scan_mm);
   fit::explain::Reduced reduced = fit::explain::reduce(wall, {});
   fit::explain::pool_variances(reduced);
   return fit::explain::explain_spread(reduced);
@@ -135,6 +142,24 @@ TEST_CASE("how much noise remembers, and for how long, lies within what is state
   INFO(inside_rho << " and " << inside_share << " of " << all);
   CHECK(inside_rho >= 0.88 * all);
   CHECK(inside_share >= 0.88 * all);
+}
+
+TEST_CASE("what one capture remembers and the others do not is no correlated noise") {
+  for (unsigned seed = 1; seed <= 5; ++seed) {
+    const SpreadResult result = spread_of({{0.8, 0.9}}, 150, seed, 1);
+    CHECK_FALSE(memory_in(result));
+    REQUIRE(result.unknown.size() == 1);
+    CHECK(result.unknown.front().observable == fit::Observable::time_correlation);
+  }
+}
+
+TEST_CASE("ranges that every scan draws anew for all its beams are not said to be remembered") {
+  for (unsigned seed = 1; seed <= 5; ++seed) {
+    const SpreadResult result = spread_of({}, 150, seed, 99, 1.5);
+    CHECK_FALSE(memory_in(result));
+    REQUIRE(result.unknown.size() == 1);
+    CHECK_THAT(result.unknown.front().describes, Catch::Contains("no scan remembers the one before"));
+  }
 }
 
 TEST_CASE(
