@@ -10,6 +10,7 @@
 #include "fit/explain/intensity.hpp"
 #include "fit/explain/odds.hpp"
 #include "fit/explain/single_beams.hpp"
+#include "fit/explain/spread/flicker.hpp"
 #include "fit/explain/stray_light.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/explain/twin.hpp"
@@ -88,9 +89,13 @@ std::vector<Located> locate_suspect(const Suspect& suspect, const Reduced& reduc
   const double p = std::max(1e-300, std::exp(-std::min(600.0, suspect.gain)));
   const Observable observable = suspect.mechanism->observable;
   const std::string& id = suspect.mechanism->id;
-  if (id == "sunlight")
-    return {{coordinate, at("centre_deg") - 1.2 * at("width_deg"), at("centre_deg") + 1.2 * at("width_deg"),
-             observable, p}};
+  if (id == "sunlight") {
+    std::vector<Located> light{{coordinate, at("centre_deg") - 1.2 * at("width_deg"),
+                                at("centre_deg") + 1.2 * at("width_deg"), observable, p}};
+    if (suspect.parameters.contains("from_s"))
+      light.push_back({Coordinate::time, at("from_s"), at("to_s"), observable, p});
+    return light;
+  }
   if (id == "mixed-pixel") {
     const double reach = std::max(0.03, 1.5 * at("width_deg"));
     return {{coordinate, -reach, reach, observable, p}};
@@ -108,6 +113,10 @@ std::vector<Located> locate_suspect(const Suspect& suspect, const Reduced& reduc
   if (id == "angle-jitter")
     return {{coordinate, low, low / 2, observable, p}, {coordinate, high / 2, high, observable, p}};
   return {{coordinate, low, high, observable, p}};
+}
+
+Located located(const Unexplained& u) {
+  return {u.coordinate, u.from, u.to, u.observable, std::exp(-std::min(600.0, u.evidence))};
 }
 
 /// What stray light pulls out of place near an edge is no wide beam's doing.
@@ -392,8 +401,7 @@ class Writer {
       for (const Located& l : locate_suspect(suspect, reduced_)) out_.located.push_back(l);
     }
     if (out_.unknown && means_.best.shapes.empty())
-      out_.located.push_back({out_.unknown->coordinate, out_.unknown->from, out_.unknown->to,
-                              out_.unknown->observable, std::exp(-std::min(600.0, out_.unknown->evidence))});
+      for (const Unexplained& u : spread_.unknown) out_.located.push_back(located(u));
     if (!means_.best.terms.empty() || !means_.best.shapes.empty())
       for (const Located& l : locate_residuals(before, 0.01))
         if (!taken.contains(l.coordinate)) out_.located.push_back(l);
@@ -542,6 +550,7 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
   for (const Suspect& suspect : spread.accepted)
     if (suspect.mechanism->id == "rounding")
       reduced.empirical.push_back(bias_of_rounding(suspect.parameters.at("step_mm").value, spread.sigma_mm));
+  if (spread::flickers(spread)) spread::take_off_flicker(reduced);
   const auto searched = [&](double share, const char* what) {
     if (progress) progress(0.35 + 0.63 * share, what);
   };

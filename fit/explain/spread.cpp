@@ -3,10 +3,23 @@
 
 #include <vector>
 
+#include "fit/explain/spread/flicker.hpp"
 #include "fit/explain/spread/questions.hpp"
 #include "fit/explain/spread/suspects.hpp"
 
 namespace fit::explain {
+
+namespace {
+
+/// What single samples do, once it is known what whole scans do.
+void samples(const Reduced& reduced, double step_mm, double worth_of_sample, SpreadResult& result) {
+  spread::variance(reduced, step_mm, worth_of_sample, result);
+  spread::distrust_beside_coarse_steps(reduced, result);
+  spread::losses(reduced, result);
+  spread::may_be_near_threshold(reduced, result);
+}
+
+}  // namespace
 
 SpreadResult explain_spread(const Reduced& reduced) {
   SpreadResult result;
@@ -15,17 +28,20 @@ SpreadResult explain_spread(const Reduced& reduced) {
   spread::edges(reduced, result);
   // What whole scans have in common, the regular before the random.
   std::vector<Sector> sectors = reduced.sectors;
+  spread::flicker(reduced.groups, sectors, result);
   spread::swinging(reduced.groups, sectors, result);
   std::vector<spread::Scan> scans = spread::scans_of(reduced.groups, sectors);
   spread::scan_numbers(scans, result);
   const bool is_regular = !result.unknown.empty() || spread::is_accepted(result, "facet-wobble");
   if (result.unknown.empty()) spread::common_noise(scans, reduced.groups, result);
-  // What single samples do.
   const double worth_of_sample = is_regular ? 1 : spread::memory(reduced.groups, result);
-  spread::variance(reduced, step_mm, worth_of_sample, result);
-  spread::distrust_beside_coarse_steps(reduced, result);
-  spread::losses(reduced, result);
-  spread::may_be_near_threshold(reduced, result);
+  if (spread::flickers(result)) {
+    Reduced rest = reduced;
+    spread::take_off_flicker(rest);
+    samples(rest, step_mm, worth_of_sample, result);
+  } else {
+    samples(reduced, step_mm, worth_of_sample, result);
+  }
   return result;
 }
 

@@ -2,8 +2,19 @@
 #include "fit/mechanism.hpp"
 
 namespace fit::mechanisms {
+namespace {
 
-// Shot noise of background light over part of the field of view: more variance, and dropouts.
+constexpr double ever_s = 1e12;  // since power-on: as good as always
+
+std::string times(const Finding& f) {
+  if (!f.parameters.contains("from_s")) return "";
+  return ", from " + rounded(f.at("from_s").value) + " to " + rounded(f.at("to_s").value) + " s";
+}
+
+}  // namespace
+
+// Shot noise of background light over part of the field of view, at all times or from one to another (since
+// power-on): more variance, and dropouts.
 Mechanism make_sunlight() {
   Mechanism m;
   m.id = "sunlight";
@@ -18,15 +29,18 @@ Mechanism make_sunlight() {
        .upper = 135,
        .starts = 37,
        .logarithmic = false},
-      {.name = "width_deg", .role = Parameter::Role::shape, .lower = 3, .upper = 50, .starts = 4}};
+      {.name = "width_deg", .role = Parameter::Role::shape, .lower = 3, .upper = 50, .starts = 4},
+      {.name = "from_s", .role = Parameter::Role::shape, .expected = -ever_s, .logarithmic = false},
+      {.name = "to_s", .role = Parameter::Role::shape, .expected = ever_s, .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
+    if (c.time_s < p[3] || c.time_s > p[4]) return Effect{};
     const double away = wrap_angle(c.beam_rad - p[1] * rad_per_deg) * deg_per_rad / p[2];
     return Effect{.variance_mm2 = p[0] * p[0] * std::exp(-away * away / 2)};
   };
   m.says = [](const Finding& f) {
     return "Around " + with_uncertainty(f.at("centre_deg"), "deg") + " (within " +
            rounded(f.at("width_deg").value, 2) + " deg) the range scatters by " +
-           with_uncertainty(f.at("sigma_mm"), "mm") + " more: light falls in there.";
+           with_uncertainty(f.at("sigma_mm"), "mm") + " more" + times(f) + ": light falls in there.";
   };
   m.separate = "close the blinds; turn the stage and see whether the noise stays in the room";
   return m;

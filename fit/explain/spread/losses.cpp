@@ -2,8 +2,14 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <numeric>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
 #include <vector>
 
+#include "fit/explain/spread/interval.hpp"
 #include "fit/explain/spread/questions.hpp"
 #include "fit/explain/spread/suspects.hpp"
 
@@ -72,7 +78,8 @@ bool may_miss_its_target(const Reduced& reduced, std::size_t index, bool near_th
 
 /// Samples of one cell, with echo or not.
 struct Count {
-  double intensity, beam_deg, lost, all;
+  double intensity, beam_deg, lost, all, time_s;
+  int capture;
 };
 struct Counts {
   std::vector<Count> cells;
@@ -89,8 +96,9 @@ Counts count(const Reduced& reduced, bool near_threshold) {
     if (std::abs(cell.at.incidence_rad) > 75 * rad_per_deg || may_miss_its_target(reduced, i, near_threshold))
       continue;
     const double all = cell.n + cell.stray + cell.lost;
-    counts.cells.push_back(
-        {cell.at.intensity, cell.beam_rad * deg_per_rad, static_cast<double>(cell.lost), all});
+    counts.cells.push_back({cell.at.intensity, cell.beam_rad * deg_per_rad, static_cast<double>(cell.lost),
+                            all, cell.at.time_s,
+                            reduced.groups[static_cast<std::size_t>(cell.group)].capture});
     counts.lost += cell.lost;
     counts.all += all;
   }
@@ -165,6 +173,120 @@ Window best_window(const Counts& counts, double constant) {
   return best;
 }
 
+/// Log-likelihood of two probabilities, one within and one elsewhere.
+double likelihood_of_two(double in_lost, double in_all, const Counts& counts) {
+  const auto of = [](double lost, double all) {
+    const double p = clamped(lost / std::max(1.0, all));
+    return lost * std::log(p) + (all - lost) * std::log(1 - p);
+  };
+  return of(in_lost, in_all) + of(counts.lost - in_lost, counts.all - in_all);
+}
+
+/// More are lost from one time to another, around a beam angle or at all.
+struct WindowInTime {
+  double log_likelihood = 0;
+  bool at_all_angles = false;
+  double centre_deg = 0, width_deg = 0, elsewhere = 0;
+  Interval times_s;
+  double u_from_s = 0, u_to_s = 0;
+  std::size_t captures = 0;  ///< That take part.
+};
+
+/// The best one, its price paid; none where there are not several times.
+std::optional<WindowInTime> best_window_in_time(const Counts& counts) {
+  std::set<double> different;
+  for (const Count& c : counts.cells) different.insert(c.time_s);
+  constexpr std::size_t fewest = 4, most = 200;
+  if (different.size() < fewest || different.size() > most) return {};
+  const std::vector<double> times(different.begin(), different.end());
+  std::optional<WindowInTime> best;
+  std::size_t first_time = 0, last_time = 0;
+  const auto look = [&](bool everywhere, double centre, double width) {
+    std::vector<std::pair<double, double>> up_to(times.size() + 1);
+    for (const Count& c : counts.cells) {
+      if (!everywhere && std::abs(c.beam_deg - centre) >= width) continue;
+      auto& [lost, all] =
+          up_to[static_cast<std::size_t>(std::ranges::lower_bound(times, c.time_s) - times.begin()) + 1];
+      lost += c.lost;
+      all += c.all;
+    }
+    for (std::size_t t = 0; t < times.size(); ++t) {
+      up_to[t + 1].first += up_to[t].first;
+      up_to[t + 1].second += up_to[t].second;
+    }
+    for (std::size_t first = 0; first < times.size(); ++first)
+      for (std::size_t last = first; last < times.size(); ++last) {
+        if (2 * (last - first + 1) > times.size()) break;  // what is there mostly is told without times
+        const double lost = up_to[last + 1].first - up_to[first].first,
+                     all = up_to[last + 1].second - up_to[first].second;
+        if (all < 1 || lost * counts.all <= counts.lost * all) continue;
+        const double l = likelihood_of_two(lost, all, counts);
+        if (best && l <= best->log_likelihood) continue;
+        best = WindowInTime{l, everywhere, centre, width, counts.lost - lost, {}, 0, 0, 0};
+        first_time = first;
+        last_time = last;
+      }
+  };
+  look(true, 0, 0);
+  for (double centre = -130; centre <= 130; centre += 3)
+    for (const double width : {8.0, 14.0, 22.0}) look(false, centre, width);
+  if (!best) return {};
+  best->log_likelihood -= std::log(static_cast<double>(times.size() * times.size()));
+  constexpr double aside_s = 1;
+  const double before = first_time > 0 ? times[first_time - 1] : times.front() - 2 * aside_s,
+               after = last_time + 1 < times.size() ? times[last_time + 1] : times.back() + 2 * aside_s;
+  best->times_s = {std::midpoint(before, times[first_time]), std::midpoint(times[last_time], after)};
+  best->u_from_s = (times[first_time] - before) / std::sqrt(12.0);
+  best->u_to_s = (after - times[last_time]) / std::sqrt(12.0);
+  std::set<int> captures;
+  for (const Count& c : counts.cells)
+    if (c.lost > 0 && c.time_s > best->times_s.from && c.time_s < best->times_s.to &&
+        (best->at_all_angles || std::abs(c.beam_deg - best->centre_deg) < best->width_deg))
+      captures.insert(c.capture);
+  best->captures = captures.size();
+  return best;
+}
+
+/// Light hides echoes where and while it falls in; what a single capture shows, or all angles do, may be
+/// anything.
+void tell(const WindowInTime& window, double gain, double evidence, SpreadResult& result) {
+  if (window.captures > 1 && !window.at_all_angles) {
+    Suspect sun = suspected("sunlight");
+    sun.gain = gain;
+    sun.evidence = evidence;
+    sun.parameters = {{"sigma_mm", {0, 1}},
+                      {"centre_deg", {window.centre_deg, 5}},
+                      {"width_deg", {window.width_deg, 5}},
+                      {"from_s", {window.times_s.from, window.u_from_s}},
+                      {"to_s", {window.times_s.to, window.u_to_s}}};
+    if (!is_accepted(result, "sunlight")) result.accepted.push_back(sun);
+    return;
+  }
+  Unexplained u;
+  u.observable = Observable::dropout;
+  u.gain = gain;
+  u.evidence = evidence;
+  const std::string when =
+      "from " + rounded(window.times_s.from) + " to " + rounded(window.times_s.to) + " s after power-on";
+  if (window.at_all_angles) {
+    u.coordinate = Coordinate::time;
+    u.from = window.times_s.from;
+    u.to = window.times_s.to;
+    u.describes = "echoes are missing " + when + ", at all angles";
+  } else {
+    u.coordinate = Coordinate::beam;
+    u.from = window.centre_deg - window.width_deg;
+    u.to = window.centre_deg + window.width_deg;
+    u.describes = "echoes are missing " + when + " at beams around " + rounded(window.centre_deg) + " deg";
+  }
+  result.unknown.push_back(u);
+  if (window.at_all_angles) return;
+  u.coordinate = Coordinate::time;
+  u.from = window.times_s.from;
+  u.to = window.times_s.to;
+  result.unknown.push_back(u);
+}
+
 Unexplained lost_anywhere(const Counts& counts) {
   Unexplained u;
   u.observable = Observable::dropout;
@@ -217,6 +339,15 @@ void losses(const Reduced& reduced, SpreadResult& result) {
   const bool light = is_accepted(result, "sunlight");
   // Part of it: background light also hides echoes.
   if (light && window.log_likelihood > threshold.log_likelihood - 8) return;
+  constexpr double clearly = 8, nearly_all = 0.1;
+  const auto in_time = best_window_in_time(counts);
+  if (in_time && in_time->elsewhere < nearly_all * counts.lost &&
+      in_time->log_likelihood >
+          clearly + std::max({constant, threshold.log_likelihood, window.log_likelihood})) {
+    if (light) return;
+    const double gain = in_time->log_likelihood - none;
+    return tell(*in_time, gain, gain - price, result);
+  }
   Suspect dropout = suspected("dropout");
   dropout.gain = threshold.log_likelihood - none;
   dropout.evidence = dropout.gain - price;

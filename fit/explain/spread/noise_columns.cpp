@@ -25,6 +25,12 @@ Column of_light(const std::vector<Pool>& pools, double centre_deg, double width_
   return column;
 }
 
+Column between_times(const std::vector<Pool>& pools, Column column, Interval times_s) {
+  for (std::size_t i = 0; i < pools.size(); ++i)
+    if (pools[i].time_s < times_s.from || pools[i].time_s > times_s.to) column[i] = 0;
+  return column;
+}
+
 Column of_lever(const std::vector<Pool>& pools) {
   Column column;
   for (const Pool& p : pools) column.push_back(p.lever2);
@@ -34,7 +40,12 @@ Column of_lever(const std::vector<Pool>& pools) {
 Column of_suspect(const std::vector<Pool>& pools, const Suspect& suspect) {
   const auto value = [&](const char* name) { return suspect.parameters.at(name).value; };
   if (is(suspect, "intensity-noise")) return of_intensity(pools, value("exponent"));
-  if (is(suspect, "sunlight")) return of_light(pools, value("centre_deg"), value("width_deg"));
+  if (is(suspect, "sunlight")) {
+    const Column light = of_light(pools, value("centre_deg"), value("width_deg"));
+    return suspect.parameters.contains("from_s")
+               ? between_times(pools, light, {value("from_s"), value("to_s")})
+               : light;
+  }
   if (is(suspect, "range-noise")) return Column(pools.size(), 1);
   return of_lever(pools);
 }

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "fit/explain/spread/flicker.hpp"
+#include "fit/explain/spread/light_at_times.hpp"
 #include "fit/explain/spread/noise_columns.hpp"
 #include "fit/explain/spread/questions.hpp"
 #include "fit/explain/spread/suspects.hpp"
@@ -15,6 +17,7 @@
 namespace fit::explain::spread {
 namespace {
 
+constexpr Interval always{-1e300, 1e300};
 constexpr double told_apart_at = 3, beyond_doubt = 20;
 
 /// No noise is constant to better than that.
@@ -34,10 +37,14 @@ class VarianceSearch {
   void run(bool in_several_places, SpreadResult& result) {
     if (pools().size() < 3) return;
     const bool scans_jitter = is_accepted(result, "angle-jitter");
+    // What swells and fades is no constant that a bench could state.
+    if (flickers(result)) parts_.free = true;
+    in_several_places_ = in_several_places;
     if (in_several_places) tell_places_apart();
     if (scans_jitter) parts_.columns.push_back(of_lever(pools()));
     for (int step = 0; step < 2; ++step) {
       base_ = model_.fit(parts_);
+      if (light_comes_and_goes(result)) base_ = model_.fit(parts_);
       if (!accept_first(believed_suspects(result), result)) break;
     }
     base_ = model_.fit(parts_);
@@ -71,11 +78,56 @@ class VarianceSearch {
     parts_ = constants;
   }
 
+  /// Light that falls in for a while only: `sunlight` with its times where others of these times confirm it,
+  /// and unknown where they do not, or where all angles have it. It has no rivals that do not know the time,
+  /// and is believed if it is more evident than all of these.
+  bool light_comes_and_goes(SpreadResult& result) {
+    if (in_several_places_ || flickers(result) || is_accepted(result, "sunlight") || comes_and_goes_)
+      return false;
+    const auto times = light_at_times(model_, model_.variances(parts_, base_));
+    if (!times) return false;
+    Light light{times->centre_deg, times->width_deg, 0, times->times_s};
+    if (!times->at_all_angles) {
+      light.gain = gain_of_light(light);
+      light = refined(light, suspected("sunlight").mechanism->parameters[2]);
+    }
+    const Column column = times->at_all_angles
+                              ? between_times(pools(), Column(pools().size(), 1), light.times_s)
+                              : column_of(light);
+    double gain = 0;
+    const Estimate size = fit_with(column, gain).last();
+    Suspect suspect = suspected("sunlight");
+    suspect.gain = gain;
+    suspect.evidence =
+        gain - price_of_size(gain) - odds::against_place(gain, times->places) -
+        (times->at_all_angles ? 0 : odds::against_place(gain, 20) + odds::against_place(gain, 2));
+    if (suspect.evidence < accept_rare_at) return false;
+    for (const Suspect& other : {has_intensity_ ? intensity_noise() : Suspect{}, sunlight(), angle_jitter()})
+      if (other.evidence + told_apart_at > suspect.evidence) return false;
+    if (!times->at_all_angles) {
+      suspect.parameters = parameters_of(light);
+      suspect.parameters["from_s"] = {light.times_s.from, times->u_from_s};
+      suspect.parameters["to_s"] = {light.times_s.to, times->u_to_s};
+    }
+    const auto unseen = model_.unseen_gain(parts_, column);
+    const bool confirmed = unseen.value_or(-1) > 0 && times->seen > 1;
+    if (confirmed && !times->at_all_angles) {
+      result.accepted.push_back(suspect);
+    } else if (confirmed || suspect.evidence > beyond_doubt) {
+      tell_noise_at_times(suspect, light, times->at_all_angles, root(size).value, result);
+    } else {
+      return false;
+    }
+    comes_and_goes_ = true;
+    parts_.columns.push_back(column);
+    return true;
+  }
+
   /// Whatever may explain more than is known so far, the best first.
   [[nodiscard]] std::vector<Suspect> believed_suspects(const SpreadResult& result) {
     std::vector<Suspect> suspects;
     if (has_intensity_ && !is_accepted(result, "intensity-noise")) suspects.push_back(intensity_noise());
-    if (!is_accepted(result, "sunlight")) suspects.push_back(sunlight());
+    if (!is_accepted(result, "sunlight") && !comes_and_goes_) suspects.push_back(sunlight());
     if (!parts_.free) suspects.push_back(range_noise());
     if (!is_accepted(result, "angle-jitter")) suspects.push_back(angle_jitter());
     std::ranges::sort(suspects, [](const auto& a, const auto& b) { return a.evidence > b.evidence; });
@@ -114,6 +166,30 @@ class VarianceSearch {
                   (of_light ? "where echoes are weak" : "at some angles") +
                   ", but in some captures only: the others do not confirm any law of it";
     return u;
+  }
+
+  /// More noise for a while, of which no more is known: where it is, and when.
+  static void tell_noise_at_times(const Suspect& suspect, const auto& light, bool at_all_angles,
+                                  double sigma_mm, SpreadResult& result) {
+    Unexplained u;
+    u.observable = Observable::range_variance;
+    u.gain = suspect.gain;
+    u.evidence = suspect.evidence;
+    u.describes = "samples scatter by " + rounded(sigma_mm, 2) + " mm more from " +
+                  rounded(light.times_s.from) + " to " + rounded(light.times_s.to) + " s after power-on, " +
+                  (at_all_angles ? "at all angles"
+                                 : "at beams around " + rounded(light.centre_deg) +
+                                       " deg: light may have fallen in, but no other capture confirms it");
+    if (!at_all_angles) {
+      u.coordinate = Coordinate::beam;
+      u.from = light.centre_deg - 1.2 * light.width_deg;
+      u.to = light.centre_deg + 1.2 * light.width_deg;
+      result.unknown.push_back(u);
+    }
+    u.coordinate = Coordinate::time;
+    u.from = light.times_s.from;
+    u.to = light.times_s.to;
+    result.unknown.push_back(u);
   }
 
   /// Accepts the first, or answers with all that cannot be told from it; false if there is nothing more to
@@ -180,6 +256,7 @@ class VarianceSearch {
   /// Light that falls in around one beam angle.
   struct Light {
     double centre_deg = 0, width_deg = 0, gain = 0;
+    Interval times_s = always;
   };
 
   [[nodiscard]] Suspect sunlight() const {
@@ -202,16 +279,25 @@ class VarianceSearch {
     Light best;
     const auto take_if_better = [&](double centre, double width) {
       if (width < bounds.lower || width > bounds.upper) return;
-      const double gain = gain_of_light(centre, width);
+      const double gain = gain_of_light({centre, width});
       if (gain > best.gain) best = {centre, width, gain};
     };
     if (high_deg - low_deg > 20)
       for (const double w : {5.0, 9.0, 16.0, 28.0})
         for (double c = low_deg; c <= high_deg; c += 0.8 * w) take_if_better(c, w);
-    if (best.gain <= 2) return best;
+    return best.gain > 2 ? refined(best, bounds) : best;
+  }
+
+  /// From there to where it fits best, at the same times.
+  [[nodiscard]] Light refined(Light best, const Parameter& bounds) const {
+    const auto take_if_better = [&](double centre, double width) {
+      if (width < bounds.lower || width > bounds.upper) return;
+      const double gain = gain_of_light({centre, width, 0, best.times_s});
+      if (gain > best.gain) best = {centre, width, gain, best.times_s};
+    };
     constexpr double finest = 0.02, hardly = 0.01;
     for (double share = 0.3; share > finest;) {
-      const auto [c, w, before] = best;
+      const auto [c, w, before, times] = best;
       for (const double other : {c - share * w, c + share * w}) take_if_better(other, w);
       for (const double other : {w / (1 + share), w * (1 + share)}) take_if_better(c, other);
       if (best.gain < before + hardly) share /= 2;
@@ -219,8 +305,12 @@ class VarianceSearch {
     return best;
   }
 
-  [[nodiscard]] double gain_of_light(double centre_deg, double width_deg) const {
-    const Column column = of_light(pools(), centre_deg, width_deg);
+  [[nodiscard]] Column column_of(const Light& light) const {
+    return between_times(pools(), of_light(pools(), light.centre_deg, light.width_deg), light.times_s);
+  }
+
+  [[nodiscard]] double gain_of_light(const Light& light) const {
+    const Column column = column_of(light);
     double gain = 0;
     if (*std::ranges::max_element(column) < 0.5) return gain;  // a size at a place that no beam saw
     (void)fit_with(column, gain);
@@ -230,16 +320,15 @@ class VarianceSearch {
   [[nodiscard]] std::map<std::string, Estimate> parameters_of(const Light& light) const {
     const double centre = light.centre_deg, width = light.width_deg;
     double gain = 0;
-    const Estimate variance = fit_with(of_light(pools(), centre, width), gain).last();
+    const Estimate variance = fit_with(column_of(light), gain).last();
+    const auto gain_at = [&](double c, double w) { return gain_of_light({c, w, 0, light.times_s}); };
     // To where the log-likelihood has fallen by a half, on a parabola through places well aside.
     const double aside = 0.25 * width;
     const auto uncertainty = [&](double one, double other) {
       return aside / std::sqrt(2 * std::max(0.05, light.gain - (one + other) / 2));
     };
-    const double centre_u =
-        uncertainty(gain_of_light(centre - aside, width), gain_of_light(centre + aside, width));
-    const double width_u =
-        uncertainty(gain_of_light(centre, width - aside), gain_of_light(centre, width + aside));
+    const double centre_u = uncertainty(gain_at(centre - aside, width), gain_at(centre + aside, width));
+    const double width_u = uncertainty(gain_at(centre, width - aside), gain_at(centre, width + aside));
     // A window's light has another profile than this one: its width at half height is 1.2 of this one's.
     constexpr double unknown_profile = 0.18;
     return {{"sigma_mm", root(variance)},
@@ -274,7 +363,8 @@ class VarianceSearch {
   [[nodiscard]] const std::vector<Pool>& pools() const { return model_.pools(); }
 
   const VarianceModel& model_;
-  bool has_intensity_;
+  bool has_intensity_, in_several_places_ = false;
+  bool comes_and_goes_ = false;         ///< More noise at some times is part of the parts.
   Parts parts_;                         ///< Accepted so far.
   std::optional<Suspect> unconfirmed_;  ///< The most evident of those that no other capture confirms.
   VarianceModel::Fit base_;             ///< With these.

@@ -1,0 +1,454 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/spread/flicker.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "fit/explain/spread/other_patterns.hpp"
+#include "fit/explain/spread/questions.hpp"
+#include "fit/explain/spread/suspects.hpp"
+#include "fit/median.hpp"
+
+/// Mains-lit lamps, dimmers and switching supplies add a wave of 25 to 200 Hz. Beams of one scan follow each
+/// other within a period, so that it is told from its aliases by the scans' repetition.
+namespace fit::explain::spread {
+namespace {
+
+using Complex = std::complex<double>;
+
+constexpr double least_hz = 25, most_hz = 200;
+
+/// One part of a group's scans, scan after scan.
+struct Track {
+  double offset_s = 0;     ///< Of its beams, from the scan's beginning.
+  double information = 0;  ///< Of one value.
+  std::vector<int> scan;
+  std::vector<double> value;  ///< Less their mean.
+};
+
+/// A group's scans: the wave's phase in it is not known from others.
+struct Stretch {
+  std::vector<Track> tracks;
+  int scans = 0;
+};
+
+/// A wave's sine and cosine in one stretch, or what is known of them.
+struct Normal {
+  Eigen::Matrix2d square = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d along = Eigen::Vector2d::Zero();
+
+  [[nodiscard]] Eigen::Vector2d value() const {
+    const Eigen::Matrix2d open = square + 1e-9 * (1e-9 + square.trace()) * Eigen::Matrix2d::Identity();
+    return open.inverse() * along;
+  }
+  [[nodiscard]] double gain() const { return 0.5 * along.dot(value()); }
+  /// Log Bayes factor under a normal prior of that standard size for both.
+  [[nodiscard]] double evidence(double size, double inflate) const {
+    const double s2 = size * size / inflate;
+    const Eigen::Matrix2d m = Eigen::Matrix2d::Identity() + s2 * square;
+    return 0.5 * s2 / inflate * along.dot(m.inverse() * along) - 0.5 * std::log(m.determinant());
+  }
+};
+
+/// Seconds from scan to scan, by the stamps of all.
+double period_of(const std::vector<Sector>& sectors) {
+  std::map<std::pair<int, int>, std::pair<const Sector*, const Sector*>> ends;
+  for (const Sector& s : sectors) {
+    auto& [first, last] = ends[{s.group, s.number}];
+    if (!first) first = &s;
+    last = &s;
+  }
+  double seconds = 0, scans = 0;
+  for (const auto& [key, end] : ends) {
+    seconds += end.second->since_move_s - end.first->since_move_s;
+    scans += end.second->seq - end.first->seq;
+  }
+  return scans > 0 ? seconds / scans : 0;
+}
+
+/// What sectors say, as tracks: `value_of` one, and what it is worth.
+template <class Value>
+std::map<int, Stretch> stretches_of(const std::vector<Sector>& sectors, double period_s,
+                                    const Value& value_of) {
+  std::map<int, Stretch> stretches;
+  std::map<std::pair<int, int>, Track> tracks;
+  std::map<int, int> first;
+  for (const Sector& s : sectors) {
+    const int k = s.seq - first.try_emplace(s.group, s.seq).first->second;
+    const auto [value, information] = value_of(s);
+    if (!(information > 0)) continue;
+    Track& track = tracks[{s.group, s.number}];
+    track.scan.push_back(k);
+    track.value.push_back(value);
+    track.information += information;
+    track.offset_s += s.since_move_s - k * period_s;
+  }
+  constexpr int fewest_scans = 6;
+  for (auto& [key, track] : tracks) {
+    const auto n = static_cast<double>(track.value.size());
+    if (n < fewest_scans) continue;
+    double mean = 0;
+    for (const double v : track.value) mean += v / n;
+    for (double& v : track.value) v -= mean;
+    track.information /= n;
+    track.offset_s /= n;
+    Stretch& stretch = stretches[key.first];
+    stretch.scans = std::max(stretch.scans, track.scan.back() + 1);
+    stretch.tracks.push_back(std::move(track));
+  }
+  return stretches;
+}
+
+/// What one stretch says of a wave of that frequency.
+Normal normal_of(const Stretch& stretch, double hz, double period_s) {
+  Normal sum;
+  for (const Track& track : stretch.tracks) {
+    Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+    const auto n = static_cast<double>(track.scan.size());
+    for (std::size_t i = 0; i < track.scan.size(); ++i) {
+      const double at = 2 * pi * hz * (track.offset_s + track.scan[i] * period_s);
+      const Eigen::Vector2d x(std::cos(at), std::sin(at));
+      sum.square += track.information * x * x.transpose();
+      sum.along += track.information * track.value[i] * x;
+      mean += x / n;
+    }
+    sum.square -= n * track.information * mean * mean.transpose();  // of values less their mean
+  }
+  return sum;
+}
+
+/// What frequencies explain, on a grid that divides the scans' repetition alike.
+class Spectrum {
+ public:
+  Spectrum(const std::map<int, Stretch>& stretches, double period_s) : period_s_(period_s) {
+    // A few dozen stretches say whether there is a wave; a session of hours has thousands.
+    constexpr std::size_t enough = 40;
+    const std::size_t each = std::max<std::size_t>(1, stretches.size() / enough);
+    std::size_t i = 0;
+    for (const auto& [group, stretch] : stretches)
+      if (i++ % each == 0) {
+        stretches_.push_back(&stretch);
+        longest_ = std::max(longest_, stretch.scans);
+      }
+    points_ = 4 * longest_;
+    for (const Stretch* stretch : stretches_) transform(*stretch);
+  }
+
+  struct Line {
+    double hz = 0, evidence = -1e300, gain = 0, inflate = 1;
+    int order = 0, point = 0;
+  };
+
+  /// The most evident line and those that look nearly the same, that one first.
+  [[nodiscard]] std::vector<Line> lines() const {
+    if (stretches_.empty()) return {};
+    Line best;
+    double top = -1;
+    std::vector<double> inflates;
+    const int orders = static_cast<int>(std::ceil(most_hz * period_s_));
+    for (int order = 0; order <= orders; ++order) {
+      std::vector<double> gains(static_cast<std::size_t>(points_), 0.0), of_noise;
+      for (int point = 1; point < points_; ++point) {
+        const double gain = gain_of(order, point);
+        gains[static_cast<std::size_t>(point)] = gain;
+        of_noise.push_back(gain);
+      }
+      // What whole scans have in common, or remember, is a continuum: a line stands out from it.
+      constexpr double median_of_chi2 = 0.69;  // of one stretch's; of many, nearly their number
+      const auto count = static_cast<double>(stretches_.size());
+      const double usual = count > 1 ? count - 1.0 / 3 : median_of_chi2;
+      inflates.push_back(std::max(1.0, median_of(of_noise) / usual));
+      for (int point = 1; point < points_; ++point) {
+        if (!can_be_told(order, point)) continue;
+        const double gain = gains[static_cast<std::size_t>(point)] / inflates.back();
+        if (gain <= top) continue;
+        top = gain;
+        best = {hz_of(order, point), -1e300, gain, inflates.back(), order, point};
+      }
+    }
+    if (top < 0) return {};
+    best.evidence = evidence_of(best);
+    std::vector<Line> list{best};
+    for (int order = 0; order <= orders; ++order)
+      for (const int middle : {best.point, points_ - best.point}) {
+        Line other;
+        for (int point = middle - 2; point <= middle + 2; ++point) {
+          if (point < 1 || point >= points_ || !can_be_told(order, point)) continue;
+          Line line{hz_of(order, point), -1e300, 0, inflates[static_cast<std::size_t>(order)], order, point};
+          line.evidence = evidence_of(line);
+          if (line.evidence > other.evidence) other = line;
+        }
+        constexpr double looks_alike = 3, apart = 3;  // in Hz: beyond the line itself
+        if (other.evidence > best.evidence - looks_alike && std::abs(other.hz - best.hz) > apart)
+          list.push_back(other);
+      }
+    return list;
+  }
+
+  /// Frequencies that can be told apart.
+  [[nodiscard]] double places() const { return (most_hz - least_hz) * longest_ * period_s_; }
+  /// To where the log-likelihood has fallen by a half, about.
+  [[nodiscard]] double uncertainty_hz(const Line& line) const {
+    return 0.4 / (longest_ * period_s_) / std::sqrt(std::max(1.0, line.gain));
+  }
+
+ private:
+  [[nodiscard]] double hz_of(int order, int point) const {
+    return (order + static_cast<double>(point) / points_) / period_s_;
+  }
+  /// Between the bounds, and not so near a multiple of the scans' repetition that it stands nearly still.
+  [[nodiscard]] bool can_be_told(int order, int point) const {
+    const double hz = hz_of(order, point);
+    const int nearest = std::min(point, points_ - point);
+    return hz >= least_hz && hz <= most_hz && nearest >= 2 * points_ / longest_;
+  }
+
+  void transform(const Stretch& stretch) {
+    const auto n = static_cast<std::size_t>(points_);
+    std::vector<Complex> turn(n);
+    for (std::size_t j = 0; j < n; ++j) turn[j] = std::polar(1.0, 2 * pi * static_cast<double>(j) / points_);
+    auto& sums = sums_.emplace_back();
+    for (const Track& track : stretch.tracks) {
+      Sums s{std::vector<Complex>(n), std::vector<Complex>(n), std::vector<Complex>(n)};
+      for (std::size_t i = 0; i < track.scan.size(); ++i) {
+        const auto k = static_cast<std::size_t>(track.scan[i]);
+        for (std::size_t j = 0, at = 0; j < n; ++j, at = (at + k) % n) {
+          s.values[j] += track.value[i] * turn[at];
+          s.ones[j] += turn[at];
+          s.doubled[j] += turn[2 * at % n];
+        }
+      }
+      sums.push_back(std::move(s));
+    }
+  }
+
+  /// The same as `normal_of`, from the sums over scans.
+  [[nodiscard]] Normal normal_at(std::size_t stretch, int order, int point) const {
+    Normal normal;
+    const auto j = static_cast<std::size_t>(point);
+    const double hz = hz_of(order, point);
+    for (std::size_t t = 0; t < sums_[stretch].size(); ++t) {
+      const Track& track = stretches_[stretch]->tracks[t];
+      const Sums& s = sums_[stretch][t];
+      const Complex begin = std::polar(1.0, 2 * pi * hz * track.offset_s);
+      const Complex along = begin * s.values[j], mean = begin * s.ones[j],
+                    twice = begin * begin * s.doubled[j];
+      const auto n = static_cast<double>(track.scan.size());
+      const double w = track.information, cross = w * (twice.imag() / 2 - mean.real() * mean.imag() / n);
+      normal.along += w * Eigen::Vector2d(along.real(), along.imag());
+      normal.square(0, 0) += w * ((n + twice.real()) / 2 - mean.real() * mean.real() / n);
+      normal.square(1, 1) += w * ((n - twice.real()) / 2 - mean.imag() * mean.imag() / n);
+      normal.square(0, 1) += cross;
+      normal.square(1, 0) += cross;
+    }
+    return normal;
+  }
+
+  [[nodiscard]] double gain_of(int order, int point) const {
+    double sum = 0;
+    for (std::size_t i = 0; i < stretches_.size(); ++i) sum += normal_at(i, order, point).gain();
+    return sum;
+  }
+
+  [[nodiscard]] double evidence_of(const Line& line) const {
+    constexpr double price_of_scale = 2;
+    std::vector<Normal> normals;
+    for (std::size_t i = 0; i < stretches_.size(); ++i)
+      normals.push_back(normal_at(i, line.order, line.point));
+    double best = -1e300;
+    for (double size = 0.01; size < 10; size *= 2) {
+      double sum = 0;
+      for (const Normal& normal : normals) sum += normal.evidence(size, line.inflate);
+      best = std::max(best, sum);
+    }
+    return best - price_of_scale - std::log(places());
+  }
+
+  struct Sums {
+    std::vector<Complex> values, ones, doubled;
+  };
+  double period_s_;
+  std::vector<const Stretch*> stretches_;
+  std::vector<std::vector<Sums>> sums_;  ///< By stretch and track, over the points.
+  int longest_ = 0, points_ = 0;
+};
+
+/// Seconds that a sector's beams take.
+double duration_of(const Stretch& stretch) {
+  double least = 1e9;
+  for (std::size_t t = 1; t < stretch.tracks.size(); ++t)
+    least = std::min(least, stretch.tracks[t].offset_s - stretch.tracks[t - 1].offset_s);
+  return least < 1e9 ? least : 0;
+}
+
+/// A sector shows the mean of the wave over its beams.
+double shown_share(double hz, double duration_s) {
+  const double half = pi * hz * duration_s;
+  return half > 1e-6 ? std::max(0.3, std::sin(half) / half) : 1;
+}
+
+/// Mean square amplitude, what noise alone would show taken off.
+double square_amplitude(const std::map<int, Stretch>& stretches, const Spectrum::Line& line,
+                        double period_s) {
+  double sum = 0, weight = 0;
+  for (const auto& [group, stretch] : stretches) {
+    const Normal normal = normal_of(stretch, line.hz, period_s);
+    const double information = normal.square.trace() / 2;
+    if (!(normal.square.determinant() > 0.01 * information * information)) continue;
+    const double of_noise = line.inflate * normal.square.inverse().trace();
+    const double share = shown_share(line.hz, duration_of(stretch));
+    sum += information * (normal.value().squaredNorm() - of_noise) / (share * share);
+    weight += information;
+  }
+  return weight > 0 ? std::max(0.0, sum / weight) : 0;
+}
+
+std::string frequency(double hz, double u_hz) {
+  return rounded(hz, u_hz < 0.3 ? 4 : u_hz < 3 ? 3 : 2) + " Hz";
+}
+
+/// "at 100 Hz, which from scan to scan looks like 20 Hz; 60 Hz fits nearly as well".
+std::string frequencies_in_words(const std::vector<Spectrum::Line>& lines, double u_hz, double period_s) {
+  const double hz = lines.front().hz, slow = std::abs(hz - std::round(hz * period_s) / period_s);
+  std::string text =
+      "at " + frequency(hz, u_hz) + ", which from scan to scan looks like " + frequency(slow, u_hz);
+  for (std::size_t i = 1; i < lines.size(); ++i)
+    text += (i == 1 ? "; " : i + 1 < lines.size() ? ", " : " or ") + frequency(lines[i].hz, u_hz);
+  if (lines.size() > 1) text += " would look nearly the same";
+  return text + ": a lamp, or a supply";
+}
+
+Unexplained in_words(const std::vector<Spectrum::Line>& lines, double amplitude_mm,
+                     const std::vector<Group>& groups, double u_hz, double period_s) {
+  Unexplained u;
+  u.observable = Observable::range_mean;
+  u.coordinate = Coordinate::time;
+  const auto [first, last] = std::ranges::minmax(groups, {}, &Group::time_s);
+  u.from = first.time_s;
+  u.to = last.time_s;
+  u.gain = lines.front().gain;
+  u.evidence = lines.front().evidence;
+  u.describes =
+      "ranges swing by " + rounded(amplitude_mm, 2) + " mm " + frequencies_in_words(lines, u_hz, period_s);
+  return u;
+}
+
+/// Whether something else that scans do is more evident.
+bool is_another_pattern(const std::vector<Group>& groups, const std::vector<Sector>& sectors,
+                        double evidence) {
+  std::vector<Sector> rest = sectors;
+  const std::vector<Scan> scans = scans_of(groups, sectors);
+  return take_off_evident_faces(scans, evidence, rest) || evidence_of_swing(groups, rest) > evidence ||
+         evidence_of_memory(groups) > evidence || evidence_of_common_noise(scans) > evidence;
+}
+
+void take_off(const std::map<int, Stretch>& stretches, double hz, double period_s,
+              std::vector<Sector>& sectors) {
+  std::map<int, Eigen::Vector2d> value;
+  std::map<int, int> first;
+  for (const auto& [group, stretch] : stretches) value[group] = normal_of(stretch, hz, period_s).value();
+  std::map<std::pair<int, int>, std::pair<double, double>> means;  // sum, number
+  const auto wave = [&](const Sector& s) {
+    const int k = s.seq - first.try_emplace(s.group, s.seq).first->second;
+    const auto found = value.find(s.group);
+    if (found == value.end()) return 0.0;
+    const auto& tracks = stretches.at(s.group).tracks;
+    // Of its own track, whose stamps are averaged.
+    double offset = s.since_move_s - k * period_s;
+    for (const Track& track : tracks)
+      if (std::abs(track.offset_s - offset) < duration_of(stretches.at(s.group)) / 2) offset = track.offset_s;
+    const double at = 2 * pi * hz * (offset + k * period_s);
+    return found->second.dot(Eigen::Vector2d(std::cos(at), std::sin(at)));
+  };
+  std::vector<double> waves;
+  for (const Sector& s : sectors) {
+    waves.push_back(wave(s));
+    auto& [sum, number] = means[{s.group, s.number}];
+    sum += waves.back();
+    number += 1;
+  }
+  for (std::size_t i = 0; i < sectors.size(); ++i) {
+    Sector& s = sectors[i];
+    const auto& [sum, number] = means.at({s.group, s.number});
+    const double mm = waves[i] - sum / number;
+    s.wd -= s.w * mm;
+    s.wdv -= s.wv * mm;
+  }
+}
+
+}  // namespace
+
+bool flickers(const SpreadResult& result) {
+  return std::ranges::any_of(result.unknown, [](const Unexplained& u) {
+    return u.observable == Observable::range_mean && u.coordinate == Coordinate::time;
+  });
+}
+
+namespace {
+
+/// What the sectors' ranges show.
+struct Ranges {
+  Ranges(const std::vector<Group>& groups, const std::vector<Sector>& sectors)
+      : period_s(period_of(sectors)) {
+    if (!(period_s > 0)) return;
+    stretches = stretches_of(sectors, period_s, [&](const Sector& s) {
+      const double variance = typical_variance(groups[static_cast<std::size_t>(s.group)]);
+      return std::pair(s.w > 0 ? s.wd / s.w : 0, s.w / variance);
+    });
+  }
+  double period_s;
+  std::map<int, Stretch> stretches;
+};
+
+}  // namespace
+
+void flicker(const std::vector<Group>& groups, std::vector<Sector>& sectors, SpreadResult& result) {
+  const auto [period_s, ranges] = Ranges(groups, sectors);
+  const Spectrum spectrum(ranges, period_s);
+  const std::vector<Spectrum::Line> lines = spectrum.lines();
+  if (lines.empty() || lines.front().evidence <= accept_rare_at ||
+      is_another_pattern(groups, sectors, lines.front().evidence))
+    return;
+  const double amplitude_mm = std::sqrt(square_amplitude(ranges, lines.front(), period_s));
+  result.unknown.push_back(
+      in_words(lines, amplitude_mm, groups, spectrum.uncertainty_hz(lines.front()), period_s));
+  take_off(ranges, lines.front().hz, period_s, sectors);
+}
+
+void take_off_flicker(Reduced& reduced) {
+  const auto [period_s, ranges] = Ranges(reduced.groups, reduced.sectors);
+  const std::vector<Spectrum::Line> lines = Spectrum(ranges, period_s).lines();
+  if (lines.empty()) return;
+  const double turn = 2 * pi * lines.front().hz;
+  for (const auto& [group, stretch] : ranges) {
+    const Eigen::Vector2d value = normal_of(stretch, lines.front().hz, period_s).value() /
+                                  shown_share(lines.front().hz, duration_of(stretch));
+    // Means of the wave, and of its square's double frequency, over the scans, for a beam at time 0.
+    Complex mean = 0, twice = 0;
+    for (int k = 0; k < stretch.scans; ++k) {
+      mean += std::polar(1.0 / stretch.scans, turn * k * period_s);
+      twice += std::polar(1.0 / stretch.scans, 2 * turn * k * period_s);
+    }
+    const Complex wave(value[0], -value[1]);  // its real part with e^(i turn t)
+    const Group& of = reduced.groups[static_cast<std::size_t>(group)];
+    for (std::size_t i = of.first_cell; i < of.last_cell; ++i) {
+      Cell& cell = reduced.cells[i];
+      const Complex begin = wave * std::polar(1.0, turn * cell.at.since_move_s);
+      const double of_mean = (begin * mean).real(),
+                   of_squares = (std::norm(begin) + (begin * begin * twice).real()) / 2;
+      cell.mean_mm -= of_mean;
+      if (cell.n > 1)
+        cell.variance_mm2 =
+            std::max(0.1 * cell.variance_mm2,
+                     cell.variance_mm2 - (of_squares - of_mean * of_mean) * cell.n / (cell.n - 1.0));
+    }
+  }
+}
+
+}  // namespace fit::explain::spread

@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <functional>
+#include <random>
+
+#include "fit/explain/explanation.hpp"
+#include "plain_bench.hpp"
+#include "synthetic_recording.hpp"
+
+namespace {
+
+using fit::explain::Explanation;
+using plain_bench::degree;
+
+/// What light does to one sample.
+struct Light {
+  double range_mm = 0;    ///< Added to it.
+  double scatter_mm = 0;  ///< Its own noise besides the lidar's.
+  double lost = 0;        ///< Probability of no echo.
+};
+
+/// At a beam angle (deg), a time since power-on and the time of the beam itself (s).
+using OfLight = std::function<Light(double beam_deg, double time_s, double beam_time_s)>;
+
+/// A room seen from 16 stage angles, both ways, 40 s apart.
+Explanation explained(const OfLight& light, int scans = 10, unsigned seed = 1) {
+  const std::vector<plain_bench::Wall> room{{{2600, -1900}, {2300, 3100}},
+                                            {{2300, 3100}, {-1700, 3100}},
+                                            {{-1700, 3100}, {-1700, -1900}},
+                                            {{-1700, -1900}, {2600, -1900}}};
+  const fit::Bench bench =
+      fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 361, "front_step": 180,
+    "step_deg": 0.75, "scan_hz": 40, "mount": {"x_mm": {"value": 0, "u": 3}, "y_mm": {"value": 0, "u": 3},
+    "yaw_deg": {"value": 10, "u": 0.3}}}, "targets": [
+    {"name": "east", "from_mm": [2600, -1900], "to_mm": [2300, 3100], "u_mm": 1.5, "u_deg": 0.1},
+    {"name": "north", "from_mm": [2300, 3100], "to_mm": [-1700, 3100], "u_mm": 1.5, "u_deg": 0.1},
+    {"name": "west", "from_mm": [-1700, 3100], "to_mm": [-1700, -1900], "u_mm": 1.5, "u_deg": 0.1},
+    {"name": "south", "from_mm": [-1700, -1900], "to_mm": [2600, -1900], "u_mm": 1.5, "u_deg": 0.1}],
+    "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 4, "u": 0.4}}}]})");
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> chance;
+  SyntheticRecording recording(
+      bench, [&](const fit::CaptureInfo& capture, std::int64_t seq, auto& range, auto& counts) {
+        for (std::size_t k = 0; k < range.size(); ++k) {
+          const double beam_deg = (static_cast<double>(k) - 180) * 0.75;
+          const double time_s = *capture.since_power_on_s + 0.025 * static_cast<double>(seq);
+          const auto met = plain_bench::look(room, {0, 0, 10}, capture.stage_rad, beam_deg * degree);
+          const Light is = light(beam_deg, time_s, time_s + (beam_deg + 135) / 14400);
+          const double mm = met->range_mm + is.range_mm + std::hypot(4, is.scatter_mm) * normal(random);
+          const bool seen = chance(random) >= is.lost;
+          range[k] = seen ? static_cast<std::uint16_t>(std::lround(mm)) : std::uint16_t{0};
+          counts[k] = seen ? static_cast<std::uint16_t>(3e6 * std::cos(met->incidence_rad) / met->range_mm)
+                           : std::uint16_t{0};
+        }
+      });
+  for (int i = 0; i < 16; ++i) {
+    fit::CaptureInfo capture;
+    capture.stage_rad = 45.0 * (i < 8 ? i : 15 - i) * degree;
+    capture.approach = i < 8 ? 1 : -1;
+    capture.since_power_on_s = 100 + 40.3 * i;
+    capture.last_step = 360;
+    recording.add(capture, scans);
+  }
+  return fit::explain::explain({&recording}, {});
+}
+
+bool is_located(const Explanation& e, fit::Coordinate coordinate, double from, double to, double within) {
+  return std::ranges::any_of(e.located, [&](const fit::explain::Located& l) {
+    return l.coordinate == coordinate && std::abs(l.from - from) < within && std::abs(l.to - to) < within;
+  });
+}
+
+}  // namespace
+
+TEST_CASE("the sun that comes in for a few captures is told with its beams and its times") {
+  // From -20 to 20 deg in the captures from 260 to 430 s.
+  const Explanation e = explained([](double beam_deg, double time_s, double) {
+    const bool shines = std::abs(beam_deg) < 20 && time_s > 255 && time_s < 435;
+    return Light{.scatter_mm = shines ? 6.0 : 0};
+  });
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  const auto& found = e.mechanisms.front();
+  CHECK(found.mechanism->id == "sunlight");
+  CHECK(std::abs(found.parameters.at("centre_deg").value) < 4);
+  CHECK(found.parameters.at("from_s").value == Approx(255).margin(25));
+  CHECK(found.parameters.at("to_s").value == Approx(435).margin(25));
+  CHECK(e.undecided_between.empty());
+  CHECK_FALSE(e.unknown);
+  CHECK(is_located(e, fit::Coordinate::time, 255, 435, 25));
+  CHECK(is_located(e, fit::Coordinate::beam, -20, 20, 8));
+}
+
+TEST_CASE("noise of one capture only, over some beams, is unknown physics at these beams and that time") {
+  const Explanation e = explained([](double beam_deg, double time_s, double) {
+    const bool shines = beam_deg > 30 && beam_deg < 60 && time_s > 300 && time_s < 304;
+    return Light{.scatter_mm = shines ? 9.0 : 0};
+  });
+  INFO(to_text(e));
+  CHECK(e.mechanisms.empty());
+  REQUIRE(e.unknown);
+  CHECK(e.unknown->observable == fit::Observable::range_variance);
+  CHECK(is_located(e, fit::Coordinate::time, 301.5, 301.5, 25));
+  CHECK(is_located(e, fit::Coordinate::beam, 30, 60, 8));
+}
+
+TEST_CASE("noise at all angles for a while is unknown physics at that time, and no noise of the lidar") {
+  const Explanation e = explained([](double, double time_s, double) {
+    return Light{.scatter_mm = time_s > 255 && time_s < 435 ? 4.0 : 0};
+  });
+  INFO(to_text(e));
+  CHECK(e.mechanisms.empty());
+  CHECK(e.undecided_between.empty());
+  REQUIRE(e.unknown);
+  CHECK(e.unknown->coordinate == fit::Coordinate::time);
+  CHECK(is_located(e, fit::Coordinate::time, 255, 435, 25));
+}
+
+TEST_CASE("echoes that light hides for a while are sunlight at these beams and times, and no weak echoes") {
+  const Explanation e = explained([](double beam_deg, double time_s, double) {
+    const bool shines = std::abs(beam_deg - 40) < 14 && time_s > 255 && time_s < 435;
+    return Light{.lost = shines ? 0.2 : 0};
+  });
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  CHECK(e.mechanisms.front().mechanism->id == "sunlight");
+  CHECK(is_located(e, fit::Coordinate::time, 255, 435, 25));
+}
+
+TEST_CASE("a lamp's flicker is unknown physics with its frequency, and nothing else is named for it") {
+  const double hz = GENERATE(100.0, 50.0, 133.0, 172.0);
+  const int scans = hz == 100 ? 24 : 10;
+  const Explanation e = explained(
+      [hz](double, double time_s, double beam_time_s) {
+        // The mains is not in step with the captures.
+        const double phase = 40 * std::sin(time_s - std::fmod(time_s - 100, 40.3));
+        return Light{.range_mm = 2.5 * std::cos(2 * 180 * degree * hz * beam_time_s + phase)};
+      },
+      scans);
+  INFO(hz << " Hz: " << to_text(e));
+  CHECK(e.mechanisms.empty());
+  CHECK(e.undecided_between.empty());
+  REQUIRE(e.unknown);
+  CHECK(e.verdict == "unknown-physics");
+  CHECK(e.unknown->coordinate == fit::Coordinate::time);
+  CHECK_THAT(e.unknown->describes, Catch::Contains("from scan to scan looks like"));
+  CHECK_THAT(e.unknown->describes, Catch::Contains("ranges swing by 2."));
+  const double told = std::stod(e.unknown->describes.substr(e.unknown->describes.find(" at ") + 4));
+  CHECK(told == Approx(hz).margin(scans == 24 ? 0.5 : 1.5));
+}
+
+TEST_CASE("without light nothing is told") {
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    const Explanation e = explained([](double, double, double) { return Light{}; }, seed == 3 ? 24 : 8, seed);
+    INFO(to_text(e));
+    CHECK(e.verdict == "nothing-missing");
+  }
+}
