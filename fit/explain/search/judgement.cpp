@@ -20,7 +20,7 @@ constexpr double hardly_worse = 2.2, most_behind = 12;  // a rival that is simpl
 
 /// Then the name says the same as that the bench file is wrong.
 bool says_where_a_target_stands(const Term& term) {
-  return term.mechanism->id == "target-offset" || term.mechanism->id == "target-tilt";
+  return static_cast<bool>(term.mechanism->displaces);
 }
 
 /// Whether a term was set aside, because the bench file's uncertainties alone speak for it.

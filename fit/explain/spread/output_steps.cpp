@@ -47,8 +47,8 @@ void distrust_beside_coarse_steps(const Reduced& reduced, SpreadResult& result) 
   constexpr double share = 0.05;
   const double least = share * share / 4 * static_cast<double>(reduced.samples);
   std::erase_if(result.accepted, [&](const Suspect& s) {
-    const bool of_noise = is(s, "angle-jitter") || is(s, "correlated-noise") || is(s, "intensity-noise") ||
-                          is(s, "sunlight") || is(s, "range-noise");
+    const Observable shows_in = s.mechanism->observable;
+    const bool of_noise = shows_in == Observable::range_variance || shows_in == Observable::time_correlation;
     return of_noise && s.gain < least;
   });
 }
