@@ -129,7 +129,9 @@ const std::map<std::string, Equation>& equations() {
         [](const Beam& x) { return stage(0.05 * degree * std::sin(360 * x.th / 72 + 10 * degree)); }}},
       {"stage-scale", {{{"scale", 2e-3}}, [](const Beam& x) { return stage(2e-3 * x.th); }}},
       {"stage-eccentricity", {{{"amplitude_mm", 2}, {"phase_deg", 40}},
-        [](const Beam& x) { return origin(2.0 * Point(std::cos(x.th + 40 * degree), std::sin(x.th + 40 * degree))); }}},
+        [](const Beam& x) {
+          return origin(2.0 * Point(std::cos(x.th + 40 * degree), std::sin(x.th + 40 * degree)));
+        }}},
       {"backlash", {{{"width_deg", 0.1}}, [](const Beam& x) { return stage(-0.05 * degree * x.approach); }}},
       {"settling", {{{"amplitude_deg", 0.06}, {"phase_deg", 0}, {"tau_s", 0.2}, {"frequency_hz", 4}},
         [](const Beam& x) {  // from the side that the stage came from
@@ -143,7 +145,9 @@ const std::map<std::string, Equation>& equations() {
       {"target-curvature", {{{"sagitta_mm", 3}},
         [](const Beam& x) { return range(3 * (1 - std::pow(x.along / x.half, 2)) / std::cos(x.i)); }}},
 
-      {"mixed-pixel", {{{"width_deg", 0.2}}, [](const Beam&) { return fit::Effect{.footprint_rad = 0.2 * degree}; }}},
+      {"mixed-pixel", {{{"width_deg", 0.2}}, [](const Beam&) {
+          return fit::Effect{.footprint_rad = 0.2 * degree};
+        }}},
       {"range-noise", {{{"sigma_mm", 4}}, [](const Beam&) { return fit::Effect{.variance_mm2 = 16}; }}},
       {"intensity-noise", {{{"sigma_mm_at_1000_counts", 3}, {"exponent", 1}},
         [](const Beam& x) { return fit::Effect{.variance_mm2 = 9000 / x.I}; }}},
@@ -159,11 +163,17 @@ const std::map<std::string, Equation>& equations() {
       {"dropout", {{{"intensity_min", 300}, {"width", 50}},
         [](const Beam& x) { return fit::Effect{.lost = 1 - 1 / (1 + std::exp((300 - x.I) / 50))}; }}},
       {"radiometry", {{{"log_gain", 0.3}, {"range_exponent", 0.2}},  // another K, another power of the range
-        [](const Beam& x) { return fit::Effect{.log_intensity = std::log(std::exp(0.3) / std::pow(x.r / 1000, 0.2))}; }}},
+        [](const Beam& x) {
+          return fit::Effect{.log_intensity = std::log(std::exp(0.3) / std::pow(x.r / 1000, 0.2))};
+        }}},
       {"window-dirt", {{{"loss", 0.3}, {"centre_deg", 20}, {"width_deg", 15}},
-        [](const Beam& x) { return fit::Effect{.log_intensity = std::log(1 - 0.3 * bell(x.a / degree - 20, 15))}; }}},
+        [](const Beam& x) {
+          return fit::Effect{.log_intensity = std::log(1 - 0.3 * bell(x.a / degree - 20, 15))};
+        }}},
       {"specular", {{{"gain", 3}, {"width_deg", 10}},
-        [](const Beam& x) { return fit::Effect{.log_intensity = std::log(1 + 3 * std::exp(-std::pow(x.i / degree / 10, 2)))}; }}},
+        [](const Beam& x) {
+          return fit::Effect{.log_intensity = std::log(1 + 3 * std::exp(-std::pow(x.i / degree / 10, 2)))};
+        }}},
   };
   return list;
 }
