@@ -178,15 +178,14 @@ void Runner::Impl::record_lidar_statistics() {
   if (!counted.is_object()) return;
   session.set("lidar_statistics", counted.dump());
   const auto count = [&](const char* key) { return counted.value(key, std::int64_t{0}); };
-  const bool is_clean = count("lost") + count("damaged") + count("repeated") + count("reconnections") +
-                            count("attempts_in_vain") ==
-                        0;
-  note(is_clean ? "info" : "warning",
+  const auto troubles = count("lost") + count("damaged") + count("repeated") + count("reconnections") +
+                        count("attempts_in_vain");
+  note(troubles == 0 ? "info" : "warning",
        "lidar in this run: " + grouped(count("scans")) + " scans received; " + grouped(count("lost")) +
            " lost, " + grouped(count("damaged")) + " with wrong sums or shape, " +
            grouped(count("repeated")) + " repeated, " + grouped(count("stale")) + " of earlier requests; " +
-           grouped(count("reconnections")) + " reconnections, " + grouped(count("attempts_in_vain")) +
-           " attempts to connect in vain");
+           "reconnections: " + grouped(count("reconnections")) +
+           ", attempts to connect in vain: " + grouped(count("attempts_in_vain")));
 }
 
 void Runner::Impl::show(const lidar::Scan& scan) {
