@@ -68,9 +68,14 @@ ordered loop_schema() {
                          {"properties", {{"from", number}, {"to", number}, {"step", number}}},
                          {"required", {"from", "to", "step"}},
                          {"additionalProperties", false}};
-  return {{"type", "object"},
-          {"minProperties", 1},
-          {"additionalProperties", {{"anyOf", {{{"type", "array"}, {"minItems", 1}}, range}}}}};
+  const ordered each_with_each = {
+      {"type", "object"},
+      {"minProperties", 1},
+      {"additionalProperties", {{"anyOf", {{{"type", "array"}, {"minItems", 1}}, range}}}}};
+  const ordered turn = {{"type", "object"},
+                        {"minProperties", 1},
+                        {"additionalProperties", {{"type", {"number", "string", "boolean"}}}}};
+  return {{"anyOf", {each_with_each, {{"type", "array"}, {"minItems", 1}, {"items", turn}}}}};
 }
 
 ordered step_schema(const StepKind& kind) {

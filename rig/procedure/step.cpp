@@ -43,20 +43,51 @@ std::vector<Value> range_of(const Node& node, const Variables& variables) {
   return values;
 }
 
+Value value_of(const Node& item, const Variables& variables) {
+  if (item.kind != Node::Kind::scalar)
+    throw ProcedureError(item.place, "a for-each value must be a number or a text.");
+  const Value value = Arguments(item, {}, variables).value(item);
+  if (std::holds_alternative<Unknown>(value))
+    throw ProcedureError(item.place, "a for-each value must be known before the run.");
+  return value;
+}
+
 std::vector<Value> values_of(const Node& node, const Variables& variables) {
   if (node.kind == Node::Kind::map) return range_of(node, variables);
   if (node.kind != Node::Kind::list || node.items.empty())
     throw ProcedureError(node.place, "for-each needs a list [1, 2, 3] or a range {from: 1, to: 3, step: 1}.");
   std::vector<Value> values;
-  for (const Node& item : node.items) {
-    if (item.kind != Node::Kind::scalar)
-      throw ProcedureError(item.place, "a for-each value must be a number or a text.");
-    const Value value = Arguments(node, {}, variables).value(item);
-    if (std::holds_alternative<Unknown>(value))
-      throw ProcedureError(item.place, "a for-each value must be known before the run.");
-    values.push_back(value);
-  }
+  for (const Node& item : node.items) values.push_back(value_of(item, variables));
   return values;
+}
+
+/// Turns that are written out one by one, each a map of the same variables.
+std::vector<Variables> listed_turns(const Node& list, const Variables& variables) {
+  std::vector<Variables> turns;
+  for (const Node& item : list.items) {
+    if (item.kind != Node::Kind::map || item.members.empty())
+      throw ProcedureError(item.place, "a turn of a for-each is written {name: value, ...}.");
+    Variables turn;
+    for (const auto& [key, value] : item.members) {
+      if (!turns.empty() && !turns.front().contains(key.scalar))
+        throw ProcedureError(key.place, "the first turn has no '" + key.scalar +
+                                            "'; all turns of a for-each have the same variables.");
+      turn[key.scalar] = value_of(value, variables);
+    }
+    if (!turns.empty())
+      for (const auto& [name, value] : turns.front())
+        if (!turn.contains(name))
+          throw ProcedureError(item.place,
+                               "this turn lacks '" + name +
+                                   "', which the first has; all turns of a for-each have the same "
+                                   "variables.");
+    if (std::ranges::find(turns, turn) != turns.end())
+      throw ProcedureError(item.place,
+                           "this turn stands here twice; give one of the two another value, or a variable "
+                           "that counts them.");
+    turns.push_back(std::move(turn));
+  }
+  return turns;
 }
 
 }  // namespace
@@ -69,8 +100,11 @@ const std::vector<std::unique_ptr<StepKind>>& step_kinds() {
 std::vector<std::string> StepKind::defines(const Node&) const { return {}; }
 
 std::vector<Variables> iterations(const Node& options, const Variables& variables) {
+  if (options.kind == Node::Kind::list && !options.items.empty()) return listed_turns(options, variables);
   if (options.members.empty())
-    throw ProcedureError(options.place, "for-each needs a variable: {name: [values]}.");
+    throw ProcedureError(options.place,
+                         "for-each needs a variable: {name: [values]}, or a list of turns: [{name: value}, "
+                         "...].");
   std::vector<Variables> turns = {{}};
   for (const auto& [key, node] : options.members) {
     const auto values = values_of(node, variables);

@@ -161,7 +161,7 @@ class StepKind {
 
 [[nodiscard]] const std::vector<std::unique_ptr<StepKind>>& step_kinds();
 
-/// The variables of one turn of a for-each, in order of the turns.
+/// The variables of every turn of a for-each, in order: a list's turns, or every value with every other.
 [[nodiscard]] std::vector<Variables> iterations(const Node& options, const Variables& variables);
 
 // Options that several kinds share.

@@ -74,7 +74,8 @@ class StepReader {
     if (!result.kind)
       throw ProcedureError(node.place, "this step lacks its kind, one of " + listed(kind_names()) + ".");
     if (result.options.kind == Node::Kind::nothing) result.options.kind = Node::Kind::map;
-    if (result.options.kind != Node::Kind::map)
+    const bool turns = result.kind->has_steps() && result.options.kind == Node::Kind::list;
+    if (result.options.kind != Node::Kind::map && !turns)
       throw ProcedureError(result.options.place,
                            "the options of '" + result.kind->name() + "' must be a map {key: value}.");
     read_inner_steps(node, result);

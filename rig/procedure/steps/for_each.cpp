@@ -8,7 +8,10 @@ namespace {
 class ForEach final : public StepKind {
  public:
   std::string name() const override { return "for-each"; }
-  std::string about() const override { return "Repeats steps for every value of one or more variables"; }
+  std::string about() const override {
+    return "Repeats steps for every value of a variable (of several: each with each), or for every turn of a "
+           "list";
+  }
   const std::vector<Option>& options() const override {
     static const std::vector<Option> none;
     return none;

@@ -203,3 +203,25 @@ TEST_CASE("the schema that editors use is the one the checks use") {
   INFO("update it with RIG_UPDATE_SCHEMA=1 test_rig \"the schema*\"");
   CHECK(text.str() == rig::procedure_schema());
 }
+
+TEST_CASE("a for-each takes its turns from a list, or each value with each") {
+  const std::string capture = "    steps: [{capture: {samples: \"${n}\"}}]\n";
+  const auto keys = [](const std::vector<rig::PlannedStep>& plan) {
+    std::string out;
+    for (const auto& step : plan) out += step.key + " ";
+    return out;
+  };
+  CHECK(keys(planned("  - for-each: [{n: 3, side: left}, {n: 4, side: right}]\n" + capture)) ==
+        "1.1[n=3][side=left] 1.1[n=4][side=right] ");
+  CHECK(planned("  - for-each: {n: [3, 4], side: [left, right]}\n" + capture).size() == 4);
+  const auto refused = [&](const std::string& turns, const char* words) {
+    INFO(turns);
+    CHECK_THROWS_WITH(planned("  - for-each: " + turns + "\n" + capture),
+                      Contains(words) && StartsWith("p.yaml:3:"));
+  };
+  refused("[{n: 3}, {m: 4}]", "the first turn has no 'm'");
+  refused("[{n: 3, side: left}, {n: 4}]", "this turn lacks 'side'");
+  refused("[{n: 3}, {n: 3}]", "stands here twice");
+  refused("[3, 4]", "a turn of a for-each is written {name: value, ...}");
+  refused("[]", "or a list of turns");
+}

@@ -21,11 +21,10 @@ fit::Bench bench_of(const std::string& name) {
 }  // namespace
 
 TEST_CASE("Every procedure of the project plans on a bench that comes with it") {
-  const std::map<std::string, std::string> benches = {{"range-intensity.yaml", "range.bench.json"},
-                                                      {"range-distance.yaml", "range.bench.json"},
-                                                      {"range-validation.yaml", "range.bench.json"},
-                                                      {"right-angle-wall.yaml", "corner.bench.json"},
-                                                      {"motion-distortion.yaml", "corner.bench.json"}};
+  const std::map<std::string, std::string> benches = {
+      {"range-intensity.yaml", "range.bench.json"},   {"range-distance.yaml", "range.bench.json"},
+      {"range-ladder.yaml", "range.bench.json"},      {"range-validation.yaml", "range.bench.json"},
+      {"right-angle-wall.yaml", "corner.bench.json"}, {"motion-distortion.yaml", "corner.bench.json"}};
   int seen = 0;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     if (entry.path().extension() != ".yaml") continue;
@@ -42,6 +41,16 @@ TEST_CASE("Every procedure of the project plans on a bench that comes with it") 
     CHECK(plan.size() > 3);
   }
   CHECK(seen >= 8);
+}
+
+TEST_CASE("The range procedures by reflectance capture every surface once, twelve in all") {
+  for (const char* name : {"range-intensity.yaml", "range-ladder.yaml"}) {
+    INFO(name);
+    const rig::Procedure procedure = rig::read_procedure((folder / name).string());
+    long captures = 0;
+    for (const auto& step : rig::unroll(procedure, bench_of("range.bench.json"))) captures += step.captures;
+    CHECK(captures == 12);
+  }
 }
 
 TEST_CASE("The distance calibration asks for 97 positions of 10,000 samples, half a second apart") {
