@@ -29,6 +29,7 @@ void judge(CentreFit& fit) {
   fit.inflation = std::sqrt(fit.chi2 / fit.degrees_of_freedom);
   for (Eigen::Matrix2d* part : {&fit.covariance, &fit.from_range, &fit.from_angle})
     *part *= fit.inflation * fit.inflation;
+  for (Eigen::Matrix2d& part : fit.angle_parts) part *= fit.inflation * fit.inflation;
 }
 
 double condition_of(Eigen::MatrixXd design) {
@@ -97,7 +98,8 @@ CentreFit fit_centre(const std::vector<CentrePoint>& points) {
     const Eigen::Vector2d radial = inverse.block<2, 1>(2, 2 * i),
                           tangential = inverse.block<2, 1>(2, 2 * i + 1);
     fit.from_range += radial * radial.transpose();
-    fit.from_angle += tangential * tangential.transpose();
+    fit.angle_parts.emplace_back(tangential * tangential.transpose());
+    fit.from_angle += fit.angle_parts.back();
   }
   fit.covariance = fit.from_range + fit.from_angle;
   judge(fit);

@@ -43,6 +43,7 @@ struct CentreFit {
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
   Eigen::Matrix2d from_range = Eigen::Matrix2d::Zero(), from_angle = Eigen::Matrix2d::Zero();  ///< Its parts.
+  std::vector<Eigen::Matrix2d> angle_parts;         ///< What each sight's angle adds to from_angle.
   Eigen::Vector2d point = Eigen::Vector2d::Zero();  ///< The common point, from the centre, at stage angle 0.
   std::vector<Eigen::Vector2d> residuals;           ///< Radial and tangential, mm.
   double chi2 = 0;

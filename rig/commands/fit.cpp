@@ -27,18 +27,12 @@ class Fit : public Command {
  public:
   CLI::App* declare(CLI::App& root) override {
     auto* command = root.add_subcommand("fit", "A calibration from recordings");
-    std::string kinds;
-    for (const auto& fitting : all_fittings()) {
-      kinds += "\n  " + fitting->kind() + ": " + fitting->describes();
-      for (const auto& [name, meaning] : fitting->options())
-        kinds += "\n      --option " + name + "=...  " + meaning;
-    }
     command->add_option("kind", kind_, "Which calibration")->required();
     command->add_option("session", sessions_, "Session files")->required();
-    command->add_option("--option", options_, "NAME=VALUE, see below");
+    command->add_option("--option", options_, "NAME=VALUE; 'rig fit KIND --help' lists them");
     json_.declare(*command, "the result");
     command->add_flag("--no-store", no_store_, "Leave the session file as it is");
-    command->footer("Calibrations:" + kinds);
+    command->footer([this] { return help(); });
     return command;
   }
 
@@ -66,6 +60,21 @@ class Fit : public Command {
     std::vector<std::string> files = sessions_;
     for (const std::string& option : options_) files.push_back(option.substr(option.find('=') + 1));
     return files;
+  }
+
+  /// Of the calibration that was named, else of all.
+  [[nodiscard]] std::string help() const {
+    std::string out = "Calibrations (rig fit KIND --help lists the options of one):";
+    for (const auto& fitting : all_fittings()) {
+      if (fitting->kind() == kind_) return help_of(*fitting);
+      out += "\n  " + fitting->kind() + ": " + fitting->describes();
+    }
+    return out;
+  }
+  static std::string help_of(const Fitting& fitting) {
+    std::string out = fitting.kind() + ": " + fitting.describes();
+    for (const FitOption& option : fitting.options()) out += "\n  --option " + help_text(option);
+    return out;
   }
 
   /// A recording on read-only media can be fitted all the same; the result is then only printed.

@@ -31,17 +31,39 @@ using std::chrono::steady_clock;
 
 constexpr std::uint16_t scip_port = 10940;
 
-/// A calibration that does not exist is found before the hours of its captures.
-void check_fits(const std::vector<Step>& steps) {
+void check_fit_at(const Place& place, const std::string& kind, const json& options) {
+  try {
+    check_fit(kind, options);
+  } catch (const UsageError& error) {
+    throw ProcedureError(place, error.what());
+  }
+}
+
+/// A value as it stands in the file; null where only the run will know it.
+json value_before_run(const Node& node, const Variables& variables) {
+  if (node.kind != Node::Kind::scalar) return json::array();  // No option takes a list or a map.
+  try {
+    const Value value = evaluate_text(node.scalar, variables);
+    if (const auto* number = std::get_if<double>(&value)) return *number;
+    if (const auto* flag = std::get_if<bool>(&value)) return *flag;
+    if (const auto* text = std::get_if<std::string>(&value)) return *text;
+  } catch (const ExpressionError&) {  // It uses what a step defines.
+  }
+  return nullptr;
+}
+
+/// A calibration that does not exist, and an option that it would refuse, are found before the hours of its
+/// captures.
+void check_fits(const std::vector<Step>& steps, const Variables& variables) {
   for (const Step& step : steps) {
-    check_fits(step.steps);
+    check_fits(step.steps, variables);
     const Node* kind = step.kind->name() == "fit" ? step.options.find("kind") : nullptr;
     if (!kind || has_expression(kind->scalar)) continue;
-    try {
-      check_fit(kind->scalar, nullptr);
-    } catch (const UsageError& error) {
-      throw ProcedureError(kind->place, error.what());
-    }
+    check_fit_at(kind->place, kind->scalar, nullptr);
+    const Node* options = step.options.find("options");
+    if (!options) continue;
+    for (const auto& [name, value] : options->members)
+      check_fit_at(value.place, kind->scalar, {{name.scalar, value_before_run(value, variables)}});
   }
 }
 
@@ -96,7 +118,7 @@ class Run : public Command {
 
   int run() override {
     const Procedure procedure = read_procedure(find_procedure(procedure_), overrides());
-    check_fits(procedure.steps);
+    check_fits(procedure.steps, procedure.variables);
     if (out_.empty()) out_ = procedure.name + ".rig";
     demand_place_to_write();
     const fit::Bench bench = known_bench();

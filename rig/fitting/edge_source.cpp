@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdio>
 #include <map>
-#include <nlohmann/json.hpp>
 
 #include "rig/errors.hpp"
 
@@ -13,8 +12,8 @@ namespace rig {
 namespace {
 
 std::string target_of(const std::vector<std::unique_ptr<fit::Recording>>& recordings,
-                      const nlohmann::json& options) {
-  if (options.contains("target")) return options.at("target").get<std::string>();
+                      const FitOptions& options) {
+  if (options.has("target")) return options.text("target");
   std::map<std::string, int> votes;
   for (const auto& recording : recordings)
     for (const fit::CaptureInfo& capture : recording->captures())
@@ -87,24 +86,23 @@ void compare_with_bench(EdgeSource& source) {
 
 }  // namespace
 
-std::vector<std::pair<std::string, std::string>> edge_options() {
-  return {
-      {"target", "name of the target whose edge is followed; the one most captures are about if not given"},
-      {"edge", "right or left end of it, as the lidar sees it; both if not given"}};
+std::vector<FitOption> edge_options() {
+  return {{.name = "target",
+           .type = FitOption::Type::text,
+           .about = "target whose edge is followed; without it, the one most captures are about"},
+          {.name = "edge",
+           .type = FitOption::Type::choice,
+           .choices = {"right", "left"},
+           .about = "end of the target, as the lidar sees it; without it, both"}};
 }
 
-EdgeSource read_edges(const std::vector<FitSource>& sources, const nlohmann::json& options) {
+EdgeSource read_edges(const std::vector<FitSource>& sources, const FitOptions& options) {
   EdgeSource source;
   for (const FitSource& file : sources) source.recordings.push_back(file.session->recording());
   source.target = target_of(source.recordings, options);
   fit::EdgeOptions edge;
   if (!source.target.empty()) edge.target = source.target;
-  if (options.contains("edge")) {
-    const auto side = options.at("edge").get<std::string>();
-    if (side != "right" && side != "left")
-      throw UsageError("option edge is 'right' or 'left', not '" + side + "'");
-    edge.right = side == "right";
-  }
+  if (options.has("edge")) edge.right = options.text("edge") == "right";
   for (const auto& recording : source.recordings)
     for (fit::EdgeCrossing& crossing : fit::find_edge_crossings(*recording, edge))
       source.crossings.push_back({std::move(crossing), recording.get()});

@@ -26,8 +26,8 @@ struct EdgeSource {
 
 /// Options "target" and "edge" (right, left) as described by edge_options(). Throws MeasurementError, saying
 /// what was seen instead, when no beam passes an edge.
-[[nodiscard]] EdgeSource read_edges(const std::vector<FitSource>& sources, const nlohmann::json& options);
+[[nodiscard]] EdgeSource read_edges(const std::vector<FitSource>& sources, const FitOptions& options);
 
-[[nodiscard]] std::vector<std::pair<std::string, std::string>> edge_options();
+[[nodiscard]] std::vector<FitOption> edge_options();
 
 }  // namespace rig

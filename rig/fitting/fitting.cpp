@@ -25,32 +25,6 @@ std::string kinds_in_words() {
   return out;
 }
 
-const Fitting& fitting_of(const std::string& kind) {
-  for (const auto& fitting : all_fittings())
-    if (fitting->kind() == kind) return *fitting;
-  std::vector<std::string> kinds;
-  for (const auto& fitting : all_fittings()) kinds.push_back(fitting->kind());
-  const std::string meant = fit::nearest_word(kind, kinds);
-  throw UsageError("there is no calibration '" + kind + "'" +
-                   (meant.empty() ? "." : "; did you mean '" + meant + "'?") +
-                   " There are: " + kinds_in_words());
-}
-
-void check_options(const Fitting& fitting, const nlohmann::json& options) {
-  if (!options.is_object()) return;
-  std::vector<std::string> known;
-  for (const auto& [name, meaning] : fitting.options()) known.push_back(name);
-  for (const auto& [name, value] : options.items()) {
-    if (std::ranges::find(known, name) != known.end()) continue;
-    const std::string meant = fit::nearest_word(name, known);
-    std::string list;
-    for (const std::string& option : known) list += (list.empty() ? "" : ", ") + option;
-    throw UsageError("the calibration '" + fitting.kind() + "' has no option '" + name + "'" +
-                     (meant.empty() ? "" : "; did you mean '" + meant + "'?") +
-                     " It has: " + (list.empty() ? "none" : list));
-  }
-}
-
 /// A number, or 0 when it is missing or null.
 double number_in(const nlohmann::json& object, const char* key) {
   const auto found = object.find(key);
@@ -63,8 +37,19 @@ std::string padded(const std::string& text, std::size_t width) {
 
 }  // namespace
 
+const Fitting& fitting_of(const std::string& kind) {
+  for (const auto& fitting : all_fittings())
+    if (fitting->kind() == kind) return *fitting;
+  std::vector<std::string> kinds;
+  for (const auto& fitting : all_fittings()) kinds.push_back(fitting->kind());
+  const std::string meant = fit::nearest_word(kind, kinds);
+  throw UsageError("there is no calibration '" + kind + "'" +
+                   (meant.empty() ? "." : "; did you mean '" + meant + "'?") +
+                   " There are: " + kinds_in_words());
+}
+
 void check_fit(const std::string& kind, const nlohmann::json& options) {
-  check_options(fitting_of(kind), options);
+  (void)FitOptions(kind, fitting_of(kind).options(), options);
 }
 
 const std::vector<std::unique_ptr<Fitting>>& all_fittings() {
@@ -75,13 +60,13 @@ const std::vector<std::unique_ptr<Fitting>>& all_fittings() {
 nlohmann::json run_fit(const std::string& kind, const std::vector<FitSource>& sources,
                        const nlohmann::json& options) {
   const Fitting& fitting = fitting_of(kind);
-  check_options(fitting, options);
+  const FitOptions checked(kind, fitting.options(), options);
   for (const FitSource& source : sources)
     if (!source.session && !fitting.accepts_files())
       throw UsageError(source.path + " is not a session file (*.rig), which the calibration '" + kind +
                        "' needs: make one with 'rig run' or 'rig import'");
   if (sources.empty()) throw UsageError("the calibration '" + kind + "' needs at least one session");
-  return fitting.run(sources, options.is_object() ? options : nlohmann::json::object());
+  return fitting.run(sources, checked);
 }
 
 std::string to_text(const nlohmann::json& result) {
@@ -98,7 +83,7 @@ std::string to_text(const nlohmann::json& result) {
         << value.value("unit", "");
     if (expanded > 0)
       out << "   U = " << format_uncertainty(expanded) << ' ' << value.value("unit", "")
-          << " (k = " << value.value("k", 2.0) << ")";
+          << " (k = " << format_value(value.value("k", 2.0), 0) << ")";
     out << "\n";
   }
   for (const auto& note : result.value("notes", nlohmann::json::array()))

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "rig/fitting/fit_option.hpp"
 #include "rig/session/session_store.hpp"
 
 namespace rig {
@@ -24,24 +25,27 @@ class Fitting {
   [[nodiscard]] virtual std::string kind() const = 0;
   /// One line for --help.
   [[nodiscard]] virtual std::string describes() const = 0;
-  /// Options with their meaning, for messages and help: {"board": "name of the target whose edge is
-  /// followed"}.
-  [[nodiscard]] virtual std::vector<std::pair<std::string, std::string>> options() const { return {}; }
+  /// Every option it knows; run() is given no other.
+  [[nodiscard]] virtual std::vector<FitOption> options() const { return {}; }
   /// True if files that are not sessions are welcome too.
   [[nodiscard]] virtual bool accepts_files() const { return false; }
   /// The result document (`result/1`, docs/results.md). Throws MeasurementError when the data do not allow
   /// one.
   [[nodiscard]] virtual nlohmann::json run(const std::vector<FitSource>& sources,
-                                           const nlohmann::json& options) const = 0;
+                                           const FitOptions& options) const = 0;
 };
 
 /// Every calibration there is, in the order of their file names.
 [[nodiscard]] const std::vector<std::unique_ptr<Fitting>>& all_fittings();
 
-/// Throws the UsageError of run_fit() without running anything.
+/// The calibration of that kind. Throws UsageError, with what there is, for an unknown one.
+[[nodiscard]] const Fitting& fitting_of(const std::string& kind);
+
+/// Throws the UsageError of run_fit() without running anything. Options of the value null are not known yet.
 void check_fit(const std::string& kind, const nlohmann::json& options);
 
-/// Runs the calibration of that kind. Throws UsageError for an unknown kind (with what there is) or option.
+/// Runs the calibration of that kind with options (an object, or null). Throws UsageError for an unknown kind
+/// and for what FitOptions refuses.
 [[nodiscard]] nlohmann::json run_fit(const std::string& kind, const std::vector<FitSource>& sources,
                                      const nlohmann::json& options);
 

@@ -22,7 +22,10 @@ json new_result(const std::string& kind, const std::string& method) {
           {"undetermined", json::array()}};
 }
 
-json number_or_null(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
+json number_or_null(double value) {
+  if (!std::isfinite(value)) return nullptr;
+  return value == 0 ? 0.0 : value;  // no "-0"
+}
 
 json numbers(const std::vector<double>& values) {
   json out = json::array();
@@ -51,6 +54,8 @@ json plain_value(const std::string& name, const std::string& label, double value
 json budget_line(const std::string& source, const std::string& type, double u, const std::string& unit) {
   return {{"source", source}, {"kind", type}, {"u", number_or_null(u)}, {"unit", unit}};
 }
+
+double u_of_resolution(double resolution) { return resolution / std::sqrt(12.0); }
 
 json new_plot(const std::string& title, const std::string& x_label, const std::string& y_label) {
   return {{"title", title}, {"x_label", x_label}, {"y_label", y_label}, {"series", json::array()}};

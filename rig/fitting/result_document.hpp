@@ -24,6 +24,10 @@ namespace rig {
 [[nodiscard]] nlohmann::json budget_line(const std::string& source, const std::string& type, double u,
                                          const std::string& unit);
 
+/// Standard uncertainty of a reading in whole steps of `resolution`: a rectangular distribution as wide as
+/// one step (GUM F.2.2.1).
+[[nodiscard]] double u_of_resolution(double resolution);
+
 /// Numbers that JSON cannot hold become null.
 [[nodiscard]] nlohmann::json number_or_null(double value);
 [[nodiscard]] nlohmann::json numbers(const std::vector<double>& values);

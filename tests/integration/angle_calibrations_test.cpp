@@ -137,6 +137,16 @@ TEST_CASE("rotation centre: four positions give it within its stated uncertainty
   CHECK(std::abs(y.value + 12.65) < 3 * y.u);
   CHECK(2 * x.u < 0.5);
   CHECK(2 * y.u < 0.5);
+  // 0.01 deg over the square root of 12 moves the edge by 0.07 mm at 1.4 m.
+  double squares = 0, resolution = 0;
+  for (const auto& line : result.at("budget")) {
+    if (!line.at("source").get<std::string>().ends_with(", x")) continue;
+    squares += std::pow(line.at("u").get<double>(), 2);
+    if (line.at("source").get<std::string>().starts_with("resolution")) resolution = line.at("u");
+  }
+  CHECK(std::sqrt(squares) == Approx(x.u).epsilon(1e-6));
+  CHECK(resolution > 0.02);
+  CHECK(resolution < 0.15);
   CHECK(result.at("tables").at(2).at("rows").size() == 7);  // Six pairs and the paper's mean of three.
 }
 

@@ -42,6 +42,7 @@ struct Position {
   fit::CentrePoint point;        ///< At the edge itself.
   fit::CentrePoint paper_point;  ///< At the last smooth stop, from the most frequent intensity.
   fit::SelectedMean paper, robust;
+  double u_edge_rad = 0, u_resolution_rad = 0, u_certificate_rad = 0;  ///< Parts of point.u_angle_rad.
   std::size_t capture = 0;
   const SourcedCrossing* source = nullptr;
 };
@@ -91,7 +92,8 @@ Position position_of(const SourcedCrossing& sourced, const fit::EdgeStop& stop) 
   position.point.beam_rad = crossing.beam_rad;
   position.point.range_mm = position.robust.mean_mm - slope * inside_rad;
   position.point.u_range_mm = std::hypot(position.robust.u_mm, slope * crossing.response.edge_rad.u);
-  position.point.u_angle_rad = crossing.response.edge_rad.u;
+  position.u_edge_rad = crossing.response.edge_rad.u;
+  position.u_resolution_rad = u_of_resolution(sourced.recording->bench().stage_resolution_rad);
   position.paper_point = position.point;
   position.paper_point.stage_rad = stop.stage_rad;
   position.paper_point.range_mm = position.paper.mean_mm;
@@ -190,18 +192,27 @@ class Centre : public Fitting {
   std::string describes() const override {
     return "where the stage's axis is in the lidar's frame, from one edge seen from several angles";
   }
-  std::vector<std::pair<std::string, std::string>> options() const override {
+  std::vector<FitOption> options() const override {
     auto all = edge_options();
-    all.emplace_back("worst_edge_deg",
-                     "edges whose stage angle is less certain (standard uncertainty) are left out; 0.01");
-    all.emplace_back("stage_u_deg", "standard uncertainty of every stage angle, from its certificate; 0");
+    all.push_back({.name = "worst_edge_deg",
+                   .unit = "deg",
+                   .min = 1e-6,
+                   .max = 10,
+                   .otherwise = 0.01,
+                   .about = "edges whose stage angle is less certain (standard uncertainty) are left out"});
+    all.push_back({.name = "stage_u_deg",
+                   .unit = "deg",
+                   .min = 0,
+                   .max = 10,
+                   .otherwise = 0.0,
+                   .about = "standard uncertainty of every stage angle, from its certificate"});
     return all;
   }
 
-  json run(const std::vector<FitSource>& sources, const json& options) const override {
+  json run(const std::vector<FitSource>& sources, const FitOptions& options) const override {
     const EdgeSource source = read_edges(sources, options);
     const bool right = more_on_the_right(source);
-    auto positions = positions_of(source, right, options.value("worst_edge_deg", 0.01) * fit::rad_per_deg);
+    auto positions = positions_of(source, right, options.number("worst_edge_deg") * fit::rad_per_deg);
     if (positions.size() < 2)
       throw MeasurementError(
           "the rotation centre needs one edge seen from at least two stage angles (four "
@@ -210,10 +221,12 @@ class Centre : public Fitting {
           std::to_string(source.crossings.size()) +
           " crossings. Run find-edge at more stage angles, or give --option "
           "worst_edge_deg=...");
-    const double u_stage = options.value("stage_u_deg", 0.0) * fit::rad_per_deg;
+    const double u_stage = options.number("stage_u_deg") * fit::rad_per_deg;
     std::vector<fit::CentrePoint> points, paper_points;
     for (Position& position : positions) {
-      position.point.u_angle_rad = std::hypot(position.point.u_angle_rad, u_stage);
+      position.u_certificate_rad = u_stage;
+      position.point.u_angle_rad =
+          std::hypot(position.u_edge_rad, position.u_resolution_rad, position.u_certificate_rad);
       points.push_back(position.point), paper_points.push_back(position.paper_point);
     }
     try {
@@ -237,7 +250,7 @@ class Centre : public Fitting {
             "the generalised least-squares centre of all positions, p_i = R(-stage_i) p + c, with the edge's "
             "stage angle from the share of jittering samples and the range from all samples; the paper's "
             "pairwise triangles from the most frequent intensity stand beside it.");
-    add_values(out, all, points);
+    add_values(out, all, positions);
     add_tables(out, positions, all);
     const std::vector<fit::CentrePair> pairs = add_pairs(out, paper_points);
     const auto lines = add_board_lines(out, positions);
@@ -247,8 +260,38 @@ class Centre : public Fitting {
     return out;
   }
 
-  static void add_values(json& out, const fit::CentreFit& all, const std::vector<fit::CentrePoint>& points) {
-    const auto u = [](const Eigen::Matrix2d& m, int i) { return std::sqrt(std::max(0.0, m(i, i))); };
+  static double u_of(const Eigen::Matrix2d& covariance, int i) {
+    return std::sqrt(std::max(0.0, covariance(i, i)));
+  }
+
+  /// The share of the centre's covariance that comes from one part of the angles' uncertainty.
+  static Eigen::Matrix2d share_of(const fit::CentreFit& all, const std::vector<Position>& positions,
+                                  double Position::*part) {
+    Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
+    for (std::size_t i = 0; i < positions.size(); ++i)
+      sum += all.angle_parts[i] * std::pow(positions[i].*part / positions[i].point.u_angle_rad, 2);
+    return sum;
+  }
+
+  static json budget_of(const fit::CentreFit& all, const std::vector<Position>& positions) {
+    const Eigen::Matrix2d edge = share_of(all, positions, &Position::u_edge_rad),
+                          resolution = share_of(all, positions, &Position::u_resolution_rad),
+                          certificate = share_of(all, positions, &Position::u_certificate_rad);
+    json budget = json::array();
+    for (const int i : {0, 1}) {
+      const std::string axis = i == 0 ? ", x" : ", y";
+      budget.push_back(budget_line("range noise" + axis, "A", u_of(all.from_range, i), "mm"));
+      budget.push_back(budget_line("angle at which the edge is met" + axis, "A", u_of(edge, i), "mm"));
+      budget.push_back(budget_line("resolution of the stage (rectangular; bench file)" + axis, "B",
+                                   u_of(resolution, i), "mm"));
+      if (positions.front().u_certificate_rad > 0)
+        budget.push_back(budget_line("stage angles (certificate)" + axis, "B", u_of(certificate, i), "mm"));
+    }
+    return budget;
+  }
+
+  static void add_values(json& out, const fit::CentreFit& all, const std::vector<Position>& positions) {
+    const auto u = u_of;
     out["values"].push_back(result_value("centre_x_mm", "Rotation centre in the lidar's frame, x",
                                          {all.centre.x(), u(all.covariance, 0)}, "mm"));
     out["values"].push_back(result_value("centre_y_mm", "Rotation centre in the lidar's frame, y",
@@ -260,15 +303,12 @@ class Centre : public Fitting {
                                          "Distance of the centre from the lidar's origin",
                                          {distance, u_distance}, "mm"));
     out["values"].push_back(
-        plain_value("positions", "Stage angles used", static_cast<double>(points.size()), ""));
+        plain_value("positions", "Stage angles used", static_cast<double>(positions.size()), ""));
     out["covariance"] = {
         {"names", {"centre_x_mm", "centre_y_mm"}},
         {"matrix",
          {{all.covariance(0, 0), all.covariance(0, 1)}, {all.covariance(1, 0), all.covariance(1, 1)}}}};
-    out["budget"] = {budget_line("range noise, x", "A", u(all.from_range, 0), "mm"),
-                     budget_line("range noise, y", "A", u(all.from_range, 1), "mm"),
-                     budget_line("angle of edge and stage, x", "A", u(all.from_angle, 0), "mm"),
-                     budget_line("angle of edge and stage, y", "A", u(all.from_angle, 1), "mm")};
+    out["budget"] = budget_of(all, positions);
     out["data"] = {{"chi2", all.chi2},
                    {"degrees_of_freedom", all.degrees_of_freedom},
                    {"inflation", all.inflation},

@@ -14,15 +14,24 @@ class Deskew : public Fitting {
   std::string describes() const override {
     return "motion distortion, before and after its correction, against the scene at rest";
   }
-  std::vector<std::pair<std::string, std::string>> options() const override {
-    return {{"scans_per_capture", "of every capture only the first so many are used; default 40"},
-            {"offset_ms", "path time minus scan time; default: estimated from the scans"}};
+  std::vector<FitOption> options() const override {
+    return {{.name = "scans_per_capture",
+             .type = FitOption::Type::integer,
+             .min = 1,
+             .max = 100000,
+             .otherwise = 40.0,
+             .about = "of every capture only the first so many are used"},
+            {.name = "offset_ms",
+             .unit = "ms",
+             .min = -10000,
+             .max = 10000,
+             .about = "path time minus scan time; without it, estimated from the scans"}};
   }
 
-  nlohmann::json run(const std::vector<FitSource>& sources, const nlohmann::json& options) const override {
+  nlohmann::json run(const std::vector<FitSource>& sources, const FitOptions& options) const override {
     DeskewOptions wanted;
-    wanted.scans_per_capture = static_cast<int>(options.value("scans_per_capture", 40.0));
-    if (options.contains("offset_ms")) wanted.offset_ms = options.at("offset_ms").get<double>();
+    wanted.scans_per_capture = options.integer("scans_per_capture");
+    wanted.offset_ms = options.maybe_number("offset_ms");
     const auto recording = sources.front().session->recording();
     return Deskewing(wanted, *recording, sources.front().path).document();
   }

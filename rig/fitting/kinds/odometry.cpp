@@ -60,13 +60,7 @@ json values_of(const fit::OdometryFit& fit) {
   for (int i = 0; i < 6; ++i) {
     const Parameter& p = parameters[i];
     const double u = p.scale * std::sqrt(fit.covariance(i, i));
-    values.push_back({{"name", p.name},
-                      {"label", p.label},
-                      {"value", number_or_null(p.scale * fit.robot.vector()[i])},
-                      {"u", number_or_null(u)},
-                      {"unit", p.unit},
-                      {"k", 2},
-                      {"U", number_or_null(2 * u)}});
+    values.push_back(result_value(p.name, p.label, {p.scale * fit.robot.vector()[i], u}, p.unit));
   }
   return values;
 }
@@ -136,10 +130,10 @@ struct Nominal {
   std::string source;
 };
 
-Nominal nominal_of(const FitSource& source, const json& options) {
+Nominal nominal_of(const FitSource& source, const FitOptions& options) {
   Nominal nominal;
-  if (options.contains("wheel_radius_mm")) nominal.values[0] = nominal.values[1] = options["wheel_radius_mm"];
-  if (options.contains("separation_mm")) nominal.values[2] = options["separation_mm"];
+  nominal.values[0] = nominal.values[1] = options.maybe_number("wheel_radius_mm");
+  nominal.values[2] = options.maybe_number("separation_mm");
   const auto told = source.session ? source.session->get("lidar_on_robot") : std::nullopt;
   const json place = told ? json::parse(*told, nullptr, false) : json();
   if (place.is_object()) {
@@ -250,23 +244,52 @@ class Odometry : public Fitting {
     return "wheel radii, wheel separation and the lidar's pose on the robot, from wheels and scans";
   }
   bool accepts_files() const override { return true; }
-  std::vector<std::pair<std::string, std::string>> options() const override {
-    return {{"rounds", "how often the worst samples are dropped (4)"},
-            {"outlier_share", "share of the samples dropped in each round (0.01; sessions 0.03)"},
-            {"refine", "maximum likelihood over all six after the closed form (false; sessions true)"},
-            {"wheel_radius_mm",
-             "nominal wheel radius: to compare with, and to start from without odometry (sessions)"},
-            {"separation_mm", "nominal wheel separation, likewise"},
-            {"least_way_mm", "way between two scans that are matched (100; sessions)"},
-            {"least_turn_deg", "or turn between them (8.6; sessions)"}};
+  std::vector<FitOption> options() const override {
+    using Type = FitOption::Type;
+    const fit::DriveOptions drive;
+    return {{.name = "rounds",
+             .type = Type::integer,
+             .min = 0,
+             .max = 50,
+             .otherwise = static_cast<double>(drive.fit.rounds),
+             .about = "how often the worst samples are dropped"},
+            {.name = "outlier_share",
+             .min = 0,
+             .max = 0.5,
+             .about = "share of the samples dropped in each round; without it 0.01, of sessions 0.03"},
+            {.name = "refine",
+             .type = Type::flag,
+             .about = "maximum likelihood over all six after the closed form; without it, of sessions only"},
+            {.name = "wheel_radius_mm",
+             .unit = "mm",
+             .min = 1,
+             .max = 10000,
+             .about = "nominal wheel radius: to compare with, and to start from without odometry (sessions)"},
+            {.name = "separation_mm",
+             .unit = "mm",
+             .min = 1,
+             .max = 100000,
+             .about = "nominal wheel separation, likewise"},
+            {.name = "least_way_mm",
+             .unit = "mm",
+             .min = 1,
+             .max = 100000,
+             .otherwise = drive.least_way_mm,
+             .about = "way between two scans that are matched (sessions)"},
+            {.name = "least_turn_deg",
+             .unit = "deg",
+             .min = 0.1,
+             .max = 180,
+             .otherwise = drive.least_turn_rad * fit::deg_per_rad,
+             .about = "or turn between them (sessions)"}};
   }
 
-  json run(const std::vector<FitSource>& sources, const json& options) const override {
+  json run(const std::vector<FitSource>& sources, const FitOptions& options) const override {
     const bool session = !sources.empty() && sources.front().session;
     fit::OdometryOptions how;
-    how.rounds = std::clamp(options.value("rounds", how.rounds), 0, 50);
-    how.outlier_share = std::clamp(options.value("outlier_share", session ? 0.03 : 0.01), 0.0, 0.5);
-    how.refine = options.value("refine", session);
+    how.rounds = options.integer("rounds");
+    how.outlier_share = options.maybe_number("outlier_share").value_or(session ? 0.03 : 0.01);
+    how.refine = options.maybe_flag("refine").value_or(session);
     if (session && sources.size() > 1)
       throw UsageError("One drive at a time: give one session, or tuple files.");
     return session ? from_drive(sources.front(), how, options) : from_tuples(sources, how);
@@ -292,7 +315,8 @@ class Odometry : public Fitting {
     return out;
   }
 
-  static json from_drive(const FitSource& source, const fit::OdometryOptions& how, const json& options) {
+  static json from_drive(const FitSource& source, const fit::OdometryOptions& how,
+                         const FitOptions& options) {
     const Nominal nominal = nominal_of(source, options);
     fit::DriveOptions drive_options;
     drive_options.fit = how;
@@ -300,9 +324,8 @@ class Odometry : public Fitting {
       drive_options.guess.left_radius_mm = drive_options.guess.right_radius_mm = *nominal.values[0];
       drive_options.guess.separation_mm = *nominal.values[2];
     }
-    drive_options.least_way_mm = options.value("least_way_mm", drive_options.least_way_mm);
-    if (options.contains("least_turn_deg"))
-      drive_options.least_turn_rad = options["least_turn_deg"].get<double>() * fit::rad_per_deg;
+    drive_options.least_way_mm = options.number("least_way_mm");
+    drive_options.least_turn_rad = options.number("least_turn_deg") * fit::rad_per_deg;
     const auto recording = source.session->recording();
     fit::DriveFit drive;
     try {
@@ -330,15 +353,19 @@ class Odometry : public Fitting {
   }
 
   static json document(const fit::OdometryFit& fit, const std::vector<fit::WheelSample>& samples) {
-    json out = {{"schema", "result/1"}, {"kind", "odometry"}};
-    out["method"] =
+    json out = new_result(
+        "odometry",
         "Simultaneous calibration of odometry and lidar pose after Censi, Franchi, Marchionni and Oriolo "
         "(IEEE T-RO 2013): turning gains of the wheels by weighted linear least squares, then wheel "
         "separation and lidar pose from a constrained quadratic form in closed form; the worst samples are "
         "dropped in rounds. Covariance: inverse Fisher information with the noise of the samples kept, "
-        "corrected for the dropping.";
+        "corrected for the dropping.");
     out["values"] = values_of(fit);
     out["covariance"] = covariance_of(fit.covariance);
+    for (int i = 0; i < 6; ++i)
+      out["budget"].push_back(budget_line(std::string(parameters[i].label) + ": scan matches and wheels", "A",
+                                          parameters[i].scale * std::sqrt(fit.covariance(i, i)),
+                                          parameters[i].unit));
     out["tables"] = {rounds_table(fit), motion_table(fit.motion)};
     out["plots"] = {residual_plot(fit, samples)};
     const auto used = static_cast<std::size_t>(std::count(fit.used.begin(), fit.used.end(), true));

@@ -211,25 +211,38 @@ class Range : public Fitting {
   std::string describes() const override {
     return "range error against echo strength and distance, and the correction that follows";
   }
-  std::vector<std::pair<std::string, std::string>> options() const override {
+  std::vector<FitOption> options() const override {
+    std::vector<std::string> families;
+    for (const fit::Family& family : fit::all_families())
+      if (!family.honest_reference) families.push_back(family.id);
     return {
-        {"selection",
-         "samples that the correction is made from: robust (default) or paper (most frequent intensity)"},
-        {"intensity", "family of the intensity curve instead of the one that predicts best"},
-        {"distance", "family of the distance curve instead of the one that predicts best"},
-        {"reference_intensity",
-         "counts at which the intensity error counts as 0 (default: the largest at the reference distance)"}};
+        {.name = "selection",
+         .type = FitOption::Type::choice,
+         .choices = {"robust", "paper"},
+         .otherwise = "robust",
+         .about = "samples that the correction is made from; paper: those of the most frequent intensity"},
+        {.name = "intensity",
+         .type = FitOption::Type::choice,
+         .choices = families,
+         .about = "family of the intensity curve; without it, the one that predicts best"},
+        {.name = "distance",
+         .type = FitOption::Type::choice,
+         .choices = families,
+         .about = "family of the distance curve; without it, the one that predicts best"},
+        {.name = "reference_intensity",
+         .unit = "counts",
+         .min = 1,
+         .max = 65535,
+         .about =
+             "where the intensity error counts as 0; without it, the largest at the reference distance"}};
   }
 
-  json run(const std::vector<FitSource>& sources, const json& options) const override {
-    const std::string selection = options.value("selection", "robust");
-    if (selection != "robust" && selection != "paper")
-      throw UsageError("the option selection is 'robust' or 'paper', not '" + selection + "'");
+  json run(const std::vector<FitSource>& sources, const FitOptions& options) const override {
+    const std::string selection = options.text("selection");
     const RangeSource source = read_ranges(sources);
     fit::RangeOptions how;
-    how.intensity_family = family_option(options, "intensity"),
-    how.distance_family = family_option(options, "distance");
-    how.reference_intensity = options.value("reference_intensity", 0.0);
+    how.intensity_family = options.text("intensity"), how.distance_family = options.text("distance");
+    how.reference_intensity = options.maybe_number("reference_intensity").value_or(0);
     for (const RangeCapture& c : source.captures)
       how.placement_u_mm = std::max(how.placement_u_mm, c.u_placement_mm);
     auto points = points_of(source, selection == "robust");
@@ -264,17 +277,6 @@ class Range : public Fitting {
            "separable least squares from many starts and sorted by their error at blocks of points that were "
            "held "
            "out. Intensity and distance errors are then fitted together.";
-  }
-
-  static std::string family_option(const json& options, const char* name) {
-    const std::string wanted = options.value(name, "");
-    if (wanted.empty()) return wanted;
-    const fit::Family* family = fit::find_family(wanted);
-    if (family && !family->honest_reference) return wanted;
-    std::string known;
-    for (const fit::Family& item : fit::all_families())
-      if (!item.honest_reference) known += (known.empty() ? "" : ", ") + item.id;
-    throw UsageError("there is no family of curves '" + wanted + "' to correct with; there are: " + known);
   }
 
   static void add_values(json& out, const RangeSource& source, const std::vector<fit::RangePoint>& points,

@@ -8,6 +8,7 @@
 #include "rig/errors.hpp"
 #include "rig/fitting/edge_source.hpp"
 #include "rig/fitting/result_document.hpp"
+#include "rig/number_format.hpp"
 
 namespace rig::fittings {
 namespace {
@@ -114,15 +115,17 @@ bool evenly_stepped(const fit::EdgeCrossing& crossing) {
 }
 
 /// Difference of the edge's stage angle between the two directions of approach: the play of the stage.
-void add_backlash(json& out, const std::vector<SourcedCrossing>& crossings) {
+void add_backlash(json& out, const std::vector<SourcedCrossing>& crossings, double u_resolution_rad) {
   for (const auto& a : crossings)
     for (const auto& b : crossings) {
       if (a.crossing.step != b.crossing.step || a.crossing.right != b.crossing.right) continue;
       if (a.crossing.approach != 1 || b.crossing.approach != -1) continue;
       const auto &up = a.crossing.response.edge_rad, &down = b.crossing.response.edge_rad;
-      out["values"].push_back(result_value(
-          "backlash_deg", "Edge reached from below minus from above (play of the stage)",
-          {(up.value - down.value) * fit::deg_per_rad, std::hypot(up.u, down.u) * fit::deg_per_rad}, "deg"));
+      out["values"].push_back(
+          result_value("backlash_deg", "Edge reached from below minus from above (play of the stage)",
+                       {(up.value - down.value) * fit::deg_per_rad,
+                        std::hypot(up.u, down.u, std::numbers::sqrt2 * u_resolution_rad) * fit::deg_per_rad},
+                       "deg"));
       return;
     }
 }
@@ -133,9 +136,9 @@ class Sensitivity : public Fitting {
   std::string describes() const override {
     return "angular sensitivity: the window in which a beam at an edge jitters";
   }
-  std::vector<std::pair<std::string, std::string>> options() const override { return edge_options(); }
+  std::vector<FitOption> options() const override { return edge_options(); }
 
-  json run(const std::vector<FitSource>& sources, const json& options) const override {
+  json run(const std::vector<FitSource>& sources, const FitOptions& options) const override {
     const EdgeSource source = read_edges(sources, options);
     const auto best_window = [](const SourcedCrossing& a, const SourcedCrossing& b) {
       const bool even_a = evenly_stepped(a.crossing), even_b = evenly_stepped(b.crossing);
@@ -164,6 +167,7 @@ class Sensitivity : public Fitting {
  private:
   static void add_values(json& out, const EdgeSource& source, const fit::EdgeCrossing& best) {
     const fit::Estimate window = joint_window(source.crossings);
+    const double u_resolution_rad = u_of_resolution(source.recordings.front()->bench().stage_resolution_rad);
     out["values"].push_back(result_value("window_deg", "Window of jitter at an edge",
                                          {window.value * fit::deg_per_rad, window.u * fit::deg_per_rad},
                                          "deg"));
@@ -178,15 +182,20 @@ class Sensitivity : public Fitting {
           "on "
           "both sides. Add a sweep of 0.01 deg steps through the edge.");
     }
-    out["values"].push_back(result_value(
-        "edge_deg", "Stage angle at which the beam is on the edge",
-        {best.response.edge_rad.value * fit::deg_per_rad, best.response.edge_rad.u * fit::deg_per_rad},
-        "deg"));
-    add_backlash(out, source.crossings);
+    out["values"].push_back(
+        result_value("edge_deg", "Stage angle at which the beam is on the edge",
+                     {best.response.edge_rad.value * fit::deg_per_rad,
+                      std::hypot(best.response.edge_rad.u, u_resolution_rad) * fit::deg_per_rad},
+                     "deg"));
+    add_backlash(out, source.crossings, u_resolution_rad);
     out["values"].push_back(plain_value(
         "gap_mm", "Depth of the edge", best.back_mm > 0 ? best.back_mm - best.front_mm : std::nan(""), "mm"));
-    out["budget"].push_back(
-        budget_line("samples and stops (posterior)", "A", window.u * fit::deg_per_rad, "deg"));
+    out["budget"] = {budget_line("window: samples, and scatter of the stops' angles (posterior)", "A",
+                                 window.u * fit::deg_per_rad, "deg"),
+                     budget_line("edge: samples and stops (posterior)", "A",
+                                 best.response.edge_rad.u * fit::deg_per_rad, "deg"),
+                     budget_line("edge: resolution of the stage (rectangular; bench file)", "B",
+                                 u_resolution_rad * fit::deg_per_rad, "deg")};
     out["data"] = {{"beam_step", best.step},
                    {"beam_deg", best.beam_rad * fit::deg_per_rad},
                    {"ramp_probability", best.response.ramp_probability},
@@ -222,7 +231,7 @@ class Sensitivity : public Fitting {
     if (best.response.dispersion > 1)
       out["notes"].push_back(
           "The shares scatter more than chance between stops (chi-square per degree of freedom " +
-          std::to_string(best.response.dispersion) +
+          format_value(best.response.dispersion, 0) +
           "): the stage does not repeat its angles, or the response is neither straight nor Gaussian. The "
           "uncertainties were widened accordingly.");
     if (best.response.ramp_probability > 0.2 && best.response.ramp_probability < 0.8)

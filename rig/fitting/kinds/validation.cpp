@@ -105,22 +105,28 @@ class Validation : public Fitting {
   std::string describes() const override {
     return "a range correction judged on flat samples and on a scene seen from two stage angles";
   }
-  std::vector<std::pair<std::string, std::string>> options() const override {
-    return {{"correction", "correction file or session; default: the session's own range calibration"},
-            {"target", "the flat target; default: what each capture is about"},
-            {"centre_x_mm",
-             "rotation centre in the lidar's frame; default: the session's, else the bench file's mount"},
-            {"centre_y_mm", "the same"}};
+  std::vector<FitOption> options() const override {
+    using Type = FitOption::Type;
+    return {{.name = "correction",
+             .type = Type::text,
+             .about = "correction file or session; without it, the session's own range calibration"},
+            {.name = "target",
+             .type = Type::text,
+             .about = "the flat target; without it, what each capture is about"},
+            {.name = "centre_x_mm",
+             .unit = "mm",
+             .about = "rotation centre in the lidar's frame, x; without it, the session's, else the mount's"},
+            {.name = "centre_y_mm", .unit = "mm", .about = "the same, y"}};
   }
 
-  json run(const std::vector<FitSource>& sources, const json& options) const override {
+  json run(const std::vector<FitSource>& sources, const FitOptions& options) const override {
     std::vector<Surface> surfaces;
     std::optional<fit::Mount> mount;
     for (const FitSource& source : sources) {
       const auto recording = source.session->recording();
       mount = recording->bench().lidar.mount;
       for (std::size_t i = 0; i < recording->captures().size(); ++i)
-        if (auto surface = surface_of(*recording, i, options.value("target", "")))
+        if (auto surface = surface_of(*recording, i, options.text("target")))
           surfaces.push_back(std::move(*surface));
     }
     if (surfaces.empty())
@@ -149,8 +155,8 @@ class Validation : public Fitting {
 
  private:
   static std::optional<fit::Correction> correction_for(const std::vector<FitSource>& sources,
-                                                       const json& options) {
-    const std::string file = options.value("correction", "");
+                                                       const FitOptions& options) {
+    const std::string file = options.text("correction");
     if (!file.empty()) return load_correction(file);
     for (const FitSource& source : sources)
       if (source.session->latest_result("range")) {
@@ -162,7 +168,7 @@ class Validation : public Fitting {
     return std::nullopt;
   }
 
-  static Vector2d centre_for(const std::vector<FitSource>& sources, const json& options,
+  static Vector2d centre_for(const std::vector<FitSource>& sources, const FitOptions& options,
                              const fit::Mount& mount) {
     const double c = std::cos(-mount.yaw_rad.value), s = std::sin(-mount.yaw_rad.value);
     Vector2d centre(-(c * mount.x_mm.value - s * mount.y_mm.value),
@@ -176,7 +182,8 @@ class Validation : public Fitting {
         if (value.value("name", "") == "centre_y_mm") centre.y() = value.at("value").get<double>();
       }
     }
-    return {options.value("centre_x_mm", centre.x()), options.value("centre_y_mm", centre.y())};
+    return {options.maybe_number("centre_x_mm").value_or(centre.x()),
+            options.maybe_number("centre_y_mm").value_or(centre.y())};
   }
 
   static void add_spreads(json& out, const std::vector<Surface>& surfaces,

@@ -27,15 +27,26 @@ fit::Estimate joint(const fit::WallFit& fit, int i) {
 
 json unit_column(const char* name, const char* unit) { return {{"name", name}, {"unit", unit}}; }
 
-void add_values(json& out, const fit::WallFit& fit) {
-  const fit::Estimate angle = degrees(joint(fit, 0));
+/// Of a mean over all captures, each at a stage angle of its own.
+double u_of_stage_deg(const fit::WallFit& fit, const fit::Bench& bench) {
+  return u_of_resolution(bench.stage_resolution_rad) * fit::deg_per_rad /
+         std::sqrt(static_cast<double>(fit.means.size()));
+}
+
+fit::Estimate widened(const fit::Estimate& estimate, double u) {
+  return {estimate.value, std::hypot(estimate.u, u)};
+}
+
+void add_values(json& out, const fit::WallFit& fit, const fit::Bench& bench) {
+  const double stage_u = u_of_stage_deg(fit, bench);
+  const fit::Estimate angle = widened(degrees(joint(fit, 0)), stage_u);
   const double board_u = fit.walls[0].u_rad * fit::deg_per_rad;
   json& values = out["values"];
   values.push_back(result_value("mounting_angle_deg",
                                 "Mounting angle against the front wall, at stage angle 0", angle, "deg"));
   values.push_back(result_value("radius_mm", "Distance of the lidar from the axis", fit.radius_mm, "mm"));
   values.push_back(result_value("direction_deg", "Direction of that offset, at stage angle 0",
-                                degrees(fit.direction_rad), "deg"));
+                                widened(degrees(fit.direction_rad), stage_u), "deg"));
   values.push_back(result_value("mount_x_mm", "Lidar on the stage, x", joint(fit, 1), "mm"));
   values.push_back(result_value("mount_y_mm", "Lidar on the stage, y", joint(fit, 2), "mm"));
   values.push_back(result_value("mount_yaw_deg",
@@ -54,15 +65,18 @@ void add_values(json& out, const fit::WallFit& fit) {
   const double scale[] = {fit::deg_per_rad, 1, 1, 1, 1, fit::deg_per_rad};
   for (int i = 0; i < 6; ++i) {
     json row = json::array();
-    for (int k = 0; k < 6; ++k) row.push_back(scale[i] * scale[k] * fit.covariance(i, k));
+    for (int k = 0; k < 6; ++k)
+      row.push_back(scale[i] * scale[k] * fit.covariance(i, k) + (i == 0 && k == 0 ? stage_u * stage_u : 0));
     matrix.push_back(row);
   }
   out["covariance"] = {
       {"names", {"mounting_angle_deg", "mount_x_mm", "mount_y_mm", "front_mm", "side_mm", "corner_deg"}},
       {"matrix", matrix}};
-  out["budget"] = {budget_line("ranges, mounting angle", "A", angle.u, "deg"),
-                   budget_line("ranges, distance from the axis", "A", fit.radius_mm.u, "mm"),
-                   budget_line("orientation of the front board (bench), yaw only", "B", board_u, "deg")};
+  out["budget"] = {
+      budget_line("ranges, mounting angle", "A", degrees(joint(fit, 0)).u, "deg"),
+      budget_line("resolution of the stage (rectangular; bench file), angles", "B", stage_u, "deg"),
+      budget_line("ranges, distance from the axis", "A", fit.radius_mm.u, "mm"),
+      budget_line("orientation of the front board (bench), yaw only", "B", board_u, "deg")};
 }
 
 void add_ways(json& out, const fit::WallFit& fit) {
@@ -196,13 +210,21 @@ class Wall : public Fitting {
   std::string describes() const override {
     return "mounting angle and offset of the lidar, from a right-angled corner seen while the stage turns";
   }
-  std::vector<std::pair<std::string, std::string>> options() const override {
-    return {{"front", "name of the board in front (the bench's first)"},
-            {"side", "name of the board square to it (the bench's next square one)"},
-            {"tolerance_mm", "distance from a wall within which points belong to it (20)"}};
+  std::vector<FitOption> options() const override {
+    using Type = FitOption::Type;
+    return {{.name = "front", .type = Type::text, .about = "board in front; without it, the bench's first"},
+            {.name = "side",
+             .type = Type::text,
+             .about = "board square to it; without it, the bench's next square one"},
+            {.name = "tolerance_mm",
+             .unit = "mm",
+             .min = 1,
+             .max = 500,
+             .otherwise = fit::WallOptions().tolerance_mm,
+             .about = "distance from a wall within which points belong to it"}};
   }
 
-  json run(const std::vector<FitSource>& sources, const json& options) const override {
+  json run(const std::vector<FitSource>& sources, const FitOptions& options) const override {
     std::vector<std::unique_ptr<fit::Recording>> held;
     std::vector<const fit::Recording*> recordings;
     for (const FitSource& source : sources) {
@@ -210,18 +232,18 @@ class Wall : public Fitting {
       recordings.push_back(held.back().get());
     }
     fit::WallOptions how;
-    how.front = options.value("front", "");
-    how.side = options.value("side", "");
-    how.tolerance_mm = std::clamp(options.value("tolerance_mm", how.tolerance_mm), 1.0, 500.0);
+    how.front = options.text("front");
+    how.side = options.text("side");
+    how.tolerance_mm = options.number("tolerance_mm");
     try {
-      return document(fit::fit_wall(recordings, how));
+      return document(fit::fit_wall(recordings, how), recordings.front()->bench());
     } catch (const std::invalid_argument& error) {
       throw MeasurementError(std::string(error.what()) + ".");
     }
   }
 
  private:
-  static json document(const fit::WallFit& fit) {
+  static json document(const fit::WallFit& fit, const fit::Bench& bench) {
     json out = new_result(
         "wall",
         "Right-angle wall calibration after a patent on mobile robots: both walls are found by RANSAC and "
@@ -232,7 +254,7 @@ class Wall : public Fitting {
         "(slope of the front wall at stage angle 0; circle through the lidar's positions, RANSAC with 20 "
         "then "
         "10 mm, from both walls or from single square beams) stand beside.");
-    add_values(out, fit);
+    add_values(out, fit, bench);
     add_ways(out, fit);
     add_sights(out, fit);
     add_plots(out, fit);
