@@ -41,8 +41,10 @@ std::string format_uncertainty(double expanded) {
 std::string format_value(double value, double expanded) {
   if (!std::isfinite(value)) return "not determined";
   if (std::isfinite(expanded) && expanded > 0) return fixed(value, decimals_for(expanded));
+  if (value == 0) return "0";  // no "-0"
   std::array<char, 64> text{};
-  std::snprintf(text.data(), text.size(), "%.6g", value);
+  const bool whole = std::abs(value) < 1e9 && (std::floor(value) == value || std::abs(value) >= 1000);
+  std::snprintf(text.data(), text.size(), whole ? "%.0f" : "%.4g", value);
   return text.data();
 }
 

@@ -9,7 +9,8 @@ namespace rig {
 [[nodiscard]] std::string format_uncertainty(double expanded);
 
 /// A value rounded to the place of its uncertainty's second digit: (-1.6342, 0.123) -> "-1.63" (with a
-/// hyphen-minus). Without an uncertainty, six significant digits. Non-finite: "not determined".
+/// hyphen-minus). Without an uncertainty, a whole number as it is, another with four significant digits.
+/// Non-finite: "not determined".
 [[nodiscard]] std::string format_value(double value, double expanded);
 
 /// Both with the unit: (-1.6342, 0.123, "mm") -> "-1.63 ± 0.12 mm"; without an uncertainty the value alone.

@@ -28,6 +28,15 @@ TEST_CASE("what is not a number is not printed as one") {
   CHECK(rig::format_value(3.25, 0) == "3.25");
 }
 
+TEST_CASE("without an uncertainty a value has four significant digits, a count all of them") {
+  CHECK(rig::format_value(3.141592, 0) == "3.142");
+  CHECK(rig::format_value(12345.678, 0) == "12346");
+  CHECK(rig::format_value(1081, 0) == "1081");
+  CHECK(rig::format_value(100000, 0) == "100000");
+  CHECK(rig::format_value(0.000123456, 0) == "0.0001235");
+  CHECK(rig::format_value(-0.0, 0) == "0");
+}
+
 TEST_CASE("the coverage factor agrees with GUM table G.2 at 95.45 percent") {
   CHECK(rig::coverage_factor(4) == Approx(2.87).margin(0.005));
   CHECK(rig::coverage_factor(9) == Approx(2.32).margin(0.005));
