@@ -55,6 +55,24 @@ json term_json(const CorrectionTerm& term) {
           {"zero_at", term.zero_at ? json(*term.zero_at) : json(nullptr)}};
 }
 
+struct ValidityMember {
+  const char* name;
+  std::optional<Validity::Interval> Validity::*interval;
+};
+constexpr ValidityMember validity_members[] = {{"range_mm", &Validity::range_mm},
+                                               {"intensity", &Validity::intensity},
+                                               {"beam_deg", &Validity::beam_deg},
+                                               {"temperature_c", &Validity::temperature_c}};
+
+json validity_json(const Validity& validity) {
+  json out = json::object();
+  for (const auto& [name, interval] : validity_members)
+    out[name] = validity.*interval
+                    ? json{{"from", (validity.*interval)->from}, {"to", (validity.*interval)->to}}
+                    : json(nullptr);
+  return out;
+}
+
 /// Reads members one by one and says where something is wrong.
 class Reader {
  public:
@@ -104,6 +122,17 @@ class Reader {
   const json& object_;
   std::string path_;
 };
+
+Validity read_validity(const Reader& reader) {
+  Validity out;
+  for (const auto& [name, interval] : validity_members) {
+    if (!reader.has(name)) continue;
+    const Reader item(reader.member(name, false), reader.path() + "/" + name);
+    out.*interval = Validity::Interval{item.number("from"), item.number("to")};
+    if ((out.*interval)->from > (out.*interval)->to) item.fail("to", "must not be below 'from'");
+  }
+  return out;
+}
 
 CorrectionTerm read_term(const Reader& reader) {
   CorrectionTerm term;
@@ -241,6 +270,7 @@ std::string to_json_text(const Correction& c) {
       {"covariance", matrix_json(c.factor * c.factor.transpose())},
       {"covariance_factor", matrix_json(c.factor)},
       {"common_u_mm", c.common_u_mm},
+      {"validity", validity_json(c.validity)},
       {"notes", c.notes}};
   return out.dump(1) + "\n";
 }
@@ -263,6 +293,8 @@ Correction parse_correction(const std::string& text, const std::string& name) {
   const Reader zero(reader.member("zero_mm", false), name + "/zero_mm");
   c.zero_mm = {zero.number("value"), zero.number_or("u", 0)};
   c.common_u_mm = reader.number_or("common_u_mm", 0);
+  if (reader.has("validity"))
+    c.validity = read_validity(Reader(reader.member("validity", false), name + "/validity"));
   const json& terms = reader.member("terms", true);
   for (std::size_t i = 0; i < terms.size(); ++i) {
     const Reader item(terms[i], name + "/terms/" + std::to_string(i));

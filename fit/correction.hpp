@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <optional>
 #include <string>
 #include <vector>
@@ -24,6 +25,20 @@ struct CorrectionTerm {
   [[nodiscard]] std::vector<double> gradient(double x) const;
 };
 
+/// The circumstances in which a correction was measured; what is absent was not told. It says nothing of
+/// others.
+struct Validity {
+  struct Interval {
+    double from = 0, to = 0;
+    [[nodiscard]] bool holds(double x) const { return x >= from && x <= to; }
+    void include(double x) { from = std::min(from, x), to = std::max(to, x); }
+  };
+  std::optional<Interval> range_mm;       ///< True distances.
+  std::optional<Interval> intensity;      ///< Counts.
+  std::optional<Interval> beam_deg;       ///< Of the beams whose ranges were used, in the lidar's frame.
+  std::optional<Interval> temperature_c;  ///< Of the lidar's housing.
+};
+
 /// What to subtract from a measured range (source A: L_Q = (1 + k) L + u, gathered in one error curve).
 ///
 ///   error = zero + intensity term (I) + range term (r),  r = measured - zero - intensity term
@@ -38,6 +53,7 @@ struct Correction {
   std::string lidar_model, lidar_serial, lidar_firmware;
   std::string created_utc, procedure, software;
   std::vector<std::string> session_sha256;
+  Validity validity;
   std::vector<std::string> notes;
 
   struct Corrected {

@@ -120,7 +120,7 @@ Normal normal_of(const fit::Recording& recording, std::size_t index, const Board
 /// Per scan the beam nearest to the normal; false when none is within one and a half steps of it.
 struct SquareBeam {
   std::vector<fit::Sample> samples;
-  double sum_rad = 0, sum_secant = 0;
+  double sum_rad = 0, sum_secant = 0, step_rad = 0;
   long scans = 0;
 };
 SquareBeam square_beam(const fit::Recording& recording, std::size_t index, double normal_rad) {
@@ -147,6 +147,7 @@ SquareBeam square_beam(const fit::Recording& recording, std::size_t index, doubl
     out.samples.push_back(
         {scan.range_mm[at], at < scan.intensity.size() ? scan.intensity[at] : std::uint16_t{0}});
     out.sum_rad += normal_rad + off;
+    out.step_rad = std::abs(angles.step_rad);
     out.sum_secant += 1 / std::cos(off) - 1;
   });
   return out;
@@ -197,6 +198,8 @@ std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::s
   out.beam_deg = fit::wrap_angle(beam.sum_rad / n) * fit::deg_per_rad;
   out.oblique_mm = board.distance_mm * beam.sum_secant / n;
   out.u_placement_mm = target->u_mm;
+  out.temperature_c = capture.temperature_c;
+  out.beam_step_deg = beam.step_rad * fit::deg_per_rad;
   out.reflectance = capture.reflectance ? capture.reflectance : target->reflectance;
   out.paper = fit::select_most_frequent(beam.samples);
   out.robust = fit::select_robust(beam.samples);

@@ -21,7 +21,8 @@ struct RangeCapture {
   double beam_deg = 0;    ///< Mean direction of the beam nearest to it.
   double oblique_mm = 0;  ///< Range along that beam less the distance along the normal.
   double u_placement_mm = 0;
-  std::optional<double> reflectance;
+  std::optional<double> reflectance, temperature_c;
+  double beam_step_deg = 0;  ///< From one beam to the next.
   fit::SelectedMean paper, robust;
   long scans = 0;
   [[nodiscard]] fit::RangePoint point(const fit::SelectedMean& mean) const {

@@ -203,6 +203,17 @@ TEST_CASE(
   CHECK(judged.covered > 0.85);
   CHECK(correction.lidar_serial == "H1234567");
   CHECK(correction.session_sha256.size() == 2);
+  CHECK(correction.lidar_model == "UST-10LX");
+  CHECK(correction.lidar_firmware == "1.2");
+  CHECK(correction.created_utc == "2026-05-04T10:00:00Z");
+  REQUIRE(correction.validity.range_mm);
+  CHECK(correction.validity.range_mm->from == 200);
+  CHECK(correction.validity.range_mm->to == 9800);
+  REQUIRE(correction.validity.beam_deg);
+  CHECK(correction.validity.beam_deg->holds(0));
+  CHECK_FALSE(correction.validity.beam_deg->holds(0.3));
+  CHECK_FALSE(correction.validity.temperature_c);
+  CHECK_THAT(result.at("undetermined").dump(), Catch::Contains("at which temperature the correction holds"));
   CHECK_FALSE(correction.apply(50, 1000).inside());
   CHECK(correction.apply(50, 1000).range_outside);
   CHECK(correction.apply(1000, 4000).intensity_outside);
@@ -456,6 +467,8 @@ run() {
 }
 run range-intensity.yaml a1.rig --set samples=400
 run range-distance.yaml a2.rig --set samples=200 --set spacing_s=0 --set step_mm=800
+run range-ladder.yaml ladder.rig --set samples=1000
+"$bin/rig" fit range ladder.rig --json ladder.json
 "$bin/rig" fit range a1.rig a2.rig --json fit.json
 "$bin/rig" export a1.rig --format correction -o correction.json
 run range-validation.yaml a3.rig --set samples=100 --set correction=correction.json
@@ -485,8 +498,33 @@ run range-validation.yaml a3.rig --set samples=100 --set correction=correction.j
     const double counts = counts_of(0.85, mm), error = 30 * std::exp(-counts / 500) + 0.002 * mm;
     CHECK(correction.apply(mm + error, counts).range_mm == Approx(mm).margin(1));
   }
+  // Twelve captures in one session: walk and scale come apart where they were measured.
+  const fit::Correction ladder = correction_in(nlohmann::json::parse(contents(place.file("ladder.json"))));
+  REQUIRE(ladder.intensity);
+  REQUIRE(ladder.range);
+  for (const double mm : {200.0, 350.0, 800.0, 2000.0, 5000.0})
+    for (const double reflectance : {0.85, 0.2}) {
+      if (mm > 2000 && reflectance < 0.5) continue;  // Weaker than any echo of the procedure.
+      const double counts = counts_of(reflectance, mm), error = 30 * std::exp(-counts / 500) + 0.002 * mm;
+      INFO(mm << " mm, reflectance " << reflectance);
+      CHECK(ladder.apply(mm + error, counts).range_mm == Approx(mm).margin(1.5));
+    }
   const auto validation = nlohmann::json::parse(contents(place.file("validation.json")));
   CHECK(validation.at("tables").at(0).at("rows").size() >= 4);
+  // Most of the board is seen by other beams than the one that the correction was measured with.
+  CHECK_THAT(
+      validation.at("notes").dump(),
+      Catch::Contains("of the beams lie outside the beam directions that the correction was measured over") &&
+          Catch::Contains("by the bench file's mount"));
+  std::string titles;
+  for (const auto& plot : validation.at("plots")) {
+    titles += plot.at("title").get<std::string>() + "; ";
+    CHECK(plot.at("series").size() == 2);
+  }
+  CHECK_THAT(titles, Catch::Contains("difference from the 20th point before") &&
+                         Catch::Contains("Experiment A6: the same, range and centre corrected"));
+  for (const auto& value : validation.at("values")) CHECK(value.at("u").is_number());
+  CHECK_FALSE(validation.at("budget").empty());
   CHECK_THAT(validation.at("values").dump(),
              Catch::Contains("spread_20_after_mm") && Catch::Contains("scene_after_mm"));
   const rig::SessionStore run(place.file("a3.rig"), rig::SessionStore::Mode::read);

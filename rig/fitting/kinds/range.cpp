@@ -6,7 +6,7 @@
 #include <set>
 
 #include "fit/angle.hpp"
-#include "rig/errors.hpp"
+#include "rig/fitting/lidar_identity.hpp"
 #include "rig/fitting/range_source.hpp"
 #include "rig/fitting/result_document.hpp"
 
@@ -239,6 +239,7 @@ class Range : public Fitting {
 
   json run(const std::vector<FitSource>& sources, const FitOptions& options) const override {
     const std::string selection = options.text("selection");
+    demand_one_lidar(sources, "range calibration");
     const RangeSource source = read_ranges(sources);
     fit::RangeOptions how;
     how.intensity_family = options.text("intensity"), how.distance_family = options.text("distance");
@@ -326,7 +327,8 @@ class Range : public Fitting {
                       const std::vector<fit::RangePoint>& points, fit::RangeCalibration& calibration,
                       const std::string& selection) const {
     Correction& correction = *calibration.joint;
-    describe(correction, sources, calibration);
+    describe(correction, sources, source, calibration);
+    say_what_is_not_told(out, correction);
     if (correction.intensity && correction.range)
       out["values"].push_back(result_value(
           "zero_mm",
@@ -394,25 +396,45 @@ class Range : public Fitting {
     return plot;
   }
 
-  static void describe(Correction& correction, const std::vector<FitSource>& sources,
-                       const fit::RangeCalibration& calibration) {
-    const SessionStore& session = *sources.front().session;
-    const json lidar = json::parse(session.get("lidar").value_or("{}"), nullptr, false);
-    const auto said = [&](std::initializer_list<const char*> keys) -> std::string {
-      for (const char* key : keys)
-        if (lidar.is_object() && lidar.contains(key) && lidar.at(key).is_string())
-          return lidar.at(key).get<std::string>();
-      return "";
+  static fit::Validity validity_of(const RangeSource& source) {
+    fit::Validity out;
+    const auto include = [](std::optional<fit::Validity::Interval>& interval, double from, double to) {
+      if (!interval) interval = fit::Validity::Interval{from, to};
+      interval->include(from), interval->include(to);
     };
-    correction.lidar_model = said({"PROD", "MODL", "model"});
-    correction.lidar_serial = said({"SERI", "serial"});
-    correction.lidar_firmware = said({"FIRM", "firmware"});
+    for (const RangeCapture& c : source.captures) {
+      include(out.range_mm, c.true_mm, c.true_mm);
+      include(out.intensity, c.paper.intensity, c.paper.intensity);
+      include(out.beam_deg, c.beam_deg - c.beam_step_deg / 2, c.beam_deg + c.beam_step_deg / 2);
+      if (c.temperature_c) include(out.temperature_c, *c.temperature_c, *c.temperature_c);
+    }
+    return out;
+  }
+
+  /// What a user of the correction must be told that the sessions do not tell.
+  static void say_what_is_not_told(json& out, const Correction& correction) {
+    const auto say = [&](bool missing, const char* what) {
+      if (missing) out["undetermined"].push_back(what);
+    };
+    say(correction.lidar_serial.empty(),
+        "which lidar the correction belongs to: the session has no serial number");
+    say(!correction.validity.temperature_c,
+        "at which temperature the correction holds: no capture has one (prompt with place: {temperature_c})");
+  }
+
+  static void describe(Correction& correction, const std::vector<FitSource>& sources,
+                       const RangeSource& source, const fit::RangeCalibration& calibration) {
+    const SessionStore& session = *sources.front().session;
+    const LidarIdentity lidar = lidar_identity(session);
+    correction.lidar_model = lidar.model, correction.lidar_serial = lidar.serial;
+    correction.lidar_firmware = lidar.firmware;
+    correction.validity = validity_of(source);
     correction.created_utc = session.get("created_utc").value_or("");
     correction.software = "rig " RIG_VERSION;
-    for (const FitSource& source : sources) {
-      correction.session_sha256.push_back(source.session->content_hash());
+    for (const FitSource& file : sources) {
+      correction.session_sha256.push_back(file.session->content_hash());
       const std::string procedure =
-          source.session->get("procedure_name").value_or(source.session->get("kind").value_or(""));
+          file.session->get("procedure_name").value_or(file.session->get("kind").value_or(""));
       if (procedure.size() < 100)
         correction.procedure += (correction.procedure.empty() ? "" : ", ") + procedure;
     }

@@ -12,7 +12,7 @@
 #include "fit/selection.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/correction_source.hpp"
-#include "rig/fitting/fitting.hpp"
+#include "rig/fitting/lidar_identity.hpp"
 #include "rig/fitting/result_document.hpp"
 
 namespace rig::fittings {
@@ -31,6 +31,7 @@ struct Beam {
 struct Surface {
   std::string label;
   double stage_rad = 0;
+  std::optional<double> temperature_c;
   Vector2d normal = Vector2d::UnitY();  ///< Of the target, in the lidar's frame, by the bench.
   std::vector<Beam> beams;
 };
@@ -41,13 +42,12 @@ Vector2d point_of(const Beam& beam, double range_mm) {
 
 /// Beams that meet the target, by the bench's geometry and by what they saw.
 std::optional<Surface> surface_of(const fit::Recording& recording, std::size_t index,
-                                  const std::string& wanted) {
+                                  const std::string& wanted, const fit::Mount& mount) {
   const fit::CaptureInfo& capture = recording.captures()[index];
   const fit::Bench& bench = recording.bench();
   const std::string name = wanted.empty() ? capture.target.value_or("") : wanted;
   const fit::Target* target = bench.target(name);
   if (!target || fit::is_turning(capture) || (capture.target && *capture.target != name)) return std::nullopt;
-  const fit::Mount& mount = bench.lidar.mount;
   const double stage = capture.stage_readback_rad.value_or(capture.stage_rad);
   const Vector2d origin = Eigen::Rotation2Dd(stage) * Vector2d(mount.x_mm.value, mount.y_mm.value);
   const Eigen::Rotation2Dd to_lidar(-stage - mount.yaw_rad.value);
@@ -57,6 +57,7 @@ std::optional<Surface> surface_of(const fit::Recording& recording, std::size_t i
   Surface out;
   out.label = capture.step.empty() ? std::to_string(capture.id) : capture.step;
   out.stage_rad = stage;
+  out.temperature_c = capture.temperature_c;
   out.normal = to_lidar * target->outward_normal();
   const double distance = out.normal.dot(from);
   std::map<int, std::vector<fit::Sample>> samples;
@@ -97,7 +98,33 @@ std::vector<Vector2d> points_of(const Surface& surface, const fit::Correction* c
   return out;
 }
 
-double improvement(double before, double after) { return 100 * (1 - after / before); }
+/// Per cent by which `after` is less than `before`. Their uncertainties are taken as independent, which they
+/// are not: it is at most so uncertain.
+fit::Estimate improvement(const fit::Estimate& before, const fit::Estimate& after) {
+  const double ratio = after.value / before.value;
+  return {100 * (1 - ratio), 100 * ratio * std::hypot(after.u / after.value, before.u / before.value)};
+}
+
+/// Half of a 95 % interval is 2.262 standard uncertainties (nine degrees of freedom of its jackknife).
+double u_of_interval(double low, double high) { return (high - low) / 2 / 2.262; }
+
+/// The lidar on the stage for which the axis is at `centre` in the lidar's frame.
+fit::Mount mount_about(const Vector2d& centre, const fit::Estimate& yaw) {
+  const Vector2d at = Eigen::Rotation2Dd(yaw.value) * -centre;
+  return {{at.x()}, {at.y()}, yaw};
+}
+
+std::string percent(double part, double whole) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.0f %%", 100 * part / whole);
+  return text;
+}
+
+std::string interval_text(const fit::Validity::Interval& interval, const char* unit) {
+  char text[80];
+  std::snprintf(text, sizeof text, "%.4g to %.4g %s", interval.from, interval.to, unit);
+  return text;
+}
 
 class Validation : public Fitting {
  public:
@@ -113,20 +140,24 @@ class Validation : public Fitting {
             {.name = "target",
              .type = Type::text,
              .about = "the flat target; without it, what each capture is about"},
+            {.name = "centre",
+             .type = Type::text,
+             .about = "session whose rotation centre is used; without it, the session's own, else the mount"},
             {.name = "centre_x_mm",
              .unit = "mm",
-             .about = "rotation centre in the lidar's frame, x; without it, the session's, else the mount's"},
+             .about = "rotation centre in the lidar's frame, x; goes before the others"},
             {.name = "centre_y_mm", .unit = "mm", .about = "the same, y"}};
   }
 
   json run(const std::vector<FitSource>& sources, const FitOptions& options) const override {
+    const Centre centre = centre_for(sources, options);
     std::vector<Surface> surfaces;
-    std::optional<fit::Mount> mount;
     for (const FitSource& source : sources) {
       const auto recording = source.session->recording();
-      mount = recording->bench().lidar.mount;
+      const fit::Mount& told = recording->bench().lidar.mount;
+      const fit::Mount mount = centre.measured ? mount_about(centre.at_mm, told.yaw_rad) : told;
       for (std::size_t i = 0; i < recording->captures().size(); ++i)
-        if (auto surface = surface_of(*recording, i, options.text("target")))
+        if (auto surface = surface_of(*recording, i, options.text("target"), mount))
           surfaces.push_back(std::move(*surface));
     }
     if (surfaces.empty())
@@ -147,9 +178,14 @@ class Validation : public Fitting {
       out["notes"].push_back(
           "No correction was given (option correction=FILE): figures are of the uncorrected ranges only.");
     add_spreads(out, surfaces, correction ? &*correction : nullptr);
-    add_scene(out, surfaces, correction ? &*correction : nullptr, centre_for(sources, options, *mount));
-    add_plot(out, surfaces.front(), correction ? &*correction : nullptr);
-    if (correction) count_outside(out, surfaces, *correction);
+    out["notes"].push_back("The rotation centre is " + centre.source + ".");
+    add_scene(out, surfaces, correction ? &*correction : nullptr, centre.at_mm);
+    for (const Surface& surface : surfaces)
+      add_surface_plots(out, surface, correction ? &*correction : nullptr);
+    if (correction) {
+      warn_of_another_lidar(out, sources, *correction);
+      warn_of_use_outside(out, surfaces, *correction);
+    }
     return out;
   }
 
@@ -168,50 +204,82 @@ class Validation : public Fitting {
     return std::nullopt;
   }
 
-  static Vector2d centre_for(const std::vector<FitSource>& sources, const FitOptions& options,
-                             const fit::Mount& mount) {
-    const double c = std::cos(-mount.yaw_rad.value), s = std::sin(-mount.yaw_rad.value);
-    Vector2d centre(-(c * mount.x_mm.value - s * mount.y_mm.value),
-                    -(s * mount.x_mm.value + c * mount.y_mm.value));
-    for (const FitSource& source : sources) {
-      const auto result =
-          json::parse(source.session->latest_result("centre").value_or("null"), nullptr, false);
-      if (!result.is_object()) continue;
-      for (const auto& value : result.value("values", json::array())) {
-        if (value.value("name", "") == "centre_x_mm") centre.x() = value.at("value").get<double>();
-        if (value.value("name", "") == "centre_y_mm") centre.y() = value.at("value").get<double>();
-      }
+  /// Where the stage's axis is in the lidar's frame.
+  struct Centre {
+    Vector2d at_mm = Vector2d::Zero();
+    bool measured = false;  ///< Else by the bench file's mount.
+    std::string source;
+  };
+
+  static Centre centre_for(const std::vector<FitSource>& sources, const FitOptions& options) {
+    Centre out = centre_of_mount(sources.front().session->recording()->bench().lidar.mount);
+    for (const FitSource& source : sources)
+      if (const auto found = centre_in(*source.session)) out = {*found, true, "that of " + source.path};
+    if (const std::string file = options.text("centre"); !file.empty()) {
+      const SessionStore session(file, SessionStore::Mode::read);
+      const auto found = centre_in(session);
+      if (!found)
+        throw MeasurementError(file + " holds no rotation centre: run 'rig fit centre " + file +
+                               "' first, on captures of one edge from several stage angles");
+      out = {*found, true, "that of " + file};
     }
-    return {options.maybe_number("centre_x_mm").value_or(centre.x()),
-            options.maybe_number("centre_y_mm").value_or(centre.y())};
+    const auto x = options.maybe_number("centre_x_mm"), y = options.maybe_number("centre_y_mm");
+    if (x.has_value() != y.has_value())
+      throw UsageError("the options 'centre_x_mm' and 'centre_y_mm' belong together; give both");
+    if (x) out = {{*x, *y}, true, "that of the options centre_x_mm and centre_y_mm"};
+    return out;
+  }
+
+  static Centre centre_of_mount(const fit::Mount& mount) {
+    return {Eigen::Rotation2Dd(-mount.yaw_rad.value) * -Vector2d(mount.x_mm.value, mount.y_mm.value), false,
+            "by the bench file's mount, as no session holds a measured one"};
+  }
+
+  static std::optional<Vector2d> centre_in(const SessionStore& session) {
+    const auto result = json::parse(session.latest_result("centre").value_or("null"), nullptr, false);
+    if (!result.is_object()) return std::nullopt;
+    std::optional<double> x, y;
+    for (const auto& value : result.value("values", json::array())) {
+      if (!value.value("value", json()).is_number()) continue;
+      if (value.value("name", "") == "centre_x_mm") x = value.at("value").get<double>();
+      if (value.value("name", "") == "centre_y_mm") y = value.at("value").get<double>();
+    }
+    return x && y ? std::optional(Vector2d(*x, *y)) : std::nullopt;
   }
 
   static void add_spreads(json& out, const std::vector<Surface>& surfaces,
                           const fit::Correction* correction) {
     json rows = json::array();
     for (const int lag : {20, 5}) {
-      double before_sum = 0, after_sum = 0;
+      fit::Estimate before_all{0}, after_all{0};
+      const auto add_to = [](fit::Estimate& all, const fit::DifferenceSpread& spread) {
+        all.value += spread.plane_sd_mm;
+        all.u = std::hypot(all.u, u_of_interval(spread.plane_low_mm, spread.plane_high_mm));
+      };
       int count = 0;
       for (const Surface& surface : surfaces) {
         const auto before = fit::difference_spread(points_of(surface, nullptr), lag);
         if (!std::isfinite(before.sd_mm)) continue;
         const auto after = fit::difference_spread(points_of(surface, correction), lag);
         rows.push_back({surface.label, lag, before.sd_mm, before.low_mm, before.high_mm, after.sd_mm,
-                        after.low_mm, after.high_mm, improvement(before.sd_mm, after.sd_mm),
+                        after.low_mm, after.high_mm, improvement(before.sd_mm, after.sd_mm).value,
                         before.plane_sd_mm, after.plane_sd_mm, after.plane_low_mm, after.plane_high_mm,
-                        improvement(before.plane_sd_mm, after.plane_sd_mm)});
-        before_sum += before.plane_sd_mm, after_sum += after.plane_sd_mm, ++count;
+                        improvement(before.plane_sd_mm, after.plane_sd_mm).value});
+        add_to(before_all, before), add_to(after_all, after), ++count;
       }
       if (count == 0) continue;
       const std::string name = "spread_" + std::to_string(lag),
                         words = "Spread of the " + std::to_string(lag) + "th difference, plane removed";
-      out["values"].push_back(
-          plain_value(name + "_before_mm", words + ", uncorrected", before_sum / count, "mm"));
+      for (fit::Estimate* all : {&before_all, &after_all}) all->value /= count, all->u /= count;
+      out["values"].push_back(result_value(name + "_before_mm", words + ", uncorrected", before_all, "mm"));
+      out["budget"].push_back(
+          budget_line(words + ", uncorrected: differs along the surface", "A", before_all.u, "mm"));
       if (!correction) continue;
-      out["values"].push_back(
-          plain_value(name + "_after_mm", words + ", corrected", after_sum / count, "mm"));
-      out["values"].push_back(plain_value(name + "_improvement_percent", words + ": better by",
-                                          improvement(before_sum, after_sum), "%"));
+      out["values"].push_back(result_value(name + "_after_mm", words + ", corrected", after_all, "mm"));
+      out["budget"].push_back(
+          budget_line(words + ", corrected: differs along the surface", "A", after_all.u, "mm"));
+      out["values"].push_back(result_value(name + "_improvement_percent", words + ": better by",
+                                           improvement(before_all, after_all), "%"));
     }
     out["tables"].push_back(
         {{"title", "Experiment A3: spread of ordinate differences before and after correction"},
@@ -245,38 +313,116 @@ class Validation : public Fitting {
                                            {before.mean_mm, before.u_mm}, "mm"));
       out["values"].push_back(result_value("scene_after_mm", "The same, range and centre corrected",
                                            {after.mean_mm, after.u_mm}, "mm"));
-      out["values"].push_back(plain_value("scene_improvement_percent", "Better by",
-                                          improvement(before.mean_mm, after.mean_mm), "%"));
+      out["values"].push_back(
+          result_value("scene_improvement_percent", "Better by",
+                       improvement({before.mean_mm, before.u_mm}, {after.mean_mm, after.u_mm}), "%"));
+      out["budget"].push_back(
+          budget_line("same scene: distances differ from point to point", "A", after.u_mm, "mm"));
+      add_scene_plot(out, "Experiment A6: one scene from two stage angles, uncorrected", a, b,
+                     placed(a, nullptr, Vector2d::Zero()), placed(b, nullptr, Vector2d::Zero()));
+      add_scene_plot(out, "Experiment A6: the same, range and centre corrected", a, b,
+                     placed(a, correction, centre), placed(b, correction, centre));
       return;
     }
     out["undetermined"].push_back(
         "the scene from two stage angles (A6): all captures were taken at the same one");
   }
 
-  static void add_plot(json& out, const Surface& surface, const fit::Correction* correction) {
-    json plot = new_plot("The flat sample, seen from above", "along (mm)", "ordinate (mm)");
-    for (const bool after : {false, true}) {
-      if (after && !correction) continue;
+  static void add_scene_plot(json& out, const std::string& title, const Surface& a, const Surface& b,
+                             const std::vector<Vector2d>& points_a, const std::vector<Vector2d>& points_b) {
+    json plot = new_plot(title, "x (mm)", "y (mm)");
+    const auto add = [&](const Surface& surface, const std::vector<Vector2d>& points) {
       std::vector<double> x, y;
-      for (const Vector2d& p : points_of(surface, after ? correction : nullptr))
-        x.push_back(p.x()), y.push_back(p.y());
-      add_series(plot, after ? "corrected" : "uncorrected", "points", x, y);
-    }
+      for (const Vector2d& p : points) x.push_back(p.x()), y.push_back(p.y());
+      char name[48];
+      std::snprintf(name, sizeof name, "stage at %.2f deg", surface.stage_rad * fit::deg_per_rad);
+      add_series(plot, name, "points", x, y);
+    };
+    add(a, points_a), add(b, points_b);
     out["plots"].push_back(std::move(plot));
   }
 
-  static void count_outside(json& out, const std::vector<Surface>& surfaces,
-                            const fit::Correction& correction) {
-    long outside = 0, all = 0;
+  /// The sample as seen from above, and the differences whose spread the table has.
+  static void add_surface_plots(json& out, const Surface& surface, const fit::Correction* correction) {
+    json above = new_plot("Experiment A3: " + surface.label + ", seen from above", "along the surface (mm)",
+                          "ordinate (mm)");
+    json plots = json::array();
+    for (const int lag : {20, 5})
+      plots.push_back(new_plot("Experiment A3: " + surface.label + ", difference from the " +
+                                   std::to_string(lag) + "th point before",
+                               "number of the point", "difference of ordinates (mm)"));
+    for (const bool after : {false, true}) {
+      if (after && !correction) continue;
+      const std::vector<Vector2d> points = points_of(surface, after ? correction : nullptr);
+      const char* const name = after ? "corrected" : "uncorrected";
+      std::vector<double> x, y;
+      for (const Vector2d& p : points) x.push_back(p.x()), y.push_back(p.y());
+      add_series(above, name, "points", x, y);
+      for (std::size_t which = 0; which < 2; ++which) {
+        const std::size_t lag = which == 0 ? 20 : 5;
+        std::vector<double> number, difference;
+        for (std::size_t i = lag; i < points.size(); ++i)
+          number.push_back(static_cast<double>(i + 1)),
+              difference.push_back(points[i].y() - points[i - lag].y());
+        if (!number.empty()) add_series(plots[which], name, "line", number, difference);
+      }
+    }
+    out["plots"].push_back(std::move(above));
+    for (json& plot : plots)
+      if (!plot["series"].empty()) out["plots"].push_back(std::move(plot));
+  }
+
+  static void warn_of_another_lidar(json& out, const std::vector<FitSource>& sources,
+                                    const fit::Correction& correction) {
+    for (const FitSource& source : sources) {
+      const LidarIdentity lidar = lidar_identity(*source.session);
+      const auto differs = [](const std::string& a, const std::string& b) {
+        return !a.empty() && !b.empty() && a != b;
+      };
+      if (differs(lidar.model, correction.lidar_model) || differs(lidar.serial, correction.lidar_serial))
+        out["notes"].push_back("The correction belongs to another lidar (" + correction.lidar_model + " " +
+                               correction.lidar_serial + ") than " + source.path + " (" +
+                               lidar_in_words(*source.session) + "): these figures say nothing of either.");
+      else if (differs(lidar.firmware, correction.lidar_firmware))
+        out["notes"].push_back("The correction was measured with firmware " + correction.lidar_firmware +
+                               ", " + source.path + " with " + lidar.firmware + ".");
+    }
+  }
+
+  /// Beams that the correction was not measured for, by each circumstance that it tells.
+  static void warn_of_use_outside(json& out, const std::vector<Surface>& surfaces,
+                                  const fit::Correction& correction) {
+    const fit::Validity& validity = correction.validity;
+    long all = 0, by_range = 0, by_intensity = 0, by_beam = 0, by_temperature = 0;
+    const auto outside = [](const std::optional<fit::Validity::Interval>& interval, double x) {
+      return interval && !interval->holds(x);
+    };
     for (const Surface& surface : surfaces)
-      for (const Beam& beam : surface.beams)
-        ++all, outside += !correction.apply(beam.range_mm, beam.intensity).inside();
-    if (outside == 0) return;
-    char text[160];
-    std::snprintf(text, sizeof text,
-                  "%.0f %% of the beams lie outside the region that the correction was calibrated for.",
-                  100.0 * static_cast<double>(outside) / static_cast<double>(all));
-    out["notes"].push_back(text);
+      for (const Beam& beam : surface.beams) {
+        const auto corrected = correction.apply(beam.range_mm, beam.intensity);
+        ++all;
+        by_range += corrected.range_outside || outside(validity.range_mm, corrected.range_mm);
+        by_intensity += corrected.intensity_outside || outside(validity.intensity, beam.intensity);
+        by_beam += outside(validity.beam_deg, beam.direction_rad * fit::deg_per_rad);
+        by_temperature += surface.temperature_c && outside(validity.temperature_c, *surface.temperature_c);
+      }
+    const auto warn = [&](long count, const char* of_what,
+                          const std::optional<fit::Validity::Interval>& interval, const char* unit) {
+      if (count == 0) return;
+      out["notes"].push_back(percent(static_cast<double>(count), static_cast<double>(all)) +
+                             " of the beams lie outside the " + of_what +
+                             " that the correction was measured over" +
+                             (interval ? ", " + interval_text(*interval, unit) : "") + ".");
+    };
+    warn(by_range, "distances", validity.range_mm, "mm");
+    warn(by_intensity, "intensities", validity.intensity, "counts");
+    warn(by_beam, "beam directions", validity.beam_deg, "deg");
+    warn(by_temperature, "temperatures", validity.temperature_c, "deg C");
+    if (validity.temperature_c && std::ranges::none_of(surfaces, [](const Surface& surface) {
+          return surface.temperature_c.has_value();
+        }))
+      out["undetermined"].push_back(
+          "whether the correction holds at this temperature: these captures do not tell it");
   }
 };
 

@@ -111,12 +111,16 @@ TEST_CASE("The schema and the reader of corrections agree on good and wrong file
   term.family = "line", term.coefficients = {1.5, -0.002};
   term.from = 200, term.to = 9800, term.zero_at = 200;
   correction.range = term;
+  correction.validity.beam_deg = fit::Validity::Interval{-0.25, 0.25};
   const auto count = static_cast<Eigen::Index>(correction.parameter_names().size());
   correction.factor = 0.01 * Eigen::MatrixXd::Identity(count, count);
   const json good = json::parse(fit::to_json_text(correction));
   CHECK(complaints("correction.schema.json", good) == "");
   REQUIRE_NOTHROW(fit::parse_correction(good.dump()));
-  std::vector<json> wrong(6, good);
+  CHECK(fit::parse_correction(good.dump()).validity.beam_deg->from == -0.25);
+  CHECK_FALSE(fit::parse_correction(good.dump()).validity.temperature_c);
+  std::vector<json> wrong(7, good);
+  wrong[6]["validity"]["beam_deg"] = {{"from", -0.25}};
   wrong[0]["schema"] = "correction/2";
   wrong[1]["terms"][0]["family"] = "lime";
   wrong[2]["terms"][0].erase("from");
