@@ -26,14 +26,18 @@ class Deskew : public Command {
                      "Relative standard uncertainty of the odometry over one scan")
         ->check(CLI::Range(0.001, 10.0))
         ->capture_default_str();
+    command->add_option("--reference", reference_,
+                        "Judge the scans by a session of the same scene at rest, or by the stretch in which "
+                        "the carrier stood about X_MM,Y_MM,HEADING_DEG");
     json_.declare(*command, "the result");
     return command;
   }
 
   int run() override {
-    check_outputs({{output_, "straight.rig"}, json_.output()}, {input_});
+    check_outputs({{output_, "straight.rig"}, json_.output()}, {input_, reference_});
     options_.fuse = !odometry_only_;
     if (order_ != "auto") options_.reversed = order_ == "reverse";
+    if (!reference_.empty()) options_.reference = std::make_shared<const DeskewReference>(reference_);
     const nlohmann::json result = deskew_session(input_, output_, options_);
     std::fputs(to_text(result).c_str(), stderr);
     for (const auto& row : result["tables"][0]["rows"])
@@ -47,7 +51,7 @@ class Deskew : public Command {
  private:
   DeskewOptions options_;
   JsonOutput json_;
-  std::string input_, output_, order_ = "auto";
+  std::string input_, output_, order_ = "auto", reference_;
   bool odometry_only_ = false;
 };
 

@@ -77,6 +77,12 @@ struct Way {
   }
 };
 
+/// How far one scan's points are from the reference, rms in mm, by each way of correcting it; NaN: not
+/// judged.
+struct Distances {
+  double before = std::nan(""), by_path = std::nan(""), fused = std::nan("");
+};
+
 /// How far scans at one stage rate depart from the scene as seen at rest, mm, one value a scan.
 struct Departures {
   std::vector<double> before, by_stage, fused;
@@ -100,6 +106,19 @@ fit::Estimate mean_of(const std::vector<double>& values) {
   if (values.empty()) return {std::nan(""), 0};
   for (const double v : values) squares += (v - sum / n) * (v - sum / n);
   return {sum / n, n > 1 ? std::sqrt(squares / (n - 1) / n) : 0};
+}
+
+/// Mean of a quantity of scans in a row. Neighbours see the same and err alike: the uncertainty is that of
+/// the means of ten in a row, where there are enough of them.
+fit::Estimate mean_in_a_row(const std::vector<double>& values) {
+  constexpr std::size_t row = 10, enough = 5;
+  if (values.size() < row * enough) return mean_of(values);
+  std::vector<double> means;
+  for (std::size_t i = 0; i + row <= values.size(); i += row)
+    means.push_back(mean_of({values.begin() + static_cast<std::ptrdiff_t>(i),
+                             values.begin() + static_cast<std::ptrdiff_t>(i + row)})
+                        .value);
+  return {mean_of(values).value, mean_of(means).u};
 }
 
 json new_map(const std::string& title) {
@@ -139,8 +158,10 @@ json path_plot(const fit::Path& before, const std::vector<fit::TimedPose>& after
 void add_mean_distance(json& out, const char* name, const std::string& of_what,
                        const std::vector<double>& values) {
   const fit::Estimate mean = mean_of(values);
-  if (std::isfinite(mean.value))
-    out["values"].push_back(result_value(name, "Distance from the scene, " + of_what, mean, "mm"));
+  if (!std::isfinite(mean.value)) return;
+  out["values"].push_back(result_value(name, "Distance from the scene, " + of_what, mean, "mm"));
+  out["budget"].push_back(
+      budget_line("distance from the scene, " + of_what + ": scatter from scan to scan", "A", mean.u, "mm"));
 }
 
 }  // namespace
@@ -168,6 +189,7 @@ class Deskewing::Work {
       count_ += scan.sweep.points.size();
       ends_.push_back(count_);
     }
+    distances_.resize(scans_.size());
     look_at_rest();
     by_odometry();
     if (options_.fuse) by_fusion();
@@ -183,7 +205,12 @@ class Deskewing::Work {
   void by_fusion();
   [[nodiscard]] double path_begin(const fit::Sweep& sweep) const { return sweep.begin_s + timing_.offset_s; }
   void look_at_rest();
-  void compare_with_rest(std::size_t scan, std::vector<double> Departures::*way, const Points& points);
+  [[nodiscard]] bool moving(const fit::Sweep& sweep) const;
+  [[nodiscard]] std::vector<fit::ShapeAtRest::Scan> standing_about(const fit::Pose2& pose) const;
+  void read_reference(const fit::Recording& reference);
+  void add_reference(json& out) const;
+  void compare_with_rest(std::size_t scan, std::vector<double> Departures::*way, double Distances::*distance,
+                         const Points& points);
   [[nodiscard]] std::string speeds_in_words() const;
   void add_crispness(json& out) const;
   void add_timing(json& out) const;
@@ -206,6 +233,7 @@ class Deskewing::Work {
   std::vector<Points> corrected_;            ///< Each scan's points in the lidar's frame at its beginning.
   fit::ShapeAtRest at_rest_;                 ///< Of what a stage turned; else empty.
   std::map<double, Departures> departures_;  ///< By stage rate, deg/s.
+  std::vector<Distances> distances_;         ///< By scan.
   double fusion_ms_ = 0, weakest_ = 1, sharpest_turn_rad_ = 0, longest_way_mm_ = 0;
 };
 
@@ -222,8 +250,57 @@ void Deskewing::Work::find_timing() {
   if (options_.reversed) timing_.reversed = *options_.reversed;
 }
 
+/// Whether the lidar moves by more within the sweep than the noise of any path.
+bool Deskewing::Work::moving(const fit::Sweep& sweep) const {
+  constexpr double still_mm = 1, still_rad = 0.05 * fit::rad_per_deg;
+  const fit::Pose2 begin = path_.at(path_begin(sweep)), end = path_.at(path_begin(sweep) + sweep.duration_s);
+  return (end.position() - begin.position()).norm() > still_mm ||
+         std::abs(fit::wrap_angle(end.heading_rad - begin.heading_rad)) > still_rad;
+}
+
+/// Scans of this recording while its carrier stood about there.
+std::vector<fit::ShapeAtRest::Scan> Deskewing::Work::standing_about(const fit::Pose2& pose) const {
+  constexpr double about_mm = 50, about_rad = 3 * fit::rad_per_deg;
+  std::vector<fit::ShapeAtRest::Scan> standing;
+  for (const ScanOfSession& scan : scans_) {
+    const fit::Pose2 at = path_.at(path_begin(scan.sweep));
+    if (moving(scan.sweep) || (at.position() - pose.position()).norm() > about_mm ||
+        std::abs(fit::wrap_angle(at.heading_rad - pose.heading_rad)) > about_rad)
+      continue;
+    standing.push_back({scan.sweep, at * lidar_});
+  }
+  return standing;
+}
+
+/// The reference's scans at rest, each where its own session says that the lidar was.
+void Deskewing::Work::read_reference(const fit::Recording& reference) {
+  constexpr int enough = 200;
+  const std::vector<ScanOfSession> scans = read_scans(reference, enough);
+  const fit::Carrier carrier = fit::carrier_of(reference);
+  const fit::Mount& mount = reference.bench().lidar.mount;
+  const fit::Pose2 lidar{mount.x_mm.value, mount.y_mm.value, mount.yaw_rad.value};
+  std::vector<fit::ShapeAtRest::Scan> resting;
+  for (const ScanOfSession& scan : scans)
+    if (!scan.turning)
+      resting.push_back(
+          {scan.sweep, (carrier.path.empty() ? fit::Pose2{} : carrier.path.at(scan.sweep.begin_s)) * lidar});
+  at_rest_ = fit::ShapeAtRest(resting);
+}
+
 /// A stage says exactly where the lidar is, and at rest no scan is distorted: the truth for those that are.
 void Deskewing::Work::look_at_rest() {
+  if (options_.reference) {
+    if (const fit::Recording* recording = options_.reference->recording())
+      read_reference(*recording);
+    else
+      at_rest_ = fit::ShapeAtRest(standing_about(*options_.reference->pose()));
+    if (at_rest_.empty())
+      throw MeasurementError(
+          "the reference '" + options_.reference->text() +
+          "' has no scan at rest. Record the same scene while the lidar stands, or give the pose (X_MM,Y_MM,"
+          "HEADING_DEG) at which its carrier stood still during this recording");
+    return;
+  }
   if (carrier_.drifts || std::ranges::none_of(scans_, &ScanOfSession::turning)) return;
   std::vector<fit::ShapeAtRest::Scan> resting;
   for (const ScanOfSession& scan : scans_)
@@ -232,10 +309,12 @@ void Deskewing::Work::look_at_rest() {
 }
 
 void Deskewing::Work::compare_with_rest(std::size_t scan, std::vector<double> Departures::*way,
-                                        const Points& points) {
+                                        double Distances::*distance, const Points& points) {
   if (at_rest_.empty()) return;
   const double off = at_rest_.distance_of(points, begins_[scan]);
-  if (std::isfinite(off)) (departures_[scans_[scan].stage_rate_deg_s].*way).push_back(off);
+  if (!std::isfinite(off)) return;
+  distances_[scan].*distance = off;
+  if (!carrier_.drifts) (departures_[scans_[scan].stage_rate_deg_s].*way).push_back(off);
 }
 
 void Deskewing::Work::by_odometry() {
@@ -250,11 +329,11 @@ void Deskewing::Work::by_odometry() {
     Points as_listed;
     for (const auto& point : scan.sweep.points) as_listed.push_back(point.at_mm);
     for (const Vector2d& point : as_listed) raw.map.push_back(begin * point);
-    compare_with_rest(begins_.size() - 1, &Departures::before, as_listed);
+    compare_with_rest(begins_.size() - 1, &Departures::before, &Distances::before, as_listed);
     // The beginning in time is the reference, whatever the order of the beams.
     corrected_.push_back(fit::deskew(scan.sweep, path_, lidar_, timing_, timing_.reversed ? 1 : 0));
     for (const Vector2d& point : corrected_.back()) odometry.map.push_back(begin * point);
-    compare_with_rest(begins_.size() - 1, &Departures::by_stage, corrected_.back());
+    compare_with_rest(begins_.size() - 1, &Departures::by_stage, &Distances::by_path, corrected_.back());
   }
   ways_.push_back(std::move(raw));
   ways_.push_back(std::move(odometry));
@@ -284,7 +363,7 @@ void Deskewing::Work::by_fusion() {
       fused.map.push_back(point);
       corrected_[i].push_back(back * point);
     }
-    compare_with_rest(i, &Departures::fused, corrected_[i]);
+    compare_with_rest(i, &Departures::fused, &Distances::fused, corrected_[i]);
     for (const auto& point : sweep.points) rigid.map.push_back(at.begin * point.at_mm);
     fused_path_.push_back({path_begin(sweep), at.begin * carrier});
     fused_path_.push_back({path_begin(sweep) + sweep.duration_s, at.end * carrier});
@@ -336,6 +415,52 @@ void Deskewing::Work::add_shapes(json& out) const {
     add_mean_distance(out, way.value_name, way.label + turning, fastest.*way.values);
 }
 
+/// The scans taken in motion against the reference: each way, and what it gains scan by scan.
+void Deskewing::Work::add_reference(json& out) const {
+  if (!options_.reference) return;
+  std::vector<double> before, by_path, fused, gain, still, number;
+  for (std::size_t i = 0; i < scans_.size(); ++i) {
+    const Distances& at = distances_[i];
+    const bool judged =
+        std::isfinite(at.before) && std::isfinite(at.by_path) && (!options_.fuse || std::isfinite(at.fused));
+    if (!judged) continue;
+    if (!moving(scans_[i].sweep)) {
+      still.push_back(at.before);
+      continue;
+    }
+    number.push_back(static_cast<double>(i + 1));
+    before.push_back(at.before), by_path.push_back(at.by_path);
+    if (options_.fuse) fused.push_back(at.fused);
+    gain.push_back(at.before - (options_.fuse ? at.fused : at.by_path));
+  }
+  if (before.size() < 2)
+    throw MeasurementError(
+        "no scan that was taken in motion fits the reference '" + options_.reference->text() +
+        "': it must show the same scene in the same frame (stage axis, or odometry's origin), at least 50 "
+        "points of it within 60 mm. Check the reference, or the bench file's mount");
+  json plot = new_plot("Distance of each scan from the reference at rest", "scan", "rms distance (mm)");
+  const auto add = [&](const char* name, const std::string& label, const std::vector<double>& values) {
+    if (values.empty()) return;
+    const fit::Estimate mean = mean_in_a_row(values);
+    out["values"].push_back(result_value(name, label, mean, "mm"));
+    out["budget"].push_back(budget_line(label + ": scatter from scan to scan", "A", mean.u, "mm"));
+  };
+  add("reference_before_mm", "Distance from the reference, scans as they came", before);
+  add("reference_by_path_mm", "Distance from the reference, corrected by the path", by_path);
+  add("reference_fused_mm", "Distance from the reference, fused", fused);
+  add("reference_gain_mm", "Nearer to the reference by correction, scan by scan", gain);
+  add("reference_at_rest_mm", "Distance from the reference, scans at rest", still);
+  add_series(plot, "not corrected", "points", number, before);
+  add_series(plot, "by the path", "points", number, by_path);
+  if (options_.fuse) add_series(plot, "fused", "points", number, fused);
+  out["plots"].push_back(std::move(plot));
+  out["notes"].push_back(
+      "Judged against the reference " + options_.reference->text() + ": " + std::to_string(before.size()) +
+      " of " + std::to_string(scans_.size()) +
+      " scans were taken in motion and show enough of it. Each is placed on it as a whole, "
+      "so that only its shape counts; what is left at rest is the noise of one scan.");
+}
+
 void Deskewing::Work::add_crispness(json& out) const {
   json rows = json::array();
   for (const Way& way : ways_) {
@@ -361,6 +486,9 @@ void Deskewing::Work::add_timing(json& out) const {
   const bool estimated = !options_.offset_ms && estimate_.determined;
   out["values"].push_back(estimated ? result_value(name, label, {offset_ms, 1e3 * estimate_.offset_s.u}, "ms")
                                     : plain_value(name, label, offset_ms, "ms"));
+  if (estimated)
+    out["budget"].push_back(
+        budget_line("time offset: pairs of scans (resampled)", "A", 1e3 * estimate_.offset_s.u, "ms"));
   if (!options_.offset_ms && !estimated)
     out["undetermined"].push_back(
         "The time offset between scans and path: the motion changes too little to show it. 0 was used.");
@@ -408,6 +536,7 @@ json Deskewing::Work::document() const {
   add_crispness(out);
   add_timing(out);
   add_shapes(out);
+  add_reference(out);
   add_plots(out);
   add_notes(out);
   out["data"] = {{"scans", scans_.size()},

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "fit/recording.hpp"
+#include "rig/fitting/deskew_reference.hpp"
 
 namespace rig {
 
@@ -16,6 +17,8 @@ struct DeskewOptions {
   bool fuse = true;                 ///< Odometry with ICP; false: odometry alone.
   double odometry_u = 0.1;          ///< Relative standard uncertainty of odometry over one scan.
   int scans_per_capture = 0;        ///< The first so many of every capture; 0: all.
+  /// The truth that scans taken in motion are judged against; without it, a stage's own captures at rest.
+  std::shared_ptr<const DeskewReference> reference = nullptr;
 };
 
 /// The scans of a recording without their motion distortion: by odometry (or a stage's track) at each beam's

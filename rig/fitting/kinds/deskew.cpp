@@ -15,23 +15,29 @@ class Deskew : public Fitting {
     return "motion distortion, before and after its correction, against the scene at rest";
   }
   std::vector<FitOption> options() const override {
-    return {{.name = "scans_per_capture",
-             .type = FitOption::Type::integer,
-             .min = 1,
-             .max = 100000,
-             .otherwise = 40.0,
-             .about = "of every capture only the first so many are used"},
-            {.name = "offset_ms",
-             .unit = "ms",
-             .min = -10000,
-             .max = 10000,
-             .about = "path time minus scan time; without it, estimated from the scans"}};
+    return {
+        {.name = "scans_per_capture",
+         .type = FitOption::Type::integer,
+         .min = 1,
+         .max = 100000,
+         .otherwise = 40.0,
+         .about = "of every capture only the first so many are used"},
+        {.name = "offset_ms",
+         .unit = "ms",
+         .min = -10000,
+         .max = 10000,
+         .about = "path time minus scan time; without it, estimated from the scans"},
+        {.name = "reference",
+         .type = FitOption::Type::text,
+         .about = "session of the scene at rest, or pose X_MM,Y_MM,HEADING_DEG at which the carrier stood"}};
   }
 
   nlohmann::json run(const std::vector<FitSource>& sources, const FitOptions& options) const override {
     DeskewOptions wanted;
     wanted.scans_per_capture = options.integer("scans_per_capture");
     wanted.offset_ms = options.maybe_number("offset_ms");
+    if (const std::string reference = options.text("reference"); !reference.empty())
+      wanted.reference = std::make_shared<const DeskewReference>(reference);
     const auto recording = sources.front().session->recording();
     return Deskewing(wanted, *recording, sources.front().path).document();
   }

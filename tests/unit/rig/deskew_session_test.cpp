@@ -10,8 +10,10 @@
 #include <nlohmann/json.hpp>
 
 #include "rig/errors.hpp"
+#include "rig/fitting/fitting.hpp"
 #include "rig/session/session_store.hpp"
 #include "tests/support/moving_room.hpp"
+#include "tests/support/results.hpp"
 
 namespace {
 
@@ -30,20 +32,20 @@ struct Folder {
 constexpr const char* bench =
     R"({"schema": "bench/1", "lidar": {"mount": {"x_mm": 80, "y_mm": 20, "yaw_deg": 0}}})";
 
-/// A session of a stage that turned at 40 deg/s, told by the capture's rate alone.
-void write_turning(const std::string& file, int scans) {
+/// A session of a stage that turned, told by the capture's rate alone; at rate 0 it stood.
+void write_session(const std::string& file, int scans, double rate_deg_s, unsigned seed,
+                   const std::vector<room::Wall>& walls = room::furnished()) {
   rig::SessionStore store(file, rig::SessionStore::Mode::create);
   store.set("bench", bench);
   fit::CaptureInfo info;
-  info.step = "turn";
+  info.step = rate_deg_s == 0 ? "stand" : "turn";
   info.started_us = 1'000'000;
-  info.stage_rate_rad_s = 40 * room::deg;
+  info.stage_rate_rad_s = rate_deg_s * room::deg;
   info.last_step = 1080;
   const auto id = store.begin_capture(info);
-  std::mt19937 random(3);
-  const auto walls = room::furnished();
-  const auto lidar_at = [](double t) {
-    const double a = 40 * room::deg * (t - 1);
+  std::mt19937 random(seed);
+  const auto lidar_at = [rate_deg_s](double t) {
+    const double a = rate_deg_s * room::deg * (t - 1);
     return room::Place{80 * std::cos(a) - 20 * std::sin(a), 80 * std::sin(a) + 20 * std::cos(a), a};
   };
   for (int i = 0; i < scans; ++i) {
@@ -56,6 +58,37 @@ void write_turning(const std::string& file, int scans) {
     store.add_scan(id, view);
   }
   store.commit_capture(id);
+}
+
+void write_turning(const std::string& file, int scans) { write_session(file, scans, 40, 3); }
+
+/// The rms distance from the true walls of scans that nothing distorts, mm.
+double distance_of_a_scan_at_rest() {
+  const auto walls = room::furnished();
+  const room::Place lidar{80, 20, 0};
+  std::mt19937 random(17);
+  double sum = 0;
+  constexpr int scans = 40;
+  for (int i = 0; i < scans; ++i) {
+    const auto ranges = room::scan(
+        walls, [&](double) { return lidar; }, 0, 5, random);
+    std::vector<room::Point> points;
+    for (std::size_t k = 0; k < ranges.size(); ++k) {
+      if (ranges[k] == 0) continue;
+      const double angle = (-135 + 0.25 * static_cast<double>(k)) * room::deg;
+      points.push_back(room::placed(lidar, ranges[k] * std::cos(angle), ranges[k] * std::sin(angle)));
+    }
+    sum += room::rms_from(walls, points, 60) / scans;
+  }
+  return sum;
+}
+
+/// Everything about timing is given, as a simulated path tells it.
+rig::DeskewOptions known_timing() {
+  rig::DeskewOptions options;
+  options.offset_ms = 0;
+  options.reversed = false;
+  return options;
 }
 
 }  // namespace
@@ -113,4 +146,68 @@ TEST_CASE("rig deskew refuses what does not tell how the lidar moved, and leaves
   write_turning(folder.file("in.rig"), 6);
   write_turning(folder.file("there.rig"), 6);
   CHECK_THROWS_AS(rig::deskew_session(folder.file("in.rig"), folder.file("there.rig"), {}), rig::UsageError);
+}
+
+TEST_CASE("rig deskew --reference tells how far scans are from the scene at rest, before and after") {
+  const Folder folder;
+  write_turning(folder.file("turn.rig"), 100);
+  write_session(folder.file("rest.rig"), 200, 0, 9);
+  rig::DeskewOptions options = known_timing();
+  options.reference = std::make_shared<const rig::DeskewReference>(folder.file("rest.rig"));
+  const auto result = rig::deskew_session(folder.file("turn.rig"), folder.file("out.rig"), options);
+  const fit::Estimate before = value_of(result, "reference_before_mm"),
+                      by_path = value_of(result, "reference_by_path_mm"),
+                      fused = value_of(result, "reference_fused_mm"),
+                      gain = value_of(result, "reference_gain_mm");
+  INFO(before.value << " " << by_path.value << " " << fused.value << " " << gain.value);
+  // A scan at rest, by the room itself: noise along slanting beams counts less across the walls.
+  const double at_rest = distance_of_a_scan_at_rest();
+  CHECK(by_path.value == Approx(at_rest).margin(0.15));
+  CHECK(fused.value == Approx(at_rest).margin(0.15));
+  CHECK(before.value - by_path.value > 6 * std::hypot(before.u, by_path.u));
+  CHECK(gain.value == Approx(before.value - fused.value).margin(1e-9));
+  CHECK(gain.u > 0);
+  CHECK(gain.u < before.u + fused.u);
+  CHECK_FALSE(result.at("budget").empty());
+}
+
+TEST_CASE("a reference of another scene, without scans at rest, or that is none is refused with what to do") {
+  const Folder folder;
+  write_turning(folder.file("turn.rig"), 20);
+  const auto deskew_by = [&](const std::string& reference) {
+    rig::DeskewOptions options = known_timing();
+    options.reference = std::make_shared<const rig::DeskewReference>(reference);
+    return rig::deskew_session(folder.file("turn.rig"), folder.file("out.rig"), options);
+  };
+  const std::vector<room::Wall> elsewhere{{{-9000, -9000}, {9000, -9000}}, {{-9000, -9000}, {-9000, 9000}}};
+  write_session(folder.file("elsewhere.rig"), 30, 0, 9, elsewhere);
+  CHECK_THROWS_WITH(deskew_by(folder.file("elsewhere.rig")), Catch::Contains("it must show the same scene"));
+  CHECK_THROWS_WITH(deskew_by(folder.file("turn.rig")), Catch::Contains("has no scan at rest"));
+  CHECK_THROWS_WITH(deskew_by("0,0,90"), Catch::Contains("has no scan at rest"));
+  CHECK_THROWS_WITH(deskew_by(folder.file("missing.rig")),
+                    Catch::Contains("neither a session file nor a pose"));
+  CHECK_THROWS_AS(deskew_by("0;0;90"), rig::UsageError);
+  CHECK_FALSE(fs::exists(folder.file("out.rig")));
+}
+
+TEST_CASE("the gain against a reference is covered by k = 2 over seeds") {
+  const Folder folder;
+  write_session(folder.file("rest.rig"), 200, 0, 99);
+  std::vector<fit::Estimate> gains;
+  for (unsigned seed = 1; seed <= 12; ++seed) {
+    const std::string file = folder.file("turn.rig"), out = folder.file("out.rig");
+    fs::remove(file), fs::remove(out);
+    write_session(file, 60, 40, seed);
+    rig::DeskewOptions options = known_timing();
+    options.fuse = false;
+    options.reference = std::make_shared<const rig::DeskewReference>(folder.file("rest.rig"));
+    gains.push_back(value_of(rig::deskew_session(file, out, options), "reference_gain_mm"));
+  }
+  // The same motion with other noise: the gains' own mean is the truth that they scatter about.
+  double mean = 0;
+  for (const auto& gain : gains) mean += gain.value / static_cast<double>(gains.size());
+  int inside = 0;
+  for (const auto& gain : gains) inside += std::abs(gain.value - mean) < 2 * gain.u;
+  INFO("inside: " << inside << " of " << gains.size());
+  CHECK(inside >= 9);
 }
