@@ -189,6 +189,7 @@ double canonical_correlation(const MatrixXd& tangent, Index intensity_columns,
                              const std::vector<Index>& of_intensity, const std::vector<Index>& of_distance) {
   (void)intensity_columns;
   const auto orthonormal = [&](const std::vector<Index>& columns) {
+    if (columns.empty()) return MatrixXd(tangent.rows(), 0);  // A constant curve has nothing of its own.
     MatrixXd part(tangent.rows(), static_cast<Index>(columns.size()));
     for (std::size_t j = 0; j < columns.size(); ++j) {
       VectorXd column = tangent.col(columns[j]);

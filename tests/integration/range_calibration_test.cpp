@@ -274,6 +274,7 @@ TEST_CASE("range calibration: what surfaces did not cover is said, and a misspel
   CHECK_THAT(result.at("undetermined").dump(),
              Catch::Contains("only the sum of intensity and distance error is known"));
   CHECK_THROWS_AS(fit_both(a1, a2, {{"distance", "furier"}}), rig::UsageError);
+  CHECK_NOTHROW(fit_both(a1, a2, {{"intensity", "constant"}}));  // A curve without a shape of its own.
   CHECK_THROWS_AS(fit_both(a1, a2, {{"selection", "all"}}), rig::UsageError);
 }
 
