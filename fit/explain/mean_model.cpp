@@ -17,27 +17,11 @@ constexpr int pooled_beams = 12;
 /// the sawtooth).
 double rounding_variance(double sigma_mm) { return std::exp(-4 * pi * pi * sigma_mm * sigma_mm) / 12; }
 
-/// Variance of one sample that its scan has in common with others, mm^2.
-double common_variance(const Cell& cell, const MeanNoise& noise) {
-  return noise.scan_range_mm2 + noise.scan_angle_rad2 * std::pow(cell.sight.stage_lever(), 2);
+/// Of one sample about what its scan has in common.
+double own_variance(const Cell& cell, const MeanNoise& noise) {
+  const double common = noise.scan_range_mm2 + noise.scan_angle_rad2 * std::pow(cell.sight.stage_lever(), 2);
+  return std::max(0.1 * cell.variance_mm2, cell.variance_mm2 - common);
 }
-
-/// What cells say together of the variance of one sample. What their scans have in common is taken off the
-/// whole: of a few samples it is often more than all their own variance.
-struct PooledVariance {
-  double squares = 0, common = 0, freedom = 0;
-
-  void add(const Cell& cell, const MeanNoise& noise) {
-    squares += (cell.n - 1) * cell.variance_mm2;
-    common += (cell.n - 1) * common_variance(cell, noise);
-    freedom += cell.n - 1;
-  }
-  [[nodiscard]] PooledVariance less(const PooledVariance& other) const {
-    return {squares - other.squares, common - other.common, freedom - other.freedom};
-  }
-  [[nodiscard]] double own_squares() const { return std::max(0.1 * squares, squares - common); }
-  [[nodiscard]] double mean() const { return freedom > 0 ? own_squares() / freedom : 100; }
-};
 
 }  // namespace
 
@@ -48,21 +32,28 @@ double price_of_scale(double ratio, double coefficients) {
 double least_stretch(const Prior& prior) { return prior.mean.isZero() ? 1e-4 : 1; }
 
 void pool_variances(Reduced& reduced, const MeanNoise& noise) {
-  const auto tells = [](const Cell& cell) { return cell.smooth && cell.n > 1 && cell.sight.target >= 0; };
   // What a handful of samples is helped by: their own scans, or the whole session.
-  PooledVariance all;
-  std::vector<PooledVariance> own_scans(reduced.groups.size());
-  for (const Cell& cell : reduced.cells)
-    if (tells(cell))
-      for (PooledVariance* sum : {&all, &own_scans[static_cast<std::size_t>(cell.group)]})
-        sum->add(cell, noise);
+  struct Sum {
+    double squares = 0, freedom = 0;
+    [[nodiscard]] double mean() const { return freedom > 0 ? squares / freedom : 100; }
+  };
+  Sum all;
+  std::vector<Sum> own_scans(reduced.groups.size());
+  for (const Cell& cell : reduced.cells) {
+    if (!cell.smooth || cell.n < 2 || cell.sight.target < 0) continue;
+    for (Sum* sum : {&all, &own_scans[static_cast<std::size_t>(cell.group)]}) {
+      sum->squares += own_variance(cell, noise) * (cell.n - 1);
+      sum->freedom += cell.n - 1;
+    }
+  }
   for (const Group& group : reduced.groups) {
     const std::size_t count = group.last_cell - group.first_cell;
-    std::vector<PooledVariance> up_to(count + 1);
+    std::vector<double> squares(count + 1, 0.0), freedom(count + 1, 0.0);
     for (std::size_t k = 0; k < count; ++k) {
       const Cell& cell = reduced.cells[group.first_cell + k];
-      up_to[k + 1] = up_to[k];
-      if (tells(cell)) up_to[k + 1].add(cell, noise);
+      const bool good = cell.smooth && cell.n > 1 && cell.sight.target >= 0;
+      squares[k + 1] = squares[k] + (good ? own_variance(cell, noise) * (cell.n - 1) : 0);
+      freedom[k + 1] = freedom[k] + (good ? cell.n - 1 : 0);
     }
     for (std::size_t k = 0; k < count; ++k) {
       const int target = reduced.cells[group.first_cell + k].sight.target;
@@ -73,12 +64,12 @@ void pool_variances(Reduced& reduced, const MeanNoise& noise) {
       while (high < count && high - k < pooled_beams &&
              reduced.cells[group.first_cell + high].sight.target == target)
         ++high;
-      const PooledVariance own = up_to[high].less(up_to[low]);
+      const double own = freedom[high] - freedom[low];
       constexpr double borrowed = 20;
-      const PooledVariance& scans = own_scans[static_cast<std::size_t>(&group - reduced.groups.data())];
+      const Sum& scans = own_scans[static_cast<std::size_t>(&group - reduced.groups.data())];
       const double prior = (scans.freedom > 60 ? scans : all).mean();
       reduced.cells[group.first_cell + k].pooled_mm2 =
-          std::max(rounding_mm2, (own.own_squares() + borrowed * prior) / (own.freedom + borrowed));
+          std::max(rounding_mm2, (squares[high] - squares[low] + borrowed * prior) / (own + borrowed));
     }
   }
 }

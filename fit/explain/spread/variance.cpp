@@ -84,6 +84,8 @@ class VarianceSearch {
   bool light_comes_and_goes(SpreadResult& result) {
     if (in_several_places_ || flickers(result) || is_accepted(result, "sunlight") || comes_and_goes_)
       return false;
+    // What whole scans have at random differs from capture to capture by chance.
+    if (result.noise.scan_range_mm2 > 0 || result.noise.scan_angle_rad2 > 0) return false;
     const auto times = light_at_times(model_, model_.variances(parts_, base_));
     if (!times) return false;
     Light light{times->centre_deg, times->width_deg, 0, times->times_s};

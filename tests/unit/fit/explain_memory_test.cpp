@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
@@ -160,40 +159,4 @@ TEST_CASE("ranges that every scan draws anew for all its beams are not said to b
     REQUIRE(result.unknown.size() == 1);
     CHECK_THAT(result.unknown.front().describes, Catch::Contains("no scan remembers the one before"));
   }
-}
-
-TEST_CASE(
-    "cells of a few scans are weighed by their neighbours' own noise, however wild each one's variance is") {
-  // Samples of variance 10 mm^2, of which 6 belong to their whole scan; six of them in a cell.
-  std::mt19937 random(1);
-  std::normal_distribution<double> normal;
-  fit::explain::Reduced reduced;
-  for (int i = 0; i < 20000; ++i) {
-    double sum = 0, squares = 0;
-    for (int k = 0; k < 6; ++k) {
-      const double sample = std::sqrt(10.0) * normal(random);
-      sum += sample;
-      squares += sample * sample;
-    }
-    fit::explain::Cell cell;
-    cell.smooth = true;
-    cell.n = 6;
-    cell.variance_mm2 = (squares - sum * sum / 6) / 5;
-    cell.sight.target = 0;
-    reduced.cells.push_back(cell);
-  }
-  fit::explain::Group group;
-  group.scans = 6;
-  group.last_cell = reduced.cells.size();
-  reduced.groups.push_back(group);
-  fit::explain::MeanNoise noise;
-  noise.scan_range_mm2 = 6;
-  fit::explain::pool_variances(reduced, noise);
-  double mean = 0, largest = 0;
-  for (const fit::explain::Cell& cell : reduced.cells) {
-    mean += cell.pooled_mm2 / 20000;
-    largest = std::max(largest, cell.pooled_mm2);
-  }
-  CHECK(mean == Approx(4).margin(0.15));
-  CHECK(largest < 12);  // single cells reach 40
 }
