@@ -9,6 +9,7 @@
 #include "rig/fitting/lidar_identity.hpp"
 #include "rig/fitting/range_source.hpp"
 #include "rig/fitting/result_document.hpp"
+#include "rig/session/session_dates.hpp"
 
 namespace rig::fittings {
 namespace {
@@ -429,7 +430,7 @@ class Range : public Fitting {
     correction.lidar_model = lidar.model, correction.lidar_serial = lidar.serial;
     correction.lidar_firmware = lidar.firmware;
     correction.validity = validity_of(source);
-    correction.created_utc = session.get("created_utc").value_or("");
+    correction.created_utc = dates_of(session).measured_utc;
     correction.software = "rig " RIG_VERSION;
     for (const FitSource& file : sources) {
       correction.session_sha256.push_back(file.session->content_hash());
