@@ -13,6 +13,8 @@ struct LidarIdentity {
   /// Every name the device has for its model: SCIP has two (PROD in its version, MODL in its parameters).
   std::vector<std::string> models;
   std::string product, model, serial, firmware;
+  /// The name it goes by: the first of `models`; empty if it has none.
+  [[nodiscard]] std::string name() const { return models.empty() ? "" : models.front(); }
 };
 
 /// From the key `lidar`: the device's answers one by one or in groups, or what an importer found.

@@ -10,7 +10,7 @@
 #include "fit/beam_statistics.hpp"
 #include "fit/median.hpp"
 #include "rig/errors.hpp"
-#include "rig/fitting/lidar_identity.hpp"
+#include "rig/fitting/one_lidar.hpp"
 #include "rig/fitting/result_document.hpp"
 
 namespace rig::fittings {

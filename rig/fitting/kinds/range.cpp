@@ -6,9 +6,10 @@
 #include <set>
 
 #include "fit/angle.hpp"
-#include "rig/fitting/lidar_identity.hpp"
+#include "rig/fitting/one_lidar.hpp"
 #include "rig/fitting/range_source.hpp"
 #include "rig/fitting/result_document.hpp"
+#include "rig/session/lidar_identity.hpp"
 #include "rig/session/session_dates.hpp"
 
 namespace rig::fittings {
@@ -426,8 +427,8 @@ class Range : public Fitting {
   static void describe(Correction& correction, const std::vector<FitSource>& sources,
                        const RangeSource& source, const fit::RangeCalibration& calibration) {
     const SessionStore& session = *sources.front().session;
-    const LidarIdentity lidar = lidar_identity(session);
-    correction.lidar_model = lidar.model, correction.lidar_serial = lidar.serial;
+    const LidarIdentity lidar = lidar_of(session);
+    correction.lidar_model = lidar.name(), correction.lidar_serial = lidar.serial;
     correction.lidar_firmware = lidar.firmware;
     correction.validity = validity_of(source);
     correction.created_utc = dates_of(session).measured_utc;

@@ -12,8 +12,9 @@
 #include "fit/selection.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/correction_source.hpp"
-#include "rig/fitting/lidar_identity.hpp"
+#include "rig/fitting/one_lidar.hpp"
 #include "rig/fitting/result_document.hpp"
+#include "rig/session/lidar_identity.hpp"
 
 namespace rig::fittings {
 namespace {
@@ -375,15 +376,14 @@ class Validation : public Fitting {
   static void warn_of_another_lidar(json& out, const std::vector<FitSource>& sources,
                                     const fit::Correction& correction) {
     for (const FitSource& source : sources) {
-      const LidarIdentity lidar = lidar_identity(*source.session);
-      const auto differs = [](const std::string& a, const std::string& b) {
-        return !a.empty() && !b.empty() && a != b;
-      };
-      if (differs(lidar.model, correction.lidar_model) || differs(lidar.serial, correction.lidar_serial))
+      const LidarIdentity lidar = lidar_of(*source.session);
+      const bool other_firmware = !lidar.firmware.empty() && !correction.lidar_firmware.empty() &&
+                                  lidar.firmware != correction.lidar_firmware;
+      if (match_lidar(correction.lidar_model, correction.lidar_serial, lidar).another)
         out["notes"].push_back("The correction belongs to another lidar (" + correction.lidar_model + " " +
                                correction.lidar_serial + ") than " + source.path + " (" +
                                lidar_in_words(*source.session) + "): these figures say nothing of either.");
-      else if (differs(lidar.firmware, correction.lidar_firmware))
+      else if (other_firmware)
         out["notes"].push_back("The correction was measured with firmware " + correction.lidar_firmware +
                                ", " + source.path + " with " + lidar.firmware + ".");
     }

@@ -8,14 +8,7 @@
 
 namespace rig {
 
-/// Who recorded a session, as the lidar told it; empty where it did not.
-struct LidarIdentity {
-  std::string model, serial, firmware;
-};
-
-[[nodiscard]] LidarIdentity lidar_identity(const SessionStore& session);
-
-/// "UST-10LX H1234567"; the bench's model where the session has neither.
+/// "UST-10LX H1234567", as the lidar told it; the bench's model where the session has none.
 [[nodiscard]] std::string lidar_in_words(const SessionStore& session);
 
 /// Throws UsageError, with both names and what to do, unless all sessions are of one lidar. Sessions that do
