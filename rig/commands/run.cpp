@@ -238,7 +238,8 @@ class Run : public Command {
     if (failure) std::rethrow_exception(failure);
     if (stopped || !stage) throw RunStopped("Stopped by the operator before anything moved.");
     io.restart();
-    RunnerParts parts{*lidar, *stage, *clock, *person, fit_function(), write_report};
+    const auto write = [](const std::string& file, const std::string& output) { write_report(file, output); };
+    RunnerParts parts{*lidar, *stage, *clock, *person, fit_function(), write};
     Runner runner(procedure, bench, session, parts);
     return conduct(io, runner, bench, session, started);
   }
