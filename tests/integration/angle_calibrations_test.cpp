@@ -6,7 +6,8 @@
 
 #include "fit/angle.hpp"
 #include "rig/fitting/fitting.hpp"
-#include "rig/report/report.hpp"
+#include "rig/report/certificate.hpp"
+#include "rig/report/certificate_page.hpp"
 #include "sim/simple_engine.hpp"
 #include "tests/support/results.hpp"
 
