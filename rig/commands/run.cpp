@@ -152,17 +152,15 @@ class Run : public Command {
     return values;
   }
 
-  /// Found before the devices are touched; a new session's folder is looked at by the session itself.
+  /// Found before the devices are touched. A file that is there is resumed, or refused by the session itself.
   void demand_place_to_write() const {
     std::error_code missing;
-    const auto kind = std::filesystem::status(out_, missing).type();
-    if (kind == std::filesystem::file_type::directory)
-      throw UsageError("--out " + out_ + " is a folder. Give the name of a file in it, as in --out " +
-                       (std::filesystem::path(out_) / "session.rig").string() + ".");
-    if (kind != std::filesystem::file_type::regular && kind != std::filesystem::file_type::not_found)
-      throw UsageError("--out " + out_ +
-                       " cannot hold a session: it is a device or a pipe, or its folder may not be entered. "
-                       "Give the name of a file.");
+    const auto type = std::filesystem::status(out_, missing).type();
+    if (type == std::filesystem::file_type::regular) return;
+    check_outputs({{out_, "session.rig"}});
+    if (is_no_plain_file(out_))
+      throw UsageError("cannot write " + out_ +
+                       ": a device or a pipe cannot hold a session. Give the name of a file.");
   }
 
   bool continues() const {

@@ -25,6 +25,19 @@ std::string kinds_in_words() {
   return out;
 }
 
+void refuse_clusters(const std::string& kind, const std::vector<FitSource>& sources) {
+  for (const FitSource& source : sources) {
+    if (!source.session) continue;
+    for (const fit::CaptureInfo& capture : source.session->recording()->captures())
+      if (capture.cluster > 1)
+        throw UsageError(source.path + ", capture " + std::to_string(capture.id) + " ('" + capture.step +
+                         "') was recorded in clusters of " + std::to_string(capture.cluster) +
+                         " steps: the lidar sent the nearest range of each, which is too short for the "
+                         "calibration '" +
+                         kind + "', made for single beams. Record it with 'cluster: 1'");
+  }
+}
+
 /// A number, or 0 when it is missing or null.
 double number_in(const nlohmann::json& object, const char* key) {
   const auto found = object.find(key);
@@ -66,6 +79,7 @@ nlohmann::json run_fit(const std::string& kind, const std::vector<FitSource>& so
       throw UsageError(source.path + " is not a session file (*.rig), which the calibration '" + kind +
                        "' needs: make one with 'rig run' or 'rig import'");
   if (sources.empty()) throw UsageError("the calibration '" + kind + "' needs at least one session");
+  if (!fitting.accepts_clusters()) refuse_clusters(kind, sources);
   return fitting.run(sources, checked);
 }
 

@@ -112,10 +112,10 @@ TEST_CASE("a place that cannot hold a session is refused before anything moves, 
   bench.write("p.yaml", "procedure: test\nsteps:\n  - home\n");
   bench.write("plain", "no folder");
   const std::vector<std::pair<std::string, std::string>> places = {
-      {bench.folder / "", "is a folder. Give the name of a file in it"},
+      {bench.folder / "", "it is a folder, where the name of a file is expected"},
       {"/dev/null", "Give the name of a file"},
-      {bench.folder / "none/out.rig", "Make the folder first"},
-      {bench.folder / "plain/out.rig", "no such folder"}};
+      {bench.folder / "none/out.rig", "Make it first"},
+      {bench.folder / "plain/out.rig", "is no folder. Choose another place"}};
   for (const auto& [place, remedy] : places) {
     auto words = bench.command(bench.folder / "p.yaml");
     words.back() = place;

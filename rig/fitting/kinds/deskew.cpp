@@ -14,6 +14,7 @@ class Deskew : public Fitting {
   std::string describes() const override {
     return "motion distortion, before and after its correction, against the scene at rest";
   }
+  bool accepts_clusters() const override { return true; }
   std::vector<FitOption> options() const override {
     return {
         {.name = "scans_per_capture",

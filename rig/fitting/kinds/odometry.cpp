@@ -244,6 +244,7 @@ class Odometry : public Fitting {
     return "wheel radii, wheel separation and the lidar's pose on the robot, from wheels and scans";
   }
   bool accepts_files() const override { return true; }
+  bool accepts_clusters() const override { return true; }
   std::vector<FitOption> options() const override {
     using Type = FitOption::Type;
     const fit::DriveOptions drive;

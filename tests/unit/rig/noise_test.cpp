@@ -99,6 +99,20 @@ TEST_CASE("noise: sessions of one lidar before one scene are taken together, oth
   refused(other_pattern, "their scan patterns differ (1081 beams of 0.25 deg at 40 Hz; 541 beams");
 }
 
+TEST_CASE("a calibration for single beams refuses captures in clusters, by name and with what to do") {
+  const TestFolder folder;
+  Recorded session(folder / "clusters.rig", 1);
+  session.capture(60, 50, 5);
+  CHECK_NOTHROW(noise_of({session.source()}));
+  fit::CaptureInfo merged;
+  merged.step = "merged", merged.last_step = 59, merged.cluster = 3;
+  session.store().commit_capture(session.store().begin_capture(merged));
+  CHECK_THROWS_AS(noise_of({session.source()}), rig::UsageError);
+  CHECK_THROWS_WITH(noise_of({session.source()}), Catch::Contains("capture 2 ('merged')") &&
+                                                      Catch::Contains("clusters of 3") &&
+                                                      Catch::Contains("cluster: 1"));
+}
+
 TEST_CASE("noise: captures during which the lidar moved are no noise, however the session tells it") {
   const TestFolder folder;
   Recorded session(folder / "moving.rig", 1);
