@@ -15,6 +15,7 @@
 #include "rig/errors.hpp"
 #include "rig/fitting/fitting.hpp"
 #include "rig/live/live_server.hpp"
+#include "rig/output_place.hpp"
 #include "rig/report/report.hpp"
 #include "rig/runner/bench_file.hpp"
 #include "rig/runner/operators.hpp"
