@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <set>
 #include <utility>
@@ -88,6 +89,20 @@ std::optional<LightAtTimes> light_at_times(const VarianceModel& model, const std
     if (p.time_s >= best->times_s.from && p.time_s <= best->times_s.to) captures.insert(p.capture);
   best->seen = captures.size();
   return best;
+}
+
+bool is_as_weak_elsewhere(const std::vector<Pool>& pools, const Column& column) {
+  constexpr double without_light = 0.1, hardly_stronger = 1.01;
+  double weakest = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < pools.size(); ++i)
+    if (column[i] < without_light) weakest = std::min(weakest, pools[i].intensity);
+  double all = 0, met = 0;
+  for (std::size_t i = 0; i < pools.size(); ++i) {
+    if (column[i] < without_light) continue;
+    all += pools[i].freedom * column[i];
+    if (weakest <= hardly_stronger * pools[i].intensity) met += pools[i].freedom * column[i];
+  }
+  return 2 * met > all;
 }
 
 }  // namespace fit::explain::spread

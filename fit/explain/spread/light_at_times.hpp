@@ -22,4 +22,8 @@ struct LightAtTimes {
 [[nodiscard]] std::optional<LightAtTimes> light_at_times(const VarianceModel& model,
                                                          const std::vector<double>& variances);
 
+/// Whether most of what light in `column` would reach is met elsewhere, or at other times, by echoes as weak
+/// or weaker. Otherwise nobody can say that it is not the noise of so weak echoes.
+[[nodiscard]] bool is_as_weak_elsewhere(const std::vector<Pool>& pools, const Column& column);
+
 }  // namespace fit::explain::spread

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <numeric>
 #include <optional>
 #include <set>
@@ -192,6 +193,11 @@ struct WindowInTime {
   std::size_t captures = 0;  ///< That take part.
 };
 
+bool is_within(const WindowInTime& window, const Count& c) {
+  return c.time_s > window.times_s.from && c.time_s < window.times_s.to &&
+         (window.at_all_angles || std::abs(c.beam_deg - window.centre_deg) < window.width_deg);
+}
+
 /// The best one, its price paid; none where there are not several times.
 std::optional<WindowInTime> best_window_in_time(const Counts& counts) {
   std::set<double> different;
@@ -240,11 +246,26 @@ std::optional<WindowInTime> best_window_in_time(const Counts& counts) {
   best->u_to_s = (after - times[last_time]) / std::sqrt(12.0);
   std::set<int> captures;
   for (const Count& c : counts.cells)
-    if (c.lost > 0 && c.time_s > best->times_s.from && c.time_s < best->times_s.to &&
-        (best->at_all_angles || std::abs(c.beam_deg - best->centre_deg) < best->width_deg))
-      captures.insert(c.capture);
+    if (c.lost > 0 && is_within(*best, c)) captures.insert(c.capture);
   best->captures = captures.size();
   return best;
+}
+
+/// Whether echoes as weak as most of those lost within, or weaker, come back elsewhere or at other times.
+/// Otherwise nobody can say that they were not too weak.
+bool as_weak_come_back(const WindowInTime& window, const Counts& counts) {
+  constexpr double hardly_stronger = 1.01;
+  double weakest = std::numeric_limits<double>::infinity();
+  for (const Count& c : counts.cells)
+    if (!is_within(window, c) && 2 * c.lost < c.all) weakest = std::min(weakest, c.intensity);
+  double lost = 0, strong = 0;
+  for (const Count& c : counts.cells) {
+    if (!is_within(window, c)) continue;
+    lost += c.lost;
+    // How weak those are of which nothing came back, nobody knows.
+    if (c.lost < c.all && weakest <= hardly_stronger * c.intensity) strong += c.lost;
+  }
+  return 2 * strong > lost;
 }
 
 /// Light hides echoes where and while it falls in; what a single capture shows, or all angles do, may be
@@ -343,7 +364,8 @@ void losses(const Reduced& reduced, SpreadResult& result) {
   const auto in_time = best_window_in_time(counts);
   if (in_time && in_time->elsewhere < nearly_all * counts.lost &&
       in_time->log_likelihood >
-          clearly + std::max({constant, threshold.log_likelihood, window.log_likelihood})) {
+          clearly + std::max({constant, threshold.log_likelihood, window.log_likelihood}) &&
+      as_weak_come_back(*in_time, counts)) {
     if (light) return;
     const double gain = in_time->log_likelihood - none;
     return tell(*in_time, gain, gain - price, result);

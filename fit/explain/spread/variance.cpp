@@ -96,6 +96,7 @@ class VarianceSearch {
     const Column column = times->at_all_angles
                               ? between_times(pools(), Column(pools().size(), 1), light.times_s)
                               : column_of(light);
+    if (has_intensity_ && !is_as_weak_elsewhere(pools(), column)) return false;
     double gain = 0;
     const Estimate size = fit_with(column, gain).last();
     Suspect suspect = suspected("sunlight");
