@@ -2,6 +2,7 @@
 #include "rig/procedure/procedure_plan.hpp"
 
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 
 namespace rig {
@@ -33,6 +34,7 @@ class Unroller {
       }
       Variables all = plan_.variables;
       for (const auto& [name, value] : loop) all[name] = value;
+      std::map<std::string, int> times;
       for (const Variables& own : iterations(step.options, all)) {
         Variables inner = loop;
         std::string label = turn;
@@ -40,6 +42,8 @@ class Unroller {
           inner[name] = value;
           label += "[" + name + "=" + to_text(value) + "]";
         }
+        // What is done is known by its label: another turn of the same values needs one of its own.
+        if (const int time = ++times[label]; time > 1) label += "[time " + std::to_string(time) + "]";
         auto path = turns;
         path.push_back(step.ordinal + label);
         walk(step.steps, inner, label, path);

@@ -81,10 +81,6 @@ std::vector<Variables> listed_turns(const Node& list, const Variables& variables
                                "this turn lacks '" + name +
                                    "', which the first has; all turns of a for-each have the same "
                                    "variables.");
-    if (std::ranges::find(turns, turn) != turns.end())
-      throw ProcedureError(item.place,
-                           "this turn stands here twice; give one of the two another value, or a variable "
-                           "that counts them.");
     turns.push_back(std::move(turn));
   }
   return turns;

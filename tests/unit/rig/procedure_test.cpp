@@ -213,6 +213,11 @@ TEST_CASE("a for-each takes its turns from a list, or each value with each") {
   };
   CHECK(keys(planned("  - for-each: [{n: 3, side: left}, {n: 4, side: right}]\n" + capture)) ==
         "1.1[n=3][side=left] 1.1[n=4][side=right] ");
+  // A turn of the same values is another turn, not one that was done already.
+  CHECK(keys(planned("  - for-each: [{n: 3}, {n: 4}, {n: 3}]\n" + capture)) ==
+        "1.1[n=3] 1.1[n=4] 1.1[n=3][time 2] ");
+  CHECK(keys(planned("  - for-each: {n: [3, 3, 3]}\n" + capture)) ==
+        "1.1[n=3] 1.1[n=3][time 2] 1.1[n=3][time 3] ");
   CHECK(planned("  - for-each: {n: [3, 4], side: [left, right]}\n" + capture).size() == 4);
   const auto refused = [&](const std::string& turns, const char* words) {
     INFO(turns);
@@ -221,7 +226,6 @@ TEST_CASE("a for-each takes its turns from a list, or each value with each") {
   };
   refused("[{n: 3}, {m: 4}]", "the first turn has no 'm'");
   refused("[{n: 3, side: left}, {n: 4}]", "this turn lacks 'side'");
-  refused("[{n: 3}, {n: 3}]", "stands here twice");
   refused("[3, 4]", "a turn of a for-each is written {name: value, ...}");
   refused("[]", "or a list of turns");
 }

@@ -314,6 +314,17 @@ TEST_CASE("a capture holds exactly the scans and beams that were asked for") {
   CHECK(rig.stage.stops >= 1);
 }
 
+TEST_CASE("a for-each that comes to a value again measures there again") {
+  Rig rig(
+      "  - home\n  - for-each: {at_deg: [-5, 0, 5, 0]}\n    steps:\n      - move: {to_deg: \"${at_deg}\"}\n"
+      "      - capture: {samples: 3}\n");
+  CHECK(rig.run());
+  const auto captures = rig.captures();
+  REQUIRE(captures.size() == 4);
+  CHECK(captures[3].stage_deg == 0);
+  CHECK(captures[3].approach == captures[1].approach);  // from the procedure's side, from wherever it came
+}
+
 TEST_CASE("every stop of a sweep is reached from the same side") {
   Rig rig("  - home\n  - sweep: {start_deg: 1, stop_deg: 0, step_deg: 0.25, samples: 2}\n");
   rig.run();
