@@ -28,7 +28,8 @@ std::string kinds_in_words() {
 void refuse_clusters(const std::string& kind, const std::vector<FitSource>& sources) {
   for (const FitSource& source : sources) {
     if (!source.session) continue;
-    for (const fit::CaptureInfo& capture : source.session->recording()->captures())
+    const auto recording = source.session->recording();
+    for (const fit::CaptureInfo& capture : recording->captures())
       if (capture.cluster > 1)
         throw UsageError(source.path + ", capture " + std::to_string(capture.id) + " ('" + capture.step +
                          "') was recorded in clusters of " + std::to_string(capture.cluster) +
