@@ -79,8 +79,8 @@ std::string figures(const Limit& limit, double value, double expanded, const std
   if (limit.min && limit.max)
     allowed = to_text(*limit.min) + " to " + with_unit(to_text(*limit.max), unit);
   else if (limit.min || limit.max)
-    allowed =
-        (limit.min ? "at least " : "at most ") + with_unit(to_text(limit.min.value_or(*limit.max)), unit);
+    allowed = (limit.min ? "at least " : "at most ") +
+              with_unit(to_text(limit.min ? *limit.min : *limit.max), unit);
   if (limit.max_expanded)
     allowed +=
         (allowed.empty() ? "U at most " : ", U at most ") + with_unit(to_text(*limit.max_expanded), unit);
