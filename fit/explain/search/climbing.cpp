@@ -104,6 +104,11 @@ Hypothesis from_unnamed(Fitting& fitting, const Hypothesis& empty) {
   return best;
 }
 
+/// Whether only the coordinate of a term is certain, and a form is a function of that.
+bool is_free_along(const Term& term, const Shape& shape) {
+  return has_free_curve(*term.mechanism) && term.mechanism->coordinate == shape.coordinate;
+}
+
 /// Two mechanisms together may look like a third one: from those that explain a good part of what the best
 /// one does, with one more.
 Hypothesis from_parts(Fitting& fitting, const Hypothesis& empty, const Hypothesis& best) {
@@ -160,12 +165,15 @@ Hypothesis explored(Fitting& fitting, Hypothesis empty, const Progress& progress
   return best;
 }
 
+bool says_any_curve_of(const Term& term, const Shape& shape) {
+  return is_free_along(term, shape) && !shape.form->tells_a_place;
+}
+
 double preference(const Hypothesis& named, const Hypothesis& unnamed) {
   double sum = 0;
   for (const Shape& shape : unnamed.shapes) {
-    const bool same = std::ranges::any_of(named.terms, [&](const Term& term) {
-      return has_free_curve(*term.mechanism) && term.mechanism->coordinate == shape.coordinate;
-    });
+    const bool same =
+        std::ranges::any_of(named.terms, [&](const Term& term) { return is_free_along(term, shape); });
     if (shape.form->tells_a_place)
       sum += same ? 0 : odds::worth_a_name_beside_a_place;
     else

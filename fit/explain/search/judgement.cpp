@@ -19,9 +19,7 @@ namespace {
 constexpr double hardly_worse = 2.2, most_behind = 12;  // a rival that is simply more adjustable
 
 /// Then the name says the same as that the bench file is wrong.
-bool says_where_a_target_stands(const Term& term) {
-  return static_cast<bool>(term.mechanism->displaces);
-}
+bool says_where_a_target_stands(const Term& term) { return static_cast<bool>(term.mechanism->displaces); }
 
 /// Whether a term was set aside, because the bench file's uncertainties alone speak for it.
 bool is_set_aside(const MeanResult& result, const Term& term) {
@@ -134,6 +132,7 @@ class Judgement {
       const Hypothesis other = fitting_.extended(less, candidate);
       Rival rival = rival_of(best_, other, by_form);
       if (rival.behind < -clearly && (!better || better->evidence < other.evidence)) better = other;
+      if (by_form && rival.behind > -clearly && says_any_curve_of(best_.terms[term], *rival.shape)) continue;
       if (by_form)
         rival.behind = std::max(std::min(0.0, rival.behind), rival.behind - odds::more_than_forms_show);
       rivals.push_back(rival);
