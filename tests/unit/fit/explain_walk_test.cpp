@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: MIT
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <functional>
+#include <random>
+
+#include "fit/explain/explanation.hpp"
+#include "synthetic_recording.hpp"
+
+namespace {
+
+using fit::explain::Explanation;
+
+/// A wall, bright and dark, at distances from half a metre to four: how late an echo is measured is a
+/// function of its strength (1: white, square on, at 1 m).
+Explanation explanation_of_wall(const std::function<double(double echo)>& late_mm, unsigned seed) {
+  const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 101,
+    "front_step": 50, "step_deg": 1, "scan_hz": 40}, "targets": [{"name": "wall", "from_mm": [600, -20000],
+    "to_mm": [600, 20000], "u_mm": 1, "reflectance": 0.85}],
+    "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 4, "u": 0.2}}}]})");
+  std::mt19937 random(seed);
+  std::normal_distribution<double> noise(0, 4);
+  SyntheticRecording recording(
+      bench, [&](const fit::CaptureInfo& capture, std::int64_t, std::vector<std::uint16_t>& range,
+                 std::vector<std::uint16_t>& intensity) {
+        for (std::size_t i = 0; i < range.size(); ++i) {
+          const double slant = (static_cast<double>(i) - 50) * fit::rad_per_deg,
+                       far = (600 + capture.target_shift_mm) / std::cos(slant),
+                       echo = *capture.reflectance * std::cos(slant) * std::pow(1000 / far, 2);
+          range[i] = static_cast<std::uint16_t>(std::lround(far + late_mm(echo) + noise(random)));
+          intensity[i] = static_cast<std::uint16_t>(std::lround(1200 * std::sqrt(echo)));
+        }
+      });
+  fit::CaptureInfo capture;
+  capture.last_step = 100;
+  capture.target = "wall";
+  for (const double shift_mm : {0., 700., 1900., 3700.})
+    for (const double reflectance : {0.85, 0.3, 0.08}) {
+      capture.target_shift_mm = shift_mm;
+      capture.reflectance = reflectance;
+      recording.add(capture, 20);
+    }
+  return fit::explain::explain({&recording}, {});
+}
+
+/// Where a Gaussian pulse of that standard deviation crosses a fixed threshold, before its middle.
+double crossing_mm(double echo) {
+  constexpr double pulse_mm = 0.6, threshold = 0.0005;
+  return -pulse_mm * std::sqrt(2 * std::log(echo / threshold));
+}
+
+}  // namespace
+
+TEST_CASE("the walk of a pulse that no formula of ours describes is told as a walk, and not left open") {
+  const auto seed = GENERATE(range(1U, 7U));
+  const Explanation e =
+      explanation_of_wall([](double echo) { return crossing_mm(echo) - crossing_mm(1); }, seed);
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  CHECK(e.mechanisms.front().mechanism->id == "range-walk");
+  CHECK(e.mechanisms.front().probability > 0.9);
+  CHECK(e.undecided_between.empty());
+}
+
+TEST_CASE("a place among the echoes at which ranges jump is no walk for certain") {
+  const Explanation e = explanation_of_wall([](double echo) { return echo > 0.1 ? 6.0 : 0.0; }, 4);
+  INFO(to_text(e));
+  CHECK((e.unknown || !e.undecided_between.empty()));
+  for (const auto& found : e.mechanisms) CHECK(found.probability <= 0.9);
+}
