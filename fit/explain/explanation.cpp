@@ -119,9 +119,15 @@ Located located(const Unexplained& u) {
   return {u.coordinate, u.from, u.to, u.observable, std::exp(-std::min(600.0, u.evidence))};
 }
 
-/// What stray light pulls out of place near an edge is no wide beam's doing.
+/// What stray light pulls out of place near an edge is no wide beam's doing; nor any other physics: how far
+/// its halo reaches differs from receiver to receiver, so that means near edges are left out.
 void take_off_stray_light(Reduced& reduced, double leak) {
+  constexpr double reach_rad = 1.3 * rad_per_deg;  // a degree, and what is not known of the edges' places
   for (Cell& cell : reduced.cells) {
+    if (cell.smooth && std::abs(cell.at.edge_rad) < reach_rad) {
+      cell.smooth = false;
+      ++reduced.left_out;
+    }
     if (cell.far_share < 0 || !(cell.at.gap_mm > 0)) continue;
     const double pulled = leak * cell.at.pull_mm / cell.at.gap_mm;
     if (pulled == 0) continue;
@@ -150,6 +156,19 @@ Mechanism bias_of_rounding(double step_mm, double sigma_mm) {
     return Effect{.range_mm = sum};
   };
   return m;
+}
+
+bool is_crosstalk(const Term& term) { return term.mechanism->id == "crosstalk"; }
+
+bool names_crosstalk(const MeanResult& means) { return std::ranges::any_of(means.best.terms, is_crosstalk); }
+
+/// As if the search had not met crosstalk: the beams beside edges, which it does not look at, say more. What
+/// has no name may have been crosstalk as well.
+MeanResult without_crosstalk(MeanResult means) {
+  if (!names_crosstalk(means)) return means;
+  std::erase_if(means.best.terms, is_crosstalk);
+  means.best.shapes.clear();
+  return means;
 }
 
 Reduced reduce_all(const Together& together, const Progress& progress) {
@@ -556,9 +575,8 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
   };
   MeanResult means = search_means(reduced, spread.noise, searched);
   std::optional<StrayLight> light;
-  if (!reduced.bench.knows("crosstalk") &&
-      std::ranges::none_of(means.best.terms, [](const Term& t) { return t.mechanism->id == "crosstalk"; }))
-    light = stray_light(reduced, means);
+  if (!reduced.bench.knows("crosstalk")) light = stray_light(reduced, without_crosstalk(means));
+  if (light && light->or_mixed_pixel && names_crosstalk(means)) light.reset();
   if (light && !light->or_mixed_pixel) {
     // What reaches beams farther from edges is no other physics.
     reduced.bench.known.push_back({"crosstalk", light->suspect.parameters, {}});
