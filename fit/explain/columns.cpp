@@ -284,7 +284,12 @@ Columns freedom_columns(const MeanModel& model, const Term& term) {
     curve.coordinate = coordinate;
     curve.length = 0.1;
     curve.size = formula_error * std::sqrt(std::max(0.0, range2 / count - std::pow(range1 / count, 2)));
-    return curve.size > 0 ? columns_of(model, curve) : c;
+    if (!(curve.size > 0)) return c;
+    c = columns_of(model, curve);
+    // Bends of an effect fade out as it does itself: what shows only where it has gone is something else.
+    const Eigen::VectorXd there = whole.cwiseAbs() / range;
+    for (Eigen::Index k = 0; k < c.columns_mm.cols(); ++k) c.columns_mm.col(k).array() *= there.array();
+    return c;
   }
   const bool harmonic =
       std::ranges::any_of(mechanism.parameters, [](const Parameter& p) { return p.role == Role::phase; });
