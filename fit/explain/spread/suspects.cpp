@@ -29,6 +29,10 @@ bool is_steeper_than_a_receiver(const Suspect& suspect) {
   return is(suspect, "intensity-noise") && suspect.parameters.at("exponent").value > steepest_of_noise;
 }
 
+bool holds_steep_noise(const std::vector<Suspect>& set) {
+  return std::ranges::any_of(set, is_steeper_than_a_receiver);
+}
+
 double price_of_size(double gain) { return 0.5 * std::log(1 + 2 * std::max(0.0, gain)) + 0.7; }
 
 Estimate root(const Estimate& square) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <vector>
+
 #include "fit/explain/odds.hpp"
 #include "fit/explain/spread.hpp"
 
@@ -23,6 +25,7 @@ constexpr double steepest_of_noise = 5;
 [[nodiscard]] bool is_suspected(const SpreadResult& result, const char* id);
 /// Noise of weak echoes that grows more steeply than a receiver's own does.
 [[nodiscard]] bool is_steeper_than_a_receiver(const Suspect& suspect);
+[[nodiscard]] bool holds_steep_noise(const std::vector<Suspect>& set);
 
 /// Log of what one size costs that was found with that gain of the log-likelihood.
 [[nodiscard]] double price_of_size(double gain);

@@ -86,38 +86,37 @@ class VarianceSearch {
       return false;
     // What whole scans have at random differs from capture to capture by chance.
     if (result.noise.scan_range_mm2 > 0 || result.noise.scan_angle_rad2 > 0) return false;
-    const auto times = light_at_times(model_, model_.variances(parts_, base_));
-    if (!times) return false;
-    Light light{times->centre_deg, times->width_deg, 0, times->times_s};
-    if (!times->at_all_angles) {
+    const auto found = light_at_times(model_, model_.variances(parts_, base_));
+    if (!found) return false;
+    const auto& [place, times_s, u_from_s, u_to_s] = found->where_and_when;
+    Light light{place.centre_deg, place.width_deg, 0, times_s};
+    if (!place.everywhere) {
       light.gain = gain_of_light(light);
       light = refined(light, suspected("sunlight").mechanism->parameters[2]);
     }
-    const Column column = times->at_all_angles
-                              ? between_times(pools(), Column(pools().size(), 1), light.times_s)
-                              : column_of(light);
-    if (has_intensity_ && !is_as_weak_elsewhere(pools(), column)) return false;
+    const Column column = place.everywhere ? between_times(pools(), Column(pools().size(), 1), light.times_s)
+                                           : column_of(light);
+    if (has_intensity_ && !reaches_no_weaker_echoes(pools(), column)) return false;
     double gain = 0;
     const Estimate size = fit_with(column, gain).last();
     Suspect suspect = suspected("sunlight");
     suspect.gain = gain;
-    suspect.evidence =
-        gain - price_of_size(gain) - odds::against_place(gain, times->places) -
-        (times->at_all_angles ? 0 : odds::against_place(gain, 20) + odds::against_place(gain, 2));
+    suspect.evidence = gain - price_of_size(gain) - odds::against_place(gain, found->spans) -
+                       (place.everywhere ? 0 : odds::against_place(gain, 20) + odds::against_place(gain, 2));
     if (suspect.evidence < accept_rare_at) return false;
     for (const Suspect& other : {has_intensity_ ? intensity_noise() : Suspect{}, sunlight(), angle_jitter()})
       if (other.evidence + told_apart_at > suspect.evidence) return false;
-    if (!times->at_all_angles) {
+    if (!place.everywhere) {
       suspect.parameters = parameters_of(light);
-      suspect.parameters["from_s"] = {light.times_s.from, times->u_from_s};
-      suspect.parameters["to_s"] = {light.times_s.to, times->u_to_s};
+      suspect.parameters["from_s"] = {light.times_s.from, u_from_s};
+      suspect.parameters["to_s"] = {light.times_s.to, u_to_s};
     }
     const auto unseen = model_.unseen_gain(parts_, column);
-    const bool confirmed = unseen.value_or(-1) > 0 && times->seen > 1;
-    if (confirmed && !times->at_all_angles) {
+    const bool confirmed = unseen.value_or(-1) > 0 && found->seen > 1;
+    if (confirmed && !place.everywhere) {
       result.accepted.push_back(suspect);
     } else if (confirmed || suspect.evidence > beyond_doubt) {
-      tell_noise_at_times(suspect, light, times->at_all_angles, root(size).value, result);
+      tell_noise_at_times(suspect, light, place.everywhere, root(size).value, result);
     } else {
       return false;
     }

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/spread/losses/counts.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fit/angle.hpp"
+#include "fit/explain/spread/losses/sure_hits.hpp"
+
+namespace fit::explain::spread {
+
+Counts count(const Reduced& reduced, bool near_threshold) {
+  Counts counts;
+  for (std::size_t i = 0; i < reduced.cells.size(); ++i) {
+    const Cell& cell = reduced.cells[i];
+    if (cell.n + cell.lost == 0) continue;
+    if (std::abs(cell.at.incidence_rad) > 75 * rad_per_deg || may_miss_its_target(reduced, i, near_threshold))
+      continue;
+    const double all = cell.n + cell.stray + cell.lost;
+    counts.cells.push_back({cell.at.intensity, cell.beam_rad * deg_per_rad, static_cast<double>(cell.lost),
+                            all, cell.at.time_s,
+                            reduced.groups[static_cast<std::size_t>(cell.group)].capture});
+    counts.lost += cell.lost;
+    counts.all += all;
+  }
+  // Cells that lost everything are as dark as the darkest seen.
+  for (const Count& c : counts.cells)
+    if (std::isfinite(c.intensity)) counts.darkest = std::min(counts.darkest, c.intensity);
+  for (Count& c : counts.cells)
+    if (!std::isfinite(c.intensity)) c.intensity = counts.darkest;
+  return counts;
+}
+
+}  // namespace fit::explain::spread
