@@ -76,6 +76,12 @@ std::vector<double> Mechanism::values(const std::map<std::string, Estimate>& giv
   return list;
 }
 
+std::optional<std::size_t> Mechanism::parameter_of(Parameter::Scale scale) const {
+  const auto found = std::ranges::find(parameters, scale, &Parameter::scale);
+  if (found == parameters.end()) return {};
+  return static_cast<std::size_t>(found - parameters.begin());
+}
+
 const std::vector<Mechanism>& catalogue() {
   static const std::vector<Mechanism> mechanisms = mechanisms::all();
   return mechanisms;

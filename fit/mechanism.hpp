@@ -5,6 +5,7 @@
 #include <functional>
 #include <limits>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -101,8 +102,17 @@ struct Parameter {
     phase,  ///< Degrees; turns the size before it: size * sin(x + phase).
     shape   ///< Anything else: searched between its bounds.
   };
+  /// What a shape measures along the mechanism's coordinate, where that tells a search how to look for it.
+  enum class Scale {
+    other,
+    decay,       ///< Over which the effect fades by 1/e. At its bounds it is no fading any more.
+    wavelength,  ///< Of a sine. Where only regular places were recorded, several look alike.
+    gear,  ///< Of a sine that gears make, in degrees of a turn: a short one is a turn by a whole number.
+    bin    ///< To multiples of which the coordinate is rounded. No two that differ by much look alike.
+  };
   std::string name;
   Role role = Role::size;
+  Scale scale = Scale::other;
   double typical = 1;   ///< Size: standard deviation of the prior around `expected`.
   double expected = 0;  ///< Shape: what a bench file that leaves it out means; 0: the lower bound.
   double largest = std::numeric_limits<double>::infinity();  ///< Size: what physics allows at most.
@@ -120,6 +130,21 @@ struct Finding {
   double largest_at = 0;  ///< Where on the mechanism's coordinate, in the coordinate's own file unit.
   [[nodiscard]] Estimate at(const std::string& name) const;
 };
+
+/// A stretch of a coordinate, in its file unit.
+struct Stretch {
+  Coordinate coordinate = Coordinate::beam;
+  double from = 0, to = 0;
+};
+
+/// What was recorded of a mechanism's coordinate, in its file unit.
+struct Recorded {
+  double from = 0, to = 0;
+  double scan_hz = 0;
+};
+
+/// What a bench file states about the lidar's mount, as answers name it beside mechanisms.
+inline constexpr const char *mount_offset = "mount-offset", *mount_yaw = "mount-yaw";
 
 /// One physical mechanism of the catalogue. Each lives in its own file mechanisms/NAME.cpp, which defines
 /// `fit::Mechanism fit::mechanisms::make_NAME()`; the build finds it by its name. The same `act` serves the
@@ -140,11 +165,18 @@ struct Mechanism {
   /// Of a mechanism that is nothing but another place of its target, whose effect is not proportional to its
   /// size: that place. Who has the geometry moves the target instead of calling `act`.
   std::function<Displacement(std::span<const double> values)> displaces;
+  /// Other names of the same thing for whoever sees a plane of one bench: ids, `mount_offset` or `mount_yaw`.
+  /// Only sizes could tell them apart, and sizes are a prior, not evidence.
+  std::vector<std::string> same_in_plane;
+  /// Where most of the effect is, of what was recorded; empty: wherever something was.
+  std::function<std::vector<Stretch>(const Finding&, const Recorded&)> shows;
   std::function<std::string(const Finding&)> says;
   /// What separates it from its rivals: one clause for the operator.
   std::string separate;
 
   [[nodiscard]] std::vector<double> values(const std::map<std::string, Estimate>& parameters) const;
+  /// Index of the parameter that measures such a scale, if there is one.
+  [[nodiscard]] std::optional<std::size_t> parameter_of(Parameter::Scale scale) const;
 };
 
 /// The whole catalogue, in alphabetical order.

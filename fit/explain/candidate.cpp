@@ -23,16 +23,17 @@ double places_of(const Parameter& p) { return std::max(1.5, p.starts / 3.0); }
 
 /// Periods of gears are whole fractions of a turn.
 bool possible(const Mechanism& m, const std::vector<double>& values, std::optional<double> spacing_deg) {
-  if (m.id != "stage-periodic") return true;
-  const double period = values[2];
+  const auto gear = m.parameter_of(Parameter::Scale::gear);
+  if (!gear) return true;
+  const double period = values[*gear];
   if (spacing_deg && looks_slow(period, *spacing_deg)) return false;
   if (period < 24) return true;
   return std::abs(360 / period - std::round(360 / period)) < 0.02;
 }
 
-std::vector<double> starts_of(const Mechanism& m, const Parameter& p) {
+std::vector<double> starts_of(const Parameter& p) {
   std::vector<double> list;
-  if (m.id == "stage-periodic") {
+  if (p.scale == Parameter::Scale::gear) {
     for (const double turn : {360.0, 180.0, 120.0, 90.0, 72.0, 60.0, 45.0, 36.0, 30.0}) list.push_back(turn);
     for (double v = 24; v > p.lower; v *= 0.965) list.push_back(v);
     return list;
@@ -84,8 +85,8 @@ std::vector<std::pair<double, double>> comb_lines(const std::vector<double>& ran
 /// A comb of bins fits only within a thousandth of its width, so tens of thousands are possible: those
 /// whose first harmonic shows in the residual's spectrum along the range are tried by their plain
 /// correlation, and the best of these are fitted.
-std::vector<std::vector<double>> combs(const MeanModel& model, const Term& term) {
-  const Parameter& p = term.mechanism->parameters[1];
+std::vector<std::vector<double>> combs(const MeanModel& model, const Term& term, std::size_t bin_index) {
+  const Parameter& p = term.mechanism->parameters[bin_index];
   const Eigen::VectorXd residual = model.residual();
   std::vector<double> range, score;
   double low = 1e300, high = 0;
@@ -107,7 +108,9 @@ std::vector<std::vector<double>> combs(const MeanModel& model, const Term& term)
   for (const auto& [strength, frequency] : lines)
     for (int k = -2; k <= 2; ++k) {
       const double bin = std::clamp(1 / (frequency + k * apart / 2), p.lower, p.upper);
-      tried.push_back({along(bin), {term.values[0], bin}});
+      std::vector<double> values = term.values;
+      values[bin_index] = bin;
+      tried.emplace_back(along(bin), std::move(values));
     }
   const std::size_t keep = std::min<std::size_t>(6, tried.size());
   std::partial_sort(tried.begin(), tried.begin() + static_cast<std::ptrdiff_t>(keep), tried.end(),
@@ -183,13 +186,13 @@ Candidate look(const MeanModel& model, const Term& term, std::optional<double> s
     return evidence;
   };
   std::vector<std::vector<double>> grids{term.values};
-  if (is_comb(*term.mechanism))
-    grids = combs(model, term);
+  if (const auto bin = term.mechanism->parameter_of(Parameter::Scale::bin))
+    grids = combs(model, term, *bin);
   else
     for (const std::size_t k : shapes) {
       std::vector<std::vector<double>> more;
       for (const auto& values : grids)
-        for (const double v : starts_of(*term.mechanism, parameters[k])) {
+        for (const double v : starts_of(parameters[k])) {
           more.push_back(values);
           more.back()[k] = v;
         }

@@ -199,7 +199,7 @@ bool has_phase(const Mechanism& mechanism, std::size_t size) {
   return size + 1 < mechanism.parameters.size() && mechanism.parameters[size + 1].role == Role::phase;
 }
 
-bool is_comb(const Mechanism& mechanism) { return mechanism.id == "time-quantisation"; }
+bool is_comb(const Mechanism& mechanism) { return mechanism.parameter_of(Parameter::Scale::bin).has_value(); }
 
 /// Millimetres by which a bin may change before its comb is another one: a quarter of a bin over the ranges
 /// seen. Less would count beams at the edges of bins, whose ranges are not known so well.

@@ -21,11 +21,12 @@ double price_of_gear(double period_deg) {
 }  // namespace
 
 double against(const Term& term) {
-  double price = term.mechanism->id == "stage-periodic" ? price_of_gear(term.values[2]) : 0;
+  const auto gear = term.mechanism->parameter_of(Parameter::Scale::gear);
+  double price = gear ? price_of_gear(term.values[*gear]) : 0;
   for (std::size_t k = 0; k < term.values.size(); ++k) {
     const Parameter& p = term.mechanism->parameters[k];
     // At the end of what physics allows: the recording would rather have something else.
-    if (p.role == Role::shape && (p.name == "reach_mm" || p.name == "tau_s") &&
+    if (p.scale == Parameter::Scale::decay &&
         (term.values[k] > 0.98 * p.upper || term.values[k] < 1.02 * p.lower))
       price += 4;
     if (p.role != Role::size) continue;

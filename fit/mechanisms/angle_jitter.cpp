@@ -15,6 +15,10 @@ Mechanism make_angle_jitter() {
   m.act = [](const Circumstances&, std::span<const double> p) {
     return Effect{.scan_angle_variance_rad2 = p[0] * p[0] * rad_per_deg * rad_per_deg};
   };
+  m.shows = [](const Finding&, const Recorded& r) {  // where the range changes with the angle
+    return std::vector<Stretch>{{Coordinate::range_rate, r.from, r.from / 2},
+                                {Coordinate::range_rate, r.to / 2, r.to}};
+  };
   m.says = [](const Finding& f) {
     return "Beam angles scatter by " + with_uncertainty(f.at("sigma_deg"), "deg") +
            ": walls at a slant are noisier than walls square on at the same range.";

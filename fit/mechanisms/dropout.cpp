@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
+
 #include "fit/mechanism.hpp"
 
 namespace fit::mechanisms {
@@ -15,6 +17,10 @@ Mechanism make_dropout() {
       {.name = "width", .role = Parameter::Role::shape, .lower = 5, .upper = 300, .starts = 6}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.lost = std::isfinite(c.intensity) ? 1 / (1 + std::exp((c.intensity - p[0]) / p[1])) : 0};
+  };
+  m.shows = [](const Finding& f, const Recorded& r) {
+    const double hardly_any = f.at("intensity_min").value + 2 * f.at("width").value;
+    return std::vector<Stretch>{{Coordinate::intensity, r.from, std::clamp(hardly_any, r.from, r.to)}};
   };
   m.says = [](const Finding& f) {
     return "Weak echoes are lost: half of them at " + with_uncertainty(f.at("intensity_min"), "counts") + ".";

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
+
 #include "fit/mechanism.hpp"
 
 namespace fit::mechanisms {
@@ -20,6 +22,11 @@ Mechanism make_intensity_noise() {
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (!std::isfinite(c.intensity)) return Effect{};
     return Effect{.variance_mm2 = p[0] * p[0] * std::pow(1000 / std::max(20.0, c.intensity), p[1])};
+  };
+  m.shows = [](const Finding& f, const Recorded& r) {  // down to a quarter of the largest variance
+    const double top = r.from * std::pow(4.0, 1 / std::max(1.0, f.at("exponent").value));
+    return std::vector<Stretch>{
+        {Coordinate::intensity, r.from, std::min(r.to, std::max(top, r.from + (r.to - r.from) / 30))}};
   };
   m.says = [](const Finding& f) {
     return "Weak echoes scatter more: beside the constant noise there is " +

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
+
 #include "fit/mechanism.hpp"
 
 namespace fit::mechanisms {
@@ -15,6 +17,10 @@ Mechanism make_mixed_pixel() {
   m.parameters = {{.name = "width_deg", .typical = 0.2, .sign = 1}};
   m.act = [](const Circumstances&, std::span<const double> p) {
     return Effect{.footprint_rad = p[0] * rad_per_deg};
+  };
+  m.shows = [](const Finding& f, const Recorded&) {
+    const double reach = std::max(0.03, 1.5 * f.at("width_deg").value);
+    return std::vector<Stretch>{{Coordinate::edge_distance, -reach, reach}};
   };
   m.says = [](const Finding& f) {
     return "At edges echoes come from the front, from the back or from between: the beam's standard half "

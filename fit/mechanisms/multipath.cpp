@@ -3,9 +3,9 @@
 
 namespace fit::mechanisms {
 
-// Light over the other wall of an inner corner joins the echo: always long. Dull walls scatter it to each other near
-// the corner. A glossy wall sends it on like a mirror, where the beam runs towards the corner, the more the weaker
-// its own echo is: over L = c / sin(incidence), until the two echoes come apart.
+// Light over the other wall of an inner corner joins the echo: always long. Dull walls scatter it to each
+// other near the corner. A glossy wall sends it on like a mirror, where the beam runs towards the corner, the
+// more the weaker its own echo is: over L = c / sin(incidence), until the two echoes come apart.
 Mechanism make_multipath() {
   Mechanism m;
   m.id = "multipath";
@@ -13,15 +13,19 @@ Mechanism make_multipath() {
   m.coordinate = Coordinate::target;
   m.geometric = true;
   m.formula_error = 0.3;
-  m.parameters = {
-      {.name = "amplitude_mm", .typical = 25, .sign = 1},
-      {.name = "reach_mm", .role = Parameter::Role::shape, .lower = 40, .upper = 600, .starts = 6},
-      {.name = "gloss",
-       .role = Parameter::Role::shape,
-       .lower = 0,
-       .upper = 1,
-       .starts = 2,
-       .logarithmic = false}};
+  m.parameters = {{.name = "amplitude_mm", .typical = 25, .sign = 1},
+                  {.name = "reach_mm",
+                   .role = Parameter::Role::shape,
+                   .scale = Parameter::Scale::decay,
+                   .lower = 40,
+                   .upper = 600,
+                   .starts = 6},
+                  {.name = "gloss",
+                   .role = Parameter::Role::shape,
+                   .lower = 0,
+                   .upper = 1,
+                   .starts = 2,
+                   .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (!std::isfinite(c.corner_mm)) return Effect{};
     const double scattered = std::exp(-c.corner_mm / p[1]);
@@ -36,7 +40,8 @@ Mechanism make_multipath() {
   };
   m.says = [](const Finding& f) {
     if (f.at("gloss").value > 0.5)
-      return "Near inner corners walls that the beam meets at a slant read up to " + rounded(f.largest_mm, 2) +
+      return "Near inner corners walls that the beam meets at a slant read up to " +
+             rounded(f.largest_mm, 2) +
              " mm long: they mirror it onto the other wall, whose echo joins theirs.";
     return "Near inner corners walls read up to " + with_uncertainty(f.at("amplitude_mm"), "mm") +
            " long, fading by 1/e every " + with_uncertainty(f.at("reach_mm"), "mm") +

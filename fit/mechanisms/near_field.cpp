@@ -10,9 +10,13 @@ Mechanism make_near_field() {
   m.cause = "at short range stray light and partial overlap of the optics shift the echo";
   m.coordinate = Coordinate::range;
   m.formula_error = 0.25;
-  m.parameters = {
-      {.name = "amplitude_mm", .typical = 15, .largest = 100},
-      {.name = "reach_mm", .role = Parameter::Role::shape, .lower = 60, .upper = 500, .starts = 6}};
+  m.parameters = {{.name = "amplitude_mm", .typical = 15, .largest = 100},
+                  {.name = "reach_mm",
+                   .role = Parameter::Role::shape,
+                   .scale = Parameter::Scale::decay,
+                   .lower = 60,
+                   .upper = 500,
+                   .starts = 6}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = p[0] * std::exp(-c.range_mm / p[1])};
   };

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
+
 #include "fit/mechanism.hpp"
 
 namespace fit::mechanisms {
@@ -12,7 +14,12 @@ Mechanism make_settling() {
   m.geometric = true;
   m.parameters = {{.name = "amplitude_deg", .typical = 0.06},
                   {.name = "phase_deg", .role = Parameter::Role::phase},
-                  {.name = "tau_s", .role = Parameter::Role::shape, .lower = 0.03, .upper = 2, .starts = 6},
+                  {.name = "tau_s",
+                   .role = Parameter::Role::shape,
+                   .scale = Parameter::Scale::decay,
+                   .lower = 0.03,
+                   .upper = 2,
+                   .starts = 6},
                   {.name = "frequency_hz",
                    .role = Parameter::Role::shape,
                    .lower = 0,
@@ -24,6 +31,10 @@ Mechanism make_settling() {
     const double at = 2 * pi * p[3] * c.since_move_s + pi / 2 + p[1] * rad_per_deg;
     return Effect{.stage_rad =
                       p[0] * rad_per_deg * c.approach * std::exp(-c.since_move_s / p[2]) * std::sin(at)};
+  };
+  m.shows = [](const Finding& f, const Recorded& r) {  // until half of it has faded
+    const double half = std::log(2.0) * f.at("tau_s").value * r.scan_hz;
+    return std::vector<Stretch>{{Coordinate::scan_seq, r.from, std::clamp(half, r.from + 1, r.to)}};
   };
   m.says = [](const Finding& f) {
     return "After a move the stage still swings by " + with_uncertainty(f.at("amplitude_deg"), "deg") +

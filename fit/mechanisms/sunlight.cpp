@@ -37,6 +37,13 @@ Mechanism make_sunlight() {
     const double away = wrap_angle(c.beam_rad - p[1] * rad_per_deg) * deg_per_rad / p[2];
     return Effect{.variance_mm2 = p[0] * p[0] * std::exp(-away * away / 2)};
   };
+  m.shows = [](const Finding& f, const Recorded&) {
+    const double centre = f.at("centre_deg").value, reach = 1.2 * f.at("width_deg").value;
+    std::vector<Stretch> places{{Coordinate::beam, centre - reach, centre + reach}};
+    if (f.parameters.contains("from_s"))
+      places.push_back({Coordinate::time, f.at("from_s").value, f.at("to_s").value});
+    return places;
+  };
   m.says = [](const Finding& f) {
     return "Around " + with_uncertainty(f.at("centre_deg"), "deg") + " (within " +
            rounded(f.at("width_deg").value, 2) + " deg) the range scatters by " +

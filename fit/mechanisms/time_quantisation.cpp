@@ -12,9 +12,13 @@ Mechanism make_time_quantisation() {
   m.cause = "the flight time is counted in coarse bins";
   m.coordinate = Coordinate::range;
   m.formula_error = 0.1;
-  m.parameters = {
-      {.name = "share", .typical = 0.1, .expected = 1},
-      {.name = "bin_mm", .role = Parameter::Role::shape, .lower = 0.25, .upper = 40, .starts = 80000}};
+  m.parameters = {{.name = "share", .typical = 0.1, .expected = 1},
+                  {.name = "bin_mm",
+                   .role = Parameter::Role::shape,
+                   .scale = Parameter::Scale::bin,
+                   .lower = 0.25,
+                   .upper = 40,
+                   .starts = 80000}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = p[0] * (p[1] * std::round(c.range_mm / p[1]) - c.range_mm)};
   };

@@ -12,7 +12,12 @@ Mechanism make_window_reflection() {
   m.formula_error = 0.25;
   m.parameters = {
       {.name = "amplitude_mm", .typical = 20, .largest = 100},
-      {.name = "reach_mm", .role = Parameter::Role::shape, .lower = 100, .upper = 500, .starts = 3},
+      {.name = "reach_mm",
+       .role = Parameter::Role::shape,
+       .scale = Parameter::Scale::decay,
+       .lower = 100,
+       .upper = 500,
+       .starts = 3},
       {.name = "centre_deg",
        .role = Parameter::Role::shape,
        .lower = -135,
