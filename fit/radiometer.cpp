@@ -37,7 +37,7 @@ double IntensityLaw::counts(double reflectance, double cos_incidence, double ran
 }
 
 std::optional<IntensityClaim> claimed_intensity(const Bench& bench) {
-  const KnownMechanism* known = bench.knows("radiometry");
+  const KnownMechanism* known = bench.knows(law_of_intensity);
   if (!known) return std::nullopt;
   IntensityClaim claim;
   const auto document = nlohmann::json::parse(bench.document, nullptr, false);
@@ -64,7 +64,7 @@ std::optional<IntensityClaim> claimed_intensity(const Bench& bench) {
 void state_intensity(Bench& bench, const IntensityLaw& law, const std::array<double, L::size>& u,
                      std::optional<double> relative_noise) {
   for (KnownMechanism& known : bench.known) {
-    if (known.mechanism != "radiometry") continue;
+    if (known.mechanism != law_of_intensity) continue;
     for (int k = 0; k < L::size; ++k) {
       const auto i = static_cast<std::size_t>(k);
       // What stands at "none" need not be said.

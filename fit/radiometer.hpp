@@ -28,6 +28,9 @@ struct IntensityLaw {
   [[nodiscard]] double counts(double reflectance, double cos_incidence, double range_mm) const;
 };
 
+/// The mechanism by which bench files state the law, and which a wrong law is called.
+inline constexpr const char* law_of_intensity = "radiometry";
+
 /// What a bench file claims about intensity: the `radiometry` entry of its known mechanisms, with parameters
 /// `counts_at_1m`, `range_power`, `incidence_power`, `reflectance_power`, `overlap_mm`, `full_counts` and
 /// `relative_noise`. What it does not state comes from the `sim` section's `intensity`, and failing that is

@@ -13,6 +13,9 @@
 
 namespace fit::explain {
 
+/// What answers name where they do not name a mechanism: verdicts, and members of undecided sets.
+inline constexpr const char *unknown_physics = "unknown-physics", *nothing_missing = "nothing-missing";
+
 /// A stretch of one coordinate on which simulation and recording differ.
 struct Located {
   Coordinate coordinate = Coordinate::beam;

@@ -132,13 +132,13 @@ std::string listed(const std::vector<std::string>& names, const std::string& las
 
 std::vector<std::string> suspects_in_words(std::vector<std::string> ids) {
   for (std::string& id : ids)
-    if (id == "unknown-physics") id = "something that no mechanism of the catalogue makes";
+    if (id == unknown_physics) id = "something that no mechanism of the catalogue makes";
   return ids;
 }
 
 std::string to_text(const Explanation& e) {
   std::string text;
-  if (e.verdict == "nothing-missing")
+  if (e.verdict == nothing_missing)
     text += "Nothing is missing: the simulation explains this recording to its noise.\n";
   for (const Found& found : e.mechanisms)
     text += found.mechanism->id + " (probability " + rounded(found.probability, 3) + "): " + found.says +

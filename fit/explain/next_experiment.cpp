@@ -158,7 +158,7 @@ Suspected suspected(const Term& term) {
 
 /// Where a step stands, or how long a period is, is held as it came out: promises are a little too good.
 Suspected suspected(const Shape& shape) {
-  return {"unknown-physics", [&shape](const MeanModel& model) { return effect_of(model, shape); },
+  return {unknown_physics, [&shape](const MeanModel& model) { return effect_of(model, shape); },
           [&shape](const MeanModel& model) {
             Columns c = columns_of(model, shape);
             c.prior.sigma *= 10;

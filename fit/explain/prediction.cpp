@@ -7,6 +7,7 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "fit/explain/stated_noise.hpp"
 #include "fit/explain/together.hpp"
 
 namespace fit::explain {
@@ -193,10 +194,10 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadRe
                                  ? std::string()
                                  : reduced.bench.targets[static_cast<std::size_t>(term.target)].name});
   for (const Suspect& suspect : spread.accepted)
-    if (suspect.mechanism->id != "range-noise") p.noise.push_back(suspect);
+    if (!is_constant_noise(*suspect.mechanism)) p.noise.push_back(suspect);
   for (const Suspect& suspect : spread.brought_along) p.noise.push_back(suspect);
   for (const auto& set : spread.undecided)
-    if (!set.empty() && set.front().mechanism->id != "range-noise") p.noise.push_back(set.front());
+    if (!set.empty() && !is_constant_noise(*set.front().mechanism)) p.noise.push_back(set.front());
   Hypothesis nothing(reduced.bench);
   nothing.nuisance = means.best.nuisance;
   for (int pass = 0; pass < 2; ++pass) {

@@ -32,7 +32,7 @@ SpreadResult explain_spread(const Reduced& reduced) {
   spread::swinging(reduced.groups, sectors, result);
   std::vector<spread::Scan> scans = spread::scans_of(reduced.groups, sectors);
   spread::scan_numbers(scans, result);
-  const bool is_regular = !result.unknown.empty() || spread::is_accepted(result, "facet-wobble");
+  const bool is_regular = !result.unknown.empty() || spread::is_accepted(result, spread::ids::facet_wobble);
   if (result.unknown.empty()) spread::common_noise(scans, reduced.groups, result);
   const double worth_of_sample = is_regular ? 1 : spread::memory(reduced.groups, result);
   if (spread::flickers(result)) {

@@ -262,7 +262,7 @@ class Beside {
   [[nodiscard]] double rival() const;
   [[nodiscard]] StrayLight said(double evidence) const {
     StrayLight light;
-    light.suspect.mechanism = find_mechanism("crosstalk");
+    light.suspect.mechanism = find_mechanism(crosstalk);
     light.suspect.gain = best_;
     light.suspect.evidence = evidence;
     light.suspect.parameters = {{"leak", {found_.size, found_.u * std::sqrt(excess_)}}};
@@ -313,6 +313,8 @@ double Beside::rival() const {
 }  // namespace
 
 std::optional<StrayLight> stray_light(const Reduced& reduced, const MeanResult& means) {
+  const auto is_crosstalk = [](const Term& t) { return t.mechanism->id == crosstalk; };
+  if (reduced.bench.knows(crosstalk) || std::ranges::any_of(means.best.terms, is_crosstalk)) return {};
   constexpr std::size_t fewest = 40;
   const Edges edges(reduced, means);
   if (edges.rows().size() < fewest) return {};
@@ -338,6 +340,20 @@ std::optional<StrayLight> stray_light(const Reduced& reduced, const MeanResult& 
   StrayLight light = nearest.said(nearest.best() - price);
   light.or_mixed_pixel = true;
   return light;
+}
+
+void take_off(const StrayLight& light, Reduced& reduced) {
+  reduced.bench.known.push_back({crosstalk, light.suspect.parameters, {}});
+  const double leak = light.suspect.parameters.at("leak").value;
+  for (Cell& cell : reduced.cells) {
+    if (cell.far_share < 0 || !(cell.at.gap_mm > 0)) continue;
+    const double pulled = leak * cell.at.pull_mm / cell.at.gap_mm;
+    if (pulled == 0) continue;
+    cell.far_share = std::clamp(cell.far_share - pulled, 0.0, 1.0);
+    const double margin =
+        (6 * reduced.groups[static_cast<std::size_t>(cell.group)].sigma_mm + 15) / cell.at.gap_mm;
+    if (std::abs(pulled) > 0.3 * margin) cell.between = 0;
+  }
 }
 
 }  // namespace fit::explain

@@ -7,6 +7,10 @@
 
 namespace fit::explain {
 
+/// Light of one surface in the echo of another, which this room finds, and a beam that is too wide, which
+/// looks like it.
+inline constexpr const char *crosstalk = "crosstalk", *wide_beam = "mixed-pixel";
+
 /// Crosstalk, where it shows: on the few beams beside an edge, which are left out of the means because nobody
 /// knows to a tenth of a degree where an edge is. Here the recording itself tells which beam meets which
 /// surface, and beams at least one and a half spacings from the change are compared with the plane of their
@@ -16,6 +20,11 @@ struct StrayLight {
   bool or_mixed_pixel = false;  ///< A beam that is too wide explains it as well.
   std::vector<Located> located;
 };
+/// None where it is known already, or found among the means.
 [[nodiscard]] std::optional<StrayLight> stray_light(const Reduced& reduced, const MeanResult& means);
+
+/// Puts what was found into the bench, and takes it off the cells beside edges: what stray light pulls out of
+/// place there is no wide beam's doing, and what it does to beams farther from edges no other physics.
+void take_off(const StrayLight& light, Reduced& reduced);
 
 }  // namespace fit::explain

@@ -6,6 +6,8 @@
 #include <optional>
 
 #include "fit/empirical.hpp"
+#include "fit/explain/spread/ids.hpp"
+#include "fit/explain/stray_light.hpp"
 #include "fit/explain/stretches.hpp"
 #include "fit/radiometer.hpp"
 
@@ -164,7 +166,7 @@ void tabulate(const MeanModel& model, VectorXd effect_mm, Bench& bench) {
 
 /// Where samples lie that have nothing to do with the target: dust before it, or a ghost at its own range.
 void describe_strays(const Reduced& reduced, Bench& bench) {
-  if (!bench.knows("outliers") || described_strays(bench) || reduced.strays_mm.size() < 20) return;
+  if (!bench.knows(spread::ids::outliers) || described_strays(bench) || reduced.strays_mm.size() < 20) return;
   StrayPlaces strays;
   std::vector<float> list = reduced.strays_of_target;
   std::ranges::sort(list);
@@ -214,11 +216,11 @@ void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& out) 
     add_empirical(out.bench, table_of(model, effect, along(model, shape.coordinate, shape.channel)));
   }
   const bool mixed =
-      std::ranges::any_of(out.mechanisms, [](const Found& f) { return f.mechanism->id == "mixed-pixel"; });
-  if (!out.several_places && !reduced.bench.knows("mixed-pixel"))
+      std::ranges::any_of(out.mechanisms, [](const Found& f) { return f.mechanism->id == wide_beam; });
+  if (!out.several_places && !reduced.bench.knows(wide_beam))
     describe_edges(reduced, means, mixed, out.bench);
   describe_strays(reduced, out.bench);
-  if (reduced.has_intensity && !out.bench.knows("radiometry") && !described_intensity(out.bench))
+  if (reduced.has_intensity && !out.bench.knows(law_of_intensity) && !described_intensity(out.bench))
     describe_echoes(reduced, out.bench);
 }
 

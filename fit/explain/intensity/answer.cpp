@@ -119,7 +119,8 @@ void tell_found(const Readings& readings, const Judgement& judgement, std::size_
   const bool again = std::ranges::any_of(out.mechanisms, [&](const Found& f) {
     return f.mechanism == found.mechanism && f.target == found.target;
   });
-  if (!again || s.name() == "window-dirt") out.mechanisms.push_back(found);
+  const bool has_own_place = s.acts() && !is_of_surfaces(*s.mechanism);
+  if (!again || has_own_place) out.mechanisms.push_back(found);
   for (const Located& l : locate(readings, judgement.accepted, s, fitted.law)) out.located.push_back(l);
 }
 

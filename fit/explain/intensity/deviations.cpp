@@ -27,7 +27,7 @@ constexpr std::array<double, L::size> open{3, 1, 1, 1, 0, 0};  ///< Where nothin
 void take_off_known(const Readings& readings, const L& law, VectorXd& y) {
   for (const KnownMechanism& known : readings.reduced.bench.known) {
     const Mechanism* m = find_mechanism(known.mechanism);
-    if (!m || known.mechanism == "radiometry" || m->observable != Observable::intensity) continue;
+    if (!m || known.mechanism == law_of_intensity || m->observable != Observable::intensity) continue;
     const auto target = known.texts.find("target");
     const std::vector<double> values = m->values(known.parameters);
     for (Index i = 0; i < readings.count(); ++i) {

@@ -60,8 +60,9 @@ void solve_size(const Readings& readings, const Model& model, const VectorXd& re
     const double wanted = left.dot(rest) / square;
     s.gain = wanted * m.parameters[0].sign < 0 ? -1e300 : 0.5 * wanted * wanted * square;
     if (s.gain < 0) return;
-    size = m.id == "specular" ? std::clamp(std::expm1(std::min(4.0, wanted)), 1e-4, 50.0)
-                              : std::clamp(1 - std::exp(-wanted), 1e-4, 0.95);
+    const bool brightens = effect.sum() > 0;
+    size = brightens ? std::clamp(std::expm1(std::min(4.0, wanted)), 1e-4, 50.0)
+                     : std::clamp(1 - std::exp(-wanted), 1e-4, 0.95);
     s.values[0] = size;
   }
 }
@@ -192,7 +193,7 @@ Suspicion look_at_law(const Readings& readings, const Model& model) {
   const std::vector<std::vector<int>> choices = choices_of(stated_coefficients(readings.claim));
   const MatrixXd columns = law_columns(readings, readings.claim.law);
   Suspicion best;
-  best.mechanism = find_mechanism("radiometry");
+  best.mechanism = find_mechanism(law_of_intensity);
   for (const std::vector<int>& choice : choices) {
     Block block;
     for (const int k : choice) block.add(columns.col(k), released[static_cast<std::size_t>(k)]);

@@ -51,7 +51,7 @@ Block base_of_rival(const Readings& readings, const Suspicion& rival) {
 LightSuspect light_suspect(const Readings& readings, const std::vector<Suspicion>& accepted,
                            const Suspicion& s) {
   if (s.mechanism) return {s.mechanism, s.target, s.values, s.coefficients};
-  LightSuspect law{find_mechanism("radiometry"), -1, {}, stated_coefficients(readings.claim)};
+  LightSuspect law{find_mechanism(law_of_intensity), -1, {}, stated_coefficients(readings.claim)};
   const MatrixXd all = law_columns(readings, readings.claim.law);
   MatrixXd own(readings.count(), static_cast<Index>(law.coefficients.size()));
   for (std::size_t k = 0; k < law.coefficients.size(); ++k)

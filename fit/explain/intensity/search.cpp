@@ -22,7 +22,7 @@ constexpr int most_suspicions = 5;
 std::vector<Suspicion> most_flexible(const Readings& readings) {
   std::vector<Suspicion> everything;
   Suspicion law;
-  law.mechanism = find_mechanism("radiometry");
+  law.mechanism = find_mechanism(law_of_intensity);
   law.coefficients = stated_coefficients(readings.claim);
   law.size = 1;
   everything.push_back(law);
@@ -78,11 +78,12 @@ std::vector<Suspicion> suspects(const Readings& readings, const std::vector<Susp
   const Suspicion law = look_at_law(readings, model);
   if (!law.coefficients.empty() && !taken(law)) list.push_back(law);
   // There may be several spots of dirt, and several glossy targets.
-  const Mechanism &dirt = *find_mechanism("window-dirt"), &gloss = *find_mechanism("specular");
-  list.push_back(look(readings, model, dirt, -1));
-  list.push_back(look(readings, model, gloss, -1));
-  if (const int targets = static_cast<int>(readings.reduced.bench.targets.size()); targets > 1)
-    for (int t = 0; t < targets; ++t) list.push_back(look(readings, model, gloss, t));
+  const int targets = static_cast<int>(readings.reduced.bench.targets.size());
+  for (const Mechanism* m : beside_the_law()) {
+    list.push_back(look(readings, model, *m, -1));
+    if (!is_of_surfaces(*m) || targets < 2) continue;
+    for (int t = 0; t < targets; ++t) list.push_back(look(readings, model, *m, t));
+  }
   std::vector<Suspicion> unnamed = smooth_functions(readings);
   for (const Suspicion& patch : patches(readings, model)) unnamed.push_back(patch);
   for (Suspicion& s : unnamed) {

@@ -30,6 +30,15 @@ Suspicion moved(Suspicion s, std::size_t k, double by) {
 
 }  // namespace
 
+std::vector<const Mechanism*> beside_the_law() {
+  std::vector<const Mechanism*> list;
+  for (const Mechanism& m : catalogue())
+    if (m.observable == Observable::intensity && m.id != law_of_intensity) list.push_back(&m);
+  return list;
+}
+
+bool is_of_surfaces(const Mechanism& mechanism) { return mechanism.coordinate == Coordinate::incidence; }
+
 bool Suspicion::same_as(const Suspicion& o) const {
   if (mechanism != o.mechanism) return false;
   if (patch && o.patch)

@@ -9,6 +9,11 @@
 
 namespace fit::explain::intensity {
 
+/// Mechanisms of the catalogue that act on intensity beside the law.
+[[nodiscard]] std::vector<const Mechanism*> beside_the_law();
+/// Whether what a mechanism does is a surface's doing, of all targets or of one, and not the lidar's.
+[[nodiscard]] bool is_of_surfaces(const Mechanism& mechanism);
+
 /// One way in which intensity may deviate: a mechanism that acts beside the law, coefficients of the law that
 /// are wrong (mechanism radiometry), or an unnamed function (no mechanism).
 struct Suspicion {
@@ -37,7 +42,7 @@ struct Suspicion {
   }
   [[nodiscard]] bool is_law() const { return other_law() || !coefficients.empty(); }
   [[nodiscard]] bool has_name() const { return mechanism || other_law(); }
-  [[nodiscard]] std::string name() const { return mechanism ? mechanism->id : "radiometry"; }
+  [[nodiscard]] std::string name() const { return mechanism ? mechanism->id : law_of_intensity; }
   /// The coordinate along which it shows.
   [[nodiscard]] Coordinate along() const { return mechanism ? mechanism->coordinate : coordinate; }
   [[nodiscard]] bool same_as(const Suspicion& other) const;

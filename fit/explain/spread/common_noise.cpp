@@ -51,7 +51,7 @@ MostLikely most_likely(const std::vector<Scan>& scans) {
   MostLikely found;
   auto& [best, only_range, only_angle] = found;
   for (double r = 0.003; r < 20; r *= 1.5) improve(only_range, r * r, 0);
-  const double most_deg = suspected("angle-jitter").mechanism->parameters.front().largest;
+  const double most_deg = suspected(ids::angle_jitter).mechanism->parameters.front().largest;
   for (double a = 0.001; a < 2 * most_deg; a *= 1.5) improve(only_angle, 0, std::pow(a * rad_per_deg, 2));
   improve(best, only_range.range_mm2, 0);
   improve(best, 0, only_angle.angle_rad2);
@@ -175,7 +175,7 @@ void common_noise(const std::vector<Scan>& scans, const std::vector<Group>& grou
   if (scans.size() < 10) return;
   const MostLikely found = most_likely(scans);
   const double range_mm2 = found.both.range_mm2, angle_rad2 = found.both.angle_rad2;
-  Suspect jitter = suspected("angle-jitter");
+  Suspect jitter = suspected(ids::angle_jitter);
   jitter.gain = found.gain_of_angle();
   jitter.evidence = jitter.gain - price_of_size(jitter.gain);
   if (angle_rad2 > 0 && jitter.evidence > accept_at) {
@@ -185,7 +185,7 @@ void common_noise(const std::vector<Scan>& scans, const std::vector<Group>& grou
     for (const Group& group : groups)
       result.noise.angle_rad2.push_back(angle_rad2 / std::max(1, group.scans));
   }
-  Suspect wander = suspected("correlated-noise");
+  Suspect wander = suspected(ids::correlated_noise);
   wander.gain = found.gain_of_range();
   wander.evidence = wander.gain - price_of_size(wander.gain);
   if (range_mm2 > 0 && wander.evidence > accept_at) {

@@ -82,7 +82,7 @@ void edges(const Reduced& reduced, SpreadResult& result) {
   // known from below only.
   const double own_affair = beams.are_blended() ? 0.5 : 1.5;
   const double u = std::hypot((reach(finer) - reach(1 / finer)) / 2, own_affair * width);
-  Suspect suspect = suspected("mixed-pixel");
+  Suspect suspect = suspected(ids::mixed_pixel);
   suspect.gain = best - hard + (beams.between() > 2 ? 2.0 * beams.between() : 0);
   suspect.evidence = suspect.gain - price_of_size(suspect.gain) - 2;
   suspect.parameters = {{"width_deg", {width, u}}};

@@ -57,7 +57,7 @@ void losses(const Reduced& reduced, SpreadResult& result) {
   const Counts counts = count(reduced, is_near_threshold(result));
   if (counts.lost < 3 || counts.all < 100) return;
   const Laws laws(counts, reduced.has_intensity);
-  const bool light = is_accepted(result, "sunlight");
+  const bool light = is_accepted(result, ids::sunlight);
   // Part of it: background light also hides echoes.
   if (light && laws.window.log_likelihood > laws.threshold.log_likelihood - clearly) return;
   const auto accept = [&](Suspect suspect, double log_likelihood) {

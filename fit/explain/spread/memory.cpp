@@ -223,7 +223,7 @@ double factor_of_means(const ByLength& by_length, const Mixture& noise) {
 std::pair<Suspect, Mixture> suspect_in(const ByLength& by_length) {
   constexpr double lengths_of_memory = 3;
   const Mixture noise = refined(by_length, likeliest(by_length));
-  Suspect suspect = suspected("correlated-noise");
+  Suspect suspect = suspected(ids::correlated_noise);
   suspect.gain = (misfit(by_length, {}) - misfit(by_length, noise)) / 2;
   suspect.evidence =
       suspect.gain - price_of_size(suspect.gain) - odds::against_place(suspect.gain, lengths_of_memory);
@@ -251,9 +251,9 @@ double memory(const std::vector<Group>& groups, SpreadResult& result) {
   if (gain.value_or(-1) <= 0) {
     if (gain && suspect.evidence > beyond_doubt)
       result.unknown.push_back(memory_of_some_captures(groups, suspect));
-    else if (!is_suspected(result, "correlated-noise"))
+    else if (!is_suspected(result, ids::correlated_noise))
       result.undecided.push_back({suspect, Suspect{}});
-  } else if (!is_suspected(result, "correlated-noise")) {
+  } else if (!is_suspected(result, ids::correlated_noise)) {
     result.accepted.push_back(suspect);
   }
   result.noise.factor = factor_of_means(by_length, noise);

@@ -18,7 +18,7 @@ double weakest_echo(const Reduced& reduced) {
 
 /// Of which nothing has been lost yet: somewhat below the weakest echo there is, how far nobody knows.
 Suspect dropout_below(double weakest) {
-  Suspect dropout = suspected("dropout");
+  Suspect dropout = suspected(ids::dropout);
   dropout.parameters = {{"intensity_min", {0.75 * weakest, 0.15 * weakest}},
                         {"width", {0.03 * weakest, 0.03 * weakest}}};
   return dropout;
@@ -27,7 +27,7 @@ Suspect dropout_below(double weakest) {
 }  // namespace
 
 void may_be_near_threshold(const Reduced& reduced, SpreadResult& result) {
-  if (is_accepted(result, "dropout")) {
+  if (is_accepted(result, ids::dropout)) {
     // Echoes that are about to be lost scatter more: the same cause.
     const auto bring_along = [&](const std::vector<Suspect>& list) {
       std::ranges::copy_if(list, std::back_inserter(result.brought_along), is_steeper_than_a_receiver);

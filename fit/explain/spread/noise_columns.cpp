@@ -39,22 +39,22 @@ Column of_lever(const std::vector<Pool>& pools) {
 
 Column of_suspect(const std::vector<Pool>& pools, const Suspect& suspect) {
   const auto value = [&](const char* name) { return suspect.parameters.at(name).value; };
-  if (is(suspect, "intensity-noise")) return of_intensity(pools, value("exponent"));
-  if (is(suspect, "sunlight")) {
+  if (is(suspect, ids::intensity_noise)) return of_intensity(pools, value("exponent"));
+  if (is(suspect, ids::sunlight)) {
     const Column light = of_light(pools, value("centre_deg"), value("width_deg"));
     return suspect.parameters.contains("from_s")
                ? between_times(pools, light, {value("from_s"), value("to_s")})
                : light;
   }
-  if (is(suspect, "range-noise")) return Column(pools.size(), 1);
+  if (is(suspect, constant_noise)) return Column(pools.size(), 1);
   return of_lever(pools);
 }
 
 double size_of(const Suspect& suspect) {
   const auto value = [&](const char* name) { return suspect.parameters.at(name).value; };
-  const double size = is(suspect, "intensity-noise") ? value("sigma_mm_at_1000_counts")
-                      : is(suspect, "angle-jitter")  ? value("sigma_deg") * rad_per_deg
-                                                     : value("sigma_mm");
+  const double size = is(suspect, ids::intensity_noise) ? value("sigma_mm_at_1000_counts")
+                      : is(suspect, ids::angle_jitter)  ? value("sigma_deg") * rad_per_deg
+                                                        : value("sigma_mm");
   return size * size;
 }
 

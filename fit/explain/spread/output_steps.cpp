@@ -30,7 +30,7 @@ double output_steps(const Reduced& reduced, SpreadResult& result) {
   for (const Group& group : reduced.groups)
     typical += group.sigma_mm / static_cast<double>(reduced.groups.size());
   if (typical < 0.25 * best_step && reduced.cells.size() < 50) return whole_mm;
-  Suspect suspect = suspected("rounding");
+  Suspect suspect = suspected(ids::rounding);
   suspect.gain = share * std::log(best_step) - (total - share) * 5;
   suspect.evidence = suspect.gain - 4;
   suspect.parameters = {{"step_mm", {best_step, 0}}};
@@ -42,7 +42,7 @@ double output_steps(const Reduced& reduced, SpreadResult& result) {
 /// Where distances come in coarse steps, a cell's variance and memory depend on where its mean lies between
 /// two of them. What makes less of a difference than that is not believed.
 void distrust_beside_coarse_steps(const Reduced& reduced, SpreadResult& result) {
-  if (!is_accepted(result, "rounding")) return;
+  if (!is_accepted(result, ids::rounding)) return;
   // Of the variance; its log-likelihood grows by a quarter of the share's square a sample.
   constexpr double share = 0.05;
   const double least = share * share / 4 * static_cast<double>(reduced.samples);

@@ -16,7 +16,7 @@ namespace {
 /// Probability that an echo of so many counts is lost.
 double lost(const Suspect& suspect, double intensity) {
   constexpr double rarest = 1e-6;
-  if (!is(suspect, "dropout") || !suspect.parameters.contains("intensity_min")) return rarest;
+  if (!is(suspect, ids::dropout) || !suspect.parameters.contains("intensity_min")) return rarest;
   const double at = suspect.parameters.at("intensity_min").value,
                width = suspect.parameters.at("width").value;
   return std::clamp(1 / (1 + std::exp((intensity - at) / width)), rarest, 1 - rarest);
@@ -36,12 +36,12 @@ double evidence_of_losses(const Reduced& reduced, const Suspect& truth, const Su
 /// All ways in which a suspect may make noise: it keeps its place, and noise of weak echoes may take another
 /// exponent.
 std::vector<Parts> ways_of(const std::vector<Pool>& pools, const Suspect& suspect) {
-  if (is(suspect, "range-noise")) {
+  if (is(suspect, constant_noise)) {
     Parts constant;
     constant.free = true;
     return {constant};
   }
-  if (!is(suspect, "intensity-noise")) return {Parts().with(of_suspect(pools, suspect))};
+  if (!is(suspect, ids::intensity_noise)) return {Parts().with(of_suspect(pools, suspect))};
   std::vector<Parts> ways;
   for (const double exponent : exponents_of_noise)
     ways.push_back(Parts().with(of_intensity(pools, exponent)));
@@ -62,14 +62,14 @@ std::vector<Pool> expected(const Reduced& reduced, const Suspect& truth) {
 class IfTrue {
  public:
   IfTrue(const Reduced& reduced, const Suspect& truth) : reduced_(reduced), truth_(truth) {
-    if (is(truth, "dropout")) return;
+    if (is(truth, ids::dropout)) return;
     noise_.emplace(expected(reduced, truth), stated_noise(reduced.bench), 0, 1);
     own_ = likelihood_of(truth);
   }
   [[nodiscard]] double evidence_against(const Suspect& rival) const {
     const double of_losses = evidence_of_losses(reduced_, truth_, rival);
     // Echoes that are about to be lost scatter as much as any noise that is as steep.
-    if (!noise_ || is(rival, "dropout")) return of_losses;
+    if (!noise_ || is(rival, ids::dropout)) return of_losses;
     return std::max(0.0, own_ - likelihood_of(rival)) + of_losses;
   }
 

@@ -62,7 +62,7 @@ std::map<std::string, Estimate> harmonic_of(const Classes& pattern, double infla
 
 /// The mirror faces that explain most.
 struct Faces {
-  Suspect suspect = suspected("facet-wobble");
+  Suspect suspect = suspected(ids::facet_wobble);
   Numbering counted_as = numberings.front();
   bool drift = false;  ///< Then they are none.
 

@@ -18,7 +18,7 @@ void strays(const Reduced& reduced, SpreadResult& result) {
     samples += cell.n + cell.stray;
   }
   if (samples < 100) return;
-  Suspect suspect = suspected("outliers");
+  Suspect suspect = suspected(ids::outliers);
   suspect.gain = 4 * strays;  // each lies where the noise leaves less than e^-18; distances are log-uniform
   suspect.evidence = suspect.gain - 4;
   // Those that fell among the target's own samples are taken for as many as fell just beside these, which are

@@ -26,7 +26,7 @@ bool is_suspected(const SpreadResult& result, const char* id) {
 }
 
 bool is_steeper_than_a_receiver(const Suspect& suspect) {
-  return is(suspect, "intensity-noise") && suspect.parameters.at("exponent").value > steepest_of_noise;
+  return is(suspect, ids::intensity_noise) && suspect.parameters.at("exponent").value > steepest_of_noise;
 }
 
 bool holds_steep_noise(const std::vector<Suspect>& set) {

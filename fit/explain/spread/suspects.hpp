@@ -5,6 +5,8 @@
 
 #include "fit/explain/odds.hpp"
 #include "fit/explain/spread.hpp"
+#include "fit/explain/spread/ids.hpp"
+#include "fit/explain/stated_noise.hpp"
 
 /// What all questions about the spread have in common: when a suspect is accepted, and what its size costs.
 namespace fit::explain::spread {

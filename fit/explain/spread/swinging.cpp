@@ -153,7 +153,7 @@ std::map<std::string, Estimate> parameters_of(const Swing& swing, const Eigen::M
 /// The swing that sectors show, as a suspect.
 struct Seen {
   Swing swing;
-  Suspect suspect = suspected("settling");
+  Suspect suspect = suspected(ids::settling);
 };
 
 Seen swing_in(const std::vector<Scan>& scans, const AfterMoves& rows) {

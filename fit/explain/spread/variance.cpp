@@ -36,7 +36,7 @@ class VarianceSearch {
   /// `in_several_places`: targets were put up in different places for the captures.
   void run(bool in_several_places, SpreadResult& result) {
     if (pools().size() < 3) return;
-    const bool scans_jitter = is_accepted(result, "angle-jitter");
+    const bool scans_jitter = is_accepted(result, ids::angle_jitter);
     // What swells and fades is no constant that a bench could state.
     if (flickers(result)) parts_.free = true;
     in_several_places_ = in_several_places;
@@ -82,7 +82,7 @@ class VarianceSearch {
   /// and unknown where they do not, or where all angles have it. It has no rivals that do not know the time,
   /// and is believed if it is more evident than all of these.
   bool light_comes_and_goes(SpreadResult& result) {
-    if (in_several_places_ || flickers(result) || is_accepted(result, "sunlight") || comes_and_goes_)
+    if (in_several_places_ || flickers(result) || is_accepted(result, ids::sunlight) || comes_and_goes_)
       return false;
     // What whole scans have at random differs from capture to capture by chance.
     if (result.noise.scan_range_mm2 > 0 || result.noise.scan_angle_rad2 > 0) return false;
@@ -92,14 +92,14 @@ class VarianceSearch {
     Light light{place.centre_deg, place.width_deg, 0, times_s};
     if (!place.everywhere) {
       light.gain = gain_of_light(light);
-      light = refined(light, suspected("sunlight").mechanism->parameters[2]);
+      light = refined(light, suspected(ids::sunlight).mechanism->parameters[2]);
     }
     const Column column = place.everywhere ? between_times(pools(), Column(pools().size(), 1), light.times_s)
                                            : column_of(light);
     if (has_intensity_ && !reaches_no_weaker_echoes(pools(), column)) return false;
     double gain = 0;
     const Estimate size = fit_with(column, gain).last();
-    Suspect suspect = suspected("sunlight");
+    Suspect suspect = suspected(ids::sunlight);
     suspect.gain = gain;
     suspect.evidence = gain - price_of_size(gain) - odds::against_place(gain, found->spans) -
                        (place.everywhere ? 0 : odds::against_place(gain, 20) + odds::against_place(gain, 2));
@@ -128,14 +128,14 @@ class VarianceSearch {
   /// Whatever may explain more than is known so far, the best first.
   [[nodiscard]] std::vector<Suspect> believed_suspects(const SpreadResult& result) {
     std::vector<Suspect> suspects;
-    if (has_intensity_ && !is_accepted(result, "intensity-noise")) suspects.push_back(intensity_noise());
-    if (!is_accepted(result, "sunlight") && !comes_and_goes_) suspects.push_back(sunlight());
+    if (has_intensity_ && !is_accepted(result, ids::intensity_noise)) suspects.push_back(intensity_noise());
+    if (!is_accepted(result, ids::sunlight) && !comes_and_goes_) suspects.push_back(sunlight());
     if (!parts_.free) suspects.push_back(range_noise());
-    if (!is_accepted(result, "angle-jitter")) suspects.push_back(angle_jitter());
+    if (!is_accepted(result, ids::angle_jitter)) suspects.push_back(angle_jitter());
     std::ranges::sort(suspects, [](const auto& a, const auto& b) { return a.evidence > b.evidence; });
     // What does not help on captures that it has not seen is not believed.
     std::erase_if(suspects, [&](const Suspect& s) {
-      if (s.evidence < accept_at || is(s, "range-noise")) return false;
+      if (s.evidence < accept_at || is(s, constant_noise)) return false;
       const auto gain = model_.unseen_gain(parts_, of_suspect(pools(), s));
       if (!gain || *gain >= 0) return false;
       if (s.evidence > beyond_doubt && (!unconfirmed_ || s.evidence > unconfirmed_->evidence))
@@ -207,7 +207,7 @@ class VarianceSearch {
       return false;
     }
     if (suspects.size() > 1) first.ahead = first.evidence - suspects[1].evidence;
-    if (is(first, "range-noise"))
+    if (is(first, constant_noise))
       parts_.free = true;
     else
       parts_.columns.push_back(of_suspect(pools(), first));
@@ -219,7 +219,7 @@ class VarianceSearch {
   void whole_jitter(SpreadResult& result) const {
     const Estimate whole = root_deg(base_.at(parts_.places + 1));
     for (Suspect& s : result.accepted) {
-      if (!is(s, "angle-jitter")) continue;
+      if (!is(s, ids::angle_jitter)) continue;
       Estimate& common = s.parameters.at("sigma_deg");
       if (whole.value > 1.2 * common.value && whole.value > common.value + 3 * std::hypot(whole.u, common.u))
         common = whole;
@@ -241,7 +241,7 @@ class VarianceSearch {
   }
 
   [[nodiscard]] Suspect intensity_noise() const {
-    Suspect best = suspected("intensity-noise");
+    Suspect best = suspected(ids::intensity_noise);
     for (const double exponent : exponents_of_noise) {
       double gain = 0;
       const auto fit = fit_with(of_intensity(pools(), exponent), gain);
@@ -262,7 +262,7 @@ class VarianceSearch {
   };
 
   [[nodiscard]] Suspect sunlight() const {
-    Suspect suspect = suspected("sunlight");
+    Suspect suspect = suspected(ids::sunlight);
     double low = 1e9, high = -1e9;
     for (const Pool& p : pools()) {
       low = std::min(low, p.beam_deg);
@@ -340,7 +340,7 @@ class VarianceSearch {
 
   /// More noise than the bench states.
   [[nodiscard]] Suspect range_noise() const {
-    Suspect suspect = suspected("range-noise");
+    Suspect suspect = suspected(constant_noise);
     Parts parts = parts_;
     parts.free = true;
     const auto fit = model_.fit(parts);
@@ -353,7 +353,7 @@ class VarianceSearch {
   }
 
   [[nodiscard]] Suspect angle_jitter() const {
-    Suspect suspect = suspected("angle-jitter");
+    Suspect suspect = suspected(ids::angle_jitter);
     const Estimate sigma = root_deg(fit_with(of_lever(pools()), suspect.gain).last());
     suspect.parameters = {{"sigma_deg", sigma}};
     suspect.evidence = suspect.gain - price_of_size(suspect.gain);

@@ -35,13 +35,13 @@ void tell_unknown(const PlaceAndTimes& there, Unexplained u, SpreadResult& resul
 
 Suspect dropout_at(const Threshold& threshold, double lost) {
   const double u = threshold.width / std::sqrt(1 + lost);
-  Suspect dropout = suspected("dropout");
+  Suspect dropout = suspected(ids::dropout);
   dropout.parameters = {{"intensity_min", {threshold.at, u}}, {"width", {threshold.width, u}}};
   return dropout;
 }
 
 Suspect light_in(const Window& window) {
-  Suspect sun = suspected("sunlight");
+  Suspect sun = suspected(ids::sunlight);
   sun.parameters = {{"sigma_mm", {0, 1}}, {"centre_deg", {window.centre_deg, 5}}, {"width_deg", {14, 5}}};
   return sun;
 }
@@ -54,7 +54,7 @@ void tell(const WindowInTime& window, double gain, double evidence, SpreadResult
     unknown.evidence = evidence;
     return tell_unknown(window.where_and_when, unknown, result);
   }
-  Suspect sun = suspected("sunlight");
+  Suspect sun = suspected(ids::sunlight);
   sun.gain = gain;
   sun.evidence = evidence;
   sun.parameters = {{"sigma_mm", {0, 1}},
