@@ -310,11 +310,16 @@ double Beside::rival() const {
   return rival / excess_;
 }
 
-}  // namespace
+bool is_crosstalk(const Term& term) { return term.mechanism->id == crosstalk; }
 
-std::optional<StrayLight> stray_light(const Reduced& reduced, const MeanResult& means) {
-  const auto is_crosstalk = [](const Term& t) { return t.mechanism->id == crosstalk; };
-  if (reduced.bench.knows(crosstalk) || std::ranges::any_of(means.best.terms, is_crosstalk)) return {};
+/// As if the search had not met crosstalk. What has no name may have been crosstalk as well.
+MeanResult without_crosstalk(MeanResult means) {
+  std::erase_if(means.best.terms, is_crosstalk);
+  means.best.shapes.clear();
+  return means;
+}
+
+std::optional<StrayLight> beside_edges(const Reduced& reduced, const MeanResult& means) {
   constexpr std::size_t fewest = 40;
   const Edges edges(reduced, means);
   if (edges.rows().size() < fewest) return {};
@@ -342,10 +347,24 @@ std::optional<StrayLight> stray_light(const Reduced& reduced, const MeanResult& 
   return light;
 }
 
+}  // namespace
+
+std::optional<StrayLight> stray_light(const Reduced& reduced, const MeanResult& means) {
+  if (reduced.bench.knows(crosstalk)) return {};
+  if (std::ranges::none_of(means.best.terms, is_crosstalk)) return beside_edges(reduced, means);
+  const std::optional<StrayLight> light = beside_edges(reduced, without_crosstalk(means));
+  return light && !light->or_mixed_pixel ? light : std::nullopt;  // the means have told it from a wide beam
+}
+
 void take_off(const StrayLight& light, Reduced& reduced) {
   reduced.bench.known.push_back({crosstalk, light.suspect.parameters, {}});
   const double leak = light.suspect.parameters.at("leak").value;
+  constexpr double reach_rad = 1.3 * rad_per_deg;  // a degree, and what is not known of the edges' places
   for (Cell& cell : reduced.cells) {
+    if (cell.smooth && std::abs(cell.at.edge_rad) < reach_rad) {
+      cell.smooth = false;
+      ++reduced.left_out;
+    }
     if (cell.far_share < 0 || !(cell.at.gap_mm > 0)) continue;
     const double pulled = leak * cell.at.pull_mm / cell.at.gap_mm;
     if (pulled == 0) continue;

@@ -20,11 +20,13 @@ struct StrayLight {
   bool or_mixed_pixel = false;  ///< A beam that is too wide explains it as well.
   std::vector<Located> located;
 };
-/// None where it is known already, or found among the means.
+/// None where it is known already. What the search of the means found of it is judged anew here: the beams
+/// beside edges, which it does not look at, say more.
 [[nodiscard]] std::optional<StrayLight> stray_light(const Reduced& reduced, const MeanResult& means);
 
 /// Puts what was found into the bench, and takes it off the cells beside edges: what stray light pulls out of
-/// place there is no wide beam's doing, and what it does to beams farther from edges no other physics.
+/// place there is no wide beam's doing, nor any other physics. How far its halo reaches differs from receiver
+/// to receiver: means near edges are left out.
 void take_off(const StrayLight& light, Reduced& reduced);
 
 }  // namespace fit::explain

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "fit/angle.hpp"
+#include "fit/explain/answer/chapters.hpp"
+#include "fit/explain/stated_noise.hpp"
+
+namespace fit::explain::answer {
+namespace {
+
+using Eigen::Index;
+
+/// Mount and targets as the bench file states them and as they were found, in the order of `Nuisance`.
+struct Stated {
+  Eigen::VectorXd stated, found, u;
+
+  explicit Stated(const Findings& findings)
+      : stated(Nuisance(findings.reduced.bench).as_vector()),
+        found(findings.means.best.nuisance.as_vector()),
+        u(Nuisance::prior_sigma(findings.reduced.bench)) {}
+
+  /// The one that is the most of its uncertainties off.
+  [[nodiscard]] Index worst() const {
+    Index worst = 0;
+    for (Index i = 1; i < stated.size(); ++i)
+      if (u[i] > 0 && std::abs(found[i] - stated[i]) / u[i] >
+                          std::abs(found[worst] - stated[worst]) / std::max(1e-12, u[worst]))
+        worst = i;
+    return worst;
+  }
+};
+
+/// As answers name what the bench file states there.
+std::string name_of(Index i) {
+  return i < 2 ? mount_offset : i == 2 ? mount_yaw : i % 2 == 1 ? "target-offset" : "target-tilt";
+}
+
+bool is_angle(Index i) { return i == 2 || (i > 3 && i % 2 == 0); }
+
+std::string in_words(Index i, const Bench& bench) {
+  if (i < 3) return std::string("The lidar's mount ") + (i == 0 ? "x" : i == 1 ? "y" : "yaw");
+  return "Target '" + bench.targets[static_cast<std::size_t>((i - 3) / 2)].name + "' " +
+         (is_angle(i) ? "orientation" : "offset");
+}
+
+}  // namespace
+
+void tell_stated_otherwise(const Findings& findings, Explanation& out) {
+  for (const std::vector<Term>& suspects : findings.means.stated_otherwise) {
+    std::vector<std::string> set;
+    for (const Term& term : suspects) set.push_back(term.mechanism->id);
+    const std::string itself = name_of(Stated(findings).worst());
+    if (!std::ranges::count(set, itself)) set.push_back(itself);
+    out.undecided_between.push_back(set);
+    out.suspects.insert(out.suspects.end(), suspects.begin(), suspects.end());
+    out.notes.push_back("No capture shows " + set.front() +
+                        " by itself; only what the bench file states about mount and targets does. Check "
+                        "the bench file first.");
+  }
+}
+
+void doubt_bench_file(const Findings& findings, Explanation& out) {
+  constexpr double hardly_possible = 3.5;  // standard uncertainties
+  const Stated file(findings);
+  for (Index i = 0; i < file.stated.size(); ++i) {
+    const double off = file.found[i] - file.stated[i];
+    if (file.u[i] <= 0 || std::abs(off) < hardly_possible * file.u[i]) continue;
+    out.notes.push_back(in_words(i, findings.reduced.bench) + " comes out " +
+                        rounded(off * (is_angle(i) ? deg_per_rad : 1), 3) + (is_angle(i) ? " deg" : " mm") +
+                        " from what the bench file states, " + rounded(std::abs(off) / file.u[i], 2) +
+                        " times its uncertainty: check the bench file before looking for physics.");
+  }
+}
+
+void correct_bench(const Findings& findings, Bench& bench) {
+  const Nuisance& n = findings.means.best.nuisance;
+  Mount& mount = bench.lidar.mount;
+  mount.x_mm.value = n.x_mm;
+  mount.y_mm.value = n.y_mm;
+  mount.yaw_rad.value = n.yaw_rad;
+  for (std::size_t i = 0; i < bench.targets.size(); ++i) {
+    Target& target = bench.targets[i];
+    const Eigen::Vector2d middle =
+                              (target.from_mm + target.to_mm) / 2 + n.offset_mm[i] * target.outward_normal(),
+                          half = (target.to_mm - target.from_mm) / 2;
+    const Eigen::Vector2d turned = Eigen::Rotation2Dd(n.turn_rad[i]) * half;
+    target.from_mm = middle - turned;
+    target.to_mm = middle + turned;
+  }
+  if (findings.spread.sigma_mm > 0) state_noise(bench, findings.spread.sigma_mm);
+}
+
+}  // namespace fit::explain::answer

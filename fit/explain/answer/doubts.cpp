@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: MIT
+#include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "fit/angle.hpp"
+#include "fit/explain/answer/chapters.hpp"
+#include "fit/explain/spread/ids.hpp"
+
+namespace fit::explain::answer {
+namespace {
+
+std::string on_astray(const Reduced& reduced) {
+  return "Most of what was recorded (" + std::to_string(reduced.astray) + " of " +
+         std::to_string(reduced.in_clear) + " cells away from edges) lies more than " + rounded(astray_mm) +
+         " mm off the bench file's targets: is it the "
+         "bench file of this set-up? Check places, mount and the stage's zero before anything "
+         "here is believed.";
+}
+
+std::string on_left_out(const Reduced& reduced) {
+  return std::to_string(reduced.left_out) + " of " + std::to_string(reduced.cells.size()) +
+         " cells were left out of the means: edges, grazing incidence, doubtful walls.";
+}
+
+std::string on_excess(double excess) {
+  return "The means of neighbouring beams scatter " + rounded(std::sqrt(excess), 3) +
+         " times more than their samples say; everything was weighed accordingly.";
+}
+
+constexpr const char* on_search_cut_short =
+    "Nothing tried fits these means well, and the search was ended before every combination was tried: "
+    "correct the bench file by what is told here, and explain again.";
+
+constexpr const char* on_no_transfer =
+    "Means deviate in ways that one place does not share with the others; nothing is built on these.";
+
+/// The noise of every place.
+std::string on_noise_of_places(const Findings& findings) {
+  const std::vector<double>& sigma_mm = findings.spread.sigma_by_capture_mm;
+  std::string text = "The constant noise differs from place to place:";
+  for (std::size_t c = 0; c < sigma_mm.size(); ++c) {
+    const CaptureInfo& capture = findings.reduced.captures[c];
+    text += (c == 0 ? " " : ", ") + rounded(sigma_mm[c], 2) + " mm (" +
+            capture.target.value_or(capture.step) + ")";
+  }
+  return text + ".";
+}
+
+/// Whether beam angles scatter as much as angles do that are rounded to the beams' spacing.
+bool is_rounding(const Estimate& sigma_deg, double grid_deg) {
+  return std::abs(sigma_deg.value - grid_deg / std::sqrt(12.0)) <= 2 * sigma_deg.u + 0.02 * sigma_deg.value;
+}
+
+std::string on_rounded_angles(double grid_deg) {
+  return "Beam angles scatter by as much as angles do that are rounded to the beams' spacing: " +
+         rounded(grid_deg, 3) + " deg / sqrt(12) = " + rounded(grid_deg / std::sqrt(12.0), 3) + " deg.";
+}
+
+std::string on_scatter(double scatter_mm) {
+  return "Whole captures are off at random by " + rounded(scatter_mm, 2) +
+         " mm; their cells were not counted as independent.";
+}
+
+}  // namespace
+
+void tell_doubts(const Findings& findings, Explanation& out) {
+  const Reduced& reduced = findings.reduced;
+  const MeanResult& means = findings.means;
+  const auto note = [&](std::string text) { out.notes.push_back(std::move(text)); };
+  if (2 * reduced.astray > reduced.in_clear) note(on_astray(reduced));
+  if (reduced.left_out > 0) note(on_left_out(reduced));
+  if (means.excess > 1) note(on_excess(means.excess));
+  if (means.cut_short) note(on_search_cut_short);
+  if (!means.transfers) note(on_no_transfer);
+  if (!findings.spread.sigma_by_capture_mm.empty()) note(on_noise_of_places(findings));
+  const double grid_deg = reduced.bench.lidar.step_rad * deg_per_rad;
+  for (const Suspect& suspect : findings.spread.accepted)
+    if (suspect.mechanism->id == spread::ids::angle_jitter &&
+        is_rounding(suspect.parameters.at("sigma_deg"), grid_deg))
+      note(on_rounded_angles(grid_deg));
+  if (means.scatter_mm > 0) note(on_scatter(means.scatter_mm));
+}
+
+}  // namespace fit::explain::answer

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <optional>
+
+#include "fit/explain/mean_search.hpp"
+#include "fit/explain/spread.hpp"
+#include "fit/explain/stray_light.hpp"
+
+namespace fit::explain {
+
+/// What the searches came to.
+struct Findings {
+  Reduced reduced;  ///< Predicted at the best hypothesis of the means.
+  SpreadResult spread;
+  MeanResult means;
+  std::optional<StrayLight> light;
+};
+
+}  // namespace fit::explain

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "fit/explain/answer/chapters.hpp"
+#include "fit/explain/odds.hpp"
+#include "fit/explain/stated_noise.hpp"
+
+namespace fit::explain::answer {
+namespace {
+
+Found found_of(const Findings& findings, const Suspect& suspect) {
+  Finding finding;
+  finding.parameters = suspect.parameters;
+  Found found;
+  found.mechanism = suspect.mechanism;
+  found.parameters = suspect.parameters;
+  found.probability =
+      std::min(0.999, 1 / (1 + std::exp(odds::against_any - suspect.evidence) + std::exp(-suspect.ahead)));
+  found.says = suspect.mechanism->says(finding);
+  found.log_likelihood_gain = suspect.gain - static_cast<double>(suspect.parameters.size());
+  found.evidence = "Its log-likelihood is higher by " + rounded(suspect.gain, 3) + ", of which " +
+                   rounded(suspect.gain - suspect.evidence, 2) + " would be chance.";
+  found.rms_before_mm = findings.means.after.rms_mm;
+  found.rms_after_mm = findings.means.after.rms_mm;
+  return found;
+}
+
+void tell_set(const std::vector<Suspect>& set, Explanation& out) {
+  std::vector<std::string> names, ways;
+  for (const Suspect& s : set) {
+    if (!s.mechanism) continue;
+    names.push_back(s.mechanism->id);
+    out.noise_suspects.push_back(s);
+    if (!std::ranges::count(ways, s.mechanism->separate)) ways.push_back(s.mechanism->separate);
+  }
+  out.notes.push_back("What would tell " + listed(names) + " apart: " + listed(ways, "or") + ".");
+  if (names.size() < set.size()) names.emplace_back(unknown_physics);
+  out.undecided_between.push_back(names);
+}
+
+}  // namespace
+
+void tell_spread(const Findings& findings, Explanation& out) {
+  const auto add_to_bench = [&](const Suspect& s) {
+    out.bench.known.push_back({s.mechanism->id, s.parameters, {}});
+  };
+  for (const Suspect& suspect : findings.spread.accepted) {
+    const bool is_constant = is_constant_noise(*suspect.mechanism);
+    if (findings.reduced.bench.knows(suspect.mechanism->id) && !is_constant) continue;
+    out.mechanisms.push_back(found_of(findings, suspect));
+    if (!is_constant) add_to_bench(suspect);
+  }
+  for (const Suspect& suspect : findings.spread.brought_along) {
+    add_to_bench(suspect);
+    out.notes.push_back("Echoes that are about to be lost scatter more; that is no other physics.");
+  }
+  for (const std::vector<Suspect>& set : findings.spread.undecided) tell_set(set, out);
+}
+
+}  // namespace fit::explain::answer

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/answer/chapters.hpp"
+
+namespace fit::explain::answer {
+namespace {
+
+/// The functions without a name that were needed: the place of the first, and all in words.
+Unexplained of_shapes(const Findings& findings) {
+  const MeanResult& means = findings.means;
+  const MeanModel model(findings.reduced, means.noise);
+  const Shape& shape = means.best.shapes.front();
+  const Described first = describe(shape, model);
+  Unexplained u;
+  u.observable = Observable::range_mean;
+  u.coordinate = shape.coordinate;
+  u.describes = first.text;
+  u.from = first.from;
+  u.to = first.to;
+  for (std::size_t i = 1; i < means.best.shapes.size(); ++i)
+    u.describes += "; and " + describe(means.best.shapes[i], model).text;
+  u.evidence = means.after.log_likelihood - means.before.log_likelihood;
+  return u;
+}
+
+}  // namespace
+
+void tell_unknown(const Findings& findings, Explanation& out) {
+  if (!findings.means.best.shapes.empty())
+    out.unknown = of_shapes(findings);
+  else if (!findings.spread.unknown.empty())
+    out.unknown = findings.spread.unknown.front();
+}
+
+}  // namespace fit::explain::answer

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <optional>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "fit/explain/answer/chapters.hpp"
+
+namespace fit::explain::answer {
+namespace {
+
+double p_value(double evidence) { return std::exp(-std::min(600.0, evidence)); }
+
+/// What was recorded of a coordinate, if anything.
+std::optional<Recorded> recorded(const Reduced& reduced, Coordinate coordinate) {
+  Recorded all{1e300, -1e300, reduced.bench.lidar.scan_hz};
+  const auto take = [&](double at) {
+    all.from = std::min(all.from, at);
+    all.to = std::max(all.to, at);
+  };
+  for (const Cell& cell : reduced.cells) {
+    const double v = value_of(coordinate, cell, reduced.groups[static_cast<std::size_t>(cell.group)]);
+    if (std::isfinite(v)) take(v);
+  }
+  if (coordinate == Coordinate::scan_seq)
+    for (const Sector& s : reduced.sectors) take(1.0 * s.seq);
+  if (!(all.to >= all.from)) return {};
+  return all;
+}
+
+std::vector<Located> located(const Suspect& suspect, const Reduced& reduced) {
+  const Mechanism& m = *suspect.mechanism;
+  const auto there = recorded(reduced, m.coordinate);
+  if (!there) return {};
+  Finding finding;
+  finding.parameters = suspect.parameters;
+  const std::vector<Stretch> stretches =
+      m.shows ? m.shows(finding, *there) : std::vector<Stretch>{{m.coordinate, there->from, there->to}};
+  std::vector<Located> list;
+  for (const Stretch& s : stretches)
+    list.push_back({s.coordinate, s.from, s.to, m.observable, std::max(1e-300, p_value(suspect.gain))});
+  return list;
+}
+
+Located located(const Unexplained& u) {
+  return {u.coordinate, u.from, u.to, u.observable, p_value(u.evidence)};
+}
+
+/// `before`: the means before anything was explained.
+void locate(const MeanModel& before, const Findings& findings, std::vector<Located>& out,
+            bool tells_unknown) {
+  const Hypothesis& best = findings.means.best;
+  const auto add = [&](const std::vector<Located>& list) {
+    std::ranges::copy(list, std::back_inserter(out));
+  };
+  std::set<Coordinate> taken;
+  for (const Term& term : best.terms)
+    if (taken.insert(term.mechanism->coordinate).second)
+      add(locate_effect(before, effect_of(before, term), term.mechanism->coordinate));
+  for (const Shape& shape : best.shapes)
+    if (taken.insert(shape.coordinate).second)
+      add(locate_effect(before, effect_of(before, shape), shape.coordinate));
+  for (const Suspect& suspect : findings.spread.accepted) add(located(suspect, findings.reduced));
+  if (tells_unknown && best.shapes.empty())
+    for (const Unexplained& u : findings.spread.unknown) out.push_back(located(u));
+  if (!best.terms.empty() || !best.shapes.empty())
+    for (const Located& l : locate_residuals(before, 0.01))
+      if (!taken.contains(l.coordinate)) out.push_back(l);
+  for (Located& l : out) {
+    if (l.coordinate != Coordinate::temperature) continue;
+    l.from += findings.reduced.first_temperature_c;
+    l.to += findings.reduced.first_temperature_c;
+  }
+}
+
+/// A curve for every coordinate of what was found, and for beam, range and time.
+std::vector<Curve> curves(const MeanModel& before, const MeanModel& after, const Hypothesis& best) {
+  std::vector<Coordinate> wanted;
+  for (const Term& term : best.terms) wanted.push_back(term.mechanism->coordinate);
+  for (const Shape& shape : best.shapes) wanted.push_back(shape.coordinate);
+  for (const Coordinate c : {Coordinate::beam, Coordinate::range, Coordinate::time}) wanted.push_back(c);
+  std::set<Coordinate> drawn;
+  std::vector<Curve> list;
+  for (const Coordinate c : wanted) {
+    if (!drawn.insert(c).second) continue;
+    Curve curve = curve_of(before, after, c);
+    if (curve.at.size() > 1) list.push_back(std::move(curve));
+  }
+  return list;
+}
+
+}  // namespace
+
+void tell_where(Findings& findings, Explanation& out) {
+  auto& [reduced, spread, means, light] = findings;
+  Hypothesis nothing(reduced.bench);
+  nothing.nuisance = means.best.nuisance;
+  predict_at(reduced, nothing);
+  const MeanModel before = model_of(reduced, means.noise, nothing);
+  locate(before, findings, out.located, out.unknown.has_value());
+  predict_at(reduced, means.best);
+  const MeanModel after = model_of(reduced, means.noise, means.best);
+  predict_at(reduced, nothing);
+  out.curves = curves(before, after, means.best);
+  predict_at(reduced, means.best);
+}
+
+}  // namespace fit::explain::answer
