@@ -12,8 +12,8 @@
 #include "fit/json_position.hpp"
 #include "fit/mechanism.hpp"
 #include "fit/radiometer.hpp"
-#include "sim/causal/random.hpp"
 #include "sim/model_scene.hpp"
+#include "sim/polar_random.hpp"
 #include "sim/simple_engine.hpp"
 #include "sim/stage_follower.hpp"
 
@@ -253,7 +253,7 @@ class ModelEngine : public Engine {
   std::optional<fit::EmpiricalFunction> far_share_;
   double merging_mm_ = usual_merging_mm;
   std::optional<fit::StrayPlaces> strays_;
-  causal::Random random_;
+  PolarRandom random_;
   std::vector<double> memory_;
   LastMove last_move_;
   double on_since_s_ = 0, temperature_c_ = 25, first_temperature_c_ = -1e9;

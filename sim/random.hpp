@@ -7,12 +7,10 @@
 
 namespace sim {
 
-/// Seeded random numbers that are the same with every standard library: xoshiro256++ (Blackman and Vigna
-/// 2019), normals by the ziggurat (Marsaglia and Tsang 2000, with Doornik's 2005 separate bits for layer and
-/// value).
-class Random {
+/// Seeded random bits that are the same with every standard library: xoshiro256++ (Blackman and Vigna 2019).
+class Xoshiro256 {
  public:
-  explicit Random(std::uint64_t seed) {
+  explicit Xoshiro256(std::uint64_t seed) {
     for (auto& word : state_) {  // splitmix64 spreads any seed over the whole state
       seed += 0x9e3779b97f4a7c15;
       std::uint64_t z = seed;
@@ -36,6 +34,17 @@ class Random {
 
   /// Uniform in [0, 1).
   double uniform() { return static_cast<double>(bits() >> 11) * 0x1.0p-53; }
+
+ private:
+  static std::uint64_t rotl(std::uint64_t value, int by) { return value << by | value >> (64 - by); }
+  std::array<std::uint64_t, 4> state_{};
+};
+
+/// With normals by the ziggurat (Marsaglia and Tsang 2000, with Doornik's 2005 separate bits for layer and
+/// value).
+class Random : public Xoshiro256 {
+ public:
+  using Xoshiro256::Xoshiro256;
 
   /// Standard normal.
   double normal() {
@@ -82,9 +91,6 @@ class Random {
     } while (-2 * y < x * x);
     return negative ? x - tail_start : tail_start - x;
   }
-
-  static std::uint64_t rotl(std::uint64_t value, int by) { return value << by | value >> (64 - by); }
-  std::array<std::uint64_t, 4> state_{};
 };
 
 }  // namespace sim

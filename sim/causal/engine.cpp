@@ -6,11 +6,11 @@
 
 #include "sim/causal/heat.hpp"
 #include "sim/causal/optics.hpp"
-#include "sim/causal/random.hpp"
 #include "sim/causal/receiver.hpp"
 #include "sim/causal/rotor.hpp"
 #include "sim/causal/scene.hpp"
-#include "sim/causal/stage_mechanics.hpp"
+#include "sim/causal/turntable.hpp"
+#include "sim/polar_random.hpp"
 #include "sim/stage_follower.hpp"
 #include "sim/world.hpp"
 
@@ -34,7 +34,7 @@ class CausalEngine : public Engine {
         receiver_(world_),
         rotor_(world_.rotor, world_.bench.lidar),
         heat_(world_.heat),
-        mechanics_(world_.stage),
+        turntable_(world_.stage),
         random_(seed),
         mount_(world_.mount_x_mm.value_or(world_.bench.lidar.mount.x_mm.value),
                world_.mount_y_mm.value_or(world_.bench.lidar.mount.y_mm.value)),
@@ -72,7 +72,7 @@ class CausalEngine : public Engine {
   }
 
   void stage_moves(double time_s, const StageMoment& stage) override {
-    mechanics_.drive(time_s, stage.angle_rad, stage.rate_rad_s);
+    turntable_.drive(time_s, stage.angle_rad, stage.rate_rad_s);
   }
 
  private:
@@ -85,15 +85,15 @@ class CausalEngine : public Engine {
     jitter_ = world_.rotor.index_jitter_rad > 0 ? world_.rotor.index_jitter_rad * random_.normal() : 0;
     if (world_.stage.ring_rad > 0) {  // begins at the moment the stage stopped
       follow_stage(last_scan_s_, scan_s, stage_at, [this](double time_s, const StageMoment& moment) {
-        mechanics_.drive(time_s, moment.angle_rad, moment.rate_rad_s);
+        turntable_.drive(time_s, moment.angle_rad, moment.rate_rad_s);
       });
     }
     const double span = world_.rotor.rolling ? beam_s(static_cast<double>(world_.bench.lidar.steps - 1)) : 0;
     for (std::size_t i = 0; i < knots; ++i) {
       const double time = scan_s + span * static_cast<double>(i) / (knots - 1);
       const StageMoment moment = stage_at(time - world_.stage.late_s);
-      mechanics_.drive(time, moment.angle_rad, moment.rate_rad_s);
-      table_[i] = mechanics_.table_rad(time, moment.angle_rad);
+      turntable_.drive(time, moment.angle_rad, moment.rate_rad_s);
+      table_[i] = turntable_.table_rad(time, moment.angle_rad);
     }
   }
 
@@ -110,7 +110,7 @@ class CausalEngine : public Engine {
       turned_to_ = table;
       const double c = std::cos(table), s = std::sin(table);
       origin_ = Eigen::Vector2d(c * mount_.x() - s * mount_.y(), s * mount_.x() + c * mount_.y());
-      origin_ += mechanics_.axis_mm(table);
+      origin_ += turntable_.axis_mm(table);
     }
     const Rotor::Direction& direction = rotor_.direction(step);
     Beam beam;
@@ -118,7 +118,7 @@ class CausalEngine : public Engine {
     beam.device = world_.bench.lidar.beam_angle(static_cast<double>(step));
     beam.bearing = table + yaw_ + direction.angle + jitter_;
     beam.rise = direction.rise;
-    if (world_.stage.wobble_rad != 0) beam.rise += mechanics_.rise(table, beam.bearing);
+    if (world_.stage.wobble_rad != 0) beam.rise += turntable_.rise(table, beam.bearing);
     for (const World::Housing::Dirt& dirt : world_.housing.dirt) {
       const double x = (beam.device - dirt.centre_rad) / dirt.width_rad;
       beam.loss = 1 - (1 - beam.loss) * (1 - dirt.loss * std::exp(-x * x));
@@ -269,8 +269,8 @@ class CausalEngine : public Engine {
   Receiver receiver_;
   Rotor rotor_;
   Heat heat_;
-  StageMechanics mechanics_;
-  Random random_;
+  Turntable turntable_;
+  PolarRandom random_;
   Eigen::Vector2d mount_;
   double yaw_;
   std::vector<double> memory_, jitter_state_;

@@ -8,9 +8,9 @@
 namespace sim::causal {
 
 /// Between the angle at which the stage's drive stands and where its table really is.
-class StageMechanics {
+class Turntable {
  public:
-  explicit StageMechanics(const World::Stage& settings) : settings_(settings) {}
+  explicit Turntable(const World::Stage& settings) : settings_(settings) {}
 
   /// Tells where the drive stands. Gear play keeps what it was told: moves it never heard of did not happen.
   void drive(double time_s, double angle_rad, double rate_rad_s);

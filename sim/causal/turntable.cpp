@@ -3,14 +3,14 @@
 // N times a turn of the table), with a second harmonic from meshing; the wheel's and the scale's eccentricity
 // once a turn. Play is the hysteresis operator of two flanks (Tao and Kokotovic, Adaptive Control of Systems
 // with Actuator and Sensor Nonlinearities, 1996): the wheel is pushed, never pulled.
-#include "sim/causal/stage_mechanics.hpp"
+#include "sim/causal/turntable.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 namespace sim::causal {
 
-void StageMechanics::drive(double time_s, double angle_rad, double rate_rad_s) {
+void Turntable::drive(double time_s, double angle_rad, double rate_rad_s) {
   const double half = settings_.play_rad / 2;
   if (!started_) {
     started_ = true;
@@ -26,7 +26,7 @@ void StageMechanics::drive(double time_s, double angle_rad, double rate_rad_s) {
   last_rate_ = rate_rad_s;
 }
 
-double StageMechanics::table_rad(double time_s, double angle_rad) const {
+double Turntable::table_rad(double time_s, double angle_rad) const {
   const double worm = settings_.worm_teeth * angle_rad + settings_.worm_phase_rad;
   double table = angle_rad + lag_ + settings_.scale * angle_rad;
   table += settings_.worm_rad * (std::sin(worm) + settings_.worm_second * std::sin(2 * worm + 1));
@@ -40,12 +40,12 @@ double StageMechanics::table_rad(double time_s, double angle_rad) const {
   return table;
 }
 
-Eigen::Vector2d StageMechanics::axis_mm(double table_rad) const {
+Eigen::Vector2d Turntable::axis_mm(double table_rad) const {
   const double angle = table_rad + settings_.runout_phase_rad;
   return settings_.runout_mm * Eigen::Vector2d(std::cos(angle), std::sin(angle));
 }
 
-double StageMechanics::rise(double table_rad, double bearing) const {
+double Turntable::rise(double table_rad, double bearing) const {
   return std::sin(settings_.wobble_rad) * std::sin(bearing - table_rad - settings_.wobble_phase_rad);
 }
 
