@@ -12,7 +12,8 @@ Mechanism make_range_walk() {
   m.id = "range-walk";
   m.cause = "weak echoes cross the receiver's threshold later";
   m.coordinate = Coordinate::intensity;
-  m.formula_error = 0.8;  // free curve, fading with the effect: it differs from device to device
+  m.formula_error = 0.2;
+  m.any_curve = true;
   m.parameters = {
       {.name = "amplitude_mm", .typical = 25},
       {.name = "intensity_scale", .role = Parameter::Role::shape, .lower = 30, .upper = 2500, .starts = 8},
