@@ -179,6 +179,7 @@ struct SerialLink::Impl {
     port.assign(fd);
     received.clear();
     is_dropping = false;
+    has_forgotten_answers = true;
   }
 
   [[noreturn]] void lost(const std::string& how) {
@@ -202,6 +203,7 @@ struct SerialLink::Impl {
   std::string received;
   std::string heard;         ///< The first bytes since the question.
   bool is_dropping = false;  ///< Within a line that was too long.
+  bool has_forgotten_answers = true;
 };
 
 /// Readiness and the read itself are kept apart: a wait that loses its race against the timer can lose no
@@ -305,16 +307,31 @@ void SerialLink::discard() noexcept {
   if (impl_->port.is_open()) ::tcflush(impl_->port.native_handle(), TCIFLUSH);
 }
 
-awaitable<void> SerialLink::drain(Clock::duration quiet) {
-  const auto end = Clock::now() + 5 * quiet;
+awaitable<void> SerialLink::drain() {
+  const auto end = Clock::now() + 5 * silence;
   bool is_noisy = true;
   while (is_noisy && Clock::now() < end) {
     impl_->received.clear();
-    is_noisy = co_await impl_->ready(asio::posix::stream_descriptor::wait_read, Clock::now() + quiet);
+    is_noisy = co_await impl_->ready(asio::posix::stream_descriptor::wait_read, Clock::now() + silence);
     if (is_noisy) impl_->take_what_came();
   }
   impl_->received.clear();
 }
+
+awaitable<SerialLink::Clock::time_point> SerialLink::ask(std::string question, double reply_s) {
+  if (std::exchange(impl_->has_forgotten_answers, false)) {
+    auto draining = drain();
+    co_await std::move(draining);
+  }
+  discard();
+  const auto due =
+      Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(reply_s));
+  auto writing = write(std::move(question), due);
+  co_await std::move(writing);
+  co_return due;
+}
+
+void SerialLink::forget_answers() noexcept { impl_->has_forgotten_answers = true; }
 
 void SerialLink::listen_anew() noexcept { impl_->heard.clear(); }
 

@@ -51,9 +51,16 @@ class SerialLink {
   awaitable<std::optional<std::string>> read_line(Clock::time_point deadline);
   /// Drops what has arrived.
   void discard() noexcept;
-  /// Drops what has arrived and reads on until the line has been quiet for `quiet`, for at most five times as
-  /// long.
-  awaitable<void> drain(Clock::duration quiet);
+  /// Drops what has arrived and reads on until the line has been quiet for `silence`, for at most five times
+  /// as long.
+  awaitable<void> drain();
+
+  /// Asks in a language whose answers only their order tells apart: what came before is dropped, and if
+  /// answers were forgotten, silence is awaited first. Returns when the answer is due, `reply_s` from the
+  /// question. Throws as write() does.
+  awaitable<Clock::time_point> ask(std::string question, double reply_s);
+  /// An answer may still come to a question that nobody waits for any more; so it is on a port just opened.
+  void forget_answers() noexcept;
 
   /// Forgets what heard() tells: a new question is asked.
   void listen_anew() noexcept;
@@ -65,6 +72,7 @@ class SerialLink {
                                      const std::string& check) const;
 
   static constexpr std::size_t longest_line = 1024;
+  static constexpr auto silence = std::chrono::milliseconds(20);
 
  private:
   struct Impl;

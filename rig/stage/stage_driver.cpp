@@ -334,7 +334,7 @@ awaitable<void> StageDriver::stop_once() {
   const std::size_t stops = ++stops_;
   if (line_->taken) {
     link_->write_now(protocol_->stop_now());
-    protocol_->forget_answers();
+    link_->forget_answers();
   }
   {
     auto taking = take_turn(stops);

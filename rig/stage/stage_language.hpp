@@ -57,10 +57,8 @@ class StageProtocol {
   [[nodiscard]] virtual std::string stop_now() = 0;
   /// The bytes that stop whatever goes on, for StageGuard to send when this program is no more.
   [[nodiscard]] virtual std::string stop_for_good() = 0;
-  /// An answer may still come to a question nobody waits for any more.
-  virtual void forget_answers() = 0;
   /// The port was lost and is open again: whether the stage kept its power only it can tell.
-  virtual void link_was_lost() { forget_answers(); }
+  virtual void link_was_lost() {}
 };
 
 /// A language the rig speaks. Each lives in its own file rig/stage/languages/NAME.cpp, which defines

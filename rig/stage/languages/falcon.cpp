@@ -2,7 +2,6 @@
 // Pegasus Falcon rotator: degrees with two decimals from 0 to 360 on its own scale, whose ends it does not
 // pass. It keeps its zero without power, has no home switch and no command for its speed.
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <optional>
@@ -15,12 +14,10 @@ namespace rig::stages {
 namespace {
 
 using boost::asio::awaitable;
-using Clock = SerialLink::Clock;
 
 constexpr int most_attempts = 3;
 constexpr double units_per_deg = 100;
 constexpr long long units_per_turn = 36000;
-constexpr auto silence = std::chrono::milliseconds(20);
 
 class FalconProtocol : public StageProtocol {
  public:
@@ -36,7 +33,6 @@ class FalconProtocol : public StageProtocol {
   awaitable<void> start_stop() override;
   std::string stop_now() override;
   std::string stop_for_good() override { return "\nFH\n"; }
-  void forget_answers() override { is_dirty_ = true; }
 
  private:
   awaitable<std::optional<std::string>> ask_once(std::string text, std::string beginning);
@@ -46,30 +42,22 @@ class FalconProtocol : public StageProtocol {
 
   SerialLink& link_;
   StageOptions options_;
-  bool is_dirty_ = true;
   bool is_stop_requested_ = false;
   std::optional<double> target_;  ///< Of the motion that is not over yet.
 };
 
 /// The answer that begins so; nothing if none came.
 awaitable<std::optional<std::string>> FalconProtocol::ask_once(std::string text, std::string beginning) {
-  if (std::exchange(is_dirty_, false)) {
-    auto draining = link_.drain(silence);
-    co_await std::move(draining);
-  }
-  link_.discard();
-  const auto deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(
-                                           std::chrono::duration<double>(options_.reply_s));
-  std::string bytes = text + "\n";
-  auto writing = link_.write(std::move(bytes), deadline);
-  co_await std::move(writing);
+  text += '\n';
+  auto asking = link_.ask(std::move(text), options_.reply_s);
+  const auto due = co_await std::move(asking);
   for (;;) {
-    auto reading = link_.read_line(deadline);
+    auto reading = link_.read_line(due);
     const std::optional<std::string> line = co_await std::move(reading);
     if (!line) break;
     if (line->starts_with(beginning)) co_return line;
   }
-  is_dirty_ = true;
+  link_.forget_answers();
   co_return std::nullopt;
 }
 
@@ -172,7 +160,7 @@ awaitable<void> FalconProtocol::start_turn(double) {
 
 awaitable<void> FalconProtocol::start_stop() {
   is_stop_requested_ = false;
-  is_dirty_ = true;
+  link_.forget_answers();
   target_.reset();
   auto asking = ask("FH", "FH:1");
   co_await std::move(asking);

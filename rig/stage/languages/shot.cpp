@@ -24,7 +24,6 @@ constexpr double farthest = 16777214;                      ///< Pulses, in both 
 constexpr double usual_speed = 5000, usual_ramp_ms = 200;  ///< After power-on.
 constexpr double usual_pulses_per_deg = 400;               ///< 144:1 worm, 0.72 deg motor, half steps.
 constexpr double longest_ramp_ms = 1000;
-constexpr auto silence = std::chrono::milliseconds(20);
 /// For controllers that may not acknowledge; and once they were found not to.
 constexpr auto acknowledgement_time = std::chrono::milliseconds(30),
                silent_time = std::chrono::milliseconds(3);
@@ -47,13 +46,12 @@ class ShotProtocol : public StageProtocol {
   awaitable<void> start_stop() override;
   std::string stop_now() override;
   std::string stop_for_good() override { return "\r\nL:E\r\n"; }
-  void forget_answers() override { is_dirty_ = true; }
   void link_was_lost() override;
 
  private:
   [[nodiscard]] bool is_gsc() const { return dialect_ == "gsc"; }
   [[nodiscard]] std::string axis() const { return std::to_string(options_.axis); }
-  awaitable<void> send(std::string text);
+  awaitable<Clock::time_point> send(std::string text);
   awaitable<std::optional<std::string>> ask_text(std::string question);
   awaitable<ShotStatus> status();
   awaitable<std::optional<bool>> command(std::string text);
@@ -68,7 +66,6 @@ class ShotProtocol : public StageProtocol {
   std::string dialect_;
   SerialLink& link_;
   StageOptions options_;
-  bool is_dirty_ = true;            ///< Answers may come that nobody waits for.
   bool is_stop_requested_ = false;  ///< A motion must not be started any more.
   int axes_ = 1;
   int silent_commands_ = 0;
@@ -86,34 +83,25 @@ class ShotProtocol : public StageProtocol {
 
 // --- one question, one answer ---
 
-awaitable<void> ShotProtocol::send(std::string text) {
-  if (std::exchange(is_dirty_, false)) {
-    auto draining = link_.drain(silence);
-    co_await std::move(draining);
-  }
-  link_.discard();
-  const auto deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(
-                                           std::chrono::duration<double>(options_.reply_s));
-  std::string bytes = text + "\r\n";
-  auto writing = link_.write(std::move(bytes), deadline);
-  co_await std::move(writing);
+/// Returns when the answer is due.
+awaitable<Clock::time_point> ShotProtocol::send(std::string text) {
+  text += "\r\n";
+  return link_.ask(std::move(text), options_.reply_s);
 }
 
 awaitable<ShotStatus> ShotProtocol::status() {
   link_.listen_anew();
   for (int attempt = 0; attempt < most_attempts; ++attempt) {
     auto sending = send("Q:");
-    co_await std::move(sending);
-    const auto deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(
-                                             std::chrono::duration<double>(options_.reply_s));
+    const auto due = co_await std::move(sending);
     for (bool is_waiting = true; is_waiting;) {
-      auto reading = link_.read_line(deadline);
+      auto reading = link_.read_line(due);
       const std::optional<std::string> line = co_await std::move(reading);
       is_waiting = line.has_value();
       const auto found = line ? shot_status(*line, options_.axis) : std::nullopt;
       if (found) co_return *found;
     }
-    is_dirty_ = true;
+    link_.forget_answers();
   }
   throw link_.unanswered(
       "Q:", most_attempts,
@@ -126,14 +114,12 @@ awaitable<ShotStatus> ShotProtocol::status() {
 awaitable<std::optional<std::string>> ShotProtocol::ask_text(std::string question) {
   for (int attempt = 0; attempt + 1 < most_attempts; ++attempt) {
     auto sending = send(question);
-    co_await std::move(sending);
-    const auto deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(
-                                             std::chrono::duration<double>(options_.reply_s));
-    auto reading = link_.read_line(deadline);
+    const auto due = co_await std::move(sending);
+    auto reading = link_.read_line(due);
     const std::optional<std::string> line = co_await std::move(reading);
     if (line && shot_acknowledgement(*line)) co_return std::nullopt;
     if (line) co_return line;
-    is_dirty_ = true;
+    link_.forget_answers();
   }
   co_return std::nullopt;
 }
@@ -141,12 +127,11 @@ awaitable<std::optional<std::string>> ShotProtocol::ask_text(std::string questio
 /// Was it understood? Nothing if nobody knows.
 awaitable<std::optional<bool>> ShotProtocol::command(std::string text) {
   auto sending = send(text);
-  co_await std::move(sending);
-  std::chrono::duration<double> patience(options_.reply_s);
-  if (is_gsc()) patience = silent_commands_ < commands_to_tell ? acknowledgement_time : silent_time;
-  const auto deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(patience);
+  auto due = co_await std::move(sending);
+  if (is_gsc())
+    due = Clock::now() + (silent_commands_ < commands_to_tell ? acknowledgement_time : silent_time);
   for (bool is_waiting = true; is_waiting;) {
-    auto reading = link_.read_line(deadline);
+    auto reading = link_.read_line(due);
     const std::optional<std::string> line = co_await std::move(reading);
     is_waiting = line.has_value();
     const auto answer = line ? shot_acknowledgement(*line) : std::nullopt;
@@ -154,7 +139,7 @@ awaitable<std::optional<bool>> ShotProtocol::command(std::string text) {
   }
   ++silent_commands_;
   if (!is_gsc()) {
-    is_dirty_ = true;
+    link_.forget_answers();
     co_return std::nullopt;
   }
   auto asking = status();
@@ -241,7 +226,6 @@ awaitable<StageReading> ShotProtocol::read() {
 
 /// It may have lost its power with its port, and would not say so.
 void ShotProtocol::link_was_lost() {
-  is_dirty_ = true;
   homed_ = false;
   left_at_.reset();
   doing_ = Doing::standing;
@@ -267,7 +251,7 @@ awaitable<ShotStatus> ShotProtocol::at_rest() {
     }
     before = now.busy ? std::nullopt : std::optional(now);
     if (!now.busy) continue;
-    auto pausing = link_.drain(silence);
+    auto pausing = link_.drain();
     co_await std::move(pausing);
   }
   throw StageError("the stage does not come to rest, though it was told to stop. Switch it off.");
@@ -362,7 +346,7 @@ awaitable<void> ShotProtocol::start_turn(double speed) {
 
 awaitable<void> ShotProtocol::start_stop() {
   is_stop_requested_ = false;
-  is_dirty_ = true;
+  link_.forget_answers();
   const std::string text = doing_ == Doing::homing ? "L:E" : "L:" + axis();
   if (doing_ == Doing::homing) homed_ = false;
   doing_ = Doing::stopping;

@@ -96,7 +96,6 @@ class ZaberProtocol : public StageProtocol {
   awaitable<void> start_stop() override;
   std::string stop_now() override { return command("stop", options_.axis, stop_id); }
   std::string stop_for_good() override { return "\n" + command("stop", options_.axis, stop_id); }
-  void forget_answers() override {}  // Ids tell them apart.
 
  private:
   [[nodiscard]] std::string command(const std::string& words, int axis, int id) const;
