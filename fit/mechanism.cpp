@@ -2,9 +2,11 @@
 #include "fit/mechanism.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 #include "fit/find_by_id.hpp"
+#include "fit/number_format.hpp"
 
 namespace fit::mechanisms {
 std::vector<Mechanism> all();
@@ -101,12 +103,7 @@ std::string rounded(double value, int digits) {
 }
 
 std::string with_uncertainty(const Estimate& estimate, const std::string& unit) {
-  char text[80];
-  int decimals = 3;
-  if (estimate.u > 0) decimals = std::clamp(static_cast<int>(std::ceil(1 - std::log10(estimate.u))), 0, 8);
-  const std::string space = unit.empty() ? "" : " " + unit;
-  std::snprintf(text, sizeof text, "%.*f +/- %.*f", decimals, estimate.value, decimals, estimate.u);
-  return text + space;
+  return format_measurement(estimate.value, estimate.u, unit);
 }
 
 }  // namespace fit

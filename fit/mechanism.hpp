@@ -187,7 +187,7 @@ struct Mechanism {
 /// The mechanism of that id, or nullptr.
 [[nodiscard]] const Mechanism* find_mechanism(const std::string& id);
 
-/// "0.121 deg +/- 0.004 deg": the value with two digits of its uncertainty.
+/// "0.1210 ± 0.0042 deg": the value to the second digit of its standard uncertainty (fit/number_format.hpp).
 [[nodiscard]] std::string with_uncertainty(const Estimate& estimate, const std::string& unit);
 [[nodiscard]] std::string rounded(double value, int digits = 3);
 

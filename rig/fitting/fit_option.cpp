@@ -7,8 +7,8 @@
 #include <stdexcept>
 
 #include "fit/json_position.hpp"
+#include "fit/number_format.hpp"
 #include "rig/errors.hpp"
-#include "rig/number_format.hpp"
 
 namespace rig {
 namespace {
@@ -22,7 +22,7 @@ std::string list_of(const std::vector<std::string>& words) {
   return out;
 }
 
-std::string number_text(double value) { return format_value(value, 0); }
+std::string number_text(double value) { return fit::format_value(value, 0); }
 
 std::string with_unit(const std::string& text, const std::string& unit) {
   return unit.empty() ? text : text + " " + unit;

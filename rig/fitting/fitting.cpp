@@ -8,8 +8,8 @@
 #include <sstream>
 
 #include "fit/json_position.hpp"
+#include "fit/number_format.hpp"
 #include "rig/errors.hpp"
-#include "rig/number_format.hpp"
 
 namespace rig {
 
@@ -94,11 +94,11 @@ std::string to_text(const nlohmann::json& result) {
     const double u = number_in(value, "u"), expanded = value.contains("U") ? number_in(value, "U") : 2 * u;
     const bool known = value.contains("value") && value.at("value").is_number();
     out << "  " << padded(value.value("label", value.value("name", "")), width)
-        << format_value(known ? value.at("value").get<double>() : std::nan(""), expanded) << ' '
+        << fit::format_value(known ? value.at("value").get<double>() : std::nan(""), expanded) << ' '
         << value.value("unit", "");
     if (expanded > 0)
-      out << "   U = " << format_uncertainty(expanded) << ' ' << value.value("unit", "")
-          << " (k = " << format_value(value.value("k", 2.0), 0) << ")";
+      out << "   U = " << fit::format_uncertainty(expanded) << ' ' << value.value("unit", "")
+          << " (k = " << fit::format_value(value.value("k", 2.0), 0) << ")";
     out << "\n";
   }
   for (const auto& note : result.value("notes", nlohmann::json::array()))

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "rig/number_format.hpp"
+#include "fit/number_format.hpp"
 
 namespace rig {
 
@@ -35,7 +35,7 @@ json numbers(const std::vector<double>& values) {
 
 json result_value(const std::string& name, const std::string& label, const fit::Estimate& estimate,
                   const std::string& unit, double freedom) {
-  const double k = freedom > 0 ? coverage_factor(freedom) : 2;
+  const double k = freedom > 0 ? fit::coverage_factor(freedom) : 2;
   json out = {{"name", name},
               {"label", label},
               {"value", number_or_null(estimate.value)},

@@ -14,8 +14,8 @@
 #include <regex>
 #include <set>
 
+#include "fit/number_format.hpp"
 #include "rig/errors.hpp"
-#include "rig/number_format.hpp"
 #include "rig/output_place.hpp"
 #include "rig/session/new_session.hpp"
 #include "rig/session/session_store.hpp"
@@ -228,9 +228,9 @@ std::vector<double> true_distances(const ImportRequest& request, ImportReport& r
     guessed.push_back(*distance);
   }
   std::string list;
-  for (const double mm : guessed) list += (list.empty() ? "" : ", ") + format_value(mm, 0);
+  for (const double mm : guessed) list += (list.empty() ? "" : ", ") + fit::format_value(mm, 0);
   report.notes.push_back("True distances were taken from the file names: " + list + " mm, each +/- " +
-                         format_value(request.true_u_mm, 0) +
+                         fit::format_value(request.true_u_mm, 0) +
                          " mm. Give --true-mm and --true-u-mm if that is wrong.");
   return guessed;
 }

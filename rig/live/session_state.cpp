@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "rig/number_format.hpp"
+#include "fit/number_format.hpp"
 
 namespace rig {
 namespace {
@@ -70,8 +70,8 @@ void add_results(json& state, const SessionStore& session) {
       if (!value.is_object() || !value.contains("value") || !value.at("value").is_number()) continue;
       const double expanded = number_or(value, "U", number_or(value, "k", 2) * number_or(value, "u", 0));
       state["results"].push_back({{"name", text_or(value, "label", text_or(value, "name", result.kind))},
-                                  {"text", format_measurement(value.at("value").get<double>(), expanded,
-                                                              text_or(value, "unit", ""))}});
+                                  {"text", fit::format_measurement(value.at("value").get<double>(), expanded,
+                                                                   text_or(value, "unit", ""))}});
     }
     for (const json& check :
          list_of(document, "checks"))  // The limits; those of earlier versions have no text.
@@ -79,8 +79,8 @@ void add_results(json& state, const SessionStore& session) {
         state["results"].push_back(
             {{"name", text_or(check, "name", "limit")},
              {"text", text_or(check, "text",
-                              format_measurement(number_or(check, "value", std::nan("")),
-                                                 number_or(check, "U", 0), text_or(check, "unit", "")))},
+                              fit::format_measurement(number_or(check, "value", std::nan("")),
+                                                      number_or(check, "U", 0), text_or(check, "unit", "")))},
              {"verdict", text_or(check, "verdict", "")}});
   }
 }

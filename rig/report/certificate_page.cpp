@@ -10,7 +10,7 @@
 #include <optional>
 
 #include "fit/explain/explanation.hpp"
-#include "rig/number_format.hpp"
+#include "fit/number_format.hpp"
 #include "rig/report/json_fields.hpp"
 #include "rig/report/plot.hpp"
 
@@ -44,16 +44,16 @@ mustache::data to_mustache(const json& value) {
 
 json shown_value(const json& value) {
   const double u = number_of(value, "u", 0);
-  const double k = number_of(value, "k", coverage_factor(number_of(value, "nu_eff")));
+  const double k = number_of(value, "k", fit::coverage_factor(number_of(value, "nu_eff")));
   const double expanded = number_of(value, "U", k * u);
   char factor[32];
   std::snprintf(factor, sizeof factor, "%.2g", k);
   if (std::abs(k - 2) > 0.05) std::snprintf(factor, sizeof factor, "%.2f", k);
   const bool certain = expanded == 0;
   return {{"label", text_of(value, "label", text_of(value, "name"))},
-          {"value", format_value(number_of(value, "value"), expanded)},
+          {"value", fit::format_value(number_of(value, "value"), expanded)},
           {"unit", text_of(value, "unit")},
-          {"expanded", certain ? "" : format_uncertainty(expanded) + " " + text_of(value, "unit")},
+          {"expanded", certain ? "" : fit::format_uncertainty(expanded) + " " + text_of(value, "unit")},
           {"k", certain ? "" : factor}};
 }
 
@@ -95,7 +95,7 @@ json shown_cell(const json& cell, std::optional<int> decimals) {
     std::snprintf(text, sizeof text, "%.*f", *decimals, cell.get<double>());
     return {{"text", text}, {"numeric", true}};
   }
-  if (cell.is_number()) return {{"text", format_value(cell.get<double>(), 0)}, {"numeric", true}};
+  if (cell.is_number()) return {{"text", fit::format_value(cell.get<double>(), 0)}, {"numeric", true}};
   if (cell.is_null()) return {{"text", ""}, {"numeric", false}};
   if (cell.is_boolean()) return {{"text", cell.get<bool>() ? "yes" : "no"}, {"numeric", false}};
   return {{"text", cell.is_string() ? cell.get<std::string>() : cell.dump()}, {"numeric", false}};
@@ -163,7 +163,7 @@ json shown_section(const std::string& kind, const json& result) {
   for (const json& row : list_of(result, "budget"))
     section["budget"].push_back({{"source", text_of(row, "source")},
                                  {"kind", text_of(row, "kind")},
-                                 {"u", format_uncertainty(number_of(row, "u"))},
+                                 {"u", fit::format_uncertainty(number_of(row, "u"))},
                                  {"unit", text_of(row, "unit")}});
   section["has_values"] = !section["values"].empty();
   section["has_budget"] = !section["budget"].empty();
@@ -211,17 +211,17 @@ json shown_checks(const json& limits) {
     const double low = number_of(check, "min"), high = number_of(check, "max");
     std::string range;
     if (std::isfinite(low) && std::isfinite(high))
-      range = format_value(low, 0) + " to " + format_value(high, 0);
+      range = fit::format_value(low, 0) + " to " + fit::format_value(high, 0);
     else if (std::isfinite(low))
-      range = "at least " + format_value(low, 0);
+      range = "at least " + fit::format_value(low, 0);
     else if (std::isfinite(high))
-      range = "at most " + format_value(high, 0);
+      range = "at most " + fit::format_value(high, 0);
     if (const double widest = number_of(check, "max_U"); std::isfinite(widest))
-      range += (range.empty() ? "U at most " : "; U at most ") + format_value(widest, 0);
+      range += (range.empty() ? "U at most " : "; U at most ") + fit::format_value(widest, 0);
     checks.push_back({{"name", text_of(check, "label", text_of(check, "name"))},
-                      {"value", format_value(number_of(check, "value"), expanded)},
+                      {"value", fit::format_value(number_of(check, "value"), expanded)},
                       {"unit", text_of(check, "unit")},
-                      {"expanded", expanded > 0 ? format_uncertainty(expanded) : ""},
+                      {"expanded", expanded > 0 ? fit::format_uncertainty(expanded) : ""},
                       {"limits", range},
                       {"verdict", text_of(check, "verdict", "inconclusive")},
                       {"reason", text_of(check, "reason")}});

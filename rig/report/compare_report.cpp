@@ -5,7 +5,6 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "rig/number_format.hpp"
 #include "rig/report/html_text.hpp"
 #include "rig/report/plot.hpp"
 

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "fit/explain/explanation.hpp"
-#include "rig/number_format.hpp"
+#include "fit/number_format.hpp"
 #include "rig/report/html_text.hpp"
 #include "rig/report/plot.hpp"
 
@@ -48,8 +48,8 @@ std::string mechanism_section(const json& m) {
       continue;
     }
     const double value = number_at(p, "value"), u = number_at(p, "u");
-    html += "<tr><td>" + escaped(name) + "</td><td class=\"n\">" + format_value(value, u) +
-            "</td><td class=\"n\">" + format_uncertainty(u) + "</td></tr>\n";
+    html += "<tr><td>" + escaped(name) + "</td><td class=\"n\">" + fit::format_value(value, u) +
+            "</td><td class=\"n\">" + fit::format_uncertainty(u) + "</td></tr>\n";
   }
   return html + "</tbody></table>\n";
 }

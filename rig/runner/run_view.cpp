@@ -7,7 +7,7 @@
 #include <chrono>
 #include <nlohmann/json.hpp>
 
-#include "rig/number_format.hpp"
+#include "fit/number_format.hpp"
 
 namespace rig {
 namespace {
@@ -171,7 +171,7 @@ void add_values(std::string& text, const std::string& kind, const json& result) 
     if (!value.is_object() || !value.contains("value") || !value["value"].is_number()) continue;
     const double expanded = number_in(value, "U", number_in(value, "k", 2) * number_in(value, "u", 0));
     text += "  " + padded(kind, 12) + " " + padded(value.value("label", value.value("name", "")), 44) + " " +
-            format_measurement(value["value"].get<double>(), expanded, value.value("unit", "")) + "\n";
+            fit::format_measurement(value["value"].get<double>(), expanded, value.value("unit", "")) + "\n";
   }
 }
 

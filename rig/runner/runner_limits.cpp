@@ -3,7 +3,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "rig/number_format.hpp"
+#include "fit/number_format.hpp"
 #include "rig/runner/runner.hpp"
 
 namespace rig {
@@ -65,12 +65,12 @@ Judgement judge(const Limit& limit, double value, double expanded, const std::st
   const bool too_low = value - low < high - value;  // Or nearer to that side.
   const double beyond = too_low ? low - value : value - high;
   const std::string side = too_low ? "below the smallest value allowed" : "above the largest value allowed";
-  if (beyond > guard) return {"fail", with_unit(format_value(beyond, expanded), unit) + " " + side};
+  if (beyond > guard) return {"fail", with_unit(fit::format_value(beyond, expanded), unit) + " " + side};
   if (beyond <= -guard) return {"pass", ""};
   const std::string inner = too_low ? "above the smallest value allowed" : "below the largest value allowed";
-  return {"inconclusive", with_unit(format_value(std::abs(beyond), expanded), unit) + " " +
+  return {"inconclusive", with_unit(fit::format_value(std::abs(beyond), expanded), unit) + " " +
                               (beyond > 0 ? side : inner) + ", within the guard band of " +
-                              with_unit(format_value(guard, expanded), unit)};
+                              with_unit(fit::format_value(guard, expanded), unit)};
 }
 
 /// "9.00 ± 0.20 mm; allowed: 1 to 5 mm, U at most 0.5 mm".
@@ -84,7 +84,7 @@ std::string figures(const Limit& limit, double value, double expanded, const std
   if (limit.max_expanded)
     allowed +=
         (allowed.empty() ? "U at most " : ", U at most ") + with_unit(to_text(*limit.max_expanded), unit);
-  return format_measurement(value, expanded, unit) + "; allowed: " + allowed;
+  return fit::format_measurement(value, expanded, unit) + "; allowed: " + allowed;
 }
 
 json check(const Limit& limit, const SessionStore& session) {

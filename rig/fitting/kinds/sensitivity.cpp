@@ -5,10 +5,10 @@
 #include <numbers>
 
 #include "fit/angle.hpp"
+#include "fit/number_format.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/edge_source.hpp"
 #include "rig/fitting/result_document.hpp"
-#include "rig/number_format.hpp"
 
 namespace rig::fittings {
 namespace {
@@ -231,7 +231,7 @@ class Sensitivity : public Fitting {
     if (best.response.dispersion > 1)
       out["notes"].push_back(
           "The shares scatter more than chance between stops (chi-square per degree of freedom " +
-          format_value(best.response.dispersion, 0) +
+          fit::format_value(best.response.dispersion, 0) +
           "): the stage does not repeat its angles, or the response is neither straight nor Gaussian. The "
           "uncertainties were widened accordingly.");
     if (best.response.ramp_probability > 0.2 && best.response.ramp_probability < 0.8)

@@ -3,14 +3,15 @@
 
 #include <string>
 
-namespace rig {
+namespace fit {
 
-/// An uncertainty with two significant digits (GUM 7.2.6): 0.123 -> "0.12", 0 -> "0".
+/// An uncertainty with two significant digits (GUM 7.2.6): 0.123 -> "0.12", 0 -> "0"; a small one
+/// with a power of ten: 5.6e-7 -> "5.6e-7".
 [[nodiscard]] std::string format_uncertainty(double expanded);
 
 /// A value rounded to the place of its uncertainty's second digit: (-1.6342, 0.123) -> "-1.63" (with a
-/// hyphen-minus). Without an uncertainty, a whole number as it is, another with four significant digits.
-/// Non-finite: "not determined".
+/// hyphen-minus), (1e-9, 5.6e-7) -> "0". Without an uncertainty, a whole number as it is, another with four
+/// significant digits. Non-finite: "not determined".
 [[nodiscard]] std::string format_value(double value, double expanded);
 
 /// Both with the unit: (-1.6342, 0.123, "mm") -> "-1.63 ± 0.12 mm"; without an uncertainty the value alone.
@@ -19,4 +20,4 @@ namespace rig {
 /// Coverage factor for 95.45 % at `degrees_of_freedom` (GUM G.2); 2 when they are infinite, unknown or large.
 [[nodiscard]] double coverage_factor(double degrees_of_freedom);
 
-}  // namespace rig
+}  // namespace fit

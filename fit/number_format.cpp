@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
-#include "rig/number_format.hpp"
+#include "fit/number_format.hpp"
 
+#include <algorithm>
 #include <array>
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <cstdio>
 
-namespace rig {
+namespace fit {
 namespace {
 
 std::string fixed(double value, int decimals) {
@@ -30,17 +31,42 @@ int decimals_for(double u) {
   return std::floor(std::log10(rounded)) > exponent ? decimals - 1 : decimals;
 }
 
+/// More are not counted but written with a power of ten.
+constexpr int most_decimals = 5;
+
+/// "5.6e-7": `digits` significant ones, and no zeros before the exponent.
+std::string with_power_of_ten(double value, int digits) {
+  std::array<char, 64> text{};
+  std::snprintf(text.data(), text.size(), "%.*e", std::max(digits, 1) - 1, value);
+  std::string out = text.data();
+  const std::size_t exponent = out.find('e') + 2;
+  out.erase(exponent, std::min(out.find_first_not_of('0', exponent), out.size() - 1) - exponent);
+  return out;
+}
+
+/// A value to so many decimals that a small one is better read with a power of ten.
+std::string to_many_decimals(double value, int decimals) {
+  const double place = std::pow(10.0, -decimals), rounded = std::round(value / place) * place;
+  if (rounded == 0) return "0";
+  const int exponent = static_cast<int>(std::floor(std::log10(std::abs(rounded) * (1 + 1e-12))));
+  return exponent < -4 ? with_power_of_ten(rounded, exponent + decimals + 1) : fixed(value, decimals);
+}
+
 }  // namespace
 
 std::string format_uncertainty(double expanded) {
   if (!std::isfinite(expanded)) return "not determined";
   if (expanded <= 0) return "0";
-  return fixed(expanded, decimals_for(expanded));
+  const int decimals = decimals_for(expanded);
+  return decimals > most_decimals ? with_power_of_ten(expanded, 2) : fixed(expanded, decimals);
 }
 
 std::string format_value(double value, double expanded) {
   if (!std::isfinite(value)) return "not determined";
-  if (std::isfinite(expanded) && expanded > 0) return fixed(value, decimals_for(expanded));
+  if (std::isfinite(expanded) && expanded > 0) {
+    const int decimals = decimals_for(expanded);
+    return decimals > most_decimals ? to_many_decimals(value, decimals) : fixed(value, decimals);
+  }
   if (value == 0) return "0";  // no "-0"
   std::array<char, 64> text{};
   const bool whole = std::abs(value) < 1e9 && (std::floor(value) == value || std::abs(value) >= 1000);
@@ -59,4 +85,4 @@ double coverage_factor(double degrees_of_freedom) {
   return boost::math::quantile(distribution, 0.5 + 0.9545 / 2);
 }
 
-}  // namespace rig
+}  // namespace fit
