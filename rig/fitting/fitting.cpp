@@ -10,6 +10,7 @@
 #include "fit/json_position.hpp"
 #include "fit/number_format.hpp"
 #include "rig/errors.hpp"
+#include "rig/json_fields.hpp"
 
 namespace rig {
 
@@ -37,12 +38,6 @@ void refuse_clusters(const std::string& kind, const std::vector<FitSource>& sour
                          "calibration '" +
                          kind + "', made for single beams. Record it with 'cluster: 1'");
   }
-}
-
-/// A number, or 0 when it is missing or null.
-double number_in(const nlohmann::json& object, const char* key) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_number() ? found->get<double>() : 0;
 }
 
 std::string padded(const std::string& text, std::size_t width) {
@@ -91,11 +86,9 @@ std::string to_text(const nlohmann::json& result) {
   for (const auto& value : result.value("values", nlohmann::json::array()))
     width = std::max(width, value.value("label", value.value("name", "")).size() + 2);
   for (const auto& value : result.value("values", nlohmann::json::array())) {
-    const double u = number_in(value, "u"), expanded = value.contains("U") ? number_in(value, "U") : 2 * u;
-    const bool known = value.contains("value") && value.at("value").is_number();
+    const double expanded = expanded_of(value, 0);
     out << "  " << padded(value.value("label", value.value("name", "")), width)
-        << fit::format_value(known ? value.at("value").get<double>() : std::nan(""), expanded) << ' '
-        << value.value("unit", "");
+        << fit::format_value(number_of(value, "value"), expanded) << ' ' << value.value("unit", "");
     if (expanded > 0)
       out << "   U = " << fit::format_uncertainty(expanded) << ' ' << value.value("unit", "")
           << " (k = " << fit::format_value(value.value("k", 2.0), 0) << ")";

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "fit/number_format.hpp"
+#include "rig/json_fields.hpp"
 
 namespace rig {
 namespace {
@@ -47,41 +48,25 @@ void add_newest_capture(json& state, const fit::Recording& recording) {
   state["stage_deg"] = capture.stage_readback_rad.value_or(capture.stage_rad) * fit::deg_per_rad;
 }
 
-/// A member that may be missing, or null where there is no number.
-double number_or(const json& object, const char* name, double otherwise) {
-  const auto found = object.find(name);
-  return found != object.end() && found->is_number() ? found->get<double>() : otherwise;
-}
-
-std::string text_or(const json& object, const char* name, const std::string& otherwise) {
-  const auto found = object.find(name);
-  return found != object.end() && found->is_string() ? found->get<std::string>() : otherwise;
-}
-
-json list_of(const json& object, const char* name) {
-  const auto found = object.is_object() ? object.find(name) : object.end();
-  return object.is_object() && found != object.end() && found->is_array() ? *found : json::array();
-}
-
 void add_results(json& state, const SessionStore& session) {
   for (const SessionStore::Result& result : session.latest_results()) {
     const json document = json::parse(result.json, nullptr, false);
     for (const json& value : list_of(document, "values")) {
-      if (!value.is_object() || !value.contains("value") || !value.at("value").is_number()) continue;
-      const double expanded = number_or(value, "U", number_or(value, "k", 2) * number_or(value, "u", 0));
-      state["results"].push_back({{"name", text_or(value, "label", text_or(value, "name", result.kind))},
-                                  {"text", fit::format_measurement(value.at("value").get<double>(), expanded,
-                                                                   text_or(value, "unit", ""))}});
+      const double number = number_of(value, "value");
+      if (std::isnan(number)) continue;
+      state["results"].push_back(
+          {{"name", text_of(value, "label", text_of(value, "name", result.kind))},
+           {"text", fit::format_measurement(number, expanded_of(value, 0), text_of(value, "unit", ""))}});
     }
     for (const json& check :
          list_of(document, "checks"))  // The limits; those of earlier versions have no text.
       if (check.is_object())
         state["results"].push_back(
-            {{"name", text_or(check, "name", "limit")},
-             {"text", text_or(check, "text",
-                              fit::format_measurement(number_or(check, "value", std::nan("")),
-                                                      number_or(check, "U", 0), text_or(check, "unit", "")))},
-             {"verdict", text_or(check, "verdict", "")}});
+            {{"name", text_of(check, "name", "limit")},
+             {"text", text_of(check, "text",
+                              fit::format_measurement(number_of(check, "value"), number_of(check, "U", 0),
+                                                      text_of(check, "unit", "")))},
+             {"verdict", text_of(check, "verdict", "")}});
   }
 }
 
@@ -105,13 +90,13 @@ void add_steps(json& state, const SessionStore& session, const fit::Recording& r
   state["steps"] = captured_steps(recording);
   if (!plan.is_array() || plan.empty()) return;
   const auto progress = session.progress();
-  const auto is_recorded = [&](const json& step) { return progress.count(text_or(step, "key", "")) > 0; };
+  const auto is_recorded = [&](const json& step) { return progress.count(text_of(step, "key", "")) > 0; };
   const auto recorded = static_cast<std::size_t>(std::ranges::count_if(plan, is_recorded));
   const auto next = static_cast<std::size_t>(std::ranges::find_if_not(plan, is_recorded) - plan.begin());
   state["step"] = {{"n", recorded}, {"of", plan.size()}, {"text", captured + " recorded"}};
   state["steps"] = json::array();
   for (std::size_t i = next > before ? next - before : 0; i < std::min(plan.size(), next + after); ++i)
-    state["steps"].push_back({{"text", text_or(plan[i], "text", "")},
+    state["steps"].push_back({{"text", text_of(plan[i], "text", "")},
                               {"state", is_recorded(plan[i]) ? "recorded" : "not started"}});
 }
 

@@ -10,7 +10,7 @@
 #include <optional>
 
 #include "fit/bench.hpp"
-#include "rig/report/json_fields.hpp"
+#include "rig/json_fields.hpp"
 #include "rig/report/plot.hpp"
 #include "rig/session/lidar_identity.hpp"
 #include "rig/session/session_dates.hpp"

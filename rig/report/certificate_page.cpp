@@ -11,7 +11,7 @@
 
 #include "fit/explain/explanation.hpp"
 #include "fit/number_format.hpp"
-#include "rig/report/json_fields.hpp"
+#include "rig/json_fields.hpp"
 #include "rig/report/plot.hpp"
 
 namespace rig {

@@ -6,6 +6,7 @@
 
 #include "fit/explain/explanation.hpp"
 #include "fit/number_format.hpp"
+#include "rig/json_fields.hpp"
 #include "rig/report/html_text.hpp"
 #include "rig/report/plot.hpp"
 
@@ -18,11 +19,6 @@ std::string figure_of(double value, int digits = 4) {
   char text[40];
   std::snprintf(text, sizeof text, "%.*g", digits, value);
   return text;
-}
-
-double number_at(const json& object, const char* key) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_number() ? found->get<double>() : NAN;
 }
 
 std::string verdict_in_words(const std::string& verdict) {
@@ -47,7 +43,7 @@ std::string mechanism_section(const json& m) {
               "</td><td></td></tr>\n";
       continue;
     }
-    const double value = number_at(p, "value"), u = number_at(p, "u");
+    const double value = number_of(p, "value"), u = number_of(p, "u");
     html += "<tr><td>" + escaped(name) + "</td><td class=\"n\">" + fit::format_value(value, u) +
             "</td><td class=\"n\">" + fit::format_uncertainty(u) + "</td></tr>\n";
   }
@@ -78,8 +74,8 @@ std::string prediction_section(const json& p) {
   const json& gain = p.at("log_likelihood_gain");
   const auto row = [&](const char* what, const char* key, int digits) {
     return "<tr><td>" + std::string(what) + "</td><td class=\"n\">" +
-           figure_of(number_at(before, key), digits) + "</td><td class=\"n\">" +
-           figure_of(number_at(after, key), digits) + "</td></tr>\n";
+           figure_of(number_of(before, key), digits) + "</td><td class=\"n\">" +
+           figure_of(number_of(after, key), digits) + "</td></tr>\n";
   };
   std::string html = "<h2>Predicted, not fitted: " + escaped(p.value("session", "")) + "</h2>\n<p>" +
                      std::to_string(p.value("samples", 0L)) +
@@ -95,8 +91,8 @@ std::string prediction_section(const json& p) {
                      row("share within the predicted 95 % intervals", "coverage_95", 3) +
                      "</tbody></table>\n<p>All samples "
                      "together are e^" +
-                     figure_of(number_at(gain, "value"), 3) + " times as likely, the exponent +/- " +
-                     figure_of(number_at(gain, "u"), 2) + " as beams differ.</p>\n";
+                     figure_of(number_of(gain, "value"), 3) + " times as likely, the exponent +/- " +
+                     figure_of(number_of(gain, "u"), 2) + " as beams differ.</p>\n";
   if (!cells.contains("incidence_deg")) return html;
   const auto column = [&](const char* key) { return cells.at(key).get<std::vector<double>>(); };
   const auto x = column("incidence_deg");
@@ -179,16 +175,16 @@ std::string explanation_html(const json& e, const std::string& sessions) {
   html +=
       "<h2>On data that the fit had not seen</h2>\n<table><thead><tr><th></th><th class=\"n\">before</th><th "
       "class=\"n\">after</th></tr></thead><tbody>\n<tr><td>rms of the means (mm)</td><td class=\"n\">" +
-      figure_of(number_at(fit, "rms_before_mm")) + "</td><td class=\"n\">" +
-      figure_of(number_at(fit, "rms_after_mm")) +
+      figure_of(number_of(fit, "rms_before_mm")) + "</td><td class=\"n\">" +
+      figure_of(number_of(fit, "rms_after_mm")) +
       "</td></tr>\n<tr><td>log-likelihood per cell</td><td class=\"n\">" +
-      figure_of(number_at(fit, "held_out_log_likelihood_before")) + "</td><td class=\"n\">" +
-      figure_of(number_at(fit, "held_out_log_likelihood_after")) +
+      figure_of(number_of(fit, "held_out_log_likelihood_before")) + "</td><td class=\"n\">" +
+      figure_of(number_of(fit, "held_out_log_likelihood_after")) +
       "</td></tr>\n<tr><td>share within the predicted 95 % intervals</td><td class=\"n\">" +
-      figure_of(number_at(fit, "coverage_95_before"), 3) + "</td><td class=\"n\">" +
-      figure_of(number_at(fit, "coverage_95_after"), 3) +
+      figure_of(number_of(fit, "coverage_95_before"), 3) + "</td><td class=\"n\">" +
+      figure_of(number_of(fit, "coverage_95_after"), 3) +
       "</td></tr>\n</tbody></table>\n<p>Noise floor of the means: " +
-      figure_of(number_at(fit, "noise_floor_mm")) + " mm.</p>\n";
+      figure_of(number_of(fit, "noise_floor_mm")) + " mm.</p>\n";
   if (e.contains("prediction"))
     for (const json& p : e["prediction"]) html += prediction_section(p);
   if (!e.at("curves").empty()) html += "<h2>Residuals</h2>\n";
@@ -201,9 +197,9 @@ std::string explanation_html(const json& e, const std::string& sessions) {
         "class=\"n\">to</th><th>Observable</th><th class=\"n\">p-value</th></tr></thead><tbody>\n";
     for (const json& l : e.at("located"))
       html += "<tr><td>" + l.at("coordinate").get<std::string>() + "</td><td class=\"n\">" +
-              figure_of(number_at(l, "from")) + "</td><td class=\"n\">" + figure_of(number_at(l, "to")) +
+              figure_of(number_of(l, "from")) + "</td><td class=\"n\">" + figure_of(number_of(l, "to")) +
               "</td><td>" + l.at("observable").get<std::string>() + "</td><td class=\"n\">" +
-              figure_of(number_at(l, "p_value"), 2) + "</td></tr>\n";
+              figure_of(number_of(l, "p_value"), 2) + "</td></tr>\n";
     html += "</tbody></table>\n";
   }
   if (!e.at("notes").empty()) html += "<h2>Notes</h2>\n";

@@ -5,9 +5,11 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "fit/number_format.hpp"
+#include "rig/json_fields.hpp"
 
 namespace rig {
 namespace {
@@ -161,17 +163,12 @@ std::string padded(std::string text, std::size_t width) {
   return text;
 }
 
-double number_in(const json& object, const char* key, double otherwise) {
-  return object.contains(key) && object[key].is_number() ? object[key].get<double>() : otherwise;
-}
-
 void add_values(std::string& text, const std::string& kind, const json& result) {
-  if (!result.is_object() || !result.contains("values") || !result["values"].is_array()) return;
-  for (const json& value : result["values"]) {
-    if (!value.is_object() || !value.contains("value") || !value["value"].is_number()) continue;
-    const double expanded = number_in(value, "U", number_in(value, "k", 2) * number_in(value, "u", 0));
-    text += "  " + padded(kind, 12) + " " + padded(value.value("label", value.value("name", "")), 44) + " " +
-            fit::format_measurement(value["value"].get<double>(), expanded, value.value("unit", "")) + "\n";
+  for (const json& value : list_of(result, "values")) {
+    const double number = number_of(value, "value");
+    if (std::isnan(number)) continue;
+    text += "  " + padded(kind, 12) + " " + padded(text_of(value, "label", text_of(value, "name")), 44) +
+            " " + fit::format_measurement(number, expanded_of(value, 0), text_of(value, "unit")) + "\n";
   }
 }
 

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "fit/number_format.hpp"
+#include "rig/json_fields.hpp"
 #include "rig/runner/runner.hpp"
 
 namespace rig {
@@ -30,15 +31,6 @@ std::string names_in(const SessionStore& session, const std::string& kind) {
   for (const json& value : result["values"])
     if (value.is_object()) names += (names.empty() ? "; there are " : ", ") + value.value("name", "");
   return names;
-}
-
-double number_or(const json& object, const char* key, double otherwise) {
-  return object.contains(key) && object[key].is_number() ? object[key].get<double>() : otherwise;
-}
-
-/// NaN when the result tells none.
-double expanded_uncertainty(const json& value) {
-  return number_or(value, "U", number_or(value, "k", 2) * number_or(value, "u", NAN));
 }
 
 struct Judgement {
@@ -93,14 +85,14 @@ json check(const Limit& limit, const SessionStore& session) {
   if (limit.max) result["max"] = *limit.max;
   if (limit.max_expanded) result["max_U"] = *limit.max_expanded;
   const json value = value_of(session, limit);
-  const double number = value.is_object() ? number_or(value, "value", NAN) : NAN;
+  const double number = number_of(value, "value");
   if (!std::isfinite(number)) {
     result["verdict"] = "inconclusive";
     result["reason"] = "no result " + limit.kind + "." + limit.value + names_in(session, limit.kind);
     result["text"] = result["reason"];
     return result;
   }
-  const double expanded = expanded_uncertainty(value);
+  const double expanded = expanded_of(value);
   const std::string unit = value.contains("unit") && value["unit"].is_string() ? value["unit"] : json("");
   const auto [verdict, reason] = judge(limit, number, expanded, unit);
   result["value"] = number;
