@@ -29,8 +29,7 @@ std::string kinds_in_words() {
 void refuse_clusters(const std::string& kind, const std::vector<FitSource>& sources) {
   for (const FitSource& source : sources) {
     if (!source.session) continue;
-    const auto recording = source.session->recording();
-    for (const fit::CaptureInfo& capture : recording->captures())
+    for (const fit::CaptureInfo& capture : source.session->captures())
       if (capture.cluster > 1)
         throw UsageError(source.path + ", capture " + std::to_string(capture.id) + " ('" + capture.step +
                          "') was recorded in clusters of " + std::to_string(capture.cluster) +

@@ -196,6 +196,10 @@ void SessionStore::add_pose(const fit::TrackPose& pose) {
   });
 }
 
+std::vector<fit::CaptureInfo> SessionStore::captures() const {
+  return guarded(impl_->path, [&] { return read_captures(*impl_->database, impl_->path); });
+}
+
 void SessionStore::for_each_scan(std::int64_t capture,
                                  const std::function<void(const fit::ScanView&)>& visit) const {
   guarded(impl_->path, [&] { walk_scans(*impl_->database, impl_->path, capture, visit); });

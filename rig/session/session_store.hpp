@@ -63,6 +63,8 @@ class SessionStore {
   /// Removes a committed capture that a full one replaces; between begin_capture and commit_capture of that
   /// one.
   void replace_capture(std::int64_t old_capture);
+  /// The committed captures, in order.
+  [[nodiscard]] std::vector<fit::CaptureInfo> captures() const;
   /// Walks the scans of one committed capture.
   void for_each_scan(std::int64_t capture, const std::function<void(const fit::ScanView&)>& visit) const;
 

@@ -132,11 +132,11 @@ std::vector<fit::TrackPose> read_track(SQLite::Database& database) {
 class StoredRecording final : public fit::Recording {
  public:
   StoredRecording(SQLite::Database& database, std::string path, fit::Bench bench)
-      : database_(database), path_(std::move(path)), bench_(std::move(bench)) {
-    SQLite::Statement row(database_, select_captures);
-    while (row.executeStep()) captures_.push_back(read_capture(row, path_));
-    track_ = read_track(database_);
-  }
+      : database_(database),
+        path_(std::move(path)),
+        bench_(std::move(bench)),
+        captures_(read_captures(database_, path_)),
+        track_(read_track(database_)) {}
   const fit::Bench& bench() const override { return bench_; }
   const std::vector<fit::CaptureInfo>& captures() const override { return captures_; }
   const std::vector<fit::TrackPose>& track() const override { return track_; }
@@ -158,6 +158,13 @@ class StoredRecording final : public fit::Recording {
 void swap_if_big_endian(std::vector<std::uint16_t>& values) {
   if constexpr (std::endian::native == std::endian::big)
     for (auto& value : values) value = static_cast<std::uint16_t>(value >> 8 | value << 8);
+}
+
+std::vector<fit::CaptureInfo> read_captures(SQLite::Database& database, const std::string& path) {
+  std::vector<fit::CaptureInfo> captures;
+  SQLite::Statement row(database, select_captures);
+  while (row.executeStep()) captures.push_back(read_capture(row, path));
+  return captures;
 }
 
 std::unique_ptr<fit::Recording> make_stored_recording(SQLite::Database& database, std::string path,

@@ -24,6 +24,10 @@ inline constexpr const char* select_captures =
 /// Blobs are little-endian whatever the machine.
 void swap_if_big_endian(std::vector<std::uint16_t>& values);
 
+/// The committed captures, in order. Throws UsageError for what no capture can be.
+[[nodiscard]] std::vector<fit::CaptureInfo> read_captures(SQLite::Database& database,
+                                                          const std::string& path);
+
 /// The recording in a session for analysis; shares the database, which must outlive it. Captures are those
 /// committed when it is made. Throws UsageError for what no recording can be, and what guarded() throws.
 [[nodiscard]] std::unique_ptr<fit::Recording> make_stored_recording(SQLite::Database& database,
