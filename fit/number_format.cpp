@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <boost/math/distributions/students_t.hpp>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
 
@@ -77,6 +78,12 @@ std::string format_value(double value, double expanded) {
 std::string format_measurement(double value, double expanded, const std::string& unit) {
   return format_value(value, expanded) + (expanded > 0 ? " ± " + format_uncertainty(expanded) : "") +
          (unit.empty() ? "" : " " + unit);
+}
+
+std::string format_exactly(double value) {
+  std::array<char, 32> text{};
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), value).ptr;
+  return std::string(text.data(), end);
 }
 
 double coverage_factor(double degrees_of_freedom) {

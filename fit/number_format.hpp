@@ -17,6 +17,9 @@ namespace fit {
 /// Both with the unit: (-1.6342, 0.123, "mm") -> "-1.63 ± 0.12 mm"; without an uncertainty the value alone.
 [[nodiscard]] std::string format_measurement(double value, double expanded, const std::string& unit);
 
+/// All digits of a value: the shortest text that reads back exactly, 0.1 as "0.1".
+[[nodiscard]] std::string format_exactly(double value);
+
 /// Coverage factor for 95.45 % at `degrees_of_freedom` (GUM G.2); 2 when they are infinite, unknown or large.
 [[nodiscard]] double coverage_factor(double degrees_of_freedom);
 

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "rig/export/correction_export.hpp"
 
-#include <cstdio>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "fit/number_format.hpp"
 #include "rig/fitting/correction_source.hpp"
+#include "rig/json_fields.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig {
@@ -21,12 +23,12 @@ CorrectionExport read_for_export(const ExportSource& source) {
   out.correction = load_correction(source.path, *source.session);
   const auto centre =
       nlohmann::json::parse(source.session->latest_result("centre").value_or("null"), nullptr, false);
-  if (!centre.is_object()) return out;
-  for (const auto& value : centre.value("values", nlohmann::json::array())) {
-    if (!value.is_object() || !value.contains("value") || !value.at("value").is_number()) continue;
-    if (value.value("name", "") == "centre_x_mm")
-      out.centre.x_mm = value.at("value").get<double>(), out.centre.calibrated = true;
-    if (value.value("name", "") == "centre_y_mm") out.centre.y_mm = value.at("value").get<double>();
+  for (const auto& value : list_of(centre, "values")) {
+    const double number = number_of(value, "value");
+    if (std::isnan(number)) continue;
+    const std::string name = text_of(value, "name");
+    if (name == "centre_x_mm") out.centre.x_mm = number, out.centre.calibrated = true;
+    if (name == "centre_y_mm") out.centre.y_mm = number;
   }
   return out;
 }
@@ -36,9 +38,7 @@ void CorrectionFormat::write(const ExportSource& source, const std::string& outp
 }
 
 std::string real(double value) {
-  char out[40];
-  std::snprintf(out, sizeof out, "%.17g", value);
-  std::string digits = out;
+  std::string digits = fit::format_exactly(value);
   if (digits.find_first_of(".n") == std::string::npos) {
     const auto exponent = digits.find('e');
     digits.insert(exponent == std::string::npos ? digits.size() : exponent, ".0");

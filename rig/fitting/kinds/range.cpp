@@ -6,6 +6,7 @@
 #include <set>
 
 #include "fit/angle.hpp"
+#include "fit/number_format.hpp"
 #include "rig/fitting/one_lidar.hpp"
 #include "rig/fitting/range_source.hpp"
 #include "rig/fitting/result_document.hpp"
@@ -120,9 +121,8 @@ json coefficients_table(const Correction& c) {
   for (const auto* term : {&c.intensity, &c.range})
     if (*term) values.insert(values.end(), (*term)->coefficients.begin(), (*term)->coefficients.end());
   for (std::size_t i = 0; i < names.size(); ++i) {
-    char digits[40];
-    std::snprintf(digits, sizeof digits, "%.17g", values[i]);
-    rows.push_back({names[i], digits, number_or_null(c.factor.row(static_cast<Eigen::Index>(i)).norm())});
+    rows.push_back({names[i], fit::format_exactly(values[i]),
+                    number_or_null(c.factor.row(static_cast<Eigen::Index>(i)).norm())});
   }
   std::string equation = "error = zero";
   if (c.intensity) equation += " + f_I(I): " + fit::find_family(c.intensity->family)->equation;

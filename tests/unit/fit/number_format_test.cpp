@@ -50,6 +50,13 @@ TEST_CASE("without an uncertainty a value has four significant digits, a count a
   CHECK(fit::format_value(-0.0, 0) == "0");
 }
 
+TEST_CASE("all digits of a value are the fewest that read back exactly") {
+  CHECK(fit::format_exactly(0.1) == "0.1");
+  CHECK(fit::format_exactly(0.1 + 0.2) == "0.30000000000000004");
+  CHECK(fit::format_exactly(-2376) == "-2376");
+  CHECK(std::stod(fit::format_exactly(1.0 / 3)) == 1.0 / 3);
+}
+
 TEST_CASE("the coverage factor agrees with GUM table G.2 at 95.45 percent") {
   CHECK(fit::coverage_factor(4) == Approx(2.87).margin(0.005));
   CHECK(fit::coverage_factor(9) == Approx(2.32).margin(0.005));
