@@ -366,9 +366,9 @@ awaitable<tcp::resolver::results_type> Client::Impl::resolve(steady_clock::time_
   co_await search->done.async_wait(redirect_error(use_awaitable, failed));
   if (failed && !search->result) throw boost::system::system_error(failed);
   if (search->result && !*search->result) co_return search->found;
-  fail(Kind::cannot_connect, "the lidar's address " + host + " is not known (" +
-                                 (search->result ? search->result->message() : "no name server answers") +
-                                 "). Check its spelling, or give the address in numbers");
+  fail(Kind::unknown_address, "the lidar's address " + host + " is not known (" +
+                                  (search->result ? search->result->message() : "no name server answers") +
+                                  "). Check its spelling, or give the address in numbers");
 }
 
 awaitable<void> Client::Impl::open() {

@@ -19,7 +19,7 @@ namespace lidar {
 class LidarError : public std::runtime_error {
  public:
   enum class Kind {
-    cannot_connect,   ///< Nothing listens, the host is unknown or the port is refused.
+    cannot_connect,   ///< Nothing listens, or the port is refused.
     not_a_lidar,      ///< Something answers, but not in SCIP.
     no_answer,        ///< The lidar did not answer in time.
     connection_lost,  ///< The connection closed or broke.
@@ -27,6 +27,7 @@ class LidarError : public std::runtime_error {
     hardware_fault,   ///< The lidar reports a fault of its own.
     bad_answer,       ///< Answers arrive, but garbled.
     wrong_use,        ///< A step range, cluster or order of calls that cannot work.
+    unknown_address,  ///< The host's name is not known.
   };
   LidarError(Kind kind, const std::string& what) : std::runtime_error(what), kind_(kind) {}
   [[nodiscard]] Kind kind() const { return kind_; }

@@ -5,8 +5,8 @@
 
 namespace rig {
 
-// What `rig` could not do, by exit status. what() is written for the operator: what happened, what the rig did,
-// what to do next.
+// What `rig` could not do, by exit status. what() is written for the operator: what happened, what the rig
+// did, what to do next.
 
 /// Wrong usage or an unreadable file: exit status 2.
 class UsageError : public std::runtime_error {
@@ -16,6 +16,11 @@ class UsageError : public std::runtime_error {
 /// A device failed or was lost: exit status 3.
 class DeviceError : public std::runtime_error {
   using std::runtime_error::runtime_error;
+};
+
+/// No lidar is at the address. One that was switched on just now soon will be.
+class LidarAbsent : public DeviceError {
+  using DeviceError::DeviceError;
 };
 
 /// The measurement or the fit failed, with its reason: exit status 1.

@@ -25,7 +25,7 @@ class LidarSource {
 
   virtual ~LidarSource() = default;
   /// Connects, or connects anew after a loss; stops whatever the device was streaming. Returns its identity
-  /// (VV, PP, II as JSON). Throws DeviceError.
+  /// (VV, PP, II as JSON). Throws LidarAbsent when nothing answers, another DeviceError for what does.
   virtual awaitable<nlohmann::json> connect() = 0;
   virtual awaitable<void> start(LidarStream stream) = 0;
   /// The next scan with good checksums; has a deadline of its own. Throws DeviceError or a system error when

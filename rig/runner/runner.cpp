@@ -38,14 +38,8 @@ Runner::Impl::Impl(Procedure procedure_, fit::Bench bench_, SessionStore& sessio
 awaitable<void> Runner::Impl::prepare() {
   describe_session();
   restore_scene();
-  std::exception_ptr why;
-  try {
-    auto connecting = connect_lidar();
-    co_await std::move(connecting);
-  } catch (...) {
-    why = std::current_exception();
-  }
-  if (why) std::rethrow_exception(why);
+  auto connecting = await_lidar();
+  co_await std::move(connecting);
   auto identifying = parts.stage.identify();
   const StageIdentity stage = co_await std::move(identifying);
   session.set("stage", json{{"language", stage.language},

@@ -230,6 +230,8 @@ struct Runner::Impl final : StepContext {
   awaitable<lidar::Scan> next_scan(LidarStream stream, ScanGate* gate, int& failures);
 
   awaitable<void> connect_lidar();
+  /// The first connection of a run: a lidar that was switched on just now is waited for.
+  awaitable<void> await_lidar();
 
   /// Brings a lost lidar back or gives up with a DeviceError.
   awaitable<void> reconnect_lidar(std::exception_ptr why);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <cmath>
 
+#include "fit/number_format.hpp"
 #include "rig/runner/runner_impl.hpp"
 #include "rig/runner/scan_gate.hpp"
 #include "rig/text_lines.hpp"
@@ -34,6 +36,8 @@ void compare_with_bench(const json& identity, const fit::LidarGeometry& known) {
                      ". Correct 'lidar' in the bench file, or connect the lidar that it describes.");
 }
 
+/// A lidar that is switched on with its network switch takes longer than one that comes back.
+constexpr double longest_start_s = 30, first_start_pause_s = 1, longest_start_pause_s = 5;
 constexpr int connect_attempts = 4;  // 0.5, 1, 2, 4 s apart: an UST-10LX is back about 3 s after power-up.
 
 }  // namespace
@@ -111,6 +115,29 @@ awaitable<void> Runner::Impl::connect_lidar() {
     throw DeviceError("This is another lidar (" + serial(identity) +
                       ") than the one the session was begun with (" + serial(known) +
                       "). Connect that one, or begin a new session.");
+}
+
+awaitable<void> Runner::Impl::await_lidar() {
+  const std::int64_t begun_us = parts.clock.host_us();
+  for (double pause_s = first_start_pause_s;; pause_s = std::min(pause_s + 1, longest_start_pause_s)) {
+    std::exception_ptr why;
+    try {
+      auto connecting = connect_lidar();
+      co_await std::move(connecting);
+    } catch (const LidarAbsent&) {
+      why = std::current_exception();
+    }
+    if (!why) co_return;
+    stop_if_aborted();
+    const double left_s = longest_start_s - static_cast<double>(parts.clock.host_us() - begun_us) / 1e6;
+    if (left_s <= 0)
+      throw DeviceError(sentence(why) + " It was waited for as long as a lidar takes to start, " +
+                        fit::format_value(longest_start_s, 0) + " s. Nothing was moved.");
+    note("warning", "waiting for the lidar: " + sentence(why) + " The rig goes on trying for " +
+                        fit::format_value(std::ceil(left_s), 0) + " s; Ctrl-C stops.");
+    auto resting = parts.clock.sleep(std::min(pause_s, left_s));
+    co_await std::move(resting);
+  }
 }
 
 awaitable<void> Runner::Impl::reconnect_lidar(std::exception_ptr why) {

@@ -78,6 +78,7 @@ class ScipSource final : public LidarSource {
     try {
       co_return co_await std::move(work);
     } catch (const lidar::LidarError& error) {
+      if (error.kind() == lidar::LidarError::Kind::cannot_connect) throw LidarAbsent(error.what());
       throw DeviceError(error.what());
     }
   }

@@ -222,7 +222,10 @@ TEST_CASE("a lidar that is in another program's hands is told as that") {
 
 TEST_CASE("an address that nobody has, and a name that nobody knows, are told in time") {
   asio::io_context io{1};
-  for (const char* host : {"192.0.2.1", "no-such-host.invalid"}) {  // RFC 5737, RFC 6761
+  const std::vector<std::pair<const char*, Kind>> hosts = {
+      {"192.0.2.1", Kind::cannot_connect},
+      {"no-such-host.invalid", Kind::unknown_address}};  // RFC 5737, 6761
+  for (const auto& [host, kind] : hosts) {
     lidar::Client client(io.get_executor(), host, 10940, impatient());
     const auto begun = steady_clock::now();
     std::exception_ptr why;
@@ -234,7 +237,7 @@ TEST_CASE("an address that nobody has, and a name that nobody knows, are told in
     io.run_for(std::chrono::seconds(20));
     REQUIRE(why);
     std::string what;
-    CHECK(kind_of_failure([&] { std::rethrow_exception(why); }, &what) == Kind::cannot_connect);
+    CHECK(kind_of_failure([&] { std::rethrow_exception(why); }, &what) == kind);
     CHECK_THAT(what, Contains(host));
     CHECK(steady_clock::now() - begun < deadline);
   }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 // `rig run` as its operator meets it: two programs, real sockets, a real pseudo-terminal.
+#include <boost/asio/io_context.hpp>
 #include <catch2/catch.hpp>
 #include <cstdlib>
 #include <random>
@@ -238,11 +239,58 @@ TEST_CASE("a full disk ends the run with all that was captured and with room it 
 
 // What goes wrong at a bench: each names the fault and its remedy, and ends with its own exit status.
 
-TEST_CASE("nothing that listens at the lidar's address is told as such") {
+namespace {
+
+/// The text of the first message of a run with --json-log that has these words; nothing when it ends before.
+std::optional<std::string> message_with(Program& rig, const std::string& words) {
+  while (const auto line = rig.line()) {
+    const json what = json::parse(*line);
+    if (what["type"] == "message" && what["text"].get<std::string>().find(words) != std::string::npos)
+      return what["text"].get<std::string>();
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+TEST_CASE("while nothing listens at the lidar's address it is waited for, as is told, until Ctrl-C") {
   Bench bench;
   bench.lidar = "tcp://127.0.0.1:1";
-  CHECK(bench.run("  - home\n  - capture: {samples: 5}\n") == 3);
-  CHECK_THAT(bench.said, Contains("no lidar answers at 127.0.0.1:1") && Contains("Check"));
+  bench.write("p.yaml", "procedure: test\nsteps:\n  - home\n");
+  Program rig(bench.command(bench.folder / "p.yaml", {"--json-log"}), bench.folder);
+  const auto told = message_with(rig, "waiting for the lidar");
+  REQUIRE(told);
+  CHECK_THAT(*told, Contains("no lidar answers at 127.0.0.1:1") && Contains("Check") && Contains("Ctrl-C"));
+  rig.signal(SIGINT);
+  CHECK(rig.exit_status(std::chrono::seconds(10)) == 1);
+  CHECK_THAT(rig.errors(), Contains("Stopped by the operator"));
+}
+
+TEST_CASE("a lidar that is switched on after its run was started is waited for") {
+  Bench bench;
+  using boost::asio::ip::tcp;
+  boost::asio::io_context io;
+  tcp::socket port(io, tcp::v4());  // Keeps the number, and does not listen.
+  port.set_option(boost::asio::socket_base::reuse_address(true));
+  port.bind({boost::asio::ip::address_v4::loopback(), 0});
+  const std::string number = std::to_string(port.local_endpoint().port());
+  bench.lidar = "tcp://127.0.0.1:" + number;
+  bench.write("p.yaml", "procedure: test\nsteps:\n  - home\n  - capture: {samples: 5}\n");
+  Program rig(bench.command(bench.folder / "p.yaml", {"--json-log"}), bench.folder);
+  REQUIRE(message_with(rig, "waiting for the lidar"));
+  const TestFolder beside;
+  Program late({RIG_BIN_DIR "/rig-sim", "--bench", bench.folder / "truth.json", "--lidar-port", number,
+                "--stage-link", beside / "stage", "--speed", "max"},
+               beside);
+  CHECK(rig.exit_status() == 0);
+  CHECK(measured(bench.folder / "out.rig").size() == 1);
+}
+
+TEST_CASE("a lidar's address whose name is not known ends the run at once") {
+  Bench bench;
+  bench.lidar = "tcp://no-such-host.invalid";
+  CHECK(bench.run("  - home\n") == 3);
+  CHECK_THAT(bench.said, Contains("no-such-host.invalid is not known") && !Contains("waiting"));
 }
 
 namespace {

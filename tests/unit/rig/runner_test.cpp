@@ -345,6 +345,37 @@ TEST_CASE("a lidar that is lost in the middle of a capture comes back and the ca
   CHECK(rig.told("lidar is back"));
 }
 
+TEST_CASE("a lidar that is not there yet is waited for when a run begins, for as long as is told") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n");
+  rig.lidar.when_connecting = [&] {
+    if (rig.lidar.connects <= 4) throw rig::LidarAbsent("nobody is there");
+  };
+  CHECK(rig.run());
+  CHECK(rig.lidar.connects == 5);
+  CHECK(rig.told("waiting for the lidar: nobody is there. The rig goes on trying for 30 s; Ctrl-C stops."));
+  CHECK(rig.told("for 24 s"));
+
+  Rig never("  - home\n");
+  never.lidar.when_connecting = [] { throw rig::LidarAbsent("nobody is there"); };
+  const auto begun_us = never.world.clock.now_us;
+  CHECK_THROWS_WITH(never.run(), Contains("nobody is there. It was waited for") && Contains("30 s"));
+  CHECK(never.world.clock.now_us - begun_us == 30'000'000);
+  CHECK(never.stage.moves.empty());
+}
+
+TEST_CASE("a lidar that does answer, and not as it should, is not waited for when a run begins") {
+  Rig refused("  - home\n");
+  refused.lidar.when_connecting = [] { throw rig::DeviceError("this is a printer."); };
+  CHECK_THROWS_WITH(refused.run(), "this is a printer.");
+  CHECK(refused.lidar.connects == 1);
+
+  Rig other("  - home\n");
+  other.run();
+  { rig::SessionStore(other.file, rig::SessionStore::Mode::append).set("lidar", R"({"SERI": "H999"})"); }
+  CHECK_THROWS_WITH(other.run(), Contains("another lidar"));
+  CHECK(other.lidar.connects == 2);
+}
+
 TEST_CASE("a capture that was whole stays whole when the lidar is lost at its end") {
   Rig rig("  - home\n  - capture: {samples: 50}\n  - capture: {samples: 5}\n");
   rig.lidar.fails_at_stop = 1;  // The first stop ends the comparison of the clocks.
