@@ -7,6 +7,7 @@
 #include "lidar/client.hpp"
 #include "rig/commands/json_output.hpp"
 #include "rig/runner/endpoint.hpp"
+#include "rig/stage/serial_link.hpp"
 #include "rig/stage/stage_factory.hpp"
 
 namespace rig::commands {
@@ -25,7 +26,7 @@ class Devices : public Command {
     devices->add_option(
         "--lidar", lidars_,
         std::string("Address to ask, tcp://HOST[:PORT]; may be repeated; default: ") + factory_address);
-    devices->add_option("--stage", stages_, "Another port to ask, serial:PATH; may be repeated");
+    devices->add_option("--stage", stages_, "Another port to ask, serial:PATH[?baud=RATE]; may be repeated");
     devices->add_flag("--no-probe", no_probe_, "List the serial ports and ask nobody");
     json_.declare(*devices, "what was found");
     return devices;
@@ -51,14 +52,14 @@ class Devices : public Command {
     if (ports.empty() && stages_.empty())
       std::fputs("  none; is the stage's USB cable plugged in?\n", stderr);
     for (const SerialPortInfo& port : ports) {
-      auto asking = ask_port(port, false);
+      auto asking = ask_port(port, port.path, false);
       co_await std::move(asking);
     }
     for (const std::string& url : stages_) {
       SerialPortInfo port;
       port.path = url.substr(url.starts_with("serial:") ? 7 : 0);
       port.path = port.path.substr(0, port.path.find('?'));
-      auto asking = ask_port(port, true);
+      auto asking = ask_port(port, url, true);
       co_await std::move(asking);
     }
     std::fputs("Lidars:\n", stderr);
@@ -70,7 +71,7 @@ class Devices : public Command {
     }
   }
 
-  asio::awaitable<void> ask_port(SerialPortInfo port, bool wanted) {
+  asio::awaitable<void> ask_port(SerialPortInfo port, std::string url, bool wanted) {
     json entry = {{"path", port.path}, {"description", port.description}};
     std::string line = "  " + port.path;
     if (!port.description.empty()) line += "  " + port.description;
@@ -82,9 +83,9 @@ class Devices : public Command {
     std::string answer;
     if (!no_probe_) {
       try {
-        auto probing = probe_stage(co_await asio::this_coro::executor, port.path);
-        const std::optional<StageIdentity> stage = co_await std::move(probing);
-        if (stage) {
+        auto probing = probe_stage(co_await asio::this_coro::executor, url);
+        const StageProbe found = co_await std::move(probing);
+        if (const auto& stage = found.identity) {
           answer = "stage: " + stage->language + " " + stage->model +
                    (stage->serial.empty() ? "" : ", serial " + stage->serial);
           entry["stage"] = {{"language", stage->language},
@@ -92,9 +93,13 @@ class Devices : public Command {
                             {"serial", stage->serial},
                             {"firmware", stage->firmware},
                             {"units_per_deg", stage->units_per_deg},
-                            {"url", "serial:" + port.path}};
+                            {"url", url.starts_with("serial:") ? url : "serial:" + url}};
         } else {
-          answer = "nobody answers in a stage's language";
+          // Most ports hold no stage: only one that was asked for, or that says something, needs a remedy.
+          answer =
+              wanted || !found.heard.empty() ? found.why_nobody() : "nobody answers in a stage's language";
+          if (!found.heard.empty())
+            entry["heard"] = {{"bytes", shown_bytes(found.heard)}, {"baud", found.baud}};
           asked_in_vain_ |= wanted;
         }
       } catch (const DeviceError& error) {

@@ -187,18 +187,10 @@ std::unique_ptr<SerialLink> open_link(const boost::asio::any_io_executor& execut
                                       language.hardware_flow_control);
 }
 
-/// What came when the languages were tried.
-struct Answers {
-  Answers() {}
-  std::optional<StageIdentity> identity;  ///< Who answers in one that the rig speaks.
-  std::string heard;                      ///< Else the first bytes that came, if any.
-  int baud = 0;                           ///< At which they came.
-};
-
 /// Who answers in this dialect. Throws when the port itself fails.
-awaitable<Answers> who_answers(boost::asio::any_io_executor executor, PortUrl port,
-                               const StageLanguage& language, std::string dialect) {
-  Answers answers;
+awaitable<StageProbe> who_answers(boost::asio::any_io_executor executor, PortUrl port,
+                                  const StageLanguage& language, std::string dialect) {
+  StageProbe answers;
   port.options.reply_s = probe_reply_s;
   const auto link = open_link(executor, port, language);
   port.options.language.clear();  // What is only guessed must prove itself.
@@ -214,14 +206,14 @@ awaitable<Answers> who_answers(boost::asio::any_io_executor executor, PortUrl po
 }
 
 /// The dialect spoken at the port, with who speaks it.
-awaitable<Answers> find_speaker(boost::asio::any_io_executor executor, PortUrl port) {
-  Answers all_answers;
+awaitable<StageProbe> find_speaker(boost::asio::any_io_executor executor, PortUrl port) {
+  StageProbe all_answers;
   auto all = stages::all();
   std::ranges::stable_sort(all, std::greater(), &StageLanguage::baud);  // Fast lines are asked sooner.
   for (const StageLanguage& language : all) {
     for (const std::string& dialect : language.names) {
       auto asking = who_answers(executor, port, language, dialect);
-      Answers answers = co_await std::move(asking);
+      StageProbe answers = co_await std::move(asking);
       if (answers.identity || all_answers.heard.empty()) all_answers = answers;
       if (answers.identity) co_return all_answers;
     }
@@ -229,22 +221,18 @@ awaitable<Answers> find_speaker(boost::asio::any_io_executor executor, PortUrl p
   co_return all_answers;
 }
 
-/// Why no language was found.
-StageError nobody_speaks(const std::string& path, const Answers& answers) {
-  const std::string languages =
-      " in a language that the rig speaks (" + known_languages() + "). Nothing was moved. ";
-  if (answers.heard.empty())
-    return StageError(
-        "nothing at " + path + " answers" + languages +
-        "Check that the stage is switched on, its baud rate, and the `language` in the bench file.");
-  return StageError(
-      "something at " + path + " answers, but not" + languages + "It said " + shown_bytes(answers.heard) +
-      " at " + std::to_string(answers.baud) +
-      " baud. The usual causes are another baud rate (`baud` in the bench file or the stage's address) "
-      "and another device on this port.");
-}
-
 }  // namespace
+
+std::string StageProbe::why_nobody() const {
+  const std::string languages = " in a language that the rig speaks (" + known_languages() + "). ";
+  if (heard.empty())
+    return "nobody answers" + languages +
+           "Check that the stage is switched on, its baud rate, and the `language` in the bench file.";
+  return "something answers, but not" + languages + "It said " + shown_bytes(heard) + " at " +
+         std::to_string(baud) +
+         " baud. The usual causes are another baud rate (`baud` in the bench file, or in the stage's address "
+         "as in serial:/dev/ttyUSB0?baud=115200) and another device on this port.";
+}
 
 StageOptions stage_options(const json& stage) {
   StageOptions options;
@@ -260,8 +248,9 @@ awaitable<std::unique_ptr<Stage>> open_stage(boost::asio::any_io_executor execut
   PortUrl port = parse_url(url, std::move(options));
   if (port.options.language.empty()) {
     auto searching = find_speaker(executor, port);
-    const Answers found = co_await std::move(searching);
-    if (!found.identity) throw nobody_speaks(port.path, found);
+    const StageProbe found = co_await std::move(searching);
+    if (!found.identity)
+      throw StageError("at " + port.path + " " + found.why_nobody() + " Nothing was moved.");
     port.options.language = found.identity->language;
   }
   const auto all = stages::all();
@@ -295,12 +284,9 @@ std::vector<SerialPortInfo> list_serial_ports() {
   return result;
 }
 
-awaitable<std::optional<StageIdentity>> probe_stage(boost::asio::any_io_executor executor, std::string path) {
-  PortUrl port;
-  port.path = std::move(path);
-  auto searching = find_speaker(executor, port);
-  const Answers found = co_await std::move(searching);
-  co_return found.identity;
+awaitable<StageProbe> probe_stage(boost::asio::any_io_executor executor, std::string url) {
+  auto searching = find_speaker(executor, parse_url(url, {}));
+  co_return co_await std::move(searching);
 }
 
 }  // namespace rig

@@ -57,9 +57,18 @@ struct SerialPortInfo {
 };
 std::vector<SerialPortInfo> list_serial_ports();
 
-/// Asks in each language (at its usual baud rate) who is at `path`; empty when nothing there speaks like a
-/// stage. Sends only queries, nothing moves. Throws StageError when the port cannot be opened.
-boost::asio::awaitable<std::optional<StageIdentity>> probe_stage(boost::asio::any_io_executor executor,
-                                                                 std::string path);
+/// What came from a port when it was asked in each language.
+struct StageProbe {
+  StageProbe() {}
+  std::optional<StageIdentity> identity;         ///< Who answers in one that the rig speaks.
+  std::string heard;                             ///< Else the first bytes that came, if any.
+  int baud = 0;                                  ///< At which they came.
+  [[nodiscard]] std::string why_nobody() const;  ///< In words, with what came and what to do.
+};
+
+/// Asks in each language (at its usual baud rate, or the one in the url) who is at `url`, as open_stage() has
+/// it. Sends only queries, nothing moves. Throws UsageError (the URL), StageError when the port cannot be
+/// opened.
+boost::asio::awaitable<StageProbe> probe_stage(boost::asio::any_io_executor executor, std::string url);
 
 }  // namespace rig

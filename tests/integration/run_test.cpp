@@ -372,6 +372,27 @@ TEST_CASE("a serial port that is not there is told with its remedy") {
   CHECK_THAT(rig.errors(), Contains("/dev/ttyNOT0") && Contains("rig devices"));
 }
 
+TEST_CASE("rig devices shows what comes from a port that speaks no stage's language, and the likely remedy") {
+  const TestFolder folder;
+  Program port({"/usr/bin/python3", "-c",
+                "import os,pty,tty\n"
+                "ours,theirs=pty.openpty(); tty.setraw(theirs); print(os.ttyname(theirs),flush=True)\n"
+                "while True:\n"
+                "  os.read(ours,4096); os.write(ours,b'\\x81k\\xfe')\n"},
+               folder);
+  const std::string path = port.line().value_or("");
+  Program devices({RIG_BIN_DIR "/rig", "devices", "--stage", "serial:" + path + "?baud=38400", "--lidar",
+                   "tcp://127.0.0.1:1", "--json", "-"},
+                  folder);
+  std::string output;
+  while (const auto line = devices.line()) output += *line + "\n";
+  CHECK(devices.exit_status() == 3);
+  CHECK_THAT(devices.errors(), Contains(R"("\x81k\xFE)") && Contains("at 38400 baud") &&
+                                   Contains("another baud rate") && Contains("another device"));
+  CHECK_THAT(json::parse(output)["ports"].back()["heard"]["bytes"].get<std::string>(),
+             Contains(R"(\x81k\xFE)"));
+}
+
 TEST_CASE("a procedure that forgets homing is refused before anything moves") {
   Bench bench;
   CHECK(bench.run("  - move: {to_deg: 10}\n  - capture: {samples: 5}\n") == 2);

@@ -268,8 +268,8 @@ TEST_CASE("every language is found by asking") {
   StageRig rig(language);
   rig.switch_on();
   const auto found = rig.run(rig::probe_stage(rig.io.get_executor(), rig.port->path()));
-  REQUIRE(found);
-  CHECK(found->language == language);
+  REQUIRE(found.identity);
+  CHECK(found.identity->language == language);
   CHECK_FALSE(rig.device->mechanics().moving(rig.clock.now_s()));
 }
 

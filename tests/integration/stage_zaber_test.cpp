@@ -184,8 +184,8 @@ TEST_CASE("the language of a stage is found by asking") {
   CHECK(rig.run(rig.stage->identify()).language == "zaber");
   rig.stage.reset();
   const auto found = rig.run(rig::probe_stage(rig.io.get_executor(), rig.port->path()));
-  REQUIRE(found);
-  CHECK(found->serial == "100001");
+  REQUIRE(found.identity);
+  CHECK(found.identity->serial == "100001");
 }
 
 TEST_CASE("a port that cannot be used says why") {
