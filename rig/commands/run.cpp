@@ -89,6 +89,23 @@ class LiveView final : public RunView {
   std::uint64_t messages_ = 0;
 };
 
+/// Whether a run ended before its first step was done, by what is no fault of the session's file.
+bool is_unbegun(const SessionStore& session, const std::exception_ptr& failure) {
+  try {
+    std::rethrow_exception(failure);
+  } catch (const RunStopped&) {
+  } catch (const UsageError&) {
+  } catch (const DeviceError&) {
+  } catch (...) {
+    return false;
+  }
+  try {
+    return session.progress().empty();
+  } catch (const std::exception&) {
+    return false;
+  }
+}
+
 class Run : public Command {
  public:
   CLI::App* declare(CLI::App& root) override {
@@ -229,18 +246,29 @@ class Run : public Command {
       });
       io.run();
     }
-    if ((failure || stopped || !stage) && !resumed) {
-      stored.reset();  // Empty, it would only be in the way of the next attempt.
+    if (stopped || (!failure && !stage))
+      failure = std::make_exception_ptr(RunStopped("Stopped by the operator before anything moved."));
+    int status = 0;
+    if (!failure) {
+      io.restart();
+      const auto write = [](const std::string& file, const std::string& output) {
+        write_report(file, output);
+      };
+      RunnerParts parts{*lidar, *stage, *clock, *person, fit_function(), write};
+      try {
+        Runner runner(procedure, bench, session, parts);
+        status = conduct(io, runner, bench, session, started);
+      } catch (...) {
+        failure = std::current_exception();
+      }
+    }
+    if (!failure) return status;
+    if (!resumed && is_unbegun(session, failure)) {
+      stored.reset();  // It would only be in the way of the next attempt.
       std::error_code ignored;
       std::filesystem::remove(out_, ignored);
     }
-    if (failure) std::rethrow_exception(failure);
-    if (stopped || !stage) throw RunStopped("Stopped by the operator before anything moved.");
-    io.restart();
-    const auto write = [](const std::string& file, const std::string& output) { write_report(file, output); };
-    RunnerParts parts{*lidar, *stage, *clock, *person, fit_function(), write};
-    Runner runner(procedure, bench, session, parts);
-    return conduct(io, runner, bench, session, started);
+    std::rethrow_exception(failure);
   }
 
   std::unique_ptr<Operator> make_operator(const asio::any_io_executor& executor) const {

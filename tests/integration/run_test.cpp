@@ -126,6 +126,20 @@ TEST_CASE("a place that cannot hold a session is refused before anything moves, 
   }
 }
 
+TEST_CASE("a run that never met its lidar leaves no session in the way of the next attempt") {
+  Bench bench;
+  const std::string steps = "  - home\n  - capture: {samples: 20}\n";
+  bench.lidar = "tcp://127.0.0.1:1";
+  CHECK(bench.run(steps) == 3);
+  CHECK_FALSE(std::filesystem::exists(bench.folder / "out.rig"));
+  bench.lidar.clear();
+  bench.write("bench.json", R"({"schema": "bench/1", "lidar": {"model": "UST-10LX", "front_step": 500}})");
+  CHECK(bench.run(steps) == 2);
+  CHECK_FALSE(std::filesystem::exists(bench.folder / "out.rig"));
+  bench.write("bench.json", small_bench);
+  CHECK(bench.run(steps) == 0);
+}
+
 TEST_CASE("a session that is resumed brings its own bench, and one without says so") {
   Bench bench;
   const std::string steps = "  - home\n  - capture: {samples: 20}\n";
