@@ -92,7 +92,8 @@ Runner::Impl::Look Runner::Impl::judge(const Sight& sight, int first_step,
     y.push_back(medians.back() * std::sin(angle));
   }
   if (medians.size() * 2 < ranges.size())
-    return {false, "the rig sees nothing there (no echo from most beams)."};
+    return {false, "the rig sees nothing there (no echo from most beams, with the stage at " +
+                       rounded_text(position_deg, 2) + " deg)."};
   const double seen_mm = median(medians);
   if (sight.within_mm && (seen_mm < sight.within_mm->first || seen_mm > sight.within_mm->second))
     return {false, "the rig sees " + rounded_text(seen_mm, 1) + " mm and wants " +

@@ -140,6 +140,16 @@ TEST_CASE("a run that never met its lidar leaves no session in the way of the ne
   CHECK(bench.run(steps) == 0);
 }
 
+TEST_CASE("homing leaves the stage at zero, wherever the last run left it") {
+  Bench bench;
+  REQUIRE(bench.run("  - home\n  - move: {to_deg: 60}\n") == 0);
+  std::filesystem::remove(bench.folder / "out.rig");
+  CHECK(bench.run("  - home\n  - capture: {samples: 20, beams_deg: [-3, 3]}\n") == 0);
+  const rig::SessionStore session(bench.folder / "out.rig", rig::SessionStore::Mode::read);
+  REQUIRE(session.recording()->captures().size() == 1);
+  CHECK(session.recording()->captures()[0].stage_rad == Approx(0).margin(1e-4));
+}
+
 TEST_CASE("a session that is resumed brings its own bench, and one without says so") {
   Bench bench;
   const std::string steps = "  - home\n  - capture: {samples: 20}\n";
