@@ -10,6 +10,7 @@
 
 #include "fit/number_format.hpp"
 #include "rig/json_fields.hpp"
+#include "rig/procedure/duration.hpp"
 
 namespace rig {
 namespace {
@@ -53,15 +54,41 @@ class Throttle {
   std::size_t step_ = 0;
 };
 
-std::string progress_line(const RunState& state) {
-  std::string text = "[" + std::to_string(state.step + 1) + "/" + std::to_string(state.steps.size()) + "] ";
-  text += state.phase == RunState::Phase::paused ? "paused: " + state.activity : state.activity;
+bool begins_letter(char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }
+
+/// Letters as wide as they look: counts the bytes that begin a character.
+std::size_t shown_width(const std::string& text) {
+  return static_cast<std::size_t>(std::ranges::count_if(text, begins_letter));
+}
+
+/// As much of the text as fits, with dots where it is cut.
+std::string shortened(const std::string& text, std::size_t width) {
+  if (shown_width(text) <= width) return text;
+  const std::string dots = std::string("...").substr(0, width);
+  std::size_t end = 0, room = width - dots.size();
+  for (; end < text.size(); ++end) {
+    if (!begins_letter(text[end])) continue;
+    if (room == 0) break;
+    --room;
+  }
+  return text.substr(0, end) + dots;
+}
+
+/// In a narrow window the words are cut, never the time that is left.
+std::string progress_line(const RunState& state, std::size_t width) {
+  const std::string place =
+      "[" + std::to_string(state.step + 1) + "/" + std::to_string(state.steps.size()) + "] ";
+  std::string end;
   if (state.total > 1)
-    text +=
+    end =
         " " + grouped(state.done) + "/" + grouped(state.total) + (state.unit.empty() ? "" : " " + state.unit);
   char share[64];
   std::snprintf(share, sizeof share, "  %3.0f %%, ", 100 * state.overall);
-  return text + share + duration_text(state.left_s) + " left";
+  end += share + duration_text(state.left_s) + " left";
+  const std::string activity =
+      state.phase == RunState::Phase::paused ? "paused: " + state.activity : state.activity;
+  const std::size_t taken = place.size() + end.size();
+  return shortened(place + shortened(activity, width > taken ? width - taken : 0) + end, width);
 }
 
 int columns_of(std::FILE* out) {
@@ -79,19 +106,28 @@ class TerminalView final : public RunView {
       clear();
       messages_.each(state, [&](const RunState::Message& message) { print(message); });
     }
-    if (!is_terminal_ || state.steps.empty()) return;
+    if (state.steps.empty()) return;
+    if (!is_terminal_) return log_progress(state);
     const bool ended = state.phase >= RunState::Phase::done;
     if (state.phase == RunState::Phase::prompt || ended) return clear();
     if (!throttle_.passes(state)) return;
-    std::string line = progress_line(state);
     const auto room = static_cast<std::size_t>(columns_of(out_) - 1);
-    if (line.size() > room) line.resize(room);
-    std::fprintf(out_, "\r\033[K%s", line.c_str());
+    std::fprintf(out_, "\r\033[K%s", progress_line(state, room).c_str());
     std::fflush(out_);
     drawn_ = true;
   }
 
  private:
+  /// A log that nobody watches still tells how far a long run is: a line a minute.
+  void log_progress(const RunState& state) {
+    const bool works = state.phase == RunState::Phase::running || state.phase == RunState::Phase::paused;
+    const auto now = steady_clock::now();
+    if (!works || now - logged_ < std::chrono::minutes(1)) return;
+    logged_ = now;
+    std::fprintf(out_, "%s\n", progress_line(state, 1000).c_str());
+    std::fflush(out_);
+  }
+
   void print(const RunState::Message& message) {
     if (!is_terminal_ && message.level == "info") return;
     if (message.text.starts_with("asks: ")) return;  // The operator says it at length.
@@ -108,6 +144,7 @@ class TerminalView final : public RunView {
 
   std::FILE* out_;
   bool is_terminal_, drawn_ = false;
+  steady_clock::time_point logged_ = steady_clock::now();
   NewMessages messages_;
   Throttle throttle_{std::chrono::milliseconds(100)};
 };
@@ -155,10 +192,8 @@ class JsonLog final : public RunView {
   Throttle throttle_{std::chrono::milliseconds(500)};
 };
 
-/// Letters as wide as they look: counts the bytes that begin a character.
 std::string padded(std::string text, std::size_t width) {
-  const auto shown = static_cast<std::size_t>(
-      std::ranges::count_if(text, [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+  const std::size_t shown = shown_width(text);
   if (shown < width) text.append(width - shown, ' ');
   return text;
 }
@@ -186,8 +221,8 @@ std::string summary_text(const RunState& state, const SessionStore& session, dou
       state.steps, [](const auto& step) { return step.second == RunState::StepState::recorded; });
   std::string text = "\n" + state.procedure + ": " + phase_word(state.phase) + "\n  " +
                      std::to_string(recorded) + " of " + std::to_string(state.steps.size()) + " steps, " +
-                     grouped(static_cast<long>(session.captures().size())) + " captures, " +
-                     duration_text(seconds) + " min; scans lost: " + std::to_string(state.scans_lost) +
+                      grouped(static_cast<long>(session.captures().size())) + " captures, " +
+                      duration_with_unit(seconds) + "; scans lost: " + std::to_string(state.scans_lost) +
                      ", refused: " + std::to_string(state.scans_rejected) +
                      ", reconnections: " + std::to_string(state.reconnects) + "\n";
   std::string values;

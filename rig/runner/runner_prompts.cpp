@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <boost/asio/experimental/awaitable_operators.hpp>
 
+#include "rig/procedure/duration.hpp"
 #include "rig/runner/runner_impl.hpp"
 
 namespace rig {
@@ -77,8 +78,8 @@ awaitable<Answer> Runner::Impl::ask_once(Prompt prompt) {
   stop_if_aborted();
   if (operator_failed) std::rethrow_exception(std::exchange(operator_failed, nullptr));
   if (!answered)
-    throw RunStopped("Nobody answered '" + prompt.title + "' in " + duration_text(prompt.timeout_s) +
-                     " min. The stage stands, and what was captured is in " + session.path() +
+    throw RunStopped("Nobody answered '" + prompt.title + "' in " + duration_with_unit(prompt.timeout_s) +
+                     ". The stage stands, and what was captured is in " + session.path() +
                      ". Go on with --resume.");
   co_return *answered;
 }
