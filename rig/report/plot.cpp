@@ -107,18 +107,57 @@ void write_data(std::ostream& out, const Series& series) {
   out << "e\n";
 }
 
+struct Extent {
+  double low = INFINITY, high = -INFINITY;
+  void include(double value) { low = std::min(low, value), high = std::max(high, value); }
+  [[nodiscard]] double length() const { return high - low; }
+};
+
+/// The next of 1, 2, 5, 10, 20, ... (times any power of ten) that is not smaller.
+double round_step(double least) {
+  const double decade = std::pow(10, std::floor(std::log10(least)));
+  for (const double step : {1.0, 2.0, 5.0})
+    if (step * decade >= least) return step * decade;
+  return 10 * decade;
+}
+
+/// A map has one scale for both axes: marks are apart enough for their figures, and the picture is as high as
+/// the scene asks for.
+struct MapScale {
+  double x_tics, y_tics;  ///< 0: as gnuplot likes.
+  int height_px;
+};
+
+MapScale map_scale(const Plot& plot, const std::vector<const Series*>& drawn) {
+  constexpr int margins_px = 150, least_px = 260, beside_px = 70, above_px = 24;
+  Extent x, y;
+  for (const Series* series : drawn)
+    for (std::size_t i = 0; i < std::min(series->x.size(), series->y.size()); ++i)
+      if (std::isfinite(series->x[i]) && std::isfinite(series->y[i]))
+        x.include(series->x[i]), y.include(series->y[i]);
+  if (x.length() <= 0 || y.length() <= 0)
+    return {0, 0, plot.height_px};  // One point, or one line along an axis.
+  const double width_px = plot.width_px - margins_px;
+  const double wanted_px = width_px * y.length() / x.length() + margins_px;
+  const int height_px = static_cast<int>(std::clamp<double>(wanted_px, least_px, plot.height_px));
+  const double scale = std::max(x.length() / width_px, y.length() / (height_px - margins_px));
+  return {round_step(beside_px * scale), round_step(above_px * scale), height_px};
+}
+
 std::string script_of(const Plot& plot, const std::vector<const Series*>& drawn) {
   std::ostringstream out;
+  const MapScale map = plot.equal_axes ? map_scale(plot, drawn) : MapScale{0, 0, plot.height_px};
   out.precision(12);
-  out << "set terminal svg size " << plot.width_px << ',' << plot.height_px
+  out << "set terminal svg size " << plot.width_px << ',' << map.height_px
       << " noenhanced font 'sans-serif,13' background '#ffffff'\n"
       << "set encoding utf8\nset title " << quoted(plot.title) << "\nset xlabel " << quoted(plot.x_label)
       << "\nset ylabel " << quoted(plot.y_label)
       << "\nset grid linecolor '#dddddd'\nset border 3\nset tics nomirror\n"
-      << "set key outside bottom center horizontal\nset offsets graph 0.02, graph 0.02, graph 0.05, graph "
-         "0.05\n"
+      << "set key outside bottom center horizontal height 1.2\nset autoscale noextend\n"
+      << "set offsets graph 0.02, graph 0.02, graph 0.05, graph 0.05\n"
       << "set bars small\nset style fill solid 0.3 noborder\n";
   if (plot.equal_axes) out << "set size ratio -1\n";
+  if (map.x_tics > 0) out << "set xtics " << map.x_tics << "\nset ytics " << map.y_tics << '\n';
   if (plot.log_y) out << "set logscale y\n";
   out << "plot ";
   for (std::size_t i = 0; i < drawn.size(); ++i) {
@@ -258,7 +297,7 @@ Plot plot_from_json(const nlohmann::json& json) {
     for (const auto& entry : json.at("series"))
       plot.series.push_back({entry.value("name", ""), style_from(entry.value("style", "points")),
                              numbers(entry, "x"), numbers(entry, "y"), numbers(entry, "u")});
-  if (plot.equal_axes) plot.height_px = 560;
+  if (plot.equal_axes) plot.height_px = 480;
   return plot;
 }
 

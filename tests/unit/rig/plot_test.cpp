@@ -49,6 +49,34 @@ TEST_CASE("a plot is read from a result document, gaps included") {
   CHECK(std::isnan(plot.series[0].x[1]));
 }
 
+TEST_CASE("the marks of a map are apart enough to be read, and a wide scene has no empty height") {
+  if (std::system("command -v gnuplot >/dev/null 2>&1") != 0) {
+    WARN("skipped: gnuplot is not installed");
+    return;
+  }
+  Plot plot{"Far", "x (mm)", "y (mm)", {{"wall", Series::Style::points, {0, 9800}, {0, 1400}, {}}}};
+  plot.equal_axes = true;
+  plot.height_px = 560;
+  const std::string svg = rig::to_svg(plot);
+  CHECK(svg.find("> 4000</text>") != std::string::npos);
+  CHECK(svg.find("> 600</text>") == std::string::npos);
+  CHECK(svg.find("viewBox=\"0 0 720 260\"") != std::string::npos);
+  plot.series[0].x = plot.series[0].y = {5, 5};  // No extent at all.
+  CHECK(rig::to_svg(plot).find("</svg>") != std::string::npos);
+}
+
+TEST_CASE("axes end near the data: a share is not drawn below nought") {
+  if (std::system("command -v gnuplot >/dev/null 2>&1") != 0) {
+    WARN("skipped: gnuplot is not installed");
+    return;
+  }
+  const std::string svg = rig::to_svg(
+      {"Share", "stage angle (deg)", "share", {{"a", Series::Style::points, {0, 1, 2}, {0, 0.4, 1}, {}}}});
+  CHECK(svg.find("-0.2</text>") == std::string::npos);
+  CHECK(svg.find("> 1.2</text>") == std::string::npos);
+  CHECK(svg.find("> 0.8</text>") != std::string::npos);
+}
+
 TEST_CASE("points are drawn in the colour of their series") {
   if (std::system("command -v gnuplot >/dev/null 2>&1") != 0) {
     WARN("skipped: gnuplot is not installed");
