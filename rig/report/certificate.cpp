@@ -4,16 +4,19 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 
 #include "fit/bench.hpp"
+#include "fit/number_format.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/report/plot.hpp"
 #include "rig/session/lidar_identity.hpp"
 #include "rig/session/session_dates.hpp"
+#include "rig/session/utc.hpp"
 
 namespace rig {
 namespace {
@@ -46,7 +49,9 @@ json identification(const SessionStore& session, const json& bench, const std::s
   add(rows, "Place", text_of(stated, "place"));
   add(rows, "Customer", text_of(stated, "customer"));
   add(rows, "Item calibrated",
-      text_of(stated, "item", join_nonempty({lidar.product, lidar.model}, ", model ")));
+      text_of(stated, "item",
+              lidar.product == lidar.model ? lidar.model
+                                           : join_nonempty({lidar.product, lidar.model}, ", model ")));
   add(rows, "Serial number", lidar.serial);
   add(rows, "Firmware", lidar.firmware);
   add(rows, "Condition on receipt", text_of(stated, "item_condition"));
@@ -95,12 +100,37 @@ json conditions(const SessionStore& session, const fit::Recording& recording) {
   add(rows, "Measured", dates.measured());
   if (!dates.imported_utc.empty()) add(rows, "Imported", dates.imported_utc);
   add(rows, "Captures", std::to_string(recording.captures().size()));
-  add(rows, "Duration up to the last capture",
+  add(rows, "Time from first to last capture",
       started.empty() ? "" : Span{started.high - started.low, started.high - started.low}.text("min"));
   add(rows, "Stage angles", stage.text("deg", "%.2f"));
-  add(rows, "Lidar housing", temperature.text("\u00b0C"));
+  add(rows, "Temperature of the lidar's housing", temperature.text("\u00b0C"));
   add(rows, "Time since power-on", warm.text("min", "%.0f"));
   return rows;
+}
+
+/// "2 mm" for an expanded uncertainty of 2; none is "not stated", for nothing is known without doubt.
+std::string stated_uncertainty(double expanded, const std::string& unit) {
+  return expanded > 0 ? fit::format_uncertainty(expanded) + " " + unit : "not stated";
+}
+
+/// What the results are referred to: the targets and the stage, as the bench file states them. Null without
+/// targets.
+json references(const fit::Bench& bench, const json& stated) {
+  if (bench.targets.empty()) return nullptr;
+  json targets = json::array();
+  for (const fit::Target& target : bench.targets) {
+    char reflectance[32] = "not stated";
+    if (target.reflectance) std::snprintf(reflectance, sizeof reflectance, "%.2f", *target.reflectance);
+    const double distance_mm = target.outward_normal().dot(target.from_mm);
+    targets.push_back({{"name", target.name},
+                       {"distance", fit::format_value(distance_mm, 2 * target.u_mm) + " mm"},
+                       {"expanded", stated_uncertainty(2 * target.u_mm, "mm")},
+                       {"expanded_angle", stated_uncertainty(2 * target.u_rad * fit::deg_per_rad, "deg")},
+                       {"reflectance", reflectance}});
+  }
+  return {{"targets", targets},
+          {"traceability", text_of(stated, "traceability", "not stated")},
+          {"stage_resolution", fit::format_value(bench.stage_resolution_rad * fit::deg_per_rad, 0) + " deg"}};
 }
 
 /// The mean echo of every beam of one capture, in the world frame, and the targets where the bench says they
@@ -108,7 +138,7 @@ json conditions(const SessionStore& session, const fit::Recording& recording) {
 Plot scan_picture(const fit::Recording& recording, std::string& caption) {
   Plot plot{"", "x (mm)", "y (mm)", {}};
   plot.equal_axes = true;
-  plot.height_px = 560;
+  plot.height_px = 440;
   const auto& captures = recording.captures();
   std::size_t widest = captures.size();
   for (std::size_t i = 0; i < captures.size(); ++i)
@@ -244,6 +274,7 @@ json make_certificate(const SessionStore& session, const std::string& session_fi
                       {"number", certificate_number(hash, dates.measured())},
                       {"created_utc", session.get("created_utc").value_or("")},
                       {"measured_utc", dates.measured_utc.empty() ? json() : json(dates.measured_utc)},
+                      {"issued_utc", utc_text(std::time(nullptr))},
                       {"software", "rig " RIG_VERSION},
                       {"session_software", session.get("software").value_or("")},
                       {"session_file", std::filesystem::path(session_file).filename().string()},
@@ -252,6 +283,8 @@ json make_certificate(const SessionStore& session, const std::string& session_fi
                       {"conditions", conditions(session, *recording)},
                       {"results", json::array()},
                       {"events", noteworthy_events(session)}};
+  if (json all = references(recording->bench(), bench.value("certificate", json::object())); !all.is_null())
+    certificate["references"] = std::move(all);
   if (!dates.imported_utc.empty()) certificate["imported_utc"] = dates.imported_utc;
   if (!dates.measured_local.empty()) certificate["measured_local"] = dates.measured_local;
   for (const SessionStore::Result& result : session.latest_results()) {

@@ -8,6 +8,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <regex>
 
 #include "fit/explain/explanation.hpp"
 #include "fit/number_format.hpp"
@@ -80,7 +81,7 @@ std::optional<int> decimals_of_column(const json& body, std::size_t column, cons
   }
   if (sizes.empty()) return std::nullopt;
   std::sort(sizes.begin(), sizes.end());
-  const bool uncertainty = name == "u" || name == "U" || name.starts_with("u(");
+  const bool uncertainty = name == "u" || name == "U" || name.starts_with("u(") || name.starts_with("U(");
   const int significant = uncertainty ? 2 : 4;
   const double typical = uncertainty ? sizes.front() : sizes[sizes.size() / 2];
   if (sizes.back() > 1e4 * typical) return std::nullopt;
@@ -88,17 +89,25 @@ std::optional<int> decimals_of_column(const json& body, std::size_t column, cons
   return std::clamp(decimals, std::min(2, needed), std::min(6, needed));
 }
 
+/// "-0.00" as "0.00": the sign of what was rounded away says nothing.
+std::string without_sign_of_nought(std::string text) {
+  if (text.starts_with('-') && text.find_first_of("123456789") == std::string::npos) text.erase(0, 1);
+  return text;
+}
+
 json shown_cell(const json& cell, std::optional<int> decimals) {
+  constexpr std::size_t letters_of_a_line = 30;
   if (cell.is_number_integer()) return {{"text", std::to_string(cell.get<long long>())}, {"numeric", true}};
   if (cell.is_number() && decimals && std::isfinite(cell.get<double>())) {
     char text[64];
     std::snprintf(text, sizeof text, "%.*f", *decimals, cell.get<double>());
-    return {{"text", text}, {"numeric", true}};
+    return {{"text", without_sign_of_nought(text)}, {"numeric", true}};
   }
   if (cell.is_number()) return {{"text", fit::format_value(cell.get<double>(), 0)}, {"numeric", true}};
   if (cell.is_null()) return {{"text", ""}, {"numeric", false}};
   if (cell.is_boolean()) return {{"text", cell.get<bool>() ? "yes" : "no"}, {"numeric", false}};
-  return {{"text", cell.is_string() ? cell.get<std::string>() : cell.dump()}, {"numeric", false}};
+  const std::string text = cell.is_string() ? cell.get<std::string>() : cell.dump();
+  return {{"text", text}, {"numeric", false}, {"short", text.size() <= letters_of_a_line}};
 }
 
 json shown_table(const json& table) {
@@ -154,6 +163,7 @@ json shown_section(const std::string& kind, const json& result) {
                   {"plots", json::array()},
                   {"tables", json::array()},
                   {"budget", json::array()},
+                  {"use", list_of(result, "use")},
                   {"notes", list_of(result, "notes")},
                   {"undetermined", list_of(result, "undetermined")}};
   for (const json& value : list_of(result, "values")) section["values"].push_back(shown_value(value));
@@ -204,24 +214,29 @@ json shown_explanation(const json& explanation) {
   return out;
 }
 
+std::string with_unit(const std::string& number, const std::string& unit) {
+  return unit.empty() ? number : number + " " + unit;
+}
+
 json shown_checks(const json& limits) {
   json checks = json::array();
   for (const json& check : list_of(limits, "checks")) {
     const double expanded = number_of(check, "U", 0);
     const double low = number_of(check, "min"), high = number_of(check, "max");
+    const std::string unit = text_of(check, "unit");
     std::string range;
     if (std::isfinite(low) && std::isfinite(high))
-      range = fit::format_value(low, 0) + " to " + fit::format_value(high, 0);
+      range = fit::format_value(low, 0) + " to " + with_unit(fit::format_value(high, 0), unit);
     else if (std::isfinite(low))
-      range = "at least " + fit::format_value(low, 0);
+      range = "at least " + with_unit(fit::format_value(low, 0), unit);
     else if (std::isfinite(high))
-      range = "at most " + fit::format_value(high, 0);
+      range = "at most " + with_unit(fit::format_value(high, 0), unit);
     if (const double widest = number_of(check, "max_U"); std::isfinite(widest))
-      range += (range.empty() ? "U at most " : "; U at most ") + fit::format_value(widest, 0);
+      range += (range.empty() ? "U at most " : "; U at most ") + with_unit(fit::format_value(widest, 0), unit);
     checks.push_back({{"name", text_of(check, "label", text_of(check, "name"))},
                       {"value", fit::format_value(number_of(check, "value"), expanded)},
-                      {"unit", text_of(check, "unit")},
-                      {"expanded", expanded > 0 ? fit::format_uncertainty(expanded) : ""},
+                      {"unit", unit},
+                      {"expanded", expanded > 0 ? with_unit(fit::format_uncertainty(expanded), unit) : ""},
                       {"limits", range},
                       {"verdict", text_of(check, "verdict", "inconclusive")},
                       {"reason", text_of(check, "reason")}});
@@ -259,12 +274,27 @@ std::string shown_time(std::int64_t host_us) {
   return text;
 }
 
+/// Every "2026-05-04T10:00:00Z" in a text as people write it: "2026-05-04 10:00 UTC".
+std::string readable_utc(const std::string& text) {
+  static const std::regex iso(R"((\d{4}-\d\d-\d\d)T(\d\d:\d\d):\d\dZ)");
+  return std::regex_replace(text, iso, "$1 $2 UTC");
+}
+
+/// What simple acceptance means to one who does not know the guideline.
+std::string rule_in_words(const std::string& rule) {
+  if (!rule.starts_with("simple acceptance")) return "";
+  return "A value passes when it lies within its limit; its uncertainty stands beside it and narrows "
+         "nothing, so that a value near the limit may be truly beyond it.";
+}
+
 /// The certificate's date is that of the measurement; without one it says so rather than another.
 std::string shown_date(const json& certificate) {
   const std::string imported = text_of(certificate, "imported_utc");
-  if (imported.empty()) return text_of(certificate, "measured_utc", text_of(certificate, "created_utc"));
-  const std::string known = text_of(certificate, "measured_utc", text_of(certificate, "measured_local"));
-  return (known.empty() ? "measured at an unknown time" : "measured " + known) + ", imported " + imported;
+  if (imported.empty())
+    return readable_utc(text_of(certificate, "measured_utc", text_of(certificate, "created_utc")));
+  const std::string known =
+      readable_utc(text_of(certificate, "measured_utc", text_of(certificate, "measured_local")));
+  return (known.empty() ? "at an unknown time" : known) + ", imported " + readable_utc(imported);
 }
 
 }  // namespace
@@ -272,6 +302,9 @@ std::string shown_date(const json& certificate) {
 std::string to_html(const json& certificate) {
   json page = certificate;
   page["dated"] = shown_date(certificate);
+  page["issued"] = readable_utc(text_of(certificate, "issued_utc"));
+  for (const char* part : {"identification", "conditions"})
+    for (json& row : page[part]) row["text"] = readable_utc(text_of(row, "text"));
   page["hash"] = text_of(certificate, "sha256");
   page["sections"] = json::array();
   json headline = json::array();
@@ -286,6 +319,7 @@ std::string to_html(const json& certificate) {
   page["checks"] = shown_checks(limits);
   page["has_checks"] = !page["checks"].empty();
   page["rule"] = text_of(limits, "rule", "simple acceptance (ILAC-G8:09/2019, guard band w = 0)");
+  page["rule_in_words"] = rule_in_words(text_of(page, "rule"));
   page["verdict"] = overall_verdict(page["checks"]);
   if (certificate.contains("explanation"))
     page["explanation"] = shown_explanation(certificate.at("explanation"));

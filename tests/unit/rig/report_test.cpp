@@ -75,6 +75,26 @@ TEST_CASE(
   CHECK(html.find("http://") == html.find("http://www.w3.org"));
 }
 
+TEST_CASE("the certificate names its references, when it was issued, and the unit of every figure") {
+  const Folder folder;
+  const std::string session = make_session(folder), page = (folder.path / "c.html").string();
+  {
+    rig::SessionStore store(session, rig::SessionStore::Mode::append);
+    store.set("bench", R"({"schema":"bench/1","targets":[{"name":"board","from_mm":[1400,-200],
+      "to_mm":[1400,200],"u_mm":0.6,"u_deg":0.1}],"certificate":{"traceability":"gauge block 7, PTB"}})");
+    store.add_result("wall", R"j({"schema":"result/1","kind":"wall","use":["Turn it by the angle."],
+      "tables":[{"title":"Normals","columns":[{"name":"angle","unit":"deg","decimals":2}],"rows":[[-0.001]]}]})j");
+  }
+  rig::write_report(session, page);
+  const std::string html = contents(page);
+  for (const char* expected :
+       {"<h2>References</h2>", "1400.0 mm", "1.2 mm", "0.20 deg", "gauge block 7, PTB",
+        "measured 2026-05-04 10:00 UTC", "issued 20", "0.12 mm</td><td class=\"n\">-2 to 2 mm",
+        "How to use it:</strong> Turn it by the angle."})
+    CHECK_THAT(html, Catch::Contains(expected));
+  CHECK_THAT(html, !Catch::Contains("-0.00<"));
+}
+
 TEST_CASE("the same certificate comes as data") {
   const Folder folder;
   const std::string session = make_session(folder), file = (folder.path / "c.json").string();
@@ -157,7 +177,7 @@ TEST_CASE("an imported session is dated by its recording, never by its import") 
   rig::write_report(session, page);
   CHECK_THAT(contents(page),
              Catch::Contains("RIG-undated-") &&
-                 Catch::Contains("measured at an unknown time, imported 2026-05-04T10:00:00Z"));
+                 Catch::Contains("measured at an unknown time, imported 2026-05-04 10:00 UTC"));
   set("recorded_local", "2018-02-03 04:05:06.700");
   rig::write_report(session, page);
   CHECK_THAT(contents(page), Catch::Contains("RIG-20180203-") &&
@@ -167,8 +187,8 @@ TEST_CASE("an imported session is dated by its recording, never by its import") 
   rig::write_report(session, data);
   CHECK_THAT(contents(page),
              Catch::Contains("RIG-20190203-") &&
-                 Catch::Contains("measured 2019-02-03T04:05:06Z, imported 2026-05-04T10:00:00Z") &&
-                 Catch::Contains("2019-02-03T04:05:06Z by the clock of the recording"));
+                 Catch::Contains("measured 2019-02-03 04:05 UTC, imported 2026-05-04 10:00 UTC") &&
+                 Catch::Contains("2019-02-03 04:05 UTC by the clock of the recording"));
   const auto certificate = nlohmann::json::parse(contents(data));
   CHECK(certificate.at("measured_utc") == "2019-02-03T04:05:06Z");
   CHECK(certificate.at("imported_utc") == "2026-05-04T10:00:00Z");
