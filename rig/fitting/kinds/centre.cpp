@@ -251,6 +251,7 @@ class Centre : public Fitting {
             "stage angle from the share of jittering samples and the range from all samples; the paper's "
             "pairwise triangles from the most frequent intensity stand beside it.");
     add_values(out, all, positions);
+    out["use"].push_back(how_to_use(all.centre));
     add_tables(out, positions, all);
     const std::vector<fit::CentrePair> pairs = add_pairs(out, paper_points);
     const auto lines = add_board_lines(out, positions);
@@ -288,6 +289,16 @@ class Centre : public Fitting {
         budget.push_back(budget_line("stage angles (certificate)" + axis, "B", u_of(certificate, i), "mm"));
     }
     return budget;
+  }
+
+  static std::string how_to_use(const Eigen::Vector2d& centre) {
+    const Eigen::Vector2d turned(centre.y(), 1000 - centre.x());  // R(90 deg) ((1000, 0) - centre)
+    return "The lidar's frame has its origin at the optical centre, x along the beam at 0 deg and y to the "
+           "left of it, seen from above; angles grow counter-clockwise. A point p seen there while the "
+           "stage stands at theta is at R(theta) (p - c) from the axis, in the frame of the lidar at stage "
+           "angle 0; c is this centre. Example: with the stage at 90 deg, (1000, 0) mm is at (" +
+           text(turned.x(), "%.1f") + ", " + text(turned.y(), "%.1f") +
+           ") mm. Where the lidar looks along the stage's zero, the bench file's mount is minus this centre.";
   }
 
   static void add_values(json& out, const fit::CentreFit& all, const std::vector<Position>& positions) {

@@ -362,6 +362,12 @@ class Odometry : public Fitting {
         "dropped in rounds. Covariance: inverse Fisher information with the noise of the samples kept, "
         "corrected for the dropping.");
     out["values"] = values_of(fit);
+    out["use"] = {
+        "The robot's frame has its origin midway between the wheels, x ahead and y to the left; angles "
+        "grow counter-clockwise, seen from above. A point p in the lidar's frame (x along its beam at 0 "
+        "deg) is at R(yaw) p + (x, y) on the robot. Wheels that turn by a_left and a_right (rad, positive "
+        "ahead) drive the robot by (r_left a_left + r_right a_right) / 2 and turn it by (r_right a_right - "
+        "r_left a_left) / separation."};
     out["covariance"] = covariance_of(fit.covariance);
     for (int i = 0; i < 6; ++i)
       out["budget"].push_back(budget_line(std::string(parameters[i].label) + ": scan matches and wheels", "A",

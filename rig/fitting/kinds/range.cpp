@@ -253,7 +253,7 @@ class Range : public Fitting {
     fit::sort_into_experiments(points);
     json out = new_result("range", method());
     out["tables"].push_back(captures_table(source));
-    add_values(out, source, points, calibration);
+    add_values(out, source, points, calibration, selection == "robust");
     if (!calibration.intensity_table.empty())
       add_families(out["tables"], calibration.intensity_table, "Experiment A1, error against intensity");
     if (!calibration.distance_table.empty())
@@ -283,23 +283,25 @@ class Range : public Fitting {
   }
 
   static void add_values(json& out, const RangeSource& source, const std::vector<fit::RangePoint>& points,
-                         const fit::RangeCalibration& calibration) {
+                         const fit::RangeCalibration& calibration, bool robust) {
     if (source.captures.size() <= 12) {
       std::set<long> named;
       for (const RangeCapture& c : source.captures) {
-        const fit::RangePoint p = c.point(c.paper);
+        const fit::RangePoint p = c.point(robust ? c.robust : c.paper);
         if (!named.insert(std::lround(p.true_mm)).second) continue;
-        out["values"].push_back(result_value("error_at_" + text(p.true_mm, "%.0f") + "_mm",
-                                             "Range error at " + text(p.true_mm, "%.0f") + " mm",
-                                             {p.error_mm(), std::hypot(p.u_mm, c.u_placement_mm)}, "mm"));
+        out["values"].push_back(result_value(
+            "error_at_" + text(p.true_mm, "%.0f") + "_mm",
+            "Range error at " + text(p.true_mm, "%.0f") + " mm, " + text(p.intensity, "%.0f") + " counts",
+            {p.error_mm(), std::hypot(p.u_mm, c.u_placement_mm)}, "mm"));
       }
     }
     out["values"].push_back(plain_value("rms_error_before_mm", "RMS range error of the captures, uncorrected",
                                         calibration.rms_before_mm, "mm"));
     if (calibration.joint) {
-      out["values"].push_back(
-          plain_value("rms_error_after_mm", "The same, corrected", calibration.rms_after_mm, "mm"));
-      out["values"].push_back(plain_value("held_out_error_mm", "The same, each predicted from the others",
+      out["values"].push_back(plain_value("rms_error_after_mm", "RMS range error of the captures, corrected",
+                                          calibration.rms_after_mm, "mm"));
+      out["values"].push_back(plain_value("held_out_error_mm",
+                                          "RMS range error, each capture predicted from the others",
                                           calibration.held_out_mm, "mm"));
       double worst = 0;
       for (const fit::RangePoint& p : points)
@@ -331,6 +333,7 @@ class Range : public Fitting {
     Correction& correction = *calibration.joint;
     describe(correction, sources, source, calibration);
     say_what_is_not_told(out, correction);
+    out["use"].push_back(how_to_use(correction, points[points.size() / 2]));
     if (correction.intensity && correction.range)
       out["values"].push_back(result_value(
           "zero_mm",
@@ -353,6 +356,17 @@ class Range : public Fitting {
                    {"condition_number", number_or_null(calibration.condition)},
                    {"intensity_distance_correlation", number_or_null(calibration.correlation)}};
     warn_of_the_reference(out, calibration);
+  }
+
+  static std::string how_to_use(const Correction& correction, const fit::RangePoint& point) {
+    const double measured_mm = std::round(point.measured_mm), counts = std::round(point.intensity);
+    return "The error is positive where the lidar measures too far, and is subtracted: corrected = "
+           "measured - error. Example: " +
+           text(measured_mm, "%.0f") + " mm measured with " + text(counts, "%.0f") + " counts become " +
+           text(correction.apply(measured_mm, counts).range_mm) +
+           " mm, U = " + text(2 * correction.u(measured_mm, counts)) +
+           " mm (k = 2, of the correction; a single range has its own noise besides). `rig export` writes "
+           "it for robots: as a C or C++ header, a table, or ROS 2 parameters.";
   }
 
   /// Where the smoother without an equation predicts much better, no family follows the data.

@@ -255,6 +255,11 @@ class Wall : public Fitting {
         "then "
         "10 mm, from both walls or from single square beams) stand beside.");
     add_values(out, fit, bench);
+    out["use"].push_back(
+        "x, y and yaw of the lidar on the stage are the bench file's lidar.mount: at stage angle theta the "
+        "lidar's optical centre is at R(theta) (x, y) from the axis, and its beam at 0 deg points to theta "
+        "+ yaw. x lies along the stage's zero direction, y to the left of it, seen from above; angles grow "
+        "counter-clockwise.");
     add_ways(out, fit);
     add_sights(out, fit);
     add_plots(out, fit);
