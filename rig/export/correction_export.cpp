@@ -2,6 +2,7 @@
 #include "rig/export/correction_export.hpp"
 
 #include <cmath>
+#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "fit/number_format.hpp"
@@ -61,6 +62,20 @@ std::string in_comment(std::string text) {
   return text;
 }
 
+std::string rounded(double value) { return format_value(value, 0); }
+
+/// A pair of figures by which a reader sees that the correction arrived whole and with the right sign.
+std::string example(const Correction& c) {
+  const double middle_mm = c.range ? (c.range->from + c.range->to) / 2 : c.reference_mm;
+  const double measured_mm = middle_mm > 0 ? std::round(middle_mm) : 1000;
+  const double counts = c.intensity ? std::round((c.intensity->from + c.intensity->to) / 2) : 0;
+  char text[160];
+  std::snprintf(text, sizeof text, "To check: %.0f mm measured%s become %.3f mm.", measured_mm,
+                c.intensity ? (" with " + rounded(counts) + " counts").c_str() : "",
+                c.apply(measured_mm, counts).range_mm);
+  return text;
+}
+
 }  // namespace
 
 std::string headline(const Correction& c, const char* begin) {
@@ -72,11 +87,13 @@ std::string headline(const Correction& c, const char* begin) {
          ", procedure " + in_comment(c.procedure.empty() ? "unknown" : c.procedure) + ".";
   for (const std::string& hash : c.session_sha256) out += next + "Session SHA-256 " + in_comment(hash);
   if (c.range)
-    out += next + "Calibrated from " + real(c.range->from) + " to " + real(c.range->to) + " mm" +
+    out += next + "Calibrated from " + rounded(c.range->from) + " to " + rounded(c.range->to) + " mm" +
            (c.intensity ? "," : ".");
   if (c.intensity)
-    out += next + (c.range ? "and from " : "Calibrated from ") + real(c.intensity->from) + " to " +
-           real(c.intensity->to) + " counts of intensity.";
+    out += next + (c.range ? "and from " : "Calibrated from ") + rounded(c.intensity->from) + " to " +
+           rounded(c.intensity->to) + " counts of intensity.";
+  out += next + "The error is positive where the lidar measures too far: corrected = measured - error.";
+  out += next + example(c);
   out += next + "Written by " + in_comment(c.software) + "; do not edit: calibrate again.";
   return out;
 }
