@@ -166,8 +166,25 @@ const fit::Target* target_of(const fit::Bench& bench, const fit::CaptureInfo& ca
   return nearest;
 }
 
+/// The captures that were left out, by reason, in the order in which the reasons came up.
+using LeftOut = std::vector<std::pair<std::string, std::vector<std::string>>>;
+
+void leave_out(LeftOut& left_out, const std::string& capture, const std::string& reason) {
+  for (auto& [known, captures] : left_out)
+    if (known == reason) return captures.push_back(capture);
+  left_out.emplace_back(reason, std::vector<std::string>{capture});
+}
+
+/// One line a reason: a search for edges has a hundred captures that see none squarely.
+std::string in_words(const LeftOut::value_type& group) {
+  const auto& [reason, captures] = group;
+  if (captures.size() == 1) return captures.front() + " was left out: " + reason;
+  return std::to_string(captures.size()) + " captures were left out, from " + captures.front() + " to " +
+         captures.back() + ": " + reason;
+}
+
 std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::size_t index,
-                                         RangeSource& source) {
+                                         RangeSource& source, LeftOut& left_out) {
   const fit::CaptureInfo& capture = recording.captures()[index];
   const fit::Bench& bench = recording.bench();
   const std::string name =
@@ -175,8 +192,9 @@ std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::s
   if (fit::is_turning(capture)) return std::nullopt;
   const fit::Target* target = target_of(bench, capture);
   if (!target) {
-    source.notes.push_back(name + " was left out: the bench file has no target " +
-                           (capture.target ? "'" + *capture.target + "'" : "that its beams meet squarely"));
+    leave_out(left_out, name,
+              "the bench file has no target " +
+                  (capture.target ? "'" + *capture.target + "'" : "that its beams meet squarely"));
     return std::nullopt;
   }
   const Board board = board_of(*target, capture, bench.lidar.mount);
@@ -184,8 +202,7 @@ std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::s
   const Normal normal = normal_of(recording, index, board, std::max(bench_u, 1e-5));
   const SquareBeam beam = square_beam(recording, index, normal.rad);
   if (beam.samples.size() < 20) {
-    source.notes.push_back(name + " was left out: " + std::to_string(beam.samples.size()) +
-                           " samples of the beam square on '" + target->name + "', at least 20 are needed");
+    leave_out(left_out, name, "fewer than 20 samples of the beam that is square on '" + target->name + "'");
     return std::nullopt;
   }
   RangeCapture out;
@@ -205,7 +222,7 @@ std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::s
   out.robust = fit::select_robust(beam.samples);
   out.scans = beam.scans;
   if (out.paper.kept < 1) {
-    source.notes.push_back(name + " was left out: no valid sample");
+    leave_out(left_out, name, "no valid sample");
     return std::nullopt;
   }
   const double off = std::abs(fit::wrap_angle(normal.rad - board.normal_rad));
@@ -224,11 +241,14 @@ std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::s
 
 RangeSource read_ranges(const std::vector<FitSource>& sources) {
   RangeSource out;
+  LeftOut left_out;
   for (const FitSource& source : sources) {
     const auto recording = source.session->recording();
     for (std::size_t i = 0; i < recording->captures().size(); ++i)
-      if (auto capture = read_capture(*recording, i, out)) out.captures.push_back(std::move(*capture));
+      if (auto capture = read_capture(*recording, i, out, left_out))
+        out.captures.push_back(std::move(*capture));
   }
+  for (const auto& group : left_out) out.notes.push_back(in_words(group));
   if (!out.captures.empty()) return out;
   std::string why;
   for (const std::string& note : out.notes) why += "\n  " + note;
