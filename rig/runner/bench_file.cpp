@@ -1,16 +1,30 @@
 // SPDX-License-Identifier: MIT
 #include "rig/runner/bench_file.hpp"
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "rig/errors.hpp"
+#include "rig/procedure/procedure_value.hpp"
 
 namespace rig {
 namespace {
 
 constexpr std::size_t largest_file_bytes = 16'000'000;
+constexpr double nearest_scene_mm = 20;  // Below the least range of every lidar that the sources name.
+
+/// A bench in metres reads as one in millimetres whose targets all stand on the stage's axis.
+void demand_millimetres(const fit::Bench& bench, const std::string& name) {
+  double farthest_mm = 0;
+  for (const fit::Target& target : bench.targets)
+    farthest_mm = std::max({farthest_mm, target.from_mm.norm(), target.to_mm.norm()});
+  if (bench.targets.empty() || farthest_mm >= nearest_scene_mm) return;
+  throw UsageError(
+      name + ": all targets lie within " + rounded_text(farthest_mm, 1) +
+      " mm of the stage's axis, where no lidar measures. Lengths are in millimetres; were metres meant?");
+}
 
 }  // namespace
 
@@ -25,7 +39,9 @@ fit::Bench read_bench_file(const std::string& path) {
   if (text.size() > largest_file_bytes)
     throw UsageError(path +
                      " is larger than 16 MB, which no bench file is. Check that it is the right file.");
-  return read_bench_text(text, path);
+  fit::Bench bench = read_bench_text(text, path);
+  demand_millimetres(bench, path);
+  return bench;
 }
 
 fit::Bench read_bench_text(const std::string& text, const std::string& name) {

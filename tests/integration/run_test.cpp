@@ -140,6 +140,15 @@ TEST_CASE("a run that never met its lidar leaves no session in the way of the ne
   CHECK(bench.run(steps) == 0);
 }
 
+TEST_CASE("a bench in metres is refused before anything moves") {
+  Bench bench;
+  bench.write("bench.json", R"({"schema": "bench/1", "lidar": {"model": "UST-10LX"},
+    "targets": [{"name": "board", "from_mm": [1.4, -0.2], "to_mm": [1.4, 0.2]}]})");
+  CHECK(bench.run("  - home\n") == 2);
+  CHECK_THAT(bench.said,
+             Contains("bench.json: all targets lie within 1.4 mm") && Contains("were metres meant?"));
+}
+
 TEST_CASE("homing leaves the stage at zero, wherever the last run left it") {
   Bench bench;
   REQUIRE(bench.run("  - home\n  - move: {to_deg: 60}\n") == 0);
