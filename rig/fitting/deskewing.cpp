@@ -181,6 +181,10 @@ class Deskewing::Work {
       throw MeasurementError(name +
                              " does not say how the lidar moved: it has neither odometry nor a stage track. "
                              "Import the recording with its odometry (rig import).");
+    if (std::ranges::none_of(scans_, [&](const ScanOfSession& scan) { return moving(scan.sweep); }))
+      throw MeasurementError(name +
+                             ": by its path the lidar stood still during every scan, so there is no motion "
+                             "distortion to remove.");
     find_timing();
   }
 

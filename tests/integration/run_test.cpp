@@ -149,6 +149,18 @@ TEST_CASE("a bench in metres is refused before anything moves") {
              Contains("bench.json: all targets lie within 1.4 mm") && Contains("were metres meant?"));
 }
 
+TEST_CASE("a session in which nothing moved has no motion distortion, and deskew says so at once") {
+  Bench bench;
+  REQUIRE(bench.run(
+              "  - home\n  - capture: {samples: 50}\n  - move: {to_deg: 10}\n  - capture: {samples: 50}\n") ==
+          0);
+  Program rig({RIG_BIN_DIR "/rig", "deskew", bench.folder / "out.rig", "-o", bench.folder / "straight.rig"},
+              bench.folder);
+  CHECK(rig.exit_status() == 1);
+  CHECK_THAT(rig.errors(), Contains("stood still during every scan"));
+  CHECK_FALSE(std::filesystem::exists(bench.folder / "straight.rig"));
+}
+
 TEST_CASE("homing leaves the stage at zero, wherever the last run left it") {
   Bench bench;
   REQUIRE(bench.run("  - home\n  - move: {to_deg: 60}\n") == 0);
