@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <string>
 #include <vector>
 
+#include "fit/json_position.hpp"
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
 
@@ -21,6 +23,19 @@ void tell(const std::exception& error) {
   std::fprintf(stderr, "rig: %s\n", words.c_str());
 }
 
+/// What to say of a first word that is no subcommand; empty if it is one, or an option. The parser's own words
+/// are that a subcommand is missing.
+std::string unknown_command(int argc, char** argv, const std::vector<CLI::App*>& commands) {
+  const std::string word = argc > 1 ? argv[1] : "";
+  if (word.empty() || word.front() == '-') return "";
+  std::vector<std::string> names;
+  for (const CLI::App* command : commands) names.push_back(command->get_name());
+  if (std::find(names.begin(), names.end(), word) != names.end()) return "";
+  const std::string meant = fit::nearest_word(word, names);
+  return "there is no subcommand '" + word + "'" + (meant.empty() ? "" : "; did you mean '" + meant + "'?") +
+         (meant.empty() ? ". " : " ") + "`rig --help` lists them.";
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -32,6 +47,10 @@ int main(int argc, char** argv) {
   auto commands = rig::commands::all();
   std::vector<CLI::App*> declared;
   for (const auto& command : commands) declared.push_back(command->declare(app));
+  if (const std::string wrong = unknown_command(argc, argv, declared); !wrong.empty()) {
+    std::fprintf(stderr, "rig: %s\n", wrong.c_str());
+    return 2;
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

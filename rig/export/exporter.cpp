@@ -31,7 +31,8 @@ const Exporter& exporter_of(const std::string& format) {
   }
   const std::string meant = fit::nearest_word(format, names);
   throw UsageError("there is no export format '" + format + "'" +
-                   (meant.empty() ? "" : "; did you mean '" + meant + "'?") + " There are: " + list);
+                   (meant.empty() ? "" : "; did you mean '" + meant + "'?") +
+                   (meant.empty() ? ". There are: " : " There are: ") + list);
 }
 
 /// A session may hold a correction that was made from another lidar's recordings.

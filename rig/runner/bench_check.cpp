@@ -84,11 +84,20 @@ class Checker {
   }
 
   static std::string describe(const nlohmann::json& identity) {
-    std::string text;
-    for (const auto& [part, values] : identity.items())
-      for (const char* key : {"PROD", "MODL", "SERI", "FIRM", "LASR", "STAT"})
+    const auto told = [&](const char* key) -> std::string {
+      for (const auto& [part, values] : identity.items())
         if (values.is_object() && values.contains(key) && values[key].is_string())
-          text += (text.empty() ? "" : ", ") + values[key].get<std::string>();
+          return values[key].get<std::string>();
+      return "";
+    };
+    std::string text;
+    for (const auto& [key, before] : {std::pair{"PROD", ""},
+                                      {"SERI", "serial "},
+                                      {"FIRM", "firmware "},
+                                      {"STAT", ""},
+                                      {"LASR", "laser "}})
+      if (const std::string word = told(key); !word.empty())
+        text += (text.empty() ? "" : ", ") + (before + word);
     return text.empty() ? "answers in SCIP" : text;
   }
 

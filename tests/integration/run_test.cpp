@@ -108,6 +108,13 @@ TEST_CASE("the demo calibrates the simulated bench within its stated uncertainty
   CHECK_THAT(rig.errors(), Contains("Limits:") && Contains("pass"));
 }
 
+TEST_CASE("a word that is no subcommand is named, with the one that was meant") {
+  TestFolder folder;
+  Program rig({RIG_BIN_DIR "/rig", "exprot", "a.rig"}, folder);
+  CHECK(rig.exit_status() == 2);
+  CHECK_THAT(rig.errors(), Contains("no subcommand 'exprot'; did you mean 'export'?"));
+}
+
 TEST_CASE("a place that cannot hold a session is refused before anything moves, with what to do") {
   Bench bench;
   bench.write("p.yaml", "procedure: test\nsteps:\n  - home\n");
