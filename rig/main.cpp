@@ -23,8 +23,8 @@ void tell(const std::exception& error) {
   std::fprintf(stderr, "rig: %s\n", words.c_str());
 }
 
-/// What to say of a first word that is no subcommand; empty if it is one, or an option. The parser's own words
-/// are that a subcommand is missing.
+/// What to say of a first word that is no subcommand; empty if it is one, or an option. The parser's own
+/// words are that a subcommand is missing.
 std::string unknown_command(int argc, char** argv, const std::vector<CLI::App*>& commands) {
   const std::string word = argc > 1 ? argv[1] : "";
   if (word.empty() || word.front() == '-') return "";
@@ -39,11 +39,13 @@ std::string unknown_command(int argc, char** argv, const std::vector<CLI::App*>&
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"Calibration rig controller: runs procedures on a lidar and a rotary stage, fits, explains, reports."};
+  CLI::App app{
+      "Calibration rig controller: runs procedures on a lidar and a rotary stage, fits, explains, reports."};
   app.set_version_flag("--version", "rig " RIG_VERSION);
   app.require_subcommand(1);
-  app.footer("Exit status: 0 done; 1 the measurement or fit failed; 2 wrong usage or an unreadable file; "
-             "3 a device failed or was lost.");
+  app.footer(
+      "Exit status: 0 done; 1 the measurement or fit failed; 2 wrong usage or an unreadable file; "
+      "3 a device failed or was lost.");
   auto commands = rig::commands::all();
   std::vector<CLI::App*> declared;
   for (const auto& command : commands) declared.push_back(command->declare(app));

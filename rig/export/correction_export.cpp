@@ -62,7 +62,7 @@ std::string in_comment(std::string text) {
   return text;
 }
 
-std::string rounded(double value) { return format_value(value, 0); }
+std::string rounded(double value) { return fit::format_value(value, 0); }
 
 /// A pair of figures by which a reader sees that the correction arrived whole and with the right sign.
 std::string example(const Correction& c) {

@@ -232,7 +232,8 @@ json shown_checks(const json& limits) {
     else if (std::isfinite(high))
       range = "at most " + with_unit(fit::format_value(high, 0), unit);
     if (const double widest = number_of(check, "max_U"); std::isfinite(widest))
-      range += (range.empty() ? "U at most " : "; U at most ") + with_unit(fit::format_value(widest, 0), unit);
+      range +=
+          (range.empty() ? "U at most " : "; U at most ") + with_unit(fit::format_value(widest, 0), unit);
     checks.push_back({{"name", text_of(check, "label", text_of(check, "name"))},
                       {"value", fit::format_value(number_of(check, "value"), expanded)},
                       {"unit", unit},
