@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include <catch2/catch.hpp>
 #include <cmath>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <random>
 
@@ -11,6 +10,7 @@
 #include "rig/report/certificate_page.hpp"
 #include "sim/simple_engine.hpp"
 #include "tests/support/results.hpp"
+#include "tests/support/test_folder.hpp"
 
 namespace {
 
@@ -29,9 +29,7 @@ constexpr const char* bench_text = R"({
 class Session {
  public:
   Session(const std::string& name, unsigned seed, double window_deg = 0.05)
-      : path_((std::filesystem::temp_directory_path() / ("angle-" + name + std::to_string(seed) + ".rig"))
-                  .string()) {
-    std::filesystem::remove(path_);
+      : path_(folder_ / (name + std::to_string(seed) + ".rig")) {
     fit::Bench truth = fit::parse_bench(bench_text);
     truth.lidar.mount = {{1.63}, {12.65}, {0}};
     sim::SimpleOptions options;
@@ -40,12 +38,6 @@ class Session {
     store_ = std::make_unique<rig::SessionStore>(path_, rig::SessionStore::Mode::create);
     store_->set("bench", bench_text);
   }
-  ~Session() {
-    store_.reset();
-    for (const char* end : {"", "-wal", "-shm"}) std::filesystem::remove(path_ + end);
-  }
-  Session(const Session&) = delete;
-  Session& operator=(const Session&) = delete;
 
   /// The stage stands where it was told to but for `off_deg`, and came there by `approach`.
   void capture(double stage_deg, int first_step, int last_step, long scans) {
@@ -100,6 +92,7 @@ class Session {
   const std::string& path() const { return path_; }
 
  private:
+  TestFolder folder_;
   std::string path_;
   std::unique_ptr<sim::SimpleEngine> engine_;
   std::unique_ptr<rig::SessionStore> store_;

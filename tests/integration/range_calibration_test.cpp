@@ -23,22 +23,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Place {
-  Place() : path(fs::temp_directory_path() / ("rig-correction-" + std::to_string(getpid()))) {
-    fs::create_directories(path);
-  }
-  ~Place() { fs::remove_all(path); }
-  std::string file(const std::string& name) const { return (path / name).string(); }
-  fs::path path;
-};
-
-std::string contents(const std::string& path) {
-  std::ifstream in(path);
-  std::stringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
-
 /// What the simulated lidar gets wrong: the published distance error (source A, equation 15) and a confluent
 /// exponential of the echo's strength.
 double distance_error(double mm) {
@@ -172,9 +156,9 @@ std::vector<std::pair<double, double>> probes() {
   return out;
 }
 
-std::string export_as(const Place& place, const fit::Correction& correction, const std::string& format,
+std::string export_as(const TestFolder& place, const fit::Correction& correction, const std::string& format,
                       const std::string& name) {
-  const std::string json = place.file("correction.json"), out = place.file(name);
+  const std::string json = place / "correction.json", out = place / name;
   std::ofstream(json) << fit::to_json_text(correction);
   rig::run_export(format, {json, nullptr}, out);
   return out;
@@ -192,8 +176,8 @@ bool compiles(const std::string& command) {
 TEST_CASE(
     "range calibration: both errors of a simulated lidar are recovered within 0.5 mm, and the band covers "
     "them") {
-  const Place place;
-  Ladder a1(place.file("a1.rig"), 1, 3), a2(place.file("a2.rig"), 2, 3);
+  const TestFolder place;
+  Ladder a1(place / "a1.rig", 1, 3), a2(place / "a2.rig", 2, 3);
   measure(a1, a2, 5000, 1000);
   const auto result = fit_both(a1, a2);
   const fit::Correction correction = correction_in(result);
@@ -222,7 +206,7 @@ TEST_CASE(
   a2.store().add_result("range", result.dump());
   rig::ApplyRequest request;
   request.correction = rig::load_correction(a2.path(), a2.store());
-  request.correction_name = "a2.rig", request.input = a2.path(), request.output = place.file("corrected.rig");
+  request.correction_name = "a2.rig", request.input = a2.path(), request.output = place / "corrected.rig";
   const auto report = rig::apply_to_session(request);
   CHECK(report.samples == 97 * 1000);
   CHECK(report.outside_range < 0.02 * 97000);
@@ -231,13 +215,13 @@ TEST_CASE(
   for (const auto& value : again.at("values"))
     if (value.at("name") == "rms_error_before_mm") CHECK(value.at("value").get<double>() < 0.3);
   CHECK_FALSE(corrected.latest_result("range"));
-  request.input = request.output, request.output = place.file("twice.rig");
+  request.input = request.output, request.output = place / "twice.rig";
   CHECK_THROWS_WITH(rig::apply_to_session(request), Catch::Contains("corrected already"));
 }
 
 TEST_CASE("range calibration: 97 x 10,000 and 10 x 50,000 samples", "[.full]") {
-  const Place place;
-  Ladder a1(place.file("a1.rig"), 3, 8), a2(place.file("a2.rig"), 4, 8);
+  const TestFolder place;
+  Ladder a1(place / "a1.rig", 3, 8), a2(place / "a2.rig", 4, 8);
   measure(a1, a2, 50000, 10000);
   const auto begun = std::chrono::steady_clock::now();
   const auto result = fit_both(a1, a2);
@@ -249,11 +233,11 @@ TEST_CASE("range calibration: 97 x 10,000 and 10 x 50,000 samples", "[.full]") {
 }
 
 TEST_CASE("range calibration: over seeds the k = 2 band holds the truth about as often as it says") {
-  const Place place;
+  const TestFolder place;
   double covered = 0;
   constexpr unsigned seeds = 8;
   for (unsigned seed = 1; seed <= seeds; ++seed) {
-    Ladder a1(place.file("a1.rig"), 100 + seed, 3), a2(place.file("a2.rig"), 200 + seed, 3);
+    Ladder a1(place / "a1.rig", 100 + seed, 3), a2(place / "a2.rig", 200 + seed, 3);
     measure(a1, a2, 400, 100);
     covered += judge(correction_in(fit_both(
                          a1, a2, {{"intensity", "confluent-exponential"}, {"distance", "fourier-2"}})))
@@ -266,8 +250,8 @@ TEST_CASE("range calibration: over seeds the k = 2 band holds the truth about as
 }
 
 TEST_CASE("range calibration: what surfaces did not cover is said, and a misspelt family is refused") {
-  const Place place;
-  Ladder a1(place.file("a1.rig"), 1, 3), a2(place.file("a2.rig"), 2, 3);
+  const TestFolder place;
+  Ladder a1(place / "a1.rig", 1, 3), a2(place / "a2.rig", 2, 3);
   for (const double reflectance : {0.99, 0.9, 0.8, 0.7, 0.6, 0.5}) a1.capture(200, reflectance, 300);
   for (int i = 2; i <= 98; i += 4) a2.capture(100.0 * i, 0.85, 300);
   const auto result = fit_both(a1, a2);
@@ -309,11 +293,11 @@ TEST_CASE("a C header compiles alone and corrects as the calibration does") {
     WARN("skipped: there is no C compiler here");
     return;
   }
-  const Place place;
+  const TestFolder place;
   for (const auto& [intensity, range] : pairs) {
     const fit::Correction c = example(intensity, range);
     export_as(place, c, "c-header", "correction.h");
-    std::ofstream(place.file("try.c")) << R"(#include "correction.h"
+    std::ofstream(place / "try.c") << R"(#include "correction.h"
 #include <stdio.h>
 int main(void) {
   double r, i, map[2], zero[2] = {0, 0};
@@ -324,13 +308,13 @@ int main(void) {
   }
   return 0;
 })";
-    std::ofstream in(place.file("in"));
+    std::ofstream in(place / "in");
     for (const auto& [r, i] : probes()) in << r << " " << i << "\n";
     in.close();
-    REQUIRE(compiles("cc -std=c99 -pedantic -Wall -Wextra -Werror -Wno-unused-function -o " +
-                     place.file("try") + " " + place.file("try.c") + " -lm && " + place.file("try") + " <" +
-                     place.file("in") + " >" + place.file("out")));
-    std::ifstream out(place.file("out"));
+    REQUIRE(compiles("cc -std=c99 -pedantic -Wall -Wextra -Werror -Wno-unused-function -o " + place / "try" +
+                     " " + place / "try.c" + " -lm && " + place / "try" + " <" + place / "in" + " >" +
+                     place / "out"));
+    std::ifstream out(place / "out");
     for (const auto& [r, i] : probes()) {
       int state = -1;
       double corrected = 0, map_x = 0;
@@ -348,11 +332,12 @@ TEST_CASE("a C++ header compiles alone, corrects as the calibration does, and kn
     WARN("skipped: there is no C++ compiler here");
     return;
   }
-  const Place place;
+  const TestFolder place;
   for (const auto& [intensity, range] : pairs) {
     const fit::Correction c = example(intensity, range);
     export_as(place, c, "cpp-header", "correction.hpp");
-    std::ofstream(place.file("try.cpp")) << R"(#include "correction.hpp"
+    std::ofstream(place / "try.cpp") << R"(#include "correction.hpp"
+#include "tests/support/test_folder.hpp"
 #include <cstdio>
 int main() {
   double r, i;
@@ -361,13 +346,13 @@ int main() {
     std::printf("%d %.17g %.17g\n", c.inside(), c.range_mm, c.u_mm);
   }
 })";
-    std::ofstream in(place.file("in"));
+    std::ofstream in(place / "in");
     for (const auto& [r, i] : probes()) in << r << " " << i << "\n";
     in.close();
-    REQUIRE(compiles("c++ -std=c++11 -pedantic -Wall -Wextra -Werror -Wno-unused -o " + place.file("try") +
-                     " " + place.file("try.cpp") + " && " + place.file("try") + " <" + place.file("in") +
-                     " >" + place.file("out")));
-    std::ifstream out(place.file("out"));
+    REQUIRE(compiles("c++ -std=c++11 -pedantic -Wall -Wextra -Werror -Wno-unused -o " + place / "try" + " " +
+                     place / "try.cpp" + " && " + place / "try" + " <" + place / "in" + " >" +
+                     place / "out"));
+    std::ifstream out(place / "out");
     for (const auto& [r, i] : probes()) {
       int inside = -1;
       double corrected = 0, u = 0;
@@ -381,7 +366,7 @@ int main() {
 }
 
 TEST_CASE("a look-up table interpolates to the correction, and ROS 2 parameters evaluate to it") {
-  const Place place;
+  const TestFolder place;
   fit::Correction c = example("confluent-exponential", "fourier-2");
   std::ifstream table(export_as(place, c, "csv-table", "table.csv"));
   std::string line;
@@ -416,20 +401,20 @@ TEST_CASE("a look-up table interpolates to the correction, and ROS 2 parameters 
     CHECK(range - error == c.apply(range, 811).range_mm);
   }
   // A session without a range calibration has nothing to export.
-  const Ladder empty(place.file("empty.rig"), 1, 3);
+  const Ladder empty(place / "empty.rig", 1, 3);
   CHECK_THROWS_WITH(
-      rig::run_export("c-header", {empty.path(), &const_cast<Ladder&>(empty).store()}, place.file("x.h")),
+      rig::run_export("c-header", {empty.path(), &const_cast<Ladder&>(empty).store()}, place / "x.h"),
       Catch::Contains("holds no range correction"));
 }
 
 TEST_CASE("a correction for another lidar is not applied by mistake") {
-  const Place place;
-  Ladder session(place.file("one.rig"), 1, 3);
+  const TestFolder place;
+  Ladder session(place / "one.rig", 1, 3);
   session.capture(500, 0.8, 20);
   rig::ApplyRequest request;
   request.correction = example("line", "line");
   request.correction.lidar_serial = "H0000000";
-  request.input = session.path(), request.output = place.file("out.rig");
+  request.input = session.path(), request.output = place / "out.rig";
   CHECK_THROWS_WITH(rig::apply_to_session(request), Catch::Contains("H0000000"));
   CHECK_FALSE(fs::exists(request.output));
   request.any_lidar = true;
@@ -447,14 +432,14 @@ TEST_CASE("a correction for another lidar is not applied by mistake") {
 }
 
 TEST_CASE("range procedures run unattended on the simulated bench and lead to a correction that validates") {
-  const Place place;
+  const TestFolder place;
   const std::string procedures = std::string(RIG_SOURCE_DIR) + "/procedures", bin = RIG_BIN_DIR;
-  auto truth = nlohmann::json::parse(contents(procedures + "/range.bench.json"), nullptr, true, true);
+  auto truth = nlohmann::json::parse(file_text(procedures + "/range.bench.json"), nullptr, true, true);
   truth["known"] = {
       {{"mechanism", "range-noise"}, {"parameters", {{"sigma_mm", 3}}}},
       {{"mechanism", "range-walk"}, {"parameters", {{"amplitude_mm", 30}, {"intensity_scale", 500}}}},
       {{"mechanism", "range-scale"}, {"parameters", {{"scale", 0.002}}}}};
-  std::ofstream(place.file("truth.json")) << truth.dump();
+  std::ofstream(place / "truth.json") << truth.dump();
   const std::string script = R"sh(set -eu
 cd "$1"; bin=$2; procedures=$3
 coproc sim { exec "$bin/rig-sim" --bench "$procedures/range.bench.json" --truth truth.json --lidar-port 0 --stage-link ./stage \
@@ -477,13 +462,13 @@ run range-validation.yaml a3.rig --set samples=100 --set correction=correction.j
 "$bin/rig" apply correction.json a2.rig -o corrected.rig --json apply.json
 "$bin/rig" report a1.rig -o a1.html
 )sh";
-  std::ofstream(place.file("run")) << script;
-  const int status = std::system(("bash " + place.file("run") + " " + place.path.string() + " " + bin + " " +
-                                  procedures + " >" + place.file("log") + " 2>&1")
+  std::ofstream(place / "run") << script;
+  const int status = std::system(("bash " + place / "run" + " " + place.path() + " " + bin + " " +
+                                  procedures + " >" + place / "log" + " 2>&1")
                                      .c_str());
-  INFO(contents(place.file("log")) << contents(place.file("sim.log")));
+  INFO(file_text(place / "log") << file_text(place / "sim.log"));
   REQUIRE(status == 0);
-  const auto result = nlohmann::json::parse(contents(place.file("fit.json")));
+  const auto result = nlohmann::json::parse(file_text(place / "fit.json"));
   double before = 0, after = 0;
   for (const auto& value : result.at("values")) {
     if (value.at("name") == "rms_error_before_mm") before = value.at("value").get<double>();
@@ -500,7 +485,7 @@ run range-validation.yaml a3.rig --set samples=100 --set correction=correction.j
     CHECK(correction.apply(mm + error, counts).range_mm == Approx(mm).margin(1));
   }
   // Twelve captures in one session: walk and scale come apart where they were measured.
-  const fit::Correction ladder = correction_in(nlohmann::json::parse(contents(place.file("ladder.json"))));
+  const fit::Correction ladder = correction_in(nlohmann::json::parse(file_text(place / "ladder.json")));
   REQUIRE(ladder.intensity);
   REQUIRE(ladder.range);
   for (const double mm : {200.0, 350.0, 800.0, 2000.0, 5000.0})
@@ -510,7 +495,7 @@ run range-validation.yaml a3.rig --set samples=100 --set correction=correction.j
       INFO(mm << " mm, reflectance " << reflectance);
       CHECK(ladder.apply(mm + error, counts).range_mm == Approx(mm).margin(1.5));
     }
-  const auto validation = nlohmann::json::parse(contents(place.file("validation.json")));
+  const auto validation = nlohmann::json::parse(file_text(place / "validation.json"));
   CHECK(validation.at("tables").at(0).at("rows").size() >= 4);
   // Most of the board is seen by other beams than the one that the correction was measured with.
   CHECK_THAT(
@@ -528,7 +513,7 @@ run range-validation.yaml a3.rig --set samples=100 --set correction=correction.j
   CHECK_FALSE(validation.at("budget").empty());
   CHECK_THAT(validation.at("values").dump(),
              Catch::Contains("spread_20_after_mm") && Catch::Contains("scene_after_mm"));
-  const rig::SessionStore run(place.file("a3.rig"), rig::SessionStore::Mode::read);
+  const rig::SessionStore run(place / "a3.rig", rig::SessionStore::Mode::read);
   CHECK_THAT(run.latest_result("validation").value_or(""), Catch::Contains("spread_20_after_mm"));
-  CHECK(nlohmann::json::parse(contents(place.file("apply.json"))).at("samples").get<long>() > 1000);
+  CHECK(nlohmann::json::parse(file_text(place / "apply.json")).at("samples").get<long>() > 1000);
 }

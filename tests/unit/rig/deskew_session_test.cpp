@@ -2,7 +2,6 @@
 #include "rig/fitting/deskew_session.hpp"
 
 #include <SQLiteCpp/SQLiteCpp.h>
-#include <unistd.h>
 
 #include <catch2/catch.hpp>
 #include <cstring>
@@ -14,20 +13,11 @@
 #include "rig/session/session_store.hpp"
 #include "tests/support/moving_room.hpp"
 #include "tests/support/results.hpp"
+#include "tests/support/test_folder.hpp"
 
 namespace {
 
 namespace fs = std::filesystem;
-
-struct Folder {
-  Folder() : path(fs::temp_directory_path() / ("rig-deskew-" + std::to_string(::getpid()))) {
-    fs::remove_all(path);
-    fs::create_directories(path);
-  }
-  ~Folder() { fs::remove_all(path); }
-  [[nodiscard]] std::string file(const std::string& name) const { return (path / name).string(); }
-  fs::path path;
-};
 
 constexpr const char* bench =
     R"({"schema": "bench/1", "lidar": {"mount": {"x_mm": 80, "y_mm": 20, "yaw_deg": 0}}})";
@@ -94,13 +84,13 @@ rig::DeskewOptions known_timing() {
 }  // namespace
 
 TEST_CASE("rig deskew writes corrected points of every beam, poses, and pictures of the map") {
-  const Folder folder;
-  write_turning(folder.file("in.rig"), 80);
+  const TestFolder folder;
+  write_turning(folder / "in.rig", 80);
   rig::DeskewOptions options;
   options.offset_ms = 0;
   options.reversed = false;
-  const std::string made = folder.file("out.rig");
-  const auto result = rig::deskew_session(folder.file("in.rig"), made, options);
+  const std::string made = folder / "out.rig";
+  const auto result = rig::deskew_session(folder / "in.rig", made, options);
   CHECK(result.at("kind") == "deskew");
   CHECK(result.at("plots").size() >= 4);
 
@@ -135,26 +125,25 @@ TEST_CASE("rig deskew writes corrected points of every beam, poses, and pictures
 }
 
 TEST_CASE("rig deskew refuses what does not tell how the lidar moved, and leaves existing files alone") {
-  const Folder folder;
+  const TestFolder folder;
   {
-    rig::SessionStore store(folder.file("empty.rig"), rig::SessionStore::Mode::create);
+    rig::SessionStore store(folder / "empty.rig", rig::SessionStore::Mode::create);
     store.set("bench", bench);
   }
-  CHECK_THROWS_AS(rig::deskew_session(folder.file("empty.rig"), folder.file("out.rig"), {}),
-                  rig::MeasurementError);
-  CHECK_FALSE(fs::exists(folder.file("out.rig")));
-  write_turning(folder.file("in.rig"), 6);
-  write_turning(folder.file("there.rig"), 6);
-  CHECK_THROWS_AS(rig::deskew_session(folder.file("in.rig"), folder.file("there.rig"), {}), rig::UsageError);
+  CHECK_THROWS_AS(rig::deskew_session(folder / "empty.rig", folder / "out.rig", {}), rig::MeasurementError);
+  CHECK_FALSE(fs::exists(folder / "out.rig"));
+  write_turning(folder / "in.rig", 6);
+  write_turning(folder / "there.rig", 6);
+  CHECK_THROWS_AS(rig::deskew_session(folder / "in.rig", folder / "there.rig", {}), rig::UsageError);
 }
 
 TEST_CASE("rig deskew --reference tells how far scans are from the scene at rest, before and after") {
-  const Folder folder;
-  write_turning(folder.file("turn.rig"), 100);
-  write_session(folder.file("rest.rig"), 200, 0, 9);
+  const TestFolder folder;
+  write_turning(folder / "turn.rig", 100);
+  write_session(folder / "rest.rig", 200, 0, 9);
   rig::DeskewOptions options = known_timing();
-  options.reference = std::make_shared<const rig::DeskewReference>(folder.file("rest.rig"));
-  const auto result = rig::deskew_session(folder.file("turn.rig"), folder.file("out.rig"), options);
+  options.reference = std::make_shared<const rig::DeskewReference>(folder / "rest.rig");
+  const auto result = rig::deskew_session(folder / "turn.rig", folder / "out.rig", options);
   const fit::Estimate before = value_of(result, "reference_before_mm"),
                       by_path = value_of(result, "reference_by_path_mm"),
                       fused = value_of(result, "reference_fused_mm"),
@@ -172,35 +161,34 @@ TEST_CASE("rig deskew --reference tells how far scans are from the scene at rest
 }
 
 TEST_CASE("a reference of another scene, without scans at rest, or that is none is refused with what to do") {
-  const Folder folder;
-  write_turning(folder.file("turn.rig"), 20);
+  const TestFolder folder;
+  write_turning(folder / "turn.rig", 20);
   const auto deskew_by = [&](const std::string& reference) {
     rig::DeskewOptions options = known_timing();
     options.reference = std::make_shared<const rig::DeskewReference>(reference);
-    return rig::deskew_session(folder.file("turn.rig"), folder.file("out.rig"), options);
+    return rig::deskew_session(folder / "turn.rig", folder / "out.rig", options);
   };
   const std::vector<room::Wall> elsewhere{{{-9000, -9000}, {9000, -9000}}, {{-9000, -9000}, {-9000, 9000}}};
-  write_session(folder.file("elsewhere.rig"), 30, 0, 9, elsewhere);
-  CHECK_THROWS_WITH(deskew_by(folder.file("elsewhere.rig")), Catch::Contains("it must show the same scene"));
-  CHECK_THROWS_WITH(deskew_by(folder.file("turn.rig")), Catch::Contains("has no scan at rest"));
+  write_session(folder / "elsewhere.rig", 30, 0, 9, elsewhere);
+  CHECK_THROWS_WITH(deskew_by(folder / "elsewhere.rig"), Catch::Contains("it must show the same scene"));
+  CHECK_THROWS_WITH(deskew_by(folder / "turn.rig"), Catch::Contains("has no scan at rest"));
   CHECK_THROWS_WITH(deskew_by("0,0,90"), Catch::Contains("has no scan at rest"));
-  CHECK_THROWS_WITH(deskew_by(folder.file("missing.rig")),
-                    Catch::Contains("neither a session file nor a pose"));
+  CHECK_THROWS_WITH(deskew_by(folder / "missing.rig"), Catch::Contains("neither a session file nor a pose"));
   CHECK_THROWS_AS(deskew_by("0;0;90"), rig::UsageError);
-  CHECK_FALSE(fs::exists(folder.file("out.rig")));
+  CHECK_FALSE(fs::exists(folder / "out.rig"));
 }
 
 TEST_CASE("the gain against a reference is covered by k = 2 over seeds") {
-  const Folder folder;
-  write_session(folder.file("rest.rig"), 200, 0, 99);
+  const TestFolder folder;
+  write_session(folder / "rest.rig", 200, 0, 99);
   std::vector<fit::Estimate> gains;
   for (unsigned seed = 1; seed <= 12; ++seed) {
-    const std::string file = folder.file("turn.rig"), out = folder.file("out.rig");
+    const std::string file = folder / "turn.rig", out = folder / "out.rig";
     fs::remove(file), fs::remove(out);
     write_session(file, 60, 40, seed);
     rig::DeskewOptions options = known_timing();
     options.fuse = false;
-    options.reference = std::make_shared<const rig::DeskewReference>(folder.file("rest.rig"));
+    options.reference = std::make_shared<const rig::DeskewReference>(folder / "rest.rig");
     gains.push_back(value_of(rig::deskew_session(file, out, options), "reference_gain_mm"));
   }
   // The same motion with other noise: the gains' own mean is the truth that they scatter about.

@@ -1,34 +1,13 @@
 // SPDX-License-Identifier: MIT
-#include <unistd.h>
-
 #include <catch2/catch.hpp>
 #include <filesystem>
 
 #include "fit/explain/explanation.hpp"
 #include "rig/import/import_session.hpp"
 #include "rig/session/session_store.hpp"
+#include "tests/support/test_folder.hpp"
 
-namespace {
-
-/// A folder that is gone afterwards.
-class Place {
- public:
-  Place() : folder_(std::filesystem::temp_directory_path() / ("rig-explain-" + std::to_string(getpid()))) {
-    std::filesystem::create_directories(folder_);
-  }
-  ~Place() {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
-  }
-  Place(const Place&) = delete;
-  Place& operator=(const Place&) = delete;
-  [[nodiscard]] std::string file(const std::string& name) const { return (folder_ / name).string(); }
-
- private:
-  std::filesystem::path folder_;
-};
-
-}  // namespace
+namespace {}  // namespace
 
 TEST_CASE(
     "three real recordings before a wall predict the fourth better than geometry and constant noise do") {
@@ -38,14 +17,14 @@ TEST_CASE(
     WARN("skipped: the real recordings are not here (" << real.string() << ")");
     return;
   }
-  const Place place;
+  const TestFolder place;
   const std::vector<std::string> names{"0.5m", "1m", "1.5m", "2m"};
   std::vector<std::unique_ptr<rig::SessionStore>> stores;
   std::vector<std::unique_ptr<fit::Recording>> recordings;
   for (const std::string& name : names) {
     rig::ImportRequest request;
     request.files = {(real / ("lidar_calibration_" + name)).string()};
-    request.output = place.file(name + ".rig");
+    request.output = place / (name + ".rig");
     request.target_width_mm = 1200;
     rig::import_session(request);
     stores.push_back(std::make_unique<rig::SessionStore>(request.output, rig::SessionStore::Mode::read));

@@ -3,7 +3,6 @@
 
 #include <catch2/catch.hpp>
 #include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -12,25 +11,15 @@
 #include "rig/export/exporter.hpp"
 #include "rig/import/cdr.hpp"
 #include "rig/import/mcap.hpp"
+#include "tests/support/test_folder.hpp"
 
 namespace {
 
-namespace fs = std::filesystem;
 using Catch::Matchers::Contains;
 
-struct Folder {
-  fs::path path;
-  Folder() {
-    std::string pattern = (fs::temp_directory_path() / "export-XXXXXX").string();
-    path = mkdtemp(pattern.data());
-  }
-  ~Folder() { fs::remove_all(path); }
-  [[nodiscard]] std::string file(const std::string& name) const { return (path / name).string(); }
-};
-
 /// Two captures: 3 scans of 4 beams with intensity, 300 scans of 2 beams without.
-std::string small_session(const Folder& folder) {
-  const std::string path = folder.file("run.rig");
+std::string small_session(const TestFolder& folder) {
+  const std::string path = folder / "run.rig";
   rig::SessionStore store(path, rig::SessionStore::Mode::create);
   store.set("created_utc", "2026-01-02T03:04:05Z");
   store.set("bench", R"({"schema": "bench/1"})");
@@ -68,25 +57,18 @@ std::string small_session(const Folder& folder) {
   return path;
 }
 
-std::string exported(const Folder& folder, const std::string& format) {
-  const std::string path = small_session(folder), out = folder.file("out." + format);
+std::string exported(const TestFolder& folder, const std::string& format) {
+  const std::string path = small_session(folder), out = folder / ("out." + format);
   const rig::SessionStore session(path, rig::SessionStore::Mode::read);
   rig::run_export(format, {path, &session}, out);
   return out;
 }
 
-std::string text_of(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::stringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
-
 }  // namespace
 
 TEST_CASE("CSV has one row for each value, quoted where commas are") {
-  const Folder folder;
-  const std::string text = text_of(exported(folder, "csv"));
+  const TestFolder folder;
+  const std::string text = file_text(exported(folder, "csv"));
   std::istringstream lines(text);
   std::vector<std::string> rows;
   for (std::string line; std::getline(lines, line);) rows.push_back(line);
@@ -97,7 +79,7 @@ TEST_CASE("CSV has one row for each value, quoted where commas are") {
 }
 
 TEST_CASE("HDF5 holds every scan of every capture") {
-  const Folder folder;
+  const TestFolder folder;
   const std::string path = exported(folder, "hdf5");
   const hid_t file = H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
   REQUIRE(file >= 0);
@@ -123,19 +105,19 @@ TEST_CASE("h5py opens the HDF5 file") {
     WARN("skipped: python3-h5py is not installed");
     return;
   }
-  const Folder folder;
+  const TestFolder folder;
   const std::string path = exported(folder, "hdf5");
   const std::string script =
       "import h5py, sys; f = h5py.File(sys.argv[1]); c = f['captures/1']; "
       "assert c['range_mm'].shape == (3, 4); assert c['range_mm'][2, 0] == 1002; assert c.attrs['stage_deg'] "
       "== 12.5; "
       "assert c['step'].asstr()[()] == 'near, \"white\"'";
-  std::ofstream(folder.file("check.py")) << script;
-  CHECK(std::system(("/usr/bin/python3 " + folder.file("check.py") + " " + path).c_str()) == 0);
+  std::ofstream(folder / "check.py") << script;
+  CHECK(std::system(("/usr/bin/python3 " + folder / "check.py" + " " + path).c_str()) == 0);
 }
 
 TEST_CASE("a ROS 2 bag gives back each scan in metres with its time and angles") {
-  const Folder folder;
+  const TestFolder folder;
   std::ifstream file(exported(folder, "mcap"), std::ios::binary);
   int scans = 0, joints = 0;
   const auto summary = rig::read_mcap(file, [&](const rig::McapMessage& message) {
@@ -172,33 +154,30 @@ TEST_CASE("a ROS 2 bag gives back each scan in metres with its time and angles")
 }
 
 TEST_CASE("JSON holds circumstances and results") {
-  const Folder folder;
-  const auto document = nlohmann::json::parse(text_of(exported(folder, "json")));
+  const TestFolder folder;
+  const auto document = nlohmann::json::parse(file_text(exported(folder, "json")));
   CHECK(document.at("captures").size() == 2);
   CHECK(document.at("captures")[0].at("stage_deg") == 12.5);
   CHECK(document.at("results").at("noise").at("kind") == "noise");
 }
 
 TEST_CASE("an export that fails leaves nothing behind and says what is wrong") {
-  const Folder folder;
+  const TestFolder folder;
   const std::string path = small_session(folder);
   const rig::SessionStore session(path, rig::SessionStore::Mode::read);
-  CHECK_THROWS_WITH(rig::run_export("cvs", {path, &session}, folder.file("x")),
-                    Contains("did you mean 'csv'"));
-  CHECK_THROWS_AS(rig::run_export("csv", {path, &session}, folder.file("none/x.csv")), rig::UsageError);
-  CHECK_THROWS_WITH(rig::run_export("csv", {folder.file("a.json"), nullptr}, folder.file("x.csv")),
+  CHECK_THROWS_WITH(rig::run_export("cvs", {path, &session}, folder / "x"), Contains("did you mean 'csv'"));
+  CHECK_THROWS_AS(rig::run_export("csv", {path, &session}, folder / "none/x.csv"), rig::UsageError);
+  CHECK_THROWS_WITH(rig::run_export("csv", {folder / "a.json", nullptr}, folder / "x.csv"),
                     Contains("is not a session file"));
-  int files = 0;
-  for ([[maybe_unused]] const auto& entry : fs::directory_iterator(folder.path)) ++files;
-  CHECK(files <= 3);  // the session and its log
+  CHECK(folder.names().size() <= 3);  // the session and its log
 }
 
 TEST_CASE("the Python example reads a session with the standard library alone") {
-  const Folder folder;
+  const TestFolder folder;
   const std::string path = small_session(folder);
   const std::string command =
-      "python3 " RIG_SOURCE_DIR "/docs/examples/read_session.py " + path + " > " + folder.file("out.txt");
+      "python3 " RIG_SOURCE_DIR "/docs/examples/read_session.py " + path + " > " + folder / "out.txt";
   REQUIRE(std::system(command.c_str()) == 0);
-  CHECK_THAT(text_of(folder.file("out.txt")), Contains("1\tnear, \"white\"\t12.50\t540\t1001.000\t3"));
-  CHECK_THAT(text_of(folder.file("out.txt")), Contains("2\tmany\t12.50\t540\t150.500\t300"));
+  CHECK_THAT(file_text(folder / "out.txt"), Contains("1\tnear, \"white\"\t12.50\t540\t1001.000\t3"));
+  CHECK_THAT(file_text(folder / "out.txt"), Contains("2\tmany\t12.50\t540\t150.500\t300"));
 }

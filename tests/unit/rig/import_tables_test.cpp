@@ -1,34 +1,17 @@
 // SPDX-License-Identifier: MIT
-#include <unistd.h>
-
 #include <catch2/catch.hpp>
 #include <filesystem>
-#include <fstream>
-#include <sstream>
 
 #include "fit/angle.hpp"
 #include "rig/errors.hpp"
 #include "rig/import/import_session.hpp"
 #include "rig/session/session_store.hpp"
+#include "tests/support/test_folder.hpp"
 
 namespace {
 
 namespace fs = std::filesystem;
 using Catch::Matchers::Contains;
-
-struct Folder {
-  Folder() : path(fs::temp_directory_path() / ("rig-import-tables-" + std::to_string(::getpid()))) {
-    fs::remove_all(path);
-    fs::create_directories(path);
-  }
-  ~Folder() { fs::remove_all(path); }
-  [[nodiscard]] std::string file(const std::string& name) const { return (path / name).string(); }
-  std::string write(const std::string& name, const std::string& text) const {
-    std::ofstream(file(name), std::ios::binary) << text;
-    return file(name);
-  }
-  fs::path path;
-};
 
 struct Scan {
   std::vector<std::uint16_t> range_mm, intensity;
@@ -42,10 +25,10 @@ struct Imported {
   std::string notes;
 };
 
-Imported import(const Folder& folder, const std::string& file, rig::ImportOptions options = {}) {
+Imported import(const TestFolder& folder, const std::string& file, rig::ImportOptions options = {}) {
   rig::ImportRequest request;
   request.files = {file};
-  request.output = folder.file("out.rig");
+  request.output = folder / "out.rig";
   request.options = options;
   fs::remove(request.output);
   Imported out;
@@ -77,7 +60,7 @@ std::string ubh_scan(long ms, const std::string& values) {
 }  // namespace
 
 TEST_CASE("a UrgBenri log becomes a session with the lidar's own angles and times") {
-  const Folder folder;
+  const TestFolder folder;
   const auto in = import(
       folder,
       folder.write("a.ubh", ubh_header + ubh_scan(16'777'200, "1000|2000;1001|2001;4|0;1003|2003;65533|0") +
@@ -89,14 +72,14 @@ TEST_CASE("a UrgBenri log becomes a session with the lidar's own angles and time
   CHECK(in.scans[0].geometry.step_rad * fit::deg_per_rad == Approx(0.25));
   CHECK(in.scans[0].geometry.scan_s.value() == Approx(0.025 * 5 / 1440));
   CHECK(in.scans[1].host_us - in.scans[0].host_us == 25'000);  // over the wrap of the 24-bit timer
-  const rig::SessionStore store(folder.file("out.rig"), rig::SessionStore::Mode::read);
+  const rig::SessionStore store(folder / "out.rig", rig::SessionStore::Mode::read);
   CHECK_THAT(store.get("lidar").value(), Contains("UST-10LX") && Contains("H1234567"));
   CHECK_FALSE(store.get("recorded_utc"));  // Its times are the lidar's own.
   CHECK(store.get("recorded_local") == "2024-05-06 07:08:09.123");
 }
 
 TEST_CASE("a UrgBenri log of several echoes, without intensity, cut at its end, is read as far as it goes") {
-  const Folder folder;
+  const TestFolder folder;
   const auto in = import(
       folder, folder.write("b.ubh", ubh_header + ubh_scan(100, "500&900;501;502;503;504") +
                                         ubh_scan(125, "510;511;512;513;514") + ubh_scan(150, "520;52")));
@@ -108,7 +91,7 @@ TEST_CASE("a UrgBenri log of several echoes, without intensity, cut at its end, 
 
 TEST_CASE(
     "a UrgBenri log that does not say its steps is understood for known models and refused for others") {
-  const Folder folder;
+  const TestFolder folder;
   const auto in = import(folder, folder.write("c.ubh", "[model]\nUST-20LX\n" + ubh_scan(1, "100;200;300") +
                                                            ubh_scan(26, "100;200;300")));
   CHECK(in.scans[0].geometry.first_rad * fit::deg_per_rad == Approx(-135));
@@ -119,7 +102,7 @@ TEST_CASE(
 }
 
 TEST_CASE("a table with one row a scan is read, as UrgBenri writes it and without any header") {
-  const Folder folder;
+  const TestFolder folder;
   std::string text = "Timestamp,", second = "Timestamp,";
   for (int k = 0; k < 3; ++k)
     for (int echo = 0; echo < 3; ++echo) {
@@ -137,7 +120,7 @@ TEST_CASE("a table with one row a scan is read, as UrgBenri writes it and withou
   CHECK(in.scans[1].host_us == 25'000);
   CHECK(in.scans[0].geometry.first_rad * fit::deg_per_rad == Approx(-10));
   CHECK_THAT(in.notes, Contains("several echoes"));
-  CHECK_THROWS_WITH(import(folder, folder.file("urgbenri.csv")), Contains("--first-deg"));
+  CHECK_THROWS_WITH(import(folder, folder / "urgbenri.csv"), Contains("--first-deg"));
 
   std::string bare;
   for (int row = 0; row < 2; ++row) {
@@ -154,7 +137,7 @@ TEST_CASE("a table with one row a scan is read, as UrgBenri writes it and withou
 }
 
 TEST_CASE("a table with one row a value is read, as rig export writes it") {
-  const Folder folder;
+  const TestFolder folder;
   std::string text =
       "capture,step,stage_deg,target,target_shift_mm,seq,device_ms,host_us,beam,beam_deg,range_mm,"
       "intensity\n";
@@ -173,7 +156,7 @@ TEST_CASE("a table with one row a value is read, as rig export writes it") {
 }
 
 TEST_CASE("a row of a table that ends before its time is left out") {
-  const Folder folder;
+  const TestFolder folder;
   rig::ImportOptions options;
   options.first_deg = 0;
   options.step_deg = 1;
@@ -186,7 +169,7 @@ TEST_CASE("a row of a table that ends before its time is left out") {
 }
 
 TEST_CASE("tables that are none are refused in words") {
-  const Folder folder;
+  const TestFolder folder;
   CHECK_THROWS_AS(import(folder, folder.write("words.csv", "hello,world\nand,more\n")), std::exception);
   CHECK_THROWS_WITH(
       import(folder, folder.write("level.csv", "Timestamp,Step 0,Step 1\nTimestamp,Level,Level\n1,2,3\n")),

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 #include <SQLiteCpp/SQLiteCpp.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -15,6 +14,7 @@
 #include "rig/import/import_session.hpp"
 #include "rig/session/session_store.hpp"
 #include "tests/support/bags.hpp"
+#include "tests/support/test_folder.hpp"
 
 namespace {
 
@@ -22,24 +22,6 @@ namespace fs = std::filesystem;
 using Catch::Matchers::Contains;
 
 constexpr std::int64_t t0 = 1'770'000'000'000'000'000;
-
-struct Folder {
-  Folder() : path(fs::temp_directory_path() / ("rig-import-test-" + std::to_string(getpid()))) {
-    fs::remove_all(path);
-    fs::create_directories(path);
-  }
-  ~Folder() { fs::remove_all(path); }
-  [[nodiscard]] std::string file(const std::string& name) const { return (path / name).string(); }
-  std::string write(const std::string& name, const bags::Bytes& bytes) const {
-    std::ofstream(file(name), std::ios::binary)
-        .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-    return file(name);
-  }
-  std::string write(const std::string& name, const std::string& text) const {
-    return write(name, bags::Bytes(text.begin(), text.end()));
-  }
-  fs::path path;
-};
 
 std::vector<bags::Message> robot_messages() {
   return {
@@ -61,8 +43,8 @@ bags::Bytes robot_mcap(const std::string& compression) {
   return writer.finish();
 }
 
-std::string make_db3(const Folder& folder, const std::string& name, bool packed) {
-  const std::string path = folder.file(name);
+std::string make_db3(const TestFolder& folder, const std::string& name, bool packed) {
+  const std::string path = folder / name;
   SQLite::Database bag(path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
   bag.exec(
       "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, "
@@ -152,50 +134,50 @@ void check_robot_session(const std::string& path) {
 }  // namespace
 
 TEST_CASE("a robot's MCAP bag becomes a session, whatever its compression") {
-  const Folder folder;
+  const TestFolder folder;
   for (const std::string compression : {"", "lz4", "zstd"}) {
     INFO("compression '" << compression << "'");
     const auto bag = folder.write("bag.mcap", robot_mcap(compression));
-    fs::remove(folder.file("out.rig"));
-    const auto report = rig::import_session(request({bag}, folder.file("out.rig")));
+    fs::remove(folder / "out.rig");
+    const auto report = rig::import_session(request({bag}, folder / "out.rig"));
     CHECK(report.scans == 2);
     CHECK(report.poses == 2);
     CHECK_THAT(all(report.notes), Contains("/scan_back was left out") && Contains("65.535 m"));
-    check_robot_session(folder.file("out.rig"));
+    check_robot_session(folder / "out.rig");
   }
 }
 
 TEST_CASE("a sqlite3 bag becomes the same session, with plain and with compressed messages") {
-  const Folder folder;
+  const TestFolder folder;
   for (const bool packed : {false, true}) {
-    fs::remove(folder.file("bag.db3"));
-    fs::remove(folder.file("out.rig"));
+    fs::remove(folder / "bag.db3");
+    fs::remove(folder / "out.rig");
     const auto bag = make_db3(folder, "bag.db3", packed);
-    rig::import_session(request({bag}, folder.file("out.rig")));
-    check_robot_session(folder.file("out.rig"));
+    rig::import_session(request({bag}, folder / "out.rig"));
+    check_robot_session(folder / "out.rig");
   }
 }
 
 TEST_CASE("a bag folder is read in the order of its metadata, and without metadata by name") {
-  const Folder folder;
-  fs::create_directories(folder.path / "bag");
+  const TestFolder folder;
+  fs::create_directories(folder / "bag");
   folder.write("bag/bag_0.mcap", robot_mcap("zstd"));
-  rig::import_session(request({folder.file("bag/")}, folder.file("named.rig")));
-  check_robot_session(folder.file("named.rig"));
+  rig::import_session(request({folder / "bag/"}, folder / "named.rig"));
+  check_robot_session(folder / "named.rig");
   folder.write("bag/metadata.yaml",
                "rosbag2_bagfile_information:\n  version: 5\n  relative_file_paths:\n    - bag_0.mcap\n");
-  rig::import_session(request({folder.file("bag")}, folder.file("listed.rig")));
-  check_robot_session(folder.file("listed.rig"));
+  rig::import_session(request({folder / "bag"}, folder / "listed.rig"));
+  check_robot_session(folder / "listed.rig");
 }
 
 TEST_CASE("a bag file that was packed whole is unpacked on the way") {
-  const Folder folder;
+  const TestFolder folder;
   const auto plain = robot_mcap("");
   bags::Bytes packed(ZSTD_compressBound(plain.size()));
   packed.resize(ZSTD_compress(packed.data(), packed.size(), plain.data(), plain.size(), 3));
   const auto bag = folder.write("bag_0.mcap.zstd", packed);
-  rig::import_session(request({bag}, folder.file("out.rig")));
-  check_robot_session(folder.file("out.rig"));
+  rig::import_session(request({bag}, folder / "out.rig"));
+  check_robot_session(folder / "out.rig");
 }
 
 TEST_CASE("a bag cut at any place never fails worse than with a message, and keeps what is whole") {
@@ -213,10 +195,10 @@ TEST_CASE("a bag cut at any place never fails worse than with a message, and kee
 }
 
 TEST_CASE("a truncated bag says so and keeps the scans before the cut") {
-  const Folder folder;
+  const TestFolder folder;
   auto bytes = robot_mcap("");
   bytes.resize(bytes.size() / 2);
-  const auto report = rig::import_session(request({folder.write("cut.mcap", bytes)}, folder.file("out.rig")));
+  const auto report = rig::import_session(request({folder.write("cut.mcap", bytes)}, folder / "out.rig"));
   CHECK(report.scans == 1);
   CHECK_THAT(all(report.notes), Contains("cut off"));
 }
@@ -266,9 +248,9 @@ TEST_CASE("big-endian messages are understood") {
 }
 
 TEST_CASE("recordings that hold nothing are refused with the reason, and leave no session behind") {
-  const Folder folder;
+  const TestFolder folder;
   const auto try_import = [&](const std::string& file) {
-    rig::import_session(request({file}, folder.file("out.rig")));
+    rig::import_session(request({file}, folder / "out.rig"));
   };
   CHECK_THROWS_WITH(try_import(folder.write("empty.mcap", std::string())), Contains("is empty"));
   CHECK_THROWS_WITH(try_import(folder.write("none.mcap", bags::McapWriter().finish())),
@@ -276,14 +258,14 @@ TEST_CASE("recordings that hold nothing are refused with the reason, and leave n
   CHECK_THROWS_WITH(try_import(folder.write("text.mcap", std::string("hello"))),
                     Contains("not an MCAP file"));
   CHECK_THROWS_WITH(try_import(folder.write("what.xyz", std::string("hello"))), Contains("It reads"));
-  CHECK_THROWS_WITH(try_import(folder.file("missing.mcap")), Contains("no such file"));
+  CHECK_THROWS_WITH(try_import(folder / "missing.mcap"), Contains("no such file"));
   CHECK_THROWS_WITH(try_import(folder.write("broken.db3", std::string("SQLite format 3\0garbage", 23))),
                     Contains("cannot be read as a ROS 2 bag"));
   bags::McapWriter writer;
   writer.add({"/odom", "nav_msgs/msg/Odometry", t0, bags::odometry(t0, 1, 2, 3)});
   CHECK_THROWS_WITH(try_import(folder.write("odom.mcap", writer.finish())),
                     Contains("no sensor_msgs/LaserScan") && Contains("nav_msgs/Odometry"));
-  CHECK_FALSE(fs::exists(folder.file("out.rig")));
+  CHECK_FALSE(fs::exists(folder / "out.rig"));
 }
 
 TEST_CASE("distances are found in file and folder names") {
@@ -296,13 +278,13 @@ TEST_CASE("distances are found in file and folder names") {
 }
 
 TEST_CASE("true distances put a target and its shifts into the session") {
-  const Folder folder;
+  const TestFolder folder;
   const auto a = folder.write("a.mcap", robot_mcap("")), b = folder.write("b.mcap", robot_mcap(""));
-  auto asked = request({a, b}, folder.file("out.rig"));
+  auto asked = request({a, b}, folder / "out.rig");
   asked.true_mm = {500, 1250};
   asked.true_u_mm = 2;
   rig::import_session(asked);
-  const rig::SessionStore store(folder.file("out.rig"), rig::SessionStore::Mode::read);
+  const rig::SessionStore store(folder / "out.rig", rig::SessionStore::Mode::read);
   const auto recording = store.recording();
   REQUIRE(recording->captures().size() == 2);
   CHECK(recording->captures()[0].target_shift_mm == 0);
@@ -313,12 +295,12 @@ TEST_CASE("true distances put a target and its shifts into the session") {
   CHECK(wall->from_mm.x() == 500);
   CHECK(wall->u_mm == 2);
   asked.true_mm = {500};
-  asked.output = folder.file("other.rig");
+  asked.output = folder / "other.rig";
   CHECK_THROWS_AS(rig::import_session(asked), rig::UsageError);
 }
 
 TEST_CASE("a CARMEN log becomes a session with odometry and the lidar's place") {
-  const Folder folder;
+  const TestFolder folder;
   const auto log =
       folder.write("run.log", std::string("# CARMEN Logfile\n"
                                           "ODOM 1 2 0.5 0 0 0 100.0 host 0.0\n"
@@ -326,10 +308,10 @@ TEST_CASE("a CARMEN log becomes a session with odometry and the lidar's place") 
                                           "ROBOTLASER1 0 -0.5 1 0.5 30 0.01 0 3 1.5 2.5 30 0 1 2 0 1 2 0 0 "
                                           "0 0 0 0 101 host 1.0\n"
                                           "FLASER 5 1.0 2.0\n"));
-  const auto report = rig::import_session(request({log}, folder.file("out.rig")));
+  const auto report = rig::import_session(request({log}, folder / "out.rig"));
   CHECK(report.scans == 2);
   CHECK_THAT(all(report.notes), Contains("1 lines were cut"));
-  const rig::SessionStore store(folder.file("out.rig"), rig::SessionStore::Mode::read);
+  const rig::SessionStore store(folder / "out.rig", rig::SessionStore::Mode::read);
   const auto recording = store.recording();
   std::vector<std::uint16_t> first;
   recording->for_each_scan(0, [&](const fit::ScanView& scan) {
@@ -353,19 +335,19 @@ TEST_CASE("the public recordings of a wall and of a drive are read whole") {
     WARN("skipped: the public recordings are not beside the project (../shared/real)");
     return;
   }
-  const Folder folder;
+  const TestFolder folder;
   const auto wall = (real / "lds02-wall/lidar_calibration_").string();
   const auto report = rig::import_session(
-      request({wall + "0.5m", wall + "1m", wall + "1.5m", wall + "2m"}, folder.file("wall.rig")));
+      request({wall + "0.5m", wall + "1m", wall + "1.5m", wall + "2m"}, folder / "wall.rig"));
   CHECK(report.scans == 289 + 303 + 286 + 311);
   CHECK_THAT(all(report.notes), Contains("500, 1000, 1500, 2000 mm"));
-  const auto drive = rig::import_session(
-      request({(real / "turtlebot3-drive/drive.mcap").string()}, folder.file("drive.rig")));
+  const auto drive =
+      rig::import_session(request({(real / "turtlebot3-drive/drive.mcap").string()}, folder / "drive.rig"));
   CHECK(drive.scans == 549);
   CHECK(drive.poses == 1256 + 1254);
-  SQLite::Database database(folder.file("drive.rig"));
+  SQLite::Database database(folder / "drive.rig");
   CHECK(database.execAndGet("SELECT count(*) FROM imu").getInt() == 1256);
-  const rig::SessionStore store(folder.file("drive.rig"), rig::SessionStore::Mode::read);
+  const rig::SessionStore store(folder / "drive.rig", rig::SessionStore::Mode::read);
   CHECK(nlohmann::json::parse(store.get("lidar_on_robot").value())["x_mm"].get<double>() == Approx(-32));
 }
 

@@ -3,7 +3,7 @@
 
 #include <catch2/catch.hpp>
 
-#include "tests/support/programs.hpp"
+#include "tests/support/test_folder.hpp"
 
 namespace {
 

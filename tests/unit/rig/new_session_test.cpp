@@ -2,7 +2,6 @@
 #include "rig/session/new_session.hpp"
 
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include <catch2/catch.hpp>
 #include <csignal>
@@ -12,19 +11,13 @@
 
 #include "rig/errors.hpp"
 #include "rig/session/session_store.hpp"
-#include "tests/support/programs.hpp"
+#include "tests/support/test_folder.hpp"
 
 namespace {
 
 namespace fs = std::filesystem;
 using Catch::Matchers::Contains;
 using rig::SessionStore;
-
-std::set<std::string> names_in(const TestFolder& folder) {
-  std::set<std::string> names;
-  for (const auto& entry : fs::directory_iterator(folder.path())) names.insert(entry.path().filename());
-  return names;
-}
 
 void fill(const std::string& path) {
   SessionStore store(path, SessionStore::Mode::create);
@@ -43,7 +36,7 @@ TEST_CASE("a new session appears under its name when it is whole") {
     CHECK_FALSE(fs::exists(path));
   });
   CHECK(SessionStore(path, SessionStore::Mode::read).get("bench").has_value());
-  CHECK(names_in(folder) == std::set<std::string>{"new.rig"});
+  CHECK(folder.names() == std::set<std::string>{"new.rig"});
 }
 
 TEST_CASE("a session that could not be made leaves nothing") {
@@ -55,7 +48,7 @@ TEST_CASE("a session that could not be made leaves nothing") {
                                         throw rig::MeasurementError("no more");
                                       }),
                     "no more");
-  CHECK(names_in(folder).empty());
+  CHECK(folder.names().empty());
 }
 
 TEST_CASE("a program that is killed leaves no session, only one named unfinished, and the next try works") {
@@ -72,9 +65,9 @@ TEST_CASE("a program that is killed leaves no session, only one named unfinished
   int status = 0;
   REQUIRE(::waitpid(child, &status, 0) == child);
   REQUIRE(WIFSIGNALED(status));
-  CHECK(names_in(folder) == std::set<std::string>{"new.rig.unfinished-" + std::to_string(child)});
+  CHECK(folder.names() == std::set<std::string>{"new.rig.unfinished-" + std::to_string(child)});
   rig::make_session(path, fill);
-  CHECK(names_in(folder).contains("new.rig"));
+  CHECK(folder.names().contains("new.rig"));
 }
 
 TEST_CASE("a new session replaces nothing, neither what is there nor what appears meanwhile") {

@@ -7,8 +7,8 @@
 
 #include "rig/errors.hpp"
 #include "rig/fitting/fitting.hpp"
-#include "tests/support/programs.hpp"
 #include "tests/support/results.hpp"
+#include "tests/support/test_folder.hpp"
 
 namespace {
 

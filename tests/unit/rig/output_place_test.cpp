@@ -14,7 +14,7 @@
 #include "rig/report/report.hpp"
 #include "rig/session/session_store.hpp"
 #include "rig/whole_file.hpp"
-#include "tests/support/programs.hpp"
+#include "tests/support/test_folder.hpp"
 
 namespace {
 
@@ -25,10 +25,6 @@ std::string recording_in(const TestFolder& folder, const std::string& name = "ru
   rig::SessionStore store(folder / name, rig::SessionStore::Mode::create);
   store.set("bench", R"({"schema": "bench/1"})");
   return folder / name;
-}
-
-std::size_t files_in(const TestFolder& folder) {
-  return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder.path()), {}));
 }
 
 /// Rights count for nothing to the superuser: somebody else asks.
@@ -79,7 +75,7 @@ TEST_CASE("no output replaces a recording, not by a link either") {
   }
   CHECK(file_text(recording) == before);
   CHECK(fs::is_symlink(folder / "link.html"));
-  CHECK(files_in(folder) == 3);
+  CHECK(folder.names().size() == 3);
 }
 
 TEST_CASE("reports and exports refuse a recording and what they read before they compute") {
@@ -118,7 +114,7 @@ TEST_CASE("where an output cannot be written is said before anything is computed
     refused(folder / "x.html", "not permitted", "mend the permissions of " + folder.path());
     refused(folder / "file.txt", "protected against writing", "another name");
   }
-  CHECK(files_in(folder) == 2);
+  CHECK(folder.names().size() == 2);
 }
 
 TEST_CASE("what can be written is not touched by asking") {
@@ -128,7 +124,7 @@ TEST_CASE("what can be written is not touched by asking") {
                                      {folder / "missing.rig", ""}));
   REQUIRE_NOTHROW(rig::check_outputs({{"/dev/null"}, {"/dev/null"}}));
   CHECK(file_text(folder / "old.html") == "old");
-  CHECK(files_in(folder) == 1);
+  CHECK(folder.names().size() == 1);
 }
 
 TEST_CASE("two outputs are not one file") {

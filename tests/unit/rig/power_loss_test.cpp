@@ -2,7 +2,6 @@
 // What a session holds after the power fails: a layer between SQLite and the disk remembers every write and
 // every flush; afterwards any moment can be replayed with what was not flushed lost, torn or reordered.
 #include <sqlite3.h>
-#include <unistd.h>
 
 #include <catch2/catch.hpp>
 #include <cstring>
@@ -14,6 +13,7 @@
 
 #include "rig/errors.hpp"
 #include "rig/session/session_store.hpp"
+#include "tests/support/test_folder.hpp"
 
 namespace {
 
@@ -199,9 +199,8 @@ std::size_t whole_captures(const std::string& path) {
 }  // namespace
 
 TEST_CASE("whenever the power fails, every capture whose commit had returned is whole") {
-  const fs::path folder = fs::temp_directory_path() / ("power-" + std::to_string(::getpid()));
-  fs::create_directories(folder);
-  const std::string path = (folder / "run.rig").string();
+  const TestFolder folder;
+  const std::string path = folder / "run.rig";
   {
     rig::SessionStore made(path, rig::SessionStore::Mode::create);
     made.set("bench", R"({"schema": "bench/1"})");
@@ -234,7 +233,7 @@ TEST_CASE("whenever the power fails, every capture whose commit had returned is 
     const std::size_t end = random() % (journal.size() + 1);
     const auto promised = static_cast<std::size_t>(
         std::ranges::count_if(committed, [&](std::size_t count) { return count <= end; }));
-    for (const auto& entry : fs::directory_iterator(folder)) fs::remove(entry);
+    for (const auto& entry : fs::directory_iterator(folder.path())) fs::remove(entry);
     for (const auto& [name, text] : after_power_loss(before, end, random))
       std::ofstream(name, std::ios::binary) << text;
     INFO("power fails before operation " << end << " of " << journal.size());
@@ -243,13 +242,11 @@ TEST_CASE("whenever the power fails, every capture whose commit had returned is 
     CHECK(found >= promised);
     CHECK(found <= promised + 1);
   }
-  fs::remove_all(folder);
 }
 
 TEST_CASE("a session with any of its bytes spoilt is read or refused in words, never worse") {
-  const fs::path folder = fs::temp_directory_path() / ("spoilt-" + std::to_string(::getpid()));
-  fs::create_directories(folder);
-  const std::string path = (folder / "run.rig").string();
+  const TestFolder folder;
+  const std::string path = folder / "run.rig";
   {
     rig::SessionStore session(path, rig::SessionStore::Mode::create);
     session.set("bench", R"({"schema": "bench/1"})");
@@ -288,5 +285,4 @@ TEST_CASE("a session with any of its bytes spoilt is read or refused in words, n
     }
   }
   CHECK(refused > 20);
-  fs::remove_all(folder);
 }

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include <unistd.h>
-
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <filesystem>
@@ -10,17 +8,9 @@
 #include "rig/fitting/fitting.hpp"
 #include "rig/import/import_session.hpp"
 #include "rig/report/report.hpp"
+#include "tests/support/test_folder.hpp"
 
 namespace {
-
-struct Place {
-  Place() : path(std::filesystem::temp_directory_path() / ("rig-range-" + std::to_string(getpid()))) {
-    std::filesystem::create_directories(path);
-  }
-  ~Place() { std::filesystem::remove_all(path); }
-  std::string file(const std::string& name) const { return (path / name).string(); }
-  std::filesystem::path path;
-};
 
 nlohmann::json value_of(const nlohmann::json& result, const std::string& name) {
   for (const auto& value : result.at("values"))
@@ -38,11 +28,11 @@ TEST_CASE("four real recordings before a wall give range errors with honest unce
     WARN("skipped: the real recordings are not here (" << real.string() << ")");
     return;
   }
-  const Place place;
+  const TestFolder place;
   rig::ImportRequest request;
   for (const char* name : {"0.5m", "1m", "1.5m", "2m"})
     request.files.push_back((real / (std::string("lidar_calibration_") + name)).string());
-  request.output = place.file("wall.rig");
+  request.output = place / "wall.rig";
   rig::import_session(request);
   nlohmann::json result;
   {
@@ -73,6 +63,6 @@ TEST_CASE("four real recordings before a wall give range errors with honest unce
     rig::SessionStore session(request.output, rig::SessionStore::Mode::append);
     session.add_result("range", result.dump());
   }
-  rig::write_report(request.output, place.file("wall.html"));
-  CHECK(std::filesystem::file_size(place.file("wall.html")) > 20000);
+  rig::write_report(request.output, place / "wall.html");
+  CHECK(std::filesystem::file_size(place / "wall.html") > 20000);
 }

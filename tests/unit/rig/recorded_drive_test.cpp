@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include <unistd.h>
-
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <filesystem>
@@ -9,6 +7,7 @@
 #include "rig/fitting/fitting.hpp"
 #include "rig/import/import_session.hpp"
 #include "rig/session/session_store.hpp"
+#include "tests/support/test_folder.hpp"
 
 namespace fs = std::filesystem;
 
@@ -18,15 +17,14 @@ TEST_CASE("the public recording of a drive calibrates wheels and lidar, as its g
     WARN("skipped: the public recordings are not beside the project");
     return;
   }
-  const std::string file =
-      (fs::temp_directory_path() / ("rig-recorded-drive-" + std::to_string(::getpid()) + ".rig")).string();
+  const TestFolder folder;
+  const std::string file = folder / "drive.rig";
   rig::ImportRequest request;
   request.files = {bag.string()};
   request.output = file;
   rig::import_session(request);
   const rig::SessionStore session(file, rig::SessionStore::Mode::read);
   const auto result = rig::run_fit("odometry", {{file, &session}}, nlohmann::json::object());
-  fs::remove(file);
   const auto value = [&](const std::string& name, const char* field) {
     for (const auto& entry : result.at("values"))
       if (entry.at("name") == name) return entry.at(field).get<double>();

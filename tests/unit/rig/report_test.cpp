@@ -2,29 +2,19 @@
 #include "rig/report/report.hpp"
 
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <catch2/catch.hpp>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "rig/errors.hpp"
 #include "rig/live/session_state.hpp"
+#include "tests/support/test_folder.hpp"
 
 namespace {
 
-struct Folder {
-  Folder() : path(std::filesystem::temp_directory_path() / ("rig-report-" + std::to_string(getpid()))) {
-    std::filesystem::create_directories(path);
-  }
-  ~Folder() { std::filesystem::remove_all(path); }
-  std::filesystem::path path;
-};
-
-std::string make_session(const Folder& folder) {
-  const std::string file = (folder.path / "small.rig").string();
+std::string make_session(const TestFolder& folder) {
+  const std::string file = folder / "small.rig";
   std::filesystem::remove(file);
   rig::SessionStore store(file, rig::SessionStore::Mode::create);
   store.set("bench",
@@ -52,21 +42,14 @@ std::string make_session(const Folder& folder) {
   return file;
 }
 
-std::string contents(const std::string& path) {
-  std::ifstream in(path);
-  std::stringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
-
 }  // namespace
 
 TEST_CASE(
     "the certificate states results with expanded uncertainty, verdict, budget and what was not determined") {
-  const Folder folder;
-  const std::string session = make_session(folder), page = (folder.path / "c.html").string();
+  const TestFolder folder;
+  const std::string session = make_session(folder), page = folder / "c.html";
   rig::write_report(session, page);
-  const std::string html = contents(page);
+  const std::string html = file_text(page);
   for (const char* expected :
        {"-1.63 mm", "0.12 mm", "PASS", "guard band w = U", "range noise", "yaw of the mount", "2 scans lost",
         "H0001", "Bench &lt;3&gt;", "Triangle method.", "-3.63", "SHA-256", "</svg>"})
@@ -76,8 +59,8 @@ TEST_CASE(
 }
 
 TEST_CASE("the certificate names its references, when it was issued, and the unit of every figure") {
-  const Folder folder;
-  const std::string session = make_session(folder), page = (folder.path / "c.html").string();
+  const TestFolder folder;
+  const std::string session = make_session(folder), page = folder / "c.html";
   {
     rig::SessionStore store(session, rig::SessionStore::Mode::append);
     store.set("bench", R"({"schema":"bench/1","targets":[{"name":"board","from_mm":[1400,-200],
@@ -86,7 +69,7 @@ TEST_CASE("the certificate names its references, when it was issued, and the uni
       "tables":[{"title":"Normals","columns":[{"name":"angle","unit":"deg","decimals":2}],"rows":[[-0.001]]}]})j");
   }
   rig::write_report(session, page);
-  const std::string html = contents(page);
+  const std::string html = file_text(page);
   for (const char* expected :
        {"<h2>References</h2>", "1400.0 mm", "1.2 mm", "0.20 deg", "gauge block 7, PTB",
         "measured 2026-05-04 10:00 UTC", "issued 20", "0.12 mm</td><td class=\"n\">-2 to 2 mm",
@@ -96,24 +79,24 @@ TEST_CASE("the certificate names its references, when it was issued, and the uni
 }
 
 TEST_CASE("the same certificate comes as data") {
-  const Folder folder;
-  const std::string session = make_session(folder), file = (folder.path / "c.json").string();
+  const TestFolder folder;
+  const std::string session = make_session(folder), file = folder / "c.json";
   rig::write_report(session, file);
-  const auto certificate = nlohmann::json::parse(contents(file));
+  const auto certificate = nlohmann::json::parse(file_text(file));
   CHECK(certificate.at("schema") == "certificate/1");
   CHECK(certificate.at("results").at(0).at("result").at("values").at(0).at("value") == -1.6342);
 }
 
 TEST_CASE("a certificate that cannot be written says why and leaves nothing behind") {
-  const Folder folder;
+  const TestFolder folder;
   const std::string session = make_session(folder);
-  CHECK_THROWS_AS(rig::write_report(session, (folder.path / "c.docx").string()), rig::UsageError);
-  CHECK_THROWS_AS(rig::write_report(session, (folder.path / "none" / "c.html").string()), rig::UsageError);
-  CHECK(!std::filesystem::exists(folder.path / "c.docx"));
+  CHECK_THROWS_AS(rig::write_report(session, folder / "c.docx"), rig::UsageError);
+  CHECK_THROWS_AS(rig::write_report(session, folder / "none/c.html"), rig::UsageError);
+  CHECK(!std::filesystem::exists(folder / "c.docx"));
 }
 
 TEST_CASE("results without an uncertainty, or without words, are shown by those who watch a session") {
-  const Folder folder;
+  const TestFolder folder;
   const std::string file = make_session(folder);
   {
     rig::SessionStore store(file, rig::SessionStore::Mode::append);
@@ -131,18 +114,18 @@ TEST_CASE("results without an uncertainty, or without words, are shown by those 
 }
 
 TEST_CASE("a certificate on paper replaces no pipe") {
-  const Folder folder;
-  const std::string session = make_session(folder), pipe = (folder.path / "way.pdf").string();
+  const TestFolder folder;
+  const std::string session = make_session(folder), pipe = folder / "way.pdf";
   REQUIRE(::mkfifo(pipe.c_str(), 0600) == 0);
   CHECK_THROWS_AS(rig::write_report(session, pipe), rig::UsageError);
   CHECK(std::filesystem::is_fifo(pipe));
 }
 
 TEST_CASE("unknown physics has a section of its own: what, where, how large, and that it is not corrected") {
-  const Folder folder;
-  const std::string session = make_session(folder), page = (folder.path / "c.html").string();
+  const TestFolder folder;
+  const std::string session = make_session(folder), page = folder / "c.html";
   rig::write_report(session, page);
-  CHECK_THAT(contents(page), !Catch::Contains("Unknown physics"));
+  CHECK_THAT(file_text(page), !Catch::Contains("Unknown physics"));
   {
     rig::SessionStore store(session, rig::SessionStore::Mode::append);
     store.add_result("explanation", R"({"schema":"explanation/1","verdict":"unknown-physics","mechanisms":[],
@@ -154,38 +137,37 @@ TEST_CASE("unknown physics has a section of its own: what, where, how large, and
   rig::write_report(session, page);
   for (const char* expected : {"<h2>Unknown physics</h2>", "the range steps by -3.2 mm", "mean of the ranges",
                                "along beam_deg from 40 to 95.5", "up to 3.2 mm", "does not contain it"})
-    CHECK_THAT(contents(page), Catch::Contains(expected));
-  const std::string data = (folder.path / "c.json").string();
+    CHECK_THAT(file_text(page), Catch::Contains(expected));
+  const std::string data = folder / "c.json";
   rig::write_report(session, data);
-  CHECK(nlohmann::json::parse(contents(data)).at("unknown_physics").at("rows").size() == 4);
+  CHECK(nlohmann::json::parse(file_text(data)).at("unknown_physics").at("rows").size() == 4);
   {  // The last explanation counts.
     rig::SessionStore store(session, rig::SessionStore::Mode::append);
     store.add_result("explanation", R"({"schema":"explanation/1","verdict":"nothing-missing"})");
   }
   rig::write_report(session, page);
-  CHECK_THAT(contents(page), !Catch::Contains("Unknown physics"));
+  CHECK_THAT(file_text(page), !Catch::Contains("Unknown physics"));
 }
 
 TEST_CASE("an imported session is dated by its recording, never by its import") {
-  const Folder folder;
-  const std::string session = make_session(folder), page = (folder.path / "c.html").string(),
-                    data = (folder.path / "c.json").string();
+  const TestFolder folder;
+  const std::string session = make_session(folder), page = folder / "c.html", data = folder / "c.json";
   const auto set = [&](const std::string& key, const std::string& value) {
     rig::SessionStore(session, rig::SessionStore::Mode::append).set(key, value);
   };
   set("kind", "import");
   rig::write_report(session, page);
-  CHECK_THAT(contents(page),
+  CHECK_THAT(file_text(page),
              Catch::Contains("RIG-undated-") &&
                  Catch::Contains("measured at an unknown time, imported 2026-05-04 10:00 UTC"));
   set("recorded_local", "2018-02-03 04:05:06.700");
   rig::write_report(session, page);
-  CHECK_THAT(contents(page), Catch::Contains("RIG-20180203-") &&
-                                 Catch::Contains("by the local time of the recording computer"));
+  CHECK_THAT(file_text(page), Catch::Contains("RIG-20180203-") &&
+                                  Catch::Contains("by the local time of the recording computer"));
   set("recorded_utc", "2019-02-03T04:05:06Z");
   rig::write_report(session, page);
   rig::write_report(session, data);
-  CHECK_THAT(contents(page),
+  CHECK_THAT(file_text(page),
              Catch::Contains("RIG-20190203-") &&
                  Catch::Contains("measured 2019-02-03 04:05 UTC, imported 2026-05-04 10:00 UTC") &&
                  Catch::Contains("2019-02-03 04:05 UTC by the clock of the recording"));

@@ -3,7 +3,6 @@
 
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include <catch2/catch.hpp>
 #include <csignal>
@@ -12,26 +11,12 @@
 
 #include "rig/errors.hpp"
 #include "rig/session/sha256.hpp"
+#include "tests/support/test_folder.hpp"
 
 using rig::SessionStore;
 using Mode = rig::SessionStore::Mode;
 
 namespace {
-
-/// A folder of its own that is gone after the test.
-struct Folder {
-  std::filesystem::path path;
-  Folder() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "session-XXXXXX").string();
-    path = mkdtemp(pattern.data());
-  }
-  ~Folder() {
-    std::error_code ignored;
-    std::filesystem::permissions(path, std::filesystem::perms::owner_all, ignored);
-    std::filesystem::remove_all(path, ignored);
-  }
-  std::string file(const std::string& name = "run.rig") const { return (path / name).string(); }
-};
 
 const std::optional<fit::Bench>& plain_bench() {
   static std::optional<fit::Bench> bench;
@@ -85,9 +70,9 @@ TEST_CASE("SHA-256 gives the digests of FIPS 180-4") {
 }
 
 TEST_CASE("a capture comes back as it was written") {
-  const Folder folder;
+  const TestFolder folder;
   {
-    SessionStore store(folder.file(), Mode::create);
+    SessionStore store(folder / "run.rig", Mode::create);
     auto info = small_capture();
     info.stage_rate_rad_s = 10 * fit::rad_per_deg;
     const auto id = store.begin_capture(info);
@@ -99,7 +84,7 @@ TEST_CASE("a capture comes back as it was written") {
     store.add_pose({5, 1.0, 2.0, 0.5, {}, {}, {}});
     store.commit_capture(id);
   }
-  const SessionStore store(folder.file(), Mode::read);
+  const SessionStore store(folder / "run.rig", Mode::read);
   const auto recording = store.recording(plain_bench());
   REQUIRE(recording->captures().size() == 1);
   const auto& info = recording->captures()[0];
@@ -131,14 +116,14 @@ TEST_CASE("a capture comes back as it was written") {
 }
 
 TEST_CASE("the file is what formats.md says: degrees, little-endian blobs, application id") {
-  const Folder folder;
+  const TestFolder folder;
   {
-    SessionStore store(folder.file(), Mode::create);
+    SessionStore store(folder / "run.rig", Mode::create);
     const auto id = store.begin_capture(small_capture());
     store.add_scan(id, scan_of(0, {0x0102, 0, 0xfffe}));
     store.commit_capture(id);
   }
-  SQLite::Database database(folder.file(), SQLite::OPEN_READONLY);
+  SQLite::Database database(folder / "run.rig", SQLite::OPEN_READONLY);
   CHECK(database.execAndGet("PRAGMA application_id").getInt() == 0x52494731);
   CHECK(database.execAndGet("PRAGMA user_version").getInt() == 1);
   CHECK(database.execAndGet("SELECT stage_deg FROM capture").getDouble() == 0.3);
@@ -148,8 +133,8 @@ TEST_CASE("the file is what formats.md says: degrees, little-endian blobs, appli
 }
 
 TEST_CASE("an abandoned capture leaves nothing but its events") {
-  const Folder folder;
-  SessionStore store(folder.file(), Mode::create);
+  const TestFolder folder;
+  SessionStore store(folder / "run.rig", Mode::create);
   const auto id = store.begin_capture(small_capture());
   store.add_scan(id, scan_of(0, {1, 2, 3}));
   store.set_progress("look", "{}");
@@ -162,22 +147,22 @@ TEST_CASE("an abandoned capture leaves nothing but its events") {
 }
 
 TEST_CASE("a reader beside the writer sees only captures that are committed") {
-  const Folder folder;
-  SessionStore writer(folder.file(), Mode::create);
+  const TestFolder folder;
+  SessionStore writer(folder / "run.rig", Mode::create);
   add_capture(writer, 2);
   const auto id = writer.begin_capture(small_capture());
   writer.add_scan(id, scan_of(0, {1, 2, 3}));
-  const SessionStore reader(folder.file(), Mode::read);
+  const SessionStore reader(folder / "run.rig", Mode::read);
   CHECK(reader.recording(plain_bench())->captures().size() == 1);
   writer.commit_capture(id);
   CHECK(reader.recording(plain_bench())->captures().size() == 2);
 }
 
 TEST_CASE("a writer that is killed in a capture loses that capture and nothing before it") {
-  const Folder folder;
+  const TestFolder folder;
   const pid_t child = fork();
   if (child == 0) {
-    SessionStore store(folder.file(), Mode::create);
+    SessionStore store(folder / "run.rig", Mode::create);
     add_capture(store, 3);
     store.set_progress("first", "{}");
     const auto id = store.begin_capture(small_capture());
@@ -188,7 +173,7 @@ TEST_CASE("a writer that is killed in a capture loses that capture and nothing b
   int status = 0;
   REQUIRE(waitpid(child, &status, 0) == child);
   REQUIRE(WIFSIGNALED(status));
-  SessionStore store(folder.file(), Mode::append);
+  SessionStore store(folder / "run.rig", Mode::append);
   CHECK(store.recording(plain_bench())->captures().size() == 1);
   CHECK(store.progress().count("first") == 1);
   CHECK(store.progress().count("second") == 0);
@@ -197,40 +182,39 @@ TEST_CASE("a writer that is killed in a capture loses that capture and nothing b
 }
 
 TEST_CASE("files that are no sessions are refused in words") {
-  const Folder folder;
+  const TestFolder folder;
   using Catch::Matchers::Contains;
-  CHECK_THROWS_WITH(SessionStore(folder.file("none.rig"), Mode::read), Contains("no such session file"));
-  std::ofstream(folder.file("text.rig")) << std::string(5000, 'x');
-  CHECK_THROWS_WITH(SessionStore(folder.file("text.rig"), Mode::read), Contains("not a session file"));
+  CHECK_THROWS_WITH(SessionStore(folder / "none.rig", Mode::read), Contains("no such session file"));
+  std::ofstream(folder / "text.rig") << std::string(5000, 'x');
+  CHECK_THROWS_WITH(SessionStore(folder / "text.rig", Mode::read), Contains("not a session file"));
   {
-    SQLite::Database(folder.file("other.rig"), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE)
+    SQLite::Database(folder / "other.rig", SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE)
         .exec("CREATE TABLE t(x)");
   }
-  CHECK_THROWS_WITH(SessionStore(folder.file("other.rig"), Mode::read),
-                    Contains("not a session file of rig"));
-  { SessionStore(folder.file("later.rig"), Mode::create); }
-  { SQLite::Database(folder.file("later.rig"), SQLite::OPEN_READWRITE).exec("PRAGMA user_version = 2"); }
-  CHECK_THROWS_WITH(SessionStore(folder.file("later.rig"), Mode::read), Contains("later version"));
-  CHECK_THROWS_AS(SessionStore(folder.file("later.rig"), Mode::append), rig::UsageError);
+  CHECK_THROWS_WITH(SessionStore(folder / "other.rig", Mode::read), Contains("not a session file of rig"));
+  { SessionStore(folder / "later.rig", Mode::create); }
+  { SQLite::Database(folder / "later.rig", SQLite::OPEN_READWRITE).exec("PRAGMA user_version = 2"); }
+  CHECK_THROWS_WITH(SessionStore(folder / "later.rig", Mode::read), Contains("later version"));
+  CHECK_THROWS_AS(SessionStore(folder / "later.rig", Mode::append), rig::UsageError);
 }
 
 TEST_CASE("a session is never overwritten and never written by two at once") {
-  const Folder folder;
+  const TestFolder folder;
   using Catch::Matchers::Contains;
-  SessionStore store(folder.file(), Mode::create);
-  CHECK_THROWS_WITH(SessionStore(folder.file(), Mode::create), Contains("exists already"));
-  CHECK_THROWS_WITH(SessionStore(folder.file(), Mode::append), Contains("another program"));
+  SessionStore store(folder / "run.rig", Mode::create);
+  CHECK_THROWS_WITH(SessionStore(folder / "run.rig", Mode::create), Contains("exists already"));
+  CHECK_THROWS_WITH(SessionStore(folder / "run.rig", Mode::append), Contains("another program"));
 }
 
 TEST_CASE("a session that is removed while it is written is saved under another name, and that is told") {
   Folder folder;
   {
-    SessionStore store(folder.file(), Mode::create);
+    SessionStore store(folder / "run.rig", Mode::create);
     for (const bool removed : {false, true}) {
       const auto id = store.begin_capture(small_capture());
       store.add_scan(id, scan_of(0, {1, 2, 3}));
       if (removed) {
-        std::filesystem::remove(folder.file());
+        std::filesystem::remove(folder / "run.rig");
         CHECK_THROWS_WITH(store.commit_capture(id), Catch::Matchers::Contains("was removed") &&
                                                         Catch::Matchers::Contains("run.rig.rescued"));
       } else {
@@ -238,76 +222,74 @@ TEST_CASE("a session that is removed while it is written is saved under another 
       }
     }
   }
-  CHECK_FALSE(std::filesystem::exists(folder.file()));
-  const SessionStore rescued(folder.file("run.rig.rescued"), Mode::append);
+  CHECK_FALSE(std::filesystem::exists(folder / "run.rig"));
+  const SessionStore rescued(folder / "run.rig.rescued", Mode::append);
   CHECK(rescued.recording(plain_bench())->captures().size() == 2);
 }
 
 TEST_CASE(
     "a session that is removed after its last capture is saved under another name when it is finished") {
-  const Folder folder;
+  const TestFolder folder;
   const bool replaced = GENERATE(false, true);
   {
-    SessionStore store(folder.file(), Mode::create);
+    SessionStore store(folder / "run.rig", Mode::create);
     for (int i = 0; i < 2; ++i) {
       const auto id = store.begin_capture(small_capture());
       store.add_scan(id, scan_of(0, {1, 2, 3}));
       store.commit_capture(id);
     }
     store.add_result("range", "{}");
-    std::filesystem::remove(folder.file());
-    if (replaced) std::ofstream(folder.file()) << "something else";
+    std::filesystem::remove(folder / "run.rig");
+    if (replaced) std::ofstream(folder / "run.rig") << "something else";
     CHECK_THROWS_WITH(store.finish(), Catch::Matchers::Contains("run.rig.rescued"));
     CHECK_NOTHROW(store.finish());
   }
   // As the words say: renamed, it is the session; nothing of the removed one's log comes into it.
-  std::filesystem::rename(folder.file("run.rig.rescued"), folder.file());
-  CHECK_FALSE(std::filesystem::exists(folder.file("run.rig-wal")));
-  const SessionStore store(folder.file(), Mode::append);
+  std::filesystem::rename(folder / "run.rig.rescued", folder / "run.rig");
+  CHECK_FALSE(std::filesystem::exists(folder / "run.rig-wal"));
+  const SessionStore store(folder / "run.rig", Mode::append);
   CHECK(store.recording(plain_bench())->captures().size() == 2);
   CHECK(store.latest_result("range").value_or("") == "{}");
 }
 
 TEST_CASE("a finished session is one plain file while its writer is still there") {
-  const Folder folder;
-  SessionStore store(folder.file(), Mode::create);
+  const TestFolder folder;
+  SessionStore store(folder / "run.rig", Mode::create);
   add_capture(store, 1);
   store.finish();
-  CHECK_FALSE(std::filesystem::exists(folder.file("run.rig-wal")));
-  CHECK(SessionStore(folder.file(), Mode::read).recording(plain_bench())->captures().size() == 1);
+  CHECK_FALSE(std::filesystem::exists(folder / "run.rig-wal"));
+  CHECK(SessionStore(folder / "run.rig", Mode::read).recording(plain_bench())->captures().size() == 1);
 }
 
 TEST_CASE("damaged scans are refused rather than misread") {
-  const Folder folder;
+  const TestFolder folder;
   {
-    SessionStore store(folder.file(), Mode::create);
+    SessionStore store(folder / "run.rig", Mode::create);
     add_capture(store, 1);
   }
-  { SQLite::Database(folder.file(), SQLite::OPEN_READWRITE).exec("UPDATE scan SET range_mm = x'0102'"); }
-  const SessionStore store(folder.file(), Mode::read);
+  { SQLite::Database(folder / "run.rig", SQLite::OPEN_READWRITE).exec("UPDATE scan SET range_mm = x'0102'"); }
+  const SessionStore store(folder / "run.rig", Mode::read);
   CHECK_THROWS_WITH(store.recording(plain_bench())->for_each_scan(0, [](const fit::ScanView&) {}),
                     Catch::Matchers::Contains("holds 1 values where 3"));
 }
 
 TEST_CASE("the content hash names the data and not how it was written") {
-  const Folder folder;
+  const TestFolder folder;
   for (const char* name : {"a.rig", "b.rig", "c.rig"}) {
-    SessionStore store(folder.file(name), Mode::create);
+    SessionStore store(folder / name, Mode::create);
     store.set("bench", "{}");
     store.set("software", name);
     add_capture(store, name == std::string("c.rig") ? 2 : 1);
   }
-  const auto hash = [&](const char* name) {
-    return SessionStore(folder.file(name), Mode::read).content_hash();
-  };
+  const auto hash = [&](const char* name) { return SessionStore(folder / name, Mode::read).content_hash(); };
   CHECK(hash("a.rig").size() == 64);
   CHECK(hash("a.rig") == hash("b.rig"));
   CHECK(hash("a.rig") != hash("c.rig"));
 }
 
 TEST_CASE("the newest result of a kind is the one that counts") {
-  const Folder folder;
-  SessionStore store(folder.file(), Mode::create);
+  const TestFolder folder;
+  SessionStore store(folder / "run.rig", Mode::create);
   CHECK_FALSE(store.latest_result("centre"));
   store.add_result("centre", "1");
   store.add_result("centre", "2");
