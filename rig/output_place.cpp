@@ -137,10 +137,21 @@ void refuse_recording(const std::string& path) {
                                "another name."));
 }
 
-void check_outputs(const std::vector<Output>& outputs, const std::vector<std::string>& inputs) {
+void demand_plain_file(const std::string& path) {
+  if (is_no_plain_file(path)) refuse(path, "it is no plain file. Give the name of a file.");
+}
+
+OutputPlace check_output(const Output& output, const std::vector<std::string>& inputs) {
+  return check_outputs({output}, inputs).front();
+}
+
+std::vector<OutputPlace> check_outputs(const std::vector<Output>& outputs,
+                                       const std::vector<std::string>& inputs) {
+  std::vector<OutputPlace> places;
   std::vector<std::string> others;
   for (const Output& output : outputs) {
     const std::string& path = output.path;
+    places.push_back(OutputPlace(path));
     if (path.empty() || path == "-") continue;
     refuse_folder(output);
     for (const std::string& input : inputs)
@@ -155,6 +166,7 @@ void check_outputs(const std::vector<Output>& outputs, const std::vector<std::st
     try_place(path);
     others.push_back(path);
   }
+  return places;
 }
 
 }  // namespace rig

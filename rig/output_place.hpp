@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace rig {
@@ -23,13 +24,33 @@ struct Output {
   std::string example = "result";  ///< What such a file could be called, for those who name a folder.
 };
 
+/// A place that check_outputs() found fit to be written, which is asked once: who takes one relies on that
+/// and on the error of its own writing.
+class OutputPlace {
+ public:
+  OutputPlace() = default;  ///< None.
+  [[nodiscard]] const std::string& path() const { return path_; }
+
+ private:
+  explicit OutputPlace(std::string path) : path_(std::move(path)) {}
+  friend std::vector<OutputPlace> check_outputs(const std::vector<Output>& outputs,
+                                                const std::vector<std::string>& inputs);
+  std::string path_;
+};
+
 /// The rules of every output, to be asked before anything is computed: it can be written where it is to go;
 /// it replaces no recording and nothing of what the command reads, by whatever name or link; no two outputs
-/// are one file. Nothing is left there. Throws UsageError, which says what is in the way and what to do.
-void check_outputs(const std::vector<Output>& outputs, const std::vector<std::string>& inputs = {});
+/// are one file. Nothing is left there. Returns the places in the outputs' order. Throws UsageError, which
+/// says what is in the way and what to do.
+std::vector<OutputPlace> check_outputs(const std::vector<Output>& outputs,
+                                       const std::vector<std::string>& inputs = {});
+/// The same for one.
+[[nodiscard]] OutputPlace check_output(const Output& output, const std::vector<std::string>& inputs = {});
 
-/// The same for one output without inputs: the last moment to refuse it.
+/// The last moment to refuse it. Throws UsageError.
 void refuse_recording(const std::string& path);
+/// Refuses a device, a pipe and a folder, which no file may replace. Throws UsageError.
+void demand_plain_file(const std::string& path);
 
 /// Where a file of that name really lies: the end of a link, so that a file takes the place of another and
 /// never of a link to it.

@@ -11,8 +11,7 @@
 namespace rig {
 
 void write_beside(const std::string& path, const std::function<void(const std::string& part)>& write) {
-  if (is_no_plain_file(path))
-    throw UsageError("cannot write " + path + ": it is no plain file. Give the name of a file.");
+  demand_plain_file(path);
   refuse_recording(path);
   const std::string place = end_of_link(path), part = part_of(place);
   std::error_code failed, ignored;

@@ -21,7 +21,7 @@ class Apply : public Command {
                      "Correction (*.json), or a session that holds one")
         ->required();
     command->add_option("session", request_.input, "Session to correct")->required();
-    command->add_option("-o,--output", request_.output, "Session to make (*.rig)")->required();
+    command->add_option("-o,--output", output_, "Session to make (*.rig)")->required();
     command
         ->add_option("--outside", outside_,
                      "What becomes of samples outside the calibrated region: hold corrects them as at its "
@@ -35,14 +35,15 @@ class Apply : public Command {
   }
 
   int run() override {
-    check_outputs({{request_.output, "corrected.rig"}, json_.output()},
-                  {request_.correction_name, request_.input});
+    request_.output = check_outputs({{output_, "corrected.rig"}, json_.output()},
+                                    {request_.correction_name, request_.input})
+                          .front();
     request_.correction = load_correction(request_.correction_name);
     request_.drop_outside = outside_ == "drop";
     const ApplyReport report = apply_to_session(request_);
     for (const std::string& warning : report.warnings) std::fprintf(stderr, "rig: %s\n", warning.c_str());
     std::fprintf(stderr, "apply: %ld samples of %ld scans corrected, by %.2f mm on average -> %s\n",
-                 report.samples, report.scans, report.mean_error_mm, request_.output.c_str());
+                 report.samples, report.scans, report.mean_error_mm, output_.c_str());
     if (report.outside_range + report.outside_intensity > 0)
       std::fprintf(
           stderr,
@@ -64,7 +65,7 @@ class Apply : public Command {
  private:
   ApplyRequest request_;
   JsonOutput json_;
-  std::string outside_ = "hold";
+  std::string output_, outside_ = "hold";
 };
 
 }  // namespace

@@ -34,11 +34,12 @@ class Deskew : public Command {
   }
 
   int run() override {
-    check_outputs({{output_, "straight.rig"}, json_.output()}, {input_, reference_});
+    const OutputPlace output =
+        check_outputs({{output_, "straight.rig"}, json_.output()}, {input_, reference_}).front();
     options_.fuse = !odometry_only_;
     if (order_ != "auto") options_.reversed = order_ == "reverse";
     if (!reference_.empty()) options_.reference = std::make_shared<const DeskewReference>(reference_);
-    const nlohmann::json result = deskew_session(input_, output_, options_);
+    const nlohmann::json result = deskew_session(input_, output, options_);
     std::fputs(to_text(result).c_str(), stderr);
     for (const auto& row : result["tables"][0]["rows"])
       std::fprintf(stderr, "  %-42s within 20 scans %s mm, whole map %s mm\n",

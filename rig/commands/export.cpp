@@ -5,7 +5,6 @@
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
 #include "rig/export/exporter.hpp"
-#include "rig/output_place.hpp"
 
 namespace rig::commands {
 namespace {
@@ -27,10 +26,10 @@ class Export : public Command {
   }
 
   int run() override {
-    check_outputs({{output_}}, {source_});
+    const OutputPlace output = check_output({output_}, {source_});
     std::unique_ptr<SessionStore> session;
     if (is_session_file(source_)) session = std::make_unique<SessionStore>(source_, SessionStore::Mode::read);
-    for (const std::string& note : run_export(format_, {source_, session.get(), any_lidar_}, output_))
+    for (const std::string& note : run_export(format_, {source_, session.get(), any_lidar_}, output))
       std::fprintf(stderr, "rig: %s\n", note.c_str());
     std::fprintf(stderr, "exported: %s\n", std::filesystem::absolute(output_).c_str());
     return 0;

@@ -6,7 +6,6 @@
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
 #include "rig/import/import_session.hpp"
-#include "rig/output_place.hpp"
 
 namespace rig::commands {
 namespace {
@@ -17,7 +16,7 @@ class Import : public Command {
     auto* command =
         root.add_subcommand("import", "Reads other tools' recordings into a session, one capture a file");
     command->add_option("files", request_.files, "Recordings: " + formats())->required();
-    command->add_option("-o,--output", request_.output, "Session to make (*.rig)")->required();
+    command->add_option("-o,--output", output_, "Session to make (*.rig)")->required();
     command->add_option("--bench", bench_, "Bench file; without it one is made from the recording");
     command->add_option("--target", request_.target, "Name of the target the captures are about")
         ->capture_default_str();
@@ -51,7 +50,7 @@ class Import : public Command {
   int run() override {
     std::vector<std::string> inputs = request_.files;
     inputs.push_back(bench_);
-    check_outputs({{request_.output, "recording.rig"}}, inputs);
+    request_.output = check_output({output_, "recording.rig"}, inputs);
     if (!bench_.empty()) request_.bench = contents(bench_);
     ImportReport report;
     try {
@@ -62,7 +61,7 @@ class Import : public Command {
     for (const auto& note : report.notes) std::fprintf(stderr, "rig: %s\n", note.c_str());
     std::fprintf(stderr, "import: %llu scans in %zu captures and %llu poses -> %s\n",
                  static_cast<unsigned long long>(report.scans), request_.files.size(),
-                 static_cast<unsigned long long>(report.poses), request_.output.c_str());
+                 static_cast<unsigned long long>(report.poses), output_.c_str());
     return 0;
   }
 
@@ -81,7 +80,7 @@ class Import : public Command {
   }
 
   ImportRequest request_;
-  std::string bench_;
+  std::string output_, bench_;
 };
 
 }  // namespace

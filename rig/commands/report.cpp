@@ -26,11 +26,12 @@ class Report : public Command {
   int run() override {
     const std::filesystem::path page = std::filesystem::path(session_).replace_extension(".html");
     if (output_.empty() && !json_.wanted()) output_ = page.string();
-    check_outputs({{output_, page.filename().string()}, json_.output()}, {session_});
+    const OutputPlace output =
+        check_outputs({{output_, page.filename().string()}, json_.output()}, {session_}).front();
     if (json_.wanted())
       json_.write(make_certificate(SessionStore(session_, SessionStore::Mode::read), session_));
     if (output_.empty()) return 0;
-    write_report(session_, output_);
+    write_report(session_, output);
     std::fprintf(stderr, "report: %s\n", std::filesystem::absolute(output_).c_str());
     return 0;
   }

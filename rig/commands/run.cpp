@@ -175,10 +175,7 @@ class Run : public Command {
     std::error_code missing;
     const auto type = std::filesystem::status(out_, missing).type();
     if (type == std::filesystem::file_type::regular) return;
-    check_outputs({{out_, "session.rig"}});
-    if (is_no_plain_file(out_))
-      throw UsageError("cannot write " + out_ +
-                       ": a device or a pipe cannot hold a session. Give the name of a file.");
+    (void)check_output({out_, "session.rig"});
   }
 
   bool continues() const {
@@ -252,7 +249,7 @@ class Run : public Command {
     if (!failure) {
       io.restart();
       const auto write = [](const std::string& file, const std::string& output) {
-        write_report(file, output);
+        write_report(file, check_output({output}, {file}));
       };
       RunnerParts parts{*lidar, *stage, *clock, *person, fit_function(), write};
       try {

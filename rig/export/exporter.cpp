@@ -4,7 +4,6 @@
 #include "fit/json_position.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/correction_source.hpp"
-#include "rig/output_place.hpp"
 #include "rig/session/lidar_identity.hpp"
 #include "rig/whole_file.hpp"
 
@@ -50,14 +49,13 @@ std::vector<std::string> check_lidar(const ExportSource& source) {
 }  // namespace
 
 std::vector<std::string> run_export(const std::string& format, const ExportSource& source,
-                                    const std::string& output) {
+                                    const OutputPlace& output) {
   const Exporter& exporter = exporter_of(format);
   if (!source.session && !exporter.accepts_files())
     throw UsageError(source.path + " is not a session file (*.rig), which the format '" + format + "' needs");
-  check_outputs({{output}}, {source.path});
   std::vector<std::string> notes;
   if (source.session && exporter.accepts_files()) notes = check_lidar(source);
-  write_beside(output, [&](const std::string& part) { exporter.write(source, part); });
+  write_beside(output.path(), [&](const std::string& part) { exporter.write(source, part); });
   return notes;
 }
 

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "rig/output_place.hpp"
 #include "rig/session/session_store.hpp"
 
 namespace rig {
@@ -34,10 +35,9 @@ class Exporter {
 [[nodiscard]] const std::vector<std::unique_ptr<Exporter>>& all_exporters();
 
 /// Exports to `output`, which appears whole or not at all; returns sentences for the operator. Throws
-/// UsageError for an unknown format (with what there is), an output that cannot be written or must not be
-/// replaced, and a correction that is not for the session's lidar, and MeasurementError when the source does
-/// not hold what the format needs.
+/// UsageError for an unknown format (with what there is) and a correction that is not for the session's
+/// lidar, and MeasurementError when the source does not hold what the format needs.
 std::vector<std::string> run_export(const std::string& format, const ExportSource& source,
-                                    const std::string& output);
+                                    const OutputPlace& output);
 
 }  // namespace rig

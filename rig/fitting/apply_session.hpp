@@ -5,13 +5,15 @@
 #include <vector>
 
 #include "fit/correction.hpp"
+#include "rig/output_place.hpp"
 
 namespace rig {
 
 /// What the operator asked of `rig apply`.
 struct ApplyRequest {
   fit::Correction correction;
-  std::string correction_name, input, output;
+  std::string correction_name, input;
+  OutputPlace output;
   bool drop_outside = false;  ///< Samples outside the calibrated region become "no echo".
   bool any_lidar = false;     ///< Also when it was made for another lidar.
 };

@@ -8,7 +8,7 @@
 
 namespace rig {
 
-nlohmann::json deskew_session(const std::string& input, const std::string& output,
+nlohmann::json deskew_session(const std::string& input, const OutputPlace& output,
                               const DeskewOptions& options) {
   nlohmann::json result;
   make_session(output, [&](const std::string& unfinished) {

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "rig/fitting/deskewing.hpp"
+#include "rig/output_place.hpp"
 
 namespace rig {
 
@@ -14,7 +15,7 @@ namespace rig {
 /// in the lidar's frame at that moment (little-endian float32 pairs, one a beam, NaN without echo), and the
 /// result `deskew` with pictures of the map and its crispness. It appears whole or not at all. Returns that
 /// result. Throws UsageError (files) or MeasurementError (no motion known).
-nlohmann::json deskew_session(const std::string& input, const std::string& output,
+nlohmann::json deskew_session(const std::string& input, const OutputPlace& output,
                               const DeskewOptions& options);
 
 }  // namespace rig

@@ -16,7 +16,6 @@
 
 #include "fit/number_format.hpp"
 #include "rig/errors.hpp"
-#include "rig/output_place.hpp"
 #include "rig/session/new_session.hpp"
 #include "rig/session/session_store.hpp"
 #include "rig/session/utc.hpp"
@@ -430,7 +429,6 @@ std::unique_ptr<Importer> importer_for(const std::string& path) {
 }
 
 ImportReport import_session(const ImportRequest& request) {
-  check_outputs({{request.output, "session.rig"}}, request.files);
   ImportReport report;
   make_session(request.output,
                [&](const std::string& unfinished) { report = import_into(unfinished, request); });

@@ -6,13 +6,14 @@
 #include <vector>
 
 #include "rig/import/importer.hpp"
+#include "rig/output_place.hpp"
 
 namespace rig {
 
 /// What the operator asked of `rig import`.
 struct ImportRequest {
   std::vector<std::string> files;  ///< One capture each.
-  std::string output;
+  OutputPlace output;
   ImportOptions options;
   std::optional<std::string> bench;  ///< Text of a bench file; without it one is made from the recording.
   std::string target = "wall";

@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 
 #include "rig/errors.hpp"
-#include "rig/output_place.hpp"
 #include "rig/report/certificate.hpp"
 #include "rig/report/certificate_page.hpp"
 #include "rig/report/child_program.hpp"
@@ -37,9 +36,9 @@ void write_pdf(const std::string& html, const std::string& output, std::chrono::
 
 }  // namespace
 
-void write_report(const std::string& session_file, const std::string& output,
+void write_report(const std::string& session_file, const OutputPlace& place,
                   std::chrono::milliseconds longest_pdf) {
-  check_outputs({{output, std::filesystem::path(session_file).stem().string() + ".html"}}, {session_file});
+  const std::string& output = place.path();
   const std::string ending = std::filesystem::path(output).extension().string();
   if (ending != ".html" && ending != ".pdf" && ending != ".json")
     throw UsageError("rig report writes .html, .pdf or .json, not '" + output +

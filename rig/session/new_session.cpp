@@ -10,7 +10,6 @@
 #include <filesystem>
 
 #include "rig/errors.hpp"
-#include "rig/output_place.hpp"
 #include "rig/session/database_errors.hpp"
 #include "rig/session/session_file.hpp"
 
@@ -24,7 +23,6 @@ void demand_free(const std::string& path) {
   const bool empty_file = fs::is_regular_file(path, ignored) && !has_data(path);
   if (!empty_file && fs::exists(fs::symlink_status(path, ignored)) && !fs::is_directory(path, ignored))
     throw UsageError(path + " is there already and is not overwritten. Choose another name, or remove it.");
-  check_outputs({{path, "session.rig"}});
 }
 
 /// All that SQLite may have left of a database.
@@ -72,7 +70,8 @@ int take_name(const std::string& unfinished, const std::string& path) {
 
 }  // namespace
 
-void make_session(const std::string& path, const std::function<void(const std::string& unfinished)>& make) {
+void make_session(const OutputPlace& place, const std::function<void(const std::string& unfinished)>& make) {
+  const std::string& path = place.path();
   demand_free(path);
   const std::string unfinished = path + ".unfinished-" + std::to_string(::getpid());
   remove_database(unfinished);  // Of a program that was killed and had the same number.

@@ -2,6 +2,9 @@
 // Opening, closing and keys; see session_store_impl.hpp for the rest.
 #include "rig/session/session_store.hpp"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <cerrno>
 #include <cstdio>
 #include <filesystem>
@@ -35,7 +38,7 @@ void SessionStore::Impl::create() {
     throw UsageError(path +
                      " exists already and is not overwritten. Choose another name, remove it, or go on with "
                      "it (--resume).");
-  check_outputs({{path, "session.rig"}});
+  demand_plain_file(path);
   make_empty();
   lock = std::make_unique<WriterLock>(path);
   database = std::make_unique<SQLite::Database>(path, SQLite::OPEN_READWRITE, 5000);
@@ -69,6 +72,10 @@ void SessionStore::Impl::make_empty() {
   std::error_code ignored;
   try {
     for (const char* ending : {"", "-journal"}) std::filesystem::remove(unfinished + ending, ignored);
+    // SQLite does not tell why a file cannot be made.
+    const int made = ::open(unfinished.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
+    if (made < 0) throw UsageError("cannot write " + path + ": " + why_not_written(path, errno));
+    ::close(made);
     database =
         std::make_unique<SQLite::Database>(unfinished, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE, 5000);
     make_schema(*database);

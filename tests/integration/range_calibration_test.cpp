@@ -160,7 +160,7 @@ std::string export_as(const TestFolder& place, const fit::Correction& correction
                       const std::string& name) {
   const std::string json = place / "correction.json", out = place / name;
   std::ofstream(json) << fit::to_json_text(correction);
-  rig::run_export(format, {json, nullptr}, out);
+  rig::run_export(format, {json, nullptr}, rig::check_output({out}));
   return out;
 }
 
@@ -206,16 +206,17 @@ TEST_CASE(
   a2.store().add_result("range", result.dump());
   rig::ApplyRequest request;
   request.correction = rig::load_correction(a2.path(), a2.store());
-  request.correction_name = "a2.rig", request.input = a2.path(), request.output = place / "corrected.rig";
+  request.correction_name = "a2.rig", request.input = a2.path(),
+  request.output = rig::check_output({place / "corrected.rig"});
   const auto report = rig::apply_to_session(request);
   CHECK(report.samples == 97 * 1000);
   CHECK(report.outside_range < 0.02 * 97000);
-  const rig::SessionStore corrected(request.output, rig::SessionStore::Mode::read);
-  const auto again = rig::run_fit("range", {{request.output, &corrected}}, nlohmann::json::object());
+  const rig::SessionStore corrected(request.output.path(), rig::SessionStore::Mode::read);
+  const auto again = rig::run_fit("range", {{request.output.path(), &corrected}}, nlohmann::json::object());
   for (const auto& value : again.at("values"))
     if (value.at("name") == "rms_error_before_mm") CHECK(value.at("value").get<double>() < 0.3);
   CHECK_FALSE(corrected.latest_result("range"));
-  request.input = request.output, request.output = place / "twice.rig";
+  request.input = request.output.path(), request.output = rig::check_output({place / "twice.rig"});
   CHECK_THROWS_WITH(rig::apply_to_session(request), Catch::Contains("corrected already"));
 }
 
@@ -402,9 +403,9 @@ TEST_CASE("a look-up table interpolates to the correction, and ROS 2 parameters 
   }
   // A session without a range calibration has nothing to export.
   const Ladder empty(place / "empty.rig", 1, 3);
-  CHECK_THROWS_WITH(
-      rig::run_export("c-header", {empty.path(), &const_cast<Ladder&>(empty).store()}, place / "x.h"),
-      Catch::Contains("holds no range correction"));
+  CHECK_THROWS_WITH(rig::run_export("c-header", {empty.path(), &const_cast<Ladder&>(empty).store()},
+                                    rig::check_output({place / "x.h"})),
+                    Catch::Contains("holds no range correction"));
 }
 
 TEST_CASE("a correction for another lidar is not applied by mistake") {
@@ -414,19 +415,19 @@ TEST_CASE("a correction for another lidar is not applied by mistake") {
   rig::ApplyRequest request;
   request.correction = example("line", "line");
   request.correction.lidar_serial = "H0000000";
-  request.input = session.path(), request.output = place / "out.rig";
+  request.input = session.path(), request.output = rig::check_output({place / "out.rig"});
   CHECK_THROWS_WITH(rig::apply_to_session(request), Catch::Contains("H0000000"));
-  CHECK_FALSE(fs::exists(request.output));
+  CHECK_FALSE(fs::exists(request.output.path()));
   request.any_lidar = true;
   request.drop_outside = true;
   CHECK(rig::apply_to_session(request).samples == 20);
-  fs::remove(request.output);
+  fs::remove(request.output.path());
   request.any_lidar = false;
   request.correction.lidar_serial.clear();
   const auto report = rig::apply_to_session(request);
   REQUIRE(report.warnings.size() == 1);
   CHECK_THAT(report.warnings.front(), Catch::Contains("the correction does not say which lidar it is of"));
-  fs::remove(request.output);
+  fs::remove(request.output.path());
   request.correction.lidar_model = "UTM-30LX";
   CHECK_THROWS_WITH(rig::apply_to_session(request), Catch::Contains("UTM-30LX"));
 }

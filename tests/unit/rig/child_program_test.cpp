@@ -96,7 +96,7 @@ TEST_CASE("a WeasyPrint that hangs is stopped and named, and leaves nothing") {
   }
   const HangingProgram weasyprint(folder, "weasyprint");
   CHECK_THROWS_WITH(
-      rig::write_report(folder / "run.rig", folder / "run.pdf", soon),
+      rig::write_report(folder / "run.rig", rig::check_output({folder / "run.pdf"}), soon),
       Contains("WeasyPrint was not done within 0.1 s and was stopped") && Contains("write .html"));
   CHECK(std::distance(std::filesystem::directory_iterator(folder.path()), {}) == 2);
 }

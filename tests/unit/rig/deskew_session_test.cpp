@@ -90,7 +90,7 @@ TEST_CASE("rig deskew writes corrected points of every beam, poses, and pictures
   options.offset_ms = 0;
   options.reversed = false;
   const std::string made = folder / "out.rig";
-  const auto result = rig::deskew_session(folder / "in.rig", made, options);
+  const auto result = rig::deskew_session(folder / "in.rig", rig::check_output({made}), options);
   CHECK(result.at("kind") == "deskew");
   CHECK(result.at("plots").size() >= 4);
 
@@ -130,11 +130,13 @@ TEST_CASE("rig deskew refuses what does not tell how the lidar moved, and leaves
     rig::SessionStore store(folder / "empty.rig", rig::SessionStore::Mode::create);
     store.set("bench", bench);
   }
-  CHECK_THROWS_AS(rig::deskew_session(folder / "empty.rig", folder / "out.rig", {}), rig::MeasurementError);
+  CHECK_THROWS_AS(rig::deskew_session(folder / "empty.rig", rig::check_output({folder / "out.rig"}), {}),
+                  rig::MeasurementError);
   CHECK_FALSE(fs::exists(folder / "out.rig"));
   write_turning(folder / "in.rig", 6);
   write_turning(folder / "there.rig", 6);
-  CHECK_THROWS_AS(rig::deskew_session(folder / "in.rig", folder / "there.rig", {}), rig::UsageError);
+  CHECK_THROWS_AS(rig::deskew_session(folder / "in.rig", rig::check_output({folder / "there.rig"}), {}),
+                  rig::UsageError);
 }
 
 TEST_CASE("rig deskew --reference tells how far scans are from the scene at rest, before and after") {
@@ -143,7 +145,8 @@ TEST_CASE("rig deskew --reference tells how far scans are from the scene at rest
   write_session(folder / "rest.rig", 200, 0, 9);
   rig::DeskewOptions options = known_timing();
   options.reference = std::make_shared<const rig::DeskewReference>(folder / "rest.rig");
-  const auto result = rig::deskew_session(folder / "turn.rig", folder / "out.rig", options);
+  const auto result =
+      rig::deskew_session(folder / "turn.rig", rig::check_output({folder / "out.rig"}), options);
   const fit::Estimate before = value_of(result, "reference_before_mm"),
                       by_path = value_of(result, "reference_by_path_mm"),
                       fused = value_of(result, "reference_fused_mm"),
@@ -166,7 +169,7 @@ TEST_CASE("a reference of another scene, without scans at rest, or that is none 
   const auto deskew_by = [&](const std::string& reference) {
     rig::DeskewOptions options = known_timing();
     options.reference = std::make_shared<const rig::DeskewReference>(reference);
-    return rig::deskew_session(folder / "turn.rig", folder / "out.rig", options);
+    return rig::deskew_session(folder / "turn.rig", rig::check_output({folder / "out.rig"}), options);
   };
   const std::vector<room::Wall> elsewhere{{{-9000, -9000}, {9000, -9000}}, {{-9000, -9000}, {-9000, 9000}}};
   write_session(folder / "elsewhere.rig", 30, 0, 9, elsewhere);
@@ -189,7 +192,8 @@ TEST_CASE("the gain against a reference is covered by k = 2 over seeds") {
     rig::DeskewOptions options = known_timing();
     options.fuse = false;
     options.reference = std::make_shared<const rig::DeskewReference>(folder / "rest.rig");
-    gains.push_back(value_of(rig::deskew_session(file, out, options), "reference_gain_mm"));
+    gains.push_back(
+        value_of(rig::deskew_session(file, rig::check_output({out}), options), "reference_gain_mm"));
   }
   // The same motion with other noise: the gains' own mean is the truth that they scatter about.
   double mean = 0;

@@ -24,10 +24,11 @@ TEST_CASE(
   for (const std::string& name : names) {
     rig::ImportRequest request;
     request.files = {(real / ("lidar_calibration_" + name)).string()};
-    request.output = place / (name + ".rig");
+    request.output = rig::check_output({place / (name + ".rig")});
     request.target_width_mm = 1200;
     rig::import_session(request);
-    stores.push_back(std::make_unique<rig::SessionStore>(request.output, rig::SessionStore::Mode::read));
+    stores.push_back(
+        std::make_unique<rig::SessionStore>(request.output.path(), rig::SessionStore::Mode::read));
     recordings.push_back(stores.back()->recording());
   }
   double gain_per_sample = 0;

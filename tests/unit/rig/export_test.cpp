@@ -60,7 +60,7 @@ std::string small_session(const TestFolder& folder) {
 std::string exported(const TestFolder& folder, const std::string& format) {
   const std::string path = small_session(folder), out = folder / ("out." + format);
   const rig::SessionStore session(path, rig::SessionStore::Mode::read);
-  rig::run_export(format, {path, &session}, out);
+  rig::run_export(format, {path, &session}, rig::check_output({out}));
   return out;
 }
 
@@ -165,10 +165,13 @@ TEST_CASE("an export that fails leaves nothing behind and says what is wrong") {
   const TestFolder folder;
   const std::string path = small_session(folder);
   const rig::SessionStore session(path, rig::SessionStore::Mode::read);
-  CHECK_THROWS_WITH(rig::run_export("cvs", {path, &session}, folder / "x"), Contains("did you mean 'csv'"));
-  CHECK_THROWS_AS(rig::run_export("csv", {path, &session}, folder / "none/x.csv"), rig::UsageError);
-  CHECK_THROWS_WITH(rig::run_export("csv", {folder / "a.json", nullptr}, folder / "x.csv"),
-                    Contains("is not a session file"));
+  CHECK_THROWS_WITH(rig::run_export("cvs", {path, &session}, rig::check_output({folder / "x"})),
+                    Contains("did you mean 'csv'"));
+  CHECK_THROWS_AS(rig::run_export("csv", {path, &session}, rig::check_output({folder / "none/x.csv"})),
+                  rig::UsageError);
+  CHECK_THROWS_WITH(
+      rig::run_export("csv", {folder / "a.json", nullptr}, rig::check_output({folder / "x.csv"})),
+      Contains("is not a session file"));
   CHECK(folder.names().size() <= 3);  // the session and its log
 }
 

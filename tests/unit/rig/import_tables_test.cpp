@@ -28,13 +28,13 @@ struct Imported {
 Imported import(const TestFolder& folder, const std::string& file, rig::ImportOptions options = {}) {
   rig::ImportRequest request;
   request.files = {file};
-  request.output = folder / "out.rig";
+  request.output = rig::check_output({folder / "out.rig"});
   request.options = options;
-  fs::remove(request.output);
+  fs::remove(request.output.path());
   Imported out;
   out.report = rig::import_session(request);
   for (const auto& note : out.report.notes) out.notes += note + "\n";
-  const rig::SessionStore store(request.output, rig::SessionStore::Mode::read);
+  const rig::SessionStore store(request.output.path(), rig::SessionStore::Mode::read);
   const auto recording = store.recording();
   recording->for_each_scan(0, [&](const fit::ScanView& scan) {
     out.scans.push_back({{scan.range_mm.begin(), scan.range_mm.end()},

@@ -81,7 +81,7 @@ std::string make_db3(const TestFolder& folder, const std::string& name, bool pac
 rig::ImportRequest request(const std::vector<std::string>& files, const std::string& output) {
   rig::ImportRequest result;
   result.files = files;
-  result.output = output;
+  result.output = rig::check_output({output});
   return result;
 }
 
@@ -295,7 +295,7 @@ TEST_CASE("true distances put a target and its shifts into the session") {
   CHECK(wall->from_mm.x() == 500);
   CHECK(wall->u_mm == 2);
   asked.true_mm = {500};
-  asked.output = folder / "other.rig";
+  asked.output = rig::check_output({folder / "other.rig"});
   CHECK_THROWS_AS(rig::import_session(asked), rig::UsageError);
 }
 

@@ -30,7 +30,7 @@ void fill(const std::string& path) {
 TEST_CASE("a new session appears under its name when it is whole") {
   const TestFolder folder;
   const std::string path = folder / "new.rig";
-  rig::make_session(path, [&](const std::string& unfinished) {
+  rig::make_session(rig::check_output({path}), [&](const std::string& unfinished) {
     CHECK(fs::path(unfinished).parent_path() == folder.path());
     fill(unfinished);
     CHECK_FALSE(fs::exists(path));
@@ -41,7 +41,7 @@ TEST_CASE("a new session appears under its name when it is whole") {
 
 TEST_CASE("a session that could not be made leaves nothing") {
   const TestFolder folder;
-  CHECK_THROWS_WITH(rig::make_session(folder / "new.rig",
+  CHECK_THROWS_WITH(rig::make_session(rig::check_output({folder / "new.rig"}),
                                       [](const std::string& unfinished) {
                                         fill(unfinished);
                                         std::ofstream(unfinished + "-wal") << "log";
@@ -56,7 +56,7 @@ TEST_CASE("a program that is killed leaves no session, only one named unfinished
   const std::string path = folder / "new.rig";
   const pid_t child = ::fork();
   if (child == 0) {
-    rig::make_session(path, [](const std::string& unfinished) {
+    rig::make_session(rig::check_output({path}), [](const std::string& unfinished) {
       fill(unfinished);
       ::raise(SIGKILL);
     });
@@ -66,7 +66,7 @@ TEST_CASE("a program that is killed leaves no session, only one named unfinished
   REQUIRE(::waitpid(child, &status, 0) == child);
   REQUIRE(WIFSIGNALED(status));
   CHECK(folder.names() == std::set<std::string>{"new.rig.unfinished-" + std::to_string(child)});
-  rig::make_session(path, fill);
+  rig::make_session(rig::check_output({path}), fill);
   CHECK(folder.names().contains("new.rig"));
 }
 
@@ -81,14 +81,15 @@ TEST_CASE("a new session replaces nothing, neither what is there nor what appear
   fill(folder / "recording");
   for (const char* there : {"folder", "link", "text", "recording"}) {
     CAPTURE(there);
-    CHECK_THROWS_AS(rig::make_session(folder / there, begin), rig::UsageError);
+    CHECK_THROWS_AS(rig::make_session(rig::check_output({folder / there}), begin), rig::UsageError);
   }
-  CHECK_THROWS_WITH(rig::make_session(folder / "none/new.rig", begin), Contains("there is no folder"));
+  CHECK_THROWS_WITH(rig::make_session(rig::check_output({folder / "none/new.rig"}), begin),
+                    Contains("there is no folder"));
   CHECK_FALSE(began);
   CHECK(file_text(folder / "text") == "kept");
 
   std::string kept;
-  CHECK_THROWS_WITH(rig::make_session(path,
+  CHECK_THROWS_WITH(rig::make_session(rig::check_output({path}),
                                       [&](const std::string& unfinished) {
                                         kept = unfinished;
                                         fill(unfinished);
@@ -102,6 +103,6 @@ TEST_CASE("a new session replaces nothing, neither what is there nor what appear
 TEST_CASE("an empty file is nothing to be kept: a new session takes its place") {
   const TestFolder folder;
   std::ofstream(folder / "new.rig").flush();
-  rig::make_session(folder / "new.rig", fill);
+  rig::make_session(rig::check_output({folder / "new.rig"}), fill);
   CHECK(SessionStore(folder / "new.rig", SessionStore::Mode::read).get("bench").has_value());
 }

@@ -78,18 +78,37 @@ TEST_CASE("no output replaces a recording, not by a link either") {
   CHECK(folder.names().size() == 3);
 }
 
-TEST_CASE("reports and exports refuse a recording and what they read before they compute") {
+TEST_CASE("reports and exports refuse a recording that has appeared at their place meanwhile") {
   const TestFolder folder;
-  const std::string recording = recording_in(folder), other = recording_in(folder, "other.html");
-  CHECK_THROWS_WITH(rig::write_report(recording, other), Contains("recording"));
+  const std::string recording = recording_in(folder);
+  const rig::OutputPlace place = rig::check_output({folder / "page.html"}, {recording});
+  recording_in(folder, "page.html");
+  CHECK_THROWS_WITH(rig::write_report(recording, place), Contains("recording"));
   const rig::SessionStore session(recording, rig::SessionStore::Mode::read);
-  CHECK_THROWS_WITH(rig::run_export("csv", {recording, &session}, other), Contains("recording"));
+  CHECK_THROWS_WITH(rig::run_export("csv", {recording, &session}, place), Contains("recording"));
+}
+
+TEST_CASE("no output replaces what is read, by whatever name") {
+  const TestFolder folder;
   std::ofstream(folder / "correction.json") << "{}";
   fs::create_hard_link(folder / "correction.json", folder / "same.json");
   for (const char* name : {"correction.json", "same.json", "./correction.json"})
-    CHECK_THROWS_WITH(rig::run_export("correction", {folder / "correction.json", nullptr}, folder / name),
+    CHECK_THROWS_WITH(rig::check_output({folder / name}, {folder / "correction.json"}),
                       Contains("what this command reads"));
   CHECK(file_text(folder / "correction.json") == "{}");
+}
+
+TEST_CASE("a session that cannot be made says why, though nobody asked before") {
+  const TestFolder folder;
+  REQUIRE(::mkfifo((folder / "pipe").c_str(), 0600) == 0);
+  const auto refused = [&](const std::string& path, const std::string& why) {
+    CHECK_THROWS_WITH(rig::SessionStore(path, rig::SessionStore::Mode::create),
+                      Contains("cannot write " + path) && Contains(why));
+  };
+  refused(folder / "none/run.rig", "Make it first");
+  refused(folder / "pipe", "Give the name of a file");
+  refused(folder.path(), "Give the name of a file");
+  CHECK(folder.names() == std::set<std::string>{"pipe"});
 }
 
 TEST_CASE("where an output cannot be written is said before anything is computed, with a remedy") {

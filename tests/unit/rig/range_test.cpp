@@ -32,12 +32,12 @@ TEST_CASE("four real recordings before a wall give range errors with honest unce
   rig::ImportRequest request;
   for (const char* name : {"0.5m", "1m", "1.5m", "2m"})
     request.files.push_back((real / (std::string("lidar_calibration_") + name)).string());
-  request.output = place / "wall.rig";
+  request.output = rig::check_output({place / "wall.rig"});
   rig::import_session(request);
   nlohmann::json result;
   {
-    const rig::SessionStore session(request.output, rig::SessionStore::Mode::read);
-    result = rig::run_fit("range", {{request.output, &session}}, nlohmann::json::object());
+    const rig::SessionStore session(request.output.path(), rig::SessionStore::Mode::read);
+    result = rig::run_fit("range", {{request.output.path(), &session}}, nlohmann::json::object());
   }
   for (const char* name : {"error_at_500_mm", "error_at_1000_mm", "error_at_1500_mm", "error_at_2000_mm"}) {
     const auto value = value_of(result, name);
@@ -60,9 +60,9 @@ TEST_CASE("four real recordings before a wall give range errors with honest unce
   // Two levels 4 mm apart are how this device reports 1 m; neither is nonsense.
   for (const auto& row : result.at("tables").back().at("rows")) CHECK(row.at(3).get<int>() < 5);
   {
-    rig::SessionStore session(request.output, rig::SessionStore::Mode::append);
+    rig::SessionStore session(request.output.path(), rig::SessionStore::Mode::append);
     session.add_result("range", result.dump());
   }
-  rig::write_report(request.output, place / "wall.html");
+  rig::write_report(request.output.path(), rig::check_output({place / "wall.html"}));
   CHECK(std::filesystem::file_size(place / "wall.html") > 20000);
 }

@@ -21,7 +21,7 @@ TEST_CASE("the public recording of a drive calibrates wheels and lidar, as its g
   const std::string file = folder / "drive.rig";
   rig::ImportRequest request;
   request.files = {bag.string()};
-  request.output = file;
+  request.output = rig::check_output({file});
   rig::import_session(request);
   const rig::SessionStore session(file, rig::SessionStore::Mode::read);
   const auto result = rig::run_fit("odometry", {{file, &session}}, nlohmann::json::object());

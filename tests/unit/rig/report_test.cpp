@@ -48,7 +48,7 @@ TEST_CASE(
     "the certificate states results with expanded uncertainty, verdict, budget and what was not determined") {
   const TestFolder folder;
   const std::string session = make_session(folder), page = folder / "c.html";
-  rig::write_report(session, page);
+  rig::write_report(session, rig::check_output({page}));
   const std::string html = file_text(page);
   for (const char* expected :
        {"-1.63 mm", "0.12 mm", "PASS", "guard band w = U", "range noise", "yaw of the mount", "2 scans lost",
@@ -81,7 +81,7 @@ TEST_CASE("the certificate names its references, when it was issued, and the uni
 TEST_CASE("the same certificate comes as data") {
   const TestFolder folder;
   const std::string session = make_session(folder), file = folder / "c.json";
-  rig::write_report(session, file);
+  rig::write_report(session, rig::check_output({file}));
   const auto certificate = nlohmann::json::parse(file_text(file));
   CHECK(certificate.at("schema") == "certificate/1");
   CHECK(certificate.at("results").at(0).at("result").at("values").at(0).at("value") == -1.6342);
@@ -90,8 +90,8 @@ TEST_CASE("the same certificate comes as data") {
 TEST_CASE("a certificate that cannot be written says why and leaves nothing behind") {
   const TestFolder folder;
   const std::string session = make_session(folder);
-  CHECK_THROWS_AS(rig::write_report(session, folder / "c.docx"), rig::UsageError);
-  CHECK_THROWS_AS(rig::write_report(session, folder / "none/c.html"), rig::UsageError);
+  CHECK_THROWS_AS(rig::write_report(session, rig::check_output({folder / "c.docx"})), rig::UsageError);
+  CHECK_THROWS_AS(rig::write_report(session, rig::check_output({folder / "none/c.html"})), rig::UsageError);
   CHECK(!std::filesystem::exists(folder / "c.docx"));
 }
 
@@ -117,14 +117,14 @@ TEST_CASE("a certificate on paper replaces no pipe") {
   const TestFolder folder;
   const std::string session = make_session(folder), pipe = folder / "way.pdf";
   REQUIRE(::mkfifo(pipe.c_str(), 0600) == 0);
-  CHECK_THROWS_AS(rig::write_report(session, pipe), rig::UsageError);
+  CHECK_THROWS_AS(rig::write_report(session, rig::check_output({pipe})), rig::UsageError);
   CHECK(std::filesystem::is_fifo(pipe));
 }
 
 TEST_CASE("unknown physics has a section of its own: what, where, how large, and that it is not corrected") {
   const TestFolder folder;
   const std::string session = make_session(folder), page = folder / "c.html";
-  rig::write_report(session, page);
+  rig::write_report(session, rig::check_output({page}));
   CHECK_THAT(file_text(page), !Catch::Contains("Unknown physics"));
   {
     rig::SessionStore store(session, rig::SessionStore::Mode::append);
@@ -134,18 +134,18 @@ TEST_CASE("unknown physics has a section of its own: what, where, how large, and
       "unknown":{"coordinate":"beam_deg","observable":"range-mean","describes":"the range steps by -3.2 mm",
                  "from":40,"to":95.5}})");
   }
-  rig::write_report(session, page);
+  rig::write_report(session, rig::check_output({page}));
   for (const char* expected : {"<h2>Unknown physics</h2>", "the range steps by -3.2 mm", "mean of the ranges",
                                "along beam_deg from 40 to 95.5", "up to 3.2 mm", "does not contain it"})
     CHECK_THAT(file_text(page), Catch::Contains(expected));
   const std::string data = folder / "c.json";
-  rig::write_report(session, data);
+  rig::write_report(session, rig::check_output({data}));
   CHECK(nlohmann::json::parse(file_text(data)).at("unknown_physics").at("rows").size() == 4);
   {  // The last explanation counts.
     rig::SessionStore store(session, rig::SessionStore::Mode::append);
     store.add_result("explanation", R"({"schema":"explanation/1","verdict":"nothing-missing"})");
   }
-  rig::write_report(session, page);
+  rig::write_report(session, rig::check_output({page}));
   CHECK_THAT(file_text(page), !Catch::Contains("Unknown physics"));
 }
 
@@ -156,22 +156,22 @@ TEST_CASE("an imported session is dated by its recording, never by its import") 
     rig::SessionStore(session, rig::SessionStore::Mode::append).set(key, value);
   };
   set("kind", "import");
-  rig::write_report(session, page);
+  rig::write_report(session, rig::check_output({page}));
   CHECK_THAT(file_text(page),
              Catch::Contains("RIG-undated-") &&
                  Catch::Contains("measured at an unknown time, imported 2026-05-04 10:00 UTC"));
   set("recorded_local", "2018-02-03 04:05:06.700");
-  rig::write_report(session, page);
+  rig::write_report(session, rig::check_output({page}));
   CHECK_THAT(file_text(page), Catch::Contains("RIG-20180203-") &&
                                   Catch::Contains("by the local time of the recording computer"));
   set("recorded_utc", "2019-02-03T04:05:06Z");
-  rig::write_report(session, page);
-  rig::write_report(session, data);
+  rig::write_report(session, rig::check_output({page}));
+  rig::write_report(session, rig::check_output({data}));
   CHECK_THAT(file_text(page),
              Catch::Contains("RIG-20190203-") &&
                  Catch::Contains("measured 2019-02-03 04:05 UTC, imported 2026-05-04 10:00 UTC") &&
                  Catch::Contains("2019-02-03 04:05 UTC by the clock of the recording"));
-  const auto certificate = nlohmann::json::parse(contents(data));
+  const auto certificate = nlohmann::json::parse(file_text(data));
   CHECK(certificate.at("measured_utc") == "2019-02-03T04:05:06Z");
   CHECK(certificate.at("imported_utc") == "2026-05-04T10:00:00Z");
 }
