@@ -68,7 +68,7 @@ TEST_CASE("the certificate names its references, when it was issued, and the uni
     store.add_result("wall", R"j({"schema":"result/1","kind":"wall","use":["Turn it by the angle."],
       "tables":[{"title":"Normals","columns":[{"name":"angle","unit":"deg","decimals":2}],"rows":[[-0.001]]}]})j");
   }
-  rig::write_report(session, page);
+  rig::write_report(session, rig::check_output({page}));
   const std::string html = file_text(page);
   for (const char* expected :
        {"<h2>References</h2>", "1400.0 mm", "1.2 mm", "0.20 deg", "gauge block 7, PTB",

@@ -207,7 +207,7 @@ TEST_CASE("a session is never overwritten and never written by two at once") {
 }
 
 TEST_CASE("a session that is removed while it is written is saved under another name, and that is told") {
-  Folder folder;
+  const TestFolder folder;
   {
     SessionStore store(folder / "run.rig", Mode::create);
     for (const bool removed : {false, true}) {
