@@ -18,6 +18,7 @@
 #include "rig/fitting/apply_session.hpp"
 #include "rig/fitting/correction_source.hpp"
 #include "rig/fitting/fitting.hpp"
+#include "tests/support/test_folder.hpp"
 
 namespace {
 
@@ -338,7 +339,6 @@ TEST_CASE("a C++ header compiles alone, corrects as the calibration does, and kn
     const fit::Correction c = example(intensity, range);
     export_as(place, c, "cpp-header", "correction.hpp");
     std::ofstream(place / "try.cpp") << R"(#include "correction.hpp"
-#include "tests/support/test_folder.hpp"
 #include <cstdio>
 int main() {
   double r, i;

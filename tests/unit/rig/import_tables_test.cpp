@@ -28,9 +28,9 @@ struct Imported {
 Imported import(const TestFolder& folder, const std::string& file, rig::ImportOptions options = {}) {
   rig::ImportRequest request;
   request.files = {file};
+  fs::remove(folder / "out.rig");
   request.output = rig::check_output({folder / "out.rig"});
   request.options = options;
-  fs::remove(request.output.path());
   Imported out;
   out.report = rig::import_session(request);
   for (const auto& note : out.report.notes) out.notes += note + "\n";
