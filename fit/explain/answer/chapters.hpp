@@ -8,6 +8,9 @@
 /// with their entries in the bench, undecided sets, what is unknown, places, notes.
 namespace fit::explain::answer {
 
+/// The most probable that a name is beside something that nobody could name.
+inline constexpr double not_certain = 0.85;
+
 /// Mechanisms that move means, and sets of those that cannot be told apart.
 void tell_means(const Findings& findings, Explanation& out);
 

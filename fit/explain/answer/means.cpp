@@ -110,7 +110,7 @@ void tell_found(const Findings& findings, std::size_t t, Explanation& out) {
   found.parameters = finding.parameters;
   found.probability = std::min(0.999, means.probability[t]);
   // Beside something that the catalogue does not know, no name is certain.
-  if (!means.best.shapes.empty()) found.probability = std::min(0.85, found.probability);
+  if (!means.best.shapes.empty()) found.probability = std::min(not_certain, found.probability);
   found.says = term.mechanism->says(finding);
   found.evidence = evidence_of(means, t);
   found.log_likelihood_gain = means.after.log_likelihood - means.without[t].log_likelihood;

@@ -28,6 +28,13 @@ Found found_of(const Findings& findings, const Suspect& suspect) {
   return found;
 }
 
+/// Whether a name was found beside noise that is not decided: with another of its suspects in place, less
+/// might be left for the name. What the bench states of the constant noise is no such name.
+bool may_be_of_the_undecided(const Suspect& suspect, const SpreadResult& spread) {
+  return !spread.undecided.empty() && suspect.mechanism->observable == Observable::range_variance &&
+         !is_constant_noise(*suspect.mechanism);
+}
+
 void tell_set(const std::vector<Suspect>& set, Explanation& out) {
   std::vector<std::string> names, ways;
   for (const Suspect& s : set) {
@@ -51,6 +58,8 @@ void tell_spread(const Findings& findings, Explanation& out) {
     const bool is_constant = is_constant_noise(*suspect.mechanism);
     if (findings.reduced.bench.knows(suspect.mechanism->id) && !is_constant) continue;
     out.mechanisms.push_back(found_of(findings, suspect));
+    if (may_be_of_the_undecided(suspect, findings.spread))
+      out.mechanisms.back().probability = std::min(not_certain, out.mechanisms.back().probability);
     if (!is_constant) add_to_bench(suspect);
   }
   for (const Suspect& suspect : findings.spread.brought_along) {

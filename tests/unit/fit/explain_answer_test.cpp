@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: MIT
+#include <catch2/catch.hpp>
+
+#include "fit/explain/answer/chapters.hpp"
+
+TEST_CASE("beside noise that is not decided no other name of noise is certain") {
+  using fit::explain::Suspect;
+  const auto suspect = [](const char* id) {
+    Suspect s;
+    s.mechanism = fit::find_mechanism(id);
+    for (const fit::Parameter& p : s.mechanism->parameters) s.parameters[p.name] = {1, 0.1};
+    s.gain = 20, s.evidence = 15;
+    return s;
+  };
+  const fit::Bench bench;
+  fit::explain::Reduced reduced;
+  reduced.bench = bench;
+  fit::explain::Findings findings{std::move(reduced), fit::explain::SpreadResult(),
+                                  fit::explain::MeanResult(bench), std::nullopt};
+  findings.spread.accepted = {suspect("angle-jitter"), suspect("range-noise"), suspect("correlated-noise")};
+  const auto told = [&findings] {
+    fit::explain::Explanation out;
+    fit::explain::answer::tell_spread(findings, out);
+    std::map<std::string, double> probability;
+    for (const auto& found : out.mechanisms) probability[found.mechanism->id] = found.probability;
+    return probability;
+  };
+  const auto alone = told();
+  CHECK(alone.at("angle-jitter") > 0.99);
+  findings.spread.undecided = {{suspect("intensity-noise"), suspect("dropout")}};
+  const auto beside = told();
+  CHECK(beside.at("angle-jitter") < 0.9);
+  CHECK(beside.at("range-noise") == alone.at("range-noise"));
+  CHECK(beside.at("correlated-noise") == alone.at("correlated-noise"));
+}
