@@ -140,6 +140,10 @@ nlohmann::json parse_json(const std::string& text, const std::string& name, cons
   }
 }
 
+std::string ending_with_guess(const std::string& meant) {
+  return meant.empty() ? "." : "; did you mean '" + meant + "'?";
+}
+
 std::size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::size_t> row(b.size() + 1);
   std::iota(row.begin(), row.end(), 0);

@@ -31,6 +31,8 @@ struct TextPosition {
 /// The candidate most like `word` (edit distance), or "" when none is near enough to be a misspelling of it.
 template <class Range>
 [[nodiscard]] std::string nearest_word(std::string_view word, const Range& candidates);
+/// How a sentence about a word that nobody knows ends: "; did you mean 'WORD'?", or "." where none was meant.
+[[nodiscard]] std::string ending_with_guess(const std::string& meant);
 [[nodiscard]] std::size_t edit_distance(std::string_view a, std::string_view b);
 
 template <class Range>

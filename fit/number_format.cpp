@@ -11,19 +11,6 @@
 namespace fit {
 namespace {
 
-std::string fixed(double value, int decimals) {
-  std::array<char, 400> text{};
-  if (decimals < 0) {
-    const double unit = std::pow(10.0, -decimals);
-    value = std::round(value / unit) * unit;
-    decimals = 0;
-  }
-  std::snprintf(text.data(), text.size(), "%.*f", decimals, value);
-  std::string out = text.data();
-  if (out[0] == '-' && out.find_first_not_of("-0.") == std::string::npos) out.erase(0, 1);  // no "-0.00"
-  return out;
-}
-
 /// Decimals that leave two significant digits of `u`, after rounding (0.0996 -> 0.10).
 int decimals_for(double u) {
   const int exponent = static_cast<int>(std::floor(std::log10(u)));
@@ -50,23 +37,40 @@ std::string to_many_decimals(double value, int decimals) {
   const double place = std::pow(10.0, -decimals), rounded = std::round(value / place) * place;
   if (rounded == 0) return "0";
   const int exponent = static_cast<int>(std::floor(std::log10(std::abs(rounded) * (1 + 1e-12))));
-  return exponent < -4 ? with_power_of_ten(rounded, exponent + decimals + 1) : fixed(value, decimals);
+  return exponent < -4 ? with_power_of_ten(rounded, exponent + decimals + 1) : format_fixed(value, decimals);
 }
 
 }  // namespace
+
+std::string format_fixed(double value, int decimals) {
+  std::array<char, 400> text{};
+  if (decimals < 0) {
+    const double unit = std::pow(10.0, -decimals);
+    value = std::round(value / unit) * unit;
+    decimals = 0;
+  }
+  std::snprintf(text.data(), text.size(), "%.*f", decimals, value);
+  std::string out = text.data();
+  if (out[0] == '-' && out.find_first_not_of("-0.") == std::string::npos) out.erase(0, 1);  // no "-0.00"
+  return out;
+}
+
+std::string with_unit(const std::string& number, const std::string& unit) {
+  return unit.empty() ? number : number + " " + unit;
+}
 
 std::string format_uncertainty(double expanded) {
   if (!std::isfinite(expanded)) return "not determined";
   if (expanded <= 0) return "0";
   const int decimals = decimals_for(expanded);
-  return decimals > most_decimals ? with_power_of_ten(expanded, 2) : fixed(expanded, decimals);
+  return decimals > most_decimals ? with_power_of_ten(expanded, 2) : format_fixed(expanded, decimals);
 }
 
 std::string format_value(double value, double expanded) {
   if (!std::isfinite(value)) return "not determined";
   if (std::isfinite(expanded) && expanded > 0) {
     const int decimals = decimals_for(expanded);
-    return decimals > most_decimals ? to_many_decimals(value, decimals) : fixed(value, decimals);
+    return decimals > most_decimals ? to_many_decimals(value, decimals) : format_fixed(value, decimals);
   }
   if (value == 0) return "0";  // no "-0"
   std::array<char, 64> text{};
@@ -76,8 +80,8 @@ std::string format_value(double value, double expanded) {
 }
 
 std::string format_measurement(double value, double expanded, const std::string& unit) {
-  return format_value(value, expanded) + (expanded > 0 ? " ± " + format_uncertainty(expanded) : "") +
-         (unit.empty() ? "" : " " + unit);
+  return with_unit(format_value(value, expanded) + (expanded > 0 ? " ± " + format_uncertainty(expanded) : ""),
+                   unit);
 }
 
 std::string format_exactly(double value) {

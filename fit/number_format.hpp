@@ -17,6 +17,12 @@ namespace fit {
 /// Both with the unit: (-1.6342, 0.123, "mm") -> "-1.63 ± 0.12 mm"; without an uncertainty the value alone.
 [[nodiscard]] std::string format_measurement(double value, double expanded, const std::string& unit);
 
+/// So many decimals, without the sign of what was rounded away: (-0.001, 2) -> "0.00".
+[[nodiscard]] std::string format_fixed(double value, int decimals);
+
+/// A number with its unit, if it has one.
+[[nodiscard]] std::string with_unit(const std::string& number, const std::string& unit);
+
 /// All digits of a value: the shortest text that reads back exactly, 0.1 as "0.1".
 [[nodiscard]] std::string format_exactly(double value);
 

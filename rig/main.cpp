@@ -31,9 +31,8 @@ std::string unknown_command(int argc, char** argv, const std::vector<CLI::App*>&
   std::vector<std::string> names;
   for (const CLI::App* command : commands) names.push_back(command->get_name());
   if (std::find(names.begin(), names.end(), word) != names.end()) return "";
-  const std::string meant = fit::nearest_word(word, names);
-  return "there is no subcommand '" + word + "'" + (meant.empty() ? "" : "; did you mean '" + meant + "'?") +
-         (meant.empty() ? ". " : " ") + "`rig --help` lists them.";
+  return "there is no subcommand '" + word + "'" + fit::ending_with_guess(fit::nearest_word(word, names)) +
+         " `rig --help` lists them.";
 }
 
 }  // namespace

@@ -7,14 +7,11 @@
 
 namespace sim {
 
-/// With normals in pairs, by Marsaglia's polar method: what the causal and the model engine draw from, so
-/// that a seed goes on making the recordings that it made.
-class PolarRandom : public Xoshiro256 {
+/// Standard normals in pairs from any numbers uniform in [0, 1), by Marsaglia's polar method.
+class PolarNormals {
  public:
-  using Xoshiro256::Xoshiro256;
-
-  /// Standard normal.
-  double normal() {
+  template <typename Uniform>
+  double next(Uniform&& uniform) {
     if (has_spare_) {
       has_spare_ = false;
       return spare_;
@@ -34,6 +31,20 @@ class PolarRandom : public Xoshiro256 {
  private:
   double spare_ = 0;
   bool has_spare_ = false;
+};
+
+/// What the causal and the model engine draw from, so that a seed goes on making the recordings that it made.
+class PolarRandom : public Xoshiro256 {
+ public:
+  using Xoshiro256::Xoshiro256;
+
+  /// Standard normal.
+  double normal() {
+    return normals_.next([this] { return uniform(); });
+  }
+
+ private:
+  PolarNormals normals_;
 };
 
 }  // namespace sim

@@ -89,10 +89,11 @@ class LiveView final : public RunView {
   std::uint64_t messages_ = 0;
 };
 
-/// Whether a run ended before its first step was done, by what is no fault of the session's file.
-bool is_unbegun(const SessionStore& session, const std::exception_ptr& failure) {
+/// In a handler: whether the run ended before its first step was done, by what is no fault of the session's
+/// file.
+bool is_unbegun(const SessionStore& session) {
   try {
-    std::rethrow_exception(failure);
+    throw;
   } catch (const RunStopped&) {
   } catch (const UsageError&) {
   } catch (const DeviceError&) {
@@ -219,7 +220,20 @@ class Run : public Command {
     const bool resumed = continues();
     auto stored = std::make_unique<SessionStore>(
         out_, resumed ? SessionStore::Mode::append : SessionStore::Mode::create);
-    SessionStore& session = *stored;
+    try {
+      return run_in(*stored, procedure, bench, lidar_address, known_stage);
+    } catch (...) {
+      if (!resumed && is_unbegun(*stored)) {
+        stored.reset();  // It would only be in the way of the next attempt.
+        std::error_code ignored;
+        std::filesystem::remove(out_, ignored);
+      }
+      throw;
+    }
+  }
+
+  int run_in(SessionStore& session, const Procedure& procedure, const fit::Bench& bench,
+             const Endpoint& lidar_address, const StageOptions& known_stage) {
     asio::io_context io(1);
     const auto lidar = make_scip_source(io.get_executor(), lidar_address);
     const auto clock = make_real_clock();
@@ -243,29 +257,15 @@ class Run : public Command {
       });
       io.run();
     }
-    if (stopped || (!failure && !stage))
-      failure = std::make_exception_ptr(RunStopped("Stopped by the operator before anything moved."));
-    int status = 0;
-    if (!failure) {
-      io.restart();
-      const auto write = [](const std::string& file, const std::string& output) {
-        write_report(file, check_output({output}, {file}));
-      };
-      RunnerParts parts{*lidar, *stage, *clock, *person, fit_function(), write};
-      try {
-        Runner runner(procedure, bench, session, parts);
-        status = conduct(io, runner, bench, session, started);
-      } catch (...) {
-        failure = std::current_exception();
-      }
-    }
-    if (!failure) return status;
-    if (!resumed && is_unbegun(session, failure)) {
-      stored.reset();  // It would only be in the way of the next attempt.
-      std::error_code ignored;
-      std::filesystem::remove(out_, ignored);
-    }
-    std::rethrow_exception(failure);
+    if (stopped || (!failure && !stage)) throw RunStopped("Stopped by the operator before anything moved.");
+    if (failure) std::rethrow_exception(failure);
+    io.restart();
+    const auto write = [](const std::string& file, const std::string& output) {
+      write_report(file, check_output({output}, {file}));
+    };
+    RunnerParts parts{*lidar, *stage, *clock, *person, fit_function(), write};
+    Runner runner(procedure, bench, session, parts);
+    return conduct(io, runner, bench, session, started);
   }
 
   std::unique_ptr<Operator> make_operator(const asio::any_io_executor& executor) const {

@@ -28,10 +28,8 @@ const Exporter& exporter_of(const std::string& format) {
     names.push_back(exporter->format());
     list += (list.empty() ? "" : ", ") + names.back();
   }
-  const std::string meant = fit::nearest_word(format, names);
   throw UsageError("there is no export format '" + format + "'" +
-                   (meant.empty() ? "" : "; did you mean '" + meant + "'?") +
-                   (meant.empty() ? ". There are: " : " There are: ") + list);
+                   fit::ending_with_guess(fit::nearest_word(format, names)) + " There are: " + list);
 }
 
 /// A session may hold a correction that was made from another lidar's recordings.

@@ -24,13 +24,9 @@ std::string list_of(const std::vector<std::string>& words) {
 
 std::string number_text(double value) { return fit::format_value(value, 0); }
 
-std::string with_unit(const std::string& text, const std::string& unit) {
-  return unit.empty() ? text : text + " " + unit;
-}
-
 std::string default_text(const FitOption& option) {
   if (const auto* number = std::get_if<double>(&*option.otherwise))
-    return with_unit(number_text(*number), option.unit);
+    return fit::with_unit(number_text(*number), option.unit);
   if (const auto* flag = std::get_if<bool>(&*option.otherwise)) return *flag ? "true" : "false";
   return std::get<std::string>(*option.otherwise);
 }
@@ -69,9 +65,8 @@ std::optional<FitValue> value_of(const FitOption& option, const json& value) {
                               const std::vector<FitOption>& declared) {
   std::vector<std::string> known;
   for (const FitOption& option : declared) known.push_back(option.name);
-  const std::string meant = fit::nearest_word(name, known);
   throw UsageError("the calibration '" + kind + "' has no option '" + name + "'" +
-                   (meant.empty() ? "." : "; did you mean '" + meant + "'?") +
+                   fit::ending_with_guess(fit::nearest_word(name, known)) +
                    " It has: " + (known.empty() ? "none" : list_of(known)));
 }
 
@@ -154,7 +149,7 @@ std::string expectation(const FitOption& option) {
     out += " of " + number_text(*option.min) + " or more";
   else if (option.max)
     out += " of " + number_text(*option.max) + " or less";
-  return with_unit(out, option.unit);
+  return fit::with_unit(out, option.unit);
 }
 
 std::string help_text(const FitOption& option) {

@@ -50,9 +50,8 @@ const Fitting& fitting_of(const std::string& kind) {
     if (fitting->kind() == kind) return *fitting;
   std::vector<std::string> kinds;
   for (const auto& fitting : all_fittings()) kinds.push_back(fitting->kind());
-  const std::string meant = fit::nearest_word(kind, kinds);
   throw UsageError("there is no calibration '" + kind + "'" +
-                   (meant.empty() ? "." : "; did you mean '" + meant + "'?") +
+                   fit::ending_with_guess(fit::nearest_word(kind, kinds)) +
                    " There are: " + kinds_in_words());
 }
 

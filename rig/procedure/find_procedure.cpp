@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "fit/json_position.hpp"
 #include "rig/procedure/option_check.hpp"
 
 namespace rig {
@@ -26,12 +27,10 @@ std::string find_procedure(const std::string& path_or_name) {
   }
   std::ranges::sort(names);
   names.erase(std::unique(names.begin(), names.end()), names.end());
-  const std::string meant = did_you_mean(path_or_name, names);
-  throw UsageError("there is no procedure '" + path_or_name + "'" +
-                   (meant.empty() ? "" : "; did you mean '" + meant + "'?") +
-                   (names.empty()
-                        ? ". Give the path of a procedure file."
-                        : (meant.empty() ? ". Ready ones: " : " Ready ones: ") + listed(names) + "."));
+  throw UsageError(
+      "there is no procedure '" + path_or_name + "'" +
+      fit::ending_with_guess(did_you_mean(path_or_name, names)) +
+      (names.empty() ? " Give the path of a procedure file." : " Ready ones: " + listed(names) + "."));
 }
 
 }  // namespace rig

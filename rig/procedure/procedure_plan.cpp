@@ -5,8 +5,6 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "rig/procedure/duration.hpp"
-
 namespace rig {
 namespace {
 
@@ -116,10 +114,22 @@ std::vector<PlannedStep> unroll(const Procedure& procedure, const fit::Bench& be
   return Unroller(procedure, bench).run(procedure.steps);
 }
 
+namespace {
+
+long whole_seconds(double seconds) { return std::lround(std::max(0.0, seconds)); }
+
+constexpr long hour_s = 3600;
+
+}  // namespace
+
+std::string duration_with_unit(double seconds) {
+  return duration_text(seconds) + (whole_seconds(seconds) >= hour_s ? " h" : " min");
+}
+
 std::string duration_text(double seconds) {
-  const long whole = std::lround(std::max(0.0, seconds));
+  const long whole = whole_seconds(seconds);
   char text[40];
-  if (whole >= 3600)
+  if (whole >= hour_s)
     std::snprintf(text, sizeof text, "%ld:%02ld:%02ld", whole / 3600, whole / 60 % 60, whole % 60);
   else
     std::snprintf(text, sizeof text, "%ld:%02ld", whole / 60, whole % 60);

@@ -33,6 +33,8 @@ std::string dry_run_text(const Procedure& procedure, const fit::Bench& bench,
 
 /// "1:02:03" or "2:03".
 std::string duration_text(double seconds);
+/// The same with its unit: "1:02:03 h" or "2:03 min".
+std::string duration_with_unit(double seconds);
 /// "10,000".
 std::string grouped(long number);
 

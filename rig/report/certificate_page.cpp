@@ -89,20 +89,11 @@ std::optional<int> decimals_of_column(const json& body, std::size_t column, cons
   return std::clamp(decimals, std::min(2, needed), std::min(6, needed));
 }
 
-/// "-0.00" as "0.00": the sign of what was rounded away says nothing.
-std::string without_sign_of_nought(std::string text) {
-  if (text.starts_with('-') && text.find_first_of("123456789") == std::string::npos) text.erase(0, 1);
-  return text;
-}
-
 json shown_cell(const json& cell, std::optional<int> decimals) {
   constexpr std::size_t letters_of_a_line = 30;
   if (cell.is_number_integer()) return {{"text", std::to_string(cell.get<long long>())}, {"numeric", true}};
-  if (cell.is_number() && decimals && std::isfinite(cell.get<double>())) {
-    char text[64];
-    std::snprintf(text, sizeof text, "%.*f", *decimals, cell.get<double>());
-    return {{"text", without_sign_of_nought(text)}, {"numeric", true}};
-  }
+  if (cell.is_number() && decimals && std::isfinite(cell.get<double>()))
+    return {{"text", fit::format_fixed(cell.get<double>(), *decimals)}, {"numeric", true}};
   if (cell.is_number()) return {{"text", fit::format_value(cell.get<double>(), 0)}, {"numeric", true}};
   if (cell.is_null()) return {{"text", ""}, {"numeric", false}};
   if (cell.is_boolean()) return {{"text", cell.get<bool>() ? "yes" : "no"}, {"numeric", false}};
@@ -214,10 +205,6 @@ json shown_explanation(const json& explanation) {
   return out;
 }
 
-std::string with_unit(const std::string& number, const std::string& unit) {
-  return unit.empty() ? number : number + " " + unit;
-}
-
 json shown_checks(const json& limits) {
   json checks = json::array();
   for (const json& check : list_of(limits, "checks")) {
@@ -226,21 +213,22 @@ json shown_checks(const json& limits) {
     const std::string unit = text_of(check, "unit");
     std::string range;
     if (std::isfinite(low) && std::isfinite(high))
-      range = fit::format_value(low, 0) + " to " + with_unit(fit::format_value(high, 0), unit);
+      range = fit::format_value(low, 0) + " to " + fit::with_unit(fit::format_value(high, 0), unit);
     else if (std::isfinite(low))
-      range = "at least " + with_unit(fit::format_value(low, 0), unit);
+      range = "at least " + fit::with_unit(fit::format_value(low, 0), unit);
     else if (std::isfinite(high))
-      range = "at most " + with_unit(fit::format_value(high, 0), unit);
+      range = "at most " + fit::with_unit(fit::format_value(high, 0), unit);
     if (const double widest = number_of(check, "max_U"); std::isfinite(widest))
-      range +=
-          (range.empty() ? "U at most " : "; U at most ") + with_unit(fit::format_value(widest, 0), unit);
-    checks.push_back({{"name", text_of(check, "label", text_of(check, "name"))},
-                      {"value", fit::format_value(number_of(check, "value"), expanded)},
-                      {"unit", unit},
-                      {"expanded", expanded > 0 ? with_unit(fit::format_uncertainty(expanded), unit) : ""},
-                      {"limits", range},
-                      {"verdict", text_of(check, "verdict", "inconclusive")},
-                      {"reason", text_of(check, "reason")}});
+      range += (range.empty() ? "U at most " : "; U at most ") +
+               fit::with_unit(fit::format_value(widest, 0), unit);
+    checks.push_back(
+        {{"name", text_of(check, "label", text_of(check, "name"))},
+         {"value", fit::format_value(number_of(check, "value"), expanded)},
+         {"unit", unit},
+         {"expanded", expanded > 0 ? fit::with_unit(fit::format_uncertainty(expanded), unit) : ""},
+         {"limits", range},
+         {"verdict", text_of(check, "verdict", "inconclusive")},
+         {"reason", text_of(check, "reason")}});
   }
   return checks;
 }

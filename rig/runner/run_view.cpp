@@ -10,7 +10,6 @@
 
 #include "fit/number_format.hpp"
 #include "rig/json_fields.hpp"
-#include "rig/procedure/duration.hpp"
 
 namespace rig {
 namespace {

@@ -37,10 +37,6 @@ struct Judgement {
   std::string verdict, reason;  ///< The reason, with figures, is empty when the limit is met.
 };
 
-std::string with_unit(const std::string& number, const std::string& unit) {
-  return unit.empty() ? number : number + " " + unit;
-}
-
 /// Guarded acceptance as in ILAC-G8:09/2019: w = 0 is simple acceptance, w = U accepts falsely in less
 /// than 2.5 %. Between the guarded and the plain limit, and as far beyond it, nothing is decided.
 Judgement judge(const Limit& limit, double value, double expanded, const std::string& unit) {
@@ -48,34 +44,34 @@ Judgement judge(const Limit& limit, double value, double expanded, const std::st
   const double low = limit.min.value_or(-INFINITY), high = limit.max.value_or(INFINITY);
   if (limit.max_expanded && !std::isfinite(expanded))
     return {"fail", "its uncertainty is not known, and at most " +
-                        with_unit(to_text(*limit.max_expanded), unit) + " is allowed"};
+                        fit::with_unit(to_text(*limit.max_expanded), unit) + " is allowed"};
   if (limit.max_expanded && expanded > *limit.max_expanded)
-    return {"fail", "its uncertainty is larger than the " + with_unit(to_text(*limit.max_expanded), unit) +
-                        " allowed"};
+    return {"fail", "its uncertainty is larger than the " +
+                        fit::with_unit(to_text(*limit.max_expanded), unit) + " allowed"};
   if (limit.guarded && !std::isfinite(expanded))
     return {"inconclusive", "its uncertainty is not known, and so its guard band is not"};
   const bool too_low = value - low < high - value;  // Or nearer to that side.
   const double beyond = too_low ? low - value : value - high;
   const std::string side = too_low ? "below the smallest value allowed" : "above the largest value allowed";
-  if (beyond > guard) return {"fail", with_unit(fit::format_value(beyond, expanded), unit) + " " + side};
+  if (beyond > guard) return {"fail", fit::with_unit(fit::format_value(beyond, expanded), unit) + " " + side};
   if (beyond <= -guard) return {"pass", ""};
   const std::string inner = too_low ? "above the smallest value allowed" : "below the largest value allowed";
-  return {"inconclusive", with_unit(fit::format_value(std::abs(beyond), expanded), unit) + " " +
+  return {"inconclusive", fit::with_unit(fit::format_value(std::abs(beyond), expanded), unit) + " " +
                               (beyond > 0 ? side : inner) + ", within the guard band of " +
-                              with_unit(fit::format_value(guard, expanded), unit)};
+                              fit::with_unit(fit::format_value(guard, expanded), unit)};
 }
 
 /// "9.00 ± 0.20 mm; allowed: 1 to 5 mm, U at most 0.5 mm".
 std::string figures(const Limit& limit, double value, double expanded, const std::string& unit) {
   std::string allowed;
   if (limit.min && limit.max)
-    allowed = to_text(*limit.min) + " to " + with_unit(to_text(*limit.max), unit);
+    allowed = to_text(*limit.min) + " to " + fit::with_unit(to_text(*limit.max), unit);
   else if (limit.min || limit.max)
     allowed = (limit.min ? "at least " : "at most ") +
-              with_unit(to_text(limit.min ? *limit.min : *limit.max), unit);
+              fit::with_unit(to_text(limit.min ? *limit.min : *limit.max), unit);
   if (limit.max_expanded)
-    allowed +=
-        (allowed.empty() ? "U at most " : ", U at most ") + with_unit(to_text(*limit.max_expanded), unit);
+    allowed += (allowed.empty() ? "U at most " : ", U at most ") +
+               fit::with_unit(to_text(*limit.max_expanded), unit);
   return fit::format_measurement(value, expanded, unit) + "; allowed: " + allowed;
 }
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include <boost/asio/experimental/awaitable_operators.hpp>
 
-#include "rig/procedure/duration.hpp"
 #include "rig/runner/runner_impl.hpp"
 
 namespace rig {

@@ -6,6 +6,8 @@
 #include <random>
 #include <vector>
 
+#include "sim/polar_random.hpp"
+
 namespace challenge {
 
 /// Random numbers that are the same with every standard library: the engine is specified, its distributions
@@ -23,22 +25,9 @@ class Random {
   double sign() { return uniform() < 0.5 ? -1.0 : 1.0; }
   bool chance(double probability) { return uniform() < probability; }
 
-  /// Standard normal (Marsaglia's polar method).
+  /// Standard normal.
   double normal() {
-    if (has_spare_) {
-      has_spare_ = false;
-      return spare_;
-    }
-    double u, v, s;
-    do {
-      u = 2 * uniform() - 1;
-      v = 2 * uniform() - 1;
-      s = u * u + v * v;
-    } while (s >= 1 || s == 0);
-    const double scale = std::sqrt(-2 * std::log(s) / s);
-    spare_ = v * scale;
-    has_spare_ = true;
-    return u * scale;
+    return normals_.next([this] { return uniform(); });
   }
 
   template <typename T>
@@ -48,8 +37,7 @@ class Random {
 
  private:
   std::mt19937_64 engine_;
-  double spare_ = 0;
-  bool has_spare_ = false;
+  sim::PolarNormals normals_;
 };
 
 }  // namespace challenge

@@ -49,10 +49,10 @@ std::string in_words(Index i, const Bench& bench) {
 }  // namespace
 
 void tell_stated_otherwise(const Findings& findings, Explanation& out) {
+  const std::string itself = name_of(Stated(findings).worst());
   for (const std::vector<Term>& suspects : findings.means.stated_otherwise) {
     std::vector<std::string> set;
     for (const Term& term : suspects) set.push_back(term.mechanism->id);
-    const std::string itself = name_of(Stated(findings).worst());
     if (!std::ranges::count(set, itself)) set.push_back(itself);
     out.undecided_between.push_back(set);
     out.suspects.insert(out.suspects.end(), suspects.begin(), suspects.end());

@@ -11,6 +11,13 @@
 namespace fit::explain::answer {
 namespace {
 
+/// Whether a name was found beside noise that is not decided: with another of its suspects in place, less
+/// might be left for the name. What the bench states of the constant noise is no such name.
+bool may_be_of_the_undecided(const Suspect& suspect, const SpreadResult& spread) {
+  return !spread.undecided.empty() && suspect.mechanism->observable == Observable::range_variance &&
+         !is_constant_noise(*suspect.mechanism);
+}
+
 Found found_of(const Findings& findings, const Suspect& suspect) {
   Finding finding;
   finding.parameters = suspect.parameters;
@@ -19,6 +26,8 @@ Found found_of(const Findings& findings, const Suspect& suspect) {
   found.parameters = suspect.parameters;
   found.probability =
       std::min(0.999, 1 / (1 + std::exp(odds::against_any - suspect.evidence) + std::exp(-suspect.ahead)));
+  if (may_be_of_the_undecided(suspect, findings.spread))
+    found.probability = std::min(not_certain, found.probability);
   found.says = suspect.mechanism->says(finding);
   found.log_likelihood_gain = suspect.gain - static_cast<double>(suspect.parameters.size());
   found.evidence = "Its log-likelihood is higher by " + rounded(suspect.gain, 3) + ", of which " +
@@ -26,13 +35,6 @@ Found found_of(const Findings& findings, const Suspect& suspect) {
   found.rms_before_mm = findings.means.after.rms_mm;
   found.rms_after_mm = findings.means.after.rms_mm;
   return found;
-}
-
-/// Whether a name was found beside noise that is not decided: with another of its suspects in place, less
-/// might be left for the name. What the bench states of the constant noise is no such name.
-bool may_be_of_the_undecided(const Suspect& suspect, const SpreadResult& spread) {
-  return !spread.undecided.empty() && suspect.mechanism->observable == Observable::range_variance &&
-         !is_constant_noise(*suspect.mechanism);
 }
 
 void tell_set(const std::vector<Suspect>& set, Explanation& out) {
@@ -58,8 +60,6 @@ void tell_spread(const Findings& findings, Explanation& out) {
     const bool is_constant = is_constant_noise(*suspect.mechanism);
     if (findings.reduced.bench.knows(suspect.mechanism->id) && !is_constant) continue;
     out.mechanisms.push_back(found_of(findings, suspect));
-    if (may_be_of_the_undecided(suspect, findings.spread))
-      out.mechanisms.back().probability = std::min(not_certain, out.mechanisms.back().probability);
     if (!is_constant) add_to_bench(suspect);
   }
   for (const Suspect& suspect : findings.spread.brought_along) {

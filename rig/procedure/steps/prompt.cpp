@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <cmath>
 
+#include "fit/json_position.hpp"
 #include "rig/procedure/step.hpp"
 
 namespace rig::steps {
@@ -63,10 +64,9 @@ Placement placement(const Arguments& place, const fit::Bench& bench) {
   if (!target) {
     std::vector<std::string> names;
     for (const auto& each : bench.targets) names.push_back(each.name);
-    const std::string meant = did_you_mean(result.target, names);
     throw ProcedureError(place.place_of("target"),
                          "the bench has no target '" + result.target + "'" +
-                             (meant.empty() ? "." : "; did you mean '" + meant + "'?"));
+                             fit::ending_with_guess(did_you_mean(result.target, names)));
   }
   if (at_mm && result.shift_mm)
     throw ProcedureError(place.place(), "'place' takes one of at_mm and shift_mm.");
