@@ -35,11 +35,41 @@ std::string unknown_command(int argc, char** argv, const std::vector<CLI::App*>&
          " `rig --help` lists them.";
 }
 
+/// The parser takes whatever follows an option for its value, another option too.
+void refuse_options_as_values(const std::vector<CLI::App*>& commands) {
+  const auto no_option = [](const std::string& value) {
+    const bool is_option = value.size() > 2 && value.starts_with("--") && value[2] != '-';
+    return is_option ? "a value is missing: the option " + value + " follows" : std::string();
+  };
+  for (CLI::App* command : commands)
+    for (CLI::Option* option : command->get_options())
+      if (!option->get_positional() && option->get_expected_min() > 0) option->check(no_option, "");
+}
+
+/// What to say of a word that a subcommand has no use for; empty if it is not for that that it was refused.
+std::string unexpected_word(const std::vector<CLI::App*>& commands) {
+  for (const CLI::App* command : commands) {
+    const std::vector<std::string> words =
+        command->parsed() ? command->remaining() : std::vector<std::string>();
+    if (words.empty()) continue;
+    const std::string& word = words.front();
+    const std::string help = " `rig " + command->get_name() + " --help` says what it takes.";
+    if (!word.starts_with('-')) return "'" + word + "' is one argument too many." + help;
+    std::vector<std::string> names;
+    for (const CLI::Option* option : command->get_options()) names.push_back(option->get_name());
+    const std::string name = word.substr(0, word.find('='));
+    return "rig " + command->get_name() + " has no option '" + name + "'" +
+           fit::ending_with_guess(fit::nearest_word(name, names)) + help;
+  }
+  return "";
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   CLI::App app{
-      "Calibration rig controller: runs procedures on a lidar and a rotary stage, fits, explains, reports."};
+      "Calibration rig controller: runs procedures on a lidar and a rotary stage, fits, explains, reports.",
+      "rig"};
   app.set_version_flag("--version", "rig " RIG_VERSION);
   app.require_subcommand(1);
   app.footer(
@@ -52,8 +82,13 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "rig: %s\n", wrong.c_str());
     return 2;
   }
+  refuse_options_as_values(declared);
   try {
     app.parse(argc, argv);
+  } catch (const CLI::ExtrasError& error) {
+    const std::string words = unexpected_word(declared);
+    std::fprintf(stderr, "rig: %s\n", words.empty() ? error.what() : words.c_str());
+    return 2;
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }

@@ -115,6 +115,25 @@ TEST_CASE("a word that is no subcommand is named, with the one that was meant") 
   CHECK_THAT(rig.errors(), Contains("no subcommand 'exprot'; did you mean 'export'?"));
 }
 
+TEST_CASE("a mistyped option, a forgotten value and an argument too many are named") {
+  TestFolder folder;
+  const std::vector<std::pair<std::vector<std::string>, std::string>> wrong = {
+      {{"run", "p.yaml", "--bnech", "b.json"}, "rig run has no option '--bnech'; did you mean '--bench'?"},
+      {{"run", "p.yaml", "--banch=b.json"}, "rig run has no option '--banch'; did you mean '--bench'?"},
+      {{"run", "p.yaml", "--bench", "--out", "a.rig"},
+       "--bench: a value is missing: the option --out follows"},
+      {{"explain", "--json", "--no-store", "a.rig"},
+       "--json: a value is missing: the option --no-store follows"},
+      {{"run", "p.yaml", "q.yaml"}, "'q.yaml' is one argument too many"}};
+  for (const auto& [words, message] : wrong) {
+    std::vector<std::string> arguments = {RIG_BIN_DIR "/rig"};
+    arguments.insert(arguments.end(), words.begin(), words.end());
+    Program rig(arguments, folder);
+    CHECK(rig.exit_status() == 2);
+    CHECK_THAT(rig.errors(), Contains(message));
+  }
+}
+
 TEST_CASE("a place that cannot hold a session is refused before anything moves, with what to do") {
   Bench bench;
   bench.write("p.yaml", "procedure: test\nsteps:\n  - home\n");
