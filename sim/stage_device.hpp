@@ -17,12 +17,14 @@ enum class StageFault {
   stall,  ///< The rotor stands in the middle of a move; the controller notices and says so, if it has a word
           ///< for it.
   limit_switch,   ///< An end switch is hit where none should be; the motion stops.
-  lost_position,  ///< The rotor slips by 10 full steps; nothing notices.
+  lost_position,  ///< The rotor slips by lost_full_steps; nothing notices.
   reject_next,    ///< The next motion command is refused.
   alert_storm,    ///< 200 unsolicited lines at once (languages without such lines ignore it).
   power_cycle,    ///< Power is lost and comes back: not homed, motion gone, settings at their defaults.
   dead,           ///< It no longer answers anything until power_cycle.
 };
+
+constexpr double lost_full_steps = 10;  ///< Of StageFault::lost_position.
 
 /// A simulated stage controller speaking one language: bytes and time in, bytes out; no I/O.
 class StageDevice {
@@ -49,6 +51,12 @@ struct StageDeviceOptions {
   std::optional<bool>
       acknowledges;  ///< Answers commands with OK or NG; by default `shot` does and `gsc` not.
 };
+
+/// A device as StageLanguage::create makes it.
+template <class Device>
+std::unique_ptr<StageDevice> create_stage(const StageDeviceOptions& options) {
+  return std::make_unique<Device>(options);
+}
 
 /// A language a simulated stage can speak. Each lives in its own file stages/NAME.cpp, which defines
 /// `sim::StageLanguage sim::stages::make_NAME()`; the build finds it by its name.

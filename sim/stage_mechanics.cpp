@@ -189,7 +189,8 @@ void StageMechanics::count_from(double now_s, double units) {
   offset_before_home_ = offset_ = segments_[segment_at(now_s)].motor_at(now_s) - units;
 }
 
-void StageMechanics::slip(double now_s, double units) {
+void StageMechanics::slip(double now_s, double full_steps) {
+  const double units = full_steps * physics_.full_step_deg * physics_.units_per_deg;
   cut(now_s);
   const Segment last = segments_.back();
   append(now_s, last.rate_at(now_s), last.acceleration);

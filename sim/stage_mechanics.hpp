@@ -68,8 +68,8 @@ class StageMechanics {
   [[nodiscard]] StageMoment truth(double time_s) const;
 
   // Faults.
-  /// The rotor slips: the table moves by so many units and the counter does not notice.
-  void slip(double now_s, double units);
+  /// The rotor slips by so many full steps: the table moves and the counter does not notice.
+  void slip(double now_s, double full_steps);
   /// The rotor stands still, the counter knows: what a stalled stage with an encoder does.
   void stall(double now_s) { halt(now_s); }
   /// Power-off and on: counts from 0 where it stands, not homed.

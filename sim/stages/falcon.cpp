@@ -145,7 +145,6 @@ std::string FalconStage::report(double now_s) const {
 }
 
 void FalconStage::inject(StageFault fault, double now_s) {
-  constexpr double slipped_full_steps = 10;
   switch (fault) {
     case StageFault::stall:  // Open loop and without a word for it: the motion has ended, that is all.
       mechanics_.stall(now_s);
@@ -155,8 +154,7 @@ void FalconStage::inject(StageFault fault, double now_s) {
       at_limit_ = true;
       break;
     case StageFault::lost_position:
-      mechanics_.slip(now_s, slipped_full_steps * mechanics_.physics().full_step_deg *
-                                 mechanics_.physics().units_per_deg);
+      mechanics_.slip(now_s, lost_full_steps);
       break;
     case StageFault::reject_next:
       reject_next_ = true;
@@ -180,9 +178,7 @@ void FalconStage::inject(StageFault fault, double now_s) {
 StageLanguage make_falcon() {
   StageLanguage language;
   language.names = {"falcon"};
-  language.create = [](const StageDeviceOptions& options) -> std::unique_ptr<StageDevice> {
-    return std::make_unique<FalconStage>(options);
-  };
+  language.create = create_stage<FalconStage>;
   language.usual = [](StagePhysics& physics) {
     physics.units_per_deg = 400;
     physics.speed_deg_s = physics.homing_speed_deg_s = 6;

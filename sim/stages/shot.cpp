@@ -387,7 +387,6 @@ bool ShotStage::excite(Arguments arguments) {
 // --- what goes wrong ---
 
 void ShotStage::inject(StageFault fault, double now_s) {
-  constexpr double slipped_full_steps = 10;
   switch (fault) {
     case StageFault::stall:  // The language has no word for it: the motion has ended, that is all.
       is_limit_ahead_ = false;
@@ -399,8 +398,7 @@ void ShotStage::inject(StageFault fault, double now_s) {
       at_limit_ = true;
       break;
     case StageFault::lost_position:
-      mechanics_.slip(now_s, slipped_full_steps * mechanics_.physics().full_step_deg *
-                                 mechanics_.physics().units_per_deg);
+      mechanics_.slip(now_s, lost_full_steps);
       break;
     case StageFault::reject_next:
       reject_next_ = true;
@@ -428,9 +426,7 @@ void ShotStage::inject(StageFault fault, double now_s) {
 StageLanguage make_shot() {
   StageLanguage language;
   language.names = {"shot", "gsc"};
-  language.create = [](const StageDeviceOptions& options) -> std::unique_ptr<StageDevice> {
-    return std::make_unique<ShotStage>(options);
-  };
+  language.create = create_stage<ShotStage>;
   // A yaw stage with a 144:1 worm and a 0.72 deg motor in half steps: 0.0025 deg a pulse.
   language.usual = [](StagePhysics& physics) {
     physics.units_per_deg = 400;

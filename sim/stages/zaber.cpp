@@ -368,7 +368,6 @@ std::string ZaberStage::poll(double now_s) {
 }
 
 void ZaberStage::inject(StageFault fault, double now_s) {
-  constexpr double slipped_full_steps = 10;
   switch (fault) {
     case StageFault::stall:
       mechanics_.stall(now_s);
@@ -379,8 +378,7 @@ void ZaberStage::inject(StageFault fault, double now_s) {
       limit_hit_ = true;
       break;
     case StageFault::lost_position:
-      mechanics_.slip(now_s, slipped_full_steps * mechanics_.physics().full_step_deg *
-                                 mechanics_.physics().units_per_deg);
+      mechanics_.slip(now_s, lost_full_steps);
       break;
     case StageFault::reject_next:
       reject_next_ = true;
@@ -406,9 +404,7 @@ void ZaberStage::inject(StageFault fault, double now_s) {
 StageLanguage make_zaber() {
   StageLanguage language;
   language.names = {"zaber"};
-  language.create = [](const StageDeviceOptions& options) -> std::unique_ptr<StageDevice> {
-    return std::make_unique<ZaberStage>(options);
-  };
+  language.create = create_stage<ZaberStage>;
   language.usual = [](StagePhysics&) {};
   return language;
 }
