@@ -54,7 +54,8 @@ struct StreamRequest {
 };
 
 struct Options {
-  std::chrono::milliseconds connect_timeout{3000};
+  std::chrono::milliseconds connect_timeout{
+      1500};  ///< Over a second: a lost first packet is sent again then.
   std::chrono::milliseconds reply_timeout{
       1000};  ///< For one answer; requests that may be repeated are, twice.
   std::chrono::milliseconds scan_timeout{2000};  ///< Longest silence while streaming.

@@ -117,9 +117,7 @@ class Devices : public Command {
     json entry = {{"address", "tcp://" + address.host + ":" + std::to_string(address.port)}};
     std::string answer;
     try {
-      lidar::Options options;
-      options.connect_timeout = std::chrono::milliseconds(1500);
-      lidar::Client client(co_await asio::this_coro::executor, address.host, address.port, options);
+      lidar::Client client(co_await asio::this_coro::executor, address.host, address.port);
       auto connecting = client.connect();
       const lidar::Identity who = co_await std::move(connecting);
       answer = who.model + ", serial " + who.serial + ", firmware " + who.firmware;

@@ -119,6 +119,7 @@ awaitable<void> Runner::Impl::connect_lidar() {
 
 awaitable<void> Runner::Impl::await_lidar() {
   const std::int64_t begun_us = parts.clock.host_us();
+  bool said_why = false;
   for (double pause_s = first_start_pause_s;; pause_s = std::min(pause_s + 1, longest_start_pause_s)) {
     std::exception_ptr why;
     try {
@@ -133,8 +134,12 @@ awaitable<void> Runner::Impl::await_lidar() {
     if (left_s <= 0)
       throw DeviceError(sentence(why) + " It was waited for as long as a lidar takes to start, " +
                         fit::format_value(longest_start_s, 0) + " s. Nothing was moved.");
-    note("warning", "waiting for the lidar: " + sentence(why) + " The rig goes on trying for " +
-                        fit::format_value(std::ceil(left_s), 0) + " s; Ctrl-C stops.");
+    const std::string goes_on = fit::format_value(std::ceil(left_s), 0) + " s; Ctrl-C stops.";
+    if (!said_why)
+      note("warning", "waiting for the lidar: " + sentence(why) + " The rig goes on trying for " + goes_on);
+    else
+      note("info", "still waiting for the lidar, for another " + goes_on);
+    said_why = true;
     auto resting = parts.clock.sleep(std::min(pause_s, left_s));
     co_await std::move(resting);
   }

@@ -294,12 +294,13 @@ struct Rig {
     }
     return all;
   }
-  bool told(const std::string& words) const {
+  int times_told(const std::string& words) const {
     const rig::SessionStore session(file, rig::SessionStore::Mode::read);
-    for (const auto& event : session.events())
-      if (event.text.find(words) != std::string::npos) return true;
-    return false;
+    int times = 0;
+    for (const auto& event : session.events()) times += event.text.find(words) != std::string::npos;
+    return times;
   }
+  bool told(const std::string& words) const { return times_told(words) > 0; }
 };
 
 }  // namespace
@@ -353,7 +354,8 @@ TEST_CASE("a lidar that is not there yet is waited for when a run begins, for as
   CHECK(rig.run());
   CHECK(rig.lidar.connects == 5);
   CHECK(rig.told("waiting for the lidar: nobody is there. The rig goes on trying for 30 s; Ctrl-C stops."));
-  CHECK(rig.told("for 24 s"));
+  CHECK(rig.told("still waiting for the lidar, for another 24 s; Ctrl-C stops."));
+  CHECK(rig.times_told("nobody is there") == 1);
 
   Rig never("  - home\n");
   never.lidar.when_connecting = [] { throw rig::LidarAbsent("nobody is there"); };
