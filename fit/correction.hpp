@@ -48,7 +48,7 @@ struct Correction {
   Estimate zero_mm{0, 0};  ///< At the reference condition.
   std::optional<CorrectionTerm> intensity, range;
   Eigen::MatrixXd factor;  ///< Rows: zero, the intensity term's coefficients, the range term's.
-  double common_u_mm = 0;  ///< Of the targets' distance: the same for every range, not in `factor`.
+  double common_u_mm = 0;  ///< Of the true distances: the same for every range, not in `factor`.
   double reference_mm = 200, reference_intensity = 2400;
   std::string lidar_model, lidar_serial, lidar_firmware;
   std::string created_utc, procedure, software;

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "rig/errors.hpp"
+#include "rig/session/step_in_words.hpp"
 
 namespace rig {
 namespace {
@@ -24,6 +25,7 @@ std::string text(double value, const char* format) {
 struct Board {
   Vector2d from, to, normal;
   double distance_mm = 0, normal_rad = 0;
+  double u_mount_mm = 0;  ///< Of the distance, by where the lidar sits on the stage.
 };
 
 Board board_of(const fit::Target& target, const fit::CaptureInfo& capture, const fit::Mount& mount) {
@@ -38,6 +40,8 @@ Board board_of(const fit::Target& target, const fit::CaptureInfo& capture, const
   board.distance_mm = board.normal.dot(board.from);
   if (board.distance_mm < 0) board.normal = -board.normal, board.distance_mm = -board.distance_mm;
   board.normal_rad = std::atan2(board.normal.y(), board.normal.x());
+  const Vector2d on_stage = Eigen::Rotation2Dd(-stage) * target.outward_normal();
+  board.u_mount_mm = std::hypot(on_stage.x() * mount.x_mm.u, on_stage.y() * mount.y_mm.u);
   return board;
 }
 
@@ -187,8 +191,8 @@ std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::s
                                          RangeSource& source, LeftOut& left_out) {
   const fit::CaptureInfo& capture = recording.captures()[index];
   const fit::Bench& bench = recording.bench();
-  const std::string name =
-      "capture " + std::to_string(capture.id) + (capture.step.empty() ? "" : " (" + capture.step + ")");
+  const std::string name = "capture " + std::to_string(capture.id) +
+                           (capture.step.empty() ? "" : " (" + step_in_words(capture.step) + ")");
   if (fit::is_turning(capture)) return std::nullopt;
   const fit::Target* target = target_of(bench, capture);
   if (!target) {
@@ -206,7 +210,7 @@ std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::s
     return std::nullopt;
   }
   RangeCapture out;
-  out.label = capture.step.empty() ? std::to_string(capture.id) : capture.step;
+  out.label = capture.step.empty() ? std::to_string(capture.id) : step_in_words(capture.step);
   out.target = target->name;
   out.true_mm = board.distance_mm;
   out.normal_deg = normal.rad * fit::deg_per_rad, out.u_normal_deg = normal.u_rad * fit::deg_per_rad;
@@ -214,7 +218,7 @@ std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::s
   const auto n = static_cast<double>(beam.samples.size());
   out.beam_deg = fit::wrap_angle(beam.sum_rad / n) * fit::deg_per_rad;
   out.oblique_mm = board.distance_mm * beam.sum_secant / n;
-  out.u_placement_mm = target->u_mm;
+  out.u_placement_mm = target->u_mm, out.u_mount_mm = board.u_mount_mm;
   out.temperature_c = capture.temperature_c;
   out.beam_step_deg = beam.step_rad * fit::deg_per_rad;
   out.reflectance = capture.reflectance ? capture.reflectance : target->reflectance;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -18,13 +19,16 @@ struct RangeCapture {
   double normal_deg = 0;  ///< Direction of the normal in the lidar's frame that was used.
   double u_normal_deg = 0;
   bool normal_from_data = false;
-  double beam_deg = 0;    ///< Mean direction of the beam nearest to it.
-  double oblique_mm = 0;  ///< Range along that beam less the distance along the normal.
-  double u_placement_mm = 0;
+  double beam_deg = 0;        ///< Mean direction of the beam nearest to it.
+  double oblique_mm = 0;      ///< Range along that beam less the distance along the normal.
+  double u_placement_mm = 0;  ///< Of the target along its normal.
+  double u_mount_mm = 0;      ///< Of the lidar's place on the stage, along that normal.
   std::optional<double> reflectance, temperature_c;
   double beam_step_deg = 0;  ///< From one beam to the next.
   fit::SelectedMean paper, robust;
   long scans = 0;
+  /// Standard uncertainty of the true distance.
+  [[nodiscard]] double u_true_mm() const { return std::hypot(u_placement_mm, u_mount_mm); }
   [[nodiscard]] fit::RangePoint point(const fit::SelectedMean& mean) const {
     fit::RangePoint out;
     out.true_mm = true_mm, out.measured_mm = mean.mean_mm - oblique_mm;

@@ -12,6 +12,7 @@
 #include "rig/errors.hpp"
 #include "rig/fitting/one_lidar.hpp"
 #include "rig/fitting/result_document.hpp"
+#include "rig/session/step_in_words.hpp"
 
 namespace rig::fittings {
 namespace {
@@ -242,8 +243,8 @@ class Noise : public Fitting {
   static json captures_table(const Sampled& sampled) {
     json rows = json::array();
     for (const StepCaptures& step : sampled.steps)
-      rows.push_back({step.step, step.count, step.least_deg, step.most_deg, step.scans, step.beams,
-                      number_or_null(median_of(step.sigma_mm))});
+      rows.push_back({step_in_words(step.step), step.count, step.least_deg, step.most_deg, step.scans,
+                      step.beams, number_or_null(median_of(step.sigma_mm))});
     return {{"title", "Captures"},
             {"columns",
              {"step",

@@ -46,13 +46,25 @@ std::vector<fit::RangePoint> points_of(const RangeSource& source, bool robust) {
   return out;
 }
 
+/// The captures whose errors stand in front: all of a few, of many some that lie evenly from the nearest to
+/// the farthest.
+std::vector<RangeCapture> spread_over_distance(std::vector<RangeCapture> captures) {
+  constexpr std::size_t all_of = 12, of_many = 9;
+  if (captures.size() <= all_of) return captures;
+  std::ranges::stable_sort(captures, {}, &RangeCapture::true_mm);
+  std::vector<RangeCapture> out;
+  for (std::size_t i = 0; i < of_many; ++i)
+    out.push_back(captures[i * (captures.size() - 1) / (of_many - 1)]);
+  return out;
+}
+
 json captures_table(const RangeSource& source) {
   json rows = json::array();
   for (const RangeCapture& c : source.captures) {
     const fit::RangePoint point = c.point(c.paper);
     rows.push_back({c.label, hundredths(point.true_mm), hundredths(point.measured_mm),
                     hundredths(point.error_mm()), digits(point.u_mm),
-                    digits(2 * std::hypot(point.u_mm, c.u_placement_mm)), c.paper.intensity, c.paper.kept});
+                    digits(2 * std::hypot(point.u_mm, c.u_true_mm())), c.paper.intensity, c.paper.kept});
   }
   return {{"title",
            "Range error of each capture: beam square on the target, mean of the most frequent intensity"},
@@ -246,8 +258,10 @@ class Range : public Fitting {
     fit::RangeOptions how;
     how.intensity_family = options.text("intensity"), how.distance_family = options.text("distance");
     how.reference_intensity = options.maybe_number("reference_intensity").value_or(0);
-    for (const RangeCapture& c : source.captures)
+    for (const RangeCapture& c : source.captures) {
       how.placement_u_mm = std::max(how.placement_u_mm, c.u_placement_mm);
+      how.common_u_mm = std::max(how.common_u_mm, c.u_true_mm());
+    }
     auto points = points_of(source, selection == "robust");
     fit::RangeCalibration calibration = fit::calibrate_range(points, how);
     fit::sort_into_experiments(points);
@@ -284,16 +298,14 @@ class Range : public Fitting {
 
   static void add_values(json& out, const RangeSource& source, const std::vector<fit::RangePoint>& points,
                          const fit::RangeCalibration& calibration, bool robust) {
-    if (source.captures.size() <= 12) {
-      std::set<long> named;
-      for (const RangeCapture& c : source.captures) {
-        const fit::RangePoint p = c.point(robust ? c.robust : c.paper);
-        if (!named.insert(std::lround(p.true_mm)).second) continue;
-        out["values"].push_back(result_value(
-            "error_at_" + text(p.true_mm, "%.0f") + "_mm",
-            "Range error at " + text(p.true_mm, "%.0f") + " mm, " + text(p.intensity, "%.0f") + " counts",
-            {p.error_mm(), std::hypot(p.u_mm, c.u_placement_mm)}, "mm"));
-      }
+    std::set<long> named;
+    for (const RangeCapture& c : spread_over_distance(source.captures)) {
+      const fit::RangePoint p = c.point(robust ? c.robust : c.paper);
+      if (!named.insert(std::lround(p.true_mm)).second) continue;
+      out["values"].push_back(result_value(
+          "error_at_" + text(p.true_mm, "%.0f") + "_mm",
+          "Range error at " + text(p.true_mm, "%.0f") + " mm, " + text(p.intensity, "%.0f") + " counts",
+          {p.error_mm(), std::hypot(p.u_mm, c.u_true_mm())}, "mm"));
     }
     out["values"].push_back(plain_value("rms_error_before_mm", "RMS range error of the captures, uncorrected",
                                         calibration.rms_before_mm, "mm"));
@@ -322,9 +334,17 @@ class Range : public Fitting {
     };
     scatter(calibration.points_intensity, calibration.scatter_intensity_mm, "intensity");
     scatter(calibration.points_distance, calibration.scatter_distance_mm, "distance");
-    double placement = 0;
-    for (const RangeCapture& c : source.captures) placement = std::max(placement, c.u_placement_mm);
+    double placement = 0, mount = 0;
+    for (const RangeCapture& c : source.captures)
+      placement = std::max(placement, c.u_placement_mm), mount = std::max(mount, c.u_mount_mm);
     out["budget"].push_back(budget_line("true distance (bench file), common to all", "B", placement, "mm"));
+    if (mount > 0)
+      out["budget"].push_back(
+          budget_line("lidar's place on the stage (bench file's mount), common to all", "B", mount, "mm"));
+    if (mount > placement)
+      out["notes"].push_back("Where the lidar sits on the stage is known to U = " + text(2 * mount, "%.2g") +
+                             " mm (k = 2) only, and every range error contains that: calibrate it first "
+                             "(procedure rotation-centre) and write it into the bench file's mount.");
   }
 
   void add_correction(json& out, const std::vector<FitSource>& sources, const RangeSource& source,

@@ -8,6 +8,7 @@
 #include "rig/fitting/fitting.hpp"
 #include "rig/import/import_session.hpp"
 #include "rig/report/report.hpp"
+#include "rig/session/session_store.hpp"
 #include "tests/support/test_folder.hpp"
 
 namespace {
@@ -65,4 +66,36 @@ TEST_CASE("four real recordings before a wall give range errors with honest unce
   }
   rig::write_report(request.output.path(), rig::check_output({place / "wall.html"}));
   CHECK(std::filesystem::file_size(place / "wall.html") > 20000);
+}
+
+TEST_CASE("where the lidar sits on its stage is part of a range error's uncertainty, along the beam") {
+  const TestFolder place;
+  const std::string file = place / "board.rig";
+  {
+    rig::SessionStore store(file, rig::SessionStore::Mode::create);
+    store.set("bench", R"({"schema":"bench/1",
+      "lidar":{"model":"UST-10LX","steps":1081,"front_step":540,"step_deg":0.25,"scan_hz":40,
+               "mount":{"x_mm":{"value":0,"u":15},"y_mm":{"value":0,"u":40},"yaw_deg":0}},
+      "targets":[{"name":"board","from_mm":[1400,-200],"to_mm":[1400,200],"u_mm":2,"u_deg":0.1}]})");
+    fit::CaptureInfo info;
+    info.step = "capture 2[beam_deg=0]", info.target = "board";
+    info.first_step = info.last_step = 540;
+    const auto id = store.begin_capture(info);
+    for (int i = 0; i < 200; ++i) {
+      const std::vector<std::uint16_t> range = {static_cast<std::uint16_t>(1400 + i % 3)}, intensity = {1500};
+      fit::ScanView scan;
+      scan.seq = i, scan.host_us = 25000 * i;
+      scan.range_mm = range, scan.intensity = intensity;
+      store.add_scan(id, scan);
+    }
+    store.commit_capture(id);
+  }
+  const rig::SessionStore session(file, rig::SessionStore::Mode::read);
+  const nlohmann::json result = rig::run_fit("range", {{file, &session}}, nlohmann::json::object());
+  // The board is square on the stage's zero: 15 mm along the beam count and 40 mm across it do not.
+  CHECK(value_of(result, "error_at_1400_mm").at("u").get<double>() ==
+        Approx(std::hypot(15, 2)).epsilon(0.01));
+  CHECK(result.at("tables").at(0).at("rows").at(0).at(0) == "step 2, beam 0 deg");
+  CHECK_THAT(result.at("budget").dump(), Catch::Contains("lidar's place on the stage"));
+  CHECK_THAT(result.at("notes").dump(), Catch::Contains("calibrate it first"));
 }
