@@ -6,13 +6,13 @@
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
-#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 
 #include "fit/bench.hpp"
 #include "fit/number_format.hpp"
 #include "rig/json_fields.hpp"
+#include "rig/report/coordinate_in_words.hpp"
 #include "rig/report/plot.hpp"
 #include "rig/session/lidar_identity.hpp"
 #include "rig/session/session_dates.hpp"
@@ -200,19 +200,6 @@ json noteworthy_events(const SessionStore& session) {
   return rows;
 }
 
-/// What kind of reading the unknown physics shows in.
-std::string observable_in_words(const std::string& id) {
-  static const std::map<std::string, std::string> words = {
-      {"range-mean", "mean of the ranges"},
-      {"range-variance", "scatter of the ranges"},
-      {"range-distribution", "shape of the ranges' distribution"},
-      {"intensity", "intensity"},
-      {"dropout", "echoes that are missing"},
-      {"time-correlation", "ranges of successive scans, which depend on each other"}};
-  const auto word = words.find(id);
-  return word == words.end() ? id : word->second;
-}
-
 std::string rounded(double value) {
   char text[40];
   std::snprintf(text, sizeof text, "%.3g", value);
@@ -242,8 +229,10 @@ json unknown_physics(const json& explanation) {
   if (!unknown.is_object() && !said) return nullptr;
   const std::string coordinate = text_of(unknown, "coordinate");
   const double from = number_of(unknown, "from"), to = number_of(unknown, "to");
-  std::string where = coordinate.empty() ? "" : "along " + coordinate;
-  if (std::isfinite(from) && std::isfinite(to)) where += " from " + rounded(from) + " to " + rounded(to);
+  std::string where = coordinate.empty() ? "" : "along " + coordinate_in_words(coordinate).name;
+  if (std::isfinite(from) && std::isfinite(to))
+    where +=
+        " from " + rounded(from) + " to " + fit::with_unit(rounded(to), coordinate_in_words(coordinate).unit);
   json rows = json::array();
   add(rows, "What", text_of(unknown, "describes"));
   add(rows, "Seen in", observable_in_words(text_of(unknown, "observable")));

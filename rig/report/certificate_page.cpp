@@ -146,6 +146,36 @@ const std::map<std::string, std::string>& section_titles() {
   return titles;
 }
 
+/// Tables that are longer than a reader of results wants to pass stand at the end; here stands where. `annex`
+/// gains them.
+void move_to_annex(json& section, json& annex) {
+  constexpr std::size_t rows_of_a_result = 8;
+  json kept = json::array(), places = json::array();
+  for (json& table : section["tables"]) {
+    if (table["rows"].size() <= rows_of_a_result) {
+      kept.push_back(std::move(table));
+      continue;
+    }
+    table["number"] = "A" + std::to_string(annex.size() + 1);
+    places.push_back({{"number", table["number"]},
+                      {"title", table["title"]},
+                      {"rows", std::to_string(table["rows"].size())}});
+    table["section"] = section["title"];
+    annex.push_back(std::move(table));
+  }
+  section["tables"] = std::move(kept);
+  section["in_annex"] = std::move(places);
+}
+
+/// Of a certificate with one result all values with their uncertainty stand in front already.
+void leave_to_headline(json& section) {
+  json kept = json::array();
+  for (json& value : section["values"])
+    if (value.at("expanded").get<std::string>().empty()) kept.push_back(std::move(value));
+  section["values"] = std::move(kept);
+  section["has_values"] = !section["values"].empty();
+}
+
 json shown_section(const std::string& kind, const json& result) {
   const auto known = section_titles().find(kind);
   json section = {{"title", text_of(result, "title", known == section_titles().end() ? kind : known->second)},
@@ -159,7 +189,8 @@ json shown_section(const std::string& kind, const json& result) {
                   {"undetermined", list_of(result, "undetermined")}};
   for (const json& value : list_of(result, "values")) section["values"].push_back(shown_value(value));
   for (const json& plot : list_of(result, "plots"))
-    section["plots"].push_back({{"svg", to_svg(plot_from_json(plot))}});
+    section["plots"].push_back(
+        {{"svg", to_svg(plot_from_json(plot))}, {"map", plot.value("equal_axes", false)}});
   for (const json& table : list_of(result, "tables")) section["tables"].push_back(shown_table(table));
   for (const json& row : list_of(result, "budget"))
     section["budget"].push_back({{"source", text_of(row, "source")},
@@ -296,13 +327,17 @@ std::string to_html(const json& certificate) {
     for (json& row : page[part]) row["text"] = readable_utc(text_of(row, "text"));
   page["hash"] = text_of(certificate, "sha256");
   page["sections"] = json::array();
+  json annex = json::array();
   json headline = json::array();
   for (const json& entry : list_of(certificate, "results")) {
     json section = shown_section(text_of(entry, "kind"), entry.value("result", json::object()));
     for (const json& value : section["values"])
       if (!value.at("expanded").get<std::string>().empty()) headline.push_back(value);
+    move_to_annex(section, annex);
     page["sections"].push_back(std::move(section));
   }
+  if (page["sections"].size() == 1 && !headline.empty()) leave_to_headline(page["sections"].front());
+  if (!annex.empty()) page["annex"] = {{"tables", annex}};
   if (!headline.empty()) page["headline"] = {{"values", headline}};
   const json limits = certificate.value("limits", json::object());
   page["checks"] = shown_checks(limits);

@@ -7,6 +7,7 @@
 #include "fit/explain/explanation.hpp"
 #include "fit/number_format.hpp"
 #include "rig/json_fields.hpp"
+#include "rig/report/coordinate_in_words.hpp"
 #include "rig/report/html_text.hpp"
 #include "rig/report/plot.hpp"
 
@@ -52,9 +53,9 @@ std::string mechanism_section(const json& m) {
 
 std::string curve_section(const json& curve) {
   Plot plot;
-  const std::string coordinate = curve.at("coordinate").get<std::string>();
-  plot.title = "Mean residual along " + coordinate;
-  plot.x_label = coordinate;
+  const CoordinateWords coordinate = coordinate_in_words(curve.at("coordinate").get<std::string>());
+  plot.title = "Mean residual along " + coordinate.name;
+  plot.x_label = coordinate.with_unit();
   plot.y_label = "recording - simulation (mm)";
   const auto x = curve.at("at").get<std::vector<double>>();
   const auto u = curve.at("u_mm").get<std::vector<double>>();
@@ -62,7 +63,7 @@ std::string curve_section(const json& curve) {
       {"before", Series::Style::errorbars, x, curve.at("before_mm").get<std::vector<double>>(), u});
   plot.series.push_back(
       {"after", Series::Style::errorbars, x, curve.at("after_mm").get<std::vector<double>>(), u});
-  return "<figure>" + to_svg(plot) + "<figcaption>Means over intervals of " + escaped(coordinate) +
+  return "<figure>" + to_svg(plot) + "<figcaption>Means over intervals of " + escaped(coordinate.name) +
          " with their standard uncertainties, after mount and targets were fitted; before: with the bench as "
          "it was; "
          "after: with what was found.</figcaption></figure>\n";
@@ -98,7 +99,7 @@ std::string prediction_section(const json& p) {
   const auto x = column("incidence_deg");
   Plot spread;
   spread.title = "Spread of the samples of a beam";
-  spread.x_label = "incidence (deg)";
+  spread.x_label = coordinate_in_words("incidence_deg").with_unit();
   spread.y_label = "standard deviation (mm)";
   spread.series.push_back({"recorded", Series::Style::points, x, column("sd_mm"), {}});
   spread.series.push_back({"predicted before", Series::Style::points, x, column("sd_before_mm"), {}});
@@ -114,21 +115,21 @@ std::string prediction_section(const json& p) {
 
 std::string intensity_section(const json& curve) {
   Plot plot;
-  const std::string coordinate = curve.at("coordinate").get<std::string>();
+  const CoordinateWords coordinate = coordinate_in_words(curve.at("coordinate").get<std::string>());
   const auto per_cent = [&](const char* key) {
     auto values = curve.at(key).get<std::vector<double>>();
     for (double& v : values) v *= 100;
     return values;
   };
-  plot.title = "Intensity along " + coordinate;
-  plot.x_label = coordinate;
+  plot.title = "Intensity along " + coordinate.name;
+  plot.x_label = coordinate.with_unit();
   plot.y_label = "recording over bench's law, less 1 (%)";
   const auto x = curve.at("at").get<std::vector<double>>();
   const auto u = per_cent("u");
   plot.series.push_back({"before", Series::Style::errorbars, x, per_cent("before"), u});
   plot.series.push_back({"after", Series::Style::errorbars, x, per_cent("after"), u});
   return "<figure>" + to_svg(plot) + "<figcaption>Intensity against the law that the bench states, along " +
-         escaped(coordinate) +
+         escaped(coordinate.name) +
          ", less what reflectances and the law's own uncertainties explain.</figcaption></figure>\n";
 }
 
@@ -170,7 +171,7 @@ std::string explanation_html(const json& e, const std::string& sessions) {
             "</code>, written as a procedure that runs as it stands.</p>\n";
   if (e.contains("unknown"))
     html += "<h2>Unknown physics</h2>\n<p class=\"box\">" + escaped(e["unknown"].value("describes", "")) +
-            " (" + escaped(e["unknown"].value("observable", "")) + ").</p>\n";
+            " (" + escaped(observable_in_words(e["unknown"].value("observable", ""))) + ").</p>\n";
   const json& fit = e.at("fit");
   html +=
       "<h2>On data that the fit had not seen</h2>\n<table><thead><tr><th></th><th class=\"n\">before</th><th "
@@ -196,9 +197,10 @@ std::string explanation_html(const json& e, const std::string& sessions) {
         "<h2>Where they differ</h2>\n<table><thead><tr><th>Coordinate</th><th class=\"n\">from</th><th "
         "class=\"n\">to</th><th>Observable</th><th class=\"n\">p-value</th></tr></thead><tbody>\n";
     for (const json& l : e.at("located"))
-      html += "<tr><td>" + l.at("coordinate").get<std::string>() + "</td><td class=\"n\">" +
-              figure_of(number_of(l, "from")) + "</td><td class=\"n\">" + figure_of(number_of(l, "to")) +
-              "</td><td>" + l.at("observable").get<std::string>() + "</td><td class=\"n\">" +
+      html += "<tr><td>" + escaped(coordinate_in_words(l.at("coordinate").get<std::string>()).with_unit()) +
+              "</td><td class=\"n\">" + figure_of(number_of(l, "from")) + "</td><td class=\"n\">" +
+              figure_of(number_of(l, "to")) + "</td><td>" +
+              escaped(observable_in_words(l.at("observable").get<std::string>())) + "</td><td class=\"n\">" +
               figure_of(number_of(l, "p_value"), 2) + "</td></tr>\n";
     html += "</tbody></table>\n";
   }

@@ -15,6 +15,7 @@
 #include "rig/fitting/one_lidar.hpp"
 #include "rig/fitting/result_document.hpp"
 #include "rig/session/lidar_identity.hpp"
+#include "rig/session/step_in_words.hpp"
 
 namespace rig::fittings {
 namespace {
@@ -56,7 +57,7 @@ std::optional<Surface> surface_of(const fit::Recording& recording, std::size_t i
   const Vector2d from = to_lidar * (target->from_mm + shift - origin),
                  to = to_lidar * (target->to_mm + shift - origin);
   Surface out;
-  out.label = capture.step.empty() ? std::to_string(capture.id) : capture.step;
+  out.label = capture.step.empty() ? std::to_string(capture.id) : step_in_words(capture.step);
   out.stage_rad = stage;
   out.temperature_c = capture.temperature_c;
   out.normal = to_lidar * target->outward_normal();
@@ -181,6 +182,11 @@ class Validation : public Fitting {
     add_spreads(out, surfaces, correction ? &*correction : nullptr);
     out["notes"].push_back("The rotation centre is " + centre.source + ".");
     add_scene(out, surfaces, correction ? &*correction : nullptr, centre.at_mm);
+    if (out["values"].empty())
+      throw MeasurementError(
+          "there is nothing to judge: no capture sees a flat target with enough neighbouring beams for "
+          "differences, and no two see it from stage angles 5 deg or more apart. Run the procedure "
+          "range-validation");
     for (const Surface& surface : surfaces)
       add_surface_plots(out, surface, correction ? &*correction : nullptr);
     if (correction) {

@@ -9,6 +9,8 @@
 
 #include "rig/errors.hpp"
 #include "rig/live/session_state.hpp"
+#include "rig/report/coordinate_in_words.hpp"
+#include "rig/session/step_in_words.hpp"
 #include "tests/support/test_folder.hpp"
 
 namespace {
@@ -78,6 +80,50 @@ TEST_CASE("the certificate names its references, when it was issued, and the uni
   CHECK_THAT(html, !Catch::Contains("-0.00<"));
 }
 
+TEST_CASE("long tables stand in an annex, compact, and in front where they are") {
+  const TestFolder folder;
+  const std::string session = make_session(folder), page = folder / "c.html";
+  nlohmann::json rows = nlohmann::json::array();
+  for (int i = 1; i <= 97; ++i) rows.push_back({"step 3.2, " + std::to_string(100 * i) + " mm", 0.25});
+  {
+    rig::SessionStore store(session, rig::SessionStore::Mode::append);
+    store.add_result(
+        "range", nlohmann::json({{"schema", "result/1"},
+                                 {"kind", "range"},
+                                 {"tables",
+                                  {{{"title", "Errors"}, {"columns", {"capture", "error"}}, {"rows", rows}},
+                                   {{"title", "Short"}, {"columns", {"a"}}, {"rows", {{1}}}}}}})
+                     .dump());
+  }
+  rig::write_report(session, rig::check_output({page}));
+  const std::string html = file_text(page);
+  const std::size_t annex = html.find("<h2>Annex: tables</h2>"), notes = html.find("<footer>");
+  REQUIRE(annex != std::string::npos);
+  CHECK(notes < annex);
+  CHECK(html.find("Annex, table A1 (97 rows): Errors.") < notes);
+  CHECK(html.find("Table A1. Range calibration: Errors") > annex);
+  CHECK(html.find("step 3.2, 9700 mm") > annex);
+  CHECK(html.find(">Short<") < notes);
+  CHECK(html.find("End of certificate") > html.find("step 3.2, 9700 mm"));
+  CHECK(html.find("End of certificate") == html.rfind("End of certificate"));
+}
+
+TEST_CASE("steps and coordinates are written in words for those who read a certificate") {
+  CHECK(rig::step_in_words("capture 3.2[distance_mm=500]") == "step 3.2, 500 mm");
+  CHECK(rig::step_in_words("find-edge 3.1[beam_deg=-115.5]") == "find-edge, step 3.1, beam -115.5 deg");
+  CHECK(rig::step_in_words("capture 3.2[distance_mm=200][reflectance=0.5][surface=white paper][time 2]") ==
+        "step 3.2, 200 mm, reflectance 0.5, white paper, time 2");
+  CHECK(rig::step_in_words("capture 4") == "step 4");
+  CHECK(rig::step_in_words("find-edge 3.1[beam_deg=92] (short)") ==
+        "find-edge, step 3.1, beam 92 deg (short)");
+  CHECK(rig::step_in_words("") == "");
+  for (const char* foreign : {"lidar_calibration_0.5m", "capture", "capture 3.2[", "[beam_deg=2]"})
+    CHECK(rig::step_in_words(foreign) == foreign);
+  CHECK(rig::coordinate_in_words("beam_deg").with_unit() == "beam angle (deg)");
+  CHECK(rig::coordinate_in_words("approach").with_unit() == "sign of the last move");
+  CHECK(rig::coordinate_in_words("new_one").with_unit() == "new_one");
+}
+
 TEST_CASE("the same certificate comes as data") {
   const TestFolder folder;
   const std::string session = make_session(folder), file = folder / "c.json";
@@ -136,7 +182,7 @@ TEST_CASE("unknown physics has a section of its own: what, where, how large, and
   }
   rig::write_report(session, rig::check_output({page}));
   for (const char* expected : {"<h2>Unknown physics</h2>", "the range steps by -3.2 mm", "mean of the ranges",
-                               "along beam_deg from 40 to 95.5", "up to 3.2 mm", "does not contain it"})
+                               "along beam angle from 40 to 95.5 deg", "up to 3.2 mm", "does not contain it"})
     CHECK_THAT(file_text(page), Catch::Contains(expected));
   const std::string data = folder / "c.json";
   rig::write_report(session, rig::check_output({data}));
