@@ -152,6 +152,9 @@ std::vector<OutputPlace> check_outputs(const std::vector<Output>& outputs,
   for (const Output& output : outputs) {
     const std::string& path = output.path;
     places.push_back(OutputPlace(path));
+    if (path == "-" && !output.or_standard_output)
+      throw UsageError("'-' is standard output, which does not take this. Give the name of a file, such as " +
+                       output.example + ".");
     if (path.empty() || path == "-") continue;
     refuse_folder(output);
     for (const std::string& input : inputs)

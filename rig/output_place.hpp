@@ -18,10 +18,11 @@ inline constexpr std::uint32_t session_application_id = 0x52494731;
 /// A device, a pipe, a folder: nothing that may be replaced by a file.
 [[nodiscard]] bool is_no_plain_file(const std::string& path);
 
-/// A file that a command is to write in the end; "" is none, "-" is standard output.
+/// A file that a command is to write in the end; "" is none, "-" is standard output where it may be.
 struct Output {
   std::string path;
   std::string example = "result";  ///< What such a file could be called, for those who name a folder.
+  bool or_standard_output = false;
 };
 
 /// A place that check_outputs() found fit to be written, which is asked once: who takes one relies on that

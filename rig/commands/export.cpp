@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: MIT
+#include <stdlib.h>
+
+#include <array>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
@@ -8,6 +12,29 @@
 
 namespace rig::commands {
 namespace {
+
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    path_ = (std::filesystem::temp_directory_path() / "rig-export-XXXXXX").string();
+    if (!::mkdtemp(path_.data()))
+      throw MeasurementError("no temporary folder can be made in " +
+                             std::filesystem::temp_directory_path().string() +
+                             ": is its disk full? Another can be named by the variable TMPDIR.");
+  }
+  ~TemporaryFolder() { empty(); }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  [[nodiscard]] const std::string& path() const { return path_; }
+  /// What is open stays readable.
+  void empty() const {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+
+ private:
+  std::string path_;
+};
 
 class Export : public Command {
  public:
@@ -18,7 +45,7 @@ class Export : public Command {
       formats += "\n  " + exporter->format() + ": " + exporter->describes();
     command->add_option("session", source_, "Session file (*.rig), or a correction (*.json)")->required();
     command->add_option("--format", format_, "See below")->required();
-    command->add_option("-o,--output", output_, "File to write")->required();
+    command->add_option("-o,--output", output_, "File to write, or '-' for standard output")->required();
     command->add_flag("--any-lidar", any_lidar_,
                       "Also a correction that was made for another lidar than the session's");
     command->footer("Formats:" + formats);
@@ -26,16 +53,38 @@ class Export : public Command {
   }
 
   int run() override {
-    const OutputPlace output = check_output({output_}, {source_});
-    std::unique_ptr<SessionStore> session;
-    if (is_session_file(source_)) session = std::make_unique<SessionStore>(source_, SessionStore::Mode::read);
-    for (const std::string& note : run_export(format_, {source_, session.get(), any_lidar_}, output))
-      std::fprintf(stderr, "rig: %s\n", note.c_str());
+    if (output_ == "-") return print();
+    write(check_output({output_}, {source_}));
     std::fprintf(stderr, "exported: %s\n", std::filesystem::absolute(output_).c_str());
     return 0;
   }
 
  private:
+  void write(const OutputPlace& output) const {
+    std::unique_ptr<SessionStore> session;
+    if (is_session_file(source_)) session = std::make_unique<SessionStore>(source_, SessionStore::Mode::read);
+    for (const std::string& note : run_export(format_, {source_, session.get(), any_lidar_}, output))
+      std::fprintf(stderr, "rig: %s\n", note.c_str());
+  }
+
+  /// Some formats go back in their file while they write it: it is made first, without a name that could stay
+  /// behind, and then copied.
+  int print() const {
+    const TemporaryFolder folder;
+    const std::string path = folder.path() + "/export";
+    write(check_output({path}, {source_}));
+    std::ifstream made(path, std::ios::binary);
+    folder.empty();
+    std::array<char, 1 << 16> piece{};
+    while (made.read(piece.data(), piece.size()), made.gcount() > 0) {
+      const auto size = static_cast<std::size_t>(made.gcount());
+      if (std::fwrite(piece.data(), 1, size, stdout) != size) break;
+    }
+    if (std::fflush(stdout) != 0 || std::ferror(stdout))
+      throw MeasurementError("standard output takes no more: is the disk full, or its reader gone?");
+    return 0;
+  }
+
   std::string source_, format_, output_;
   bool any_lidar_ = false;
 };

@@ -22,7 +22,7 @@ class JsonOutput {
   }
   [[nodiscard]] bool wanted() const { return !path_.empty(); }
   /// For check_outputs(), before anything is computed.
-  [[nodiscard]] Output output() const { return {path_, "result.json"}; }
+  [[nodiscard]] Output output() const { return {path_, "result.json", true}; }
 
   /// Writes the document if it is wanted. Throws UsageError or MeasurementError.
   void write(const nlohmann::json& document) const {

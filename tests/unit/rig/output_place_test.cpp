@@ -139,11 +139,16 @@ TEST_CASE("where an output cannot be written is said before anything is computed
 TEST_CASE("what can be written is not touched by asking") {
   const TestFolder folder;
   std::ofstream(folder / "old.html") << "old";
-  REQUIRE_NOTHROW(rig::check_outputs({{folder / "old.html"}, {folder / "new.html"}, {""}, {"-"}},
+  REQUIRE_NOTHROW(rig::check_outputs({{folder / "old.html"}, {folder / "new.html"}, {""}, {"-", "a", true}},
                                      {folder / "missing.rig", ""}));
   REQUIRE_NOTHROW(rig::check_outputs({{"/dev/null"}, {"/dev/null"}}));
   CHECK(file_text(folder / "old.html") == "old");
   CHECK(folder.names().size() == 1);
+}
+
+TEST_CASE("standard output is no file called '-', and takes only what can go there") {
+  CHECK_THROWS_WITH(rig::check_output({"-", "session.rig"}),
+                    Contains("'-' is standard output") && Contains("session.rig"));
 }
 
 TEST_CASE("two outputs are not one file") {
