@@ -4,14 +4,13 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
-#include <sstream>
 
 #include "fit/explain/explanation.hpp"
 #include "rig/commands/json_output.hpp"
 #include "rig/procedure/procedure_plan.hpp"
 #include "rig/report/explain_procedure.hpp"
 #include "rig/report/explain_report.hpp"
+#include "rig/runner/bench_file.hpp"
 #include "rig/session/session_store.hpp"
 
 namespace rig::commands {
@@ -40,18 +39,6 @@ class ProgressLine {
   bool shown_ = isatty(2) != 0, written_ = false;
 };
 
-fit::Bench read_bench(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) throw UsageError(path + " cannot be read. Give a bench file (*.bench.json) with --bench");
-  std::stringstream text;
-  text << file.rdbuf();
-  try {
-    return fit::parse_bench(text.str(), path);
-  } catch (const std::invalid_argument& error) {
-    throw UsageError(error.what());
-  }
-}
-
 class Explain : public Command {
  public:
   CLI::App* declare(CLI::App& root) override {
@@ -77,7 +64,7 @@ class Explain : public Command {
   int run() override {
     check_outputs({json_.output(), {report_, "explanation.html"}, {next_, "next.yaml"}}, inputs());
     std::optional<fit::Bench> bench;
-    if (!bench_.empty()) bench = read_bench(bench_);
+    if (!bench_.empty()) bench = read_bench_file(bench_);
     const nlohmann::json document = explained(bench);
     if (!no_store_ && sessions_.size() == 1) store(document);
     json_.write(document);

@@ -76,8 +76,10 @@ void compare_with_bench(EdgeSource& source) {
     }
   throw MeasurementError(
       "no beam passes an edge" + (source.target.empty() ? std::string() : " of '" + source.target + "'") +
-      " in the session (" + std::to_string(captures) + " captures, " + std::to_string(standing) +
-      " with the stage at rest and about that target): at least two neighbouring stops, no more than " +
+      " in the session (captures: " + std::to_string(captures) +
+      ", with the stage at rest and about that "
+      "target: " +
+      std::to_string(standing) + "): at least two neighbouring stops, no more than " +
       degrees(options.least_gap_rad) +
       " deg apart, must show the target and what is behind it. Sweep the stage over the edge (the find-edge "
       "and sweep steps do), and check that something stands at least 50 mm behind the target or nothing at "

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rig/errors.hpp"
+#include "rig/output_place.hpp"
 #include "rig/procedure/procedure_value.hpp"
 
 namespace rig {
@@ -31,6 +32,9 @@ void demand_millimetres(const fit::Bench& bench, const std::string& name) {
 fit::Bench read_bench_file(const std::string& path) {
   if (std::filesystem::is_directory(path))
     throw UsageError(path + " is a folder, not a bench file. Give a file in it.");
+  if (is_recording(path))
+    throw UsageError(path + " is a session, not a bench file. The bench it was recorded with is in it: " +
+                     "`rig export SESSION --format json -o -` shows it.");
   std::ifstream in(path, std::ios::binary);
   if (!in) throw UsageError("cannot read the bench file " + path + ": check the name and the permission.");
   std::string text(largest_file_bytes + 1, '\0');

@@ -3,9 +3,27 @@
 
 #include <sqlite3.h>
 
+#include <algorithm>
+#include <fstream>
+
 #include "rig/errors.hpp"
 
 namespace rig {
+namespace {
+
+/// A bench, a procedure or a table that was given for a session: it begins with characters that people read.
+bool is_text(const std::string& path) {
+  std::string head(512, '\0');
+  std::ifstream file(path, std::ios::binary);
+  file.read(head.data(), static_cast<std::streamsize>(head.size()));
+  head.resize(static_cast<std::size_t>(file.gcount()));
+  return !head.empty() && std::ranges::none_of(head, [](char c) {
+    const auto code = static_cast<unsigned char>(c);
+    return code == 0x7F || (code < 0x20 && c != '\n' && c != '\r' && c != '\t');
+  });
+}
+
+}  // namespace
 
 void tell_operator(const std::string& path, const SQLite::Exception& error) {
   switch (error.getErrorCode()) {
@@ -15,6 +33,11 @@ void tell_operator(const std::string& path, const SQLite::Exception& error) {
           " cannot grow. What was captured before is intact. Free some space, then run again "
           "with --resume.");
     case SQLITE_NOTADB:
+      if (is_text(path))
+        throw UsageError(path +
+                         " is a text file, not a session file. Give the *.rig that `rig run` or `rig import` "
+                         "wrote.");
+      [[fallthrough]];
     case SQLITE_CORRUPT:
       throw UsageError(path + " is damaged or not a session file (" + error.what() +
                        "). Nothing was changed. Copy it and try `sqlite3 FILE .recover`.");
