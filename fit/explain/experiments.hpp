@@ -13,7 +13,7 @@ constexpr double steady_c = 25;
 
 /// What the bench can do to separate suspects: a list of captures and what the operator changes between them.
 struct Experiment {
-  enum class Kind { all_round, both_sides, ladder, greys, dark, heat, cold_start, turning };
+  enum class Kind { all_round, both_sides, ladder, greys, dark, ends, heat, cold_start, turning };
   Kind kind = Kind::all_round;
   std::string title;
   std::vector<CaptureInfo> captures;
@@ -40,6 +40,9 @@ struct StageTravel {
 /// every one a placement by hand, and no stage.
 [[nodiscard]] std::vector<Experiment> experiments_by_hand(const Bench& bench,
                                                           const std::vector<const Recording*>& so_far);
+
+/// Whether a target stands as it did in another capture.
+[[nodiscard]] bool stands_alike(const CaptureInfo& one, const CaptureInfo& other);
 
 /// Seconds of somebody's day that it takes.
 [[nodiscard]] double work_s(const Experiment& experiment);

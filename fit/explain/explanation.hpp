@@ -58,6 +58,11 @@ struct LightSuspect {
   std::vector<int> coefficients;
 };
 
+/// What beams beside edges leave open: stray light that leaks so much, or a beam of that standard half width.
+struct EdgeSuspects {
+  double leak = 0, width_deg = 0;
+};
+
 /// The answer to "what did the simulation leave out?" (formats.md, `explanation/1`).
 struct Explanation {
   std::string verdict;
@@ -78,14 +83,15 @@ struct Explanation {
   std::vector<Prediction> predictions;
   bool several_places = false;  ///< Targets were put up in several places, each a target of its own.
   std::vector<Term> suspects;   ///< Members of undecided sets, with their values: for the next experiment.
-  std::vector<Shape> unnamed_suspects;       ///< Forms that explain nearly as much as one of these.
+  std::vector<SeenShape> unnamed_suspects;   ///< Forms that explain nearly as much as one of these.
   std::vector<LightSuspect> light_suspects;  ///< The same for intensity.
   std::vector<Suspect> noise_suspects;       ///< The same for noise and lost echoes.
+  std::optional<EdgeSuspects> edge_suspects;
 
   [[nodiscard]] std::size_t rivals_in_range() const { return suspects.size() + unnamed_suspects.size(); }
   /// Whether there is something that an experiment could decide.
   [[nodiscard]] bool has_rivals() const {
-    return rivals_in_range() > 1 || light_suspects.size() > 1 || noise_suspects.size() > 1;
+    return rivals_in_range() > 1 || light_suspects.size() > 1 || noise_suspects.size() > 1 || edge_suspects;
   }
 };
 

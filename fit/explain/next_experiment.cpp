@@ -9,6 +9,7 @@
 #include "fit/explain/intensity.hpp"
 #include "fit/explain/odds.hpp"
 #include "fit/explain/spread/rivals.hpp"
+#include "fit/explain/stray_light.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/median.hpp"
 
@@ -107,6 +108,7 @@ void hold_steady(Experiment& e, const Explanation& explanation) {
 /// A turning stage brings errors of its own, and echoes that are as weak as a bench can make them are lost by
 /// every lidar: these are for suspects that show nowhere else.
 bool worth_imagining(const Experiment& e, const Explanation& explanation) {
+  if (e.kind == Experiment::Kind::ends) return explanation.edge_suspects.has_value();
   if (e.kind == Experiment::Kind::dark) return !explanation.noise_suspects.empty();
   return e.kind != Experiment::Kind::turning ||
          std::ranges::any_of(explanation.suspects, [](const Term& term) {
@@ -157,10 +159,10 @@ Suspected suspected(const Term& term) {
 }
 
 /// Where a step stands, or how long a period is, is held as it came out: promises are a little too good.
-Suspected suspected(const Shape& shape) {
-  return {unknown_physics, [&shape](const MeanModel& model) { return effect_of(model, shape); },
-          [&shape](const MeanModel& model) {
-            Columns c = columns_of(model, shape);
+Suspected suspected(const SeenShape& seen) {
+  return {unknown_physics, [&seen](const MeanModel& model) { return effect_of(model, seen); },
+          [&seen](const MeanModel& model) {
+            Columns c = columns_of(model, seen);
             c.prior.sigma *= 10;
             return c;
           }};
@@ -174,7 +176,7 @@ std::vector<Suspected> suspects_of(const Explanation& explanation) {
       terms.push_back(&term);
   std::vector<Suspected> list;
   for (const Term* term : terms) list.push_back(suspected(*term));
-  for (const Shape& shape : explanation.unnamed_suspects) list.push_back(suspected(shape));
+  for (const SeenShape& shape : explanation.unnamed_suspects) list.push_back(suspected(shape));
   return list;
 }
 
@@ -309,6 +311,11 @@ std::vector<Rivalry> rivalries_of(const Explanation& explanation, const Reduced&
         },
         so_far);
   }
+  if (explanation.edge_suspects)
+    list.emplace_back(
+        std::vector<std::string>{crosstalk, wide_beam},
+        [&explanation](const Reduced& all) { return evidence_between(all, *explanation.edge_suspects); },
+        so_far);
   return list;
 }
 

@@ -2,6 +2,7 @@
 #include "fit/explain/stray_light.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <map>
@@ -24,6 +25,7 @@ constexpr double halo_deg = 0.7, halo_ends_deg = 1.01;  // as fit/mechanisms/cro
 // Logarithms of odds. Of 22 recordings with panels and nothing missing none came nearer than 4.6 to
 // acceptance.
 constexpr double accept_at = 1.5, told_apart_at = 3.5;
+constexpr std::size_t fewest = 40;                   // rows of which anything is said
 constexpr double doubt_beside_edges = 3;             // edges may be elsewhere by a part of a beam
 constexpr double price = odds::against_any + 2 + 1;  // its size, and the forms of its halo that are tried
 
@@ -155,6 +157,19 @@ double lorentz(double angle_deg) {
   return angle_deg > halo_ends_deg ? 0 : 1 / (1 + std::pow(angle_deg / halo_deg, 2));
 }
 
+constexpr std::array widths_deg{0.08, 0.12, 0.16, 0.2, 0.25, 0.3, 0.36, 0.43, 0.5};
+
+/// Share of a beam of that standard half width beyond the change of surface.
+double beyond(const Row& row, double width_deg) {
+  return 0.5 * std::erfc(row.away_deg / width_deg / std::sqrt(2.0));
+}
+
+/// What a beam of that standard half width does where its echoes are one: front and back by their light, mm.
+double mixed_mm(const Row& row, double width_deg) {
+  const double far = beyond(row, width_deg) * row.light;
+  return row.gap_mm * far / (far + 1 - beyond(row, width_deg));
+}
+
 /// Rows with the places of their targets taken out.
 class Residuals {
  public:
@@ -258,8 +273,10 @@ class Beside {
 
   [[nodiscard]] bool shows(double least) const { return best_ - price >= least && found_.size > 0; }
   [[nodiscard]] double best() const { return best_; }
-  /// What beams that are too wide would explain instead.
+  /// What beams that are too wide, or any other blur, would explain instead.
   [[nodiscard]] double rival() const;
+  /// Of beams that are too wide, those that explain most.
+  [[nodiscard]] double width_deg() const;
   [[nodiscard]] StrayLight said(double evidence) const {
     StrayLight light;
     light.suspect.mechanism = find_mechanism(crosstalk);
@@ -292,14 +309,10 @@ class Beside {
 
 double Beside::rival() const {
   double rival = 0;
-  for (const double w : {0.08, 0.12, 0.16, 0.2, 0.25, 0.3, 0.36, 0.43, 0.5}) {
-    const auto beyond = [&](const Row& row) { return 0.5 * std::erfc(row.away_deg / w / std::sqrt(2.0)); };
+  for (const double w : widths_deg) {
     // A wide beam mixes front and back by their light; or by a share that knows nothing of light.
-    rival = std::max(rival, residuals_.gain(effect([&](const Row& row) {
-      const double far = beyond(row) * row.light;
-      return row.gap_mm * far / (far + 1 - beyond(row));
-    })));
-    rival = std::max(rival, fit([&](const Row& row) { return row.gap_mm * beyond(row); }).gain);
+    rival = std::max(rival, residuals_.gain(effect([w](const Row& row) { return mixed_mm(row, w); })));
+    rival = std::max(rival, fit([w](const Row& row) { return row.gap_mm * beyond(row, w); }).gain);
   }
   for (const Halo& halo : halos_)
     rival = std::max(rival, fit([&](const Row& row) {
@@ -308,6 +321,13 @@ double Beside::rival() const {
                               return pull_of(plain, halo);
                             }).gain);
   return rival / excess_;
+}
+
+double Beside::width_deg() const {
+  const auto gain = [this](double w) {
+    return residuals_.gain(effect([w](const Row& row) { return mixed_mm(row, w); }));
+  };
+  return std::ranges::max(widths_deg, {}, gain);
 }
 
 bool is_crosstalk(const Term& term) { return term.mechanism->id == crosstalk; }
@@ -319,23 +339,32 @@ MeanResult without_crosstalk(MeanResult means) {
   return means;
 }
 
+/// Rows at least so far from the change of surface, between surfaces whose echoes are one.
+std::vector<Row> of_one_echo(const std::vector<Row>& rows, double away_deg) {
+  std::vector<Row> list;
+  std::ranges::copy_if(rows, std::back_inserter(list), [away_deg](const Row& row) {
+    return row.away_deg >= away_deg && std::abs(row.gap_mm) < one_echo_mm;
+  });
+  return list;
+}
+
+/// Log of the odds for crosstalk against nothing and against its rival: their odds add.
+double odds_for(const Beside& beside, double rival) {
+  return -std::log(std::exp(price - beside.best()) + std::exp(rival - beside.best()));
+}
+
 std::optional<StrayLight> beside_edges(const Reduced& reduced, const MeanResult& means) {
-  constexpr std::size_t fewest = 40;
   const Edges edges(reduced, means);
   if (edges.rows().size() < fewest) return {};
-  std::vector<Row> clear;
-  std::ranges::copy_if(edges.rows(), std::back_inserter(clear), [](const Row& row) {
-    return row.away_deg >= least_away_deg && std::abs(row.gap_mm) < one_echo_mm;
-  });
+  std::vector<Row> clear = of_one_echo(edges.rows(), least_away_deg);
   if (clear.size() >= fewest) {
     const Beside beside(std::move(clear), reduced.bench.targets.size());
     if (beside.shows(accept_at)) {
       const double rival = beside.rival();
       if (rival > beside.best() + told_apart_at) return {};
-      // Nothing, or the rival: their odds add.
-      StrayLight light =
-          beside.said(-std::log(std::exp(price - beside.best()) + std::exp(rival - beside.best())));
+      StrayLight light = beside.said(odds_for(beside, rival));
       light.or_mixed_pixel = rival > beside.best() - told_apart_at;
+      light.width_deg = beside.width_deg();
       return light;
     }
   }
@@ -344,6 +373,7 @@ std::optional<StrayLight> beside_edges(const Reduced& reduced, const MeanResult&
   if (!nearest.shows(accept_at + doubt_beside_edges)) return {};
   StrayLight light = nearest.said(nearest.best() - price);
   light.or_mixed_pixel = true;
+  light.width_deg = nearest.width_deg();
   return light;
 }
 
@@ -354,6 +384,26 @@ std::optional<StrayLight> stray_light(const Reduced& reduced, const MeanResult& 
   if (std::ranges::none_of(means.best.terms, is_crosstalk)) return beside_edges(reduced, means);
   const std::optional<StrayLight> light = beside_edges(reduced, without_crosstalk(means));
   return light && !light->or_mixed_pixel ? light : std::nullopt;  // the means have told it from a wide beam
+}
+
+Eigen::MatrixXd evidence_between(const Reduced& reduced, const EdgeSuspects& suspects) {
+  const std::size_t targets = reduced.bench.targets.size();
+  const MeanResult as_stated(reduced.bench);
+  const Edges edges(reduced, as_stated);
+  Eigen::MatrixXd evidence = Eigen::MatrixXd::Zero(2, 2);
+  std::vector<Row> clear = of_one_echo(edges.rows(), least_away_deg);
+  if (clear.size() >= fewest) {
+    for (Row& row : clear) row.y_mm = suspects.leak * pull_of(row, lorentz);
+    const Beside beside(std::move(clear), targets);
+    evidence(0, 1) = std::max(0.0, odds_for(beside, beside.rival()));
+  }
+  std::vector<Row> near = of_one_echo(edges.rows(), 0);
+  if (near.size() >= fewest) {
+    for (Row& row : near) row.y_mm = mixed_mm(row, suspects.width_deg);
+    const Beside beside(std::move(near), targets);
+    evidence(1, 0) = std::max(0.0, beside.rival() - std::max(price, beside.best()));
+  }
+  return evidence;
 }
 
 void take_off(const StrayLight& light, Reduced& reduced) {

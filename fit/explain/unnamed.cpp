@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 
 #include "fit/find_by_id.hpp"
@@ -98,6 +99,14 @@ Course course_of(const Shape& shape, const MeanModel& model) {
   return course;
 }
 
+double value_at(const SeenShape& seen, double at) {
+  const auto above = std::ranges::lower_bound(seen.at, at);
+  if (above == seen.at.begin()) return seen.value.front();
+  if (above == seen.at.end()) return seen.value.back();
+  const auto k = static_cast<std::size_t>(above - seen.at.begin());
+  return std::lerp(seen.value[k - 1], seen.value[k], (at - seen.at[k - 1]) / (seen.at[k] - seen.at[k - 1]));
+}
+
 }  // namespace
 
 const std::vector<Form>& all_forms() {
@@ -134,6 +143,50 @@ Eigen::VectorXd effect_of(const MeanModel& model, const Shape& shape) {
   return columns_of(model, shape).columns_mm *
          Eigen::Map<const Eigen::VectorXd>(shape.values.data(),
                                            static_cast<Eigen::Index>(shape.values.size()));
+}
+
+SeenShape seen(const Shape& shape, const MeanModel& model) {
+  SeenShape seen{shape, {}, {}};
+  if (!shape.form->scaled) return seen;
+  const Eigen::VectorXd scaled = scaled_coordinate(model, shape.coordinate);
+  std::map<double, double> curve;
+  for (Eigen::Index i = 0; i < model.rows(); ++i) {
+    const double at = coordinate_at(model, shape.coordinate, i);
+    if (!std::isfinite(at) || curve.contains(at)) continue;
+    double& value = curve[at];
+    for (std::size_t k = 0; k < shape.values.size(); ++k)
+      value += shape.values[k] * shape.form->basis(shape, scaled[i], static_cast<int>(k));
+  }
+  for (const auto& [at, value] : curve) {
+    seen.at.push_back(at);
+    seen.value.push_back(value);
+  }
+  return seen;
+}
+
+Eigen::VectorXd effect_of(const MeanModel& model, const SeenShape& seen) {
+  if (seen.at.empty()) return effect_of(model, seen.shape);
+  Eigen::VectorXd effect = Eigen::VectorXd::Zero(model.rows());
+  for (Eigen::Index i = 0; i < model.rows(); ++i)
+    if (const double at = coordinate_at(model, seen.shape.coordinate, i); std::isfinite(at))
+      effect[i] = lever_of(seen.shape.channel, model.cell(i).sight) * value_at(seen, at);
+  return effect;
+}
+
+Columns columns_of(const MeanModel& model, const SeenShape& seen) {
+  Shape shape = seen.shape;
+  if (!seen.at.empty()) {
+    const double then = seen.at.back() - seen.at.front();
+    double low = seen.at.front(), high = seen.at.back();
+    for (Eigen::Index i = 0; i < model.rows(); ++i) {
+      const double at = coordinate_at(model, shape.coordinate, i);
+      if (!std::isfinite(at)) continue;
+      low = std::min(low, at);
+      high = std::max(high, at);
+    }
+    shape.length *= then / std::max(1e-9, high - low);
+  }
+  return columns_of(model, shape);
 }
 
 std::vector<Shape> forms_to_try(const MeanModel& model) {

@@ -23,6 +23,13 @@ struct Shape {
   std::vector<double> values = {};  ///< Coefficients, after a fit.
 };
 
+/// An unnamed function as it came out, so that it says the same of other recordings. A form that is scaled to
+/// its recording is kept as a table over the coordinate: linear between, and outside held as at its ends.
+struct SeenShape {
+  Shape shape;
+  std::vector<double> at, value;  ///< Empty if the form is not scaled; file unit, and mm or rad.
+};
+
 /// A coordinate as a recording samples it.
 struct Axis {
   Coordinate coordinate = Coordinate::beam;
@@ -67,6 +74,12 @@ struct Form {
 [[nodiscard]] Columns columns_of(const MeanModel& model, const Shape& shape);
 /// What a fitted one does to every mean, mm.
 [[nodiscard]] Eigen::VectorXd effect_of(const MeanModel& model, const Shape& shape);
+/// What a fitted one came out as.
+[[nodiscard]] SeenShape seen(const Shape& shape, const MeanModel& model);
+/// What it does to every mean of that or another recording, mm.
+[[nodiscard]] Eigen::VectorXd effect_of(const MeanModel& model, const SeenShape& seen);
+/// Columns of the functions that could be it in that or another recording, as stiff over the coordinate.
+[[nodiscard]] Columns columns_of(const MeanModel& model, const SeenShape& seen);
 /// Unnamed functions of every coordinate, with the price of having looked at so many.
 [[nodiscard]] std::vector<Shape> forms_to_try(const MeanModel& model);
 /// A fitted one in words.

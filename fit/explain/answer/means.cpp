@@ -93,11 +93,10 @@ const Shape* near_form(const MeanResult& means, std::size_t t) {
 }
 
 void tell_near_form(const Findings& findings, const Term& term, const Shape& form, Explanation& out) {
-  // A curve is scaled to what was recorded: of another recording it says nothing.
-  if (!form.form->scaled) out.unnamed_suspects.push_back(form);
+  const MeanModel model(findings.reduced, findings.means.noise);
+  out.unnamed_suspects.push_back(seen(form, model));
   out.notes.push_back("Nearly as probable as " + term.mechanism->id +
-                      ", and no mechanism that is known here: " +
-                      describe(form, MeanModel(findings.reduced, findings.means.noise)).text + ".");
+                      ", and no mechanism that is known here: " + describe(form, model).text + ".");
 }
 
 void tell_found(const Findings& findings, std::size_t t, Explanation& out) {

@@ -48,10 +48,12 @@ void tell_stray_light(const Findings& findings, Explanation& out) {
   const StrayLight& light = *findings.light;
   if (light.or_mixed_pixel && knows_wide_beam(findings)) return;
   std::ranges::copy(light.located, std::back_inserter(out.located));
-  if (light.or_mixed_pixel)
+  if (light.or_mixed_pixel) {
     out.undecided_between.push_back({crosstalk, wide_beam});
-  else
+    out.edge_suspects = {light.suspect.parameters.at("leak").value, light.width_deg};
+  } else {
     out.mechanisms.push_back(found_of(findings, light.suspect));
+  }
 }
 
 }  // namespace fit::explain::answer

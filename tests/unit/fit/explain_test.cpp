@@ -212,7 +212,7 @@ TEST_CASE("an experiment is planned between a mechanism and an unnamed step") {
   step.at = 20;
   step.size = 0.2;
   step.values = {0.2};
-  e.unnamed_suspects.push_back(step);
+  e.unnamed_suspects.push_back({step, {}, {}});
   CHECK_FALSE(fit::explain::best_experiment({&recording}, e, {}));
   e.suspects.push_back({fit::find_mechanism("encoder-eccentricity"), -1, {0.01, 60}, {}});
   const auto next = fit::explain::best_experiment({&recording}, e, {});
@@ -228,9 +228,95 @@ TEST_CASE("an experiment is planned between a mechanism and an unnamed step") {
   const auto other = fit::explain::best_experiment({&recording, &done}, e, {});
   CHECK((!other || other->title != next->title));
   // What nobody could see, no experiment tells apart.
-  e.unnamed_suspects.front().values = {1e-5};
+  e.unnamed_suspects.front().shape.values = {1e-5};
   e.suspects.front().values = {1e-6, 60};
   CHECK_FALSE(fit::explain::best_experiment({&recording}, e, {}));
+}
+
+TEST_CASE("a curve without a name says the same of another recording, and is told from a name") {
+  ImaginedRoom room;
+  room.thermometer = true;
+  const SyntheticRecording recording = room.record();
+  const auto model_of = [](fit::explain::Reduced& reduced) {
+    pool_variances(reduced);
+    return fit::explain::MeanModel(reduced, {});
+  };
+  fit::explain::Reduced first = fit::explain::reduce(recording, {});
+  const fit::explain::MeanModel model = model_of(first);
+  fit::explain::Shape curve;
+  curve.form = fit::explain::find_form("smooth");
+  curve.coordinate = fit::Coordinate::time;
+  curve.length = 0.5;
+  curve.values = {0.8, -0.3, 0.1, 0};
+  const fit::explain::SeenShape seen = fit::explain::seen(curve, model);
+  CHECK((effect_of(model, seen) - effect_of(model, curve)).cwiseAbs().maxCoeff() < 1e-9);
+
+  // The same captures and as many again, an hour later.
+  SyntheticRecording longer(recording.bench(), recording.maker());
+  for (const double later_s : {0.0, 3600.0})
+    for (fit::CaptureInfo info : recording.captures()) {
+      *info.since_power_on_s += later_s;
+      info.started_us += static_cast<std::int64_t>(later_s * 1e6);
+      longer.add(info, 2);
+    }
+  fit::explain::Reduced second = fit::explain::reduce(longer, {});
+  const fit::explain::MeanModel of_longer = model_of(second);
+  const Eigen::VectorXd effect = effect_of(of_longer, seen);
+  for (Eigen::Index i = 0; i < of_longer.rows(); ++i) {
+    const double at = coordinate_at(of_longer, fit::Coordinate::time, i);
+    if (at > seen.at.back()) CHECK(effect[i] == seen.value.back());
+    if (std::abs(at - seen.at.front()) < 1) CHECK(std::abs(effect[i] - seen.value.front()) < 0.01);
+  }
+  // Over five times the span it is as stiff as before: its form has five times the terms.
+  CHECK(columns_of(of_longer, seen).columns_mm.cols() > 3 * columns_of(model, curve).columns_mm.cols());
+
+  Explanation e;
+  e.unnamed_suspects.push_back(seen);
+  e.suspects.push_back({fit::find_mechanism("temperature"), -1, {0.2}, {}});
+  const auto next = fit::explain::best_experiment({&recording}, e, {});
+  REQUIRE(next);
+  CHECK(next->expected > 3);
+  CHECK(next->groups.size() == 2);
+}
+
+TEST_CASE("stray light is told from a wide beam by the ends of a target close before its background") {
+  const auto bench_with = [](const std::string& background) {
+    return fit::parse_bench(R"({"schema": "bench/1", "targets": [{"name": "board", "from_mm": [1400, -500],
+      "to_mm": [1400, 300], "u_mm": 1, "u_deg": 0.1, "reflectance": 0.6})" +
+                            background + "]}");
+  };
+  const fit::Bench bench = bench_with(R"(, {"name": "wall", "from_mm": [2700, -3000], "to_mm": [2700, 3000],
+      "u_mm": 1, "u_deg": 0.1, "reflectance": 0.7})");
+  SyntheticRecording recording(
+      bench, [&](const fit::CaptureInfo& info, std::int64_t, auto& range, auto& intensity) {
+        const fit::explain::Scene scene(bench, fit::explain::Nuisance(bench), info);
+        for (std::size_t k = 0; k < range.size(); ++k) {
+          const double beam = bench.lidar.beam_angle(info.first_step + static_cast<double>(k));
+          range[k] = static_cast<std::uint16_t>(std::lround(scene.look(info.stage_rad, beam).range_mm));
+          intensity[k] = 1000;
+        }
+      });
+  fit::CaptureInfo info;
+  info.first_step = 500;
+  info.last_step = 580;
+  recording.add(info, 10);
+  Explanation e;
+  e.edge_suspects = {.leak = 2e-3, .width_deg = 0.12};
+  const auto next = fit::explain::best_experiment({&recording}, e, {});
+  REQUIRE(next);
+  CHECK(next->kind == fit::explain::Experiment::Kind::ends);
+  CHECK(next->expected > 3);
+  for (const fit::CaptureInfo& capture : next->captures) {
+    const auto edges =
+        fit::explain::Scene(bench, fit::explain::Nuisance(bench), capture).edges(capture.stage_rad);
+    const auto of_board = [](const auto& edge) { return edge.id / 2 == 0; };
+    REQUIRE(std::ranges::count_if(edges, of_board) == 2);
+    for (const auto& edge : edges)
+      if (of_board(edge)) CHECK(std::abs(edge.far_mm - edge.near_mm - 235) < 135);
+  }
+  // Before nothing there is no such place.
+  for (const auto& possible : fit::explain::possible_experiments(bench_with(""), {}))
+    CHECK(possible.kind != fit::explain::Experiment::Kind::ends);
 }
 
 TEST_CASE("a wall that stands turned is told as such, exactly, and nothing else is accused") {
