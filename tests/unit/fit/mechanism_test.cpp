@@ -99,8 +99,12 @@ const std::map<std::string, Equation>& equations() {
       {"window-reflection",
        {{{"amplitude_mm", 30}, {"reach_mm", 500}, {"centre_deg", 20}, {"width_deg", 15}},
         [](const Beam& x) { return range(30 * std::exp(-x.r / 500) * bell(x.a / degree - 20, 15)); }}},
-      {"incidence-bias", {{{"amplitude_mm", 4}},
-                          [](const Beam& x) { return range(4 * std::tan(x.i) * std::tan(x.i)); }}},
+      {"incidence-bias", {{{"amplitude_mm", 4}, {"divergence", 0.3}, {"width_at_side", 0.2}, {"stretch", 0.4}},
+        [](const Beam& x) {  // pulse 1, spot sqrt(0.4) deep at 45 deg: 4 mm are half of that squared
+          const double wide2 = (0.7 + 0.3 * x.r / 2000 * x.r / 2000) *
+                               std::norm(Point(std::cos(x.a), 0.2 * std::sin(x.a)));
+          return range(4 / 0.2 * (std::hypot(1, std::sqrt(0.4 * wide2) * std::tan(x.i)) - 1));
+        }}},
       {"subsurface", {{{"depth_mm", 8}}, [](const Beam&) { return range(8); }}},
       {"warm-up", {{{"amplitude_mm", 10}, {"tau_s", 600}},
                    [](const Beam& x) { return range(10 * (1 - std::exp(-x.t / 600))); }}},

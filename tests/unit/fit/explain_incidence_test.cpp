@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "fit/explain/explanation.hpp"
+#include "plain_bench.hpp"
+#include "synthetic_recording.hpp"
+
+namespace {
+
+using fit::explain::Explanation;
+using plain_bench::degree;
+
+const std::vector<plain_bench::Wall> room{{{2600, -1900}, {2300, 3100}},
+                                          {{2300, 3100}, {-1700, 3100}},
+                                          {{-1700, 3100}, {-1700, -1900}},
+                                          {{-1700, -1900}, {2600, -1900}}};
+const std::vector<double> greys{0.9, 0.25, 0.6, 0.4};
+
+/// A light spot that widens with the distance; it may be longer one way, and turns with the mirror then.
+struct Spot {
+  double long_mrad = 0, short_mrad = 0;  ///< Standard widths.
+  [[nodiscard]] double width_rad(double beam_rad) const {
+    return 1e-3 * std::hypot(long_mrad * std::cos(beam_rad), short_mrad * std::sin(beam_rad));
+  }
+};
+
+/// Sums the pulses of 41 rays, each as late as its piece of the wall is far away, and tells by how much the
+/// sum reaches half of its peak earlier than the pulse of a narrow beam does.
+double late_mm(const Spot& spot, double beam_rad, double range_mm, double incidence_rad) {
+  constexpr double pulse_mm = 70;
+  std::vector<std::pair<double, double>> rays;  // weight, farther by
+  for (int k = -20; k <= 20; ++k) {
+    const double off = 0.15 * k, angle = off * spot.width_rad(beam_rad);
+    rays.emplace_back(std::exp(-0.5 * off * off),
+                      range_mm * (std::cos(incidence_rad) / std::cos(incidence_rad + angle) - 1));
+  }
+  const auto signal = [&](double x) {
+    double sum = 0;
+    for (const auto& [weight, farther] : rays)
+      sum += weight * std::exp(-0.5 * std::pow((x - farther) / pulse_mm, 2));
+    return sum;
+  };
+  double peak = 0;
+  for (double x = -40; x <= 40; x += 0.5) peak = std::max(peak, signal(x));
+  double low = -400, high = 0;
+  for (int i = 0; i < 40; ++i) {
+    const double middle = (low + high) / 2;
+    (signal(middle) < peak / 2 ? low : high) = middle;
+  }
+  return low + pulse_mm * std::sqrt(2 * std::log(2));
+}
+
+struct Sample {
+  double range_mm = 0, counts = 0;
+};
+
+/// All beams of a scan without noise. The receiver compresses: counts go with the root of the light.
+std::vector<Sample> scan_of(const Spot& spot, double stage_rad) {
+  std::vector<Sample> scan;
+  for (int k = -135; k <= 135; ++k) {
+    const auto met = plain_bench::look(room, {}, stage_rad, k * degree);
+    scan.push_back({met->range_mm + late_mm(spot, k * degree, met->range_mm, met->incidence_rad),
+                    1.2e6 / met->range_mm * std::sqrt(greys[met->wall] * std::cos(met->incidence_rad))});
+  }
+  return scan;
+}
+
+/// The room, whose walls have greys of their own, seen all round.
+Explanation explained(const Spot& spot, unsigned seed) {
+  const fit::Bench bench =
+      fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 271, "front_step": 135,
+    "step_deg": 1, "scan_hz": 40, "mount": {"x_mm": {"value": 0, "u": 2}, "y_mm": {"value": 0, "u": 2},
+    "yaw_deg": {"value": 0, "u": 0.3}}}, "targets": [
+    {"name": "east", "from_mm": [2600, -1900], "to_mm": [2300, 3100], "u_mm": 1.5, "u_deg": 0.1},
+    {"name": "north", "from_mm": [2300, 3100], "to_mm": [-1700, 3100], "u_mm": 1.5, "u_deg": 0.1},
+    {"name": "west", "from_mm": [-1700, 3100], "to_mm": [-1700, -1900], "u_mm": 1.5, "u_deg": 0.1},
+    {"name": "south", "from_mm": [-1700, -1900], "to_mm": [2600, -1900], "u_mm": 1.5, "u_deg": 0.1}],
+    "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 3, "u": 0.3}}}]})");
+  std::mt19937 random(seed);
+  std::normal_distribution<double> noise(0, 3);
+  std::vector<Sample> exact;
+  SyntheticRecording recording(
+      bench, [&](const fit::CaptureInfo& capture, std::int64_t seq, auto& range, auto& intensity) {
+        if (seq == 0) exact = scan_of(spot, capture.stage_rad);
+        for (std::size_t k = 0; k < range.size(); ++k) {
+          range[k] = static_cast<std::uint16_t>(std::lround(exact[k].range_mm + noise(random)));
+          intensity[k] = static_cast<std::uint16_t>(std::lround(exact[k].counts));
+        }
+      });
+  for (int i = 0; i < 16; ++i) {
+    fit::CaptureInfo capture;
+    capture.stage_rad = 22.5 * i * degree;
+    capture.approach = 1;
+    capture.last_step = 270;
+    capture.since_power_on_s = 100 + 20 * i;
+    recording.add(capture, 12);
+  }
+  return fit::explain::explain({&recording}, {});
+}
+
+}  // namespace
+
+TEST_CASE(
+    "a pulse stretched by slanted walls is told as that, be the spot round or long and turning with the "
+    "mirror") {
+  const Spot spot = GENERATE(Spot{3, 3}, Spot{5, 5}, Spot{6, 1});
+  const Explanation e = explained(spot, 1);
+  INFO(to_text(e));
+  CHECK_FALSE(e.unknown);
+  CHECK(e.undecided_between.empty());
+  REQUIRE(e.mechanisms.size() == 1);
+  const auto& found = e.mechanisms.front();
+  CHECK(found.mechanism->id == "incidence-bias");
+  CHECK(found.probability > 0.9);
+  CHECK(found.parameters.at("divergence").value > 0.5);
+  const fit::Estimate side = found.parameters.at("width_at_side");
+  CHECK(std::abs(side.value - spot.short_mrad / spot.long_mrad) < 3 * side.u);
+}
