@@ -36,6 +36,20 @@ constexpr const char* on_search_cut_short =
 constexpr const char* on_no_transfer =
     "Means deviate in ways that one place does not share with the others; nothing is built on these.";
 
+/// Held-out figures that contradict "nothing is missing": the other stops are too few to learn from them
+/// where the lidar and the targets stand.
+bool placed_by_bench_alone(const MeanResult& means, const Explanation& out) {
+  const bool nothing_found = out.mechanisms.empty() && out.undecided_between.empty() && !out.unknown;
+  return nothing_found && means.after.coverage < 0.5 && means.after.rms_mm > 3 * means.noise_floor_mm;
+}
+
+constexpr const char* on_few_stops =
+    "The held-out figures say only how well the bench file knows where lidar and targets stand: the stops "
+    "are "
+    "too few to learn it from some and predict the others. What they have in common cannot be told from "
+    "that. "
+    "Record more stage angles before relying on this.";
+
 /// The noise of every place.
 std::string on_noise_of_places(const Findings& findings) {
   const std::vector<double>& sigma_mm = findings.spread.sigma_by_capture_mm;
@@ -71,6 +85,7 @@ void tell_doubts(const Findings& findings, Explanation& out) {
   const auto note = [&](std::string text) { out.notes.push_back(std::move(text)); };
   if (2 * reduced.astray > reduced.in_clear) note(on_astray(reduced));
   if (reduced.left_out > 0) note(on_left_out(reduced));
+  if (placed_by_bench_alone(means, out)) note(on_few_stops);
   if (means.excess > 1) note(on_excess(means.excess));
   if (means.cut_short) note(on_search_cut_short);
   if (!means.transfers) note(on_no_transfer);

@@ -3,6 +3,24 @@
 
 #include "fit/explain/answer/chapters.hpp"
 
+TEST_CASE("nothing missing, but held-out figures far beyond the noise: too few stops is said") {
+  const fit::Bench bench;
+  fit::explain::Reduced reduced;
+  reduced.bench = bench;
+  fit::explain::Findings findings{std::move(reduced), fit::explain::SpreadResult(),
+                                  fit::explain::MeanResult(bench), std::nullopt};
+  const auto notes = [&findings](double rms_mm, double coverage) {
+    findings.means.noise_floor_mm = 0.6;
+    findings.means.after.rms_mm = rms_mm, findings.means.after.coverage = coverage;
+    fit::explain::Explanation out;
+    fit::explain::answer::tell_doubts(findings, out);
+    return out.notes;
+  };
+  REQUIRE(notes(11.2, 0).size() == 1);
+  CHECK_THAT(notes(11.2, 0).front(), Catch::Contains("Record more stage angles"));
+  CHECK(notes(0.57, 0.95).empty());
+}
+
 TEST_CASE("beside noise that is not decided no other name of noise is certain") {
   using fit::explain::Suspect;
   const auto suspect = [](const char* id) {
