@@ -94,7 +94,8 @@ class Reader {
 
   [[nodiscard]] Eigen::Vector2d point() const {
     if (!value_.is_array() || value_.size() != 2) refuse("must be a point [x, y] in millimetres");
-    return {at(0).number(), at(1).number()};
+    constexpr double farthest_mm = 1e8;
+    return {at(0).number_from(-farthest_mm, farthest_mm), at(1).number_from(-farthest_mm, farthest_mm)};
   }
 
  private:
@@ -149,6 +150,29 @@ Target read_target(const Reader& reader) {
   if (reader.has("placed_anew") && !reader.at("placed_anew").value().is_boolean())
     reader.at("placed_anew").refuse("must be true or false");
   return target;
+}
+
+/// What every stage has, whoever speaks to it: limits that are not understood would be none. Returns its
+/// resolution in radians.
+double read_stage(const Reader& reader) {
+  reader.must_be_object();
+  reader.refuse_misspelt(std::array{"language", "model", "resolution_deg", "limits_deg", "speed_deg_s",
+                                    "acceleration_deg_s2", "tolerance_deg", "units_per_deg", "units_per_turn",
+                                    "direction", "zero_deg", "settle_s", "reply_s", "home_s", "needs_homing",
+                                    "baud", "address", "axis"});
+  for (const char* quickness : {"speed_deg_s", "acceleration_deg_s2"})
+    if (reader.has(quickness)) (void)reader.at(quickness).number_from(1e-6, 1e6);
+  if (reader.has("limits_deg")) {
+    const Reader limits = reader.at("limits_deg");
+    constexpr double farthest_deg = 1e6;
+    if (!limits.value().is_array() || limits.value().size() != 2)
+      limits.refuse("must be two angles [from, to] in degrees");
+    const double from = limits.at(0).number_from(-farthest_deg, farthest_deg);
+    if (from >= limits.at(1).number_from(-farthest_deg, farthest_deg))
+      limits.refuse("must be [from, to] with from below to, not " + limits.value().dump());
+  }
+  return reader.has("resolution_deg") ? reader.at("resolution_deg").number_from(1e-7, 90) * rad_per_deg
+                                      : Bench().stage_resolution_rad;
 }
 
 KnownMechanism read_known(const Reader& reader) {
@@ -207,12 +231,7 @@ Bench parse_bench(const std::string& text, const std::string& name) {
   Bench bench;
   bench.document = document.dump();
   if (reader.has("lidar")) bench.lidar = read_lidar(reader.at("lidar"));
-  if (reader.has("stage")) {
-    reader.at("stage").must_be_object();
-    if (reader.at("stage").has("resolution_deg"))
-      bench.stage_resolution_rad =
-          reader.at("stage").at("resolution_deg").number_from(1e-7, 90) * rad_per_deg;
-  }
+  if (reader.has("stage")) bench.stage_resolution_rad = read_stage(reader.at("stage"));
   if (reader.has("targets")) {
     const Reader targets = reader.at("targets");
     targets.must_be_array();

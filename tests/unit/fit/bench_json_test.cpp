@@ -56,6 +56,22 @@ TEST_CASE("a bench written back reads the same and loses nothing it does not kno
   CHECK(again.targets.size() == 1);
 }
 
+TEST_CASE("soft limits that are not understood are refused: the stage would have none") {
+  const auto with_stage = [](const std::string& stage) {
+    return complaint_of(R"({"schema": "bench/1", "stage": {)" + stage + "}}");
+  };
+  using Catch::Contains;
+  for (const char* wrong : {"-170", "[-170]", "[-170, 0, 170]", "\"-170 to 170\""})
+    CHECK_THAT(with_stage(R"("limits_deg": )" + std::string(wrong)),
+               Contains("must be two angles [from, to]"));
+  CHECK_THAT(with_stage(R"("limits_deg": ["-170", "170"])"), Contains("must be a number"));
+  CHECK_THAT(with_stage(R"("limits_deg": [170, -170])"), Contains("with from below to, not [170,-170]"));
+  CHECK_THAT(with_stage(R"("limits_deg": [-1e308, 1e308])"), Contains("must lie between"));
+  CHECK_THAT(with_stage(R"("limit_deg": [-170, 170])"), Contains("did you mean \"limits_deg\"?"));
+  CHECK_THAT(with_stage(R"("speed_deg_s": 0)"), Contains("must lie between"));
+  CHECK(with_stage(R"("limits_deg": [-170, 170], "speed_deg_s": 20, "play_deg": 0.2)").empty());
+}
+
 TEST_CASE("a wrong bench file is refused with place, expectation and remedy") {
   CHECK(complaint_of("{").find("b.json:1:") == 0);
   CHECK(complaint_of(R"({"lidar": {}})").find("\"schema\": \"bench/1\" is missing") != std::string::npos);
