@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <boost/asio/bind_cancellation_slot.hpp>
 #include <boost/asio/cancellation_signal.hpp>
 #include <boost/asio/co_spawn.hpp>
@@ -58,7 +59,6 @@ class Check : public Command {
     const StageOptions options = bench_stage_options(bench);
     asio::io_context io(1);
     std::exception_ptr failure;
-    std::vector<CheckLine> lines;
     asio::signal_set signals(io, SIGINT, SIGTERM);
     bool stopped = false;
     auto checking = walk(bench, address, options);
@@ -68,32 +68,35 @@ class Check : public Command {
       if (!error) stopped = true, cancel.emit(asio::cancellation_type::terminal);
     });
     asio::co_spawn(io, std::move(checking),
-                   asio::bind_cancellation_slot(cancel.slot(),
-                                                [&](std::exception_ptr why, std::vector<CheckLine> found) {
-                                                  failure = why;
-                                                  lines = std::move(found);
-                                                  signals.cancel();
-                                                }));
+                   asio::bind_cancellation_slot(cancel.slot(), [&](std::exception_ptr why) {
+                     failure = why;
+                     signals.cancel();
+                   }));
     io.run();
     if (stopped) throw MeasurementError("Stopped by the operator.");
+    json_.write(document(failure));
     if (failure) std::rethrow_exception(failure);
-    return conclude(lines);
+    if (std::ranges::any_of(lines_,
+                            [](const CheckLine& line) { return line.verdict == CheckLine::Verdict::bad; }))
+      throw MeasurementError("the bench is not ready: mend what is marked BAD and check again.");
+    return 0;
   }
 
  private:
-  asio::awaitable<std::vector<CheckLine>> walk(const fit::Bench& bench, Endpoint address,
-                                               StageOptions options) {
+  asio::awaitable<void> walk(const fit::Bench& bench, Endpoint address, StageOptions options) {
     const auto executor = co_await asio::this_coro::executor;
     const auto lidar = make_scip_source(executor, address);
     const auto clock = make_real_clock();
     auto opening = open_stage_patiently(executor, stage_, options);
     const auto stage = co_await std::move(opening);
     std::exception_ptr failure;
-    std::vector<CheckLine> lines;
     try {
-      const std::function<void(const CheckLine&)> tell = print;
+      const std::function<void(const CheckLine&)> tell = [this](const CheckLine& line) {
+        print(line);
+        lines_.push_back(line);
+      };
       auto checking = check_bench(bench, *lidar, *stage, *clock, stay_still_, tell);
-      lines = co_await std::move(checking);
+      co_await std::move(checking);
     } catch (...) {
       failure = std::current_exception();
     }
@@ -101,25 +104,28 @@ class Check : public Command {
     auto stopping = stage->stop();
     co_await std::move(stopping);
     if (failure) std::rethrow_exception(failure);
-    co_return lines;
   }
 
-  int conclude(const std::vector<CheckLine>& lines) const {
-    json all = json::array();
-    bool bad = false;
-    for (const CheckLine& line : lines) {
-      bad |= line.verdict == CheckLine::Verdict::bad;
-      all.push_back({{"what", line.what}, {"verdict", word(line.verdict)}, {"says", line.says}});
-      if (line.verdict != CheckLine::Verdict::good) all.back()["remedy"] = line.remedy;
+  /// What was found, also where a device ended the walk: then `error` says how.
+  [[nodiscard]] json document(const std::exception_ptr& failure) const {
+    json found = {{"schema", "check/1"}, {"lines", json::array()}};
+    for (const CheckLine& line : lines_) {
+      json entry = {{"what", line.what}, {"verdict", word(line.verdict)}, {"says", line.says}};
+      if (line.verdict != CheckLine::Verdict::good) entry["remedy"] = line.remedy;
+      found["lines"].push_back(std::move(entry));
     }
-    json_.write({{"schema", "check/1"}, {"lines", all}});
-    if (bad) throw MeasurementError("the bench is not ready: mend what is marked BAD and check again.");
-    return 0;
+    try {
+      if (failure) std::rethrow_exception(failure);
+    } catch (const std::exception& error) {
+      found["error"] = error.what();
+    }
+    return found;
   }
 
   std::string lidar_, stage_, bench_;
   JsonOutput json_;
   bool stay_still_ = false;
+  std::vector<CheckLine> lines_;
 };
 
 }  // namespace
