@@ -233,7 +233,8 @@ std::string summary_text(const RunState& state, const SessionStore& session, dou
     text += "Limits:\n";
     add_limits(text, checks);
   }
-  return text + "Session: " + session.path() + "\n";
+  // A session whose first step was not done is not kept.
+  return session.progress().empty() ? text : text + "Session: " + session.path() + "\n";
 }
 
 std::unique_ptr<RunView> make_terminal_view(std::FILE* out, bool is_terminal) {

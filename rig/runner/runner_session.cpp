@@ -262,10 +262,10 @@ void Runner::Impl::tell(const std::string& level, const std::string& text) {
 
 void Runner::Impl::stop_if_aborted() const {
   if (aborted)
-    throw RunStopped(
-        "Stopped by the operator. The stage stands, the lidar's laser is off, and what was captured is "
-        "in " +
-        session.path() + ". Go on with --resume.");
+    throw RunStopped("Stopped by the operator. The stage stands, the lidar's laser is off, and " +
+                     (session.progress().empty()
+                          ? "nothing was captured yet."
+                          : "what was captured is in " + session.path() + ". Go on with --resume."));
 }
 
 }  // namespace rig

@@ -179,7 +179,10 @@ std::unique_ptr<fit::Recording> SessionStore::recording(const std::optional<fit:
   std::optional<fit::Bench> known = bench;
   if (!known) {
     const auto text = get("bench");
-    if (!text) throw UsageError(impl_->path + " holds no bench. Give one with --bench FILE.");
+    if (!text)
+      throw UsageError(impl_->path +
+                       " holds no bench: it was ended before its run began. Of the commands that read one, "
+                       "`rig explain` takes it from --bench FILE.");
     try {
       known = fit::parse_bench(*text, impl_->path + " (its bench)");
     } catch (const std::invalid_argument& error) {

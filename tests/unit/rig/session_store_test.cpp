@@ -192,6 +192,8 @@ TEST_CASE("files that are no sessions are refused in words") {
         .exec("CREATE TABLE t(x)");
   }
   CHECK_THROWS_WITH(SessionStore(folder / "other.rig", Mode::read), Contains("not a session file of rig"));
+  { std::ofstream(folder / "empty.rig"); }
+  CHECK_THROWS_WITH(SessionStore(folder / "empty.rig", Mode::read), Contains("is empty"));
   { SessionStore(folder / "later.rig", Mode::create); }
   { SQLite::Database(folder / "later.rig", SQLite::OPEN_READWRITE).exec("PRAGMA user_version = 2"); }
   CHECK_THROWS_WITH(SessionStore(folder / "later.rig", Mode::read), Contains("later version"));
