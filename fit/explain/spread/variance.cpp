@@ -46,7 +46,9 @@ class VarianceSearch {
       base_ = model_.fit(parts_);
       if (light_comes_and_goes(result)) base_ = model_.fit(parts_);
       if (!accept_first(believed_suspects(result), result)) break;
+      if (is(result.accepted.back(), ids::intensity_noise)) let_law_of_echoes_bend();
     }
+    if (bend_) parts_.columns.erase(parts_.columns.begin() + static_cast<std::ptrdiff_t>(*bend_));
     base_ = model_.fit(parts_);
     result.sigma_mm = std::sqrt(base_.value[0]);
     if (scans_jitter) whole_jitter(result);
@@ -215,6 +217,25 @@ class VarianceSearch {
     return true;
   }
 
+  /// No receiver's noise follows its law exactly, least of all near its threshold: beside noise of weak
+  /// echoes, what noise of another exponent explains is nobody else's.
+  void let_law_of_echoes_bend() {
+    base_ = model_.fit(parts_);
+    double most = 0;
+    Column best;
+    for (const double exponent : exponents_of_noise) {
+      Column column = of_intensity(pools(), exponent);
+      double gain = 0;
+      (void)fit_with(column, gain);
+      if (gain <= most) continue;
+      most = gain;
+      best = std::move(column);
+    }
+    if (best.empty()) return;
+    bend_ = parts_.columns.size();
+    parts_.columns.push_back(std::move(best));
+  }
+
   /// Beams may scatter on their own beside what a scan has in common: the spread of samples shows both.
   void whole_jitter(SpreadResult& result) const {
     const Estimate whole = root_deg(base_.at(parts_.places + 1));
@@ -367,7 +388,8 @@ class VarianceSearch {
   const VarianceModel& model_;
   bool has_intensity_, in_several_places_ = false;
   bool comes_and_goes_ = false;         ///< More noise at some times is part of the parts.
-  Parts parts_;                         ///< Accepted so far.
+  Parts parts_;                         ///< Accepted so far, and how the law of one of them bends.
+  std::optional<std::size_t> bend_;     ///< Which column the latter is.
   std::optional<Suspect> unconfirmed_;  ///< The most evident of those that no other capture confirms.
   VarianceModel::Fit base_;             ///< With these.
 };

@@ -62,6 +62,40 @@ SpreadResult spread_of(Receiver receiver) {
   return fit::explain::explain_spread(reduced);
 }
 
+/// A board that is moved from 0.3 to 8 m away, in two greys, seen nearly square on.
+SpreadResult spread_of_ladder(Receiver receiver) {
+  const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 1081,
+    "front_step": 540, "step_deg": 0.25, "scan_hz": 40}, "targets": [{"name": "board", "from_mm": [300, -250],
+    "to_mm": [300, 250], "u_mm": 1.5}],
+    "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 4.1, "u": 0.4}}}]})");
+  SyntheticRecording ladder(bench, [receiver](const fit::CaptureInfo& info, std::int64_t,
+                                              std::vector<std::uint16_t>& range,
+                                              std::vector<std::uint16_t>& intensity) mutable {
+    for (std::size_t i = 0; i < range.size(); ++i) {
+      const double slant = (static_cast<double>(i) - 4) * 0.25 * fit::rad_per_deg,
+                   far = (300 + info.target_shift_mm) / std::cos(slant);
+      const double echo = info.reflectance.value() * std::cos(slant) * std::pow(1000 / far, 2);
+      const std::optional<double> late = receiver.late_mm(echo);
+      range[i] = late ? static_cast<std::uint16_t>(std::lround(far + *late)) : std::uint16_t{0};
+      intensity[i] = late ? static_cast<std::uint16_t>(std::lround(900 * std::sqrt(echo))) : std::uint16_t{0};
+    }
+  });
+  for (const double reflectance : {0.85, 0.4})
+    for (int i = 0; i < 50; ++i) {
+      fit::CaptureInfo capture;
+      capture.target = "board";
+      capture.reflectance = reflectance;
+      capture.target_shift_mm = 150.0 * i;
+      capture.first_step = 536;
+      capture.last_step = 544;
+      capture.started_us = 20'000'000LL * i;
+      ladder.add(capture, 60);
+    }
+  fit::explain::Reduced reduced = fit::explain::reduce(ladder, {});
+  fit::explain::pool_variances(reduced);
+  return fit::explain::explain_spread(reduced);
+}
+
 std::set<std::string> named(const SpreadResult& result) {
   std::set<std::string> names;
   for (const fit::explain::Suspect& s : result.accepted) names.insert(s.mechanism->id);
@@ -88,4 +122,13 @@ TEST_CASE("a receiver's noise shows more on weak echoes, and none is lost: that 
   CHECK(suspected.contains("intensity-noise"));
   CHECK_FALSE(suspected.contains("dropout"));
   CHECK(result.brought_along.empty());
+}
+
+TEST_CASE("noise near the threshold follows no power of the echo: the rest of it is no scatter of angles") {
+  const double share = GENERATE(0.3, 0.5, 0.7, 0.8, 0.9), noise = GENERATE(0.02, 0.04, 0.08);
+  constexpr double weakest = 0.4 / (7.65 * 7.65);
+  const SpreadResult result =
+      spread_of_ladder({.threshold = share * weakest, .noise = noise * share * weakest});
+  INFO(share << " " << noise);
+  CHECK_FALSE(named(result).contains("angle-jitter"));
 }
