@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "fit/angle.hpp"
 #include "fit/explain/spread/questions.hpp"
 #include "fit/explain/spread/suspects.hpp"
 
@@ -39,18 +40,36 @@ double output_steps(const Reduced& reduced, SpreadResult& result) {
   return best_step;
 }
 
+namespace {
+
+/// By how much of itself a variance changes with the place of the mean between two steps (Widrow & Kollar,
+/// Quantization Noise, 2008: first harmonic of a rounded normal variable). Never less than what is left of
+/// noise that is not normal, nor more than what the places of many cells leave of it.
+double share_of_steps(double sigma_mm, double step_mm) {
+  constexpr double least = 0.01, most = 0.1;
+  const double in_steps2 = std::pow(sigma_mm / step_mm, 2);
+  const double swings = (4 * in_steps2 + 1 / (pi * pi)) * std::exp(-2 * pi * pi * in_steps2);
+  return std::clamp(swings / (in_steps2 + 1.0 / 12), least, most);
+}
+
+}  // namespace
+
 /// Where distances come in coarse steps, a cell's variance and memory depend on where its mean lies between
 /// two of them. What makes less of a difference than that is not believed.
 void distrust_beside_coarse_steps(const Reduced& reduced, SpreadResult& result) {
-  if (!is_accepted(result, ids::rounding)) return;
+  const auto rounding =
+      std::ranges::find_if(result.accepted, [](const Suspect& s) { return is(s, ids::rounding); });
+  if (rounding == result.accepted.end()) return;
   // Of the variance; its log-likelihood grows by a quarter of the share's square a sample.
-  constexpr double share = 0.05;
+  const double share = share_of_steps(result.sigma_mm, rounding->parameters.at("step_mm").value);
   const double least = share * share / 4 * static_cast<double>(reduced.samples);
-  std::erase_if(result.accepted, [&](const Suspect& s) {
+  const auto may_be_of_steps = [least](const Suspect& s) {
+    if (!s.mechanism || s.gain >= least) return false;
     const Observable shows_in = s.mechanism->observable;
-    const bool of_noise = shows_in == Observable::range_variance || shows_in == Observable::time_correlation;
-    return of_noise && s.gain < least;
-  });
+    return shows_in == Observable::range_variance || shows_in == Observable::time_correlation;
+  };
+  std::erase_if(result.accepted, may_be_of_steps);
+  std::erase_if(result.undecided, [&](const auto& set) { return std::ranges::any_of(set, may_be_of_steps); });
 }
 
 }  // namespace fit::explain::spread

@@ -24,8 +24,8 @@ struct Light {
 /// At a beam angle (deg), a time since power-on and the time of the beam itself (s).
 using OfLight = std::function<Light(double beam_deg, double time_s, double beam_time_s)>;
 
-/// A room seen from 16 stage angles, both ways, 40 s apart.
-Explanation explained(const OfLight& light, int scans = 10, unsigned seed = 1) {
+/// A room seen from 16 stage angles, both ways, 40 s apart, in steps of the range.
+Explanation explained(const OfLight& light, int scans = 10, unsigned seed = 1, int step_mm = 1) {
   const std::vector<plain_bench::Wall> room{{{2600, -1900}, {2300, 3100}},
                                             {{2300, 3100}, {-1700, 3100}},
                                             {{-1700, 3100}, {-1700, -1900}},
@@ -42,20 +42,20 @@ Explanation explained(const OfLight& light, int scans = 10, unsigned seed = 1) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> chance;
-  SyntheticRecording recording(
-      bench, [&](const fit::CaptureInfo& capture, std::int64_t seq, auto& range, auto& counts) {
-        for (std::size_t k = 0; k < range.size(); ++k) {
-          const double beam_deg = (static_cast<double>(k) - 180) * 0.75;
-          const double time_s = *capture.since_power_on_s + 0.025 * static_cast<double>(seq);
-          const auto met = plain_bench::look(room, {0, 0, 10}, capture.stage_rad, beam_deg * degree);
-          const Light is = light(beam_deg, time_s, time_s + (beam_deg + 135) / 14400);
-          const double mm = met->range_mm + is.range_mm + std::hypot(4, is.scatter_mm) * normal(random);
-          const bool seen = chance(random) >= is.lost;
-          range[k] = seen ? static_cast<std::uint16_t>(std::lround(mm)) : std::uint16_t{0};
-          counts[k] = seen ? static_cast<std::uint16_t>(3e6 * std::cos(met->incidence_rad) / met->range_mm)
-                           : std::uint16_t{0};
-        }
-      });
+  SyntheticRecording recording(bench, [&](const fit::CaptureInfo& capture, std::int64_t seq, auto& range,
+                                          auto& counts) {
+    for (std::size_t k = 0; k < range.size(); ++k) {
+      const double beam_deg = (static_cast<double>(k) - 180) * 0.75;
+      const double time_s = *capture.since_power_on_s + 0.025 * static_cast<double>(seq);
+      const auto met = plain_bench::look(room, {0, 0, 10}, capture.stage_rad, beam_deg * degree);
+      const Light is = light(beam_deg, time_s, time_s + (beam_deg + 135) / 14400);
+      const double mm = met->range_mm + is.range_mm + std::hypot(4, is.scatter_mm) * normal(random);
+      const bool seen = chance(random) >= is.lost;
+      range[k] = seen ? static_cast<std::uint16_t>(step_mm * std::lround(mm / step_mm)) : std::uint16_t{0};
+      counts[k] = seen ? static_cast<std::uint16_t>(3e6 * std::cos(met->incidence_rad) / met->range_mm)
+                       : std::uint16_t{0};
+    }
+  });
   for (int i = 0; i < 16; ++i) {
     fit::CaptureInfo capture;
     capture.stage_rad = 45.0 * (i < 8 ? i : 15 - i) * degree;
@@ -158,4 +158,24 @@ TEST_CASE("without light nothing is told") {
     INFO(to_text(e));
     CHECK(e.verdict == "nothing-missing");
   }
+}
+
+TEST_CASE("coarse steps of the range make no noise of a few beams, and hide none that is clear") {
+  const int step_mm = GENERATE(3, 7, 10, 16);
+  const auto shines = GENERATE(false, true);
+  const Explanation e = explained(
+      [shines](double beam_deg, double, double) {
+        return Light{.scatter_mm = shines ? 2.2 * std::exp(-std::pow((beam_deg - 30) / 20, 2)) : 0};
+      },
+      10, 3, step_mm);
+  INFO(step_mm << " mm: " << to_text(e));
+  const auto found = [&](const char* id) {
+    return std::ranges::any_of(e.mechanisms, [id](const auto& m) { return m.mechanism->id == id; });
+  };
+  CHECK(found("rounding"));
+  // In steps of more than twice the noise, a variance says little.
+  if (step_mm < 10) CHECK(found("sunlight") == shines);
+  CHECK(e.mechanisms.size() == (found("sunlight") ? 2 : 1));
+  CHECK((shines || !found("sunlight")));
+  CHECK(e.undecided_between.empty());
 }
