@@ -74,3 +74,45 @@ TEST_CASE("with --json - standard output holds the document alone") {
   CHECK_THAT(program.errors(), Catch::Contains("page.html"));
   CHECK(fs::exists(folder / "page.html"));
 }
+
+TEST_CASE("an export goes to standard output, where nothing else is said, and makes no file called '-'") {
+  const TestFolder folder;
+  const std::string input = recording_in(folder, "in.rig");
+  Program program(rig_command({"export", input, "--format", "json", "-o", "-"}), folder);
+  std::string output;
+  while (const auto line = program.line()) output += *line + "\n";
+  CHECK(program.exit_status() == 0);
+  CHECK(nlohmann::json::parse(output).contains("captures"));
+  CHECK(program.errors().empty());
+  CHECK(!fs::exists(folder / "-"));
+}
+
+TEST_CASE("a check that a device ends still gives its document, with the error") {
+  const TestFolder folder;
+  const std::string bench = folder / "a.bench.json";
+  std::ofstream(bench) << R"({"schema": "bench/1"})";
+  Program program(rig_command({"check", "--lidar", "tcp://127.0.0.1:1", "--stage",
+                               "serial:" + (folder / "none"), "--bench", bench, "--json", "-"}),
+                  folder);
+  std::string output;
+  while (const auto line = program.line()) output += *line + "\n";
+  CHECK(program.exit_status() == 3);
+  const auto document = nlohmann::json::parse(output);
+  CHECK(document.at("lines").empty());
+  CHECK_THAT(document.at("error").get<std::string>(), Catch::Contains("is not there"));
+}
+
+TEST_CASE("a session given for a bench, and a bench given for a session, are called what they are") {
+  const TestFolder folder;
+  const std::string session = recording_in(folder, "in.rig"), bench = folder / "a.bench.json";
+  std::ofstream(bench) << R"({"schema": "bench/1"})";
+  for (const auto& [words, expected] : std::vector<std::pair<Words, std::string>>{
+           {{"explain", session, "--bench", session}, "is a session, not a bench file"},
+           {{"explain", bench}, "is a text file, not a session file"},
+           {{"report", bench}, "is a text file, not a session file"}}) {
+    CAPTURE(words);
+    Program program(rig_command(words), folder);
+    CHECK(program.exit_status() == 2);
+    CHECK_THAT(program.errors(), Catch::Contains(expected));
+  }
+}
