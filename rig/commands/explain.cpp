@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "fit/explain/explanation.hpp"
+#include "rig/commands/different_sessions.hpp"
 #include "rig/commands/json_output.hpp"
 #include "rig/procedure/procedure_plan.hpp"
 #include "rig/report/explain_procedure.hpp"
@@ -63,6 +64,7 @@ class Explain : public Command {
 
   int run() override {
     check_outputs({json_.output(), {report_, "explanation.html"}, {next_, "next.yaml"}}, inputs());
+    demand_different_sessions(fitted_and_predicted());
     std::optional<fit::Bench> bench;
     if (!bench_.empty()) bench = read_bench_file(bench_);
     const nlohmann::json document = explained(bench);
@@ -78,9 +80,13 @@ class Explain : public Command {
   }
 
  private:
-  [[nodiscard]] std::vector<std::string> inputs() const {
+  [[nodiscard]] std::vector<std::string> fitted_and_predicted() const {
     std::vector<std::string> files = sessions_;
     files.insert(files.end(), predicted_.begin(), predicted_.end());
+    return files;
+  }
+  [[nodiscard]] std::vector<std::string> inputs() const {
+    std::vector<std::string> files = fitted_and_predicted();
     files.push_back(bench_);
     return files;
   }

@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <map>
 
+#include "rig/commands/different_sessions.hpp"
 #include "rig/commands/json_output.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/fitting.hpp"
@@ -38,6 +39,7 @@ class Fit : public Command {
 
   int run() override {
     check_outputs({json_.output()}, inputs());
+    demand_different_sessions(sessions_);
     std::vector<std::unique_ptr<SessionStore>> stores;
     std::vector<FitSource> sources;
     for (const std::string& path : sessions_) {

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <map>
 
+#include "fit/json_position.hpp"
 #include "rig/errors.hpp"
 
 namespace rig {
@@ -66,6 +67,22 @@ void compare_with_bench(EdgeSource& source) {
   std::erase_if(source.crossings, far);
 }
 
+/// A target that was named must stand in some bench file.
+void demand_known_target(const EdgeSource& source) {
+  std::vector<std::string> names;
+  std::string list;
+  for (const auto& recording : source.recordings)
+    for (const fit::Target& target : recording->bench().targets) {
+      if (target.name == source.target) return;
+      if (std::ranges::count(names, target.name) > 0) continue;
+      names.push_back(target.name);
+      list += (list.empty() ? "" : ", ") + target.name;
+    }
+  throw UsageError("the bench file has no target '" + source.target + "'" +
+                   fit::ending_with_guess(fit::nearest_word(source.target, names)) +
+                   " It has: " + (list.empty() ? "none" : list));
+}
+
 [[noreturn]] void explain_absence(const EdgeSource& source, const fit::EdgeOptions& options) {
   long captures = 0, standing = 0;
   for (const auto& recording : source.recordings)
@@ -104,6 +121,7 @@ EdgeSource read_edges(const std::vector<FitSource>& sources, const FitOptions& o
   source.target = target_of(source.recordings, options);
   fit::EdgeOptions edge;
   if (!source.target.empty()) edge.target = source.target;
+  if (options.has("target") && !source.target.empty()) demand_known_target(source);
   if (options.has("edge")) edge.right = options.text("edge") == "right";
   for (const auto& recording : source.recordings)
     for (fit::EdgeCrossing& crossing : fit::find_edge_crossings(*recording, edge))

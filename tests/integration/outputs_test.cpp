@@ -102,12 +102,16 @@ TEST_CASE("a check that a device ends still gives its document, with the error")
   CHECK_THAT(document.at("error").get<std::string>(), Catch::Contains("is not there"));
 }
 
-TEST_CASE("a session given for a bench, and a bench given for a session, are called what they are") {
+TEST_CASE(
+    "a session given for a bench, a bench for a session, and a session twice, are called what they are") {
   const TestFolder folder;
   const std::string session = recording_in(folder, "in.rig"), bench = folder / "a.bench.json";
   std::ofstream(bench) << R"({"schema": "bench/1"})";
   for (const auto& [words, expected] : std::vector<std::pair<Words, std::string>>{
            {{"explain", session, "--bench", session}, "is a session, not a bench file"},
+           {{"explain", session, session}, "is given twice: what it holds would count twice"},
+           {{"explain", session, "--predict", "./in.rig"}, "are one file"},
+           {{"fit", "noise", session, session}, "is given twice"},
            {{"explain", bench}, "is a text file, not a session file"},
            {{"report", bench}, "is a text file, not a session file"}}) {
     CAPTURE(words);

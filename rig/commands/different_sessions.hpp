@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "rig/errors.hpp"
+
+namespace rig::commands {
+
+/// Refuses a recording that is given twice, by whatever name: its samples would count twice, and an
+/// uncertainty would be too small. Files that are not there are left to whoever reads them. Throws
+/// UsageError.
+inline void demand_different_sessions(const std::vector<std::string>& files) {
+  for (std::size_t i = 0; i < files.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j) {
+      std::error_code ignored;
+      if (!std::filesystem::equivalent(files[i], files[j], ignored)) continue;
+      throw UsageError(files[i] +
+                       (files[i] == files[j] ? " is given twice" : " and " + files[j] + " are one file") +
+                       ": what it holds would count twice. Name it once.");
+    }
+}
+
+}  // namespace rig::commands
