@@ -286,6 +286,9 @@ json make_certificate(const SessionStore& session, const std::string& session_fi
       certificate["results"].push_back(
           {{"kind", result.kind}, {"created_utc", result.created_utc}, {"result", document}});
   }
+  if (certificate["results"].empty()) certificate["title"] = "Record of a measurement, without a calibration";
+  const std::string ended = session.get("ended").value_or("");
+  if (!ended.empty() && ended != "done") certificate["unfinished"] = ended;
   if (certificate.contains("explanation"))
     if (json unknown = unknown_physics(certificate["explanation"]); !unknown.is_null())
       certificate["unknown_physics"] = std::move(unknown);

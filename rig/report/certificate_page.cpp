@@ -325,6 +325,7 @@ std::string to_html(const json& certificate) {
   page["issued"] = readable_utc(text_of(certificate, "issued_utc"));
   for (const char* part : {"identification", "conditions"})
     for (json& row : page[part]) row["text"] = readable_utc(text_of(row, "text"));
+  page["no_result"] = list_of(certificate, "results").empty();
   page["hash"] = text_of(certificate, "sha256");
   page["sections"] = json::array();
   json annex = json::array();

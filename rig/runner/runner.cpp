@@ -226,6 +226,7 @@ void Runner::Impl::conclude() {
     if (!safe_problems.empty()) note("warning", safe_problems);
     if (failure || aborted)
       note(stopped ? "warning" : "error", aborted ? "stopped by the operator" : words_of(failure));
+    session.set("ended", aborted ? "stopped by the operator" : failure ? words_of(failure) : "done");
     if (!failure && !aborted) {
       store_limits();
       note("info", "procedure finished");

@@ -62,6 +62,7 @@ json Runner::Impl::variables_json() const {
 
 void Runner::Impl::describe_session() {
   if (!session.get("steps")) session.set("steps", steps_json().dump());
+  session.set("ended", "");
   if (session.get("procedure")) {
     note("info", resumed_words());
     return;

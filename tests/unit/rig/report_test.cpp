@@ -124,6 +124,24 @@ TEST_CASE("steps and coordinates are written in words for those who read a certi
   CHECK(rig::coordinate_in_words("new_one").with_unit() == "new_one");
 }
 
+TEST_CASE("a session without results certifies nothing, and a run that was stopped is called so") {
+  const TestFolder folder;
+  const std::string file = folder / "stopped.rig", page = folder / "c.html";
+  {
+    rig::SessionStore store(file, rig::SessionStore::Mode::create);
+    store.set("bench", R"({"schema":"bench/1"})");
+    store.set("ended", "stopped by the operator");
+  }
+  rig::write_report(file, rig::check_output({page}));
+  for (const char* expected :
+       {"<h1>Record of a measurement", "No result:", "Not finished:", "stopped by the operator"})
+    CHECK_THAT(file_text(page), Catch::Contains(expected));
+  const std::string whole = make_session(folder);
+  rig::write_report(whole, rig::check_output({page}));
+  for (const char* unexpected : {"No result:", "Not finished:"})
+    CHECK_THAT(file_text(page), !Catch::Contains(unexpected));
+}
+
 TEST_CASE("the same certificate comes as data") {
   const TestFolder folder;
   const std::string session = make_session(folder), file = folder / "c.json";
