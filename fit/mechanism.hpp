@@ -159,6 +159,9 @@ struct Mechanism {
   /// How far real causes differ from the formula, as a share of the effect: a scale is a scale, a pulse on a
   /// threshold only resembles an exponential.
   double formula_error = 0.1;
+  /// Only the coordinate is certain: the curve along it differs from device to device, and so does the place
+  /// where the instrument was set to read right.
+  bool any_curve = false;
   bool geometric = false;  ///< Works through angles or places, not through the measured distance itself.
   /// Values in the order of `parameters`.
   std::function<Effect(const Circumstances&, std::span<const double> values)> act;

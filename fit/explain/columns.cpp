@@ -193,8 +193,6 @@ Columns linear_columns(const MeanModel& model, const Term& term) {
   return c;
 }
 
-bool has_free_curve(const Mechanism& mechanism) { return mechanism.formula_error > 0.5; }
-
 bool has_phase(const Mechanism& mechanism, std::size_t size) {
   return size + 1 < mechanism.parameters.size() && mechanism.parameters[size + 1].role == Role::phase;
 }
@@ -235,6 +233,29 @@ Columns shape_columns(const MeanModel& model, const Term& term) {
   return c;
 }
 
+/// The freedom of an effect whose curve differs from device to device, along its coordinate.
+static Columns bends(const MeanModel& model, const Mechanism& mechanism, const Eigen::VectorXd& effect_mm) {
+  const double count = std::max(1.0, static_cast<double>(effect_mm.size())), mean = effect_mm.sum() / count,
+               rms = std::sqrt(effect_mm.squaredNorm() / count);
+  if (!(rms > std::abs(mean))) return {};
+  Shape curve;
+  curve.form = find_form("smooth");
+  curve.coordinate = mechanism.coordinate;
+  curve.length = 0.5;
+  curve.size = mechanism.formula_error * std::sqrt(rms * rms - mean * mean);
+  Columns c = columns_of(model, curve);
+  // They fade out as the effect does itself: what shows only where it has gone is something else.
+  for (Eigen::Index k = 0; k < c.columns_mm.cols(); ++k)
+    c.columns_mm.col(k).array() *= effect_mm.array().abs() / rms;
+  // At which of its values the instrument was set to read right nobody knows.
+  Columns set_right;
+  set_right.columns_mm = Eigen::MatrixXd::Ones(model.rows(), 1);
+  set_right.prior.mean = Eigen::VectorXd::Zero(1);
+  set_right.prior.sigma = Eigen::VectorXd::Constant(1, rms);
+  add(c, set_right);
+  return c;
+}
+
 Columns freedom_columns(const MeanModel& model, const Term& term) {
   Columns c;
   const Mechanism& mechanism = *term.mechanism;
@@ -256,14 +277,13 @@ Columns freedom_columns(const MeanModel& model, const Term& term) {
   }
   // Typical size of the effect in each way it works.
   Eigen::VectorXd whole(n), even(n);
-  double range1 = 0, range2 = 0, beam2 = 0, stage2 = 0, count = 0;
+  double range2 = 0, beam2 = 0, stage2 = 0, count = 0;
   for (Eigen::Index i = 0; i < n; ++i) {
     const Cell& cell = model.cell(i);
     whole[i] = 0;
     if (!acts_on(term, cell)) continue;
     const Effect e = mechanism.act(cell.at, term.values);
     whole[i] = cell.sight.shift(e);
-    range1 += e.range_mm;
     range2 += e.range_mm * e.range_mm;
     beam2 += e.beam_rad * e.beam_rad;
     stage2 += e.stage_rad * e.stage_rad;
@@ -276,16 +296,7 @@ Columns freedom_columns(const MeanModel& model, const Term& term) {
     const Sight& sight = model.cell(i).sight;
     even[i] = range + sight.beam_lever() * beam + sight.stage_lever() * stage;
   }
-  if (has_free_curve(mechanism)) {
-    // Only the coordinate is certain, not the curve: of what shows of it here, not of what is the same
-    // everywhere.
-    Shape curve;
-    curve.form = find_form("smooth");
-    curve.coordinate = coordinate;
-    curve.length = 0.1;
-    curve.size = formula_error * std::sqrt(std::max(0.0, range2 / count - std::pow(range1 / count, 2)));
-    return curve.size > 0 ? columns_of(model, curve) : c;
-  }
+  if (mechanism.any_curve) return bends(model, mechanism, whole);
   const bool harmonic =
       std::ranges::any_of(mechanism.parameters, [](const Parameter& p) { return p.role == Role::phase; });
   std::vector<Eigen::VectorXd> list;

@@ -47,8 +47,6 @@ void set_coefficients(Term& term, const Eigen::VectorXd& values, const Eigen::Ma
 [[nodiscard]] Columns linear_columns(const MeanModel& model, const Term& term);
 /// Whether a term cuts ranges into bins: its effect jumps, and neighbouring beams differ.
 [[nodiscard]] bool is_comb(const Mechanism& mechanism);
-/// Whether only a mechanism's coordinate is certain, not the curve along it.
-[[nodiscard]] bool has_free_curve(const Mechanism& mechanism);
 /// Whether a size is the amplitude of a wave, its phase being the next parameter.
 [[nodiscard]] bool has_phase(const Mechanism& mechanism, std::size_t size);
 /// Derivatives by the shape parameters, in the unit in which they are searched (logarithm or value).

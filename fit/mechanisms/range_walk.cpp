@@ -5,13 +5,15 @@ namespace fit::mechanisms {
 
 // A fixed threshold fires later on a weak echo. Empirical form w exp(-I/I0) (Zhao et al., the confluent form
 // of their eq. 14 at large I), stretched by an exponent: below one it resembles the logarithm of a Gaussian
-// edge and the 1/A of a linear one, whose counts come from a compressing receiver.
+// edge and the 1/A of a linear one, whose counts come from a compressing receiver. Never above one: the
+// stronger the echo, the less its delay still changes, while a receiver that saturates does the opposite.
 Mechanism make_range_walk() {
   Mechanism m;
   m.id = "range-walk";
   m.cause = "weak echoes cross the receiver's threshold later";
   m.coordinate = Coordinate::intensity;
-  m.formula_error = 0.8;  // free curve: it differs from device to device, but it follows the echo alone
+  m.formula_error = 0.2;
+  m.any_curve = true;
   m.parameters = {
       {.name = "amplitude_mm", .typical = 25},
       {.name = "intensity_scale", .role = Parameter::Role::shape, .lower = 30, .upper = 2500, .starts = 8},
@@ -19,7 +21,7 @@ Mechanism make_range_walk() {
        .role = Parameter::Role::shape,
        .expected = 1,
        .lower = 0.35,
-       .upper = 1.5,
+       .upper = 1,
        .starts = 4}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = std::isfinite(c.intensity)

@@ -106,7 +106,7 @@ Hypothesis from_unnamed(Fitting& fitting, const Hypothesis& empty) {
 
 /// Whether only the coordinate of a term is certain, and a form is a function of that.
 bool is_free_along(const Term& term, const Shape& shape) {
-  return has_free_curve(*term.mechanism) && term.mechanism->coordinate == shape.coordinate;
+  return term.mechanism->any_curve && term.mechanism->coordinate == shape.coordinate;
 }
 
 /// Two mechanisms together may look like a third one: from those that explain a good part of what the best
