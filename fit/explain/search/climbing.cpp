@@ -109,6 +109,21 @@ bool is_free_along(const Term& term, const Shape& shape) {
   return term.mechanism->any_curve && term.mechanism->coordinate == shape.coordinate;
 }
 
+/// What is left along the coordinate of a mechanism of which only that is certain is its own: it bends more
+/// freely than its formula was thought to.
+Hypothesis with_own_curves(Fitting& fitting, Hypothesis h) {
+  for (std::size_t t = 0; t < h.terms.size(); ++t)
+    for (std::size_t s = 0; s < h.shapes.size(); ++s) {
+      if (h.terms[t].bends_freely || !says_any_curve_of(h.terms[t], h.shapes[s])) continue;
+      Hypothesis own = h;
+      own.terms[t].bends_freely = true;
+      own.shapes.erase(own.shapes.begin() + static_cast<std::ptrdiff_t>(s));
+      fitting.fit(own);
+      if (own.evidence > h.evidence - preference(own, h)) return with_own_curves(fitting, std::move(own));
+    }
+  return h;
+}
+
 /// Two mechanisms together may look like a third one: from those that explain a good part of what the best
 /// one does, with one more.
 Hypothesis from_parts(Fitting& fitting, const Hypothesis& empty, const Hypothesis& best) {
@@ -134,13 +149,13 @@ Hypothesis climbed(Fitting& fitting, Hypothesis h, const Way& way) {
   constexpr int most_moves = 8;
   for (int move = 0; move < most_moves; ++move) {
     if (const std::optional<Hypothesis> more = with_one_more(fitting, h, way)) {
-      h = pruned(fitting, *more);
+      h = with_own_curves(fitting, pruned(fitting, *more));
       continue;
     }
     if (!way.exchange || !fitting.has_patience()) break;
     const Hypothesis other = exchanged(fitting, h, way.tries);
     if (other.evidence <= h.evidence + 0.5) break;
-    h = pruned(fitting, other);
+    h = with_own_curves(fitting, pruned(fitting, other));
   }
   return h;
 }
