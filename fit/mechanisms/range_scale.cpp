@@ -4,14 +4,14 @@
 namespace fit::mechanisms {
 
 // Clock or bin length of the time counter (crystals: 50 ppm; larger where the bin length is computed
-// wrongly).
+// wrongly, but not by more than anybody would see with a tape).
 Mechanism make_range_scale() {
   Mechanism m;
   m.id = "range-scale";
   m.cause = "the clock that counts the flight time runs fast or slow";
   m.coordinate = Coordinate::range;
   m.formula_error = 0.02;
-  m.parameters = {{.name = "scale", .typical = 3e-3}};
+  m.parameters = {{.name = "scale", .typical = 3e-3, .largest = 0.03}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = p[0] * c.range_mm};
   };

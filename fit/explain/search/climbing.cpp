@@ -109,19 +109,35 @@ bool is_free_along(const Term& term, const Shape& shape) {
   return term.mechanism->any_curve && term.mechanism->coordinate == shape.coordinate;
 }
 
-/// What is left along the coordinate of a mechanism of which only that is certain is its own: it bends more
+/// Without one mechanism or unnamed function beside a term that bends freely instead; all of them.
+std::vector<Hypothesis> bent_instead(const Hypothesis& h, std::size_t bending) {
+  std::vector<Hypothesis> list;
+  Hypothesis free = h;
+  free.terms[bending].bends_freely = true;
+  for (std::size_t t = 0; t < h.terms.size(); ++t) {
+    if (t == bending) continue;
+    list.push_back(free);
+    list.back().terms.erase(list.back().terms.begin() + static_cast<std::ptrdiff_t>(t));
+  }
+  for (std::size_t s = 0; s < h.shapes.size(); ++s) {
+    list.push_back(free);
+    list.back().shapes.erase(list.back().shapes.begin() + static_cast<std::ptrdiff_t>(s));
+  }
+  return list;
+}
+
+/// What stands beside a mechanism of which only the coordinate is certain may be its own: then it bends more
 /// freely than its formula was thought to.
-Hypothesis with_own_curves(Fitting& fitting, Hypothesis h) {
-  for (std::size_t t = 0; t < h.terms.size(); ++t)
-    for (std::size_t s = 0; s < h.shapes.size(); ++s) {
-      if (h.terms[t].bends_freely || !says_any_curve_of(h.terms[t], h.shapes[s])) continue;
-      Hypothesis own = h;
-      own.terms[t].bends_freely = true;
-      own.shapes.erase(own.shapes.begin() + static_cast<std::ptrdiff_t>(s));
+Hypothesis with_own_curves(Fitting& fitting, const Hypothesis& h) {
+  Hypothesis best = h;
+  for (std::size_t t = 0; t < h.terms.size(); ++t) {
+    if (!h.terms[t].mechanism->any_curve || h.terms[t].bends_freely) continue;
+    for (Hypothesis& own : bent_instead(h, t)) {
       fitting.fit(own);
-      if (own.evidence > h.evidence - preference(own, h)) return with_own_curves(fitting, std::move(own));
+      if (own.evidence > best.evidence - preference(own, best)) best = std::move(own);
     }
-  return h;
+  }
+  return best;
 }
 
 /// Two mechanisms together may look like a third one: from those that explain a good part of what the best
