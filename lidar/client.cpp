@@ -383,10 +383,10 @@ awaitable<void> Client::Impl::open() {
   if (failed == asio::error::operation_aborted && !watchdog->expired)
     throw boost::system::system_error(failed);
   if (failed == asio::error::connection_refused)
-    fail(Kind::cannot_connect, host + " is reached, but nothing listens at its port " + std::to_string(port) +
-                                   " (" + failed.message() +
-                                   "). Check that this is the lidar's address and port (a UST-10LX uses "
-                                   "10940); one that was just switched on listens a little later");
+    fail(Kind::cannot_connect, "nothing listens at " + address() + " (" + failed.message() + "), though " +
+                                   host +
+                                   " is reached. Check that this is the lidar's address and port (a UST-10LX "
+                                   "uses 10940); one that was just switched on listens a little later");
   if (failed)
     fail(Kind::cannot_connect, "no lidar answers at " + address() + " (" +
                                    (watchdog->expired ? "no reply" : failed.message()) +

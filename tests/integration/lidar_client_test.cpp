@@ -190,7 +190,8 @@ TEST_CASE("nothing at the address is told with what to check") {
   auto session = [&]() -> awaitable<void> { co_await client.connect(); };
   std::string what;
   CHECK(kind_of_failure([&] { bench.run(session); }, &what) == lidar::LidarError::Kind::cannot_connect);
-  CHECK_THAT(what, Contains("Check its power"));
+  CHECK_THAT(what, Contains("nothing listens at 127.0.0.1:" + std::to_string(port)) &&
+                       Contains("Check that this is the lidar's address and port"));
 }
 
 TEST_CASE("something that listens and says nothing is no lidar") {
