@@ -103,6 +103,13 @@ Base base_columns(const MeanModel& model, const Hypothesis& h) {
   return base;
 }
 
+Eigen::VectorXd bend_of(const Base& base, const Eigen::VectorXd& coefficients, std::size_t term) {
+  const Eigen::Index from = base.term_first[term] + base.term_count[term],
+                     to = term + 1 < base.term_first.size() ? base.term_first[term + 1]
+                                                            : base.shape_first.front();
+  return base.all.columns_mm.middleCols(from, to - from) * coefficients.segment(from, to - from);
+}
+
 MeanModel model_of(const Reduced& reduced, const MeanNoise& noise, const Hypothesis& h) {
   MeanModel model(reduced, noise);
   Base base = base_columns(model, h);

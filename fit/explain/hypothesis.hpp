@@ -42,6 +42,9 @@ struct Base {
   std::vector<Eigen::Index> term_first, term_count, shape_first;
 };
 [[nodiscard]] Base base_columns(const MeanModel& model, const Hypothesis& hypothesis);
+/// By how much a mechanism bends away from its formula at every mean, mm; `coefficients` are of all columns.
+[[nodiscard]] Eigen::VectorXd bend_of(const Base& base, const Eigen::VectorXd& coefficients,
+                                      std::size_t term);
 
 /// The means as a hypothesis leaves them, at the present prediction.
 [[nodiscard]] MeanModel model_of(const Reduced& reduced, const MeanNoise& noise,

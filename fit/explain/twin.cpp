@@ -200,10 +200,7 @@ void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& out) 
   for (std::size_t t = 0; t < means.best.terms.size(); ++t) {
     const Term& term = means.best.terms[t];
     // How this device's cause bends away from the formula: what the fit allowed for.
-    const Eigen::Index from = base.term_first[t] + base.term_count[t], to = t + 1 < base.term_first.size()
-                                                                                ? base.term_first[t + 1]
-                                                                                : base.shape_first.front();
-    const VectorXd bent = base.all.columns_mm.middleCols(from, to - from) * x.segment(from, to - from);
+    const VectorXd bent = bend_of(base, x, t);
     if (!named(term))
       tabulate(model, effect_of(model, term) + bent, out.bench);
     else if (const auto a = along(model, term))

@@ -29,7 +29,7 @@ Mechanism make_range_walk() {
                                   : 0};
   };
   m.says = [](const Finding& f) {
-    return "Weak echoes read " + std::string(f.at("amplitude_mm").value > 0 ? "long" : "short") + ": up to " +
+    return "Weak echoes read " + std::string(f.largest_mm > 0 ? "long" : "short") + ": up to " +
            rounded(std::abs(f.largest_mm), 2) + " mm at " + rounded(f.largest_at, 3) +
            " counts, less on stronger echoes, because a weak echo crosses the threshold later.";
   };

@@ -25,6 +25,23 @@ double largest_effect(const Reduced& reduced, const Term& term, double* at) {
   return largest;
 }
 
+/// The same of a mechanism whose formula is only the beginning of its curve: against where it does least.
+double largest_of_curve(const Findings& findings, std::size_t t, double* at) {
+  const Term& term = findings.means.best.terms[t];
+  MeanModel model(findings.reduced, findings.means.noise);
+  const Base base = base_columns(model, findings.means.best);
+  model.set_base(base.all.columns_mm, base.all.prior);
+  const Eigen::VectorXd formula = effect_of(model, term),
+                        curve = formula + bend_of(base, model.posterior().value, t);
+  Eigen::Index least = 0, most = 0;
+  formula.cwiseAbs().minCoeff(&least);
+  (curve.array() - curve[least]).abs().maxCoeff(&most);
+  const Cell& cell = model.cell(most);
+  *at = value_of(term.mechanism->coordinate, cell,
+                 findings.reduced.groups[static_cast<std::size_t>(cell.group)]);
+  return curve[most] - curve[least];
+}
+
 std::map<std::string, Estimate> parameters_of(const Term& term) {
   std::map<std::string, Estimate> map;
   for (std::size_t k = 0; k < term.values.size(); ++k)
@@ -32,11 +49,14 @@ std::map<std::string, Estimate> parameters_of(const Term& term) {
   return map;
 }
 
-Finding finding_of(const Reduced& reduced, const Term& term) {
+Finding finding_of(const Findings& findings, std::size_t t) {
+  const Reduced& reduced = findings.reduced;
+  const Term& term = findings.means.best.terms[t];
   Finding f;
   f.parameters = parameters_of(term);
   if (term.target >= 0) f.target = reduced.bench.targets[static_cast<std::size_t>(term.target)].name;
-  f.largest_mm = largest_effect(reduced, term, &f.largest_at);
+  f.largest_mm = term.mechanism->any_curve ? largest_of_curve(findings, t, &f.largest_at)
+                                           : largest_effect(reduced, term, &f.largest_at);
   return f;
 }
 
@@ -102,7 +122,7 @@ void tell_near_form(const Findings& findings, const Term& term, const Shape& for
 void tell_found(const Findings& findings, std::size_t t, Explanation& out) {
   const MeanResult& means = findings.means;
   const Term& term = means.best.terms[t];
-  const Finding finding = finding_of(findings.reduced, term);
+  const Finding finding = finding_of(findings, t);
   Found found;
   found.mechanism = term.mechanism;
   found.target = finding.target;
