@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "fit/linear_table.hpp"
+
 namespace fit {
 namespace {
 
@@ -84,9 +86,7 @@ double EmpiricalFunction::value_at(double v) const {
   const std::size_t last = at.size() - 1;
   if (v <= at.front()) return at.front() - v <= at[1] - at[0] ? value.front() : 0;
   if (v >= at.back()) return v - at.back() <= at[last] - at[last - 1] ? value.back() : 0;
-  const auto i = static_cast<std::size_t>(std::ranges::upper_bound(at, v) - at.begin());
-  const double share = (v - at[i - 1]) / std::max(1e-300, at[i] - at[i - 1]);
-  return value[i - 1] + share * (value[i] - value[i - 1]);
+  return linear_in(at, value, v);
 }
 
 std::vector<EmpiricalFunction> empirical_functions(const Bench& bench) {

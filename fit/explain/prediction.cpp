@@ -9,6 +9,7 @@
 
 #include "fit/explain/stated_noise.hpp"
 #include "fit/explain/together.hpp"
+#include "fit/linear_table.hpp"
 
 namespace fit::explain {
 namespace {
@@ -150,8 +151,7 @@ double EmpiricalCorrection::value_at(double v) const {
   if (next == at.end()) return value.back();
   const auto i = static_cast<std::size_t>(next - at.begin());
   if (at[i] - at[i - 1] > widest_gap * (at.back() - at.front())) return 0;
-  const double share = (v - at[i - 1]) / (at[i] - at[i - 1]);
-  return value[i - 1] + share * (value[i] - value[i - 1]);
+  return linear_in(at, value, v);
 }
 
 EmpiricalCorrection tabulated(const Shape& shape, const MeanModel& model) {

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "fit/find_by_id.hpp"
+#include "fit/linear_table.hpp"
 
 namespace fit::explain {
 namespace forms {
@@ -99,14 +100,6 @@ Course course_of(const Shape& shape, const MeanModel& model) {
   return course;
 }
 
-double value_at(const SeenShape& seen, double at) {
-  const auto above = std::ranges::lower_bound(seen.at, at);
-  if (above == seen.at.begin()) return seen.value.front();
-  if (above == seen.at.end()) return seen.value.back();
-  const auto k = static_cast<std::size_t>(above - seen.at.begin());
-  return std::lerp(seen.value[k - 1], seen.value[k], (at - seen.at[k - 1]) / (seen.at[k] - seen.at[k - 1]));
-}
-
 }  // namespace
 
 const std::vector<Form>& all_forms() {
@@ -169,7 +162,7 @@ Eigen::VectorXd effect_of(const MeanModel& model, const SeenShape& seen) {
   Eigen::VectorXd effect = Eigen::VectorXd::Zero(model.rows());
   for (Eigen::Index i = 0; i < model.rows(); ++i)
     if (const double at = coordinate_at(model, seen.shape.coordinate, i); std::isfinite(at))
-      effect[i] = lever_of(seen.shape.channel, model.cell(i).sight) * value_at(seen, at);
+      effect[i] = lever_of(seen.shape.channel, model.cell(i).sight) * linear_in(seen.at, seen.value, at);
   return effect;
 }
 

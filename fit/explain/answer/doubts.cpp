@@ -45,10 +45,8 @@ bool placed_by_bench_alone(const MeanResult& means, const Explanation& out) {
 
 constexpr const char* on_few_stops =
     "The held-out figures say only how well the bench file knows where lidar and targets stand: the stops "
-    "are "
-    "too few to learn it from some and predict the others. What they have in common cannot be told from "
-    "that. "
-    "Record more stage angles before relying on this.";
+    "are too few to learn it from some and predict the others. What they have in common cannot be told "
+    "from that. Record more stage angles before relying on this.";
 
 /// The noise of every place.
 std::string on_noise_of_places(const Findings& findings) {

@@ -5,8 +5,7 @@
 #include <random>
 
 #include "fit/explain/explanation.hpp"
-#include "plain_bench.hpp"
-#include "synthetic_recording.hpp"
+#include "plain_room.hpp"
 
 namespace {
 
@@ -14,40 +13,25 @@ using fit::explain::Explanation;
 using plain_bench::degree;
 using plain_bench::Deviation;
 
-const std::vector<plain_bench::Wall> room{{{2600, -1900}, {2300, 3100}},
-                                          {{2300, 3100}, {-1700, 3100}},
-                                          {{-1700, 3100}, {-1700, -1900}},
-                                          {{-1700, -1900}, {2600, -1900}}};
 const plain_bench::Mount mount{12, -7, 35};
 
 /// The room seen all round by a lidar that sits askew on its stage.
 Explanation explained(const std::function<Deviation(double beam_rad, double stage_rad)>& off) {
-  const fit::Bench bench =
-      fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 271, "front_step": 135,
-    "step_deg": 1, "scan_hz": 40, "mount": {"x_mm": {"value": 12, "u": 0.2}, "y_mm": {"value": -7, "u": 0.2},
-    "yaw_deg": {"value": 35, "u": 0.3}}}, "targets": [
-    {"name": "east", "from_mm": [2600, -1900], "to_mm": [2300, 3100], "u_mm": 1.5, "u_deg": 0.1},
-    {"name": "north", "from_mm": [2300, 3100], "to_mm": [-1700, 3100], "u_mm": 1.5, "u_deg": 0.1},
-    {"name": "west", "from_mm": [-1700, 3100], "to_mm": [-1700, -1900], "u_mm": 1.5, "u_deg": 0.1},
-    {"name": "south", "from_mm": [-1700, -1900], "to_mm": [2600, -1900], "u_mm": 1.5, "u_deg": 0.1}],
-    "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 3, "u": 0.3}}}]})");
+  const fit::Bench bench = plain_bench::bench_of_room(
+      R"("steps": 271, "front_step": 135, "step_deg": 1, "mount": {"x_mm": {"value": 12, "u": 0.2},
+    "y_mm": {"value": -7, "u": 0.2}, "yaw_deg": {"value": 35, "u": 0.3}})",
+      R"({"value": 3, "u": 0.3})");
   std::mt19937 random(4);
   std::normal_distribution<double> noise(0, 3);
   SyntheticRecording recording(bench, [&](const fit::CaptureInfo& capture, std::int64_t, auto& range, auto&) {
     for (std::size_t k = 0; k < range.size(); ++k) {
       const double beam = (static_cast<double>(k) - 135) * degree;
-      const auto met = plain_bench::look(room, mount, capture.stage_rad, beam, off(beam, capture.stage_rad));
+      const auto met =
+          plain_bench::look(plain_bench::room, mount, capture.stage_rad, beam, off(beam, capture.stage_rad));
       range[k] = static_cast<std::uint16_t>(std::lround(met->range_mm + noise(random)));
     }
   });
-  for (int i = 0; i < 16; ++i) {
-    fit::CaptureInfo capture;
-    capture.stage_rad = 22.5 * i * degree;
-    capture.approach = 1;
-    capture.last_step = 270;
-    capture.since_power_on_s = 100 + 20 * i;
-    recording.add(capture, 12);
-  }
+  plain_bench::record_all_round(recording);
   return fit::explain::explain({&recording}, {});
 }
 

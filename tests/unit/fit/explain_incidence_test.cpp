@@ -6,18 +6,13 @@
 #include <vector>
 
 #include "fit/explain/explanation.hpp"
-#include "plain_bench.hpp"
-#include "synthetic_recording.hpp"
+#include "plain_room.hpp"
 
 namespace {
 
 using fit::explain::Explanation;
 using plain_bench::degree;
 
-const std::vector<plain_bench::Wall> room{{{2600, -1900}, {2300, 3100}},
-                                          {{2300, 3100}, {-1700, 3100}},
-                                          {{-1700, 3100}, {-1700, -1900}},
-                                          {{-1700, -1900}, {2600, -1900}}};
 const std::vector<double> greys{0.9, 0.25, 0.6, 0.4};
 
 /// A light spot that widens with the distance; it may be longer one way, and turns with the mirror then.
@@ -62,7 +57,7 @@ struct Sample {
 std::vector<Sample> scan_of(const Spot& spot, double stage_rad) {
   std::vector<Sample> scan;
   for (int k = -135; k <= 135; ++k) {
-    const auto met = plain_bench::look(room, {}, stage_rad, k * degree);
+    const auto met = plain_bench::look(plain_bench::room, {}, stage_rad, k * degree);
     scan.push_back({met->range_mm + late_mm(spot, k * degree, met->range_mm, met->incidence_rad),
                     1.2e6 / met->range_mm * std::sqrt(greys[met->wall] * std::cos(met->incidence_rad))});
   }
@@ -71,15 +66,10 @@ std::vector<Sample> scan_of(const Spot& spot, double stage_rad) {
 
 /// The room, whose walls have greys of their own, seen all round.
 Explanation explained(const Spot& spot, unsigned seed) {
-  const fit::Bench bench =
-      fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 271, "front_step": 135,
-    "step_deg": 1, "scan_hz": 40, "mount": {"x_mm": {"value": 0, "u": 2}, "y_mm": {"value": 0, "u": 2},
-    "yaw_deg": {"value": 0, "u": 0.3}}}, "targets": [
-    {"name": "east", "from_mm": [2600, -1900], "to_mm": [2300, 3100], "u_mm": 1.5, "u_deg": 0.1},
-    {"name": "north", "from_mm": [2300, 3100], "to_mm": [-1700, 3100], "u_mm": 1.5, "u_deg": 0.1},
-    {"name": "west", "from_mm": [-1700, 3100], "to_mm": [-1700, -1900], "u_mm": 1.5, "u_deg": 0.1},
-    {"name": "south", "from_mm": [-1700, -1900], "to_mm": [2600, -1900], "u_mm": 1.5, "u_deg": 0.1}],
-    "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 3, "u": 0.3}}}]})");
+  const fit::Bench bench = plain_bench::bench_of_room(
+      R"("steps": 271, "front_step": 135, "step_deg": 1, "mount": {"x_mm": {"value": 0, "u": 2},
+    "y_mm": {"value": 0, "u": 2}, "yaw_deg": {"value": 0, "u": 0.3}})",
+      R"({"value": 3, "u": 0.3})");
   std::mt19937 random(seed);
   std::normal_distribution<double> noise(0, 3);
   std::vector<Sample> exact;
@@ -91,14 +81,7 @@ Explanation explained(const Spot& spot, unsigned seed) {
           intensity[k] = static_cast<std::uint16_t>(std::lround(exact[k].counts));
         }
       });
-  for (int i = 0; i < 16; ++i) {
-    fit::CaptureInfo capture;
-    capture.stage_rad = 22.5 * i * degree;
-    capture.approach = 1;
-    capture.last_step = 270;
-    capture.since_power_on_s = 100 + 20 * i;
-    recording.add(capture, 12);
-  }
+  plain_bench::record_all_round(recording);
   return fit::explain::explain({&recording}, {});
 }
 

@@ -6,8 +6,7 @@
 #include <random>
 
 #include "fit/explain/explanation.hpp"
-#include "plain_bench.hpp"
-#include "synthetic_recording.hpp"
+#include "plain_room.hpp"
 
 namespace {
 
@@ -26,19 +25,10 @@ using OfLight = std::function<Light(double beam_deg, double time_s, double beam_
 
 /// A room seen from 16 stage angles, both ways, 40 s apart, in steps of the range.
 Explanation explained(const OfLight& light, int scans = 10, unsigned seed = 1, int step_mm = 1) {
-  const std::vector<plain_bench::Wall> room{{{2600, -1900}, {2300, 3100}},
-                                            {{2300, 3100}, {-1700, 3100}},
-                                            {{-1700, 3100}, {-1700, -1900}},
-                                            {{-1700, -1900}, {2600, -1900}}};
-  const fit::Bench bench =
-      fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 361, "front_step": 180,
-    "step_deg": 0.75, "scan_hz": 40, "mount": {"x_mm": {"value": 0, "u": 3}, "y_mm": {"value": 0, "u": 3},
-    "yaw_deg": {"value": 10, "u": 0.3}}}, "targets": [
-    {"name": "east", "from_mm": [2600, -1900], "to_mm": [2300, 3100], "u_mm": 1.5, "u_deg": 0.1},
-    {"name": "north", "from_mm": [2300, 3100], "to_mm": [-1700, 3100], "u_mm": 1.5, "u_deg": 0.1},
-    {"name": "west", "from_mm": [-1700, 3100], "to_mm": [-1700, -1900], "u_mm": 1.5, "u_deg": 0.1},
-    {"name": "south", "from_mm": [-1700, -1900], "to_mm": [2600, -1900], "u_mm": 1.5, "u_deg": 0.1}],
-    "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 4, "u": 0.4}}}]})");
+  const fit::Bench bench = plain_bench::bench_of_room(
+      R"("steps": 361, "front_step": 180, "step_deg": 0.75, "mount": {"x_mm": {"value": 0, "u": 3},
+    "y_mm": {"value": 0, "u": 3}, "yaw_deg": {"value": 10, "u": 0.3}})",
+      R"({"value": 4, "u": 0.4})");
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> chance;
@@ -47,7 +37,7 @@ Explanation explained(const OfLight& light, int scans = 10, unsigned seed = 1, i
     for (std::size_t k = 0; k < range.size(); ++k) {
       const double beam_deg = (static_cast<double>(k) - 180) * 0.75;
       const double time_s = *capture.since_power_on_s + 0.025 * static_cast<double>(seq);
-      const auto met = plain_bench::look(room, {0, 0, 10}, capture.stage_rad, beam_deg * degree);
+      const auto met = plain_bench::look(plain_bench::room, {0, 0, 10}, capture.stage_rad, beam_deg * degree);
       const Light is = light(beam_deg, time_s, time_s + (beam_deg + 135) / 14400);
       const double mm = met->range_mm + is.range_mm + std::hypot(4, is.scatter_mm) * normal(random);
       const bool seen = chance(random) >= is.lost;
