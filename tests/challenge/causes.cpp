@@ -6,9 +6,10 @@
 #include <map>
 #include <stdexcept>
 
-#include "world.hpp"
+#include "cause_entry.hpp"
 
 namespace challenge {
+
 namespace {
 
 using nlohmann::json;
@@ -34,22 +35,6 @@ struct Edge {
     return 1.5 * width_ns * (low - 1);
   }
 };
-
-/// Smallest and largest echo power of a session's boards, to put thresholds where they matter.
-std::pair<double, double> power_span(const Session& session) {
-  const World world(session, {}, session.truth);
-  double low = 1e9, high = 0;
-  for (std::size_t c = 0; c < session.captures.size(); ++c) {
-    const Capture& capture = session.captures[c];
-    for (int step = capture.first_step; step <= capture.last_step; step += 5) {
-      const Sight sight = world.look(world.moment(c, 0, step));
-      if (sight.wall < 0 || std::abs(sight.incidence) > 75 * degree) continue;
-      low = std::min(low, sight.power);
-      high = std::max(high, sight.power);
-    }
-  }
-  return {low, high};
-}
 
 // ---- range
 // -------------------------------------------------------------------------------------------------
@@ -587,7 +572,7 @@ struct Outliers : Cause {
 struct Dropout : Cause {  // echo below the comparator's threshold
   double weakest = 0.01;
   Dropout() { observable = "dropout"; }
-  void draw(Session& session, Random&) override { weakest = power_span(session).first; }
+  void draw(Session& session, Random&) override { weakest = power_span(session).low; }
   double lost(const Moment&, const Sight& sight) const override {
     const double threshold = weakest * 0.6 * std::sqrt(strength);
     return 0.5 * std::erfc((sight.power / threshold - 1) / (0.3 * std::sqrt(2.0)));
@@ -595,132 +580,8 @@ struct Dropout : Cause {  // echo below the comparator's threshold
   double largest_strength() const override { return 50; }
 };
 
-// ---- outside the catalogue
-// ---------------------------------------------------------------------------------
-
-struct UnknownLobes : Cause {
-  int lobes = 5;
-  double phase = 0;
-  void draw(Session&, Random& random) override {
-    lobes = random.integer(3, 9);
-    phase = random.uniform(-pi, pi);
-  }
-  double range(const Moment& moment, const Sight&, const World&) const override {
-    return strength * 3 * std::sin(lobes * moment.alpha + phase);
-  }
-  json parameters() const override { return {{"lobes", lobes}, {"amplitude_mm", 3 * strength}}; }
-};
-
-struct UnknownAngleStep : Cause {  // a slit of the code disk is missing: all later angles are off
-  double at = 0;
-  void draw(Session&, Random& random) override { at = random.uniform(-70, 70) * degree; }
-  double beam(const Moment& moment) const override { return moment.alpha > at ? strength * 0.1 * degree : 0; }
-  json parameters() const override { return {{"at_deg", at / degree}, {"step_deg", 0.1 * strength}}; }
-};
-
-struct UnknownRangeStep : Cause {  // the counter changes its clock source at one beam
-  double at = 0;
-  void draw(Session&, Random& random) override { at = random.uniform(-70, 70) * degree; }
-  double range(const Moment& moment, const Sight&, const World&) const override {
-    return moment.alpha > at ? strength * 3 : 0;
-  }
-  json parameters() const override { return {{"at_deg", at / degree}, {"step_mm", 3 * strength}}; }
-};
-
-struct UnknownBump : Cause {  // a scratch in the window
-  double at = 0, width = 0.1;
-  void draw(Session&, Random& random) override {
-    at = random.uniform(-50, 50) * degree;
-    width = random.uniform(4, 14) * degree;
-  }
-  double range(const Moment& moment, const Sight&, const World&) const override {
-    const double x = (moment.alpha - at) / width;
-    return std::abs(x) < 1 ? strength * 4 * (1 - x * x) * (1 - x * x) : 0;
-  }
-  json parameters() const override { return {{"at_deg", at / degree}, {"width_deg", width / degree}}; }
-};
-
-struct UnknownSawtooth : Cause {  // interpolation between coarse slits
-  double period = 0.5;
-  void draw(Session&, Random& random) override { period = random.uniform(24, 60) * degree; }
-  double beam(const Moment& moment) const override {
-    const double x = moment.alpha / period;
-    return strength * 0.1 * degree * (x - std::floor(x) - 0.5);
-  }
-  json parameters() const override { return {{"period_deg", period / degree}}; }
-};
-
-struct UnknownParityDrift : Cause {  // every other scan drifts within a capture
-  double range(const Moment& moment, const Sight&, const World&) const override {
-    return moment.seq % 2 == 0 ? 0 : strength * 2 * (moment.seq + 1.0) / moment.capture->scans;
-  }
-  bool differs_within_capture() const override { return true; }
-};
-
-struct UnknownTimeWave : Cause {  // the air conditioning switches
-  double period_s = 600, phase = 0;
-  void draw(Session& session, Random& random) override {
-    const double span = session.captures.back().since_power_on_s - session.captures.front().since_power_on_s;
-    period_s = span / random.uniform(2.5, 6);
-    phase = random.uniform(0, 1);
-  }
-  double range(const Moment& moment, const Sight&, const World&) const override {
-    const double x = moment.since_power_on / period_s + phase;
-    return strength * 3 * (std::abs(2 * (x - std::floor(x)) - 1) - 0.5);
-  }
-  json parameters() const override { return {{"period_s", period_s}}; }
-};
-
-struct UnknownTimeStep : Cause {  // something was knocked, once
-  double at_s = 0;
-  void draw(Session& session, Random& random) override {
-    const double first = session.captures.front().since_power_on_s,
-                 last = session.captures.back().since_power_on_s;
-    at_s = first + (last - first) * random.uniform(0.25, 0.75);
-  }
-  double range(const Moment& moment, const Sight&, const World&) const override {
-    return moment.since_power_on > at_s ? strength * 3 : 0;
-  }
-  json parameters() const override { return {{"at_s", at_s}}; }
-};
-
-struct UnknownStageSector : Cause {  // a cable pulls over part of the turn
-  double from = 0, width = 60;
-  void draw(Session&, Random& random) override {
-    from = random.uniform(0, 260);
-    width = random.uniform(50, 100);
-  }
-  double stage(const Moment& moment) const override {
-    const double x = moment.capture->stage_deg - from;
-    return x > 0 && x < width ? strength * 0.1 * degree * std::pow(std::sin(pi * x / width), 2) : 0;
-  }
-  json parameters() const override { return {{"from_deg", from}, {"to_deg", from + width}}; }
-};
-
-struct UnknownGainSwitch : Cause {  // the amplifier changes its range at one echo strength
-  double at = 0.1;
-  void draw(Session& session, Random& random) override {
-    const auto [low, high] = power_span(session);
-    at = low * std::pow(high / low, random.uniform(0.35, 0.65));
-  }
-  double range(const Moment&, const Sight& sight, const World&) const override {
-    return sight.power > at ? strength * 3 : 0;
-  }
-};
-
-struct Entry {
-  std::string coordinate;
-  std::vector<std::string> scenes;
-  std::shared_ptr<Cause> (*make)();
-};
-
-template <typename T>
-std::shared_ptr<Cause> make() {
-  return std::make_shared<T>();
-}
-
-const std::vector<std::pair<std::string, Entry>>& catalogue() {
-  static const std::vector<std::pair<std::string, Entry>> entries{
+const Entries& catalogue() {
+  static const Entries entries{
       {"zero-offset", {"target", {"room", "ladder", "boards"}, make<ZeroOffset>}},
       {"range-scale", {"range_mm", {"ladder", "room", "boards"}, make<RangeScale>}},
       {"range-walk", {"intensity", {"ladder", "reflectance-ladder", "boards"}, make<RangeWalk>}},
@@ -761,37 +622,29 @@ const std::vector<std::pair<std::string, Entry>>& catalogue() {
       {"correlated-noise", {"time_s", {"ladder", "warmup", "room"}, make<CorrelatedNoise>}},
       {"rounding", {"range_mm", {"room", "ladder"}, make<Rounding>}},
       {"outliers", {"target", {"room", "ladder"}, make<Outliers>}},
-      {"dropout", {"intensity", {"ladder", "room"}, make<Dropout>}},
-      {"unknown-lobes", {"beam_deg", {"room", "settle"}, make<UnknownLobes>}},
-      {"unknown-angle-step", {"beam_deg", {"room"}, make<UnknownAngleStep>}},
-      {"unknown-range-step", {"beam_deg", {"room", "warmup"}, make<UnknownRangeStep>}},
-      {"unknown-bump", {"beam_deg", {"room", "warmup"}, make<UnknownBump>}},
-      {"unknown-sawtooth", {"beam_deg", {"room"}, make<UnknownSawtooth>}},
-      {"unknown-parity-drift", {"scan_seq", {"settle", "room"}, make<UnknownParityDrift>}},
-      {"unknown-time-wave", {"time_s", {"warmup"}, make<UnknownTimeWave>}},
-      {"unknown-time-step", {"time_s", {"warmup", "room"}, make<UnknownTimeStep>}},
-      {"unknown-stage-sector", {"stage_deg", {"room"}, make<UnknownStageSector>}},
-      {"unknown-gain-switch", {"intensity", {"ladder", "reflectance-ladder"}, make<UnknownGainSwitch>}}};
+      {"dropout", {"intensity", {"ladder", "room"}, make<Dropout>}}};
   return entries;
 }
 
 }  // namespace
 
 std::shared_ptr<Cause> make_cause(const std::string& id) {
-  for (const auto& [name, entry] : catalogue()) {
-    if (name != id) continue;
-    auto cause = entry.make();
-    cause->id = id;
-    cause->coordinate = entry.coordinate;
-    return cause;
-  }
+  for (const Entries* entries : {&catalogue(), &outside_the_catalogue()})
+    for (const auto& [name, entry] : *entries) {
+      if (name != id) continue;
+      auto cause = entry.make();
+      cause->id = id;
+      cause->coordinate = entry.coordinate;
+      return cause;
+    }
   throw std::invalid_argument("unknown kind '" + id + "'; --list shows them");
 }
 
 const std::vector<std::pair<std::string, std::vector<std::string>>>& cause_scenes() {
   static const auto list = [] {
     std::vector<std::pair<std::string, std::vector<std::string>>> all;
-    for (const auto& [name, entry] : catalogue()) all.emplace_back(name, entry.scenes);
+    for (const Entries* entries : {&catalogue(), &outside_the_catalogue()})
+      for (const auto& [name, entry] : *entries) all.emplace_back(name, entry.scenes);
     return all;
   }();
   return list;

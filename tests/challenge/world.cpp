@@ -255,4 +255,19 @@ void World::scan(std::size_t capture_index, int seq, Random& random, Noise& nois
   }
 }
 
+PowerSpan power_span(const Session& session, double steepest_rad) {
+  const World world(session, {}, session.truth);
+  PowerSpan span;
+  for (std::size_t c = 0; c < session.captures.size(); ++c) {
+    const Capture& capture = session.captures[c];
+    for (int step = capture.first_step; step <= capture.last_step; step += 5) {
+      const Sight sight = world.look(world.moment(c, 0, step));
+      if (sight.wall < 0 || std::abs(sight.incidence) > steepest_rad) continue;
+      span.low = std::min(span.low, sight.power);
+      span.high = std::max(span.high, sight.power);
+    }
+  }
+  return span;
+}
+
 }  // namespace challenge

@@ -138,4 +138,11 @@ class World {
   mutable std::vector<Segment> standing_;
 };
 
+/// Smallest and largest echo power of a session's boards up to that incidence, to put thresholds where they
+/// matter.
+struct PowerSpan {
+  double low = 1e9, high = 0;
+};
+[[nodiscard]] PowerSpan power_span(const Session& session, double steepest_rad = 75 * degree);
+
 }  // namespace challenge

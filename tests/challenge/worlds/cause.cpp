@@ -42,7 +42,7 @@ WorldCause::WorldCause(const Kind& kind) : kind_(kind) {
 void WorldCause::draw(Session& session, Random& random) {
   for (double* x : {&shape_.a, &shape_.b, &shape_.c, &shape_.d}) *x = random.uniform(0, 1);
   shape_.sign = random.sign();
-  shape_.power = power_span(session);
+  shape_.power = power_span(session, steepest_of_echoes_rad);
   shape_.wall = static_cast<std::size_t>(random.integer(0, static_cast<int>(session.walls.size()) - 1));
   // Gloss shows on targets that are seen square on from somewhere.
   for (std::size_t i = 0; id == "specular" && i < session.walls.size() && !faces(session.walls[shape_.wall]);

@@ -10,21 +10,6 @@ namespace challenge {
 
 using nlohmann::json;
 
-PowerSpan power_span(const Session& session) {
-  const World world(session, {}, session.truth);
-  PowerSpan span;
-  for (std::size_t c = 0; c < session.captures.size(); ++c) {
-    const Capture& capture = session.captures[c];
-    for (int step = capture.first_step; step <= capture.last_step; step += 5) {
-      const Sight sight = world.look(world.moment(c, 0, step));
-      if (sight.wall < 0 || std::abs(sight.incidence) > 80 * degree) continue;
-      span.low = std::min(span.low, sight.power);
-      span.high = std::max(span.high, sight.power);
-    }
-  }
-  return span;
-}
-
 Window window_of(const Session& session) {
   if (session.scene == "turning" || session.scene == "settle") return {};
   Window window{session.steps, 0};
@@ -51,7 +36,7 @@ json plain_world(const Session& session) {
     truth[wall.name] = {{"offset_mm", session.truth.offset_mm[i]},
                         {"tilt_deg", session.truth.tilt_rad[i] / degree}};
   }
-  const PowerSpan span = power_span(session);
+  const PowerSpan span = power_span(session, steepest_of_echoes_rad);
   return {{"schema", "world/1"},
           {"bench",
            {{"schema", "bench/1"},

@@ -3,15 +3,12 @@
 
 #include <nlohmann/json.hpp>
 
-#include "session.hpp"
+#include "world.hpp"
 
 namespace challenge {
 
-/// Smallest and largest echo of a session, to put thresholds where they matter.
-struct PowerSpan {
-  double low = 1e9, high = 0;
-};
-PowerSpan power_span(const Session& session);
+/// Up to this incidence a session's echoes decide where thresholds are put.
+constexpr double steepest_of_echoes_rad = 80 * degree;
 
 /// Steps that any capture uses. A turning stage needs the whole scan's timing, and so does a ringing one.
 struct Window {
