@@ -59,6 +59,12 @@ const char* name_of(Coordinate coordinate) {
   return names[static_cast<int>(coordinate)];
 }
 
+const char* unit_of(Coordinate coordinate) {
+  static const char* const units[] = {" deg", " deg", " mm",    " counts", " deg", " deg", " s",
+                                      " K",   "",     " deg/s", " mm/rad", "",     ""};
+  return units[static_cast<int>(coordinate)];
+}
+
 Estimate Finding::at(const std::string& name) const {
   const auto found = parameters.find(name);
   return found == parameters.end() ? Estimate{} : found->second;

@@ -94,6 +94,8 @@ enum class Coordinate {
 };
 [[nodiscard]] const char* name_of(Observable);
 [[nodiscard]] const char* name_of(Coordinate);
+/// With a space before it; empty for none.
+[[nodiscard]] const char* unit_of(Coordinate);
 
 /// One parameter of a mechanism, in the unit its name says.
 struct Parameter {

@@ -21,6 +21,7 @@ struct Cell {
   int beside = 0;  ///< Of those, samples less than twice too far: as many as the noise may hide.
   int edge = -1;   ///< The edge within reach: 2 * target + (0: its start, 1: its end); -1: none.
   double mean_mm = 0, variance_mm2 = 0;
+  double kurtosis = 3;      ///< Of the samples' distribution, 3 if it is normal; unknown of too few.
   double intensity_sd = 0;  ///< Standard deviation of one sample's intensity, counts.
   double far_share =
       -1;               ///< Mean place between the two surfaces of a near edge (0 near, 1 far); -1: no edge.

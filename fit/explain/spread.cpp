@@ -28,12 +28,14 @@ SpreadResult explain_spread(const Reduced& reduced) {
   spread::edges(reduced, result);
   // What whole scans have in common, the regular before the random.
   std::vector<Sector> sectors = reduced.sectors;
+  const std::size_t unknown_before = result.unknown.size();
   spread::flicker(reduced.groups, sectors, result);
   spread::swinging(reduced.groups, sectors, result);
   std::vector<spread::Scan> scans = spread::scans_of(reduced.groups, sectors);
   spread::scan_numbers(scans, result);
-  const bool is_regular = !result.unknown.empty() || spread::is_accepted(result, spread::ids::facet_wobble);
-  if (result.unknown.empty()) spread::common_noise(scans, reduced.groups, result);
+  const bool has_unknown_pattern = result.unknown.size() > unknown_before;
+  const bool is_regular = has_unknown_pattern || spread::is_accepted(result, spread::ids::facet_wobble);
+  if (!has_unknown_pattern) spread::common_noise(scans, reduced.groups, result);
   const double worth_of_sample = is_regular ? 1 : spread::memory(reduced.groups, result);
   if (spread::flickers(result)) {
     Reduced rest = reduced;

@@ -64,15 +64,6 @@ Axis axis_of(const MeanModel& model, const Place& place) {
   return axis;
 }
 
-std::string unit_of(const std::string& coordinate) {
-  return coordinate.ends_with("_deg")  ? " deg"
-         : coordinate.ends_with("_mm") ? " mm"
-         : coordinate.ends_with("_s")  ? " s"
-         : coordinate.ends_with("_c")  ? " K"
-         : coordinate == "intensity"   ? " counts"
-                                       : "";
-}
-
 Course course_of(const Shape& shape, const MeanModel& model) {
   const bool angle = shape.channel != Channel::range;
   Course course;
@@ -82,7 +73,7 @@ Course course_of(const Shape& shape, const MeanModel& model) {
   course.unit = angle ? " deg" : " mm";
   course.scale = angle ? deg_per_rad : 1;
   course.coordinate = name_of(shape.coordinate);
-  course.unit_of_coordinate = unit_of(course.coordinate);
+  course.unit_of_coordinate = unit_of(shape.coordinate);
   course.low = course.least = 1e300;
   course.high = course.most = -1e300;
   const Eigen::VectorXd effect = effect_of(model, shape);

@@ -11,10 +11,14 @@
 namespace fit::explain::answer {
 namespace {
 
-/// Whether a name was found beside noise that is not decided: with another of its suspects in place, less
-/// might be left for the name. What the bench states of the constant noise is no such name.
+/// Whether a name was found beside noise that is not decided, or that nobody knows: with another of its
+/// suspects in place, less might be left for the name. What the bench states of the constant noise is no such
+/// name.
 bool may_be_of_the_undecided(const Suspect& suspect, const SpreadResult& spread) {
-  return !spread.undecided.empty() && suspect.mechanism->observable == Observable::range_variance &&
+  const bool is_open = !spread.undecided.empty() || std::ranges::any_of(spread.unknown, [](const auto& u) {
+    return u.observable == Observable::range_variance;
+  });
+  return is_open && suspect.mechanism->observable == Observable::range_variance &&
          !is_constant_noise(*suspect.mechanism);
 }
 

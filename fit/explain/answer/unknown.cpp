@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+#include <vector>
+
 #include "fit/explain/answer/chapters.hpp"
 
 namespace fit::explain::answer {
@@ -25,10 +27,11 @@ Unexplained of_shapes(const Findings& findings) {
 }  // namespace
 
 void tell_unknown(const Findings& findings, Explanation& out) {
-  if (!findings.means.best.shapes.empty())
-    out.unknown = of_shapes(findings);
-  else if (!findings.spread.unknown.empty())
-    out.unknown = findings.spread.unknown.front();
+  std::vector<Unexplained> all = findings.spread.unknown;
+  if (!findings.means.best.shapes.empty()) all.insert(all.begin(), of_shapes(findings));
+  if (all.empty()) return;
+  out.unknown = all.front();
+  for (std::size_t i = 1; i < all.size(); ++i) out.unknown->describes += "; and " + all[i].describes;
 }
 
 }  // namespace fit::explain::answer

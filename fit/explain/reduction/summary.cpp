@@ -95,17 +95,39 @@ double reach_of(const Core& core, std::size_t samples, double sigma_mm, bool tur
   return std::max({least, 6 * sigma_mm, 5 * core.spread_mm});
 }
 
+/// Sums of the powers of deviations from somewhere near the mean.
+struct Powers {
+  double first = 0, second = 0, third = 0, fourth = 0;
+
+  void add(double off) {
+    const double square = off * off;
+    first += off;
+    second += square;
+    third += square * off;
+    fourth += square * square;
+  }
+  [[nodiscard]] double variance(int n) const { return std::max(0.0, (second - first * first / n) / (n - 1)); }
+  /// 3 if the distribution is normal, however few the samples (Joanes and Gill 1998: of n normal samples it
+  /// comes out as 3 (n - 1) / (n + 1)).
+  [[nodiscard]] double kurtosis(int n) const {
+    const double mean = first / n, square = second / n - mean * mean;
+    if (n < 4 || square <= 1e-6) return 3;
+    const double fourth_moment =
+        fourth / n - 4 * mean * third / n + 6 * mean * mean * second / n - 3 * std::pow(mean, 4);
+    return fourth_moment / (square * square) * (n + 1) / (n - 1);
+  }
+};
+
 /// Mean and variance of those within reach; all others are strays.
 void average(const std::vector<double>& ranges_mm, double middle_mm, double reach_mm, double sigma_mm,
              bool keep_samples, Cell& cell, Reduced& session) {
   const double too_far_mm = std::max({reach_mm, 12 * sigma_mm, 60.0});
-  double sum = 0, squares = 0;
+  Powers powers;
   cell.first_kept = session.kept.size();
   for (const double range : ranges_mm) {
     const double off = range - middle_mm;
     if (std::abs(off) <= reach_mm) {
-      sum += off;
-      squares += off * off;
+      powers.add(off);
       ++cell.n;
       if (keep_samples) session.kept.push_back(static_cast<float>(range));
       continue;
@@ -118,8 +140,9 @@ void average(const std::vector<double>& ranges_mm, double middle_mm, double reac
     session.strays_mm.push_back(static_cast<float>(range));
     session.strays_of_target.push_back(static_cast<float>(range / middle_mm));
   }
-  if (cell.n > 0) cell.mean_mm = middle_mm + sum / cell.n;
-  if (cell.n > 1) cell.variance_mm2 = std::max(0.0, (squares - sum * sum / cell.n) / (cell.n - 1));
+  if (cell.n > 0) cell.mean_mm = middle_mm + powers.first / cell.n;
+  if (cell.n > 1) cell.variance_mm2 = powers.variance(cell.n);
+  cell.kurtosis = powers.kurtosis(cell.n);
 }
 
 /// Whether samples so spread and so many may be compared with a surface.

@@ -16,11 +16,11 @@ Column of_intensity(const std::vector<Pool>& pools, double exponent) {
   return column;
 }
 
-Column of_light(const std::vector<Pool>& pools, double centre_deg, double width_deg) {
+Column of_light(const std::vector<Pool>& pools, double centre_deg, double width_deg, double power) {
   Column column;
   for (const Pool& p : pools) {
     const double away = wrap_angle((p.beam_deg - centre_deg) * rad_per_deg) * deg_per_rad / width_deg;
-    column.push_back(std::exp(-away * away / 2));
+    column.push_back(std::exp(-std::pow(std::abs(away), power) / 2));
   }
   return column;
 }

@@ -15,8 +15,9 @@ namespace fit::explain::spread {
 inline constexpr std::array exponents_of_noise{1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.5, 8.0, 12.0, 18.0};
 
 [[nodiscard]] Column of_intensity(const std::vector<Pool>& pools, double exponent);
-/// Light that falls in around one beam angle.
-[[nodiscard]] Column of_light(const std::vector<Pool>& pools, double centre_deg, double width_deg);
+/// Light that falls in around one beam angle; the higher the power, the sharper its ends.
+[[nodiscard]] Column of_light(const std::vector<Pool>& pools, double centre_deg, double width_deg,
+                              double power = 2);
 /// The same where it only falls in between two times; elsewhere none.
 [[nodiscard]] Column between_times(const std::vector<Pool>& pools, Column column, Interval times_s);
 /// Angles that scatter.

@@ -1,10 +1,82 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <cmath>
+#include <optional>
+#include <vector>
 
+#include "fit/explain/odds.hpp"
 #include "fit/explain/spread/questions.hpp"
 #include "fit/explain/spread/suspects.hpp"
+#include "fit/median.hpp"
 
 namespace fit::explain::spread {
+namespace {
+
+/// Samples beside their target, on one side of it: not what dust, another lidar or a ghost makes.
+struct Tail {
+  bool late = false;
+  std::size_t count = 0;
+  double mean_mm = 0;  ///< From where the target's own samples end.
+  double gain = 0;     ///< Of the log-likelihood, over strays of the catalogue.
+};
+
+double sum_of(const std::vector<double>& list) {
+  double sum = 0;
+  for (const double v : list) sum += v;
+  return sum;
+}
+
+/// Log-likelihood of places that fall off from zero as an exponential.
+double of_exponential(const std::vector<double>& places_mm) {
+  const double mean = std::max(1.0, sum_of(places_mm) / static_cast<double>(places_mm.size()));
+  return -static_cast<double>(places_mm.size()) * (std::log(mean) + 1);
+}
+
+/// ... that are anywhere up to the farthest; ... that are a ghost's, all at one range.
+double of_anywhere(std::size_t count, double width_mm) {
+  return -static_cast<double>(count) * std::log(width_mm);
+}
+double of_ghost(const std::vector<double>& ranges_mm) {
+  const double middle = median_of(std::vector(ranges_mm));
+  std::vector<double> away;
+  for (const double r : ranges_mm) away.push_back(std::abs(r - middle));
+  const double mean = std::max(1.0, sum_of(away) / static_cast<double>(away.size()));
+  return -static_cast<double>(away.size()) * (std::log(2 * mean) + 1);
+}
+
+/// Strays on one side of their targets.
+std::optional<Tail> tail_of(const Reduced& reduced, bool late) {
+  constexpr std::size_t fewest = 5;
+  std::vector<double> places_mm, ranges_mm;
+  double room_mm = 0;
+  for (std::size_t i = 0; i < reduced.strays_mm.size(); ++i) {
+    const double range = reduced.strays_mm[i], target = range / reduced.strays_of_target[i];
+    if ((range > target) != late) continue;
+    places_mm.push_back(std::abs(range - target));
+    ranges_mm.push_back(range);
+    room_mm += late ? 10000 : target;
+  }
+  if (places_mm.size() < fewest) return {};
+  room_mm /= static_cast<double>(places_mm.size());
+  const double nearest = *std::ranges::min_element(places_mm);
+  for (double& place : places_mm) place -= nearest;
+  const double of_catalogue =
+      std::max(of_anywhere(places_mm.size(), std::max(100.0, room_mm - nearest)), of_ghost(ranges_mm));
+  return Tail{late, places_mm.size(), sum_of(places_mm) / static_cast<double>(places_mm.size()),
+              of_exponential(places_mm) - of_catalogue};
+}
+
+/// The side with the more evident tail.
+std::optional<Tail> tail_of(const Reduced& reduced) {
+  std::optional<Tail> best;
+  for (const bool late : {false, true}) {
+    const auto tail = tail_of(reduced, late);
+    if (tail && (!best || tail->gain > best->gain)) best = tail;
+  }
+  return best;
+}
+
+}  // namespace
 
 void strays(const Reduced& reduced, SpreadResult& result) {
   double strays = 0, beside = 0, samples = 0;
@@ -25,7 +97,26 @@ void strays(const Reduced& reduced, SpreadResult& result) {
   // counted twice therefore.
   const double variance = strays + 3 * beside + 0.25;
   suspect.parameters = {{"fraction", {(strays + beside) / samples, std::sqrt(variance) / samples}}};
-  if (suspect.evidence > accept_rare_at) result.accepted.push_back(suspect);
+  if (suspect.evidence <= accept_rare_at) return;
+  const auto tail = tail_of(reduced);
+  if (!tail || tail->gain < -odds::close_behind) {
+    result.accepted.push_back(suspect);
+    return;
+  }
+  if (tail->gain < odds::price_of_unknown) {
+    result.undecided.push_back({suspect, Suspect{}});
+    return;
+  }
+  Unexplained u;
+  u.observable = Observable::range_distribution;
+  u.coordinate = Coordinate::target;
+  u.gain = suspect.gain;
+  u.evidence = tail->gain;
+  u.describes =
+      std::string("samples have a tail: beyond what noise explains, some come ") +
+      (tail->late ? "late" : "early") + ", by " + rounded(tail->mean_mm, 2) +
+      " mm more on average and ever more rarely the farther; strays would lie anywhere, or at one range";
+  result.unknown.push_back(u);
 }
 
 }  // namespace fit::explain::spread

@@ -3,9 +3,13 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "fit/explain/odds.hpp"
+#include "fit/explain/spread/doubt.hpp"
 #include "fit/explain/spread/flicker.hpp"
 #include "fit/explain/spread/light_at_times.hpp"
 #include "fit/explain/spread/noise_columns.hpp"
@@ -30,8 +34,8 @@ Estimate known_noise(const Bench& bench) {
 /// Finds, part by part, what the noise of single samples consists of.
 class VarianceSearch {
  public:
-  VarianceSearch(const VarianceModel& model, bool has_intensity)
-      : model_(model), has_intensity_(has_intensity) {}
+  VarianceSearch(const VarianceModel& model, bool has_intensity, std::vector<std::string> targets)
+      : model_(model), has_intensity_(has_intensity), targets_(std::move(targets)) {}
 
   /// `in_several_places`: targets were put up in different places for the captures.
   void run(bool in_several_places, SpreadResult& result) {
@@ -48,7 +52,9 @@ class VarianceSearch {
       if (!accept_first(believed_suspects(result), result)) break;
       if (is(result.accepted.back(), ids::intensity_noise)) let_law_of_echoes_bend();
     }
-    if (bend_) parts_.columns.erase(parts_.columns.begin() + static_cast<std::ptrdiff_t>(*bend_));
+    std::set<std::size_t> gone = doubt_the_catalogue(result);
+    if (bend_) gone.insert(*bend_);
+    parts_ = parts_.without(gone);
     base_ = model_.fit(parts_);
     result.sigma_mm = std::sqrt(base_.value[0]);
     if (scans_jitter) whole_jitter(result);
@@ -117,6 +123,7 @@ class VarianceSearch {
     const bool confirmed = unseen.value_or(-1) > 0 && found->seen > 1;
     if (confirmed && !place.everywhere) {
       result.accepted.push_back(suspect);
+      names_.push_back({suspect, {parts_.columns.size()}});
     } else if (confirmed || suspect.evidence > beyond_doubt) {
       tell_noise_at_times(suspect, light, place.everywhere, root(size).value, result);
     } else {
@@ -206,13 +213,17 @@ class VarianceSearch {
       if (suspects[i].evidence > first.evidence - told_apart_at) set.push_back(suspects[i]);
     if (set.size() > 1) {
       result.undecided.push_back(set);
+      names_.push_back({first, {}, true});
       return false;
     }
     if (suspects.size() > 1) first.ahead = first.evidence - suspects[1].evidence;
-    if (is(first, constant_noise))
+    if (is(first, constant_noise)) {
+      names_.push_back({first, {}});
       parts_.free = true;
-    else
+    } else {
+      names_.push_back({first, {parts_.columns.size()}});
       parts_.columns.push_back(of_suspect(pools(), first));
+    }
     result.accepted.push_back(first);
     return true;
   }
@@ -233,7 +244,70 @@ class VarianceSearch {
     }
     if (best.empty()) return;
     bend_ = parts_.columns.size();
+    names_.back().columns.push_back(*bend_);
     parts_.columns.push_back(std::move(best));
+  }
+
+  /// Structure that no name explains is not forced into one: where an unnamed law of some coordinate explains
+  /// more than names do, these give way, and where it explains as much they are not certain.
+  /// Returns their columns, which are no parts any more.
+  [[nodiscard]] std::set<std::size_t> doubt_the_catalogue(SpreadResult& result) {
+    std::set<std::size_t> gone;
+    // Coarse steps make patterns of the range that are no noise.
+    if (flickers(result) || model_.step_mm() > 1.5 * std::sqrt(base_.value[0])) return gone;
+    // Echoes that are about to be lost have a law of their own, which only the weakest show.
+    const auto is_of_losses = [](const NamedNoise& n) { return is_steeper_than_a_receiver(n.suspect); };
+    if (std::ranges::any_of(names_, is_of_losses) ||
+        (unconfirmed_ && is_steeper_than_a_receiver(*unconfirmed_)))
+      return gone;
+    const Doubted doubted = doubt(model_, parts_, names_);
+    for (std::size_t i = 0; i < names_.size(); ++i) {
+      if (doubted.stays[i]) {
+        limit_lead(names_[i], doubted.ahead[i], result);
+        continue;
+      }
+      gone.insert(names_[i].columns.begin(), names_[i].columns.end());
+      take_back(names_[i], result);
+    }
+    if (doubted.unnamed) {
+      parts_.free = true;
+      result.unknown.push_back(told(*doubted.unnamed));
+    }
+    return gone;
+  }
+
+  static void take_back(const NamedNoise& name, SpreadResult& result) {
+    if (name.is_open)
+      result.undecided.pop_back();
+    else
+      std::erase_if(result.accepted, [&](const Suspect& s) { return s.mechanism == name.suspect.mechanism; });
+  }
+
+  [[nodiscard]] Unexplained told(const UnnamedNoise& noise) const {
+    Unexplained u;
+    u.observable = Observable::range_variance;
+    u.coordinate = noise.coordinate;
+    u.gain = noise.gain;
+    u.evidence = noise.evidence();
+    u.from = noise.most.from;
+    u.to = noise.most.to;
+    u.describes = in_words(noise, targets_);
+    return u;
+  }
+
+  /// A name that is not nearly certain beside an unnamed law is told as a set with it.
+  static void limit_lead(const NamedNoise& name, double ahead, SpreadResult& result) {
+    constexpr double certain = 2.2;  // log odds of nine to one
+    if (name.is_open) {
+      if (ahead < certain) result.undecided.back().push_back(Suspect{});
+      return;
+    }
+    const auto found = std::ranges::find(result.accepted, name.suspect.mechanism, &Suspect::mechanism);
+    if (found == result.accepted.end()) return;
+    found->ahead = std::min(found->ahead, ahead);
+    if (ahead >= certain) return;
+    result.undecided.push_back({*found, Suspect{}});
+    result.accepted.erase(found);
   }
 
   /// Beams may scatter on their own beside what a scan has in common: the spread of samples shows both.
@@ -390,6 +464,8 @@ class VarianceSearch {
   bool comes_and_goes_ = false;         ///< More noise at some times is part of the parts.
   Parts parts_;                         ///< Accepted so far, and how the law of one of them bends.
   std::optional<std::size_t> bend_;     ///< Which column the latter is.
+  std::vector<NamedNoise> names_;       ///< In the order in which they were found.
+  std::vector<std::string> targets_;    ///< Names of the bench's.
   std::optional<Suspect> unconfirmed_;  ///< The most evident of those that no other capture confirms.
   VarianceModel::Fit base_;             ///< With these.
 };
@@ -399,7 +475,9 @@ class VarianceSearch {
 void variance(const Reduced& reduced, double step_mm, double worth_of_sample, SpreadResult& result) {
   const VarianceModel model(pools_of(reduced), known_noise(reduced.bench), step_mm * step_mm / 12,
                             worth_of_sample);
-  VarianceSearch(model, reduced.has_intensity).run(reduced.in_several_places(), result);
+  std::vector<std::string> targets;
+  for (const auto& target : reduced.bench.targets) targets.push_back(target.name);
+  VarianceSearch(model, reduced.has_intensity, targets).run(reduced.in_several_places(), result);
 }
 
 }  // namespace fit::explain::spread

@@ -24,6 +24,17 @@ std::vector<T> those(const std::vector<T>& list, const std::vector<bool>& wanted
   return result;
 }
 
+/// How much more a variance of these samples scatters than one of normal samples does: they have tails.
+double excess_scatter(const std::vector<Pool>& pools) {
+  double kurtosis = 0, freedom = 0;
+  for (const Pool& p : pools) {
+    if (!(p.kurtosis > 0)) continue;
+    kurtosis += p.freedom * p.kurtosis;
+    freedom += p.freedom;
+  }
+  return freedom > 0 ? std::max(1.0, (kurtosis / freedom - 1) / 2) : 1;
+}
+
 /// The same of some of the pools.
 Parts those(Parts parts, const std::vector<bool>& wanted) {
   for (Column& column : parts.columns) column = those(column, wanted);
@@ -44,6 +55,9 @@ std::vector<Pool> pools_of(const Reduced& reduced) {
         pool.variance /= pool.freedom;
         pool.beam_deg /= count;
         pool.intensity /= count;
+        pool.range_mm /= count;
+        pool.incidence_deg /= count;
+        pool.kurtosis /= pool.freedom;
         pool.lever2 /= count;
         pools.push_back(pool);
       }
@@ -56,12 +70,17 @@ std::vector<Pool> pools_of(const Reduced& reduced) {
       if (count == beams || cell.at.target != target) finish();
       target = cell.at.target;
       pool.capture = group.capture;
+      pool.target = target;
       pool.time_s = group.time_s;
+      pool.stage_deg = group.stage_rad * deg_per_rad;
       const double lever = cell.sight.beam_lever();
       pool.freedom += cell.n - 1;
       pool.variance += (cell.n - 1) * cell.variance_mm2;
+      pool.kurtosis += (cell.n - 1) * cell.kurtosis;
       pool.beam_deg += cell.beam_rad * deg_per_rad;
       pool.intensity += cell.at.intensity;
+      pool.range_mm += cell.at.range_mm;
+      pool.incidence_deg += cell.at.incidence_rad * deg_per_rad;
       pool.lever2 += lever * lever;
       ++count;
     }
@@ -76,6 +95,14 @@ Parts Parts::with(const Column& column) const {
   return more;
 }
 
+Parts Parts::without(const std::set<std::size_t>& those) const {
+  Parts fewer = *this;
+  fewer.columns.clear();
+  for (std::size_t i = 0; i < columns.size(); ++i)
+    if (!those.contains(i)) fewer.columns.push_back(columns[i]);
+  return fewer;
+}
+
 Estimate VarianceModel::Fit::at(std::size_t index) const {
   return {value[static_cast<Index>(index)], sigma[static_cast<Index>(index)]};
 }
@@ -87,7 +114,7 @@ VarianceModel::VarianceModel(std::vector<Pool> pools, Estimate stated_mm, double
     : pools_(std::move(pools)),
       stated_mm_(stated_mm),
       fixed_mm2_(fixed_mm2),
-      worth_of_sample_(worth_of_sample) {}
+      worth_of_sample_(worth_of_sample / excess_scatter(pools_)) {}
 
 Estimate VarianceModel::stated_variance() const {
   return {stated_mm_.value * stated_mm_.value, 2 * stated_mm_.value * stated_mm_.u};
@@ -179,13 +206,12 @@ std::vector<double> VarianceModel::variances(const Parts& parts, const Fit& fit)
   return list;
 }
 
-std::optional<double> VarianceModel::unseen_gain(const Parts& parts, const Column& more) const {
+std::optional<double> VarianceModel::unseen_gain(const Parts& parts, const Parts& with_more) const {
   std::set<int> captures;
   for (const Pool& p : pools_) captures.insert(p.capture);
   if (captures.size() < 3) return {};
   const int blocks = static_cast<int>(std::min<std::size_t>(8, captures.size()));
   const std::map<int, int> block = block_of_capture(captures, blocks);
-  const Parts with_more = parts.with(more);
   Unseen unseen;
   for (int b = 0; b < blocks; ++b) {
     std::vector<bool> own, others;

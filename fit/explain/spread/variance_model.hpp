@@ -2,7 +2,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "fit/explain/reduce.hpp"
@@ -14,9 +16,12 @@ namespace fit::explain::spread {
 /// and the means of what it may depend on.
 struct Pool {
   double freedom = 0, variance = 0, beam_deg = 0, intensity = 0;
+  double kurtosis = 0;  ///< Of samples; 3 of a normal distribution.
+  double range_mm = 0, incidence_deg = 0;
   double lever2 = 0;  ///< Of d range / d beam angle, (mm/rad)^2.
-  int capture = 0;
+  int capture = 0, target = 0;
   double time_s = 0;  ///< Since power-on.
+  double stage_deg = 0;
 };
 
 [[nodiscard]] std::vector<Pool> pools_of(const Reduced& reduced);
@@ -31,13 +36,15 @@ struct Parts {
   bool free = false;       ///< The stated noise is no constraint.
 
   [[nodiscard]] Parts with(const Column& column) const;
+  [[nodiscard]] Parts without(const std::set<std::size_t>& columns) const;
 };
 
 /// Sum of variances with non-negative sizes, fitted by the likelihood of the pools' sample variances.
 class VarianceModel {
  public:
   /// `stated_mm`: the noise as the bench has it; `fixed_mm2`: a variance that is there anyway;
-  /// `worth_of_sample`: in units of what one without memory says.
+  /// `worth_of_sample`: in units of what one without memory says of a normal distribution's variance. It is
+  /// less if samples have tails.
   VarianceModel(std::vector<Pool> pools, Estimate stated_mm, double fixed_mm2, double worth_of_sample);
 
   [[nodiscard]] const std::vector<Pool>& pools() const { return pools_; }
@@ -56,10 +63,16 @@ class VarianceModel {
   /// The variance of every pool as fitted, mm^2.
   [[nodiscard]] std::vector<double> variances(const Parts& parts, const Fit& fit) const;
   [[nodiscard]] double worth_of_sample() const { return worth_of_sample_; }
+  /// The step in which ranges come, mm.
+  [[nodiscard]] double step_mm() const { return std::sqrt(12 * fixed_mm2_); }
 
   /// What one more column gains in captures that it was not fitted to, each with its own constant noise. Not
   /// known with fewer than three; none, unless two confirm it and fewer deny it.
-  [[nodiscard]] std::optional<double> unseen_gain(const Parts& parts, const Column& more) const;
+  [[nodiscard]] std::optional<double> unseen_gain(const Parts& parts, const Column& more) const {
+    return unseen_gain(parts, parts.with(more));
+  }
+  /// ... and what more than one gains.
+  [[nodiscard]] std::optional<double> unseen_gain(const Parts& parts, const Parts& with_more) const;
 
  private:
   [[nodiscard]] double mean_variance() const;

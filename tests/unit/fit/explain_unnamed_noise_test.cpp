@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: MIT
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <functional>
+#include <random>
+#include <string>
+
+#include "fit/explain/reduce.hpp"
+#include "fit/explain/spread.hpp"
+#include "synthetic_recording.hpp"
+
+namespace {
+
+using fit::explain::SpreadResult;
+
+/// Where a sample falls beside its true range, mm.
+using Noise = std::function<double(double beam_rad, double range_mm, std::mt19937& random)>;
+
+/// What is said of a wall, 1 to 3 m away, seen by 121 beams, whose bench states 5 mm of noise.
+SpreadResult spread_of(const Noise& noise, unsigned seed) {
+  const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 121, "front_step": 60,
+    "step_deg": 1, "scan_hz": 40}, "targets": [{"name": "wall", "from_mm": [1000, -6000], "to_mm": [1000, 6000],
+    "u_mm": 1}], "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 5, "u": 0.25}}}]})");
+  std::mt19937 random(seed);
+  SyntheticRecording wall(
+      bench, [&](const fit::CaptureInfo& info, std::int64_t, std::vector<std::uint16_t>& range,
+                 std::vector<std::uint16_t>& intensity) {
+        for (std::size_t k = 0; k < range.size(); ++k) {
+          const double beam = (static_cast<double>(k) - 60) * fit::rad_per_deg,
+                       far = (1000 + info.target_shift_mm) / std::cos(beam);
+          range[k] = static_cast<std::uint16_t>(std::lround(far + noise(beam, far, random)));
+          intensity[k] = static_cast<std::uint16_t>(std::lround(1.5e6 * std::cos(beam) / far));
+        }
+      });
+  for (int i = 0; i < 5; ++i) {
+    fit::CaptureInfo capture;
+    capture.last_step = 120;
+    capture.target = "wall";
+    capture.target_shift_mm = 500.0 * i;
+    capture.since_power_on_s = 600 + 30 * i;
+    wall.add(capture, 120);
+  }
+  fit::explain::Reduced reduced = fit::explain::reduce(wall, {});
+  fit::explain::pool_variances(reduced);
+  return fit::explain::explain_spread(reduced);
+}
+
+double normal(std::mt19937& random) { return std::normal_distribution<double>()(random); }
+
+/// Samples whose variance grows by `share` of 25 mm^2.
+Noise with_more(const std::function<double(double beam_rad, double range_mm)>& share) {
+  return [share](double beam, double range, std::mt19937& random) {
+    return 5 * std::sqrt(1 + share(beam, range)) * normal(random);
+  };
+}
+
+/// Ids and sets, for people who read a failure.
+std::string told(const SpreadResult& result) {
+  std::string text;
+  for (const auto& s : result.accepted) text += s.mechanism->id + " ";
+  for (const auto& set : result.undecided) {
+    text += "{ ";
+    for (const auto& s : set) text += (s.mechanism ? s.mechanism->id : "unknown") + std::string(" ");
+    text += "} ";
+  }
+  for (const auto& u : result.unknown) text += u.describes + " ";
+  return text;
+}
+
+void check_unknown(const SpreadResult& result, fit::Observable observable, fit::Coordinate coordinate) {
+  INFO(told(result));
+  CHECK(result.accepted.empty());
+  REQUIRE(result.unknown.size() == 1);
+  CHECK(result.unknown.front().observable == observable);
+  CHECK(result.unknown.front().coordinate == coordinate);
+}
+
+}  // namespace
+
+TEST_CASE(
+    "noise that no mechanism makes is called unknown, with its coordinate, and is not called light or weak "
+    "echoes") {
+  const auto of_beam = with_more([](double beam, double) { return 0.4 * (1 + std::sin(7 * beam)); });
+  check_unknown(spread_of(of_beam, 3), fit::Observable::range_variance, fit::Coordinate::beam);
+  const auto of_range =
+      with_more([](double, double range) { return range > 1800 && range < 2900 ? 0.6 : 0; });
+  check_unknown(spread_of(of_range, 4), fit::Observable::range_variance, fit::Coordinate::range);
+}
+
+TEST_CASE("noise of the catalogue keeps its name, strong as it may be and with a profile of its own") {
+  // A window lets light in with ends that are sharper than the formula's.
+  for (const double strength : {0.5, 3.0, 10.0}) {
+    const auto light =
+        with_more([&](double beam, double) { return strength / (1 + std::pow((beam - 0.3) / 0.25, 6)); });
+    const SpreadResult result = spread_of(light, 5);
+    INFO(told(result));
+    CHECK(result.unknown.empty());
+    REQUIRE(result.accepted.size() == 1);
+    CHECK(result.accepted.front().mechanism->id == "sunlight");
+  }
+  for (const double strength : {1.0, 5.0}) {
+    const auto weak = with_more(
+        [&](double beam, double range) { return strength * std::pow(range / 3000 / std::cos(beam), 2); });
+    const SpreadResult result = spread_of(weak, 6);
+    INFO(told(result));
+    CHECK(result.unknown.empty());
+    REQUIRE(result.accepted.size() == 1);
+    CHECK(result.accepted.front().mechanism->id == "intensity-noise");
+  }
+}
+
+TEST_CASE("constant noise, even with heavier tails than a normal distribution's, is no law of anything") {
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    const SpreadResult plain = spread_of(with_more([](double, double) { return 0; }), seed);
+    CHECK(plain.unknown.empty());
+    CHECK(plain.accepted.empty());
+    const SpreadResult tailed = spread_of(
+        [](double, double, std::mt19937& random) {  // Student's t, 5 degrees of freedom, of variance 25
+          return 5 * std::sqrt(0.6) * std::student_t_distribution<double>(5)(random);
+        },
+        seed);
+    INFO(told(tailed));
+    CHECK(tailed.unknown.empty());
+    CHECK(tailed.undecided.empty());
+    for (const auto& s : tailed.accepted) CHECK(s.mechanism->id == "outliers");  // the farthest are
+  }
+}
+
+TEST_CASE("a tail of late samples is unknown, and a ghost at one range is not") {
+  const auto tail = [](double, double, std::mt19937& random) {
+    const double share = std::uniform_real_distribution<double>()(random);
+    return 5 * normal(random) + (share < 0.02 ? std::exponential_distribution<double>(1 / 40.0)(random) : 0);
+  };
+  const SpreadResult late = spread_of(tail, 7);
+  REQUIRE(late.unknown.size() == 1);
+  CHECK(late.unknown.front().observable == fit::Observable::range_distribution);
+  CHECK(late.unknown.front().describes.find("late") != std::string::npos);
+  const auto ghost = [](double, double range, std::mt19937& random) {
+    const double share = std::uniform_real_distribution<double>()(random);
+    return share < 0.01 ? 400 - range + 5 * normal(random) : 5 * normal(random);
+  };
+  const SpreadResult seen = spread_of(ghost, 8);
+  CHECK(seen.unknown.empty());
+  REQUIRE(seen.accepted.size() == 1);
+  CHECK(seen.accepted.front().mechanism->id == "outliers");
+}
