@@ -5,8 +5,9 @@
 
 namespace fit::mechanisms {
 
-// The firmware's refractive index is not this air's (Ciddor 1996: 2.8e-4 in all, 1e-6 per kelvin). Below
-// resolution at the ranges of these lidars unless left out altogether.
+// The firmware's refractive index is not this air's (Ciddor 1996: 2.8e-4 in all, which falls by 1e-6 per
+// kelvin that the air is warmer, and by less per kelvin of the housing). Below resolution at the ranges of
+// these lidars unless left out altogether.
 Mechanism make_air_index() {
   Mechanism m;
   m.id = "air-index";
@@ -14,7 +15,7 @@ Mechanism make_air_index() {
   m.coordinate = Coordinate::range;
   m.formula_error = 0.02;
   m.parameters = {{.name = "index_error", .typical = 1e-4, .largest = 3.2e-4},
-                  {.name = "index_error_per_k", .typical = 1e-6, .largest = 3e-6}};
+                  {.name = "index_error_per_k", .typical = 1e-6, .largest = 1.1e-6, .sign = -1}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double warmer_k = std::isfinite(c.temperature_k) ? c.temperature_k : 0;
     return Effect{.range_mm = (p[0] + p[1] * warmer_k) * c.range_mm};

@@ -28,8 +28,13 @@ bool is_set_aside(const MeanResult& result, const Term& term) {
   });
 }
 
-/// Akaike's: how well it fits, less one for everything that its mechanisms adjusted to the recording.
-double adjusted_fit(const Hypothesis& h) { return h.density - h.adjusted; }
+/// Akaike's: how well it fits, less one for everything that its mechanisms adjusted to the recording, and
+/// less the odds against sizes that physics hardly allows: they are no matter of how much there is to adjust.
+double adjusted_fit(const Hypothesis& h) {
+  double fit = h.density - h.adjusted;
+  for (const Term& term : h.terms) fit -= odds::against(term);
+  return fit;
+}
 
 /// How a hypothesis with another explanation in place of a term of `best` compares.
 Rival rival_of(const Hypothesis& best, const Hypothesis& other, bool by_form) {
