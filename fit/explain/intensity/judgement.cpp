@@ -33,7 +33,8 @@ bool drop_one(const Readings& readings, std::vector<Suspicion>& accepted) {
 }
 
 /// How probable it is among all suspects beside the others, of every kind the most evident, and nothing.
-void compare(const std::vector<Suspicion>& suspects, Judged& judged) {
+/// `alone`: there are no others, and nothing would be missing.
+void compare(const std::vector<Suspicion>& suspects, bool alone, Judged& judged) {
   const Suspicion& suspicion = judged.suspicion;
   double own = -1e300;
   for (const Suspicion& s : suspects)
@@ -49,7 +50,7 @@ void compare(const std::vector<Suspicion>& suspects, Judged& judged) {
     if (s.has_name() && s.evidence > own - odds::close_behind) judged.rivals.push_back(s);
     if (!s.has_name() && s.evidence > own) judged.unknown = true;
   }
-  total += std::exp(std::min(50.0, -own));  // nothing at all
+  total += std::exp(std::min(50.0, -own - (alone ? odds::something_is_missing : 0)));  // nothing at all
   judged.probability = 1 / (1 + total);
   if (!suspicion.has_name()) judged.unknown = true;
 }
@@ -71,7 +72,7 @@ Judgement judge(const Readings& readings, std::vector<Suspicion> accepted) {
     judged.suspicion = judgement.accepted[t];
     judged.gain = judgement.after.log_likelihood - held.log_likelihood;
     judged.rms_without = held.rms;
-    compare(suspects(readings, others), judged);
+    compare(suspects(readings, others), others.empty(), judged);
     judgement.judged.push_back(std::move(judged));
   }
   return judgement;

@@ -6,6 +6,7 @@
 
 #include "fit/explain/intensity/named.hpp"
 #include "fit/explain/intensity/unnamed.hpp"
+#include "fit/explain/odds.hpp"
 #include "fit/median.hpp"
 
 namespace fit::explain::intensity {
@@ -100,7 +101,9 @@ std::vector<Suspicion> search(const Readings& readings) {
   std::vector<Suspicion> accepted;
   for (int round = 0; round < most_suspicions; ++round) {
     const std::vector<Suspicion> list = suspects(readings, accepted);
-    if (list.empty() || list.front().evidence < worth_it) break;
+    // Whoever asks suspects something.
+    const double worth = accepted.empty() ? worth_it - odds::something_is_missing : worth_it;
+    if (list.empty() || list.front().evidence < worth) break;
     accepted.push_back(list.front());
     settle(readings, accepted);
   }
