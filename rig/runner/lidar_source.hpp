@@ -27,6 +27,10 @@ class LidarSource {
   /// Connects, or connects anew after a loss; stops whatever the device was streaming. Returns its identity
   /// (VV, PP, II as JSON). Throws LidarAbsent when nothing answers, another DeviceError for what does.
   virtual awaitable<nlohmann::json> connect() = 0;
+  /// Compares the device's clock with the host's anew, between two streams, so that the next scans are dated
+  /// as well as after connecting: in the meantime both crystals went their own way, milliseconds in a few
+  /// minutes. A device that cannot compare is dated as before. Throws DeviceError when the lidar is lost.
+  virtual awaitable<void> synchronise() = 0;
   virtual awaitable<void> start(LidarStream stream) = 0;
   /// The next scan with good checksums; has a deadline of its own. Throws DeviceError or a system error when
   /// the lidar is lost.

@@ -12,6 +12,16 @@ namespace {
 
 using namespace asio::experimental::awaitable_operators;
 
+/// Where the lidar's clock is not the host's: before anything is measured, since such a run could not be
+/// ended.
+void refuse_turns(const std::vector<PlannedStep>& plan, const std::map<std::string, std::string>& recorded) {
+  for (const PlannedStep& step : plan)
+    if (step.step->kind->name() == "turn" && !recorded.contains(step.key))
+      throw UsageError("A turning capture (step " + step.key +
+                       ") needs scans and stage positions on one clock, and this lidar's clock does not run "
+                       "with this computer's. Nothing was measured. Run the simulator with --speed real.");
+}
+
 }  // namespace
 
 Runner::Impl::Impl(Procedure procedure_, fit::Bench bench_, SessionStore& session_, RunnerParts parts_)
@@ -59,6 +69,7 @@ awaitable<void> Runner::Impl::prepare() {
   for (const auto& warning : status.warnings) note(status.homed ? "warning" : "info", "stage: " + warning);
   auto comparing = compare_clocks();
   co_await std::move(comparing);
+  if (own_time) refuse_turns(plan, progress);
   auto placing = place_again();
   co_await std::move(placing);
 }

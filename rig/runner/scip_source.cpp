@@ -19,6 +19,12 @@ class ScipSource final : public LidarSource {
   awaitable<json> connect() override {
     auto connecting = identify();
     const lidar::Identity identity = co_await told_as_device_error(std::move(connecting));
+    auto comparing = synchronise();
+    co_await std::move(comparing);
+    co_return json::parse(identity.json);
+  }
+
+  awaitable<void> synchronise() override {
     try {
       auto comparing = client_.synchronise();
       co_await std::move(comparing);
@@ -26,7 +32,6 @@ class ScipSource final : public LidarSource {
       // A lidar without time adjustment is dated by when its scans arrive; one that went away is lost.
       if (!client_.connected()) throw DeviceError(error.what());
     }
-    co_return json::parse(identity.json);
   }
 
   awaitable<void> start(LidarStream stream) override {

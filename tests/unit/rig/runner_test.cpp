@@ -80,6 +80,14 @@ class FakeLidar final : public rig::LidarSource {
     if (!parameters.empty()) who["PP"] = parameters;
     co_return who;
   }
+  /// What the scans' times are late by since the clocks were last compared: a crystal runs on.
+  double drift_ppm = 0;
+  std::int64_t compared_us = 0;
+  awaitable<void> synchronise() override {
+    co_await yield();
+    if (dead) throw rig::DeviceError("the lidar is gone.");
+    compared_us = bench_.clock.now_us;
+  }
   awaitable<void> start(rig::LidarStream wanted) override {
     stream = wanted;
     co_await yield();
@@ -101,7 +109,8 @@ class FakeLidar final : public rig::LidarSource {
     if (dead) throw rig::DeviceError("the lidar is gone.");
     lidar::Scan scan;
     scan.device_ms = static_cast<std::uint64_t>(bench_.clock.now_us / 1000);
-    scan.host_us = bench_.clock.now_us;
+    scan.host_us = bench_.clock.now_us +
+                   std::llround(1e-6 * drift_ppm * static_cast<double>(bench_.clock.now_us - compared_us));
     scan.first_step = stream.first_step, scan.last_step = stream.last_step, scan.cluster = stream.cluster;
     scan.range_mm.assign(
         static_cast<std::size_t>((stream.last_step - stream.first_step) / stream.cluster + 1),
@@ -116,7 +125,8 @@ class FakeLidar final : public rig::LidarSource {
     if (stops++ == fails_at_stop) throw rig::DeviceError("cable pulled at the end.");
   }
   std::uint64_t rejected() const override { return 0; }
-  bool own_time() const override { return false; }
+  bool runs_on_its_own_time = false;
+  bool own_time() const override { return runs_on_its_own_time; }
 
  private:
   FakeBench& bench_;
@@ -416,6 +426,31 @@ TEST_CASE("a turning stage is stopped at its soft limit even if the lidar says n
   };
   CHECK_THROWS_WITH(rig.run(), Contains("soft limit"));
   CHECK_FALSE(rig.stage.moving);
+}
+
+TEST_CASE(
+    "a procedure with turns is refused before anything is measured where the clocks have nothing in common") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n  - turn: {rate_deg_s: 4, from_deg: 0, samples: 60}\n");
+  rig.lidar.runs_on_its_own_time = true;
+  CHECK_THROWS_WITH(rig.run(), Contains("step 3") && Contains("--speed real"));
+  CHECK(rig.stage.homings == 0);
+  CHECK(rig.stage.moves.empty());
+  Rig at_rest("  - home\n  - capture: {samples: 5}\n");
+  at_rest.lidar.runs_on_its_own_time = true;
+  CHECK(at_rest.run());
+}
+
+TEST_CASE("a turn is dated by clocks that were compared just before it, however long the run has lasted") {
+  Rig rig("  - home\n  - capture: {samples: 40000}\n  - turn: {rate_deg_s: 4, from_deg: 0, samples: 60}\n");
+  rig.lidar.drift_ppm = 50;
+  std::int64_t late_us = 0;
+  rig.lidar.tamper = [&](lidar::Scan& scan) {
+    if (rig.stage.moving) late_us = std::max(late_us, scan.host_us - rig.world.clock.now_us);
+  };
+  rig.lidar.compared_us = rig.world.clock.now_us;
+  CHECK(rig.run());
+  CHECK(rig.captures().size() == 2);
+  CHECK(late_us < 1000);  // of the 50 ms that the clocks differ by in the 1000 s before
 }
 
 TEST_CASE("a turn during which the lidar is lost for a while is begun anew and is whole") {
