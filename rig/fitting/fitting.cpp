@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -43,6 +44,16 @@ std::string padded(const std::string& text, std::size_t width) {
   return text + std::string(width > text.size() ? width - text.size() : 0, ' ');
 }
 
+/// The result is kept in the first session only: its certificate must tell what else it was made from.
+void name_sessions(nlohmann::json& result, const std::vector<FitSource>& sources) {
+  std::string names;
+  for (const FitSource& source : sources)
+    names += (names.empty() ? "" : "; ") + std::filesystem::path(source.path).filename().string() +
+             (source.session ? ", SHA-256 " + source.session->content_hash() : "");
+  result["notes"].push_back("Made from " + std::to_string(sources.size()) + " recordings together: " + names +
+                            ".");
+}
+
 }  // namespace
 
 const Fitting& fitting_of(const std::string& kind) {
@@ -74,7 +85,9 @@ nlohmann::json run_fit(const std::string& kind, const std::vector<FitSource>& so
                        "' needs: make one with 'rig run' or 'rig import'");
   if (sources.empty()) throw UsageError("the calibration '" + kind + "' needs at least one session");
   if (!fitting.accepts_clusters()) refuse_clusters(kind, sources);
-  return fitting.run(sources, checked);
+  nlohmann::json result = fitting.run(sources, checked);
+  if (sources.size() > 1) name_sessions(result, sources);
+  return result;
 }
 
 std::string to_text(const nlohmann::json& result) {

@@ -101,7 +101,44 @@ json selection_table(const RangeSource& source) {
           {"rows", rows}};
 }
 
-/// As the paper's tables; what there is to say about a family follows in a table of its own.
+/// The paper's table: the same figures of the same five families, in its order.
+json paper_table(const fit::RangeCalibration& calibration) {
+  const std::vector<std::string> families = {"exponential-2", "fourier-2", "polynomial-3", "power-2",
+                                             "rational-33"};
+  json columns = {"experiment"}, rows = json::array();
+  for (const std::string& family : families) columns.push_back(fit::find_family(family)->title);
+  const auto add = [&](const std::vector<FamilyFit>& fits, const std::string& experiment) {
+    json rmse = {experiment + ": RMSE (mm)"}, r2 = {experiment + ": R2"};
+    for (const std::string& family : families) {
+      const auto fit = std::ranges::find(fits, family, &FamilyFit::family);
+      const bool is_there = fit != fits.end() && fit->usable;
+      rmse.push_back(is_there ? json(text(fit->rmse, "%.3f")) : json(nullptr));
+      r2.push_back(is_there ? json(text(fit->r2, "%.4f")) : json(nullptr));
+    }
+    rows.push_back(rmse);
+    rows.push_back(r2);
+  };
+  if (!calibration.intensity_table.empty()) add(calibration.intensity_table, "A1 intensity");
+  if (!calibration.distance_table.empty()) add(calibration.distance_table, "A2 distance");
+  return {
+      {"title", "Five families of curves, as in the paper's table"}, {"columns", columns}, {"rows", rows}};
+}
+
+/// Every family's equation with its coefficients: whoever prefers another than the best finds it here.
+json family_coefficients(const std::vector<FamilyFit>& fits, const std::string& title) {
+  json rows = json::array();
+  for (const FamilyFit& fit : fits) {
+    if (!fit.usable || fit.spline) continue;
+    for (std::size_t i = 0; i < fit.coefficients.size(); ++i)
+      rows.push_back({i == 0 ? fit.title + ": " + fit.equation : "", fit.names[i],
+                      fit::format_exactly(fit.coefficients[i]), number_or_null(fit.coefficient(i).u)});
+  }
+  return {{"title", title + ": coefficients of every family, all digits"},
+          {"columns", {"family", "coefficient", "value", "u"}},
+          {"rows", rows}};
+}
+
+/// The families as they predict; what there is to say about one follows in a table of its own.
 void add_families(json& tables, const std::vector<FamilyFit>& fits, const std::string& title) {
   json rows = json::array(), words = json::array();
   for (const FamilyFit& fit : fits) {
@@ -124,6 +161,7 @@ void add_families(json& tables, const std::vector<FamilyFit>& fits, const std::s
     tables.push_back({{"title", title + ": what must be known about these families"},
                       {"columns", {"family", "remark"}},
                       {"rows", words}});
+  tables.push_back(family_coefficients(fits, title));
 }
 
 json coefficients_table(const Correction& c) {
@@ -268,6 +306,8 @@ class Range : public Fitting {
     json out = new_result("range", method());
     out["tables"].push_back(captures_table(source));
     add_values(out, source, points, calibration, selection == "robust");
+    if (!calibration.intensity_table.empty() || !calibration.distance_table.empty())
+      out["tables"].push_back(paper_table(calibration));
     if (!calibration.intensity_table.empty())
       add_families(out["tables"], calibration.intensity_table, "Experiment A1, error against intensity");
     if (!calibration.distance_table.empty())
