@@ -48,22 +48,33 @@ class Export : public Command {
     command->add_option("-o,--output", output_, "File to write, or '-' for standard output")->required();
     command->add_flag("--any-lidar", any_lidar_,
                       "Also a correction that was made for another lidar than the session's");
+    command->add_option("--centre", centre_,
+                        "Session whose rotation centre goes along into c-header, cpp-header and "
+                        "ros2-parameters; default: the session's own");
     command->footer("Formats:" + formats);
     return command;
   }
 
   int run() override {
     if (output_ == "-") return print();
-    write(check_output({output_}, {source_}));
+    write(check_output({output_}, inputs()));
     std::fprintf(stderr, "exported: %s\n", std::filesystem::absolute(output_).c_str());
     return 0;
   }
 
  private:
+  [[nodiscard]] std::vector<std::string> inputs() const {
+    std::vector<std::string> files = {source_};
+    if (!centre_.empty()) files.push_back(centre_);
+    return files;
+  }
+
   void write(const OutputPlace& output) const {
-    std::unique_ptr<SessionStore> session;
+    std::unique_ptr<SessionStore> session, centre;
     if (is_session_file(source_)) session = std::make_unique<SessionStore>(source_, SessionStore::Mode::read);
-    for (const std::string& note : run_export(format_, {source_, session.get(), any_lidar_}, output))
+    if (!centre_.empty()) centre = std::make_unique<SessionStore>(centre_, SessionStore::Mode::read);
+    for (const std::string& note :
+         run_export(format_, {source_, session.get(), any_lidar_, centre.get()}, output))
       std::fprintf(stderr, "rig: %s\n", note.c_str());
   }
 
@@ -72,7 +83,7 @@ class Export : public Command {
   int print() const {
     const TemporaryFolder folder;
     const std::string path = folder.path() + "/export";
-    write(check_output({path}, {source_}));
+    write(check_output({path}, inputs()));
     std::ifstream made(path, std::ios::binary);
     folder.empty();
     std::array<char, 1 << 16> piece{};
@@ -85,7 +96,7 @@ class Export : public Command {
     return 0;
   }
 
-  std::string source_, format_, output_;
+  std::string source_, format_, output_, centre_;
   bool any_lidar_ = false;
 };
 

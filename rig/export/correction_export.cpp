@@ -3,11 +3,9 @@
 
 #include <cmath>
 #include <cstdio>
-#include <nlohmann/json.hpp>
 
 #include "fit/number_format.hpp"
 #include "rig/fitting/correction_source.hpp"
-#include "rig/json_fields.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig {
@@ -17,19 +15,12 @@ using fit::CorrectionTerm;
 
 CorrectionExport read_for_export(const ExportSource& source) {
   CorrectionExport out;
-  if (!source.session) {
-    out.correction = load_correction(source.path);
-    return out;
-  }
-  out.correction = load_correction(source.path, *source.session);
-  const auto centre =
-      nlohmann::json::parse(source.session->latest_result("centre").value_or("null"), nullptr, false);
-  for (const auto& value : list_of(centre, "values")) {
-    const double number = number_of(value, "value");
-    if (std::isnan(number)) continue;
-    const std::string name = text_of(value, "name");
-    if (name == "centre_x_mm") out.centre.x_mm = number, out.centre.calibrated = true;
-    if (name == "centre_y_mm") out.centre.y_mm = number;
+  out.correction =
+      source.session ? load_correction(source.path, *source.session) : load_correction(source.path);
+  if (source.centre) {
+    out.centre = load_centre(source.centre->path(), *source.centre);
+  } else if (source.session) {
+    out.centre = centre_of(*source.session);
   }
   return out;
 }

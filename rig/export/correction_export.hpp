@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <Eigen/Core>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,16 +12,11 @@
 
 namespace rig {
 
-/// The rotation centre that goes with a correction, if the session knows it (lidar frame).
-struct ExportCentre {
-  double x_mm = 0, y_mm = 0;
-  bool calibrated = false;
-};
-
 /// What the correction formats are made from: a correction file, or a session with a range calibration.
 struct CorrectionExport {
   fit::Correction correction;
-  ExportCentre centre;
+  std::optional<Eigen::Vector2d> centre;  ///< Of rotation, mm in the lidar's frame, if a session knows it.
+  [[nodiscard]] Eigen::Vector2d centre_or_origin() const { return centre.value_or(Eigen::Vector2d(0, 0)); }
 };
 [[nodiscard]] CorrectionExport read_for_export(const ExportSource& source);
 

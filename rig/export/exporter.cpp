@@ -32,16 +32,16 @@ const Exporter& exporter_of(const std::string& format) {
                    fit::ending_with_guess(fit::nearest_word(format, names)) + " There are: " + list);
 }
 
-/// A session may hold a correction that was made from another lidar's recordings.
-std::vector<std::string> check_lidar(const ExportSource& source) {
-  const fit::Correction correction = load_correction(source.path, *source.session);
-  const LidarMatch match =
-      match_lidar(correction.lidar_model, correction.lidar_serial, lidar_of(*source.session));
-  if (match.another && !source.any_lidar)
-    throw UsageError(source.path + ": " + match.says +
+/// A session may hold a correction that was made from another lidar's recordings; so may the rotation centre
+/// be another's.
+std::vector<std::string> check_lidar(const fit::Correction& correction, const SessionStore& session,
+                                     bool any_lidar) {
+  const LidarMatch match = match_lidar(correction.lidar_model, correction.lidar_serial, lidar_of(session));
+  if (match.another && !any_lidar)
+    throw UsageError(session.path() + ": " + match.says +
                      ". Calibrate that one, or say --any-lidar if you know better.");
   if (match.says.empty()) return {};
-  return {match.says + "."};
+  return {session.path() + ": " + match.says + "."};
 }
 
 }  // namespace
@@ -52,7 +52,16 @@ std::vector<std::string> run_export(const std::string& format, const ExportSourc
   if (!source.session && !exporter.accepts_files())
     throw UsageError(source.path + " is not a session file (*.rig), which the format '" + format + "' needs");
   std::vector<std::string> notes;
-  if (source.session && exporter.accepts_files()) notes = check_lidar(source);
+  if (source.centre && !exporter.takes_centre())
+    throw UsageError("the format '" + format + "' has no place for a rotation centre: leave --centre out");
+  if (source.session && exporter.accepts_files())
+    notes = check_lidar(load_correction(source.path, *source.session), *source.session, source.any_lidar);
+  if (source.centre) {
+    const fit::Correction correction =
+        source.session ? load_correction(source.path, *source.session) : load_correction(source.path);
+    for (std::string& note : check_lidar(correction, *source.centre, source.any_lidar))
+      notes.push_back(std::move(note));
+  }
   write_beside(output.path(), [&](const std::string& part) { exporter.write(source, part); });
   return notes;
 }

@@ -15,6 +15,7 @@ struct ExportSource {
   std::string path;
   const SessionStore* session = nullptr;  ///< Null when `path` is not a session file.
   bool any_lidar = false;                 ///< Also a correction that was made for another lidar.
+  const SessionStore* centre = nullptr;   ///< Whose rotation centre goes along; null: `session`'s own.
 };
 
 /// One format of `rig export`. Each lives in its own file rig/export/formats/NAME.cpp, which defines
@@ -27,6 +28,8 @@ class Exporter {
   [[nodiscard]] virtual std::string describes() const = 0;
   /// True if files that are not sessions are welcome too.
   [[nodiscard]] virtual bool accepts_files() const { return false; }
+  /// True if a rotation centre has a place in it.
+  [[nodiscard]] virtual bool takes_centre() const { return false; }
   /// Writes the whole of `output`, or throws and leaves the caller to remove what there is of it.
   virtual void write(const ExportSource& source, const std::string& output) const = 0;
 };

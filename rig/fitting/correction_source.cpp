@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "rig/fitting/correction_source.hpp"
 
+#include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "rig/errors.hpp"
+#include "rig/json_fields.hpp"
 
 namespace rig {
 
@@ -38,6 +40,23 @@ fit::Correction load_correction(const std::string& path) {
   } catch (const std::invalid_argument& error) {
     throw UsageError(error.what());
   }
+}
+
+std::optional<Eigen::Vector2d> centre_of(const SessionStore& session) {
+  const auto result = nlohmann::json::parse(session.latest_result("centre").value_or("null"), nullptr, false);
+  Eigen::Vector2d centre(NAN, NAN);
+  for (const auto& value : list_of(result, "values")) {
+    const std::string name = text_of(value, "name");
+    if (name == "centre_x_mm") centre.x() = number_of(value, "value");
+    if (name == "centre_y_mm") centre.y() = number_of(value, "value");
+  }
+  return centre.allFinite() ? std::optional(centre) : std::nullopt;
+}
+
+Eigen::Vector2d load_centre(const std::string& path, const SessionStore& session) {
+  if (const auto centre = centre_of(session)) return *centre;
+  throw MeasurementError(path + " holds no rotation centre: run 'rig fit centre " + path +
+                         "' first, on captures of one edge from several stage angles");
 }
 
 }  // namespace rig

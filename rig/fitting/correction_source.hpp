@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <Eigen/Core>
+#include <optional>
 #include <string>
 
 #include "fit/correction.hpp"
@@ -12,5 +14,11 @@ namespace rig {
 /// UsageError (unreadable, not a correction) or MeasurementError (a session without one).
 [[nodiscard]] fit::Correction load_correction(const std::string& path);
 [[nodiscard]] fit::Correction load_correction(const std::string& path, const SessionStore& session);
+
+/// The rotation centre of a session's newest centre calibration, mm in the lidar's frame; nothing if it has
+/// none.
+[[nodiscard]] std::optional<Eigen::Vector2d> centre_of(const SessionStore& session);
+/// The same of the session `path`; throws MeasurementError if it has none.
+[[nodiscard]] Eigen::Vector2d load_centre(const std::string& path, const SessionStore& session);
 
 }  // namespace rig

@@ -56,9 +56,10 @@ std::string c_header(const CorrectionExport& what) {
     out += "  (void)x;\n";
   out += "  *corrected_mm = measured_mm - error;\n  return state;\n}\n\n";
   out += std::string("/* Rotation centre in the lidar's frame, mm") +
-         (what.centre.calibrated ? "" : ": not calibrated in this session") + ". */\n";
-  out += "static const double lidar_range_centre_mm[2] = {" + real(what.centre.x_mm) + ", " +
-         real(what.centre.y_mm) + "};\n\n";
+         (what.centre ? "" : ": not calibrated in this session; rig export --centre takes it from another") +
+         ". */\n";
+  out += "static const double lidar_range_centre_mm[2] = {" + real(what.centre_or_origin().x()) + ", " +
+         real(what.centre_or_origin().y()) + "};\n\n";
   out +=
       "/* Where a corrected range lies in the map, for a lidar at mount_mm on a robot that turns about "
       "centre_mm: the centre is\n"
@@ -78,6 +79,7 @@ std::string c_header(const CorrectionExport& what) {
 
 class CHeader : public CorrectionFormat {
  public:
+  bool takes_centre() const override { return true; }
   std::string format() const override { return "c-header"; }
   std::string describes() const override { return "a range correction as a C99 header without dependencies"; }
 

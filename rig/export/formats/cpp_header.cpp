@@ -99,9 +99,10 @@ std::string cpp_header(const CorrectionExport& what) {
   out += "// Covariance of zero and coefficients = covariance_factor * its transpose.\n" + cpp_factor(c) +
          cpp_correct(c);
   out += std::string("// Rotation centre in the lidar's frame, mm") +
-         (what.centre.calibrated ? "" : ": not calibrated in this session") + ".\n";
-  out += "static const double centre_mm[2] = {" + real(what.centre.x_mm) + ", " + real(what.centre.y_mm) +
-         "};\n\n";
+         (what.centre ? "" : ": not calibrated in this session; rig export --centre takes it from another") +
+         ".\n";
+  out += "static const double centre_mm[2] = {" + real(what.centre_or_origin().x()) + ", " +
+         real(what.centre_or_origin().y()) + "};\n\n";
   out +=
       "struct Point {\n  double x_mm, y_mm;\n};\n\n"
       "/// Where a corrected range lies in the map, for a lidar at `mount` on a robot that turns about "
@@ -120,6 +121,7 @@ std::string cpp_header(const CorrectionExport& what) {
 
 class CppHeader : public CorrectionFormat {
  public:
+  bool takes_centre() const override { return true; }
   std::string format() const override { return "cpp-header"; }
   std::string describes() const override {
     return "a range correction as a C++11 header without dependencies, with uncertainty";

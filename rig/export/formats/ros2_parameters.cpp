@@ -41,13 +41,14 @@ std::string ros2_parameters(const CorrectionExport& what) {
     for (Eigen::Index j = 0; j < c.factor.cols(); ++j) flat.push_back(c.factor(i, j));
   out += "      covariance_factor_columns: " + std::to_string(c.factor.cols()) +
          "\n      covariance_factor: [" + list(flat) + "]\n";
-  out += "      centre_calibrated: " + std::string(what.centre.calibrated ? "true" : "false") +
-         "\n      centre_mm: [" + real(what.centre.x_mm) + ", " + real(what.centre.y_mm) + "]\n";
+  out += "      centre_calibrated: " + std::string(what.centre ? "true" : "false") + "\n      centre_mm: [" +
+         real(what.centre_or_origin().x()) + ", " + real(what.centre_or_origin().y()) + "]\n";
   return out;
 }
 
 class Ros2Parameters : public CorrectionFormat {
  public:
+  bool takes_centre() const override { return true; }
   std::string format() const override { return "ros2-parameters"; }
   std::string describes() const override { return "a range correction as a ROS 2 parameter file"; }
 

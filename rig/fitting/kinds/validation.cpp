@@ -221,14 +221,10 @@ class Validation : public Fitting {
   static Centre centre_for(const std::vector<FitSource>& sources, const FitOptions& options) {
     Centre out = centre_of_mount(sources.front().session->recording()->bench().lidar.mount);
     for (const FitSource& source : sources)
-      if (const auto found = centre_in(*source.session)) out = {*found, true, "that of " + source.path};
+      if (const auto found = centre_of(*source.session)) out = {*found, true, "that of " + source.path};
     if (const std::string file = options.text("centre"); !file.empty()) {
       const SessionStore session(file, SessionStore::Mode::read);
-      const auto found = centre_in(session);
-      if (!found)
-        throw MeasurementError(file + " holds no rotation centre: run 'rig fit centre " + file +
-                               "' first, on captures of one edge from several stage angles");
-      out = {*found, true, "that of " + file};
+      out = {load_centre(file, session), true, "that of " + file};
     }
     const auto x = options.maybe_number("centre_x_mm"), y = options.maybe_number("centre_y_mm");
     if (x.has_value() != y.has_value())
@@ -240,18 +236,6 @@ class Validation : public Fitting {
   static Centre centre_of_mount(const fit::Mount& mount) {
     return {Eigen::Rotation2Dd(-mount.yaw_rad.value) * -Vector2d(mount.x_mm.value, mount.y_mm.value), false,
             "by the bench file's mount, as no session holds a measured one"};
-  }
-
-  static std::optional<Vector2d> centre_in(const SessionStore& session) {
-    const auto result = json::parse(session.latest_result("centre").value_or("null"), nullptr, false);
-    if (!result.is_object()) return std::nullopt;
-    std::optional<double> x, y;
-    for (const auto& value : result.value("values", json::array())) {
-      if (!value.value("value", json()).is_number()) continue;
-      if (value.value("name", "") == "centre_x_mm") x = value.at("value").get<double>();
-      if (value.value("name", "") == "centre_y_mm") y = value.at("value").get<double>();
-    }
-    return x && y ? std::optional(Vector2d(*x, *y)) : std::nullopt;
   }
 
   static void add_spreads(json& out, const std::vector<Surface>& surfaces,
