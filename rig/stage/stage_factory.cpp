@@ -246,7 +246,8 @@ StageOptions stage_options(const json& stage) {
 awaitable<std::unique_ptr<Stage>> open_stage(boost::asio::any_io_executor executor, std::string url,
                                              StageOptions options) {
   PortUrl port = parse_url(url, std::move(options));
-  if (port.options.language.empty()) {
+  const bool language_was_told = !port.options.language.empty();
+  if (!language_was_told) {
     auto searching = find_speaker(executor, port);
     const StageProbe found = co_await std::move(searching);
     if (!found.identity)
@@ -260,10 +261,18 @@ awaitable<std::unique_ptr<Stage>> open_stage(boost::asio::any_io_executor execut
                      "'. Choose one of " + known_languages() + ".");
   if (!port.options.zero_deg) port.options.zero_deg = language->zero_deg;
   auto link = open_link(executor, port, *language);
+  const SerialLink& line = *link;  // lives as long as the stage
   auto protocol = language->create(port.options.language, *link, port.options);
   auto stage = std::make_unique<StageDriver>(executor, port.options, std::move(link), std::move(protocol));
-  auto starting = stage->start();
-  co_await std::move(starting);
+  try {
+    auto starting = stage->start();
+    co_await std::move(starting);
+  } catch (const StageLost& error) {
+    if (!language_was_told || !line.heard().empty()) throw;
+    throw StageLost(std::string(error.what()) + " It was asked in the language '" + port.options.language +
+                    "' that the bench file or the stage's address names: without `language` the rig finds "
+                    "out by asking in all of them, as `rig devices` does.");
+  }
   co_return stage;
 }
 
