@@ -31,6 +31,25 @@ struct Active {
   int target = -1;  ///< The only one it acts on; -1: all.
 };
 
+/// A parameter by a wrong name would leave the right one at its default: another bench than its file says.
+void demand_parameters(const fit::KnownMechanism& known, const fit::Mechanism& mechanism) {
+  // What else a radiometry says is read by fit::claimed_intensity.
+  if (mechanism.id == "radiometry") return;
+  std::set<std::string> names;
+  for (const fit::Parameter& parameter : mechanism.parameters) names.insert(parameter.name);
+  const bool all_given =
+      std::ranges::all_of(names, [&](const std::string& name) { return known.parameters.contains(name); });
+  if (all_given) return;
+  for (const auto& [name, value] : known.parameters) {
+    if (names.contains(name)) continue;
+    std::string list;
+    for (const fit::Parameter& parameter : mechanism.parameters)
+      list += (list.empty() ? "" : ", ") + parameter.name;
+    throw std::invalid_argument("the bench's " + known.mechanism + " has a parameter \"" + name +
+                                "\", which this mechanism does not have; it has " + list);
+  }
+}
+
 std::vector<Active> active_mechanisms(const fit::Bench& bench) {
   std::vector<Active> active;
   for (const fit::KnownMechanism& known : bench.known) {
@@ -43,6 +62,7 @@ std::vector<Active> active_mechanisms(const fit::Bench& bench) {
                                   "\", which the catalogue does not have" +
                                   (meant.empty() ? "" : "; did you mean \"" + meant + "\"?"));
     }
+    demand_parameters(known, *mechanism);
     Active one{mechanism, mechanism->values(known.parameters), -1};
     if (const auto text = known.texts.find("target"); text != known.texts.end()) {
       const auto found = std::ranges::find(bench.targets, text->second, &fit::Target::name);

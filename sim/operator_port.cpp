@@ -14,6 +14,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "sim/bound_port.hpp"
+
 namespace sim {
 
 namespace asio = boost::asio;
@@ -40,9 +42,7 @@ struct OperatorPort::Impl : std::enable_shared_from_this<OperatorPort::Impl> {
   Impl(const asio::any_io_executor& executor, const Options& options, Bench bench_)
       : acceptor(executor), bench(std::move(bench_)), targets(options.targets) {
     const tcp::endpoint endpoint(asio::ip::make_address(options.address), options.port);
-    acceptor.open(endpoint.protocol());
-    acceptor.set_option(asio::socket_base::reuse_address(true));
-    acceptor.bind(endpoint);
+    bind_port(acceptor, endpoint, "the operator's");
     acceptor.listen();
   }
 

@@ -12,6 +12,8 @@
 #include <boost/asio/write.hpp>
 #include <vector>
 
+#include "sim/bound_port.hpp"
+
 namespace sim {
 
 namespace asio = boost::asio;
@@ -113,9 +115,7 @@ struct ScipServer::Impl : std::enable_shared_from_this<ScipServer::Impl> {
 };
 
 void ScipServer::Impl::listen() {
-  acceptor.open(endpoint.protocol());
-  acceptor.set_option(asio::socket_base::reuse_address(true));
-  acceptor.bind(endpoint);
+  bind_port(acceptor, endpoint, "the lidar's");
   endpoint = acceptor.local_endpoint();
   listening = refused_until <= SimClock::Host::now();
   if (listening) acceptor.listen();  // A port that is only bound refuses.
