@@ -115,6 +115,8 @@ json paper_table(const fit::RangeCalibration& calibration) {
       rmse.push_back(is_there ? json(text(fit->rmse, "%.3f")) : json(nullptr));
       r2.push_back(is_there ? json(text(fit->r2, "%.4f")) : json(nullptr));
     }
+    if (std::ranges::none_of(fits, &FamilyFit::usable))
+      return;  // Too few places: another experiment's session.
     rows.push_back(rmse);
     rows.push_back(r2);
   };
@@ -161,7 +163,8 @@ void add_families(json& tables, const std::vector<FamilyFit>& fits, const std::s
     tables.push_back({{"title", title + ": what must be known about these families"},
                       {"columns", {"family", "remark"}},
                       {"rows", words}});
-  tables.push_back(family_coefficients(fits, title));
+  if (json coefficients = family_coefficients(fits, title); !coefficients["rows"].empty())
+    tables.push_back(std::move(coefficients));
 }
 
 json coefficients_table(const Correction& c) {
