@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "fit/correction.hpp"
 #include "rig/errors.hpp"
 #include "rig/export/exporter.hpp"
 #include "rig/import/cdr.hpp"
@@ -183,4 +184,40 @@ TEST_CASE("the Python example reads a session with the standard library alone") 
   REQUIRE(std::system(command.c_str()) == 0);
   CHECK_THAT(file_text(folder / "out.txt"), Contains("1\tnear, \"white\"\t12.50\t540\t1001.000\t3"));
   CHECK_THAT(file_text(folder / "out.txt"), Contains("2\tmany\t12.50\t540\t150.500\t300"));
+}
+
+TEST_CASE(
+    "the rotation centre of a session of its own goes along into the formats that have a place for it") {
+  const TestFolder folder;
+  fit::Correction correction;
+  correction.range =
+      fit::CorrectionTerm{fit::CorrectionTerm::Argument::range, "line", {1, 0.002}, 200, 9800, {}};
+  correction.factor =
+      Eigen::MatrixXd::Constant(static_cast<Eigen::Index>(correction.parameter_names().size()), 1, 1e-3);
+  correction.lidar_model = "UST-10LX", correction.lidar_serial = "H1";
+  std::ofstream(folder / "correction.json") << fit::to_json_text(correction);
+  const auto session_of = [&](const std::string& serial, const std::string& result) {
+    const std::string path = folder / (serial + (result.empty() ? "-none" : "") + ".rig");
+    rig::SessionStore store(path, rig::SessionStore::Mode::create);
+    store.set("lidar", R"({"version": {"PROD": "UST-10LX", "SERI": ")" + serial + "\"}}");
+    if (!result.empty()) store.add_result("centre", result);
+    return path;
+  };
+  const std::string centre = R"({"values": [{"name": "centre_x_mm", "value": -1.625},
+                                            {"name": "centre_y_mm", "value": -12.5}]})";
+  const auto exported_with = [&](const std::string& format, const std::string& from, bool any_lidar = false) {
+    const rig::SessionStore session(from, rig::SessionStore::Mode::read);
+    rig::run_export(format, {folder / "correction.json", nullptr, any_lidar, &session},
+                    rig::check_output({folder / format}));
+    return file_text(folder / format);
+  };
+  const std::string own = session_of("H1", centre), other = session_of("H2", centre);
+  CHECK_THAT(exported_with("c-header", own), Contains("lidar_range_centre_mm[2] = {-1.625, -12.5}"));
+  CHECK_THAT(exported_with("cpp-header", own), Contains("centre_mm[2] = {-1.625, -12.5}"));
+  CHECK_THAT(exported_with("ros2-parameters", own),
+             Contains("centre_mm: [-1.625, -12.5]") && Contains("centre_calibrated: true"));
+  CHECK_THROWS_WITH(exported_with("csv-table", own), Contains("no place for a rotation centre"));
+  CHECK_THROWS_WITH(exported_with("c-header", other), Contains("H2") && Contains("--any-lidar"));
+  CHECK_THAT(exported_with("c-header", other, true), Contains("{-1.625, -12.5}"));
+  CHECK_THROWS_WITH(exported_with("c-header", session_of("H1", "")), Contains("holds no rotation centre"));
 }
