@@ -224,6 +224,24 @@ TEST_CASE("what is no answer in the stage's language is shown, with baud rate an
   CHECK_THROWS_WITH(rig.run(rig.stage->status()), Contains("did not answer"));
 }
 
+TEST_CASE("a stage that is asked in another language than its own says nothing: the told language is named") {
+  StageRig rig("gsc");  // It answers nothing that it does not know.
+  rig.options.language = "zaber";
+  rig.options.reply_s = 0.05;
+  rig.switch_on();
+  std::string why;
+  try {
+    rig.open();
+  } catch (const rig::StageError& error) {
+    why = error.what();
+  }
+  CHECK_THAT(why, Contains("did not answer `get deviceid`") && Contains("language 'zaber'") &&
+                      Contains("without `language`"));
+  rig.options.language.clear();
+  rig.open();
+  CHECK(rig.run(rig.stage->identify()).language == "gsc");
+}
+
 TEST_CASE("a stage of any language is found again after it was unplugged") {
   const std::string language = GENERATE("shot", "gsc", "falcon");
   INFO(language);

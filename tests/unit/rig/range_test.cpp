@@ -68,6 +68,72 @@ TEST_CASE("four real recordings before a wall give range errors with honest unce
   CHECK(std::filesystem::file_size(place / "wall.html") > 20000);
 }
 
+TEST_CASE("the five families stand in the paper's order, each with coefficients that give its figures") {
+  const TestFolder place;
+  const std::vector<int> counts = {70, 110, 170, 290, 430, 600, 720, 960, 1200, 1440, 1700, 2040, 2380};
+  const auto file_of = [&](const std::string& name, bool odd) {
+    const std::string file = place / name;
+    rig::SessionStore store(file, rig::SessionStore::Mode::create);
+    store.set("bench", R"({"schema":"bench/1",
+      "lidar":{"model":"UST-10LX","steps":1081,"front_step":540,"step_deg":0.25,"scan_hz":40,
+               "mount":{"x_mm":0,"y_mm":0,"yaw_deg":0}},
+      "targets":[{"name":"sample","from_mm":[200,-100],"to_mm":[200,100],"u_mm":0.3,"u_deg":0.1}]})");
+    for (std::size_t c = odd ? 1 : 0; c < counts.size(); c += 2) {
+      fit::CaptureInfo info;
+      info.step = "capture " + std::to_string(counts[c]), info.target = "sample";
+      info.first_step = info.last_step = 540;
+      const auto id = store.begin_capture(info);
+      const double truth_mm = 200 + 30 * std::exp(-counts[c] / 500.0);
+      for (int i = 0; i < 400; ++i) {
+        const double dither = (i % 20 - 9.5) / 5;  // Millimetres are too coarse a grid for the mean.
+        const std::vector<std::uint16_t> range = {static_cast<std::uint16_t>(std::lround(truth_mm + dither))},
+                                         intensity = {static_cast<std::uint16_t>(counts[c])};
+        fit::ScanView scan;
+        scan.seq = i, scan.host_us = 25000 * i;
+        scan.range_mm = range, scan.intensity = intensity;
+        store.add_scan(id, scan);
+      }
+      store.commit_capture(id);
+    }
+    return file;
+  };
+  const std::string first = file_of("first.rig", false), second = file_of("second.rig", true);
+  const rig::SessionStore one(first, rig::SessionStore::Mode::read),
+      two(second, rig::SessionStore::Mode::read);
+  const nlohmann::json result =
+      rig::run_fit("range", {{first, &one}, {second, &two}}, nlohmann::json::object());
+  const auto table = [&](const std::string& title) {
+    for (const auto& candidate : result.at("tables"))
+      if (candidate.at("title").get<std::string>().find(title) != std::string::npos) return candidate;
+    FAIL("no table " << title);
+    return nlohmann::json();
+  };
+  const auto paper = table("as in the paper's table");
+  CHECK(paper.at("columns") == nlohmann::json({"experiment", "exponential(2)", "Fourier(2)", "polynomial(3)",
+                                               "power(2)", "rational(3,3)"}));
+  REQUIRE(paper.at("rows").size() == 2);
+  CHECK(paper.at("rows").at(0).at(0) == "A1 intensity: RMSE (mm)");
+  CHECK(paper.at("rows").at(1).at(0) == "A1 intensity: R2");
+  // The polynomial by its printed coefficients, highest power first, against what was put in.
+  std::vector<double> p;
+  bool is_polynomial = false;
+  const nlohmann::json coefficients = table("coefficients of every family");
+  for (const auto& row : coefficients.at("rows")) {
+    if (!row.at(0).get<std::string>().empty())
+      is_polynomial = row.at(0).get<std::string>().starts_with("polynomial(3)");
+    if (is_polynomial) p.push_back(std::stod(row.at(2).get<std::string>()));
+  }
+  REQUIRE(p.size() == 4);
+  double rss = 0;
+  for (const int x : counts)
+    rss += std::pow(((p[0] * x + p[1]) * x + p[2]) * x + p[3] - 30 * std::exp(-x / 500.0), 2);
+  const double rmse = std::sqrt(rss / static_cast<double>(counts.size() - 4));
+  CHECK(std::stod(paper.at("rows").at(0).at(3).get<std::string>()) == Approx(rmse).epsilon(0.05));
+  // It is kept in the first session, whose certificate must name the other.
+  CHECK_THAT(result.at("notes").dump(),
+             Catch::Contains("first.rig") && Catch::Contains("second.rig, SHA-256 " + two.content_hash()));
+}
+
 TEST_CASE("where the lidar sits on its stage is part of a range error's uncertainty, along the beam") {
   const TestFolder place;
   const std::string file = place / "board.rig";

@@ -168,6 +168,13 @@ TEST_CASE("what a twin cannot do is refused with the nearest name") {
                     Catch::Contains("did you mean \"range-walk\""));
   CHECK_THROWS_WITH(sim::make_model_engine(bench_of(slant, {known("subsurface", {}, "door")}), 1),
                     Catch::Contains("\"door\""));
+  // A parameter by another name would leave the right one at its default.
+  CHECK_THROWS_WITH(
+      sim::make_model_engine(
+          bench_of(slant, {known("range-walk", {{"amplitude_mm", 30}, {"scale_counts", 500}})}), 1),
+      Catch::Contains("\"scale_counts\"") && Catch::Contains("intensity_scale"));
+  CHECK_NOTHROW(sim::make_model_engine(
+      bench_of(slant, {known("range-walk", {{"amplitude_mm", 30}, {"intensity_scale", 500}})}), 1));
 }
 
 TEST_CASE("the files choose the engine") {

@@ -46,3 +46,14 @@ TEST_CASE("the operator port places targets, keeps what is not mentioned and ref
   CHECK(seen.size() == 4);
   CHECK(switched_on.size() == 1);
 }
+
+TEST_CASE("a port that another program holds is named, with a way out") {
+  boost::asio::io_context io;
+  sim::OperatorPort::Options options;
+  options.port = 0;
+  const sim::OperatorPort first(io.get_executor(), options, {});
+  options.port = first.port();
+  CHECK_THROWS_WITH(sim::OperatorPort(io.get_executor(), options, {}),
+                    Catch::Contains("operator's port 127.0.0.1:" + std::to_string(first.port())) &&
+                        Catch::Contains("another simulator") && !Catch::Contains("boost"));
+}
