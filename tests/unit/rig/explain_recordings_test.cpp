@@ -7,8 +7,6 @@
 #include "rig/session/session_store.hpp"
 #include "tests/support/test_folder.hpp"
 
-namespace {}  // namespace
-
 TEST_CASE(
     "three real recordings before a wall predict the fourth better than geometry and constant noise do") {
   const std::filesystem::path real =
