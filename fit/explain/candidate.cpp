@@ -36,8 +36,6 @@ std::vector<double> starts_of(const Parameter& p) {
   if (p.scale == Parameter::Scale::gear) {
     for (const double turn : {360.0, 180.0, 120.0, 90.0, 72.0, 60.0, 45.0, 36.0, 30.0}) list.push_back(turn);
     for (double v = 24; v > p.lower; v *= 0.965) list.push_back(v);
-    for (const double usual : odds::usual_values(p))
-      if (!std::ranges::count(list, usual)) list.push_back(usual);
     return list;
   }
   for (int i = 0; i < p.starts; ++i) {
@@ -46,17 +44,6 @@ std::vector<double> starts_of(const Parameter& p) {
                                  : p.lower + x * (p.upper - p.lower));
   }
   return list;
-}
-
-/// Against the values that the search led to.
-double against_search(const Term& term, double gain) {
-  double price = odds::against_usual(term);
-  for (std::size_t k = 0; k < term.values.size(); ++k) {
-    const Parameter& p = term.mechanism->parameters[k];
-    if (p.role == Role::shape && !odds::is_usual(p, term.values[k]))
-      price += odds::against_place(gain, places_of(p));
-  }
-  return price;
 }
 
 MeanModel::Fit evaluate(const MeanModel& model, const Term& term) {
@@ -190,7 +177,7 @@ Candidate look(const MeanModel& model, const Term& term, std::optional<double> s
     if (!possible(*t.mechanism, values, spacing_deg)) return -1e300;
     const MeanModel::Fit f = evaluate(model, t);
     set_coefficients(t, f.value, f.sigma.cwiseAbs2().asDiagonal());
-    const double evidence = f.evidence - odds::against(t) - against_search(t, f.gain);
+    const double evidence = f.evidence - odds::against(t);
     if (evidence > best.evidence) {
       best.evidence = evidence;
       best.gain = f.gain;
@@ -217,6 +204,8 @@ Candidate look(const MeanModel& model, const Term& term, std::optional<double> s
     for (std::size_t s = 0; s < std::min<std::size_t>(2, tried.size()); ++s)
       if (tried[s].first > tried[0].first - 8) refine(tried[s].second, shapes, term, attempt);
   }
+  for (const std::size_t k : shapes)
+    best.evidence -= odds::against_place(best.gain, places_of(parameters[k]));
   if (term.mechanism->one_target)
     best.evidence -= std::log(static_cast<double>(model.bench().targets.size()));
   return best;

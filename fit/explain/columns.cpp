@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fit/explain/odds.hpp"
 #include "fit/explain/unnamed.hpp"
 
 namespace fit::explain {
@@ -158,7 +157,7 @@ void set_coefficients(Term& term, const Eigen::VectorXd& x, const Eigen::MatrixX
   }
   for (std::size_t k = 0; k < parameters.size(); ++k) {
     const Parameter& p = parameters[k];
-    if (p.role != Role::shape || odds::is_usual(p, term.values[k]) || at >= x.size()) continue;
+    if (p.role != Role::shape || at >= x.size()) continue;
     const double u = std::sqrt(std::max(0.0, covariance(at, at)));
     const double moved =
         p.logarithmic ? term.values[k] * std::exp(std::clamp(x[at], -0.3, 0.3)) : term.values[k] + x[at];
@@ -216,7 +215,7 @@ Columns shape_columns(const MeanModel& model, const Term& term) {
   const auto& parameters = term.mechanism->parameters;
   for (std::size_t k = 0; k < parameters.size(); ++k) {
     const Parameter& p = parameters[k];
-    if (p.role != Role::shape || odds::is_usual(p, term.values[k])) continue;
+    if (p.role != Role::shape) continue;
     const double part = 1e-3;
     const double step = is_comb(*term.mechanism) ? step_of_comb(model, term.values[k])
                         : p.logarithmic          ? part

@@ -2,17 +2,12 @@
 #include "fit/explain/odds.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 namespace fit::explain::odds {
 namespace {
 
 using Role = Parameter::Role;
-
-/// Periods in a turn: of a wheel or scale off its axis, seen at one place or at two, and of the worm wheels
-/// that stages are sold with.
-constexpr std::array usual_per_turn{1, 2, 36, 40, 45, 48, 50, 60, 72, 80, 90, 96, 100, 120, 144, 180, 240};
 
 /// Worms make periods of a few degrees, a wheel or scale off its axis one or two periods in a turn; what lies
 /// between is nothing that a stage has, but at a few stage angles it can imitate everything.
@@ -42,29 +37,6 @@ double against(const Term& term) {
       price += u > 0 ? 0.5 * std::pow((std::abs(term.values[k]) - p.largest) / u, 2) : 50;
     if (p.sign != 0 && !has_phase(*term.mechanism, k) && term.values[k] * p.sign < 0)
       price += u > 0 ? 0.7 + 0.5 * std::pow(term.values[k] / u, 2) : 50;
-  }
-  return price;
-}
-
-std::vector<double> usual_values(const Parameter& parameter) {
-  std::vector<double> list;
-  if (parameter.scale != Parameter::Scale::gear) return list;
-  for (const int periods : usual_per_turn)
-    if (const double value = 360.0 / periods; value >= parameter.lower) list.push_back(value);
-  return list;
-}
-
-bool is_usual(const Parameter& parameter, double value) {
-  return std::ranges::any_of(usual_values(parameter),
-                             [&](double usual) { return std::abs(value - usual) < 1e-9 * usual; });
-}
-
-double against_usual(const Term& term) {
-  double price = 0;
-  for (std::size_t k = 0; k < term.values.size(); ++k) {
-    const Parameter& p = term.mechanism->parameters[k];
-    // As probable as all other values together.
-    if (is_usual(p, term.values[k])) price += std::log(2.0 * static_cast<double>(usual_values(p).size()));
   }
   return price;
 }

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include <vector>
-
 #include "fit/explain/columns.hpp"
 
 /// What is believed before the recording is looked at, in logarithms of odds.
@@ -27,13 +25,6 @@ constexpr double worth_a_first_name = 0.5, worth_a_first_form = -1, worth_a_move
 
 /// How far out of the ordinary a size is: catalogues' orders of magnitude may be wrong, but not by anything.
 [[nodiscard]] double against(const Term& term);
-/// Whether a searched parameter has a value that such things are built with, not just any: then that is what
-/// it is, and nothing of it is adjusted.
-[[nodiscard]] bool is_usual(const Parameter& parameter, double value);
-/// All of those.
-[[nodiscard]] std::vector<double> usual_values(const Parameter& parameter);
-/// Against the one among the usual values that a term has; 0 if it has none.
-[[nodiscard]] double against_usual(const Term& term);
 /// Against one searched parameter that ended up with a signal of that log-likelihood gain.
 [[nodiscard]] double against_place(double gain, double independent_places);
 

@@ -30,7 +30,7 @@ double evidence_of(const Hypothesis& h, double log_likelihood, double price_of_c
   for (const Shape& shape : h.shapes) evidence -= shape.price;
   if (!h.terms.empty() || !h.shapes.empty()) evidence += odds::something_is_missing;
   for (const Term& term : h.terms) {
-    evidence -= odds::against(term) + odds::against_usual(term);
+    evidence -= odds::against(term);
     if (term.mechanism->one_target) evidence -= std::log(static_cast<double>(targets));
   }
   return evidence;

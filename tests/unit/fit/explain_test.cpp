@@ -6,7 +6,6 @@
 #include "../../support/imagined_room.hpp"
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/next_experiment.hpp"
-#include "fit/explain/odds.hpp"
 #include "fit/explain/reduce.hpp"
 
 namespace {
@@ -370,30 +369,6 @@ TEST_CASE("an offset and a scale together are no wave that a regular ladder alia
   };
   CHECK(some_set_holds("zero-offset"));
   CHECK(some_set_holds("range-scale"));
-}
-
-TEST_CASE(
-    "a worm that is sold is one of few periods, and air that warms stretches ranges by no more than it can") {
-  using namespace fit::explain;
-  const fit::Mechanism& worm = *fit::find_mechanism("stage-periodic");
-  const std::size_t period = *worm.parameter_of(fit::Parameter::Scale::gear);
-  const auto turning = [&](double period_deg) {
-    Term term{&worm, -1, {0.002, 30, 0}, {0.0003, 10, 0}};
-    term.values[period] = period_deg;
-    return term;
-  };
-  for (const double sold : {360.0, 3.0, 2.5, 2.0}) CHECK(odds::is_usual(worm.parameters[period], sold));
-  for (const double other : {2.46, 2.51, 17.0}) CHECK_FALSE(odds::is_usual(worm.parameters[period], other));
-  CHECK(odds::against_usual(turning(2.46)) == 0);
-  CHECK(odds::against_usual(turning(2.5)) > 2);
-  CHECK(odds::against_usual(turning(2.5)) < 5);
-  CHECK(odds::usual_values(worm.parameters[period - 1]).empty());
-
-  // A room at 3 to 4 m whose ranges grow by 0.015 mm/K: four times what air does, and it shortens them.
-  const Term air{fit::find_mechanism("air-index"), -1, {1e-4, 4e-6}, {1e-5, 6e-7}};
-  const Term cooler{air.mechanism, -1, {1e-4, -1e-6}, {1e-5, 6e-7}};
-  CHECK(odds::against(cooler) == 0);
-  CHECK(odds::against(air) > 7);
 }
 
 TEST_CASE("a bias that no mechanism makes is called unknown and described") {
