@@ -202,6 +202,26 @@ class Search {
     return gain;
   }
 
+  /// How much more captures differ within intervals than their numbers of samples say: whatever a capture has
+  /// in common is one draw, not thousands. 1 if that cannot be told.
+  [[nodiscard]] double excess_of_captures(const Division& division, const std::vector<Sums>& sums) const {
+    struct Capture {
+      Sums sums;
+      double expected = 1;
+    };
+    std::map<int, Capture> captures;
+    for (std::size_t i = 0; i < pools_.size(); ++i) {
+      Capture& capture = captures[pools_[i].capture];
+      capture.sums += sums_[i];
+      capture.expected = std::max(1e-6, sums[static_cast<std::size_t>(division.interval[i])].factor());
+    }
+    double squares = 0;
+    for (const auto& [number, capture] : captures)
+      squares += capture.sums.freedom / 2 * std::pow(capture.sums.factor() / capture.expected - 1, 2);
+    const double freedom = static_cast<double>(captures.size()) - division.count;
+    return freedom < 5 ? 1 : std::max(1.0, squares / freedom);
+  }
+
   [[nodiscard]] UnnamedNoise of(const Division& division) const {
     const std::vector<Sums> sums = sums_of(division);
     UnnamedNoise noise;
@@ -210,6 +230,7 @@ class Search {
     for (const Sums& s : sums) used += s.freedom > 0;
     if (used < 2) return noise;
     noise.gain = gain(division, sums);
+    if (is_same_within_capture(division.coordinate)) noise.gain /= excess_of_captures(division, sums);
     const double sizes = used;  // one of them the level of all
     // One of so many coordinates and forms.
     noise.price = sizes * price_of_size(noise.gain / sizes) + division.price_of_places +

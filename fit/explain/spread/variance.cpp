@@ -64,6 +64,12 @@ class VarianceSearch {
   }
 
  private:
+  /// What whole scans have at random differs from capture to capture by chance: no law of it can be told from
+  /// that.
+  [[nodiscard]] static bool has_noise_of_whole_scans(const SpreadResult& result) {
+    return result.noise.scan_range_mm2 > 0 || result.noise.scan_angle_rad2 > 0;
+  }
+
   /// A constant noise for every place, if the places differ. Whatever depends on slant or light is then
   /// judged within places.
   void tell_places_apart() {
@@ -92,8 +98,7 @@ class VarianceSearch {
   bool light_comes_and_goes(SpreadResult& result) {
     if (in_several_places_ || flickers(result) || is_accepted(result, ids::sunlight) || comes_and_goes_)
       return false;
-    // What whole scans have at random differs from capture to capture by chance.
-    if (result.noise.scan_range_mm2 > 0 || result.noise.scan_angle_rad2 > 0) return false;
+    if (has_noise_of_whole_scans(result)) return false;
     const auto found = light_at_times(model_, model_.variances(parts_, base_));
     if (!found) return false;
     const auto& [place, times_s, u_from_s, u_to_s] = found->where_and_when;
@@ -254,7 +259,9 @@ class VarianceSearch {
   [[nodiscard]] std::set<std::size_t> doubt_the_catalogue(SpreadResult& result) {
     std::set<std::size_t> gone;
     // Coarse steps make patterns of the range that are no noise.
-    if (flickers(result) || model_.step_mm() > 1.5 * std::sqrt(base_.value[0])) return gone;
+    if (flickers(result) || has_noise_of_whole_scans(result) ||
+        model_.step_mm() > 1.5 * std::sqrt(base_.value[0]))
+      return gone;
     // Echoes that are about to be lost have a law of their own, which only the weakest show.
     const auto is_of_losses = [](const NamedNoise& n) { return is_steeper_than_a_receiver(n.suspect); };
     if (std::ranges::any_of(names_, is_of_losses) ||
