@@ -278,7 +278,11 @@ class VarianceSearch {
     }
     if (doubted.unnamed) {
       parts_.free = true;
-      result.unknown.push_back(told(*doubted.unnamed));
+      const Unexplained law = told(*doubted.unnamed);
+      const auto is_of_same = [&](const Unexplained& u) {
+        return u.observable == law.observable && u.coordinate == law.coordinate;
+      };
+      if (std::ranges::none_of(result.unknown, is_of_same)) result.unknown.push_back(law);  // not told twice
     }
     return gone;
   }
