@@ -268,7 +268,8 @@ class VarianceSearch {
         (unconfirmed_ && is_steeper_than_a_receiver(*unconfirmed_)))
       return gone;
     const Doubted doubted = doubt(model_, parts_, names_);
-    for (std::size_t i = 0; i < names_.size(); ++i) {
+    // The last first: an open set is the last of the undecided until others are told behind it.
+    for (std::size_t i = names_.size(); i-- > 0;) {
       if (doubted.stays[i]) {
         limit_lead(names_[i], doubted.ahead[i], result);
         continue;
