@@ -13,10 +13,13 @@ namespace rig {
 using fit::Correction;
 using fit::CorrectionTerm;
 
+fit::Correction correction_of(const ExportSource& source) {
+  return source.session ? load_correction(source.path, *source.session) : load_correction(source.path);
+}
+
 CorrectionExport read_for_export(const ExportSource& source) {
   CorrectionExport out;
-  out.correction =
-      source.session ? load_correction(source.path, *source.session) : load_correction(source.path);
+  out.correction = correction_of(source);
   if (source.centre) {
     out.centre = load_centre(source.centre->path(), *source.centre);
   } else if (source.session) {

@@ -18,6 +18,7 @@ struct CorrectionExport {
   std::optional<Eigen::Vector2d> centre;  ///< Of rotation, mm in the lidar's frame, if a session knows it.
   [[nodiscard]] Eigen::Vector2d centre_or_origin() const { return centre.value_or(Eigen::Vector2d(0, 0)); }
 };
+[[nodiscard]] fit::Correction correction_of(const ExportSource& source);
 [[nodiscard]] CorrectionExport read_for_export(const ExportSource& source);
 
 /// A format of `rig export` that is a text made from a correction; its file in rig/export/formats makes it.

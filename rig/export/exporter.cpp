@@ -3,7 +3,7 @@
 
 #include "fit/json_position.hpp"
 #include "rig/errors.hpp"
-#include "rig/fitting/correction_source.hpp"
+#include "rig/export/correction_export.hpp"
 #include "rig/session/lidar_identity.hpp"
 #include "rig/whole_file.hpp"
 
@@ -54,13 +54,13 @@ std::vector<std::string> run_export(const std::string& format, const ExportSourc
   std::vector<std::string> notes;
   if (source.centre && !exporter.takes_centre())
     throw UsageError("the format '" + format + "' has no place for a rotation centre: leave --centre out");
-  if (source.session && exporter.accepts_files())
-    notes = check_lidar(load_correction(source.path, *source.session), *source.session, source.any_lidar);
-  if (source.centre) {
-    const fit::Correction correction =
-        source.session ? load_correction(source.path, *source.session) : load_correction(source.path);
-    for (std::string& note : check_lidar(correction, *source.centre, source.any_lidar))
-      notes.push_back(std::move(note));
+  if (exporter.accepts_files() && (source.session || source.centre)) {
+    const fit::Correction correction = correction_of(source);
+    for (const SessionStore* session : {source.session, source.centre}) {
+      if (!session) continue;
+      for (std::string& note : check_lidar(correction, *session, source.any_lidar))
+        notes.push_back(std::move(note));
+    }
   }
   write_beside(output.path(), [&](const std::string& part) { exporter.write(source, part); });
   return notes;

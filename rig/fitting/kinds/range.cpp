@@ -108,6 +108,7 @@ json paper_table(const fit::RangeCalibration& calibration) {
   json columns = {"experiment"}, rows = json::array();
   for (const std::string& family : families) columns.push_back(fit::find_family(family)->title);
   const auto add = [&](const std::vector<FamilyFit>& fits, const std::string& experiment) {
+    if (std::ranges::none_of(fits, &FamilyFit::usable)) return;  // another experiment's session
     json rmse = {experiment + ": RMSE (mm)"}, r2 = {experiment + ": R2"};
     for (const std::string& family : families) {
       const auto fit = std::ranges::find(fits, family, &FamilyFit::family);
@@ -115,13 +116,11 @@ json paper_table(const fit::RangeCalibration& calibration) {
       rmse.push_back(is_there ? json(text(fit->rmse, "%.3f")) : json(nullptr));
       r2.push_back(is_there ? json(text(fit->r2, "%.4f")) : json(nullptr));
     }
-    if (std::ranges::none_of(fits, &FamilyFit::usable))
-      return;  // Too few places: another experiment's session.
     rows.push_back(rmse);
     rows.push_back(r2);
   };
-  if (!calibration.intensity_table.empty()) add(calibration.intensity_table, "A1 intensity");
-  if (!calibration.distance_table.empty()) add(calibration.distance_table, "A2 distance");
+  add(calibration.intensity_table, "A1 intensity");
+  add(calibration.distance_table, "A2 distance");
   return {
       {"title", "Five families of curves, as in the paper's table"}, {"columns", columns}, {"rows", rows}};
 }
