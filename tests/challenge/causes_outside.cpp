@@ -10,17 +10,24 @@ namespace {
 
 using nlohmann::json;
 
-struct UnknownLobes : Cause {
-  int lobes = 5;
+/// What rises and falls some times a turn of the mirror.
+struct Lobes {
+  int number = 5;
   double phase = 0;
-  void draw(Session&, Random& random) override {
-    lobes = random.integer(3, 9);
+  void draw(Random& random) {
+    number = random.integer(3, 9);
     phase = random.uniform(-pi, pi);
   }
+  [[nodiscard]] double at(double alpha) const { return std::sin(number * alpha + phase); }
+};
+
+struct UnknownLobes : Cause {
+  Lobes lobes;
+  void draw(Session&, Random& random) override { lobes.draw(random); }
   double range(const Moment& moment, const Sight&, const World&) const override {
-    return strength * 3 * std::sin(lobes * moment.alpha + phase);
+    return strength * 3 * lobes.at(moment.alpha);
   }
-  json parameters() const override { return {{"lobes", lobes}, {"amplitude_mm", 3 * strength}}; }
+  json parameters() const override { return {{"lobes", lobes.number}, {"amplitude_mm", 3 * strength}}; }
 };
 
 struct UnknownAngleStep : Cause {  // a slit of the code disk is missing: all later angles are off
@@ -129,16 +136,12 @@ struct UnknownNoise : Cause {  // more noise, by a law that no receiver has
 };
 
 struct UnknownNoiseLobes : UnknownNoise {  // the mirror's motor disturbs the counter at some of its angles
-  int lobes = 5;
-  double phase = 0;
-  void draw(Session&, Random& random) override {
-    lobes = random.integer(3, 9);
-    phase = random.uniform(-pi, pi);
-  }
+  Lobes lobes;
+  void draw(Session&, Random& random) override { lobes.draw(random); }
   double where(const Moment& moment, const Sight&, const World&) const override {
-    return (1 + std::sin(lobes * moment.alpha + phase)) / 2;
+    return (1 + lobes.at(moment.alpha)) / 2;
   }
-  json parameters() const override { return {{"lobes", lobes}}; }
+  json parameters() const override { return {{"lobes", lobes.number}}; }
 };
 
 struct UnknownNoiseStage : UnknownNoise {  // the cable shakes the lidar over part of the turn
