@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numeric>
 #include <stdexcept>
 
 #include "fit/explain/stated_noise.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/linear_table.hpp"
+#include "fit/mean.hpp"
 
 namespace fit::explain {
 namespace {
@@ -79,10 +79,6 @@ std::vector<double> variances(const Predictor& predictor, const Cell& cell) {
   for (const double constant : predictor.constant_after_mm)
     list.push_back(sample_variance(predictor.noise, constant, cell));
   return list;
-}
-
-double mean_of(const std::vector<double>& values) {
-  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
 /// Predicts all cells with given mechanisms and places mount and targets so that they fit best.

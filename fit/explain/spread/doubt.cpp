@@ -2,7 +2,6 @@
 #include "fit/explain/spread/doubt.hpp"
 
 #include <algorithm>
-#include <array>
 #include <set>
 #include <utility>
 
@@ -71,6 +70,7 @@ class Doubts {
     for (const NamedNoise& name : names_)
       may_be_of_formulas_ += formula_error * formula_error * name.suspect.gain;
     for (unsigned mask = 0; mask < 1U << names_.size(); ++mask) consider(mask);
+    drop_those_that_predict_less();
   }
 
   [[nodiscard]] Doubted answer() const {
@@ -98,6 +98,13 @@ class Doubts {
     return parts.without(gone);
   }
 
+  /// The same beside an unnamed law, which has a level of its own.
+  [[nodiscard]] Parts beside_law(const std::vector<bool>& kept) const {
+    Parts parts = of(kept);
+    parts.free = true;
+    return parts;
+  }
+
   [[nodiscard]] double price_of(const std::vector<bool>& kept) const {
     double price = 0;
     for (std::size_t i = 0; i < names_.size(); ++i)
@@ -111,13 +118,11 @@ class Doubts {
       alternative.kept.push_back((mask >> i & 1U) != 0);
       if (alternative.kept[i] && is(names_[i].suspect, constant_noise)) return;  // the law has its own level
     }
-    Parts parts = of(alternative.kept);
-    parts.free = true;
+    const Parts parts = beside_law(alternative.kept);
     const VarianceModel::Fit fit = model_.fit(parts);
     const auto noise = unnamed_noise(model_, model_.variances(parts, fit), parts.places > 0);
     // It must be worth something beside the level alone.
     if (!noise || noise->evidence() < accept_at + odds::worth_a_name) return;
-    if (predicts_less(parts, *noise)) return;
     alternative.noise = *noise;
     alternative.evidence =
         fit.log_likelihood + noise->evidence() - price_of(alternative.kept) - odds::worth_a_name -
@@ -126,13 +131,16 @@ class Doubts {
     alternatives_.push_back(std::move(alternative));
   }
 
-  /// Whether captures that it was not fitted to are predicted worse by an unnamed law beside `kept` than by
-  /// the names: these know how noise goes on elsewhere.
-  [[nodiscard]] bool predicts_less(const Parts& kept, const UnnamedNoise& noise) const {
+  /// Captures that it was not fitted to must be predicted no worse by an unnamed law, beside the names that
+  /// are kept, than by all names: these know how noise goes on elsewhere.
+  void drop_those_that_predict_less() {
+    if (alternatives_.empty()) return;
     const Parts none = of(std::vector<bool>(names_.size()));
-    const auto of_names = model_.unseen_gain(none, of(std::vector<bool>(names_.size(), true))),
-               of_kept = model_.unseen_gain(none, kept);
-    return of_names && of_kept && noise.unseen_gain && *of_kept + *noise.unseen_gain < *of_names;
+    const auto of_names = model_.unseen_gain(none, of(std::vector<bool>(names_.size(), true)));
+    std::erase_if(alternatives_, [&](const Alternative& a) {
+      if (!of_names || !a.noise.unseen_gain) return false;
+      return *model_.unseen_gain(none, beside_law(a.kept)) + *a.noise.unseen_gain < *of_names;
+    });
   }
 
   /// Evidence of the best that does without that name.

@@ -7,6 +7,7 @@
 #include "fit/explain/odds.hpp"
 #include "fit/explain/spread/questions.hpp"
 #include "fit/explain/spread/suspects.hpp"
+#include "fit/mean.hpp"
 #include "fit/median.hpp"
 
 namespace fit::explain::spread {
@@ -15,20 +16,13 @@ namespace {
 /// Samples beside their target, on one side of it: not what dust, another lidar or a ghost makes.
 struct Tail {
   bool late = false;
-  std::size_t count = 0;
   double mean_mm = 0;  ///< From where the target's own samples end.
   double gain = 0;     ///< Of the log-likelihood, over strays of the catalogue.
 };
 
-double sum_of(const std::vector<double>& list) {
-  double sum = 0;
-  for (const double v : list) sum += v;
-  return sum;
-}
-
 /// Log-likelihood of places that fall off from zero as an exponential.
 double of_exponential(const std::vector<double>& places_mm) {
-  const double mean = std::max(1.0, sum_of(places_mm) / static_cast<double>(places_mm.size()));
+  const double mean = std::max(1.0, mean_of(places_mm));
   return -static_cast<double>(places_mm.size()) * (std::log(mean) + 1);
 }
 
@@ -40,7 +34,7 @@ double of_ghost(const std::vector<double>& ranges_mm) {
   const double middle = median_of(std::vector(ranges_mm));
   std::vector<double> away;
   for (const double r : ranges_mm) away.push_back(std::abs(r - middle));
-  const double mean = std::max(1.0, sum_of(away) / static_cast<double>(away.size()));
+  const double mean = std::max(1.0, mean_of(away));
   return -static_cast<double>(away.size()) * (std::log(2 * mean) + 1);
 }
 
@@ -62,8 +56,7 @@ std::optional<Tail> tail_of(const Reduced& reduced, bool late) {
   for (double& place : places_mm) place -= nearest;
   const double of_catalogue =
       std::max(of_anywhere(places_mm.size(), std::max(100.0, room_mm - nearest)), of_ghost(ranges_mm));
-  return Tail{late, places_mm.size(), sum_of(places_mm) / static_cast<double>(places_mm.size()),
-              of_exponential(places_mm) - of_catalogue};
+  return Tail{late, mean_of(places_mm), of_exponential(places_mm) - of_catalogue};
 }
 
 /// The side with the more evident tail.

@@ -72,7 +72,7 @@ struct Division {
 class Search {
  public:
   Search(const VarianceModel& model, const std::vector<double>& variances, bool places_differ)
-      : pools_(model.pools()), places_differ_(places_differ) {
+      : pools_(model.pools()), places_differ_(places_differ), block_(model.block_of_captures()) {
     for (std::size_t i = 0; i < pools_.size(); ++i) {
       const double freedom = model.worth_of_sample() * pools_[i].freedom;
       sums_.push_back({freedom, freedom * pools_[i].variance / variances[i]});
@@ -242,16 +242,12 @@ class Search {
   /// What is left of it where it was not fitted. What differs within captures must hold in each with a
   /// constant noise of its own; what does not, without.
   [[nodiscard]] std::optional<double> unseen_gain(const Division& division) const {
-    std::set<int> captures;
-    for (const Pool& p : pools_) captures.insert(p.capture);
-    if (captures.size() < 3) return {};
-    const int blocks = static_cast<int>(std::min<std::size_t>(8, captures.size()));
-    const std::map<int, int> block = block_of_capture(captures, blocks);
+    if (block_.empty()) return {};
     const std::vector<Sums> all = sums_of(division);
-    std::vector<std::vector<Sums>> own(static_cast<std::size_t>(blocks),
+    std::vector<std::vector<Sums>> own(static_cast<std::size_t>(blocks_in(block_)),
                                        std::vector<Sums>(static_cast<std::size_t>(division.count)));
     for (std::size_t i = 0; i < pools_.size(); ++i)
-      own[static_cast<std::size_t>(block.at(pools_[i].capture))]
+      own[static_cast<std::size_t>(block_.at(pools_[i].capture))]
          [static_cast<std::size_t>(division.interval[i])] += sums_[i];
     const bool own_constant = !is_same_within_capture(division.coordinate);
     Unseen unseen;
@@ -299,7 +295,8 @@ class Search {
 
   const std::vector<Pool>& pools_;
   bool places_differ_;
-  std::vector<Sums> sums_;  ///< Of every pool.
+  std::map<int, int> block_;  ///< Of every capture, for what is not fitted to it.
+  std::vector<Sums> sums_;    ///< Of every pool.
 };
 
 }  // namespace

@@ -18,6 +18,13 @@ namespace fit::explain::spread {
   return block;
 }
 
+/// How many blocks these are.
+[[nodiscard]] inline int blocks_in(const std::map<int, int>& block_of_capture) {
+  int blocks = 0;
+  for (const auto& [capture, block] : block_of_capture) blocks = std::max(blocks, block + 1);
+  return blocks;
+}
+
 /// What blocks say of a suspect that was fitted to the others only.
 class Unseen {
  public:

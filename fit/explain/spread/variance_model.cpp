@@ -28,7 +28,6 @@ std::vector<T> those(const std::vector<T>& list, const std::vector<bool>& wanted
 double excess_scatter(const std::vector<Pool>& pools) {
   double kurtosis = 0, freedom = 0;
   for (const Pool& p : pools) {
-    if (!(p.kurtosis > 0)) continue;
     kurtosis += p.freedom * p.kurtosis;
     freedom += p.freedom;
   }
@@ -206,14 +205,18 @@ std::vector<double> VarianceModel::variances(const Parts& parts, const Fit& fit)
   return list;
 }
 
-std::optional<double> VarianceModel::unseen_gain(const Parts& parts, const Parts& with_more) const {
+std::map<int, int> VarianceModel::block_of_captures() const {
   std::set<int> captures;
   for (const Pool& p : pools_) captures.insert(p.capture);
   if (captures.size() < 3) return {};
-  const int blocks = static_cast<int>(std::min<std::size_t>(8, captures.size()));
-  const std::map<int, int> block = block_of_capture(captures, blocks);
+  return block_of_capture(captures, static_cast<int>(std::min<std::size_t>(8, captures.size())));
+}
+
+std::optional<double> VarianceModel::unseen_gain(const Parts& parts, const Parts& with_more) const {
+  const std::map<int, int> block = block_of_captures();
+  if (block.empty()) return {};
   Unseen unseen;
-  for (int b = 0; b < blocks; ++b) {
+  for (int b = 0; b < blocks_in(block); ++b) {
     std::vector<bool> own, others;
     for (const Pool& p : pools_) {
       own.push_back(block.at(p.capture) == b);

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <map>
 #include <optional>
 #include <set>
 #include <vector>
@@ -66,6 +67,9 @@ class VarianceModel {
   /// The step in which ranges come, mm.
   [[nodiscard]] double step_mm() const { return std::sqrt(12 * fixed_mm2_); }
 
+  /// The block of every capture, eight at most, one of which at a time a law is not fitted to. Empty with
+  /// fewer than three captures.
+  [[nodiscard]] std::map<int, int> block_of_captures() const;
   /// What one more column gains in captures that it was not fitted to, each with its own constant noise. Not
   /// known with fewer than three; none, unless two confirm it and fewer deny it.
   [[nodiscard]] std::optional<double> unseen_gain(const Parts& parts, const Column& more) const {
