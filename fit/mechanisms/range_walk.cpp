@@ -7,6 +7,8 @@ namespace fit::mechanisms {
 // of their eq. 14 at large I), stretched by an exponent: below one it resembles the logarithm of a Gaussian
 // edge and the 1/A of a linear one, whose counts come from a compressing receiver. Never above one: the
 // stronger the echo, the less its delay still changes, while a receiver that saturates does the opposite.
+// Near the threshold such edges are steeper than any of these, and their weak end is a power of the counts:
+// 1/A, and A is a power of the counts of 1.4 to 2.5 behind a compressing receiver.
 Mechanism make_range_walk() {
   Mechanism m;
   m.id = "range-walk";
@@ -22,11 +24,19 @@ Mechanism make_range_walk() {
        .expected = 1,
        .lower = 0.35,
        .upper = 1,
-       .starts = 4}};
+       .starts = 4},
+      {.name = "power",  // of 100 counts over the echo's
+       .role = Parameter::Role::shape,
+       .lower = 0,
+       .upper = 3,
+       .starts = 3,
+       .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    return Effect{.range_mm = std::isfinite(c.intensity)
-                                  ? p[0] * std::exp(-std::pow(std::max(1.0, c.intensity) / p[1], p[2]))
-                                  : 0};
+    constexpr double weakest_counts = 10;
+    if (!std::isfinite(c.intensity)) return Effect{};
+    const double counts = std::max(weakest_counts, c.intensity);
+    return Effect{.range_mm =
+                      p[0] * std::pow(counts / 100, -p[3]) * std::exp(-std::pow(counts / p[1], p[2]))};
   };
   m.says = [](const Finding& f) {
     return "Weak echoes read " + std::string(f.largest_mm > 0 ? "long" : "short") + ": up to " +

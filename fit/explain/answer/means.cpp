@@ -80,7 +80,7 @@ std::string evidence_of(const MeanResult& means, std::size_t t) {
 }
 
 /// A term, and the rivals that this recording does not tell from it; none that is accepted for something
-/// else.
+/// else, unless it might bend more and do both.
 std::vector<Term> not_told_apart(const MeanResult& means, std::size_t t) {
   std::vector<Term> members{means.best.terms[t]};
   const auto is_near = [](const Rival& rival) {
@@ -90,7 +90,10 @@ std::vector<Term> not_told_apart(const MeanResult& means, std::size_t t) {
   for (const Rival& rival : means.rivals[t]) {
     if (!is_near(rival) && !(doubt && rival.term && rival.behind < not_excluded)) continue;
     const auto is_it = [&](const Term& other) { return other.mechanism == rival.term->mechanism; };
-    if (std::ranges::any_of(members, is_it) || std::ranges::any_of(means.best.terms, is_it)) continue;
+    const auto is_accepted = [&](const Term& other) {
+      return is_it(other) && other.bends_freely == rival.term->bends_freely;
+    };
+    if (std::ranges::any_of(members, is_it) || std::ranges::any_of(means.best.terms, is_accepted)) continue;
     members.push_back(*rival.term);
   }
   return members;

@@ -13,13 +13,21 @@ namespace {
 
 constexpr std::size_t most_together = 4;  // terms and shapes of a hypothesis
 
+/// Whether it is a mechanism of which only the coordinate is certain, not the curve.
+bool has_any_curve(const Candidate& candidate) {
+  return !candidate.shape && candidate.term.mechanism->any_curve;
+}
+
+/// The best of a list, fitted. What may bend was looked at as stiff as its formula, and has its chance
+/// whatever that is worth.
 std::vector<Hypothesis> best_of(Fitting& fitting, const Hypothesis& h, const std::vector<Candidate>& list,
                                 std::size_t tries) {
+  constexpr double hopeless = 15;
   std::vector<Hypothesis> results;
   if (!fitting.has_patience()) tries = 1;
   for (const Candidate& candidate : list) {
-    if (results.size() >= tries || candidate.evidence < list.front().evidence - 15) break;
-    results.push_back(fitting.extended(h, candidate));
+    const bool is_cut = results.size() >= tries || candidate.evidence < list.front().evidence - hopeless;
+    if (!is_cut || has_any_curve(candidate)) results.push_back(fitting.extended(h, candidate));
   }
   std::ranges::sort(results, [](const auto& a, const auto& b) { return a.evidence > b.evidence; });
   return results;

@@ -49,6 +49,16 @@ Rival rival_of(const Hypothesis& best, const Hypothesis& other, bool by_form) {
   return rival;
 }
 
+/// Another explanation that is a mechanism of `best`, or one more, bending along its coordinate as it will.
+/// It pays for every bend that nobody expected; so it is no rival by its evidence, but if it fits as well.
+Rival rival_by_curve(const Hypothesis& best, const Hypothesis& other, const Term& bending) {
+  Rival rival;
+  rival.term = bending;
+  rival.behind = best.evidence - other.evidence;
+  rival.fits_as_well = adjusted_fit(other) > adjusted_fit(best) - hardly_worse;
+  return rival;
+}
+
 class Judgement {
  public:
   Judgement(Fitting& fitting, Hypothesis& best, MeanResult& result)
@@ -142,9 +152,36 @@ class Judgement {
         rival.behind = std::max(std::min(0.0, rival.behind), rival.behind - odds::more_than_forms_show);
       rivals.push_back(rival);
     }
+    for (Rival& rival : bending_freely(best_.terms[term], less, list)) rivals.push_back(std::move(rival));
     std::ranges::sort(rivals, [](const Rival& a, const Rival& b) { return a.behind < b.behind; });
     if (!may_change_ || !better) add(rivals);
     return better;
+  }
+
+  /// What of a term may be the curve of a mechanism of which only the coordinate is certain: one that nobody
+  /// named so far, or one that stands beside it. A curve along the term's own coordinate says nothing against
+  /// its formula.
+  std::vector<Rival> bending_freely(const Term& named, const Hypothesis& less,
+                                    const std::vector<Candidate>& list) {
+    const auto is_another = [&](const Mechanism& m) {
+      return m.any_curve && m.coordinate != named.mechanism->coordinate;
+    };
+    std::vector<Rival> rivals;
+    for (Candidate candidate : list) {
+      if (candidate.shape || !is_another(*candidate.term.mechanism) || is_set_aside(result_, candidate.term))
+        continue;
+      candidate.term.bends_freely = true;
+      const Hypothesis other = fitting_.extended(less, candidate);
+      rivals.push_back(rival_by_curve(best_, other, other.terms.back()));
+    }
+    for (std::size_t t = 0; t < less.terms.size(); ++t) {
+      if (!is_another(*less.terms[t].mechanism) || less.terms[t].bends_freely) continue;
+      Hypothesis other = less;
+      other.terms[t].bends_freely = true;
+      fitting_.fit(other);
+      rivals.push_back(rival_by_curve(best_, other, other.terms[t]));
+    }
+    return rivals;
   }
 
   void add(const std::vector<Rival>& rivals) {

@@ -86,8 +86,8 @@ const std::map<std::string, Equation>& equations() {
   static const std::map<std::string, Equation> list{
       {"zero-offset", {{{"offset_mm", 7}}, [](const Beam&) { return range(7); }}},
       {"range-scale", {{{"scale", 2e-3}}, [](const Beam& x) { return range(2e-3 * x.r); }}},
-      {"range-walk", {{{"amplitude_mm", 20}, {"intensity_scale", 400}, {"exponent", 1}},
-                      [](const Beam& x) { return range(20 * std::exp(-x.I / 400)); }}},
+      {"range-walk", {{{"amplitude_mm", 20}, {"intensity_scale", 400}, {"exponent", 1}, {"power", 0.5}},
+                      [](const Beam& x) { return range(200 / std::sqrt(x.I) * std::exp(-x.I / 400)); }}},
       {"saturation", {{{"slope_mm_per_100_counts", 5}, {"threshold_counts", 900}},  // A = 5 mm / 100 * w
                       [](const Beam& x) { return range(-3 * std::log(1 + std::exp((x.I - 900) / 60))); }}},
       {"cyclic-error", {{{"amplitude_mm", 6}, {"phase_deg", 25}, {"period_mm", 700}},

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/reduction/steady_echoes.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+namespace fit::explain::reduction {
+namespace {
+
+constexpr double rounding = 1.0 / 12;  // counts^2: they come as whole numbers
+
+bool has_echo(const Cell& cell) {
+  return cell.smooth && cell.n > 1 && cell.intensity_sd > 0 && std::isfinite(cell.at.intensity);
+}
+
+/// A line along the beams through the echoes of some cells, at one of them; none if they do not lie on one.
+std::optional<double> line_at(const Cell& middle, std::span<const Cell> cells) {
+  constexpr std::size_t fewest = 5;
+  constexpr double beyond_chance = 3;
+  double n = 0, noise = 0, samples = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
+  for (const Cell& cell : cells) {
+    if (!has_echo(cell) || cell.at.target != middle.at.target || cell.group != middle.group) continue;
+    const double along = cell.beam_rad - middle.beam_rad, counts = cell.at.intensity - middle.at.intensity;
+    n += 1;
+    samples += cell.n;
+    noise += cell.intensity_sd * cell.intensity_sd + rounding;
+    x += along;
+    y += counts;
+    xx += along * along;
+    xy += along * counts;
+    yy += counts * counts;
+  }
+  if (n < fewest) return {};
+  const double spread = xx - x * x / n, slope = (xy - x * y / n) / spread,
+               off = yy - y * y / n - slope * slope * spread, of_mean = (noise / n) / (samples / n);
+  const double freedom = n - 2;
+  if (off / of_mean > freedom + beyond_chance * std::sqrt(2 * freedom)) return {};
+  return middle.at.intensity + (y - slope * x) / n;
+}
+
+}  // namespace
+
+std::vector<double> steady_echoes(std::span<Cell> cells) {
+  std::vector<double> own, steady;
+  for (const Cell& cell : cells) own.push_back(cell.at.intensity);
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    steady.push_back(own[i]);
+    if (!has_echo(cells[i])) continue;
+    for (const std::size_t reach : {std::size_t{4}, std::size_t{2}}) {
+      const std::size_t first = i - std::min(i, reach), last = std::min(cells.size(), i + reach + 1);
+      const std::optional<double> counts = line_at(cells[i], cells.subspan(first, last - first));
+      if (!counts) continue;
+      steady.back() = std::max(1.0, *counts);
+      break;
+    }
+  }
+  for (std::size_t i = 0; i < cells.size(); ++i) cells[i].at.intensity = steady[i];
+  return own;
+}
+
+std::vector<double> steady_echoes(Reduced& reduced) {
+  std::vector<double> own;
+  for (const Group& group : reduced.groups) {
+    const std::vector<double> of_group =
+        steady_echoes(std::span(reduced.cells).subspan(group.first_cell, group.last_cell - group.first_cell));
+    own.insert(own.end(), of_group.begin(), of_group.end());
+  }
+  return own;
+}
+
+void exchange_echoes(Reduced& reduced, std::vector<double>& counts) {
+  for (std::size_t i = 0; i < counts.size(); ++i) std::swap(reduced.cells[i].at.intensity, counts[i]);
+}
+
+}  // namespace fit::explain::reduction
