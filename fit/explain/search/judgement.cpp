@@ -128,7 +128,7 @@ class Judgement {
   /// Sets other explanations beside a term. Returns one that is better after all; then the result is not
   /// filled in if it may still change.
   std::optional<Hypothesis> compare_with_rivals(std::size_t term) {
-    constexpr double clearly = 0.5;
+    constexpr double clearly = 0.5, hopeless = 0.3, far_behind = 6;
     const Hypothesis less = fitting_.without(best_, term);
     std::vector<Rival> rivals;
     rivals.push_back({{}, {}, best_.evidence - less.evidence});
@@ -140,9 +140,9 @@ class Judgement {
     for (const Candidate& candidate : list) {
       const bool by_form = candidate.shape.has_value();
       if (by_form && !forms.insert(candidate.shape->form).second) continue;
-      if (rivals.size() > (fitting_.has_patience() ? 7 : 3) ||
-          (rivals.size() > 2 && candidate.evidence < 0.3 * first_evidence))
-        break;
+      const bool is_hopeless =
+          candidate.evidence < hopeless * first_evidence && candidate.evidence < first_evidence - far_behind;
+      if (rivals.size() > (fitting_.has_patience() ? 7 : 3) || (rivals.size() > 2 && is_hopeless)) break;
       if (!by_form && is_set_aside(result_, candidate.term)) continue;
       const Hypothesis other = fitting_.extended(less, candidate);
       Rival rival = rival_of(best_, other, by_form);
@@ -186,7 +186,10 @@ class Judgement {
 
   void add(const std::vector<Rival>& rivals) {
     double others = 0;
-    for (const Rival& rival : rivals) others += std::exp(-std::clamp(rival.behind, -30.0, 60.0));
+    std::set<std::pair<const Mechanism*, int>> named;  // each counts once, by its best curve
+    for (const Rival& rival : rivals)
+      if (!rival.term || named.emplace(rival.term->mechanism, rival.term->target).second)
+        others += std::exp(-std::clamp(rival.behind, -30.0, 60.0));
     result_.probability.push_back(1 / (1 + others));
     result_.rivals.push_back(rivals);
   }
