@@ -5,6 +5,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "fit/explain/mean_search.hpp"
@@ -35,6 +36,7 @@ struct Found {
   std::map<std::string, Estimate> parameters;
   std::string says, evidence;
   double log_likelihood_gain = 0, rms_before_mm = 0, rms_after_mm = 0;
+  bool gain_is_expected = false;  ///< Not measured on data that it was not fitted to.
 };
 
 /// A curve for the report: residual means against a coordinate, before and after.
@@ -88,6 +90,11 @@ struct Explanation {
   std::vector<Suspect> noise_suspects;       ///< The same for noise and lost echoes.
   std::optional<EdgeSuspects> edge_suspects;
 
+  /// Adds what acts on something other than means, whose figures do not know what it gains.
+  void add_beside_means(Found found) {
+    after.log_likelihood += found.log_likelihood_gain;
+    mechanisms.push_back(std::move(found));
+  }
   [[nodiscard]] std::size_t rivals_in_range() const { return suspects.size() + unnamed_suspects.size(); }
   /// Whether there is something that an experiment could decide.
   [[nodiscard]] bool has_rivals() const {

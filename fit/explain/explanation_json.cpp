@@ -17,15 +17,13 @@ json found_json(const Found& found) {
   for (const auto& [name, e] : found.parameters)
     parameters[name] = {{"value", number(e.value)}, {"u", number(e.u)}};
   if (!found.target.empty()) parameters["target"] = found.target;
-  return {{"mechanism", found.mechanism->id},
-          {"probability", found.probability},
-          {"parameters", parameters},
-          {"says", found.says},
-          {"evidence", found.evidence},
-          {"held_out",
-           {{"log_likelihood_gain", number(found.log_likelihood_gain)},
-            {"rms_before_mm", number(found.rms_before_mm)},
-            {"rms_after_mm", number(found.rms_after_mm)}}}};
+  json held_out{{"log_likelihood_gain", number(found.log_likelihood_gain)},
+                {"rms_before_mm", number(found.rms_before_mm)},
+                {"rms_after_mm", number(found.rms_after_mm)}};
+  if (found.gain_is_expected) held_out["log_likelihood_gain_is"] = "expected";
+  return {{"mechanism", found.mechanism->id}, {"probability", found.probability},
+          {"parameters", parameters},         {"says", found.says},
+          {"evidence", found.evidence},       {"held_out", held_out}};
 }
 
 json figures_json(const PredictedFigures& f) {
@@ -97,6 +95,7 @@ json to_json(const Explanation& e) {
              {"noise_floor_mm", number(e.noise_floor_mm)},
              {"held_out_log_likelihood_before", number(e.before.log_likelihood / cells)},
              {"held_out_log_likelihood_after", number(e.after.log_likelihood / cells)},
+             {"held_out_log_likelihood_gain", number(e.after.log_likelihood - e.before.log_likelihood)},
              {"coverage_95_before", number(e.before.coverage)},
              {"coverage_95_after", number(e.after.coverage)}}},
            {"cells", e.cells},
@@ -151,6 +150,8 @@ std::string to_text(const Explanation& e) {
           " mm after, noise floor " + rounded(e.noise_floor_mm, 3) + " mm; 95 % intervals hold " +
           rounded(100 * e.before.coverage, 3) + " % before, " + rounded(100 * e.after.coverage, 3) +
           " % after.\n";
+  if (const double gain = e.after.log_likelihood - e.before.log_likelihood; gain > 0)
+    text += "All that is named raises the log-likelihood of held-out data by " + rounded(gain, 3) + ".\n";
   for (const Prediction& p : e.predictions)
     text += "Predicted, not fitted: " + p.session + ": samples rms " + rounded(p.before.rms_mm, 3) +
             " mm before, " + rounded(p.after.rms_mm, 3) + " mm after; means rms " +

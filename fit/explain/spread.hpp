@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,7 +16,9 @@ struct Suspect {
   std::map<std::string, Estimate> parameters;
   double gain = 0;      ///< Of the log-likelihood.
   double evidence = 0;  ///< Log Bayes factor.
-  double ahead = 50;    ///< Of the next that might be it instead: log odds.
+  /// Of the log-likelihood of captures that it was not fitted to; not known of a single one.
+  std::optional<double> held_out_gain;
+  double ahead = 50;  ///< Of the next that might be it instead: log odds.
 };
 
 /// Something that no mechanism of the catalogue explains.

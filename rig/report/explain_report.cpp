@@ -181,6 +181,8 @@ std::string explanation_html(const json& e, const std::string& sessions) {
       "</td></tr>\n<tr><td>log-likelihood per cell</td><td class=\"n\">" +
       figure_of(number_of(fit, "held_out_log_likelihood_before")) + "</td><td class=\"n\">" +
       figure_of(number_of(fit, "held_out_log_likelihood_after")) +
+      "</td></tr>\n<tr><td>log-likelihood gained, of all cells</td><td></td><td class=\"n\">" +
+      figure_of(number_of(fit, "held_out_log_likelihood_gain")) +
       "</td></tr>\n<tr><td>share within the predicted 95 % intervals</td><td class=\"n\">" +
       figure_of(number_of(fit, "coverage_95_before"), 3) + "</td><td class=\"n\">" +
       figure_of(number_of(fit, "coverage_95_after"), 3) +

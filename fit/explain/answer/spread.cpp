@@ -33,9 +33,15 @@ Found found_of(const Findings& findings, const Suspect& suspect) {
   if (may_be_of_the_undecided(suspect, findings.spread))
     found.probability = std::min(not_certain, found.probability);
   found.says = suspect.mechanism->says(finding);
-  found.log_likelihood_gain = suspect.gain - static_cast<double>(suspect.parameters.size());
+  // Where no other capture says it: what Akaike expects of others.
+  found.log_likelihood_gain =
+      suspect.held_out_gain.value_or(suspect.gain - static_cast<double>(suspect.parameters.size()));
+  found.gain_is_expected = !suspect.held_out_gain;
   found.evidence = "Its log-likelihood is higher by " + rounded(suspect.gain, 3) + ", of which " +
-                   rounded(suspect.gain - suspect.evidence, 2) + " would be chance.";
+                   rounded(suspect.gain - suspect.evidence, 2) + " would be chance" +
+                   (suspect.held_out_gain ? "; in captures that it was not fitted to, by " +
+                                                rounded(*suspect.held_out_gain, 3) + "."
+                                          : std::string("."));
   found.rms_before_mm = findings.means.after.rms_mm;
   found.rms_after_mm = findings.means.after.rms_mm;
   return found;
@@ -63,7 +69,7 @@ void tell_spread(const Findings& findings, Explanation& out) {
   for (const Suspect& suspect : findings.spread.accepted) {
     const bool is_constant = is_constant_noise(*suspect.mechanism);
     if (findings.reduced.bench.knows(suspect.mechanism->id) && !is_constant) continue;
-    out.mechanisms.push_back(found_of(findings, suspect));
+    out.add_beside_means(found_of(findings, suspect));
     if (!is_constant) add_to_bench(suspect);
   }
   for (const Suspect& suspect : findings.spread.brought_along) {

@@ -27,6 +27,7 @@ Found found_of(const Findings& findings, const Suspect& suspect) {
   found.probability = std::min(0.999, 1 / (1 + std::exp(-suspect.evidence)));
   found.says = suspect.mechanism->says(finding);
   found.log_likelihood_gain = suspect.gain - 1;
+  found.gain_is_expected = true;
   found.evidence =
       "Beams beside edges are pulled by the light of the other surface: the log-likelihood is higher by " +
       rounded(suspect.gain, 3) + ", and more than by a beam that is too wide.";
@@ -52,7 +53,7 @@ void tell_stray_light(const Findings& findings, Explanation& out) {
     out.undecided_between.push_back({crosstalk, wide_beam});
     out.edge_suspects = {light.suspect.parameters.at("leak").value, light.width_deg};
   } else {
-    out.mechanisms.push_back(found_of(findings, light.suspect));
+    out.add_beside_means(found_of(findings, light.suspect));
   }
 }
 

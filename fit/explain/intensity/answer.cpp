@@ -120,7 +120,7 @@ void tell_found(const Readings& readings, const Judgement& judgement, std::size_
     return f.mechanism == found.mechanism && f.target == found.target;
   });
   const bool has_own_place = s.acts() && !is_of_surfaces(*s.mechanism);
-  if (!again || has_own_place) out.mechanisms.push_back(found);
+  if (!again || has_own_place) out.add_beside_means(found);
   for (const Located& l : locate(readings, judgement.accepted, s, fitted.law)) out.located.push_back(l);
 }
 

@@ -81,6 +81,17 @@ double uncertainty_of_angle(const std::vector<Scan>& scans, const Variances& bes
   return c > 0 ? 1 / std::sqrt(c) : at;
 }
 
+/// What captures gain by the variances that the others show: by that of the angle beside that of the range,
+/// and the other way round.
+double unseen_gain_of_angle(const std::vector<Scan>& own, const std::vector<Scan>& others) {
+  const auto [both, only_range, only_angle] = most_likely(others);
+  return log_likelihood(own, both.range_mm2, both.angle_rad2) - log_likelihood(own, only_range.range_mm2, 0);
+}
+double unseen_gain_of_range(const std::vector<Scan>& own, const std::vector<Scan>& others) {
+  const auto [both, only_range, only_angle] = most_likely(others);
+  return log_likelihood(own, both.range_mm2, both.angle_rad2) - log_likelihood(own, 0, only_angle.angle_rad2);
+}
+
 /// Products of the common ranges of neighbouring scans, and their squares.
 struct Neighbours {
   double products = 0, squares = 0, pairs = 0;
@@ -179,6 +190,7 @@ void common_noise(const std::vector<Scan>& scans, const std::vector<Group>& grou
   jitter.gain = found.gain_of_angle();
   jitter.evidence = jitter.gain - price_of_size(jitter.gain);
   if (angle_rad2 > 0 && jitter.evidence > accept_at) {
+    jitter.held_out_gain = held_out_gain(scans, unseen_gain_of_angle, &Scan::capture);
     jitter.parameters = {{"sigma_deg", root_deg({angle_rad2, uncertainty_of_angle(scans, found.both)})}};
     result.accepted.push_back(jitter);
     result.noise.scan_angle_rad2 = angle_rad2;
@@ -189,6 +201,7 @@ void common_noise(const std::vector<Scan>& scans, const std::vector<Group>& grou
   wander.gain = found.gain_of_range();
   wander.evidence = wander.gain - price_of_size(wander.gain);
   if (range_mm2 > 0 && wander.evidence > accept_at) {
+    wander.held_out_gain = held_out_gain(scans, unseen_gain_of_range, &Scan::capture);
     const MemoryOfScans memory(scans);
     const double rho = memory.rho();
     double sigma2 = 0;

@@ -7,27 +7,48 @@
 #include "fit/explain/seen_edges.hpp"
 #include "fit/explain/spread/questions.hpp"
 #include "fit/explain/spread/suspects.hpp"
+#include "fit/explain/spread/unseen.hpp"
 
 namespace fit::explain::spread {
 namespace {
 
+/// A beam beside an edge, in one capture.
+struct SeenBeside {
+  int capture, edge;
+  Beside beam;
+  int samples, between;
+  bool mixed;  ///< Sees both surfaces, beyond what their places leave open.
+};
+
+std::vector<SeenBeside> beside_edges(const Reduced& reduced) {
+  std::vector<SeenBeside> list;
+  for (const Cell& cell : reduced.cells) {
+    if (cell.far_share < 0 || cell.edge < 0) continue;
+    const int n = cell.n + cell.stray;
+    if (n < 2) continue;
+    const Group& group = reduced.groups[static_cast<std::size_t>(cell.group)];
+    const double doubt = (2 * group.sigma_mm + 8) / std::max(1.0, cell.at.gap_mm);
+    const bool mixed = std::min(cell.far_share, 1 - cell.far_share) > std::max(0.04, doubt);
+    list.push_back({group.capture,
+                    cell.edge,
+                    {cell.at.edge_rad * deg_per_rad, cell.far_share, std::min(20.0, 1.0 * n)},
+                    n,
+                    cell.between,
+                    mixed});
+  }
+  return list;
+}
+
 /// What the beams beside edges see.
 class BesideEdges {
  public:
-  explicit BesideEdges(const Reduced& reduced) {
-    for (const Cell& cell : reduced.cells) {
-      if (cell.far_share < 0 || cell.edge < 0) continue;
-      const int n = cell.n + cell.stray;
-      if (n < 2) continue;
-      by_edge_[cell.edge].push_back(
-          {cell.at.edge_rad * deg_per_rad, cell.far_share, std::min(20.0, 1.0 * n)});
-      between_ += cell.between;
-      // Beside what the surfaces' places leave open.
-      const double doubt = (2 * reduced.groups[static_cast<std::size_t>(cell.group)].sigma_mm + 8) /
-                           std::max(1.0, cell.at.gap_mm);
-      if (std::min(cell.far_share, 1 - cell.far_share) <= std::max(0.04, doubt)) continue;
+  explicit BesideEdges(const std::vector<SeenBeside>& list) {
+    for (const SeenBeside& seen : list) {
+      by_edge_[seen.edge].push_back(seen.beam);
+      between_ += seen.between;
+      if (!seen.mixed) continue;
       ++mixed_;
-      in_mixed_ += n;
+      in_mixed_ += seen.samples;
     }
   }
 
@@ -55,23 +76,36 @@ class BesideEdges {
   int between_ = 0, mixed_ = 0, in_mixed_ = 0;
 };
 
-}  // namespace
+constexpr double hard_deg = 0.004, finer = 1.03;
 
-void edges(const Reduced& reduced, SpreadResult& result) {
-  const BesideEdges beams(reduced);
-  if (!beams.tell()) return;
-  constexpr double hard_deg = 0.004;
-  const double hard = beams.likelihood(hard_deg);
-  double best = hard, width = hard_deg;
+/// The standard width of the beam that explains most, deg.
+double best_width(const BesideEdges& beams) {
+  constexpr double coarse = 1.25;
+  double best = beams.likelihood(hard_deg), width = hard_deg;
   const auto look = [&](double w) {
     const double l = beams.likelihood(w);
     if (l <= best) return;
     best = l;
     width = w;
   };
-  constexpr double coarse = 1.25, finer = 1.03;
   for (double w = 0.008; w < 0.6; w *= coarse) look(w);
   for (double w = width / coarse, from = width; w < coarse * from; w *= finer) look(w);
+  return width;
+}
+
+/// What a beam of that width gains over one without.
+double gain_of(const BesideEdges& beams, double width_deg) {
+  return beams.likelihood(width_deg) - beams.likelihood(hard_deg) +
+         (beams.between() > 2 ? 2.0 * beams.between() : 0);
+}
+
+}  // namespace
+
+void edges(const Reduced& reduced, SpreadResult& result) {
+  const std::vector<SeenBeside> list = beside_edges(reduced);
+  const BesideEdges beams(list);
+  if (!beams.tell()) return;
+  const double width = best_width(beams), best = beams.likelihood(width);
   const auto reach = [&](double step) {  // to where the likelihood has fallen by a half
     double w = width;
     for (int k = 0; k < 40 && beams.likelihood(w) > best - 0.5; ++k) w *= step;
@@ -83,10 +117,14 @@ void edges(const Reduced& reduced, SpreadResult& result) {
   const double own_affair = beams.are_blended() ? 0.5 : 1.5;
   const double u = std::hypot((reach(finer) - reach(1 / finer)) / 2, own_affair * width);
   Suspect suspect = suspected(ids::mixed_pixel);
-  suspect.gain = best - hard + (beams.between() > 2 ? 2.0 * beams.between() : 0);
+  suspect.gain = gain_of(beams, width);
   suspect.evidence = suspect.gain - price_of_size(suspect.gain) - 2;
   suspect.parameters = {{"width_deg", {width, u}}};
   if (suspect.evidence <= accept_rare_at) return;
+  const auto unseen = [](const auto& own, const auto& others) {
+    return gain_of(BesideEdges(own), best_width(BesideEdges(others)));
+  };
+  suspect.held_out_gain = held_out_gain(list, unseen, &SeenBeside::capture);
   result.accepted.push_back(suspect);
   result.noise.footprint_rad = width * rad_per_deg;
 }

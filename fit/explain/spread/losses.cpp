@@ -2,12 +2,14 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <vector>
 
 #include "fit/explain/spread/losses/answer.hpp"
 #include "fit/explain/spread/losses/counts.hpp"
 #include "fit/explain/spread/losses/laws.hpp"
 #include "fit/explain/spread/questions.hpp"
 #include "fit/explain/spread/suspects.hpp"
+#include "fit/explain/spread/unseen.hpp"
 
 namespace fit::explain::spread {
 namespace {
@@ -17,6 +19,14 @@ constexpr double price = 8, clearly = 8, nearly_all = 0.1;
 /// Whether weak echoes scatter as those do that are about to be lost.
 bool is_near_threshold(const SpreadResult& result) {
   return holds_steep_noise(result.accepted) || std::ranges::any_of(result.undecided, holds_steep_noise);
+}
+
+/// What captures gain by the threshold that the others show.
+double unseen_gain_of_threshold(const std::vector<Count>& own, const std::vector<Count>& others) {
+  const Counts taught = summed(others), asked = summed(own);
+  const Threshold learnt = best_threshold(taught, constant_likelihood(taught));
+  const double none = asked.lost * std::log(rarest);
+  return learnt.at > 0 ? likelihood_of_threshold(asked, learnt.at, learnt.width) - none : 0;
 }
 
 /// Every law of losses at its best, and what losses gain by any.
@@ -71,7 +81,9 @@ void losses(const Reduced& reduced, SpreadResult& result) {
   } else if (laws.threshold.log_likelihood - laws.none - price < accept_rare_at) {
     return;
   } else if (laws.happen_below_a_threshold()) {
-    accept(dropout_at(laws.threshold, counts.lost), laws.threshold.log_likelihood);
+    Suspect dropout = dropout_at(laws.threshold, counts.lost);
+    dropout.held_out_gain = held_out_gain(counts.cells, unseen_gain_of_threshold, &Count::capture);
+    accept(dropout, laws.threshold.log_likelihood);
   } else if (laws.happen_in_a_window()) {
     if (!light) accept(light_in(laws.window), laws.window.log_likelihood);
   } else if (counts.lost >= 10) {

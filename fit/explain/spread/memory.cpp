@@ -254,6 +254,7 @@ double memory(const std::vector<Group>& groups, SpreadResult& result) {
     else if (!is_suspected(result, ids::correlated_noise))
       result.undecided.push_back({suspect, Suspect{}});
   } else if (!is_suspected(result, ids::correlated_noise)) {
+    suspect.held_out_gain = gain;
     result.accepted.push_back(suspect);
   }
   result.noise.factor = factor_of_means(by_length, noise);

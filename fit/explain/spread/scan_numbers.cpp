@@ -8,6 +8,7 @@
 #include "fit/explain/spread/growing_pattern.hpp"
 #include "fit/explain/spread/questions.hpp"
 #include "fit/explain/spread/suspects.hpp"
+#include "fit/explain/spread/unseen.hpp"
 
 namespace fit::explain::spread {
 namespace {
@@ -64,10 +65,21 @@ std::map<std::string, Estimate> harmonic_of(const Classes& pattern, double infla
 struct Faces {
   Suspect suspect = suspected(ids::facet_wobble);
   Numbering counted_as = numberings.front();
+  double inflate = 1;  ///< Variance of scans, in units of their own noise.
   bool drift = false;  ///< Then they are none.
 
   [[nodiscard]] std::size_t count() const {
     return static_cast<std::size_t>(std::lround(suspect.parameters.at("facets").value));
+  }
+  /// What scans gain by the faces that others show.
+  [[nodiscard]] double unseen_gain(const std::vector<Scan>& own, const std::vector<Scan>& others) const {
+    const Classes learnt(others, counted_as, count());
+    double gain = 0;
+    for (const Scan& s : own) {
+      const double range_mm = learnt.value_at(s);
+      gain += s.range_score() * range_mm - s.range_information() * range_mm * range_mm / 2;
+    }
+    return gain / inflate;
   }
 };
 
@@ -86,6 +98,7 @@ Faces best_faces(const std::vector<Scan>& scans, double scatter_of_same_numbers,
       best.suspect.gain = pattern.gain;
       best.suspect.parameters = harmonic_of(classes, inflate);
       best.counted_as = number;
+      best.inflate = inflate;
       best.drift = best.suspect.evidence > accept_at && classes.grow_or_fade(scans, inflate);
     }
   return best;
@@ -150,8 +163,12 @@ Unexplained in_words(const Pattern& pattern, std::int64_t longest) {
 
 void scan_numbers(std::vector<Scan>& scans, SpreadResult& result) {
   if (scans.size() < fewest_scans) return;
-  const Repeating found = repeating(scans);
+  Repeating found = repeating(scans);
   if (found.are_faces) {
+    const auto unseen = [&](const auto& own, const auto& others) {
+      return found.faces.unseen_gain(own, others);
+    };
+    found.faces.suspect.held_out_gain = held_out_gain(scans, unseen, &Scan::capture);
     result.accepted.push_back(found.faces.suspect);
     const Classes pattern(scans, found.faces.counted_as, found.faces.count());
     for (Scan& s : scans) s.score -= s.information.col(0) * pattern.value_at(s);

@@ -11,6 +11,7 @@
 #include "fit/explain/spread/other_patterns.hpp"
 #include "fit/explain/spread/questions.hpp"
 #include "fit/explain/spread/suspects.hpp"
+#include "fit/explain/spread/unseen.hpp"
 
 namespace fit::explain::spread {
 namespace {
@@ -79,6 +80,12 @@ class AfterMoves {
     return information.inverse();
   }
 
+  /// Of the log-likelihood, by a swing that was found elsewhere.
+  [[nodiscard]] double gain_of(const Swing& swing) const {
+    const auto [along, square] = parabola(swing.tau_s, swing.frequency_hz);
+    return along.dot(swing.value) - 0.5 * swing.value.dot(square * swing.value);
+  }
+
   void take_off(const Swing& swing) {
     const Eigen::MatrixXd waves = wave(swing.tau_s, swing.frequency_hz);
     for (std::size_t i = 0; i < rows_.size(); ++i) {
@@ -106,15 +113,24 @@ class AfterMoves {
     return wave;
   }
 
-  [[nodiscard]] Swing fit(double tau, double hz) const {
-    const Eigen::MatrixXd waves = wave(tau, hz);
-    Eigen::Matrix2d square = Eigen::Matrix2d::Zero();
+  /// The log-likelihood of both waves' sizes is a parabola: its slope and curvature where they are nought.
+  struct Parabola {
     Eigen::Vector2d along = Eigen::Vector2d::Zero();
+    Eigen::Matrix2d square = Eigen::Matrix2d::Zero();
+  };
+  [[nodiscard]] Parabola parabola(double tau, double hz) const {
+    const Eigen::MatrixXd waves = wave(tau, hz);
+    Parabola sum;
     for (std::size_t i = 0; i < rows_.size(); ++i) {
       const Eigen::Vector2d x = waves.row(static_cast<Eigen::Index>(i)).transpose();
-      square.noalias() += precision_[i] * rows_[i]->wvv * x * x.transpose();
-      along += precision_[i] * rows_[i]->wdv * x;
+      sum.square.noalias() += precision_[i] * rows_[i]->wvv * x * x.transpose();
+      sum.along += precision_[i] * rows_[i]->wdv * x;
     }
+    return sum;
+  }
+
+  [[nodiscard]] Swing fit(double tau, double hz) const {
+    auto [along, square] = parabola(tau, hz);
     square.diagonal().array() += 1e-9 + 1e-9 * square.diagonal().maxCoeff();
     const Eigen::Vector2d value = square.inverse() * along;
     return {tau, hz, value, 0.5 * along.dot(value)};
@@ -154,13 +170,19 @@ std::map<std::string, Estimate> parameters_of(const Swing& swing, const Eigen::M
 struct Seen {
   Swing swing;
   Suspect suspect = suspected(ids::settling);
+  double inflate = 1;  ///< Variance of angles, in units of their own noise.
 };
+
+/// What sectors gain by the swing that others show.
+double unseen_gain(const std::vector<Group>& groups, std::vector<Sector> own, std::vector<Sector> others) {
+  return AfterMoves(groups, own).gain_of(AfterMoves(groups, others).best());
+}
 
 Seen swing_in(const std::vector<Scan>& scans, const AfterMoves& rows) {
   Seen seen{rows.best()};
   const double gain = seen.swing.gain;
   // Random angles of whole scans look like a swing now and then: their spread is the noise to be beaten.
-  const double inflate = scatter_of_angles(scans, gain);
+  const double inflate = seen.inflate = scatter_of_angles(scans, gain);
   Suspect& suspect = seen.suspect;
   suspect.gain = gain / inflate;
   suspect.evidence = suspect.gain - 2 * price_of_size(suspect.gain) - odds::against_place(suspect.gain, 3) -
@@ -188,6 +210,11 @@ void swinging(const std::vector<Group>& groups, std::vector<Sector>& sectors, Sp
   if (std::vector<Sector> rest = sectors; take_off_evident_faces(scans, seen.suspect.evidence, rest))
     seen = swing_in(scans_of(groups, rest), AfterMoves(groups, rest));
   if (seen.suspect.evidence < accept_at) return;
+  const auto unseen = [&](const auto& own, const auto& others) {
+    return unseen_gain(groups, own, others) / seen.inflate;
+  };
+  seen.suspect.held_out_gain = held_out_gain(
+      sectors, unseen, [&](const Sector& s) { return groups[static_cast<std::size_t>(s.group)].capture; });
   result.accepted.push_back(seen.suspect);
   rows.take_off(seen.swing);
 }

@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
+#include <optional>
 #include <set>
+#include <vector>
 
 namespace fit::explain::spread {
 
@@ -23,6 +26,26 @@ namespace fit::explain::spread {
   int blocks = 0;
   for (const auto& [capture, block] : block_of_capture) blocks = std::max(blocks, block + 1);
   return blocks;
+}
+
+/// What a suspect gains in captures that it was not fitted to: the sum of `gain(own, others)` of the items of
+/// every block of captures, four at most, and all other items. Not known with fewer than two captures.
+template <class Item, class Gain, class CaptureOf = int Item::*>
+[[nodiscard]] std::optional<double> held_out_gain(const std::vector<Item>& items, const Gain& gain,
+                                                  CaptureOf capture_of) {
+  std::set<int> captures;
+  for (const Item& item : items) captures.insert(std::invoke(capture_of, item));
+  if (captures.size() < 2) return {};
+  const int blocks = static_cast<int>(std::min<std::size_t>(4, captures.size()));
+  const std::map<int, int> block = block_of_capture(captures, blocks);
+  double sum = 0;
+  for (int b = 0; b < blocks; ++b) {
+    std::vector<Item> own, others;
+    for (const Item& item : items)
+      (block.at(std::invoke(capture_of, item)) == b ? own : others).push_back(item);
+    sum += gain(own, others);
+  }
+  return sum;
 }
 
 /// What blocks say of a suspect that was fitted to the others only.

@@ -54,6 +54,7 @@ class VarianceSearch {
     }
     std::set<std::size_t> gone = doubt_the_catalogue(result);
     if (bend_) gone.insert(*bend_);
+    measure_held_out_gains(gone, result);
     parts_ = parts_.without(gone);
     base_ = model_.fit(parts_);
     result.sigma_mm = std::sqrt(base_.value[0]);
@@ -286,6 +287,20 @@ class VarianceSearch {
       if (std::ranges::none_of(result.unknown, is_of_same)) result.unknown.push_back(law);  // not told twice
     }
     return gone;
+  }
+
+  /// What every name gains beside all others where it was not fitted.
+  void measure_held_out_gains(const std::set<std::size_t>& gone, SpreadResult& result) const {
+    const Parts all = parts_.without(gone);
+    for (const NamedNoise& name : names_) {
+      const auto found = std::ranges::find(result.accepted, name.suspect.mechanism, &Suspect::mechanism);
+      if (name.is_open || found == result.accepted.end()) continue;
+      std::set<std::size_t> missing = gone;
+      missing.insert(name.columns.begin(), name.columns.end());
+      Parts less = parts_.without(missing);
+      if (is(name.suspect, constant_noise)) less.free = false;
+      found->held_out_gain = model_.held_out_gain(less, all);
+    }
   }
 
   static void take_back(const NamedNoise& name, SpreadResult& result) {

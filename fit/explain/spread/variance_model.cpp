@@ -212,10 +212,9 @@ std::map<int, int> VarianceModel::block_of_captures() const {
   return block_of_capture(captures, static_cast<int>(std::min<std::size_t>(8, captures.size())));
 }
 
-std::optional<double> VarianceModel::unseen_gain(const Parts& parts, const Parts& with_more) const {
+template <class Each>
+bool VarianceModel::for_blocks(const Each& each) const {
   const std::map<int, int> block = block_of_captures();
-  if (block.empty()) return {};
-  Unseen unseen;
   for (int b = 0; b < blocks_in(block); ++b) {
     std::vector<bool> own, others;
     for (const Pool& p : pools_) {
@@ -224,12 +223,31 @@ std::optional<double> VarianceModel::unseen_gain(const Parts& parts, const Parts
     }
     const VarianceModel taught(those(pools_, others), stated_mm_, fixed_mm2_, worth_of_sample_),
         asked(those(pools_, own), stated_mm_, fixed_mm2_, worth_of_sample_);
-    const auto predicted = [&](const Parts& p) {
-      return asked.with_own_constant(those(p, own), taught.fit(those(p, others)).value);
-    };
-    unseen.add(predicted(with_more) - predicted(parts));
+    each([&](const Parts& parts, bool own_constant) {
+      const Parts there = those(parts, own);
+      const VectorXd learnt = taught.fit(those(parts, others)).value;
+      return own_constant ? asked.with_own_constant(there, learnt) : asked.likelihood(there, learnt);
+    });
   }
-  return unseen.gain();
+  return !block.empty();
+}
+
+std::optional<double> VarianceModel::unseen_gain(const Parts& parts, const Parts& with_more) const {
+  Unseen unseen;
+  const auto ask = [&](const auto& predicted) {
+    unseen.add(predicted(with_more, true) - predicted(parts, true));
+  };
+  return for_blocks(ask) ? std::optional(unseen.gain()) : std::nullopt;
+}
+
+std::optional<double> VarianceModel::held_out_gain(const Parts& parts, const Parts& with_more) const {
+  // How noisy a place is that nobody saw, no other place says.
+  const bool own_constant = with_more.places > 0;
+  double gain = 0;
+  const auto ask = [&](const auto& predicted) {
+    gain += predicted(with_more, own_constant) - predicted(parts, own_constant);
+  };
+  return for_blocks(ask) ? std::optional(gain) : std::nullopt;
 }
 
 /// Best likelihood over the constant variance, all other sizes given.

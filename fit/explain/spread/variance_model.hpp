@@ -77,8 +77,15 @@ class VarianceModel {
   }
   /// ... and what more than one gains.
   [[nodiscard]] std::optional<double> unseen_gain(const Parts& parts, const Parts& with_more) const;
+  /// What it all gains there, the constant noise being that of the other captures as well. Not known with
+  /// fewer than three.
+  [[nodiscard]] std::optional<double> held_out_gain(const Parts& parts, const Parts& with_more) const;
 
  private:
+  /// Calls `each` for every block of captures with the log-likelihood of its pools as a function of parts
+  /// that are fitted to all others. False with fewer than three captures.
+  template <class Each>
+  bool for_blocks(const Each& each) const;
   [[nodiscard]] double mean_variance() const;
   [[nodiscard]] Eigen::VectorXd start(const Parts& parts) const;
   [[nodiscard]] double with_own_constant(const Parts& parts, Eigen::VectorXd x) const;

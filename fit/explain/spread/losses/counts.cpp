@@ -3,29 +3,37 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "fit/angle.hpp"
 #include "fit/explain/spread/losses/sure_hits.hpp"
 
 namespace fit::explain::spread {
 
-Counts count(const Reduced& reduced, bool near_threshold) {
+Counts summed(std::vector<Count> cells) {
   Counts counts;
+  counts.cells = std::move(cells);
+  for (const Count& c : counts.cells) {
+    counts.lost += c.lost;
+    counts.all += c.all;
+    if (std::isfinite(c.intensity)) counts.darkest = std::min(counts.darkest, c.intensity);
+  }
+  return counts;
+}
+
+Counts count(const Reduced& reduced, bool near_threshold) {
+  std::vector<Count> cells;
   for (std::size_t i = 0; i < reduced.cells.size(); ++i) {
     const Cell& cell = reduced.cells[i];
     if (cell.n + cell.lost == 0) continue;
     if (std::abs(cell.at.incidence_rad) > 75 * rad_per_deg || may_miss_its_target(reduced, i, near_threshold))
       continue;
     const double all = cell.n + cell.stray + cell.lost;
-    counts.cells.push_back({cell.at.intensity, cell.beam_rad * deg_per_rad, static_cast<double>(cell.lost),
-                            all, cell.at.time_s,
-                            reduced.groups[static_cast<std::size_t>(cell.group)].capture});
-    counts.lost += cell.lost;
-    counts.all += all;
+    cells.push_back({cell.at.intensity, cell.beam_rad * deg_per_rad, static_cast<double>(cell.lost), all,
+                     cell.at.time_s, reduced.groups[static_cast<std::size_t>(cell.group)].capture});
   }
+  Counts counts = summed(std::move(cells));
   // Cells that lost everything are as dark as the darkest seen.
-  for (const Count& c : counts.cells)
-    if (std::isfinite(c.intensity)) counts.darkest = std::min(counts.darkest, c.intensity);
   for (Count& c : counts.cells)
     if (!std::isfinite(c.intensity)) c.intensity = counts.darkest;
   return counts;

@@ -18,6 +18,9 @@ struct Counts {
   double darkest = 1e9;  ///< Intensity, counts.
 };
 
+/// With what they are together.
+[[nodiscard]] Counts summed(std::vector<Count> cells);
+
 /// Of all cells that cannot but meet their target.
 [[nodiscard]] Counts count(const Reduced& reduced, bool near_threshold);
 

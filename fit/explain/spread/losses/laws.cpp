@@ -46,21 +46,22 @@ double constant_likelihood(const Counts& counts) {
   return counts.lost * std::log(p) + (counts.all - counts.lost) * std::log(1 - p);
 }
 
+double likelihood_of_threshold(const Counts& counts, double at, double width) {
+  double sum = 0;
+  for (const Count& c : counts.cells) {
+    const double p = clamped(1 / (1 + std::exp((c.intensity - at) / width)));
+    sum += c.lost * std::log(p) + (c.all - c.lost) * std::log(1 - p);
+  }
+  return sum;
+}
+
 Threshold best_threshold(const Counts& counts, double constant) {
   Threshold best{constant};
   double top = 0;
   for (const Count& c : counts.cells) top = std::max(top, c.intensity);
-  const auto likelihood = [&](double at, double width) {
-    double sum = 0;
-    for (const Count& c : counts.cells) {
-      const double p = clamped(1 / (1 + std::exp((c.intensity - at) / width)));
-      sum += c.lost * std::log(p) + (c.all - c.lost) * std::log(1 - p);
-    }
-    return sum;
-  };
   for (double at = std::max(3.0, counts.darkest * 0.3); at < top; at *= 1.12)
     for (const double share : {0.03, 0.06, 0.1, 0.2, 0.35}) {
-      const double l = likelihood(at, share * at);
+      const double l = likelihood_of_threshold(counts, at, share * at);
       if (l > best.log_likelihood) best = {l, at, share * at};
     }
   return best;

@@ -23,6 +23,8 @@ struct Threshold {
   double log_likelihood = 0;
   double at = 0, width = 0;
 };
+/// Of echoes that are lost below `at`, more and more within `width`.
+[[nodiscard]] double likelihood_of_threshold(const Counts& counts, double at, double width);
 /// The best one, if any is better than a constant probability.
 [[nodiscard]] Threshold best_threshold(const Counts& counts, double constant);
 
