@@ -94,6 +94,13 @@ class Judgement {
     return true;
   }
 
+  /// Whether all that is left to explain is worth no name: much of it was explained by what is no part any
+  /// more.
+  [[nodiscard]] bool is_hardly_any(const Hypothesis& less) const {
+    return best_.terms.size() == 1 && best_.shapes.empty() &&
+           best_.evidence - less.evidence < odds::worth_a_first_name;
+  }
+
   /// What does not help on captures it has not seen is not believed. If the bench file's uncertainties alone
   /// speak for it, it is one of several ways in which the bench file may be wrong. False if all helps.
   bool drops_one(const Blocks& blocks) {
@@ -102,7 +109,8 @@ class Judgement {
     for (std::size_t t = 0; t < best_.terms.size(); ++t) {
       const Hypothesis less = fitting_.without(best_, t);
       result_.without.push_back(held_out(fitting_, less, blocks));
-      if (result_.without.back().log_likelihood < result_.after.log_likelihood) continue;
+      if (result_.without.back().log_likelihood < result_.after.log_likelihood && !is_hardly_any(less))
+        continue;
       const bool only_the_file = relieves_priors(best_, less, fitting_.bench());
       if (only_the_file) {
         const std::vector<Term> set = only_priors(fitting_, best_.terms[t], less);
