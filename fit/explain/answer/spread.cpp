@@ -6,6 +6,7 @@
 
 #include "fit/explain/answer/chapters.hpp"
 #include "fit/explain/odds.hpp"
+#include "fit/explain/spread/suspects.hpp"
 #include "fit/explain/stated_noise.hpp"
 
 namespace fit::explain::answer {
@@ -22,6 +23,16 @@ bool may_be_of_the_undecided(const Suspect& suspect, const SpreadResult& spread)
          !is_constant_noise(*suspect.mechanism);
 }
 
+/// Whether the formula of other noise may be wrong by more than a name explains.
+bool may_be_of_a_formula(const Suspect& suspect, const SpreadResult& spread) {
+  const auto is_law = [](const Suspect& s) {
+    return s.mechanism->observable == Observable::range_variance && !is_constant_noise(*s.mechanism);
+  };
+  return is_law(suspect) && std::ranges::any_of(spread.accepted, [&](const Suspect& other) {
+           return is_law(other) && spread::may_be_of_its_formula(other) > suspect.gain;
+         });
+}
+
 Found found_of(const Findings& findings, const Suspect& suspect) {
   Finding finding;
   finding.parameters = suspect.parameters;
@@ -30,7 +41,7 @@ Found found_of(const Findings& findings, const Suspect& suspect) {
   found.parameters = suspect.parameters;
   found.probability =
       std::min(0.999, 1 / (1 + std::exp(odds::against_any - suspect.evidence) + std::exp(-suspect.ahead)));
-  if (may_be_of_the_undecided(suspect, findings.spread))
+  if (may_be_of_the_undecided(suspect, findings.spread) || may_be_of_a_formula(suspect, findings.spread))
     found.probability = std::min(not_certain, found.probability);
   found.says = suspect.mechanism->says(finding);
   // Where no other capture says it: what Akaike expects of others.

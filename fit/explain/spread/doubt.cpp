@@ -13,9 +13,6 @@
 namespace fit::explain::spread {
 namespace {
 
-// The share of its effect by which a formula may be wrong. Of a real mirror whose angles are rounded to its
-// beams' spacing, an unnamed law of the incidence explains 4 % more than scattering angles do.
-constexpr double formula_error = 0.25;
 // Noise outside the catalogue is seldom as simple as the form that describes it: what the form leaves is
 // hardly ever another mechanism.
 constexpr double against_a_name_beside = 10;
@@ -67,8 +64,7 @@ class Doubts {
     }
     const std::vector<bool> all(names_.size(), true);
     likelihood_ = model_.fit(of(all)).log_likelihood;
-    for (const NamedNoise& name : names_)
-      may_be_of_formulas_ += formula_error * formula_error * name.suspect.gain;
+    for (const NamedNoise& name : names_) may_be_of_formulas_ += may_be_of_its_formula(name.suspect);
     for (unsigned mask = 0; mask < 1U << names_.size(); ++mask) consider(mask);
     drop_those_that_predict_less();
   }

@@ -32,6 +32,9 @@ constexpr double steepest_of_noise = 5;
 /// Log of what one size costs that was found with that gain of the log-likelihood.
 [[nodiscard]] double price_of_size(double gain);
 
+/// What else the formula of noise may be wrong by explains: of its gain.
+[[nodiscard]] double may_be_of_its_formula(const Suspect& noise);
+
 /// A size from its square; each with its standard uncertainty.
 [[nodiscard]] Estimate root(const Estimate& square);
 /// The same, in degrees from rad^2.

@@ -21,7 +21,8 @@ TEST_CASE("nothing missing, but held-out figures far beyond the noise: too few s
   CHECK(notes(0.57, 0.95).empty());
 }
 
-TEST_CASE("beside noise that is not decided no other name of noise is certain") {
+TEST_CASE(
+    "beside noise that is not decided, or by a law that may be wrong, no other name of noise is certain") {
   using fit::explain::Suspect;
   const auto suspect = [](const char* id) {
     Suspect s;
@@ -50,4 +51,12 @@ TEST_CASE("beside noise that is not decided no other name of noise is certain") 
   CHECK(beside.at("angle-jitter") < 0.9);
   CHECK(beside.at("range-noise") == alone.at("range-noise"));
   CHECK(beside.at("correlated-noise") == alone.at("correlated-noise"));
+  // A law of noise may be wrong by more than a small one beside it explains.
+  findings.spread.undecided.clear();
+  findings.spread.accepted = {suspect("angle-jitter"), suspect("sunlight")};
+  findings.spread.accepted.front().gain = 300;
+  CHECK(told().at("sunlight") > 0.99);
+  findings.spread.accepted.front().gain = 3000;
+  CHECK(told().at("sunlight") < 0.9);
+  CHECK(told().at("angle-jitter") > 0.99);
 }
