@@ -76,6 +76,7 @@ struct Explanation {
   double noise_floor_mm = 0;
   Bench bench;  ///< With what was found.
   std::vector<Curve> curves;
+  std::vector<SpreadCurve> spread_curves;        ///< Where noise, echoes or memory are not as simulated.
   std::vector<IntensityCurve> intensity_curves;  ///< Where the bench makes a claim about intensity.
   std::vector<std::string> notes;
   long samples = 0;

@@ -104,6 +104,17 @@ json to_json(const Explanation& e) {
            {"notes", e.notes},
            {"curves", curves},
            {"bench", json::parse(to_json_text(e.bench))}};
+  for (const SpreadCurve& c : e.spread_curves)
+    out["spread_curves"].push_back({{"shows", c.shows},
+                                    {"unit", c.unit},
+                                    {"along", c.along},
+                                    {"observable", name_of(c.observable)},
+                                    {"coordinate", name_of(c.coordinate)},
+                                    {"at", c.at},
+                                    {"recorded", c.recorded},
+                                    {"u", c.sigma},
+                                    {"before", c.before},
+                                    {"after", c.after}});
   for (const IntensityCurve& c : e.intensity_curves)
     out["intensity_curves"].push_back({{"coordinate", name_of(c.coordinate)},
                                        {"at", c.at},

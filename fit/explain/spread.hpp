@@ -30,6 +30,25 @@ struct Unexplained {
   double from = 0, to = 0;
 };
 
+/// A picture for people of what whole scans, noise, echoes or memory do along a coordinate: as recorded, as
+/// simulated before anything was explained, and as explained.
+struct SpreadCurve {
+  std::string shows, unit;  ///< What is drawn: "scatter of samples" in "mm".
+  Observable observable = Observable::range_variance;
+  Coordinate coordinate = Coordinate::beam;
+  std::string along;       ///< What is drawn against, if the coordinate's name does not say it.
+  std::vector<double> at;  ///< File unit of the coordinate.
+  std::vector<double> recorded, sigma, before, after;
+
+  void add(double place, const Estimate& seen, double simulated, double explained) {
+    at.push_back(place);
+    recorded.push_back(seen.value);
+    sigma.push_back(seen.u);
+    before.push_back(simulated);
+    after.push_back(explained);
+  }
+};
+
 /// What noise, echoes, distributions and memory say.
 struct SpreadResult {
   std::vector<Suspect> accepted;
@@ -40,6 +59,7 @@ struct SpreadResult {
   double sigma_mm = 0;  ///< White noise of one sample, fitted.
   /// By capture, where targets were put up in several places and the noise differs between these; else empty.
   std::vector<double> sigma_by_capture_mm;
+  std::vector<SpreadCurve> curves;  ///< For people: where something was found.
 };
 
 [[nodiscard]] SpreadResult explain_spread(const Reduced& reduced);

@@ -69,6 +69,24 @@ std::string curve_section(const json& curve) {
          "after: with what was found.</figcaption></figure>\n";
 }
 
+/// What whole scans, noise, echoes or memory do along a coordinate.
+std::string spread_section(const json& curve) {
+  const auto words = [&](const char* key) { return curve.at(key).get<std::string>(); };
+  const auto numbers = [&](const char* key) { return curve.at(key).get<std::vector<double>>(); };
+  Plot plot;
+  plot.x_label =
+      words("along").empty() ? coordinate_in_words(words("coordinate")).with_unit() : words("along");
+  plot.y_label = CoordinateWords{words("shows"), words("unit")}.with_unit();
+  const auto x = numbers("at");
+  plot.series.push_back({"recorded", Series::Style::errorbars, x, numbers("recorded"), numbers("u")});
+  plot.series.push_back({"before", Series::Style::line, x, numbers("before"), {}});
+  plot.series.push_back({"after", Series::Style::line, x, numbers("after"), {}});
+  return "<figure>" + to_svg(plot) +
+         "<figcaption>As recorded, with standard uncertainties; before: as the simulation has it; after: "
+         "with "
+         "the mechanisms that were found.</figcaption></figure>\n";
+}
+
 /// A recording that took no part in the fit: figures, spread and means along the incidence.
 std::string prediction_section(const json& p) {
   const json &before = p.at("before"), &after = p.at("after"), &cells = p.at("cells");
@@ -190,6 +208,8 @@ std::string explanation_html(const json& e, const std::string& sessions) {
       figure_of(number_of(fit, "noise_floor_mm")) + " mm.</p>\n";
   if (e.contains("prediction"))
     for (const json& p : e["prediction"]) html += prediction_section(p);
+  if (e.contains("spread_curves")) html += "<h2>Noise, echoes and whole scans</h2>\n";
+  for (const json& curve : e.value("spread_curves", json::array())) html += spread_section(curve);
   if (!e.at("curves").empty()) html += "<h2>Residuals</h2>\n";
   for (const json& curve : e.at("curves")) html += curve_section(curve);
   if (e.contains("intensity_curves")) html += "<h2>Intensity</h2>\n";

@@ -88,6 +88,7 @@ void tell_spread(const Findings& findings, Explanation& out) {
     out.notes.push_back("Echoes that are about to be lost scatter more; that is no other physics.");
   }
   for (const std::vector<Suspect>& set : findings.spread.undecided) tell_set(set, out);
+  out.spread_curves = findings.spread.curves;
 }
 
 }  // namespace fit::explain::answer

@@ -84,6 +84,9 @@ void losses(const Reduced& reduced, SpreadResult& result) {
     Suspect dropout = dropout_at(laws.threshold, counts.lost);
     dropout.held_out_gain = held_out_gain(counts.cells, unseen_gain_of_threshold, &Count::capture);
     accept(dropout, laws.threshold.log_likelihood);
+    result.curves.push_back(losses_along_intensity(counts, [&](double intensity) {
+      return lost_below(laws.threshold.at, laws.threshold.width, intensity);
+    }));
   } else if (laws.happen_in_a_window()) {
     if (!light) accept(light_in(laws.window), laws.window.log_likelihood);
   } else if (counts.lost >= 10) {
@@ -91,6 +94,8 @@ void losses(const Reduced& reduced, SpreadResult& result) {
     unknown.gain = laws.constant - laws.none;
     unknown.evidence = unknown.gain - price;
     result.unknown.push_back(unknown);
+    if (reduced.has_intensity)
+      result.curves.push_back(losses_along_intensity(counts, [](double) { return 0.0; }));
   }
 }
 

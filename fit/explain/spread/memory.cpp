@@ -219,6 +219,32 @@ double factor_of_means(const ByLength& by_length, const Mixture& noise) {
   return std::max(1.0, factor / number);
 }
 
+/// Correlations of samples so many scans apart: as recorded, without memory, and with that one.
+SpreadCurve correlations(const ByLength& by_length, const Mixture& noise) {
+  SpreadCurve curve;
+  curve.shows = "correlation of a beam's samples";
+  curve.observable = Observable::time_correlation;
+  curve.coordinate = Coordinate::scan_seq;
+  curve.along = "scans apart";
+  for (std::size_t band = 1; band < lag_bands.size(); ++band) {
+    double pairs = 0, recorded = 0, expected = 0, scatter = 0;
+    for (const auto& [n, lagged] : by_length) {
+      if (lagged.pairs[band] <= 0) continue;
+      const LagSums with_memory = lagged.expected(noise);
+      pairs += lagged.cells * lagged.pairs[band];
+      // Deviations from a mean of so many are negatively correlated by themselves.
+      recorded += lagged.sums[band] - lagged.sums[0] / lagged.white[0] * lagged.white[band];
+      expected +=
+          lagged.sums[0] * (with_memory[band] / with_memory[0] - lagged.white[band] / lagged.white[0]);
+      scatter += lagged.cells * lagged.pairs[band] * lagged.each_product();
+    }
+    if (pairs <= 0) continue;
+    curve.add((lag_bands[band].first + lag_bands[band].last) / 2.0,
+              {recorded / pairs, std::sqrt(scatter) / pairs}, 0, expected / pairs);
+  }
+  return curve;
+}
+
 /// Noise with memory that these groups show best, as a suspect.
 std::pair<Suspect, Mixture> suspect_in(const ByLength& by_length) {
   constexpr double lengths_of_memory = 3;
@@ -258,6 +284,7 @@ double memory(const std::vector<Group>& groups, SpreadResult& result) {
     result.accepted.push_back(suspect);
   }
   result.noise.factor = factor_of_means(by_length, noise);
+  result.curves.push_back(correlations(by_length, noise));
   return (1 - rho * rho) / (1 + rho * rho) * share + (1 - share);
 }
 

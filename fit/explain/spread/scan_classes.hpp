@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -34,6 +35,10 @@ class Classes {
   [[nodiscard]] std::size_t size() const { return score_.size(); }
   [[nodiscard]] double value(std::size_t at) const {
     return information_[at] > 0 ? score_[at] / information_[at] : 0;
+  }
+  /// Its standard uncertainty, if scans scatter as their noise says.
+  [[nodiscard]] double uncertainty(std::size_t at) const {
+    return information_[at] > 0 ? 1 / std::sqrt(information_[at]) : 0;
   }
   /// Of a scan's class.
   [[nodiscard]] double value_at(const Scan& scan) const {

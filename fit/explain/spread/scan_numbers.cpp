@@ -147,6 +147,20 @@ Repeating repeating(const std::vector<Scan>& scans) {
   return found;
 }
 
+/// The range of every face.
+SpreadCurve ranges_of(const Classes& faces, double inflate) {
+  SpreadCurve curve;
+  curve.shows = "range of whole scans";
+  curve.unit = "mm";
+  curve.observable = Observable::range_mean;
+  curve.coordinate = Coordinate::scan_seq;
+  curve.along = "mirror face";
+  for (std::size_t i = 0; i < faces.size(); ++i)
+    curve.add(static_cast<double>(i), {faces.value(i), std::sqrt(inflate) * faces.uncertainty(i)}, 0,
+              faces.value(i));
+  return curve;
+}
+
 Unexplained in_words(const Pattern& pattern, std::int64_t longest) {
   Unexplained u;
   u.observable = Observable::range_mean;
@@ -171,6 +185,7 @@ void scan_numbers(std::vector<Scan>& scans, SpreadResult& result) {
     found.faces.suspect.held_out_gain = held_out_gain(scans, unseen, &Scan::capture);
     result.accepted.push_back(found.faces.suspect);
     const Classes pattern(scans, found.faces.counted_as, found.faces.count());
+    result.curves.push_back(ranges_of(pattern, found.faces.inflate));
     for (Scan& s : scans) s.score -= s.information.col(0) * pattern.value_at(s);
   } else if (found.other.evidence > accept_rare_at) {
     result.unknown.push_back(in_words(found.other, longest_capture(scans)));

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
@@ -84,6 +85,37 @@ class AfterMoves {
   [[nodiscard]] double gain_of(const Swing& swing) const {
     const auto [along, square] = parabola(swing.tau_s, swing.frequency_hz);
     return along.dot(swing.value) - 0.5 * swing.value.dot(square * swing.value);
+  }
+
+  /// The angle after moves, as if all had gone forwards, deg, along the time since then.
+  [[nodiscard]] SpreadCurve curve(const Swing& swing) const {
+    SpreadCurve curve;
+    curve.shows = "stage angle after a move, from its mean";
+    curve.unit = "deg";
+    curve.observable = Observable::range_mean;
+    curve.coordinate = Coordinate::time;
+    curve.along = "time since the move (s)";
+    std::vector<std::size_t> order(rows_.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::ranges::sort(order, {}, [&](std::size_t i) { return rows_[i]->since_move_s; });
+    const Eigen::VectorXd angles = wave(swing.tau_s, swing.frequency_hz) * swing.value;
+    constexpr std::size_t points = 60;
+    const std::size_t each = rows_.size() / points + 1;
+    for (std::size_t first = 0; first < order.size(); first += each) {
+      double weight = 0, time_s = 0, seen = 0, swings = 0;
+      for (std::size_t k = first; k < std::min(order.size(), first + each); ++k) {
+        const std::size_t i = order[k];
+        const Sector& row = *rows_[i];
+        const double known = precision_[i] * row.wvv;
+        weight += known;
+        time_s += known * row.since_move_s;
+        seen += precision_[i] * row.wdv * row.approach;
+        swings += known * row.approach * angles[static_cast<Eigen::Index>(i)];
+      }
+      curve.add(time_s / weight, {seen / weight * deg_per_rad, deg_per_rad / std::sqrt(weight)}, 0,
+                swings / weight * deg_per_rad);
+    }
+    return curve;
   }
 
   void take_off(const Swing& swing) {
@@ -216,6 +248,7 @@ void swinging(const std::vector<Group>& groups, std::vector<Sector>& sectors, Sp
   seen.suspect.held_out_gain = held_out_gain(
       sectors, unseen, [&](const Sector& s) { return groups[static_cast<std::size_t>(s.group)].capture; });
   result.accepted.push_back(seen.suspect);
+  result.curves.push_back(rows.curve(seen.swing));
   rows.take_off(seen.swing);
 }
 

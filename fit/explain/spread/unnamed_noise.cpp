@@ -15,26 +15,6 @@
 namespace fit::explain::spread {
 namespace {
 
-/// Where a pool lies on a coordinate; noise knows no sign of the incidence.
-double place_of(const Pool& pool, Coordinate coordinate) {
-  switch (coordinate) {
-    case Coordinate::stage:
-      return pool.stage_deg;
-    case Coordinate::range:
-      return pool.range_mm;
-    case Coordinate::intensity:
-      return pool.intensity;
-    case Coordinate::incidence:
-      return std::abs(pool.incidence_deg);
-    case Coordinate::time:
-      return pool.time_s;
-    case Coordinate::target:
-      return pool.target;
-    default:
-      return pool.beam_deg;
-  }
-}
-
 bool is_same_within_capture(Coordinate coordinate) {
   return coordinate == Coordinate::stage || coordinate == Coordinate::time;
 }

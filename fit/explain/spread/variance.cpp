@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "fit/explain/odds.hpp"
+#include "fit/explain/spread/curves.hpp"
 #include "fit/explain/spread/doubt.hpp"
 #include "fit/explain/spread/flicker.hpp"
 #include "fit/explain/spread/light_at_times.hpp"
@@ -62,6 +63,7 @@ class VarianceSearch {
     if (unconfirmed_ && result.accepted.empty() && result.undecided.empty() && result.unknown.empty())
       tell_unconfirmed(result);
     if (parts_.places > 0) result.sigma_by_capture_mm = sigma_by_capture();
+    draw(result);
   }
 
  private:
@@ -335,6 +337,31 @@ class VarianceSearch {
     if (ahead >= certain) return;
     result.undecided.push_back({*found, Suspect{}});
     result.accepted.erase(found);
+  }
+
+  /// The scatter of samples along the coordinates of what was found.
+  void draw(SpreadResult& result) const {
+    std::set<Coordinate> coordinates;
+    const auto add = [&](const Suspect& s) {
+      if (!s.mechanism || s.mechanism->observable != Observable::range_variance) return;
+      coordinates.insert(is(s, ids::angle_jitter) ? Coordinate::incidence
+                         : is(s, constant_noise)  ? Coordinate::beam
+                                                  : s.mechanism->coordinate);
+    };
+    for (const Suspect& s : result.accepted) add(s);
+    for (const auto& set : result.undecided)
+      for (const Suspect& s : set) add(s);
+    for (const Unexplained& u : result.unknown)
+      if (u.observable == Observable::range_variance) coordinates.insert(u.coordinate);
+    Parts places;
+    places.columns.assign(parts_.columns.begin(),
+                          parts_.columns.begin() + static_cast<std::ptrdiff_t>(parts_.places));
+    places.places = parts_.places;
+    const std::vector<double> before = model_.variances(places, model_.fit(places)),
+                              after = model_.variances(parts_, base_);
+    for (const Coordinate coordinate : coordinates)
+      if (have_place_on(coordinate))
+        result.curves.push_back(scatter_along(model_, coordinate, before, after));
   }
 
   /// Beams may scatter on their own beside what a scan has in common: the spread of samples shows both.

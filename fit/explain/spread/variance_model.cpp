@@ -42,6 +42,25 @@ Parts those(Parts parts, const std::vector<bool>& wanted) {
 
 }  // namespace
 
+double place_of(const Pool& pool, Coordinate coordinate) {
+  switch (coordinate) {
+    case Coordinate::stage:
+      return pool.stage_deg;
+    case Coordinate::range:
+      return pool.range_mm;
+    case Coordinate::intensity:
+      return pool.intensity;
+    case Coordinate::incidence:
+      return std::abs(pool.incidence_deg);
+    case Coordinate::time:
+      return pool.time_s;
+    case Coordinate::target:
+      return pool.target;
+    default:
+      return pool.beam_deg;
+  }
+}
+
 std::vector<Pool> pools_of(const Reduced& reduced) {
   std::vector<Pool> pools;
   constexpr int beams = 8;

@@ -10,6 +10,7 @@
 
 #include "fit/explain/reduce.hpp"
 #include "fit/explain/spread/interval.hpp"
+#include "fit/mechanism.hpp"
 
 namespace fit::explain::spread {
 
@@ -24,6 +25,9 @@ struct Pool {
   double time_s = 0;  ///< Since power-on.
   double stage_deg = 0;
 };
+
+/// Where a pool lies on a coordinate; noise knows no sign of the incidence.
+[[nodiscard]] double place_of(const Pool& pool, Coordinate coordinate);
 
 [[nodiscard]] std::vector<Pool> pools_of(const Reduced& reduced);
 

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
@@ -8,6 +9,7 @@
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/reduce.hpp"
 #include "fit/explain/spread.hpp"
+#include "fit/explain/spread/losses/counts.hpp"
 #include "fit/explain/spread/unseen.hpp"
 #include "fit/explain/spread/variance_model.hpp"
 #include "synthetic_recording.hpp"
@@ -21,6 +23,9 @@ struct Item {
   int capture, number;
 };
 
+/// Of samples on the lit wall, mm^2.
+double variance_at(double beam_deg) { return 25 + 9 * std::exp(-0.5 * std::pow((beam_deg - 20) / 10, 2)); }
+
 /// What is said of a wall, 1 m away, on which light falls around beam 20 deg in all five captures. `gain`: by
 /// which those samples are likelier under what was drawn than under the same noise everywhere.
 fit::explain::SpreadResult spread_of_lit_wall(unsigned seed, double& gain) {
@@ -31,9 +36,7 @@ fit::explain::SpreadResult spread_of_lit_wall(unsigned seed, double& gain) {
   std::normal_distribution<double> normal;
   constexpr int captures = 5, scans = 100;
   constexpr std::size_t beams = 121;
-  const auto variance = [](std::size_t k) {
-    return 25 + 9 * std::exp(-0.5 * std::pow((static_cast<double>(k) - 80) / 10, 2));
-  };
+  const auto variance = [](std::size_t k) { return variance_at(static_cast<double>(k) - 60); };
   double mean = 0, squares = 0;
   for (std::size_t k = 0; k < beams; ++k) mean += variance(k) / beams;
   SyntheticRecording wall(bench, [&](const fit::CaptureInfo&, std::int64_t, std::vector<std::uint16_t>& range,
@@ -122,4 +125,44 @@ TEST_CASE("light on a wall gains in captures that it was not fitted to what it i
     CHECK(*light.held_out_gain > 0.8 * gain);
     CHECK(*light.held_out_gain < 1.1 * gain);
   }
+}
+
+TEST_CASE("the scatter of samples is drawn as it was, and as it is explained") {
+  double gain = 0;
+  const auto result = spread_of_lit_wall(7, gain);
+  REQUIRE(result.curves.size() == 1);
+  const fit::explain::SpreadCurve& curve = result.curves.front();
+  CHECK(curve.observable == fit::Observable::range_variance);
+  CHECK(curve.coordinate == fit::Coordinate::beam);
+  REQUIRE(curve.at.size() > 10);
+  double off = 0, of_before = 0, of_after = 0;
+  for (std::size_t i = 0; i < curve.at.size(); ++i) {
+    CHECK(curve.before[i] == Approx(curve.before.front()));
+    off += std::pow((curve.recorded[i] - std::sqrt(variance_at(curve.at[i]))) / curve.sigma[i], 2);
+    of_before += std::pow((curve.recorded[i] - curve.before[i]) / curve.sigma[i], 2);
+    of_after += std::pow((curve.recorded[i] - curve.after[i]) / curve.sigma[i], 2);
+  }
+  const auto points = static_cast<double>(curve.at.size());
+  CHECK(off < points + 4 * std::sqrt(2 * points));
+  CHECK(of_after < points + 4 * std::sqrt(2 * points));
+  CHECK(of_before > 2 * of_after);
+}
+
+TEST_CASE("echoes that are missing are all drawn, the weak ones finely") {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> intensity(20, 1000);
+  std::vector<fit::explain::spread::Count> cells;
+  for (int i = 0; i < 3000; ++i) {
+    const double counts = intensity(random);
+    std::binomial_distribution<int> lost(100, 1 / (1 + std::exp((counts - 60) / 6)));
+    cells.push_back({counts, 0, static_cast<double>(lost(random)), 100, 0, 0});
+  }
+  const auto counts = fit::explain::spread::summed(cells);
+  const auto curve = fit::explain::spread::losses_along_intensity(
+      counts, [](double at) { return 1 / (1 + std::exp((at - 60) / 6)); });
+  REQUIRE(curve.at.size() > 10);
+  CHECK(std::ranges::is_sorted(curve.at));
+  CHECK(std::ranges::count_if(curve.at, [](double at) { return at < 80; }) >= 5);
+  for (std::size_t i = 0; i < curve.at.size(); ++i)
+    CHECK(std::abs(curve.recorded[i] - curve.after[i]) < 5 * curve.sigma[i]);
 }

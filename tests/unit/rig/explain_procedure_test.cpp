@@ -59,10 +59,14 @@ TEST_CASE("an explanation becomes a page that needs nothing else") {
       "says": "The stage has <play>.", "evidence": "much"}],
     "undecided_between": [["a", "b"]], "next_experiment": "next.yaml", "notes": ["one"],
     "curves": [{"coordinate": "beam_deg", "at": [1, 2], "before_mm": [3, 4], "after_mm": [0, 0], "u_mm": [1, 1]}],
+    "spread_curves": [{"shows": "scatter", "unit": "mm", "observable": "range-variance", "coordinate": "incidence_deg",
+      "along": "", "at": [1, 2], "recorded": [3, 4], "u": [1, 1], "before": [3, 3], "after": [3, 4]}],
     "fit": {"rms_before_mm": 4.1, "rms_after_mm": 2.2, "noise_floor_mm": 2.1, "held_out_log_likelihood_before": -1,
       "held_out_log_likelihood_after": 1, "coverage_95_before": 0.8, "coverage_95_after": 0.95}})");
   const std::string html = rig::explanation_html(explanation, "a.rig");
   CHECK(html.find("<svg") != std::string::npos);
   CHECK(html.find("&lt;play&gt;") != std::string::npos);
+  CHECK(html.find("scatter (mm)") != std::string::npos);
+  CHECK(html.find("angle of incidence (deg)") != std::string::npos);
   CHECK(html.find("http") == html.find("http://www.w3.org"));
 }

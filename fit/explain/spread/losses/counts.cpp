@@ -21,6 +21,27 @@ Counts summed(std::vector<Count> cells) {
   return counts;
 }
 
+SpreadCurve losses_along_intensity(const Counts& counts, const std::function<double(double)>& law) {
+  constexpr double points = 30, points_of_lost = 8;
+  std::vector<Count> cells = counts.cells;
+  std::ranges::sort(cells, {}, &Count::intensity);
+  SpreadCurve curve;
+  curve.shows = "share of echoes that are missing";
+  curve.observable = Observable::dropout;
+  curve.coordinate = Coordinate::intensity;
+  double lost = 0, all = 0, intensity = 0, expected = 0;
+  for (const Count& c : cells) {
+    lost += c.lost;
+    all += c.all;
+    intensity += c.all * c.intensity;
+    expected += c.all * law(c.intensity);
+    if (all < counts.all / points && lost < counts.lost / points_of_lost && &c != &cells.back()) continue;
+    curve.add(intensity / all, {lost / all, std::sqrt(std::max(0.5, lost)) / all}, 0, expected / all);
+    lost = all = intensity = expected = 0;
+  }
+  return curve;
+}
+
 Counts count(const Reduced& reduced, bool near_threshold) {
   std::vector<Count> cells;
   for (std::size_t i = 0; i < reduced.cells.size(); ++i) {

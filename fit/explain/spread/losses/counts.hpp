@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "fit/explain/reduce.hpp"
+#include "fit/explain/spread.hpp"
 
 namespace fit::explain::spread {
 
@@ -20,6 +22,10 @@ struct Counts {
 
 /// With what they are together.
 [[nodiscard]] Counts summed(std::vector<Count> cells);
+
+/// The share that is lost along the echoes' intensity, and by a law, a probability of each intensity.
+[[nodiscard]] SpreadCurve losses_along_intensity(const Counts& counts,
+                                                 const std::function<double(double intensity)>& law);
 
 /// Of all cells that cannot but meet their target.
 [[nodiscard]] Counts count(const Reduced& reduced, bool near_threshold);

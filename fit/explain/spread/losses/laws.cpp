@@ -46,10 +46,14 @@ double constant_likelihood(const Counts& counts) {
   return counts.lost * std::log(p) + (counts.all - counts.lost) * std::log(1 - p);
 }
 
+double lost_below(double at, double width, double intensity) {
+  return clamped(1 / (1 + std::exp((intensity - at) / width)));
+}
+
 double likelihood_of_threshold(const Counts& counts, double at, double width) {
   double sum = 0;
   for (const Count& c : counts.cells) {
-    const double p = clamped(1 / (1 + std::exp((c.intensity - at) / width)));
+    const double p = lost_below(at, width, c.intensity);
     sum += c.lost * std::log(p) + (c.all - c.lost) * std::log(1 - p);
   }
   return sum;

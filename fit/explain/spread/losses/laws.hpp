@@ -23,7 +23,8 @@ struct Threshold {
   double log_likelihood = 0;
   double at = 0, width = 0;
 };
-/// Of echoes that are lost below `at`, more and more within `width`.
+/// Probability of losing an echo if those below `at` are lost, more and more within `width`.
+[[nodiscard]] double lost_below(double at, double width, double intensity);
 [[nodiscard]] double likelihood_of_threshold(const Counts& counts, double at, double width);
 /// The best one, if any is better than a constant probability.
 [[nodiscard]] Threshold best_threshold(const Counts& counts, double constant);
