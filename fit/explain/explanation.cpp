@@ -10,6 +10,7 @@
 #include "fit/explain/reduction/steady_echoes.hpp"
 #include "fit/explain/single_beams.hpp"
 #include "fit/explain/spread/flicker.hpp"
+#include "fit/explain/spread/regular_patterns.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/explain/twin.hpp"
 
@@ -55,6 +56,7 @@ Findings search(Reduced reduced, const Progress& progress) {
   SpreadResult spread = explain_spread(reduced);
   add_bias_of_coarse_steps(spread, reduced);
   if (spread::flickers(spread)) spread::take_off_flicker(reduced);
+  spread::take_off_patterns(spread, reduced);
   MeanResult means = search_means(reduced, spread.noise, searched);
   std::optional<StrayLight> light = stray_light(reduced, means);
   if (light && !light->or_mixed_pixel) {

@@ -88,7 +88,8 @@ struct Reduced {
   long samples = 0;
   double first_temperature_c = 0;
   bool has_intensity = false, has_temperature = false;
-  int left_out = 0;  ///< Cells that no mean is taken of.
+  bool is_without_patterns = false;  ///< What faces and a swinging stage do was taken off.
+  int left_out = 0;                  ///< Cells that no mean is taken of.
   int in_clear = 0;  ///< Cells away from edges and corners, square on enough, by the bench file.
   int astray = 0;    ///< Of these, those more than `astray_mm` off their target.
 

@@ -5,6 +5,7 @@
 
 #include "fit/explain/spread/flicker.hpp"
 #include "fit/explain/spread/questions.hpp"
+#include "fit/explain/spread/regular_patterns.hpp"
 #include "fit/explain/spread/suspects.hpp"
 
 namespace fit::explain {
@@ -37,13 +38,15 @@ SpreadResult explain_spread(const Reduced& reduced) {
   const bool is_regular = has_unknown_pattern || spread::is_accepted(result, spread::ids::facet_wobble);
   if (!has_unknown_pattern) spread::common_noise(scans, reduced.groups, result);
   const double worth_of_sample = is_regular ? 1 : spread::memory(reduced.groups, result);
-  if (spread::flickers(result)) {
+  if (spread::flickers(result) || is_regular || spread::is_accepted(result, spread::ids::settling)) {
     Reduced rest = reduced;
-    spread::take_off_flicker(rest);
+    if (spread::flickers(result)) spread::take_off_flicker(rest);
+    spread::take_off_patterns(result, rest);
     samples(rest, step_mm, worth_of_sample, result);
   } else {
     samples(reduced, step_mm, worth_of_sample, result);
   }
+  spread::distrust_beside_patterns(result);
   return result;
 }
 

@@ -49,6 +49,11 @@ struct SpreadCurve {
   }
 };
 
+/// What mirror faces make of the samples of one group: scans of all faces, or of some.
+struct FacesInGroup {
+  double mean_mm = 0, variance_mm2 = 0;
+};
+
 /// What noise, echoes, distributions and memory say.
 struct SpreadResult {
   std::vector<Suspect> accepted;
@@ -59,6 +64,7 @@ struct SpreadResult {
   double sigma_mm = 0;  ///< White noise of one sample, fitted.
   /// By capture, where targets were put up in several places and the noise differs between these; else empty.
   std::vector<double> sigma_by_capture_mm;
+  std::vector<FacesInGroup> faces;  ///< Of every group, if the mirror's faces differ; else empty.
   std::vector<SpreadCurve> curves;  ///< For people: where something was found.
 };
 

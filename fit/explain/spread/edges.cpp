@@ -61,17 +61,61 @@ class BesideEdges {
   /// Log-likelihood of beams that wide, every edge being where it fits best.
   [[nodiscard]] double likelihood(double width_deg) const {
     double sum = 0;
-    for (const auto& [edge, beams] : by_edge_) {
-      double best = -1e300;
-      for (double shift = -edge_reach_deg; shift <= edge_reach_deg;
-           shift += std::clamp(width_deg / 3, 0.01, 0.05))
-        best = std::max(best, likelihood_of_edge(beams, shift, width_deg));
-      sum += best;
-    }
+    for (const auto& [edge, beams] : by_edge_) sum += best_place(beams, width_deg).likelihood;
     return sum;
   }
 
+  /// Shares of the farther surface along the angle from every edge: as recorded, of a beam without width, and
+  /// of one that wide.
+  [[nodiscard]] SpreadCurve shares(double width_deg) const {
+    constexpr int points = 25;
+    constexpr double reach = 5;
+    struct Sums {
+      double beams = 0, inside = 0, samples = 0, far = 0, expected = 0, hard = 0;
+    };
+    std::vector<Sums> sums(points);
+    for (const auto& [edge, beams] : by_edge_) {
+      const double edge_deg = best_place(beams, width_deg).shift_deg;
+      for (const Beside& b : beams) {
+        const double inside = b.inside_deg - edge_deg, at = (inside / width_deg / reach + 1) / 2;
+        if (at < 0 || at >= 1) continue;
+        Sums& s = sums[static_cast<std::size_t>(at * points)];
+        s.beams += 1;
+        s.inside += inside;
+        s.samples += b.n;
+        s.far += b.n * b.far_share;
+        s.expected += b.n * 0.5 * std::erfc(inside / width_deg / std::sqrt(2.0));
+        s.hard += b.n * (inside < 0 ? 1 : 0);
+      }
+    }
+    SpreadCurve curve;
+    curve.shows = "share of the farther surface";
+    curve.observable = Observable::range_distribution;
+    curve.coordinate = Coordinate::edge_distance;
+    for (const Sums& s : sums) {
+      if (s.samples <= 0) continue;
+      const double share = s.far / s.samples, least = 0.5 / s.samples,
+                   u = std::sqrt(std::max(least, share * (1 - share)) / s.samples);
+      curve.add(s.inside / s.beams, {share, u}, s.hard / s.samples, s.expected / s.samples);
+    }
+    return curve;
+  }
+
  private:
+  /// Where beams that wide have an edge.
+  struct Place {
+    double shift_deg = 0, likelihood = -1e300;
+  };
+  [[nodiscard]] static Place best_place(const std::vector<Beside>& beams, double width_deg) {
+    Place best;
+    for (double shift = -edge_reach_deg; shift <= edge_reach_deg;
+         shift += std::clamp(width_deg / 3, 0.01, 0.05)) {
+      const double likelihood = likelihood_of_edge(beams, shift, width_deg);
+      if (likelihood > best.likelihood) best = {shift, likelihood};
+    }
+    return best;
+  }
+
   std::map<int, std::vector<Beside>> by_edge_;
   int between_ = 0, mixed_ = 0, in_mixed_ = 0;
 };
@@ -126,6 +170,7 @@ void edges(const Reduced& reduced, SpreadResult& result) {
   };
   suspect.held_out_gain = held_out_gain(list, unseen, &SeenBeside::capture);
   result.accepted.push_back(suspect);
+  result.curves.push_back(beams.shares(width));
   result.noise.footprint_rad = width * rad_per_deg;
 }
 

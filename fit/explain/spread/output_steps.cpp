@@ -63,13 +63,7 @@ void distrust_beside_coarse_steps(const Reduced& reduced, SpreadResult& result) 
   // Of the variance; its log-likelihood grows by a quarter of the share's square a sample.
   const double share = share_of_steps(result.sigma_mm, rounding->parameters.at("step_mm").value);
   const double least = share * share / 4 * static_cast<double>(reduced.samples);
-  const auto may_be_of_steps = [least](const Suspect& s) {
-    if (!s.mechanism || s.gain >= least) return false;
-    const Observable shows_in = s.mechanism->observable;
-    return shows_in == Observable::range_variance || shows_in == Observable::time_correlation;
-  };
-  std::erase_if(result.accepted, may_be_of_steps);
-  std::erase_if(result.undecided, [&](const auto& set) { return std::ranges::any_of(set, may_be_of_steps); });
+  distrust_noise(least, least, result);
 }
 
 }  // namespace fit::explain::spread

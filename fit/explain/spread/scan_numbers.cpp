@@ -161,6 +161,27 @@ SpreadCurve ranges_of(const Classes& faces, double inflate) {
   return curve;
 }
 
+/// By group of scans.
+std::vector<FacesInGroup> in_groups(const std::vector<Scan>& scans, const Classes& faces) {
+  struct Sums {
+    double scans = 0, mm = 0, mm2 = 0;
+  };
+  std::map<int, Sums> by_group;
+  for (const Scan& s : scans) {
+    const double range_mm = faces.value_at(s);
+    Sums& sums = by_group[s.group];
+    sums.scans += 1;
+    sums.mm += range_mm;
+    sums.mm2 += range_mm * range_mm;
+  }
+  std::vector<FacesInGroup> list(static_cast<std::size_t>(by_group.rbegin()->first) + 1);
+  for (const auto& [group, sums] : by_group) {
+    const double mean = sums.mm / sums.scans;
+    list[static_cast<std::size_t>(group)] = {mean, std::max(0.0, sums.mm2 / sums.scans - mean * mean)};
+  }
+  return list;
+}
+
 Unexplained in_words(const Pattern& pattern, std::int64_t longest) {
   Unexplained u;
   u.observable = Observable::range_mean;
@@ -186,6 +207,7 @@ void scan_numbers(std::vector<Scan>& scans, SpreadResult& result) {
     result.accepted.push_back(found.faces.suspect);
     const Classes pattern(scans, found.faces.counted_as, found.faces.count());
     result.curves.push_back(ranges_of(pattern, found.faces.inflate));
+    result.faces = in_groups(scans, pattern);
     for (Scan& s : scans) s.score -= s.information.col(0) * pattern.value_at(s);
   } else if (found.other.evidence > accept_rare_at) {
     result.unknown.push_back(in_words(found.other, longest_capture(scans)));

@@ -40,6 +40,17 @@ double may_be_of_its_formula(const Suspect& noise) {
   return formula_error * formula_error * noise.gain;
 }
 
+void distrust_noise(double least_gain_of_noise, double least_gain_of_memory, SpreadResult& result) {
+  const auto is_small = [&](const Suspect& s) {
+    if (!s.mechanism) return false;
+    const Observable shows_in = s.mechanism->observable;
+    return (shows_in == Observable::range_variance && s.gain < least_gain_of_noise) ||
+           (shows_in == Observable::time_correlation && s.gain < least_gain_of_memory);
+  };
+  std::erase_if(result.accepted, is_small);
+  std::erase_if(result.undecided, [&](const auto& set) { return std::ranges::any_of(set, is_small); });
+}
+
 double price_of_size(double gain) { return 0.5 * std::log(1 + 2 * std::max(0.0, gain)) + 0.7; }
 
 Estimate root(const Estimate& square) {

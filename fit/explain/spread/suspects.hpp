@@ -35,6 +35,9 @@ constexpr double steepest_of_noise = 5;
 /// What else the formula of noise may be wrong by explains: of its gain.
 [[nodiscard]] double may_be_of_its_formula(const Suspect& noise);
 
+/// Takes noise and memory away, and sets that hold them, that gain less than that.
+void distrust_noise(double least_gain_of_noise, double least_gain_of_memory, SpreadResult& result);
+
 /// A size from its square; each with its standard uncertainty.
 [[nodiscard]] Estimate root(const Estimate& square);
 /// The same, in degrees from rad^2.

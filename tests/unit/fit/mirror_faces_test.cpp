@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
@@ -76,4 +77,43 @@ TEST_CASE("a stage that hardly swings any more does not get a name beside mirror
   REQUIRE(e.mechanisms.size() == 1);
   CHECK(e.mechanisms.front().mechanism->id == "facet-wobble");
   CHECK(e.verdict == "explained");
+}
+
+TEST_CASE("the ranges of mirror faces are drawn as they are, and what they gain is measured elsewhere") {
+  const std::vector<double> faces_mm{0.7, -0.2, -0.5};
+  const Explanation e = explained(faces_mm, 5);
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  CHECK_FALSE(e.mechanisms.front().gain_is_expected);
+  CHECK(e.mechanisms.front().log_likelihood_gain > 20);
+  CHECK(e.after.log_likelihood > e.before.log_likelihood + 20);
+  REQUIRE(e.spread_curves.size() == 1);
+  const auto& curve = e.spread_curves.front();
+  REQUIRE(curve.recorded.size() == faces_mm.size());
+  // Nobody knows which face is the first.
+  const auto best = std::ranges::max_element(curve.recorded);
+  const auto first = static_cast<std::size_t>(best - curve.recorded.begin());
+  for (std::size_t i = 0; i < faces_mm.size(); ++i) {
+    const std::size_t at = (first + i) % faces_mm.size();
+    CHECK(std::abs(curve.recorded[at] - faces_mm[i]) < 4 * curve.sigma[at]);
+  }
+}
+
+TEST_CASE("a stage that swings much is nothing beside it, and drawn along the time since it moved") {
+  constexpr double swing_deg = 0.08;
+  const Explanation e = explained({0}, 4, swing_deg);
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  CHECK(e.mechanisms.front().mechanism->id == "settling");
+  CHECK(e.verdict == "explained");
+  CHECK_FALSE(e.mechanisms.front().gain_is_expected);
+  REQUIRE(e.spread_curves.size() == 1);
+  const auto& curve = e.spread_curves.front();
+  CHECK(curve.unit == "deg");
+  // From its mean over a capture of 0.3 s; a point stands for a stretch of time.
+  for (std::size_t i = 0; i < curve.at.size(); ++i) {
+    const double swings = swing_deg * std::exp(-curve.at[i] / 0.1) * std::cos(30 * curve.at[i]);
+    CHECK(std::abs(curve.after[i] - swings) < 0.25 * swing_deg);
+    CHECK(std::abs(curve.recorded[i] - curve.after[i]) < 5 * curve.sigma[i]);
+  }
 }

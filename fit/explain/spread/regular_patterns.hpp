@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "fit/explain/spread.hpp"
+
+namespace fit::explain::spread {
+
+/// Takes what mirror faces and a stage that swings after moves leave in the cells off their means and
+/// variances: every scan of a capture meets another face, or another phase of the swing. Once.
+void take_off_patterns(const SpreadResult& found, Reduced& reduced);
+
+/// Takes noise away again that such patterns leave which are not quite as their formulas have them.
+void distrust_beside_patterns(SpreadResult& result);
+
+}  // namespace fit::explain::spread
