@@ -14,11 +14,18 @@
 namespace fit::explain::spread {
 namespace {
 
-constexpr double price = 8, clearly = 8, nearly_all = 0.1;
+constexpr double price = 8, clearly = 8, nearly_all = 0.1, lost_of_strays = 0.05;
 
 /// Whether weak echoes scatter as those do that are about to be lost.
 bool is_near_threshold(const SpreadResult& result) {
   return holds_steep_noise(result.accepted) || std::ranges::any_of(result.undecided, holds_steep_noise);
+}
+
+/// Samples that fell on something before their target. Of such things some send too little back to be seen.
+double strays_among(const Counts& counts, const SpreadResult& result) {
+  const auto strays =
+      std::ranges::find_if(result.accepted, [](const Suspect& s) { return is(s, ids::outliers); });
+  return strays == result.accepted.end() ? 0 : strays->parameters.at("fraction").value * counts.all;
 }
 
 /// What captures gain by the threshold that the others show.
@@ -89,7 +96,7 @@ void losses(const Reduced& reduced, SpreadResult& result) {
     }));
   } else if (laws.happen_in_a_window()) {
     if (!light) accept(light_in(laws.window), laws.window.log_likelihood);
-  } else if (counts.lost >= 10) {
+  } else if (counts.lost >= 10 && counts.lost > lost_of_strays * strays_among(counts, result)) {
     Unexplained unknown = lost_anywhere(counts);
     unknown.gain = laws.constant - laws.none;
     unknown.evidence = unknown.gain - price;

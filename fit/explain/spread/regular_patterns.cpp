@@ -66,13 +66,15 @@ void take_off_patterns(const SpreadResult& found, Reduced& reduced) {
 }
 
 void distrust_beside_patterns(SpreadResult& result) {
-  double of_swing = 0, of_faces = 0;
+  constexpr double unseen_strays = 1e-3;  // what they do to variances, of what the others are worth
+  double of_swing = 0, of_faces = 0, of_strays = 0;
   for (const Suspect& s : result.accepted) {
     if (is(s, ids::settling)) of_swing = may_be_of_its_formula(s);
     if (is(s, ids::facet_wobble)) of_faces = may_be_of_its_formula(s);
+    if (is(s, ids::outliers)) of_strays = unseen_strays * s.gain;
   }
   // Every face has the range that is seen of it: only what differs from turn to turn of the mirror is left.
-  distrust_noise(of_swing, std::max(of_swing, of_faces), result);
+  distrust_noise(std::max(of_swing, of_strays), std::max({of_swing, of_faces, of_strays}), result);
 }
 
 }  // namespace fit::explain::spread

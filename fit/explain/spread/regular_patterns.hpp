@@ -9,7 +9,8 @@ namespace fit::explain::spread {
 /// variances: every scan of a capture meets another face, or another phase of the swing. Once.
 void take_off_patterns(const SpreadResult& found, Reduced& reduced);
 
-/// Takes noise away again that such patterns leave which are not quite as their formulas have them.
+/// Takes noise away again that such patterns leave which are not quite as their formulas have them, or strays
+/// that fell among the samples of their targets.
 void distrust_beside_patterns(SpreadResult& result);
 
 }  // namespace fit::explain::spread

@@ -9,8 +9,8 @@
 
 namespace {
 
-/// What is said of a wall 1.5 m away whose samples are dust between lidar and wall now and then.
-fit::explain::SpreadResult dusty_wall(double fraction, unsigned seed) {
+/// What is said of a wall 1.5 m away whose samples are dust between lidar and wall now and then, or nothing.
+fit::explain::SpreadResult dusty_wall(double fraction, unsigned seed, double lost = 0) {
   const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 101, "front_step": 50,
     "step_deg": 0.5, "scan_hz": 40}, "targets": [{"name": "wall", "from_mm": [1500, -4000], "to_mm": [1500, 4000],
     "u_mm": 1}], "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 10, "u": 0.2}}}]})");
@@ -22,7 +22,7 @@ fit::explain::SpreadResult dusty_wall(double fraction, unsigned seed) {
     for (std::size_t k = 0; k < range.size(); ++k) {
       const double far = 1500 / std::cos((static_cast<double>(k) - 50) * 0.5 * fit::rad_per_deg);
       const double at = share(random) < fraction ? 60 + share(random) * (far - 60) : far + noise(random);
-      range[k] = static_cast<std::uint16_t>(std::lround(at));
+      range[k] = lost > 0 && share(random) < lost ? 0 : static_cast<std::uint16_t>(std::lround(at));
       intensity[k] = 500;
     }
   });
@@ -51,4 +51,16 @@ TEST_CASE("the fraction of outliers counts those that noise hides, and its uncer
   }
   CHECK(covered >= 52);  // of 60: 57 expected, and less than 52 once in a hundred times
   CHECK(sum / rounds == Approx(truth).margin(0.0002));
+}
+
+TEST_CASE("dust from which nothing comes back is dust, and echoes that go without it are missing") {
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    const fit::explain::SpreadResult few = dusty_wall(0.05, seed, 0.001);
+    REQUIRE(few.accepted.size() == 1);
+    CHECK(few.accepted.front().mechanism->id == "outliers");
+    CHECK(few.unknown.empty());
+    const fit::explain::SpreadResult many = dusty_wall(0.05, seed, 0.01);
+    REQUIRE(many.unknown.size() == 1);
+    CHECK(many.unknown.front().observable == fit::Observable::dropout);
+  }
 }
