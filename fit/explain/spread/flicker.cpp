@@ -12,6 +12,7 @@
 
 #include "fit/explain/spread/other_patterns.hpp"
 #include "fit/explain/spread/questions.hpp"
+#include "fit/explain/spread/regular_patterns.hpp"
 #include "fit/explain/spread/suspects.hpp"
 #include "fit/median.hpp"
 
@@ -442,11 +443,7 @@ void take_off_flicker(Reduced& reduced) {
       const Complex begin = wave * std::polar(1.0, turn * cell.at.since_move_s);
       const double of_mean = (begin * mean).real(),
                    of_squares = (std::norm(begin) + (begin * begin * twice).real()) / 2;
-      cell.mean_mm -= of_mean;
-      if (cell.n > 1)
-        cell.variance_mm2 =
-            std::max(0.1 * cell.variance_mm2,
-                     cell.variance_mm2 - (of_squares - of_mean * of_mean) * cell.n / (cell.n - 1.0));
+      take_off(of_mean, of_squares - of_mean * of_mean, cell);
     }
   }
 }

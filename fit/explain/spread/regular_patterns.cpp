@@ -7,9 +7,7 @@
 #include "fit/explain/spread/suspects.hpp"
 
 namespace fit::explain::spread {
-namespace {
 
-/// Takes off a cell what differs from scan to scan.
 void take_off(double mean_mm, double variance_mm2, Cell& cell) {
   constexpr double least_left = 0.1;
   cell.mean_mm -= mean_mm;
@@ -17,6 +15,8 @@ void take_off(double mean_mm, double variance_mm2, Cell& cell) {
     cell.variance_mm2 =
         std::max(least_left * cell.variance_mm2, cell.variance_mm2 - variance_mm2 * cell.n / (cell.n - 1.0));
 }
+
+namespace {
 
 /// When every scan of a group was taken, seconds after its first.
 std::vector<std::vector<double>> times_of_scans(const Reduced& reduced) {
