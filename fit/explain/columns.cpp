@@ -17,7 +17,7 @@ Eigen::VectorXd effect_column(const MeanModel& model, const Term& term, const st
   Eigen::VectorXd column(model.rows());
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
     const Cell& cell = model.cell(i);
-    column[i] = acts_on(term, cell) ? cell.sight.shift(term.mechanism->act(cell.at, values)) : 0;
+    column[i] = acts_on(term, cell) ? model.shift(i, term.mechanism->act(cell.at, values)) : 0;
     if (!std::isfinite(column[i])) column[i] = 0;
   }
   return column;
@@ -286,7 +286,7 @@ Columns freedom_columns(const MeanModel& model, const Term& term) {
     whole[i] = 0;
     if (!acts_on(term, cell)) continue;
     const Effect e = mechanism.act(cell.at, term.values);
-    whole[i] = cell.sight.shift(e);
+    whole[i] = model.shift(i, e);
     range2 += e.range_mm * e.range_mm;
     beam2 += e.beam_rad * e.beam_rad;
     stage2 += e.stage_rad * e.stage_rad;

@@ -83,6 +83,9 @@ MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise) : reduced_(
       const Cell& cell = reduced.cells[i];
       if (!cell.smooth) continue;
       row_.push_back(i);
+      const Sight& sight = cell.sight;
+      levers_.push_back({sight.beam_lever(), sight.stage_lever(), sight.normal.x() / sight.cos_incidence(),
+                         sight.normal.y() / sight.cos_incidence()});
       const double v = cell.pooled_mm2;
       weights.push_back(
           1 / std::sqrt(noise.factor * v / cell.n + rounding_variance(std::sqrt(v)) + never_mm * never_mm));

@@ -2,37 +2,17 @@
 #include "fit/explain/search/candidates.hpp"
 
 #include <algorithm>
-#include <atomic>
-#include <exception>
+#include <functional>
+#include <numeric>
 #include <optional>
-#include <thread>
 
 #include "fit/explain/odds.hpp"
+#include "fit/explain/search/two_cores.hpp"
 
 namespace fit::explain::search {
 namespace {
 
 constexpr std::size_t rows_of_last_search = 30000;
-
-template <typename Work>
-void on_two_cores(std::size_t count, const Work& work) {
-  std::atomic<std::size_t> next{0};
-  const auto run = [&] {
-    for (std::size_t i = next++; i < count; i = next++) work(i);
-  };
-  std::exception_ptr failed;
-  {
-    const std::jthread other([&] {
-      try {
-        run();
-      } catch (...) {
-        failed = std::current_exception();  // The caller's, as if there were one thread.
-      }
-    });
-    run();
-  }
-  if (failed) std::rethrow_exception(failed);
-}
 
 bool is_known(const Bench& bench, const Term& term) {
   for (const KnownMechanism& known : bench.known) {
@@ -61,6 +41,24 @@ std::vector<Term> terms_to_try(const Bench& bench, const Hypothesis& h, const Te
   return terms;
 }
 
+/// How many places of its shape parameters are looked at: what takes the time.
+int places_of(const Term& term) {
+  int product = 1;
+  for (const Parameter& p : term.mechanism->parameters)
+    if (p.role == Parameter::Role::shape) product *= std::max(2, p.starts);
+  return product;
+}
+
+/// Terms and forms by their numbers, forms behind terms; those first that take longest.
+std::vector<std::size_t> longest_first(const std::vector<Term>& terms, std::size_t forms) {
+  std::vector<int> places(terms.size() + forms, 1);
+  std::ranges::transform(terms, places.begin(), places_of);
+  std::vector<std::size_t> order(places.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::stable_sort(order, std::greater<>(), [&](std::size_t i) { return places[i]; });
+  return order;
+}
+
 }  // namespace
 
 std::vector<Candidate> candidates(Fitting& fitting, const Hypothesis& h, const Asked& asked) {
@@ -80,7 +78,9 @@ std::vector<Candidate> candidates(Fitting& fitting, const Hypothesis& h, const A
     return every && is_comb(*term.mechanism) ? *every : model;
   };
   std::vector<Candidate> list(terms.size() + shapes.size());
-  on_two_cores(list.size(), [&](std::size_t i) {
+  const std::vector<std::size_t> order = longest_first(terms, shapes.size());
+  on_two_cores(list.size(), [&](std::size_t k) {
+    const std::size_t i = order[k];
     if (i >= terms.size())
       list[i] = look(model, shapes[i - terms.size()]);
     else

@@ -27,8 +27,9 @@ std::vector<Hypothesis> best_of(Fitting& fitting, const Hypothesis& h, const std
   if (!fitting.has_patience()) tries = 1;
   for (const Candidate& candidate : list) {
     const bool is_cut = results.size() >= tries || candidate.evidence < list.front().evidence - hopeless;
-    if (!is_cut || has_any_curve(candidate)) results.push_back(fitting.extended(h, candidate));
+    if (!is_cut || has_any_curve(candidate)) results.push_back(with(h, candidate));
   }
+  fitting.fit_all(results);
   std::ranges::sort(results, [](const auto& a, const auto& b) { return a.evidence > b.evidence; });
   return results;
 }
@@ -52,15 +53,12 @@ std::optional<Hypothesis> with_one_more(Fitting& fitting, const Hypothesis& h, c
 
 /// Without what is not worth it beside the rest.
 Hypothesis pruned(Fitting& fitting, Hypothesis h) {
-  for (bool again = true; again && h.terms.size() + h.shapes.size() > 1;) {
-    again = false;
-    const auto take_if_enough = [&](const Hypothesis& less) {
-      if (less.evidence < h.evidence - odds::worth_a_move) return;
-      h = less;
-      again = true;
-    };
-    for (std::size_t t = 0; t < h.terms.size() && !again; ++t) take_if_enough(fitting.without(h, t));
-    for (std::size_t s = 0; s < h.shapes.size() && !again; ++s) take_if_enough(fitting.without_shape(h, s));
+  while (h.terms.size() + h.shapes.size() > 1) {
+    const std::vector<Hypothesis> less = fitting.without_each(h);
+    const auto enough = std::ranges::find_if(
+        less, [&](const Hypothesis& one) { return one.evidence >= h.evidence - odds::worth_a_move; });
+    if (enough == less.end()) break;
+    h = *enough;
   }
   return h;
 }
@@ -68,17 +66,16 @@ Hypothesis pruned(Fitting& fitting, Hypothesis h) {
 /// The best with one mechanism or unnamed function exchanged for another mechanism.
 Hypothesis exchanged(Fitting& fitting, const Hypothesis& h, std::size_t tries) {
   Hypothesis best = h;
+  const std::vector<Hypothesis> less = fitting.without_each(h);
   for (std::size_t t = 0; t < h.terms.size(); ++t) {
-    const Hypothesis less = fitting.without(h, t);
-    const auto list = candidates(fitting, less, {.but = &h.terms[t], .unnamed = false});
-    for (const Hypothesis& other : best_of(fitting, less, list, tries))
+    const auto list = candidates(fitting, less[t], {.but = &h.terms[t], .unnamed = false});
+    for (const Hypothesis& other : best_of(fitting, less[t], list, tries))
       if (other.evidence > best.evidence) best = other;
   }
   // A named mechanism that does what an unnamed function did may make others needless too.
-  for (std::size_t s = 0; s < h.shapes.size(); ++s) {
-    const Hypothesis less = fitting.without_shape(h, s);
-    const auto list = candidates(fitting, less, {.unnamed = false});
-    for (const Hypothesis& other : best_of(fitting, less, list, tries)) {
+  for (std::size_t s = h.terms.size(); s < less.size(); ++s) {
+    const auto list = candidates(fitting, less[s], {.unnamed = false});
+    for (const Hypothesis& other : best_of(fitting, less[s], list, tries)) {
       const Hypothesis fewer = pruned(fitting, other);
       if (fewer.evidence > best.evidence) best = fewer;
     }
@@ -104,9 +101,12 @@ Hypothesis from_unnamed(Fitting& fitting, const Hypothesis& empty) {
   std::vector<Candidate> list = candidates(fitting, empty, {.named = false});
   std::set<const Form*> forms;
   std::erase_if(list, [&](const Candidate& s) { return !forms.insert(s.shape->form).second; });
+  std::vector<Hypothesis> starts;
+  for (const Candidate& candidate : list) starts.push_back(with(empty, candidate));
+  fitting.fit_all(starts);
   Hypothesis best = empty;
-  for (const Candidate& start : list) {
-    const Hypothesis other = climbed(fitting, fitting.extended(empty, start), {});
+  for (const Hypothesis& start : starts) {
+    const Hypothesis other = climbed(fitting, start, {});
     if (says_more(other, best, empty)) best = other;
   }
   return best;
@@ -140,10 +140,10 @@ Hypothesis with_own_curves(Fitting& fitting, const Hypothesis& h) {
   Hypothesis best = h;
   for (std::size_t t = 0; t < h.terms.size(); ++t) {
     if (!h.terms[t].mechanism->any_curve || h.terms[t].bends_freely) continue;
-    for (Hypothesis& own : bent_instead(h, t)) {
-      fitting.fit(own);
+    std::vector<Hypothesis> bent = bent_instead(h, t);
+    fitting.fit_all(bent);
+    for (Hypothesis& own : bent)
       if (own.evidence > best.evidence - preference(own, best)) best = std::move(own);
-    }
   }
   return best;
 }
@@ -154,14 +154,15 @@ Hypothesis from_parts(Fitting& fitting, const Hypothesis& empty, const Hypothesi
   constexpr double good_part = 0.3;
   constexpr std::size_t parts = 3, tries = 3;
   const double gain = best.evidence - empty.evidence;
-  Hypothesis found = best;
-  std::size_t tried = 0;
+  std::vector<Hypothesis> alone;
   for (const Candidate& part : candidates(fitting, empty, {.unnamed = false})) {
-    if (tried == parts || part.evidence < good_part * gain) break;
-    if (best.has(part.term)) continue;
-    ++tried;
-    const auto two =
-        with_one_more(fitting, fitting.extended(empty, part), {.tries = tries, .unnamed = false});
+    if (alone.size() == parts || part.evidence < good_part * gain) break;
+    if (!best.has(part.term)) alone.push_back(with(empty, part));
+  }
+  fitting.fit_all(alone);
+  Hypothesis found = best;
+  for (const Hypothesis& one : alone) {
+    const auto two = with_one_more(fitting, one, {.tries = tries, .unnamed = false});
     if (two && two->evidence > found.evidence + odds::worth_a_move) found = *two;
   }
   return found.evidence > best.evidence ? climbed(fitting, found, {}) : best;

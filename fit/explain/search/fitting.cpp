@@ -7,6 +7,7 @@
 
 #include "fit/explain/odds.hpp"
 #include "fit/explain/sampling.hpp"
+#include "fit/explain/search/two_cores.hpp"
 
 namespace fit::explain::search {
 namespace {
@@ -83,6 +84,14 @@ Hypothesis on_the_way(const Hypothesis& from, const Hypothesis& to, double share
   return between;
 }
 
+Hypothesis less_one(Hypothesis h, std::size_t k) {
+  if (k < h.terms.size())
+    h.terms.erase(h.terms.begin() + static_cast<std::ptrdiff_t>(k));
+  else
+    h.shapes.erase(h.shapes.begin() + static_cast<std::ptrdiff_t>(k - h.terms.size()));
+  return h;
+}
+
 }  // namespace
 
 Fitting::Fitting(Reduced& reduced, MeanNoise noise)
@@ -93,10 +102,9 @@ MeanModel Fitting::placed_model(const Hypothesis& h) {
   return model_of(reduced_, noise_, h);
 }
 
-Fitting::Trial Fitting::tried(const Hypothesis& h) {
-  ++fits_;
-  place(h);
-  MeanModel model(reduced_, noise_);
+Fitting::Trial Fitting::tried(Reduced& reduced, const Hypothesis& h) const {
+  predict_at(reduced, h);
+  MeanModel model(reduced, noise_);
   Base base = base_columns(model, h);
   model.set_base(std::move(base.all.columns_mm), base.all.prior);
   const MeanModel::Posterior posterior = model.posterior();
@@ -113,18 +121,22 @@ Fitting::Trial Fitting::tried(const Hypothesis& h) {
 /// Steps until the evidence has settled. That of the first step is a promise of the linear model around the
 /// values before it, and is not counted. Before a wall that is met squarely, mount and wall turn ranges to
 /// second order only: there a whole step would go back and forth between two sides.
-void Fitting::fit(Hypothesis& h) {
+int Fitting::fit_by(Reduced& reduced, Hypothesis& h) const {
   constexpr int usual_steps = 5, most_steps = 25;
   constexpr double settled = 0.05, least_share = 0.1;
-  Trial now = tried(h);
+  Trial now = tried(reduced, h);
   Hypothesis best = now.next;
   best.evidence = -1e300;
   double share = 1;
-  for (int pass = 1; pass < (share < 1 ? most_steps : usual_steps); ++pass) {
-    Trial then = tried(on_the_way(now.here, now.next, share));
+  int trials = 1;
+  for (; trials < (share < 1 ? most_steps : usual_steps); ++trials) {
+    Trial then = tried(reduced, on_the_way(now.here, now.next, share));
     if (then.density < now.density - settled) {
       share /= 2;
-      if (share < least_share && best.evidence > -1e299) break;
+      if (share < least_share && best.evidence > -1e299) {
+        ++trials;
+        break;
+      }
       if (share >= least_share) continue;
     }
     const double settling = std::abs(then.next.evidence - now.next.evidence);
@@ -134,12 +146,32 @@ void Fitting::fit(Hypothesis& h) {
       best.evidence = now.next.evidence;
       best.density = now.density;
     }
-    if (settling < settled) break;
+    if (settling < settled) {
+      ++trials;
+      break;
+    }
   }
   h = best;
+  return trials;
 }
 
-Hypothesis Fitting::extended(const Hypothesis& h, const Candidate& candidate) {
+void Fitting::fit(Hypothesis& h) { fits_ += fit_by(reduced_, h); }
+
+void Fitting::fit_all(std::vector<Hypothesis>& list) {
+  if (list.empty()) return;
+  if (list.size() == 1) return fit(list.front());
+  // Each core has its own cells, and its own half of the list whichever is faster: how cells were predicted
+  // last is where the next prediction begins.
+  Reduced other = merged(reduced_, std::max<std::size_t>(1, reduced_.cells.size()));
+  const auto half = [&](Reduced& cells, std::size_t first, int& trials) {
+    for (std::size_t i = first; i < list.size(); i += 2) trials += fit_by(cells, list[i]);
+  };
+  int here = 0, there = 0;
+  at_the_same_time([&] { half(reduced_, 0, here); }, [&] { half(other, 1, there); });
+  fits_ += here + there;
+}
+
+Hypothesis with(const Hypothesis& h, const Candidate& candidate) {
   Hypothesis more = h;
   if (candidate.shape) {
     more.shapes.push_back(*candidate.shape);
@@ -148,22 +180,20 @@ Hypothesis Fitting::extended(const Hypothesis& h, const Candidate& candidate) {
     term.sigma.clear();
     more.terms.push_back(term);
   }
-  fit(more);
   return more;
 }
 
-Hypothesis Fitting::without(const Hypothesis& h, std::size_t term) {
-  Hypothesis less = h;
-  less.terms.erase(less.terms.begin() + static_cast<std::ptrdiff_t>(term));
+Hypothesis Fitting::without(const Hypothesis& h, std::size_t k) {
+  Hypothesis less = less_one(h, k);
   fit(less);
   return less;
 }
 
-Hypothesis Fitting::without_shape(const Hypothesis& h, std::size_t shape) {
-  Hypothesis less = h;
-  less.shapes.erase(less.shapes.begin() + static_cast<std::ptrdiff_t>(shape));
-  fit(less);
-  return less;
+std::vector<Hypothesis> Fitting::without_each(const Hypothesis& h) {
+  std::vector<Hypothesis> list;
+  for (std::size_t k = 0; k < h.terms.size() + h.shapes.size(); ++k) list.push_back(less_one(h, k));
+  fit_all(list);
+  return list;
 }
 
 bool Fitting::has_patience() {

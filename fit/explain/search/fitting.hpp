@@ -2,11 +2,15 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "fit/explain/candidate.hpp"
 #include "fit/explain/hypothesis.hpp"
 
 namespace fit::explain::search {
+
+/// A hypothesis with one more mechanism or unnamed function, not fitted.
+[[nodiscard]] Hypothesis with(const Hypothesis& h, const Candidate& more);
 
 /// Fits hypotheses to the means of a session. Its cells are left predicted at the last one.
 class Fitting {
@@ -31,11 +35,12 @@ class Fitting {
 
   /// To its best values, and their evidence.
   void fit(Hypothesis& h);
-  /// The same hypothesis, fitted, with one more mechanism or unnamed function ...
-  [[nodiscard]] Hypothesis extended(const Hypothesis& h, const Candidate& more);
-  /// ... or with one less.
-  [[nodiscard]] Hypothesis without(const Hypothesis& h, std::size_t term);
-  [[nodiscard]] Hypothesis without_shape(const Hypothesis& h, std::size_t shape);
+  /// Every one of them, two at a time. What comes out is the same on any number of cores.
+  void fit_all(std::vector<Hypothesis>& list);
+  /// A hypothesis without the k-th of its mechanisms and unnamed functions, those behind these, fitted ...
+  [[nodiscard]] Hypothesis without(const Hypothesis& h, std::size_t k);
+  /// ... for every k.
+  [[nodiscard]] std::vector<Hypothesis> without_each(const Hypothesis& h);
 
   /// A recording that nothing fits well would be searched for many minutes: whether there were not yet too
   /// many fits for that.
@@ -51,7 +56,9 @@ class Fitting {
     Hypothesis here, next;
     double density = 0;  ///< Log, mount, walls and mechanisms as they stand.
   };
-  [[nodiscard]] Trial tried(const Hypothesis& h);
+  [[nodiscard]] Trial tried(Reduced& reduced, const Hypothesis& h) const;
+  /// Fits by these cells; returns how many trials that took.
+  int fit_by(Reduced& reduced, Hypothesis& h) const;
 
   Reduced& reduced_;
   std::optional<double> stops_apart_deg_;

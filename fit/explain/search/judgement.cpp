@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <set>
 #include <utility>
 
@@ -51,9 +52,9 @@ Rival rival_of(const Hypothesis& best, const Hypothesis& other, bool by_form) {
 
 /// Another explanation that is a mechanism of `best`, or one more, bending along its coordinate as it will.
 /// It pays for every bend that nobody expected; so it is no rival by its evidence, but if it fits as well.
-Rival rival_by_curve(const Hypothesis& best, const Hypothesis& other, const Term& bending) {
+Rival rival_by_curve(const Hypothesis& best, const Hypothesis& other) {
   Rival rival;
-  rival.term = bending;
+  rival.term = other.terms.back();
   rival.behind = best.evidence - other.evidence;
   rival.fits_as_well = adjusted_fit(other) > adjusted_fit(best) - hardly_worse;
   return rival;
@@ -106,8 +107,9 @@ class Judgement {
   bool drops_one(const Blocks& blocks) {
     result_.without.clear();
     result_.after = held_out(fitting_, best_, blocks);
+    const std::vector<Hypothesis> each = fitting_.without_each(best_);
     for (std::size_t t = 0; t < best_.terms.size(); ++t) {
-      const Hypothesis less = fitting_.without(best_, t);
+      const Hypothesis& less = each[t];
       result_.without.push_back(held_out(fitting_, less, blocks));
       if (result_.without.back().log_likelihood < result_.after.log_likelihood && !is_hardly_any(less))
         continue;
@@ -124,8 +126,8 @@ class Judgement {
       }
       return true;
     }
-    for (std::size_t s = 0; s < best_.shapes.size(); ++s) {
-      const Hypothesis less = fitting_.without_shape(best_, s);
+    for (std::size_t s = best_.terms.size(); s < each.size(); ++s) {
+      const Hypothesis& less = each[s];
       if (held_out(fitting_, less, blocks).log_likelihood < result_.after.log_likelihood) continue;
       best_ = less;
       return true;
@@ -136,60 +138,81 @@ class Judgement {
   /// Sets other explanations beside a term. Returns one that is better after all; then the result is not
   /// filled in if it may still change.
   std::optional<Hypothesis> compare_with_rivals(std::size_t term) {
-    constexpr double clearly = 0.5, hopeless = 0.3, far_behind = 6;
+    constexpr double clearly = 0.5;
+    const Term& own = best_.terms[term];
     const Hypothesis less = fitting_.without(best_, term);
+    const std::vector<Candidate> list =
+        candidates(fitting_, less, {.but = &own, .unnamed = best_.shapes.empty()});
+    std::vector<Hypothesis> in_place = in_place_of(own, less, list);
+    const std::size_t as_they_are = in_place.size();
+    std::vector<Hypothesis> free = bending_freely(own, less, list);
+    std::ranges::move(free, std::back_inserter(in_place));
+    fitting_.fit_all(in_place);
     std::vector<Rival> rivals;
     rivals.push_back({{}, {}, best_.evidence - less.evidence});
     std::optional<Hypothesis> better;
-    const std::vector<Candidate> list =
-        candidates(fitting_, less, {.but = &best_.terms[term], .unnamed = best_.shapes.empty()});
-    const double first_evidence = list.empty() ? 0 : list.front().evidence;
-    std::set<const Form*> forms;  // Of every form, the best one.
-    for (const Candidate& candidate : list) {
-      const bool by_form = candidate.shape.has_value();
-      if (by_form && !forms.insert(candidate.shape->form).second) continue;
-      const bool is_hopeless =
-          candidate.evidence < hopeless * first_evidence && candidate.evidence < first_evidence - far_behind;
-      if (rivals.size() > (fitting_.has_patience() ? 7 : 3) || (rivals.size() > 2 && is_hopeless)) break;
-      if (!by_form && is_set_aside(result_, candidate.term)) continue;
-      const Hypothesis other = fitting_.extended(less, candidate);
+    for (std::size_t k = 0; k < as_they_are; ++k) {
+      const Hypothesis& other = in_place[k];
+      const bool by_form = other.shapes.size() > less.shapes.size();
       Rival rival = rival_of(best_, other, by_form);
       if (rival.behind < -clearly && (!better || better->evidence < other.evidence)) better = other;
-      if (by_form && rival.behind > -clearly && says_any_curve_of(best_.terms[term], *rival.shape)) continue;
+      if (by_form && rival.behind > -clearly && says_any_curve_of(own, *rival.shape)) continue;
       if (by_form)
         rival.behind = std::max(std::min(0.0, rival.behind), rival.behind - odds::more_than_forms_show);
       rivals.push_back(rival);
     }
-    for (Rival& rival : bending_freely(best_.terms[term], less, list)) rivals.push_back(std::move(rival));
+    for (std::size_t k = as_they_are; k < in_place.size(); ++k)
+      rivals.push_back(rival_by_curve(best_, in_place[k]));
     std::ranges::sort(rivals, [](const Rival& a, const Rival& b) { return a.behind < b.behind; });
     if (!may_change_ || !better) add(rivals);
     return better;
   }
+  /// Other explanations in place of a term, those that may come near it; of every form the best one.
+  std::vector<Hypothesis> in_place_of(const Term& named, const Hypothesis& less,
+                                      const std::vector<Candidate>& list) {
+    constexpr double hopeless = 0.3, far_behind = 6;
+    const std::size_t most = fitting_.has_patience() ? 7 : 3;
+    std::vector<Hypothesis> others;
+    std::set<const Form*> forms;
+    std::size_t rivals = 0;
+    for (const Candidate& candidate : list) {
+      const bool by_form = candidate.shape.has_value();
+      if (by_form && !forms.insert(candidate.shape->form).second) continue;
+      const double first = list.front().evidence;
+      const bool is_hopeless =
+          candidate.evidence < hopeless * first && candidate.evidence < first - far_behind;
+      if (rivals == most || (rivals > 1 && is_hopeless)) break;
+      if (!by_form && is_set_aside(result_, candidate.term)) continue;
+      rivals += !by_form || !says_any_curve_of(named, *candidate.shape);
+      others.push_back(with(less, candidate));
+    }
+    return others;
+  }
 
   /// What of a term may be the curve of a mechanism of which only the coordinate is certain: one that nobody
   /// named so far, or one that stands beside it. A curve along the term's own coordinate says nothing against
-  /// its formula.
-  std::vector<Rival> bending_freely(const Term& named, const Hypothesis& less,
-                                    const std::vector<Candidate>& list) {
+  /// its formula. What bends is the last of the terms.
+  std::vector<Hypothesis> bending_freely(const Term& named, const Hypothesis& less,
+                                         const std::vector<Candidate>& list) {
     const auto is_another = [&](const Mechanism& m) {
       return m.any_curve && m.coordinate != named.mechanism->coordinate;
     };
-    std::vector<Rival> rivals;
-    for (Candidate candidate : list) {
+    std::vector<Hypothesis> others;
+    for (const Candidate& candidate : list) {
       if (candidate.shape || !is_another(*candidate.term.mechanism) || is_set_aside(result_, candidate.term))
         continue;
-      candidate.term.bends_freely = true;
-      const Hypothesis other = fitting_.extended(less, candidate);
-      rivals.push_back(rival_by_curve(best_, other, other.terms.back()));
+      others.push_back(with(less, candidate));
+      others.back().terms.back().bends_freely = true;
     }
     for (std::size_t t = 0; t < less.terms.size(); ++t) {
       if (!is_another(*less.terms[t].mechanism) || less.terms[t].bends_freely) continue;
-      Hypothesis other = less;
-      other.terms[t].bends_freely = true;
-      fitting_.fit(other);
-      rivals.push_back(rival_by_curve(best_, other, other.terms[t]));
+      others.push_back(less);
+      auto& terms = others.back().terms;
+      std::rotate(terms.begin() + static_cast<std::ptrdiff_t>(t),
+                  terms.begin() + static_cast<std::ptrdiff_t>(t) + 1, terms.end());
+      terms.back().bends_freely = true;
     }
-    return rivals;
+    return others;
   }
 
   void add(const std::vector<Rival>& rivals) {

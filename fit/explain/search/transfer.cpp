@@ -45,9 +45,7 @@ std::optional<Hypothesis> without_least_confirmed(Fitting& fitting, const Hypoth
   const std::vector<double> now = unseen(fitting, h);
   std::optional<Hypothesis> better;
   double least = 0;
-  for (std::size_t k = 0; k < h.terms.size() + h.shapes.size(); ++k) {
-    const Hypothesis less =
-        k < h.terms.size() ? fitting.without(h, k) : fitting.without_shape(h, k - h.terms.size());
+  for (const Hypothesis& less : fitting.without_each(h)) {
     const Support support = support_of(now, unseen(fitting, less));
     if (support.is_enough() || (better && support.score() > least)) continue;
     least = support.score();
