@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "fit/explain/search/aliases.hpp"
+#include "fit/explain/search/candidates.hpp"
 #include "fit/explain/search/climbing.hpp"
 #include "fit/explain/search/figures.hpp"
 #include "fit/explain/search/judgement.hpp"
@@ -15,7 +16,7 @@ namespace {
 
 using namespace search;
 
-constexpr std::size_t rows_of_search = 6000, rows_of_judgement = 120000;
+constexpr std::size_t rows_of_search = 6000, rows_of_judgement = 40000, most_rows = 120000;
 
 /// The best hypothesis of a session, or of fewer cells of it if it is large.
 Hypothesis found(Fitting& fitting, const Hypothesis& empty, const Progress& progress) {
@@ -42,7 +43,8 @@ void decide(Fitting& fitting, Hypothesis& best, MeanResult& result) {
 void decide_by_enough(Fitting& fitting, Hypothesis& best, MeanResult& result) {
   if (!fitting.is_larger_than(rows_of_search)) return judge(fitting, best, result);
   if (!fitting.is_larger_than(rows_of_judgement)) return decide(fitting, best, result);
-  // So many cells say the same as fewer of them taken together; only the figures are of all.
+  // So many cells say the same as fewer of them taken together, but for fine combs; the figures are of all.
+  if (!fitting.is_larger_than(most_rows) && shows_a_comb(fitting, best)) return decide(fitting, best, result);
   fitting.place(best);
   Reduced some = merged(fitting.reduced(), rows_of_judgement);
   Fitting fewer(some, fitting.noise());

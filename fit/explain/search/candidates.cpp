@@ -91,4 +91,13 @@ std::vector<Candidate> candidates(Fitting& fitting, const Hypothesis& h, const A
   return list;
 }
 
+bool shows_a_comb(Fitting& fitting, const Hypothesis& h) {
+  if (std::ranges::any_of(h.terms, [](const Term& term) { return is_comb(*term.mechanism); })) return true;
+  const MeanModel model = fitting.placed_model(h);
+  return std::ranges::any_of(terms_to_try(fitting.bench(), h, nullptr), [&](const Term& term) {
+    return is_comb(*term.mechanism) &&
+           look(model, term, fitting.stops_apart_deg()).evidence > odds::worth_fitting;
+  });
+}
+
 }  // namespace fit::explain::search

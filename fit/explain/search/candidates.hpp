@@ -17,4 +17,7 @@ struct Asked {
 /// Whatever explains more together with `h`, looked at one by one and not fitted; the best first.
 [[nodiscard]] std::vector<Candidate> candidates(Fitting& fitting, const Hypothesis& h, const Asked& asked);
 
+/// Whether a comb may explain more together with `h`, or is part of it: then cells must not be taken together.
+[[nodiscard]] bool shows_a_comb(Fitting& fitting, const Hypothesis& h);
+
 }  // namespace fit::explain::search
