@@ -19,8 +19,9 @@ constexpr double worth_a_name_beside_a_place = 2;  // ... of a step, or a period
 /// How much less a name is trusted than preferred. Of 140 sessions of one cause, of the catalogue or not,
 /// names less than 5 ahead of an unnamed form were right in 8 of 14, and all others in 83 of 83.
 constexpr double more_than_forms_show = 2.8;
-constexpr double close_behind = 3.5;  // within this suspects are not told apart
-constexpr double strained = 4.5;      // log of the odds at which stated uncertainties are not believed
+constexpr double close_behind = 3.5;   // within this suspects are not told apart
+constexpr double strained = 4.5;       // log of the odds at which stated uncertainties are not believed
+constexpr double worth_a_noise = 1.3;  // variances and correlations are asked more questions than means
 constexpr double worth_a_first_name = 0.5, worth_a_first_form = -1, worth_a_move = 1.5, worth_fitting = -2;
 
 /// How far out of the ordinary a size is: catalogues' orders of magnitude may be wrong, but not by anything.

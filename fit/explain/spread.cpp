@@ -36,7 +36,7 @@ SpreadResult explain_spread(const Reduced& reduced) {
   spread::scan_numbers(scans, result);
   const bool has_unknown_pattern = result.unknown.size() > unknown_before;
   const bool is_regular = has_unknown_pattern || spread::is_accepted(result, spread::ids::facet_wobble);
-  if (!has_unknown_pattern) spread::common_noise(scans, reduced.groups, result);
+  if (!has_unknown_pattern) spread::common_noise(scans, reduced, result);
   const double worth_of_sample = is_regular ? 1 : spread::memory(reduced.groups, result);
   if (spread::flickers(result) || is_regular || spread::is_accepted(result, spread::ids::settling)) {
     Reduced rest = reduced;

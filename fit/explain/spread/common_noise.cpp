@@ -182,8 +182,10 @@ double evidence_of_common_noise(const std::vector<Scan>& scans) {
   return gain - 2 * price_of_size(gain);
 }
 
-void common_noise(const std::vector<Scan>& scans, const std::vector<Group>& groups, SpreadResult& result) {
-  if (scans.size() < 10) return;
+void common_noise(const std::vector<Scan>& as_counted, const Reduced& reduced, SpreadResult& result) {
+  if (as_counted.size() < 10) return;
+  const std::vector<Group>& groups = reduced.groups;
+  const std::vector<Scan> scans = by_noise_of_beams(as_counted, reduced);
   const MostLikely found = most_likely(scans);
   const double range_mm2 = found.both.range_mm2, angle_rad2 = found.both.angle_rad2;
   Suspect jitter = suspected(ids::angle_jitter);
@@ -202,7 +204,7 @@ void common_noise(const std::vector<Scan>& scans, const std::vector<Group>& grou
   wander.evidence = wander.gain - price_of_size(wander.gain);
   if (range_mm2 > 0 && wander.evidence > accept_at) {
     wander.held_out_gain = held_out_gain(scans, unseen_gain_of_range, &Scan::capture);
-    const MemoryOfScans memory(scans);
+    const MemoryOfScans memory(as_counted);
     const double rho = memory.rho();
     double sigma2 = 0;
     for (const Group& group : groups) sigma2 = std::max(sigma2, group.sigma_mm * group.sigma_mm);

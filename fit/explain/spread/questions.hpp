@@ -36,7 +36,7 @@ void scan_numbers(std::vector<Scan>& scans, SpreadResult& result);
 
 /// What random range and angle has a whole scan in common? Adds `angle-jitter` and `correlated-noise`, and
 /// their variances, by scan and by group, to the noise.
-void common_noise(const std::vector<Scan>& scans, const std::vector<Group>& groups, SpreadResult& result);
+void common_noise(const std::vector<Scan>& scans, const Reduced& reduced, SpreadResult& result);
 
 /// Does a beam's noise remember earlier scans? Adds `correlated-noise`, and the factor to the noise. Returns
 /// what a sample says of a variance in units of what one without memory says.

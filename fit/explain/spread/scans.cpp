@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/spread/scans.hpp"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <map>
+#include <optional>
 
 namespace fit::explain::spread {
 namespace {
@@ -16,6 +18,25 @@ double own_variance(const Group& group) {
   if (group.scans >= weighted_from_scans || news < 200) return typical;
   return std::clamp(group.lagged[0] / news, 0.9 * typical, 1.2 * typical);
 }
+
+/// Information of one scan of a group, of so many beams, and how much its score scatters.
+struct Uneven {
+  Eigen::Matrix2d information = Eigen::Matrix2d::Zero(), scatter = Eigen::Matrix2d::Zero();
+
+  Uneven(const Reduced& reduced, const Group& group) {
+    const double precision = 1 / own_variance(group);
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+      const Cell& cell = reduced.cells[i];
+      if (!cell.smooth || cell.stray > 0 || cell.n < 2) continue;
+      const Eigen::Vector2d lever(1, cell.sight.stage_lever());
+      information += precision * lever * lever.transpose();
+      scatter += precision * precision * cell.variance_mm2 * lever * lever.transpose();
+    }
+  }
+  [[nodiscard]] bool is_known() const {
+    return scatter.determinant() > 1e-6 * scatter(0, 0) * scatter(1, 1);  // no angle shows in equal levers
+  }
+};
 
 }  // namespace
 
@@ -46,6 +67,26 @@ std::vector<Scan> scans_of(const std::vector<Group>& groups, const std::vector<S
   for (const Scan& s : scans) last[s.capture] = std::max(last[s.capture], s.seq);
   for (Scan& s : scans)
     s.through_capture = static_cast<double>(s.seq + 1) / static_cast<double>(last[s.capture] + 1);
+  return scans;
+}
+
+std::vector<Scan> by_noise_of_beams(std::vector<Scan> scans, const Reduced& reduced) {
+  std::optional<Uneven> uneven;
+  int group = -1;
+  for (Scan& s : scans) {
+    if (s.scans >= weighted_from_scans) continue;
+    if (s.group != group) {
+      group = s.group;
+      uneven.emplace(reduced, reduced.groups[static_cast<std::size_t>(group)]);
+    }
+    if (!uneven->is_known()) continue;
+    // The score has the covariance S, where I is expected: I S^-1 times the score has I S^-1 I, as
+    // information should be, and tells of the same range and angle.
+    const double beams = s.information(0, 0) / uneven->information(0, 0);
+    const Eigen::Matrix2d bread = s.information * (beams * uneven->scatter).inverse();
+    s.score = bread * s.score;
+    s.information = bread * s.information;
+  }
   return scans;
 }
 

@@ -34,6 +34,11 @@ struct Scan {
 [[nodiscard]] std::vector<Scan> scans_of(const std::vector<Group>& groups,
                                          const std::vector<Sector>& sectors);
 
+/// The same scans, weighed with what their beams scatter by, each for itself. Where noise differs from beam to
+/// beam, a score scatters more than information says that supposes one noise for all (a "sandwich": White
+/// 1980). Captures of many scans are weighed so already.
+[[nodiscard]] std::vector<Scan> by_noise_of_beams(std::vector<Scan> scans, const Reduced& reduced);
+
 /// How scans are counted: from 0 in every capture, through the recording, or with the mirror through the time
 /// between captures as well.
 using Numbering = std::int64_t Scan::*;
