@@ -259,14 +259,36 @@ static Columns bends(const MeanModel& model, const Term& term, const Eigen::Vect
   return c;
 }
 
+/// Before its first move a stage rests anywhere within its play; one column, if it came from either side
+/// afterwards.
+static Columns place_in_play(const MeanModel& model, const Term& term) {
+  Columns c;
+  Eigen::VectorXd column = Eigen::VectorXd::Zero(model.rows());
+  bool forward = false, backward = false, unknown = false;
+  for (Eigen::Index i = 0; i < model.rows(); ++i) {
+    const Cell& cell = model.cell(i);
+    forward = forward || cell.at.approach > 0;
+    backward = backward || cell.at.approach < 0;
+    if (cell.at.approach != 0) continue;
+    unknown = true;
+    Circumstances at = cell.at;
+    at.approach = 1;
+    column[i] = model.shift(i, term.mechanism->act(at, term.values));
+  }
+  if (!forward || !backward || !unknown) return c;
+  c.columns_mm = column;
+  c.prior.mean = Eigen::VectorXd::Zero(1);
+  c.prior.sigma = Eigen::VectorXd::Constant(1, 1 / std::sqrt(3.0));  // anywhere, from one side to the other
+  return c;
+}
+
 Columns freedom_columns(const MeanModel& model, const Term& term) {
   Columns c;
   const Mechanism& mechanism = *term.mechanism;
   const double formula_error = mechanism.formula_error;
-  if (formula_error <= 0) return c;
   const Coordinate coordinate = mechanism.coordinate;
-  if (coordinate == Coordinate::approach || mechanism.one_target || coordinate == Coordinate::stage_rate)
-    return c;
+  if (coordinate == Coordinate::approach) return place_in_play(model, term);
+  if (formula_error <= 0 || mechanism.one_target || coordinate == Coordinate::stage_rate) return c;
   const bool corner = coordinate == Coordinate::target;
   if (mechanism.parameters.size() == 1 && corner) return c;  // an offset has no shape
   const Eigen::Index n = model.rows();

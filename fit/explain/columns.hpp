@@ -54,6 +54,7 @@ void set_coefficients(Term& term, const Eigen::VectorXd& values, const Eigen::Ma
 /// Derivatives by the shape parameters, in the unit in which they are searched (logarithm or value).
 [[nodiscard]] Columns shape_columns(const MeanModel& model, const Term& term);
 /// A smooth correction of a few per cent on the term's own coordinate: real causes only resemble formulas.
+/// Of play, where in it the stage stood before its first move.
 [[nodiscard]] Columns freedom_columns(const MeanModel& model, const Term& term);
 /// A row's coordinate, file unit; not finite where it has none.
 [[nodiscard]] double coordinate_at(const MeanModel& model, Coordinate coordinate, Eigen::Index row);

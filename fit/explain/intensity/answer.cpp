@@ -86,6 +86,31 @@ void tell_mechanism(const Readings& readings, const std::vector<Suspicion>& acce
   found.says = s.mechanism->says(finding);
 }
 
+/// How far the farthest of its coefficients is from what the file states, in the file's uncertainties.
+double away_from_claim(const Readings& readings, const FittedLaw& fitted, const Suspicion& s) {
+  double away = 0;
+  for (const int k : s.coefficients) {
+    const auto c = static_cast<std::size_t>(k);
+    const double u = std::max(1e-9, readings.claim.u[c]);
+    away = std::max(away, std::abs(fitted.law.value[c] - readings.claim.law.value[c]) / u);
+  }
+  return away;
+}
+
+std::string evidence_for(const Readings& readings, const Judgement& judgement, const Judged& judged,
+                         const FittedLaw& fitted) {
+  const std::string after = per_cent(judgement.after.rms);
+  if (judged.contradicts_the_file && !judged.is_confirmed())
+    return "The readings put it " + rounded(away_from_claim(readings, fitted, judged.suspicion), 2) +
+           " of the bench file's standard uncertainties away from what the file states. They are predicted "
+           "no "
+           "better with it (to " +
+           after + "), because every fit follows them that far.";
+  return "Intensities of captures it was not fitted to scatter by " + per_cent(judged.rms_without) +
+         " around their prediction without it, and by " + after + " with it; it makes these e^" +
+         rounded(judged.gain, 2) + " times more probable.";
+}
+
 Found found_of(const Readings& readings, const Judgement& judgement, std::size_t t, const FittedLaw& fitted) {
   const Judged& judged = judgement.judged[t];
   const Suspicion& s = judged.suspicion;
@@ -99,9 +124,7 @@ Found found_of(const Readings& readings, const Judgement& judgement, std::size_t
     tell_coefficients(readings, fitted, s, found);
   else
     tell_mechanism(readings, judgement.accepted, t, fitted, found);
-  found.evidence = "Intensities of captures it was not fitted to scatter by " + per_cent(judged.rms_without) +
-                   " around their prediction without it, and by " + per_cent(judgement.after.rms) +
-                   " with it; it makes these e^" + rounded(judged.gain, 2) + " times more probable.";
+  found.evidence = evidence_for(readings, judgement, judged, fitted);
   return found;
 }
 

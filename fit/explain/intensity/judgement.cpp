@@ -19,12 +19,18 @@ Model::HeldOut held_out(const Readings& readings, const std::vector<Suspicion>& 
   return model_of(readings, accepted).held_out(readings.part, held_out_parts);
 }
 
+/// Readings may need no more than what the bench file states to be predicted, and still say that it cannot be
+/// true: coefficients follow them a long way from there.
+bool contradicts_the_file(const Suspicion& s) {
+  return !s.coefficients.empty() && s.evidence > odds::strained;
+}
+
 /// Drops the first that the readings held out do not confirm; false when they confirm all.
 bool drop_one(const Readings& readings, std::vector<Suspicion>& accepted) {
   const double all = held_out(readings, accepted).log_likelihood;
   for (std::size_t t = 0; t < accepted.size(); ++t) {
     const double rest = held_out(readings, without(accepted, t)).log_likelihood;
-    if (all - rest > confirmed_by) continue;
+    if (all - rest > confirmed_by || contradicts_the_file(accepted[t])) continue;
     accepted = without(accepted, t);
     settle(readings, accepted);
     return true;
@@ -57,6 +63,8 @@ void compare(const std::vector<Suspicion>& suspects, bool alone, Judged& judged)
 
 }  // namespace
 
+bool Judged::is_confirmed() const { return gain > confirmed_by; }
+
 bool Judged::is_found() const { return !unknown && rivals.empty() && probability >= worth_telling; }
 
 Judgement judge(const Readings& readings, std::vector<Suspicion> accepted) {
@@ -70,6 +78,7 @@ Judgement judge(const Readings& readings, std::vector<Suspicion> accepted) {
     const Model::HeldOut held = held_out(readings, others);
     Judged judged;
     judged.suspicion = judgement.accepted[t];
+    judged.contradicts_the_file = contradicts_the_file(judged.suspicion);
     judged.gain = judgement.after.log_likelihood - held.log_likelihood;
     judged.rms_without = held.rms;
     compare(suspects(readings, others), others.empty(), judged);
