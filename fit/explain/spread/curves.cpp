@@ -5,7 +5,12 @@
 #include <cmath>
 #include <numeric>
 
+#include "fit/explain/spread/ids.hpp"
+#include "fit/explain/spread/suspects.hpp"
+
 namespace fit::explain::spread {
+
+namespace {
 
 bool have_place_on(Coordinate coordinate) {
   switch (coordinate) {
@@ -19,6 +24,47 @@ bool have_place_on(Coordinate coordinate) {
     default:
       return false;
   }
+}
+
+Coordinate drawn_along(const Suspect& noise) {
+  return is(noise, ids::angle_jitter)          ? Coordinate::incidence
+         : is_constant_noise(*noise.mechanism) ? Coordinate::beam
+                                               : noise.mechanism->coordinate;
+}
+
+/// Calls `visit(observable, coordinate)` for whatever is found.
+template <typename Visit>
+void for_each_found(const SpreadResult& result, const Visit& visit) {
+  const auto take = [&](const Suspect& s) {
+    if (s.mechanism) visit(s.mechanism->observable, drawn_along(s));
+  };
+  for (const Suspect& s : result.accepted) take(s);
+  for (const auto& set : result.undecided)
+    for (const Suspect& s : set) take(s);
+  for (const Unexplained& u : result.unknown) visit(u.observable, u.coordinate);
+}
+
+}  // namespace
+
+std::set<Coordinate> coordinates_of_noise(const SpreadResult& result) {
+  std::set<Coordinate> coordinates;
+  for_each_found(result, [&](Observable observable, Coordinate coordinate) {
+    if (observable == Observable::range_variance && have_place_on(coordinate)) coordinates.insert(coordinate);
+  });
+  return coordinates;
+}
+
+void drop_curves_of_nothing(SpreadResult& result) {
+  const std::set<Coordinate> noise = coordinates_of_noise(result);
+  bool memory = false;
+  for_each_found(result, [&](Observable observable, Coordinate) {
+    memory = memory || observable == Observable::time_correlation;
+  });
+  std::erase_if(result.curves, [&](const SpreadCurve& curve) {
+    if (curve.observable == Observable::time_correlation) return !memory;
+    return curve.observable == Observable::range_variance && have_place_on(curve.coordinate) &&
+           !noise.contains(curve.coordinate);
+  });
 }
 
 SpreadCurve scatter_along(const VarianceModel& model, Coordinate coordinate,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <set>
 #include <vector>
 
 #include "fit/explain/spread.hpp"
@@ -8,8 +9,12 @@
 
 namespace fit::explain::spread {
 
-/// Whether pools have a place on that coordinate.
-[[nodiscard]] bool have_place_on(Coordinate coordinate);
+/// What the scatter of samples is drawn along: the coordinates of what was found about it, as far as pools
+/// have a place on them.
+[[nodiscard]] std::set<Coordinate> coordinates_of_noise(const SpreadResult& result);
+
+/// Takes pictures of noise and of memory away that show nothing which is found any more.
+void drop_curves_of_nothing(SpreadResult& result);
 
 /// Standard deviation of a sample along a coordinate, mm. `before`, `after`: variances of the model's pools
 /// as simulated and as explained, mm^2.

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fit/explain/spread/curves.hpp"
+
 namespace fit::explain::spread {
 
 Suspect suspected(const char* id) {
@@ -49,6 +51,7 @@ void distrust_noise(double least_gain_of_noise, double least_gain_of_memory, Spr
   };
   std::erase_if(result.accepted, is_small);
   std::erase_if(result.undecided, [&](const auto& set) { return std::ranges::any_of(set, is_small); });
+  drop_curves_of_nothing(result);
 }
 
 double price_of_size(double gain) { return 0.5 * std::log(1 + 2 * std::max(0.0, gain)) + 0.7; }

@@ -341,27 +341,14 @@ class VarianceSearch {
 
   /// The scatter of samples along the coordinates of what was found.
   void draw(SpreadResult& result) const {
-    std::set<Coordinate> coordinates;
-    const auto add = [&](const Suspect& s) {
-      if (!s.mechanism || s.mechanism->observable != Observable::range_variance) return;
-      coordinates.insert(is(s, ids::angle_jitter) ? Coordinate::incidence
-                         : is(s, constant_noise)  ? Coordinate::beam
-                                                  : s.mechanism->coordinate);
-    };
-    for (const Suspect& s : result.accepted) add(s);
-    for (const auto& set : result.undecided)
-      for (const Suspect& s : set) add(s);
-    for (const Unexplained& u : result.unknown)
-      if (u.observable == Observable::range_variance) coordinates.insert(u.coordinate);
     Parts places;
     places.columns.assign(parts_.columns.begin(),
                           parts_.columns.begin() + static_cast<std::ptrdiff_t>(parts_.places));
     places.places = parts_.places;
     const std::vector<double> before = model_.variances(places, model_.fit(places)),
                               after = model_.variances(parts_, base_);
-    for (const Coordinate coordinate : coordinates)
-      if (have_place_on(coordinate))
-        result.curves.push_back(scatter_along(model_, coordinate, before, after));
+    for (const Coordinate coordinate : coordinates_of_noise(result))
+      result.curves.push_back(scatter_along(model_, coordinate, before, after));
   }
 
   /// Beams may scatter on their own beside what a scan has in common: the spread of samples shows both.

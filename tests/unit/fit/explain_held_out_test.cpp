@@ -10,6 +10,7 @@
 #include "fit/explain/reduce.hpp"
 #include "fit/explain/spread.hpp"
 #include "fit/explain/spread/losses/counts.hpp"
+#include "fit/explain/spread/suspects.hpp"
 #include "fit/explain/spread/unseen.hpp"
 #include "fit/explain/spread/variance_model.hpp"
 #include "synthetic_recording.hpp"
@@ -165,4 +166,25 @@ TEST_CASE("echoes that are missing are all drawn, the weak ones finely") {
   CHECK(std::ranges::count_if(curve.at, [](double at) { return at < 80; }) >= 5);
   for (std::size_t i = 0; i < curve.at.size(); ++i)
     CHECK(std::abs(curve.recorded[i] - curve.after[i]) < 5 * curve.sigma[i]);
+}
+
+TEST_CASE("a picture goes when the noise that it shows is not believed any more") {
+  using fit::explain::SpreadResult;
+  SpreadResult result;
+  for (const char* id : {"range-noise", "sunlight"}) {
+    fit::explain::Suspect noise = fit::explain::spread::suspected(id);
+    noise.gain = id == std::string("sunlight") ? 50 : 5;
+    result.accepted.push_back(noise);
+    fit::explain::SpreadCurve curve;
+    curve.observable = noise.mechanism->observable;
+    curve.coordinate = noise.mechanism->coordinate;
+    result.curves.push_back(curve);
+  }
+  fit::explain::SpreadCurve swing;
+  swing.observable = fit::Observable::range_mean;
+  result.curves.push_back(swing);
+  fit::explain::spread::distrust_noise(10, 10, result);
+  REQUIRE(result.curves.size() == 2);
+  CHECK(result.curves.front().coordinate == fit::Coordinate::beam);
+  CHECK(result.curves.back().observable == fit::Observable::range_mean);
 }
