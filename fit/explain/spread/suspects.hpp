@@ -11,8 +11,9 @@
 /// What all questions about the spread have in common: when a suspect is accepted, and what its size costs.
 namespace fit::explain::spread {
 
-// Log Bayes factors. Of 200 recordings with nothing missing three came to 2.9, and one, of six scans a capture,
-// farther; of noise that 50 recordings held, at a signal of 6 to 40 times its noise, one had less than 4.
+// Log Bayes factors. Of 200 recordings with nothing missing three came to 2.9, and one, of six scans a
+// capture, farther; of noise that 50 recordings held, at a signal of 6 to 40 times its noise, one had less
+// than 4.
 constexpr double accept_at = odds::against_any + odds::worth_a_noise;
 constexpr double accept_rare_at = 5.5;  // ... where single samples decide, whose odds are less certain
 
