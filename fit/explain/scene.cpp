@@ -9,7 +9,7 @@ namespace fit::explain {
 namespace {
 
 constexpr double joined_within_mm = 5;   // ends of targets closer than this form a corner
-constexpr double joined_reach_mm = 150;  // how far past a corner a wall may be met
+constexpr double joined_reach_mm = 150;  // how far past a corner a wall may be met, at least
 constexpr double nearest_echo_mm = 1;
 
 Eigen::Vector2d turned(const Eigen::Vector2d& v, double angle) {
@@ -110,6 +110,7 @@ Scene::Scene(const Bench& bench, const Nuisance& nuisance, const CaptureInfo& ca
     s.to = s.middle + s.half_mm * s.along;
     s.reflectance = reflectance_in(capture, target);
     s.absent = absent.contains(static_cast<int>(i));
+    s.moved_mm = std::abs(nuisance.offset_mm[i]) + s.half_mm * std::abs(nuisance.turn_rad[i]);
     s.corner_from_mm = -s.half_mm;
     s.corner_to_mm = s.half_mm;
     if (!moved) {
@@ -130,7 +131,13 @@ double Scene::corner(const Segment& own, int joined, double stated_mm) const {
   const double slope = own.along.dot(other.outward);
   if (std::abs(slope) < 0.1) return stated_mm;
   const double at = (other.middle - own.middle).dot(other.outward) / slope;
-  return std::abs(at - stated_mm) < joined_reach_mm ? at : stated_mm;
+  return std::abs(at - stated_mm) < reach_past_mm(joined) ? at : stated_mm;
+}
+
+double Scene::reach_past_mm(int joined) const {
+  constexpr double slanted_corner = 1.5;  // walls need not meet at right angles
+  if (joined < 0) return 0;
+  return std::max(joined_reach_mm, slanted_corner * segments_[static_cast<std::size_t>(joined)].moved_mm);
 }
 
 Sight Scene::aim(double stage_rad, double beam_rad, const Effect& effect) const {
@@ -177,8 +184,7 @@ Sight Scene::look(double stage_rad, double beam_rad, const Effect& effect) const
     if (s.absent) continue;
     Sight sight = best;
     if (!meet(i, sight) || sight.range_mm >= nearest) continue;
-    const double below = s.joined_from >= 0 ? joined_reach_mm : 0,
-                 above = s.joined_to >= 0 ? joined_reach_mm : 0;
+    const double below = reach_past_mm(s.joined_from), above = reach_past_mm(s.joined_to);
     if (sight.along_mm < -s.half_mm - below || sight.along_mm > s.half_mm + above) continue;
     nearest = sight.range_mm;
     best = sight;

@@ -95,11 +95,14 @@ class Scene {
     double half_mm, reflectance;
     int joined_from = -1, joined_to = -1;  ///< The target that its end meets; -1: none.
     double corner_from_mm, corner_to_mm;   ///< Where it meets them, along from its middle.
+    double moved_mm;  ///< How far its ends are from where the bench file has them, at most.
     bool absent;
   };
   [[nodiscard]] Sight aim(double stage_rad, double beam_rad, const Effect& effect) const;
   /// Fills in where the beam meets that segment's plane; false if it does not.
   [[nodiscard]] bool meet(std::size_t segment, Sight& sight) const;
+  /// How far past a corner with that target, -1: none, a segment may be met.
+  [[nodiscard]] double reach_past_mm(int joined) const;
   /// Where a segment meets the one that it is joined to, along from its middle, as both stand.
   [[nodiscard]] double corner(const Segment& own, int joined, double stated_mm) const;
   static void finish(Sight& sight);
