@@ -100,12 +100,10 @@ double away_from_claim(const Readings& readings, const FittedLaw& fitted, const 
 std::string evidence_for(const Readings& readings, const Judgement& judgement, const Judged& judged,
                          const FittedLaw& fitted) {
   const std::string after = per_cent(judgement.after.rms);
-  if (judged.contradicts_the_file && !judged.is_confirmed())
+  if (!judged.is_confirmed())
     return "The readings put it " + rounded(away_from_claim(readings, fitted, judged.suspicion), 2) +
-           " of the bench file's standard uncertainties away from what the file states. They are predicted "
-           "no "
-           "better with it (to " +
-           after + "), because every fit follows them that far.";
+           " of the bench file's standard uncertainties away from what the file states. They are predicted " +
+           "no better with it (to " + after + "), because every fit follows them that far.";
   return "Intensities of captures it was not fitted to scatter by " + per_cent(judged.rms_without) +
          " around their prediction without it, and by " + after + " with it; it makes these e^" +
          rounded(judged.gain, 2) + " times more probable.";

@@ -78,7 +78,6 @@ Judgement judge(const Readings& readings, std::vector<Suspicion> accepted) {
     const Model::HeldOut held = held_out(readings, others);
     Judged judged;
     judged.suspicion = judgement.accepted[t];
-    judged.contradicts_the_file = contradicts_the_file(judged.suspicion);
     judged.gain = judgement.after.log_likelihood - held.log_likelihood;
     judged.rms_without = held.rms;
     compare(suspects(readings, others), others.empty(), judged);

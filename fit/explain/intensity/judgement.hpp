@@ -11,12 +11,11 @@ struct Judged {
   Suspicion suspicion;
   std::vector<Suspicion> rivals;  ///< With a name, and close behind.
   double probability = 0;
-  double gain = 0;                    ///< Of the log-likelihood of readings that it was not fitted to.
-  double rms_without = 0;             ///< How these scatter around their prediction without it, relative.
-  bool unknown = false;               ///< Without a name, or beaten by something without one.
-  bool contradicts_the_file = false;  ///< Far from what is stated, however well that predicts.
+  double gain = 0;         ///< Of the log-likelihood of readings that it was not fitted to.
+  double rms_without = 0;  ///< How these scatter around their prediction without it, relative.
+  bool unknown = false;    ///< Without a name, or beaten by something without one.
 
-  /// By readings that it was not fitted to.
+  /// By readings that it was not fitted to. What is not contradicts the bench file, or would not be here.
   [[nodiscard]] bool is_confirmed() const;
   /// Told by its name.
   [[nodiscard]] bool is_found() const;

@@ -34,8 +34,6 @@ Common common_of(const Sector& whole) {
   return {whole.w > 3 ? whole.wd / whole.w : 0, 0};
 }
 
-bool tells_of_scans(const Cell& cell) { return cell.smooth && cell.stray == 0; }
-
 /// One group's scans, one after the other.
 class WholeScans {
  public:
@@ -122,6 +120,8 @@ class WholeScans {
 };
 
 }  // namespace
+
+bool tells_of_scans(const Cell& cell) { return cell.smooth && cell.stray == 0; }
 
 void look_at_scans(const Samples& samples, const std::vector<int>& cell_of_beam, Group& group,
                    Reduced& session) {

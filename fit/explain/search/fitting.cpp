@@ -124,19 +124,20 @@ Fitting::Trial Fitting::tried(Reduced& reduced, const Hypothesis& h) const {
 int Fitting::fit_by(Reduced& reduced, Hypothesis& h) const {
   constexpr int usual_steps = 5, most_steps = 25;
   constexpr double settled = 0.05, least_share = 0.1;
-  Trial now = tried(reduced, h);
+  int trials = 0;
+  const auto try_at = [&](const Hypothesis& there) {
+    ++trials;
+    return tried(reduced, there);
+  };
+  Trial now = try_at(h);
   Hypothesis best = now.next;
   best.evidence = -1e300;
   double share = 1;
-  int trials = 1;
-  for (; trials < (share < 1 ? most_steps : usual_steps); ++trials) {
-    Trial then = tried(reduced, on_the_way(now.here, now.next, share));
+  while (trials < (share < 1 ? most_steps : usual_steps)) {
+    Trial then = try_at(on_the_way(now.here, now.next, share));
     if (then.density < now.density - settled) {
       share /= 2;
-      if (share < least_share && best.evidence > -1e299) {
-        ++trials;
-        break;
-      }
+      if (share < least_share && best.evidence > -1e299) break;
       if (share >= least_share) continue;
     }
     const double settling = std::abs(then.next.evidence - now.next.evidence);
@@ -146,10 +147,7 @@ int Fitting::fit_by(Reduced& reduced, Hypothesis& h) const {
       best.evidence = now.next.evidence;
       best.density = now.density;
     }
-    if (settling < settled) {
-      ++trials;
-      break;
-    }
+    if (settling < settled) break;
   }
   h = best;
   return trials;

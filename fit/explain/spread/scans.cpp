@@ -6,6 +6,8 @@
 #include <map>
 #include <optional>
 
+#include "fit/explain/reduction/whole_scans.hpp"
+
 namespace fit::explain::spread {
 namespace {
 
@@ -27,7 +29,7 @@ struct Uneven {
     const double precision = 1 / own_variance(group);
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       const Cell& cell = reduced.cells[i];
-      if (!cell.smooth || cell.stray > 0 || cell.n < 2) continue;
+      if (!reduction::tells_of_scans(cell) || cell.n < 2) continue;
       const Eigen::Vector2d lever(1, cell.sight.stage_lever());
       information += precision * lever * lever.transpose();
       scatter += precision * precision * cell.variance_mm2 * lever * lever.transpose();
