@@ -17,7 +17,7 @@
 namespace fit::explain::search {
 namespace {
 
-constexpr double hardly_worse = 2.2, most_behind = 12;  // a rival that is simply more adjustable
+constexpr double hardly_worse = 3, most_behind = 12;  // a rival that is simply more adjustable
 
 /// Then the name says the same as that the bench file is wrong.
 bool says_where_a_target_stands(const Term& term) { return static_cast<bool>(term.mechanism->displaces); }
