@@ -236,7 +236,7 @@ void judge(Experiment& e, const Eigen::MatrixXd& apart, const std::vector<std::s
 }
 
 bool better(const Experiment& a, const Experiment& b) {
-  constexpr double same_information = 0.05, same_odds = 1, beyond_doubt = 20;
+  constexpr double same_information = 0.05, same_odds = 1, beyond_doubt = 10;
   if (std::abs(a.information - b.information) > same_information) return a.information > b.information;
   const double odds_a = std::min(a.expected, beyond_doubt), odds_b = std::min(b.expected, beyond_doubt);
   if (std::abs(odds_a - odds_b) > same_odds) return odds_a > odds_b;

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <functional>
 
+#include "fit/json_position.hpp"
+
 namespace rig {
 namespace {
 
@@ -155,21 +157,6 @@ void for_each_piece(const std::string& text, Plain plain, Expression expression)
   }
 }
 
-std::size_t edit_distance(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t changed = diagonal + (a[i - 1] != b[j - 1]);
-      diagonal = row[j];
-      row[j] = std::min({row[j] + 1, row[j - 1] + 1, changed});
-    }
-  }
-  return row[b.size()];
-}
-
 }  // namespace
 
 Value evaluate_expression(const std::string& expression, const Variables& variables) {
@@ -250,14 +237,8 @@ Value value_of_text(const std::string& text) {
 }
 
 std::string did_you_mean(const std::string& word, const std::vector<std::string>& candidates) {
-  if (word.size() > 64) return "";
-  std::string best;
-  std::size_t least = std::max<std::size_t>(2, word.size() / 3) + 1;
-  for (const auto& candidate : candidates) {
-    const std::size_t distance = edit_distance(word, candidate);
-    if (distance < least) best = candidate, least = distance;
-  }
-  return best;
+  constexpr std::size_t longest_word = 64;
+  return word.size() > longest_word ? "" : fit::nearest_word(word, candidates);
 }
 
 }  // namespace rig
