@@ -11,7 +11,6 @@
 #include <boost/asio/write.hpp>
 #include <charconv>
 #include <cstdio>
-#include <random>
 
 #include "lidar/frame_reader.hpp"
 #include "lidar/identity.hpp"
@@ -35,7 +34,7 @@ namespace {
 
 constexpr std::size_t read_bytes = 256 * 1024;  // at most, in one go; a real lidar sends 7 kB a scan
 constexpr int attempts = 3;                     // of a request that may be repeated without harm
-constexpr int random_exchanges = 10, exchanges_wanted = 150;  // TM1 rounds of a synchronisation
+constexpr int exchanges_wanted = 150;             // TM1 rounds of a synchronisation
 constexpr auto no_deadline = steady_clock::time_point::max();
 
 std::int64_t now_us() {
@@ -540,6 +539,7 @@ awaitable<Identity> Client::Impl::connect_first() {
 awaitable<Identity> Client::Impl::reconnect() {
   auto connecting = connect();
   Identity again = co_await std::move(connecting);
+  clock.begin_connection();
   if (!identity.serial.empty() && again.serial != identity.serial) {
     close();
     fail(Kind::refused, "another lidar answers at " + address() + ": serial number " + again.serial +
@@ -767,17 +767,14 @@ awaitable<void> Client::Impl::stop() {
 
 // --- the clock --------------------------------------------------------------------------------------------
 
-/// Rounds of TM1: the first at random moments, so that the timer's step is met from all sides, the others so
-/// that the lidar reads its timer where the step is thought to be.
+/// Rounds of TM1, sent when they tell most.
 awaitable<void> Client::Impl::exchange_times() {
-  std::minstd_rand random(1);
   asio::steady_timer pause(executor);
   double late_us = 50;  // how much later than asked a timer of this host wakes us
   clock.begin_exchanges();
   for (int round = 0; round < exchanges_wanted && clock.follows_host(); ++round) {
     const auto now = static_cast<double>(now_us());
-    const double send_at = round < random_exchanges ? now + static_cast<double>(random() % 2000)
-                                                    : clock.best_time_to_send(now + late_us + 100);
+    const double send_at = clock.best_time_to_send(now + late_us + 100);
     pause.expires_after(std::chrono::microseconds(std::llround(send_at - late_us - now)));
     error_code failed;
     co_await pause.async_wait(redirect_error(use_awaitable, failed));

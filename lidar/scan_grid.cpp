@@ -30,10 +30,15 @@ ScanGrid::ScanGrid(double nominal_period_ms)
 
 void ScanGrid::restart() { begun_ = false; }
 
+void ScanGrid::set_step(double step_ms) {
+  if (step_ms != step_ms_) restart();
+  step_ms_ = step_ms;
+}
+
 void ScanGrid::begin(std::uint64_t stamp_ms) {
   const double least = nominal_period_ms_ * (1 - period_tolerance),
                most = nominal_period_ms_ * (1 + period_tolerance);
-  polygon_ = {{0, least}, {1, least}, {1, most}, {0, most}};
+  polygon_ = {{0, least}, {step_ms_, least}, {step_ms_, most}, {0, most}};
   begun_ = true;
   stamp_ms_ = stamp_ms;
   turns_ = gap_ms_ = 0;
@@ -81,10 +86,10 @@ void ScanGrid::advance(double gap_ms) {
     low = std::min(low, start);
     high = std::max(high, start);
   }
-  const double misfit = std::max({0.0, -high, low - 1});
+  const double misfit = std::max({0.0, -high, low - step_ms_});
   if (turns < 1 || misfit > largest_misfit_ms || high - low > nominal_period_ms_ / 2) return begin(stamp_ms_);
   const double slack = cut_share * (high - low);
-  if (!widens && low > -slack && high < 1 + slack) return;
+  if (!widens && low > -slack && high < step_ms_ + slack) return;
   rebase();
   if (misfit > 0) {
     start_wander_ms_ = std::max(1.5 * start_wander_ms_, misfit);
@@ -94,7 +99,7 @@ void ScanGrid::advance(double gap_ms) {
     high += misfit + start_wander_ms_;
   }
   if (low < 0) cut(0, 1);
-  if (high > 1) cut(1, -1);
+  if (high > step_ms_) cut(step_ms_, -1);
   summarise();
 }
 

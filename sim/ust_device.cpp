@@ -144,7 +144,7 @@ std::string UstDevice::parameters(std::string_view echo) const {
                      {"DMIN", "20"},
                      {"DMAX", "30000"},
                      {"ARES", std::to_string(steps_per_turn)},
-                     {"AMIN", "0"},
+                     {"AMIN", std::to_string(lidar_.first_step)},
                      {"AMAX", std::to_string(lidar_.steps - 1)},
                      {"AFRT", std::to_string(lidar_.front_step)},
                      {"SCAN", std::to_string(rpm)}};
@@ -170,7 +170,9 @@ std::string UstDevice::state(std::string_view echo, double now_s) const {
       {"MESM", stream_ ? "Measuring by Sensitive Mode" : "Idle"},
       {"SBPS", "Ethernet 100[Mbps]"},
       {"TIME", time},
-      {"STAT", in_error_ ? "sensor is in an error state" : "sensor is working normally"}};
+      {"STAT", in_error_               ? "sensor is in an error state"
+               : has(UstHabit::unwell) ? "window is dirty"
+                                       : "sensor is working normally"}};
   if (!has(UstHabit::comments)) return lidar::build_key_value_response(echo, "00", lines);
   std::string out = lidar::build_status_response(echo, "00");
   out.pop_back();  // the empty line
@@ -198,7 +200,7 @@ std::string UstDevice::time_adjust(std::string_view echo, Command command, doubl
 }
 
 std::string UstDevice::check_steps(const lidar::ScanCommand& scan) const {
-  return scan.last_step >= lidar_.steps ? "04" : "";
+  return scan.last_step >= lidar_.steps || scan.first_step < lidar_.first_step ? "04" : "";
 }
 
 std::string UstDevice::single_scan(std::string_view echo, const lidar::Request& request, double now_s) {

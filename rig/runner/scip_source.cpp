@@ -14,7 +14,8 @@ using nlohmann::json;
 class ScipSource final : public LidarSource {
  public:
   ScipSource(boost::asio::any_io_executor executor, const Endpoint& address)
-      : client_(std::move(executor), address.host, address.port) {}
+      : client_(std::move(executor), address.host, address.port),
+        address_(address.host + ":" + std::to_string(address.port)) {}
 
   awaitable<json> connect() override {
     auto connecting = identify();
@@ -64,6 +65,8 @@ class ScipSource final : public LidarSource {
             {"reconnections", counted.reconnects},
             {"attempts_in_vain", counted.failed_connects}};
   }
+  std::string address() const override { return address_; }
+  int clock_restarts() const override { return client_.clock().resets; }
   bool own_time() const override { return !client_.clock().follows_host; }
 
  private:
@@ -89,6 +92,7 @@ class ScipSource final : public LidarSource {
   }
 
   lidar::Client client_;
+  std::string address_;
   bool known_ = false;
 };
 

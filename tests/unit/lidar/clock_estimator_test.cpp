@@ -139,6 +139,39 @@ TEST_CASE("a timer that starts again before it has counted a second is no late a
   CHECK(clock.unwrap(50, 350e3) == later + 250);
 }
 
+TEST_CASE("a timer that starts again begins a time base that goes on by the host's clock") {
+  const auto after_reboot = [](std::uint32_t before_ms, std::uint32_t after_ms, double passed_us) {
+    ClockEstimator clock;
+    const std::uint64_t before = clock.unwrap(before_ms, 0);
+    clock.unwrap(before_ms + 1000, 1e6);
+    clock.begin_connection();
+    const std::uint64_t after = clock.unwrap(after_ms, 1e6 + passed_us);
+    CHECK(clock.estimate().resets == 1);
+    CHECK(clock.unwrap(after_ms + 25, 1e6 + passed_us + 25e3) == after + 25);
+    return static_cast<double>(after - before) - 1000;
+  };
+  CHECK(after_reboot(100'000, 3'000, 4e6) == Approx(4000));      // behind the old timer
+  CHECK(after_reboot(14'000'000, 3'000, 4e6) == Approx(4000));   // ahead of it, through the wrap
+  CHECK(after_reboot(9'000'000, 3'000, 120e6) == Approx(120e3));
+}
+
+TEST_CASE("a lidar that is connected anew and ran on has not started again") {
+  ClockEstimator clock;
+  CHECK(clock.unwrap(5000, 0) == 5000);
+  clock.begin_connection();
+  CHECK(clock.unwrap(605'060, 600e6) == 605'060);  // 100 ppm fast
+  CHECK(clock.estimate().resets == 0);
+}
+
+TEST_CASE("a timer that jumps by hours within a stream begins a new time base; a stall of seconds does not") {
+  ClockEstimator clock;
+  for (std::uint32_t i = 0; i < 40; ++i) clock.add_scan(clock.unwrap(25 * i, 25e3 * i + 20e3), 25e3 * i + 20e3);
+  CHECK(clock.unwrap(6000, 1020e3) == 6000);  // what came late before
+  CHECK(clock.estimate().resets == 0);
+  CHECK(clock.unwrap(8'000'000, 1045e3) == 6025);
+  CHECK(clock.estimate().resets == 1);
+}
+
 TEST_CASE("the clock of a simulator at full speed is followed as it is") {
   ClockEstimator clock;
   double before = 0;
