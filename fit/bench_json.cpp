@@ -168,7 +168,9 @@ double read_stage(const Reader& reader) {
   reader.refuse_misspelt(std::array{"language", "model", "resolution_deg", "limits_deg", "speed_deg_s",
                                     "acceleration_deg_s2", "tolerance_deg", "units_per_deg", "units_per_turn",
                                     "direction", "zero_deg", "settle_s", "reply_s", "home_s", "needs_homing",
-                                    "baud", "address", "axis"});
+                                    "baud", "address", "axis",
+                                    // of the simulated one
+                                    "homed", "axes", "acknowledges", "physics"});
   for (const char* quickness : {"speed_deg_s", "acceleration_deg_s2"})
     if (reader.has(quickness)) (void)reader.at(quickness).number_from(1e-6, 1e6);
   if (reader.has("limits_deg")) {

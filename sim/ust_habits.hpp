@@ -22,6 +22,7 @@ enum class UstHabit {
   quit_leaves_time,
   never_already,
   unwell,
+  speed_in_words,
 };
 
 struct UstHabitName {
@@ -51,6 +52,8 @@ inline constexpr std::array ust_habits{
     UstHabitName{UstHabit::never_already, "never-already",
                  "TM0 and TM2 answer 00 although nothing changes (urg_stamped #115)"},
     UstHabitName{UstHabit::unwell, "unwell", "its STAT says that the window is dirty; it measures"},
+    UstHabitName{UstHabit::speed_in_words, "speed-in-words",
+                 "SCSP in II is Initial(2400[rpm]) and a comment, as older generations write it"},
 };
 
 }  // namespace sim
