@@ -14,6 +14,7 @@
 
 #include "lidar/frame_reader.hpp"
 #include "lidar/identity.hpp"
+#include "lidar/other_connection.hpp"
 #include "lidar/reply.hpp"
 #include "lidar/request.hpp"
 #include "lidar/scan_receiver.hpp"
@@ -211,6 +212,7 @@ struct Client::Impl {
   awaitable<void> stop();
   awaitable<ClockEstimate> synchronise();
   awaitable<void> exchange_times();
+  [[nodiscard]] std::string other_connection() const;
   std::optional<Scan> scan_in(const Frame& frame);
   std::optional<Scan> scan_at_hand();
   bool place_in_time(Scan& scan, std::uint32_t stamp);
@@ -484,7 +486,12 @@ awaitable<Identity> Client::Impl::connect_once() {
   }
   if (mute && (mute->kind() == Kind::no_answer || mute->kind() == Kind::connection_lost)) {
     const bool hung_up = mute->kind() == Kind::connection_lost;
+    const std::string held = other_connection();
     close();
+    if (!held.empty())
+      throw LidarError(Kind::in_use, "the lidar at " + address() + (hung_up ? " hangs up" : " does not answer") +
+                                         " because another program of this computer is connected to it (" +
+                                         held + "), and it serves one at a time. End that program first");
     throw LidarError(Kind::not_a_lidar,
                      "something listens at " + address() + (hung_up ? " but hangs up" : "") +
                          " and does not answer in SCIP. Check the address and port (a UST-10LX uses 10940), "
@@ -494,6 +501,15 @@ awaitable<Identity> Client::Impl::connect_once() {
   co_await leave_time_adjust();
   auto identifying = identify();
   co_return co_await std::move(identifying);
+}
+
+/// Who else of this computer is connected to the address, in words; empty if nobody or if that cannot be told.
+std::string Client::Impl::other_connection() const {
+  error_code failed;
+  const auto there = socket.remote_endpoint(failed);
+  const auto here = failed ? tcp::endpoint() : socket.local_endpoint(failed);
+  if (failed || !there.address().is_v4()) return "";
+  return other_connection_to(there.address().to_v4().to_uint(), there.port(), here.port());
 }
 
 /// What a UST damages on its first connection after power-up, it sends whole on the next (urg_node #57). A
@@ -584,6 +600,12 @@ awaitable<void> Client::Impl::start(StreamRequest wanted) {
       continue;
     }
     const bool is_refused = kind != StatusKind::done && kind != StatusKind::already;
+    if (answer->status == "0E" || answer->status == "0F")
+      fail(Kind::unknown_command,
+           "the lidar at " + address() + " does not know " + build_line(asked).substr(0, 2) + " (status " +
+               answer->status + ": " + meaning_of(answer->status, asked) + "). " +
+               (wanted.with_intensity ? "It sends no intensities: ask for distances alone"
+                                      : "It sends no continuous scans, so that this driver cannot use it"));
     if (is_refused && kind != StatusKind::hardware_fault && attempt + 1 < attempts) {
       co_await end_stream();  // Whatever state it is in, QT leads out of it.
       continue;

@@ -44,6 +44,8 @@ class LidarSource {
   /// What came so far, across reconnections: {"scans", "lost", "damaged", "repeated", "stale",
   /// "reconnections", "attempts_in_vain"}; null where nobody counts.
   [[nodiscard]] virtual nlohmann::json statistics() const { return nullptr; }
+  /// False once the device was found to measure distances alone.
+  [[nodiscard]] virtual bool sends_intensities() const { return true; }
   /// HOST:PORT, for messages; empty where there is none.
   [[nodiscard]] virtual std::string address() const { return ""; }
   /// Times the device's clock was found to have started again; from there on its stamps are of a new time

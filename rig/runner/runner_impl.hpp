@@ -236,7 +236,7 @@ struct Runner::Impl final : StepContext {
   /// Tells and stores that the lidar's clock started again before this scan, if it did.
   void heed_clock_restart(const lidar::Scan& scan);
   int clock_restarts = 0;  // That were told.
-  bool power_cycle_told = false;
+  bool power_cycle_told = false, intensities_missed = false;
 
   /// Throws if the lidar is not what the bench file describes, or is not well and the operator has not decided
   /// to use it all the same.

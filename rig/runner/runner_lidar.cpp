@@ -21,6 +21,8 @@ awaitable<void> Runner::Impl::start_stream(LidarStream stream) {
   auto starting = parts.lidar.start(stream);
   co_await std::move(starting);
   streaming = true;
+  if (stream.intensity && !parts.lidar.sends_intensities() && !std::exchange(intensities_missed, true))
+    note("warning", "this lidar sends no intensities (it does not know the command ME): distances alone are stored");
 }
 
 awaitable<void> Runner::Impl::end_stream() {

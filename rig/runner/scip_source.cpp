@@ -36,11 +36,21 @@ class ScipSource final : public LidarSource {
   }
 
   awaitable<void> start(LidarStream stream) override {
-    lidar::StreamRequest request(stream.first_step, stream.last_step, stream.cluster, stream.skip,
-                                 stream.intensity);
-    auto starting = client_.start(request);
+    bool unknown = false;
+    try {
+      auto starting = start_once(stream, stream.intensity && sends_intensities_);
+      co_await std::move(starting);
+    } catch (const lidar::LidarError& error) {
+      // A lidar that does not know ME measures distances all the same.
+      unknown = error.kind() == lidar::LidarError::Kind::unknown_command && stream.intensity && sends_intensities_;
+      if (!unknown) throw DeviceError(error.what());
+    }
+    if (!unknown) co_return;
+    sends_intensities_ = false;
+    auto starting = start_once(stream, false);
     co_await told_as_device_error(std::move(starting));
   }
+  bool sends_intensities() const override { return sends_intensities_; }
 
   awaitable<lidar::Scan> next() override {
     auto reading = client_.next();
@@ -70,6 +80,12 @@ class ScipSource final : public LidarSource {
   bool own_time() const override { return !client_.clock().follows_host; }
 
  private:
+  awaitable<void> start_once(LidarStream stream, bool with_intensity) {
+    lidar::StreamRequest request(stream.first_step, stream.last_step, stream.cluster, stream.skip,
+                                 with_intensity);
+    return client_.start(request);
+  }
+
   awaitable<lidar::Identity> identify() {
     if (!known_) {
       auto connecting = client_.connect();
@@ -93,7 +109,7 @@ class ScipSource final : public LidarSource {
 
   lidar::Client client_;
   std::string address_;
-  bool known_ = false;
+  bool known_ = false, sends_intensities_ = true;
 };
 
 }  // namespace

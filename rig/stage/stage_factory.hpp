@@ -63,6 +63,7 @@ struct StageProbe {
   std::optional<StageIdentity> identity;         ///< Who answers in one that the rig speaks.
   std::string heard;                             ///< Else the first bytes that came, if any.
   int baud = 0;                                  ///< At which they came.
+  std::string refused;                           ///< Else why one who answers in such a language was not taken.
   [[nodiscard]] std::string why_nobody() const;  ///< In words, with what came and what to do.
 };
 
