@@ -201,10 +201,10 @@ class Checker {
       const lidar::Scan scan = co_await std::move(reading);
       if (i == 0) continue;  // It may have begun before the stage stood.
       const auto first = static_cast<std::size_t>(scan.first_step);
-      for (std::size_t i = 0; i < scan.range_mm.size() && first + i < beams; ++i) {
-        if (scan.range_mm[i] == 0) continue;
-        ranges[first + i].push_back(scan.range_mm[i]);
-        if (i < scan.intensity.size()) levels[first + i].push_back(scan.intensity[i]);
+      for (std::size_t k = 0; k < scan.range_mm.size() && first + k < beams; ++k) {
+        if (scan.range_mm[k] == 0) continue;
+        ranges[first + k].push_back(scan.range_mm[k]);
+        if (k < scan.intensity.size()) levels[first + k].push_back(scan.intensity[k]);
       }
     }
     auto stopping = lidar_.stop();
