@@ -127,7 +127,8 @@ Mount read_mount(const Reader& reader) {
 
 LidarGeometry read_lidar(const Reader& reader) {
   reader.must_be_object();
-  reader.refuse_misspelt(std::array{"model", "steps", "first_step", "front_step", "step_deg", "scan_hz", "serial", "mount"});
+  reader.refuse_misspelt(
+      std::array{"model", "steps", "first_step", "front_step", "step_deg", "scan_hz", "serial", "mount"});
   LidarGeometry lidar;
   if (reader.has("model")) lidar.model = reader.at("model").string();
   if (reader.has("steps")) lidar.steps = reader.at("steps").integer_from(1, 100000);

@@ -35,7 +35,7 @@ namespace {
 
 constexpr std::size_t read_bytes = 256 * 1024;  // at most, in one go; a real lidar sends 7 kB a scan
 constexpr int attempts = 3;                     // of a request that may be repeated without harm
-constexpr int exchanges_wanted = 150;             // TM1 rounds of a synchronisation
+constexpr int exchanges_wanted = 150;           // TM1 rounds of a synchronisation
 constexpr auto no_deadline = steady_clock::time_point::max();
 
 std::int64_t now_us() {
@@ -112,6 +112,8 @@ struct Client::Impl {
   std::uint16_t port;
   Options options;
   tcp::socket socket;
+  tcp::endpoint peer;  ///< Of the present connection, or the last.
+  std::uint16_t own_port = 0;
   std::shared_ptr<Watchdog> watchdog;
   FrameReader reader;
   Identity identity;
@@ -396,6 +398,8 @@ awaitable<void> Client::Impl::open() {
   error_code ignored;
   socket.set_option(tcp::no_delay(true), ignored);
   socket.set_option(asio::socket_base::receive_buffer_size(1 << 20), ignored);
+  peer = socket.remote_endpoint(ignored);
+  own_port = socket.local_endpoint(ignored).port();
   connected = true;
 }
 
@@ -489,7 +493,8 @@ awaitable<Identity> Client::Impl::connect_once() {
     const std::string held = other_connection();
     close();
     if (!held.empty())
-      throw LidarError(Kind::in_use, "the lidar at " + address() + (hung_up ? " hangs up" : " does not answer") +
+      throw LidarError(Kind::in_use, "the lidar at " + address() +
+                                         (hung_up ? " hangs up" : " does not answer") +
                                          " because another program of this computer is connected to it (" +
                                          held + "), and it serves one at a time. End that program first");
     throw LidarError(Kind::not_a_lidar,
@@ -503,13 +508,11 @@ awaitable<Identity> Client::Impl::connect_once() {
   co_return co_await std::move(identifying);
 }
 
-/// Who else of this computer is connected to the address, in words; empty if nobody or if that cannot be told.
+/// Who else of this computer is connected to the address, in words; empty if nobody or if that cannot be
+/// told.
 std::string Client::Impl::other_connection() const {
-  error_code failed;
-  const auto there = socket.remote_endpoint(failed);
-  const auto here = failed ? tcp::endpoint() : socket.local_endpoint(failed);
-  if (failed || !there.address().is_v4()) return "";
-  return other_connection_to(there.address().to_v4().to_uint(), there.port(), here.port());
+  if (!peer.address().is_v4()) return "";
+  return other_connection_to(peer.address().to_v4().to_uint(), peer.port(), own_port);
 }
 
 /// What a UST damages on its first connection after power-up, it sends whole on the next (urg_node #57). A

@@ -17,26 +17,28 @@ constexpr double rate_tolerance = 0.01;         // beyond, the lidar's second is
 constexpr double ahead_slack_ms = 100;          // a first scan that was late itself must not accuse the clock
 constexpr double behind_slack_ms = 2000;        // nor must a network that stalls
 constexpr double longest_stall_ms = 30000;      // what buffers on the way can hold, and more
-constexpr double longest_delay_ms = 5000;   // of one stamp, where a stream that stalls was given up
-constexpr double longest_absence_ms = 3.6e6;  // from one connection to the next, on a clock of its own
+constexpr double longest_delay_ms = 5000;       // of one stamp, where a stream that stalls was given up
+constexpr double longest_absence_ms = 3.6e6;    // from one connection to the next, on a clock of its own
 constexpr double exchange_baseline_ms = 30;     // shorter, an exchange's own length tells too little
 constexpr std::size_t most_exchanges = 400;
 constexpr std::size_t exchanges_for_frame = 10;
 constexpr double longest_frame_ms = 10, first_sent_within_ms = 5;
 // Of the shortest round trip, when all that is known of both ways is that each takes anything up to the same
-// bound, whatever that is: then the shorter is in any ratio to the longer, half their difference is below x / 2
-// of their sum with the probability 2 x / (1 + x), and 95 % of it is below 0.4525: two standard uncertainties.
+// bound, whatever that is: then the shorter is in any ratio to the longer, half their difference is below x /
+// 2 of their sum with the probability 2 x / (1 + x), and 95 % of it is below 0.4525: two standard
+// uncertainties.
 constexpr double way_share = 0.226;
 constexpr double least_u_offset_us = 3;
 constexpr double golden_ratio = 0.6180339887498949;  // its multiples fill a turn evenly
-constexpr double unknown_rate = 100e-6;  // what exchanges may drift apart within a round
+constexpr double unknown_rate = 100e-6;              // what exchanges may drift apart within a round
 constexpr double delay_beyond_scan_us = 500, u_delay_us = 500;  // 1 ms frame, 6.7 kB at 100 Mbit/s, a queue
 constexpr double u_delay_for_window_us = 150;                   // better known, ticks are told apart by it
-constexpr double u_delay_known_us = 300;                       // of a device that was followed before
+constexpr double u_delay_known_us = 300;                        // of a device that was followed before
 constexpr double earliest_for_window_us = -300;
 constexpr double scattered_us = 480;  // mean lateness behind a tick; 720 when there are no ticks
-constexpr double held_up_us = 600;  // behind the latest that a scan may wait
-constexpr double lost_us = 1500;  // behind the usual, for each millisecond that scans may wait: more than that
+constexpr double held_up_us = 600;    // behind the latest that a scan may wait
+constexpr double lost_us =
+    1500;  // behind the usual, for each millisecond that scans may wait: more than that
 constexpr int lost_believed = 2, whiles_of_usual = 4;
 constexpr double alone = 6;  // steps between neighbours; one is usual
 constexpr int scattered_believed = 4, whiles_until_lost = 2;
@@ -104,7 +106,8 @@ bool ClockEstimator::started_again(std::uint32_t forward, double passed_ms, bool
   if (forward > timer_mask / 2) return true;
   if (!follows_host_) return newly_connected && forward > longest_absence_ms;
   // Within a connection a stamp may be early against the one before, by as much as that one was held up.
-  const double tolerance_ms = rate_tolerance * passed_ms + (newly_connected ? longest_delay_ms : longest_stall_ms);
+  const double tolerance_ms =
+      rate_tolerance * passed_ms + (newly_connected ? longest_delay_ms : longest_stall_ms);
   return forward > passed_ms + tolerance_ms || (newly_connected && forward < passed_ms - tolerance_ms);
 }
 
@@ -165,7 +168,8 @@ ClockEstimator::Answering ClockEstimator::answering() const {
   // Who waits for the step with its answer never tells a stamp that was over when he was asked.
   double latest_sent_us = -std::numeric_limits<double>::infinity(), earliest_received_us = -latest_sent_us;
   for (const Exchange& exchange : exchanges_) {
-    const double passed_us = 1000 * (exchange.device_ms - first.device_ms), doubt_us = unknown_rate * passed_us;
+    const double passed_us = 1000 * (exchange.device_ms - first.device_ms),
+                 doubt_us = unknown_rate * passed_us;
     latest_sent_us = std::max(latest_sent_us, exchange.sent_us - passed_us - doubt_us);
     earliest_received_us = std::min(earliest_received_us, exchange.received_us - passed_us + doubt_us);
   }
@@ -221,7 +225,7 @@ void ClockEstimator::learn_steps(Answering how) {
   frame_ms_ = how.on_step ? how.step_ms : 1;
   coarse_stamps_ = how.step_ms > 1;
   coarse_rest_ms_ = (static_cast<std::uint64_t>(exchanges_.back().device_ms) - base_ms_) %
-                   static_cast<std::uint64_t>(how.step_ms);
+                    static_cast<std::uint64_t>(how.step_ms);
   grid_.set_step(how.step_ms);
   coarse_step_ms_ = how.step_ms;
 }
@@ -243,8 +247,9 @@ void ClockEstimator::end_exchanges() {
   u_way_us_ = way_share * (synchronised_ ? std::min(shortest_us, u_way_us_ / way_share) : shortest_us);
   const double u_us = way_share * width_us;
   filter_.advance_to(device_ms, 0, 0);
-  filter_.measure_offset(middle_us - 1000 * device_ms - origin_us_,
-                         std::sqrt(std::max(u_us * u_us - u_way_us_ * u_way_us_, least_u_offset_us * least_u_offset_us)));
+  filter_.measure_offset(
+      middle_us - 1000 * device_ms - origin_us_,
+      std::sqrt(std::max(u_us * u_us - u_way_us_ * u_way_us_, least_u_offset_us * least_u_offset_us)));
   exchanges_used_ = known.used;
   tick_unknown_ = false;
   synchronised_ = true;
@@ -296,7 +301,8 @@ double ClockEstimator::add_scan(std::uint64_t device_ms, double arrival_us) {
   // One that lay in a buffer until the one before it was read says nothing of when it came.
   const bool lay_waiting = arrival_us - last_arrival_.host_us < 500 * (stamp - last_arrival_.device_ms);
   last_arrival_ = {stamp, arrival_us};
-  if (coarse_stamps_ && (device_ms - base_ms_) % static_cast<std::uint64_t>(coarse_step_ms_) != coarse_rest_ms_) {
+  if (coarse_stamps_ &&
+      (device_ms - base_ms_) % static_cast<std::uint64_t>(coarse_step_ms_) != coarse_rest_ms_) {
     coarse_stamps_ = false;
     grid_.set_step(1);
     learn_usual_lateness();
@@ -308,7 +314,8 @@ double ClockEstimator::add_scan(std::uint64_t device_ms, double arrival_us) {
     return to_host(start.device_ms);
   }
   if (!offset_known_) {
-    origin_us_ = arrival_us - 1000 * (scan_ms_ + start.device_ms) - usual_wait_us * frame_ms_ - delay_beyond_scan_us;
+    origin_us_ =
+        arrival_us - 1000 * (scan_ms_ + start.device_ms) - usual_wait_us * frame_ms_ - delay_beyond_scan_us;
     filter_.forget_offset();
     filter_.advance_to(start.device_ms, 0, 0);
     filter_.measure_offset(0, u_first_offset_us);
@@ -336,8 +343,8 @@ void ClockEstimator::note_lateness(const ScanGrid::Start& start, std::uint64_t s
   if (while_.of_starts.empty()) while_.begun_ms = start.device_ms;
   // Behind what the rate of the moment says, which keeps a long while from leaning.
   while_.of_starts.push_back({arrival_us - to_host(start.device_ms), start.device_ms, start.u_ms});
-  while_.of_stamps.push_back(
-      {arrival_us - to_host(static_cast<double>(stamp_ms) - behind_frame_ms(stamp_ms)), start.device_ms, start.u_ms});
+  while_.of_stamps.push_back({arrival_us - to_host(static_cast<double>(stamp_ms) - behind_frame_ms(stamp_ms)),
+                              start.device_ms, start.u_ms});
   const double phase = start.device_ms / frame_ms_ - std::floor(start.device_ms / frame_ms_);
   while_.phases |= 1u << std::min(31, static_cast<int>(phase * 32));
   const int enough = std::min(longest_while, first_while << std::min(whiles_closed_, 8));
@@ -410,8 +417,7 @@ ClockEstimator::Least ClockEstimator::least_behind_tick(std::vector<Lateness>& s
   // Scans wait for one tick or the next; who comes later was held up, and which tick he left on is not known.
   double first_us = scans.front().us;
   for (const Lateness& scan : scans) first_us = std::min(first_us, scan.us);
-  const double most_us =
-      first_us + 1000 * (frame_ms_ + (coarse_stamps_ ? coarse_step_ms_ : 0)) + held_up_us;
+  const double most_us = first_us + 1000 * (frame_ms_ + (coarse_stamps_ ? coarse_step_ms_ : 0)) + held_up_us;
   std::erase_if(scans, [&](const Lateness& scan) { return scan.us > most_us; });
   const double predicted = filter_.delay_us(), frame_us = 1000 * frame_ms_;
   const bool lost = late_whiles_ + scattered_whiles_ >= whiles_until_lost;
@@ -482,7 +488,8 @@ void ClockEstimator::measure(const Least& least) {
 }
 
 double ClockEstimator::u_scan_us() const {
-  return follows_host_ ? std::hypot(filter_.u_offset_us(last_start_ms_), u_start_us_, u_way_us_) : u_start_us_;
+  return follows_host_ ? std::hypot(filter_.u_offset_us(last_start_ms_), u_start_us_, u_way_us_)
+                       : u_start_us_;
 }
 
 ClockEstimate ClockEstimator::estimate() const {

@@ -33,8 +33,8 @@ struct ClockEstimate {
 /// An exchange of TM1 says: at some moment between sending and receiving, the timer stood in [stamp, stamp +
 /// 1 ms). Each exchange bounds the offset from both sides; what all allow together is far narrower than 1 ms.
 /// What they cannot tell is how the shortest round trip is shared between the two ways: a constant of which
-/// the uncertainty contains its whole width. ScanGrid says when scans began on the lidar's clock; OffsetFilter
-/// carries the offset on from the exchanges by the scans that were least late.
+/// the uncertainty contains its whole width. ScanGrid says when scans began on the lidar's clock;
+/// OffsetFilter carries the offset on from the exchanges by the scans that were least late.
 ///
 /// A UST hands a scan over when its timer next comes to a whole millisecond (urg_stamped README). Arrivals
 /// then lie a whole number of milliseconds behind a tick of the timer plus the way to the host, so that each
@@ -149,11 +149,12 @@ class ClockEstimator {
   std::deque<Exchange> exchanges_;
   ScanGrid grid_;
   OffsetFilter filter_;
-  double frame_ms_ = 1;              ///< Scans leave when the timer has come to multiples of this, plus the rest.
-  int coarse_step_ms_ = 1;           ///< The exchanges' stamps, and scans' for all that is known, are multiples of this ...
+  double frame_ms_ = 1;  ///< Scans leave when the timer has come to multiples of this, plus the rest.
+  int coarse_step_ms_ =
+      1;  ///< The exchanges' stamps, and scans' for all that is known, are multiples of this ...
   std::uint64_t coarse_rest_ms_ = 0;  ///< ... plus this, since the timer's start.
-  bool coarse_stamps_ = false;       ///< No scan's stamp has yet shown that the timer counts single milliseconds.
-  double u_way_us_ = 0;             ///< Of the share of the round trip that each way has.
+  bool coarse_stamps_ = false;  ///< No scan's stamp has yet shown that the timer counts single milliseconds.
+  double u_way_us_ = 0;         ///< Of the share of the round trip that each way has.
   bool offset_known_ = false, tick_unknown_ = true;
   double origin_us_ = 0;  ///< host = origin + 1000 device + the filter's offset: keeps its numbers small.
   While while_;

@@ -111,8 +111,7 @@ std::string UstDevice::handle(std::string_view line, double now_s) {
   switch (command) {
     case Command::parameters:
       return parameters(line);
-    case Command::laser_on:
-    {
+    case Command::laser_on: {
       const bool was_on = laser_on_ || stream_;
       switch_laser_on(now_s);
       return lidar::build_status_response(line, was_on ? "02" : "00");
@@ -184,18 +183,17 @@ std::string UstDevice::state(std::string_view echo, double now_s) const {
     time = digits;
   }
   const int rpm = static_cast<int>(std::lround(lidar_.scan_hz * 60));
-  const KeyValues lines = {
-      {"MODL", identity_.model},
-      {"LASR", laser_on_ ? "ON" : "OFF"},
-      {"SCSP", has(UstHabit::speed_in_words)
-                   ? "Initial(" + std::to_string(rpm) + "[rpm])<-Default setting by user"
-                   : std::to_string(rpm)},
-      {"MESM", stream_ ? "Measuring by Sensitive Mode" : "Idle"},
-      {"SBPS", "Ethernet 100[Mbps]"},
-      {"TIME", time},
-      {"STAT", in_error_               ? "sensor is in an error state"
-               : has(UstHabit::unwell) ? "window is dirty"
-                                       : "sensor is working normally"}};
+  const KeyValues lines = {{"MODL", identity_.model},
+                           {"LASR", laser_on_ ? "ON" : "OFF"},
+                           {"SCSP", has(UstHabit::speed_in_words)
+                                        ? "Initial(" + std::to_string(rpm) + "[rpm])<-Default setting by user"
+                                        : std::to_string(rpm)},
+                           {"MESM", stream_ ? "Measuring by Sensitive Mode" : "Idle"},
+                           {"SBPS", "Ethernet 100[Mbps]"},
+                           {"TIME", time},
+                           {"STAT", in_error_               ? "sensor is in an error state"
+                                    : has(UstHabit::unwell) ? "window is dirty"
+                                                            : "sensor is working normally"}};
   if (!has(UstHabit::comments)) return lidar::build_key_value_response(echo, "00", lines);
   std::string out = lidar::build_status_response(echo, "00");
   out.pop_back();  // the empty line
@@ -272,9 +270,7 @@ void UstDevice::check_itself(double now_s, double seconds, const std::string& st
 double UstDevice::next_scan_ready_s(double now_s) {
   if (!stream_->notices.empty()) return std::max(now_s, stream_->notices.front().due_s);
   const double frame_s = has(UstHabit::slow_frame) ? slow_frame_s : usual_frame_s;
-  const auto ready = [&](std::int64_t index) {
-    return clock_.next_frame_s(finished_s(index), frame_s);
-  };
+  const auto ready = [&](std::int64_t index) { return clock_.next_frame_s(finished_s(index), frame_s); };
   while (ready(stream_->next_index) < now_s - identity_.scan_period_s)
     stream_->next_index += stream_->request.scan.skip + 1;
   return ready(stream_->next_index);

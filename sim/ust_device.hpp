@@ -83,7 +83,8 @@ class UstDevice {
 
   /// Scans that were produced, for logs.
   [[nodiscard]] std::uint64_t scans_made() const { return scans_made_; }
-  /// When the answer to this line, which comes now, is ready: a scan that is asked for must have been finished.
+  /// When the answer to this line, which comes now, is ready: a scan that is asked for must have been
+  /// finished.
   [[nodiscard]] double answers_at_s(std::string_view line, double now_s) const;
 
  private:

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Prints scans of a lidar with this computer's times: print_scans HOST [PORT [HOW_MANY]]. docs/lidar.md, "The driver".
+// Prints scans of a lidar with this computer's times: print_scans HOST [PORT [HOW_MANY]]. docs/lidar.md, "The
+// driver".
 #include <boost/asio/co_spawn.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/this_coro.hpp>
@@ -30,14 +31,15 @@ int main(int count, char** words) {
   const auto port = static_cast<std::uint16_t>(count > 2 ? std::atoi(words[2]) : 10940);
   boost::asio::io_context io(1);
   int status = 0;
-  boost::asio::co_spawn(io, print_scans(host, port, count > 3 ? std::atoi(words[3]) : 40), [&](std::exception_ptr why) {
-    try {
-      if (why) std::rethrow_exception(why);
-    } catch (const std::exception& error) {
-      std::fprintf(stderr, "%s\n", error.what());
-      status = 3;
-    }
-  });
+  boost::asio::co_spawn(io, print_scans(host, port, count > 3 ? std::atoi(words[3]) : 40),
+                        [&](std::exception_ptr why) {
+                          try {
+                            if (why) std::rethrow_exception(why);
+                          } catch (const std::exception& error) {
+                            std::fprintf(stderr, "%s\n", error.what());
+                            status = 3;
+                          }
+                        });
   io.run();
   return status;
 }

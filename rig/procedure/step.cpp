@@ -175,7 +175,8 @@ CaptureRequest capture_request(const Arguments& arguments, const fit::Bench& ben
     };
     if (step(beams->first) < lidar.first_step || step(beams->second) >= lidar.steps)
       throw ProcedureError(arguments.place_of("beams_deg"),
-                           "the lidar sees from " + to_text((lidar.first_step - lidar.front_step) * step_deg) + " to " +
+                           "the lidar sees from " +
+                               to_text((lidar.first_step - lidar.front_step) * step_deg) + " to " +
                                to_text((lidar.steps - 1 - lidar.front_step) * step_deg) + " deg only.");
     request.first_step = step(beams->first);
     request.last_step = step(beams->second);

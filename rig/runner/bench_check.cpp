@@ -213,7 +213,8 @@ class Checker {
     for (std::size_t k = 0; k < beams; ++k) {
       const bool sure = ranges[k].size() * 2 > scans_of_look;
       seen.range_mm.push_back(sure ? median(ranges[k]) : std::numeric_limits<double>::quiet_NaN());
-      seen.intensity.push_back(sure && !levels[k].empty() ? median(levels[k]) : std::numeric_limits<double>::quiet_NaN());
+      seen.intensity.push_back(sure && !levels[k].empty() ? median(levels[k])
+                                                          : std::numeric_limits<double>::quiet_NaN());
     }
     co_return seen;
   }

@@ -52,15 +52,15 @@ class Comparison {
     if (const auto ii = identity_.find("II"); ii != identity_.end() && ii->is_object())
       state = ii->value("STAT", "");
     if (state.empty() || says_it_is_well(state)) return;
-    doubts_.push_back({Weight::decision, lidar_state, "it says of itself (STAT): " + state,
-                       "Switch it off and on, clean its window, look into its manual; if this stays, it needs "
-                       "service."});
+    doubts_.push_back(
+        {Weight::decision, lidar_state, "it says of itself (STAT): " + state,
+         "Switch it off and on, clean its window, look into its manual; if this stays, it needs "
+         "service."});
   }
 
   void compare_device() {
     const fit::LidarGeometry& bench = bench_.lidar;
-    if (bench_.lidar_places.contains("model") && !known_.models.empty() &&
-        !is_model(bench.model, known_))
+    if (bench_.lidar_places.contains("model") && !known_.models.empty() && !is_model(bench.model, known_))
       doubts_.push_back({Weight::decision, "model",
                          "model " + bench.model + place("model") + " where the lidar is a " + known_.name(),
                          "Correct 'model' in the bench file, or connect the lidar that it describes."});
@@ -91,8 +91,9 @@ class Comparison {
     doubts_.push_back(
         {weight, what,
          std::string(key) + " " + to_text(bench) + " where the lidar has " + to_text(lidar) + place(key),
-         weight == Weight::note ? "Nothing, if the bench is to use a part of its beams."
-                                : "Correct 'lidar' in the bench file, or connect the lidar that it describes."});
+         weight == Weight::note
+             ? "Nothing, if the bench is to use a part of its beams."
+             : "Correct 'lidar' in the bench file, or connect the lidar that it describes."});
   }
 
   const json& identity_;

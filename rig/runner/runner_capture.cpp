@@ -369,9 +369,10 @@ awaitable<void> Runner::Impl::wait(double seconds) {
     const bool restarted = std::exchange(restarts, clock_restarts) != clock_restarts;
     if (begun_us && restarted) {
       if (++begun_again > waits_begun_again)
-        throw DeviceError("The lidar restarted " + std::to_string(begun_again) +
-                          " times while it was waited for to warm up. Check its supply and its cable, then go "
-                          "on with --resume.");
+        throw DeviceError(
+            "The lidar restarted " + std::to_string(begun_again) +
+            " times while it was waited for to warm up. Check its supply and its cable, then go "
+            "on with --resume.");
       note("warning", "the wait of " + to_text(seconds) + " s begins again, " +
                           rounded_text(static_cast<double>(host_us - *begun_us) / 1e6, 0) +
                           " s after it began: the lidar may have cooled");

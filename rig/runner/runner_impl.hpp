@@ -238,8 +238,8 @@ struct Runner::Impl final : StepContext {
   int clock_restarts = 0;  // That were told.
   bool power_cycle_told = false, intensities_missed = false;
 
-  /// Throws if the lidar is not what the bench file describes, or is not well and the operator has not decided
-  /// to use it all the same.
+  /// Throws if the lidar is not what the bench file describes, or is not well and the operator has not
+  /// decided to use it all the same.
   void judge_lidar(const json& identity);
   std::string lidar_accepted;  // What was said of it then.
 

@@ -22,7 +22,8 @@ awaitable<void> Runner::Impl::start_stream(LidarStream stream) {
   co_await std::move(starting);
   streaming = true;
   if (stream.intensity && !parts.lidar.sends_intensities() && !std::exchange(intensities_missed, true))
-    note("warning", "this lidar sends no intensities (it does not know the command ME): distances alone are stored");
+    note("warning",
+         "this lidar sends no intensities (it does not know the command ME): distances alone are stored");
 }
 
 awaitable<void> Runner::Impl::end_stream() {
@@ -74,6 +75,7 @@ awaitable<lidar::Scan> Runner::Impl::next_scan(LidarStream stream, ScanGate* gat
 }
 
 void Runner::Impl::heed_clock_restart(const lidar::Scan& scan) {
+  const bool asked_for = std::exchange(power_cycle_told, false);
   if (parts.lidar.clock_restarts() == clock_restarts) return;
   clock_restarts = parts.lidar.clock_restarts();
   json all = json::parse(session.get("lidar_restarts").value_or("[]"), nullptr, false);
@@ -81,12 +83,13 @@ void Runner::Impl::heed_clock_restart(const lidar::Scan& scan) {
   all.push_back({{"host_us", session_us(scan)}, {"device_ms", scan.device_ms}});
   session.set("lidar_restarts", all.dump());
   const std::string goes_on =
-      "the lidar's clock started again: stamps (device_ms) of later scans have a new time base, which goes on "
+      "the lidar's clock started again: stamps (device_ms) of later scans have a new time base, which goes "
+      "on "
       "by this computer's clock";
-  if (std::exchange(power_cycle_told, false))
-    return note("info", goes_on);
-  note("warning", goes_on + ". The lidar restarted or its power was cut: if it was off for long it has "
-                            "cooled, and what warmed it up before is not repeated by itself" +
+  if (asked_for) return note("info", goes_on);
+  note("warning", goes_on +
+                      ". The lidar restarted or its power was cut: if it was off for long it has "
+                      "cooled, and what warmed it up before is not repeated by itself" +
                       (power_on_us ? "; captures go on counting the time since power-on from before" : "") +
                       ". Check its supply.");
 }

@@ -42,7 +42,8 @@ class ScipSource final : public LidarSource {
       co_await std::move(starting);
     } catch (const lidar::LidarError& error) {
       // A lidar that does not know ME measures distances all the same.
-      unknown = error.kind() == lidar::LidarError::Kind::unknown_command && stream.intensity && sends_intensities_;
+      unknown =
+          error.kind() == lidar::LidarError::Kind::unknown_command && stream.intensity && sends_intensities_;
       if (!unknown) throw DeviceError(error.what());
     }
     if (!unknown) co_return;

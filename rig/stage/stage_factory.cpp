@@ -218,7 +218,8 @@ awaitable<StageProbe> find_speaker(boost::asio::any_io_executor executor, PortUr
     for (const std::string& dialect : language.names) {
       auto asking = who_answers(executor, port, language, dialect);
       StageProbe answers = co_await std::move(asking);
-      const bool says_more = all_answers.refused.empty() && (!answers.refused.empty() || all_answers.heard.empty());
+      const bool says_more =
+          all_answers.refused.empty() && (!answers.refused.empty() || all_answers.heard.empty());
       if (answers.identity || says_more) all_answers = answers;
       if (answers.identity) co_return all_answers;
     }

@@ -185,8 +185,8 @@ std::string ShotStage::question(std::string_view text, double now_s) {
   return acknowledges_ ? "NG\r\n" : "";
 }
 
-/// ?:D1, ?:DW and the like: speeds (D) and those of homing (B), of one axis or of all; divisions of a step (S)
-/// and the travel of a pulse (P), parted by commas.
+/// ?:D1, ?:DW and the like: speeds (D) and those of homing (B), of one axis or of all; divisions of a step
+/// (S) and the travel of a pulse (P), parted by commas.
 std::optional<std::string> ShotStage::setting_asked_for(std::string_view text) const {
   if (is_gsc_ || text.size() != 4) return std::nullopt;
   const char what = text[2];

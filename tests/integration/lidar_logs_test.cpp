@@ -141,8 +141,14 @@ TEST_CASE("a lidar of another generation is measured with: first step 44, no int
     answers.add(lidar::build_key_value_response(kind, "00", values));
   };
   key_values("VV", {{"PROD", "SOKUIKI Sensor URG-04LX"}, {"FIRM", "3.1"}, {"SERI", "H0706400"}});
-  key_values("PP", {{"MODL", "URG-04LX(Hokuyo Automatic Co.,Ltd.)"}, {"DMIN", "20"}, {"DMAX", "5600"},
-                    {"ARES", "1024"}, {"AMIN", "44"}, {"AMAX", "725"}, {"AFRT", "384"}, {"SCAN", "600"}});
+  key_values("PP", {{"MODL", "URG-04LX(Hokuyo Automatic Co.,Ltd.)"},
+                    {"DMIN", "20"},
+                    {"DMAX", "5600"},
+                    {"ARES", "1024"},
+                    {"AMIN", "44"},
+                    {"AMAX", "725"},
+                    {"AFRT", "384"},
+                    {"SCAN", "600"}});
   key_values("II", {{"LASR", "ON"}, {"STAT", "Sensor works well."}});
   const std::vector<std::uint32_t> ranges(682, 1234);
   lidar::ScanCommand command;
@@ -178,12 +184,12 @@ TEST_CASE("recorded logs of real lidars, served again, are connected to, dated a
     std::uint16_t first_mm;
     bool intensities;
   };
-  const auto device = GENERATE(
-      Device{"real_urg_04lx.r.txt", urg, "H0706400", 682, 392, false},
-      Device{"real_utm_30lx.r.txt", R"({"model": "UTM-30LX"})", "00903971", 1081, 45, true},
-      Device{"real_uxm_30lx_e.r.txt",
-             R"({"model": "UXM-30LX-E", "steps": 761, "front_step": 380, "scan_hz": 20})", "H0909106", 761, 353,
-             false});
+  const auto device =
+      GENERATE(Device{"real_urg_04lx.r.txt", urg, "H0706400", 682, 392, false},
+               Device{"real_utm_30lx.r.txt", R"({"model": "UTM-30LX"})", "00903971", 1081, 45, true},
+               Device{"real_uxm_30lx_e.r.txt",
+                      R"({"model": "UXM-30LX-E", "steps": 761, "front_step": 380, "scan_hz": 20})",
+                      "H0909106", 761, 353, false});
   INFO(device.file);
   Server server(answers_in(file_text((logs / device.file).string())));
   const fit::Bench bench = bench_of(device.lidar);

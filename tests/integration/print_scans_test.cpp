@@ -27,8 +27,8 @@ TEST_CASE("the example prints scans with this computer's times") {
     double at_s = 0, u_us = 0;
     unsigned long long device_ms = 0;
     unsigned beams = 0, ahead_mm = 0;
-    REQUIRE(std::sscanf(line->c_str(), "%lf s (+- %lf us), lidar's clock %llu ms, %u beams, ahead %u mm", &at_s,
-                        &u_us, &device_ms, &beams, &ahead_mm) == 5);
+    REQUIRE(std::sscanf(line->c_str(), "%lf s (+- %lf us), lidar's clock %llu ms, %u beams, ahead %u mm",
+                        &at_s, &u_us, &device_ms, &beams, &ahead_mm) == 5);
     CHECK(at_s > before_s);
     CHECK(at_s < steady_s());
     CHECK(u_us < 5000);

@@ -254,6 +254,6 @@ TEST_CASE("a Zaber that refuses one setting is told as that, not as another baud
   const sim::PtyPort port(rig.io.get_executor(), device, rig.clock, {});
   const rig::StageProbe found = rig.run(rig::probe_stage(rig.io.get_executor(), "serial:" + port.path()));
   CHECK_FALSE(found.identity);
-  CHECK_THAT(found.why_nobody(), Contains("answers in the language zaber") && Contains("units_per_deg") &&
-                                     !Contains("baud"));
+  CHECK_THAT(found.why_nobody(),
+             Contains("answers in the language zaber") && Contains("units_per_deg") && !Contains("baud"));
 }

@@ -21,11 +21,11 @@ struct Scenario {
   double least_up_us = 40, least_down_us = 40;
   double most_way_us = 0;  ///< Above 0, for many lidars: each way's least is anything up to this.
   double hiccup_probability = 0.01, hiccup_us = 5000;
-  double frame_ms = 1;     ///< Answers and scans leave when the timer has come to a multiple of this ...
+  double frame_ms = 1;  ///< Answers and scans leave when the timer has come to a multiple of this ...
   bool stamps_in_frames = false;  ///< ... or it counts in steps of this, and answers at once.
-  double busy_share = 0;   ///< Of the time, in spells of a second or two: nothing is read or sent in time.
-  bool on_tick = true;  ///< Scans leave on the timer's next millisecond, else as soon as they are complete.
-  int scans = 10000;    ///< One capture.
+  double busy_share = 0;  ///< Of the time, in spells of a second or two: nothing is read or sent in time.
+  bool on_tick = true;    ///< Scans leave on the timer's next millisecond, else as soon as they are complete.
+  int scans = 10000;      ///< One capture.
   int exchanges = 150;
   bool synchronise = true;
   std::uint32_t timer_ms = 0;  ///< When the run begins; 0: any.
@@ -125,8 +125,8 @@ class World {
     if (s_.busy_share <= 0) return host_us;
     while (host_us >= spell_ends_us_) {
       busy_ = uniform(0, 1) < s_.busy_share;
-      spell_ends_us_ = std::max(spell_ends_us_, start_us_) +
-                       std::exponential_distribution<>(1 / 1.5e6)(random_);
+      spell_ends_us_ =
+          std::max(spell_ends_us_, start_us_) + std::exponential_distribution<>(1 / 1.5e6)(random_);
     }
     return busy_ && uniform(0, 1) < 0.7 ? host_us + uniform(0, 4000) : host_us;
   }

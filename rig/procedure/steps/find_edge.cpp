@@ -213,8 +213,7 @@ class Search {
     request.name = context_.name();
     request.key = context_.key() + "/" + std::to_string(stop);
     request.samples = settings_.samples;
-    request.first_step =
-        std::max(context_.bench().lidar.first_step, settings_.beam - settings_.spread);
+    request.first_step = std::max(context_.bench().lidar.first_step, settings_.beam - settings_.spread);
     request.last_step = std::min(context_.bench().lidar.steps - 1, settings_.beam + settings_.spread);
     request.target = settings_.target;
     if (!context_.recorded(request.key))

@@ -203,8 +203,8 @@ awaitable<StageIdentity> ZaberProtocol::identify() {
   const long long axes = co_await get("system.axiscount", 0);
   if (options_.axis > axes)
     throw StageRefusal("the stage's controller has " + std::to_string(axes) +
-                     " axis(es), but the bench file names axis " + std::to_string(options_.axis) +
-                     ". Nothing was moved. Correct `axis` there.");
+                       " axis(es), but the bench file names axis " + std::to_string(options_.axis) +
+                       ". Nothing was moved. Correct `axis` there.");
   identity.units_per_deg = co_await find_units_per_deg();
   if (usual_speed_ == 0) usual_speed_ = co_await get("maxspeed", options_.axis);
   co_return identity;

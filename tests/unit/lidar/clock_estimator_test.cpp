@@ -37,7 +37,9 @@ TEST_CASE("scan times are right to 40 us RMS from millisecond stamps, with delay
   CHECK(all.in_order);
 }
 
-TEST_CASE("scan times are right to 100 us RMS once 20 s are seen from a lidar that answers and sends on a 5 ms frame") {
+TEST_CASE(
+    "scan times are right to 100 us RMS once 20 s are seen from a lidar that answers and sends on a 5 ms "
+    "frame") {
   Scenario s;
   s.frame_ms = 5;
   s.scans = 4000;
@@ -205,8 +207,8 @@ TEST_CASE("a timer that starts again begins a time base that goes on by the host
     CHECK(clock.unwrap(after_ms + 25, 1e6 + passed_us + 25e3) == after + 25);
     return static_cast<double>(after - before) - 1000;
   };
-  CHECK(after_reboot(100'000, 3'000, 4e6) == Approx(4000));      // behind the old timer
-  CHECK(after_reboot(14'000'000, 3'000, 4e6) == Approx(4000));   // ahead of it, through the wrap
+  CHECK(after_reboot(100'000, 3'000, 4e6) == Approx(4000));     // behind the old timer
+  CHECK(after_reboot(14'000'000, 3'000, 4e6) == Approx(4000));  // ahead of it, through the wrap
   CHECK(after_reboot(9'000'000, 3'000, 120e6) == Approx(120e3));
 }
 
@@ -220,7 +222,8 @@ TEST_CASE("a lidar that is connected anew and ran on has not started again") {
 
 TEST_CASE("a timer that jumps by hours within a stream begins a new time base; a stall of seconds does not") {
   ClockEstimator clock;
-  for (std::uint32_t i = 0; i < 40; ++i) clock.add_scan(clock.unwrap(25 * i, 25e3 * i + 20e3), 25e3 * i + 20e3);
+  for (std::uint32_t i = 0; i < 40; ++i)
+    clock.add_scan(clock.unwrap(25 * i, 25e3 * i + 20e3), 25e3 * i + 20e3);
   CHECK(clock.unwrap(6000, 1020e3) == 6000);  // what came late before
   CHECK(clock.estimate().resets == 0);
   CHECK(clock.unwrap(8'000'000, 1045e3) == 6025);

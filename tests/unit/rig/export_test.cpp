@@ -157,9 +157,7 @@ TEST_CASE("a ROS 2 bag gives back each scan in metres with its time and angles")
 TEST_CASE("a ROS 2 bag counts from the session's epoch, to the microsecond") {
   const TestFolder folder;
   const std::string path = small_session(folder), out = folder / "out.mcap";
-  {
-    rig::SessionStore(path, rig::SessionStore::Mode::append).set("epoch_unix_us", "1767323045678901");
-  }
+  { rig::SessionStore(path, rig::SessionStore::Mode::append).set("epoch_unix_us", "1767323045678901"); }
   const rig::SessionStore session(path, rig::SessionStore::Mode::read);
   rig::run_export("mcap", {path, &session}, rig::check_output({out}));
   std::ifstream file(out, std::ios::binary);

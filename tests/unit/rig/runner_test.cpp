@@ -37,9 +37,7 @@ class FakeClock final : public rig::RunClock {
   std::int64_t now_us = 100'000'000;
   bool is_real = false;  ///< The computer's clocks.
   std::int64_t host_us() const override { return is_real ? real->host_us() : now_us; }
-  std::int64_t unix_us() const override {
-    return is_real ? real->unix_us() : 1'700'000'000'000'000 + now_us;
-  }
+  std::int64_t unix_us() const override { return is_real ? real->unix_us() : 1'700'000'000'000'000 + now_us; }
   awaitable<void> sleep(double seconds) override {
     for (int i = 0; i < 10; ++i) co_await yield();  // What happens at once happens before.
     now_us += std::llround(seconds * 1e6);
@@ -269,9 +267,8 @@ struct Rig {
     const bool again = std::filesystem::exists(file);
     rig::SessionStore session(file,
                               again ? rig::SessionStore::Mode::append : rig::SessionStore::Mode::create);
-    rig::RunnerParts parts{lidar,  stage, world.clock,
-                           person, fit,   [](const std::string&, const std::string&) {},
-                           accepts_lidar};
+    rig::RunnerParts parts{
+        lidar, stage, world.clock, person, fit, [](const std::string&, const std::string&) {}, accepts_lidar};
     rig::Runner runner(rig::parse_procedure(text, "test.yaml"), bench, session, parts);
     prepare(runner);
     std::exception_ptr why;
@@ -559,8 +556,9 @@ TEST_CASE("a wait begins again when the lidar restarts in it, is told, and does 
 }
 
 TEST_CASE("a restart that a prompt asked for is no cause for concern, any other is told as one") {
-  Rig asked("  - home\n  - prompt: {title: Switch it off and on, place: {since_power_on_s: 30}}\n"
-            "  - capture: {samples: 5}\n");
+  Rig asked(
+      "  - home\n  - prompt: {title: Switch it off and on, place: {since_power_on_s: 30}}\n"
+      "  - capture: {samples: 5}\n");
   asked.lidar.when_connecting = [&] { asked.lidar.restarts = asked.lidar.connects - 1; };
   CHECK(asked.run());
   CHECK(asked.told("the lidar's clock started again"));
@@ -826,7 +824,8 @@ TEST_CASE("a lidar that the bench file does not describe is refused at once, wit
   CHECK(another.lidar.connects == 1);
 }
 
-TEST_CASE("a lidar that says it is not well is measured with only by the operator's decision, which is recorded") {
+TEST_CASE(
+    "a lidar that says it is not well is measured with only by the operator's decision, which is recorded") {
   Rig rig("  - home\n  - capture: {samples: 5}\n");
   for (const char* well : {"Sensor works well.", "sensor is working normally", "Stable 000 no error."}) {
     rig.lidar.information = {{"STAT", well}};
@@ -844,7 +843,8 @@ TEST_CASE("a lidar that says it is not well is measured with only by the operato
              Contains("Window is dirty"));
 }
 
-TEST_CASE("a lidar of another model or serial number than the bench states is refused, with where it says so") {
+TEST_CASE(
+    "a lidar of another model or serial number than the bench states is refused, with where it says so") {
   const auto with = [](const std::string& lidar) {
     fit::Bench bench = small_bench();
     const fit::Bench read =
@@ -868,7 +868,8 @@ TEST_CASE("a lidar of another model or serial number than the bench states is re
 
 TEST_CASE("a lidar whose first step is not 0 is measured with from that step on") {
   Rig rig("  - home\n  - capture: {samples: 5}\n");
-  rig.lidar.parameters = {{"MODL", "URG-04LX"}, {"AMIN", "44"}, {"AMAX", "725"}, {"AFRT", "384"}, {"ARES", "1024"}};
+  rig.lidar.parameters = {
+      {"MODL", "URG-04LX"}, {"AMIN", "44"}, {"AMAX", "725"}, {"AFRT", "384"}, {"ARES", "1024"}};
   rig.bench.lidar.steps = 726, rig.bench.lidar.front_step = 384;
   rig.bench.lidar.step_rad = 2 * fit::pi / 1024;
   CHECK_THROWS_WITH(rig.run(), Contains("first_step 0 where the lidar has 44"));

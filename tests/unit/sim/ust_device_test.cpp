@@ -106,7 +106,8 @@ TEST_CASE("SCSP is a number, or in words as older generations write it") {
   Bed bed;
   CHECK_THAT(bed.device->handle("II", 1), Catch::Contains("SCSP:2400;"));
   bed.device->set_habit(sim::UstHabit::speed_in_words, true);
-  CHECK_THAT(bed.device->handle("II", 1), Catch::Contains("SCSP:Initial(2400[rpm])<-Default setting by user;"));
+  CHECK_THAT(bed.device->handle("II", 1),
+             Catch::Contains("SCSP:Initial(2400[rpm])<-Default setting by user;"));
 }
 
 TEST_CASE("a stream counts down in its echo and ends with the laser off") {
