@@ -79,7 +79,7 @@ TEST_CASE("a scan asked for singly is the latest that is finished: the same stam
   const auto first = bed.single("GE0000108001", 1.003);
   CHECK(first.stamp >= 1003);  // It was begun with the laser on.
   CHECK(first.stamp < 1050);
-  const auto again = bed.single("GE0000108001", 1.045), part = bed.single("GD0050006001", 1.046);
+  const auto again = bed.single("GE0000108001", 1.045), part = bed.single("GD0500060001", 1.046);
   CHECK(again.stamp == first.stamp);
   CHECK(again.range_mm == first.range_mm);
   CHECK(again.intensity == first.intensity);
