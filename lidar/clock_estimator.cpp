@@ -81,8 +81,9 @@ std::uint64_t ClockEstimator::unwrap(std::uint32_t stamp_ms, double host_us) {
     const std::uint32_t forward = (stamp_ms - static_cast<std::uint32_t>(timer_ms_)) & timer_mask;
     const std::uint32_t back = (timer_mask + 1 - forward) & timer_mask;
     const double passed_ms = (host_us - last_host_us_) / 1000;
-    // Nothing is older than the timer's zero: just after the start, a stamp from before is a new timer's.
-    if (forward > timer_mask / 2 && back < late_answer_ms && back <= timer_ms_)
+    // Nothing is older than the timer's zero: just after the start, a stamp from before is a new timer's. Nor
+    // does a new connection bring answers of an old one.
+    if (!newly_connected && forward > timer_mask / 2 && back < late_answer_ms && back <= timer_ms_)
       return base_ms_ + timer_ms_ - back;
     if (const std::uint64_t turned = forward_through_silence(forward, host_us); turned > 0) {
       timer_ms_ += turned;

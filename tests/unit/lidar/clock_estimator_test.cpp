@@ -209,6 +209,7 @@ TEST_CASE("a timer that starts again begins a time base that goes on by the host
   };
   CHECK(after_reboot(100'000, 3'000, 4e6) == Approx(4000));     // behind the old timer
   CHECK(after_reboot(14'000'000, 3'000, 4e6) == Approx(4000));  // ahead of it, through the wrap
+  CHECK(after_reboot(3'000, 3'600, 4e6) == Approx(4000));       // a moment behind it
   CHECK(after_reboot(9'000'000, 3'000, 120e6) == Approx(120e3));
 }
 
