@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -19,6 +20,11 @@ class BenchReader {
       : value_(value), pointer_(std::move(pointer)), text_(text), name_(name) {}
 
   [[nodiscard]] const json& value() const { return value_; }
+  /// NAME:LINE:COLUMN.
+  [[nodiscard]] std::string place() const {
+    const TextPosition position = position_of(text_, pointer_);
+    return name_ + ":" + std::to_string(position.line) + ":" + std::to_string(position.column);
+  }
   [[nodiscard]] bool has(const std::string& key) const { return value_.contains(key); }
 
   [[noreturn]] void refuse(const std::string& complaint) const {
@@ -121,10 +127,14 @@ Mount read_mount(const BenchReader& reader) {
 
 LidarGeometry read_lidar(const BenchReader& reader) {
   reader.must_be_object();
-  reader.refuse_misspelt(std::array{"model", "steps", "front_step", "step_deg", "scan_hz", "mount"});
+  reader.refuse_misspelt(
+      std::array{"model", "steps", "first_step", "front_step", "step_deg", "scan_hz", "serial", "mount"});
   LidarGeometry lidar;
   if (reader.has("model")) lidar.model = reader.at("model").string();
   if (reader.has("steps")) lidar.steps = reader.at("steps").integer_from(1, 100000);
+  if (reader.has("first_step"))
+    lidar.first_step = reader.at("first_step").integer_from(0, std::max(0, lidar.steps - 1));
+  if (reader.has("serial")) lidar.serial = reader.at("serial").string();
   if (reader.has("front_step")) lidar.front_step = reader.at("front_step").integer_from(-100000, 100000);
   if (reader.has("step_deg")) lidar.step_rad = reader.at("step_deg").number_from(1e-4, 90) * rad_per_deg;
   if (reader.has("scan_hz")) lidar.scan_hz = reader.at("scan_hz").number_from(1e-3, 1e4);
@@ -159,7 +169,9 @@ double read_stage(const BenchReader& reader) {
   reader.refuse_misspelt(std::array{"language", "model", "resolution_deg", "limits_deg", "speed_deg_s",
                                     "acceleration_deg_s2", "tolerance_deg", "units_per_deg", "units_per_turn",
                                     "direction", "zero_deg", "settle_s", "reply_s", "home_s", "needs_homing",
-                                    "baud", "address", "axis"});
+                                    "baud", "address", "axis",
+                                    // of the simulated one
+                                    "homed", "axes", "acknowledges", "physics"});
   for (const char* quickness : {"speed_deg_s", "acceleration_deg_s2"})
     if (reader.has(quickness)) (void)reader.at(quickness).number_from(1e-6, 1e6);
   if (reader.has("limits_deg")) {
@@ -230,7 +242,12 @@ Bench parse_bench(const std::string& text, const std::string& name) {
   reader.refuse_misspelt(std::array{"schema", "lidar", "stage", "targets", "known", "certificate"});
   Bench bench;
   bench.document = document.dump();
-  if (reader.has("lidar")) bench.lidar = read_lidar(reader.at("lidar"));
+  if (reader.has("lidar")) {
+    const Reader lidar = reader.at("lidar");
+    bench.lidar = read_lidar(lidar);
+    bench.lidar_places[""] = lidar.place();
+    for (const auto& [key, ignored] : lidar.value().items()) bench.lidar_places[key] = lidar.at(key).place();
+  }
   if (reader.has("stage")) bench.stage_resolution_rad = read_stage(reader.at("stage"));
   if (reader.has("targets")) {
     const BenchReader targets = reader.at("targets");
@@ -260,6 +277,8 @@ std::string to_json_text(const Bench& bench) {
   json& lidar = document["lidar"];
   lidar["model"] = bench.lidar.model;
   lidar["steps"] = bench.lidar.steps;
+  if (bench.lidar.first_step != 0) lidar["first_step"] = bench.lidar.first_step;
+  if (!bench.lidar.serial.empty()) lidar["serial"] = bench.lidar.serial;
   lidar["front_step"] = bench.lidar.front_step;
   lidar["step_deg"] = bench.lidar.step_rad * deg_per_rad;
   lidar["scan_hz"] = bench.lidar.scan_hz;

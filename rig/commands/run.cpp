@@ -120,6 +120,9 @@ class Run : public Command {
     run->add_option("--set", settings_, "NAME=VALUE: replaces a variable of the procedure");
     run->add_flag("--dry-run", dry_run_, "Print steps, travel, time and limits; touch no device");
     run->add_flag("--yes", yes_, "Confirm every prompt: nobody is there");
+    run->add_flag("--accept-lidar", accept_lidar_,
+                  "Measure although the lidar is of another model or serial number than the bench file says, "
+                  "or says that it is not well; recorded in session and certificate");
     run->add_option("--operator", operator_, "HOST:PORT of a simulated bench that answers prompts itself");
     live_option_ = run->add_option("--live", live_.port, "Serve the live page; on PORT if given")
                        ->expected(0, 1)
@@ -263,7 +266,7 @@ class Run : public Command {
     const auto write = [](const std::string& file, const std::string& output) {
       write_report(file, check_output({output}, {file}));
     };
-    RunnerParts parts{*lidar, *stage, *clock, *person, fit_function(), write};
+    RunnerParts parts{*lidar, *stage, *clock, *person, fit_function(), write, accept_lidar_};
     Runner runner(procedure, bench, session, parts);
     return conduct(io, runner, bench, session, started);
   }
@@ -327,7 +330,7 @@ class Run : public Command {
 
   std::string procedure_, lidar_, stage_, bench_, out_, operator_;
   std::vector<std::string> settings_;
-  bool resume_ = false, dry_run_ = false, yes_ = false, json_log_ = false;
+  bool resume_ = false, dry_run_ = false, yes_ = false, json_log_ = false, accept_lidar_ = false;
   LiveServer::Options live_;
   CLI::Option* live_option_ = nullptr;
 };

@@ -48,10 +48,13 @@ json identification(const SessionStore& session, const json& bench, const std::s
   add(rows, "Laboratory", text_of(stated, "laboratory"));
   add(rows, "Place", text_of(stated, "place"));
   add(rows, "Customer", text_of(stated, "customer"));
-  add(rows, "Item calibrated",
-      text_of(stated, "item",
-              lidar.product == lidar.model ? lidar.model
-                                           : join_nonempty({lidar.product, lidar.model}, ", model ")));
+  // The device that was there; what the bench file calls it may be of another time.
+  const std::string told = lidar.product == lidar.model
+                               ? lidar.model
+                               : join_nonempty({lidar.product, lidar.model}, ", model "),
+                    item = text_of(stated, "item");
+  add(rows, "Item calibrated", told.empty() ? item : told);
+  if (!told.empty() && !item.empty() && item != told) add(rows, "Item as the bench file calls it", item);
   add(rows, "Serial number", lidar.serial);
   add(rows, "Firmware", lidar.firmware);
   add(rows, "Condition on receipt", text_of(stated, "item_condition"));

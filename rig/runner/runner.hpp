@@ -46,6 +46,9 @@ struct RunnerParts {
       fit;
   /// Writes the certificate of the session to a file in the session's folder; on a thread of its own too.
   std::function<void(const std::string& session_file, const std::string& file)> report;
+  /// The operator decided to measure with a lidar of another model or serial number than the bench file says,
+  /// or with one that says it is not well.
+  bool accepts_lidar = false;
 };
 
 /// Everything an observer needs to draw the run; a late observer sees all of it.

@@ -121,8 +121,8 @@ class Hdf5 : public Exporter {
                       "create the file");
     set_text(file, "schema", "rig-hdf5/1");
     const Handle about = group_in(file, "session");
-    for (const char* key : {"kind", "created_utc", "recorded_utc", "software", "lidar", "stage", "bench",
-                            "procedure_name", "procedure"})
+    for (const char* key : {"kind", "created_utc", "recorded_utc", "epoch_unix_us", "lidar_restarts",
+                            "software", "lidar", "stage", "bench", "procedure_name", "procedure"})
       if (const auto value = session.get(key)) set_text(about, key, *value);
     const Handle results = group_in(file, "results");
     for (const auto& result : session.latest_results())

@@ -29,8 +29,8 @@ class Json : public Exporter {
   void write(const ExportSource& source, const std::string& output) const override {
     const SessionStore& session = *source.session;
     json out = {{"schema", "session-export/1"}, {"content_sha256", session.content_hash()}};
-    for (const char* key : {"kind", "created_utc", "recorded_utc", "software", "lidar", "stage", "bench",
-                            "procedure_name", "procedure"})
+    for (const char* key : {"kind", "created_utc", "recorded_utc", "epoch_unix_us", "lidar_restarts",
+                            "software", "lidar", "stage", "bench", "procedure_name", "procedure"})
       if (const auto value = session.get(key)) out[key] = parsed_or_text(*value);
     const auto recording = session.recording();
     out["captures"] = json::array();

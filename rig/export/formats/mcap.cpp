@@ -3,6 +3,7 @@
 
 #include <array>
 #include <bit>
+#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <cstring>
@@ -254,8 +255,12 @@ const std::string joint_definition =
     "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n" +
     header_definition;
 
-/// Nanoseconds of the Unix epoch at which what the session holds was measured; 0 when it does not say.
+/// Nanoseconds of the Unix epoch at which the session's host times begin; 0 when it does not say.
 std::uint64_t begin_ns(const SessionStore& session) {
+  const std::string epoch_us = session.get("epoch_unix_us").value_or("");
+  std::uint64_t unix_us = 0;
+  if (std::from_chars(epoch_us.data(), epoch_us.data() + epoch_us.size(), unix_us).ec == std::errc{})
+    return unix_us * 1000;
   const std::string text = dates_of(session).measured_utc;
   std::tm utc{};
   if (!strptime(text.c_str(), "%Y-%m-%dT%H:%M:%S", &utc)) return 0;

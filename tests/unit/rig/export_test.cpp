@@ -154,6 +154,21 @@ TEST_CASE("a ROS 2 bag gives back each scan in metres with its time and angles")
   CHECK(summary.notes.empty());
 }
 
+TEST_CASE("a ROS 2 bag counts from the session's epoch, to the microsecond") {
+  const TestFolder folder;
+  const std::string path = small_session(folder), out = folder / "out.mcap";
+  { rig::SessionStore(path, rig::SessionStore::Mode::append).set("epoch_unix_us", "1767323045678901"); }
+  const rig::SessionStore session(path, rig::SessionStore::Mode::read);
+  rig::run_export("mcap", {path, &session}, rig::check_output({out}));
+  std::ifstream file(out, std::ios::binary);
+  std::uint64_t first_ns = 0;
+  (void)rig::read_mcap(file, [&](const rig::McapMessage& message) {
+    if (first_ns == 0) first_ns = message.log_time_ns;
+    return true;
+  });
+  CHECK(first_ns == 1'767'323'045'678'901'000);
+}
+
 TEST_CASE("JSON holds circumstances and results") {
   const TestFolder folder;
   const auto document = nlohmann::json::parse(file_text(exported(folder, "json")));

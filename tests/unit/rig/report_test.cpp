@@ -9,6 +9,7 @@
 
 #include "rig/errors.hpp"
 #include "rig/live/session_state.hpp"
+#include "rig/report/certificate.hpp"
 #include "rig/report/coordinate_in_words.hpp"
 #include "rig/session/step_in_words.hpp"
 #include "tests/support/test_folder.hpp"
@@ -140,6 +141,28 @@ TEST_CASE("a session without results certifies nothing, and a run that was stopp
   rig::write_report(whole, rig::check_output({page}));
   for (const char* unexpected : {"No result:", "Not finished:"})
     CHECK_THAT(file_text(page), !Catch::Contains(unexpected));
+}
+
+TEST_CASE("the certificate names the lidar that was there, and what the bench file calls it beside it") {
+  const TestFolder folder;
+  const std::string session = make_session(folder), page = folder / "c.html";
+  {
+    rig::SessionStore store(session, rig::SessionStore::Mode::append);
+    store.set("bench", R"({"schema":"bench/1","certificate":{"item":"UST-10LX (simulated)"
+  }
+})");
+    store.set("lidar", R"({"PP":{"MODL":"UTM-30LX"},"VV":{"PROD":"UTM-30LX","SERI":"00903971"}})");
+}
+const auto rows = rig::make_certificate(rig::SessionStore(session, rig::SessionStore::Mode::read), session)
+                      .at("identification");
+const auto row = [&](const std::string& name) {
+  for (const auto& each : rows)
+    if (each.at("name") == name) return each.at("text").get<std::string>();
+  return std::string("absent");
+};
+CHECK(row("Item calibrated") == "UTM-30LX");
+CHECK(row("Serial number") == "00903971");
+CHECK(row("Item as the bench file calls it") == "UST-10LX (simulated)");
 }
 
 TEST_CASE("the same certificate comes as data") {
