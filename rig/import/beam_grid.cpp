@@ -62,7 +62,8 @@ std::optional<BeamGrid> beam_grid(std::span<const double> angle_rad,
   if (known) {
     grid.geometry = *known;
     const double turns = (angles[0] - known->first_rad) / (2 * fit::pi);
-    const double whole = 2 * fit::pi * (known->step_rad > 0 ? std::floor(turns + 1e-6) : std::ceil(turns - 1e-6));
+    const double whole =
+        2 * fit::pi * (known->step_rad > 0 ? std::floor(turns + 1e-6) : std::ceil(turns - 1e-6));
     for (double& angle : angles) angle -= whole;
   } else {
     double step = usual_step(angles), first = angles[0];
@@ -84,8 +85,8 @@ std::optional<BeamGrid> beam_grid(std::span<const double> angle_rad,
     const double place = std::round((angle - grid.geometry.first_rad) / grid.geometry.step_rad);
     if (!(place >= 0 && place < most_directions)) return std::nullopt;
     const auto k = static_cast<std::size_t>(place);
-    grid.farthest_rad =
-        std::max(grid.farthest_rad, std::abs(angle - grid.geometry.first_rad - place * grid.geometry.step_rad));
+    grid.farthest_rad = std::max(grid.farthest_rad,
+                                 std::abs(angle - grid.geometry.first_rad - place * grid.geometry.step_rad));
     grid.place.push_back(k);
     grid.beams = std::max(grid.beams, k + 1);
   }

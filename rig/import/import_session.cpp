@@ -200,7 +200,8 @@ class SessionWriter : public ImportSink {
   [[nodiscard]] double mean_first_rad() const { return first_sum_ / scans(); }
   [[nodiscard]] double mean_step_rad() const { return step_sum_ / scans(); }
   [[nodiscard]] double scan_hz() const {
-    return timed_ > 0 && turn_s_sum_ > 0 ? static_cast<double>(timed_) / turn_s_sum_ : stamped_hz_.value_or(10);
+    return timed_ > 0 && turn_s_sum_ > 0 ? static_cast<double>(timed_) / turn_s_sum_
+                                         : stamped_hz_.value_or(10);
   }
   [[nodiscard]] const std::string& source() const { return source_; }
   [[nodiscard]] const std::map<std::string, std::string>& properties() const { return properties_; }
@@ -446,8 +447,7 @@ ImportReport import_into(const std::string& unfinished, const ImportRequest& req
         const double distance = distances[scan_file];
         if (!bench) true_mm = distance;
         info->target = request.target;
-        info->target_shift_mm =
-            bench ? shift_of(*bench, request.target, distance) : distance - distances[0];
+        info->target_shift_mm = bench ? shift_of(*bench, request.target, distance) : distance - distances[0];
       }
       ++scan_file;
     }
@@ -456,8 +456,7 @@ ImportReport import_into(const std::string& unfinished, const ImportRequest& req
     writer.end_file(true_mm);
   }
   writer.end();
-  if (with_scans.empty())
-    writer.note("It holds no scans: wheels and poses alone were imported.");
+  if (with_scans.empty()) writer.note("It holds no scans: wheels and poses alone were imported.");
   store->set("bench", request.bench ? *request.bench : bench_document(request, writer, distances).dump(2));
   write_keys(*store, request, writer);
   store->finish();
@@ -527,7 +526,8 @@ std::unique_ptr<Importer> importer_for(const std::string& path, const ImportOpti
     known += (known.empty() ? "" : "; ") + importer->name();
   }
   if (!options.columns.empty())
-    throw UsageError(path + " is no table that --columns could name the columns of (.csv, .tsv, .txt, .dat).");
+    throw UsageError(path +
+                     " is no table that --columns could name the columns of (.csv, .tsv, .txt, .dat).");
   throw UsageError(path + " is of a format that rig does not read. It reads: " + known + ".");
 }
 

@@ -54,7 +54,7 @@ struct ImportOptions {
   std::string scan_topic, odometry_topic, left_wheel, right_wheel;
   /// How the beams lie, for tables that do not say it (CSV).
   std::optional<double> first_deg, step_deg, scan_hz;
-  std::vector<std::string> columns;     ///< What a table's columns hold, in place of its header.
+  std::vector<std::string> columns;    ///< What a table's columns hold, in place of its header.
   std::optional<double> ticks_a_turn;  ///< Counts of an encoder in one turn of its wheel.
 };
 

@@ -41,7 +41,8 @@ void Plausibility::scan(const ImportedScan& scan) {
     const double angle = scan.geometry.first_rad + static_cast<double>(k) * scan.geometry.step_rad;
     if (std::abs(fit::wrap_angle(angle)) < 10 * fit::rad_per_deg) ahead.push_back(scan.range_mm[k]);
   }
-  if (!ahead.empty() && ahead_mm_.size() < scans_looked_ahead) ahead_mm_.push_back(middle_of(std::move(ahead)));
+  if (!ahead.empty() && ahead_mm_.size() < scans_looked_ahead)
+    ahead_mm_.push_back(middle_of(std::move(ahead)));
 }
 
 std::optional<double> Plausibility::usual_interval_s() const {
@@ -58,12 +59,11 @@ std::optional<double> Plausibility::stamped_hz() const {
 std::vector<std::string> Plausibility::doubts(std::optional<double> true_mm) const {
   std::vector<std::string> doubts;
   if (scans_ > 0 && echoes_ == 0)
-    doubts.push_back(
-        "Every range of its " + std::to_string(scans_) +
-        " scans is 0 (no echo): the unit may be another, or the columns. Of a table, name unit and columns with "
-        "--columns, e.g. --columns time_s,range_m*360.");
-  if (scans_ > 2 && first_ns_ == last_ns_ &&
-      std::ranges::all_of(interval_s_, [](float s) { return s == 0; }))
+    doubts.push_back("Every range of its " + std::to_string(scans_) +
+                     " scans is 0 (no echo): the unit may be another, or the columns. Of a table, name unit "
+                     "and columns with "
+                     "--columns, e.g. --columns time_s,range_m*360.");
+  if (scans_ > 2 && first_ns_ == last_ns_ && std::ranges::all_of(interval_s_, [](float s) { return s == 0; }))
     doubts.push_back("All its scans carry the same time, so that nothing moving can be made of them.");
   else if (const auto interval_s = usual_interval_s(); interval_s && timed_ > 0) {
     const double turn_s = turn_s_sum_ / static_cast<double>(timed_);
@@ -73,20 +73,21 @@ std::vector<std::string> Plausibility::doubts(std::optional<double> true_mm) con
       return s < least_rate_ratio * turn_s || s > most_rate_ratio * turn_s;
     };
     if (contradicts(*interval_s) && contradicts(mean_s))
-      doubts.push_back("Its scans are stamped " + fit::format_fixed(1000 * *interval_s, 2) + " ms apart (" +
-                       fit::format_fixed(1 / std::max(1e-9, *interval_s), 2) +
-                       " Hz), but the lidar is said to turn in " + fit::format_fixed(1000 * turn_s, 2) + " ms (" +
-                       fit::format_fixed(1 / turn_s, 2) +
-                       " Hz): one of both is wrong, or scans were left out. Give the lidar's rate with --scan-hz, "
-                       "or the unit of the times with --columns time_ms,...");
+      doubts.push_back(
+          "Its scans are stamped " + fit::format_fixed(1000 * *interval_s, 2) + " ms apart (" +
+          fit::format_fixed(1 / std::max(1e-9, *interval_s), 2) + " Hz), but the lidar is said to turn in " +
+          fit::format_fixed(1000 * turn_s, 2) + " ms (" + fit::format_fixed(1 / turn_s, 2) +
+          " Hz): one of both is wrong, or scans were left out. Give the lidar's rate with --scan-hz, "
+          "or the unit of the times with --columns time_ms,...");
   }
   if (true_mm && !ahead_mm_.empty()) {
     const double seen_mm = middle_of(ahead_mm_), ratio = *true_mm / seen_mm;
     if (ratio > most_distance_ratio || ratio < 1 / most_distance_ratio)
-      doubts.push_back("The true distance is given as " + fit::format_fixed(*true_mm, 0) +
-                       " mm, but ahead of the lidar (0 deg) the ranges are about " + fit::format_fixed(seen_mm, 0) +
-                       " mm: one of both is in another unit, or the target stands elsewhere. Check --true-mm, which "
-                       "takes millimetres, and the names of the files.");
+      doubts.push_back(
+          "The true distance is given as " + fit::format_fixed(*true_mm, 0) +
+          " mm, but ahead of the lidar (0 deg) the ranges are about " + fit::format_fixed(seen_mm, 0) +
+          " mm: one of both is in another unit, or the target stands elsewhere. Check --true-mm, which "
+          "takes millimetres, and the names of the files.");
   }
   return doubts;
 }

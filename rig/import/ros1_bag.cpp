@@ -93,7 +93,8 @@ class BagReader {
     if (begin.starts_with(bag_mark))
       throw UsageError("a ROS 1 bag of version " + std::string(begin.substr(bag_mark.size(), 3)) +
                        ", where 2.0 is expected. Convert it on a computer with ROS 1: rosbag migrate.");
-    throw UsageError("not a ROS 1 bag (it does not begin with #ROSBAG V2.0). Check the right file was given.");
+    throw UsageError(
+        "not a ROS 1 bag (it does not begin with #ROSBAG V2.0). Check the right file was given.");
   }
 
   bool truncated() {
@@ -133,7 +134,8 @@ class BagReader {
     bool at_end = false;
     const auto header_size = length(at_end);
     if (!header_size) return at_end ? false : truncated();
-    if (*header_size > largest_header) return absurd("a header of " + std::to_string(*header_size) + " bytes");
+    if (*header_size > largest_header)
+      return absurd("a header of " + std::to_string(*header_size) + " bytes");
     if (!load(header_, *header_size)) return truncated();
     const HeaderFields fields(header_);
     const auto op = fields.number("op", 1);

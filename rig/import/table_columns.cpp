@@ -108,8 +108,8 @@ Holds kind_of(const std::string& base, bool numbered) {
   if (is_one_of(base, {"range", "ranges", "distance", "distances", "dist", "r"}) ||
       (numbered && base == "step"))
     return Holds::range;
-  if (is_one_of(base, {"intensity", "intensities", "level", "remission", "quality", "reflectivity",
-                       "amplitude"}))
+  if (is_one_of(base,
+                {"intensity", "intensities", "level", "remission", "quality", "reflectivity", "amplitude"}))
     return Holds::intensity;
   if (is_one_of(base, {"x", "point_x", "pose_x", "px"})) return Holds::x;
   if (is_one_of(base, {"y", "point_y", "pose_y", "py"})) return Holds::y;
@@ -191,14 +191,17 @@ std::vector<TableColumn> columns_of(const std::vector<std::string>& names, std::
       const auto [end, error] = std::from_chars(times.data(), times.data() + times.size(), count);
       const bool number = error == std::errc() && end == times.data() + times.size();
       if ((!times.empty() && !number) || count > 100'000)
-        throw std::invalid_argument("--columns: '" + names[i] + "' is not understood: NAME*3 stands for three");
+        throw std::invalid_argument("--columns: '" + names[i] +
+                                    "' is not understood: NAME*3 stands for three");
     }
     TableColumn column = column_of(name);
     if (column.holds == Holds::unknown)
       throw std::invalid_argument(
           "--columns: '" + name +
-          "' is no column that rig knows. There are: time, scan, angle, range, intensity, x, y, heading, left, "
-          "right, left_ticks, right_ticks (and, of those since the row before, left_increment_ticks ...), '-' "
+          "' is no column that rig knows. There are: time, scan, angle, range, intensity, x, y, heading, "
+          "left, "
+          "right, left_ticks, right_ticks (and, of those since the row before, left_increment_ticks ...), "
+          "'-' "
           "for one to pass over; units at the end: _s _ms _us _ns, _m _cm _mm, _rad _deg");
     if (count > 1) column.numbered = true;
     columns.insert(columns.end(), count, column);

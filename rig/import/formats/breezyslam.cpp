@@ -18,8 +18,8 @@ namespace {
 // behind 24 columns follow the 682 ranges of a URG-04LX in millimetres, 0 where there is none.
 constexpr std::size_t time_column = 0, left_column = 2, right_column = 3, first_range = 24, rover_beams = 682;
 constexpr double rover_turn_hz = 10, rover_step_rad = 2 * fit::pi / 1024;
-// As BreezySLAM's rover documents: lidar 145 mm ahead of the axle, and 0.09 deg of the wheel a tick; but its code
-// adds the ways of both wheels where it should take their mean, so that in truth a tick is 0.18 deg.
+// As BreezySLAM's rover documents: lidar 145 mm ahead of the axle, and 0.09 deg of the wheel a tick; but its
+// code adds the ways of both wheels where it should take their mean, so that in truth a tick is 0.18 deg.
 constexpr double documented_ticks_a_turn = 2000, documented_ahead_mm = 145;
 constexpr double rover_farthest_mm = 5600;  // what the lidar can mean
 
@@ -69,7 +69,8 @@ class RoverLog {
     scan.stamp_ns = stamp_ns;
     scan.source = "BreezySLAM";
     scan.frame = "lidar";
-    scan.geometry.first_rad = options_.first_deg ? *options_.first_deg * fit::rad_per_deg : -340 * rover_step_rad;
+    scan.geometry.first_rad =
+        options_.first_deg ? *options_.first_deg * fit::rad_per_deg : -340 * rover_step_rad;
     scan.geometry.step_rad = options_.step_deg ? *options_.step_deg * fit::rad_per_deg : rover_step_rad;
     scan.geometry.scan_s = std::abs(scan.geometry.step_rad) * rover_beams / (2 * fit::pi) /
                            options_.scan_hz.value_or(rover_turn_hz);
@@ -80,8 +81,9 @@ class RoverLog {
   void finish() {
     if (faulty_ > 0) sink_.note(std::to_string(faulty_) + " lines were cut or absurd and left out.");
     if (too_far_ > 0)
-      sink_.note(std::to_string(too_far_) + " ranges beyond 5.6 m, which a URG-04LX cannot measure, were taken as "
-                                            "no echo.");
+      sink_.note(std::to_string(too_far_) +
+                 " ranges beyond 5.6 m, which a URG-04LX cannot measure, were taken as "
+                 "no echo.");
   }
 
  private:
@@ -91,11 +93,12 @@ class RoverLog {
     ImportedTransform ahead{"robot", "lidar"};
     ahead.x_mm = documented_ahead_mm;
     sink_.transform(ahead);
-    sink_.note("The lidar's place (145 mm ahead of the axle) is the one that BreezySLAM documents for this "
-               "rover" +
-               std::string(options_.ticks_a_turn
-                               ? "."
-                               : ", and so are the 2000 ticks a turn; --ticks-a-turn names another number."));
+    sink_.note(
+        "The lidar's place (145 mm ahead of the axle) is the one that BreezySLAM documents for this "
+        "rover" +
+        std::string(options_.ticks_a_turn
+                        ? "."
+                        : ", and so are the 2000 ticks a turn; --ticks-a-turn names another number."));
   }
 
   const ImportOptions& options_;
@@ -128,7 +131,8 @@ class BreezySlam : public Importer {
     std::string line;
     bool too_long = false;
     while (sink.wants_more() && next_line(in, line, too_long)) log.line(line);
-    if (too_long) throw UsageError(path + " has a line of more than four million characters: it is no such log.");
+    if (too_long)
+      throw UsageError(path + " has a line of more than four million characters: it is no such log.");
     log.finish();
   }
 };

@@ -243,9 +243,10 @@ class ScanRows : public Rows {
     } else {
       const auto model = std::ranges::find(known, beams, &Known::beams);
       if (model == std::end(known))
-        table_.ask("it has " + std::to_string(beams) + " values a scan and does not say how the beams lie.",
-                   "Give --first-deg and --step-deg; or, if its rows are no scans, name the columns: --columns "
-                   "time_s,left_ticks,right_ticks or scan,angle_deg,range_m or scan,x_m,y_m.");
+        table_.ask(
+            "it has " + std::to_string(beams) + " values a scan and does not say how the beams lie.",
+            "Give --first-deg and --step-deg; or, if its rows are no scans, name the columns: --columns "
+            "time_s,left_ticks,right_ticks or scan,angle_deg,range_m or scan,x_m,y_m.");
       geometry.first_rad = model->first_deg * fit::rad_per_deg;
       geometry.step_rad = model->step_deg * fit::rad_per_deg;
       if (!options.scan_hz) set_scan_time(geometry, beams, model->hz);
@@ -350,12 +351,12 @@ class PointRows : public Rows {
   void check_angles() {
     if (cartesian_ || table_.column(angle_).unit_told || angle_checked_) return;
     angle_checked_ = true;
-    const double largest = std::abs(*std::ranges::max_element(
-        angles_, [](double a, double b) { return std::abs(a) < std::abs(b); }));
+    const double largest = std::abs(
+        *std::ranges::max_element(angles_, [](double a, double b) { return std::abs(a) < std::abs(b); }));
     if (largest <= 6.3)
-      table_.ask("column '" + table_.column(angle_).name +
-                     "' does not say whether it holds degrees or radians.",
-                 "Name the columns: --columns scan,angle_rad,range_mm (or angle_deg).");
+      table_.ask(
+          "column '" + table_.column(angle_).name + "' does not say whether it holds degrees or radians.",
+          "Name the columns: --columns scan,angle_rad,range_mm (or angle_deg).");
     in_degrees_ = true;
   }
 
@@ -378,7 +379,8 @@ class PointRows : public Rows {
     std::optional<fit::ScanGeometry> known;
     const ImportOptions& options = table_.options;
     if (options.first_deg && options.step_deg && *options.step_deg != 0)
-      known = fit::ScanGeometry{*options.first_deg * fit::rad_per_deg, *options.step_deg * fit::rad_per_deg, {}};
+      known =
+          fit::ScanGeometry{*options.first_deg * fit::rad_per_deg, *options.step_deg * fit::rad_per_deg, {}};
     const auto grid = beam_grid(angles_, known);
     if (!grid || grid->doubled * 20 > angles_.size() || grid->beams > 20 * angles_.size() + 100) {
       ++faulty_;
@@ -436,13 +438,15 @@ class LogRows : public Rows {
         table.ask("column '" + table.column(index).name + "' does not say its unit.",
                   "Name the columns: --columns time_s,x_m,y_m,heading_rad,left_ticks,right_ticks.");
     if (heading_ >= 0 && !table.column(heading_).unit_told)
-      table.ask("column '" + table.column(heading_).name + "' does not say whether it holds degrees or radians.",
-                "Name the columns: --columns time_s,x_m,y_m,heading_rad (or heading_deg).");
+      table.ask(
+          "column '" + table.column(heading_).name + "' does not say whether it holds degrees or radians.",
+          "Name the columns: --columns time_s,x_m,y_m,heading_rad (or heading_deg).");
   }
 
   void row(const Cells& cells) override {
     const auto stamp = time_.ns(cells);
-    const auto x = table_.scaled(cells, x_), y = table_.scaled(cells, y_), heading = table_.scaled(cells, heading_);
+    const auto x = table_.scaled(cells, x_), y = table_.scaled(cells, y_),
+               heading = table_.scaled(cells, heading_);
     const auto left = table_.scaled(cells, left_), right = table_.scaled(cells, right_);
     // Exports of several things in one table leave cells empty; a row that tells neither is cut.
     const bool wheels = left && right, placed = x && y && (heading || heading_ < 0);
@@ -477,9 +481,10 @@ class LogRows : public Rows {
     const TableColumn& column = table_.column(index);
     if (!column.ticks) return WheelCounter(2 * fit::pi, column.increment);
     if (!table_.options.ticks_a_turn)
-      table_.ask("it counts the wheels in ticks and does not say how many are a turn.",
-                 "Give --ticks-a-turn, the gear included: 64 counts a turn of the motor and a gear of 43.7 are "
-                 "2796.8; or name columns left_rad,right_rad with --columns.");
+      table_.ask(
+          "it counts the wheels in ticks and does not say how many are a turn.",
+          "Give --ticks-a-turn, the gear included: 64 counts a turn of the motor and a gear of 43.7 are "
+          "2796.8; or name columns left_rad,right_rad with --columns.");
     return WheelCounter(*table_.options.ticks_a_turn, column.increment);
   }
 
@@ -590,7 +595,8 @@ class TableReader {
   /// numpy.savetxt and many loggers write the names behind a '#'.
   void take_header_from_comment(std::size_t cells) {
     const Cells names = cells_of(std::string_view(comment_).substr(comment_.empty() ? 0 : 1), separator_);
-    if (names.size() != cells || std::ranges::any_of(names, [](auto name) { return number_in(name).has_value(); }))
+    if (names.size() != cells ||
+        std::ranges::any_of(names, [](auto name) { return number_in(name).has_value(); }))
       return;
     for (const auto& name : names) table_.columns.push_back(column_of(name));
     table_.with_header = true;
@@ -598,8 +604,7 @@ class TableReader {
 
   void refuse_intensities(const Cells& cells) const {
     if (column_of(cells[1]).holds == Holds::intensity)
-      throw UsageError(table_.path +
-                       " holds intensities without ranges. Import the file with the ranges.");
+      throw UsageError(table_.path + " holds intensities without ranges. Import the file with the ranges.");
   }
 
   Table table_;

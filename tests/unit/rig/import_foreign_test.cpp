@@ -110,8 +110,10 @@ void check_wheels(const std::vector<fit::TrackPose>& track, double margin_rad) {
     if (!at.wheel_left_rad) continue;
     REQUIRE(i < expected["wheels_rad"].size());
     if (i == 0) left_rad = *at.wheel_left_rad, right_rad = *at.wheel_right_rad;
-    CHECK(*at.wheel_left_rad - left_rad == Approx(expected["wheels_rad"][i][0].get<double>()).margin(margin_rad));
-    CHECK(*at.wheel_right_rad - right_rad == Approx(expected["wheels_rad"][i][1].get<double>()).margin(margin_rad));
+    CHECK(*at.wheel_left_rad - left_rad ==
+          Approx(expected["wheels_rad"][i][0].get<double>()).margin(margin_rad));
+    CHECK(*at.wheel_right_rad - right_rad ==
+          Approx(expected["wheels_rad"][i][1].get<double>()).margin(margin_rad));
     ++i;
   }
   CHECK(i == expected["wheels_rad"].size());
@@ -274,8 +276,8 @@ TEST_CASE("a log of wheel ticks becomes a track, over the end of its 16-bit coun
 }
 
 TEST_CASE("a log of motion capture and ticks since the row before gives poses and wheels in one track") {
-  auto options = with_columns(
-      {"time_s", "x_m", "y_m", "heading_rad", "right_increment_ticks", "left_increment_ticks"});
+  auto options =
+      with_columns({"time_s", "x_m", "y_m", "heading_rad", "right_increment_ticks", "left_increment_ticks"});
   options.ticks_a_turn = recordings().expected["ticks_a_turn"].get<double>();
   const auto in = import_named("steps.csv", options);
   check_odometry(in.track);
@@ -322,12 +324,12 @@ TEST_CASE("a rover's log of BreezySLAM gives scans and wheels") {
   CHECK(import_foreign({recordings().cut("rover.dat", 20'000)}).range_mm.size() == 6);
 }
 
-TEST_CASE("every text format that is cut or damaged anywhere is read as far as it goes, or refused in words") {
+TEST_CASE(
+    "every text format that is cut or damaged anywhere is read as far as it goes, or refused in words") {
   rig::ImportOptions options;
   options.first_deg = -90, options.step_deg = 5, options.ticks_a_turn = 100;
-  for (const char* name :
-       {"wide.csv", "echo.csv", "points.csv", "cartesian.tsv", "degrees.csv", "ticks.csv", "old.clf", "new.log",
-        "rover.dat"}) {
+  for (const char* name : {"wide.csv", "echo.csv", "points.csv", "cartesian.tsv", "degrees.csv", "ticks.csv",
+                           "old.clf", "new.log", "rover.dat"}) {
     INFO(name);
     const std::size_t size = file_text(recordings().file(name)).size();
     int read = 0;
@@ -363,7 +365,8 @@ TEST_CASE("a rate that the recording does not tell is taken from its stamps") {
 
 TEST_CASE("a file that another command reads is told so") {
   const TestFolder folder;
-  std::ofstream(folder / "a.tuple") << R"({"T": 0.8, "phi_l": 0.4, "phi_r": -0.5, "sm": [0, 0, 0]})" << "\n";
+  std::ofstream(folder / "a.tuple") << R"({"T": 0.8, "phi_l": 0.4, "phi_r": -0.5, "sm": [0, 0, 0]})"
+                                    << "\n";
   CHECK_THROWS_WITH(import_foreign({folder / "a.tuple"}), Contains("rig fit odometry"));
   std::ofstream(folder / "b.log.gz") << "\x1f\x8b";
   CHECK_THROWS_WITH(import_foreign({folder / "b.log.gz"}), Contains("unpack"));
@@ -385,11 +388,11 @@ TEST_CASE("the public logs of a rover and of a robot in motion capture are read 
   const auto rover = import_foreign({(real / "mines-rover/exp1.dat").string()});
   CHECK(rover.range_mm.size() == 756);
   CHECK(rover.track.size() == 756);
-  auto options = with_columns(
-      {"time_s", "x_m", "y_m", "heading_rad", "right_increment_ticks", "left_increment_ticks"});
+  auto options =
+      with_columns({"time_s", "x_m", "y_m", "heading_rad", "right_increment_ticks", "left_increment_ticks"});
   options.ticks_a_turn = 43.7 * 64;
-  const auto run = import_foreign(
-      {(real / "optiodom/circular/231220200121/231220200121_run-01.csv").string()}, options);
+  const auto run =
+      import_foreign({(real / "optiodom/circular/231220200121/231220200121_run-01.csv").string()}, options);
   CHECK(run.track.size() > 1000);
   CHECK(run.track.back().wheel_left_rad.value() > 10);
 }
