@@ -319,8 +319,10 @@ void FoxgloveServer::Impl::publish(const json& state, std::int64_t time_ns) {
   }
   logged = static_cast<std::uint64_t>(
       number_of(state, "messages_total", static_cast<double>(list_of(state, "messages").size())));
-  for (const auto& client : clients)
+  for (const auto& client : clients) {
     if (client->idle) client->wake.cancel();
+    client->idle = false;  // It has something to get, which finish() waits for.
+  }
 }
 
 asio::awaitable<void> FoxgloveServer::Impl::send_last() {
