@@ -25,6 +25,7 @@ struct CorrectionExport {
 class CorrectionFormat : public Exporter {
  public:
   bool accepts_files() const final { return true; }
+  bool of_correction() const final { return true; }
   void write(const ExportSource& source, const std::string& output) const final;
 
  private:

@@ -54,7 +54,7 @@ std::vector<std::string> run_export(const std::string& format, const ExportSourc
   std::vector<std::string> notes;
   if (source.centre && !exporter.takes_centre())
     throw UsageError("the format '" + format + "' has no place for a rotation centre: leave --centre out");
-  if (exporter.accepts_files() && (source.session || source.centre)) {
+  if (exporter.of_correction() && (source.session || source.centre)) {
     const fit::Correction correction = correction_of(source);
     for (const SessionStore* session : {source.session, source.centre}) {
       if (!session) continue;
