@@ -67,7 +67,8 @@ struct TimingEstimate {
 };
 
 struct TimingOptions {
-  double widest_s = 0.2;         ///< Offsets up to this are tried, both ways.
+  double widest_s = 0.2;         ///< Offsets up to this are tried, both ways ...
+  double about_s = 0;            ///< ... of this one.
   std::optional<bool> reversed;  ///< Order of the beams; without it, judged: reversed only if clearly better.
   bool drifts = true;            ///< Path of a stage (false): scans of different captures are compared too.
 };

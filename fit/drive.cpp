@@ -3,14 +3,17 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <stdexcept>
+
+#include "fit/median.hpp"
+#include "fit/wheel_time.hpp"
 
 namespace fit {
 namespace {
 
 using Eigen::Vector2d;
-using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 /// Wheel angles in order of time.
 class Wheels {
@@ -25,6 +28,12 @@ class Wheels {
     known_.erase(std::unique(known_.begin(), known_.end(), same_time), known_.end());
   }
   [[nodiscard]] std::size_t size() const { return known_.size(); }
+  [[nodiscard]] WheelTime over_time() const {
+    WheelTime out;
+    for (std::size_t i = 1; i < known_.size(); ++i)
+      out.add(known_[i - 1].time_s, known_[i].time_s, known_[i].angle - known_[i - 1].angle);
+    return out;
+  }
   [[nodiscard]] bool covers(double from, double to) const {
     return size() >= 2 && from >= known_.front().time_s && to <= known_.back().time_s;
   }
@@ -109,12 +118,14 @@ class Drive {
 
   DriveFit run(const Recording& recording) {
     DriveFit out;
-    out.timing = estimate_timing(sweeps_, path_, lidar_, {options_.widest_offset_s, std::nullopt, true});
-    timing_ = out.timing.timing;
-    if (!out.timing.determined) timing_.offset_s = 0;
+    timing_.offset_s = options_.known_offset_s.value_or(0);
+    if (!options_.known_offset_s) {
+      out.coarse = offset_of_consecutive_scans();
+      if (out.coarse.determined) timing_.offset_s = out.coarse.offset_s.value;
+    }
     for (int round = 0; round < options_.rounds; ++round) {
       deskew_all();
-      collect(out);
+      collect(out, 1);
       if (out.samples.size() < 20)
         throw std::invalid_argument(
             "Only " + std::to_string(out.samples.size()) +
@@ -122,65 +133,90 @@ class Drive {
             " were left out as doubtful): at least 20 are needed, and some hundreds for a "
             "good result. Drive longer, within sight of walls");
       out.odometry = fit_odometry(out.samples, options_.fit);
-      find_offset(out);
+      if (!options_.known_offset_s) refine_offset(out);
       out.rounds.push_back(out.odometry.robot);
-      const bool usable = out.odometry.robot.separation_mm > 0 && out.odometry.robot.left_radius_mm > 0 &&
-                          out.odometry.robot.right_radius_mm > 0 && out.odometry.undetermined.empty();
-      if (!usable) break;
-      lidar_ = out.odometry.robot.lidar;
-      path_ = path_from_wheels(recording.track(), out.odometry.robot);
+      if (usable(out.odometry)) {
+        lidar_ = out.odometry.robot.lidar;
+        path_ = path_from_wheels(recording.track(), out.odometry.robot);
+      }
+      if (round == 0) decide_order(out);
+      if (!usable(out.odometry)) break;
     }
-    widen(out);
+    if (usable(out.odometry)) {
+      match_at_lengths(out);
+    } else {
+      mark_stretches(out.samples);
+      const auto grouped = grouped_covariance(out.samples, group_samples(out.samples), options_.fit);
+      out.jackknife_u = grouped.covariance.diagonal().cwiseSqrt();
+      widen_to(out.odometry.covariance, out.jackknife_u);
+    }
     return out;
   }
 
  private:
+  [[nodiscard]] static bool usable(const OdometryFit& fit) {
+    return fit.robot.separation_mm > 0 && fit.robot.left_radius_mm > 0 && fit.robot.right_radius_mm > 0 &&
+           fit.undetermined.empty();
+  }
+
+  /// By scans as they came, each matched to the next from where the last motion would bring it: nothing of this
+  /// depends on the wheels or on their time.
+  [[nodiscard]] OffsetSearch offset_of_consecutive_scans() const {
+    std::vector<Still> scans;
+    for (const Sweep& sweep : sweeps_) {
+      Still still;
+      still.time_s = sweep.time_s(0.5);
+      for (const SweptPoint& point : sweep.points) still.points.push_back(point.at_mm);
+      still.cloud = PointCloud(orient_sweep(still.points));
+      scans.push_back(std::move(still));
+    }
+    std::vector<WheelSample> samples;
+    Pose2 last;
+    for (std::size_t i = 0; i + 1 < scans.size(); ++i) {
+      const double step_s = scans[i + 1].time_s - scans[i].time_s;
+      const auto motion = step_s > 0 && step_s < 0.5 * options_.longest_s ? match(scans[i], scans[i + 1], last)
+                                                                          : std::nullopt;
+      last = motion.value_or(Pose2{});
+      if (!motion) continue;
+      WheelSample sample;
+      sample.begin_s = scans[i].time_s;
+      sample.interval_s = step_s;
+      sample.match = *motion;
+      samples.push_back(std::move(sample));
+    }
+    return find_offset(TimedSamples(std::move(samples), wheels_.over_time(), differential()), options_.fit,
+                       options_.offset);
+  }
+
   /// Shifts the wheels' time to where wheels and matches agree best; they are much the better clock than the
   /// agreement of scans. The samples are made anew there.
-  void find_offset(DriveFit& out) {
-    constexpr int half = 30;
-    constexpr double step_s = 0.01;
-    std::vector<double> cost;
-    for (int k = -half; k <= half; ++k) {
-      const auto shifted = shift(out.samples, k * step_s);
-      cost.push_back(shifted.empty() ? 1e18 : disagreement(shifted, out.odometry.noise));
+  void refine_offset(DriveFit& out) {
+    OffsetOptions near = options_.offset;
+    // What the coarse search has found is not left again for another place.
+    near.first_s = near.widest_s = out.coarse.determined ? 0.3 : near.first_s;
+    const TimedSamples timed(out.samples, wheels_.over_time(), differential());
+    OffsetSearch found = find_offset(timed, options_.fit, near);
+    if (found.determined) {
+      const double move = found.offset_s.value;
+      const auto shifted = timed.shifted(move);
+      if (shifted.size() >= 20) {
+        out.samples = shifted;
+        for (WheelSample& sample : out.samples) sample.begin_s += move;
+        timing_.offset_s += move;
+        out.odometry = fit_odometry(out.samples, options_.fit);
+      }
     }
-    const auto best = std::ranges::min_element(cost) - cost.begin();
-    if (best < 2 || best + 2 >= static_cast<std::ptrdiff_t>(cost.size())) return;
-    const auto at = static_cast<std::size_t>(best);
-    const double bend = (cost[at + 2] - 2 * cost[at] + cost[at - 2]) / (4 * step_s * step_s);
-    const double slope = (cost[at + 2] - cost[at - 2]) / (4 * step_s);
-    if (!(bend > 0) || cost[at + 2] > 1e17 || cost[at - 2] > 1e17) return;
-    const double move =
-        (static_cast<double>(best) - half) * step_s - std::clamp(slope / bend, -step_s, step_s);
-    out.samples = shift(out.samples, move);
-    timing_.offset_s += move;
-    out.offset_s = {timing_.offset_s, std::sqrt(2 / bend)};
-    out.odometry = fit_odometry(out.samples, options_.fit);
+    found.offset_s.value = timing_.offset_s;
+    out.offset = found;
+    if (out.coarse.at_bound) out.offset.at_bound = true, out.offset.determined = false;
+    out.offset.searched_s = std::max(out.coarse.searched_s, found.searched_s);
   }
 
-  /// The same matches with the wheels' angles at other times; empty when the wheels do not cover them.
-  [[nodiscard]] std::vector<WheelSample> shift(const std::vector<WheelSample>& samples, double by_s) const {
-    std::vector<WheelSample> out;
-    for (const WheelSample& old : samples) {
-      const double from = old.begin_s + by_s, to = from + old.interval_s;
-      if (!wheels_.covers(from, to)) return {};
-      out.push_back(sample_between(wheels_, from, to));
-      out.back().match = old.match;
-    }
-    return out;
-  }
-
-  /// Sum of squared residuals of the closed form's fit in units of `noise`, each bounded.
-  [[nodiscard]] double disagreement(const std::vector<WheelSample>& samples,
-                                    const Eigen::Vector3d& noise) const {
-    OdometryOptions quick = options_.fit;
-    quick.refine = false;
-    const RobotGeometry robot = fit_odometry(samples, quick).robot;
-    double sum = 0;
-    for (const WheelSample& sample : samples)
-      sum += std::min(16.0, odometry_residual(robot, sample).cwiseQuotient(noise).squaredNorm());
-    return sum;
+  /// Whether the beams are listed against their order in time, by the agreement of scans, each order at its own
+  /// best offset about that of the wheels.
+  void decide_order(DriveFit& out) {
+    out.timing = estimate_timing(sweeps_, path_, lidar_, {0.2, timing_.offset_s, std::nullopt, true});
+    timing_.reversed = out.timing.timing.reversed;
   }
 
   void deskew_all() {
@@ -194,9 +230,13 @@ class Drive {
     }
   }
 
+  /// Where the path puts the lidar at the second scan, seen from the first.
+  [[nodiscard]] Pose2 guess_between(const Still& a, const Still& b) const {
+    return (path_.at(a.time_s) * lidar_).inverse() * (path_.at(b.time_s) * lidar_);
+  }
+
   /// Motion of the lidar from one scan to another, from matching both onto each other.
-  [[nodiscard]] std::optional<Pose2> match(const Still& a, const Still& b) const {
-    const Pose2 guess = (path_.at(a.time_s) * lidar_).inverse() * (path_.at(b.time_s) * lidar_);
+  [[nodiscard]] static std::optional<Pose2> match(const Still& a, const Still& b, const Pose2& guess) {
     const PosePrior weak{100, 0.1};
     const IcpResult there = match_to_lines(a.cloud, b.points, guess, weak);
     const IcpResult back = match_to_lines(b.cloud, a.points, guess.inverse(), weak);
@@ -214,14 +254,15 @@ class Drive {
     return (wheels_.at(to) - wheels_.at(from)).cwiseAbs().maxCoeff() < 0.02;
   }
 
-  [[nodiscard]] bool far_enough(double from, double to) const {
+  [[nodiscard]] bool far_enough(double from, double to, double multiple) const {
     const Pose2 motion = path_.at(from).inverse() * path_.at(to);
-    return motion.position().norm() >= options_.least_way_mm ||
-           std::abs(motion.heading_rad) >= options_.least_turn_rad;
+    return motion.position().norm() >= multiple * options_.least_way_mm ||
+           std::abs(motion.heading_rad) >= multiple * options_.least_turn_rad;
   }
 
   /// From every scan to the first one far enough away.
-  void collect(DriveFit& out) {
+  void collect(DriveFit& out, double multiple) {
+    const double longest_s = multiple * options_.longest_s;
     out.samples.clear();
     out.still_s = out.moving_s = 0;
     out.still_matches = out.bad_matches = 0;
@@ -238,12 +279,12 @@ class Drive {
       }
       out.moving_s += step;
       std::size_t j = i + 1;
-      while (j + 1 < stills_.size() && stills_[j].time_s - from < options_.longest_s &&
-             !far_enough(from, stills_[j].time_s))
+      while (j + 1 < stills_.size() && stills_[j].time_s - from < longest_s &&
+             !far_enough(from, stills_[j].time_s, multiple))
         ++j;
       const double to = stills_[j].time_s;
-      if (!wheels_.covers(from, to) || to - from > 1.5 * options_.longest_s) continue;
-      const auto motion = match(stills_[i], stills_[j]);
+      if (!wheels_.covers(from, to) || to - from > 1.5 * longest_s) continue;
+      const auto motion = match(stills_[i], stills_[j], guess_between(stills_[i], stills_[j]));
       if (!motion) {
         ++out.bad_matches;
         continue;
@@ -261,38 +302,116 @@ class Drive {
     if (i % 4 != 0 || j >= stills_.size() || !wheels_.covers(stills_[i].time_s, stills_[j].time_s) ||
         !rests(stills_[i].time_s, stills_[j].time_s))
       return;
-    if (const auto motion = match(stills_[i], stills_[j])) {
+    if (const auto motion = match(stills_[i], stills_[j], guess_between(stills_[i], stills_[j]))) {
       out.still_noise += Eigen::Vector3d(motion->x_mm, motion->y_mm, motion->heading_rad).cwiseAbs2();
       ++out.still_matches;
     }
   }
 
-  /// Leaves out one stretch after the other.
-  [[nodiscard]] Vector6 jackknife(const std::vector<WheelSample>& samples) const {
-    constexpr std::size_t blocks = 12;
-    std::vector<Vector6> results;
-    for (std::size_t block = 0; block < blocks; ++block) {
-      std::vector<WheelSample> rest;
-      for (std::size_t k = 0; k < samples.size(); ++k)
-        if (k * blocks / samples.size() != block) rest.push_back(samples[k]);
-      if (rest.size() < 20) return Vector6::Zero();
-      results.push_back(fit_odometry(rest, options_.fit).robot.vector());
-    }
-    Vector6 mean = Vector6::Zero(), squares = Vector6::Zero();
-    for (const Vector6& v : results) mean += v / blocks;
-    for (const Vector6& v : results) {
-      Vector6 d = v - mean;
-      d[5] = wrap_angle(d[5]);
-      squares += d.cwiseAbs2();
-    }
-    return (squares * (blocks - 1.0) / blocks).cwiseSqrt();
+  /// Which of twelve stretches of the drive each sample begins in: as many samples in each at the first length,
+  /// the same times at every other.
+  void mark_stretches(std::vector<WheelSample>& samples) {
+    constexpr std::size_t stretches = 12;
+    if (stretch_ends_s_.empty())
+      for (std::size_t k = 1; k < stretches; ++k)
+        stretch_ends_s_.push_back(samples[k * samples.size() / stretches].begin_s);
+    for (WheelSample& sample : samples)
+      sample.run = static_cast<std::size_t>(
+          std::ranges::upper_bound(stretch_ends_s_, sample.begin_s) - stretch_ends_s_.begin());
   }
 
-  void widen(DriveFit& out) const {
-    out.jackknife_u = jackknife(out.samples);
-    const Vector6 u = out.odometry.covariance.diagonal().cwiseSqrt();
-    const Vector6 factor = out.jackknife_u.cwiseQuotient(u).cwiseMax(1);
-    out.odometry.covariance = factor.asDiagonal() * out.odometry.covariance * factor.asDiagonal();
+  /// Matches scans at every length, leaves out stretches with slip, and takes the length that scatters least or,
+  /// where the values drift with the length, what they tend to.
+  void match_at_lengths(DriveFit& out) {
+    DriveFit at = out;
+    std::vector<std::vector<WheelSample>> samples;
+    std::vector<OdometryFit> fits;
+    for (const double multiple : options_.lengths) {
+      if (multiple != 1) collect(at, multiple);
+      mark_stretches(at.samples);
+      if (at.samples.size() < 60) break;
+      if (samples.empty()) {
+        leave_out_slipped_runs(at.samples, options_.fit, out.stretches);
+      }
+      std::erase_if(at.samples, [&](const WheelSample& sample) {
+        return std::ranges::any_of(out.stretches, [&](const RunVerdict& stretch) {
+          return stretch.left_out && stretch.run == sample.run;
+        });
+      });
+      DriveLength length;
+      length.multiple = multiple;
+      length.samples = at.samples.size();
+      std::vector<double> ways, times;
+      for (const WheelSample& sample : at.samples)
+        ways.push_back(sample.match.position().norm()), times.push_back(sample.interval_s);
+      length.way_mm = median_of(ways), length.interval_s = median_of(times);
+      fits.push_back(fit_odometry(at.samples, options_.fit));
+      length.values = fits.back().robot.vector();
+      const auto grouped = grouped_covariance(at.samples, group_samples(at.samples), options_.fit);
+      length.u = grouped.covariance.diagonal().cwiseSqrt();
+      length.without = grouped.without;
+      out.lengths.push_back(length);
+      samples.push_back(std::move(at.samples));
+    }
+    if (out.lengths.empty()) return;
+    std::size_t best = 0;
+    const auto scatter = [&](std::size_t i) { return out.lengths[i].u.array().log().sum(); };
+    for (std::size_t i = 1; i < out.lengths.size(); ++i)
+      if (scatter(i) < scatter(best)) best = i;
+    out.lengths[best].taken = true;
+    out.samples = samples[best];
+    out.odometry = fits[best];
+    Vector6 u = out.lengths[best].u;
+    extrapolate(out, u);
+    out.jackknife_u = u;
+    widen_to(out.odometry.covariance, u);
+  }
+
+  /// Value for an endless way, and c, of `value + c / multiple`, weighted by each length's own u.
+  [[nodiscard]] static std::pair<Vector6, Vector6> endless(const std::vector<DriveLength>& lengths,
+                                                           const std::vector<Vector6>& values) {
+    std::pair<Vector6, Vector6> out;
+    for (int p = 0; p < 6; ++p) {
+      double w = 0, x = 0, y = 0, xx = 0, xy = 0;
+      for (std::size_t i = 0; i < lengths.size(); ++i) {
+        const double weight = 1 / std::max(1e-18, lengths[i].u[p] * lengths[i].u[p]);
+        const double at = 1 / lengths[i].multiple, value = values[i][p];
+        w += weight, x += weight * at, y += weight * value, xx += weight * at * at, xy += weight * at * value;
+      }
+      out.second[p] = (w * xy - x * y) / (w * xx - x * x);
+      out.first[p] = (y - out.second[p] * x) / w;
+    }
+    return out;
+  }
+
+  void extrapolate(DriveFit& out, Vector6& u) {
+    if (out.lengths.size() < 3) return;
+    const std::size_t stretches = out.lengths.front().without.size();
+    std::vector<Vector6> values, without, slope;
+    for (const DriveLength& length : out.lengths) {
+      if (length.without.size() != stretches) return;
+      values.push_back(length.values);
+    }
+    const auto [tends_to, c] = endless(out.lengths, values);
+    for (std::size_t g = 0; g < stretches; ++g) {
+      std::vector<Vector6> some;
+      for (const DriveLength& length : out.lengths) some.push_back(length.without[g]);
+      const auto [value, by_length] = endless(out.lengths, some);
+      without.push_back(value);
+      slope.push_back(by_length);
+    }
+    const Vector6 slope_u = jackknife(slope).diagonal().cwiseSqrt();
+    out.extrapolated = (c.cwiseAbs().array() > 3 * slope_u.array()).any();
+    const DriveLength& taken = *std::ranges::find_if(out.lengths, &DriveLength::taken);
+    if (!out.extrapolated) {
+      // What of the drift is not scatter is uncertain all the same.
+      const Vector6 seen = c.cwiseAbs() / taken.multiple, chance = slope_u / taken.multiple;
+      u = (u.cwiseAbs2() + (seen.cwiseAbs2() - chance.cwiseAbs2()).cwiseMax(0) / 3).cwiseSqrt();
+      return;
+    }
+    out.odometry.robot = RobotGeometry::from(tends_to);
+    out.drift = tends_to - out.lengths.back().values;
+    u = (jackknife(without).diagonal() + out.drift.cwiseAbs2() / 3).cwiseSqrt();
   }
 
   DriveOptions options_;
@@ -302,6 +421,7 @@ class Drive {
   Path path_;
   SweepTiming timing_;
   std::vector<Still> stills_;
+  std::vector<double> stretch_ends_s_;
 };
 
 }  // namespace
