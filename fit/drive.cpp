@@ -15,6 +15,33 @@ namespace {
 
 using Eigen::Vector2d;
 
+/// Stamps of what happens evenly, without the chance by which they came late: lines through the 201 stamps around
+/// each. Across a gap of more than three times the usual step nothing is evened.
+std::vector<double> even_times(const std::vector<double>& stamps) {
+  constexpr std::size_t half = 100, least = 20;
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < stamps.size(); ++i) steps.push_back(stamps[i] - stamps[i - 1]);
+  const double usual = median_of(std::vector<double>(steps));
+  std::vector<double> out = stamps;
+  for (std::size_t begin = 0; begin < stamps.size();) {
+    std::size_t end = begin + 1;
+    while (end < stamps.size() && steps[end - 1] < 3.5 * usual) ++end;
+    for (std::size_t i = begin; end - begin >= least && i < end; ++i) {
+      const std::size_t from = i > begin + half ? i - half : begin, to = std::min(end, i + half + 1);
+      double n = 0, x = 0, y = 0, xx = 0, xy = 0;
+      for (std::size_t k = from; k < to; ++k) {
+        const double at = static_cast<double>(k) - static_cast<double>(i), stamp = stamps[k] - stamps[i];
+        n += 1, x += at, y += stamp, xx += at * at, xy += at * stamp;
+      }
+      const double slope = (n * xy - x * y) / (n * xx - x * x);
+      out[i] = stamps[i] + (y - slope * x) / n;
+    }
+    begin = end;
+  }
+  for (std::size_t i = 1; i < out.size(); ++i) out[i] = std::max(out[i], out[i - 1] + 1e-6);
+  return out;
+}
+
 /// Wheel angles in order of time.
 class Wheels {
  public:
@@ -28,6 +55,12 @@ class Wheels {
     known_.erase(std::unique(known_.begin(), known_.end(), same_time), known_.end());
   }
   [[nodiscard]] std::size_t size() const { return known_.size(); }
+  void make_times_even() {
+    std::vector<double> times;
+    for (const At& at : known_) times.push_back(at.time_s);
+    times = even_times(times);
+    for (std::size_t i = 0; i < known_.size(); ++i) known_[i].time_s = times[i];
+  }
   [[nodiscard]] WheelTime over_time() const {
     WheelTime out;
     for (std::size_t i = 1; i < known_.size(); ++i)
@@ -40,6 +73,17 @@ class Wheels {
   [[nodiscard]] Vector2d at(double time_s) const {
     const auto b = after(time_s), a = b - 1;
     return a->angle + (time_s - a->time_s) / (b->time_s - a->time_s) * (b->angle - a->angle);
+  }
+  [[nodiscard]] Path path(const RobotGeometry& robot) const {
+    std::vector<TimedPose> poses;
+    Pose2 at;
+    for (std::size_t i = 0; i < known_.size(); ++i) {
+      WheelSample sample;
+      if (i > 0) sample.pieces = {known_[i].angle - known_[i - 1].angle};
+      at = at * wheel_motion(robot, sample);
+      poses.push_back({known_[i].time_s, at});
+    }
+    return Path(std::move(poses));
   }
   /// How far the wheels turned in each interval between the known times from `from` to `to`.
   [[nodiscard]] std::vector<Vector2d> pieces(double from, double to) const {
@@ -107,7 +151,7 @@ class Drive {
     if (odometry) {
       path_ = carrier_of(recording).path;
     } else if (options.guess.separation_mm > 0) {
-      path_ = path_from_wheels(recording.track(), options.guess);
+      path_ = wheels_.path(options.guess);
     } else {
       throw std::invalid_argument(
           "The session holds no odometry to start from. Give the nominal wheels with the options "
@@ -116,13 +160,12 @@ class Drive {
     }
   }
 
-  DriveFit run(const Recording& recording) {
+  DriveFit run() {
     DriveFit out;
+    out.own_beams = leave_out_own_beams();
     timing_.offset_s = options_.known_offset_s.value_or(0);
-    if (!options_.known_offset_s) {
-      out.coarse = offset_of_consecutive_scans();
-      if (out.coarse.determined) timing_.offset_s = out.coarse.offset_s.value;
-    }
+    compare_clocks(out);
+    if (!options_.known_offset_s && out.coarse.determined) timing_.offset_s = out.coarse.offset_s.value;
     for (int round = 0; round < options_.rounds; ++round) {
       deskew_all();
       collect(out, 1);
@@ -137,7 +180,7 @@ class Drive {
       out.rounds.push_back(out.odometry.robot);
       if (usable(out.odometry)) {
         lidar_ = out.odometry.robot.lidar;
-        path_ = path_from_wheels(recording.track(), out.odometry.robot);
+        path_ = wheels_.path(out.odometry.robot);
       }
       if (round == 0) decide_order(out);
       if (!usable(out.odometry)) break;
@@ -159,33 +202,87 @@ class Drive {
            fit.undetermined.empty();
   }
 
-  /// By scans as they came, each matched to the next from where the last motion would bring it: nothing of this
-  /// depends on the wheels or on their time.
-  [[nodiscard]] OffsetSearch offset_of_consecutive_scans() const {
-    std::vector<Still> scans;
-    for (const Sweep& sweep : sweeps_) {
-      Still still;
-      still.time_s = sweep.time_s(0.5);
-      for (const SweptPoint& point : sweep.points) still.points.push_back(point.at_mm);
-      still.cloud = PointCloud(orient_sweep(still.points));
-      scans.push_back(std::move(still));
+  /// Beams whose ranges hardly change while the robot drives see the robot itself: the middle nine tenths of their
+  /// echoes spread less than a tenth of what those of the median beam do.
+  std::size_t leave_out_own_beams() {
+    std::vector<std::vector<double>> ranges;
+    for (const Sweep& sweep : sweeps_)
+      for (const SweptPoint& point : sweep.points) {
+        if (point.beam >= ranges.size()) ranges.resize(point.beam + 1);
+        ranges[point.beam].push_back(point.at_mm.norm());
+      }
+    std::vector<double> spread(ranges.size(), -1), known;
+    for (std::size_t beam = 0; beam < ranges.size(); ++beam) {
+      auto& some = ranges[beam];
+      if (some.size() < 3) continue;
+      std::ranges::sort(some);
+      spread[beam] = some[(some.size() - 1) * 95 / 100] - some[some.size() * 5 / 100];
+      known.push_back(spread[beam]);
     }
-    std::vector<WheelSample> samples;
+    const double limit = 0.1 * median_of(known);
+    std::size_t count = 0;
+    for (const double value : spread) count += value >= 0 && value < limit;
+    for (Sweep& sweep : sweeps_)
+      std::erase_if(sweep.points, [&](const SweptPoint& p) { return spread[p.beam] < limit; });
+    return count;
+  }
+
+  /// Motions from scans as they came, each matched to the next from where the last motion would bring it: nothing
+  /// of this depends on the wheels or on their time.
+  [[nodiscard]] std::vector<std::optional<Pose2>> consecutive_motions() const {
+    std::vector<std::optional<Pose2>> out;
     Pose2 last;
-    for (std::size_t i = 0; i + 1 < scans.size(); ++i) {
-      const double step_s = scans[i + 1].time_s - scans[i].time_s;
-      const auto motion = step_s > 0 && step_s < 0.5 * options_.longest_s ? match(scans[i], scans[i + 1], last)
-                                                                          : std::nullopt;
-      last = motion.value_or(Pose2{});
-      if (!motion) continue;
+    Still before;
+    for (std::size_t i = 0; i < sweeps_.size(); ++i) {
+      Still now;
+      for (const SweptPoint& point : sweeps_[i].points) now.points.push_back(point.at_mm);
+      now.cloud = PointCloud(orient_sweep(now.points));
+      const double step_s = i > 0 ? sweeps_[i].begin_s - sweeps_[i - 1].begin_s : 0;
+      if (i > 0)
+        out.push_back(step_s < 0.5 * options_.longest_s ? match(before, now, last) : std::nullopt);
+      last = i > 0 ? out.back().value_or(Pose2{}) : Pose2{};
+      before = std::move(now);
+    }
+    return out;
+  }
+
+  [[nodiscard]] OffsetSearch offset_of(const std::vector<std::optional<Pose2>>& motions,
+                                       const std::vector<double>& times, const Wheels& wheels) const {
+    std::vector<WheelSample> samples;
+    for (std::size_t i = 0; i < motions.size(); ++i) {
+      if (!motions[i] || !(times[i + 1] > times[i])) continue;
       WheelSample sample;
-      sample.begin_s = scans[i].time_s;
-      sample.interval_s = step_s;
-      sample.match = *motion;
+      sample.begin_s = times[i] + 0.5 * sweeps_[i].duration_s;
+      sample.interval_s = times[i + 1] - times[i];
+      sample.match = *motions[i];
       samples.push_back(std::move(sample));
     }
-    return find_offset(TimedSamples(std::move(samples), wheels_.over_time(), differential()), options_.fit,
+    return find_offset(TimedSamples(std::move(samples), wheels.over_time(), differential()), options_.fit,
                        options_.offset);
+  }
+
+  /// The coarse offset; and whether stamps made even are the better ones: those of scans, or of scans and wheels, if
+  /// wheels and matches then agree better by more than a tenth.
+  void compare_clocks(DriveFit& out) {
+    const auto motions = consecutive_motions();
+    std::vector<double> stamps;
+    for (const Sweep& sweep : sweeps_) stamps.push_back(sweep.begin_s);
+    const auto even = even_times(stamps);
+    double squares = 0;
+    for (std::size_t i = 0; i < stamps.size(); ++i) squares += (even[i] - stamps[i]) * (even[i] - stamps[i]);
+    out.scan_jitter_s = std::sqrt(squares / static_cast<double>(stamps.size()));
+    out.coarse = offset_of(motions, stamps, wheels_);
+    Wheels even_wheels = wheels_;
+    even_wheels.make_times_even();
+    const Wheels as_stamped = wheels_;
+    for (const bool both : {false, true}) {
+      const OffsetSearch other = offset_of(motions, even, both ? even_wheels : as_stamped);
+      if (!other.determined || !(other.misfit < 0.9 * out.coarse.misfit)) continue;
+      out.coarse = other;
+      out.even_scans = true, out.even_wheels = both;
+      if (both) wheels_ = even_wheels;
+      for (std::size_t i = 0; i < sweeps_.size(); ++i) sweeps_[i].begin_s = even[i];
+    }
   }
 
   /// Shifts the wheels' time to where wheels and matches agree best; they are much the better clock than the
@@ -215,7 +312,9 @@ class Drive {
   /// Whether the beams are listed against their order in time, by the agreement of scans, each order at its own
   /// best offset about that of the wheels.
   void decide_order(DriveFit& out) {
-    out.timing = estimate_timing(sweeps_, path_, lidar_, {0.2, timing_.offset_s, std::nullopt, true});
+    TimingOptions about;
+    about.about_s = timing_.offset_s;
+    out.timing = estimate_timing(sweeps_, path_, lidar_, about);
     timing_.reversed = out.timing.timing.reversed;
   }
 
@@ -320,8 +419,23 @@ class Drive {
           std::ranges::upper_bound(stretch_ends_s_, sample.begin_s) - stretch_ends_s_.begin());
   }
 
-  /// Matches scans at every length, leaves out stretches with slip, and takes the length that scatters least or,
-  /// where the values drift with the length, what they tend to.
+  /// The values without each stretch that was not left out; where it has no samples, or no others have, with all.
+  [[nodiscard]] std::vector<Vector6> without_each_stretch(const std::vector<WheelSample>& samples,
+                                                          const std::vector<RunVerdict>& stretches,
+                                                          const OdometryFit& all) const {
+    std::vector<Vector6> out;
+    for (const RunVerdict& stretch : stretches) {
+      if (stretch.left_out) continue;
+      std::vector<WheelSample> rest;
+      for (const WheelSample& sample : samples)
+        if (sample.run != stretch.run) rest.push_back(sample);
+      const bool as_all = rest.size() == samples.size() || rest.size() < 20;
+      out.push_back(as_all ? all.robot.vector() : fit_odometry(rest, options_.fit).robot.vector());
+    }
+    return out;
+  }
+
+  /// Matches scans at every length and leaves out stretches with slip.
   void match_at_lengths(DriveFit& out) {
     DriveFit at = out;
     std::vector<std::vector<WheelSample>> samples;
@@ -347,30 +461,19 @@ class Drive {
       length.way_mm = median_of(ways), length.interval_s = median_of(times);
       fits.push_back(fit_odometry(at.samples, options_.fit));
       length.values = fits.back().robot.vector();
-      const auto grouped = grouped_covariance(at.samples, group_samples(at.samples), options_.fit);
-      length.u = grouped.covariance.diagonal().cwiseSqrt();
-      length.without = grouped.without;
+      length.without = without_each_stretch(at.samples, out.stretches, fits.back());
+      length.u = jackknife(length.without).diagonal().cwiseSqrt();
       out.lengths.push_back(length);
       samples.push_back(std::move(at.samples));
     }
     if (out.lengths.empty()) return;
-    std::size_t best = 0;
-    const auto scatter = [&](std::size_t i) { return out.lengths[i].u.array().log().sum(); };
-    for (std::size_t i = 1; i < out.lengths.size(); ++i)
-      if (scatter(i) < scatter(best)) best = i;
-    out.lengths[best].taken = true;
-    out.samples = samples[best];
-    out.odometry = fits[best];
-    Vector6 u = out.lengths[best].u;
-    extrapolate(out, u);
-    out.jackknife_u = u;
-    widen_to(out.odometry.covariance, u);
+    choose_length(out, samples, fits);
   }
 
-  /// Value for an endless way, and c, of `value + c / multiple`, weighted by each length's own u.
-  [[nodiscard]] static std::pair<Vector6, Vector6> endless(const std::vector<DriveLength>& lengths,
-                                                           const std::vector<Vector6>& values) {
-    std::pair<Vector6, Vector6> out;
+  /// The values for an endless way, of `value + c / multiple`, weighted by each length's own u.
+  [[nodiscard]] static Vector6 endless(const std::vector<DriveLength>& lengths,
+                                       const std::vector<Vector6>& values) {
+    Vector6 out;
     for (int p = 0; p < 6; ++p) {
       double w = 0, x = 0, y = 0, xx = 0, xy = 0;
       for (std::size_t i = 0; i < lengths.size(); ++i) {
@@ -378,40 +481,68 @@ class Drive {
         const double at = 1 / lengths[i].multiple, value = values[i][p];
         w += weight, x += weight * at, y += weight * value, xx += weight * at * at, xy += weight * at * value;
       }
-      out.second[p] = (w * xy - x * y) / (w * xx - x * x);
-      out.first[p] = (y - out.second[p] * x) / w;
+      const double c = (w * xy - x * y) / (w * xx - x * x);
+      out[p] = (y - c * x) / w;
     }
     return out;
   }
 
-  void extrapolate(DriveFit& out, Vector6& u) {
-    if (out.lengths.size() < 3) return;
+  /// Takes the length, or the value for an endless way, whose expected squared error is least: scatter, and the part
+  /// of the drift up to an endless way that is not scatter. The drift from the length taken stays in the uncertainty.
+  void choose_length(DriveFit& out, const std::vector<std::vector<WheelSample>>& samples,
+                     const std::vector<OdometryFit>& fits) const {
     const std::size_t stretches = out.lengths.front().without.size();
-    std::vector<Vector6> values, without, slope;
-    for (const DriveLength& length : out.lengths) {
-      if (length.without.size() != stretches) return;
-      values.push_back(length.values);
+    const bool several =
+        out.lengths.size() >= 3 && stretches >= 4 &&
+        std::ranges::all_of(out.lengths, [&](const auto& l) { return l.without.size() == stretches; });
+    Vector6 tends_to = Vector6::Zero(), tends_to_u = Vector6::Zero();
+    std::vector<Vector6> tends_without;
+    if (several) {
+      std::vector<Vector6> values;
+      for (const DriveLength& length : out.lengths) values.push_back(length.values);
+      tends_to = endless(out.lengths, values);
+      for (std::size_t g = 0; g < stretches; ++g) {
+        for (std::size_t i = 0; i < values.size(); ++i) values[i] = out.lengths[i].without[g];
+        tends_without.push_back(endless(out.lengths, values));
+      }
+      tends_to_u = jackknife(tends_without).diagonal().cwiseSqrt();
     }
-    const auto [tends_to, c] = endless(out.lengths, values);
-    for (std::size_t g = 0; g < stretches; ++g) {
-      std::vector<Vector6> some;
-      for (const DriveLength& length : out.lengths) some.push_back(length.without[g]);
-      const auto [value, by_length] = endless(out.lengths, some);
-      without.push_back(value);
-      slope.push_back(by_length);
+    const auto drift_of = [&](const DriveLength& length) -> Vector6 {
+      Vector6 drift = several ? Vector6(tends_to - length.values) : Vector6(Vector6::Zero());
+      drift[5] = wrap_angle(drift[5]);
+      return drift;
+    };
+    const auto expected = [&](const DriveLength& length) {
+      Vector6 chance = Vector6::Zero();
+      if (several) {
+        std::vector<Vector6> difference;
+        for (std::size_t g = 0; g < stretches; ++g)
+          difference.push_back(tends_without[g] - length.without[g]);
+        chance = jackknife(difference).diagonal();
+      }
+      const Vector6 beyond = (drift_of(length).cwiseAbs2() - chance).cwiseMax(0);
+      return (length.u.cwiseAbs2() + beyond).array().log().sum();
+    };
+    std::size_t best = 0;
+    for (std::size_t i = 1; i < out.lengths.size(); ++i)
+      if (expected(out.lengths[i]) < expected(out.lengths[best])) best = i;
+    out.extrapolated = several && tends_to_u.cwiseAbs2().array().log().sum() < expected(out.lengths[best]);
+    if (out.extrapolated) best = out.lengths.size() - 1;
+    out.lengths[best].taken = true;
+    out.samples = samples[best];
+    out.odometry = fits[best];
+    out.drift = drift_of(out.lengths[best]);
+    Vector6 u = out.lengths[best].u;
+    if (out.extrapolated) {
+      out.odometry.robot = RobotGeometry::from(tends_to);
+      u = tends_to_u;
     }
-    const Vector6 slope_u = jackknife(slope).diagonal().cwiseSqrt();
-    out.extrapolated = (c.cwiseAbs().array() > 3 * slope_u.array()).any();
-    const DriveLength& taken = *std::ranges::find_if(out.lengths, &DriveLength::taken);
-    if (!out.extrapolated) {
-      // What of the drift is not scatter is uncertain all the same.
-      const Vector6 seen = c.cwiseAbs() / taken.multiple, chance = slope_u / taken.multiple;
-      u = (u.cwiseAbs2() + (seen.cwiseAbs2() - chance.cwiseAbs2()).cwiseMax(0) / 3).cwiseSqrt();
-      return;
-    }
-    out.odometry.robot = RobotGeometry::from(tends_to);
-    out.drift = tends_to - out.lengths.back().values;
-    u = (jackknife(without).diagonal() + out.drift.cwiseAbs2() / 3).cwiseSqrt();
+    out.jackknife_u = u;
+    widen_to(out.odometry.covariance, (u.cwiseAbs2() + out.drift.cwiseAbs2() / 3).cwiseSqrt());
+    // The lidar's scale is in every length alike, as a limit whose values are equally likely (GUM 4.3.7).
+    Vector6 by_scale = options_.range_scale / std::sqrt(3.0) * out.odometry.robot.vector();
+    by_scale[5] = 0;
+    out.odometry.covariance += by_scale * by_scale.transpose();
   }
 
   DriveOptions options_;
@@ -427,26 +558,11 @@ class Drive {
 }  // namespace
 
 Path path_from_wheels(const std::vector<TrackPose>& track, const RobotGeometry& robot) {
-  std::vector<TimedPose> poses;
-  Pose2 at;
-  std::optional<TrackPose> last;
-  for (const TrackPose& now : track) {
-    if (!now.wheel_left_rad || !now.wheel_right_rad) continue;
-    if (last && now.host_us > last->host_us) {
-      WheelSample sample;
-      sample.interval_s = 1;
-      sample.left_rad_s = *now.wheel_left_rad - *last->wheel_left_rad;
-      sample.right_rad_s = *now.wheel_right_rad - *last->wheel_right_rad;
-      at = at * wheel_motion(robot, sample);
-    }
-    poses.push_back({static_cast<double>(now.host_us) * 1e-6, at});
-    last = now;
-  }
-  return Path(std::move(poses));
+  return Wheels(track).path(robot);
 }
 
 DriveFit fit_drive(const Recording& recording, const DriveOptions& options) {
-  return Drive(recording, options).run(recording);
+  return Drive(recording, options).run();
 }
 
 }  // namespace fit

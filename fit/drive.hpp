@@ -22,6 +22,8 @@ struct DriveOptions {
   std::optional<double> known_offset_s;  ///< Wheels' time minus scans' time; without it, estimated.
   OffsetOptions offset;
   int rounds = 4;  ///< Deskew, match, fit, and again with what was found.
+  /// Limit of the error of the lidar's scale (data sheets: 1 % of the range): every length found contains it.
+  double range_scale = 0.01;
   OdometryOptions fit;
 };
 
@@ -46,12 +48,16 @@ struct DriveFit {
   Vector6 jackknife_u = Vector6::Zero();
   std::vector<RunVerdict> stretches;  ///< Of the drive, in order of time; those with slip are left out.
   std::vector<DriveLength> lengths;
-  bool extrapolated = false;      ///< The values drift with the length, and are those for an endless one.
-  Vector6 drift = Vector6::Zero();  ///< From the greatest length to what is given, if extrapolated.
+  bool extrapolated = false;        ///< The values given are those that the lengths tend to.
+  Vector6 drift = Vector6::Zero();  ///< From the length taken (extrapolated: the greatest) to those.
   double still_s = 0, moving_s = 0;
   Eigen::Vector3d still_noise =
       Eigen::Vector3d::Zero();  ///< RMS of matches while the robot stood: mm, mm, rad.
   std::size_t still_matches = 0, bad_matches = 0;
+  std::size_t own_beams = 0;  ///< Left out: they see the robot itself.
+  /// Stamps came late by chance and were replaced by even ones: of the scans, of the wheels.
+  bool even_scans = false, even_wheels = false;
+  double scan_jitter_s = 0;  ///< RMS of the scans' stamps from even ones.
   std::vector<RobotGeometry> rounds;
 };
 
@@ -62,8 +68,9 @@ struct DriveFit {
 /// order of the beams, each at its own best offset. A match that falls short by some millimetres, or wheels read at
 /// uncertain times, make lengths too small by a share that falls with the way: scans are matched at several
 /// lengths and, if the values drift, extrapolated by `value + c / way`. Stretches of the drive with slip are left
-/// out, and the uncertainty is that of leaving out one stretch after the other. Throws
-/// std::invalid_argument when wheel angles or motion are missing.
+/// out, and the uncertainty is that of leaving out one stretch after the other, with the drift and the lidar's scale.
+/// Beams that see the robot itself are left out, and stamps that come late by chance made even where wheels and
+/// matches then agree better. Throws std::invalid_argument when wheel angles or motion are missing.
 DriveFit fit_drive(const Recording& recording, const DriveOptions& options = {});
 
 }  // namespace fit

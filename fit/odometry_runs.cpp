@@ -189,6 +189,7 @@ class OffsetCurve {
     const auto samples = at(offset_s);
     noise_ = robust_noise(samples, fit_odometry(samples, options_).robot);
   }
+  [[nodiscard]] double noise() const { return std::cbrt(noise_.prod()); }
 
   /// Sum of the misfits of each group, each sample's bounded.
   [[nodiscard]] std::vector<double> by_group(double offset_s) const {
@@ -264,6 +265,7 @@ OffsetSearch find_offset(const TimedSamples& samples, const OdometryOptions& opt
     // Far from the true offset the noise is not that of the matches: once more with that of the best.
     double best = least_at(coarse, costs_on(coarse), nobody);
     curve.take_noise(best);
+    out.misfit = curve.noise();
     const Costs costs = costs_on(coarse);
     best = least_at(coarse, costs, nobody);
     if (std::abs(best) > 0.9 * widest) {

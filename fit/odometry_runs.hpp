@@ -55,6 +55,7 @@ struct OffsetSearch {
   bool determined = false;
   bool at_bound = false;   ///< The best offset lies at the end of the search: the true one may lie beyond.
   double searched_s = 0;   ///< Both ways.
+  double misfit = 0;       ///< Geometric mean of the noises at the best offset: to compare clocks by.
 };
 
 struct OffsetOptions {

@@ -248,17 +248,51 @@ json drive_table(const fit::DriveFit& drive) {
   json rows = json::array();
   rows.push_back({"pairs of scans matched", drive.samples.size()});
   rows.push_back({"left out: doubtful, or without a hold in one direction", drive.bad_matches});
+  rows.push_back({"beams left out: they see the robot itself", drive.own_beams});
   rows.push_back({"robot moved, s", drive.moving_s});
   rows.push_back({"robot stood, s", drive.still_s});
   rows.push_back({"match at rest, RMS along, mm", drive.still_noise[0]});
   rows.push_back({"match at rest, RMS across, mm", drive.still_noise[1]});
   rows.push_back({"match at rest, RMS of heading, deg", drive.still_noise[2] * fit::deg_per_rad});
-  rows.push_back({"wheels' time minus scans' time, ms", number_or_null(1e3 * drive.offset_s.value)});
-  rows.push_back({"its standard uncertainty, ms", number_or_null(1e3 * drive.offset_s.u)});
-  rows.push_back({"the same by the agreement of scans with the first path, ms",
+  rows.push_back({"scans' stamps, RMS from even ones, ms", number_or_null(1e3 * drive.scan_jitter_s)});
+  rows.push_back({"stamps made even", drive.even_wheels  ? "of scans and wheels"
+                                      : drive.even_scans ? "of scans"
+                                                         : "no"});
+  rows.push_back({"wheels' time minus scans' time, first from consecutive scans, ms",
+                  drive.coarse.determined ? json(1e3 * drive.coarse.offset_s.value) : json(nullptr)});
+  rows.push_back({"the same, where wheels and matches agree best, ms",
+                  number_or_null(1e3 * drive.offset.offset_s.value)});
+  rows.push_back({"its standard uncertainty, ms", number_or_null(1e3 * drive.offset.offset_s.u)});
+  rows.push_back({"the same by the agreement of scans, ms",
                   drive.timing.determined ? json(1e3 * drive.timing.timing.offset_s) : json(nullptr)});
   rows.push_back({"beams listed against their order in time", drive.timing.timing.reversed ? "yes" : "no"});
   return {{"title", "The drive"}, {"columns", {"what", "value"}}, {"rows", rows}};
+}
+
+json drive_lengths_table(const fit::DriveFit& drive) {
+  const Parameters parameters = parameters_of(fit::differential());
+  json rows = json::array();
+  for (const fit::DriveLength& length : drive.lengths) {
+    json row = {length.samples, number_or_null(length.way_mm), number_or_null(length.interval_s)};
+    for (int k = 0; k < 6; ++k) {
+      const double scale = parameters[static_cast<std::size_t>(k)].scale;
+      row.push_back(number_or_null(scale * length.values[k]));
+      row.push_back(number_or_null(scale * length.u[k]));
+    }
+    row.push_back(length.taken && !drive.extrapolated ? "yes" : "no");
+    rows.push_back(row);
+  }
+  json columns = {"pairs", {{"name", "way"}, {"unit", "mm"}}, {{"name", "interval"}, {"unit", "s"}}};
+  for (const auto& p : parameters) {
+    columns.push_back({{"name", p.label}, {"unit", p.unit}});
+    columns.push_back("u");
+  }
+  columns.push_back("taken");
+  return {{"title", std::string("Scans matched at several lengths: ") +
+                        (drive.extrapolated ? "what the values tend to on an endless way was taken"
+                                            : "the length with the least expected error was taken")},
+          {"columns", columns},
+          {"rows", rows}};
 }
 
 json convergence_table(const fit::DriveFit& drive) {
@@ -273,18 +307,22 @@ json convergence_table(const fit::DriveFit& drive) {
   return {{"title", "Rounds of deskewing, matching and fitting"}, {"columns", columns}, {"rows", rows}};
 }
 
-json uncertainty_table(const fit::DriveFit& drive) {
+json uncertainty_table(const fit::DriveFit& drive, double range_scale) {
   const Parameters parameters = parameters_of(fit::differential());
   json rows = json::array();
   for (int i = 0; i < 6; ++i) {
     const auto& p = parameters[static_cast<std::size_t>(i)];
     rows.push_back({p.label + ", " + p.unit,
                     number_or_null(p.scale * std::sqrt(drive.odometry.covariance(i, i))),
-                    number_or_null(p.scale * drive.jackknife_u[i])});
+                    number_or_null(p.scale * drive.jackknife_u[i]),
+                    number_or_null(p.scale * std::abs(drive.drift[i])),
+                    i < 5 ? json(p.scale * std::abs(drive.odometry.robot.vector()[i]) * range_scale / std::sqrt(3.0))
+                          : json(0)});
   }
   return {{"title", "Standard uncertainties"},
           {"columns",
-           {"parameter", "given (the larger)", "leaving out one stretch of the drive after the other"}},
+           {"parameter", "given", "leaving out one stretch of the drive after the other", "drift to an endless way",
+            "by the lidar's scale"}},
           {"rows", rows}};
 }
 
@@ -346,6 +384,15 @@ json tuple_uncertainty_table(const fit::RunsFit& fit) {
           {"columns",
            {"parameter", "given", "leaving out one group after the other", "by the time offset",
             "drift to twice the length"}},
+          {"rows", rows}};
+}
+
+json stretches_table(const fit::DriveFit& drive) {
+  json rows = json::array();
+  for (const fit::RunVerdict& stretch : drive.stretches)
+    rows.push_back({stretch.run + 1, stretch.samples, number_or_null(stretch.misfit), stretch.left_out ? "yes" : "no"});
+  return {{"title", "Stretches of the drive: RMS of the residuals in units of the noise of those kept"},
+          {"columns", {"stretch", "pairs", "residuals", "left out"}},
           {"rows", rows}};
 }
 
@@ -415,6 +462,12 @@ class Odometry : public Fitting {
              .min = 1,
              .max = 100000,
              .about = "nominal wheel separation (of a tricycle: wheelbase), likewise"},
+            {.name = "range_scale_percent",
+             .unit = "%",
+             .min = 0,
+             .max = 50,
+             .otherwise = 100 * drive.range_scale,
+             .about = "limit of the error of the lidar's scale, from its data sheet (sessions)"},
             {.name = "least_way_mm",
              .unit = "mm",
              .min = 1,
@@ -510,6 +563,8 @@ class Odometry : public Fitting {
       drive_options.guess.left_radius_mm = drive_options.guess.right_radius_mm = *nominal.values[0];
       drive_options.guess.separation_mm = *nominal.values[2];
     }
+    drive_options.known_offset_s = offset_option(options);
+    drive_options.range_scale = options.number("range_scale_percent") / 100;
     drive_options.least_way_mm = options.number("least_way_mm");
     drive_options.least_turn_rad = options.number("least_turn_deg") * fit::rad_per_deg;
     const auto recording = source.session->recording();
@@ -524,17 +579,23 @@ class Odometry : public Fitting {
         out["method"].get<std::string>() +
         " The samples come from the drive itself: scans are deskewed by the wheels, scans some way apart "
         "matched onto each other both ways by point-to-line ICP, and what is found deskews the scans of "
-        "the next round. Where leaving out stretches of the drive "
-        "scatters the result more than that, this scatter is the uncertainty given.";
+        "the next round. Scans are matched at several lengths, and the length, or what the values tend to on an "
+        "endless way, is taken whose expected error is least. Stretches of the drive that slipped are left out. "
+        "Uncertainty: leaving out one stretch after the other, with Student's factor, the drift with the length "
+        "and the lidar's scale.";
     out["tables"].insert(out["tables"].begin(),
-                         {uncertainty_table(drive), drive_table(drive), convergence_table(drive)});
+                         {uncertainty_table(drive, drive_options.range_scale), drive_lengths_table(drive),
+                          drive_table(drive), convergence_table(drive)});
+    out["tables"].push_back(stretches_table(drive));
     const bool any = std::ranges::any_of(nominal.values, [](const auto& v) { return v.has_value(); });
     if (any)
       out["tables"].insert(out["tables"].begin(), comparison("Against the nominal values", "nominal",
                                                              drive.odometry, nominal.values, {}));
-    if (!std::isfinite(drive.offset_s.value))
-      out["undetermined"].push_back(
-          "The time offset between scans and wheels: the motion changes too little to show it. 0 was used.");
+    say_offset(out, drive.offset, drive_options.known_offset_s);
+    const auto slipped = std::ranges::count_if(drive.stretches, &fit::RunVerdict::left_out);
+    if (slipped > 0)
+      out["notes"].push_back(std::to_string(slipped) + " of " + std::to_string(drive.stretches.size()) +
+                             " stretches of the drive were left out: the wheels slipped there, or scans did not match.");
     return out;
   }
 
