@@ -275,7 +275,7 @@ TimingEstimate estimate_timing(std::span<const Sweep> sweeps, const Path& path, 
   estimate.timing.reversed = options.reversed.value_or(false);
   const auto pairs = telling_pairs(sweeps, path, lidar, options.drifts);
   if (pairs.size() < 5) return estimate;
-  const int half = 40;
+  const int half = options.steps;
   for (int k = -half; k <= half; ++k) estimate.tried_s.push_back(options.about_s + options.widest_s * k / half);
   const std::vector<SweepPair> most_telling(pairs.begin(),
                                             pairs.begin() + std::min<std::ptrdiff_t>(60, std::ssize(pairs)));

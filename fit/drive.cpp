@@ -272,6 +272,8 @@ class Drive {
     for (std::size_t i = 0; i < stamps.size(); ++i) squares += (even[i] - stamps[i]) * (even[i] - stamps[i]);
     out.scan_jitter_s = std::sqrt(squares / static_cast<double>(stamps.size()));
     out.coarse = offset_of(motions, stamps, wheels_);
+    // As good as even already.
+    if (out.scan_jitter_s < 0.01 * sweeps_.front().duration_s) return;
     Wheels even_wheels = wheels_;
     even_wheels.make_times_even();
     const Wheels as_stamped = wheels_;
@@ -314,6 +316,7 @@ class Drive {
   void decide_order(DriveFit& out) {
     TimingOptions about;
     about.about_s = timing_.offset_s;
+    about.steps = 10;
     out.timing = estimate_timing(sweeps_, path_, lidar_, about);
     timing_.reversed = out.timing.timing.reversed;
   }
