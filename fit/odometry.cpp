@@ -123,13 +123,17 @@ Eigen::Vector3d residual_rms(const std::vector<WheelSample>& samples, const Indi
 Eigen::Matrix<double, 3, 6> motion_jacobian(const RobotGeometry& robot, const WheelSample& sample) {
   Eigen::Matrix<double, 3, 6> jacobian;
   const Vector6 at = robot.vector();
+  const Pose2 wheels = wheel_motion(robot, sample);
   for (int i = 0; i < 6; ++i) {
     const double step = i < 5 ? 1e-4 : 1e-6;
-    Vector6 up = at, down = at;
-    up[i] += step;
-    down[i] -= step;
-    const Pose2 a = lidar_motion(RobotGeometry::from(up, robot.steering), sample),
-                b = lidar_motion(RobotGeometry::from(down, robot.steering), sample);
+    // The lidar's place does not change what the wheels do.
+    const auto moved = [&](double by) {
+      Vector6 v = at;
+      v[i] += by;
+      const RobotGeometry other = RobotGeometry::from(v, robot.steering);
+      return other.lidar.inverse() * (i < 3 ? wheel_motion(other, sample) : wheels) * other.lidar;
+    };
+    const Pose2 a = moved(step), b = moved(-step);
     jacobian.col(i) =
         Eigen::Vector3d(a.x_mm - b.x_mm, a.y_mm - b.y_mm, a.heading_rad - b.heading_rad) / (2 * step);
   }

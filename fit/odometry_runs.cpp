@@ -158,7 +158,7 @@ namespace {
 
 /// Some of the samples: enough to see an offset by.
 std::vector<std::size_t> thinned(std::size_t count) {
-  constexpr std::size_t enough = 4000;
+  constexpr std::size_t enough = 2000;
   std::vector<std::size_t> out;
   const std::size_t stride = 1 + count / enough;
   for (std::size_t i = 0; i < count; i += stride) out.push_back(i);
@@ -443,8 +443,9 @@ RunsFit fit_runs(const std::vector<WheelSample>& given, const RunsOptions& optio
 
   OdometryOptions how = options.fit;
   std::size_t count = 1;
+  std::vector<std::size_t> left_out;  // Groups.
   for (int round = 0;; ++round) {
-    out.lengths = compare_lengths(samples, options);
+    if (round == 0) out.lengths = compare_lengths(samples, options);
     count = std::ranges::find_if(out.lengths, &LengthFit::taken)->joined;
     how.refine = options.fit.refine || count > 1;
     out.samples = count > 1 ? at_length(samples, count) : samples;
@@ -458,8 +459,10 @@ RunsFit fit_runs(const std::vector<WheelSample>& given, const RunsOptions& optio
       out.samples[k].run = groups[k];
     }
     out.samples = leave_out_slipped_runs(out.samples, how, out.runs);
+    left_out.clear();
     for (RunVerdict& verdict : out.runs) {
       const std::size_t group = verdict.run;
+      if (verdict.left_out) left_out.push_back(group);
       verdict.run = run_of.at(group);
       verdict.stretch = group - first_of.at(verdict.run);
       verdict.stretches = static_cast<std::size_t>(
@@ -484,10 +487,17 @@ RunsFit fit_runs(const std::vector<WheelSample>& given, const RunsOptions& optio
     };
     out.offset_u = 0.5 * (values(u) - values(-u)).cwiseAbs();
   }
-  for (const LengthFit& length : out.lengths)
-    if (length.joined == 2 * count)
-      out.drift = length.values - std::ranges::find_if(out.lengths, &LengthFit::taken)->values;
-  out.drift[5] = wrap_angle(out.drift[5]);
+  if (std::ranges::any_of(out.lengths, [&](const LengthFit& l) { return l.joined == 2 * count; })) {
+    // Of the same runs or stretches, with their own offsets.
+    std::vector<WheelSample> twice = at_length(samples, 2 * count);
+    const auto groups = group_samples(twice);
+    for (std::size_t k = 0; k < twice.size(); ++k) twice[k].run = groups[k];
+    std::erase_if(twice, [&](const WheelSample& sample) {
+      return std::ranges::any_of(left_out, [&](std::size_t group) { return group == sample.run; });
+    });
+    if (twice.size() >= 20) out.drift = fit_odometry(twice, how).robot.vector() - out.odometry.robot.vector();
+    out.drift[5] = wrap_angle(out.drift[5]);
+  }
   // A drift counts as the half-width of what is equally likely.
   const Vector6 u =
       (out.grouped.covariance.diagonal() + out.offset_u.cwiseAbs2() + out.drift.cwiseAbs2() / 3).cwiseSqrt();
