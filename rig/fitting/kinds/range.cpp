@@ -145,15 +145,16 @@ void add_families(json& tables, const std::vector<FamilyFit>& fits, const std::s
     for (const std::string& remark : fit.remarks) words.push_back({fit.title, remark});
     if (!fit.usable) continue;
     rows.push_back({fit.title, digits(fit.held_out), digits(fit.r2, 5), digits(fit.rmse, 4),
-                    digits(fit.parameters), digits(fit.aicc, 4), digits(fit.bic, 4),
+                    digits(fit.fit_p, 2), digits(fit.parameters), digits(fit.aicc, 4), digits(fit.bic, 4),
                     fit.spline ? json(nullptr) : digits(fit.condition, 2),
                     fit.spline ? json(nullptr) : digits(fit.printed_mm, 2)});
   }
   tables.push_back(
       {{"title", title + ": families by their error at held-out points (condition: of the coefficients; "
-                         "4 digits: error of the curve when they are printed so)"},
+                         "4 digits: error of the curve when they are printed so; fit p: how often a right family "
+                         "leaves such residuals, below 0.01 it does not fit)"},
        {"columns",
-        {"family", column("held out", "mm"), "R2", column("RMSE", "mm"), "coeff.", "AICc", "BIC", "condition",
+        {"family", column("held out", "mm"), "R2", column("RMSE", "mm"), "fit p", "coeff.", "AICc", "BIC", "condition",
          column("4 digits", "mm")}},
        {"rows", rows}});
   if (!words.empty())
@@ -416,6 +417,24 @@ class Range : public Fitting {
                    {"condition_number", number_or_null(calibration.condition)},
                    {"intensity_distance_correlation", number_or_null(calibration.correlation)}};
     warn_of_the_reference(out, calibration);
+    warn_of_no_fit(out, calibration);
+  }
+
+  /// Says so where not one family with an equation fits.
+  static void warn_of_no_fit(json& out, const fit::RangeCalibration& calibration) {
+    for (const auto* table : {&calibration.intensity_table, &calibration.distance_table}) {
+      const FamilyFit* best = fit::best_of(*table);
+      if (!best || std::ranges::any_of(*table, [](const FamilyFit& fit) {
+            return fit.usable && !fit.spline && !fit.ambiguous && !fit.lacks_fit();
+          }))
+        continue;
+      out["undetermined"].push_back(
+          "None of these families fits the error against " +
+          std::string(table == &calibration.intensity_table ? "intensity" : "distance") +
+          ": the residuals have structure that the points' scatter does not explain (fit p below 0.01 for all). The "
+          "correction is the best of them, and its uncertainty is that of its own residuals. A target that steps "
+          "back, or a wrong distance, leaves such structure too; rig explain looks for the physics behind it.");
+    }
   }
 
   static std::string how_to_use(const Correction& correction, const fit::RangePoint& point) {
