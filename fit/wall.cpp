@@ -26,12 +26,14 @@ using JointMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6 +
 /// The mean range of one beam over the scans of a capture, and the wall it sees.
 struct Beam {
   double angle = 0, range = 0, scans = 0, counts = 0;
+  double off_mm = 0;  ///< Deviation of the range, once it was found.
   int wall = -1;
   [[nodiscard]] Vector2d point() const { return {range * std::cos(angle), range * std::sin(angle)}; }
 };
 
 struct Station {
   double stage_rad = 0;
+  double off_rad = 0;  ///< Deviation of that angle, once it was found.
   int approach = 0;
   std::vector<Beam> beams;
   std::vector<std::vector<std::uint16_t>> scans;  ///< Those that make points of the trajectory.
@@ -250,19 +252,34 @@ struct JointModel {
   const std::vector<JointEffect>* effects;
   JointVector at;
 
-  /// n . (R(stage) (m + rho u(yaw + alpha))) = D, divided by the cosine of incidence: noise is that of range.
-  /// Angles are those shown and their deviations, the range is the one shown less its own.
-  [[nodiscard]] JointRow row(const Station& station, const Beam& beam) const {
+  /// All deviations of a beam together, and `each` for one standard uncertainty.
+  [[nodiscard]] Deviation deviation(const Station& station, const Beam& beam,
+                                    std::array<Deviation, most_effects>& each) const {
+    const double normal = walls[beam.wall].line.normal_rad + (beam.wall == 1 ? at[5] : 0);
+    const double distance = at[3 + beam.wall];
+    // They go with the range to be expected: with the noisy one, shorter ranges would have less noise.
+    Beam expected = beam;
+    const double shown_turn = normal - station.stage_rad;
+    expected.range = (distance - at[1] * std::cos(shown_turn) - at[2] * std::sin(shown_turn)) /
+                     std::max(0.1, std::cos(shown_turn - at[0] - beam.angle));
     Deviation off;
-    std::array<Deviation, most_effects> each;
     for (std::size_t k = 0; k < effects->size(); ++k) {
-      each[k] = (*effects)[k].act(station, beam);
+      each[k] = (*effects)[k].act(station, expected);
       const double size = at[6 + static_cast<Eigen::Index>(k)];
       off.stage_rad += size * each[k].stage_rad;
       off.beam_rad += size * each[k].beam_rad;
       off.range_mm += size * each[k].range_mm;
     }
+    return off;
+  }
+
+  /// n . (R(stage) (m + rho u(yaw + alpha))) = D, divided by the cosine of incidence: noise is that of range.
+  /// Angles are those shown and their deviations, the range is the one shown less its own.
+  [[nodiscard]] JointRow row(const Station& station, const Beam& beam) const {
     const double normal = walls[beam.wall].line.normal_rad + (beam.wall == 1 ? at[5] : 0);
+    const double distance = at[3 + beam.wall];
+    std::array<Deviation, most_effects> each;
+    const Deviation off = deviation(station, beam, each);
     const double mount_turn = normal - station.stage_rad - off.stage_rad,
                  beam_turn = mount_turn - at[0] - beam.angle - off.beam_rad;
     const double c = std::cos(beam_turn), s = std::sin(beam_turn);
@@ -270,7 +287,6 @@ struct JointModel {
     const double range = beam.range - off.range_mm;
     const double ending = at[1] * mc + at[2] * ms + range * c;
     JointRow out;
-    const double distance = at[3 + beam.wall];
     out.error = (ending - distance) / c;
     out.slope.setZero(at.size());
     out.slope[0] = range * s;
@@ -359,7 +375,21 @@ void check_turned(const std::vector<Station>& stations) {
         "between them. Capture at stage angles at least 20 deg apart, better over the whole turn");
 }
 
-void fit_joint(const std::vector<Station>& stations, double yaw, const Mount& mount,
+/// Takes the deviations that were found off what the simpler ways are given.
+void take_off(const JointModel& model, std::vector<Station>& stations) {
+  std::array<Deviation, most_effects> each;
+  for (Station& station : stations)
+    for (Beam& beam : station.beams) {
+      if (beam.wall < 0) continue;
+      const Deviation off = model.deviation(station, beam, each);
+      station.off_rad = off.stage_rad;
+      beam.off_mm = off.range_mm;
+      beam.range -= off.range_mm;
+      beam.angle += off.beam_rad;
+    }
+}
+
+void fit_joint(std::vector<Station>& stations, double yaw, const Mount& mount,
                const DeviceAccuracy& accuracy, WallFit& fit) {
   const std::vector<JointEffect> effects = effects_of(accuracy);
   const auto count = static_cast<Eigen::Index>(effects.size());
@@ -411,6 +441,7 @@ void fit_joint(const std::vector<Station>& stations, double yaw, const Mount& mo
     fit.effects.push_back({effects[static_cast<std::size_t>(k)].line, {model.at[6 + k], std::sqrt(u2)}, share});
     fit.covariance += share * share.transpose();
   }
+  if (count > 0) take_off(model, stations);
   const Vector2d m = model.at.segment<2>(1);
   const Eigen::Matrix2d c = fit.covariance.block<2, 2>(1, 1);
   const double r = std::max(1e-9, m.norm());
@@ -426,10 +457,11 @@ WallSight sight_of(const Station& station, std::size_t capture, const WallInBenc
                    const std::function<double(std::size_t)>& range) {
   WallSight sight;
   sight.stage_rad = station.stage_rad;
+  sight.off_rad = station.off_rad;
   sight.capture = capture;
   for (int j = 0; j < 2; ++j) {
     std::vector<Vector2d> points;
-    const double square = walls[j].line.normal_rad - station.stage_rad - yaw;
+    const double square = walls[j].line.normal_rad - station.stage_rad - station.off_rad - yaw;
     double nearest = 1;
     for (std::size_t k = 0; k < station.beams.size(); ++k) {
       const Beam& beam = station.beams[k];
@@ -514,7 +546,8 @@ void patent_angle(WallFit& fit) {
   for (const WallSight& sight : fit.means) {
     if (std::abs(wrap_angle(sight.stage_rad)) > 0.05 * rad_per_deg || !sight.walls[0]) continue;
     slopes.push_back(
-        wrap_angle(fit.walls[0].line.normal_rad - sight.stage_rad - sight.walls[0]->line.normal_rad));
+        wrap_angle(fit.walls[0].line.normal_rad - sight.stage_rad - sight.off_rad -
+                                sight.walls[0]->line.normal_rad));
     from_lines += sight.walls[0]->covariance(0, 0);
   }
   fit.repeats = slopes.size();
@@ -537,16 +570,16 @@ void fit_patent(const std::vector<Station>& stations, WallFit& fit) {
     };
     fit.means.push_back(sight([&](std::size_t k) { return station.beams[k].range; }));
     for (const auto& scan : station.scans) {
-      const WallSight now = sight([&](std::size_t k) { return k < scan.size() ? double(scan[k]) : 0; });
+      const WallSight now = sight([&](std::size_t k) { return k < scan.size() ? double(scan[k]) - station.beams[k].off_mm : 0; });
       if (now.walls[0] && now.walls[1]) {
         fit.trajectory.push_back(position_from(fit.walls, fit.joint[5], now.walls[0]->line.distance_mm,
                                                now.walls[1]->line.distance_mm));
-        stages.push_back(station.stage_rad);
+        stages.push_back(station.stage_rad + station.off_rad);
       }
       if (now.square_range_mm[0] > 0 && now.square_range_mm[1] > 0) {
         fit.single_beam.push_back(
             position_from(fit.walls, fit.joint[5], now.square_range_mm[0], now.square_range_mm[1]));
-        single_stages.push_back(station.stage_rad);
+        single_stages.push_back(station.stage_rad + station.off_rad);
       }
     }
   }

@@ -39,6 +39,7 @@ struct WallInBench {
 /// Both walls seen in one scan (or in the mean of a capture), in the lidar's frame.
 struct WallSight {
   double stage_rad = 0;
+  double off_rad = 0;                  ///< Deviation of that angle, as the joint fit found it.
   std::size_t capture = 0;             ///< Of all sources' captures, counted through.
   std::optional<LineFit> walls[2];     ///< Front, side.
   double square_range_mm[2] = {0, 0};  ///< Of the beam that meets the wall squarely; 0: none.
@@ -80,7 +81,7 @@ struct WallFit {
 /// by RANSAC and fitted by least squares in every scan; the joint least-squares fit of mounting angle, offset
 /// and walls uses the means of all beams, weighted by incidence, its covariance widened where captures
 /// scatter more than their noise, with the devices' systematic deviations as parameters of known size; the patent's circle through the positions, from both walls and from single
-/// beams, stands beside. Throws std::invalid_argument saying what is missing.
+/// beams, stands beside; deviations found are taken off before. Throws std::invalid_argument saying what is missing.
 WallFit fit_wall(const std::vector<const Recording*>& recordings, const WallOptions& options = {});
 
 }  // namespace fit

@@ -76,6 +76,7 @@ void compare_methods(json& result, const std::string& quantity, const std::strin
        {"difference", difference},
        {"U", expanded},
        {"agree", agree},
+       {"far_apart", std::abs(difference) > 1.5 * expanded},
        {"says", quantity + ": " + first_method + " " + figure(first) + ", " + second_method + " " +
                     figure(second) + (agree ? "; they agree" : "; they do not agree") + " (difference " +
                     fit::format_value(difference, expanded) + ", U " +

@@ -38,7 +38,7 @@ void judge_result(const json& result, std::vector<std::string>& reasons) {
   for (const json& contradiction : list_of(result, "contradictions"))
     if (contradiction.is_string()) reasons.push_back(contradiction.get<std::string>());
   for (const json& comparison : list_of(result, "comparisons"))
-    if (comparison.is_object() && comparison.contains("agree") && comparison["agree"] == false)
+    if (comparison.is_object() && comparison.contains("far_apart") && comparison["far_apart"] == true)
       reasons.push_back("Two methods do not agree. " + text_of(comparison, "says") + ".");
 }
 

@@ -109,9 +109,18 @@ void add_values(json& out, const fit::WallFit& fit, const fit::Bench& bench) {
   UncertaintyBudget direction = budget_of(fit, around, "direction_deg",
                                           "Direction of that offset, at stage angle 0", "deg");
   angle_part(direction);
+  direction.add({.source = "orientation of the front board (bench file)", .distribution = "normal", .u = board_u});
   direction.publish(out, fit.direction_rad.value * fit::deg_per_rad);
-  mm(slope_of(1, 1), fit.joint[1], "mount_x_mm", "Lidar on the stage, x");
-  mm(slope_of(2, 1), fit.joint[2], "mount_y_mm", "Lidar on the stage, y");
+  for (const int axis : {0, 1}) {
+    UncertaintyBudget place = budget_of(fit, slope_of(1 + axis, 1), axis == 0 ? "mount_x_mm" : "mount_y_mm",
+                                        axis == 0 ? "Lidar on the stage, x" : "Lidar on the stage, y", "mm");
+    place.add({.source = "orientation of the front board (bench file)",
+               .distribution = "normal",
+               .u = fit.walls[0].u_rad * std::abs(m[1 - axis]),
+               .input_u = board_u,
+               .input_unit = "deg"});
+    place.publish(out, m[axis]);
+  }
   UncertaintyBudget yaw = budget_of(fit, slope_of(0, fit::deg_per_rad), "mount_yaw_deg",
                                     "Lidar on the stage, yaw (with the front board's orientation)", "deg");
   angle_part(yaw);
@@ -140,28 +149,20 @@ void add_values(json& out, const fit::WallFit& fit, const fit::Bench& bench) {
       {"matrix", matrix}};
 }
 
-/// The patent's ways say nothing of systematic deviations: they get the joint fit's.
+/// Simpler ways beside the joint fit, whose deviations were taken off before.
 void compare_ways(json& out, const fit::WallFit& fit) {
-  const auto systematic = [&](const Vector6& slope) {
-    double square = 0;
-    for (const fit::WallEffect& effect : fit.effects) square += std::pow(slope.dot(effect.share), 2);
-    return std::sqrt(square);
-  };
-  const Vector6 angle = Vector6::Unit(0) * fit::deg_per_rad;
   if (fit.repeats >= 3)
-    compare_methods(out, "Mounting angle", "all beams together",
-                    {fit.joint[0] * fit::deg_per_rad, std::sqrt(angle.dot(fit.covariance * angle))},
-                    "slope of the front wall at stage angle 0",
-                    {fit.patent_angle_rad.value * fit::deg_per_rad,
-                     std::hypot(fit.patent_angle_rad.u * fit::deg_per_rad, systematic(angle))},
-                    "deg");
-  Vector6 radial = Vector6::Zero();
-  radial.segment<2>(1) = fit.joint.segment<2>(1) / std::max(1e-9, fit.joint.segment<2>(1).norm());
+    compare_methods(out, "Mounting angle", "all beams together", degrees(joint(fit, 0)),
+                    "slope of the front wall at stage angle 0", degrees(fit.patent_angle_rad), "deg");
   for (const fit::WallCircle& way : fit.ways)
     if (way.circle && way.way.starts_with("both walls") && way.way.ends_with("geometric circle"))
+      // Positions of one capture share its errors.
       compare_methods(out, "Distance of the lidar from the axis", "all beams together", fit.radius_mm,
                       "circle through its positions",
-                      {way.radius_mm.value, std::hypot(way.radius_mm.u, systematic(radial))}, "mm");
+                      {way.radius_mm.value,
+                       std::hypot(way.radius_mm.u,
+                                  way.circle->rms / std::sqrt(static_cast<double>(fit.means.size())))},
+                      "mm");
 }
 
 /// A wall that does not stand where the bench file says.
