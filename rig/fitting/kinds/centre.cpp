@@ -320,7 +320,7 @@ class Centre : public Fitting {
     const auto lines = add_board_lines(out, positions, accuracy);
     if (lines) compare(out, all, *lines);
     add_plot(out, all, pairs, lines);
-    for (const std::string& note : source.notes) out["notes"].push_back(note);
+    for (const std::string& what : source.contradictions) out["contradictions"].push_back(what);
     add_remarks(out, all, source);
     return out;
   }

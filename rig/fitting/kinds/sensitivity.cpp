@@ -179,7 +179,7 @@ class Sensitivity : public Fitting {
     out["tables"].push_back(stops_table(best));
     out["tables"].push_back(crossings_table(source.crossings));
     out["plots"].push_back(response_plot(best));
-    for (const std::string& note : source.notes) out["notes"].push_back(note);
+    for (const std::string& what : source.contradictions) out["contradictions"].push_back(what);
     add_remarks(out, best);
     return out;
   }

@@ -258,7 +258,7 @@ struct Rig {
     rig::SessionStore session(file,
                               again ? rig::SessionStore::Mode::append : rig::SessionStore::Mode::create);
     rig::RunnerParts parts{lidar,  stage, world.clock,
-                           person, fit,   [](const std::string&, const std::string&) {}};
+                           person, fit,   [](const std::string&, const std::string&) { return rig::RunnerParts::Written{}; }};
     rig::Runner runner(rig::parse_procedure(text, "test.yaml"), small_bench(), session, parts);
     prepare(runner);
     std::exception_ptr why;
