@@ -24,7 +24,7 @@ using JointVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6 + most_effects
 using JointMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6 + most_effects, 6 + most_effects>;
 
 /// The mean range of one beam over the scans of a capture, and the wall it sees.
-struct Beam {
+struct WallBeam {
   double angle = 0, range = 0, scans = 0, counts = 0;
   double off_mm = 0;  ///< Deviation of the range, once it was found.
   int wall = -1;
@@ -35,12 +35,12 @@ struct Station {
   double stage_rad = 0;
   double off_rad = 0;  ///< Deviation of that angle, once it was found.
   int approach = 0;
-  std::vector<Beam> beams;
+  std::vector<WallBeam> beams;
   std::vector<std::vector<std::uint16_t>> scans;  ///< Those that make points of the trajectory.
 };
 
 /// Mean of the samples near their median: what passes by now and then does not count.
-void set_mean(Beam& beam, std::vector<double>& samples) {
+void set_mean(WallBeam& beam, std::vector<double>& samples) {
   if (samples.empty()) return;
   const double middle = median_of(samples);
   std::vector<double> deviations;
@@ -132,7 +132,7 @@ void assign(Station& station, const WallInBench* walls, double yaw, const WallOp
       const double expected = walls[j].line.normal_rad - station.stage_rad - yaw;
       if (std::abs(wrap_angle(line.fit.line.normal_rad - expected)) > 15 * rad_per_deg) continue;
       if (std::abs(line.fit.line.distance_mm - walls[j].line.distance_mm) > 400) continue;
-      const bool taken = std::ranges::any_of(station.beams, [j](const Beam& b) { return b.wall == j; });
+      const bool taken = std::ranges::any_of(station.beams, [j](const WallBeam& b) { return b.wall == j; });
       if (taken) continue;
       for (const std::size_t k : without_ends(line.beams)) station.beams[k].wall = j;
     }
@@ -204,13 +204,13 @@ struct JointRow {
 };
 
 /// What a deviation does to a beam, for one standard uncertainty.
-struct Deviation {
+struct WallDeviation {
   double stage_rad = 0, beam_rad = 0, range_mm = 0;
 };
 
 struct JointEffect {
   AccuracyLine line;
-  std::function<Deviation(const Station&, const Beam&)> act;
+  std::function<WallDeviation(const Station&, const WallBeam&)> act;
 };
 
 std::vector<JointEffect> effects_of(const DeviceAccuracy& accuracy) {
@@ -220,28 +220,28 @@ std::vector<JointEffect> effects_of(const DeviceAccuracy& accuracy) {
     const double u = (accuracy.*member).u;
     if (u <= 0) return;
     const auto line = std::ranges::find(lines, member, &AccuracyLine::member);
-    out.push_back({*line, [act, u](const Station& s, const Beam& b) { return act(s, b, u); }});
+    out.push_back({*line, [act, u](const Station& s, const WallBeam& b) { return act(s, b, u); }});
   };
   add(&DeviceAccuracy::stage_scale,
-      [](const Station& s, const Beam&, double u) { return Deviation{.stage_rad = u * s.stage_rad}; });
+      [](const Station& s, const WallBeam&, double u) { return WallDeviation{.stage_rad = u * s.stage_rad}; });
   add(&DeviceAccuracy::stage_backlash_rad,
-      [](const Station& s, const Beam&, double u) { return Deviation{.stage_rad = -u / 2 * s.approach}; });
+      [](const Station& s, const WallBeam&, double u) { return WallDeviation{.stage_rad = -u / 2 * s.approach}; });
   for (const bool sine : {true, false}) {
     const auto wave = [sine](double rad) { return (sine ? std::sin(rad) : std::cos(rad)) / std::sqrt(2.0); };
-    add(&DeviceAccuracy::stage_eccentricity_rad, [wave](const Station& s, const Beam&, double u) {
-      return Deviation{.stage_rad = u * wave(s.stage_rad)};
+    add(&DeviceAccuracy::stage_eccentricity_rad, [wave](const Station& s, const WallBeam&, double u) {
+      return WallDeviation{.stage_rad = u * wave(s.stage_rad)};
     });
-    add(&DeviceAccuracy::beam_eccentricity_rad, [wave](const Station&, const Beam& b, double u) {
-      return Deviation{.beam_rad = u * wave(b.angle)};
+    add(&DeviceAccuracy::beam_eccentricity_rad, [wave](const Station&, const WallBeam& b, double u) {
+      return WallDeviation{.beam_rad = u * wave(b.angle)};
     });
   }
   add(&DeviceAccuracy::range_offset_mm,
-      [](const Station&, const Beam&, double u) { return Deviation{.range_mm = u}; });
+      [](const Station&, const WallBeam&, double u) { return WallDeviation{.range_mm = u}; });
   add(&DeviceAccuracy::range_scale,
-      [](const Station&, const Beam& b, double u) { return Deviation{.range_mm = u * b.range}; });
+      [](const Station&, const WallBeam& b, double u) { return WallDeviation{.range_mm = u * b.range}; });
   for (int curve = 0; curve < walk_curves; ++curve)
-    add(&DeviceAccuracy::range_walk_mm, [curve](const Station&, const Beam& b, double u) {
-      return Deviation{.range_mm = b.counts > 0 ? u / std::sqrt(double{walk_curves}) * walk_curve(curve, b.counts)
+    add(&DeviceAccuracy::range_walk_mm, [curve](const Station&, const WallBeam& b, double u) {
+      return WallDeviation{.range_mm = b.counts > 0 ? u / std::sqrt(double{walk_curves}) * walk_curve(curve, b.counts)
                                                 : 0};
     });
   return out;
@@ -253,16 +253,16 @@ struct JointModel {
   JointVector at;
 
   /// All deviations of a beam together, and `each` for one standard uncertainty.
-  [[nodiscard]] Deviation deviation(const Station& station, const Beam& beam,
-                                    std::array<Deviation, most_effects>& each) const {
+  [[nodiscard]] WallDeviation deviation(const Station& station, const WallBeam& beam,
+                                    std::array<WallDeviation, most_effects>& each) const {
     const double normal = walls[beam.wall].line.normal_rad + (beam.wall == 1 ? at[5] : 0);
     const double distance = at[3 + beam.wall];
     // They go with the range to be expected: with the noisy one, shorter ranges would have less noise.
-    Beam expected = beam;
+    WallBeam expected = beam;
     const double shown_turn = normal - station.stage_rad;
     expected.range = (distance - at[1] * std::cos(shown_turn) - at[2] * std::sin(shown_turn)) /
                      std::max(0.1, std::cos(shown_turn - at[0] - beam.angle));
-    Deviation off;
+    WallDeviation off;
     for (std::size_t k = 0; k < effects->size(); ++k) {
       each[k] = (*effects)[k].act(station, expected);
       const double size = at[6 + static_cast<Eigen::Index>(k)];
@@ -275,11 +275,11 @@ struct JointModel {
 
   /// n . (R(stage) (m + rho u(yaw + alpha))) = D, divided by the cosine of incidence: noise is that of range.
   /// Angles are those shown and their deviations, the range is the one shown less its own.
-  [[nodiscard]] JointRow row(const Station& station, const Beam& beam) const {
+  [[nodiscard]] JointRow row(const Station& station, const WallBeam& beam) const {
     const double normal = walls[beam.wall].line.normal_rad + (beam.wall == 1 ? at[5] : 0);
     const double distance = at[3 + beam.wall];
-    std::array<Deviation, most_effects> each;
-    const Deviation off = deviation(station, beam, each);
+    std::array<WallDeviation, most_effects> each;
+    const WallDeviation off = deviation(station, beam, each);
     const double mount_turn = normal - station.stage_rad - off.stage_rad,
                  beam_turn = mount_turn - at[0] - beam.angle - off.beam_rad;
     const double c = std::cos(beam_turn), s = std::sin(beam_turn);
@@ -320,7 +320,7 @@ JointSums accumulate(const JointModel& model, const std::vector<Station>& statio
   for (const Station& station : stations) {
     JointVector own = JointVector::Zero(n);
     bool any = false;
-    for (const Beam& beam : station.beams) {
+    for (const WallBeam& beam : station.beams) {
       if (beam.wall < 0) continue;
       const JointRow row = model.row(station, beam);
       if (row.weight <= 0) continue;
@@ -342,7 +342,7 @@ JointSums accumulate(const JointModel& model, const std::vector<Station>& statio
 double scale_of(const JointModel& model, const std::vector<Station>& stations) {
   std::vector<double> sizes;
   for (const Station& station : stations)
-    for (const Beam& beam : station.beams) {
+    for (const WallBeam& beam : station.beams) {
       if (beam.wall < 0) continue;
       const JointRow row = model.row(station, beam);
       if (row.weight > 0) sizes.push_back(std::abs(row.error) * std::sqrt(row.weight));
@@ -377,11 +377,11 @@ void check_turned(const std::vector<Station>& stations) {
 
 /// Takes the deviations that were found off what the simpler ways are given.
 void take_off(const JointModel& model, std::vector<Station>& stations) {
-  std::array<Deviation, most_effects> each;
+  std::array<WallDeviation, most_effects> each;
   for (Station& station : stations)
-    for (Beam& beam : station.beams) {
+    for (WallBeam& beam : station.beams) {
       if (beam.wall < 0) continue;
-      const Deviation off = model.deviation(station, beam, each);
+      const WallDeviation off = model.deviation(station, beam, each);
       station.off_rad = off.stage_rad;
       beam.off_mm = off.range_mm;
       beam.range -= off.range_mm;
@@ -464,7 +464,7 @@ WallSight sight_of(const Station& station, std::size_t capture, const WallInBenc
     const double square = walls[j].line.normal_rad - station.stage_rad - station.off_rad - yaw;
     double nearest = 1;
     for (std::size_t k = 0; k < station.beams.size(); ++k) {
-      const Beam& beam = station.beams[k];
+      const WallBeam& beam = station.beams[k];
       const double mm = range(k);
       if (beam.wall != j || mm < 20 || std::abs(mm - beam.range) > 150) continue;
       points.emplace_back(mm * std::cos(beam.angle), mm * std::sin(beam.angle));
