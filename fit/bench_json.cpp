@@ -115,6 +115,17 @@ Estimate scaled(const Estimate& estimate, double factor) {
   return {estimate.value * factor, estimate.u * std::abs(factor)};
 }
 
+/// Standard uncertainties of a device's systematic deviations; accuracy_of() reads them.
+template <std::size_t n>
+void check_accuracy(const Reader& device, const std::array<const char*, n>& known) {
+  if (!device.has("accuracy")) return;
+  const Reader accuracy = device.at("accuracy");
+  accuracy.must_be_object();
+  accuracy.refuse_misspelt(known);
+  for (const char* key : known)
+    if (accuracy.has(key)) (void)accuracy.at(key).number_from(0, 1000);
+}
+
 Mount read_mount(const Reader& reader) {
   reader.must_be_object();
   reader.refuse_misspelt(std::array{"x_mm", "y_mm", "yaw_deg"});
@@ -128,7 +139,9 @@ Mount read_mount(const Reader& reader) {
 LidarGeometry read_lidar(const Reader& reader) {
   reader.must_be_object();
   reader.refuse_misspelt(
-      std::array{"model", "steps", "first_step", "front_step", "step_deg", "scan_hz", "serial", "mount"});
+      std::array{"model", "steps", "first_step", "front_step", "step_deg", "scan_hz", "serial", "mount", "accuracy"});
+  check_accuracy(reader,
+                 std::array{"u_beam_eccentricity_deg", "u_range_mm", "u_range_scale", "u_range_walk_mm"});
   LidarGeometry lidar;
   if (reader.has("model")) lidar.model = reader.at("model").string();
   if (reader.has("steps")) lidar.steps = reader.at("steps").integer_from(1, 100000);
@@ -169,9 +182,10 @@ double read_stage(const Reader& reader) {
   reader.refuse_misspelt(std::array{"language", "model", "resolution_deg", "limits_deg", "speed_deg_s",
                                     "acceleration_deg_s2", "tolerance_deg", "units_per_deg", "units_per_turn",
                                     "direction", "zero_deg", "settle_s", "reply_s", "home_s", "needs_homing",
-                                    "baud", "address", "axis",
-                                    // of the simulated one
-                                    "homed", "axes", "acknowledges", "physics"});
+                                     "baud", "address", "axis", "accuracy",
+                                     // of the simulated one
+                                     "homed", "axes", "acknowledges", "physics"});
+  check_accuracy(reader, std::array{"u_scale", "u_eccentricity_deg", "u_backlash_deg", "u_position_deg"});
   for (const char* quickness : {"speed_deg_s", "acceleration_deg_s2"})
     if (reader.has(quickness)) (void)reader.at(quickness).number_from(1e-6, 1e6);
   if (reader.has("limits_deg")) {

@@ -149,7 +149,7 @@ std::string UstDevice::quit(std::string_view echo) {
 }
 
 std::string UstDevice::identify(std::string_view echo) const {
-  const KeyValues lines = {{"VEND", "Hokuyo Automatic Co., Ltd."},
+  const KeyValues lines = {{"VEND", "rig-sim: simulated, not a device of Hokuyo Automatic Co., Ltd."},
                            {"PROD", identity_.model},
                            {"FIRM", identity_.firmware},
                            {"PROT", "SCIP 2.2"},

@@ -5,6 +5,7 @@
 #include "rig/errors.hpp"
 #include "rig/export/correction_export.hpp"
 #include "rig/session/lidar_identity.hpp"
+#include "rig/session/standing.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig {
@@ -62,6 +63,9 @@ std::vector<std::string> run_export(const std::string& format, const ExportSourc
         notes.push_back(std::move(note));
     }
   }
+  if (source.session && !source.session->latest_results().empty())
+    for (const std::string& reason : standing_of(*source.session).reasons)
+      notes.push_back(source.path + ": report, not a certificate: " + reason);
   write_beside(output.path(), [&](const std::string& part) { exporter.write(source, part); });
   return notes;
 }

@@ -316,11 +316,11 @@ std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::s
                            ". Only the face of the square beam was used; correct the target's ends");
   const double off = std::abs(fit::wrap_angle(normal.rad - board.normal_rad));
   if (normal.from_data && off > 4 * bench_u)
-    source.notes.push_back(name + ": '" + target->name + "' is turned by " +
+    source.contradictions.push_back(name + ": '" + target->name + "' is turned by " +
                            text(off * fit::deg_per_rad, "%.1f") +
                            " deg from where the bench file says; correct its mount yaw or the target");
   if (std::abs(out.paper.mean_mm - out.true_mm) > 0.1 * out.true_mm + 60)
-    source.notes.push_back(name + ": the beam sees " + text(out.paper.mean_mm, "%.0f") +
+    source.contradictions.push_back(name + ": the beam sees " + text(out.paper.mean_mm, "%.0f") +
                            " mm where the bench file puts '" + target->name + "' at " +
                            text(out.true_mm, "%.0f") + " mm; check the true distance");
   return out;
@@ -340,7 +340,8 @@ RangeSource read_ranges(const std::vector<FitSource>& sources) {
   for (const auto& group : left_out) out.notes.push_back(in_words(group));
   if (!out.captures.empty()) return out;
   std::string why;
-  for (const std::string& note : out.notes) why += "\n  " + note;
+  for (const auto* all : {&out.notes, &out.contradictions})
+    for (const std::string& note : *all) why += "\n  " + note;
   throw MeasurementError("no capture looks squarely at a target whose distance is known" + why +
                          "\nThe bench file must hold the target, and captures of a range ladder its shift.");
 }

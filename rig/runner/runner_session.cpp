@@ -189,9 +189,12 @@ awaitable<void> Runner::Impl::report(std::string file) {
   changed();
   session.demand_name();  // The report is made from the file.
   auto writing = compute(
-      [report = parts.report, session_file = session.path(), target] { report(session_file, target); });
-  co_await std::move(writing);
-  note("info", "report written to " + target);
+      [report = parts.report, session_file = session.path(), target] { return report(session_file, target); });
+  const RunnerParts::Written written = co_await std::move(writing);
+  if (!written.certificates.empty()) session.set("certificates", written.certificates);
+  if (!written.file.empty() && written.file != target)
+    note("warning", target + " is another certificate and was kept");
+  note("info", "report written to " + (written.file.empty() ? target : written.file));
 }
 
 std::string Runner::Impl::report_target(const std::string& file) const {

@@ -267,8 +267,9 @@ struct Rig {
     const bool again = std::filesystem::exists(file);
     rig::SessionStore session(file,
                               again ? rig::SessionStore::Mode::append : rig::SessionStore::Mode::create);
-    rig::RunnerParts parts{
-        lidar, stage, world.clock, person, fit, [](const std::string&, const std::string&) {}, accepts_lidar};
+    rig::RunnerParts parts{lidar,  stage, world.clock,
+                           person, fit,   [](const std::string&, const std::string&) { return rig::RunnerParts::Written{}; },
+                           accepts_lidar};
     rig::Runner runner(rig::parse_procedure(text, "test.yaml"), bench, session, parts);
     prepare(runner);
     std::exception_ptr why;
