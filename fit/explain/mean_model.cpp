@@ -145,17 +145,25 @@ double MeanModel::variance_of_mean(Eigen::Index row) const {
 }
 
 Eigen::MatrixXd MeanModel::nuisance_columns() const {
-  const auto targets = static_cast<Eigen::Index>(reduced_->bench.targets.size());
-  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(rows(), 3 + 2 * targets);
+  const std::vector<Freedom> freedoms = freedoms_of(reduced_->bench);
+  std::vector<std::pair<std::size_t, std::size_t>> of_target(reduced_->bench.targets.size());
+  for (std::size_t k = freedoms.size(); k-- > 0;) {
+    if (freedoms[k].target < 0) continue;
+    auto& [first, last] = of_target[static_cast<std::size_t>(freedoms[k].target)];
+    first = k;
+    last = std::max(last, k + 1);
+  }
+  constexpr std::size_t of_mount = 3;
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(rows(), static_cast<Eigen::Index>(freedoms.size()));
   for (Eigen::Index i = 0; i < rows(); ++i) {
     const Sight& sight = cell(i).sight;
-    const double stage = group(i).stage_rad, c = std::cos(stage), s = std::sin(stage);
-    const double cosine = sight.cos_incidence();
-    columns(i, 0) = -(sight.normal.x() * c + sight.normal.y() * s) / cosine;
-    columns(i, 1) = -(-sight.normal.x() * s + sight.normal.y() * c) / cosine;
-    columns(i, 2) = sight.beam_lever();
-    columns(i, 3 + 2 * sight.target) = 1 / cosine;
-    columns(i, 4 + 2 * sight.target) = sight.turn_lever;
+    const double stage_rad = group(i).stage_rad;
+    const auto fill = [&](std::size_t k) {
+      columns(i, static_cast<Eigen::Index>(k)) = sight.per(freedoms[k], stage_rad);
+    };
+    for (std::size_t k = 0; k < of_mount; ++k) fill(k);
+    const auto [first, last] = of_target[static_cast<std::size_t>(sight.target)];
+    for (std::size_t k = first; k < last; ++k) fill(k);
   }
   return columns;
 }
@@ -247,7 +255,8 @@ double MeanModel::density_here(Eigen::Index fixed) const {
   const Eigen::MatrixXd normal = factor_.reconstructedMatrix();
   const Eigen::Index open = normal.cols() - fixed;
   Eigen::VectorXd x(normal.cols());
-  x.head(fixed) = -base_mean_.head(fixed).cwiseQuotient(base_sigma_.head(fixed));
+  for (Eigen::Index i = 0; i < fixed; ++i)  // what is stated without doubt stands where it is stated
+    x[i] = base_sigma_[i] > 0 ? -base_mean_[i] / base_sigma_[i] : 0;
   if (open > 0)
     x.tail(open) = normal.bottomRightCorner(open, open)
                        .llt()

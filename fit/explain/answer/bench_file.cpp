@@ -34,22 +34,43 @@ struct Stated {
 };
 
 /// As answers name what the bench file states there.
-std::string name_of(Index i) {
-  return i < 2 ? mount_offset : i == 2 ? mount_yaw : i % 2 == 1 ? "target-offset" : "target-tilt";
+std::string name_of(const Freedom& freedom) {
+  switch (freedom.of) {
+    case Freedom::Of::mount_x:
+    case Freedom::Of::mount_y:
+      return mount_offset;
+    case Freedom::Of::mount_yaw:
+      return mount_yaw;
+    case Freedom::Of::turn:
+      return "target-tilt";
+    default:
+      return "target-offset";
+  }
 }
 
-bool is_angle(Index i) { return i == 2 || (i > 3 && i % 2 == 0); }
-
-std::string in_words(Index i, const Bench& bench) {
-  if (i < 3) return std::string("The lidar's mount ") + (i == 0 ? "x" : i == 1 ? "y" : "yaw");
-  return "Target '" + bench.targets[static_cast<std::size_t>((i - 3) / 2)].name + "' " +
-         (is_angle(i) ? "orientation" : "offset");
+std::string in_words(const Freedom& freedom, const Bench& bench) {
+  switch (freedom.of) {
+    case Freedom::Of::mount_x:
+      return "The lidar's mount x";
+    case Freedom::Of::mount_y:
+      return "The lidar's mount y";
+    case Freedom::Of::mount_yaw:
+      return "The lidar's mount yaw";
+    default:
+      break;
+  }
+  const char* what = freedom.of == Freedom::Of::turn     ? "orientation"
+                     : freedom.of == Freedom::Of::aside  ? "offset aside"
+                     : freedom.of == Freedom::Of::radius ? "radius"
+                                                         : "offset";
+  return "Target '" + bench.targets[static_cast<std::size_t>(freedom.target)].name + "' " + what;
 }
 
 }  // namespace
 
 void tell_stated_otherwise(const Findings& findings, Explanation& out) {
-  const std::string itself = name_of(Stated(findings).worst());
+  const std::vector<Freedom> freedoms = freedoms_of(findings.reduced.bench);
+  const std::string itself = name_of(freedoms[static_cast<std::size_t>(Stated(findings).worst())]);
   for (const std::vector<Term>& suspects : findings.means.stated_otherwise) {
     std::vector<std::string> set;
     for (const Term& term : suspects) set.push_back(term.mechanism->id);
@@ -65,11 +86,14 @@ void tell_stated_otherwise(const Findings& findings, Explanation& out) {
 void doubt_bench_file(const Findings& findings, Explanation& out) {
   constexpr double hardly_possible = 3.5;  // standard uncertainties
   const Stated file(findings);
+  const std::vector<Freedom> freedoms = freedoms_of(findings.reduced.bench);
   for (Index i = 0; i < file.stated.size(); ++i) {
     const double off = file.found[i] - file.stated[i];
     if (file.u[i] <= 0 || std::abs(off) < hardly_possible * file.u[i]) continue;
-    out.notes.push_back(in_words(i, findings.reduced.bench) + " comes out " +
-                        rounded(off * (is_angle(i) ? deg_per_rad : 1), 3) + (is_angle(i) ? " deg" : " mm") +
+    const Freedom& freedom = freedoms[static_cast<std::size_t>(i)];
+    out.notes.push_back(in_words(freedom, findings.reduced.bench) + " comes out " +
+                        rounded(off * (freedom.is_angle() ? deg_per_rad : 1), 3) +
+                        (freedom.is_angle() ? " deg" : " mm") +
                         " from what the bench file states, " + rounded(std::abs(off) / file.u[i], 2) +
                         " times its uncertainty: check the bench file before looking for physics.");
   }
@@ -83,6 +107,14 @@ void correct_bench(const Findings& findings, Bench& bench) {
   mount.yaw_rad.value = n.yaw_rad;
   for (std::size_t i = 0; i < bench.targets.size(); ++i) {
     Target& target = bench.targets[i];
+    if (target.round) {
+      RoundShape shape = *target.round;
+      const Eigen::Vector2d outward = target.outward_normal();
+      shape.centre_mm += n.offset_mm[i] * outward + n.aside_mm[i] * Eigen::Vector2d(-outward.y(), outward.x());
+      shape.radius_mm += n.thicker_mm[i];
+      target.set_round(shape);
+      continue;
+    }
     const Eigen::Vector2d middle =
                               (target.from_mm + target.to_mm) / 2 + n.offset_mm[i] * target.outward_normal(),
                           half = (target.to_mm - target.from_mm) / 2;
