@@ -19,9 +19,12 @@ Eigen::Vector2d quarter(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
 
 Effect effect_of(const std::vector<Active>& at_work, const Circumstances& at) {
   Effect sum;
-  for (const Active& active : at_work)
-    if (!active.mechanism->displaces && (active.target < 0 || active.target == at.target))
-      sum += active.mechanism->act(at, active.values);
+  for (const Active& active : at_work) {
+    if (active.mechanism->displaces || (active.target >= 0 && active.target != at.target)) continue;
+    // What depends on something that the recording does not say (an intensity, a temperature) says nothing.
+    const Effect one = active.mechanism->act(at, active.values);
+    if (std::isfinite(one.range_mm + one.beam_rad + one.stage_rad + one.origin_mm.sum())) sum += one;
+  }
   return sum;
 }
 

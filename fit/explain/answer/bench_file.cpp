@@ -6,6 +6,7 @@
 
 #include "fit/angle.hpp"
 #include "fit/explain/answer/chapters.hpp"
+#include "fit/explain/odds.hpp"
 #include "fit/explain/stated_noise.hpp"
 
 namespace fit::explain::answer {
@@ -22,14 +23,9 @@ struct Stated {
         found(findings.means.best.nuisance.as_vector()),
         u(Nuisance::prior_sigma(findings.reduced.bench)) {}
 
-  /// The one that is the most of its uncertainties off.
-  [[nodiscard]] Index worst() const {
-    Index worst = 0;
-    for (Index i = 1; i < stated.size(); ++i)
-      if (u[i] > 0 && std::abs(found[i] - stated[i]) / u[i] >
-                          std::abs(found[worst] - stated[worst]) / std::max(1e-12, u[worst]))
-        worst = i;
-    return worst;
+  /// Log of the odds against so large a deviation.
+  [[nodiscard]] double strain(Index i) const {
+    return u[i] > 0 ? 0.5 * std::pow((found[i] - stated[i]) / u[i], 2) : 0;
   }
 };
 
@@ -45,6 +41,19 @@ std::string name_of(const Freedom& freedom) {
       return "target-tilt";
     default:
       return "target-offset";
+  }
+}
+
+/// What looks the same from one place.
+std::string same_as(const Freedom& freedom) {
+  switch (freedom.of) {
+    case Freedom::Of::mount_x:
+    case Freedom::Of::mount_y:
+      return "lidar-arm";
+    case Freedom::Of::mount_yaw:
+      return "index-offset";
+    default:
+      return unknown_physics;
   }
 }
 
@@ -69,17 +78,24 @@ std::string in_words(const Freedom& freedom, const Bench& bench) {
 }  // namespace
 
 void tell_stated_otherwise(const Findings& findings, Explanation& out) {
-  const std::vector<Freedom> freedoms = freedoms_of(findings.reduced.bench);
-  const std::string itself = name_of(freedoms[static_cast<std::size_t>(Stated(findings).worst())]);
-  for (const std::vector<Term>& suspects : findings.means.stated_otherwise) {
-    std::vector<std::string> set;
-    for (const Term& term : suspects) set.push_back(term.mechanism->id);
-    if (!std::ranges::count(set, itself)) set.push_back(itself);
-    out.undecided_between.push_back(set);
-    out.suspects.insert(out.suspects.end(), suspects.begin(), suspects.end());
-    out.notes.push_back("No capture shows " + set.front() +
-                        " by itself; only what the bench file states about mount and targets does. Check "
-                        "the bench file first.");
+  const Bench& bench = findings.reduced.bench;
+  const Stated file(findings);
+  const std::vector<Freedom> freedoms = freedoms_of(bench);
+  const auto is_told = [&](const std::string& name) {
+    return std::ranges::any_of(out.mechanisms, [&](const Found& f) { return f.mechanism->id == name; }) ||
+           std::ranges::any_of(out.undecided_between, [&](const auto& set) { return std::ranges::count(set, name) > 0; });
+  };
+  for (std::size_t i = 0; i < freedoms.size(); ++i) {
+    const Freedom& freedom = freedoms[i];
+    const double price = odds::price_of_mechanism + price_of_scale(1, 1) +
+                         (freedom.target < 0 ? 0 : std::log(static_cast<double>(bench.targets.size())));
+    if (file.strain(static_cast<Index>(i)) <= price) continue;
+    const std::string name = name_of(freedom), same = same_as(freedom);
+    if (is_told(name) || is_told(same)) continue;
+    out.undecided_between.push_back({name, same});
+    out.notes.push_back(in_words(freedom, bench) +
+                        " had to go farther from where the bench file states it than a mechanism costs: nothing "
+                        "else explains this recording. Check the bench file first.");
   }
 }
 

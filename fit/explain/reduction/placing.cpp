@@ -11,6 +11,7 @@ namespace {
 
 constexpr double edge_margin_rad = 1.3 * rad_per_deg;   // half a footprint and doubt about the yaw
 constexpr double brink_margin_rad = 0.8 * rad_per_deg;  // where nothing lies behind the edge: only the yaw
+constexpr double told_apart_mm = 300;  // samples themselves tell which of two surfaces so far apart they met
 constexpr double edge_window_rad = 2.5 * rad_per_deg;
 constexpr double grazing_rad = 78 * rad_per_deg;
 
@@ -40,11 +41,15 @@ void judge_place(const Mount& mount, const Setting& setting, const Beams& beams,
   const Circumstances& c = cell.at;
   const double sway = sway_mm(mount, cell.sight.range_mm, doubt_of_mount);
   const bool near_corner = setting.scene.to_joint_mm(cell.sight) < corner_margin_mm(cell.sight, sway);
-  const bool near_edge =
-      std::abs(c.edge_rad) <= (c.gap_mm > 0 ? edge_margin_rad : brink_margin_rad) + samples.spacing_rad / 2;
+  const double from_edge = std::abs(c.edge_rad) - samples.spacing_rad / 2;
+  const bool near_edge = from_edge <= (c.gap_mm > 0 ? edge_margin_rad : brink_margin_rad);
   const bool slanted = std::abs(cell.sight.incidence_rad) >= grazing_rad;
   cell.smooth = !near_edge && !near_corner && !slanted;
   cell.doubtful = !cell.smooth && !slanted && beams.count == 1;
+  cell.doubt_mm = doubt_at_edge_mm(cell.sight, from_edge, c.gap_mm);
+  // Where the samples can tell what they met, they are asked (summary.cpp).
+  const bool tells = from_edge > beside_rad && (c.gap_mm == 0 || c.gap_mm > told_apart_mm);
+  if (cell.doubtful && near_edge && !near_corner && tells) cell.smooth = true;
   if (beams.count == 1) return;
   const Sight left = setting.scene.look(stage_rad, beams.from(samples.beam_rad)),
               right = setting.scene.look(stage_rad, beams.to(samples.beam_rad));

@@ -88,6 +88,7 @@ class Reassignment {
     cell.sight = now.sight;
     cell.at = now.at;
     cell.nominal_mm = nominal;
+    cell.doubt_mm = reduction::doubt_at_edge_mm(now.sight, from_edge(cell.edge, now.at), now.at.gap_mm);
     cell.smooth = true;
     cell.doubtful = false;
     --reduced_.left_out;
