@@ -6,6 +6,9 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_L
   # g++ 12 warns falsely of overlapping copies in `"text" + string` (gcc bug 105651).
   target_compile_options(rig_options INTERFACE -Wno-restrict)
 endif()
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  target_compile_options(rig_options INTERFACE -fpch-preprocess)  # How ccache sees which precompiled header is used.
+endif()
 target_include_directories(rig_options INTERFACE ${PROJECT_SOURCE_DIR})
 target_compile_definitions(rig_options INTERFACE RIG_VERSION="${PROJECT_VERSION}" BOOST_ASIO_NO_DEPRECATED)
 target_link_libraries(rig_options INTERFACE Threads::Threads)
