@@ -34,14 +34,24 @@ struct LidarGeometry {
   [[nodiscard]] double beam_time_s(double step) const { return step * step_rad / (2 * pi * scan_hz); }
 };
 
-/// A flat target seen from above: the segment from `from` to `to` in the world frame.
+/// A post or a pipe seen from above.
+struct RoundShape {
+  Eigen::Vector2d centre_mm = Eigen::Vector2d::Zero();
+  double radius_mm = 0, u_radius_mm = 0;
+};
+
+/// A target seen from above: flat, the segment from `from` to `to` in the world frame; or round. `from` and `to`
+/// of a round one are the tangent before it, as wide as it is, for whoever only asks where and how wide it is.
 struct Target {
   std::string name;
   Eigen::Vector2d from_mm = Eigen::Vector2d::Zero(), to_mm = Eigen::Vector2d::Zero();
-  double u_mm = 0;   ///< Standard uncertainty of the offset along the normal.
+  double u_mm = 0;   ///< Standard uncertainty of the offset along the normal; of a round one, of its centre in each direction.
   double u_rad = 0;  ///< Standard uncertainty of the orientation.
   std::optional<double> reflectance;
+  std::optional<RoundShape> round;
 
+  /// Makes it round; `from_mm` and `to_mm` follow.
+  void set_round(const RoundShape& shape);
   /// Unit normal that points away from the stage's axis (the direction of a capture's target_shift_mm).
   [[nodiscard]] Eigen::Vector2d outward_normal() const;
 };

@@ -157,14 +157,30 @@ LidarGeometry read_lidar(const Reader& reader) {
 
 Target read_target(const Reader& reader) {
   reader.must_be_object();
-  reader.refuse_misspelt(
-      std::array{"name", "from_mm", "to_mm", "u_mm", "u_deg", "reflectance", "placed_anew"});
+  reader.refuse_misspelt(std::array{"name", "from_mm", "to_mm", "centre_mm", "radius_mm", "u_mm", "u_deg",
+                                    "u_radius_mm", "reflectance", "placed_anew"});
   Target target;
   target.name = reader.at("name").string();
-  target.from_mm = reader.at("from_mm").point();
-  target.to_mm = reader.at("to_mm").point();
-  if ((target.to_mm - target.from_mm).norm() < 1e-6)
-    reader.refuse("has no length: from_mm and to_mm are the same point");
+  if (reader.has("centre_mm") || reader.has("radius_mm")) {
+    for (const char* of_a_flat_one : {"from_mm", "to_mm", "u_deg"})
+      if (reader.has(of_a_flat_one))
+        reader.at(of_a_flat_one)
+            .refuse("is of a flat target, and centre_mm and radius_mm are of a round one: leave one of them out");
+    RoundShape shape;
+    shape.centre_mm = reader.at("centre_mm").point();
+    shape.radius_mm = reader.at("radius_mm").number_from(1, 1e5);
+    if (reader.has("u_radius_mm")) shape.u_radius_mm = reader.at("u_radius_mm").number_from(0, 1e5);
+    if (shape.centre_mm.norm() <= shape.radius_mm)
+      reader.refuse("stands on the stage's axis: centre_mm must be farther away than radius_mm");
+    target.set_round(shape);
+  } else {
+    if (reader.has("u_radius_mm"))
+      reader.at("u_radius_mm").refuse("is of a round target: give centre_mm and radius_mm as well");
+    target.from_mm = reader.at("from_mm").point();
+    target.to_mm = reader.at("to_mm").point();
+    if ((target.to_mm - target.from_mm).norm() < 1e-6)
+      reader.refuse("has no length: from_mm and to_mm are the same point");
+  }
   if (reader.has("u_mm")) target.u_mm = reader.at("u_mm").number_from(0, 1e6);
   if (reader.has("u_deg")) target.u_rad = reader.at("u_deg").number_from(0, 360) * rad_per_deg;
   if (reader.has("reflectance") && !reader.at("reflectance").value().is_null())
@@ -227,10 +243,16 @@ json estimate_json(const Estimate& estimate) {
 
 json target_json(const Target& target, json document) {
   document["name"] = target.name;
-  document["from_mm"] = {target.from_mm.x(), target.from_mm.y()};
-  document["to_mm"] = {target.to_mm.x(), target.to_mm.y()};
   document["u_mm"] = target.u_mm;
-  document["u_deg"] = target.u_rad * deg_per_rad;
+  if (target.round) {
+    document["centre_mm"] = {target.round->centre_mm.x(), target.round->centre_mm.y()};
+    document["radius_mm"] = target.round->radius_mm;
+    document["u_radius_mm"] = target.round->u_radius_mm;
+  } else {
+    document["from_mm"] = {target.from_mm.x(), target.from_mm.y()};
+    document["to_mm"] = {target.to_mm.x(), target.to_mm.y()};
+    document["u_deg"] = target.u_rad * deg_per_rad;
+  }
   if (target.reflectance) document["reflectance"] = *target.reflectance;
   return document;
 }
