@@ -576,13 +576,17 @@ TEST_CASE("the session's epoch is the moment from which its host times count") {
   Rig rig("  - home\n  - capture: {samples: 5}\n");
   rig.world.clock.is_real = true;
   std::map<std::int64_t, std::int64_t> unix_us;  // When the scan with that stamp was made.
+  std::int64_t last_ms = 0;
   rig.lidar.tamper = [&](lidar::Scan& scan) {
-    std::int64_t apart_us = 0;
-    for (int i = 0; i < 1000 && (i == 0 || apart_us > 50); ++i) {  // Other programs come in between.
+    std::int64_t apart_us = 0, now_us = 0;
+    do {  // A millisecond later than the last, with nothing in between the readings of both clocks.
       scan.host_us = rig.world.clock.host_us();
-      unix_us[static_cast<std::int64_t>(scan.device_ms)] = rig.world.clock.unix_us();
+      now_us = rig.world.clock.unix_us();
       apart_us = rig.world.clock.host_us() - scan.host_us;
-    }
+    } while (apart_us > 50 || scan.host_us / 1000 <= last_ms);
+    last_ms = scan.host_us / 1000;
+    scan.device_ms = static_cast<std::uint64_t>(last_ms);
+    unix_us[last_ms] = now_us;
   };
   CHECK(rig.run());
   const rig::SessionStore session(rig.file, rig::SessionStore::Mode::read);
