@@ -148,21 +148,19 @@ TEST_CASE("the certificate names the lidar that was there, and what the bench fi
   const std::string session = make_session(folder), page = folder / "c.html";
   {
     rig::SessionStore store(session, rig::SessionStore::Mode::append);
-    store.set("bench", R"({"schema":"bench/1","certificate":{"item":"UST-10LX (simulated)"
-  }
-})");
+    store.set("bench", R"x({"schema":"bench/1","certificate":{"item":"UST-10LX (simulated)"}})x");
     store.set("lidar", R"({"PP":{"MODL":"UTM-30LX"},"VV":{"PROD":"UTM-30LX","SERI":"00903971"}})");
-}
-const auto rows = rig::make_certificate(rig::SessionStore(session, rig::SessionStore::Mode::read), session)
-                      .at("identification");
-const auto row = [&](const std::string& name) {
-  for (const auto& each : rows)
-    if (each.at("name") == name) return each.at("text").get<std::string>();
-  return std::string("absent");
-};
-CHECK(row("Item calibrated") == "UTM-30LX");
-CHECK(row("Serial number") == "00903971");
-CHECK(row("Item as the bench file calls it") == "UST-10LX (simulated)");
+  }
+  const auto rows = rig::make_certificate(rig::SessionStore(session, rig::SessionStore::Mode::read), session)
+                        .at("identification");
+  const auto row = [&](const std::string& name) {
+    for (const auto& each : rows)
+      if (each.at("name") == name) return each.at("text").get<std::string>();
+    return std::string("absent");
+  };
+  CHECK(row("Item calibrated") == "UTM-30LX");
+  CHECK(row("Serial number") == "00903971");
+  CHECK(row("Item as the bench file calls it") == "UST-10LX (simulated)");
 }
 
 TEST_CASE("the same certificate comes as data") {
