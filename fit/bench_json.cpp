@@ -279,7 +279,7 @@ Bench parse_bench(const std::string& text, const std::string& name) {
   Bench bench;
   bench.document = document.dump();
   if (reader.has("lidar")) {
-    const BenchReader lidar = reader.at("lidar");
+    const Reader lidar = reader.at("lidar");
     bench.lidar = read_lidar(lidar);
     bench.lidar_places[""] = lidar.place();
     for (const auto& [key, ignored] : lidar.value().items()) bench.lidar_places[key] = lidar.at(key).place();
