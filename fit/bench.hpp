@@ -21,11 +21,13 @@ struct Mount {
 /// The lidar's scan pattern. Beam k points to `beam_angle(k)` in the lidar's frame, counter-clockwise.
 struct LidarGeometry {
   std::string model = "UST-10LX";
-  int steps = 1081;
+  int steps = 1081;  ///< The device counts from 0, so that its last step is steps - 1 (AMAX).
   int front_step = 540;
   double step_rad = 0.25 * rad_per_deg;
   double scan_hz = 40;
   Mount mount;
+  int first_step = 0;  ///< Steps before it measure nothing (AMIN).
+  std::string serial;  ///< Of the one device that the bench is about; empty: of any.
 
   [[nodiscard]] double beam_angle(double step) const { return (step - front_step) * step_rad; }
   /// Seconds from the scan's time stamp (step 0 is passed) to beam k; a full turn takes 1 / scan_hz.
@@ -69,6 +71,8 @@ struct Bench {
   double stage_resolution_rad = 0.01 * rad_per_deg;
   std::vector<Target> targets;
   std::vector<KnownMechanism> known;
+  /// Where the keys of "lidar" stand, as NAME:LINE:COLUMN; "" is the object itself.
+  std::map<std::string, std::string> lidar_places;
   /// The document it came from, with everything this struct does not model (stage language, units per turn,
   /// soft limits ...): JSON text. Kept so that a bench written back loses nothing.
   std::string document = "{}";
