@@ -317,15 +317,23 @@ void MeanModel::for_blocks(const std::vector<int>& block_of_row, int blocks, con
               weight_.segment(first, last - first).array().log().sum();
     first = last;
   }
-  Eigen::MatrixXd all = Eigen::MatrixXd::Identity(k, k);
-  Eigen::VectorXd all_along = Eigen::VectorXd::Zero(k);
+  // Sums, not differences: taken off the sum of all, a block that says nearly everything would leave rounding.
+  constexpr std::size_t none = static_cast<std::size_t>(-1);
+  const auto all_but = [&](std::size_t left_out) {
+    Eigen::MatrixXd normal = Eigen::MatrixXd::Identity(k, k);
+    Taught taught{{}, Eigen::VectorXd::Zero(k)};
+    for (std::size_t b = 0; b < square.size(); ++b) {
+      if (b == left_out) continue;
+      normal += square[b];
+      taught.along += along[b];
+    }
+    taught.normal.compute(normal);
+    return taught;
+  };
+  const Taught all = all_but(none);
+  const double whole = marginal(all.normal, all.along);
   for (std::size_t b = 0; b < square.size(); ++b) {
-    all += square[b];
-    all_along += along[b];
-  }
-  const double whole = marginal(Eigen::LLT<Eigen::MatrixXd>(all), all_along);
-  for (std::size_t b = 0; b < square.size(); ++b) {
-    const Taught rest{Eigen::LLT<Eigen::MatrixXd>(all - square[b]), all_along - along[b]};
+    const Taught rest = all_but(b);
     each(static_cast<int>(b), rest, own[b] + whole - marginal(rest.normal, rest.along));
   }
 }

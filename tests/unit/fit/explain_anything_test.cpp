@@ -9,7 +9,7 @@
 
 TEST_CASE("whatever a session holds is explained in figures, or refused") {
   int explained = 0;
-  for (unsigned seed = 1; seed <= 60; ++seed) {
+  for (unsigned seed = 1; seed <= 30; ++seed) {
     std::mt19937 random(seed);
     std::vector<std::uint8_t> bytes(160);
     for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random());
@@ -17,10 +17,10 @@ TEST_CASE("whatever a session holds is explained in figures, or refused") {
     try {
       const SyntheticRecording recording = SessionOfBytes(bytes).recording();
       const fit::explain::Explanation e = fit::explain::explain({&recording}, {});
-      CHECK(is_finite(to_json(e)));
+      CHECK(not_finite(to_json(e)) == "");
       ++explained;
     } catch (const std::invalid_argument&) {
     }
   }
-  CHECK(explained > 20);
+  CHECK(explained > 10);
 }

@@ -182,7 +182,7 @@ TEST_CASE("sets that hold one name each are not told apart from each other") {
   const Eigen::MatrixXd evidence = spread::evidence_between(reduced, {memory, jitter, edges});
   CHECK(evidence.allFinite());
   CHECK(evidence(0, 2) == 0);
-  CHECK(evidence(1, 0) > 0);
+  CHECK(evidence(0, 1) == 0);
   CHECK_THROWS_AS(spread::of_suspect(spread::pools_of(reduced), memory), std::logic_error);
 }
 
@@ -210,18 +210,18 @@ TEST_CASE("a flicker is taken off once, however often it is asked") {
     const double since_s = 0.025 * static_cast<double>(sample.seq) + (sample.beam_rad / degree + 135) / 360 * 0.025;
     return sample.range_mm + 8 * std::sin(2 * fit::pi * 100.7 * since_s);
   });
-  plain_bench::turn_round(recording, scene);
+  plain_bench::turn_round(recording, scene, 14, 60);
   Reduced once = reduce(recording, {});
   pool_variances(once);
-  const double before = once.cells[200].mean_mm;
+  const std::vector<Cell> before = once.cells;
   spread::take_off_flicker(once);
   Reduced twice = once;
   spread::take_off_flicker(twice);
   double moved = 0;
   for (std::size_t i = 0; i < once.cells.size(); ++i) {
+    moved = std::max(moved, std::abs(once.cells[i].variance_mm2 - before[i].variance_mm2));
     CHECK(twice.cells[i].mean_mm == once.cells[i].mean_mm);
     CHECK(twice.cells[i].variance_mm2 == once.cells[i].variance_mm2);
   }
-  moved = std::abs(once.cells[200].mean_mm - before);
   CHECK(moved > 0);
 }

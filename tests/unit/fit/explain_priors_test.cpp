@@ -61,9 +61,16 @@ TEST_CASE("a scale of the range is not taken for a mount and a board far from wh
   const Explanation e =
       explained_ladder(400, 19, 480, 7, [&](double range_mm) { return per_m * range_mm / 1000; });
   INFO(to_text(e));
-  REQUIRE(e.mechanisms.size() == 1);
-  CHECK(e.mechanisms.front().mechanism->id == "range-scale");
-  CHECK(e.left_out < static_cast<int>(e.cells) / 2);
+  // On one surface whose echo weakens with the distance a walk may do the same: then it is a set.
+  if (e.mechanisms.empty()) {
+    REQUIRE(e.undecided_between.size() == 1);
+    CHECK(e.undecided_between.front().front() == "range-scale");
+  } else {
+    REQUIRE(e.mechanisms.size() == 1);
+    CHECK(e.mechanisms.front().mechanism->id == "range-scale");
+  }
+  CHECK(e.before.rms_mm > 3 * e.after.rms_mm);  // nothing was bent to take its place
+  if (per_m > 0) CHECK(e.left_out < static_cast<int>(e.cells) / 10);
 }
 
 TEST_CASE("a ladder of which nothing is missing") {
