@@ -121,13 +121,16 @@ Mount read_mount(const Reader& reader) {
 
 LidarGeometry read_lidar(const Reader& reader) {
   reader.must_be_object();
-  reader.refuse_misspelt(std::array{"model", "steps", "front_step", "step_deg", "scan_hz", "mount"});
+  reader.refuse_misspelt(
+      std::array{"model", "steps", "front_step", "step_deg", "scan_hz", "largest_error_mm", "mount"});
   LidarGeometry lidar;
   if (reader.has("model")) lidar.model = reader.at("model").string();
   if (reader.has("steps")) lidar.steps = reader.at("steps").integer_from(1, 100000);
   if (reader.has("front_step")) lidar.front_step = reader.at("front_step").integer_from(-100000, 100000);
   if (reader.has("step_deg")) lidar.step_rad = reader.at("step_deg").number_from(1e-4, 90) * rad_per_deg;
   if (reader.has("scan_hz")) lidar.scan_hz = reader.at("scan_hz").number_from(1e-3, 1e4);
+  // Stays in the document: only those who look for a target ask for it.
+  if (reader.has("largest_error_mm")) (void)reader.at("largest_error_mm").number_from(0, 1e6);
   if (reader.has("mount")) lidar.mount = read_mount(reader.at("mount"));
   return lidar;
 }

@@ -122,7 +122,7 @@ json paper_table(const fit::RangeCalibration& calibration) {
   add(calibration.intensity_table, "A1 intensity");
   add(calibration.distance_table, "A2 distance");
   return {
-      {"title", "Five families of curves, as in the paper's table"}, {"columns", columns}, {"rows", rows}};
+      {"title", "Five families of curves (Zhao et al.)"}, {"columns", columns}, {"rows", rows}};
 }
 
 /// Every family's equation with its coefficients: whoever prefers another than the best finds it here.
