@@ -109,7 +109,7 @@ std::string rounded(double value, int digits) {
 }
 
 std::string with_uncertainty(const Estimate& estimate, const std::string& unit) {
-  return format_measurement(estimate.value, estimate.u, unit);
+  return format_measurement(estimate.value, 2 * estimate.u, unit);
 }
 
 }  // namespace fit

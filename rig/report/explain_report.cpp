@@ -110,8 +110,9 @@ std::string prediction_section(const json& p) {
                      row("share within the predicted 95 % intervals", "coverage_95", 3) +
                      "</tbody></table>\n<p>All samples "
                      "together are e^" +
-                     figure_of(number_of(gain, "value"), 3) + " times as likely, the exponent +/- " +
-                     figure_of(number_of(gain, "u"), 2) + " as beams differ.</p>\n";
+                     figure_of(number_of(gain, "value"), 3) + " times as likely (± " +
+                     figure_of(2 * number_of(gain, "u"), 2) +
+                     " in the exponent, k = 2, as beams differ).</p>\n";
   if (!cells.contains("incidence_deg")) return html;
   const auto column = [&](const char* key) { return cells.at(key).get<std::vector<double>>(); };
   const auto x = column("incidence_deg");

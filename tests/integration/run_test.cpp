@@ -219,6 +219,40 @@ TEST_CASE("a session that is resumed brings its own bench, and one without says 
   CHECK_THAT(bench.said, Contains("holds no bench") && Contains("Give --bench FILE"));
 }
 
+TEST_CASE("rig resume needs nothing but the session, and asks for what is not there any more") {
+  Bench bench;
+  bench.write("p.yaml",
+              "procedure: test\nvariables: {samples: 20}\nsteps:\n  - home\n  - capture: {samples: '${samples}'}\n"
+              "  - prompt: {title: Ready?}\n  - capture: {samples: '${samples}'}\n");
+  std::vector<std::string> command = {RIG_BIN_DIR "/rig",          "run",     bench.folder / "p.yaml", "--lidar",
+                                      bench.sim->lidar(),          "--stage", bench.sim->stage(),      "--bench",
+                                      bench.folder / "bench.json", "--out",   bench.folder / "out.rig", "--set", "samples=7"};
+  Program stopped(command, bench.folder);
+  stopped.type("q\n");
+  CHECK(stopped.exit_status() == 1);
+  CHECK_THAT(stopped.errors(), Contains("Stopped by the operator") && Contains("rig resume"));
+  std::filesystem::remove(bench.folder / "p.yaml");
+  std::filesystem::remove(bench.folder / "bench.json");
+
+  // The stage's port has another name now.
+  const std::string port = bench.folder / "stage", real = std::filesystem::read_symlink(port);
+  std::filesystem::remove(port);
+  Program nobody({RIG_BIN_DIR "/rig", "resume", bench.folder / "out.rig"}, bench.folder);
+  nobody.end_input();
+  CHECK(nobody.exit_status() == 2);
+  CHECK_THAT(nobody.errors(), Contains("which is not there any more") && Contains("give --stage"));
+  Program resumed({RIG_BIN_DIR "/rig", "resume", bench.folder / "out.rig"}, bench.folder);
+  resumed.type("serial:" + real + "?settle_s=0\n\n");
+  CHECK(resumed.exit_status() == 0);
+  INFO(resumed.errors());
+  const rig::SessionStore session(bench.folder / "out.rig", rig::SessionStore::Mode::read);
+  const auto recording = session.recording();
+  REQUIRE(recording->captures().size() == 2);
+  long scans = 0;
+  recording->for_each_scan(1, [&](const fit::ScanView&) { ++scans; });
+  CHECK(scans == 7);
+}
+
 TEST_CASE("a run that is killed at any moment and resumed ends as an undisturbed one") {
   const std::string steps =
       "  - home\n"
@@ -676,7 +710,7 @@ TEST_CASE("what `rig new` writes runs as it stands") {
 TEST_CASE("scans with wrong sums are never stored and those lost are told") {
   Bench bench({"--fault", "every=0.3s lidar checksum", "--fault", "every=0.7s lidar flip"});
   REQUIRE(bench.run("  - home\n  - capture: {samples: 2000, beams_deg: [-3, 3], target: board}\n") == 0);
-  CHECK_THAT(bench.said, Contains("lost") && Contains("thrown away"));
+  CHECK_THAT(bench.said, Contains("lost") && Contains("discarded"));
   const rig::SessionStore session(bench.folder / "out.rig", rig::SessionStore::Mode::read);
   const auto recording = session.recording();
   REQUIRE(recording->captures().size() == 1);

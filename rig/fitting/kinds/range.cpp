@@ -464,10 +464,14 @@ class Range : public Fitting {
   }
 
   static json residual_plot(const std::vector<fit::RangePoint>& points, const Correction& correction) {
-    json plot = new_plot("Error left after the correction", "range (mm)", "error (mm)");
+    // Over what was varied: at one distance only the echo's strength.
+    const auto [nearest, farthest] = std::ranges::minmax(points, {}, &fit::RangePoint::true_mm);
+    const bool one_distance = farthest.true_mm - nearest.true_mm < 0.02 * farthest.true_mm;
+    json plot = new_plot("Error left after the correction", one_distance ? "intensity (counts)" : "range (mm)",
+                         "error (mm)");
     std::vector<double> x, y, u;
     for (const fit::RangePoint& p : points) {
-      x.push_back(p.true_mm), u.push_back(2 * p.u_mm);
+      x.push_back(one_distance ? p.intensity : p.true_mm), u.push_back(2 * p.u_mm);
       y.push_back(correction.apply(p.measured_mm, p.intensity).range_mm - p.true_mm);
     }
     add_series(plot, "corrected, k = 2 of the mean", "errorbars", x, y, u);

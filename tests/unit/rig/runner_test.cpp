@@ -468,7 +468,7 @@ TEST_CASE("a turn during which the lidar is lost for a while is begun anew and i
   CHECK_THAT(captures[0].step, !Contains("short"));
   CHECK(captures[0].stamps.size() == 60);
   CHECK(rig.lidar.connects == 2);
-  CHECK(rig.told("begun anew"));
+  CHECK(rig.told("repeated from its start"));
 }
 
 TEST_CASE("a turn during which the stage falls silent is begun anew, homed if it has to be") {
