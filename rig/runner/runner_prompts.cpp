@@ -109,6 +109,9 @@ awaitable<void> Runner::Impl::ask_operator(Prompt prompt) {
     auto asking = parts.operator_.ask(prompt);
     const Answer given = co_await std::move(asking);
     if (!answered) answered = given;
+  } catch (const boost::system::system_error& error) {
+    // Called off, because the answer came from elsewhere or none came in time, is no failure.
+    if (!answered && error.code() != asio::error::operation_aborted) operator_failed = std::current_exception();
   } catch (...) {
     if (!answered) operator_failed = std::current_exception();
   }
