@@ -390,7 +390,7 @@ TEST_CASE("a lidar that does answer, and not as it should, is not waited for whe
 
 TEST_CASE("a capture that was whole stays whole when the lidar is lost at its end") {
   Rig rig("  - home\n  - capture: {samples: 50}\n  - capture: {samples: 5}\n");
-  rig.lidar.fails_at_stop = 1;  // The first stop ends the comparison of the clocks.
+  rig.lidar.fails_at_stop = 2;  // The first stops end the comparison of the clocks and the look at the board.
   CHECK(rig.run());
   const auto captures = rig.captures();
   REQUIRE(captures.size() == 2);
@@ -399,8 +399,8 @@ TEST_CASE("a capture that was whole stays whole when the lidar is lost at its en
   CHECK(rig.lidar.connects == 2);
 
   Rig gone("  - home\n  - capture: {samples: 50}\n  - capture: {samples: 5}\n");
-  gone.lidar.fails_at_stop = 1;
-  gone.lidar.before_scan = [&](std::uint64_t number) { gone.lidar.dead_once_stopped = number > 20; };
+  gone.lidar.fails_at_stop = 2;
+  gone.lidar.before_scan = [&](std::uint64_t number) { gone.lidar.dead_once_stopped = number > 40; };
   CHECK_THROWS_WITH(gone.run(), Contains("did not come back"));
   REQUIRE(gone.captures().size() == 1);
   CHECK_THAT(gone.captures()[0].step, !Contains("short"));
@@ -853,7 +853,8 @@ TEST_CASE("nobody is asked for ever: a bench that contradicts the captures ends 
 TEST_CASE(
     "while a person works, the rig tells what it sees, and a lidar that was unplugged meanwhile comes back") {
   Rig rig(
-      "  - home\n  - prompt: {title: Place it, until: {beams_deg: [-1, 1], within_mm: [1450, 1550]}}\n"
+      "  - home\n  - prompt: {title: Place it, place: {target: board, at_mm: 1500}, until: {beams_deg: [-1, 1], "
+      "within_mm: [1450, 1550]}}\n"
       "  - capture: {samples: 5}\n");
   rig.person.nobody = false;
   rig.person.silent = true;
