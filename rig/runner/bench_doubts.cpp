@@ -10,7 +10,7 @@ namespace rig {
 namespace {
 
 // What is usual is wide: a value beyond it is more likely in another unit than so unusual.
-constexpr double nearest_mm = 50, farthest_mm = 60'000, narrowest_mm = 20, widest_mm = 100'000;
+constexpr double usual_nearest_mm = 50, usual_farthest_mm = 60'000, narrowest_mm = 20, widest_mm = 100'000;
 constexpr double largest_mount_mm = 1000, largest_u_mm = 300, largest_u_deg = 20;
 constexpr double slowest_hz = 1, fastest_hz = 200, whole_turn_deg = 360.5;
 constexpr double narrowest_limits_deg = 7, slowest_deg_s = 0.05, fastest_deg_s = 2000;
@@ -33,9 +33,9 @@ void of_target(Doubts& doubts, const fit::Target& target) {
   const double away_mm = distance_mm(target), width_mm = (target.to_mm - target.from_mm).norm();
   const double corner_mm = std::max(target.from_mm.norm(), target.to_mm.norm());
   const std::string name = "Target '" + target.name + "' ";
-  doubts.unless(corner_mm >= nearest_mm,
+  doubts.unless(corner_mm >= usual_nearest_mm,
                 name + "lies within " + mm(corner_mm) + " of the stage's axis: are from_mm and to_mm in metres?");
-  doubts.unless(away_mm <= farthest_mm, name + "stands " + mm(away_mm) +
+  doubts.unless(away_mm <= usual_farthest_mm, name + "stands " + mm(away_mm) +
                                             " from the stage's axis, farther than such a lidar measures.");
   doubts.unless(width_mm >= narrowest_mm && width_mm <= widest_mm, name + "is " + mm(width_mm) + " wide.");
   doubts.unless(target.u_mm <= largest_u_mm,

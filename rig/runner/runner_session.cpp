@@ -16,11 +16,11 @@ std::string different_values(const json& before, const json& now) {
   const auto add = [&](const std::string& words) { text += (text.empty() ? "" : ", ") + words; };
   for (const auto& [name, value] : before.items())
     if (!now.contains(name))
-      add(name + " was " + to_text(value_of(value)) + " and is not there now");
+      add(name + " was " + to_text(rig::value_of(value)) + " and is not there now");
     else if (now[name] != value)
-      add(name + " was " + to_text(value_of(value)) + " and is " + to_text(value_of(now[name])) + " now");
+      add(name + " was " + to_text(rig::value_of(value)) + " and is " + to_text(rig::value_of(now[name])) + " now");
   for (const auto& [name, value] : now.items())
-    if (!before.contains(name)) add(name + " was not there and is " + to_text(value_of(value)) + " now");
+    if (!before.contains(name)) add(name + " was not there and is " + to_text(rig::value_of(value)) + " now");
   return text;
 }
 

@@ -14,7 +14,7 @@ constexpr double between_attempts_s = 2;
 // Of a device that sends as fast as it is read: two looks a second are enough for an eye.
 constexpr double between_looks_s = 0.5;
 
-double median(std::vector<double> values) {
+double middle_of(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
@@ -40,8 +40,8 @@ class Echoes {
     SeenBeams seen;
     for (std::size_t i = 0; i < ranges_.size(); ++i) {
       const bool sure = ranges_[i].size() >= scans_of_a_look / 2;
-      seen.range_mm.push_back(sure ? median(ranges_[i]) : none);
-      seen.intensity.push_back(sure && !levels_[i].empty() ? median(levels_[i]) : none);
+      seen.range_mm.push_back(sure ? middle_of(ranges_[i]) : none);
+      seen.intensity.push_back(sure && !levels_[i].empty() ? middle_of(levels_[i]) : none);
     }
     return seen;
   }
@@ -112,7 +112,7 @@ Runner::Impl::Look Runner::Impl::judge(const Sight& sight, int first_step, const
   if (medians.size() * 2 < seen.range_mm.size())
     return Look(false, "the rig sees nothing there (no echo from most beams, with the stage at " +
                        rounded_text(position_deg, 2) + " deg).");
-  const double seen_mm = median(medians);
+  const double seen_mm = middle_of(medians);
   if (sight.within_mm && (seen_mm < sight.within_mm->first || seen_mm > sight.within_mm->second))
     return Look(false, "the rig sees " + rounded_text(seen_mm, 1) + " mm, expected " +
                        rounded_text(sight.within_mm->first, 1) + " to " +

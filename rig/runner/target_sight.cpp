@@ -157,7 +157,6 @@ double largest_range_error_mm(const fit::Bench& bench) {
 TargetSight look_for(const fit::Bench& bench, const fit::Target& target,
                      const std::vector<fit::Target>& others, double stage_rad, const SeenBeams& seen,
                      std::optional<double> tolerance_mm) {
-  using Place = TargetSight::Place;
   const auto expected = expected_ranges_mm(bench, target, stage_rad);
   TargetSight sight;
   sight.allowed_mm = tolerance_mm ? *tolerance_mm : allowed_for(bench, target, stage_rad, expected);
@@ -169,7 +168,7 @@ TargetSight look_for(const fit::Bench& bench, const fit::Target& target,
   sight.intensity =
       on.intensity.empty() ? std::numeric_limits<double>::quiet_NaN() : fit::median_of(std::span(on.intensity));
   if (static_cast<double>(on.off_mm.size()) < least_share * static_cast<double>(on.beams)) {
-    sight.place = Place::unseen;
+    sight.place = TargetSight::Place::unseen;
     sight.words = "nothing is seen there: no echo from " + std::to_string(on.beams - on.off_mm.size()) +
                   " of its " + std::to_string(on.beams) + " beams";
     return sight;
@@ -177,7 +176,7 @@ TargetSight look_for(const fit::Bench& bench, const fit::Target& target,
   const double asked_mm = distance_mm(target);
   sight.to_go_mm = fit::median_of(std::span(on.off_mm));
   sight.seen_mm = asked_mm + sight.to_go_mm;
-  sight.place = Place::elsewhere;
+  sight.place = TargetSight::Place::elsewhere;
   if (static_cast<double>(on.near) < least_share * static_cast<double>(on.off_mm.size())) {
     sight.words = std::abs(sight.to_go_mm) > sight.allowed_mm
                       ? words_of_distance(sight, asked_mm)
@@ -201,7 +200,7 @@ TargetSight look_for(const fit::Bench& bench, const fit::Target& target,
       return sight;
     }
   }
-  sight.place = Place::as_asked;
+  sight.place = TargetSight::Place::as_asked;
   sight.words = "it is seen at " + in_mm(sight.seen_mm) + " from the stage's axis, " +
                 in_mm(std::abs(sight.to_go_mm)) + " off (" + in_mm(sight.allowed_mm) + " allowed)";
   return sight;
