@@ -18,6 +18,7 @@
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/fitting.hpp"
+#include "rig/live/foxglove_server.hpp"
 #include "rig/live/live_server.hpp"
 #include "rig/output_place.hpp"
 #include "rig/report/report.hpp"
@@ -33,23 +34,30 @@ namespace asio = boost::asio;
 using nlohmann::json;
 using std::chrono::steady_clock;
 
-/// Publishes the run to the live page, which shows at most 20 states a second.
+inline std::int64_t unix_ns() {
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(now).count();
+}
+
+/// Publishes the run's state to the live page and to Foxglove, where they are, at most 20 times a second.
 class LiveView final : public RunView {
  public:
   /// `folder`: of the procedure, whose pictures are named from there.
-  LiveView(LiveServer& live, const fit::Bench& bench, std::filesystem::path folder)
-      : live_(live), bench_(bench), folder_(std::move(folder)) {}
+  LiveView(LiveServer* live, FoxgloveServer* foxglove, const fit::Bench& bench, std::filesystem::path folder)
+      : live_(live), foxglove_(foxglove), bench_(bench), folder_(std::move(folder)) {}
   void show(const RunState& state) override {
     const auto now = steady_clock::now();
     const bool turned = state.phase != phase_ || state.step != step_ || state.messages_total != messages_;
     if (!turned && now - last_ < std::chrono::milliseconds(50)) return;
     last_ = now, phase_ = state.phase, step_ = state.step, messages_ = state.messages_total;
-    show_picture(state.prompt ? state.prompt->picture : "");
     json document = to_json(state, bench_);
+    if (foxglove_) foxglove_->publish(document, unix_ns());
+    if (!live_) return;
+    show_picture(state.prompt ? state.prompt->picture : "");
     // The page outlives this program: it keeps what it shows at the end.
     if (state.phase == RunState::Phase::done && state.report.ends_with(".html"))
       document["end"]["html"] = bytes_of(state.report, largest_report_bytes);
-    live_.publish(document);
+    live_->publish(document);
   }
 
  private:
@@ -70,11 +78,12 @@ class LiveView final : public RunView {
     static const std::map<std::string, std::string> types = {
         {".png", "image/png"}, {".jpg", "image/jpeg"}, {".jpeg", "image/jpeg"}, {".svg", "image/svg+xml"}};
     const auto type = types.find(std::filesystem::path(name).extension().string());
-    if (name.empty() || type == types.end()) return live_.show_picture("", "");
-    live_.show_picture(type->second, bytes_of(folder_ / name, largest_picture_bytes));
+    if (name.empty() || type == types.end()) return live_->show_picture("", "");
+    live_->show_picture(type->second, bytes_of(folder_ / name, largest_picture_bytes));
   }
 
-  LiveServer& live_;
+  LiveServer* live_;
+  FoxgloveServer* foxglove_;
   const fit::Bench& bench_;
   std::filesystem::path folder_;
   std::string picture_;
@@ -112,13 +121,18 @@ class DeviceRun {
     command.add_option("--lidar", lidar, "tcp://HOST[:PORT]");
     command.add_option("--stage", stage, "serial:PATH[?language=zaber&baud=...] (docs/stages.md)");
     command.add_flag("--yes", yes, "Confirm every prompt: nobody is there");
+    command.add_flag("--accept-lidar", accept_lidar_,
+                     "Measure although the lidar is of another model or serial number than the bench file says, "
+                     "or says that it is not well; recorded in session and certificate");
     command.add_option("--operator", operator_port, "HOST:PORT of a simulated bench that answers prompts itself");
     live_option_ = command.add_option("--live", live_.port, "Serve the live page; on PORT if given")
                        ->expected(0, 1)
                        ->default_str("0");
+    foxglove_option_ =
+        command.add_option("--foxglove", foxglove_.port, "Serve the run to Foxglove on PORT (0: any free one)");
     command
         .add_option("--live-listen", live_.address,
-                    "Address of the live page; others than loopback need "
+                    "Address of the live page and of --foxglove; others than loopback need "
                     "--live-token")
         ->capture_default_str();
     command.add_option("--live-token", live_.token, "Secret that the live page's address must carry");
@@ -181,11 +195,13 @@ class DeviceRun {
     if (failure) std::rethrow_exception(failure);
     io.restart();
     const auto write = [](const std::string& file, const std::string& output) {
-      write_report(file, check_output({output}, {file}));
+      (void)check_output({output}, {file});
+      const IssuedReport issued = issue_report(file, output);
+      return RunnerParts::Written{issued.file, issued.certificates};
     };
     remember_addresses(session);
     procedure_file_ = procedure.file;
-    RunnerParts parts{*source, *opened_stage, *clock, *person, fit_function(), write};
+    RunnerParts parts{*source, *opened_stage, *clock, *person, fit_function(), write, accept_lidar_};
     Runner runner(procedure, bench, session, parts);
     return conduct(io, runner, bench, session, started);
   }
@@ -213,13 +229,20 @@ class DeviceRun {
     const auto procedure_folder =
         std::filesystem::path(session.get("procedure_file").value_or(procedure_file_)).parent_path();
     std::unique_ptr<LiveServer> live;
+    std::unique_ptr<FoxgloveServer> foxglove;
     std::vector<std::unique_ptr<RunView>> views;
     if (live_option_->count() > 0) {
       live = std::make_unique<LiveServer>(io.get_executor(), live_,
                                           [&runner](const json& command) { runner.command(command); });
       std::fprintf(stderr, "live page: %s\n", live->url().c_str());
-      views.push_back(std::make_unique<LiveView>(*live, bench, procedure_folder));
     }
+    if (foxglove_option_->count() > 0) {
+      foxglove_.address = live_.address, foxglove_.token = live_.token;
+      foxglove = std::make_unique<FoxgloveServer>(io.get_executor(), foxglove_, bench.lidar.mount);
+      std::fprintf(stderr, "foxglove: %s\n", foxglove->url().c_str());
+    }
+    if (live || foxglove)
+      views.push_back(std::make_unique<LiveView>(live.get(), foxglove.get(), bench, procedure_folder));
     views.push_back(make_terminal_view(stderr, isatty(STDERR_FILENO) != 0));
     if (json_log_) views.push_back(make_json_log(stdout));
     for (const auto& view : views) runner.observe([&view](const RunState& state) { view->show(state); });
@@ -237,10 +260,9 @@ class DeviceRun {
       failure = why;
       met = limits_met;
       signals.cancel();
-      if (live)
-        live->finish([&io] { io.stop(); });
-      else
-        io.stop();
+      const auto end = [&io] { io.stop(); };
+      const auto end_foxglove = [&foxglove, end] { foxglove ? foxglove->finish(end) : end(); };
+      live ? live->finish(end_foxglove) : end_foxglove();
     });
     io.run();
     views.clear();
@@ -257,7 +279,9 @@ class DeviceRun {
   bool json_log_ = false;
   std::string procedure_file_;
   LiveServer::Options live_;
-  CLI::Option* live_option_ = nullptr;
+  bool accept_lidar_ = false;
+  WebAccess foxglove_;
+  CLI::Option *live_option_ = nullptr, *foxglove_option_ = nullptr;
 };
 
 }  // namespace rig::commands

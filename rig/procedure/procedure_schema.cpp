@@ -119,6 +119,7 @@ std::string procedure_schema() {
       {"required", {"procedure", "steps"}},
       {"properties",
        {{"procedure", text("its name, in files and reports")},
+        {"version", {{"type", {"string", "number"}}, {"description", "of this procedure, printed on certificates"}}},
         {"title", text("what people call it")},
         {"about", text("what it is for")},
         {"source", text("paper, experiment or standard that it follows")},

@@ -126,7 +126,7 @@ std::vector<double> expected_ranges_mm(const fit::Bench& bench, const fit::Targe
                         to_wall = target.from_mm - origin_of(bench, stage_rad);
   const auto steps = static_cast<std::size_t>(bench.lidar.steps);
   std::vector<double> ranges(steps, std::numeric_limits<double>::quiet_NaN());
-  for (std::size_t step = 0; step < steps; ++step) {
+  for (auto step = static_cast<std::size_t>(std::max(0, bench.lidar.first_step)); step < steps; ++step) {
     const Eigen::Vector2d ray = ray_of(bench, stage_rad, step);
     const double facing = across(ray, along);
     if (std::abs(facing) < 1e-9) continue;
