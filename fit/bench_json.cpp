@@ -139,7 +139,8 @@ Mount read_mount(const Reader& reader) {
 LidarGeometry read_lidar(const Reader& reader) {
   reader.must_be_object();
   reader.refuse_misspelt(
-      std::array{"model", "steps", "first_step", "front_step", "step_deg", "scan_hz", "serial", "mount", "accuracy"});
+      std::array{"model", "steps", "first_step", "front_step", "step_deg", "scan_hz", "serial",
+                 "largest_error_mm", "mount", "accuracy"});
   check_accuracy(reader,
                  std::array{"u_beam_eccentricity_deg", "u_range_mm", "u_range_scale", "u_range_walk_mm"});
   LidarGeometry lidar;
@@ -151,6 +152,8 @@ LidarGeometry read_lidar(const Reader& reader) {
   if (reader.has("front_step")) lidar.front_step = reader.at("front_step").integer_from(-100000, 100000);
   if (reader.has("step_deg")) lidar.step_rad = reader.at("step_deg").number_from(1e-4, 90) * rad_per_deg;
   if (reader.has("scan_hz")) lidar.scan_hz = reader.at("scan_hz").number_from(1e-3, 1e4);
+  // Stays in the document: only those who look for a target ask for it.
+  if (reader.has("largest_error_mm")) (void)reader.at("largest_error_mm").number_from(0, 1e6);
   if (reader.has("mount")) lidar.mount = read_mount(reader.at("mount"));
   return lidar;
 }

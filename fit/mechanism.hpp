@@ -189,7 +189,8 @@ struct Mechanism {
 /// The mechanism of that id, or nullptr.
 [[nodiscard]] const Mechanism* find_mechanism(const std::string& id);
 
-/// "0.1210 ± 0.0042 deg": the value to the second digit of its standard uncertainty (fit/number_format.hpp).
+/// "0.1210 ± 0.0042 deg": with its expanded uncertainty (k = 2), to the second digit of that
+/// (fit/number_format.hpp).
 [[nodiscard]] std::string with_uncertainty(const Estimate& estimate, const std::string& unit);
 [[nodiscard]] std::string rounded(double value, int digits = 3);
 

@@ -8,6 +8,7 @@
 #include "fit/json_position.hpp"
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
+#include "rig/session/session_file.hpp"
 
 namespace rig::commands {
 std::vector<std::unique_ptr<Command>> all();
@@ -92,6 +93,9 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
+  for (int i = 2; i < argc; ++i)
+    if (const std::string words = rig::words_about_log(argv[i]); !words.empty())
+      std::fprintf(stderr, "note: %s\n", words.c_str());
   try {
     for (std::size_t i = 0; i < commands.size(); ++i)
       if (declared[i]->parsed()) return commands[i]->run();

@@ -113,7 +113,7 @@ std::string why_not_written(const std::string& path, int error) {
       return folder + " is no folder. Choose another place.";
     case EACCES:
     case EPERM:
-      return "writing there is not permitted. Choose another folder, or mend the permissions of " + folder +
+      return "writing there is not permitted. Choose another folder, or correct the permissions of " + folder +
              ".";
     case EROFS:
       return "the disk is read-only. Choose a folder on another one.";

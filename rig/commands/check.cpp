@@ -78,7 +78,7 @@ class Check : public Command {
     if (failure) std::rethrow_exception(failure);
     if (std::ranges::any_of(lines_,
                             [](const CheckLine& line) { return line.verdict == CheckLine::Verdict::bad; }))
-      throw MeasurementError("the bench is not ready: mend what is marked BAD and check again.");
+      throw MeasurementError("the bench is not ready: correct what is marked BAD and check again.");
     return 0;
   }
 

@@ -281,9 +281,9 @@ std::vector<double> true_distances(const ImportRequest& request, const std::vect
   if (guessed.empty()) return guessed;
   std::string list;
   for (const double mm : guessed) list += (list.empty() ? "" : ", ") + fit::format_value(mm, 0);
-  report.notes.push_back("True distances were taken from the file names: " + list + " mm, each +/- " +
-                         fit::format_value(request.true_u_mm, 0) +
-                         " mm. Give --true-mm and --true-u-mm if that is wrong.");
+  report.notes.push_back("True distances were taken from the file names: " + list + " mm, each ± " +
+                         fit::format_value(2 * request.true_u_mm, 0) +
+                         " mm (k = 2). Give --true-mm and --true-u-mm if that is wrong.");
   return guessed;
 }
 

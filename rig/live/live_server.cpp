@@ -49,7 +49,7 @@ Response answer(const Request& request, http::status status, const char* type, s
   response.set("Referrer-Policy", "no-referrer");
   response.set("Content-Security-Policy",
                "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; connect-src "
-               "'self'; img-src data:");
+               "'self'; img-src 'self' data:");
   response.keep_alive(false);
   response.body() = std::move(body);
   response.prepare_payload();
@@ -78,6 +78,7 @@ struct LiveServer::Impl : std::enable_shared_from_this<LiveServer::Impl> {
   std::list<std::shared_ptr<Browser>> browsers;
   std::shared_ptr<const std::string> state = std::make_shared<const std::string>("{}");
   std::uint64_t version = 1;
+  std::string picture_type, picture;
   bool stopped = false;
 
   void listen();
@@ -126,6 +127,8 @@ Response LiveServer::Impl::respond(const Request& request) const {
   if (request.method() != http::verb::get && request.method() != http::verb::head)
     return answer(request, http::status::method_not_allowed, "text/plain; charset=utf-8", "Only GET.\n");
   if (target == "/") return answer(request, http::status::ok, "text/html; charset=utf-8", live_page);
+  if (target == "/picture" && !picture.empty())
+    return answer(request, http::status::ok, picture_type.c_str(), picture);
   if (target == "/state") return answer(request, http::status::ok, "application/json", *state);
   return answer(request, http::status::not_found, "text/plain; charset=utf-8",
                 "Nothing here: the page is at /\n");
@@ -250,6 +253,11 @@ void LiveServer::publish(const nlohmann::json& state) {
       state.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
   ++impl_->version;
   for (const auto& browser : impl_->browsers) browser->wake.cancel();
+}
+
+void LiveServer::show_picture(const std::string& type, std::string bytes) {
+  impl_->picture_type = type;
+  impl_->picture = std::move(bytes);
 }
 
 void LiveServer::finish(std::function<void()> done) {

@@ -36,6 +36,8 @@ class LiveServer {
   /// What the operator types into a browser, token included.
   [[nodiscard]] std::string url() const;
   void publish(const nlohmann::json& state);
+  /// The picture of the prompt that waits, at /picture; no bytes: there is none.
+  void show_picture(const std::string& type, std::string bytes);
   /// Lets every browser have the last state, for at most a second, then stops and calls `done`.
   void finish(std::function<void()> done);
   /// Closes every connection; publish() does nothing from then on.

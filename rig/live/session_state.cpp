@@ -79,6 +79,9 @@ json captured_steps(const fit::Recording& recording) {
   return steps;
 }
 
+/// Of a step's key, which names the turns of its loops as well.
+std::string number_of_step(const std::string& key) { return key.substr(0, key.find('[')); }
+
 /// The steps of the procedure, some before and some after the first that is not recorded; those of the
 /// captures where no procedure ran.
 void add_steps(json& state, const SessionStore& session, const fit::Recording& recording) {
@@ -96,7 +99,8 @@ void add_steps(json& state, const SessionStore& session, const fit::Recording& r
   state["step"] = {{"n", recorded}, {"of", plan.size()}, {"text", captured + " recorded"}};
   state["steps"] = json::array();
   for (std::size_t i = next > before ? next - before : 0; i < std::min(plan.size(), next + after); ++i)
-    state["steps"].push_back({{"text", text_of(plan[i], "text", "")},
+    state["steps"].push_back({{"number", number_of_step(text_of(plan[i], "key", ""))},
+                              {"text", text_of(plan[i], "text", "")},
                               {"state", is_recorded(plan[i]) ? "recorded" : "not started"}});
 }
 

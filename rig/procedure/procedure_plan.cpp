@@ -122,17 +122,20 @@ constexpr long hour_s = 3600;
 
 }  // namespace
 
-std::string duration_with_unit(double seconds) {
-  return duration_text(seconds) + (whole_seconds(seconds) >= hour_s ? " h" : " min");
-}
-
 std::string duration_text(double seconds) {
   const long whole = whole_seconds(seconds);
+  const auto parts = [](long large, const char* unit, long small, const char* rest) {
+    return std::to_string(large) + unit + (small > 0 ? " " + std::to_string(small) + rest : "");
+  };
+  if (whole >= hour_s) return parts(whole / hour_s, " h", whole % hour_s / 60, " min");
+  if (whole >= 60) return parts(whole / 60, " min", whole % 60, " s");
+  return std::to_string(whole) + " s";
+}
+
+std::string session_time_text(double seconds) {
+  const long whole = whole_seconds(seconds);
   char text[40];
-  if (whole >= hour_s)
-    std::snprintf(text, sizeof text, "%ld:%02ld:%02ld", whole / 3600, whole / 60 % 60, whole % 60);
-  else
-    std::snprintf(text, sizeof text, "%ld:%02ld", whole / 60, whole % 60);
+  std::snprintf(text, sizeof text, "%ld:%02ld:%02ld", whole / hour_s, whole / 60 % 60, whole % 60);
   return text;
 }
 
@@ -152,13 +155,13 @@ std::string dry_run_text(const Procedure& procedure, const fit::Bench& bench,
     const PlannedStep& step = plan[i];
     seconds += step.seconds, travel_deg += step.travel_deg, captures += step.captures, scans += step.scans;
     char line[64];
-    std::snprintf(line, sizeof line, "%4zu  %-9s ", i + 1, duration_text(step.seconds).c_str());
+    std::snprintf(line, sizeof line, "%4zu  %-12s ", i + 1, duration_text(step.seconds).c_str());
     text += line + step.says + "   [" + step.key + ", line " + std::to_string(step.step->place.line) + "]\n";
   }
   char travel[40];
   std::snprintf(travel, sizeof travel, "%.1f", travel_deg);
   text += "\n" + std::to_string(plan.size()) + " steps, " + grouped(captures) + " captures, " +
-          grouped(scans) + " scans, travel " + travel + " deg, about " + duration_with_unit(seconds) +
+          grouped(scans) + " scans, travel " + travel + " deg, about " + duration_text(seconds) +
           " at " + to_text(bench.lidar.scan_hz) + " scans/s.\n";
   const StageLimits limits = stage_limits(bench);
   text += limits.min_deg > -1e8 ? "Soft limits of the stage: " + to_text(limits.min_deg) + " to " +

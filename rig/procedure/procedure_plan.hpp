@@ -31,10 +31,10 @@ StageLimits stage_limits(const fit::Bench& bench);
 std::string dry_run_text(const Procedure& procedure, const fit::Bench& bench,
                          const std::vector<PlannedStep>& plan);
 
-/// "1:02:03" or "2:03".
+/// "32 s", "2 min 3 s" or "1 h 2 min".
 std::string duration_text(double seconds);
-/// The same with its unit: "1:02:03 h" or "2:03 min".
-std::string duration_with_unit(double seconds);
+/// A moment of a session: "1:02:03" after its beginning.
+std::string session_time_text(double seconds);
 /// "10,000".
 std::string grouped(long number);
 

@@ -110,7 +110,7 @@ std::string procedure_schema() {
     if (needs_nothing) bare.push_back(kind->name());
   }
   steps.push_back({{"enum", bare}});
-  const ordered text = {{"type", "string"}};
+  const auto text = [](const char* about) { return ordered{{"type", "string"}, {"description", about}}; };
   ordered schema = {
       {"$schema", "http://json-schema.org/draft-07/schema#"},
       {"title", "Procedure of the calibration rig"},
@@ -118,14 +118,16 @@ std::string procedure_schema() {
       {"additionalProperties", false},
       {"required", {"procedure", "steps"}},
       {"properties",
-       {{"procedure", text},
-        {"version", {{"type", {"string", "number"}}}},
-        {"title", text},
-        {"about", text},
-        {"source", text},
+       {{"procedure", text("its name, in files and reports")},
+        {"version", {{"type", {"string", "number"}}, {"description", "of this procedure, printed on certificates"}}},
+        {"title", text("what people call it")},
+        {"about", text("what it is for")},
+        {"source", text("paper, experiment or standard that it follows")},
         {"stage", map_schema(stage_options())},
         {"variables",
-         {{"type", "object"}, {"additionalProperties", {{"type", {"number", "string", "boolean"}}}}}},
+         {{"type", "object"},
+          {"additionalProperties", {{"type", {"number", "string", "boolean"}}}},
+          {"description", "numbers, texts and flags that expressions use; --set replaces one for a run"}}},
         {"limits", {{"type", "array"}, {"items", map_schema(limit_options())}}},
         {"steps", {{"$ref", "#/definitions/steps"}}}}},
       {"definitions", {{"steps", {{"type", "array"}, {"minItems", 1}, {"items", {{"anyOf", steps}}}}}}}};

@@ -33,7 +33,7 @@ std::vector<Value> range_of(const Node& node, const Variables& variables) {
   if (step == 0 || count < 0)
     throw ProcedureError(node.place, "the range from " + to_text(from) + " to " + to_text(to) +
                                          " in steps of " + to_text(step) +
-                                         " is empty; mend the step's sign or size.");
+                                         " is empty; correct the step's sign or size.");
   if (count >= static_cast<double>(most_turns))
     throw ProcedureError(node.place, "the range has more than 100,000 values; make the step larger.");
   std::vector<Value> values;

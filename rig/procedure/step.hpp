@@ -70,9 +70,13 @@ struct Question {
 
 /// What the rig itself should see before it believes that a prompt was done.
 struct Sight {
-  double from_deg = 0, to_deg = 0;  ///< Beams.
+  double from_deg = 0, to_deg = 0;  ///< Beams; not used for a target.
   std::optional<std::pair<double, double>> within_mm;
   std::optional<double> flat_within_mm;  ///< Largest deviation of the beams' medians from a straight line.
+  bool of_target = false;                ///< The placed target, where it was asked for.
+  std::optional<double> tolerance_mm;    ///< Of its place; from the stated uncertainties if not given.
+  bool surface = true;                   ///< Its echo must follow the reflectance that was asked for.
+  std::optional<fit::Target> target;     ///< Where it should stand, as the runner knows it.
 };
 
 struct Prompt {
@@ -82,8 +86,11 @@ struct Prompt {
   std::optional<Sight> until;
   double timeout_s = 0;  ///< 0: waits for ever.
   bool skippable = true;
+  bool repeatable = true;
   std::string check;  ///< What is wrong with what the rig saw at the last look; empty if nothing is.
   std::string seen;   ///< What the rig sees when that is as asked for; empty before the first look.
+  std::optional<double> to_go_mm;  ///< How much too far away the target is seen.
+  std::string refusal;             ///< Why the operator's last answer was not taken; empty if none was given.
 };
 
 struct Answer {

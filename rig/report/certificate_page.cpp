@@ -176,6 +176,12 @@ void leave_to_headline(json& section) {
   section["has_values"] = !section["values"].empty();
 }
 
+/// A picture of axes alone says nothing.
+bool has_points(const json& plot) {
+  const json series = list_of(plot, "series");
+  return std::any_of(series.begin(), series.end(), [](const json& each) { return !list_of(each, "x").empty(); });
+}
+
 json shown_section(const std::string& kind, const json& result) {
   const auto known = section_titles().find(kind);
   json section = {{"title", text_of(result, "title", known == section_titles().end() ? kind : known->second)},
@@ -189,9 +195,11 @@ json shown_section(const std::string& kind, const json& result) {
                   {"undetermined", list_of(result, "undetermined")}};
   for (const json& value : list_of(result, "values")) section["values"].push_back(shown_value(value));
   for (const json& plot : list_of(result, "plots"))
-    section["plots"].push_back(
-        {{"svg", to_svg(plot_from_json(plot))}, {"map", plot.value("equal_axes", false)}});
-  for (const json& table : list_of(result, "tables")) section["tables"].push_back(shown_table(table));
+    if (has_points(plot))
+      section["plots"].push_back(
+          {{"svg", to_svg(plot_from_json(plot))}, {"map", plot.value("equal_axes", false)}});
+  for (const json& table : list_of(result, "tables"))
+    if (!list_of(table, "rows").empty()) section["tables"].push_back(shown_table(table));
   for (const json& comparison : list_of(result, "comparisons"))
     section["comparisons"].push_back(
         {{"verdict", comparison.value("agree", true) ? "Two methods agree." : "Two methods do not agree."},

@@ -110,8 +110,9 @@ std::string prediction_section(const json& p) {
                      row("share within the predicted 95 % intervals", "coverage_95", 3) +
                      "</tbody></table>\n<p>All samples "
                      "together are e^" +
-                     figure_of(number_of(gain, "value"), 3) + " times as likely, the exponent +/- " +
-                     figure_of(number_of(gain, "u"), 2) + " as beams differ.</p>\n";
+                     figure_of(number_of(gain, "value"), 3) + " times as likely (± " +
+                     figure_of(2 * number_of(gain, "u"), 2) +
+                     " in the exponent, k = 2, as beams differ).</p>\n";
   if (!cells.contains("incidence_deg")) return html;
   const auto column = [&](const char* key) { return cells.at(key).get<std::vector<double>>(); };
   const auto x = column("incidence_deg");
@@ -174,7 +175,7 @@ std::string explanation_html(const json& e, const std::string& sessions) {
       "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Explanation</title><style>" +
       style() + "</style></head><body>\n<h1>What the simulation left out</h1>\n<p class=\"sub\">" +
       escaped(sessions) + " &middot; " + std::to_string(e.value("cells", 0L)) + " cells, " +
-      std::to_string(e.value("samples", 0L)) + " samples</p>\n<p class=\"box\"><strong>" +
+      std::to_string(e.value("samples", 0L)) + " samples &middot; ± is the expanded uncertainty (k = 2)</p>\n<p class=\"box\"><strong>" +
       escaped(verdict_in_words(e.at("verdict").get<std::string>())) + "</strong></p>\n";
   if (!e.at("mechanisms").empty()) html += "<h2>Mechanisms</h2>\n";
   for (const json& m : e.at("mechanisms")) html += mechanism_section(m);

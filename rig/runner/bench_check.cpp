@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "rig/runner/bench_check.hpp"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -10,6 +9,7 @@
 #include "rig/procedure/procedure_plan.hpp"
 #include "rig/runner/lidar_doubts.hpp"
 #include "rig/runner/scan_gate.hpp"
+#include "rig/runner/target_sight.hpp"
 
 namespace rig {
 namespace {
@@ -18,9 +18,8 @@ using boost::asio::awaitable;
 using Verdict = CheckLine::Verdict;
 
 constexpr int scans_of_rate = 40, scans_of_look = 20;
-constexpr double accuracy_mm = 40;  // UST-10LX, 0.06 m to 10 m (data sheet).
 constexpr double stage_tolerance_deg = 0.02;
-constexpr double weak_intensity = 200, shares_of_beams = 0.5;
+constexpr double weak_intensity = 200;
 
 double median(std::vector<double> values) {
   if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
@@ -30,13 +29,6 @@ double median(std::vector<double> values) {
 }
 
 std::string rounded(double value, int digits = 0) { return rounded_text(value, digits); }
-
-double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
-
-/// Medians over some scans, beam by beam; NaN where most scans had no echo.
-struct Look {
-  std::vector<double> range_mm, intensity;
-};
 
 class Checker {
  public:
@@ -64,7 +56,7 @@ class Checker {
       co_return lines_;
     }
     auto looking = look();
-    const Look seen = co_await std::move(looking);
+    const SeenBeams seen = co_await std::move(looking);
     check_echoes(seen);
     for (const fit::Target& target : bench_.targets) {
       auto checking = check_target(target, stay_still);
@@ -191,7 +183,7 @@ class Checker {
         "Nothing may block the table; check its units (stage.units_per_deg) and its load.");
   }
 
-  awaitable<Look> look() {
+  awaitable<SeenBeams> look() {
     const auto beams = static_cast<std::size_t>(bench_.lidar.steps);
     std::vector<std::vector<double>> ranges(beams), levels(beams);
     auto starting = lidar_.start(whole_scan(bench_.lidar));
@@ -209,7 +201,7 @@ class Checker {
     }
     auto stopping = lidar_.stop();
     co_await std::move(stopping);
-    Look seen;
+    SeenBeams seen;
     for (std::size_t k = 0; k < beams; ++k) {
       const bool sure = ranges[k].size() * 2 > scans_of_look;
       seen.range_mm.push_back(sure ? median(ranges[k]) : std::numeric_limits<double>::quiet_NaN());
@@ -219,7 +211,7 @@ class Checker {
     co_return seen;
   }
 
-  void check_echoes(const Look& seen) {
+  void check_echoes(const SeenBeams& seen) {
     std::size_t echoes = 0, near = 0;
     std::vector<double> levels;
     for (std::size_t k = 0; k < seen.range_mm.size(); ++k) {
@@ -254,42 +246,28 @@ class Checker {
       auto moving = stage_.move_to(at_deg_);
       co_await std::move(moving);
     }
-    const auto expected = expected_ranges_mm(bench_, target, at_deg_ * fit::rad_per_deg);
     auto looking = look();
-    const Look seen = co_await std::move(looking);
-    std::vector<double> off_mm, levels;
-    std::size_t beams = 0;
-    for (std::size_t k = 0; k < expected.size(); ++k) {
-      if (!std::isfinite(expected[k])) continue;
-      ++beams;
-      if (!std::isfinite(seen.range_mm[k])) continue;
-      off_mm.push_back(seen.range_mm[k] - expected[k]);
-      levels.push_back(seen.intensity[k]);
-    }
-    judge_target(target, beams, off_mm, levels);
+    const SeenBeams seen = co_await std::move(looking);
+    judge_target(target, look_for(bench_, target, bench_.targets, at_deg_ * fit::rad_per_deg, seen));
   }
 
-  void judge_target(const fit::Target& target, std::size_t beams, const std::vector<double>& off_mm,
-                    const std::vector<double>& levels) {
+  void judge_target(const fit::Target& target, const TargetSight& sight) {
     const std::string what = "target " + target.name;
-    if (beams == 0)
-      return say(Verdict::look, what, "not in the field of view at " + to_text(at_deg_) + " deg",
-                 "Nothing can be said of it from here.");
-    if (static_cast<double>(off_mm.size()) < shares_of_beams * static_cast<double>(beams))
-      return say(Verdict::bad, what,
-                 "no echo from " + std::to_string(beams - off_mm.size()) + " of its " +
-                     std::to_string(beams) + " beams",
-                 "It is not where the bench file says, is too dark, or something stands before it.");
-    const fit::Mount& mount = bench_.lidar.mount;
-    const double allowed_mm = accuracy_mm + 3 * std::hypot(target.u_mm, std::max(mount.x_mm.u, mount.y_mm.u));
-    const double middle_mm = median(off_mm);
-    const auto near = std::ranges::count_if(off_mm, [&](double off) { return std::abs(off) <= allowed_mm; });
-    const bool there = static_cast<double>(near) >= shares_of_beams * static_cast<double>(beams);
-    say(there ? Verdict::good : Verdict::bad, what,
-        rounded(middle_mm) + " mm from where the bench file says (" + rounded(allowed_mm) +
-            " mm would be no surprise), intensity " + rounded(median(levels)),
-        "Measure its place and correct from_mm and to_mm, or put it where they say. Look that nothing stands "
-        "before it.");
+    const std::string level =
+        std::isfinite(sight.intensity) ? ", intensity " + rounded(sight.intensity) : std::string();
+    switch (sight.place) {
+      case TargetSight::Place::out_of_view:
+        return say(Verdict::look, what, "not in the field of view at " + to_text(at_deg_) + " deg",
+                   "Nothing can be said of it from here.");
+      case TargetSight::Place::unseen:
+        return say(Verdict::bad, what, sight.words,
+                   "It is not where the bench file says, is too dark, or something stands before it.");
+      case TargetSight::Place::elsewhere:
+      case TargetSight::Place::as_asked:
+        return say(sight.good() ? Verdict::good : Verdict::bad, what, sight.words + level,
+                   "Measure its place and correct from_mm and to_mm, or put it where they say. Look that nothing "
+                   "stands before it.");
+    }
   }
 
   const fit::Bench& bench_;
@@ -303,24 +281,6 @@ class Checker {
 };
 
 }  // namespace
-
-std::vector<double> expected_ranges_mm(const fit::Bench& bench, const fit::Target& target, double stage_rad) {
-  const fit::LidarGeometry& lidar = bench.lidar;
-  const Eigen::Vector2d origin =
-      Eigen::Rotation2Dd(stage_rad) * Eigen::Vector2d(lidar.mount.x_mm.value, lidar.mount.y_mm.value);
-  const Eigen::Vector2d along = target.to_mm - target.from_mm, to_wall = target.from_mm - origin;
-  std::vector<double> ranges(static_cast<std::size_t>(lidar.steps), std::numeric_limits<double>::quiet_NaN());
-  for (int step = lidar.first_step; step < lidar.steps; ++step) {
-    const double direction = stage_rad + lidar.mount.yaw_rad.value + lidar.beam_angle(step);
-    const Eigen::Vector2d ray(std::cos(direction), std::sin(direction));
-    const double facing = cross(ray, along);
-    if (std::abs(facing) < 1e-9) continue;
-    const double range = cross(to_wall, along) / facing, place = cross(to_wall, ray) / facing;
-    // The ends are left out: a mount known to some millimetres moves the edges.
-    if (range > 0 && place > 0.1 && place < 0.9) ranges[static_cast<std::size_t>(step)] = range;
-  }
-  return ranges;
-}
 
 awaitable<std::vector<CheckLine>> check_bench(const fit::Bench& bench, LidarSource& lidar, Stage& stage,
                                               RunClock& clock, bool stay_still,

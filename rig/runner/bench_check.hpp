@@ -23,11 +23,6 @@ struct CheckLine {
   std::string remedy;  ///< What to do; empty when all is well.
 };
 
-/// Where the beams of the lidar at stage angle `stage_rad` meet `target`: expected ranges by beam, NaN for
-/// beams that miss it. The other targets are not in the way.
-[[nodiscard]] std::vector<double> expected_ranges_mm(const fit::Bench& bench, const fit::Target& target,
-                                                     double stage_rad);
-
 /// Walks through the bench: the lidar's rate and losses, homing and the stage's full travel (unless
 /// `stay_still`), echoes and intensity, and every target where the bench file says. Each line is told as soon
 /// as it is known. Throws DeviceError when a device does not work at all.

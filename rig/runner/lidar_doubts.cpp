@@ -85,6 +85,11 @@ class Comparison {
     const double step_deg = bench.step_rad * fit::deg_per_rad;
     if (turn && *turn > 0 && std::abs(step_deg - 360 / *turn) > same_step_deg)
       differ(Weight::refusal, "angle of a step", "step_deg", step_deg, 360 / *turn);
+    // Turns a minute; a motor that is set by hand or runs unevenly is no other lidar.
+    constexpr double same_rate = 0.1;
+    const auto turns = parameter(identity_, "SCAN");
+    if (turns && *turns > 0 && std::abs(bench.scan_hz / (*turns / 60) - 1) > same_rate)
+      differ(Weight::refusal, "scan rate", "scan_hz", bench.scan_hz, *turns / 60);
   }
 
   void differ(Weight weight, const char* what, const char* key, double bench, double lidar) {

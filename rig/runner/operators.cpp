@@ -3,6 +3,8 @@
 
 #include <unistd.h>
 
+#include <algorithm>
+#include <boost/algorithm/string/predicate.hpp>
 #include <boost/asio/buffer.hpp>
 #include <boost/asio/connect.hpp>
 #include <boost/asio/experimental/awaitable_operators.hpp>
@@ -76,7 +78,7 @@ class BenchOperator final : public Operator {
       forget_connection();
       throw DeviceError("The simulated bench at " + name() +
                         " did not answer within 5 s. Nothing was placed. Start rig-sim again and go on with "
-                        "--resume.");
+                        "rig resume.");
     }
     const json said = json::parse(std::get<0>(outcome), nullptr, false);
     if (!said.is_object() || !said.value("ok", false))
@@ -158,7 +160,7 @@ class TerminalOperator final : public Operator {
       const std::string line = co_await std::move(reading);
       if (const auto answer = answer_in(line, prompt)) co_return *answer;
       std::fprintf(stderr,
-                   "  Not understood. Enter: done; s: skip; r: repeat the last one; a: stop the run.\n> ");
+                   "  Not understood. Enter: done; s: skip; r: repeat the last one; a or q: stop the run.\n> ");
     }
   }
   bool unattended() const override { return false; }
@@ -168,7 +170,8 @@ class TerminalOperator final : public Operator {
     std::string text = "\n== " + prompt.title + "\n";
     if (!prompt.text.empty()) text += "   " + prompt.text + "\n";
     if (!prompt.picture.empty()) text += "   Picture: " + prompt.picture + "\n";
-    if (!prompt.check.empty()) text += "   Not yet: " + prompt.check + "\n";
+    if (const std::string& wrong = prompt.refusal.empty() ? prompt.check : prompt.refusal; !wrong.empty())
+      text += "   Not yet: " + wrong + "\n";
     if (prompt.question) {
       const Question& question = *prompt.question;
       text += "   Type " + question.name + (question.unit.empty() ? "" : " in " + question.unit);
@@ -179,19 +182,23 @@ class TerminalOperator final : public Operator {
     } else {
       text += "   Press Enter when it is done";
     }
-    text += prompt.skippable ? "; s skips, r repeats the last one, a stops the run.\n> "
-                             : "; r repeats the last one, a stops the run.\n> ";
+    text += prompt.skippable ? "; s skips" : "";
+    text += prompt.repeatable ? "; r repeats the last one" : "";
+    text += "; a or q stops the run.\n> ";
     std::fputs(text.c_str(), stderr);
   }
 
   static std::optional<Answer> answer_in(std::string line, const Prompt& prompt) {
-    while (!line.empty() && (line.back() == '\n' || line.back() == '\r' || line.back() == ' '))
-      line.pop_back();
+    const auto first = line.find_first_not_of(" \t\r\n");
+    line = first == std::string::npos ? "" : line.substr(first, line.find_last_not_of(" \t\r\n") - first + 1);
+    const auto is = [&](std::initializer_list<const char*> words) {
+      return std::ranges::any_of(words, [&](const char* word) { return boost::iequals(line, word); });
+    };
     Answer answer;
-    if (line.empty() || (line == "y" && !prompt.question)) return answer;
-    if (line == "s" && prompt.skippable) answer.kind = Answer::Kind::skipped;
-    if (line == "r") answer.kind = Answer::Kind::repeat;
-    if (line == "a" || line == "q") answer.kind = Answer::Kind::abort;
+    if (line.empty() || (is({"y", "yes", "done", "ok"}) && !prompt.question)) return answer;
+    if (is({"s", "skip"}) && prompt.skippable) answer.kind = Answer::Kind::skipped;
+    if (is({"r", "repeat"}) && prompt.repeatable) answer.kind = Answer::Kind::repeat;
+    if (is({"a", "q", "abort", "quit", "stop"})) answer.kind = Answer::Kind::abort;
     if (answer.kind != Answer::Kind::confirmed) return answer;
     if (!prompt.question) return std::nullopt;
     answer.value = value_of_text(line);
@@ -210,7 +217,7 @@ class TerminalOperator final : public Operator {
       if (!others_answer_)
         throw UsageError(
             "Nobody can answer: standard input has ended. Give --yes to confirm all prompts, --operator for "
-            "a simulated bench, or --live to answer in a browser; then go on with --resume.");
+            "a simulated bench, or --live to answer in a browser; then go on with rig resume.");
       asio::steady_timer never(input_.get_executor(), asio::steady_timer::time_point::max());
       co_await never.async_wait(use_awaitable);
     }

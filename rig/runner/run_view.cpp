@@ -221,7 +221,7 @@ std::string summary_text(const RunState& state, const SessionStore& session, dou
   std::string text = "\n" + state.procedure + ": " + phase_word(state.phase) + "\n  " +
                      std::to_string(recorded) + " of " + std::to_string(state.steps.size()) + " steps, " +
                      grouped(static_cast<long>(session.captures().size())) + " captures, " +
-                     duration_with_unit(seconds) + "; scans lost: " + std::to_string(state.scans_lost) +
+                     duration_text(seconds) + "; scans lost: " + std::to_string(state.scans_lost) +
                      ", refused: " + std::to_string(state.scans_rejected) +
                      ", reconnections: " + std::to_string(state.reconnects) + "\n";
   std::string values;

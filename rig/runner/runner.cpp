@@ -36,7 +36,11 @@ Runner::Impl::Impl(Procedure procedure_, fit::Bench bench_, SessionStore& sessio
   progress = session.progress();
   state.procedure = procedure.title;
   state.session = std::filesystem::path(session.path()).filename().string();
-  for (const auto& step : plan) state.steps.emplace_back(step.says, RunState::StepState::not_started);
+  state.session_path = session.path();
+  for (const auto& step : plan) {
+    state.steps.emplace_back(step.says, RunState::StepState::not_started);
+    state.step_keys.push_back(step.key);
+  }
   if (!plan.empty()) state.left_s = time_left.left_s(TimeLeft::Running());
   check_same_procedure();
   read_both_clocks();
@@ -48,6 +52,9 @@ Runner::Impl::Impl(Procedure procedure_, fit::Bench bench_, SessionStore& sessio
 awaitable<void> Runner::Impl::prepare() {
   describe_session();
   restore_scene();
+  remember_unchecked();
+  auto wondering = ask_about_bench();
+  co_await std::move(wondering);
   auto connecting = await_lidar();
   co_await std::move(connecting);
   auto identifying = parts.stage.identify();
@@ -61,6 +68,7 @@ awaitable<void> Runner::Impl::prepare() {
   auto asking = stage_status();
   const StageStatus status = co_await std::move(asking);
   position_deg = status.position_deg;
+  referenced = status.homed;
   if (status.moving) {
     note("warning", "the stage was found moving and is stopped");
     auto stopping = stop_turning();
@@ -248,6 +256,7 @@ void Runner::Impl::conclude() {
     // The session cannot be written any more; the failure that follows says why.
   }
   finish_session();
+  if (failure || aborted) state.ended = aborted ? "Stopped by the operator." : words_of(failure);
   state.phase = stopped   ? RunState::Phase::aborted
                 : failure ? RunState::Phase::failed
                           : RunState::Phase::done;
@@ -300,7 +309,7 @@ void Runner::resume() {
 void Runner::abort() {
   if (impl_->computing && !impl_->aborted)
     impl_->tell("warning",
-                "what is being computed cannot be broken off: rig ends when it is done and throws it away "
+                "the computation cannot be interrupted: rig ends when it is done and discards it "
                 "(a second Ctrl-C ends rig at once; nothing captured is lost)");
   impl_->aborted = true;
   impl_->abort_gate.open();

@@ -43,6 +43,8 @@ std::optional<double> Runner::Impl::since_power_on_s(std::int64_t at_us) const {
 
 awaitable<std::int64_t> Runner::Impl::capture(CaptureRequest request) {
   if (recorded(request.key)) co_return progress_of(request.key).value("capture", std::int64_t{0});
+  auto looking = check_targets();
+  co_await std::move(looking);
   stop_if_aborted();
   const std::int64_t id = session.begin_capture(info_of(request));
   std::exception_ptr why, lost_at_end;
@@ -135,7 +137,7 @@ std::string Runner::Impl::unfit_scans(const CaptureRequest& request) {
   return "The lidar sends scans that do not belong to the capture (other steps than " +
          std::to_string(request.first_step) + " to " + std::to_string(request.last_step) +
          ", or stamps that do not advance). None was stored. Switch it off and on, then go on with "
-         "--resume.";
+         "rig resume.";
 }
 
 awaitable<void> Runner::Impl::begin_anew(const CaptureRequest& request, int& failures) {
@@ -162,7 +164,7 @@ void Runner::Impl::tell_losses(const CaptureRequest& request, std::uint64_t lost
          request.name + ": " + std::to_string(lost) + " scans were lost on the way; the capture is complete");
   if (rejected > 0)
     note("warning",
-         request.name + ": " + std::to_string(rejected) + " answers with wrong checksums were thrown away");
+         request.name + ": " + std::to_string(rejected) + " answers with checksum errors were discarded");
 }
 
 awaitable<std::int64_t> Runner::Impl::capture_turning(CaptureRequest request, double from_deg,
@@ -173,6 +175,8 @@ awaitable<std::int64_t> Runner::Impl::capture_turning(CaptureRequest request, do
   for (int attempt = 1;; ++attempt) {
     auto going = move_to(from_deg, rate_deg_s > 0 ? 1 : -1, place);
     co_await std::move(going);
+    auto looking = check_targets();
+    co_await std::move(looking);
     std::exception_ptr why;
     turned = TurningScans();
     try {
@@ -218,7 +222,7 @@ awaitable<void> Runner::Impl::recover_turn(std::exception_ptr why, int attempt) 
   if (aborted || attempt >= stage_attempts || (!lidar_lost && !is_stage_error(why)))
     std::rethrow_exception(why);
   if (!lidar_lost) note("warning", "stage: " + words_of(why));
-  note("warning", "the turn is broken off and begun anew");
+  note("warning", "the turn is stopped and repeated from its start");
   auto standing = stop_turning_for_sure();
   co_await std::move(standing);
   stop_if_aborted();
@@ -275,7 +279,7 @@ awaitable<lidar::Scan> Runner::Impl::next_scan_before_limit(double seconds) {
   if (first.index() == 1)
     throw MeasurementError(
         "The turning stage came to its soft limit before the lidar had sent what was asked for, and was "
-        "stopped. Look for what made scans late (the session's events), then go on with --resume.");
+        "stopped. Look for what made scans late (the session's events), then go on with rig resume.");
   if (why) std::rethrow_exception(why);
   co_return scan;
 }

@@ -16,6 +16,7 @@
 #include <set>
 
 #include "rig/runner/runner.hpp"
+#include "rig/runner/target_sight.hpp"
 #include "rig/runner/time_left.hpp"
 
 namespace rig {
@@ -316,6 +317,9 @@ struct Runner::Impl final : StepContext {
 
   awaitable<void> ask_operator(Prompt prompt);
 
+  /// After a confirmation: what is not as asked for; empty if all is.
+  awaitable<std::string> look_after(const Prompt& prompt);
+
   static std::string wrong_answer(const Prompt& prompt, Answer& answer);
 
   awaitable<void> apply(const Prompt& prompt);
@@ -327,14 +331,45 @@ struct Runner::Impl final : StepContext {
 
   /// What the rig sees, and whether it is what was asked for.
   struct Look {
-    bool good = true;
+    explicit Look(bool good_ = true, std::string text_ = "") : good(good_), text(std::move(text_)) {}
+    bool good;
     std::string text;
+    std::optional<double> to_go_mm, intensity;  ///< Of a target.
+    bool in_view = true;
   };
 
   awaitable<Look> look_at(Sight sight);
 
-  /// `ranges`: of every beam from `first_step` on, its echoes in mm.
-  Look judge(const Sight& sight, int first_step, const std::vector<std::vector<double>>& ranges) const;
+  /// `seen`: of every beam from `first_step` on.
+  Look judge(const Sight& sight, int first_step, const SeenBeams& seen) const;
+
+  // Targets
+
+  /// Completes what a prompt waits to see: where the target that it places will stand.
+  void expect(Prompt& prompt) const;
+  /// A target where the prompts so far have put it.
+  fit::Target as_placed(const fit::Target& target) const;
+  /// Whether a beam can see it from here, and the stage's angle is known.
+  bool can_see(const fit::Target& target) const;
+  Look judge_target(const Sight& sight, const SeenBeams& seen) const;
+  /// Whether the echo follows the surface: two surfaces of very different reflectance at one distance cannot
+  /// return the same. Empty if it does.
+  std::string wrong_surface(const Sight& sight, const Look& look);
+  /// Targets that nobody has looked at yet, with what is to be seen: those that no prompt places, those that
+  /// were not in view when a prompt placed them, and all of a run that is resumed.
+  std::map<std::string, Sight> unchecked;
+  void remember_unchecked();
+  /// Before a capture: looks at those that are in view here. A person is asked to mend what is wrong; an
+  /// unattended run ends.
+  awaitable<void> check_targets();
+  struct Surface {
+    double distance_mm, reflectance, intensity;
+  };
+  std::map<std::string, std::vector<Surface>> surfaces;
+  bool referenced = false;  ///< The stage's angle means something.
+
+  /// Values of the bench file that are out of all proportion are asked about before anything moves.
+  awaitable<void> ask_about_bench();
 
   static double largest_deviation_from_line(const std::vector<double>& x, const std::vector<double>& y);
 

@@ -178,7 +178,7 @@ awaitable<void> Runner::Impl::await_lidar() {
 
 awaitable<void> Runner::Impl::reconnect_lidar(std::exception_ptr why) {
   streaming = false;
-  note("warning", "lidar lost: " + sentence(why) + " The rig connects to it anew.");
+  note("warning", "lidar lost: " + sentence(why) + " The rig connects again.");
   auto connecting = connect_again(why);
   co_await std::move(connecting);
   ++state.reconnects;
@@ -207,7 +207,7 @@ awaitable<void> Runner::Impl::connect_again(std::exception_ptr why) {
   stop_if_aborted();
   throw DeviceError("The lidar was lost and did not come back: " + sentence(why) +
                     " The stage stands, and what was captured is in " + session.path() +
-                    ". Check the lidar's power and cable, then go on with --resume.");
+                    ". Check the lidar's power and cable, then go on with rig resume.");
 }
 
 awaitable<void> Runner::Impl::compare_clocks() {
@@ -233,7 +233,7 @@ awaitable<void> Runner::Impl::compare_clocks() {
   own_time = parts.lidar.own_time() || host_s < 0.8 * device_s || host_s > 1.5 * device_s + 0.2;
   own_now_us = session_us(parts.clock.host_us());
   if (own_time)
-    note("info", "the lidar's clock does not run with this computer's: its time is the session's");
+    note("info", "lidar and computer clocks are unrelated: the session runs on the lidar's time");
 }
 
 void Runner::Impl::record_lidar_statistics() {
@@ -245,10 +245,10 @@ void Runner::Impl::record_lidar_statistics() {
                         count("attempts_in_vain");
   note(troubles == 0 ? "info" : "warning",
        "lidar in this run: " + grouped(count("scans")) + " scans received; " + grouped(count("lost")) +
-           " lost, " + grouped(count("damaged")) + " with wrong sums or shape, " +
+           " lost, " + grouped(count("damaged")) + " with checksum errors or wrong length, " +
            grouped(count("repeated")) + " repeated, " + grouped(count("stale")) + " of earlier requests; " +
            "reconnections: " + grouped(count("reconnections")) +
-           ", attempts to connect in vain: " + grouped(count("attempts_in_vain")));
+           ", failed connections: " + grouped(count("attempts_in_vain")));
 }
 
 void Runner::Impl::show(const lidar::Scan& scan) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <boost/asio/experimental/awaitable_operators.hpp>
 
+#include "fit/number_format.hpp"
 #include "rig/runner/runner_impl.hpp"
 
 namespace rig {
@@ -27,6 +28,7 @@ std::optional<double> maybe(const json& object, const char* key) {
 
 awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
   const auto before = state.phase;
+  expect(prompt);
   for (int look = 1;; ++look) {
     state.phase = RunState::Phase::prompt;
     state.prompt = prompt;
@@ -36,32 +38,51 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
     Answer answer = co_await std::move(asking);
     state.prompt.reset();
     state.phase = before;
+    aborted = aborted || answer.kind == Answer::Kind::abort;
     stop_if_aborted();
     if (answer.kind == Answer::Kind::skipped && prompt.skippable) {
       note("info", "skipped: " + prompt.title);
       co_return answer;
     }
-    if (answer.kind == Answer::Kind::repeat && repeat_previous_turn()) co_return answer;
-    if (answer.kind != Answer::Kind::confirmed) continue;
-    prompt.check = wrong_answer(prompt, answer);
-    if (prompt.check.empty()) {
+    if (answer.kind == Answer::Kind::repeat && prompt.repeatable && repeat_previous_turn()) co_return answer;
+    if (answer.kind != Answer::Kind::confirmed) {
+      prompt.refusal = answer.kind == Answer::Kind::repeat ? "there is nothing to repeat before this."
+                                                           : "this may not be skipped.";
+      continue;
+    }
+    prompt.refusal = wrong_answer(prompt, answer);
+    prompt.check.clear();
+    if (prompt.refusal.empty()) {
       auto applying = apply(prompt);
       co_await std::move(applying);
-      if (prompt.until) {
-        auto looking = look_at(*prompt.until);
-        const Look look_now = co_await std::move(looking);
-        if (!look_now.good) prompt.check = look_now.text;
-      }
+      auto looking = look_after(prompt);
+      prompt.check = prompt.refusal = co_await std::move(looking);
     }
-    if (prompt.check.empty()) {
+    if (prompt.refusal.empty()) {
       note("info", "done: " + prompt.title);
       co_return answer;
     }
-    note("warning", prompt.title + ": " + prompt.check);
+    note("warning", prompt.title + ": " + prompt.refusal);
     if (parts.operator_.unattended() && look >= looks_of_nobody)
-      throw MeasurementError("'" + prompt.title + "' is not as asked: " + prompt.check +
-                             " Nobody is there to mend it. The stage stands; go on with --resume.");
+      throw MeasurementError("'" + prompt.title + "' is not as asked: " + prompt.refusal +
+                             " Unattended run: cannot be corrected. The stage stands; go on with rig resume.");
   }
+}
+
+awaitable<std::string> Runner::Impl::look_after(const Prompt& prompt) {
+  if (!prompt.until) co_return "";
+  const Sight sight = *prompt.until;
+  if (sight.of_target && !can_see(*sight.target)) {
+    unchecked[sight.target->name] = sight;
+    note("info", "'" + sight.target->name + "' is not in view from here; it is looked at before it is measured");
+    co_return "";
+  }
+  auto looking = look_at(sight);
+  const Look look = co_await std::move(looking);
+  if (!look.good) co_return look.text;
+  if (!sight.of_target) co_return "";
+  unchecked.erase(sight.target->name);
+  co_return wrong_surface(sight, look);
 }
 
 awaitable<Answer> Runner::Impl::ask_once(Prompt prompt) {
@@ -77,9 +98,9 @@ awaitable<Answer> Runner::Impl::ask_once(Prompt prompt) {
   stop_if_aborted();
   if (operator_failed) std::rethrow_exception(std::exchange(operator_failed, nullptr));
   if (!answered)
-    throw RunStopped("Nobody answered '" + prompt.title + "' in " + duration_with_unit(prompt.timeout_s) +
+    throw RunStopped("Nobody answered '" + prompt.title + "' in " + duration_text(prompt.timeout_s) +
                      ". The stage stands, and what was captured is in " + session.path() +
-                     ". Go on with --resume.");
+                     ". Go on with rig resume.");
   co_return *answered;
 }
 
@@ -88,6 +109,9 @@ awaitable<void> Runner::Impl::ask_operator(Prompt prompt) {
     auto asking = parts.operator_.ask(prompt);
     const Answer given = co_await std::move(asking);
     if (!answered) answered = given;
+  } catch (const boost::system::system_error& error) {
+    // Called off, because the answer came from elsewhere or none came in time, is no failure.
+    if (!answered && error.code() != asio::error::operation_aborted) operator_failed = std::current_exception();
   } catch (...) {
     if (!answered) operator_failed = std::current_exception();
   }
@@ -102,9 +126,15 @@ std::string Runner::Impl::wrong_answer(const Prompt& prompt, Answer& answer) {
       "a number" + (question.unit.empty() ? "" : " in " + question.unit) +
       (question.min ? " of at least " + to_text(*question.min) : "") +
       (question.max ? (question.min ? " and" : " of") + (" at most " + to_text(*question.max)) : "");
+  const std::string with_max =
+      question.max ? fit::with_unit(to_text(*question.max), question.unit) : std::string();
   if (!number) return "the answer must be " + wanted + ".";
   if ((question.min && *number < *question.min) || (question.max && *number > *question.max))
-    return to_text(*number) + " is not believed; the answer must be " + wanted + ".";
+    return fit::with_unit(to_text(*number), question.unit) +
+           (question.min && question.max ? " is outside " + to_text(*question.min) + " to " + with_max
+            : question.min ? " is below " + fit::with_unit(to_text(*question.min), question.unit)
+                           : " is above " + with_max) +
+           ".";
   return "";
 }
 
@@ -124,7 +154,7 @@ awaitable<void> Runner::Impl::apply(const Prompt& prompt) {
   record("power_on_us", *power_on_us);
   streaming = false;
   power_cycle_told = true;
-  note("info", "the lidar was switched off and on: the rig connects to it anew");
+  note("info", "the lidar was switched off and on: the rig connects again");
   auto connecting = connect_again(nullptr);
   co_await std::move(connecting);
 }

@@ -11,6 +11,20 @@ namespace {
 
 constexpr std::size_t messages_kept = 100;
 
+/// "samples was 1000 and is 500 now, ..."; empty if nothing differs.
+std::string different_values(const json& before, const json& now) {
+  std::string text;
+  const auto add = [&](const std::string& words) { text += (text.empty() ? "" : ", ") + words; };
+  for (const auto& [name, value] : before.items())
+    if (!now.contains(name))
+      add(name + " was " + to_text(rig::value_of(value)) + " and is not there now");
+    else if (now[name] != value)
+      add(name + " was " + to_text(rig::value_of(value)) + " and is " + to_text(rig::value_of(now[name])) + " now");
+  for (const auto& [name, value] : now.items())
+    if (!before.contains(name)) add(name + " was not there and is " + to_text(rig::value_of(value)) + " now");
+  return text;
+}
+
 }  // namespace
 
 std::string words_of(const std::exception_ptr& why) {
@@ -48,11 +62,13 @@ void Runner::Impl::check_same_procedure() {
   if (!stored) return;
   if (*stored != procedure.text)
     throw UsageError(procedure.file + " differs from the procedure that " + session.path() +
-                     " was begun with, so it cannot be resumed. Restore the file or begin a new session.");
+                     " was begun with, so it cannot be resumed. `rig resume " + session.path() +
+                     "` goes on with the procedure that is in it; or begin a new session.");
   const json before = json::parse(session.get("variables").value_or("null"), nullptr, false);
-  if (before.is_object() && before != variables_json())
-    throw UsageError("the variables differ from those that " + session.path() +
-                     " was begun with, so it cannot be resumed. Give the same ones or begin a new session.");
+  const std::string differ = before.is_object() ? different_values(before, variables_json()) : "";
+  if (!differ.empty())
+    throw UsageError(session.path() + " was begun with other variables, so it cannot be resumed: " + differ +
+                     ". `rig resume " + session.path() + "` takes them from it; or begin a new session.");
 }
 
 json Runner::Impl::variables_json() const {
@@ -71,6 +87,7 @@ void Runner::Impl::describe_session() {
   session.set("bench", fit::to_json_text(known_bench));
   session.set("procedure", procedure.text);
   session.set("procedure_name", procedure.title);
+  session.set("procedure_file", procedure.file);
   session.set("kind", procedure.name);
   session.set("variables", variables_json().dump());
   session.set("epoch_unix_us", std::to_string(unix_start_us));
@@ -195,6 +212,7 @@ awaitable<void> Runner::Impl::report(std::string file) {
   if (!written.file.empty() && written.file != target)
     note("warning", target + " is another certificate and was kept");
   note("info", "report written to " + (written.file.empty() ? target : written.file));
+  state.report = written.file.empty() ? target : written.file;
 }
 
 std::string Runner::Impl::report_target(const std::string& file) const {
@@ -283,7 +301,7 @@ void Runner::Impl::stop_if_aborted() const {
     throw RunStopped("Stopped by the operator. The stage stands, the lidar's laser is off, and " +
                      (session.progress().empty()
                           ? "nothing was captured yet."
-                          : "what was captured is in " + session.path() + ". Go on with --resume."));
+                          : "what was captured is in " + session.path() + ". Go on with: rig resume " + session.path()));
 }
 
 }  // namespace rig

@@ -48,6 +48,7 @@ awaitable<void> Runner::Impl::home_once(bool again) {
   } else {
     position_deg = status.position_deg;
   }
+  referenced = true;
   last_approach = 0;
   settled_us = parts.clock.host_us();
 }
@@ -93,7 +94,7 @@ awaitable<double> Runner::Impl::move_to(double target_deg, int approach, const P
     if (attempt >= stage_attempts)
       throw StageError(seen + ", " + std::to_string(attempt) +
                        " times. It was stopped. Check that nothing blocks it and that its scale is right "
-                       "(stage in the bench file), then go on with --resume.");
+                       "(stage in the bench file), then go on with rig resume.");
     note("warning", seen + "; it is sent again");
     last_approach = 0;
   }

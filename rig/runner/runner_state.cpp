@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: MIT
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "rig/runner/runner.hpp"
@@ -22,8 +26,10 @@ const char* word(RunState::StepState state) {
 
 json prompt_json(const Prompt& prompt) {
   json result = {
-      {"title", prompt.title}, {"text", prompt.text}, {"can_skip", prompt.skippable}, {"can_repeat", true}};
+      {"title", prompt.title}, {"text", prompt.text}, {"can_skip", prompt.skippable}, {"can_repeat", prompt.repeatable}};
   if (!prompt.picture.empty()) result["picture"] = prompt.picture;
+  if (!prompt.refusal.empty()) result["refusal"] = prompt.refusal;
+  if (prompt.to_go_mm) result["to_go_mm"] = std::round(*prompt.to_go_mm);
   if (!prompt.check.empty()) result["check"] = {{"text", prompt.check}, {"good", false}};
   if (prompt.check.empty() && !prompt.seen.empty()) result["check"] = {{"text", prompt.seen}, {"good", true}};
   if (prompt.question) {
@@ -43,14 +49,54 @@ json results_json(const std::string& checks_text) {
   return results;
 }
 
+/// As in the procedure's file: "4.1".
+std::string number_of_step(const RunState& state, std::size_t step) {
+  const std::string key = step < state.step_keys.size() ? state.step_keys[step] : std::to_string(step + 1);
+  return key.substr(0, key.find('['));
+}
+
 /// A window around the running step: a procedure may have thousands.
 json steps_json(const RunState& state) {
   constexpr std::size_t before = 10, after = 40;
   const std::size_t first = state.step > before ? state.step - before : 0;
   json steps = json::array();
   for (std::size_t i = first; i < std::min(state.steps.size(), state.step + after); ++i)
-    steps.push_back({{"text", state.steps[i].first}, {"state", word(state.steps[i].second)}});
+    steps.push_back({{"number", number_of_step(state, i)},
+                     {"text", state.steps[i].first},
+                     {"state", word(state.steps[i].second)}});
   return steps;
+}
+
+/// Both ends of the target that a prompt waits for, where they should be in the lidar's frame, as scans are.
+json ghost_json(const fit::Target& target, const fit::Bench& bench, double stage_deg) {
+  const double stage_rad = stage_deg * fit::rad_per_deg;
+  const fit::Mount& mount = bench.lidar.mount;
+  const Eigen::Vector2d origin =
+      Eigen::Rotation2Dd(stage_rad) * Eigen::Vector2d(mount.x_mm.value, mount.y_mm.value);
+  const Eigen::Rotation2Dd to_lidar(-stage_rad - mount.yaw_rad.value);
+  json ends = json::array();
+  for (const Eigen::Vector2d& end : {target.from_mm, target.to_mm}) {
+    const Eigen::Vector2d seen = to_lidar * (end - origin);
+    ends.push_back({std::round(seen.x()), std::round(seen.y())});
+  }
+  return ends;
+}
+
+/// PASS, FAIL or nothing where no limit was checked.
+std::string verdict_of(const json& checks) {
+  if (checks.empty()) return "";
+  const bool pass = std::ranges::all_of(checks, [](const json& check) { return check.value("verdict", "") == "pass"; });
+  return pass ? "PASS" : "FAIL";
+}
+
+/// How the run ended: what a person reads from across the room, and what to do next.
+json end_json(const RunState& state) {
+  const bool done = state.phase == RunState::Phase::done;
+  json end = {{"verdict", done ? verdict_of(json::parse(state.checks_text)) : ""},
+              {"text", state.ended},
+              {"report", std::filesystem::path(state.report).filename().string()}};
+  if (!done) end["go_on"] = "rig resume " + state.session_path;
+  return end;
 }
 
 }  // namespace
@@ -88,12 +134,19 @@ json to_json(const RunState& state, const fit::Bench& bench) {
                     {{"done", state.done},
                      {"total", state.total},
                      {"unit", state.unit},
-                     {"left_s", state.left_s},
                      {"overall", state.overall}}}};
+  // Nobody knows how long a person takes.
+  const bool waits = state.phase == RunState::Phase::prompt || state.phase == RunState::Phase::paused;
+  if (!waits) document["progress"]["left_s"] = state.left_s;
   if (state.step < state.steps.size())
-    document["step"] = {
-        {"n", state.step + 1}, {"of", state.steps.size()}, {"text", state.steps[state.step].first}};
+    document["step"] = {{"n", state.step + 1},
+                        {"of", state.steps.size()},
+                        {"number", number_of_step(state, state.step)},
+                        {"text", state.steps[state.step].first}};
   if (state.prompt) document["prompt"] = prompt_json(*state.prompt);
+  if (state.prompt && state.prompt->until && state.prompt->until->target)
+    document["prompt"]["ghost"] = ghost_json(*state.prompt->until->target, bench, state.stage_deg);
+  if (state.phase >= RunState::Phase::done) document["end"] = end_json(state);
   if (state.scan_seen) {
     const double step_deg = bench.lidar.step_rad * fit::deg_per_rad;
     document["scan"] = {{"first_deg", bench.lidar.beam_angle(state.scan.first_step) * fit::deg_per_rad},
@@ -113,7 +166,7 @@ json to_json(const RunState& state, const fit::Bench& bench) {
   document["messages"] = json::array();
   document["messages_total"] = state.messages_total;
   for (const auto& message : state.messages)
-    document["messages"].push_back({{"time", duration_text(static_cast<double>(message.time_us) / 1e6)},
+    document["messages"].push_back({{"time", session_time_text(static_cast<double>(message.time_us) / 1e6)},
                                     {"level", message.level},
                                     {"text", message.text}});
   return document;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "rig/runner/runner_impl.hpp"
 #include "rig/runner/scan_gate.hpp"
@@ -13,7 +14,7 @@ constexpr double between_attempts_s = 2;
 // Of a device that sends as fast as it is read: two looks a second are enough for an eye.
 constexpr double between_looks_s = 0.5;
 
-double median(std::vector<double> values) {
+double middle_of(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
@@ -22,18 +23,31 @@ double median(std::vector<double> values) {
 /// The echoes of the beams of a sight, collected until they can be judged.
 class Echoes {
  public:
-  explicit Echoes(std::size_t beams) : ranges_(beams) {}
+  explicit Echoes(std::size_t beams) : ranges_(beams), levels_(beams) {}
   /// `offset`: index of the sight's first beam within the scan.
   void add(const lidar::Scan& scan, std::size_t offset) {
     ++scans_;
-    for (std::size_t i = 0; i < ranges_.size() && offset + i < scan.range_mm.size(); ++i)
-      if (scan.range_mm[offset + i] > 0) ranges_[i].push_back(scan.range_mm[offset + i]);
+    for (std::size_t i = 0; i < ranges_.size() && offset + i < scan.range_mm.size(); ++i) {
+      if (scan.range_mm[offset + i] == 0) continue;
+      ranges_[i].push_back(scan.range_mm[offset + i]);
+      if (offset + i < scan.intensity.size()) levels_[i].push_back(scan.intensity[offset + i]);
+    }
   }
   [[nodiscard]] bool enough() const { return scans_ >= scans_of_a_look; }
-  [[nodiscard]] const std::vector<std::vector<double>>& ranges() const { return ranges_; }
+  /// Medians of the beams that had an echo in half of the scans.
+  [[nodiscard]] SeenBeams seen() const {
+    constexpr double none = std::numeric_limits<double>::quiet_NaN();
+    SeenBeams seen;
+    for (std::size_t i = 0; i < ranges_.size(); ++i) {
+      const bool sure = ranges_[i].size() >= scans_of_a_look / 2;
+      seen.range_mm.push_back(sure ? middle_of(ranges_[i]) : none);
+      seen.intensity.push_back(sure && !levels_[i].empty() ? middle_of(levels_[i]) : none);
+    }
+    return seen;
+  }
 
  private:
-  std::vector<std::vector<double>> ranges_;
+  std::vector<std::vector<double>> ranges_, levels_;
   int scans_ = 0;
 };
 
@@ -49,6 +63,10 @@ bool is_cancellation(const std::exception_ptr& why) {
 
 CaptureRequest steps_of(const Sight& sight, const fit::LidarGeometry& lidar) {
   CaptureRequest request;
+  if (sight.of_target) {
+    request.last_step = lidar.steps - 1;
+    return request;
+  }
   const double step_deg = lidar.step_rad * fit::deg_per_rad;
   request.first_step = static_cast<int>(std::lround(lidar.front_step + sight.from_deg / step_deg));
   request.last_step = static_cast<int>(std::lround(lidar.front_step + sight.to_deg / step_deg));
@@ -78,32 +96,32 @@ awaitable<Runner::Impl::Look> Runner::Impl::look_at(Sight sight) {
   }
   auto stopping = stop_stream();
   co_await std::move(stopping);
-  co_return judge(sight, request.first_step, echoes.ranges());
+  co_return judge(sight, request.first_step, echoes.seen());
 }
 
-Runner::Impl::Look Runner::Impl::judge(const Sight& sight, int first_step,
-                                       const std::vector<std::vector<double>>& ranges) const {
+Runner::Impl::Look Runner::Impl::judge(const Sight& sight, int first_step, const SeenBeams& seen) const {
+  if (sight.of_target) return judge_target(sight, seen);
   std::vector<double> medians, x, y;
-  for (std::size_t i = 0; i < ranges.size(); ++i) {
-    if (ranges[i].size() < scans_of_a_look / 2) continue;
-    medians.push_back(median(ranges[i]));
+  for (std::size_t i = 0; i < seen.range_mm.size(); ++i) {
+    if (!std::isfinite(seen.range_mm[i])) continue;
+    medians.push_back(seen.range_mm[i]);
     const double angle = known_bench.lidar.beam_angle(first_step + static_cast<double>(i));
     x.push_back(medians.back() * std::cos(angle));
     y.push_back(medians.back() * std::sin(angle));
   }
-  if (medians.size() * 2 < ranges.size())
-    return {false, "the rig sees nothing there (no echo from most beams, with the stage at " +
-                       rounded_text(position_deg, 2) + " deg)."};
-  const double seen_mm = median(medians);
+  if (medians.size() * 2 < seen.range_mm.size())
+    return Look(false, "the rig sees nothing there (no echo from most beams, with the stage at " +
+                       rounded_text(position_deg, 2) + " deg).");
+  const double seen_mm = middle_of(medians);
   if (sight.within_mm && (seen_mm < sight.within_mm->first || seen_mm > sight.within_mm->second))
-    return {false, "the rig sees " + rounded_text(seen_mm, 1) + " mm and wants " +
+    return Look(false, "the rig sees " + rounded_text(seen_mm, 1) + " mm, expected " +
                        rounded_text(sight.within_mm->first, 1) + " to " +
-                       rounded_text(sight.within_mm->second, 1) + " mm."};
+                       rounded_text(sight.within_mm->second, 1) + " mm.");
   const double rough_mm = largest_deviation_from_line(x, y);
   if (sight.flat_within_mm && rough_mm > *sight.flat_within_mm)
-    return {false, "what the rig sees is not flat: " + rounded_text(rough_mm, 0) +
-                       " mm off a straight line, " + to_text(*sight.flat_within_mm) + " mm allowed."};
-  return {true, "the rig sees " + rounded_text(seen_mm, 1) + " mm, as asked."};
+    return Look(false, "what the rig sees is not flat: " + rounded_text(rough_mm, 0) +
+                       " mm off a straight line, " + to_text(*sight.flat_within_mm) + " mm allowed.");
+  return Look(true, "the rig sees " + rounded_text(seen_mm, 1) + " mm, as asked.");
 }
 
 double Runner::Impl::largest_deviation_from_line(const std::vector<double>& x, const std::vector<double>& y) {
@@ -158,7 +176,7 @@ awaitable<void> Runner::Impl::watch_bench(std::optional<Sight> until) {
       note("warning", "lidar lost: " + words_of(why) + " Check its power and cable; rig goes on trying.");
     lost = true;
     streaming = false;
-    tell({false, "the lidar does not answer."});
+    tell(Look(false, "the lidar does not answer."));
     changed();
     auto resting = pause_for(between_attempts_s);
     co_await std::move(resting);
@@ -184,7 +202,7 @@ awaitable<void> Runner::Impl::watch_stream(std::optional<Sight> until) {
       show(scan);
       echoes.add(scan, static_cast<std::size_t>(std::max(0, wanted.first_step - scan.first_step)));
       if (echoes.enough()) {
-        if (until) tell(judge(*until, wanted.first_step, echoes.ranges()));
+        if (until) tell(judge(*until, wanted.first_step, echoes.seen()));
         echoes = Echoes(beams);
         enough = own_time;
       }
@@ -201,6 +219,7 @@ void Runner::Impl::tell(const Look& look) {
   if (!state.prompt) return;
   state.prompt->check = look.good ? "" : look.text;
   state.prompt->seen = look.good ? look.text : "";
+  state.prompt->to_go_mm = look.to_go_mm;
 }
 
 awaitable<void> Runner::Impl::end_watch() {

@@ -30,8 +30,8 @@ void tell_operator(const std::string& path, const SQLite::Exception& error) {
     case SQLITE_FULL:
       throw MeasurementError(
           "The disk is full: " + path +
-          " cannot grow. What was captured before is intact. Free some space, then run again "
-          "with --resume.");
+          " cannot grow. What was captured before is intact. Free some space, then go on "
+          "with rig resume.");
     case SQLITE_NOTADB:
       if (is_text(path))
         throw UsageError(path +
@@ -47,11 +47,11 @@ void tell_operator(const std::string& path, const SQLite::Exception& error) {
     case SQLITE_PERM:
       throw UsageError(path + " cannot be written. Check the permissions of the file and its folder.");
     case SQLITE_CANTOPEN:
-      throw UsageError(path + " cannot be opened or made. Choose another folder or mend its permissions.");
+      throw UsageError(path + " cannot be opened or made. Choose another folder or correct its permissions.");
     case SQLITE_IOERR:
       throw MeasurementError(
           "Reading or writing " + path + " failed (" + error.what() +
-          "). What was captured before is intact. Check the disk, then run again with --resume.");
+          "). What was captured before is intact. Check the disk, then go on with rig resume.");
     default:
       throw MeasurementError(path + ": " + error.what());
   }

@@ -116,8 +116,8 @@ void SessionStore::Impl::require_transaction() {
   rollback();
   throw MeasurementError(
       "The disk refused the capture that was being written to " + path +
-      ". What was captured before is intact. Free some space or check the disk, then run again with "
-      "--resume.");
+      ". What was captured before is intact. Free some space or check the disk, then go on with "
+      "rig resume.");
 }
 
 void SessionStore::Impl::rollback() {
@@ -167,6 +167,7 @@ void SessionStore::commit_capture(std::int64_t capture) {
       throw;
     }
     impl_->open_capture.reset();
+    impl_->empty_log();
     impl_->demand_name();
   });
 }

@@ -9,6 +9,7 @@
 
 #include <cerrno>
 #include <filesystem>
+#include <fstream>
 
 #include "rig/errors.hpp"
 
@@ -60,6 +61,34 @@ bool has_data(const std::string& path) {
   return !ignored && size > 0;
 }
 
+void fold_log(const std::string& path) {
+  if (!has_data(path + "-wal") || ::access(path.c_str(), W_OK) != 0) return;
+  try {
+    // SQLite gives the mode up only while nobody else has the session open: a run that goes on keeps its log.
+    SQLite::Database database(path, SQLite::OPEN_READWRITE, 0);
+    if (database.execAndGet("PRAGMA user_version").getInt() < 0) return;
+    database.exec("PRAGMA journal_mode = DELETE");
+  } catch (const SQLite::Exception&) {
+    // Read as it is: a run goes on, or what is wrong with the file is told by the reader.
+  }
+}
+
+std::string words_about_log(const std::string& path) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored)) return "";
+  if (has_data(path + "-wal"))
+    return path + " has a log beside it (" + path +
+           "-wal): its run goes on, or was killed. What is in the log belongs to the session: whoever copies one "
+           "copies both.";
+  std::ifstream file(path, std::ios::binary);
+  std::string head(20, '\0');
+  file.read(head.data(), static_cast<std::streamsize>(head.size()));
+  const bool logged = file.gcount() == 20 && head.starts_with("SQLite format 3") && head[18] == 2;
+  if (!logged) return "";
+  return path + " was not closed by its run, and has no log beside it (" + path +
+         "-wal). If it is a copy, copy the log too: the last captures may be in it.";
+}
+
 std::unique_ptr<SQLite::Database> open_for_reading(const std::string& path) {
   struct stat found {};
   if (::stat(path.c_str(), &found) != 0)
@@ -70,6 +99,7 @@ std::unique_ptr<SQLite::Database> open_for_reading(const std::string& path) {
     throw UsageError(path + " is empty: there is no session in it.");
   if (::access(path.c_str(), R_OK) != 0)
     throw UsageError(path + " cannot be read: permission denied. Check the file's permissions.");
+  fold_log(path);
   try {
     auto database = std::make_unique<SQLite::Database>(path, SQLite::OPEN_READONLY, 2000);
     (void)database->execAndGet("PRAGMA user_version").getInt();

@@ -30,6 +30,14 @@ void sync_folder(const std::string& path);
 /// Whether there is a file of more than no bytes.
 [[nodiscard]] bool has_data(const std::string& path);
 
+/// Makes a session whose writer was killed one file again: takes what its write-ahead log holds into it and
+/// removes the log. Does nothing while a writer is there, or where the file cannot be written.
+void fold_log(const std::string& path);
+
+/// What a person should know of a session that has a write-ahead log beside it, or lacks one that it had;
+/// empty if it is one plain file.
+[[nodiscard]] std::string words_about_log(const std::string& path);
+
 /// Opens a session, or what should be one, for reading: beside a writer, after a crash, and on read-only
 /// media too. Throws UsageError or SQLite::Exception.
 [[nodiscard]] std::unique_ptr<SQLite::Database> open_for_reading(const std::string& path);

@@ -3,6 +3,7 @@
 #include "rig/session/session_store.hpp"
 
 #include <fcntl.h>
+#include <sqlite3.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -37,7 +38,7 @@ void SessionStore::Impl::create() {
   if (has_data(path))
     throw UsageError(path +
                      " exists already and is not overwritten. Choose another name, remove it, or go on with "
-                     "it (--resume).");
+                     "it (rig resume).");
   demand_plain_file(path);
   make_empty();
   lock = std::make_unique<WriterLock>(path);
@@ -62,9 +63,9 @@ void SessionStore::Impl::demand_name() {
     }
     sync_folder(copy);
     throw MeasurementError(words + "Everything captured was saved to " + copy + ". Rename it to " + path +
-                           " and go on with --resume.");
+                           " and go on with rig resume.");
   }
-  throw MeasurementError(words + "It could not be saved elsewhere: what was captured is lost. Begin anew.");
+  throw MeasurementError(words + "It could not be saved elsewhere: what was captured is lost. Begin again.");
 }
 
 void SessionStore::Impl::make_empty() {
@@ -122,6 +123,11 @@ SessionStore::Impl::~Impl() {
   insert_scan.reset();
   insert_geometry.reset();
   database.reset();
+}
+
+void SessionStore::Impl::empty_log() {
+  // Whatever prevents it, a reader that holds an older state say, the log has what was committed.
+  (void)sqlite3_wal_checkpoint_v2(database->getHandle(), nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
 }
 
 void SessionStore::Impl::make_plain() {

@@ -24,7 +24,8 @@ namespace rig {
 class SessionStore {
  public:
   /// create: a new file, refused if one with data is there. append: an existing file, refused while another
-  /// program writes it. read: never changes the file; works on read-only media and beside a writer.
+  /// program writes it. read: never changes what is in it; works on read-only media and beside a writer. A
+  /// session whose writer was killed is made one file again by whoever opens it first.
   enum class Mode { create, append, read };
 
   SessionStore(const std::string& path, Mode mode);

@@ -121,7 +121,7 @@ json paper_table(const fit::RangeCalibration& calibration) {
   add(calibration.intensity_table, "A1 intensity");
   add(calibration.distance_table, "A2 distance");
   return {
-      {"title", "Five families of curves, as in the paper's table"}, {"columns", columns}, {"rows", rows}};
+      {"title", "Five families of curves (Zhao et al.)"}, {"columns", columns}, {"rows", rows}};
 }
 
 /// Every family's equation with its coefficients: whoever prefers another than the best finds it here.
@@ -515,10 +515,14 @@ class Range : public Fitting {
   }
 
   static json residual_plot(const std::vector<fit::RangePoint>& points, const Correction& correction) {
-    json plot = new_plot("Error left after the correction", "range (mm)", "error (mm)");
+    // Over what was varied: at one distance only the echo's strength.
+    const auto [nearest, farthest] = std::ranges::minmax(points, {}, &fit::RangePoint::true_mm);
+    const bool one_distance = farthest.true_mm - nearest.true_mm < 0.02 * farthest.true_mm;
+    json plot = new_plot("Error left after the correction", one_distance ? "intensity (counts)" : "range (mm)",
+                         "error (mm)");
     std::vector<double> x, y, u;
     for (const fit::RangePoint& p : points) {
-      x.push_back(p.true_mm), u.push_back(2 * p.u_mm);
+      x.push_back(one_distance ? p.intensity : p.true_mm), u.push_back(2 * p.u_mm);
       y.push_back(correction.apply(p.measured_mm, p.intensity).range_mm - p.true_mm);
     }
     add_series(plot, "corrected, k = 2 of the mean", "errorbars", x, y, u);

@@ -154,7 +154,7 @@ class Sensitivity : public Fitting {
  public:
   std::string kind() const override { return "sensitivity"; }
   std::string describes() const override {
-    return "angular sensitivity: the window in which a beam at an edge jitters";
+    return "angular sensitivity: the edge transition width, within which a beam sees now one surface, now the other";
   }
   std::vector<FitOption> options() const override { return edge_options(); }
 
@@ -191,7 +191,7 @@ class Sensitivity : public Fitting {
     const fit::DeviceAccuracy accuracy = fit::accuracy_of(bench);
     const double u_resolution_rad = u_of_resolution(source.recordings.front()->bench().stage_resolution_rad);
     const double window_deg = joint.rad.value * fit::deg_per_rad;
-    const char* const window_label = "Window of jitter at an edge";
+    const char* const window_label = "Edge transition width";
     UncertaintyBudget window("window_deg", window_label, "deg");
     window.add({.source = "samples, and scatter of the stops' angles (posterior)",
                 .kind = 'A',
@@ -208,13 +208,13 @@ class Sensitivity : public Fitting {
     if (evenly_stepped(best)) {
       const double counted = best.jitter_rad->second - best.jitter_rad->first + best.step_rad;
       out["values"].push_back(result_value(
-          "window_counted_deg", "The same, counted in stops as in the paper",
+          "window_counted_deg", "Edge transition width by counting (Zhao et al.)",
           {counted * fit::deg_per_rad, best.step_rad / std::sqrt(6.0) * fit::deg_per_rad}, "deg"));
       compare_methods(out, window_label, "by the share of samples", {window_deg, window.u()}, "by counting stops",
                       {counted * fit::deg_per_rad, best.step_rad / std::sqrt(6.0) * fit::deg_per_rad}, "deg");
     } else {
       out["undetermined"].push_back(
-          "the window counted in stops as in the paper: no edge was swept in even steps with a smooth stop "
+          "the edge transition width by counting (Zhao et al.): no edge was swept in even steps with a smooth stop "
           "on "
           "both sides. Add a sweep of 0.01 deg steps through the edge.");
     }

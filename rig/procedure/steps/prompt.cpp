@@ -13,8 +13,8 @@ const std::vector<Option>& ask_options() {
   static const std::vector<Option> options = {
       {.name = "name", .type = Type::text, .about = "variable that gets the answer", .required = true},
       {.name = "unit", .type = Type::text, .about = "unit of the answer"},
-      {.name = "min", .about = "smallest answer that is believed"},
-      {.name = "max", .about = "largest answer that is believed"},
+      {.name = "min", .about = "smallest answer that is accepted"},
+      {.name = "max", .about = "largest answer that is accepted"},
       {.name = "default", .type = Type::text, .about = "answer when nobody is there to type one"}};
   return options;
 }
@@ -37,12 +37,20 @@ const std::vector<Option>& until_options() {
   static const std::vector<Option> options = {
       {.name = "beams_deg",
        .type = Type::numbers,
-       .about = "beams that look, in degrees of the lidar's frame",
-       .required = true},
+       .about = "beams that look, in degrees of the lidar's frame; a placed target's own if not given"},
       {.name = "within_mm", .type = Type::numbers, .about = "distance they should see"},
-      {.name = "flat_within_mm", .about = "largest deviation from a straight line", .min = 0.1}};
+      {.name = "flat_within_mm", .about = "largest deviation from a straight line", .min = 0.1},
+      {.name = "tolerance_mm",
+       .about = "how far from its place a placed target may be seen; from the stated uncertainties if not given",
+       .min = 0.1,
+       .max = 1e5},
+      {.name = "surface",
+       .type = Type::flag,
+       .about = "false: the echo need not follow the reflectance of 'place'"}};
   return options;
 }
+
+constexpr double nearest_mm = 20;  // Below the least range of every lidar that the sources name.
 
 /// Distance of the target's plane from the stage's axis.
 double distance_mm(const fit::Target& target) { return target.from_mm.dot(target.outward_normal()); }
@@ -70,6 +78,10 @@ Placement placement(const Arguments& place, const fit::Bench& bench) {
   }
   if (at_mm && result.shift_mm)
     throw ProcedureError(place.place(), "'place' takes one of at_mm and shift_mm.");
+  if (at_mm && *at_mm < nearest_mm)
+    throw ProcedureError(place.place_of("at_mm"),
+                         to_text(*at_mm) + " mm from the stage's axis is nearer than any lidar measures (" +
+                             to_text(nearest_mm) + " mm). Lengths are in millimetres; were metres meant?");
   if (at_mm) result.shift_mm = *at_mm - distance_mm(*target);
   return result;
 }
@@ -95,7 +107,7 @@ class PromptStep final : public StepKind {
          .members = place_options()},
         {.name = "until",
          .type = Type::map,
-         .about = "what the rig itself should then see",
+         .about = "what the rig itself should then see; without it, a placed target where it was asked for",
          .members = until_options()},
         {.name = "timeout_min",
          .about = "stops the run, resumable, when nobody answers; waits for ever if not given",
@@ -135,7 +147,11 @@ class PromptStep final : public StepKind {
     result.skippable = arguments.flag_or("skip", true);
     if (arguments.has("ask")) result.question = question(arguments.map("ask"));
     if (arguments.has("place")) result.place = placement(arguments.map("place"), bench);
-    if (arguments.has("until")) result.until = sight(arguments.map("until"), bench);
+    const bool places_target = result.place && !result.place->target.empty();
+    if (arguments.has("until"))
+      result.until = sight(arguments.map("until"), bench, places_target);
+    else if (places_target)
+      result.until.emplace().of_target = true;
     return result;
   }
 
@@ -149,10 +165,23 @@ class PromptStep final : public StepKind {
     return result;
   }
 
-  static Sight sight(const Arguments& until, const fit::Bench& bench) {
+  static Sight sight(const Arguments& until, const fit::Bench& bench, bool places_target) {
     (void)capture_request(until, bench, 1);  // checks that the lidar has these beams
     Sight result;
+    result.tolerance_mm = until.maybe_number("tolerance_mm");
+    result.surface = until.flag_or("surface", true);
     const auto beams = until.interval("beams_deg");
+    if (!beams) {
+      if (!places_target || until.has("within_mm") || until.has("flat_within_mm"))
+        throw ProcedureError(until.place(),
+                             "'until' needs 'beams_deg', the beams that look; only a target that 'place' names "
+                             "is looked at without them.");
+      result.of_target = true;
+      return result;
+    }
+    if (result.tolerance_mm)
+      throw ProcedureError(until.place_of("tolerance_mm"),
+                           "'until' takes one of tolerance_mm, about a target's place, and beams_deg.");
     result.from_deg = beams->first;
     result.to_deg = beams->second;
     result.within_mm = until.interval("within_mm");

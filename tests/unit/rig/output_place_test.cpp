@@ -130,7 +130,7 @@ TEST_CASE("where an output cannot be written is said before anything is computed
   REQUIRE(::chmod((folder / "file.txt").c_str(), 0444) == 0);
   {
     const Nobody other;
-    refused(folder / "x.html", "not permitted", "mend the permissions of " + folder.path());
+    refused(folder / "x.html", "not permitted", "correct the permissions of " + folder.path());
     refused(folder / "file.txt", "protected against writing", "another name");
   }
   CHECK(folder.names().size() == 2);

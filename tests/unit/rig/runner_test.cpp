@@ -401,7 +401,7 @@ TEST_CASE("a lidar that does answer, and not as it should, is not waited for whe
 
 TEST_CASE("a capture that was whole stays whole when the lidar is lost at its end") {
   Rig rig("  - home\n  - capture: {samples: 50}\n  - capture: {samples: 5}\n");
-  rig.lidar.fails_at_stop = 1;  // The first stop ends the comparison of the clocks.
+  rig.lidar.fails_at_stop = 2;  // The first stops end the comparison of the clocks and the look at the board.
   CHECK(rig.run());
   const auto captures = rig.captures();
   REQUIRE(captures.size() == 2);
@@ -410,8 +410,8 @@ TEST_CASE("a capture that was whole stays whole when the lidar is lost at its en
   CHECK(rig.lidar.connects == 2);
 
   Rig gone("  - home\n  - capture: {samples: 50}\n  - capture: {samples: 5}\n");
-  gone.lidar.fails_at_stop = 1;
-  gone.lidar.before_scan = [&](std::uint64_t number) { gone.lidar.dead_once_stopped = number > 20; };
+  gone.lidar.fails_at_stop = 2;
+  gone.lidar.before_scan = [&](std::uint64_t number) { gone.lidar.dead_once_stopped = number > 40; };
   CHECK_THROWS_WITH(gone.run(), Contains("did not come back"));
   REQUIRE(gone.captures().size() == 1);
   CHECK_THAT(gone.captures()[0].step, !Contains("short"));
@@ -479,7 +479,7 @@ TEST_CASE("a turn during which the lidar is lost for a while is begun anew and i
   CHECK_THAT(captures[0].step, !Contains("short"));
   CHECK(captures[0].stamps.size() == 60);
   CHECK(rig.lidar.connects == 2);
-  CHECK(rig.told("begun anew"));
+  CHECK(rig.told("repeated from its start"));
 }
 
 TEST_CASE("a turn during which the stage falls silent is begun anew, homed if it has to be") {
@@ -646,7 +646,7 @@ TEST_CASE("an abort stops a turning stage before it waits for a lidar that does 
 TEST_CASE("a lidar that stays away ends the run safely, and a resumed run replaces the short capture") {
   Rig rig("  - home\n  - capture: {samples: 50}\n  - capture: {samples: 5}\n");
   rig.lidar.before_scan = [&](std::uint64_t number) { rig.lidar.dead = number >= 40; };
-  CHECK_THROWS_WITH(rig.run(), Contains("did not come back") && Contains("--resume"));
+  CHECK_THROWS_WITH(rig.run(), Contains("did not come back") && Contains("rig resume"));
   CHECK(rig.stage.stops >= 1);
   auto captures = rig.captures();
   REQUIRE(captures.size() == 1);
@@ -799,6 +799,110 @@ TEST_CASE("a prompt is asked again until the rig sees what was asked for") {
   CHECK(rig.captures()[0].shift_mm == 100);
 }
 
+TEST_CASE("a prompt that places a target is done when the target is seen there, and says what is seen instead") {
+  Rig rig(
+      "  - home\n  - prompt: {title: Place it, place: {target: board, at_mm: 1600}}\n"
+      "  - capture: {samples: 5, target: board}\n");
+  std::vector<std::string> refused;
+  rig.person.nobody = false;
+  rig.person.answers = [&](const rig::Prompt& prompt) {
+    refused.push_back(prompt.refusal);
+    if (refused.size() == 3) rig.world.board_mm = 1600;
+    return rig::Answer{};
+  };
+  CHECK(rig.run());
+  REQUIRE(refused.size() == 3);
+  CHECK(refused[0].empty());
+  CHECK_THAT(refused[1], Contains("'board' is not in its place") && Contains("nearer than asked") &&
+                             Contains("instead of 1600 mm"));
+  CHECK(rig.captures()[0].range == 1600);
+}
+
+TEST_CASE("an unattended run ends where a target is not in place, without having measured it") {
+  Rig placed(
+      "  - home\n  - prompt: {title: Place it, place: {target: board, at_mm: 5000}}\n"
+      "  - capture: {samples: 5, target: board}\n");
+  CHECK_THROWS_WITH(placed.run(), Contains("instead of 5000 mm") && Contains("Unattended run: cannot be corrected"));
+  CHECK(placed.captures().empty());
+  // One that no prompt places is looked at before the first capture.
+  Rig standing("  - home\n  - capture: {samples: 5, target: board}\n");
+  standing.world.board_mm = 1800;
+  CHECK_THROWS_WITH(standing.run(), Contains("'board' is not in its place") && Contains("farther away"));
+  CHECK(standing.captures().empty());
+  standing.world.board_mm = 1400;
+  CHECK(standing.run());
+}
+
+TEST_CASE("a target that stood in its place before an interruption is looked at before the run goes on") {
+  Rig rig(
+      "  - home\n  - prompt: {title: Place it, place: {target: board, at_mm: 1600}}\n"
+      "  - capture: {samples: 5, target: board}\n  - capture: {samples: 5, target: board}\n");
+  rig.world.board_mm = 1600;
+  rig.lidar.before_scan = [&](std::uint64_t number) { rig.lidar.dead = number >= 32; };
+  CHECK_THROWS(rig.run());
+  REQUIRE(rig.captures().size() >= 1);
+  rig.lidar.dead = false;
+  rig.lidar.before_scan = [](std::uint64_t) {};
+  rig.world.board_mm = 1400;
+  CHECK_THROWS_WITH(rig.run(), Contains("instead of 1600 mm"));
+  rig.world.board_mm = 1600;
+  CHECK(rig.run());
+}
+
+TEST_CASE("a surface whose echo does not follow its stated reflectance is told, unless the procedure says otherwise") {
+  const auto steps = [](const std::string& until) {
+    return "  - home\n  - for-each: {r: [0.9, 0.2]}\n    steps:\n"
+           "      - prompt: {title: Place it, place: {target: board, shift_mm: 0, reflectance: '${r}'}" +
+           until + "}\n      - capture: {samples: 5, target: board}\n";
+  };
+  Rig same(steps(""));
+  CHECK_THROWS_WITH(same.run(), Contains("its echo is 2000") && Contains("0.2 is asked for"));
+  CHECK(same.captures().size() == 1);
+  Rig changed(steps(""));
+  changed.lidar.tamper = [&](lidar::Scan& scan) {
+    if (changed.person.asked.size() > 1) scan.intensity.assign(scan.intensity.size(), 700);
+  };
+  CHECK(changed.run());
+  Rig unasked(steps(", until: {surface: false}"));
+  CHECK(unasked.run());
+}
+
+TEST_CASE("a or q at a prompt stops the run") {
+  Rig rig("  - home\n  - prompt: {title: Place it}\n  - capture: {samples: 5}\n");
+  rig.person.nobody = false;
+  rig.person.answers = [&](const rig::Prompt&) {
+    rig::Answer answer;
+    answer.kind = rig::Answer::Kind::abort;
+    return answer;
+  };
+  CHECK_THROWS_AS(rig.run(), rig::RunStopped);
+  CHECK(rig.person.asked.size() == 1);
+  CHECK(rig.stage.stops >= 1);
+  rig.person.answers = [](const rig::Prompt&) { return rig::Answer{}; };
+  CHECK(rig.run());
+}
+
+TEST_CASE("an answer out of its range is told with the range") {
+  Rig rig("  - home\n  - prompt: {title: Measure it, ask: {name: rail, unit: mm, min: 150, max: 400}}\n");
+  std::vector<std::string> refused;
+  rig.person.nobody = false;
+  rig.person.answers = [&](const rig::Prompt& prompt) {
+    refused.push_back(prompt.refusal);
+    rig::Answer answer;
+    answer.value = refused.size() == 1 ? 900.0 : 300.0;
+    return answer;
+  };
+  CHECK(rig.run());
+  CHECK(refused == std::vector<std::string>{"", "900 mm is outside 150 to 400 mm."});
+}
+
+TEST_CASE("a resumed run with other variables is refused, and which differ is told") {
+  Rig rig("  - home\n  - capture: {samples: '${samples}'}\n", "variables: {samples: 5, far: 2}\n");
+  rig.run();
+  { rig::SessionStore(rig.file, rig::SessionStore::Mode::append).set("variables", R"({"samples": 7, "far": 2})"); }
+  CHECK_THROWS_WITH(rig.run(), Contains("samples was 7 and is 5 now") && !Contains("far"));
+}
+
 TEST_CASE("captures know how long the lidar has been on once a prompt has said so, in a resumed run too") {
   Rig rig(
       "  - home\n  - capture: {samples: 5}\n"
@@ -891,13 +995,14 @@ TEST_CASE("a lidar whose first step is not 0 is measured with from that step on"
 
 TEST_CASE("nobody is asked for ever: a bench that contradicts the captures ends the run") {
   Rig rig("  - home\n  - prompt: {title: Place it, until: {beams_deg: [-1, 1], within_mm: [1450, 1550]}}\n");
-  CHECK_THROWS_WITH(rig.run(), Contains("sees 1400 mm") && Contains("wants 1450 to 1550"));
+  CHECK_THROWS_WITH(rig.run(), Contains("sees 1400 mm") && Contains("expected 1450 to 1550"));
 }
 
 TEST_CASE(
     "while a person works, the rig tells what it sees, and a lidar that was unplugged meanwhile comes back") {
   Rig rig(
-      "  - home\n  - prompt: {title: Place it, until: {beams_deg: [-1, 1], within_mm: [1450, 1550]}}\n"
+      "  - home\n  - prompt: {title: Place it, place: {target: board, at_mm: 1500}, until: {beams_deg: [-1, 1], "
+      "within_mm: [1450, 1550]}}\n"
       "  - capture: {samples: 5}\n");
   rig.person.nobody = false;
   rig.person.silent = true;
@@ -916,7 +1021,7 @@ TEST_CASE(
   };
   CHECK(rig.run());
   REQUIRE_FALSE(wrong.empty());
-  CHECK(wrong.front() == "the rig sees 1400 mm and wants 1450 to 1550 mm.");
+  CHECK(wrong.front() == "the rig sees 1400 mm, expected 1450 to 1550 mm.");
   CHECK(rig.told("lidar lost"));
   CHECK(rig.told("lidar is back"));
   REQUIRE(rig.captures().size() == 1);
@@ -1167,7 +1272,7 @@ TEST_CASE("who watches a session sees the procedure's steps, and limits with fig
   CHECK(watched["step"]["n"] == 4);
   CHECK(watched["step"]["of"] == 4);
   REQUIRE(watched["steps"].size() == 4);
-  CHECK(watched["steps"][1] == json{{"text", "capture 5 scans"}, {"state", "recorded"}});
+  CHECK(watched["steps"][1] == json{{"number", "2"}, {"text", "capture 5 scans"}, {"state", "recorded"}});
 }
 
 TEST_CASE("a session that is removed after the last capture is saved before the run ends") {

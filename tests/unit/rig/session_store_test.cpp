@@ -10,6 +10,7 @@
 #include <fstream>
 
 #include "rig/errors.hpp"
+#include "rig/session/session_file.hpp"
 #include "rig/session/sha256.hpp"
 #include "tests/support/test_folder.hpp"
 
@@ -179,6 +180,33 @@ TEST_CASE("a writer that is killed in a capture loses that capture and nothing b
   CHECK(store.progress().count("second") == 0);
   add_capture(store, 1);
   CHECK(store.recording(plain_bench())->captures().size() == 2);
+}
+
+TEST_CASE("a session whose writer was killed is one file again for whoever opens it, and a copy without its log lacks little") {
+  const TestFolder folder;
+  const std::string file = folder / "run.rig";
+  const pid_t child = fork();
+  if (child == 0) {
+    SessionStore store(file, Mode::create);
+    for (int i = 0; i < 20; ++i) add_capture(store, 3);
+    raise(SIGKILL);
+  }
+  REQUIRE(waitpid(child, nullptr, 0) == child);
+  REQUIRE(std::filesystem::exists(file + "-wal"));
+  CHECK_THAT(rig::words_about_log(file), Catch::Contains("has a log beside it") && Catch::Contains("copies both"));
+  std::filesystem::copy(file, folder / "copy.rig");
+  CHECK_THAT(rig::words_about_log(folder / "copy.rig"), Catch::Contains("copy the log too"));
+  CHECK(SessionStore(folder / "copy.rig", Mode::read).captures().size() == 20);
+
+  CHECK(SessionStore(file, Mode::read).captures().size() == 20);
+  CHECK_FALSE(std::filesystem::exists(file + "-wal"));
+  CHECK(rig::words_about_log(file).empty());
+  // Beside a writer nothing is changed.
+  SessionStore writer(file, Mode::append);
+  add_capture(writer, 1);
+  CHECK(SessionStore(file, Mode::read).captures().size() == 21);
+  add_capture(writer, 1);
+  CHECK(SessionStore(file, Mode::read).captures().size() == 22);
 }
 
 TEST_CASE("files that are no sessions are refused in words") {
