@@ -36,7 +36,8 @@ void check_panels(const json& layout) {
 std::set<std::string> shown(const json& layout) {
   std::set<std::string> paths;
   for (const auto& panel : layout.at("configById")) {
-    for (const auto& topic : panel.value("topics", json::object()).items()) paths.insert(topic.key());
+    const json topics = panel.value("topics", json::object());
+    for (const auto& topic : topics.items()) paths.insert(topic.key());
     for (const auto& path : panel.value("paths", json::array())) paths.insert(path.at("value"));
     for (const char* key : {"topicPath", "topicToRender"})
       if (panel.contains(key)) paths.insert(panel.at(key).get<std::string>());
