@@ -137,7 +137,8 @@ struct Span {
 /// What prompts asked for, or the bench file states: temperature, humidity and light about the bench.
 std::string environment(const SessionStore& session, const json& bench, const char* key, const char* unit) {
   for (const auto& [part, text] : session.progress()) {
-    const json set = parsed(text).value("set", json::object());
+    const json done = parsed(text);  // A step's; the scene's is a list.
+    const json set = done.is_object() ? done.value("set", json::object()) : json::object();
     if (set.is_object() && set.contains(key) && set[key].is_number())
       return fit::format_value(set[key].get<double>(), 0) + " " + unit;
   }

@@ -36,6 +36,8 @@ std::string certified(const TestFolder& folder, const std::string& name = "good.
   store.set("ended", "done");
   store.set("procedure", "procedure: centre\nversion: 3\nvariables: {samples: 10000, beam_deg: 40}\nsteps: [home]\n");
   store.set("procedure_name", "Rotation centre");
+  store.set_progress("scene", R"([{"target":"board"}])");
+  store.set_progress("prompt 1", R"({"set":{"illuminance_lux":310.0}})");
   store.set("variables", R"({"samples": 100.0, "beam_deg": 40.0})");
   store.add_result("centre", result);
   return file;
@@ -58,7 +60,7 @@ TEST_CASE("what is complete and consistent is a certificate, with what ISO/IEC 1
   const std::string html = page_of(folder, certified(folder));
   for (const char* expected :
        {"<h1>Calibration certificate</h1>", "Street 1", "Robots Ltd", "2026-05-01", "Rotation centre, version 3, SHA-256 ",
-        "samples = 100 (procedure: 10000)", "23.1 \u00b0C", "45 %", "PTB-1", "2027-01-01", "as left is as found",
+        "samples = 100 (procedure: 10000)", "23.1 \u00b0C", "45 %", "310 lx", "PTB-1", "2027-01-01", "as left is as found",
         "shall not be reproduced except in full", "Authorised by: A. Person", "Signature:", "combined; U = 0.12 mm with k = 2.00",
         "End of certificate RIG-20260504-"})
     CHECK_THAT(html, Contains(expected));
