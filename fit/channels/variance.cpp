@@ -28,6 +28,14 @@ class Variances final : public IndependentRows {
     const double step2 = effect.output_step_mm > 1 ? effect.output_step_mm * effect.output_step_mm - 1 : 0;
     return effect.variance_mm2 + of(row).lever2 * effect.scan_angle_variance_rad2 + step2 / 12;
   }
+  [[nodiscard]] Eigen::VectorXd raised(const Eigen::VectorXd& eta) const override {
+    double ratio = 0, all = 0;
+    for (Eigen::Index i = 0; i < rows(); ++i) {
+      ratio += of(i).n * of(i).y / possible(eta[i]);
+      all += of(i).n;
+    }
+    return eta * std::max(1.0, ratio / all);
+  }
   [[nodiscard]] double offset(Eigen::Index) const override { return rounding_mm2; }
 
  protected:

@@ -7,6 +7,7 @@
 #include "fit/explain/inference/hold_out.hpp"
 #include "fit/explain/search/scatter.hpp"
 #include "fit/explain/search/settling.hpp"
+#include "fit/explain/stated_noise.hpp"
 
 namespace fit::explain::inference {
 namespace {
@@ -48,6 +49,18 @@ double noise_floor(const Reduced& reduced, const MeanNoise& noise) {
   return std::sqrt(sum / std::max<double>(1, static_cast<double>(model.rows())));
 }
 
+/// The constant variance is the first coefficient of its channel; a mechanism that adds to it is the same.
+double constant_noise_of(const Session& session, const Hypothesis& best) {
+  double variance = 0;
+  const auto& kinds = model::channel_kinds();
+  for (std::size_t c = 0; c < kinds.size(); ++c)
+    if (kinds[c].observable == Observable::range_variance && session.channels()[c])
+      variance += best.base[session.first_base(c)];
+  for (const Term& term : best.terms)
+    if (is_constant_noise(*term.kind->mechanism)) variance += std::pow(term.values.front(), 2);
+  return std::sqrt(std::max(0.0, variance));
+}
+
 Fitted without_term(const Session& session, const Hypothesis& h, const Kind* kind) {
   Hypothesis less;
   for (const Term& term : h.terms)
@@ -86,7 +99,7 @@ void take_means(const Session& session, const Hypothesis& best, const Posterior&
 }  // namespace
 
 Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progress) {
-  Inferred out{nullptr, {}, MeanResult(reduced.bench), {}};
+  Inferred out{nullptr, {}, MeanResult(reduced.bench), 0, {}};
   out.means.excess = settled(reduced, noise);
   out.means.noise = noise;
   out.means.noise.factor *= out.means.excess;
@@ -96,6 +109,7 @@ Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progres
   out.posterior = posterior_of(explored);
   take_means(session, explored.best.hypothesis, out.posterior, out.means);
   measure(session, explored, out);
+  out.sigma_mm = constant_noise_of(session, explored.best.hypothesis);
   out.means.noise_floor_mm = noise_floor(reduced, out.means.noise);
   return out;
 }

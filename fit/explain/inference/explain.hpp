@@ -11,6 +11,7 @@ struct Inferred {
   std::shared_ptr<const std::vector<Kind>> kinds;  ///< Which terms point to.
   Posterior posterior;
   MeanResult means;  ///< The best hypothesis' part in the means, with the held-out figures of all channels.
+  double sigma_mm = 0;       ///< Constant noise of one sample.
   std::vector<double> gain;  ///< Held out, of every named one, and then of every form.
 };
 

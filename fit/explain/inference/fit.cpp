@@ -36,7 +36,8 @@ struct Scored {
   Eigen::MatrixXd information;
 };
 
-Scored scored(const Session& session, const Design& design, Optimum& there) {
+/// `raised`: linearised at as much as the rows are on the whole.
+Scored scored(const Session& session, const Design& design, Optimum& there, bool raised = false) {
   const Index k = design.mean.size();
   Scored s{design.mean - there.x, Eigen::MatrixXd::Identity(k, k)};
   there.white.assign(design.parts.size(), {});
@@ -44,8 +45,10 @@ Scored scored(const Session& session, const Design& design, Optimum& there) {
   for (std::size_t c = 0; c < design.parts.size(); ++c) {
     if (!session.channels()[c]) continue;
     const ChannelRows& rows = *session.channels()[c];
-    there.white[c] = rows.whitened(design.parts[c].columns, there.eta[c]);
-    there.white_residual[c] = rows.white_residual(there.eta[c]);
+    const Eigen::VectorXd at = raised ? rows.raised(there.eta[c]) : there.eta[c];
+    there.white[c] = rows.whitened(design.parts[c].columns, at);
+    there.white_residual[c] = rows.white_residual(at);
+    if (raised) there.white_residual[c] += rows.whitened(at - there.eta[c], at);
     const Eigen::VectorXd along = there.white[c].transpose() * there.white_residual[c];
     const Eigen::MatrixXd square = there.white[c].transpose() * there.white[c];
     const std::vector<Index>& index = design.parts[c].index;
@@ -103,6 +106,14 @@ Optimum optimum_of(const Session& session, const Design& design, const Eigen::Ve
   }
   now.factor.compute(s.information);
   return now;
+}
+
+Optimum raised(const Session& session, const Design& design, const Optimum& optimum) {
+  Optimum there = optimum;
+  there.factor.compute(scored(session, design, there, true).information);
+  for (std::size_t c = 0; c < there.eta.size(); ++c)
+    if (session.channels()[c]) there.eta[c] = session.channels()[c]->raised(there.eta[c]);
+  return there;
 }
 
 namespace {

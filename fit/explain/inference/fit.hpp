@@ -38,6 +38,9 @@ struct Optimum {
 };
 [[nodiscard]] Optimum optimum_of(const Session& session, const Design& design, const Eigen::VectorXd& start);
 
+/// The same likelihood, linearised where terms that are still missing may take it.
+[[nodiscard]] Optimum raised(const Session& session, const Design& design, const Optimum& optimum);
+
 /// A hypothesis at its best values with its evidence, and what a search asks about it.
 struct Fitted {
   Hypothesis hypothesis;

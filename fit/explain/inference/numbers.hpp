@@ -13,9 +13,10 @@ constexpr double free_curve_share = 0.5;   ///< By which a curve of which only t
 constexpr int smooth_deviations = 6;       ///< Cosines by which a formula may bend along its coordinate.
 constexpr double named_at = 0.9, set_holds = 0.95;
 constexpr double window = 12;             ///< Log odds to the best within which a hypothesis counts.
+constexpr double worth_fitting = -3;      ///< Log odds by the score test.
 constexpr std::size_t most_terms = 5;     ///< Of a hypothesis.
 constexpr std::size_t tries = 6;          ///< Fitted of every ranking.
-constexpr std::size_t search_rows = 6000;  ///< Of the mean channel; more are averaged with neighbours.
+constexpr std::size_t search_rows = 4000;  ///< Of the mean channel; more are averaged with neighbours.
 constexpr double least_hazard = 1e-6;     ///< Of a lost or stray sample, where nothing is missing.
 constexpr double form_mm = 3, form_deg = 0.05, form_mm2 = 9, form_share = 0.01;  ///< Typical sizes of forms.
 

@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <functional>
+#include <optional>
 
+#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/search/two_cores.hpp"
 
 namespace fit::explain::inference {
@@ -17,56 +19,67 @@ using Eigen::Index;
 /// Asks what one kind would add, by the quadratic approximation at the fitted hypothesis.
 class Question {
  public:
-  Question(const Session& session, const Fitted& fitted, const Kind& kind)
-      : session_(session), fitted_(fitted), kind_(kind) {}
+  /// `around`: the fitted likelihood, raised.
+  Question(const Session& session, const Fitted& fitted, const Optimum& around, const Kind& kind)
+      : session_(&session), fitted_(&fitted), around_(&around), kind_(&kind) {}
 
-  Candidate answer() const {
-    struct Asked {
-      double log_evidence;
-      Term term;
-    };
-    std::vector<Asked> asked;
-    for (const auto& start : kind_.starts) {
-      Term term = term_at(start);
-      const double log_evidence = with_sizes(term);
-      asked.push_back({log_evidence, std::move(term)});
-    }
+  /// On the grid of its starts.
+  void look() {
     std::vector<double> logs;
-    for (const Asked& one : asked) logs.push_back(one.log_evidence);
-    const double over_grid = log_sum(logs) - std::log(static_cast<double>(logs.size()));
-    std::ranges::sort(asked, [](const Asked& a, const Asked& b) { return a.log_evidence > b.log_evidence; });
-    Candidate best;
-    best.term = asked.front().term;
-    const bool shows = asked.front().log_evidence > least_to_refine;
-    const bool refines = kind_.refines && !model::shapes_of(kind_).empty();
-    if (!refines || !shows) {
-      best.term.other_places = refines ? 0 : over_grid - asked.front().log_evidence;
-      best.log_evidence = shows && !kind_.is_form() ? with_everything(best.term) + best.term.other_places : over_grid;
-      return best;
+    for (std::size_t i = 0; i < kind_->starts.size(); ++i) {
+      Term term = term_at(kind_->starts[i]);
+      const double log_evidence = with_sizes(term, i);
+      logs.push_back(log_evidence);
+      asked_.push_back({log_evidence, std::move(term)});
     }
-    std::vector<double> modes;
-    for (std::size_t m = 0; m < std::min<std::size_t>(2, asked.size()); ++m) {
-      if (asked[m].log_evidence < asked.front().log_evidence - 8) continue;
-      const Term there = refined(asked[m].term);
-      const double of_mode = with_everything(there);
-      modes.push_back(of_mode);
-      if (of_mode <= best.log_evidence) continue;
-      best.log_evidence = of_mode;
-      best.term = there;
-    }
-    // All places are paid for: by the width of the best ones, or by the mean over the grid where that is more.
-    const double all = std::max(log_sum(modes), over_grid);
-    best.term.other_places = all - best.log_evidence;
-    best.log_evidence = all;
-    return best;
+    over_grid_ = log_sum(logs) - std::log(static_cast<double>(logs.size()));
+    const auto better = [](const Asked& a, const Asked& b) { return a.log_evidence > b.log_evidence; };
+    const std::size_t kept = std::min(modes_refined, asked_.size());
+    std::ranges::partial_sort(asked_, asked_.begin() + static_cast<std::ptrdiff_t>(kept), better);
+    asked_.resize(kept);
+    best_.term = asked_.front().term;
+    best_.term.other_places = over_grid_ - asked_.front().log_evidence;
+    best_.log_evidence = over_grid_;
   }
 
+  /// Between its starts, with what its formula leaves open.
+  void look_closely() {
+    if (kind_->is_form()) return;
+    const bool refines = kind_->refines && !model::shapes_of(*kind_).empty();
+    const double first = asked_.front().log_evidence;
+    std::vector<double> modes;
+    double most = -1e300;
+    for (const Asked& one : asked_) {
+      if (one.log_evidence < first - another_mode) continue;
+      const Term there = refines ? refined(one.term) : one.term;
+      modes.push_back(with_everything(there));
+      if (modes.back() <= most) continue;
+      most = modes.back();
+      best_.term = there;
+    }
+    // All places are paid for: by the width of the best ones, or by the mean over the grid where that is more.
+    const double all = refines ? std::max(log_sum(modes), over_grid_) : log_sum(modes);
+    best_.term.other_places = all - most;
+    best_.log_evidence = all;
+  }
+
+  /// The most that it may come to: where a peak is narrow, the grid's mean says little.
+  [[nodiscard]] double promise() const { return asked_.front().log_evidence + kind_->log_prior; }
+  [[nodiscard]] bool is_form() const { return kind_->is_form(); }
+  [[nodiscard]] const Candidate& answer() const { return best_; }
+
  private:
-  static constexpr double least_to_refine = 1;
+  static constexpr std::size_t modes_refined = 2;
+  static constexpr double another_mode = 8;
+
+  struct Asked {
+    double log_evidence;
+    Term term;
+  };
 
   [[nodiscard]] Term term_at(const std::vector<double>& values) const {
     Term term;
-    term.kind = &kind_;
+    term.kind = kind_;
     term.values = values;
     return term;
   }
@@ -76,59 +89,64 @@ class Question {
     Index k = 0;
     for (const auto& c : columns) k = std::max(k, c.cols());
     Quadratic q{Eigen::MatrixXd::Zero(k, k), Eigen::VectorXd::Zero(k)};
-    Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(fitted_.design.mean.size(), k);
+    Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(fitted_->design.mean.size(), k);
     for (std::size_t c = 0; c < columns.size(); ++c) {
       if (columns[c].cols() == 0) continue;
-      const Eigen::MatrixXd white = session_.channels()[c]->whitened(columns[c], fitted_.optimum.eta[c]);
+      const Eigen::MatrixXd white = session_->channels()[c]->whitened(columns[c], around_->eta[c]);
       q.square += white.transpose() * white;
-      q.along += white.transpose() * fitted_.optimum.white_residual[c];
-      const Eigen::MatrixXd with = fitted_.optimum.white[c].transpose() * white;
-      const auto& index = fitted_.design.parts[c].index;
+      q.along += white.transpose() * around_->white_residual[c];
+      const Eigen::MatrixXd with = around_->white[c].transpose() * white;
+      const auto& index = fitted_->design.parts[c].index;
       for (std::size_t i = 0; i < index.size(); ++i) cross.row(index[i]) += with.row(static_cast<Index>(i));
     }
-    q.square -= cross.transpose() * fitted_.optimum.factor.solve(cross);
+    q.square -= cross.transpose() * around_->factor.solve(cross);
     return q;
   }
 
   /// At those shapes, over all sizes; the term gets the best.
-  double with_sizes(Term& term) const {
-    if (kind_.coefficients.empty()) return gain_of_offset(term);
-    std::vector<Eigen::MatrixXd> columns(session_.channels().size());
+  double with_sizes(Term& term, std::optional<std::size_t> start = {}) const {
+    const double without_size = kind_->acts_without_size ? gain_of_offset(term) : 0;
+    if (kind_->coefficients.empty()) return without_size;
+    std::vector<Eigen::MatrixXd> columns(session_->channels().size());
     for (std::size_t c = 0; c < columns.size(); ++c)
-      if (kind_.acts_in[c]) columns[c] = model::columns_of(*session_.channels()[c], kind_, term.values);
-    const OverFactors over = integrate_over_factors(projected(columns), kind_);
+      if (kind_->acts_in[c])
+        columns[c] = start ? Eigen::MatrixXd(session_->columns_at(*kind_, *start)[c].cast<double>())
+                           : model::columns_of(*session_->channels()[c], *kind_, term.values);
+    const OverFactors over = integrate_over_factors(projected(columns), *kind_);
     if (!over.best.value.allFinite()) return -1e300;
     model::set_coefficients(term, over.best.value, over.best.covariance);
     term.factor = over.factor;
-    return over.log_evidence;
+    return without_size + over.log_evidence;
   }
 
   /// With the width of its shapes, and the deviations that the formula allows.
   [[nodiscard]] double with_everything(const Term& term) const {
-    if (kind_.coefficients.empty()) return gain_of_offset(term) + width_without_sizes(term);
-    std::vector<Eigen::MatrixXd> columns(session_.channels().size());
+    const double without_size = kind_->acts_without_size ? gain_of_offset(term) : 0;
+    if (kind_->coefficients.empty()) return without_size + width_without_sizes(term);
+    std::vector<Eigen::MatrixXd> columns(session_->channels().size());
     Index shapes = 0;
     for (std::size_t c = 0; c < columns.size(); ++c) {
-      if (!kind_.acts_in[c]) continue;
-      const ChannelRows& rows = *session_.channels()[c];
-      const Eigen::MatrixXd sizes = model::columns_of(rows, kind_, term.values),
+      if (!kind_->acts_in[c]) continue;
+      const ChannelRows& rows = *session_->channels()[c];
+      const Eigen::MatrixXd sizes = model::columns_of(rows, *kind_, term.values),
                             places = model::shape_columns(rows, term),
                             deviations = model::deviation_columns(rows, term);
       shapes = places.cols();
       columns[c].resize(rows.rows(), sizes.cols() + places.cols() + deviations.cols());
       columns[c] << sizes, places, deviations;
     }
-    return integrate_over_factors(projected(columns), kind_).log_evidence +
+    return without_size + integrate_over_factors(projected(columns), *kind_).log_evidence +
            static_cast<double>(shapes) * 0.5 * std::log(2 * pi / 12);
   }
 
   [[nodiscard]] double gain_of_offset(const Term& term) const {
     double sum = 0;
-    for (std::size_t c = 0; c < session_.channels().size(); ++c) {
-      if (!kind_.acts_in[c]) continue;
-      const ChannelRows& rows = *session_.channels()[c];
-      const Eigen::VectorXd& eta = fitted_.optimum.eta[c];
-      sum += rows.log_likelihood(eta + model::effect_of(rows, kind_, term.values)) - rows.log_likelihood(eta);
+    for (std::size_t c = 0; c < session_->channels().size(); ++c) {
+      if (!kind_->acts_in[c]) continue;
+      const ChannelRows& rows = *session_->channels()[c];
+      const Eigen::VectorXd& eta = fitted_->optimum.eta[c];
+      sum += rows.log_likelihood(eta + model::effect_without_size(rows, *kind_, term.values)) -
+             rows.log_likelihood(eta);
     }
     return sum;
   }
@@ -136,12 +154,12 @@ class Question {
   [[nodiscard]] double width_without_sizes(const Term& term) const {
     double sum = 0;
     Eigen::MatrixXd square;
-    for (std::size_t c = 0; c < session_.channels().size(); ++c) {
-      if (!kind_.acts_in[c]) continue;
-      const ChannelRows& rows = *session_.channels()[c];
+    for (std::size_t c = 0; c < session_->channels().size(); ++c) {
+      if (!kind_->acts_in[c]) continue;
+      const ChannelRows& rows = *session_->channels()[c];
       const Eigen::MatrixXd white = rows.whitened(
           model::shape_columns(rows, term),
-          fitted_.optimum.eta[c] + model::effect_of(rows, kind_, term.values));
+          fitted_->optimum.eta[c] + model::effect_of(rows, *kind_, term.values));
       if (square.size() == 0) square = Eigen::MatrixXd::Identity(white.cols(), white.cols());
       square += white.transpose() * white;
     }
@@ -152,8 +170,8 @@ class Question {
 
   /// Shapes between those of the grid.
   [[nodiscard]] Term refined(const Term& start) const {
-    const std::vector<std::size_t> shapes = model::shapes_of(kind_);
-    const auto& parameters = kind_.mechanism->parameters;
+    const std::vector<std::size_t> shapes = model::shapes_of(*kind_);
+    const auto& parameters = kind_->mechanism->parameters;
     struct Context {
       const Question& question;
       const std::vector<std::size_t>& shapes;
@@ -182,7 +200,7 @@ class Question {
           auto& c = *static_cast<Context*>(data);
           for (unsigned i = 0; i < size; ++i)
             c.at.values[c.shapes[i]] =
-                c.question.kind_.mechanism->parameters[c.shapes[i]].logarithmic ? std::exp(at[i]) : at[i];
+                c.question.kind_->mechanism->parameters[c.shapes[i]].logarithmic ? std::exp(at[i]) : at[i];
           const double log_evidence = c.question.with_sizes(c.at);
           if (log_evidence > c.most) {
             c.most = log_evidence;
@@ -197,9 +215,13 @@ class Question {
     return context.best;
   }
 
-  const Session& session_;
-  const Fitted& fitted_;
-  const Kind& kind_;
+  const Session* session_;
+  const Fitted* fitted_;
+  const Optimum* around_;
+  const Kind* kind_;
+  std::vector<Asked> asked_;  ///< The best of the grid.
+  double over_grid_ = -1e300;
+  Candidate best_;
 };
 
 }  // namespace
@@ -209,10 +231,18 @@ std::vector<Candidate> screen(const Session& session, const Fitted& fitted, cons
   for (const Kind& kind : session.kinds())
     if (!fitted.hypothesis.has(kind) && &kind != but) asked.push_back(&kind);
   std::ranges::stable_sort(asked, std::greater<>(), [](const Kind* kind) { return kind->starts.size(); });
-  std::vector<Candidate> list(asked.size());
-  search::on_two_cores(asked.size(),
-                       [&](std::size_t i) { list[i] = Question(session, fitted, *asked[i]).answer(); });
-  std::ranges::sort(list, [](const Candidate& a, const Candidate& b) { return a.log_posterior() > b.log_posterior(); });
+  std::vector<Question> questions;
+  const Optimum around = raised(session, fitted.design, fitted.optimum);
+  for (const Kind* kind : asked) questions.emplace_back(session, fitted, around, *kind);
+  search::on_two_cores(questions.size(), [&](std::size_t i) { questions[i].look(); });
+  std::ranges::sort(questions, std::greater<>(), &Question::promise);
+  std::vector<Question*> promising;
+  for (Question& q : questions)
+    if (!q.is_form() && promising.size() < 2 * numbers::tries) promising.push_back(&q);
+  search::on_two_cores(promising.size(), [&](std::size_t i) { promising[i]->look_closely(); });
+  std::vector<Candidate> list;
+  for (const Question& q : questions) list.push_back(q.answer());
+  std::ranges::sort(list, std::greater<>(), &Candidate::log_posterior);
   return list;
 }
 

@@ -28,9 +28,12 @@ Hypothesis without(const Hypothesis& h, std::size_t term) {
 /// Mechanisms and forms in turn, so that neither crowds out the other.
 std::vector<Candidate> best_of(const std::vector<Candidate>& list, std::size_t names, std::size_t forms) {
   std::vector<Candidate> chosen;
+  double best_name = -1e300, best_form = -1e300;
   for (const Candidate& candidate : list) {
     std::size_t& left = candidate.term.kind->is_form() ? forms : names;
-    if (left == 0 || candidate.log_posterior() < list.front().log_posterior() - 2 * numbers::window) continue;
+    double& best = candidate.term.kind->is_form() ? best_form : best_name;
+    best = std::max(best, candidate.log_posterior());
+    if (left == 0 || candidate.log_posterior() < std::max(numbers::worth_fitting, best - 2 * numbers::window)) continue;
     --left;
     chosen.push_back(candidate);
   }
@@ -47,10 +50,14 @@ class Climber {
       if (!add() && !drop() && !exchange()) return;
   }
 
+  /// Nothing is missing, and the session is linearised there.
+  [[nodiscard]] bool is_where_it_began() const { return best_.hypothesis.terms.empty() && !moved_; }
+
   /// All that counts at the linearisation where the best one predicts. Returns whether another is the best.
   bool fit_again() {
     const std::vector<const Kind*> before = best_.hypothesis.kinds();
     session_.linearise(best_.hypothesis);
+    moved_ = true;
     std::vector<Hypothesis> again;
     for (const auto& [kinds, h] : visited_)
       if (h.log_posterior() > best_.hypothesis.log_posterior() - 2 * numbers::window || h.terms.empty())
@@ -136,6 +143,7 @@ class Climber {
   Session& session_;
   std::map<std::vector<const Kind*>, Hypothesis> visited_;
   Fitted best_;
+  bool moved_ = false;
 };
 
 }  // namespace
@@ -145,6 +153,7 @@ Explored explore(Session& session, const Progress& progress) {
   Climber climber(session);
   for (int pass = 0; pass < most_linearisations; ++pass) {
     climber.climb();
+    if (climber.is_where_it_began()) break;
     if (progress) progress(0.5 + 0.1 * pass, "comparing mechanisms");
     if (!climber.fit_again() && pass > 0) break;
   }

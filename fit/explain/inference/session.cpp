@@ -38,6 +38,7 @@ Session::Session(Reduced& reduced, MeanNoise noise) : reduced_(reduced), noise_(
   nothing.base = Eigen::VectorXd::Zero(count_base());
   linearise(nothing);
   kinds_ = std::make_shared<const std::vector<Kind>>(model::kinds_of(reduced_, channels_));
+  columns_.assign(kinds_->size(), {});
 }
 
 void Session::make_channels() {
@@ -49,6 +50,17 @@ void Session::make_channels() {
     for (Index i = 0; i < offset.size(); ++i) offset[i] = channels_.back()->offset(i);
     offsets_.push_back(std::move(offset));
   }
+}
+
+const std::vector<Eigen::MatrixXf>& Session::columns_at(const Kind& kind, std::size_t start) const {
+  auto& by_start = columns_[static_cast<std::size_t>(&kind - kinds_->data())];
+  if (by_start.empty())
+    for (const auto& values : kind.starts) {
+      by_start.emplace_back(channels_.size());
+      for (std::size_t c = 0; c < channels_.size(); ++c)
+        if (kind.acts_in[c]) by_start.back()[c] = model::columns_of(*channels_[c], kind, values).cast<float>();
+    }
+  return by_start[start];
 }
 
 Index Session::first_base(std::size_t channel) const {
@@ -71,6 +83,7 @@ void Session::linearise(const Hypothesis& at) {
   for (const Term& term : at.terms)
     if (moves_the_means(*term.kind))
       at_work.push_back({term.kind->mechanism.get(), term.values, term.kind->target});
+  for (auto& kept : columns_) kept.clear();
   const Nuisance there = nuisance(at);
   predict(reduced_, there, at_work, false);
   make_channels();

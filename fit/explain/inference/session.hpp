@@ -44,6 +44,9 @@ class Session {
   [[nodiscard]] const std::vector<Kind>& kinds() const { return *kinds_; }
   /// Terms point to these.
   [[nodiscard]] std::shared_ptr<const std::vector<Kind>> shared_kinds() const { return kinds_; }
+  /// What a kind does to every channel at one of its starts, per coefficient. Kept until the next call of
+  /// `linearise`; one kind must not be asked for by two threads at once.
+  [[nodiscard]] const std::vector<Eigen::MatrixXf>& columns_at(const Kind& kind, std::size_t start) const;
   /// Mount and targets as the coefficients have them.
   [[nodiscard]] Nuisance nuisance(const Hypothesis& h) const;
   /// First of a channel's base coefficients among those of all.
@@ -58,6 +61,7 @@ class Session {
   std::vector<std::unique_ptr<ChannelRows>> channels_;
   std::vector<Eigen::VectorXd> offsets_;
   std::shared_ptr<const std::vector<Kind>> kinds_;
+  mutable std::vector<std::vector<std::vector<Eigen::MatrixXf>>> columns_;  ///< By kind, start, channel.
 };
 
 }  // namespace fit::explain::inference

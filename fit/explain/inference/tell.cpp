@@ -5,6 +5,7 @@
 
 #include "fit/explain/inference/explain.hpp"
 #include "fit/explain/explanation.hpp"
+#include "fit/explain/stated_noise.hpp"
 
 namespace fit::explain::inference {
 namespace {
@@ -54,6 +55,7 @@ void tell_named(const Named& named, double gain, const Findings& findings, Expla
   found.rms_before_mm = findings.means.before.rms_mm;
   found.rms_after_mm = findings.means.after.rms_mm;
   out.mechanisms.push_back(found);
+  if (is_constant_noise(*found.mechanism)) return;  // stated there already, with more of it
   KnownMechanism known{found.mechanism->id, found.parameters, {}};
   if (!found.target.empty()) known.texts["target"] = found.target;
   out.bench.known.push_back(known);
@@ -118,6 +120,7 @@ void tell(const Inferred& inferred, const Findings& findings, Explanation& out) 
 }
 
 void add_to_spread(const Inferred& inferred, SpreadResult& spread) {
+  spread.sigma_mm = inferred.sigma_mm;
   for (const Named& named : inferred.posterior.named)
     if (!is_of_the_means(*named.term.kind)) spread.accepted.push_back(as_suspect(named.term));
   for (const Named& form : inferred.posterior.forms)

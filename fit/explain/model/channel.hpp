@@ -40,6 +40,8 @@ class ChannelRows {
   [[nodiscard]] virtual double log_likelihood(const Eigen::VectorXd& eta) const = 0;
   /// The same of every row; of rows with a common error, as if each came alone.
   [[nodiscard]] virtual Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const = 0;
+  /// Where to linearise for terms that are not in the predictor yet: as high as the rows are on the whole.
+  [[nodiscard]] virtual Eigen::VectorXd raised(const Eigen::VectorXd& eta) const { return eta; }
   /// Columns multiplied by a root of the Fisher information at eta.
   [[nodiscard]] virtual Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd& eta) const = 0;
   /// The score divided by that root: what a scoring step is fitted to.

@@ -15,6 +15,15 @@ class Counts : public IndependentRows {
   using IndependentRows::IndependentRows;
   [[nodiscard]] double offset(Eigen::Index) const override { return numbers::least_hazard; }
 
+  [[nodiscard]] Eigen::VectorXd raised(const Eigen::VectorXd& eta) const override {
+    double happened = 0, all = 1;
+    for (const Row& row : list()) {
+      happened += row.y;
+      all += row.n;
+    }
+    return eta.cwiseMax(happened / all);
+  }
+
  protected:
   [[nodiscard]] static double hazard(double probability) {
     return -std::log1p(-std::min(0.9999, std::max(0.0, probability)));

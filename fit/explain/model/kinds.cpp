@@ -4,6 +4,7 @@
 
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/term.hpp"
+#include "fit/explain/stated_noise.hpp"
 
 namespace fit::explain::model {
 namespace {
@@ -97,6 +98,17 @@ int power_of(const Kind& kind, const ListOfChannels& channels) {
   return power;
 }
 
+bool acts_without_size(const Kind& kind, const ListOfChannels& channels) {
+  std::vector<double> values = kind.starts[kind.starts.size() / 2];
+  for (std::size_t k = 0; k < values.size(); ++k)
+    if (kind.mechanism->parameters[k].role == Role::size) values[k] = 0;
+  return std::ranges::any_of(channels, [&](const auto& channel) {
+    return channel && any_row(*channel, kind, [&](Index i) {
+             return std::abs(channel->response(i, kind.mechanism->act(channel->at(i), values))) > 1e-12;
+           });
+  });
+}
+
 }  // namespace
 
 std::vector<Kind> kinds_of(const Reduced& reduced, const ListOfChannels& channels) {
@@ -107,7 +119,7 @@ std::vector<Kind> kinds_of(const Reduced& reduced, const ListOfChannels& channel
     const int targets = static_cast<int>(reduced.bench.targets.size());
     for (int target = m.one_target ? 0 : -1; target < (m.one_target ? targets : 0); ++target) {
       if (target >= 0 && reduced.same_as[static_cast<std::size_t>(target)] != target) continue;
-      if (bench_knows(reduced.bench, m, target)) continue;
+      if (!is_constant_noise(m) && bench_knows(reduced.bench, m, target)) continue;
       Kind kind;
       kind.mechanism = std::shared_ptr<const Mechanism>(&m, [](const Mechanism*) {});
       kind.target = target;
@@ -117,6 +129,7 @@ std::vector<Kind> kinds_of(const Reduced& reduced, const ListOfChannels& channel
       kind.starts = grid_of(kind);
       if (kind.starts.empty()) continue;
       kind.coefficients = coefficients_of(m, power_of(kind, channels));
+      kind.acts_without_size = acts_without_size(kind, channels);
       kinds.push_back(std::move(kind));
     }
   }

@@ -37,6 +37,12 @@ std::vector<double> with_only(const Kind& kind, std::vector<double> values, cons
   return values;
 }
 
+std::vector<double> without_size(const Kind& kind, std::vector<double> values) {
+  for (std::size_t k = 0; k < values.size(); ++k)
+    if (kind.mechanism->parameters[k].role == Role::size) values[k] = 0;
+  return values;
+}
+
 /// A size to differentiate at: the present one, where there is one.
 double size_at(const Coefficient& c, double now) {
   constexpr double hardly_any = 0.02;
@@ -131,10 +137,16 @@ Eigen::MatrixXd columns_of(const ChannelRows& channel, const Kind& kind, const s
                 response_to(channel, kind, with_only(kind, values, c, -small))) /
                2 / small;
     } else {
+      if (kind.acts_without_size) column -= effect_without_size(channel, kind, values);
       column /= std::pow(size, c.power);
     }
   }
   return columns;
+}
+
+Eigen::VectorXd effect_without_size(const ChannelRows& channel, const Kind& kind,
+                                    const std::vector<double>& values) {
+  return response_to(channel, kind, without_size(kind, values));
 }
 
 Eigen::VectorXd effect_of(const ChannelRows& channel, const Kind& kind, const std::vector<double>& values) {

@@ -33,6 +33,7 @@ struct Kind {
   std::vector<std::vector<double>> starts;
   std::vector<Coefficient> coefficients;
   std::vector<bool> acts_in;  ///< Each of the session's channels.
+  bool acts_without_size = false;
   bool refines = true;  ///< Shapes between those of the grid make sense.
 
   [[nodiscard]] bool is_form() const { return form.has_value(); }
@@ -58,6 +59,9 @@ void set_coefficients(Term& term, const Eigen::VectorXd& value, const Eigen::Mat
 /// What a term at values does to a channel, per coefficient; no columns if it does not act there.
 [[nodiscard]] Eigen::MatrixXd columns_of(const ChannelRows& channel, const Kind& kind,
                                          const std::vector<double>& values);
+/// What it does there whatever its sizes are.
+[[nodiscard]] Eigen::VectorXd effect_without_size(const ChannelRows& channel, const Kind& kind,
+                                                  const std::vector<double>& values);
 /// What it does in all.
 [[nodiscard]] Eigen::VectorXd effect_of(const ChannelRows& channel, const Kind& kind,
                                         const std::vector<double>& values);
