@@ -96,9 +96,11 @@ Explanation told(Findings& findings) {
 bool has_rows(const Suspect& suspect) {
   if (!suspect.mechanism) return false;
   const Observable shows_in = suspect.mechanism->observable;
-  return shows_in == Observable::range_variance || shows_in == Observable::dropout ||
-         (shows_in == Observable::range_distribution &&
-          suspect.mechanism->act(Circumstances{}, suspect.mechanism->values({})).stray > 0);
+  if (shows_in == Observable::range_mean) return false;  // of whole scans, which have no rows yet
+  std::vector<double> typical;
+  for (const Parameter& p : suspect.mechanism->parameters) typical.push_back(p.typical);
+  if (shows_in == Observable::range_distribution) return suspect.mechanism->act(Circumstances{}, typical).stray > 0;
+  return std::ranges::any_of(model::channel_kinds(), [&](const auto& kind) { return kind.observable == shows_in; });
 }
 
 /// What other rooms say of whole scans, memory, edges and steps, without what the model has rows for.

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "fit/explain/inference/hold_out.hpp"
+#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/search/scatter.hpp"
 #include "fit/explain/search/settling.hpp"
 #include "fit/explain/stated_noise.hpp"
@@ -43,7 +44,8 @@ double settled(Reduced& reduced, const MeanNoise& noise) {
 }
 
 double noise_floor(const Reduced& reduced, const MeanNoise& noise) {
-  const MeanModel model(reduced, noise);
+  const Reduced rows = merged(reduced, numbers::search_rows);  // as the channel has them
+  const MeanModel model(rows, noise);
   double sum = 0;
   for (Index i = 0; i < model.rows(); ++i) sum += model.variance_of_mean(i);
   return std::sqrt(sum / std::max<double>(1, static_cast<double>(model.rows())));

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/model/combs.hpp"
 #include "fit/explain/search/two_cores.hpp"
 
 namespace fit::explain::inference {
@@ -26,13 +27,16 @@ class Question {
   /// On the grid of its starts.
   void look() {
     std::vector<double> logs;
-    for (std::size_t i = 0; i < kind_->starts.size(); ++i) {
-      Term term = term_at(kind_->starts[i]);
-      const double log_evidence = with_sizes(term, i);
+    const std::vector<std::vector<double>> starts = kind_->bins ? proposed() : kind_->starts;
+    for (std::size_t i = 0; i < starts.size(); ++i) {
+      Term term = term_at(starts[i]);
+      const double log_evidence = kind_->bins ? with_sizes(term) : with_sizes(term, i);
       logs.push_back(log_evidence);
       asked_.push_back({log_evidence, std::move(term)});
     }
-    over_grid_ = log_sum(logs) - std::log(static_cast<double>(logs.size()));
+    const double places =
+        kind_->bins ? kind_->mechanism->parameters[*kind_->bins].starts : static_cast<double>(logs.size());
+    over_grid_ = log_sum(logs) - std::log(places);
     const auto better = [](const Asked& a, const Asked& b) { return a.log_evidence > b.log_evidence; };
     const std::size_t kept = std::min(modes_refined, asked_.size());
     std::ranges::partial_sort(asked_, asked_.begin() + static_cast<std::ptrdiff_t>(kept), better);
@@ -76,6 +80,26 @@ class Question {
     double log_evidence;
     Term term;
   };
+
+  /// Where a comb may be, by the first channel in which it acts.
+  [[nodiscard]] std::vector<std::vector<double>> proposed() const {
+    std::size_t c = 0;
+    while (!kind_->acts_in[c]) ++c;
+    const ChannelRows& rows = *session_->channels()[c];
+    const Eigen::VectorXd& eta = around_->eta[c];
+    const Eigen::VectorXd weight = rows.whitened(Eigen::VectorXd::Ones(rows.rows()), eta);
+    model::Scores scores;
+    for (Index i = 0; i < rows.rows(); ++i) {
+      scores.place.push_back(model::coordinate_of(kind_->mechanism->coordinate, rows.at(i)));
+      scores.score.push_back(weight[i] * around_->white_residual[c][i]);
+    }
+    std::vector<std::vector<double>> starts;
+    for (const double bin : model::bins_in(scores, kind_->mechanism->parameters[*kind_->bins])) {
+      starts.push_back(kind_->starts.front());
+      starts.back()[*kind_->bins] = bin;
+    }
+    return starts.empty() ? kind_->starts : starts;
+  }
 
   [[nodiscard]] Term term_at(const std::vector<double>& values) const {
     Term term;

@@ -42,7 +42,8 @@ std::vector<std::vector<double>> grid_of(const Kind& kind) {
     first.push_back(p.role == Role::size ? p.typical : p.role == Role::phase ? 0 : p.expected);
   std::vector<std::vector<double>> grid{first};
   for (const std::size_t k : shapes_of(kind)) {
-    const std::vector<double> places = places_of_shape(kind.mechanism->parameters[k]);
+    const Parameter& p = kind.mechanism->parameters[k];
+    const std::vector<double> places = k == kind.bins ? std::vector{std::sqrt(p.lower * p.upper)} : places_of_shape(p);
     if (grid.size() * places.size() > most_starts) return {};
     std::vector<std::vector<double>> finer;
     for (const auto& values : grid)
@@ -126,6 +127,7 @@ std::vector<Kind> kinds_of(const Reduced& reduced, const ListOfChannels& channel
       kind.observable = m.observable;
       kind.log_prior = std::log(numbers::mechanisms_expected / catalogued) -
                        (m.one_target ? std::log(static_cast<double>(targets)) : 0);
+      kind.bins = m.parameter_of(Parameter::Scale::bin);
       kind.starts = grid_of(kind);
       if (kind.starts.empty()) continue;
       kind.coefficients = coefficients_of(m, power_of(kind, channels));

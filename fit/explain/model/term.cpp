@@ -50,6 +50,16 @@ double size_at(const Coefficient& c, double now) {
   return std::abs(now) > least ? now : least;
 }
 
+/// Of the logarithm of a bin, before its comb is another one: a quarter of a bin over the ranges seen.
+double step_of_comb(const ChannelRows& channel, double bin_mm) {
+  double low = 1e300, high = -1e300;
+  for (Index i = 0; i < channel.rows(); ++i) {
+    low = std::min(low, channel.at(i).range_mm);
+    high = std::max(high, channel.at(i).range_mm);
+  }
+  return 0.25 * bin_mm / std::max(bin_mm, high - low);
+}
+
 }  // namespace
 
 std::vector<Coefficient> coefficients_of(const Mechanism& mechanism, int power) {
@@ -158,7 +168,7 @@ Eigen::MatrixXd shape_columns(const ChannelRows& channel, const Term& term) {
   Eigen::MatrixXd columns(channel.rows(), static_cast<Index>(shapes.size()));
   for (std::size_t j = 0; j < shapes.size(); ++j) {
     const Parameter& p = term.kind->mechanism->parameters[shapes[j]];
-    constexpr double step = 1e-3;
+    const double step = term.kind->bins == shapes[j] ? step_of_comb(channel, term.values[shapes[j]]) : 1e-3;
     std::vector<double> above = term.values, below = term.values;
     double &a = above[shapes[j]], &b = below[shapes[j]];
     const double span = p.logarithmic ? std::log(p.upper / p.lower) : p.upper - p.lower;

@@ -33,6 +33,7 @@ struct Kind {
   std::vector<std::vector<double>> starts;
   std::vector<Coefficient> coefficients;
   std::vector<bool> acts_in;  ///< Each of the session's channels.
+  std::optional<std::size_t> bins;  ///< The shape of a comb: its starts are proposed by the recording.
   bool acts_without_size = false;
   bool refines = true;  ///< Shapes between those of the grid make sense.
 

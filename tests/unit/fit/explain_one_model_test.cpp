@@ -6,6 +6,7 @@
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/inference/gaussian.hpp"
 #include "fit/explain/model/channel.hpp"
+#include "fit/explain/model/combs.hpp"
 
 namespace {
 
@@ -108,13 +109,31 @@ TEST_CASE("one model: means, variances and strays are one fit: what acts in two 
   std::uniform_real_distribution<double> share;
   ImaginedRoom room;
   room.scans = 30;
-  room.stretch = [&](double beam, double range_mm, double) {
+  room.stretch = [&](double, double range_mm, double) {
     const double anywhere = share(random);
-    return anywhere < 0.01 ? 300 + 50000 * anywhere - range_mm / 3 : 8 * std::sin(beam + 0.5) * 0 + 0.003 * range_mm;
+    return anywhere < 0.01 ? 300 + 50000 * anywhere - range_mm / 3 : 0.003 * range_mm;
   };
   const Explanation e = by_one_model(room);
   INFO(to_text(e));
   auto list = named(e);
   std::ranges::sort(list);
   CHECK(list == std::vector<std::string>{"outliers", "range-scale"});
+}
+
+TEST_CASE("one model: of tens of thousands of combs the one in the recording is proposed") {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> place(800, 5000);
+  std::normal_distribution<double> noise(0, 3);
+  fit::explain::model::Scores scores;
+  for (int i = 0; i < 3000; ++i) {
+    const double at = place(random);
+    scores.place.push_back(at);
+    scores.score.push_back(7.3 * std::round(at / 7.3) - at + noise(random));
+  }
+  fit::Parameter bins;
+  bins.lower = 0.25;
+  bins.upper = 40;
+  const std::vector<double> proposed = fit::explain::model::bins_in(scores, bins);
+  REQUIRE_FALSE(proposed.empty());
+  CHECK(proposed.front() == Approx(7.3).epsilon(2e-4));
 }
