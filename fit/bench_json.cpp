@@ -13,9 +13,9 @@ namespace {
 using json = nlohmann::json;
 
 /// A part of the document together with where it stands, so that every complaint names its place.
-class Reader {
+class BenchReader {
  public:
-  Reader(const json& value, std::string pointer, const std::string& text, const std::string& name)
+  BenchReader(const json& value, std::string pointer, const std::string& text, const std::string& name)
       : value_(value), pointer_(std::move(pointer)), text_(text), name_(name) {}
 
   [[nodiscard]] const json& value() const { return value_; }
@@ -26,12 +26,12 @@ class Reader {
                                 (pointer_.empty() ? "" : "\"" + pointer_.substr(1) + "\" ") + complaint);
   }
 
-  [[nodiscard]] Reader at(const std::string& key) const {
+  [[nodiscard]] BenchReader at(const std::string& key) const {
     if (!has(key)) refuse("needs the key \"" + key + "\", which is missing");
     return {value_.at(key), pointer_ + "/" + key, text_, name_};
   }
 
-  [[nodiscard]] Reader at(std::size_t index) const {
+  [[nodiscard]] BenchReader at(std::size_t index) const {
     return {value_.at(index), pointer_ + "/" + std::to_string(index), text_, name_};
   }
 
@@ -52,7 +52,7 @@ class Reader {
       if (is_known) continue;
       const std::string meant = nearest_word(key, known);
       if (!meant.empty() && !has(meant) && edit_distance(key, meant) <= 2)
-        Reader(value_.at(key), pointer_ + "/" + key, text_, name_)
+        BenchReader(value_.at(key), pointer_ + "/" + key, text_, name_)
             .refuse("is not a key of a bench file; did you mean \"" + meant + "\"?");
     }
   }
@@ -109,7 +109,7 @@ Estimate scaled(const Estimate& estimate, double factor) {
   return {estimate.value * factor, estimate.u * std::abs(factor)};
 }
 
-Mount read_mount(const Reader& reader) {
+Mount read_mount(const BenchReader& reader) {
   reader.must_be_object();
   reader.refuse_misspelt(std::array{"x_mm", "y_mm", "yaw_deg"});
   Mount mount;
@@ -119,7 +119,7 @@ Mount read_mount(const Reader& reader) {
   return mount;
 }
 
-LidarGeometry read_lidar(const Reader& reader) {
+LidarGeometry read_lidar(const BenchReader& reader) {
   reader.must_be_object();
   reader.refuse_misspelt(std::array{"model", "steps", "front_step", "step_deg", "scan_hz", "mount"});
   LidarGeometry lidar;
@@ -132,7 +132,7 @@ LidarGeometry read_lidar(const Reader& reader) {
   return lidar;
 }
 
-Target read_target(const Reader& reader) {
+Target read_target(const BenchReader& reader) {
   reader.must_be_object();
   reader.refuse_misspelt(
       std::array{"name", "from_mm", "to_mm", "u_mm", "u_deg", "reflectance", "placed_anew"});
@@ -154,7 +154,7 @@ Target read_target(const Reader& reader) {
 
 /// What every stage has, whoever speaks to it: limits that are not understood would be none. Returns its
 /// resolution in radians.
-double read_stage(const Reader& reader) {
+double read_stage(const BenchReader& reader) {
   reader.must_be_object();
   reader.refuse_misspelt(std::array{"language", "model", "resolution_deg", "limits_deg", "speed_deg_s",
                                     "acceleration_deg_s2", "tolerance_deg", "units_per_deg", "units_per_turn",
@@ -163,7 +163,7 @@ double read_stage(const Reader& reader) {
   for (const char* quickness : {"speed_deg_s", "acceleration_deg_s2"})
     if (reader.has(quickness)) (void)reader.at(quickness).number_from(1e-6, 1e6);
   if (reader.has("limits_deg")) {
-    const Reader limits = reader.at("limits_deg");
+    const BenchReader limits = reader.at("limits_deg");
     constexpr double farthest_deg = 1e6;
     if (!limits.value().is_array() || limits.value().size() != 2)
       limits.refuse("must be two angles [from, to] in degrees");
@@ -175,13 +175,13 @@ double read_stage(const Reader& reader) {
                                       : Bench().stage_resolution_rad;
 }
 
-KnownMechanism read_known(const Reader& reader) {
+KnownMechanism read_known(const BenchReader& reader) {
   reader.must_be_object();
   reader.refuse_misspelt(std::array{"mechanism", "parameters"});
   KnownMechanism known;
   known.mechanism = reader.at("mechanism").string();
   if (!reader.has("parameters")) return known;
-  const Reader parameters = reader.at("parameters");
+  const BenchReader parameters = reader.at("parameters");
   parameters.must_be_object();
   for (const auto& [key, value] : parameters.value().items()) {
     if (value.is_string())
@@ -222,7 +222,7 @@ json entry_with(const json& list, const char* key, const std::string& name) {
 Bench parse_bench(const std::string& text, const std::string& name) {
   const json document = parse_json(
       text, name, "not JSON here: look for a missing comma, quote or bracket just before this place");
-  const Reader reader(document, "", text, name);
+  const BenchReader reader(document, "", text, name);
   reader.must_be_object();
   if (!reader.has("schema")) reader.refuse("not a bench file: the key \"schema\": \"bench/1\" is missing");
   if (reader.at("schema").string() != "bench/1")
@@ -233,7 +233,7 @@ Bench parse_bench(const std::string& text, const std::string& name) {
   if (reader.has("lidar")) bench.lidar = read_lidar(reader.at("lidar"));
   if (reader.has("stage")) bench.stage_resolution_rad = read_stage(reader.at("stage"));
   if (reader.has("targets")) {
-    const Reader targets = reader.at("targets");
+    const BenchReader targets = reader.at("targets");
     targets.must_be_array();
     for (std::size_t i = 0; i < targets.value().size(); ++i) {
       bench.targets.push_back(read_target(targets.at(i)));
@@ -244,7 +244,7 @@ Bench parse_bench(const std::string& text, const std::string& name) {
     }
   }
   if (reader.has("known")) {
-    const Reader known = reader.at("known");
+    const BenchReader known = reader.at("known");
     known.must_be_array();
     for (std::size_t i = 0; i < known.value().size(); ++i) bench.known.push_back(read_known(known.at(i)));
   }

@@ -74,9 +74,9 @@ json validity_json(const Validity& validity) {
 }
 
 /// Reads members one by one and says where something is wrong.
-class Reader {
+class CorrectionReader {
  public:
-  Reader(const json& object, std::string path) : object_(object), path_(std::move(path)) {
+  CorrectionReader(const json& object, std::string path) : object_(object), path_(std::move(path)) {
     if (!object.is_object()) fail("", "must be an object");
   }
   [[noreturn]] void fail(const std::string& key, const std::string& what) const {
@@ -123,18 +123,18 @@ class Reader {
   std::string path_;
 };
 
-Validity read_validity(const Reader& reader) {
+Validity read_validity(const CorrectionReader& reader) {
   Validity out;
   for (const auto& [name, interval] : validity_members) {
     if (!reader.has(name)) continue;
-    const Reader item(reader.member(name, false), reader.path() + "/" + name);
+    const CorrectionReader item(reader.member(name, false), reader.path() + "/" + name);
     out.*interval = Validity::Interval{item.number("from"), item.number("to")};
     if ((out.*interval)->from > (out.*interval)->to) item.fail("to", "must not be below 'from'");
   }
   return out;
 }
 
-CorrectionTerm read_term(const Reader& reader) {
+CorrectionTerm read_term(const CorrectionReader& reader) {
   CorrectionTerm term;
   const std::string argument = reader.text_or("argument", "");
   if (argument != "intensity" && argument != "range_mm")
@@ -153,7 +153,7 @@ CorrectionTerm read_term(const Reader& reader) {
   if (coefficients.size() != family->coefficients.size())
     reader.fail("coefficients", term.family + " has " + std::to_string(family->coefficients.size()));
   for (std::size_t i = 0; i < coefficients.size(); ++i) {
-    const Reader item(coefficients[i], reader.path() + "/coefficients/" + std::to_string(i));
+    const CorrectionReader item(coefficients[i], reader.path() + "/coefficients/" + std::to_string(i));
     if (item.text_or("name", "") != family->coefficients[i])
       item.fail("name", "must be \"" + family->coefficients[i] + "\"");
     term.coefficients.push_back(item.number("value"));
@@ -173,7 +173,7 @@ CorrectionTerm read_term(const Reader& reader) {
   return term;
 }
 
-Eigen::MatrixXd read_factor(const Reader& reader, std::size_t rows) {
+Eigen::MatrixXd read_factor(const CorrectionReader& reader, std::size_t rows) {
   const json& matrix = reader.member("covariance_factor", true);
   if (matrix.size() != rows) reader.fail("covariance_factor", "must have " + std::to_string(rows) + " rows");
   const std::size_t columns = matrix.empty() || !matrix[0].is_array() ? 0 : matrix[0].size();
@@ -278,26 +278,26 @@ std::string to_json_text(const Correction& c) {
 Correction parse_correction(const std::string& text, const std::string& name) {
   const json document = parse_json(
       text, name, "this is not JSON; a correction is written by 'rig export SESSION --format correction'");
-  const Reader reader(document, name);
+  const CorrectionReader reader(document, name);
   if (reader.text_or("schema", "") != "correction/1")
     reader.fail("schema", "must be \"correction/1\", the version that this program reads");
   Correction c;
-  const Reader lidar(reader.member("lidar", false), name + "/lidar");
+  const CorrectionReader lidar(reader.member("lidar", false), name + "/lidar");
   c.lidar_model = lidar.text_or("model", ""), c.lidar_serial = lidar.text_or("serial", "");
   c.lidar_firmware = lidar.text_or("firmware", "");
   c.created_utc = reader.text_or("created_utc", ""), c.procedure = reader.text_or("procedure", "");
   c.software = reader.text_or("software", "");
   c.session_sha256 = reader.texts("session_sha256"), c.notes = reader.texts("notes");
-  const Reader reference(reader.member("reference", false), name + "/reference");
+  const CorrectionReader reference(reader.member("reference", false), name + "/reference");
   c.reference_mm = reference.number("range_mm"), c.reference_intensity = reference.number("intensity");
-  const Reader zero(reader.member("zero_mm", false), name + "/zero_mm");
+  const CorrectionReader zero(reader.member("zero_mm", false), name + "/zero_mm");
   c.zero_mm = {zero.number("value"), zero.number_or("u", 0)};
   c.common_u_mm = reader.number_or("common_u_mm", 0);
   if (reader.has("validity"))
-    c.validity = read_validity(Reader(reader.member("validity", false), name + "/validity"));
+    c.validity = read_validity(CorrectionReader(reader.member("validity", false), name + "/validity"));
   const json& terms = reader.member("terms", true);
   for (std::size_t i = 0; i < terms.size(); ++i) {
-    const Reader item(terms[i], name + "/terms/" + std::to_string(i));
+    const CorrectionReader item(terms[i], name + "/terms/" + std::to_string(i));
     CorrectionTerm term = read_term(item);
     auto& place = term.argument == CorrectionTerm::Argument::intensity ? c.intensity : c.range;
     if (place) item.fail("argument", "occurs twice");

@@ -158,8 +158,8 @@ Correction sequential_of(const FamilyFit& intensity, const std::vector<RangePoin
 }
 
 MatrixXd joint_jacobian(const Correction& c, const JointModel& model, const VectorXd& weight) {
-  const auto names = c.parameter_names();
-  MatrixXd out(model.counts.size(), static_cast<Index>(names.size()));
+  const auto parameters = c.parameter_names();
+  MatrixXd out(model.counts.size(), static_cast<Index>(parameters.size()));
   for (Index i = 0; i < out.rows(); ++i) {
     Index at = 0;
     out(i, at++) = 1;

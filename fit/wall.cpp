@@ -19,7 +19,7 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 /// The mean range of one beam over the scans of a capture, and the wall it sees.
-struct Beam {
+struct WallBeam {
   double angle = 0, range = 0, scans = 0;
   int wall = -1;
   [[nodiscard]] Vector2d point() const { return {range * std::cos(angle), range * std::sin(angle)}; }
@@ -27,12 +27,12 @@ struct Beam {
 
 struct Station {
   double stage_rad = 0;
-  std::vector<Beam> beams;
+  std::vector<WallBeam> beams;
   std::vector<std::vector<std::uint16_t>> scans;  ///< Those that make points of the trajectory.
 };
 
 /// Mean of the samples near their median: what passes by now and then does not count.
-void set_mean(Beam& beam, std::vector<double>& samples) {
+void set_mean(WallBeam& beam, std::vector<double>& samples) {
   if (samples.empty()) return;
   const double middle = median_of(samples);
   std::vector<double> deviations;
@@ -117,7 +117,7 @@ void assign(Station& station, const WallInBench* walls, double yaw, const WallOp
       const double expected = walls[j].line.normal_rad - station.stage_rad - yaw;
       if (std::abs(wrap_angle(line.fit.line.normal_rad - expected)) > 15 * rad_per_deg) continue;
       if (std::abs(line.fit.line.distance_mm - walls[j].line.distance_mm) > 400) continue;
-      const bool taken = std::ranges::any_of(station.beams, [j](const Beam& b) { return b.wall == j; });
+      const bool taken = std::ranges::any_of(station.beams, [j](const WallBeam& b) { return b.wall == j; });
       if (taken) continue;
       for (const std::size_t k : without_ends(line.beams)) station.beams[k].wall = j;
     }
@@ -193,7 +193,7 @@ struct JointModel {
   Vector6 at;
 
   /// n . (R(stage) (m + rho u(yaw + alpha))) = D, divided by the cosine of incidence: noise is that of range.
-  [[nodiscard]] JointRow row(const Station& station, const Beam& beam) const {
+  [[nodiscard]] JointRow row(const Station& station, const WallBeam& beam) const {
     const double normal = walls[beam.wall].line.normal_rad + (beam.wall == 1 ? at[5] : 0);
     const double mount_turn = normal - station.stage_rad, beam_turn = mount_turn - at[0] - beam.angle;
     const double c = std::cos(beam_turn), s = std::sin(beam_turn);
@@ -228,7 +228,7 @@ JointSums accumulate(const JointModel& model, const std::vector<Station>& statio
   for (const Station& station : stations) {
     Vector6 own = Vector6::Zero();
     bool any = false;
-    for (const Beam& beam : station.beams) {
+    for (const WallBeam& beam : station.beams) {
       if (beam.wall < 0) continue;
       const JointRow row = model.row(station, beam);
       if (row.weight <= 0) continue;
@@ -250,7 +250,7 @@ JointSums accumulate(const JointModel& model, const std::vector<Station>& statio
 double scale_of(const JointModel& model, const std::vector<Station>& stations) {
   std::vector<double> sizes;
   for (const Station& station : stations)
-    for (const Beam& beam : station.beams) {
+    for (const WallBeam& beam : station.beams) {
       if (beam.wall < 0) continue;
       const JointRow row = model.row(station, beam);
       if (row.weight > 0) sizes.push_back(std::abs(row.error) * std::sqrt(row.weight));
@@ -333,7 +333,7 @@ WallSight sight_of(const Station& station, std::size_t capture, const WallInBenc
     const double square = walls[j].line.normal_rad - station.stage_rad - yaw;
     double nearest = 1;
     for (std::size_t k = 0; k < station.beams.size(); ++k) {
-      const Beam& beam = station.beams[k];
+      const WallBeam& beam = station.beams[k];
       const double mm = range(k);
       if (beam.wall != j || mm < 20 || std::abs(mm - beam.range) > 150) continue;
       points.emplace_back(mm * std::cos(beam.angle), mm * std::sin(beam.angle));

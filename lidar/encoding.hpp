@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
 
 namespace lidar {
+
+/// Characters of data in a full line of a reply.
+inline constexpr std::size_t line_characters = 64;
 
 /// The sum that ends every checked SCIP line: the bytes' sum modulo 64, plus 0x30.
 [[nodiscard]] char checksum(std::string_view line);

@@ -10,7 +10,6 @@ namespace lidar {
 
 namespace {
 
-constexpr std::size_t block = 64;  // Characters of data in a full line.
 
 void append_head(std::string& out, std::string_view echo, std::string_view status) {
   out += echo;
@@ -73,11 +72,11 @@ void append_payload(std::string& out, const ScanCommand& command, const ScanData
                               ? put_values<2>(values.data(), command, data)
                               : put_values<3>(values.data(), command, data);
   const auto size = static_cast<std::size_t>(end - values.data());
-  const std::size_t had = out.size(), lines = (size + block - 1) / block;
+  const std::size_t had = out.size(), lines = (size + line_characters - 1) / line_characters;
   out.resize(had + size + 2 * lines);
   char* to = out.data() + had;
   const char* from = values.data();
-  for (; from + block <= end; from += block) to = put_line(to, from, block);
+  for (; from + line_characters <= end; from += line_characters) to = put_line(to, from, line_characters);
   if (from < end) put_line(to, from, static_cast<std::size_t>(end - from));
 }
 

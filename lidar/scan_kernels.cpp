@@ -3,10 +3,10 @@
 
 #include <algorithm>
 
+#include "lidar/encoding.hpp"
+
 namespace lidar {
 namespace {
-
-constexpr std::size_t block = 64;  // characters of a full line
 
 /// Verifies one line and writes its 6-bit numbers.
 bool open_line(const char* line, std::size_t characters, unsigned char* numbers) {
@@ -36,8 +36,8 @@ bool decode_portably(const char* lines, const LineShape& shape, std::uint16_t* r
   std::size_t left = shape.characters();
   while (left > 0) {
     const std::size_t present = std::min(left, LineGroups::characters);
-    for (std::size_t at = 0; at < present; at += block) {
-      const std::size_t characters = std::min(block, present - at);
+    for (std::size_t at = 0; at < present; at += line_characters) {
+      const std::size_t characters = std::min(line_characters, present - at);
       right &= open_line(lines, characters, numbers + at);
       lines += characters + 2;
     }
@@ -58,17 +58,17 @@ struct FullGroup {
 
   FullGroup(const char* lines, std::size_t characters) {
     std::fill_n(bytes, sizeof bytes, '0');
-    for (std::size_t at = 0; at < LineGroups::bytes; at += block + 2) bytes[at + block + 1] = '\n';
-    const std::size_t whole = characters / block, left = characters % block;
-    std::copy_n(lines, whole * (block + 2), bytes);
+    for (std::size_t at = 0; at < LineGroups::bytes; at += line_characters + 2) bytes[at + line_characters + 1] = '\n';
+    const std::size_t whole = characters / line_characters, left = characters % line_characters;
+    std::copy_n(lines, whole * (line_characters + 2), bytes);
     if (left == 0) return;
-    const char* const short_line = lines + whole * (block + 2);
-    char* const line = bytes + whole * (block + 2);
+    const char* const short_line = lines + whole * (line_characters + 2);
+    char* const line = bytes + whole * (line_characters + 2);
     std::copy_n(short_line, left, line);
     // Each character that was added has its share in the sum. A sum that is no character stays wrong.
     const auto sum = static_cast<unsigned char>(short_line[left] - 0x30);
-    line[block] = sum < 0x40 ? static_cast<char>(((sum + (block - left) * '0') & 0x3F) + 0x30) : '\n';
-    line[block + 1] = short_line[left + 1];
+    line[line_characters] = sum < 0x40 ? static_cast<char>(((sum + (line_characters - left) * '0') & 0x3F) + 0x30) : '\n';
+    line[line_characters + 1] = short_line[left + 1];
   }
 };
 

@@ -10,6 +10,9 @@
 
 namespace sim {
 
+/// Codes in place of a range (UST-10LX manual, table 3).
+inline constexpr std::uint32_t too_near = 4, no_echo = 65533;
+
 /// The operator's side of the bench, changed by prompts and by the operator port.
 struct SceneState {
   std::string target;          ///< The target the following values are about.
@@ -30,7 +33,7 @@ class Engine {
  public:
   virtual ~Engine() = default;
   /// Fills one value per step. `scan_s` is the simulated time at which step 0 is passed;
-  /// `stage_at` gives the stage at any later time of the scan. Codes: 4 = too near, 65533 = no echo.
+  /// `stage_at` gives the stage at any later time of the scan. A range may be a code: too_near, no_echo.
   virtual void scan(double scan_s, const std::function<StageMoment(double time_s)>& stage_at,
                     std::span<std::uint32_t> range_mm, std::span<std::uint32_t> intensity) = 0;
   virtual void set_scene(const SceneState& scene) = 0;

@@ -20,7 +20,6 @@
 namespace sim {
 namespace {
 
-constexpr std::uint32_t too_near = 4, no_echo = 65533;
 /// Echoes of front and back merge to one where the gap is below about this (half of a 2 ns pulse's length).
 constexpr double usual_merging_mm = 150;
 

@@ -25,7 +25,7 @@ namespace fs = std::filesystem;
 namespace {
 
 /// Unsolicited lines and the end of a motion are looked for this often.
-constexpr auto tick = std::chrono::milliseconds(10);
+constexpr auto poll_interval = std::chrono::milliseconds(10);
 /// A client that never reads must not fill the memory.
 constexpr std::size_t most_unsent_bytes = 1 << 20;
 /// At maximum speed each look at a moving stage brings it by this part of the remaining time nearer to rest,
@@ -257,7 +257,7 @@ void PtyPort::Impl::flush() {
 }
 
 void PtyPort::Impl::wait_for_tick() {
-  ticker.expires_after(tick);
+  ticker.expires_after(poll_interval);
   ticker.async_wait([self = shared_from_this(), mine = connection](const boost::system::error_code& failed) {
     if (failed || mine != self->connection) return;
     self->look();

@@ -11,9 +11,8 @@
 namespace sim {
 namespace {
 
-constexpr std::uint32_t too_near = 4, no_echo = 65533;
 
-double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
+double determinant(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 
 /// As std::lround does, without its call, for what is at least 0.5 and less than 2^32.
 std::uint32_t rounded(double value) { return static_cast<std::uint32_t>(value + 0.5); }
@@ -107,10 +106,10 @@ SimpleEngine::Hit SimpleEngine::cast(const Eigen::Vector2d& origin, double direc
   double nearest = std::numeric_limits<double>::infinity();
   int found = -1;
   for (std::size_t i = 0; i < walls_.size(); ++i) {
-    const double facing = cross(ray, walls_[i].along);
+    const double facing = determinant(ray, walls_[i].along);
     if (std::abs(facing) < 1e-12) continue;
     const Eigen::Vector2d to_wall = walls_[i].from - origin;
-    const double range = cross(to_wall, walls_[i].along) / facing, place = cross(to_wall, ray) / facing;
+    const double range = determinant(to_wall, walls_[i].along) / facing, place = determinant(to_wall, ray) / facing;
     if (range > 0 && range < nearest && place >= 0 && place <= 1) {
       nearest = range;
       found = static_cast<int>(i);
@@ -119,7 +118,7 @@ SimpleEngine::Hit SimpleEngine::cast(const Eigen::Vector2d& origin, double direc
   if (wall) *wall = found;
   if (found < 0) return {};
   const Wall& met = walls_[static_cast<std::size_t>(found)];
-  return hit(met, nearest, cross(ray, met.along));
+  return hit(met, nearest, determinant(ray, met.along));
 }
 
 SimpleEngine::Hit SimpleEngine::hit(const Wall& wall, double range_mm, double facing) const {
@@ -203,8 +202,8 @@ void SimpleEngine::scan(double scan_s, const std::function<StageMoment(double)>&
 
 SimpleEngine::Aspect SimpleEngine::aspect(const Fan& fan, const Wall& wall) {
   const Eigen::Vector2d to_wall = wall.from - fan.origin;
-  const double depth = cross(to_wall, wall.along), side = cross(to_wall, fan.ray),
-               facing = cross(fan.ray, wall.along);
+  const double depth = determinant(to_wall, wall.along), side = determinant(to_wall, fan.ray),
+               facing = determinant(fan.ray, wall.along);
   const double distance = std::abs(to_wall.x()) + std::abs(to_wall.y()) + fan.shift_mm;
   const double sign = depth < 0 ? -1 : 1;
   return {sign * depth,

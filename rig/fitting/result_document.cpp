@@ -22,6 +22,8 @@ json new_result(const std::string& kind, const std::string& method) {
           {"undetermined", json::array()}};
 }
 
+json column(const std::string& name, const std::string& unit) { return {{"name", name}, {"unit", unit}}; }
+
 json number_or_null(double value) {
   if (!std::isfinite(value)) return nullptr;
   return value == 0 ? 0.0 : value;  // no "-0"

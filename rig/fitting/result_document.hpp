@@ -28,6 +28,9 @@ namespace rig {
 /// one step (GUM F.2.2.1).
 [[nodiscard]] double u_of_resolution(double resolution);
 
+/// The head of a table's column.
+[[nodiscard]] nlohmann::json column(const std::string& name, const std::string& unit);
+
 /// Numbers that JSON cannot hold become null.
 [[nodiscard]] nlohmann::json number_or_null(double value);
 [[nodiscard]] nlohmann::json numbers(const std::vector<double>& values);

@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::size_t most_nodes =
     20'000;  // Aliases of aliases grow without bound; no procedure needs this many.
-constexpr int deepest_nesting = 40;
+constexpr int deepest_document = 40;
 
 Place place_of(const YAML::Mark& mark, const std::string& file) {
   return {file, mark.line + 1, mark.column + 1};
@@ -24,7 +24,7 @@ class Copier {
   Node copy(const YAML::Node& from, int depth = 0) {
     Node node;
     node.place = place_of(from.Mark(), file_);
-    if (++nodes_ > most_nodes || depth > deepest_nesting)
+    if (++nodes_ > most_nodes || depth > deepest_document)
       throw ProcedureError(node.place,
                            "the file is nested too deeply or repeats itself through aliases; write it out "
                            "in fewer levels.");

@@ -11,7 +11,7 @@
 namespace rig {
 namespace {
 
-constexpr int deepest_nesting = 50;
+constexpr int deepest_expression = 50;
 
 bool is_name_start(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; }
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
@@ -79,7 +79,7 @@ class Parser {
   }
 
   Value factor() {
-    if (++depth_ > deepest_nesting) fail("the expression is nested too deeply");
+    if (++depth_ > deepest_expression) fail("the expression is nested too deeply");
     const Value value = factor_inside();
     --depth_;
     return value;

@@ -19,7 +19,7 @@ constexpr double always_alike = 0.1;
 constexpr double times_own = 2;
 constexpr double too_unsteady = 0.2;  ///< Too few values, or a device that changes: nothing can be said.
 
-std::string figure_of(double value) {
+std::string four_digits(double value) {
   if (!std::isfinite(value)) return "&ndash;";
   char text[40];
   std::snprintf(text, sizeof text, "%.3g", value);
@@ -101,7 +101,7 @@ std::string profile(const Comparison& c, std::size_t i) {
   return "<figure>" + to_svg(plot) + "<figcaption>In steps of 250 mm.</figcaption></figure>\n";
 }
 
-std::string style() {
+std::string compare_style() {
   return "body{font:15px/1.45 \"Source Sans 3\",\"DejaVu "
          "Sans\",sans-serif;color:#1a1a1a;max-width:74rem;margin:2rem "
          "auto;padding:0 1.2rem}h1{font-size:1.7rem}h2{font-size:1.2rem;margin-top:2rem;border-bottom:2px "
@@ -144,7 +144,7 @@ std::string comparison_html(const Comparison& c) {
   std::string html =
       "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Two devices side by "
       "side</title><style>" +
-      style() + "</style></head><body>\n<h1>Two devices side by side</h1>\n<p class=\"sub\">" +
+      compare_style() + "</style></head><body>\n<h1>Two devices side by side</h1>\n<p class=\"sub\">" +
       escaped(c.name) + " (" + std::to_string(c.recorded.scans) + " scans, " +
       std::to_string(c.recorded.samples) + " samples) and " + escaped(c.other_name) + " (" +
       std::to_string(c.other.scans) + " scans, " + std::to_string(c.other.samples) + " samples)</p>\n";
@@ -159,21 +159,21 @@ std::string comparison_html(const Comparison& c) {
     const auto cell = [](const std::vector<double>& values) {
       return "<td class=\"n\">" +
              (values.empty() ? std::string("not seen")
-                             : figure_of(quantile(values, 0.5)) + " (" + figure_of(quantile(values, 0.05)) +
-                                   " to " + figure_of(quantile(values, 0.95)) + ")") +
+                             : four_digits(quantile(values, 0.5)) + " (" + four_digits(quantile(values, 0.05)) +
+                                   " to " + four_digits(quantile(values, 0.95)) + ")") +
              "</td>";
     };
     html += "<tr><td>" + escaped(with_unit(a.name, a.unit)) + "</td>" + cell(a.values) + cell(b.values) +
-            "<td class=\"n\">" + figure_of(v.distance) + "</td><td class=\"n\">" + figure_of(v.own) +
+            "<td class=\"n\">" + four_digits(v.distance) + "</td><td class=\"n\">" + four_digits(v.own) +
             "</td><td class=\"" + (v.says == "agrees" ? "yes" : "no") + "\">" + v.says + "</td></tr>\n";
   }
   html +=
       "</tbody></table>\n<p class=\"sub\">Distance: the largest vertical distance between the two "
       "distribution functions "
       "(Kolmogorov and Smirnov), 0 to 1. A statistic agrees when that is at most " +
-      figure_of(always_alike) + ", or at most " + figure_of(times_own) +
+      four_digits(always_alike) + ", or at most " + four_digits(times_own) +
       " times the distance between the two halves of " + escaped(c.name) +
-      " in time; where those differ by more than " + figure_of(too_unsteady) +
+      " in time; where those differ by more than " + four_digits(too_unsteady) +
       ", it cannot be told.</p>\n<h2>Against range</h2>\n<div class=\"plots\">\n";
   for (std::size_t i = 0; i < c.recorded.profiles.size(); ++i) html += profile(c, i);
   html += "</div>\n<h2>Distributions</h2>\n<div class=\"plots\">\n";

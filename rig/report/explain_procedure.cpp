@@ -11,14 +11,14 @@ using fit::CaptureInfo;
 using fit::explain::Experiment;
 using fit::explain::listed;
 
-std::string text_of(double value) {
+std::string yaml_number(double value) {
   char text[40];
   std::snprintf(text, sizeof text, "%.10g", std::round(value * 1e4) / 1e4);
   return text;
 }
 
 /// As a quoted YAML scalar.
-std::string quoted(const std::string& text) {
+std::string yaml_quoted(const std::string& text) {
   std::string out = "\"";
   for (const char c : text) {
     if (c == '"' || c == '\\') out += '\\';
@@ -27,7 +27,7 @@ std::string quoted(const std::string& text) {
   return out + "\"";
 }
 
-std::string deg(double rad) { return text_of(rad * fit::deg_per_rad); }
+std::string deg(double rad) { return yaml_number(rad * fit::deg_per_rad); }
 
 std::string beams_of(const CaptureInfo& c, const fit::LidarGeometry& lidar) {
   if (!c.target) return "";
@@ -38,15 +38,15 @@ std::string beams_of(const CaptureInfo& c, const fit::LidarGeometry& lidar) {
 /// A target that people put up anew: where, and how well.
 std::string put_up_step(const CaptureInfo& c) {
   const std::string name = *c.target;
-  const std::string shift = text_of(c.target_shift_mm);
-  std::string place = "{target: " + quoted(name) + ", shift_mm: " + shift, cover;
+  const std::string shift = yaml_number(c.target_shift_mm);
+  std::string place = "{target: " + yaml_quoted(name) + ", shift_mm: " + shift, cover;
   if (c.reflectance) {
-    place += ", reflectance: " + text_of(*c.reflectance);
-    cover = " Cover it with a surface of reflectance " + text_of(*c.reflectance) + ".";
+    place += ", reflectance: " + yaml_number(*c.reflectance);
+    cover = " Cover it with a surface of reflectance " + yaml_number(*c.reflectance) + ".";
   }
-  return "  - prompt:\n      title: " + quoted(name + ": " + shift + " mm from its place") +
+  return "  - prompt:\n      title: " + yaml_quoted(name + ": " + shift + " mm from its place") +
          "\n      text: " +
-         quoted("Put '" + name + "' up " + shift +
+         yaml_quoted("Put '" + name + "' up " + shift +
                 " mm farther away than the bench file has it (less than nothing: nearer), square to the "
                 "lidar, and measure the distance at least as well as the bench file says." +
                 cover) +
@@ -55,42 +55,42 @@ std::string put_up_step(const CaptureInfo& c) {
 
 std::string place_step(const CaptureInfo& c) {
   const std::string name = *c.target;
-  const std::string rho = text_of(c.reflectance.value_or(0.5)), shift = text_of(c.target_shift_mm);
-  return "  - prompt:\n      title: " + quoted(name + ": " + shift + " mm out, reflectance " + rho) +
+  const std::string rho = yaml_number(c.reflectance.value_or(0.5)), shift = yaml_number(c.target_shift_mm);
+  return "  - prompt:\n      title: " + yaml_quoted(name + ": " + shift + " mm out, reflectance " + rho) +
          "\n      text: " +
-         quoted(
+         yaml_quoted(
              "Move '" + name + "' " + shift +
              " mm from its place in the bench file, along its normal away from the axis, and cover it with a "
              "surface of reflectance " +
              rho + ".") +
-         "\n      place: {target: " + quoted(name) + ", shift_mm: " + shift + ", reflectance: " + rho + "}\n";
+         "\n      place: {target: " + yaml_quoted(name) + ", shift_mm: " + shift + ", reflectance: " + rho + "}\n";
 }
 
 /// In degrees Celsius.
 std::string temperature_of(const CaptureInfo& c) {
-  return text_of(c.temperature_c.value_or(fit::explain::steady_c));
+  return yaml_number(c.temperature_c.value_or(fit::explain::steady_c));
 }
 
 std::string heat_step(const CaptureInfo& c) {
   const std::string t = temperature_of(c);
-  return "  - prompt:\n      title: " + quoted("Lidar's housing at " + t + " C") + "\n      text: " +
-         quoted("Bring the lidar's housing to " + t + " C and hold it there for ten minutes.") +
+  return "  - prompt:\n      title: " + yaml_quoted("Lidar's housing at " + t + " C") + "\n      text: " +
+         yaml_quoted("Bring the lidar's housing to " + t + " C and hold it there for ten minutes.") +
          "\n      place: {temperature_c: " + t + "}\n";
 }
 
 std::string cold_step(const CaptureInfo& c) {
   const std::string t = temperature_of(c);
   return "  - prompt:\n      title: \"Cold start\"\n      text: " +
-         quoted("Switch the lidar off for two hours, hold its housing at " + t +
+         yaml_quoted("Switch the lidar off for two hours, hold its housing at " + t +
                 " C, switch it on and confirm at once.") +
          "\n      place: {temperature_c: " + t + ", since_power_on_s: 0}\n";
 }
 
 /// The lidar warm: what a drift is compared with.
 std::string steady_step(const CaptureInfo& c) {
-  const std::string t = temperature_of(c), since_s = text_of(c.since_power_on_s.value_or(0));
+  const std::string t = temperature_of(c), since_s = yaml_number(c.since_power_on_s.value_or(0));
   return "  - prompt:\n      title: \"The lidar warm\"\n      text: " +
-         quoted("Let the lidar be on for " + text_of(c.since_power_on_s.value_or(0) / 60) +
+         yaml_quoted("Let the lidar be on for " + yaml_number(c.since_power_on_s.value_or(0) / 60) +
                 " minutes with its housing held at " + t + " C, then confirm.") +
          "\n      place: {temperature_c: " + t + ", since_power_on_s: " + since_s + "}\n";
 }
@@ -111,11 +111,11 @@ std::string steps_of(const Experiment& e, const fit::LidarGeometry& lidar) {
       for (const CaptureInfo& c : e.captures)
         if (e.by_hand)
           steps +=
-              put_up_step(c) + "  - capture: {samples: " + samples + ", target: " + quoted(*c.target) + "}\n";
+              put_up_step(c) + "  - capture: {samples: " + samples + ", target: " + yaml_quoted(*c.target) + "}\n";
       if (e.by_hand) break;
       steps += "  - move: {to_deg: 0}\n";
       for (const CaptureInfo& c : e.captures)
-        steps += place_step(c) + "  - capture: {samples: " + samples + ", target: " + quoted(*c.target) +
+        steps += place_step(c) + "  - capture: {samples: " + samples + ", target: " + yaml_quoted(*c.target) +
                  beams_of(c, lidar) + "}\n";
       break;
     case Experiment::Kind::ends:
@@ -123,7 +123,7 @@ std::string steps_of(const Experiment& e, const fit::LidarGeometry& lidar) {
         const CaptureInfo& c = e.captures[i];
         if (i == 0 || !fit::explain::stands_alike(e.captures[i - 1], c)) steps += place_step(c);
         steps += "  - move: {to_deg: " + deg(c.stage_rad) + "}\n  - capture: {samples: " + samples +
-                 ", target: " + quoted(*c.target) + beams_of(c, lidar) + "}\n";
+                 ", target: " + yaml_quoted(*c.target) + beams_of(c, lidar) + "}\n";
       }
       break;
     case Experiment::Kind::heat:
@@ -170,8 +170,8 @@ std::string promise_of(const Experiment& e) {
 
 std::string procedure_text(const Experiment& e, const fit::Bench& bench) {
   const bool both = e.kind == Experiment::Kind::all_round || e.kind == Experiment::Kind::both_sides;
-  return "procedure: next-experiment\ntitle: " + quoted(e.title) + "\nabout: " +
-         quoted(promise_of(e) + " Afterwards: rig explain THE-SESSION-SO-FAR.rig THE-NEW-ONE.rig") +
+  return "procedure: next-experiment\ntitle: " + yaml_quoted(e.title) + "\nabout: " +
+         yaml_quoted(promise_of(e) + " Afterwards: rig explain THE-SESSION-SO-FAR.rig THE-NEW-ONE.rig") +
          (e.by_hand ? std::string("\nsteps:\n")
                     : std::string("\nstage: {approach: ") + (both ? "direct" : "positive") +
                           ", margin_deg: 0.5}\nsteps:\n  - home\n") +

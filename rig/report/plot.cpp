@@ -50,7 +50,7 @@ std::string escaped_xml(const std::string& text) {
 }
 
 /// A string that gnuplot prints as it stands: single-quoted, enhanced text off.
-std::string quoted(const std::string& text) {
+std::string gnuplot_quoted(const std::string& text) {
   std::string out = "'";
   for (const char c : text) {
     if (c == '\'')
@@ -150,8 +150,8 @@ std::string script_of(const Plot& plot, const std::vector<const Series*>& drawn)
   out.precision(12);
   out << "set terminal svg size " << plot.width_px << ',' << map.height_px
       << " noenhanced font 'sans-serif,13' background '#ffffff'\n"
-      << "set encoding utf8\nset title " << quoted(plot.title) << "\nset xlabel " << quoted(plot.x_label)
-      << "\nset ylabel " << quoted(plot.y_label)
+      << "set encoding utf8\nset title " << gnuplot_quoted(plot.title) << "\nset xlabel " << gnuplot_quoted(plot.x_label)
+      << "\nset ylabel " << gnuplot_quoted(plot.y_label)
       << "\nset grid linecolor '#dddddd'\nset border 3\nset tics nomirror\n"
       << "set key outside bottom center horizontal height 1.2\nset autoscale noextend\n"
       << "set offsets graph 0.02, graph 0.02, graph 0.05, graph 0.05\n"
@@ -176,7 +176,7 @@ std::string script_of(const Plot& plot, const std::vector<const Series*>& drawn)
     if (series.name.empty())
       out << " notitle";
     else
-      out << " title " << quoted(series.name);
+      out << " title " << gnuplot_quoted(series.name);
   }
   out << '\n';
   for (const Series* series : drawn) write_data(out, *series);
@@ -199,10 +199,10 @@ Series::Style style_from(const std::string& name) {
   return points;
 }
 
-std::vector<double> numbers(const nlohmann::json& json, const char* key) {
+std::vector<double> numbers(const nlohmann::json& object, const char* key) {
   std::vector<double> out;
-  if (!json.contains(key)) return out;
-  for (const auto& value : json.at(key))
+  if (!object.contains(key)) return out;
+  for (const auto& value : object.at(key))
     out.push_back(value.is_number() ? value.get<double>() : std::nan(""));
   return out;
 }
@@ -286,15 +286,15 @@ std::string to_svg(const Plot& plot, std::chrono::milliseconds longest) {
   return with_coloured_markers(svg);
 }
 
-Plot plot_from_json(const nlohmann::json& json) {
+Plot plot_from_json(const nlohmann::json& document) {
   Plot plot;
-  plot.title = json.value("title", "");
-  plot.x_label = json.value("x_label", "");
-  plot.y_label = json.value("y_label", "");
-  plot.equal_axes = json.value("equal_axes", false);
-  plot.log_y = json.value("log_y", false);
-  if (json.contains("series"))
-    for (const auto& entry : json.at("series"))
+  plot.title = document.value("title", "");
+  plot.x_label = document.value("x_label", "");
+  plot.y_label = document.value("y_label", "");
+  plot.equal_axes = document.value("equal_axes", false);
+  plot.log_y = document.value("log_y", false);
+  if (document.contains("series"))
+    for (const auto& entry : document.at("series"))
       plot.series.push_back({entry.value("name", ""), style_from(entry.value("style", "points")),
                              numbers(entry, "x"), numbers(entry, "y"), numbers(entry, "u")});
   if (plot.equal_axes) plot.height_px = 480;

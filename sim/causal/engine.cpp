@@ -19,7 +19,6 @@ namespace {
 
 using namespace causal;
 
-constexpr std::uint32_t too_near = 4, no_echo = 65533;
 
 /// The whole chain: stage, rotor, optics, receiver, counter, firmware.
 class CausalEngine : public Engine {

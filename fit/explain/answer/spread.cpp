@@ -33,7 +33,7 @@ bool may_be_of_a_formula(const Suspect& suspect, const SpreadResult& spread) {
          });
 }
 
-Found found_of(const Findings& findings, const Suspect& suspect) {
+Found found_noise(const Findings& findings, const Suspect& suspect) {
   Finding finding;
   finding.parameters = suspect.parameters;
   Found found;
@@ -80,7 +80,7 @@ void tell_spread(const Findings& findings, Explanation& out) {
   for (const Suspect& suspect : findings.spread.accepted) {
     const bool is_constant = is_constant_noise(*suspect.mechanism);
     if (findings.reduced.bench.knows(suspect.mechanism->id) && !is_constant) continue;
-    out.add_beside_means(found_of(findings, suspect));
+    out.add_beside_means(found_noise(findings, suspect));
     if (!is_constant) add_to_bench(suspect);
   }
   for (const Suspect& suspect : findings.spread.brought_along) {

@@ -17,7 +17,7 @@ double largest_pull(const Reduced& reduced, double leak) {
   return largest;
 }
 
-Found found_of(const Findings& findings, const Suspect& suspect) {
+Found found_light(const Findings& findings, const Suspect& suspect) {
   Finding finding;
   finding.parameters = suspect.parameters;
   finding.largest_mm = largest_pull(findings.reduced, suspect.parameters.at("leak").value);
@@ -53,7 +53,7 @@ void tell_stray_light(const Findings& findings, Explanation& out) {
     out.undecided_between.push_back({crosstalk, wide_beam});
     out.edge_suspects = {light.suspect.parameters.at("leak").value, light.width_deg};
   } else {
-    out.add_beside_means(found_of(findings, light.suspect));
+    out.add_beside_means(found_light(findings, light.suspect));
   }
 }
 

@@ -138,7 +138,7 @@ double best_width(const BesideEdges& beams) {
 }
 
 /// What a beam of that width gains over one without.
-double gain_of(const BesideEdges& beams, double width_deg) {
+double gain_of_edges(const BesideEdges& beams, double width_deg) {
   return beams.likelihood(width_deg) - beams.likelihood(hard_deg) +
          (beams.between() > 2 ? 2.0 * beams.between() : 0);
 }
@@ -161,12 +161,12 @@ void edges(const Reduced& reduced, SpreadResult& result) {
   const double own_affair = beams.are_blended() ? 0.5 : 1.5;
   const double u = std::hypot((reach(finer) - reach(1 / finer)) / 2, own_affair * width);
   Suspect suspect = suspected(ids::mixed_pixel);
-  suspect.gain = gain_of(beams, width);
+  suspect.gain = gain_of_edges(beams, width);
   suspect.evidence = suspect.gain - price_of_size(suspect.gain) - 2;
   suspect.parameters = {{"width_deg", {width, u}}};
   if (suspect.evidence <= accept_rare_at) return;
   const auto unseen = [](const auto& own, const auto& others) {
-    return gain_of(BesideEdges(own), best_width(BesideEdges(others)));
+    return gain_of_edges(BesideEdges(own), best_width(BesideEdges(others)));
   };
   suspect.held_out_gain = held_out_gain(list, unseen, &SeenBeside::capture);
   result.accepted.push_back(suspect);

@@ -10,6 +10,7 @@
 #include <numeric>
 #include <optional>
 
+#include "fit/number_format.hpp"
 #include "fit/selection.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/edge_source.hpp"
@@ -180,12 +181,6 @@ std::optional<fit::BoardLine> line_of(const Position& position) {
                         normal.dot(mean), std::hypot(u_mean, u_tilt), static_cast<long>(points.size())};
 }
 
-std::string text(double value, const char* format = "%.3f") {
-  char buffer[48];
-  std::snprintf(buffer, sizeof buffer, format, value);
-  return buffer;
-}
-
 class Centre : public Fitting {
  public:
   std::string kind() const override { return "centre"; }
@@ -297,7 +292,7 @@ class Centre : public Fitting {
            "left of it, seen from above; angles grow counter-clockwise. A point p seen there while the "
            "stage stands at theta is at R(theta) (p - c) from the axis, in the frame of the lidar at stage "
            "angle 0; c is this centre. Example: with the stage at 90 deg, (1000, 0) mm is at (" +
-           text(turned.x(), "%.1f") + ", " + text(turned.y(), "%.1f") +
+           fit::format_fixed(turned.x(), 1) + ", " + fit::format_fixed(turned.y(), 1) +
            ") mm. Where the lidar looks along the stage's zero, the bench file's mount is minus this centre.";
   }
 
@@ -439,9 +434,9 @@ class Centre : public Fitting {
                           const std::vector<fit::CentrePoint>& points) {
     if (all.inflation > 1)
       out["notes"].push_back(
-          "The positions disagree by more than their uncertainties (chi-square " + text(all.chi2, "%.1f") +
+          "The positions disagree by more than their uncertainties (chi-square " + fit::format_fixed(all.chi2, 1) +
           " with " + std::to_string(all.degrees_of_freedom) +
-          " degrees of freedom); the uncertainty was widened by " + text(all.inflation, "%.2f") +
+          " degrees of freedom); the uncertainty was widened by " + fit::format_fixed(all.inflation, 2) +
           ". Angle errors of lidar or stage are the usual cause: rig explain looks for it.");
     if (all.degrees_of_freedom < 1)
       out["notes"].push_back("Two positions leave nothing to check the result with; use three or more.");
@@ -450,12 +445,12 @@ class Centre : public Fitting {
       out["notes"].push_back(
           "The stage turned little between the positions, which leaves the centre uncertain "
           "by " +
-          text(worst, "%.1f") + " mm; turn by 90 deg or more in all.");
+          fit::format_fixed(worst, 1) + " mm; turn by 90 deg or more in all.");
     compare_with_mount(out, all, source.recordings.front()->bench().lidar.mount);
     const double range = points.front().range_mm;
     out["undetermined"].push_back(
         "a once-a-turn angle error of the lidar's encoder or of the stage: 0.01 deg of it looks like " +
-        text(range * 0.01 * fit::rad_per_deg, "%.2f") +
+        fit::format_fixed(range * 0.01 * fit::rad_per_deg, 2) +
         " mm of centre, and is not in the uncertainty unless given as stage_u_deg");
   }
 
@@ -468,8 +463,8 @@ class Centre : public Fitting {
     const double ux = std::hypot(mount.x_mm.u, std::sqrt(all.covariance(0, 0)));
     const double uy = std::hypot(mount.y_mm.u, std::sqrt(all.covariance(1, 1)));
     if (mount.x_mm.u > 0 && mount.y_mm.u > 0 && (std::abs(off.x()) > 4 * ux || std::abs(off.y()) > 4 * uy))
-      out["notes"].push_back("The bench file's mount puts the centre at (" + text(expected.x(), "%.1f") +
-                             ", " + text(expected.y(), "%.1f") +
+      out["notes"].push_back("The bench file's mount puts the centre at (" + fit::format_fixed(expected.x(), 1) +
+                             ", " + fit::format_fixed(expected.y(), 1) +
                              ") mm, which these captures contradict; correct the bench file's mount.");
   }
 };

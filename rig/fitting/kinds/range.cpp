@@ -36,8 +36,6 @@ json digits(double value, int count = 3) {
 /// Hundredths of a millimetre.
 json hundredths(double mm) { return number_or_null(std::round(mm * 100) / 100); }
 
-json column(const char* name, const char* unit) { return {{"name", name}, {"unit", unit}}; }
-
 /// Points of one way of selecting samples.
 std::vector<fit::RangePoint> points_of(const RangeSource& source, bool robust) {
   std::vector<fit::RangePoint> out;

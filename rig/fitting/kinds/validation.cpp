@@ -23,8 +23,6 @@ namespace {
 using Eigen::Vector2d;
 using nlohmann::json;
 
-json column(const char* name, const char* unit) { return {{"name", name}, {"unit", unit}}; }
-
 /// One beam of a capture: mean range and intensity over all scans.
 struct Beam {
   double direction_rad, range_mm, intensity;
@@ -89,7 +87,7 @@ std::optional<Surface> surface_of(const fit::Recording& recording, std::size_t i
   return out.beams.empty() ? std::nullopt : std::optional(out);
 }
 
-std::vector<Vector2d> points_of(const Surface& surface, const fit::Correction* correction) {
+std::vector<Vector2d> surface_points(const Surface& surface, const fit::Correction* correction) {
   // The ordinate of the paper lies across the surface.
   const Eigen::Rotation2Dd upright(fit::pi / 2 - std::atan2(surface.normal.y(), surface.normal.x()));
   std::vector<Vector2d> out;
@@ -249,9 +247,9 @@ class Validation : public Fitting {
       };
       int count = 0;
       for (const Surface& surface : surfaces) {
-        const auto before = fit::difference_spread(points_of(surface, nullptr), lag);
+        const auto before = fit::difference_spread(surface_points(surface, nullptr), lag);
         if (!std::isfinite(before.sd_mm)) continue;
-        const auto after = fit::difference_spread(points_of(surface, correction), lag);
+        const auto after = fit::difference_spread(surface_points(surface, correction), lag);
         rows.push_back({surface.label, lag, before.sd_mm, before.low_mm, before.high_mm, after.sd_mm,
                         after.low_mm, after.high_mm, improvement(before.sd_mm, after.sd_mm).value,
                         before.plane_sd_mm, after.plane_sd_mm, after.plane_low_mm, after.plane_high_mm,
@@ -344,7 +342,7 @@ class Validation : public Fitting {
                                "number of the point", "difference of ordinates (mm)"));
     for (const bool after : {false, true}) {
       if (after && !correction) continue;
-      const std::vector<Vector2d> points = points_of(surface, after ? correction : nullptr);
+      const std::vector<Vector2d> points = surface_points(surface, after ? correction : nullptr);
       const char* const name = after ? "corrected" : "uncorrected";
       std::vector<double> x, y;
       for (const Vector2d& p : points) x.push_back(p.x()), y.push_back(p.y());
