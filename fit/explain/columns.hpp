@@ -25,7 +25,7 @@ struct Term {
 };
 
 /// Where an unnamed function acts.
-enum class Channel { range, beam_angle, stage_angle, variance, loss, stray };
+enum class Channel { range, beam_angle, stage_angle };
 
 /// d range / d what the channel changes: 1, or mm per rad.
 [[nodiscard]] double lever_of(Channel channel, const Sight& sight);

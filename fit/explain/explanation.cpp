@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/explanation.hpp"
 
-#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
+#include "fit/explain/answer/answering.hpp"
 #include "fit/explain/answer/chapters.hpp"
 #include "fit/explain/coarse_steps.hpp"
-#include "fit/explain/inference/explain.hpp"
 #include "fit/explain/intensity.hpp"
 #include "fit/explain/reduction/steady_echoes.hpp"
 #include "fit/explain/single_beams.hpp"
@@ -92,72 +91,6 @@ Explanation told(Findings& findings) {
   return out;
 }
 
-/// Whether the model has rows for what a suspect does.
-bool has_rows(const Suspect& suspect) {
-  if (!suspect.mechanism) return false;
-  const Observable shows_in = suspect.mechanism->observable;
-  if (shows_in == Observable::range_mean) return false;  // of whole scans, which have no rows yet
-  std::vector<double> typical;
-  for (const Parameter& p : suspect.mechanism->parameters) typical.push_back(p.typical);
-  if (shows_in == Observable::range_distribution) return suspect.mechanism->act(Circumstances{}, typical).stray > 0;
-  return std::ranges::any_of(model::channel_kinds(), [&](const auto& kind) { return kind.observable == shows_in; });
-}
-
-/// What other rooms say of whole scans, memory, edges and steps, without what the model has rows for.
-void leave_to_the_model(SpreadResult& spread) {
-  std::erase_if(spread.accepted, has_rows);
-  spread.brought_along.clear();
-  std::erase_if(spread.undecided, [](const auto& set) { return std::ranges::any_of(set, has_rows); });
-  std::erase_if(spread.unknown, [](const Unexplained& u) {
-    return u.observable == Observable::range_variance || u.observable == Observable::dropout;
-  });
-}
-
-/// What one model finds, and the other rooms beside it.
-struct ByOneModel {
-  Findings findings;
-  inference::Inferred inferred;
-};
-
-ByOneModel search_by_one_model(Reduced reduced, const Progress& progress) {
-  SpreadResult spread = explain_spread(reduced);
-  add_bias_of_coarse_steps(spread, reduced);
-  if (spread::flickers(spread)) spread::take_off_flicker(reduced);
-  spread::take_off_patterns(spread, reduced);
-  leave_to_the_model(spread);
-  inference::Inferred inferred = inference::infer(reduced, spread.noise, progress);
-  std::optional<StrayLight> light = stray_light(reduced, inferred.means);
-  if (light && !light->or_mixed_pixel) {
-    take_off(*light, reduced);
-    inferred = inference::infer(reduced, spread.noise, progress);
-  }
-  MeanResult means = inferred.means;
-  return {{std::move(reduced), std::move(spread), std::move(means), std::move(light)}, std::move(inferred)};
-}
-
-Explanation told_by_one_model(ByOneModel& found) {
-  Findings& findings = found.findings;
-  Explanation out;
-  out.before = findings.means.before;
-  out.after = findings.means.after;
-  out.noise_floor_mm = findings.means.noise_floor_mm;
-  out.samples = findings.reduced.samples;
-  out.cells = findings.reduced.cells.size();
-  out.left_out = findings.reduced.left_out;
-  out.bench = findings.reduced.bench;
-  inference::tell(found.inferred, findings, out);
-  answer::tell_stray_light(findings, out);
-  answer::tell_spread(findings, out);
-  inference::add_to_spread(found.inferred, findings.spread);
-  if (!found.inferred.posterior.forms.empty() || !findings.spread.unknown.empty()) answer::tell_unknown(findings, out);
-  answer::tell_where(findings, out);
-  answer::tell_doubts(findings, out);
-  answer::doubt_bench_file(findings, out);
-  answer::correct_bench(findings, out.bench);
-  out.verdict = verdict_of(out);
-  return out;
-}
-
 }  // namespace
 
 std::string verdict_of(const Explanation& explanation) {
@@ -167,12 +100,8 @@ std::string verdict_of(const Explanation& explanation) {
                                                   : nothing_missing;
 }
 
-namespace {
-
-/// The way from recordings to an answer; `answered` turns reduced data into findings and their telling.
-template <class Answered>
-Explanation explained(const std::vector<const Recording*>& recordings, const Progress& progress,
-                      const Answered& answered) {
+Explanation explain_with(const std::vector<const Recording*>& recordings, const Progress& progress,
+                         const Answer& answer) {
   if (recordings.empty()) throw std::invalid_argument("no recording was given");
   const std::vector<SingleBeams> single = single_beams(recordings);
   std::vector<const Recording*> looked_at;
@@ -181,7 +110,7 @@ Explanation explained(const std::vector<const Recording*>& recordings, const Pro
   Reduced reduced = reduce_all(together, progress);
   refuse_nothing_to_compare(reduced);
   std::vector<double> own_echoes = reduction::steady_echoes(reduced);
-  auto [findings, explanation] = answered(std::move(reduced));
+  auto [findings, explanation] = answer(std::move(reduced));
   reduction::exchange_echoes(findings.reduced, own_echoes);
   explain_intensity(findings.reduced, explanation);
   reduction::exchange_echoes(findings.reduced, own_echoes);
@@ -193,24 +122,14 @@ Explanation explained(const std::vector<const Recording*>& recordings, const Pro
   if (const std::string note = note_on_clusters(single); !note.empty())
     explanation.notes.insert(explanation.notes.begin(), note);
   if (progress) progress(1, "done");
-  return explanation;
+  return std::move(explanation);
 }
 
-}  // namespace
-
 Explanation explain(const std::vector<const Recording*>& recordings, const Progress& progress) {
-  return explained(recordings, progress, [&](Reduced reduced) {
+  return explain_with(recordings, progress, [&](Reduced reduced) {
     Findings findings = search(std::move(reduced), progress);
     Explanation explanation = told(findings);
     return std::pair(std::move(findings), std::move(explanation));
-  });
-}
-
-Explanation explain_by_one_model(const std::vector<const Recording*>& recordings, const Progress& progress) {
-  return explained(recordings, progress, [&](Reduced reduced) {
-    ByOneModel found = search_by_one_model(std::move(reduced), progress);
-    Explanation explanation = told_by_one_model(found);
-    return std::pair(std::move(found.findings), std::move(explanation));
   });
 }
 

@@ -106,9 +106,6 @@ struct Explanation {
 /// Explains one or several recordings of the same bench together. Throws std::invalid_argument when there is
 /// nothing to compare: no targets, no scans that meet one, or benches that differ.
 [[nodiscard]] Explanation explain(const std::vector<const Recording*>& recordings, const Progress& progress);
-/// The same by one statistical model (docs/method/model.md); experimental.
-[[nodiscard]] Explanation explain_by_one_model(const std::vector<const Recording*>& recordings,
-                                               const Progress& progress);
 
 /// What is found so far in one word.
 [[nodiscard]] std::string verdict_of(const Explanation& explanation);

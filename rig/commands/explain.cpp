@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "fit/explain/explanation.hpp"
+#include "fit/explain/inference/one_model.hpp"
 #include "rig/commands/different_sessions.hpp"
 #include "rig/commands/json_output.hpp"
 #include "rig/procedure/procedure_plan.hpp"

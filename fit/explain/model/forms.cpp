@@ -11,7 +11,16 @@ namespace fit::explain::model {
 namespace {
 
 using Eigen::Index;
-using Act = explain::Channel;
+
+/// What a form changes.
+enum class Act { range, beam_angle, stage_angle, variance, loss, stray };
+
+/// As the rooms that draw forms of means know it.
+explain::Channel channel_of(Act on) {
+  return on == Act::beam_angle    ? explain::Channel::beam_angle
+         : on == Act::stage_angle ? explain::Channel::stage_angle
+                                  : explain::Channel::range;
+}
 
 /// A coordinate along which unnamed physics may act, and on what.
 struct Way {
@@ -94,7 +103,7 @@ Axis axis_of_rows(const Scale& scale, const Way& way) {
   constexpr std::size_t most = 400, parts = 40;
   Axis axis;
   axis.coordinate = way.coordinate;
-  axis.channel = way.on == Act::variance || way.on == Act::loss || way.on == Act::stray ? Act::range : way.on;
+  axis.channel = channel_of(way.on);
   const std::vector<double>& v = scale.sorted();
   axis.low = v.front();
   axis.high = v.back();
@@ -159,7 +168,7 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
     for (Shape& shape : form.along(axis)) {
       shape.form = &form;
       shape.coordinate = way.coordinate;
-      shape.channel = way.on;
+      shape.channel = channel_of(way.on);
       by_terms[form.terms(shape)].push_back(shape);
     }
     for (const auto& [terms, shapes] : by_terms) {

@@ -5,6 +5,7 @@
 #include "../../support/imagined_room.hpp"
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/inference/gaussian.hpp"
+#include "fit/explain/inference/one_model.hpp"
 #include "fit/explain/model/channel.hpp"
 #include "fit/explain/model/combs.hpp"
 
