@@ -61,8 +61,8 @@ class Question {
       most = modes.back();
       best_.term = there;
     }
-    // All places are paid for: by the width of the best ones, or by the mean over the grid where that is more.
-    const double all = refines ? std::max(log_sum(modes), over_grid_) : log_sum(modes);
+    // Places are paid for by the width of the best ones; another good one adds to the evidence.
+    const double all = log_sum(modes);
     best_.term.other_places = all - most;
     best_.log_evidence = all;
   }
