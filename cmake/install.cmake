@@ -5,11 +5,15 @@ install(TARGETS rig rig-sim RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 install(DIRECTORY procedures/ DESTINATION ${CMAKE_INSTALL_DATADIR}/rig/procedures)
 install(FILES README.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(DIRECTORY sim/worlds DESTINATION ${CMAKE_INSTALL_DATADIR}/rig)
-install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} FILES_MATCHING PATTERN "*.md" PATTERN "*.png" PATTERN "*.py" PATTERN "man" EXCLUDE)
+install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} FILES_MATCHING PATTERN "*.md" PATTERN "*.png" PATTERN "*.py" PATTERN "*.cpp" PATTERN "man" EXCLUDE)
 install(DIRECTORY docs/man/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 FILES_MATCHING PATTERN "*.1")
 install(FILES scripts/packaging/rig.bash-completion DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME rig)
 install(FILES scripts/packaging/60-rig.rules DESTINATION lib/udev/rules.d)
 install(FILES scripts/packaging/rig-sim.service DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples)
+
+# The driver for programs of one's own: g++ -std=c++20 mine.cpp -llidar -pthread (docs/lidar.md).
+install(TARGETS lidar ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+install(DIRECTORY lidar/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/lidar FILES_MATCHING PATTERN "*.hpp")
 
 set(CPACK_PACKAGE_NAME rig-calibration)
 set(CPACK_PACKAGE_VENDOR "rig")

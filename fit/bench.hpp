@@ -21,25 +21,37 @@ struct Mount {
 /// The lidar's scan pattern. Beam k points to `beam_angle(k)` in the lidar's frame, counter-clockwise.
 struct LidarGeometry {
   std::string model = "UST-10LX";
-  int steps = 1081;
+  int steps = 1081;  ///< The device counts from 0, so that its last step is steps - 1 (AMAX).
   int front_step = 540;
   double step_rad = 0.25 * rad_per_deg;
   double scan_hz = 40;
   Mount mount;
+  int first_step = 0;  ///< Steps before it measure nothing (AMIN).
+  std::string serial;  ///< Of the one device that the bench is about; empty: of any.
 
   [[nodiscard]] double beam_angle(double step) const { return (step - front_step) * step_rad; }
   /// Seconds from the scan's time stamp (step 0 is passed) to beam k; a full turn takes 1 / scan_hz.
   [[nodiscard]] double beam_time_s(double step) const { return step * step_rad / (2 * pi * scan_hz); }
 };
 
-/// A flat target seen from above: the segment from `from` to `to` in the world frame.
+/// A post or a pipe seen from above.
+struct RoundShape {
+  Eigen::Vector2d centre_mm = Eigen::Vector2d::Zero();
+  double radius_mm = 0, u_radius_mm = 0;
+};
+
+/// A target seen from above: flat, the segment from `from` to `to` in the world frame; or round. `from` and `to`
+/// of a round one are the tangent before it, as wide as it is, for whoever only asks where and how wide it is.
 struct Target {
   std::string name;
   Eigen::Vector2d from_mm = Eigen::Vector2d::Zero(), to_mm = Eigen::Vector2d::Zero();
-  double u_mm = 0;   ///< Standard uncertainty of the offset along the normal.
+  double u_mm = 0;   ///< Standard uncertainty of the offset along the normal; of a round one, of its centre in each direction.
   double u_rad = 0;  ///< Standard uncertainty of the orientation.
   std::optional<double> reflectance;
+  std::optional<RoundShape> round;
 
+  /// Makes it round; `from_mm` and `to_mm` follow.
+  void set_round(const RoundShape& shape);
   /// Unit normal that points away from the stage's axis (the direction of a capture's target_shift_mm).
   [[nodiscard]] Eigen::Vector2d outward_normal() const;
 };
@@ -59,6 +71,8 @@ struct Bench {
   double stage_resolution_rad = 0.01 * rad_per_deg;
   std::vector<Target> targets;
   std::vector<KnownMechanism> known;
+  /// Where the keys of "lidar" stand, as NAME:LINE:COLUMN; "" is the object itself.
+  std::map<std::string, std::string> lidar_places;
   /// The document it came from, with everything this struct does not model (stage language, units per turn,
   /// soft limits ...): JSON text. Kept so that a bench written back loses nothing.
   std::string document = "{}";

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -13,12 +14,17 @@ namespace {
 using json = nlohmann::json;
 
 /// A part of the document together with where it stands, so that every complaint names its place.
-class BenchReader {
+class Reader {
  public:
-  BenchReader(const json& value, std::string pointer, const std::string& text, const std::string& name)
+  Reader(const json& value, std::string pointer, const std::string& text, const std::string& name)
       : value_(value), pointer_(std::move(pointer)), text_(text), name_(name) {}
 
   [[nodiscard]] const json& value() const { return value_; }
+  /// NAME:LINE:COLUMN.
+  [[nodiscard]] std::string place() const {
+    const TextPosition position = position_of(text_, pointer_);
+    return name_ + ":" + std::to_string(position.line) + ":" + std::to_string(position.column);
+  }
   [[nodiscard]] bool has(const std::string& key) const { return value_.contains(key); }
 
   [[noreturn]] void refuse(const std::string& complaint) const {
@@ -26,12 +32,12 @@ class BenchReader {
                                 (pointer_.empty() ? "" : "\"" + pointer_.substr(1) + "\" ") + complaint);
   }
 
-  [[nodiscard]] BenchReader at(const std::string& key) const {
+  [[nodiscard]] Reader at(const std::string& key) const {
     if (!has(key)) refuse("needs the key \"" + key + "\", which is missing");
     return {value_.at(key), pointer_ + "/" + key, text_, name_};
   }
 
-  [[nodiscard]] BenchReader at(std::size_t index) const {
+  [[nodiscard]] Reader at(std::size_t index) const {
     return {value_.at(index), pointer_ + "/" + std::to_string(index), text_, name_};
   }
 
@@ -52,7 +58,7 @@ class BenchReader {
       if (is_known) continue;
       const std::string meant = nearest_word(key, known);
       if (!meant.empty() && !has(meant) && edit_distance(key, meant) <= 2)
-        BenchReader(value_.at(key), pointer_ + "/" + key, text_, name_)
+        Reader(value_.at(key), pointer_ + "/" + key, text_, name_)
             .refuse("is not a key of a bench file; did you mean \"" + meant + "\"?");
     }
   }
@@ -109,7 +115,18 @@ Estimate scaled(const Estimate& estimate, double factor) {
   return {estimate.value * factor, estimate.u * std::abs(factor)};
 }
 
-Mount read_mount(const BenchReader& reader) {
+/// Standard uncertainties of a device's systematic deviations; accuracy_of() reads them.
+template <std::size_t n>
+void check_accuracy(const Reader& device, const std::array<const char*, n>& known) {
+  if (!device.has("accuracy")) return;
+  const Reader accuracy = device.at("accuracy");
+  accuracy.must_be_object();
+  accuracy.refuse_misspelt(known);
+  for (const char* key : known)
+    if (accuracy.has(key)) (void)accuracy.at(key).number_from(0, 1000);
+}
+
+Mount read_mount(const Reader& reader) {
   reader.must_be_object();
   reader.refuse_misspelt(std::array{"x_mm", "y_mm", "yaw_deg"});
   Mount mount;
@@ -119,12 +136,18 @@ Mount read_mount(const BenchReader& reader) {
   return mount;
 }
 
-LidarGeometry read_lidar(const BenchReader& reader) {
+LidarGeometry read_lidar(const Reader& reader) {
   reader.must_be_object();
-  reader.refuse_misspelt(std::array{"model", "steps", "front_step", "step_deg", "scan_hz", "mount"});
+  reader.refuse_misspelt(
+      std::array{"model", "steps", "first_step", "front_step", "step_deg", "scan_hz", "serial", "mount", "accuracy"});
+  check_accuracy(reader,
+                 std::array{"u_beam_eccentricity_deg", "u_range_mm", "u_range_scale", "u_range_walk_mm"});
   LidarGeometry lidar;
   if (reader.has("model")) lidar.model = reader.at("model").string();
   if (reader.has("steps")) lidar.steps = reader.at("steps").integer_from(1, 100000);
+  if (reader.has("first_step"))
+    lidar.first_step = reader.at("first_step").integer_from(0, std::max(0, lidar.steps - 1));
+  if (reader.has("serial")) lidar.serial = reader.at("serial").string();
   if (reader.has("front_step")) lidar.front_step = reader.at("front_step").integer_from(-100000, 100000);
   if (reader.has("step_deg")) lidar.step_rad = reader.at("step_deg").number_from(1e-4, 90) * rad_per_deg;
   if (reader.has("scan_hz")) lidar.scan_hz = reader.at("scan_hz").number_from(1e-3, 1e4);
@@ -132,16 +155,32 @@ LidarGeometry read_lidar(const BenchReader& reader) {
   return lidar;
 }
 
-Target read_target(const BenchReader& reader) {
+Target read_target(const Reader& reader) {
   reader.must_be_object();
-  reader.refuse_misspelt(
-      std::array{"name", "from_mm", "to_mm", "u_mm", "u_deg", "reflectance", "placed_anew"});
+  reader.refuse_misspelt(std::array{"name", "from_mm", "to_mm", "centre_mm", "radius_mm", "u_mm", "u_deg",
+                                    "u_radius_mm", "reflectance", "placed_anew"});
   Target target;
   target.name = reader.at("name").string();
-  target.from_mm = reader.at("from_mm").point();
-  target.to_mm = reader.at("to_mm").point();
-  if ((target.to_mm - target.from_mm).norm() < 1e-6)
-    reader.refuse("has no length: from_mm and to_mm are the same point");
+  if (reader.has("centre_mm") || reader.has("radius_mm")) {
+    for (const char* of_a_flat_one : {"from_mm", "to_mm", "u_deg"})
+      if (reader.has(of_a_flat_one))
+        reader.at(of_a_flat_one)
+            .refuse("is of a flat target, and centre_mm and radius_mm are of a round one: leave one of them out");
+    RoundShape shape;
+    shape.centre_mm = reader.at("centre_mm").point();
+    shape.radius_mm = reader.at("radius_mm").number_from(1, 1e5);
+    if (reader.has("u_radius_mm")) shape.u_radius_mm = reader.at("u_radius_mm").number_from(0, 1e5);
+    if (shape.centre_mm.norm() <= shape.radius_mm)
+      reader.refuse("stands on the stage's axis: centre_mm must be farther away than radius_mm");
+    target.set_round(shape);
+  } else {
+    if (reader.has("u_radius_mm"))
+      reader.at("u_radius_mm").refuse("is of a round target: give centre_mm and radius_mm as well");
+    target.from_mm = reader.at("from_mm").point();
+    target.to_mm = reader.at("to_mm").point();
+    if ((target.to_mm - target.from_mm).norm() < 1e-6)
+      reader.refuse("has no length: from_mm and to_mm are the same point");
+  }
   if (reader.has("u_mm")) target.u_mm = reader.at("u_mm").number_from(0, 1e6);
   if (reader.has("u_deg")) target.u_rad = reader.at("u_deg").number_from(0, 360) * rad_per_deg;
   if (reader.has("reflectance") && !reader.at("reflectance").value().is_null())
@@ -154,16 +193,19 @@ Target read_target(const BenchReader& reader) {
 
 /// What every stage has, whoever speaks to it: limits that are not understood would be none. Returns its
 /// resolution in radians.
-double read_stage(const BenchReader& reader) {
+double read_stage(const Reader& reader) {
   reader.must_be_object();
   reader.refuse_misspelt(std::array{"language", "model", "resolution_deg", "limits_deg", "speed_deg_s",
                                     "acceleration_deg_s2", "tolerance_deg", "units_per_deg", "units_per_turn",
                                     "direction", "zero_deg", "settle_s", "reply_s", "home_s", "needs_homing",
-                                    "baud", "address", "axis"});
+                                     "baud", "address", "axis", "accuracy",
+                                     // of the simulated one
+                                     "homed", "axes", "acknowledges", "physics"});
+  check_accuracy(reader, std::array{"u_scale", "u_eccentricity_deg", "u_backlash_deg", "u_position_deg"});
   for (const char* quickness : {"speed_deg_s", "acceleration_deg_s2"})
     if (reader.has(quickness)) (void)reader.at(quickness).number_from(1e-6, 1e6);
   if (reader.has("limits_deg")) {
-    const BenchReader limits = reader.at("limits_deg");
+    const Reader limits = reader.at("limits_deg");
     constexpr double farthest_deg = 1e6;
     if (!limits.value().is_array() || limits.value().size() != 2)
       limits.refuse("must be two angles [from, to] in degrees");
@@ -175,13 +217,13 @@ double read_stage(const BenchReader& reader) {
                                       : Bench().stage_resolution_rad;
 }
 
-KnownMechanism read_known(const BenchReader& reader) {
+KnownMechanism read_known(const Reader& reader) {
   reader.must_be_object();
   reader.refuse_misspelt(std::array{"mechanism", "parameters"});
   KnownMechanism known;
   known.mechanism = reader.at("mechanism").string();
   if (!reader.has("parameters")) return known;
-  const BenchReader parameters = reader.at("parameters");
+  const Reader parameters = reader.at("parameters");
   parameters.must_be_object();
   for (const auto& [key, value] : parameters.value().items()) {
     if (value.is_string())
@@ -201,10 +243,16 @@ json estimate_json(const Estimate& estimate) {
 
 json target_json(const Target& target, json document) {
   document["name"] = target.name;
-  document["from_mm"] = {target.from_mm.x(), target.from_mm.y()};
-  document["to_mm"] = {target.to_mm.x(), target.to_mm.y()};
   document["u_mm"] = target.u_mm;
-  document["u_deg"] = target.u_rad * deg_per_rad;
+  if (target.round) {
+    document["centre_mm"] = {target.round->centre_mm.x(), target.round->centre_mm.y()};
+    document["radius_mm"] = target.round->radius_mm;
+    document["u_radius_mm"] = target.round->u_radius_mm;
+  } else {
+    document["from_mm"] = {target.from_mm.x(), target.from_mm.y()};
+    document["to_mm"] = {target.to_mm.x(), target.to_mm.y()};
+    document["u_deg"] = target.u_rad * deg_per_rad;
+  }
   if (target.reflectance) document["reflectance"] = *target.reflectance;
   return document;
 }
@@ -222,7 +270,7 @@ json entry_with(const json& list, const char* key, const std::string& name) {
 Bench parse_bench(const std::string& text, const std::string& name) {
   const json document = parse_json(
       text, name, "not JSON here: look for a missing comma, quote or bracket just before this place");
-  const BenchReader reader(document, "", text, name);
+  const Reader reader(document, "", text, name);
   reader.must_be_object();
   if (!reader.has("schema")) reader.refuse("not a bench file: the key \"schema\": \"bench/1\" is missing");
   if (reader.at("schema").string() != "bench/1")
@@ -230,10 +278,15 @@ Bench parse_bench(const std::string& text, const std::string& name) {
   reader.refuse_misspelt(std::array{"schema", "lidar", "stage", "targets", "known", "certificate"});
   Bench bench;
   bench.document = document.dump();
-  if (reader.has("lidar")) bench.lidar = read_lidar(reader.at("lidar"));
+  if (reader.has("lidar")) {
+    const Reader lidar = reader.at("lidar");
+    bench.lidar = read_lidar(lidar);
+    bench.lidar_places[""] = lidar.place();
+    for (const auto& [key, ignored] : lidar.value().items()) bench.lidar_places[key] = lidar.at(key).place();
+  }
   if (reader.has("stage")) bench.stage_resolution_rad = read_stage(reader.at("stage"));
   if (reader.has("targets")) {
-    const BenchReader targets = reader.at("targets");
+    const Reader targets = reader.at("targets");
     targets.must_be_array();
     for (std::size_t i = 0; i < targets.value().size(); ++i) {
       bench.targets.push_back(read_target(targets.at(i)));
@@ -244,7 +297,7 @@ Bench parse_bench(const std::string& text, const std::string& name) {
     }
   }
   if (reader.has("known")) {
-    const BenchReader known = reader.at("known");
+    const Reader known = reader.at("known");
     known.must_be_array();
     for (std::size_t i = 0; i < known.value().size(); ++i) bench.known.push_back(read_known(known.at(i)));
   }
@@ -260,6 +313,8 @@ std::string to_json_text(const Bench& bench) {
   json& lidar = document["lidar"];
   lidar["model"] = bench.lidar.model;
   lidar["steps"] = bench.lidar.steps;
+  if (bench.lidar.first_step != 0) lidar["first_step"] = bench.lidar.first_step;
+  if (!bench.lidar.serial.empty()) lidar["serial"] = bench.lidar.serial;
   lidar["front_step"] = bench.lidar.front_step;
   lidar["step_deg"] = bench.lidar.step_rad * deg_per_rad;
   lidar["scan_hz"] = bench.lidar.scan_hz;

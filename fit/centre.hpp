@@ -28,6 +28,13 @@ struct CentrePoint {
   }
 };
 
+/// A systematic deviation that all sights have in common.
+struct CentreEffect {
+  std::string name;
+  /// How one standard uncertainty of it moves every sight: radially and tangentially, mm.
+  std::vector<Eigen::Vector2d> shift_mm;
+};
+
 struct CentrePair {
   std::size_t first = 0, second = 0;
   double turn_rad = 0;
@@ -44,6 +51,7 @@ struct CentreFit {
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
   Eigen::Matrix2d from_range = Eigen::Matrix2d::Zero(), from_angle = Eigen::Matrix2d::Zero();  ///< Its parts.
   std::vector<Eigen::Matrix2d> angle_parts;         ///< What each sight's angle adds to from_angle.
+  std::vector<Eigen::Vector2d> effects;  ///< What one standard uncertainty of each effect does to the centre.
   Eigen::Vector2d point = Eigen::Vector2d::Zero();  ///< The common point, from the centre, at stage angle 0.
   std::vector<Eigen::Vector2d> residuals;           ///< Radial and tangential, mm.
   double chi2 = 0;
@@ -53,8 +61,9 @@ struct CentreFit {
 };
 
 /// All sights at once: p_i = R(-stage_i) point + centre, generalised least squares (linear in point and
-/// centre). Throws std::invalid_argument with fewer than two sights or without any turn between them.
-[[nodiscard]] CentreFit fit_centre(const std::vector<CentrePoint>& points);
+/// centre); the effects make the sights' errors go together. Throws std::invalid_argument with fewer than two sights or without any turn between them.
+[[nodiscard]] CentreFit fit_centre(const std::vector<CentrePoint>& points,
+                                   const std::vector<CentreEffect>& effects = {});
 
 /// A board seen as a line from one stage position: normal angle and distance in the lidar's frame.
 struct BoardLine {
@@ -63,11 +72,17 @@ struct BoardLine {
   double u_distance_mm = 0;
   long beams = 0;
 };
+/// A systematic deviation of all lines: how one standard uncertainty of it changes every distance, mm.
+struct LineEffect {
+  std::string name;
+  std::vector<double> shift_mm;
+};
 
 /// The centre from the board's distance alone: d_i = d_0 + n_i . centre, where n_i is the board's normal in
 /// the lidar's frame. Independent of the edge; a constant range error falls into d_0. Needs three positions
 /// or more; same errors as fit_centre.
-[[nodiscard]] CentreFit fit_centre_from_lines(const std::vector<BoardLine>& lines);
+[[nodiscard]] CentreFit fit_centre_from_lines(const std::vector<BoardLine>& lines,
+                                              const std::vector<LineEffect>& effects = {});
 
 /// A robot's pose in the map.
 struct RobotPose {

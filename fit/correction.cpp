@@ -220,7 +220,23 @@ Correction::Corrected Correction::apply(double range_mm, double counts) const {
     out.range_outside = held.outside;
   }
   out.range_mm = range_mm - out.error_mm;
+  if (measured.empty()) return out;
+  if (!range)
+    out.range_outside = !(out.range_mm >= measured.front().range_mm * (1 - measured_distances) &&
+                          out.range_mm <= measured.back().range_mm * (1 + measured_distances));
+  if (!intensity) out.intensity_outside = !surface_measured(out.range_mm, counts);
   return out;
+}
+
+bool Correction::surface_measured(double range_mm, double counts) const {
+  if (measured.empty()) return true;
+  const auto after = std::ranges::lower_bound(measured, range_mm, {}, &Measured::range_mm);
+  const Measured &b = after == measured.end() ? measured.back() : *after,
+                 &a = after == measured.begin() ? b : *(after - 1);
+  const double share =
+      b.range_mm > a.range_mm ? std::clamp((range_mm - a.range_mm) / (b.range_mm - a.range_mm), 0.0, 1.0) : 0;
+  return counts >= (a.from + share * (b.from - a.from)) * (1 - measured_counts) &&
+         counts <= (a.to + share * (b.to - a.to)) * (1 + measured_counts);
 }
 
 double Correction::u(double range_mm, double counts) const {
@@ -252,6 +268,9 @@ std::string to_json_text(const Correction& c) {
   json terms = json::array();
   if (c.intensity) terms.push_back(term_json(*c.intensity));
   if (c.range) terms.push_back(term_json(*c.range));
+  json measured = json::array();
+  for (const Correction::Measured& m : c.measured)
+    measured.push_back({{"range_mm", m.range_mm}, {"intensity_from", m.from}, {"intensity_to", m.to}});
   const json out = {
       {"schema", "correction/1"},
       {"says",
@@ -271,6 +290,7 @@ std::string to_json_text(const Correction& c) {
       {"covariance_factor", matrix_json(c.factor)},
       {"common_u_mm", c.common_u_mm},
       {"validity", validity_json(c.validity)},
+      {"measured", measured},
       {"notes", c.notes}};
   return out.dump(1) + "\n";
 }
@@ -295,6 +315,17 @@ Correction parse_correction(const std::string& text, const std::string& name) {
   c.common_u_mm = reader.number_or("common_u_mm", 0);
   if (reader.has("validity"))
     c.validity = read_validity(CorrectionReader(reader.member("validity", false), name + "/validity"));
+  if (reader.has("measured")) {
+    const json& measured = reader.member("measured", true);
+    for (std::size_t i = 0; i < measured.size(); ++i) {
+      const CorrectionReader item(measured[i], name + "/measured/" + std::to_string(i));
+      c.measured.push_back({item.number("range_mm"), item.number("intensity_from"), item.number("intensity_to")});
+      if (c.measured.back().from > c.measured.back().to)
+        item.fail("intensity_to", "must not be below 'intensity_from'");
+      if (i > 0 && c.measured[i].range_mm < c.measured[i - 1].range_mm)
+        item.fail("range_mm", "must not be below the one before");
+    }
+  }
   const json& terms = reader.member("terms", true);
   for (std::size_t i = 0; i < terms.size(); ++i) {
     const CorrectionReader item(terms[i], name + "/terms/" + std::to_string(i));

@@ -54,15 +54,26 @@ struct Correction {
   std::string created_utc, procedure, software;
   std::vector<std::string> session_sha256;
   Validity validity;
-  std::vector<std::string> notes;
+  /// The echoes that were measured at one distance.
+  struct Measured {
+    double range_mm = 0;
+    double from = 0, to = 0;  ///< Counts.
+  };
+  std::vector<Measured> measured;  ///< By distance, ascending; empty: not told, as in older files.
+  std::vector<std::string> notes;  ///< What a user must be told.
 
   struct Corrected {
     double range_mm = 0;  ///< Corrected. Outside the calibrated region: by the error at its border.
     double error_mm = 0;  ///< That was subtracted.
+    /// Where the correction has no term for one of them, it was measured only as `measured` says: at those
+    /// distances (within 5 %), and with echoes of those surfaces (their counts at that distance, within 25 %).
     bool range_outside = false, intensity_outside = false;
     [[nodiscard]] bool inside() const { return !range_outside && !intensity_outside; }
   };
   [[nodiscard]] Corrected apply(double range_mm, double intensity) const;
+  /// Whether echoes of that strength were measured about that distance, by `measured` alone.
+  [[nodiscard]] bool surface_measured(double range_mm, double intensity) const;
+  static constexpr double measured_distances = 0.05, measured_counts = 0.25;  ///< Shares that are still near.
   /// Standard uncertainty of the error that apply() subtracts (not of one sample's noise).
   [[nodiscard]] double u(double range_mm, double intensity) const;
   [[nodiscard]] std::vector<std::string> parameter_names() const;

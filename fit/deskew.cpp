@@ -275,8 +275,8 @@ TimingEstimate estimate_timing(std::span<const Sweep> sweeps, const Path& path, 
   estimate.timing.reversed = options.reversed.value_or(false);
   const auto pairs = telling_pairs(sweeps, path, lidar, options.drifts);
   if (pairs.size() < 5) return estimate;
-  const int half = 40;
-  for (int k = -half; k <= half; ++k) estimate.tried_s.push_back(options.widest_s * k / half);
+  const int half = options.steps;
+  for (int k = -half; k <= half; ++k) estimate.tried_s.push_back(options.about_s + options.widest_s * k / half);
   const std::vector<SweepPair> most_telling(pairs.begin(),
                                             pairs.begin() + std::min<std::ptrdiff_t>(60, std::ssize(pairs)));
   Judged best = judge(sweeps, path, lidar, most_telling, estimate.tried_s, estimate.timing.reversed);
@@ -292,7 +292,7 @@ TimingEstimate estimate_timing(std::span<const Sweep> sweeps, const Path& path, 
     estimate.score_mm.push_back(std::sqrt(value / static_cast<double>(most_telling.size())));
   estimate.disagreement_mm = best.least;
   estimate.determined = estimate.offset_s.u < 0.1 * options.widest_s &&
-                        std::abs(estimate.timing.offset_s) < 0.95 * options.widest_s;
+                        std::abs(estimate.timing.offset_s - options.about_s) < 0.95 * options.widest_s;
   return estimate;
 }
 

@@ -70,6 +70,8 @@ struct TimingOptions {
   double widest_s = 0.2;         ///< Offsets up to this are tried, both ways.
   std::optional<bool> reversed;  ///< Order of the beams; without it, judged: reversed only if clearly better.
   bool drifts = true;            ///< Path of a stage (false): scans of different captures are compared too.
+  double about_s = 0;            ///< The offset in the middle of those tried.
+  int steps = 40;                ///< Offsets tried on either side.
 };
 
 /// Finds the time offset at which scans, placed by the path alone, agree best: scans four apart, or, on a

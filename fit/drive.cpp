@@ -3,14 +3,44 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <stdexcept>
+
+#include "fit/median.hpp"
+#include "fit/wheel_time.hpp"
 
 namespace fit {
 namespace {
 
 using Eigen::Vector2d;
-using Vector6 = Eigen::Matrix<double, 6, 1>;
+
+/// Stamps of what happens evenly, without the chance by which they came late: lines through the 201 stamps around
+/// each. Across a gap of more than three times the usual step nothing is evened.
+std::vector<double> even_times(const std::vector<double>& stamps) {
+  constexpr std::size_t half = 100, least = 20;
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < stamps.size(); ++i) steps.push_back(stamps[i] - stamps[i - 1]);
+  const double usual = median_of(std::vector<double>(steps));
+  std::vector<double> out = stamps;
+  for (std::size_t begin = 0; begin < stamps.size();) {
+    std::size_t end = begin + 1;
+    while (end < stamps.size() && steps[end - 1] < 3.5 * usual) ++end;
+    for (std::size_t i = begin; end - begin >= least && i < end; ++i) {
+      const std::size_t from = i > begin + half ? i - half : begin, to = std::min(end, i + half + 1);
+      double n = 0, x = 0, y = 0, xx = 0, xy = 0;
+      for (std::size_t k = from; k < to; ++k) {
+        const double at = static_cast<double>(k) - static_cast<double>(i), stamp = stamps[k] - stamps[i];
+        n += 1, x += at, y += stamp, xx += at * at, xy += at * stamp;
+      }
+      const double slope = (n * xy - x * y) / (n * xx - x * x);
+      out[i] = stamps[i] + (y - slope * x) / n;
+    }
+    begin = end;
+  }
+  for (std::size_t i = 1; i < out.size(); ++i) out[i] = std::max(out[i], out[i - 1] + 1e-6);
+  return out;
+}
 
 /// Wheel angles in order of time.
 class Wheels {
@@ -25,12 +55,35 @@ class Wheels {
     known_.erase(std::unique(known_.begin(), known_.end(), same_time), known_.end());
   }
   [[nodiscard]] std::size_t size() const { return known_.size(); }
+  void make_times_even() {
+    std::vector<double> times;
+    for (const At& at : known_) times.push_back(at.time_s);
+    times = even_times(times);
+    for (std::size_t i = 0; i < known_.size(); ++i) known_[i].time_s = times[i];
+  }
+  [[nodiscard]] WheelTime over_time() const {
+    WheelTime out;
+    for (std::size_t i = 1; i < known_.size(); ++i)
+      out.add(known_[i - 1].time_s, known_[i].time_s, known_[i].angle - known_[i - 1].angle);
+    return out;
+  }
   [[nodiscard]] bool covers(double from, double to) const {
     return size() >= 2 && from >= known_.front().time_s && to <= known_.back().time_s;
   }
   [[nodiscard]] Vector2d at(double time_s) const {
     const auto b = after(time_s), a = b - 1;
     return a->angle + (time_s - a->time_s) / (b->time_s - a->time_s) * (b->angle - a->angle);
+  }
+  [[nodiscard]] Path path(const RobotGeometry& robot) const {
+    std::vector<TimedPose> poses;
+    Pose2 at;
+    for (std::size_t i = 0; i < known_.size(); ++i) {
+      WheelSample sample;
+      if (i > 0) sample.pieces = {known_[i].angle - known_[i - 1].angle};
+      at = at * wheel_motion(robot, sample);
+      poses.push_back({known_[i].time_s, at});
+    }
+    return Path(std::move(poses));
   }
   /// How far the wheels turned in each interval between the known times from `from` to `to`.
   [[nodiscard]] std::vector<Vector2d> pieces(double from, double to) const {
@@ -98,7 +151,7 @@ class Drive {
     if (odometry) {
       path_ = carrier_of(recording).path;
     } else if (options.guess.separation_mm > 0) {
-      path_ = path_from_wheels(recording.track(), options.guess);
+      path_ = wheels_.path(options.guess);
     } else {
       throw std::invalid_argument(
           "The session holds no odometry to start from. Give the nominal wheels with the options "
@@ -107,14 +160,15 @@ class Drive {
     }
   }
 
-  DriveFit run(const Recording& recording) {
+  DriveFit run() {
     DriveFit out;
-    out.timing = estimate_timing(sweeps_, path_, lidar_, {options_.widest_offset_s, std::nullopt, true});
-    timing_ = out.timing.timing;
-    if (!out.timing.determined) timing_.offset_s = 0;
+    out.own_beams = leave_out_own_beams();
+    timing_.offset_s = options_.known_offset_s.value_or(0);
+    compare_clocks(out);
+    if (!options_.known_offset_s && out.coarse.determined) timing_.offset_s = out.coarse.offset_s.value;
     for (int round = 0; round < options_.rounds; ++round) {
       deskew_all();
-      collect(out);
+      collect(out, 1);
       if (out.samples.size() < 20)
         throw std::invalid_argument(
             "Only " + std::to_string(out.samples.size()) +
@@ -122,65 +176,149 @@ class Drive {
             " were left out as doubtful): at least 20 are needed, and some hundreds for a "
             "good result. Drive longer, within sight of walls");
       out.odometry = fit_odometry(out.samples, options_.fit);
-      find_offset(out);
+      if (!options_.known_offset_s) refine_offset(out);
       out.rounds.push_back(out.odometry.robot);
-      const bool usable = out.odometry.robot.separation_mm > 0 && out.odometry.robot.left_radius_mm > 0 &&
-                          out.odometry.robot.right_radius_mm > 0 && out.odometry.undetermined.empty();
-      if (!usable) break;
-      lidar_ = out.odometry.robot.lidar;
-      path_ = path_from_wheels(recording.track(), out.odometry.robot);
+      if (usable(out.odometry)) {
+        lidar_ = out.odometry.robot.lidar;
+        path_ = wheels_.path(out.odometry.robot);
+      }
+      if (round == 0) decide_order(out);
+      if (!usable(out.odometry)) break;
     }
-    widen(out);
+    if (usable(out.odometry)) {
+      match_at_lengths(out);
+    } else {
+      mark_stretches(out.samples);
+      const auto grouped = grouped_covariance(out.samples, group_samples(out.samples), options_.fit);
+      out.jackknife_u = grouped.covariance.diagonal().cwiseSqrt();
+      widen_to(out.odometry.covariance, out.jackknife_u);
+    }
     return out;
   }
 
  private:
-  /// Shifts the wheels' time to where wheels and matches agree best; they are much the better clock than the
-  /// agreement of scans. The samples are made anew there.
-  void find_offset(DriveFit& out) {
-    constexpr int half = 30;
-    constexpr double step_s = 0.01;
-    std::vector<double> cost;
-    for (int k = -half; k <= half; ++k) {
-      const auto shifted = shift(out.samples, k * step_s);
-      cost.push_back(shifted.empty() ? 1e18 : disagreement(shifted, out.odometry.noise));
-    }
-    const auto best = std::ranges::min_element(cost) - cost.begin();
-    if (best < 2 || best + 2 >= static_cast<std::ptrdiff_t>(cost.size())) return;
-    const auto at = static_cast<std::size_t>(best);
-    const double bend = (cost[at + 2] - 2 * cost[at] + cost[at - 2]) / (4 * step_s * step_s);
-    const double slope = (cost[at + 2] - cost[at - 2]) / (4 * step_s);
-    if (!(bend > 0) || cost[at + 2] > 1e17 || cost[at - 2] > 1e17) return;
-    const double move =
-        (static_cast<double>(best) - half) * step_s - std::clamp(slope / bend, -step_s, step_s);
-    out.samples = shift(out.samples, move);
-    timing_.offset_s += move;
-    out.offset_s = {timing_.offset_s, std::sqrt(2 / bend)};
-    out.odometry = fit_odometry(out.samples, options_.fit);
+  [[nodiscard]] static bool usable(const OdometryFit& fit) {
+    return fit.robot.separation_mm > 0 && fit.robot.left_radius_mm > 0 && fit.robot.right_radius_mm > 0 &&
+           fit.undetermined.empty();
   }
 
-  /// The same matches with the wheels' angles at other times; empty when the wheels do not cover them.
-  [[nodiscard]] std::vector<WheelSample> shift(const std::vector<WheelSample>& samples, double by_s) const {
-    std::vector<WheelSample> out;
-    for (const WheelSample& old : samples) {
-      const double from = old.begin_s + by_s, to = from + old.interval_s;
-      if (!wheels_.covers(from, to)) return {};
-      out.push_back(sample_between(wheels_, from, to));
-      out.back().match = old.match;
+  /// Beams whose ranges hardly change while the robot drives see the robot itself: the middle nine tenths of their
+  /// echoes spread less than a tenth of what those of the median beam do.
+  std::size_t leave_out_own_beams() {
+    std::vector<std::vector<double>> ranges;
+    for (const Sweep& sweep : sweeps_)
+      for (const SweptPoint& point : sweep.points) {
+        if (point.beam >= ranges.size()) ranges.resize(point.beam + 1);
+        ranges[point.beam].push_back(point.at_mm.norm());
+      }
+    std::vector<double> spread(ranges.size(), -1), known;
+    for (std::size_t beam = 0; beam < ranges.size(); ++beam) {
+      auto& some = ranges[beam];
+      if (some.size() < 3) continue;
+      std::ranges::sort(some);
+      spread[beam] = some[(some.size() - 1) * 95 / 100] - some[some.size() * 5 / 100];
+      known.push_back(spread[beam]);
+    }
+    const double limit = 0.1 * median_of(known);
+    std::size_t count = 0;
+    for (const double value : spread) count += value >= 0 && value < limit;
+    for (Sweep& sweep : sweeps_)
+      std::erase_if(sweep.points, [&](const SweptPoint& p) { return spread[p.beam] < limit; });
+    return count;
+  }
+
+  /// Motions from scans as they came, each matched to the next from where the last motion would bring it: nothing
+  /// of this depends on the wheels or on their time.
+  [[nodiscard]] std::vector<std::optional<Pose2>> consecutive_motions() const {
+    std::vector<std::optional<Pose2>> out;
+    Pose2 last;
+    Still before;
+    for (std::size_t i = 0; i < sweeps_.size(); ++i) {
+      Still now;
+      for (const SweptPoint& point : sweeps_[i].points) now.points.push_back(point.at_mm);
+      now.cloud = PointCloud(orient_sweep(now.points));
+      const double step_s = i > 0 ? sweeps_[i].begin_s - sweeps_[i - 1].begin_s : 0;
+      if (i > 0)
+        out.push_back(step_s < 0.5 * options_.longest_s ? match(before, now, last) : std::nullopt);
+      last = i > 0 ? out.back().value_or(Pose2{}) : Pose2{};
+      before = std::move(now);
     }
     return out;
   }
 
-  /// Sum of squared residuals of the closed form's fit in units of `noise`, each bounded.
-  [[nodiscard]] double disagreement(const std::vector<WheelSample>& samples,
-                                    const Eigen::Vector3d& noise) const {
-    OdometryOptions quick = options_.fit;
-    quick.refine = false;
-    const RobotGeometry robot = fit_odometry(samples, quick).robot;
-    double sum = 0;
-    for (const WheelSample& sample : samples)
-      sum += std::min(16.0, odometry_residual(robot, sample).cwiseQuotient(noise).squaredNorm());
-    return sum;
+  [[nodiscard]] OffsetSearch offset_of(const std::vector<std::optional<Pose2>>& motions,
+                                       const std::vector<double>& times, const Wheels& wheels) const {
+    std::vector<WheelSample> samples;
+    for (std::size_t i = 0; i < motions.size(); ++i) {
+      if (!motions[i] || !(times[i + 1] > times[i])) continue;
+      WheelSample sample;
+      sample.begin_s = times[i] + 0.5 * sweeps_[i].duration_s;
+      sample.interval_s = times[i + 1] - times[i];
+      sample.match = *motions[i];
+      samples.push_back(std::move(sample));
+    }
+    return find_offset(TimedSamples(std::move(samples), wheels.over_time(), differential()), options_.fit,
+                       options_.offset);
+  }
+
+  /// The coarse offset; and whether stamps made even are the better ones: those of scans, or of scans and wheels, if
+  /// wheels and matches then agree better by more than a tenth.
+  void compare_clocks(DriveFit& out) {
+    const auto motions = consecutive_motions();
+    std::vector<double> stamps;
+    for (const Sweep& sweep : sweeps_) stamps.push_back(sweep.begin_s);
+    const auto even = even_times(stamps);
+    double squares = 0;
+    for (std::size_t i = 0; i < stamps.size(); ++i) squares += (even[i] - stamps[i]) * (even[i] - stamps[i]);
+    out.scan_jitter_s = std::sqrt(squares / static_cast<double>(stamps.size()));
+    out.coarse = offset_of(motions, stamps, wheels_);
+    // As good as even already.
+    if (out.scan_jitter_s < 0.01 * sweeps_.front().duration_s) return;
+    Wheels even_wheels = wheels_;
+    even_wheels.make_times_even();
+    const Wheels as_stamped = wheels_;
+    for (const bool both : {false, true}) {
+      const OffsetSearch other = offset_of(motions, even, both ? even_wheels : as_stamped);
+      if (!other.determined || !(other.misfit < 0.9 * out.coarse.misfit)) continue;
+      out.coarse = other;
+      out.even_scans = true, out.even_wheels = both;
+      if (both) wheels_ = even_wheels;
+      for (std::size_t i = 0; i < sweeps_.size(); ++i) sweeps_[i].begin_s = even[i];
+    }
+  }
+
+  /// Shifts the wheels' time to where wheels and matches agree best; they are much the better clock than the
+  /// agreement of scans. The samples are made anew there.
+  void refine_offset(DriveFit& out) {
+    OffsetOptions near = options_.offset;
+    // What the coarse search has found is not left again for another place.
+    near.first_s = near.widest_s = out.coarse.determined ? 0.3 : near.first_s;
+    const TimedSamples timed(out.samples, wheels_.over_time(), differential());
+    OffsetSearch found = find_offset(timed, options_.fit, near);
+    if (found.determined) {
+      const double move = found.offset_s.value;
+      const auto shifted = timed.shifted(move);
+      if (shifted.size() >= 20) {
+        out.samples = shifted;
+        for (WheelSample& sample : out.samples) sample.begin_s += move;
+        timing_.offset_s += move;
+        out.odometry = fit_odometry(out.samples, options_.fit);
+      }
+    }
+    found.offset_s.value = timing_.offset_s;
+    out.offset = found;
+    if (out.coarse.at_bound) out.offset.at_bound = true, out.offset.determined = false;
+    out.offset.searched_s = std::max(out.coarse.searched_s, found.searched_s);
+  }
+
+  /// Whether the beams are listed against their order in time, by the agreement of scans, each order at its own
+  /// best offset about that of the wheels.
+  void decide_order(DriveFit& out) {
+    TimingOptions about;
+    about.about_s = timing_.offset_s;
+    about.steps = 10;
+    out.timing = estimate_timing(sweeps_, path_, lidar_, about);
+    timing_.reversed = out.timing.timing.reversed;
   }
 
   void deskew_all() {
@@ -194,9 +332,13 @@ class Drive {
     }
   }
 
+  /// Where the path puts the lidar at the second scan, seen from the first.
+  [[nodiscard]] Pose2 guess_between(const Still& a, const Still& b) const {
+    return (path_.at(a.time_s) * lidar_).inverse() * (path_.at(b.time_s) * lidar_);
+  }
+
   /// Motion of the lidar from one scan to another, from matching both onto each other.
-  [[nodiscard]] std::optional<Pose2> match(const Still& a, const Still& b) const {
-    const Pose2 guess = (path_.at(a.time_s) * lidar_).inverse() * (path_.at(b.time_s) * lidar_);
+  [[nodiscard]] static std::optional<Pose2> match(const Still& a, const Still& b, const Pose2& guess) {
     const PosePrior weak{100, 0.1};
     const IcpResult there = match_to_lines(a.cloud, b.points, guess, weak);
     const IcpResult back = match_to_lines(b.cloud, a.points, guess.inverse(), weak);
@@ -214,14 +356,15 @@ class Drive {
     return (wheels_.at(to) - wheels_.at(from)).cwiseAbs().maxCoeff() < 0.02;
   }
 
-  [[nodiscard]] bool far_enough(double from, double to) const {
+  [[nodiscard]] bool far_enough(double from, double to, double multiple) const {
     const Pose2 motion = path_.at(from).inverse() * path_.at(to);
-    return motion.position().norm() >= options_.least_way_mm ||
-           std::abs(motion.heading_rad) >= options_.least_turn_rad;
+    return motion.position().norm() >= multiple * options_.least_way_mm ||
+           std::abs(motion.heading_rad) >= multiple * options_.least_turn_rad;
   }
 
   /// From every scan to the first one far enough away.
-  void collect(DriveFit& out) {
+  void collect(DriveFit& out, double multiple) {
+    const double longest_s = multiple * options_.longest_s;
     out.samples.clear();
     out.still_s = out.moving_s = 0;
     out.still_matches = out.bad_matches = 0;
@@ -238,12 +381,12 @@ class Drive {
       }
       out.moving_s += step;
       std::size_t j = i + 1;
-      while (j + 1 < stills_.size() && stills_[j].time_s - from < options_.longest_s &&
-             !far_enough(from, stills_[j].time_s))
+      while (j + 1 < stills_.size() && stills_[j].time_s - from < longest_s &&
+             !far_enough(from, stills_[j].time_s, multiple))
         ++j;
       const double to = stills_[j].time_s;
-      if (!wheels_.covers(from, to) || to - from > 1.5 * options_.longest_s) continue;
-      const auto motion = match(stills_[i], stills_[j]);
+      if (!wheels_.covers(from, to) || to - from > 1.5 * longest_s) continue;
+      const auto motion = match(stills_[i], stills_[j], guess_between(stills_[i], stills_[j]));
       if (!motion) {
         ++out.bad_matches;
         continue;
@@ -261,38 +404,148 @@ class Drive {
     if (i % 4 != 0 || j >= stills_.size() || !wheels_.covers(stills_[i].time_s, stills_[j].time_s) ||
         !rests(stills_[i].time_s, stills_[j].time_s))
       return;
-    if (const auto motion = match(stills_[i], stills_[j])) {
+    if (const auto motion = match(stills_[i], stills_[j], guess_between(stills_[i], stills_[j]))) {
       out.still_noise += Eigen::Vector3d(motion->x_mm, motion->y_mm, motion->heading_rad).cwiseAbs2();
       ++out.still_matches;
     }
   }
 
-  /// Leaves out one stretch after the other.
-  [[nodiscard]] Vector6 jackknife(const std::vector<WheelSample>& samples) const {
-    constexpr std::size_t blocks = 12;
-    std::vector<Vector6> results;
-    for (std::size_t block = 0; block < blocks; ++block) {
-      std::vector<WheelSample> rest;
-      for (std::size_t k = 0; k < samples.size(); ++k)
-        if (k * blocks / samples.size() != block) rest.push_back(samples[k]);
-      if (rest.size() < 20) return Vector6::Zero();
-      results.push_back(fit_odometry(rest, options_.fit).robot.vector());
-    }
-    Vector6 mean = Vector6::Zero(), squares = Vector6::Zero();
-    for (const Vector6& v : results) mean += v / blocks;
-    for (const Vector6& v : results) {
-      Vector6 d = v - mean;
-      d[5] = wrap_angle(d[5]);
-      squares += d.cwiseAbs2();
-    }
-    return (squares * (blocks - 1.0) / blocks).cwiseSqrt();
+  /// Which of twelve stretches of the drive each sample begins in: as many samples in each at the first length,
+  /// the same times at every other.
+  void mark_stretches(std::vector<WheelSample>& samples) {
+    constexpr std::size_t stretches = 12;
+    if (stretch_ends_s_.empty())
+      for (std::size_t k = 1; k < stretches; ++k)
+        stretch_ends_s_.push_back(samples[k * samples.size() / stretches].begin_s);
+    for (WheelSample& sample : samples)
+      sample.run = static_cast<std::size_t>(
+          std::ranges::upper_bound(stretch_ends_s_, sample.begin_s) - stretch_ends_s_.begin());
   }
 
-  void widen(DriveFit& out) const {
-    out.jackknife_u = jackknife(out.samples);
-    const Vector6 u = out.odometry.covariance.diagonal().cwiseSqrt();
-    const Vector6 factor = out.jackknife_u.cwiseQuotient(u).cwiseMax(1);
-    out.odometry.covariance = factor.asDiagonal() * out.odometry.covariance * factor.asDiagonal();
+  /// The values without each stretch that was not left out; where it has no samples, or no others have, with all.
+  [[nodiscard]] std::vector<Vector6> without_each_stretch(const std::vector<WheelSample>& samples,
+                                                          const std::vector<RunVerdict>& stretches,
+                                                          const OdometryFit& all) const {
+    std::vector<Vector6> out;
+    for (const RunVerdict& stretch : stretches) {
+      if (stretch.left_out) continue;
+      std::vector<WheelSample> rest;
+      for (const WheelSample& sample : samples)
+        if (sample.run != stretch.run) rest.push_back(sample);
+      const bool as_all = rest.size() == samples.size() || rest.size() < 20;
+      out.push_back(as_all ? all.robot.vector() : fit_odometry(rest, options_.fit).robot.vector());
+    }
+    return out;
+  }
+
+  /// Matches scans at every length and leaves out stretches with slip.
+  void match_at_lengths(DriveFit& out) {
+    DriveFit at = out;
+    std::vector<std::vector<WheelSample>> samples;
+    std::vector<OdometryFit> fits;
+    for (const double multiple : options_.lengths) {
+      if (multiple != 1) collect(at, multiple);
+      mark_stretches(at.samples);
+      if (at.samples.size() < 60) break;
+      if (samples.empty()) {
+        leave_out_slipped_runs(at.samples, options_.fit, out.stretches);
+      }
+      std::erase_if(at.samples, [&](const WheelSample& sample) {
+        return std::ranges::any_of(out.stretches, [&](const RunVerdict& stretch) {
+          return stretch.left_out && stretch.run == sample.run;
+        });
+      });
+      DriveLength length;
+      length.multiple = multiple;
+      length.samples = at.samples.size();
+      std::vector<double> ways, times;
+      for (const WheelSample& sample : at.samples)
+        ways.push_back(sample.match.position().norm()), times.push_back(sample.interval_s);
+      length.way_mm = median_of(ways), length.interval_s = median_of(times);
+      fits.push_back(fit_odometry(at.samples, options_.fit));
+      length.values = fits.back().robot.vector();
+      length.without = without_each_stretch(at.samples, out.stretches, fits.back());
+      length.u = jackknife(length.without).diagonal().cwiseSqrt();
+      out.lengths.push_back(length);
+      samples.push_back(std::move(at.samples));
+    }
+    if (out.lengths.empty()) return;
+    choose_length(out, samples, fits);
+  }
+
+  /// The values for an endless way, of `value + c / multiple`, weighted by each length's own u.
+  [[nodiscard]] static Vector6 endless(const std::vector<DriveLength>& lengths,
+                                       const std::vector<Vector6>& values) {
+    Vector6 out;
+    for (int p = 0; p < 6; ++p) {
+      double w = 0, x = 0, y = 0, xx = 0, xy = 0;
+      for (std::size_t i = 0; i < lengths.size(); ++i) {
+        const double weight = 1 / std::max(1e-18, lengths[i].u[p] * lengths[i].u[p]);
+        const double at = 1 / lengths[i].multiple, value = values[i][p];
+        w += weight, x += weight * at, y += weight * value, xx += weight * at * at, xy += weight * at * value;
+      }
+      const double c = (w * xy - x * y) / (w * xx - x * x);
+      out[p] = (y - c * x) / w;
+    }
+    return out;
+  }
+
+  /// Takes the length, or the value for an endless way, whose expected squared error is least: scatter, and the part
+  /// of the drift up to an endless way that is not scatter. The drift from the length taken stays in the uncertainty.
+  void choose_length(DriveFit& out, const std::vector<std::vector<WheelSample>>& samples,
+                     const std::vector<OdometryFit>& fits) const {
+    const std::size_t stretches = out.lengths.front().without.size();
+    const bool several =
+        out.lengths.size() >= 3 && stretches >= 4 &&
+        std::ranges::all_of(out.lengths, [&](const auto& l) { return l.without.size() == stretches; });
+    Vector6 tends_to = Vector6::Zero(), tends_to_u = Vector6::Zero();
+    std::vector<Vector6> tends_without;
+    if (several) {
+      std::vector<Vector6> values;
+      for (const DriveLength& length : out.lengths) values.push_back(length.values);
+      tends_to = endless(out.lengths, values);
+      for (std::size_t g = 0; g < stretches; ++g) {
+        for (std::size_t i = 0; i < values.size(); ++i) values[i] = out.lengths[i].without[g];
+        tends_without.push_back(endless(out.lengths, values));
+      }
+      tends_to_u = jackknife(tends_without).diagonal().cwiseSqrt();
+    }
+    const auto drift_of = [&](const DriveLength& length) -> Vector6 {
+      Vector6 drift = several ? Vector6(tends_to - length.values) : Vector6(Vector6::Zero());
+      drift[5] = wrap_angle(drift[5]);
+      return drift;
+    };
+    const auto expected = [&](const DriveLength& length) {
+      Vector6 chance = Vector6::Zero();
+      if (several) {
+        std::vector<Vector6> difference;
+        for (std::size_t g = 0; g < stretches; ++g)
+          difference.push_back(tends_without[g] - length.without[g]);
+        chance = jackknife(difference).diagonal();
+      }
+      const Vector6 beyond = (drift_of(length).cwiseAbs2() - chance).cwiseMax(0);
+      return (length.u.cwiseAbs2() + beyond).array().log().sum();
+    };
+    std::size_t best = 0;
+    for (std::size_t i = 1; i < out.lengths.size(); ++i)
+      if (expected(out.lengths[i]) < expected(out.lengths[best])) best = i;
+    out.extrapolated = several && tends_to_u.cwiseAbs2().array().log().sum() < expected(out.lengths[best]);
+    if (out.extrapolated) best = out.lengths.size() - 1;
+    out.lengths[best].taken = true;
+    out.samples = samples[best];
+    out.odometry = fits[best];
+    out.drift = drift_of(out.lengths[best]);
+    Vector6 u = out.lengths[best].u;
+    if (out.extrapolated) {
+      out.odometry.robot = RobotGeometry::from(tends_to);
+      u = tends_to_u;
+    }
+    out.jackknife_u = u;
+    widen_to(out.odometry.covariance, (u.cwiseAbs2() + out.drift.cwiseAbs2() / 3).cwiseSqrt());
+    // The lidar's scale is in every length alike, as a limit whose values are equally likely (GUM 4.3.7).
+    Vector6 by_scale = options_.range_scale / std::sqrt(3.0) * out.odometry.robot.vector();
+    by_scale[5] = 0;
+    out.odometry.covariance += by_scale * by_scale.transpose();
   }
 
   DriveOptions options_;
@@ -302,31 +555,17 @@ class Drive {
   Path path_;
   SweepTiming timing_;
   std::vector<Still> stills_;
+  std::vector<double> stretch_ends_s_;
 };
 
 }  // namespace
 
 Path path_from_wheels(const std::vector<TrackPose>& track, const RobotGeometry& robot) {
-  std::vector<TimedPose> poses;
-  Pose2 at;
-  std::optional<TrackPose> last;
-  for (const TrackPose& now : track) {
-    if (!now.wheel_left_rad || !now.wheel_right_rad) continue;
-    if (last && now.host_us > last->host_us) {
-      WheelSample sample;
-      sample.interval_s = 1;
-      sample.left_rad_s = *now.wheel_left_rad - *last->wheel_left_rad;
-      sample.right_rad_s = *now.wheel_right_rad - *last->wheel_right_rad;
-      at = at * wheel_motion(robot, sample);
-    }
-    poses.push_back({static_cast<double>(now.host_us) * 1e-6, at});
-    last = now;
-  }
-  return Path(std::move(poses));
+  return Wheels(track).path(robot);
 }
 
 DriveFit fit_drive(const Recording& recording, const DriveOptions& options) {
-  return Drive(recording, options).run(recording);
+  return Drive(recording, options).run();
 }
 
 }  // namespace fit

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include <string>
+#include <optional>
 #include <vector>
 
 #include "fit/deskew.hpp"
-#include "fit/odometry.hpp"
+#include "fit/odometry_runs.hpp"
 
 namespace fit {
 
@@ -17,31 +17,60 @@ struct DriveOptions {
   double least_way_mm = 100;     ///< Scans are matched once the robot has moved so far ...
   double least_turn_rad = 0.15;  ///< ... or turned so far,
   double longest_s = 2;          ///< ... or after this time, if it moved at all.
-  double widest_offset_s = 0.2;  ///< Of the clocks of scans and wheels.
-  int rounds = 4;                ///< Deskew, match, fit, and again with what was found.
+  /// In the end scans are matched at these multiples of the three as well.
+  std::vector<double> lengths = {1, 2, 4, 8};
+  std::optional<double> known_offset_s;  ///< Wheels' time minus scans' time; without it, estimated.
+  OffsetOptions offset;
+  int rounds = 4;  ///< Deskew, match, fit, and again with what was found.
+  /// Limit of the error of the lidar's scale (data sheets: 1 % of the range): every length found contains it.
+  double range_scale = 0.01;
   OdometryOptions fit;
+};
+
+/// The fit to scans matched at one length.
+struct DriveLength {
+  double multiple = 1;
+  std::size_t samples = 0;
+  double way_mm = 0, interval_s = 0;  ///< Medians.
+  Vector6 values = Vector6::Zero(), u = Vector6::Zero();  ///< u: leaving out one stretch after the other.
+  std::vector<Vector6> without;                           ///< The values without each stretch.
+  bool taken = false;
 };
 
 struct DriveFit {
   OdometryFit odometry;
   std::vector<WheelSample> samples;
-  TimingEstimate timing;  ///< Order of the beams, and a first offset, from the agreement of scans.
-  Estimate offset_s;      ///< Wheels' time minus scans' time, where wheels and matches agree best.
-  /// Standard uncertainties by leaving out one stretch of the drive after the other (jackknife over 12), in
+  TimingEstimate timing;  ///< Order of the beams, each at its own best offset, from the agreement of scans.
+  OffsetSearch coarse;    ///< By scans matched one after the other, before anything else is known.
+  OffsetSearch offset;    ///< Wheels' time minus scans' time, where wheels and matches agree best.
+  /// Standard uncertainties by leaving out one stretch of the drive after the other, with Student's factor, in
   /// the order of RobotGeometry::vector().
-  Eigen::Matrix<double, 6, 1> jackknife_u = Eigen::Matrix<double, 6, 1>::Zero();
+  Vector6 jackknife_u = Vector6::Zero();
+  std::vector<RunVerdict> stretches;  ///< Of the drive, in order of time; those with slip are left out.
+  std::vector<DriveLength> lengths;
+  bool extrapolated = false;        ///< The values given are those that the lengths tend to.
+  Vector6 drift = Vector6::Zero();  ///< From the length taken (extrapolated: the greatest) to those.
   double still_s = 0, moving_s = 0;
   Eigen::Vector3d still_noise =
       Eigen::Vector3d::Zero();  ///< RMS of matches while the robot stood: mm, mm, rad.
   std::size_t still_matches = 0, bad_matches = 0;
+  std::size_t own_beams = 0;  ///< Left out: they see the robot itself.
+  /// Stamps came late by chance and were replaced by even ones: of the scans, of the wheels.
+  bool even_scans = false, even_wheels = false;
+  double scan_jitter_s = 0;  ///< RMS of the scans' stamps from even ones.
   std::vector<RobotGeometry> rounds;
 };
 
 /// Calibrates wheels and lidar pose from a drive: wheel angles and scans of a recording. Scans are deskewed
 /// by the wheels, scans some way apart are matched with each other (both ways, matches that disagree are left
 /// out), stretches at rest only tell the matches' noise, and what is found deskews the scans of the next
-/// round. The covariance counts overlapping samples once and is widened to the jackknife's. Throws
-/// std::invalid_argument when wheel angles or motion are missing.
+/// round. The clocks' offset comes first, from scans matched one after the other, which needs no wheels; then the
+/// order of the beams, each at its own best offset. A match that falls short by some millimetres, or wheels read at
+/// uncertain times, make lengths too small by a share that falls with the way: scans are matched at several
+/// lengths and, if the values drift, extrapolated by `value + c / way`. Stretches of the drive with slip are left
+/// out, and the uncertainty is that of leaving out one stretch after the other, with the drift and the lidar's scale.
+/// Beams that see the robot itself are left out, and stamps that come late by chance made even where wheels and
+/// matches then agree better. Throws std::invalid_argument when wheel angles or motion are missing.
 DriveFit fit_drive(const Recording& recording, const DriveOptions& options = {});
 
 }  // namespace fit

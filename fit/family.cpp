@@ -3,6 +3,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <boost/math/distributions/fisher_f.hpp>
 #include <cctype>
 #include <cmath>
 #include <cstdio>
@@ -132,12 +133,22 @@ void judge(FamilyFit& fit, std::span<const CurvePoint> points) {
   fit.r2 = total > 0 ? 1 - fit.rss / total : 0;
   fit.rmse = std::sqrt(fit.rss / freedom);
   fit.widening = std::sqrt(std::max(1.0, fit.chi2 / freedom));
+  std::vector<std::size_t> order(points.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::stable_sort(order, {}, [&](std::size_t i) { return points[i].x; });
+  std::vector<double> standardised;
+  for (const std::size_t i : order) standardised.push_back(fit.residuals[i] / points[i].u);
+  fit.fit_p = fit_probability(standardised, freedom);
   const double likelihood = n * std::log(std::max(fit.chi2, 1e-300) / n);
   fit.aicc = n - k - 1 > 0 ? likelihood + 2 * k + 2 * k * (k + 1) / (n - k - 1) : std::nan("");
   fit.bic = likelihood + k * std::log(n);
 }
 
 void remark(FamilyFit& fit, const Family& family, const SearchResult& found) {
+  if (fit.lacks_fit())
+    fit.remarks.push_back("does not fit: the residuals are larger than the points' scatter, or neighbours are alike (a "
+                          "right family leaves such in " +
+                          text("%.1g", 100 * fit.fit_p) + " % of all cases)");
   if (fit.condition > ill_conditioned)
     fit.remarks.push_back("ill-conditioned: its coefficients are so strongly correlated (condition number " +
                           text("%.1e", fit.condition) +
@@ -156,6 +167,7 @@ void remark(FamilyFit& fit, const Family& family, const SearchResult& found) {
     const SeparableFit& other = found.minima[i];
     if (!other.usable() || other.chi2 - fit.chi2 > 4 * fit.widening * fit.widening) continue;
     if ((other.beta - fit.beta).norm() < 0.05 * (1e-3 + fit.beta.norm())) continue;
+    fit.ambiguous = true;
     fit.remarks.emplace_back("ambiguous: a second set of coefficients fits these points as well");
     break;
   }
@@ -288,15 +300,36 @@ std::vector<FamilyFit> compare_families(std::span<const CurvePoint> points, cons
 }
 
 const FamilyFit* best_of(const std::vector<FamilyFit>& sorted) {
+  const auto sound = [](const FamilyFit& fit) {
+    return fit.usable && !fit.spline && std::isfinite(fit.held_out);
+  };
+  const bool any_unambiguous =
+      std::ranges::any_of(sorted, [&](const FamilyFit& fit) { return sound(fit) && !fit.ambiguous; });
   const FamilyFit* best = nullptr;
   for (const FamilyFit& fit : sorted) {
-    if (!fit.usable || fit.spline || !std::isfinite(fit.held_out)) continue;
+    if (!sound(fit) || (any_unambiguous && fit.ambiguous)) continue;
     if (!best)
       best = &fit;
     else if (fit.held_out <= 1.02 * sorted.front().held_out && fit.parameters < best->parameters)
       best = &fit;
   }
   return best;
+}
+
+double fit_probability(std::span<const double> standardised, double freedom) {
+  const auto n = static_cast<double>(standardised.size());
+  if (standardised.size() < 8 || freedom < 2) return 1;
+  double squares = 0, differences = 0;
+  for (std::size_t i = 0; i < standardised.size(); ++i) {
+    squares += standardised[i] * standardised[i];
+    if (i > 0) differences += std::pow(standardised[i] - standardised[i - 1], 2);
+  }
+  if (!(squares > 0)) return 1;
+  const boost::math::fisher_f f(freedom, n - 2);
+  const double by_size = boost::math::cdf(boost::math::complement(f, squares / freedom));
+  const double z = (1 - 0.5 * differences / squares) * std::sqrt((n * n - 1) / (n - 2));
+  const double by_order = 0.5 * std::erfc(z / std::sqrt(2.0));
+  return std::min(1.0, 2 * std::min(by_size, by_order));
 }
 
 std::optional<OpenStretch> most_open_stretch(const std::vector<FamilyFit>& table, const FamilyFit& chosen,

@@ -3,7 +3,8 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <nanoflann.hpp>
+#include <cmath>
+#include <cstdint>
 
 #include "fit/median.hpp"
 
@@ -89,55 +90,115 @@ std::vector<OrientedPoint> orient_sweep(std::span<const Vector2d> sweep, double 
   return points;
 }
 
-struct PointCloud::Tree {
+/// Cells of equal size over the points' bounding box; a cell's points lie side by side.
+struct PointCloud::Grid {
   std::vector<OrientedPoint> points;
+  Vector2d low = Vector2d::Zero();
+  double cell_mm = 1;
+  int columns = 0, rows = 0;
+  std::vector<std::uint32_t> first;  ///< Of each cell in `sorted`, and the end of the last.
+  struct Entry {
+    Vector2d at_mm;
+    std::uint32_t index;
+  };
+  std::vector<Entry> sorted;
 
-  // The names that nanoflann asks for.
-  [[nodiscard]] std::size_t kdtree_get_point_count() const { return points.size(); }
-  [[nodiscard]] double kdtree_get_pt(std::size_t i, std::size_t axis) const {
-    return points[i].at_mm[static_cast<Eigen::Index>(axis)];
+  explicit Grid(std::vector<OrientedPoint> given) : points(std::move(given)) {
+    if (points.empty()) return;
+    constexpr double least_cell_mm = 50, cells_a_point = 32;
+    Vector2d high = low = points.front().at_mm;
+    for (const OrientedPoint& p : points) low = low.cwiseMin(p.at_mm), high = high.cwiseMax(p.at_mm);
+    const Vector2d size = high - low;
+    // Few points far apart get larger cells: empty ones cost as well.
+    const double most = cells_a_point * static_cast<double>(points.size()) + 1024;
+    cell_mm = std::max({least_cell_mm, std::sqrt(size.x() * size.y() / most), size.maxCoeff() / most});
+    columns = static_cast<int>(size.x() / cell_mm) + 1;
+    rows = static_cast<int>(size.y() / cell_mm) + 1;
+    first.assign(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows) + 1, 0);
+    std::vector<std::uint32_t> cell_of(points.size());
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      cell_of[i] = static_cast<std::uint32_t>(row(points[i].at_mm.y()) * columns + column(points[i].at_mm.x()));
+      ++first[cell_of[i] + 1];
+    }
+    for (std::size_t c = 1; c < first.size(); ++c) first[c] += first[c - 1];
+    std::vector<std::uint32_t> next(first.begin(), first.end() - 1);
+    sorted.resize(points.size());
+    for (std::size_t i = 0; i < points.size(); ++i)
+      sorted[next[cell_of[i]]++] = {points[i].at_mm, static_cast<std::uint32_t>(i)};
   }
-  template <class Box>
-  bool kdtree_get_bbox(Box&) const {
-    return false;
+
+  // Of places near the points; others may lie outside 0 to columns, rows.
+  [[nodiscard]] int column(double x) const { return static_cast<int>(std::floor((x - low.x()) / cell_mm)); }
+  [[nodiscard]] int row(double y) const { return static_cast<int>(std::floor((y - low.y()) / cell_mm)); }
+
+  /// Visits the entries of the cells of one row from one column to another.
+  template <class Visit>
+  void for_each_in(int at_row, int from, int to, Visit visit) const {
+    from = std::max(from, 0), to = std::min(to, columns - 1);
+    if (at_row < 0 || at_row >= rows || from > to) return;
+    const auto start = static_cast<std::size_t>(at_row) * static_cast<std::size_t>(columns);
+    const std::uint32_t begin = first[start + static_cast<std::size_t>(from)],
+                        end = first[start + static_cast<std::size_t>(to) + 1];
+    for (std::uint32_t k = begin; k < end; ++k) visit(sorted[k]);
   }
-  using Index =
-      nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Tree>, Tree, 2, std::size_t>;
-  std::unique_ptr<Index> index;
 };
 
 PointCloud::PointCloud() : PointCloud(std::vector<OrientedPoint>{}) {}
-
-PointCloud::PointCloud(std::vector<OrientedPoint> points) : tree_(std::make_unique<Tree>()) {
-  tree_->points = std::move(points);
-  if (!tree_->points.empty())
-    tree_->index = std::make_unique<Tree::Index>(2, *tree_, nanoflann::KDTreeSingleIndexAdaptorParams(12));
-}
-
+PointCloud::PointCloud(std::vector<OrientedPoint> points) : grid_(std::make_unique<Grid>(std::move(points))) {}
 PointCloud::PointCloud(PointCloud&&) noexcept = default;
 PointCloud& PointCloud::operator=(PointCloud&&) noexcept = default;
 PointCloud::~PointCloud() = default;
 
-const std::vector<OrientedPoint>& PointCloud::points() const { return tree_->points; }
+const std::vector<OrientedPoint>& PointCloud::points() const { return grid_->points; }
 
 const OrientedPoint* PointCloud::nearest(const Vector2d& at, double reach_mm) const {
-  if (!tree_->index) return nullptr;
-  std::size_t found = 0;
-  double squared = 0;
-  nanoflann::KNNResultSet<double> result(1);
-  result.init(&found, &squared);
-  tree_->index->findNeighbors(result, at.data(), nanoflann::SearchParams());
-  return result.size() == 1 && squared <= reach_mm * reach_mm ? &tree_->points[found] : nullptr;
+  const Grid& grid = *grid_;
+  if (grid.points.empty() || !at.allFinite()) return nullptr;
+  // Rings of cells around the one of the place, until nothing nearer can lie in the next.
+  double least = reach_mm * reach_mm;
+  const OrientedPoint* found = nullptr;
+  const Vector2d from_low = at - grid.low;
+  if (from_low.x() < -reach_mm || from_low.y() < -reach_mm ||
+      from_low.x() > grid.columns * grid.cell_mm + reach_mm || from_low.y() > grid.rows * grid.cell_mm + reach_mm)
+    return nullptr;
+  const int column = grid.column(at.x()), row = grid.row(at.y());
+  const Vector2d within = from_low - grid.cell_mm * Vector2d(column, row);
+  const double to_edge = std::min({within.x(), within.y(), grid.cell_mm - within.x(), grid.cell_mm - within.y()});
+  const auto visit = [&](const Grid::Entry& entry) {
+    const double squared = (entry.at_mm - at).squaredNorm();
+    if (squared <= least) least = squared, found = &grid.points[entry.index];
+  };
+  for (int ring = 0;; ++ring) {
+    const double nearest_mm = ring == 0 ? 0 : to_edge + (ring - 1) * grid.cell_mm;
+    if (nearest_mm * nearest_mm > least) break;
+    if (ring == 0) {
+      grid.for_each_in(row, column, column, visit);
+      continue;
+    }
+    grid.for_each_in(row - ring, column - ring, column + ring, visit);
+    grid.for_each_in(row + ring, column - ring, column + ring, visit);
+    for (int r = row - ring + 1; r < row + ring; ++r) {
+      grid.for_each_in(r, column - ring, column - ring, visit);
+      grid.for_each_in(r, column + ring, column + ring, visit);
+    }
+  }
+  return found;
 }
 
 std::vector<std::size_t> PointCloud::within(const Vector2d& at, double radius_mm) const {
+  const Grid& grid = *grid_;
   std::vector<std::size_t> indices;
-  if (!tree_->index) return indices;
-  std::vector<std::pair<std::size_t, double>> matches;
-  constexpr bool sorted = false;
-  tree_->index->radiusSearch(at.data(), radius_mm * radius_mm, matches,
-                             nanoflann::SearchParams(32, 0, sorted));
-  for (const auto& match : matches) indices.push_back(match.first);
+  if (grid.points.empty() || !at.allFinite()) return indices;
+  const auto clamped = [](double cells, int most) {
+    return static_cast<int>(std::clamp(std::floor(cells), -1.0, static_cast<double>(most)));
+  };
+  const Vector2d low = (at.array() - radius_mm - grid.low.array()) / grid.cell_mm,
+                 high = (at.array() + radius_mm - grid.low.array()) / grid.cell_mm;
+  for (int r = clamped(low.y(), grid.rows); r <= clamped(high.y(), grid.rows); ++r)
+    grid.for_each_in(r, clamped(low.x(), grid.columns), clamped(high.x(), grid.columns),
+                     [&](const Grid::Entry& entry) {
+                       if ((entry.at_mm - at).squaredNorm() < radius_mm * radius_mm) indices.push_back(entry.index);
+                     });
   return indices;
 }
 

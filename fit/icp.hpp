@@ -21,7 +21,8 @@ struct OrientedPoint {
 /// along the sweep. Points of a flat piece are moved onto its line, which takes out part of their noise.
 std::vector<OrientedPoint> orient_sweep(std::span<const Eigen::Vector2d> sweep, double radius_mm = 120);
 
-/// Points with fast search of the nearest one (a kd-tree by nanoflann).
+/// Points with fast search of the nearest one. A grid, not a tree: points of a sweep lie evenly along walls, and
+/// building a tree anew for every scan takes as long as the matching.
 class PointCloud {
  public:
   PointCloud();
@@ -36,8 +37,8 @@ class PointCloud {
   [[nodiscard]] std::vector<std::size_t> within(const Eigen::Vector2d& at, double radius_mm) const;
 
  private:
-  struct Tree;
-  std::unique_ptr<Tree> tree_;
+  struct Grid;
+  std::unique_ptr<Grid> grid_;
 };
 
 /// The rigid motion that brings `from` onto `to` with the least squared distances: centroids subtracted,

@@ -109,7 +109,8 @@ std::string rounded(double value, int digits) {
 }
 
 std::string with_uncertainty(const Estimate& estimate, const std::string& unit) {
-  return format_measurement(estimate.value, estimate.u, unit);
+  constexpr double coverage_factor = 2;
+  return format_measurement(estimate.value, coverage_factor * estimate.u, unit);
 }
 
 }  // namespace fit

@@ -22,18 +22,31 @@ std::pair<double, double> arc_factors(double a) {
   return {std::sin(a) / a, (1 - std::cos(a)) / a};
 }
 
-/// The second row of the Jacobian J of the wheels (J21, J22) and its covariance per unit of heading variance.
+const Steering& steering_of(const Steering* given) { return given ? *given : differential(); }
+
+/// The wheels' motion over a sample, piece by piece.
+template <class Visit>
+void for_each_piece(const WheelSample& sample, Visit visit) {
+  if (sample.pieces.empty()) return visit(
+      Eigen::Vector2d(sample.left_rad_s * sample.interval_s, sample.right_rad_s * sample.interval_s));
+  for (const Eigen::Vector2d& piece : sample.pieces) visit(piece);
+}
+
+/// The gains by which the wheels turn the robot (two driven wheels: J21, J22, the second row of the wheels'
+/// Jacobian) and their covariance per unit of heading variance.
 struct TurnGains {
   Eigen::Vector2d gain;
   Eigen::Matrix2d cofactor;
 };
 
-TurnGains fit_turn_gains(const std::vector<WheelSample>& samples, const Indices& used) {
+TurnGains fit_turn_gains(const std::vector<WheelSample>& samples, const Indices& used,
+                         const Steering& steering) {
   Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
   Eigen::Vector2d right = Eigen::Vector2d::Zero();
   for (const std::size_t k : used) {
     const WheelSample& s = samples[k];
-    const Eigen::Vector2d row = Eigen::Vector2d(s.left_rad_s, s.right_rad_s) * s.interval_s;
+    Eigen::Vector2d row = Eigen::Vector2d::Zero();
+    for_each_piece(s, [&](const Eigen::Vector2d& piece) { row += steering.turn_row(piece); });
     const double weight = 1 / (s.relative_u_rad * s.relative_u_rad);
     normal += weight * row * row.transpose();
     right += weight * row * s.match.heading_rad;
@@ -44,12 +57,16 @@ TurnGains fit_turn_gains(const std::vector<WheelSample>& samples, const Indices&
 
 /// The quadratic form of l (+) s = r (+) l in (b, l_x, l_y, cos l_theta, sin l_theta).
 Eigen::Matrix<double, 5, 5> quadratic_form(const std::vector<WheelSample>& samples, const Indices& used,
-                                           const Eigen::Vector2d& gain) {
+                                           const Eigen::Vector2d& gain, const Steering& steering) {
+  // With the gains known, the robot's way is proportional to its base.
+  RobotGeometry of_base_1;
+  of_base_1.steering = &steering;
+  const Eigen::Vector3d wheels = steering.parameters_of(gain, 1);
+  of_base_1.left_radius_mm = wheels[0], of_base_1.right_radius_mm = wheels[1], of_base_1.separation_mm = 1;
   Eigen::Matrix<double, 5, 5> form = Eigen::Matrix<double, 5, 5>::Zero();
   for (const std::size_t k : used) {
     const WheelSample& s = samples[k];
-    // With the gains known, the robot's way is proportional to the separation.
-    const Pose2 unit = wheel_motion({-gain[0], gain[1], 1, {}}, s);
+    const Pose2 unit = wheel_motion(of_base_1, s);
     const double c = std::cos(unit.heading_rad), sn = std::sin(unit.heading_rad);
     Vector5 x, y;
     x << -unit.x_mm, 1 - c, sn, s.match.x_mm, -s.match.y_mm;
@@ -62,7 +79,8 @@ Eigen::Matrix<double, 5, 5> quadratic_form(const std::vector<WheelSample>& sampl
 /// Minimum of the form under cos^2 + sin^2 = 1: the first three unknowns are eliminated, and of the 2 x 2
 /// form that remains the eigenvector of the smaller eigenvalue (the smaller Lagrange multiplier) is the
 /// minimum, the other one a saddle. The sign is the one with a positive separation.
-RobotGeometry solve_constrained(const Eigen::Matrix<double, 5, 5>& form, const Eigen::Vector2d& gain) {
+RobotGeometry solve_constrained(const Eigen::Matrix<double, 5, 5>& form, const Eigen::Vector2d& gain,
+                                const Steering& steering) {
   const Eigen::Matrix<double, 3, 3> head = form.topLeftCorner<3, 3>();
   const Eigen::Matrix<double, 3, 2> mixed = form.topRightCorner<3, 2>();
   const Eigen::CompleteOrthogonalDecomposition<Eigen::Matrix3d> solver(head);
@@ -76,16 +94,17 @@ RobotGeometry solve_constrained(const Eigen::Matrix<double, 5, 5>& form, const E
     others = -others;
   }
   RobotGeometry robot;
-  robot.separation_mm = others[0];
-  robot.left_radius_mm = -gain[0] * others[0];
-  robot.right_radius_mm = gain[1] * others[0];
+  robot.steering = &steering;
+  const Eigen::Vector3d wheels = steering.parameters_of(gain, others[0]);
+  robot.left_radius_mm = wheels[0], robot.right_radius_mm = wheels[1], robot.separation_mm = wheels[2];
   robot.lidar = {others[1], others[2], std::atan2(direction[1], direction[0])};
   return robot;
 }
 
-RobotGeometry solve_closed_form(const std::vector<WheelSample>& samples, const Indices& used) {
-  const TurnGains gains = fit_turn_gains(samples, used);
-  return solve_constrained(quadratic_form(samples, used, gains.gain), gains.gain);
+RobotGeometry solve_closed_form(const std::vector<WheelSample>& samples, const Indices& used,
+                                const Steering& steering) {
+  const TurnGains gains = fit_turn_gains(samples, used, steering);
+  return solve_constrained(quadratic_form(samples, used, gains.gain, steering), gains.gain, steering);
 }
 
 Eigen::Vector3d in_own_units(const Eigen::Vector3d& residual, const WheelSample& s) {
@@ -104,13 +123,17 @@ Eigen::Vector3d residual_rms(const std::vector<WheelSample>& samples, const Indi
 Eigen::Matrix<double, 3, 6> motion_jacobian(const RobotGeometry& robot, const WheelSample& sample) {
   Eigen::Matrix<double, 3, 6> jacobian;
   const Vector6 at = robot.vector();
+  const Pose2 wheels = wheel_motion(robot, sample);
   for (int i = 0; i < 6; ++i) {
     const double step = i < 5 ? 1e-4 : 1e-6;
-    Vector6 up = at, down = at;
-    up[i] += step;
-    down[i] -= step;
-    const Pose2 a = lidar_motion(RobotGeometry::from(up), sample),
-                b = lidar_motion(RobotGeometry::from(down), sample);
+    // The lidar's place does not change what the wheels do.
+    const auto moved = [&](double by) {
+      Vector6 v = at;
+      v[i] += by;
+      const RobotGeometry other = RobotGeometry::from(v, robot.steering);
+      return other.lidar.inverse() * (i < 3 ? wheel_motion(other, sample) : wheels) * other.lidar;
+    };
+    const Pose2 a = moved(step), b = moved(-step);
     jacobian.col(i) =
         Eigen::Vector3d(a.x_mm - b.x_mm, a.y_mm - b.y_mm, a.heading_rad - b.heading_rad) / (2 * step);
   }
@@ -143,7 +166,7 @@ RobotGeometry refine(const std::vector<WheelSample>& samples, const Indices& use
     const NormalEquations at = linearise(samples, used, robot, noise);
     const Vector6 step = at.information.ldlt().solve(at.gradient);
     if (!step.allFinite()) return robot;
-    robot = RobotGeometry::from(robot.vector() + step);
+    robot = RobotGeometry::from(robot.vector() + step, robot.steering);
     if (step.transpose() * at.information * step < 1e-10) break;
   }
   return robot;
@@ -168,30 +191,39 @@ Matrix6 inverse_information(const Matrix6& information, const Vector6& scale) {
   return scale.asDiagonal() * inverse * scale.asDiagonal();
 }
 
-/// Sizes at which an uncertainty makes a parameter worthless: a tenth of a wheel, 30 mm, 5 degrees.
+/// Sizes at which an uncertainty makes a parameter worthless: a tenth of a wheel or base, 30 mm, 5 degrees.
 Vector6 worthless(const RobotGeometry& robot) {
-  const double b = std::max(1.0, std::abs(robot.separation_mm));
-  const double r = std::max(0.1, 0.5 * (std::abs(robot.left_radius_mm) + std::abs(robot.right_radius_mm)));
+  const Steering& steering = steering_of(robot.steering);
+  const Vector6 at = robot.vector();
   Vector6 scale;
-  scale << 0.1 * r, 0.1 * r, 0.1 * b, 30, 30, 5 * rad_per_deg;
+  for (int i = 0; i < 3; ++i) {
+    const bool angle = steering.parameters[static_cast<std::size_t>(i)].unit == "deg";
+    scale[i] = angle ? 5 * rad_per_deg : 0.1 * std::max(1.0, std::abs(at[i]));
+  }
+  scale.tail<3>() << 30, 30, 5 * rad_per_deg;
   return scale;
 }
 
 MotionShares judge_motion(const std::vector<WheelSample>& samples, const Indices& used,
                           const RobotGeometry& robot, const Eigen::Vector3d& noise) {
+  const Steering& steering = steering_of(robot.steering);
   MotionShares shares;
   const double one = 1.0 / static_cast<double>(used.size());
+  const double r = std::max(1e-9, std::abs(robot.left_radius_mm));
   for (const std::size_t k : used) {
     // The wheels tell how the robot moved even where its geometry is not known: by the ratio of their speeds.
     const WheelSample& s = samples[k];
-    const double left = s.left_rad_s * s.interval_s, right = s.right_rad_s * s.interval_s;
-    const double big = std::max(std::abs(left), std::abs(right));
-    const double r = std::max(1e-9, std::abs(robot.left_radius_mm));
-    if (big * r < 2 * std::max(noise[0], noise[1]) && std::abs(s.match.heading_rad) < 3 * noise[2])
+    double turned = 0, curving = 0;
+    for_each_piece(s, [&](const Eigen::Vector2d& piece) {
+      turned += steering.turned(piece);
+      curving += steering.turned(piece) * steering.curving(piece);
+    });
+    curving = turned > 0 ? curving / turned : 0;
+    if (turned * r < 2 * std::max(noise[0], noise[1]) && std::abs(s.match.heading_rad) < 3 * noise[2])
       shares.still += one;
-    else if (std::abs(left - right) < 0.1 * big)
+    else if (curving < 0.05)
       shares.straight += one;
-    else if (std::abs(left + right) < 0.1 * big)
+    else if (curving > 0.95)
       shares.on_the_spot += one;
     else
       shares.curve += one;
@@ -212,9 +244,12 @@ std::string remedy(const MotionShares& motion) {
 
 /// Names what the information does not reach.
 std::vector<std::string> find_undetermined(const OdometryFit& fit, const TurnGains& gains) {
-  static const char* const names[] = {"left wheel's radius", "right wheel's radius",
-                                      "wheel separation",    "lidar's x",
-                                      "lidar's y",           "lidar's yaw"};
+  std::vector<std::string> names;
+  for (const Steering::Parameter& p : steering_of(fit.robot.steering).parameters) {
+    names.push_back(p.label);
+    names.back()[0] = static_cast<char>(std::tolower(static_cast<unsigned char>(names.back()[0])));
+  }
+  names.insert(names.end(), {"lidar's x", "lidar's y", "lidar's yaw"});
   const Vector6 limit = worthless(fit.robot);
   std::string weak;
   const auto add = [&](const std::string& what) { weak += (weak.empty() ? "" : ", ") + what; };
@@ -223,10 +258,13 @@ std::vector<std::string> find_undetermined(const OdometryFit& fit, const TurnGai
       !(gains.cofactor.diagonal().minCoeff() > 0) || turn_u > 0.1 * gains.gain.cwiseAbs().maxCoeff();
   for (int i = 0; i < 6; ++i) {
     const double u = std::sqrt(fit.covariance(i, i));
-    if (!(u < limit[i]) || (turns_unknown && i < 3)) add(names[i]);
+    if (!(u < limit[i]) || (turns_unknown && i < 3)) add(names[static_cast<std::size_t>(i)]);
   }
-  const bool impossible =
-      !(fit.robot.separation_mm > 0 && fit.robot.left_radius_mm > 0 && fit.robot.right_radius_mm > 0);
+  bool impossible = false;
+  for (int i = 0; i < 3; ++i)
+    impossible = impossible || (steering_of(fit.robot.steering).parameters[static_cast<std::size_t>(i)].unit ==
+                                    "mm" &&
+                                !(fit.robot.vector()[i] > 0));
   if (weak.empty() && impossible)
     return {"The fit gives a wheel of negative size: left and right wheel are swapped, or a sign is."};
   if (weak.empty()) return {};
@@ -257,24 +295,20 @@ Eigen::Matrix<double, 6, 1> RobotGeometry::vector() const {
   return v;
 }
 
-RobotGeometry RobotGeometry::from(const Vector6& v) { return {v[0], v[1], v[2], {v[3], v[4], v[5]}}; }
-
-namespace {
-
-Pose2 arc(const RobotGeometry& robot, const Eigen::Vector2d& turned) {
-  const double left = robot.left_radius_mm * turned[0], right = robot.right_radius_mm * turned[1];
-  const double way = 0.5 * (left + right), turn = (right - left) / robot.separation_mm;
-  const auto [along, across] = arc_factors(turn);
-  return {way * along, way * across, turn};
+RobotGeometry RobotGeometry::from(const Vector6& v, const Steering* steering) {
+  return {v[0], v[1], v[2], {v[3], v[4], v[5]}, steering};
 }
 
-}  // namespace
-
 Pose2 wheel_motion(const RobotGeometry& robot, const WheelSample& sample) {
-  if (sample.pieces.empty())
-    return arc(robot, Eigen::Vector2d(sample.left_rad_s, sample.right_rad_s) * sample.interval_s);
+  const Steering& steering = steering_of(robot.steering);
+  const Eigen::Vector2d gains = steering.gains_of({robot.left_radius_mm, robot.right_radius_mm, robot.separation_mm});
   Pose2 motion;
-  for (const Eigen::Vector2d& turned : sample.pieces) motion = motion * arc(robot, turned);
+  for_each_piece(sample, [&](const Eigen::Vector2d& piece) {
+    const double turn = steering.turn_row(piece).dot(gains);
+    const double way = robot.separation_mm * steering.way_row(piece).dot(gains);
+    const auto [along, across] = arc_factors(turn);
+    motion = motion * Pose2{way * along, way * across, turn};
+  });
   return motion;
 }
 
@@ -292,13 +326,14 @@ OdometryFit fit_odometry(const std::vector<WheelSample>& samples, const Odometry
   if (samples.size() < 20)
     throw std::invalid_argument("at least 20 samples are needed, not " + std::to_string(samples.size()));
   OdometryFit fit;
+  const Steering& steering = steering_of(options.steering);
   Indices used(samples.size());
   std::iota(used.begin(), used.end(), 0);
   Indices after_first = used;
   for (int round = 0; round <= options.rounds; ++round) {
     OdometryRound now;
     now.samples = used.size();
-    now.robot = solve_closed_form(samples, used);
+    now.robot = solve_closed_form(samples, used, steering);
     now.residual_rms = residual_rms(samples, used, now.robot);
     if (options.refine && round == options.rounds) {
       now.robot = refine(samples, used, now.robot, now.residual_rms.cwiseMax(1e-12));
@@ -320,7 +355,7 @@ OdometryFit fit_odometry(const std::vector<WheelSample>& samples, const Odometry
   fit.used.assign(samples.size(), false);
   for (const std::size_t k : used) fit.used[k] = true;
   fit.motion = judge_motion(samples, used, fit.robot, fit.noise);
-  fit.undetermined = find_undetermined(fit, fit_turn_gains(samples, used));
+  fit.undetermined = find_undetermined(fit, fit_turn_gains(samples, used, steering));
   return fit;
 }
 

@@ -6,31 +6,35 @@
 #include <vector>
 
 #include "fit/pose2.hpp"
+#include "fit/steering.hpp"
 
 namespace fit {
 
-/// One interval between two scans of a robot with two driven wheels: how fast its wheels turned on average
-/// and how the lidar moved in its own frame according to scan matching.
+/// One interval between two scans of a robot: how fast its wheels turned on average and how the lidar moved in
+/// its own frame according to scan matching.
 struct WheelSample {
   double interval_s = 0;
   double left_rad_s = 0, right_rad_s = 0;
   Pose2 match;
   /// Standard uncertainties of the match relative to those of the other samples; only their ratios matter.
   double relative_u_mm = 1, relative_u_rad = 1;
-  /// How far the left and right wheel turned (rad) in each piece of the interval, one after the other; empty:
-  /// evenly all the time.
+  /// What the wheels did in each piece of the interval, one after the other, as the steering measures it (two
+  /// driven wheels: how far the left and the right one turned, rad); empty: left and right, evenly all the time.
   std::vector<Eigen::Vector2d> pieces = {};
-  double begin_s = 0;  ///< When it began, where that is known.
+  double begin_s = 0;   ///< When it began, where that is known.
+  std::size_t run = 0;  ///< Which of several drives it belongs to.
 };
 
-/// What is sought, in the order of the covariance.
+/// What is sought, in the order of the covariance. For another steering than two driven wheels the first three
+/// hold that steering's parameters, in its order.
 struct RobotGeometry {
   double left_radius_mm = 0, right_radius_mm = 0;  ///< Wheel radii.
   double separation_mm = 0;                        ///< Of the wheels.
-  Pose2 lidar;  ///< On the robot, whose origin is midway between the wheels.
+  Pose2 lidar;  ///< On the robot, whose origin is midway between the wheels of the axle that is not steered.
+  const Steering* steering = nullptr;  ///< Null: two driven wheels.
 
   [[nodiscard]] Eigen::Matrix<double, 6, 1> vector() const;
-  static RobotGeometry from(const Eigen::Matrix<double, 6, 1>& v);
+  static RobotGeometry from(const Eigen::Matrix<double, 6, 1>& v, const Steering* steering = nullptr);
 };
 
 /// Motion of the robot over the sample's interval: an arc, or one arc for each of its pieces.
@@ -43,6 +47,7 @@ struct OdometryOptions {
   double outlier_share = 0.01;  ///< Of the samples left, dropped in each round.
   /// Maximises the likelihood over all six parameters at once, starting from the closed form.
   bool refine = false;
+  const Steering* steering = nullptr;  ///< Null: two driven wheels.
 };
 
 struct OdometryRound {

@@ -112,6 +112,22 @@ double scatter_of(const std::vector<CurvePoint>& points, double placement_u_mm) 
   return points.size() < 7 ? placement_u_mm : extra_scatter(points);
 }
 
+/// The distance experiment with one surface: where several stood at one distance, those of the strongest
+/// echo (within 3 %). The others' errors differ for their echo's sake, which is no scatter.
+std::vector<CurvePoint> of_one_surface(const std::vector<RangePoint>& points) {
+  constexpr double one_place_mm = 2, one_surface = 1.03;
+  std::vector<CurvePoint> out;
+  for (const RangePoint& p : points) {
+    if (!p.for_distance) continue;
+    const bool weaker = std::ranges::any_of(points, [&](const RangePoint& other) {
+      return other.for_distance && std::abs(other.true_mm - p.true_mm) < one_place_mm &&
+             other.intensity > one_surface * p.intensity;
+    });
+    if (!weaker) out.push_back({p.true_mm, p.error_mm(), p.u_mm});
+  }
+  return out;
+}
+
 const FamilyFit* chosen(const std::vector<FamilyFit>& table, const std::string& wanted) {
   if (wanted.empty()) return best_of(table);
   for (const FamilyFit& fit : table)
@@ -429,8 +445,7 @@ RangeCalibration calibrate_range(std::vector<RangePoint> points, const RangeOpti
   const bool with_intensity = any(&RangePoint::for_intensity), with_distance = any(&RangePoint::for_distance);
   out.scatter_intensity_mm = scatter_of(curve(points, &RangePoint::for_intensity, &RangePoint::intensity, 0),
                                         options.placement_u_mm);
-  out.scatter_distance_mm =
-      scatter_of(curve(points, &RangePoint::for_distance, &RangePoint::true_mm, 0), options.placement_u_mm);
+  out.scatter_distance_mm = scatter_of(of_one_surface(points), options.placement_u_mm);
   const FamilyFit *intensity = nullptr, *distance = nullptr;
   double reference_mm = 0, reference_counts = options.reference_intensity;
   if (with_intensity) {

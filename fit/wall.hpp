@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "fit/accuracy.hpp"
 #include "fit/circle.hpp"
 #include "fit/estimate.hpp"
 #include "fit/line.hpp"
@@ -17,6 +18,15 @@ struct WallOptions {
   std::string front, side;             ///< Names of the two boards; empty: the bench's first two.
   double tolerance_mm = 20;            ///< Of the RANSAC for lines.
   std::size_t scans_per_capture = 50;  ///< Scans of a capture that make points of the trajectory, at most.
+  DeviceAccuracy accuracy;  ///< Deviations that the joint fit finds together with the walls; u = 0: none.
+};
+
+/// A systematic deviation of stage or lidar in the joint fit: expected to be zero, and what the captures say.
+struct WallEffect {
+  AccuracyLine line;
+  Estimate found;  ///< In units of its standard uncertainty: {0, 1} where the captures say nothing of it.
+  /// What one standard uncertainty of it adds to the joint parameters.
+  Eigen::Matrix<double, 6, 1> share = Eigen::Matrix<double, 6, 1>::Zero();
 };
 
 /// A board as the bench tells it: direction of its normal away from the axis, and distance from the axis.
@@ -29,6 +39,7 @@ struct WallInBench {
 /// Both walls seen in one scan (or in the mean of a capture), in the lidar's frame.
 struct WallSight {
   double stage_rad = 0;
+  double off_rad = 0;                  ///< Deviation of that angle, as the joint fit found it.
   std::size_t capture = 0;             ///< Of all sources' captures, counted through.
   std::optional<LineFit> walls[2];     ///< Front, side.
   double square_range_mm[2] = {0, 0};  ///< Of the beam that meets the wall squarely; 0: none.
@@ -48,6 +59,10 @@ struct WallFit {
   /// distances of front and side wall from the axis, and deviation of the corner from the bench's.
   Eigen::Matrix<double, 6, 1> joint = Eigen::Matrix<double, 6, 1>::Zero();
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  Eigen::Matrix<double, 6, 6> from_ranges =
+      Eigen::Matrix<double, 6, 6>::Zero();  ///< Part of the covariance that the samples' scatter makes.
+  std::vector<WallEffect> effects;          ///< Those that were allowed for, in parts (sine and cosine ...).
+  double capture_freedom = 0;               ///< Captures beyond the parameters, where their scatter counts.
   Estimate radius_mm, direction_rad;
   double range_noise_mm = 0;  ///< Standard deviation of one range, from the scatter of the beams' means.
   double capture_inflation =
@@ -65,8 +80,8 @@ struct WallFit {
 /// Right-angle wall calibration (source C) on a stage: the lidar turns before two walls. Both walls are found
 /// by RANSAC and fitted by least squares in every scan; the joint least-squares fit of mounting angle, offset
 /// and walls uses the means of all beams, weighted by incidence, its covariance widened where captures
-/// scatter more than their noise; the patent's circle through the positions, from both walls and from single
-/// beams, stands beside. Throws std::invalid_argument saying what is missing.
+/// scatter more than their noise, with the devices' systematic deviations as parameters of known size; the patent's circle through the positions, from both walls and from single
+/// beams, stands beside; deviations found are taken off before. Throws std::invalid_argument saying what is missing.
 WallFit fit_wall(const std::vector<const Recording*>& recordings, const WallOptions& options = {});
 
 }  // namespace fit

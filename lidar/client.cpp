@@ -11,10 +11,10 @@
 #include <boost/asio/write.hpp>
 #include <charconv>
 #include <cstdio>
-#include <random>
 
 #include "lidar/frame_reader.hpp"
 #include "lidar/identity.hpp"
+#include "lidar/other_connection.hpp"
 #include "lidar/reply.hpp"
 #include "lidar/request.hpp"
 #include "lidar/scan_receiver.hpp"
@@ -35,7 +35,7 @@ namespace {
 
 constexpr std::size_t read_bytes = 256 * 1024;  // at most, in one go; a real lidar sends 7 kB a scan
 constexpr int attempts = 3;                     // of a request that may be repeated without harm
-constexpr int random_exchanges = 10, exchanges_wanted = 150;  // TM1 rounds of a synchronisation
+constexpr int exchanges_wanted = 150;           // TM1 rounds of a synchronisation
 constexpr auto no_deadline = steady_clock::time_point::max();
 
 std::int64_t now_us() {
@@ -112,6 +112,8 @@ struct Client::Impl {
   std::uint16_t port;
   Options options;
   tcp::socket socket;
+  tcp::endpoint peer;  ///< Of the present connection, or the last.
+  std::uint16_t own_port = 0;
   std::shared_ptr<Watchdog> watchdog;
   FrameReader reader;
   Identity identity;
@@ -212,6 +214,7 @@ struct Client::Impl {
   awaitable<void> stop();
   awaitable<ClockEstimate> synchronise();
   awaitable<void> exchange_times();
+  [[nodiscard]] std::string other_connection() const;
   std::optional<Scan> scan_in(const Frame& frame);
   std::optional<Scan> scan_at_hand();
   bool place_in_time(Scan& scan, std::uint32_t stamp);
@@ -395,6 +398,8 @@ awaitable<void> Client::Impl::open() {
   error_code ignored;
   socket.set_option(tcp::no_delay(true), ignored);
   socket.set_option(asio::socket_base::receive_buffer_size(1 << 20), ignored);
+  peer = socket.remote_endpoint(ignored);
+  own_port = socket.local_endpoint(ignored).port();
   connected = true;
 }
 
@@ -485,7 +490,13 @@ awaitable<Identity> Client::Impl::connect_once() {
   }
   if (mute && (mute->kind() == Kind::no_answer || mute->kind() == Kind::connection_lost)) {
     const bool hung_up = mute->kind() == Kind::connection_lost;
+    const std::string held = other_connection();
     close();
+    if (!held.empty())
+      throw LidarError(Kind::in_use, "the lidar at " + address() +
+                                         (hung_up ? " hangs up" : " does not answer") +
+                                         " because another program of this computer is connected to it (" +
+                                         held + "), and it serves one at a time. End that program first");
     throw LidarError(Kind::not_a_lidar,
                      "something listens at " + address() + (hung_up ? " but hangs up" : "") +
                          " and does not answer in SCIP. Check the address and port (a UST-10LX uses 10940), "
@@ -495,6 +506,13 @@ awaitable<Identity> Client::Impl::connect_once() {
   co_await leave_time_adjust();
   auto identifying = identify();
   co_return co_await std::move(identifying);
+}
+
+/// Who else of this computer is connected to the address, in words; empty if nobody or if that cannot be
+/// told.
+std::string Client::Impl::other_connection() const {
+  if (!peer.address().is_v4()) return "";
+  return other_connection_to(peer.address().to_v4().to_uint(), peer.port(), own_port);
 }
 
 /// What a UST damages on its first connection after power-up, it sends whole on the next (urg_node #57). A
@@ -540,6 +558,7 @@ awaitable<Identity> Client::Impl::connect_first() {
 awaitable<Identity> Client::Impl::reconnect() {
   auto connecting = connect();
   Identity again = co_await std::move(connecting);
+  clock.begin_connection();
   if (!identity.serial.empty() && again.serial != identity.serial) {
     close();
     fail(Kind::refused, "another lidar answers at " + address() + ": serial number " + again.serial +
@@ -584,6 +603,12 @@ awaitable<void> Client::Impl::start(StreamRequest wanted) {
       continue;
     }
     const bool is_refused = kind != StatusKind::done && kind != StatusKind::already;
+    if (answer->status == "0E" || answer->status == "0F")
+      fail(Kind::unknown_command,
+           "the lidar at " + address() + " does not know " + build_line(asked).substr(0, 2) + " (status " +
+               answer->status + ": " + meaning_of(answer->status, asked) + "). " +
+               (wanted.with_intensity ? "It sends no intensities: ask for distances alone"
+                                      : "It sends no continuous scans, so that this driver cannot use it"));
     if (is_refused && kind != StatusKind::hardware_fault && attempt + 1 < attempts) {
       co_await end_stream();  // Whatever state it is in, QT leads out of it.
       continue;
@@ -767,17 +792,14 @@ awaitable<void> Client::Impl::stop() {
 
 // --- the clock --------------------------------------------------------------------------------------------
 
-/// Rounds of TM1: the first at random moments, so that the timer's step is met from all sides, the others so
-/// that the lidar reads its timer where the step is thought to be.
+/// Rounds of TM1, sent when they tell most.
 awaitable<void> Client::Impl::exchange_times() {
-  std::minstd_rand random(1);
   asio::steady_timer pause(executor);
   double late_us = 50;  // how much later than asked a timer of this host wakes us
   clock.begin_exchanges();
   for (int round = 0; round < exchanges_wanted && clock.follows_host(); ++round) {
     const auto now = static_cast<double>(now_us());
-    const double send_at = round < random_exchanges ? now + static_cast<double>(random() % 2000)
-                                                    : clock.best_time_to_send(now + late_us + 100);
+    const double send_at = clock.best_time_to_send(now + late_us + 100);
     pause.expires_after(std::chrono::microseconds(std::llround(send_at - late_us - now)));
     error_code failed;
     co_await pause.async_wait(redirect_error(use_awaitable, failed));

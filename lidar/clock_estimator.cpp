@@ -5,6 +5,8 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <numeric>
+#include <utility>
 
 namespace lidar {
 namespace {
@@ -15,16 +17,29 @@ constexpr double rate_tolerance = 0.01;         // beyond, the lidar's second is
 constexpr double ahead_slack_ms = 100;          // a first scan that was late itself must not accuse the clock
 constexpr double behind_slack_ms = 2000;        // nor must a network that stalls
 constexpr double longest_stall_ms = 30000;      // what buffers on the way can hold, and more
+constexpr double longest_delay_ms = 5000;       // of one stamp, where a stream that stalls was given up
+constexpr double longest_absence_ms = 3.6e6;    // from one connection to the next, on a clock of its own
 constexpr double exchange_baseline_ms = 30;     // shorter, an exchange's own length tells too little
 constexpr std::size_t most_exchanges = 400;
-constexpr double unknown_rate = 100e-6;  // what exchanges may drift apart within a round
+constexpr std::size_t exchanges_for_frame = 10;
+constexpr double longest_frame_ms = 10, first_sent_within_ms = 5;
+// Of the shortest round trip, when all that is known of both ways is that each takes anything up to the same
+// bound, whatever that is: then the shorter is in any ratio to the longer, half their difference is below x /
+// 2 of their sum with the probability 2 x / (1 + x), and 95 % of it is below 0.4525: two standard
+// uncertainties.
+constexpr double way_share = 0.226;
+constexpr double least_u_offset_us = 3;
+constexpr double golden_ratio = 0.6180339887498949;  // its multiples fill a turn evenly
+constexpr double unknown_rate = 100e-6;              // what exchanges may drift apart within a round
 constexpr double delay_beyond_scan_us = 500, u_delay_us = 500;  // 1 ms frame, 6.7 kB at 100 Mbit/s, a queue
 constexpr double u_delay_for_window_us = 150;                   // better known, ticks are told apart by it
+constexpr double u_delay_known_us = 300;                        // of a device that was followed before
 constexpr double earliest_for_window_us = -300;
-constexpr double scattered_us = 330;  // mean lateness behind a tick; 455 when there are no ticks
-constexpr double too_slow_us = 800;  // mean lateness, beyond which one tick's scans come after the next one's
-constexpr double lost_us = 1500;     // more than a whole millisecond that scans may wait
-constexpr int lost_believed = 2;
+constexpr double scattered_us = 480;  // mean lateness behind a tick; 720 when there are no ticks
+constexpr double held_up_us = 600;    // behind the latest that a scan may wait
+constexpr double lost_us =
+    1500;  // behind the usual, for each millisecond that scans may wait: more than that
+constexpr int lost_believed = 2, whiles_of_usual = 4;
 constexpr double alone = 6;  // steps between neighbours; one is usual
 constexpr int scattered_believed = 4, whiles_until_lost = 2;
 constexpr double usual_wait_us = 500, u_first_offset_us = 600;  // of a single scan
@@ -35,7 +50,7 @@ constexpr double longest_while_ms = 5000;
 constexpr double least_u_lateness_us = 4;
 constexpr double outlier = 5, outlier_us = 200;
 constexpr double believed = 3;  // standard uncertainties; who is further off is less sure than he says
-constexpr int late_whiles_believed = 10;
+constexpr int late_whiles_believed = 10, early_whiles_believed = 2;
 
 /// The largest part of the millisecond in which no scan began.
 double largest_gap(std::uint32_t phases) {
@@ -58,29 +73,43 @@ ClockEstimator::ClockEstimator(double nominal_period_ms, double scan_ms, Departu
       departure_(departure) {}
 
 std::uint64_t ClockEstimator::unwrap(std::uint32_t stamp_ms, double host_us) {
+  const bool newly_connected = std::exchange(newly_connected_, false);
   if (!seen_) {
     seen_ = true;
-    unwrapped_ = stamp_ms;
+    timer_ms_ = stamp_ms;
   } else {
-    const std::uint32_t forward = (stamp_ms - static_cast<std::uint32_t>(unwrapped_)) & timer_mask;
-    const bool backwards = forward > timer_mask / 2;
+    const std::uint32_t forward = (stamp_ms - static_cast<std::uint32_t>(timer_ms_)) & timer_mask;
     const std::uint32_t back = (timer_mask + 1 - forward) & timer_mask;
-    // Nothing is older than the timer's zero: just after the start, a stamp from before is a new timer's.
-    if (backwards && back < late_answer_ms && back <= unwrapped_) return unwrapped_ - back;
+    const double passed_ms = (host_us - last_host_us_) / 1000;
+    // Nothing is older than the timer's zero: just after the start, a stamp from before is a new timer's. Nor
+    // does a new connection bring answers of an old one.
+    if (!newly_connected && forward > timer_mask / 2 && back < late_answer_ms && back <= timer_ms_)
+      return base_ms_ + timer_ms_ - back;
     if (const std::uint64_t turned = forward_through_silence(forward, host_us); turned > 0) {
-      unwrapped_ += turned;
-    } else if (backwards) {
+      timer_ms_ += turned;
+    } else if (started_again(forward, passed_ms, newly_connected)) {
       ++resets_;
-      unwrapped_ += static_cast<std::uint64_t>(std::max(1.0, (host_us - last_host_us_) / 1000));
-      // The low bits go on matching the timer's, so that stamps can be compared with what the lidar says.
-      unwrapped_ += (stamp_ms - static_cast<std::uint32_t>(unwrapped_)) & timer_mask;
+      const std::uint64_t next_ms =
+          base_ms_ + timer_ms_ + static_cast<std::uint64_t>(std::llround(std::max(1.0, passed_ms)));
+      timer_ms_ = stamp_ms;
+      base_ms_ = next_ms - timer_ms_;
       start_again();
     } else {
-      unwrapped_ += forward;
+      timer_ms_ += forward;
     }
   }
   last_host_us_ = host_us;
-  return unwrapped_;
+  return base_ms_ + timer_ms_;
+}
+
+/// Whether a timer that shows so much more than before cannot have run on.
+bool ClockEstimator::started_again(std::uint32_t forward, double passed_ms, bool newly_connected) const {
+  if (forward > timer_mask / 2) return true;
+  if (!follows_host_) return newly_connected && forward > longest_absence_ms;
+  // Within a connection a stamp may be early against the one before, by as much as that one was held up.
+  const double tolerance_ms =
+      rate_tolerance * passed_ms + (newly_connected ? longest_delay_ms : longest_stall_ms);
+  return forward > passed_ms + tolerance_ms || (newly_connected && forward < passed_ms - tolerance_ms);
 }
 
 /// Hours of silence hide whole turns of the timer: the step that agrees with the host's clock; 0 for none.
@@ -101,6 +130,7 @@ void ClockEstimator::start_again() {
   tick_unknown_ = true;
   filter_.doubt_delay(u_completion_us);
   offset_known_ = synchronised_ = rate_judged_from_ = false;
+  u_way_us_ = 0;
   while_.begin();
 }
 
@@ -115,28 +145,50 @@ double ClockEstimator::to_host(double device_ms) const {
 void ClockEstimator::begin_exchanges() { exchanges_.clear(); }
 
 void ClockEstimator::add_exchange(double sent_us, double received_us, std::uint64_t device_ms) {
-  exchanges_.push_back({static_cast<double>(device_ms), sent_us - 1000, received_us});
+  exchanges_.push_back({static_cast<double>(device_ms), sent_us, received_us});
   if (exchanges_.size() > most_exchanges) exchanges_.pop_front();
   // What passed on the host's clock between the first and the last lies between these, whatever the delays.
   const Exchange &first = exchanges_.front(), &last = exchanges_.back();
-  const double device = last.device_ms - first.device_ms, least = (last.earliest_us - first.latest_us) / 1000,
-               most = (last.latest_us - first.earliest_us) / 1000;
+  const double device = last.device_ms - first.device_ms,
+               least = (last.sent_us - first.received_us) / 1000 - longest_frame_ms,
+               most = (last.received_us - first.sent_us) / 1000 + longest_frame_ms;
   if (most < exchange_baseline_ms) return;
   if (device * (1 + rate_tolerance) < least || device * (1 - rate_tolerance) > most)
-    follow_device({last.device_ms, last.latest_us});
+    follow_device({last.device_ms, last.received_us});
+}
+
+/// What all stamps of a round have in common. Where they all have the same rest, the lidar either counts in
+/// such steps and answers at once, or it waits with its answer for the next step.
+ClockEstimator::Answering ClockEstimator::answering() const {
+  if (exchanges_.size() < exchanges_for_frame) return {};
+  const Exchange& first = exchanges_.front();
+  std::int64_t step_ms = 0;
+  for (const Exchange& exchange : exchanges_)
+    step_ms = std::gcd(step_ms, std::llround(exchange.device_ms - first.device_ms));
+  if (step_ms < 2 || step_ms > longest_frame_ms) return {};
+  // Who waits for the step with its answer never tells a stamp that was over when he was asked.
+  double latest_sent_us = -std::numeric_limits<double>::infinity(), earliest_received_us = -latest_sent_us;
+  for (const Exchange& exchange : exchanges_) {
+    const double passed_us = 1000 * (exchange.device_ms - first.device_ms),
+                 doubt_us = unknown_rate * passed_us;
+    latest_sent_us = std::max(latest_sent_us, exchange.sent_us - passed_us - doubt_us);
+    earliest_received_us = std::min(earliest_received_us, exchange.received_us - passed_us + doubt_us);
+  }
+  return {static_cast<int>(step_ms), latest_sent_us < earliest_received_us};
 }
 
 /// What all exchanges allow for the host time of a moment of the timer. Where they contradict each other, the
 /// newest win.
-ClockEstimator::Bounds ClockEstimator::bounds(double reference) const {
+ClockEstimator::Bounds ClockEstimator::bounds(double reference, Answering how) const {
   const double rate = 1000 + filter_.rate_ppm() / 1000;
   const double doubt = std::min(unknown_rate, 1e-6 * filter_.u_rate_ppm());
+  const double step_us = how.on_step ? 0 : 1000.0 * how.step_ms;
   Bounds all{-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(), 0};
   for (auto exchange = exchanges_.rbegin(); exchange != exchanges_.rend(); ++exchange) {
     const double ahead = rate * (reference - exchange->device_ms);
     const double doubt_us = doubt * std::abs(ahead);
-    const double low = exchange->earliest_us + ahead - doubt_us,
-                 high = exchange->latest_us + ahead + doubt_us;
+    const double low = exchange->sent_us - step_us + ahead - doubt_us,
+                 high = exchange->received_us + ahead + doubt_us;
     if (std::max(low, all.low_us) > std::min(high, all.high_us)) break;
     all.low_us = std::max(low, all.low_us);
     all.high_us = std::min(high, all.high_us);
@@ -145,32 +197,60 @@ ClockEstimator::Bounds ClockEstimator::bounds(double reference) const {
   return all;
 }
 
-double ClockEstimator::best_time_to_send(double earliest_us) const {
-  if (exchanges_.empty()) return earliest_us;
-  const Bounds known = bounds(exchanges_.back().device_ms);
-  const double tick_us = (known.low_us + known.high_us) / 2;
+double ClockEstimator::shortest_round_trip_us() const {
   double shortest_us = std::numeric_limits<double>::infinity();
   for (const Exchange& exchange : exchanges_)
-    shortest_us = std::min(shortest_us, exchange.latest_us - exchange.earliest_us - 1000);
-  // By turns so that a quick answer was read just behind the tick, and so that it was read just before it.
-  const double wanted = tick_us - shortest_us * (exchanges_.size() % 2 == 0 ? 0.5 : 1.0);
-  return wanted + 1000 * std::ceil((earliest_us - wanted) / 1000);
+    shortest_us = std::min(shortest_us, exchange.received_us - exchange.sent_us);
+  return shortest_us;
+}
+
+double ClockEstimator::best_time_to_send(double earliest_us) const {
+  const double turns = golden_ratio * static_cast<double>(exchanges_.size());
+  if (exchanges_.size() < exchanges_for_frame)
+    return earliest_us + 1000 * first_sent_within_ms * (turns - std::floor(turns));
+  const Answering how = answering();
+  const Bounds known = bounds(exchanges_.back().device_ms, how);
+  const double tick_us = (known.low_us + known.high_us) / 2, step_us = 1000.0 * how.step_ms;
+  double wanted = 0;
+  if (how.on_step) {
+    // Who is answered on the tick says that he was in time: the last moment at which one still is.
+    wanted = known.low_us + (turns - std::floor(turns)) * (known.high_us - known.low_us);
+  } else {
+    // By turns so that a quick answer was read just behind the tick, and so that it was read just before it.
+    wanted = tick_us - shortest_round_trip_us() * (exchanges_.size() % 2 == 0 ? 0.5 : 1.0);
+  }
+  return wanted + step_us * std::ceil((earliest_us - wanted) / step_us);
+}
+
+void ClockEstimator::learn_steps(Answering how) {
+  frame_ms_ = how.on_step ? how.step_ms : 1;
+  coarse_stamps_ = how.step_ms > 1;
+  coarse_rest_ms_ = (static_cast<std::uint64_t>(exchanges_.back().device_ms) - base_ms_) %
+                    static_cast<std::uint64_t>(how.step_ms);
+  grid_.set_step(how.step_ms);
+  coarse_step_ms_ = how.step_ms;
 }
 
 void ClockEstimator::end_exchanges() {
   if (exchanges_.empty() || !follows_host_) return;
+  const Answering how = answering();
+  if (how.step_ms != coarse_step_ms_ && exchanges_.size() >= exchanges_for_frame) learn_steps(how);
   // In the middle of the round the unknown rate does least harm.
   const double device_ms = std::round((exchanges_.front().device_ms + exchanges_.back().device_ms) / 2);
-  const Bounds known = bounds(device_ms);
-  const double middle_us = (known.low_us + known.high_us) / 2;
+  const Bounds known = bounds(device_ms, how);
+  const double middle_us = (known.low_us + known.high_us) / 2, width_us = known.high_us - known.low_us;
   if (!offset_known_) {
     origin_us_ = middle_us - 1000 * device_ms;
     filter_.forget_offset();
     offset_known_ = true;
   }
+  const double shortest_us = std::min(width_us, shortest_round_trip_us());
+  u_way_us_ = way_share * (synchronised_ ? std::min(shortest_us, u_way_us_ / way_share) : shortest_us);
+  const double u_us = way_share * width_us;
   filter_.advance_to(device_ms, 0, 0);
-  filter_.measure_offset(middle_us - 1000 * device_ms - origin_us_,
-                         (known.high_us - known.low_us) / std::sqrt(12.0));
+  filter_.measure_offset(
+      middle_us - 1000 * device_ms - origin_us_,
+      std::sqrt(std::max(u_us * u_us - u_way_us_ * u_way_us_, least_u_offset_us * least_u_offset_us)));
   exchanges_used_ = known.used;
   tick_unknown_ = false;
   synchronised_ = true;
@@ -181,8 +261,14 @@ void ClockEstimator::end_exchanges() {
 
 void ClockEstimator::begin_stream() {
   while_.begin();
+  learn_usual_lateness();
   whiles_closed_ = late_whiles_ = scattered_whiles_ = lost_whiles_ = 0;
   filter_.doubt_delay(u_delay_of_stream_us);
+}
+
+void ClockEstimator::learn_usual_lateness() {
+  whiles_for_usual_ = whiles_of_usual;
+  usual_late_us_ = std::numeric_limits<double>::infinity();
 }
 
 void ClockEstimator::follow_device(Moment from) {
@@ -216,6 +302,12 @@ double ClockEstimator::add_scan(std::uint64_t device_ms, double arrival_us) {
   // One that lay in a buffer until the one before it was read says nothing of when it came.
   const bool lay_waiting = arrival_us - last_arrival_.host_us < 500 * (stamp - last_arrival_.device_ms);
   last_arrival_ = {stamp, arrival_us};
+  if (coarse_stamps_ &&
+      (device_ms - base_ms_) % static_cast<std::uint64_t>(coarse_step_ms_) != coarse_rest_ms_) {
+    coarse_stamps_ = false;
+    grid_.set_step(1);
+    learn_usual_lateness();
+  }
   const ScanGrid::Start start = grid_.add(device_ms);
   u_start_us_ = 1000 * start.u_ms;
   if (!follows_host_) {
@@ -223,7 +315,8 @@ double ClockEstimator::add_scan(std::uint64_t device_ms, double arrival_us) {
     return to_host(start.device_ms);
   }
   if (!offset_known_) {
-    origin_us_ = arrival_us - 1000 * (scan_ms_ + start.device_ms) - usual_wait_us - delay_beyond_scan_us;
+    origin_us_ =
+        arrival_us - 1000 * (scan_ms_ + start.device_ms) - usual_wait_us * frame_ms_ - delay_beyond_scan_us;
     filter_.forget_offset();
     filter_.advance_to(start.device_ms, 0, 0);
     filter_.measure_offset(0, u_first_offset_us);
@@ -240,13 +333,20 @@ void ClockEstimator::While::begin() {
   phases = 0;
 }
 
+/// How far a stamp is behind the frame before it.
+double ClockEstimator::behind_frame_ms(std::uint64_t device_ms) const {
+  if (frame_ms_ <= 1) return 0;
+  const auto frame = static_cast<std::uint64_t>(frame_ms_);
+  return static_cast<double>((device_ms - base_ms_ + frame - coarse_rest_ms_) % frame);
+}
+
 void ClockEstimator::note_lateness(const ScanGrid::Start& start, std::uint64_t stamp_ms, double arrival_us) {
   if (while_.of_starts.empty()) while_.begun_ms = start.device_ms;
   // Behind what the rate of the moment says, which keeps a long while from leaning.
   while_.of_starts.push_back({arrival_us - to_host(start.device_ms), start.device_ms, start.u_ms});
-  while_.of_stamps.push_back(
-      {arrival_us - to_host(static_cast<double>(stamp_ms)), start.device_ms, start.u_ms});
-  const double phase = start.device_ms - std::floor(start.device_ms);
+  while_.of_stamps.push_back({arrival_us - to_host(static_cast<double>(stamp_ms) - behind_frame_ms(stamp_ms)),
+                              start.device_ms, start.u_ms});
+  const double phase = start.device_ms / frame_ms_ - std::floor(start.device_ms / frame_ms_);
   while_.phases |= 1u << std::min(31, static_cast<int>(phase * 32));
   const int enough = std::min(longest_while, first_while << std::min(whiles_closed_, 8));
   if (static_cast<int>(while_.of_starts.size()) >= enough ||
@@ -257,14 +357,18 @@ void ClockEstimator::note_lateness(const ScanGrid::Start& start, std::uint64_t s
 void ClockEstimator::close_while() {
   ++whiles_closed_;
   const Least least = least_of(while_.of_starts);
-  if (whiles_closed_ == 1) usual_late_us_ = least.us;
+  if (whiles_for_usual_ > 0) {
+    --whiles_for_usual_;
+    usual_late_us_ = std::min(usual_late_us_, least.us);
+  }
   const double beyond_us = least.us - usual_late_us_;
-  lost_whiles_ = std::abs(beyond_us) > lost_us ? lost_whiles_ + 1 : 0;
+  const double may_wait_ms = frame_ms_ + (coarse_stamps_ ? coarse_step_ms_ : 0);
+  lost_whiles_ = std::abs(beyond_us) > lost_us * may_wait_ms ? lost_whiles_ + 1 : 0;
   if (lost_whiles_ >= lost_believed) {
     begin_anew(least.device_ms, beyond_us);
   } else {
     if (departure_ == Departure::on_tick && !tick_unknown_)
-      measure_by_ticks(least.excess_us > too_slow_us);
+      measure_by_ticks();
     else
       measure_by_starts(least);
   }
@@ -294,7 +398,11 @@ ClockEstimator::Least ClockEstimator::least_of(std::vector<Lateness>& scans) {
   std::size_t first = 0;
   for (std::size_t i = 1; i + quarter < count; ++i)
     if (scans[i + quarter].us - scans[i].us < scans[first + quarter].us - scans[first].us) first = i;
-  const double excess = (scans[count * 3 / 4].us - scans[count / 4].us) / std::log(3.0);
+  // The shortest interval that holds half of them: what some scans are late by does not matter.
+  double half_us = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i + count / 2 < count; ++i)
+    half_us = std::min(half_us, scans[i + count / 2].us - scans[i].us);
+  const double excess = half_us / std::log(2.0);
   const double step = std::max(excess / static_cast<double>(count),
                                (scans[first + quarter].us - scans[first].us) / static_cast<double>(quarter));
   while (first > 0 && scans[first].us - scans[first - 1].us < alone * step + least_u_lateness_us) --first;
@@ -307,31 +415,36 @@ ClockEstimator::Least ClockEstimator::least_of(std::vector<Lateness>& scans) {
 /// known, behind the longest part of the millisecond in which nothing came.
 ClockEstimator::Least ClockEstimator::least_behind_tick(std::vector<Lateness>& scans) const {
   for (Lateness& scan : scans) scan.u_start_ms = 0;  // ticks do not depend on it
-  const double predicted = filter_.delay_us();
+  // Scans wait for one tick or the next; who comes later was held up, and which tick he left on is not known.
+  double first_us = scans.front().us;
+  for (const Lateness& scan : scans) first_us = std::min(first_us, scan.us);
+  const double most_us = first_us + 1000 * (frame_ms_ + (coarse_stamps_ ? coarse_step_ms_ : 0)) + held_up_us;
+  std::erase_if(scans, [&](const Lateness& scan) { return scan.us > most_us; });
+  const double predicted = filter_.delay_us(), frame_us = 1000 * frame_ms_;
   const bool lost = late_whiles_ + scattered_whiles_ >= whiles_until_lost;
   double from = predicted + earliest_for_window_us;
   const auto fold = [&] {
-    for (Lateness& scan : scans) scan.us -= 1000 * std::floor((scan.us - from) / 1000);
+    for (Lateness& scan : scans) scan.us -= frame_us * std::floor((scan.us - from) / frame_us);
   };
   if (lost || filter_.u_delay_us() > u_delay_for_window_us) {
     fold();
     std::sort(scans.begin(), scans.end(), [](const Lateness& a, const Lateness& b) { return a.us < b.us; });
     double longest = 0, begins = from;
     for (std::size_t i = 0; i < scans.size(); ++i) {
-      const double before = i > 0 ? scans[i - 1].us : scans.back().us - 1000;
+      const double before = i > 0 ? scans[i - 1].us : scans.back().us - frame_us;
       if (scans[i].us - before <= longest) continue;
       longest = scans[i].us - before;
       begins = scans[i].us;
     }
-    from = begins - longest / 2 - 1000 * std::round((begins - predicted) / 1000);
+    from = begins - longest / 2 - frame_us * std::round((begins - predicted) / frame_us);
   }
   fold();
   return least_of(scans);
 }
 
-void ClockEstimator::measure_by_ticks(bool slow) {
+void ClockEstimator::measure_by_ticks() {
   const Least least = least_behind_tick(while_.of_stamps);
-  if (slow || least.excess_us > scattered_us) {
+  if (least.excess_us > scattered_us * frame_ms_) {
     if (++scattered_whiles_ >= scattered_believed) give_up_ticks();
     return;
   }
@@ -349,10 +462,14 @@ void ClockEstimator::give_up_ticks() {
 void ClockEstimator::measure_by_starts(Least least) {
   const double gap = largest_gap(while_.phases);
   // How long the scans take to pass through the whole millisecond.
-  const double turn = grid_.period_ms(), advance = std::abs(turn - std::round(turn));
-  const double sweep_s = turn / 1000 / std::max(advance, 1e-3);
+  const double turn = grid_.period_ms() / frame_ms_, advance = std::abs(turn - std::round(turn));
+  const double sweep_s = grid_.period_ms() / 1000 / std::max(advance, 1e-3);
   if (departure_ == Departure::on_tick) least.us -= 1000 * scan_ms_;  // what its delay is counted from
-  filter_.advance_to(least.device_ms, gap * 1000 / std::sqrt(12.0), sweep_s);
+  // The least wait is as likely to lie anywhere in what no scan has met; where the delay beyond it is known,
+  // that it is half of it in the mean says more than that it is nought at least.
+  const bool delay_known = departure_ == Departure::on_tick && filter_.u_delay_us() < u_delay_known_us;
+  if (delay_known) least.us -= gap * 500 * frame_ms_;
+  filter_.advance_to(least.device_ms, gap * 1000 * frame_ms_ / std::sqrt(12.0), sweep_s);
   measure(least);
 }
 
@@ -362,7 +479,7 @@ void ClockEstimator::measure(const Least& least) {
   double u = least.u_us;
   if (std::abs(surprise.us) > std::max(outlier * surprise.u_us, outlier_us)) {
     // All scans of a while can be late, never early: the way must have become shorter.
-    if (surprise.us > 0 && ++late_whiles_ < late_whiles_believed) return;
+    if (++late_whiles_ < (surprise.us > 0 ? late_whiles_believed : early_whiles_believed)) return;
     filter_.doubt_delay(std::abs(surprise.us));
   } else {
     u = std::max(u, std::abs(surprise.us) / believed);
@@ -372,7 +489,8 @@ void ClockEstimator::measure(const Least& least) {
 }
 
 double ClockEstimator::u_scan_us() const {
-  return follows_host_ ? std::hypot(filter_.u_offset_us(last_start_ms_), u_start_us_) : u_start_us_;
+  return follows_host_ ? std::hypot(filter_.u_offset_us(last_start_ms_), u_start_us_, u_way_us_)
+                       : u_start_us_;
 }
 
 ClockEstimate ClockEstimator::estimate() const {
@@ -390,7 +508,7 @@ ClockEstimate ClockEstimator::estimate() const {
   if (!offset_known_) return out;
   out.device_ms = std::max(last_start_ms_, exchanges_.empty() ? 0.0 : exchanges_.back().device_ms);
   out.host_us = to_host(out.device_ms);
-  out.offset_u_us = filter_.u_offset_us(out.device_ms);
+  out.offset_u_us = std::hypot(filter_.u_offset_us(out.device_ms), u_way_us_);
   out.drift_ppm = -filter_.rate_ppm();
   out.drift_u_ppm = filter_.u_rate_ppm();
   return out;

@@ -32,13 +32,16 @@ struct ClockEstimate {
 ///
 /// An exchange of TM1 says: at some moment between sending and receiving, the timer stood in [stamp, stamp +
 /// 1 ms). Each exchange bounds the offset from both sides; what all allow together is far narrower than 1 ms.
-/// ScanGrid says when scans began on the lidar's clock; OffsetFilter carries the offset on from the exchanges
-/// by the scans that were least late.
+/// What they cannot tell is how the shortest round trip is shared between the two ways: a constant of which
+/// the uncertainty contains its whole width. ScanGrid says when scans began on the lidar's clock;
+/// OffsetFilter carries the offset on from the exchanges by the scans that were least late.
 ///
 /// A UST hands a scan over when its timer next comes to a whole millisecond (urg_stamped README). Arrivals
 /// then lie a whole number of milliseconds behind a tick of the timer plus the way to the host, so that each
 /// says where the tick is. Where arrivals do not look like that, they are taken to come at some moment within
-/// a millisecond of the scan's end.
+/// a millisecond of the scan's end. Some firmware answers and hands scans over every 5 ms only (urg_stamped
+/// #172), or may count in steps of 5 ms: both are seen from the exchanges' stamps, which then all have the
+/// same rest, and what is said above of 1 ms holds for 5.
 class ClockEstimator {
  public:
   /// How scans leave the lidar.
@@ -50,14 +53,18 @@ class ClockEstimator {
   explicit ClockEstimator(double nominal_period_ms = 25, double scan_ms = 18.75,
                           Departure departure = Departure::on_tick);
 
-  /// The stamp with its 24-bit wraps undone. A timer that started again goes on from where the host's clock
-  /// says it would be, and is counted.
+  /// The stamp with its 24-bit wraps undone, on the present time base. A timer that started again is counted
+  /// and begins a new time base, which goes on from where the host's clock says the old one would be: stamps
+  /// only go up, and their difference to the timer is constant within a base. A timer that jumps ahead by
+  /// more than any network can hold back counts as started again.
   std::uint64_t unwrap(std::uint32_t stamp_ms, double host_us);
+  /// The lidar is connected anew: nothing is under way, so that the next stamp says whether its timer ran on.
+  void begin_connection() { newly_connected_ = true; }
 
   /// One TM1: sent and received by the host's clock.
   void add_exchange(double sent_us, double received_us, std::uint64_t device_ms);
   /// When to send the next TM1, not before `earliest_us`, so that it tells most: so that the lidar reads its
-  /// timer where the next millisecond is thought to begin.
+  /// timer where the next millisecond is thought to begin. The first of a round come at any moment.
   [[nodiscard]] double best_time_to_send(double earliest_us) const;
   /// A new round of exchanges begins; earlier ones stay in the filter, not in the bounds.
   void begin_exchanges();
@@ -78,8 +85,12 @@ class ClockEstimator {
 
  private:
   struct Exchange {
-    double device_ms, earliest_us,
-        latest_us;  ///< Bounds of the host time at which the timer came to device_ms.
+    double device_ms, sent_us, received_us;
+  };
+  /// How the lidar answers: its timer's step, and whether it answers when the timer comes to one of them.
+  struct Answering {
+    int step_ms = 1;
+    bool on_step = false;
   };
   struct Bounds {
     double low_us, high_us;
@@ -107,14 +118,20 @@ class ClockEstimator {
     double excess_us;  ///< How much later scans were in the mean.
   };
 
-  [[nodiscard]] Bounds bounds(double reference) const;
+  [[nodiscard]] Answering answering() const;
+  [[nodiscard]] Bounds bounds(double reference, Answering how) const;
+  [[nodiscard]] double shortest_round_trip_us() const;
+  void learn_steps(Answering how);
+  [[nodiscard]] double behind_frame_ms(std::uint64_t device_ms) const;
   [[nodiscard]] std::uint64_t forward_through_silence(std::uint32_t forward, double host_us) const;
+  [[nodiscard]] bool started_again(std::uint32_t forward, double passed_ms, bool newly_connected) const;
   void start_again();
   void follow_device(Moment from);
   void judge_rate(Moment arrival);
   void note_lateness(const ScanGrid::Start& start, std::uint64_t stamp_ms, double arrival_us);
   void close_while();
-  void measure_by_ticks(bool slow);
+  void learn_usual_lateness();
+  void measure_by_ticks();
   void measure_by_starts(Least least);
   void begin_anew(double device_ms, double beyond_us);
   void measure(const Least& least);
@@ -124,19 +141,27 @@ class ClockEstimator {
   [[nodiscard]] double to_host(double device_ms) const;
 
   double scan_ms_;
-  bool seen_ = false, synchronised_ = false, follows_host_ = true;
-  std::uint64_t unwrapped_ = 0;
+  bool seen_ = false, synchronised_ = false, follows_host_ = true, newly_connected_ = false;
+  std::uint64_t timer_ms_ = 0;  ///< The newest stamp, wraps undone since the timer's start.
+  std::uint64_t base_ms_ = 0;   ///< What is added to it, modulo 2^64.
   double last_host_us_ = 0;
   int resets_ = 0, exchanges_used_ = 0;
   std::deque<Exchange> exchanges_;
   ScanGrid grid_;
   OffsetFilter filter_;
+  double frame_ms_ = 1;  ///< Scans leave when the timer has come to multiples of this, plus the rest.
+  int coarse_step_ms_ =
+      1;  ///< The exchanges' stamps, and scans' for all that is known, are multiples of this ...
+  std::uint64_t coarse_rest_ms_ = 0;  ///< ... plus this, since the timer's start.
+  bool coarse_stamps_ = false;  ///< No scan's stamp has yet shown that the timer counts single milliseconds.
+  double u_way_us_ = 0;         ///< Of the share of the round trip that each way has.
   bool offset_known_ = false, tick_unknown_ = true;
   double origin_us_ = 0;  ///< host = origin + 1000 device + the filter's offset: keeps its numbers small.
   While while_;
   Departure departure_;
   int whiles_closed_ = 0, late_whiles_ = 0, scattered_whiles_ = 0, lost_whiles_ = 0;
-  double usual_late_us_ = 0;  ///< Of the stream's first while, behind the scans' starts.
+  int whiles_for_usual_ = 0;  ///< To come.
+  double usual_late_us_ = 0;  ///< The least of the stream's first whiles, behind the scans' starts.
   bool rate_judged_from_ = false;
   Moment rate_from_{}, last_arrival_{};
   Moment anchor_{};  ///< When the lidar's own clock is followed.

@@ -11,6 +11,9 @@ namespace {
 constexpr double period_tolerance = 0.01;       // of the nominal period; real motors stay within 0.2 %
 constexpr double least_start_wander_ms = 2e-4;  // a second, before anything else is known of a motor
 constexpr double least_period_wander_ms = 1e-5;
+// Of each scan. Without it, one that is early by some microseconds where stamps pass to the next millisecond
+// would say that the period is a whole number of milliseconds.
+constexpr double least_jitter_ms = 0.010;
 constexpr double widening_interval_ms = 2000;
 constexpr double largest_misfit_ms = 2;   // beyond, it is another grid
 constexpr double wander_memory = 0.99;    // of the wandering that was seen, a second
@@ -30,10 +33,15 @@ ScanGrid::ScanGrid(double nominal_period_ms)
 
 void ScanGrid::restart() { begun_ = false; }
 
+void ScanGrid::set_step(double step_ms) {
+  if (step_ms != step_ms_) restart();
+  step_ms_ = step_ms;
+}
+
 void ScanGrid::begin(std::uint64_t stamp_ms) {
   const double least = nominal_period_ms_ * (1 - period_tolerance),
                most = nominal_period_ms_ * (1 + period_tolerance);
-  polygon_ = {{0, least}, {1, least}, {1, most}, {0, most}};
+  polygon_ = {{0, least}, {step_ms_, least}, {step_ms_, most}, {0, most}};
   begun_ = true;
   stamp_ms_ = stamp_ms;
   turns_ = gap_ms_ = 0;
@@ -81,10 +89,11 @@ void ScanGrid::advance(double gap_ms) {
     low = std::min(low, start);
     high = std::max(high, start);
   }
-  const double misfit = std::max({0.0, -high, low - 1});
+  const double least_ms = -least_jitter_ms, most_ms = step_ms_ + least_jitter_ms;
+  const double misfit = std::max({0.0, least_ms - high, low - most_ms});
   if (turns < 1 || misfit > largest_misfit_ms || high - low > nominal_period_ms_ / 2) return begin(stamp_ms_);
   const double slack = cut_share * (high - low);
-  if (!widens && low > -slack && high < 1 + slack) return;
+  if (!widens && low > least_ms - slack && high < most_ms + slack) return;
   rebase();
   if (misfit > 0) {
     start_wander_ms_ = std::max(1.5 * start_wander_ms_, misfit);
@@ -93,8 +102,8 @@ void ScanGrid::advance(double gap_ms) {
     low -= misfit + start_wander_ms_;
     high += misfit + start_wander_ms_;
   }
-  if (low < 0) cut(0, 1);
-  if (high > 1) cut(1, -1);
+  if (low < least_ms) cut(least_ms, 1);
+  if (high > most_ms) cut(most_ms, -1);
   summarise();
 }
 

@@ -27,6 +27,9 @@ class ScanGrid {
   Start add(std::uint64_t stamp_ms);
   /// Forgets all but the nominal period: the timer started again.
   void restart();
+  /// From now on stamps are whole multiples of so many milliseconds, plus a constant: 1 unless told
+  /// otherwise. Begins anew when that changes.
+  void set_step(double step_ms);
 
   [[nodiscard]] double period_ms() const { return centre_.period; }
 
@@ -45,7 +48,7 @@ class ScanGrid {
   bool drop_side();
   void summarise();
 
-  double nominal_period_ms_;
+  double nominal_period_ms_, step_ms_ = 1;
   bool begun_ = false;
   std::uint64_t stamp_ms_ = 0;
   std::vector<Point> polygon_, scratch_;  ///< Corners, anticlockwise.

@@ -53,6 +53,7 @@ constexpr std::array scan{
     Meaning{"05", StatusKind::refused, "the end step is below the start step"},
     Meaning{"06", StatusKind::refused, "the number of skipped scans is not a number"},
     Meaning{"07", StatusKind::refused, "the number of scans is not a number"},
+    Meaning{"0M", StatusKind::checking, "scanning stopped while the sensor is unstable"},
 };
 
 constexpr std::array reboot{

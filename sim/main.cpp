@@ -65,6 +65,7 @@ int serve(const Options& options) {
   sim::SimClock clock(speed_factor(options.speed));
   sim::UstIdentity identity;
   identity.model = scene.lidar.model;
+  if (!scene.lidar.serial.empty()) identity.serial = scene.lidar.serial;
   identity.clock_ppm = options.clock_ppm;
   identity.scan_period_s = options.scan_period_ms / 1e3;
   const auto stage = sim::make_stage_device(sim::stage_device_options(scene, options.stage_language));

@@ -12,7 +12,7 @@
 #include "fit/json_position.hpp"
 #include "fit/mechanism.hpp"
 #include "fit/radiometer.hpp"
-#include "sim/model_scene.hpp"
+#include "fit/scene.hpp"
 #include "sim/polar_random.hpp"
 #include "sim/simple_engine.hpp"
 #include "sim/stage_follower.hpp"
@@ -82,7 +82,8 @@ class ModelEngine : public Engine {
         options_(simple_options(bench_)),
         described_(fit::described_intensity(bench_)),
         claim_(fit::claimed_intensity(bench_)),
-        scene_(bench_),
+        stands_(bench_.targets.size()),
+        scene_(bench_, stands_),
         unnamed_(fit::empirical_mechanisms(bench_)),
         active_(active_mechanisms(bench_)),
         merging_mm_(fit::described_merging(bench_).value_or(usual_merging_mm)),
@@ -108,7 +109,13 @@ class ModelEngine : public Engine {
   }
 
   void set_scene(const SceneState& state) override {
-    scene_.set(state);
+    for (std::size_t i = 0; i < stands_.size(); ++i) {
+      if (bench_.targets[i].name != state.target) continue;
+      stands_[i].out_mm = state.target_shift_mm;
+      stands_[i].moved = state.target_shift_mm != 0;
+      stands_[i].reflectance = state.reflectance >= 0 ? std::optional(state.reflectance) : std::nullopt;
+    }
+    scene_ = fit::Scene(bench_, stands_);
     temperature_c_ = state.temperature_c;
     seen_from_ = std::numeric_limits<double>::quiet_NaN();
   }
@@ -134,8 +141,9 @@ class ModelEngine : public Engine {
     return {c * mount.x_mm.value - s * mount.y_mm.value, s * mount.x_mm.value + c * mount.y_mm.value};
   }
 
-  [[nodiscard]] double counts(int target, double bearing, double range) const {
-    const double facing = scene_.cos_incidence(target, bearing), rho = scene_.reflectance(target);
+  [[nodiscard]] double counts(const fit::Hit& hit) const {
+    const int target = hit.target;
+    const double facing = std::cos(hit.incidence_rad), range = hit.range_mm, rho = scene_.reflectance(target);
     if (claim_) return claim_->law.counts(rho, facing, range);
     if (described_)
       return described_->law.counts(rho, facing, range) *
@@ -156,16 +164,17 @@ class ModelEngine : public Engine {
     for (std::size_t step = 0; step < sights_.size(); ++step) {
       const double beam = bench_.lidar.beam_angle(static_cast<double>(step));
       const double bearing = stage_rad + bench_.lidar.mount.yaw_rad.value + beam;
-      const ModelScene::Hit hit = scene_.cast(here, bearing);
+      const fit::Hit hit = scene_.look(here, bearing);
       if (hit.target < 0) {
         sights_[step].bearing_rad = bearing;
         continue;
       }
-      fit::Circumstances& c = sights_[step] = scene_.describe(here, bearing, hit, edges_);
+      fit::Circumstances& c = sights_[step];
+      scene_.describe(here, bearing, hit, edges_, c);
       c.beam_rad = beam;
       c.stage_rad = stage_rad;
       c.beam_time_s = bench_.lidar.beam_time_s(static_cast<double>(step));
-      c.intensity = lawful_[step] = counts(hit.target, bearing, hit.range_mm);
+      c.intensity = lawful_[step] = counts(hit);
     }
   }
 
@@ -191,9 +200,8 @@ class ModelEngine : public Engine {
   }
 
   /// At an edge an echo comes from the front, the back, or, where the gap is short, from between.
-  [[nodiscard]] ModelScene::Hit mix(const ModelScene::Hit& hit, const Eigen::Vector2d& from, double bearing,
-                                    double footprint) {
-    const ModelScene::Edge* edge = scene_.nearest_edge(edges_, bearing);
+  [[nodiscard]] fit::Hit mix(const fit::Hit& hit, const Eigen::Vector2d& from, double bearing, double footprint) {
+    const fit::Edge* edge = fit::nearest_edge(edges_, bearing);
     if (footprint <= 0 || !edge || edge->far_target < 0) return hit;
     const double inside = fit::wrap_angle(bearing - edge->bearing_rad) * edge->near_side;
     double front_share = 0;
@@ -206,12 +214,14 @@ class ModelEngine : public Engine {
       front_share = 0.5 * std::erfc(-inside / footprint / std::sqrt(2.0));
     }
     // Each surface where this very beam would meet it: both may be slanted.
-    const ModelScene::Hit front{edge->near_target, scene_.plane_mm(edge->near_target, from, bearing)},
-        back{edge->far_target, scene_.plane_mm(edge->far_target, from, bearing)};
-    if (front.range_mm <= 0 || back.range_mm <= front.range_mm) return hit;
-    if (back.range_mm - front.range_mm < merging_mm_)
-      return {front_share > 0.5 ? front.target : back.target,
-              front_share * front.range_mm + (1 - front_share) * back.range_mm};
+    const fit::Hit front = scene_.look_at(edge->near_target, from, bearing),
+                   back = scene_.look_at(edge->far_target, from, bearing);
+    if (front.target < 0 || back.target < 0 || back.range_mm <= front.range_mm) return hit;
+    if (back.range_mm - front.range_mm < merging_mm_) {
+      fit::Hit merged = front_share > 0.5 ? front : back;
+      merged.range_mm = front_share * front.range_mm + (1 - front_share) * back.range_mm;
+      return merged;
+    }
     return random_.uniform() < front_share ? front : back;
   }
 
@@ -245,7 +255,7 @@ class ModelEngine : public Engine {
     const double bearing =
         c.bearing_rad + e.stage_rad + e.beam_rad + std::sqrt(e.scan_angle_variance_rad2) * scan_normal_;
     const Eigen::Vector2d from = origin(true_stage) + e.origin_mm;
-    const ModelScene::Hit hit = mix(scene_.cast(from, bearing), from, bearing, e.footprint_rad);
+    const fit::Hit hit = mix(scene_.look(from, bearing), from, bearing, e.footprint_rad);
     if (hit.target < 0) return;
     double range = hit.range_mm + e.range_mm + noise(step, e);
     if (e.stray > 0 && random_.uniform() < e.stray) range = stray_range(hit.range_mm);
@@ -256,7 +266,7 @@ class ModelEngine : public Engine {
     if (range > options_.max_range_mm) return;
     const double unit = e.output_step_mm > 1 ? e.output_step_mm : 1;
     range_mm = static_cast<std::uint32_t>(std::lround(unit * std::floor(range / unit + 0.5)));
-    const double strength = counts(hit.target, bearing, hit.range_mm) * dimmed;
+    const double strength = counts(hit) * dimmed;
     intensity = static_cast<std::uint32_t>(
         std::clamp(std::lround(strength * (1 + relative_noise_ * random_.normal())), 1L, 65000L));
   }
@@ -265,7 +275,8 @@ class ModelEngine : public Engine {
   SimpleOptions options_;
   std::optional<fit::DescribedIntensity> described_;
   std::optional<fit::IntensityClaim> claim_;
-  ModelScene scene_;
+  std::vector<fit::Stands> stands_;
+  fit::Scene scene_;
   std::vector<fit::Mechanism> unnamed_;
   std::vector<Active> active_, dimming_;
   double relative_noise_ = 0.01;
@@ -281,7 +292,7 @@ class ModelEngine : public Engine {
   std::int64_t scans_ = 0;
   std::vector<fit::Circumstances> sights_;
   std::vector<double> lawful_;  ///< Counts of every beam before anything dims them.
-  std::vector<ModelScene::Edge> edges_;
+  std::vector<fit::Edge> edges_;
 };
 
 }  // namespace

@@ -169,8 +169,10 @@ awaitable<void> ScipServer::Impl::accept_hosts() {
 }
 
 void ScipServer::Impl::answer(const std::shared_ptr<Connection>& host, std::string_view line) {
-  const double now_s = clock.now_s(), at_s = device.answers_at_s(now_s);
+  const double now_s = clock.now_s(), at_s = device.answers_at_s(line, now_s);
+  clock.advance_to(at_s);
   std::string reply = device.handle(line, at_s);
+  clock.advance_to(device.scan_end_s());
   if (at_s > now_s) held_until = std::max(held_until, clock.when(at_s));
   if (!reply.empty()) send(*host, std::move(reply));
   if (device.streaming()) host->wake_streamer.cancel();

@@ -16,7 +16,8 @@ double UstClock::stood_s(double time_s) const {
 std::uint32_t UstClock::stamp_ms(double time_s) const {
   const double timer_s = counted_s(time_s) - timer_zero_s_ - stood_s(time_s);
   const double device_ms = timer_s * first_rate_ * 1e3;
-  return static_cast<std::uint32_t>((static_cast<std::int64_t>(std::floor(device_ms)) + offset_ms_) &
+  // What happens on a tick happens after it: a nanosecond more than rounding takes.
+  return static_cast<std::uint32_t>((static_cast<std::int64_t>(std::floor(device_ms + 1e-6)) + offset_ms_) &
                                     0xffffff);
 }
 

@@ -39,8 +39,23 @@ UstDevice::UstDevice(const fit::LidarGeometry& lidar, UstIdentity identity, std:
       intensity_(range_.size()),
       clock_(identity_.clock_ppm, identity_.scan_period_s, identity_.clock_start_ms) {}
 
-double UstDevice::answers_at_s(double now_s) const {
-  return has(UstHabit::slow_frame) ? clock_.next_frame_s(now_s, slow_frame_s) : now_s;
+double UstDevice::answers_at_s(std::string_view line, double now_s) const {
+  double ready_s = now_s;
+  const bool asks_for_scan = line.starts_with("G") && (laser_on_ || stream_) && !adjusting_time_;
+  if (asks_for_scan) ready_s = std::max(ready_s, finished_s(latest_scan(now_s)));
+  return has(UstHabit::slow_frame) ? clock_.next_frame_s(ready_s, slow_frame_s) : ready_s;
+}
+
+void UstDevice::switch_laser_on(double now_s) {
+  if (!std::exchange(laser_on_, true)) laser_on_s_ = now_s;
+}
+
+double UstDevice::finished_s(std::int64_t index) const {
+  return clock_.turn_begins_s(index) + lidar_.beam_time_s(lidar_.steps);
+}
+
+std::int64_t UstDevice::latest_scan(double now_s) const {
+  return std::max(clock_.turn_from(laser_on_s_), clock_.turn_at(now_s - lidar_.beam_time_s(lidar_.steps)));
 }
 
 /// Whether it hears this request; what it waited for opens its ears again.
@@ -96,9 +111,14 @@ std::string UstDevice::handle(std::string_view line, double now_s) {
   switch (command) {
     case Command::parameters:
       return parameters(line);
-    case Command::laser_on:
-      if (stream_) return lidar::build_status_response(line, "10");
-      return lidar::build_status_response(line, std::exchange(laser_on_, true) ? "02" : "00");
+    case Command::laser_on: {
+      const bool was_on = laser_on_ || stream_;
+      switch_laser_on(now_s);
+      return lidar::build_status_response(line, was_on ? "02" : "00");
+    }
+    case Command::sleep:  // Until it is asked to measure again.
+      switch_laser_off();
+      return lidar::build_status_response(line, "00");
     case Command::scan:
       // A UST-20LX gives no answer at all to the multi-echo commands (urg_library #33).
       if (request->scan.multi_echo) return "";
@@ -129,7 +149,7 @@ std::string UstDevice::quit(std::string_view echo) {
 }
 
 std::string UstDevice::identify(std::string_view echo) const {
-  const KeyValues lines = {{"VEND", "Hokuyo Automatic Co., Ltd."},
+  const KeyValues lines = {{"VEND", "rig-sim: simulated, not a device of Hokuyo Automatic Co., Ltd."},
                            {"PROD", identity_.model},
                            {"FIRM", identity_.firmware},
                            {"PROT", "SCIP 2.2"},
@@ -144,7 +164,7 @@ std::string UstDevice::parameters(std::string_view echo) const {
                      {"DMIN", "20"},
                      {"DMAX", "30000"},
                      {"ARES", std::to_string(steps_per_turn)},
-                     {"AMIN", "0"},
+                     {"AMIN", std::to_string(lidar_.first_step)},
                      {"AMAX", std::to_string(lidar_.steps - 1)},
                      {"AFRT", std::to_string(lidar_.front_step)},
                      {"SCAN", std::to_string(rpm)}};
@@ -163,14 +183,17 @@ std::string UstDevice::state(std::string_view echo, double now_s) const {
     time = digits;
   }
   const int rpm = static_cast<int>(std::lround(lidar_.scan_hz * 60));
-  const KeyValues lines = {
-      {"MODL", identity_.model},
-      {"LASR", laser_on_ ? "ON" : "OFF"},
-      {"SCSP", std::to_string(rpm)},
-      {"MESM", stream_ ? "Measuring by Sensitive Mode" : "Idle"},
-      {"SBPS", "Ethernet 100[Mbps]"},
-      {"TIME", time},
-      {"STAT", in_error_ ? "sensor is in an error state" : "sensor is working normally"}};
+  const KeyValues lines = {{"MODL", identity_.model},
+                           {"LASR", laser_on_ ? "ON" : "OFF"},
+                           {"SCSP", has(UstHabit::speed_in_words)
+                                        ? "Initial(" + std::to_string(rpm) + "[rpm])<-Default setting by user"
+                                        : std::to_string(rpm)},
+                           {"MESM", stream_ ? "Measuring by Sensitive Mode" : "Idle"},
+                           {"SBPS", "Ethernet 100[Mbps]"},
+                           {"TIME", time},
+                           {"STAT", in_error_               ? "sensor is in an error state"
+                                    : has(UstHabit::unwell) ? "window is dirty"
+                                                            : "sensor is working normally"}};
   if (!has(UstHabit::comments)) return lidar::build_key_value_response(echo, "00", lines);
   std::string out = lidar::build_status_response(echo, "00");
   out.pop_back();  // the empty line
@@ -198,24 +221,24 @@ std::string UstDevice::time_adjust(std::string_view echo, Command command, doubl
 }
 
 std::string UstDevice::check_steps(const lidar::ScanCommand& scan) const {
-  return scan.last_step >= lidar_.steps ? "04" : "";
+  return scan.last_step >= lidar_.steps || scan.first_step < lidar_.first_step ? "04" : "";
 }
 
 std::string UstDevice::single_scan(std::string_view echo, const lidar::Request& request, double now_s) {
   if (!laser_on_ && !stream_) return lidar::build_status_response(echo, "10");
   if (const std::string wrong = check_steps(request.scan); !wrong.empty())
     return lidar::build_status_response(echo, wrong);
-  const double measured_s = lidar_.beam_time_s(lidar_.steps);
-  const auto index = std::max<std::int64_t>(0, clock_.turn_at(now_s - measured_s));
+  const std::int64_t index = latest_scan(now_s);
   std::string out;
   measure(request, index, std::string(echo), "00", out);
+  scan_end_s_ = finished_s(index + 1);  // At full speed the next one to be asked for is another.
   return out;
 }
 
 std::string UstDevice::start_stream(std::string_view echo, const lidar::Request& request, double now_s) {
   if (const std::string wrong = check_steps(request.scan); !wrong.empty())
     return lidar::build_status_response(echo, wrong);
-  laser_on_ = true;
+  switch_laser_on(now_s);
   engine_->begin_stream();
   stream_ = Stream();
   stream_->request = request;
@@ -247,10 +270,7 @@ void UstDevice::check_itself(double now_s, double seconds, const std::string& st
 double UstDevice::next_scan_ready_s(double now_s) {
   if (!stream_->notices.empty()) return std::max(now_s, stream_->notices.front().due_s);
   const double frame_s = has(UstHabit::slow_frame) ? slow_frame_s : usual_frame_s;
-  const auto ready = [&](std::int64_t index) {
-    const double complete_s = clock_.turn_begins_s(index) + lidar_.beam_time_s(lidar_.steps);
-    return clock_.next_frame_s(complete_s, frame_s);
-  };
+  const auto ready = [&](std::int64_t index) { return clock_.next_frame_s(finished_s(index), frame_s); };
   while (ready(stream_->next_index) < now_s - identity_.scan_period_s)
     stream_->next_index += stream_->request.scan.skip + 1;
   return ready(stream_->next_index);
@@ -280,8 +300,10 @@ void UstDevice::append_next_scan(std::string& out) {
 void UstDevice::measure(const lidar::Request& request, std::int64_t scan_index, const std::string& echo,
                         std::string_view status, std::string& out) {
   const double scan_s = clock_.turn_begins_s(scan_index);
-  engine_->scan(scan_s, stage_at_, range_, intensity_);
-  ++scans_made_;
+  if (std::exchange(measured_index_, scan_index) != scan_index) {
+    engine_->scan(scan_s, stage_at_, range_, intensity_);
+    ++scans_made_;
+  }
   scan_end_s_ = clock_.turn_begins_s(scan_index + 1);
   const lidar::ScanCommand& scan = request.scan;
   const auto first = static_cast<std::ptrdiff_t>(scan.first_step),
@@ -318,6 +340,7 @@ std::string UstDevice::restart(std::string_view echo, double now_s) {
 
 void UstDevice::reboot(double now_s) {
   disconnected();
+  measured_index_ = no_scan;
   clock_.start(now_s);
   first_restart_s_ = -1;
   hears_ = Hearing::all;

@@ -83,8 +83,9 @@ class UstDevice {
 
   /// Scans that were produced, for logs.
   [[nodiscard]] std::uint64_t scans_made() const { return scans_made_; }
-  /// When a request that comes now is worked on.
-  [[nodiscard]] double answers_at_s(double now_s) const;
+  /// When the answer to this line, which comes now, is ready: a scan that is asked for must have been
+  /// finished.
+  [[nodiscard]] double answers_at_s(std::string_view line, double now_s) const;
 
  private:
   /// A message that stands in for scans.
@@ -102,9 +103,16 @@ class UstDevice {
     std::vector<Notice> notices;
   };
 
+  static constexpr std::int64_t no_scan = -1;
+
   [[nodiscard]] bool has(UstHabit habit) const { return habits_[static_cast<std::size_t>(habit)]; }
   [[nodiscard]] bool hears(const lidar::Request& request);
   [[nodiscard]] std::string quit(std::string_view echo);
+  void switch_laser_on(double now_s);
+  /// When that turn's last step has been measured.
+  [[nodiscard]] double finished_s(std::int64_t index) const;
+  /// The latest turn that is finished and was begun with the laser on; or the first to be so.
+  [[nodiscard]] std::int64_t latest_scan(double now_s) const;
   [[nodiscard]] std::string check_steps(const lidar::ScanCommand& scan) const;
   [[nodiscard]] std::string identify(std::string_view echo) const;
   [[nodiscard]] std::string parameters(std::string_view echo) const;
@@ -130,6 +138,8 @@ class UstDevice {
   Hearing hears_ = Hearing::all;
   int quits_ignored_ = 0, scans_after_quit_ = 0;
   double scan_end_s_ = 0, first_restart_s_ = -1;
+  double laser_on_s_ = 0;                  ///< When it was switched on.
+  std::int64_t measured_index_ = no_scan;  ///< The turn that range_ and intensity_ are of.
   std::uint64_t scans_made_ = 0;
   std::optional<Stream> stream_;
 };

@@ -21,6 +21,8 @@ enum class UstHabit {
   strict_time,
   quit_leaves_time,
   never_already,
+  unwell,
+  speed_in_words,
 };
 
 struct UstHabitName {
@@ -49,6 +51,9 @@ inline constexpr std::array ust_habits{
                  "QT is accepted in time-adjust mode and leaves it (urg_stamped #115)"},
     UstHabitName{UstHabit::never_already, "never-already",
                  "TM0 and TM2 answer 00 although nothing changes (urg_stamped #115)"},
+    UstHabitName{UstHabit::unwell, "unwell", "its STAT says that the window is dirty; it measures"},
+    UstHabitName{UstHabit::speed_in_words, "speed-in-words",
+                 "SCSP in II is Initial(2400[rpm]) and a comment, as older generations write it"},
 };
 
 }  // namespace sim

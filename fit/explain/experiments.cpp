@@ -29,7 +29,7 @@ void number(Experiment& e, double pause_s, double first_s) {
 CaptureInfo whole_scene(const Bench& bench, double stage_deg) {
   CaptureInfo c;
   c.stage_rad = stage_deg * rad_per_deg;
-  c.first_step = 0;
+  c.first_step = bench.lidar.first_step;
   c.last_step = bench.lidar.steps - 1;
   return c;
 }
@@ -41,8 +41,8 @@ CaptureInfo aimed(const Bench& bench, const Target& target) {
   const int centre =
       bench.lidar.front_step + static_cast<int>(std::lround(wrap_angle(bearing) / bench.lidar.step_rad));
   CaptureInfo c;
-  c.first_step = std::clamp(centre - 8, 0, bench.lidar.steps - 1);
-  c.last_step = std::clamp(centre + 8, 0, bench.lidar.steps - 1);
+  c.first_step = std::clamp(centre - 8, bench.lidar.first_step, bench.lidar.steps - 1);
+  c.last_step = std::clamp(centre + 8, bench.lidar.first_step, bench.lidar.steps - 1);
   c.target = target.name;
   return c;
 }
@@ -118,8 +118,8 @@ CaptureInfo all_along(const Bench& bench, const Target& target, double shift_mm)
   const auto [first, last] = std::minmax({step_of(target.from_mm), step_of(target.to_mm)});
   const auto margin = static_cast<int>(std::ceil(beside / bench.lidar.step_rad));
   CaptureInfo c;
-  c.first_step = std::clamp(first - margin, 0, bench.lidar.steps - 1);
-  c.last_step = std::clamp(last + margin, 0, bench.lidar.steps - 1);
+  c.first_step = std::clamp(first - margin, bench.lidar.first_step, bench.lidar.steps - 1);
+  c.last_step = std::clamp(last + margin, bench.lidar.first_step, bench.lidar.steps - 1);
   c.target = target.name;
   c.target_shift_mm = shift_mm;
   return c;

@@ -79,10 +79,10 @@ Explanation told(Findings& findings) {
   out.left_out = findings.reduced.left_out;
   out.bench = findings.reduced.bench;
   answer::tell_means(findings, out);
-  answer::tell_stated_otherwise(findings, out);
   answer::tell_stray_light(findings, out);
   answer::tell_spread(findings, out);
   answer::tell_unknown(findings, out);
+  answer::tell_stated_otherwise(findings, out);
   answer::tell_where(findings, out);
   answer::tell_doubts(findings, out);
   answer::doubt_bench_file(findings, out);

@@ -11,8 +11,7 @@ namespace fit::explain {
 struct Hypothesis {
   explicit Hypothesis(const Bench& bench) : nuisance(bench), bench_u(Nuisance::prior_sigma(bench)) {}
   Nuisance nuisance;
-  /// Standard uncertainties of mount and targets: the bench file's, or wider where that is not believed.
-  Eigen::VectorXd bench_u;
+  Eigen::VectorXd bench_u;  ///< Standard uncertainties of mount and targets, the bench file's.
   std::vector<Term> terms;
   std::vector<Shape> shapes;
   double evidence =

@@ -88,7 +88,8 @@ MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise) : reduced_(
                          sight.normal.y() / sight.cos_incidence()});
       const double v = cell.pooled_mm2;
       weights.push_back(
-          1 / std::sqrt(noise.factor * v / cell.n + rounding_variance(std::sqrt(v)) + never_mm * never_mm));
+          1 / std::sqrt(noise.factor * v / cell.n + rounding_variance(std::sqrt(v)) + never_mm * never_mm +
+                        cell.doubt_mm * cell.doubt_mm));
       residuals.push_back(cell.mean_mm - cell.nominal_mm);
     }
     group_rows_.emplace_back(first, static_cast<Eigen::Index>(row_.size()));
@@ -145,17 +146,25 @@ double MeanModel::variance_of_mean(Eigen::Index row) const {
 }
 
 Eigen::MatrixXd MeanModel::nuisance_columns() const {
-  const auto targets = static_cast<Eigen::Index>(reduced_->bench.targets.size());
-  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(rows(), 3 + 2 * targets);
+  const std::vector<Freedom> freedoms = freedoms_of(reduced_->bench);
+  std::vector<std::pair<std::size_t, std::size_t>> of_target(reduced_->bench.targets.size());
+  for (std::size_t k = freedoms.size(); k-- > 0;) {
+    if (freedoms[k].target < 0) continue;
+    auto& [first, last] = of_target[static_cast<std::size_t>(freedoms[k].target)];
+    first = k;
+    last = std::max(last, k + 1);
+  }
+  constexpr std::size_t of_mount = 3;
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(rows(), static_cast<Eigen::Index>(freedoms.size()));
   for (Eigen::Index i = 0; i < rows(); ++i) {
     const Sight& sight = cell(i).sight;
-    const double stage = group(i).stage_rad, c = std::cos(stage), s = std::sin(stage);
-    const double cosine = sight.cos_incidence();
-    columns(i, 0) = -(sight.normal.x() * c + sight.normal.y() * s) / cosine;
-    columns(i, 1) = -(-sight.normal.x() * s + sight.normal.y() * c) / cosine;
-    columns(i, 2) = sight.beam_lever();
-    columns(i, 3 + 2 * sight.target) = 1 / cosine;
-    columns(i, 4 + 2 * sight.target) = sight.turn_lever;
+    const double stage_rad = group(i).stage_rad;
+    const auto fill = [&](std::size_t k) {
+      columns(i, static_cast<Eigen::Index>(k)) = sight.per(freedoms[k], stage_rad);
+    };
+    for (std::size_t k = 0; k < of_mount; ++k) fill(k);
+    const auto [first, last] = of_target[static_cast<std::size_t>(sight.target)];
+    for (std::size_t k = first; k < last; ++k) fill(k);
   }
   return columns;
 }
@@ -247,7 +256,8 @@ double MeanModel::density_here(Eigen::Index fixed) const {
   const Eigen::MatrixXd normal = factor_.reconstructedMatrix();
   const Eigen::Index open = normal.cols() - fixed;
   Eigen::VectorXd x(normal.cols());
-  x.head(fixed) = -base_mean_.head(fixed).cwiseQuotient(base_sigma_.head(fixed));
+  for (Eigen::Index i = 0; i < fixed; ++i)  // what is stated without doubt stands where it is stated
+    x[i] = base_sigma_[i] > 0 ? -base_mean_[i] / base_sigma_[i] : 0;
   if (open > 0)
     x.tail(open) = normal.bottomRightCorner(open, open)
                        .llt()
@@ -267,11 +277,30 @@ Eigen::VectorXd MeanModel::remainder(const Eigen::VectorXd& column) const {
   return (white - base_ * factor_.solve(base_.transpose() * white)).cwiseQuotient(weight_);
 }
 
-MeanModel::HeldOut MeanModel::held_out(const std::vector<int>& block_of_row, int blocks) const {
-  HeldOut sum;
+namespace {
+
+/// Log of the marginal likelihood that a base adds to noise alone: half a N^-1 a less half the log of det N.
+double marginal(const Eigen::LLT<Eigen::MatrixXd>& normal, const Eigen::VectorXd& along) {
+  double log_det = 0;
+  for (Eigen::Index i = 0; i < along.size(); ++i) log_det += std::log(normal.matrixL()(i, i));
+  return 0.5 * along.dot(normal.solve(along)) - log_det;
+}
+
+}  // namespace
+
+/// What the base learns from all blocks but one.
+struct MeanModel::Taught {
+  Eigen::LLT<Eigen::MatrixXd> normal;
+  Eigen::VectorXd along;
+};
+
+/// Calls `each(block, what the others teach, log p(block | others))`.
+template <class Each>
+void MeanModel::for_blocks(const std::vector<int>& block_of_row, int blocks, const Each& each) const {
   const Eigen::Index k = base_.cols();
   std::vector<Eigen::MatrixXd> square(static_cast<std::size_t>(blocks), Eigen::MatrixXd::Zero(k, k));
   std::vector<Eigen::VectorXd> along(static_cast<std::size_t>(blocks), Eigen::VectorXd::Zero(k));
+  std::vector<double> own(static_cast<std::size_t>(blocks), 0.0);
   constexpr Eigen::Index chunk = 256;
   // Rows of one block come in runs; each run is added at once.
   for (Eigen::Index first = 0; first < rows();) {
@@ -279,9 +308,13 @@ MeanModel::HeldOut MeanModel::held_out(const std::vector<int>& block_of_row, int
     Eigen::Index last = first + 1;
     while (last < rows() && last - first < chunk && block_of_row[static_cast<std::size_t>(last)] == block)
       ++last;
+    const auto b = static_cast<std::size_t>(block);
     const auto part = base_.middleRows(first, last - first);
-    square[static_cast<std::size_t>(block)] += part.transpose() * part;
-    along[static_cast<std::size_t>(block)] += part.transpose() * centred_.segment(first, last - first);
+    const auto centred = centred_.segment(first, last - first);
+    square[b] += part.transpose() * part;
+    along[b] += part.transpose() * centred;
+    own[b] += -0.5 * centred.squaredNorm() - 0.5 * std::log(2 * pi) * static_cast<double>(last - first) +
+              weight_.segment(first, last - first).array().log().sum();
     first = last;
   }
   Eigen::MatrixXd all = Eigen::MatrixXd::Identity(k, k);
@@ -290,50 +323,44 @@ MeanModel::HeldOut MeanModel::held_out(const std::vector<int>& block_of_row, int
     all += square[b];
     all_along += along[b];
   }
-  for (int b = 0; b < blocks; ++b) {
-    const Eigen::LLT<Eigen::MatrixXd> rest(all - square[static_cast<std::size_t>(b)]);
-    const Eigen::VectorXd x = rest.solve(all_along - along[static_cast<std::size_t>(b)]);
+  const double whole = marginal(Eigen::LLT<Eigen::MatrixXd>(all), all_along);
+  for (std::size_t b = 0; b < square.size(); ++b) {
+    const Taught rest{Eigen::LLT<Eigen::MatrixXd>(all - square[b]), all_along - along[b]};
+    each(static_cast<int>(b), rest, own[b] + whole - marginal(rest.normal, rest.along));
+  }
+}
+
+MeanModel::HeldOut MeanModel::held_out(const std::vector<int>& block_of_row, int blocks) const {
+  HeldOut sum;
+  const Eigen::Index k = base_.cols();
+  for_blocks(block_of_row, blocks, [&](int block, const Taught& rest, double log_likelihood) {
+    sum.log_likelihood += log_likelihood;
+    const Eigen::VectorXd x = rest.normal.solve(rest.along);
+    Eigen::VectorXd unsure(k);
     for (Eigen::Index i = 0; i < rows(); ++i) {
-      if (block_of_row[static_cast<std::size_t>(i)] != b) continue;
-      const double z = centred_[i] - (k > 0 ? base_.row(i).dot(x) : 0.0);
-      sum.log_likelihood += -0.5 * z * z - 0.5 * std::log(2 * pi) + std::log(weight_[i]);
+      if (block_of_row[static_cast<std::size_t>(i)] != block) continue;
+      double z = centred_[i], variance = 1;
+      if (k > 0) {
+        z -= base_.row(i).dot(x);
+        unsure = base_.row(i).transpose();
+        rest.normal.matrixL().solveInPlace(unsure);
+        variance += unsure.squaredNorm();
+      }
       const double off_mm =
           has_common_ ? plain_centred_[i] - (k > 0 ? plain_base_.row(i).dot(x) : 0.0) : z / weight_[i];
       sum.squares += off_mm * off_mm;
-      sum.within_2u += std::abs(z) < 1.96;
+      sum.within_2u += z * z < 1.96 * 1.96 * variance;
       sum.cells += 1;
     }
-  }
+  });
   return sum;
 }
 
 std::vector<double> MeanModel::unseen(const std::vector<int>& block_of_row, int blocks) const {
-  const Eigen::Index k = base_.cols();
-  std::vector<Eigen::MatrixXd> square(static_cast<std::size_t>(blocks), Eigen::MatrixXd::Zero(k, k));
-  std::vector<Eigen::VectorXd> along(static_cast<std::size_t>(blocks), Eigen::VectorXd::Zero(k));
-  std::vector<double> own(static_cast<std::size_t>(blocks), 0.0);
-  for (Eigen::Index i = 0; i < rows(); ++i) {
-    const auto b = static_cast<std::size_t>(block_of_row[static_cast<std::size_t>(i)]);
-    square[b] += base_.row(i).transpose() * base_.row(i);
-    along[b] += base_.row(i).transpose() * centred_[i];
-    own[b] += -0.5 * centred_[i] * centred_[i] - 0.5 * std::log(2 * pi) + std::log(weight_[i]);
-  }
-  Eigen::MatrixXd all = Eigen::MatrixXd::Identity(k, k);
-  Eigen::VectorXd all_along = Eigen::VectorXd::Zero(k);
-  for (std::size_t b = 0; b < square.size(); ++b) {
-    all += square[b];
-    all_along += along[b];
-  }
-  const auto evidence = [](const Eigen::MatrixXd& normal, const Eigen::VectorXd& a) {
-    const Eigen::LLT<Eigen::MatrixXd> factor(normal);
-    double log_det = 0;
-    for (Eigen::Index i = 0; i < a.size(); ++i) log_det += std::log(factor.matrixL()(i, i));
-    return 0.5 * a.dot(factor.solve(a)) - log_det;
-  };
-  const double whole = evidence(all, all_along);
-  for (std::size_t b = 0; b < square.size(); ++b)
-    own[b] += whole - evidence(all - square[b], all_along - along[b]);
-  return own;
+  std::vector<double> list;
+  for_blocks(block_of_row, blocks,
+             [&](int, const Taught&, double log_likelihood) { list.push_back(log_likelihood); });
+  return list;
 }
 
 double excess_scatter(const MeanModel& model) {

@@ -89,9 +89,11 @@ class MeanModel {
   [[nodiscard]] const Eigen::VectorXd& raw_residual() const { return residual_; }
 
   struct HeldOut {
-    double log_likelihood = 0;  ///< Sum over cells predicted by the other blocks.
-    double squares = 0;         ///< Of residuals in mm^2.
-    double within_2u = 0;       ///< Cells within the predicted 95 % interval.
+    /// Of every whole block as the others predict it, summed: all its cells together, so that what they have in
+    /// common because nobody knows where its targets stand counts once.
+    double log_likelihood = 0;
+    double squares = 0;    ///< Of residuals in mm^2.
+    double within_2u = 0;  ///< Cells within the predicted 95 % interval, which holds what is not known as well.
     double cells = 0;
   };
   /// Predicts every block of `block_of_row` from all others.
@@ -101,6 +103,10 @@ class MeanModel {
   [[nodiscard]] std::vector<double> unseen(const std::vector<int>& block_of_row, int blocks) const;
 
  private:
+  struct Taught;
+  template <class Each>
+  void for_blocks(const std::vector<int>& block_of_row, int blocks, const Each& each) const;
+
   const Reduced* reduced_;
   std::vector<std::size_t> row_;
   /// What every effect is multiplied by, side by side: they are asked for far more often than cells are.

@@ -26,8 +26,6 @@ struct MeanResult {
   Hypothesis best;
   std::vector<std::vector<Rival>> rivals;  ///< For every term of `best`, the closest first.
   std::vector<double> probability;         ///< Of every term of `best`.
-  /// Sets of suspects that no recording shows, only what the bench file states about mount and targets.
-  std::vector<std::vector<Term>> stated_otherwise;
   std::vector<HeldOutFigures> without;  ///< Held-out figures without each term.
   HeldOutFigures before, after;
   double noise_floor_mm = 0;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 #include <stdexcept>
 
 #include "fit/explain/stated_noise.hpp"
@@ -31,7 +32,9 @@ double sample_variance(const std::vector<Suspect>& noise, double constant_mm, co
   double sum = constant_mm * constant_mm;
   for (const Suspect& suspect : noise) {
     const Effect effect = suspect.mechanism->act(cell.at, suspect.mechanism->values(suspect.parameters));
-    sum += effect.variance_mm2 + std::pow(cell.sight.beam_lever(), 2) * effect.scan_angle_variance_rad2;
+    const double more =
+        effect.variance_mm2 + std::pow(cell.sight.beam_lever(), 2) * effect.scan_angle_variance_rad2;
+    if (std::isfinite(more)) sum += more;  // else the recording does not say what it depends on
     if (effect.output_step_mm > 1) sum += effect.output_step_mm * effect.output_step_mm / 12;
   }
   return sum;
@@ -54,7 +57,10 @@ double best_constant(const Reduced& reduced, const std::vector<Suspect>& noise, 
     all += cell.n * square;
     samples += cell.n;
   }
-  if (samples < 1) return 0;
+  if (samples < 1) {
+    const double stated_mm = stated_noise(reduced.bench).value;
+    return stated_mm > 0 ? stated_mm : unstated_noise_mm;
+  }
   const auto slope = [&](double constant2) {
     double sum = 0;
     for (const Part& p : parts) {
@@ -213,10 +219,15 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadRe
   if (spread.sigma_by_capture_mm.empty()) {
     p.constant_after_mm.push_back(best_constant(reduced, p.noise));
   } else {
-    for (std::size_t c = 0; c < reduced.captures.size(); ++c)
-      if (const double constant = best_constant(reduced, p.noise, static_cast<int>(c)); constant > 0)
+    std::set<int> seen;
+    for (const Group& group : reduced.groups)
+      for (std::size_t i = group.first_cell; i < group.last_cell; ++i)
+        if (reduced.cells[i].smooth && reduced.cells[i].n > 0) seen.insert(group.capture);
+    for (const int c : seen)
+      if (const double constant = best_constant(reduced, p.noise, c); constant > 0)
         p.constant_after_mm.push_back(constant);
   }
+  if (p.constant_after_mm.empty()) p.constant_after_mm.push_back(best_constant(reduced, p.noise));
   predict_at(reduced, means.best);
   return p;
 }

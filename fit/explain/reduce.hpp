@@ -27,6 +27,8 @@ struct Cell {
       -1;               ///< Mean place between the two surfaces of a near edge (0 near, 1 far); -1: no edge.
   double other_mm = 0;  ///< Range of the plane on the other side of that edge, along this very beam.
   int between = 0;      ///< Samples on neither of them.
+  /// Standard uncertainty of the mean beyond its samples' noise: part of the beam may miss its surface.
+  double doubt_mm = 0;
   bool smooth = false;  ///< The mean may be compared with a surface: no edge near, not grazing, one echo.
   bool doubtful =
       false;  ///< Left out only because mount and walls are not known well enough to say what it meets.
@@ -89,6 +91,7 @@ struct Reduced {
   double first_temperature_c = 0;
   bool has_intensity = false, has_temperature = false;
   bool is_without_patterns = false;  ///< What faces and a swinging stage do was taken off.
+  bool is_without_flicker = false;   ///< ... and what a lamp or a supply does.
   int left_out = 0;                  ///< Cells that no mean is taken of.
   int in_clear = 0;  ///< Cells away from edges and corners, square on enough, by the bench file.
   int astray = 0;    ///< Of these, those more than `astray_mm` off their target.

@@ -7,20 +7,38 @@
 
 #include "fit/mechanism.hpp"
 #include "fit/recording.hpp"
+#include "fit/scene.hpp"
 
 namespace fit::explain {
 
-/// Where things stand against the bench file: what is fitted along with every suspect. In the order of
-/// `as_vector`: mount x, y (mm), yaw (rad), then for every target its offset along the outward normal (mm)
-/// and its rotation about its middle (rad, counter-clockwise).
+/// One of the numbers that say where things stand.
+struct Freedom {
+  enum class Of { mount_x, mount_y, mount_yaw, offset, turn, aside, radius };
+  Of of;
+  int target = -1;  ///< -1: of the mount.
+
+  [[nodiscard]] bool is_angle() const { return of == Of::mount_yaw || of == Of::turn; }
+};
+/// Mount x, y, yaw; then for every target in its order: of a flat one its offset along the outward normal and
+/// its turn about its middle; of a round one its offset outward, aside (counter-clockwise), and its radius.
+[[nodiscard]] std::vector<Freedom> freedoms_of(const Bench& bench);
+
+/// Where things stand against the bench file: what is fitted along with every suspect. Millimetres and radians,
+/// counter-clockwise. The mount as it is, all else as a deviation.
 struct Nuisance {
   double x_mm = 0, y_mm = 0, yaw_rad = 0;
-  std::vector<double> offset_mm, turn_rad;
+  std::vector<double> offset_mm, turn_rad;       ///< For every target; no round one turns.
+  std::vector<double> aside_mm, thicker_mm;      ///< For every target; 0 for flat ones.
 
   explicit Nuisance(const Bench& bench);
+  /// In the order of `freedoms_of`.
   [[nodiscard]] Eigen::VectorXd as_vector() const;
   void set(const Eigen::VectorXd& values);
   [[nodiscard]] static Eigen::VectorXd prior_sigma(const Bench& bench);
+
+ private:
+  [[nodiscard]] double& value(const Freedom& freedom);
+  std::vector<Freedom> freedoms_;
 };
 
 /// A mechanism at work, with its values in the order of its parameters.
@@ -39,23 +57,17 @@ struct Active {
 [[nodiscard]] double reflectance_in(const CaptureInfo& capture, const Target& target);
 
 /// What one beam meets in one stage position.
-struct Sight {
-  int target = -1;  ///< -1: nothing.
-  double range_mm = 0;
-  double along_mm = 0;
-  int along_sign = 1;        ///< +1: along_mm grows with the beam angle; -1: against it.
-  double incidence_rad = 0;  ///< Positive where the range grows with the beam angle.
+struct Sight : Hit {
   double bearing_rad = 0;
-  Eigen::Vector2d origin = Eigen::Vector2d::Zero(), normal = Eigen::Vector2d::UnitX();
-  double turn_lever = 0;  ///< d range / d turn of the target, mm per rad.
-
-  double cosine = 1;          ///< Of the incidence, not below 0.02.
+  Eigen::Vector2d origin = Eigen::Vector2d::Zero();
   double beam_lever_mm = 0;   ///< d range / d beam angle, mm per rad.
   double stage_lever_mm = 0;  ///< d range / d stage angle, mm per rad: the optical centre travels too.
 
   [[nodiscard]] double cos_incidence() const { return cosine; }
   [[nodiscard]] double beam_lever() const { return beam_lever_mm; }
   [[nodiscard]] double stage_lever() const { return stage_lever_mm; }
+  /// d range / d one of the numbers that say where things stand; 0 for those of other targets.
+  [[nodiscard]] double per(const Freedom& freedom, double stage_rad) const;
   /// Change of the measured range that an effect makes to first order, mm.
   [[nodiscard]] double shift(const Effect& effect) const;
 };
@@ -63,54 +75,31 @@ struct Sight {
 /// Power of an echo from there, in units of that of a perfect target met squarely at 1 m.
 [[nodiscard]] double echo_power(const CaptureInfo& capture, const Bench& bench, const Sight& sight);
 
-/// A place where a nearer surface ends before a farther one.
-struct Edge {
-  double bearing_rad = 0;
-  double near_mm = 0, far_mm = 0;
-  int id = 0;         ///< 2 * target + (0: its start, 1: its end).
-  int near_side = 1;  ///< +1: the nearer surface lies at larger bearings.
-};
-
 /// Indices of the bench's targets that do not stand there in a capture.
 using Absent = std::set<int>;
 
-/// The targets as they stand in one capture. Targets whose ends meet form a closed outline there.
+/// The targets as they stand in one capture, seen by a lidar on its stage.
 class Scene {
  public:
   Scene(const Bench& bench, const Nuisance& nuisance, const CaptureInfo& capture, const Absent& absent = {});
 
   /// What the beam meets from the stage angle, other angles and places taken from `effect`.
   [[nodiscard]] Sight look(double stage_rad, double beam_rad, const Effect& effect = {}) const;
-  /// The same for the plane of one target, whatever stands before it and wherever it ends.
+  /// The same for the surface of one target, whatever stands before it and wherever it ends.
   [[nodiscard]] Sight look_at(int target, double stage_rad, double beam_rad, const Effect& effect) const;
   [[nodiscard]] std::vector<Edge> edges(double stage_rad) const;
   /// To the next inner corner along the target; infinite if there is none.
-  [[nodiscard]] double to_corner_mm(const Sight& sight) const;
+  [[nodiscard]] double to_corner_mm(const Sight& sight) const { return scene_.to_corner_mm(sight); }
+  /// To the next place where another target begins, inner corner or outer.
+  [[nodiscard]] double to_joint_mm(const Sight& sight) const { return scene_.to_joint_mm(sight); }
   /// Fills what depends on the place only: range, incidence, target, edge, corner, neighbours.
-  void describe(const Sight& sight, double stage_rad, const std::vector<Edge>& edges, Circumstances& c) const;
+  void describe(const Sight& sight, const std::vector<Edge>& edges, Circumstances& c) const;
 
  private:
-  struct Segment {
-    Eigen::Vector2d from, to, middle, along, outward;
-    double half_mm, reflectance;
-    int joined_from = -1, joined_to = -1;  ///< The target that its end meets; -1: none.
-    double corner_from_mm, corner_to_mm;   ///< Where it meets them, along from its middle.
-    double moved_mm;  ///< How far its ends are from where the bench file has them, at most.
-    bool absent;
-  };
   [[nodiscard]] Sight aim(double stage_rad, double beam_rad, const Effect& effect) const;
-  /// Fills in where the beam meets that segment's plane; false if it does not.
-  [[nodiscard]] bool meet(std::size_t segment, Sight& sight) const;
-  /// How far past a corner with that target, -1: none, a segment may be met.
-  [[nodiscard]] double reach_past_mm(int joined) const;
-  /// Where a segment meets the one that it is joined to, along from its middle, as both stand.
-  [[nodiscard]] double corner(const Segment& own, int joined, double stated_mm) const;
-  static void finish(Sight& sight);
-  [[nodiscard]] double echo_power(const Sight& sight) const;
-  [[nodiscard]] double pull(const Sight& sight, double stage_rad) const;
 
-  Nuisance nuisance_;
-  std::vector<Segment> segments_;
+  double x_mm_, y_mm_, yaw_rad_;
+  fit::Scene scene_;
 };
 
 }  // namespace fit::explain

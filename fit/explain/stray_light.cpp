@@ -130,7 +130,7 @@ class Edges {
     if (std::abs(row.y_mm) > 0.6 * std::abs(row.gap_mm)) return;
     row.sigma_mm =
         std::max(group.sigma_mm, std::sqrt(cell.variance_mm2)) * std::sqrt(means_.noise.factor / cell.n);
-    row.turn_lever = own.turn_lever;
+    row.turn_lever = own.per_turn;
     row.beam_deg = cell.beam_rad * deg_per_rad;
     row.step_deg = reduced_.bench.lidar.step_rad * deg_per_rad;
     rows_.push_back(row);

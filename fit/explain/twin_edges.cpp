@@ -19,6 +19,7 @@ constexpr double finest_deg = 0.002;
 /// nobody measured to a tenth of a degree.
 void move_end(Bench& bench, int id, const SeenEdge& edge) {
   Target& target = bench.targets[static_cast<std::size_t>(id / 2)];
+  if (target.round) return;
   const double bearing = edge.bearing_rad + edge.near_side * edge.shift_deg * rad_per_deg;
   const Eigen::Vector2d ray(std::cos(bearing), std::sin(bearing)),
       along = (target.to_mm - target.from_mm).normalized();

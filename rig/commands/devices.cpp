@@ -7,6 +7,7 @@
 #include "lidar/client.hpp"
 #include "rig/commands/json_output.hpp"
 #include "rig/runner/endpoint.hpp"
+#include "rig/runner/lidar_doubts.hpp"
 #include "rig/stage/serial_link.hpp"
 #include "rig/stage/stage_factory.hpp"
 
@@ -122,6 +123,8 @@ class Devices : public Command {
       const lidar::Identity who = co_await std::move(connecting);
       answer = who.model + ", serial " + who.serial + ", firmware " + who.firmware;
       entry["lidar"] = json::parse(who.json);
+      const std::string state = entry["lidar"]["II"].value("STAT", "");
+      if (!state.empty() && !says_it_is_well(state)) answer += "; it is not well, it says: " + state;
     } catch (const lidar::LidarError& error) {
       answer = error.what();
       entry["error"] = answer;

@@ -42,8 +42,23 @@ class Import : public Command {
     command->add_option("--first-deg", options.first_deg,
                         "Direction of the first beam, for CSV tables that do not say it (UST-10LX: -135)");
     command->add_option("--step-deg", options.step_deg, "Angle from beam to beam, likewise (UST-10LX: 0.25)");
-    command->add_option("--scan-hz", options.scan_hz, "Turns of the lidar a second, likewise (UST-10LX: 40)")
+    command
+        ->add_option("--scan-hz", options.scan_hz,
+                     "Turns of the lidar a second, where the recording does not say it or is wrong")
         ->check(CLI::PositiveNumber);
+    command
+        ->add_option(
+            "--columns", options.columns,
+            "What a table's columns hold, in place of its header: time_s,range_m*360 or "
+            "scan,angle_deg,range_mm or scan,x_m,y_m or time_s,left_ticks,right_ticks; '-' passes one "
+            "over, NAME*3 stands for three, NAME* for the rest (docs/import.md)")
+        ->delimiter(',');
+    command
+        ->add_option("--ticks-a-turn", options.ticks_a_turn,
+                     "Counts of a wheel's encoder in one turn of the wheel, gear included")
+        ->check(CLI::PositiveNumber);
+    command->add_flag("--accept-doubts", request_.accept_doubts,
+                      "Import also what is not plausible (units, rate, distance), and note it");
     return command;
   }
 
@@ -59,8 +74,9 @@ class Import : public Command {
       throw UsageError(error.what());
     }
     for (const auto& note : report.notes) std::fprintf(stderr, "rig: %s\n", note.c_str());
-    std::fprintf(stderr, "import: %llu scans in %zu captures and %llu poses -> %s\n",
-                 static_cast<unsigned long long>(report.scans), request_.files.size(),
+    std::fprintf(stderr, "import: %llu scans in %llu captures and %llu poses -> %s\n",
+                 static_cast<unsigned long long>(report.scans),
+                 static_cast<unsigned long long>(report.captures),
                  static_cast<unsigned long long>(report.poses), output_.c_str());
     return 0;
   }

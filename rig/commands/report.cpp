@@ -15,10 +15,11 @@ class Report : public Command {
  public:
   CLI::App* declare(CLI::App& root) override {
     auto* command =
-        root.add_subcommand("report", "Writes a session's calibration certificate: HTML, PDF or JSON");
+        root.add_subcommand("report", "Writes a session's calibration certificate: HTML, PDF, JSON or DCC");
     command->add_option("session", session_, "Session file (*.rig)")->required();
     command->add_option("-o,--output", output_,
-                        "FILE.html, FILE.pdf or FILE.json; default: beside the session, .html");
+                        "FILE.html, FILE.pdf (PDF/A-3b), FILE.json or FILE.dcc.xml (PTB's Digital Calibration "
+                        "Certificate, 3.2.1); default: beside the session, .html");
     json_.declare(*command, "the certificate");
     return command;
   }
@@ -31,12 +32,27 @@ class Report : public Command {
     if (json_.wanted())
       json_.write(make_certificate(SessionStore(session_, SessionStore::Mode::read), session_));
     if (output_.empty()) return 0;
-    write_report(session_, output);
-    std::fprintf(stderr, "report: %s\n", std::filesystem::absolute(output_).c_str());
+    const IssuedReport issued = issue_report(session_, output.path());
+    if (std::filesystem::path(issued.file).filename() != std::filesystem::path(output.path()).filename())
+      std::fprintf(stderr, "rig: %s is another certificate and was kept\n", output.path().c_str());
+    remember(issued.certificates);
+    std::fprintf(stderr, "report: %s\n", std::filesystem::absolute(issued.file).c_str());
     return 0;
   }
 
  private:
+  /// A session that cannot be written now still has its report.
+  void remember(const std::string& certificates) const {
+    try {
+      if (SessionStore(session_, SessionStore::Mode::read).get("certificates") == certificates) return;
+      SessionStore session(session_, SessionStore::Mode::append);
+      session.set("certificates", certificates);
+    } catch (const std::exception& error) {
+      std::fprintf(stderr, "rig: the session does not remember this issue, which later ones will not count: %s\n",
+                   error.what());
+    }
+  }
+
   std::string session_, output_;
   JsonOutput json_;
 };

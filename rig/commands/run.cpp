@@ -14,6 +14,7 @@
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/fitting.hpp"
+#include "rig/live/foxglove_server.hpp"
 #include "rig/live/live_server.hpp"
 #include "rig/output_place.hpp"
 #include "rig/report/report.hpp"
@@ -68,26 +69,33 @@ void check_fits(const std::vector<Step>& steps, const Variables& variables) {
   }
 }
 
-/// Publishes the run to the live page, which shows at most 20 states a second.
+/// Publishes the run's state to the live page and to Foxglove, at most 20 times a second.
 class LiveView final : public RunView {
  public:
-  LiveView(LiveServer& live, const fit::Bench& bench) : live_(live), bench_(bench) {}
+  using Publish = std::function<void(const json& state)>;
+  LiveView(std::vector<Publish> to, const fit::Bench& bench) : to_(std::move(to)), bench_(bench) {}
   void show(const RunState& state) override {
     const auto now = steady_clock::now();
     const bool turned = state.phase != phase_ || state.step != step_ || state.messages_total != messages_;
     if (!turned && now - last_ < std::chrono::milliseconds(50)) return;
     last_ = now, phase_ = state.phase, step_ = state.step, messages_ = state.messages_total;
-    live_.publish(to_json(state, bench_));
+    const json document = to_json(state, bench_);
+    for (const Publish& publish : to_) publish(document);
   }
 
  private:
-  LiveServer& live_;
+  std::vector<Publish> to_;
   const fit::Bench& bench_;
   steady_clock::time_point last_{};
   RunState::Phase phase_ = RunState::Phase::starting;
   std::size_t step_ = 0;
   std::uint64_t messages_ = 0;
 };
+
+std::int64_t unix_ns() {
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(now).count();
+}
 
 /// In a handler: whether the run ended before its first step was done, by what is no fault of the session's
 /// file.
@@ -120,12 +128,17 @@ class Run : public Command {
     run->add_option("--set", settings_, "NAME=VALUE: replaces a variable of the procedure");
     run->add_flag("--dry-run", dry_run_, "Print steps, travel, time and limits; touch no device");
     run->add_flag("--yes", yes_, "Confirm every prompt: nobody is there");
+    run->add_flag("--accept-lidar", accept_lidar_,
+                  "Measure although the lidar is of another model or serial number than the bench file says, "
+                  "or says that it is not well; recorded in session and certificate");
     run->add_option("--operator", operator_, "HOST:PORT of a simulated bench that answers prompts itself");
     live_option_ = run->add_option("--live", live_.port, "Serve the live page; on PORT if given")
                        ->expected(0, 1)
                        ->default_str("0");
+    foxglove_option_ =
+        run->add_option("--foxglove", foxglove_.port, "Serve the run to Foxglove on PORT (0: any free one)");
     run->add_option("--live-listen", live_.address,
-                    "Address of the live page; others than loopback need "
+                    "Address of the live page and of --foxglove; others than loopback need "
                     "--live-token")
         ->capture_default_str();
     run->add_option("--live-token", live_.token, "Secret that the live page's address must carry");
@@ -261,9 +274,11 @@ class Run : public Command {
     if (failure) std::rethrow_exception(failure);
     io.restart();
     const auto write = [](const std::string& file, const std::string& output) {
-      write_report(file, check_output({output}, {file}));
+      (void)check_output({output}, {file});
+      const IssuedReport issued = issue_report(file, output);
+      return RunnerParts::Written{issued.file, issued.certificates};
     };
-    RunnerParts parts{*lidar, *stage, *clock, *person, fit_function(), write};
+    RunnerParts parts{*lidar, *stage, *clock, *person, fit_function(), write, accept_lidar_};
     Runner runner(procedure, bench, session, parts);
     return conduct(io, runner, bench, session, started);
   }
@@ -284,13 +299,22 @@ class Run : public Command {
   int conduct(asio::io_context& io, Runner& runner, const fit::Bench& bench, SessionStore& session,
               steady_clock::time_point started) {
     std::unique_ptr<LiveServer> live;
+    std::unique_ptr<FoxgloveServer> foxglove;
+    std::vector<LiveView::Publish> publish;
     std::vector<std::unique_ptr<RunView>> views;
     if (live_option_->count() > 0) {
       live = std::make_unique<LiveServer>(io.get_executor(), live_,
                                           [&runner](const json& command) { runner.command(command); });
       std::fprintf(stderr, "live page: %s\n", live->url().c_str());
-      views.push_back(std::make_unique<LiveView>(*live, bench));
+      publish.push_back([&live](const json& state) { live->publish(state); });
     }
+    if (foxglove_option_->count() > 0) {
+      foxglove_.address = live_.address, foxglove_.token = live_.token;
+      foxglove = std::make_unique<FoxgloveServer>(io.get_executor(), foxglove_, bench.lidar.mount);
+      std::fprintf(stderr, "foxglove: %s\n", foxglove->url().c_str());
+      publish.push_back([&foxglove](const json& state) { foxglove->publish(state, unix_ns()); });
+    }
+    if (!publish.empty()) views.push_back(std::make_unique<LiveView>(std::move(publish), bench));
     views.push_back(make_terminal_view(stderr, isatty(STDERR_FILENO) != 0));
     if (json_log_) views.push_back(make_json_log(stdout));
     for (const auto& view : views) runner.observe([&view](const RunState& state) { view->show(state); });
@@ -308,10 +332,9 @@ class Run : public Command {
       failure = why;
       met = limits_met;
       signals.cancel();
-      if (live)
-        live->finish([&io] { io.stop(); });
-      else
-        io.stop();
+      const auto end = [&io] { io.stop(); };
+      const auto end_foxglove = [&foxglove, end] { foxglove ? foxglove->finish(end) : end(); };
+      live ? live->finish(end_foxglove) : end_foxglove();
     });
     io.run();
     views.clear();
@@ -327,9 +350,10 @@ class Run : public Command {
 
   std::string procedure_, lidar_, stage_, bench_, out_, operator_;
   std::vector<std::string> settings_;
-  bool resume_ = false, dry_run_ = false, yes_ = false, json_log_ = false;
+  bool resume_ = false, dry_run_ = false, yes_ = false, json_log_ = false, accept_lidar_ = false;
   LiveServer::Options live_;
-  CLI::Option* live_option_ = nullptr;
+  WebAccess foxglove_;
+  CLI::Option *live_option_ = nullptr, *foxglove_option_ = nullptr;
 };
 
 }  // namespace

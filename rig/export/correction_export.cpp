@@ -6,6 +6,7 @@
 
 #include "fit/number_format.hpp"
 #include "rig/fitting/correction_source.hpp"
+#include "rig/session/standing.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig {
@@ -24,6 +25,12 @@ CorrectionExport read_for_export(const ExportSource& source) {
     out.centre = load_centre(source.centre->path(), *source.centre);
   } else if (source.session) {
     out.centre = centre_of(*source.session);
+  }
+  if (source.session) {
+    const Standing standing = standing_of(*source.session);
+    std::string reasons;
+    for (const std::string& reason : standing.reasons) reasons += " " + reason;
+    if (!standing.certifies()) out.correction.notes.push_back("From a report, not from a certificate:" + reasons);
   }
   return out;
 }
@@ -86,6 +93,7 @@ std::string headline(const Correction& c, const char* begin) {
   if (c.intensity)
     out += next + (c.range ? "and from " : "Calibrated from ") + rounded(c.intensity->from) + " to " +
            rounded(c.intensity->to) + " counts of intensity.";
+  for (const std::string& note : c.notes) out += next + "Warning: " + in_comment(note);
   out += next + "The error is positive where the lidar measures too far: corrected = measured - error.";
   out += next + example(c);
   out += next + "Written by " + in_comment(c.software) + "; do not edit: calibrate again.";
@@ -97,6 +105,31 @@ const fit::Family& family_of(const CorrectionTerm& term) { return *fit::find_fam
 std::string with_array(const CorrectionTerm& term, const std::string& expression, const std::string& array) {
   return fit::substitute(expression, family_of(term).coefficients,
                          [&](std::size_t i) { return array + "[" + std::to_string(i) + "]"; });
+}
+
+std::string measured_code(const Correction& c, const std::string& prefix) {
+  if (c.measured.empty() || c.intensity) return "";
+  std::vector<double> mm, from, to;
+  for (const Correction::Measured& m : c.measured)
+    mm.push_back(m.range_mm), from.push_back(m.from * (1 - Correction::measured_counts)),
+        to.push_back(m.to * (1 + Correction::measured_counts));
+  const std::string n = std::to_string(mm.size());
+  const auto array = [&](const char* name, const std::vector<double>& values) {
+    return "static const double " + prefix + name + "[" + n + "] = {" + list(values) + "};\n";
+  };
+  return "/* The distances of the calibration, and which counts were near those of a surface measured there. */\n" +
+         array("measured_mm", mm) + array("measured_from", from) + array("measured_to", to) +
+         "\nstatic inline int " + prefix +
+         "surface_measured(double mm, double counts) {\n"
+         "  int i = 1;\n  double share = 0;\n"
+         "  if (mm <= " + prefix + "measured_mm[0] || " + n + " == 1)\n    return counts >= " + prefix +
+         "measured_from[0] && counts <= " + prefix + "measured_to[0];\n"
+         "  while (i < " + n + " - 1 && " + prefix + "measured_mm[i] < mm) ++i;\n"
+         "  share = (mm - " + prefix + "measured_mm[i - 1]) / (" + prefix + "measured_mm[i] - " + prefix +
+         "measured_mm[i - 1]);\n  if (share > 1) share = 1;\n"
+         "  return counts >= " + prefix + "measured_from[i - 1] + share * (" + prefix + "measured_from[i] - " + prefix +
+         "measured_from[i - 1]) &&\n         counts <= " + prefix + "measured_to[i - 1] + share * (" + prefix +
+         "measured_to[i] - " + prefix + "measured_to[i - 1]);\n}\n\n";
 }
 
 std::string zero_of(const CorrectionTerm& term) {

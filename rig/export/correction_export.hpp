@@ -25,6 +25,7 @@ struct CorrectionExport {
 class CorrectionFormat : public Exporter {
  public:
   bool accepts_files() const final { return true; }
+  bool of_correction() const final { return true; }
   void write(const ExportSource& source, const std::string& output) const final;
 
  private:
@@ -42,6 +43,9 @@ class CorrectionFormat : public Exporter {
 /// The equation or a derivative with its coefficients taken from the array `name`.
 [[nodiscard]] std::string with_array(const fit::CorrectionTerm& term, const std::string& expression,
                                      const std::string& array);
+/// C of the function PREFIXsurface_measured(mm, counts) and its tables, for Correction::surface_measured();
+/// empty where nothing was told, or the correction has a term of intensity instead.
+[[nodiscard]] std::string measured_code(const fit::Correction& correction, const std::string& prefix);
 /// The term's value where it counts from.
 [[nodiscard]] std::string zero_of(const fit::CorrectionTerm& term);
 

@@ -5,6 +5,7 @@
 #include "rig/errors.hpp"
 #include "rig/export/correction_export.hpp"
 #include "rig/session/lidar_identity.hpp"
+#include "rig/session/standing.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig {
@@ -54,7 +55,7 @@ std::vector<std::string> run_export(const std::string& format, const ExportSourc
   std::vector<std::string> notes;
   if (source.centre && !exporter.takes_centre())
     throw UsageError("the format '" + format + "' has no place for a rotation centre: leave --centre out");
-  if (exporter.accepts_files() && (source.session || source.centre)) {
+  if (exporter.of_correction() && (source.session || source.centre)) {
     const fit::Correction correction = correction_of(source);
     for (const SessionStore* session : {source.session, source.centre}) {
       if (!session) continue;
@@ -62,6 +63,9 @@ std::vector<std::string> run_export(const std::string& format, const ExportSourc
         notes.push_back(std::move(note));
     }
   }
+  if (source.session && !source.session->latest_results().empty())
+    for (const std::string& reason : standing_of(*source.session).reasons)
+      notes.push_back(source.path + ": report, not a certificate: " + reason);
   write_beside(output.path(), [&](const std::string& part) { exporter.write(source, part); });
   return notes;
 }

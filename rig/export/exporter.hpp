@@ -28,6 +28,8 @@ class Exporter {
   [[nodiscard]] virtual std::string describes() const = 0;
   /// True if files that are not sessions are welcome too.
   [[nodiscard]] virtual bool accepts_files() const { return false; }
+  /// True if it is made from a range correction, which belongs to one lidar.
+  [[nodiscard]] virtual bool of_correction() const { return false; }
   /// True if a rotation centre has a place in it.
   [[nodiscard]] virtual bool takes_centre() const { return false; }
   /// Writes the whole of `output`, or throws and leaves the caller to remove what there is of it.

@@ -29,8 +29,10 @@ std::vector<std::string> check(const ApplyRequest& request) {
       match_lidar(request.correction.lidar_model, request.correction.lidar_serial, lidar_of(session));
   if (match.another && !request.any_lidar)
     throw UsageError(match.says + ". Calibrate that one, or say --any-lidar if you know better.");
-  if (match.says.empty()) return {};
-  return {match.says + "."};
+  std::vector<std::string> warnings;
+  if (!match.says.empty()) warnings.push_back(match.says + ".");
+  for (const std::string& note : request.correction.notes) warnings.push_back("the correction warns: " + note);
+  return warnings;
 }
 
 std::vector<std::uint16_t> values_of(const SQLite::Column& column) {

@@ -21,7 +21,7 @@ struct EdgeSource {
   std::vector<std::unique_ptr<fit::Recording>> recordings;
   std::vector<SourcedCrossing> crossings;  ///< Best known first.
   std::string target;                      ///< Empty: captures name none.
-  std::vector<std::string> notes;          ///< Where the bench contradicts the captures.
+  std::vector<std::string> contradictions;  ///< Where the bench file contradicts the captures.
 };
 
 /// Options "target" and "edge" (right, left) as described by edge_options(). Throws MeasurementError, saying

@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <optional>
 
+#include "fit/median.hpp"
 #include "rig/errors.hpp"
 #include "rig/session/step_in_words.hpp"
 
@@ -69,19 +71,91 @@ Angles angles_of(const fit::ScanView& scan, const fit::CaptureInfo& capture,
 struct Normal {
   double rad = 0, u_rad = 0;
   bool from_data = false;
+  std::string said;  ///< Where the target is not what the bench file says.
 };
+
+/// The flat piece that holds the beam square on the board: from where along the board to where, and how far what
+/// is seen beyond lies behind it (negative: in front); NaN where nothing is.
+struct Face {
+  double from_mm = 0, to_mm = 0, behind_left_mm = std::nan(""), behind_right_mm = std::nan("");
+};
+
+/// Medians of the depth over bins one beam wide, followed from the middle to both sides as long as they do not jump by
+/// more than twice the scatter of single samples, and never by less than 15 mm. None when nothing is seen there.
+std::optional<Face> face_of(const std::vector<Vector2d>& seen, const Board& board, double bin_mm) {
+  constexpr double least_step_mm = 15;
+  const Vector2d along(-board.normal.y(), board.normal.x());
+  std::map<long, std::vector<double>> bins;
+  for (const Vector2d& p : seen) bins[std::lround(along.dot(p) / bin_mm)].push_back(board.normal.dot(p));
+  struct Bin {
+    double at_mm, depth_mm;
+  };
+  std::vector<Bin> profile;
+  std::vector<double> scatter;
+  for (auto& [place, depths] : bins) {
+    const double middle = fit::median_of(depths);
+    profile.push_back({static_cast<double>(place) * bin_mm, middle});
+    for (double& depth : depths) depth = std::abs(depth - middle);
+    if (depths.size() >= 5) scatter.push_back(1.4826 * fit::median_of(depths));
+  }
+  if (profile.empty()) return std::nullopt;
+  const double step_mm = std::max(least_step_mm, 2 * fit::median_of(scatter));
+  const auto nearest = static_cast<std::size_t>(
+      std::ranges::min_element(profile, {}, [](const Bin& b) { return std::abs(b.at_mm); }) - profile.begin());
+  if (std::abs(profile[nearest].at_mm) > 3 * bin_mm) return std::nullopt;
+  // Against the median of the last five of the face: one bin between two surfaces does not hide a step.
+  const auto follow = [&](std::ptrdiff_t direction, double& behind_mm) {
+    std::size_t last = nearest;
+    for (std::ptrdiff_t i = static_cast<std::ptrdiff_t>(nearest) + direction;
+         i >= 0 && i < std::ssize(profile); i += direction) {
+      std::vector<double> recent;
+      for (std::ptrdiff_t k = i - direction; std::ssize(recent) < 5 && k >= 0 && k < std::ssize(profile) &&
+                                             (k - static_cast<std::ptrdiff_t>(nearest)) * direction >= 0;
+           k -= direction)
+        recent.push_back(profile[static_cast<std::size_t>(k)].depth_mm);
+      const double jump = profile[static_cast<std::size_t>(i)].depth_mm - fit::median_of(recent);
+      if (std::abs(jump) > step_mm) {
+        // What lies well beyond the step, not the beam that sees both.
+        const std::ptrdiff_t beyond = std::clamp<std::ptrdiff_t>(i + 2 * direction, 0, std::ssize(profile) - 1);
+        behind_mm = profile[static_cast<std::size_t>(beyond)].depth_mm - fit::median_of(recent);
+        break;
+      }
+      last = static_cast<std::size_t>(i);
+    }
+    return profile[last].at_mm;
+  };
+  Face face;
+  face.to_mm = follow(+1, face.behind_left_mm) + 0.5 * bin_mm;
+  face.from_mm = follow(-1, face.behind_right_mm) - 0.5 * bin_mm;
+  return face;
+}
+
+std::string step_in_target(const Face& face) {
+  std::string said;
+  const auto side = [&](double behind_mm, double at_mm, const char* where) {
+    if (std::isfinite(behind_mm))
+      said += (said.empty() ? "" : "; ") + std::string("from ") + text(std::abs(at_mm), "%.0f") + " mm to the " + where +
+              " of the square beam on, it lies " + text(std::abs(behind_mm), "%.0f") + " mm " +
+              (behind_mm > 0 ? "farther away" : "nearer");
+  };
+  side(face.behind_left_mm, face.to_mm, "left");
+  side(face.behind_right_mm, face.from_mm, "right");
+  return said;
+}
 
 /// Direction of the board's normal from what was seen of it, if that is better than the bench knows it.
 Normal normal_of(const fit::Recording& recording, std::size_t index, const Board& board, double bench_u_rad) {
   const fit::CaptureInfo& capture = recording.captures()[index];
-  const Normal by_bench{board.normal_rad, bench_u_rad, false};
+  const Normal by_bench{board.normal_rad, bench_u_rad, false, {}};
   // A few neighbouring beams say nothing of a direction; reading a long capture twice would cost.
   if (capture.beams() < 8) return by_bench;
   std::vector<Vector2d> seen;
   long scans = 0;
+  double step_rad = 0;
   recording.for_each_scan(index, [&](const fit::ScanView& scan) {
     if (++scans > 400) return;
     const Angles angles = angles_of(scan, capture, recording.bench().lidar);
+    step_rad = std::abs(angles.step_rad);
     for (std::size_t k = 0; k < scan.range_mm.size(); ++k) {
       const double direction = angles.first_rad + static_cast<double>(k) * angles.step_rad;
       if (scan.range_mm[k] == 0 || scan.range_mm[k] >= 65500 || !meets(board, direction)) continue;
@@ -94,9 +168,17 @@ Normal normal_of(const fit::Recording& recording, std::size_t index, const Board
   });
   // Depth against place along the board, as the bench has it: a slope is a turn of the normal.
   const Vector2d along(-board.normal.y(), board.normal.x());
+  std::string said;
+  if (const auto face = face_of(seen, board, std::max(1.0, board.distance_mm * step_rad))) {
+    said = step_in_target(*face);
+    std::erase_if(seen, [&](const Vector2d& p) {
+      const double at = along.dot(p);
+      return at < face->from_mm || at > face->to_mm;
+    });
+  }
   double slope = 0, sigma = 0, spread = 0;
   for (int round = 0; round < 4; ++round) {
-    if (seen.size() < 50) return by_bench;
+    if (seen.size() < 50) return {by_bench.rad, by_bench.u_rad, false, said};
     const auto n = static_cast<double>(seen.size());
     Vector2d mean = Vector2d::Zero();
     for (const Vector2d& p : seen) mean += p / n;
@@ -105,7 +187,7 @@ Normal normal_of(const fit::Recording& recording, std::size_t index, const Board
       const double t = along.dot(p - mean), q = board.normal.dot(p - mean);
       square += t * t, product += t * q;
     }
-    if (square <= 0) return by_bench;
+    if (square <= 0) return {by_bench.rad, by_bench.u_rad, false, said};
     slope = product / square;
     const auto off = [&](const Vector2d& p) {
       return board.normal.dot(p - mean) - slope * along.dot(p - mean);
@@ -117,8 +199,8 @@ Normal normal_of(const fit::Recording& recording, std::size_t index, const Board
   const double angle = board.normal_rad - std::atan(slope);
   // Errors of neighbouring beams go together (surface, walk error): count ten samples as one.
   const double u = std::max(1e-4, sigma / spread / std::sqrt(static_cast<double>(seen.size()) / 10));
-  if (u >= bench_u_rad) return by_bench;
-  return {angle, u, true};
+  if (u >= bench_u_rad) return {by_bench.rad, by_bench.u_rad, false, said};
+  return {angle, u, true, said};
 }
 
 /// Per scan the beam nearest to the normal; false when none is within one and a half steps of it.
@@ -229,13 +311,16 @@ std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::s
     leave_out(left_out, name, "no valid sample");
     return std::nullopt;
   }
+  if (!normal.said.empty())
+    source.notes.push_back(name + ": '" + target->name + "' is not one flat face as the bench file says: " + normal.said +
+                           ". Only the face of the square beam was used; correct the target's ends");
   const double off = std::abs(fit::wrap_angle(normal.rad - board.normal_rad));
   if (normal.from_data && off > 4 * bench_u)
-    source.notes.push_back(name + ": '" + target->name + "' is turned by " +
+    source.contradictions.push_back(name + ": '" + target->name + "' is turned by " +
                            text(off * fit::deg_per_rad, "%.1f") +
                            " deg from where the bench file says; correct its mount yaw or the target");
   if (std::abs(out.paper.mean_mm - out.true_mm) > 0.1 * out.true_mm + 60)
-    source.notes.push_back(name + ": the beam sees " + text(out.paper.mean_mm, "%.0f") +
+    source.contradictions.push_back(name + ": the beam sees " + text(out.paper.mean_mm, "%.0f") +
                            " mm where the bench file puts '" + target->name + "' at " +
                            text(out.true_mm, "%.0f") + " mm; check the true distance");
   return out;
@@ -255,7 +340,8 @@ RangeSource read_ranges(const std::vector<FitSource>& sources) {
   for (const auto& group : left_out) out.notes.push_back(in_words(group));
   if (!out.captures.empty()) return out;
   std::string why;
-  for (const std::string& note : out.notes) why += "\n  " + note;
+  for (const auto* all : {&out.notes, &out.contradictions})
+    for (const std::string& note : *all) why += "\n  " + note;
   throw MeasurementError("no capture looks squarely at a target whose distance is known" + why +
                          "\nThe bench file must hold the target, and captures of a range ladder its shift.");
 }

@@ -39,7 +39,8 @@ struct RangeCapture {
 
 struct RangeSource {
   std::vector<RangeCapture> captures;
-  std::vector<std::string> notes;  ///< Captures left out, and where the bench contradicts what was seen.
+  std::vector<std::string> notes;           ///< Captures left out.
+  std::vector<std::string> contradictions;  ///< Where the bench contradicts what was seen.
 };
 
 /// One RangeCapture for every capture of the sessions that looks squarely at a target with a known place.

@@ -5,7 +5,12 @@
 
 namespace rig {
 
-CdrReader::CdrReader(std::span<const std::uint8_t> message) {
+CdrReader::CdrReader(std::span<const std::uint8_t> message, Packing packing) : packing_(packing) {
+  if (packing == Packing::ros1) {
+    swap_ = std::endian::native != std::endian::little;
+    body_ = message;
+    return;
+  }
   if (message.size() < 4)
     throw CdrError("the message is shorter than the 4 bytes that say how it is encoded");
   if (message[0] != 0 || message[1] > 1)
@@ -21,7 +26,7 @@ std::string_view CdrReader::text() {
   if (bytes == 0) return {};
   const std::string_view all(reinterpret_cast<const char*>(body_.data()) + at_, bytes);
   at_ += bytes;
-  return all.substr(0, bytes - 1);  // The terminating zero is counted.
+  return packing_ == Packing::ros1 ? all : all.substr(0, bytes - 1);
 }
 
 std::size_t CdrReader::length(std::size_t least_bytes) {

@@ -17,8 +17,13 @@ class CdrError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// Reads the values of one ROS 2 message in the order of its definition (CDR: OMG DDSI-RTPS 2.5 section 10;
-/// 4 bytes of encapsulation, then values aligned to their own size, counted from behind those 4 bytes).
+/// How a message lies in its bytes. cdr, of ROS 2 (OMG DDSI-RTPS 2.5 section 10): 4 bytes of encapsulation,
+/// then values aligned to their own size, counted from behind those 4 bytes; texts end with a zero, which is
+/// counted. ros1: the same values one behind the other, little-endian, without encapsulation, alignment and
+/// zeros.
+enum class Packing { cdr, ros1 };
+
+/// Reads the values of one ROS message in the order of its definition.
 /// Every length is checked against what is left before anything is allocated. Borrows the bytes.
 ///
 ///   CdrReader in(message);
@@ -29,7 +34,8 @@ class CdrReader {
  public:
   /// Throws CdrError for anything but plain CDR of either byte order (parameter lists and XCDR2 are not used
   /// by rosbag2).
-  explicit CdrReader(std::span<const std::uint8_t> message);
+  explicit CdrReader(std::span<const std::uint8_t> message, Packing packing = Packing::cdr);
+  [[nodiscard]] Packing packing() const { return packing_; }
 
   template <class T>
   [[nodiscard]] T value() {
@@ -63,6 +69,7 @@ class CdrReader {
 
  private:
   void align(std::size_t size) {
+    if (packing_ == Packing::ros1) return;
     const std::size_t padding = (size - at_ % size) % size;
     need(padding);
     at_ += padding;
@@ -91,6 +98,7 @@ class CdrReader {
 
   std::span<const std::uint8_t> body_;
   std::size_t at_ = 0;
+  Packing packing_;
   bool swap_ = false;
 };
 

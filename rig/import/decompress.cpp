@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "rig/import/decompress.hpp"
 
+#include <bzlib.h>
 #include <lz4frame.h>
 #include <zstd.h>
 
 #include <algorithm>
 #include <fstream>
+#include <limits>
 #include <memory>
 
 #include "rig/errors.hpp"
@@ -78,6 +80,29 @@ Decompressed decompress_lz4(std::span<const std::uint8_t> block, std::size_t lim
     at += consumed;
   }
   result.whole = more == 0 && at == block.size() && result.bytes.size() <= limit_bytes;
+  return result;
+}
+
+Decompressed decompress_bz2(std::span<const std::uint8_t> block, std::size_t limit_bytes) {
+  bz_stream stream{};
+  Decompressed result;
+  if (block.size() > std::numeric_limits<unsigned>::max() || BZ2_bzDecompressInit(&stream, 0, 0) != BZ_OK)
+    return result;
+  const std::unique_ptr<bz_stream, int (*)(bz_stream*)> ended(&stream, BZ2_bzDecompressEnd);
+  stream.next_in = const_cast<char*>(reinterpret_cast<const char*>(block.data()));
+  stream.avail_in = static_cast<unsigned>(block.size());
+  int status = BZ_OK;
+  while (status == BZ_OK && result.bytes.size() <= limit_bytes) {
+    const std::size_t before = result.bytes.size();
+    const auto room = grow(result.bytes);
+    stream.next_out = reinterpret_cast<char*>(room.data());
+    stream.avail_out = static_cast<unsigned>(room.size());
+    status = BZ2_bzDecompress(&stream);
+    const std::size_t made = room.size() - stream.avail_out;
+    result.bytes.resize(before + made);
+    if (made == 0 && stream.avail_in == 0) break;
+  }
+  result.whole = status == BZ_STREAM_END && stream.avail_in == 0 && result.bytes.size() <= limit_bytes;
   return result;
 }
 

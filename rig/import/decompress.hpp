@@ -15,9 +15,10 @@ struct Decompressed {
   bool whole = false;
 };
 
-// Both stop, not whole, as soon as more than `limit_bytes` come out: a few bytes can promise gigabytes.
+// All stop, not whole, as soon as more than `limit_bytes` come out: a few bytes can promise gigabytes.
 [[nodiscard]] Decompressed decompress_zstd(std::span<const std::uint8_t> block, std::size_t limit_bytes);
 [[nodiscard]] Decompressed decompress_lz4(std::span<const std::uint8_t> block, std::size_t limit_bytes);
+[[nodiscard]] Decompressed decompress_bz2(std::span<const std::uint8_t> block, std::size_t limit_bytes);
 
 [[nodiscard]] bool is_zstd(std::span<const std::uint8_t> bytes);
 

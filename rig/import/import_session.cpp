@@ -16,6 +16,7 @@
 
 #include "fit/number_format.hpp"
 #include "rig/errors.hpp"
+#include "rig/import/plausibility.hpp"
 #include "rig/session/new_session.hpp"
 #include "rig/session/session_store.hpp"
 #include "rig/session/utc.hpp"
@@ -42,7 +43,12 @@ class FirstScan : public ImportSink {
     beams_ = scan.range_mm.size();
     frame_ = scan.frame;
   }
-  void pose(std::int64_t, const std::string&, const std::string&, const fit::TrackPose&) override {}
+  void pose(std::int64_t stamp_ns, const std::string&, const std::string&,
+            const fit::TrackPose& pose) override {
+    poses_ = true;
+    wheels_ = wheels_ || pose.wheel_left_rad;
+    first_pose_ns_ = std::min(first_pose_ns_, stamp_ns);
+  }
   void imu(std::int64_t, const std::string&, double, double) override {}
   void transform(const ImportedTransform&) override {}
   void property(const std::string&, const std::string&) override {}
@@ -50,15 +56,18 @@ class FirstScan : public ImportSink {
   bool wants_more() const override { return !found_; }
 
   [[nodiscard]] bool found() const { return found_; }
+  [[nodiscard]] bool has_poses() const { return poses_; }
+  [[nodiscard]] bool has_wheels() const { return wheels_; }
   [[nodiscard]] std::int64_t stamp_ns() const { return stamp_ns_; }
+  [[nodiscard]] std::int64_t first_pose_ns() const { return first_pose_ns_; }
   [[nodiscard]] std::size_t beams() const { return beams_; }
   [[nodiscard]] const fit::ScanGeometry& geometry() const { return geometry_; }
   [[nodiscard]] const std::string& frame() const { return frame_; }
   [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
 
  private:
-  bool found_ = false;
-  std::int64_t stamp_ns_ = forever;
+  bool found_ = false, poses_ = false, wheels_ = false;
+  std::int64_t stamp_ns_ = forever, first_pose_ns_ = forever;
   std::size_t beams_ = 0;
   fit::ScanGeometry geometry_;
   std::string frame_;
@@ -93,16 +102,41 @@ std::optional<Placement> placement(const std::map<std::string, ImportedTransform
 /// Writes what the importers read.
 class SessionWriter : public ImportSink {
  public:
-  SessionWriter(SessionStore& store, std::int64_t epoch_ns) : store_(store), epoch_ns_(epoch_ns) {}
+  SessionWriter(SessionStore& store, std::int64_t epoch_ns, const ImportRequest& request)
+      : store_(store), epoch_ns_(epoch_ns), request_(request) {}
 
-  void begin_file(const std::string& file, const fit::CaptureInfo& info) {
+  /// Without circumstances for a file that holds no scans.
+  void begin_file(const std::string& file, const std::optional<fit::CaptureInfo>& info) {
     file_ = file;
     seq_ = 0;
-    capture_ = store_.begin_capture(info);
+    plausibility_ = {};
+    if (info) capture_ = store_.begin_capture(*info);
   }
-  void end_file() { store_.commit_capture(capture_); }
+  void end_file(std::optional<double> true_mm) {
+    for (const auto& doubt : plausibility_.doubts(true_mm)) this->doubt(file_ + ": " + doubt);
+    if (const auto hz = plausibility_.stamped_hz(); hz && timed_ == 0) stamped_hz_ = hz;
+    if (capture_) {
+      store_.commit_capture(*capture_);
+      ++report_.captures;
+    }
+    capture_.reset();
+  }
+  /// What scans and track together cannot be.
+  void end() {
+    if (report_.scans == 0 || report_.poses == 0) return;
+    if (first_pose_us_ > last_scan_us_ || last_pose_us_ < first_scan_us_)
+      doubt("The wheels or poses (" + seconds(first_pose_us_) + " to " + seconds(last_pose_us_) +
+            " s after the first scan) and the scans (until " + seconds(last_scan_us_) +
+            " s) do not overlap in time: they need one clock.");
+  }
 
-  void scan(const ImportedScan& scan) override {
+  void scan(const ImportedScan& given) override {
+    ImportedScan scan = given;
+    if (const auto hz = request_.options.scan_hz)
+      scan.geometry.scan_s =
+          std::abs(scan.geometry.step_rad) * static_cast<double>(scan.range_mm.size()) / (2 * fit::pi * *hz);
+    plausibility_.scan(scan);
+    if (!capture_) return;  // The file has changed since it was looked at.
     fit::ScanView view;
     view.seq = seq_++;
     view.host_us = host_us(scan.stamp_ns);
@@ -110,7 +144,9 @@ class SessionWriter : public ImportSink {
     view.range_mm = scan.range_mm;
     view.intensity = scan.intensity;
     view.geometry = scan.geometry;
-    store_.add_scan(capture_, view);
+    store_.add_scan(*capture_, view);
+    first_scan_us_ = std::min(first_scan_us_, view.host_us);
+    last_scan_us_ = std::max(last_scan_us_, view.host_us);
     frame_ = scan.frame;
     source_ = scan.source;
     ++report_.scans;
@@ -130,6 +166,8 @@ class SessionWriter : public ImportSink {
     fit::TrackPose placed = pose;
     placed.host_us = host_us(stamp_ns);
     store_.add_pose(placed);
+    first_pose_us_ = std::min(first_pose_us_, placed.host_us);
+    last_pose_us_ = std::max(last_pose_us_, placed.host_us);
     if (!frame.empty()) tracked_ = frame;
     ++report_.poses;
   }
@@ -162,7 +200,8 @@ class SessionWriter : public ImportSink {
   [[nodiscard]] double mean_first_rad() const { return first_sum_ / scans(); }
   [[nodiscard]] double mean_step_rad() const { return step_sum_ / scans(); }
   [[nodiscard]] double scan_hz() const {
-    return timed_ > 0 && turn_s_sum_ > 0 ? static_cast<double>(timed_) / turn_s_sum_ : 10;
+    return timed_ > 0 && turn_s_sum_ > 0 ? static_cast<double>(timed_) / turn_s_sum_
+                                         : stamped_hz_.value_or(10);
   }
   [[nodiscard]] const std::string& source() const { return source_; }
   [[nodiscard]] const std::map<std::string, std::string>& properties() const { return properties_; }
@@ -197,11 +236,23 @@ class SessionWriter : public ImportSink {
   [[nodiscard]] double scans() const {
     return static_cast<double>(std::max<std::uint64_t>(1, report_.scans));
   }
+  static std::string seconds(std::int64_t us) { return fit::format_fixed(1e-6 * static_cast<double>(us), 1); }
+
+  void doubt(const std::string& text) {
+    if (!request_.accept_doubts)
+      throw MeasurementError(text + " Or import it as it is with --accept-doubts.");
+    note("not plausible, and imported all the same: " + text);
+  }
 
   SessionStore& store_;
   std::int64_t epoch_ns_;
+  const ImportRequest& request_;
+  Plausibility plausibility_;
+  std::optional<double> stamped_hz_;
   std::string file_, frame_, source_, tracked_;
-  std::int64_t capture_ = 0, seq_ = 0;
+  std::optional<std::int64_t> capture_;
+  std::int64_t seq_ = 0, first_scan_us_ = forever, last_scan_us_ = -forever, first_pose_us_ = forever,
+               last_pose_us_ = -forever;
   std::size_t most_beams_ = 0;
   double step_sum_ = 0, first_sum_ = 0, turn_s_sum_ = 0;
   std::uint64_t timed_ = 0, with_intensity_ = 0;
@@ -212,20 +263,22 @@ class SessionWriter : public ImportSink {
   ImportReport report_;
 };
 
-std::vector<double> true_distances(const ImportRequest& request, ImportReport& report) {
+/// Of the files that hold scans.
+std::vector<double> true_distances(const ImportRequest& request, const std::vector<std::string>& files,
+                                   ImportReport& report) {
   if (!request.true_mm.empty()) {
-    if (request.true_mm.size() != request.files.size())
+    if (request.true_mm.size() != files.size())
       throw UsageError("--true-mm names " + std::to_string(request.true_mm.size()) + " distances for " +
-                       std::to_string(request.files.size()) +
-                       " files. Give one for each, in the same order.");
+                       std::to_string(files.size()) + " files. Give one for each, in the same order.");
     return request.true_mm;
   }
   std::vector<double> guessed;
-  for (const auto& file : request.files) {
+  for (const auto& file : files) {
     const auto distance = distance_in_name(file);
     if (!distance) return {};
     guessed.push_back(*distance);
   }
+  if (guessed.empty()) return guessed;
   std::string list;
   for (const double mm : guessed) list += (list.empty() ? "" : ", ") + fit::format_value(mm, 0);
   report.notes.push_back("True distances were taken from the file names: " + list + " mm, each +/- " +
@@ -236,6 +289,7 @@ std::vector<double> true_distances(const ImportRequest& request, ImportReport& r
 
 json bench_document(const ImportRequest& request, const SessionWriter& written,
                     const std::vector<double>& distances) {
+  if (written.most_beams() == 0) return {{"schema", "bench/1"}};  // wheels and poses alone
   json mount{{"x_mm", {{"value", 0}, {"u", 3}}},
              {"y_mm", {{"value", 0}, {"u", 3}}},
              {"yaw_deg", {{"value", 0}, {"u", 2}}}};
@@ -295,18 +349,23 @@ void write_imu(const std::string& path, const SessionWriter& written) {
   transaction.commit();
 }
 
+/// Refuses files of which nothing can be made.
 std::vector<FirstScan> look_at(const ImportRequest& request) {
   std::vector<FirstScan> looks;
   for (const auto& file : request.files) {
-    FirstScan look;
-    importer_for(file)->read(file, request.options, look);
-    if (!look.found()) {
-      std::string why;
-      for (const auto& note : look.notes()) why += " " + note;
-      throw MeasurementError(file + " holds no scan, so there is nothing to import." + why +
-                             " Check the recording, or name the topic with --topic.");
-    }
-    looks.push_back(std::move(look));
+    looks.emplace_back();
+    importer_for(file, request.options)->read(file, request.options, looks.back());
+  }
+  const bool wheels = std::ranges::any_of(looks, &FirstScan::has_wheels);
+  const bool any_scans = std::ranges::any_of(looks, &FirstScan::found);
+  for (std::size_t i = 0; i < looks.size(); ++i) {
+    const FirstScan& look = looks[i];
+    const bool joins = look.has_poses() && (any_scans || wheels) && request.options.scan_topic.empty();
+    if (look.found() || joins) continue;
+    std::string why;
+    for (const auto& note : look.notes()) why += " " + note;
+    throw MeasurementError(request.files[i] + " holds no scan, so there is nothing to import." + why +
+                           " Check the recording, or name the topic with --topic.");
   }
   return looks;
 }
@@ -362,26 +421,42 @@ void write_keys(SessionStore& store, const ImportRequest& request, const Session
 ImportReport import_into(const std::string& unfinished, const ImportRequest& request) {
   const auto looks = look_at(request);
   ImportReport report;
-  const auto distances = true_distances(request, report);
+  std::vector<std::string> with_scans;
+  std::int64_t epoch_ns = forever;
+  for (std::size_t i = 0; i < looks.size(); ++i) {
+    if (!looks[i].found()) continue;
+    with_scans.push_back(request.files[i]);
+    epoch_ns = std::min(epoch_ns, looks[i].stamp_ns());
+  }
+  if (with_scans.empty())
+    for (const auto& look : looks) epoch_ns = std::min(epoch_ns, look.first_pose_ns());
+  const auto distances = true_distances(request, with_scans, report);
   std::optional<fit::Bench> bench;
   if (request.bench) bench = fit::parse_bench(*request.bench);
-  std::int64_t epoch_ns = forever;
-  for (const auto& look : looks) epoch_ns = std::min(epoch_ns, look.stamp_ns());
 
   auto store = std::make_unique<SessionStore>(unfinished, SessionStore::Mode::create);
-  SessionWriter writer(*store, epoch_ns);
+  SessionWriter writer(*store, epoch_ns, request);
   writer.report() = report;
+  std::size_t scan_file = 0;
   for (std::size_t i = 0; i < request.files.size(); ++i) {
-    fit::CaptureInfo info = capture_info(looks[i], request.files[i], epoch_ns);
-    if (!distances.empty()) {
-      info.target = request.target;
-      info.target_shift_mm =
-          bench ? shift_of(*bench, request.target, distances[i]) : distances[i] - distances[0];
+    std::optional<fit::CaptureInfo> info;
+    std::optional<double> true_mm;
+    if (looks[i].found()) {
+      info = capture_info(looks[i], request.files[i], epoch_ns);
+      if (!distances.empty()) {
+        const double distance = distances[scan_file];
+        if (!bench) true_mm = distance;
+        info->target = request.target;
+        info->target_shift_mm = bench ? shift_of(*bench, request.target, distance) : distance - distances[0];
+      }
+      ++scan_file;
     }
     writer.begin_file(request.files[i], info);
-    importer_for(request.files[i])->read(request.files[i], request.options, writer);
-    writer.end_file();
+    importer_for(request.files[i], request.options)->read(request.files[i], request.options, writer);
+    writer.end_file(true_mm);
   }
+  writer.end();
+  if (with_scans.empty()) writer.note("It holds no scans: wheels and poses alone were imported.");
   store->set("bench", request.bench ? *request.bench : bench_document(request, writer, distances).dump(2));
   write_keys(*store, request, writer);
   store->finish();
@@ -407,24 +482,52 @@ std::optional<double> distance_in_name(const std::string& path) {
   return std::nullopt;
 }
 
-std::unique_ptr<Importer> importer_for(const std::string& path) {
+namespace {
+
+/// Files that other commands read, and old formats: what to do with them instead.
+std::string other_use(const std::string& path, std::span<const std::uint8_t> first) {
+  const std::string_view text(reinterpret_cast<const char*>(first.data()), first.size());
+  if (text.find("\"sm\"") != text.npos && text.find("\"phi_l\"") != text.npos)
+    return " holds wheel speeds and scan matches: `rig fit odometry " + path + "` reads it as it is.";
+  if (text.find("\"correction/1\"") != text.npos)
+    return " is a range correction: `rig apply " + path + " SESSION -o SESSION` uses it.";
+  if (text.find("\"bench/1\"") != text.npos) return " is a bench file: give it with --bench.";
+  if (path.ends_with(".rig") && text.starts_with("SQLite format 3"))
+    return " is a session already: `rig fit`, `rig deskew` and `rig explain` read it as it is.";
+  if (text.starts_with("\x1f\x8b") || path.ends_with(".gz") || path.ends_with(".zip"))
+    return " is compressed: unpack it first (gunzip, unzip).";
+  return "";
+}
+
+std::vector<std::uint8_t> beginning_of(const std::string& path) {
+  std::vector<std::uint8_t> first;
   std::error_code ignored;
   if (!fs::exists(path, ignored)) throw UsageError(path + ": no such file or folder. Check the name.");
-  std::vector<std::uint8_t> first;
-  if (!fs::is_directory(path, ignored)) {
-    std::ifstream in(path, std::ios::binary);
-    if (!in) throw UsageError(path + " cannot be opened. Check the permissions.");
-    first.resize(4096);
-    in.read(reinterpret_cast<char*>(first.data()), static_cast<std::streamsize>(first.size()));
-    first.resize(static_cast<std::size_t>(in.gcount()));
-    if (first.empty())
-      throw UsageError(path + " is empty: nothing was recorded or copied. Record or copy it again.");
-  }
+  if (fs::is_directory(path, ignored)) return first;
+  std::ifstream in(path, std::ios::binary);
+  if (!in) throw UsageError(path + " cannot be opened. Check the permissions.");
+  first.resize(4096);
+  in.read(reinterpret_cast<char*>(first.data()), static_cast<std::streamsize>(first.size()));
+  first.resize(static_cast<std::size_t>(in.gcount()));
+  if (first.empty())
+    throw UsageError(path + " is empty: nothing was recorded or copied. Record or copy it again.");
+  return first;
+}
+
+}  // namespace
+
+std::unique_ptr<Importer> importer_for(const std::string& path, const ImportOptions& options) {
+  const auto first = beginning_of(path);
+  if (const std::string use = other_use(path, first); !use.empty()) throw UsageError(path + use);
   std::string known;
   for (auto& importer : importers::all()) {
-    if (importer->recognises(path, first)) return std::move(importer);
+    if (importer->recognises(path, first) && (options.columns.empty() || importer->takes_columns()))
+      return std::move(importer);
     known += (known.empty() ? "" : "; ") + importer->name();
   }
+  if (!options.columns.empty())
+    throw UsageError(path +
+                     " is no table that --columns could name the columns of (.csv, .tsv, .txt, .dat).");
   throw UsageError(path + " is of a format that rig does not read. It reads: " + known + ".");
 }
 

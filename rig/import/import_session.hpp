@@ -20,16 +20,19 @@ struct ImportRequest {
   std::vector<double> true_mm;  ///< True distance of the target for each file; empty: guessed from the names.
   double true_u_mm = 5;
   double target_width_mm = 600;
+  bool accept_doubts = false;  ///< Import what is not plausible all the same, and note why it is not.
 };
 
 struct ImportReport {
-  std::uint64_t scans = 0, poses = 0;
+  std::uint64_t captures = 0, scans = 0, poses = 0;
   std::vector<std::string> notes;  ///< Sentences for the operator, each once.
 };
 
-/// Reads the files, one capture each, into a new session. What is damaged is left out and said; a file
-/// without a single scan is refused (MeasurementError) and no session left behind. Nothing is resampled:
-/// scans that differ keep their own geometry (formats.md, `scan_geometry`).
+/// Reads the files, one capture each, into a new session. What is damaged is left out and said. A file
+/// without a single scan is welcome when it tells wheels or poses: they join the track of the others; else it
+/// is refused (MeasurementError) and no session left behind. So are scans that are not plausible
+/// (Plausibility), and a track that lies in another time than the scans. Nothing is resampled: scans that
+/// differ keep their own geometry (`scan_geometry`).
 ///
 /// With true distances, the session's bench has a flat target square to the x axis at the first of them, and
 /// every capture the shift that puts it at its own: what `rig fit range` and `rig explain` need. Beside the

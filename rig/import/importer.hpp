@@ -54,6 +54,8 @@ struct ImportOptions {
   std::string scan_topic, odometry_topic, left_wheel, right_wheel;
   /// How the beams lie, for tables that do not say it (CSV).
   std::optional<double> first_deg, step_deg, scan_hz;
+  std::vector<std::string> columns;    ///< What a table's columns hold, in place of its header.
+  std::optional<double> ticks_a_turn;  ///< Counts of an encoder in one turn of its wheel.
 };
 
 /// One file format of other tools. Each lives in its own file rig/import/formats/NAME.cpp, which defines
@@ -66,6 +68,8 @@ class Importer {
   /// Whether `path` (a file with these first bytes, or a folder, then without bytes) is of this format.
   [[nodiscard]] virtual bool recognises(const std::string& path,
                                         std::span<const std::uint8_t> first_bytes) const = 0;
+  /// Whether it makes anything of ImportOptions::columns.
+  [[nodiscard]] virtual bool takes_columns() const { return false; }
   /// Reads it front to back in bounded memory. Throws UsageError when nothing of it can be read; damage
   /// further on is a note, and what is whole is kept.
   virtual void read(const std::string& path, const ImportOptions& options, ImportSink& sink) const = 0;
@@ -75,7 +79,8 @@ namespace importers {
 std::vector<std::unique_ptr<Importer>> all();
 }
 
-/// The importer for a file or folder. Throws UsageError naming what can be read.
-[[nodiscard]] std::unique_ptr<Importer> importer_for(const std::string& path);
+/// The importer for a file or folder. Throws UsageError naming what can be read, or which command reads it.
+[[nodiscard]] std::unique_ptr<Importer> importer_for(const std::string& path,
+                                                     const ImportOptions& options = {});
 
 }  // namespace rig

@@ -5,13 +5,21 @@
 #include <cmath>
 #include <limits>
 
-#include "rig/import/cdr.hpp"
-
 namespace rig {
 namespace {
 
 constexpr std::size_t most_beams = 100'000;
 constexpr double largest_range_mm = 65535;  // what a session's uint16 can hold
+
+constexpr std::size_t most_frames = 1000, most_moves = 5'000'000;
+
+bool same_place(const ImportedTransform& a, const ImportedTransform& b) {
+  constexpr double least_mm = 1e-3, least = 1e-7;
+  const auto near = [](double x, double y, double limit) { return std::abs(x - y) < limit; };
+  return a.parent == b.parent && near(a.x_mm, b.x_mm, least_mm) && near(a.y_mm, b.y_mm, least_mm) &&
+         near(a.z_mm, b.z_mm, least_mm) && near(a.qx, b.qx, least) && near(a.qy, b.qy, least) &&
+         near(a.qz, b.qz, least) && near(a.qw, b.qw, least);
+}
 
 struct Header {
   std::int32_t sec;
@@ -21,6 +29,7 @@ struct Header {
 
 Header read_header(CdrReader& in) {
   Header header;
+  if (in.packing() == Packing::ros1) in.skip<std::uint32_t>(1);  // a running number
   header.sec = in.value<std::int32_t>();
   header.nanosec = in.value<std::uint32_t>();
   header.frame = in.text();
@@ -62,43 +71,39 @@ double yaw_of(double w, double x, double y, double z) {
 }
 
 void RosMessages::message(const std::string& topic, const std::string& type, std::int64_t log_time_ns,
-                          std::span<const std::uint8_t> cdr) {
+                          std::span<const std::uint8_t> bytes) {
   ++messages_;
   const std::string plain = short_type(type);
   if (types_seen_.size() < 100) types_seen_.insert(plain);
-  static const std::map<std::string, Kind> kinds{{"sensor_msgs/LaserScan", Kind::scan},
-                                                 {"nav_msgs/Odometry", Kind::odometry},
-                                                 {"sensor_msgs/JointState", Kind::joints},
-                                                 {"sensor_msgs/Imu", Kind::imu},
-                                                 {"tf2_msgs/TFMessage", Kind::static_transform}};
+  static const std::map<std::string, Kind> kinds{
+      {"sensor_msgs/LaserScan", Kind::scan},    {"nav_msgs/Odometry", Kind::odometry},
+      {"sensor_msgs/JointState", Kind::joints}, {"sensor_msgs/Imu", Kind::imu},
+      {"tf2_msgs/TFMessage", Kind::transforms}, {"tf/tfMessage", Kind::transforms}};
   const auto kind = kinds.find(plain);
   if (kind == kinds.end()) return;
-  // Moving transforms repeat what odometry says; only the robot's own build is wanted.
-  if (kind->second == Kind::static_transform && topic.find("static") == std::string::npos) return;
   try {
-    decode(kind->second, topic, log_time_ns, cdr);
+    decode(kind->second, topic, log_time_ns, CdrReader(bytes, packing_));
   } catch (const CdrError&) {
     ++faulty_[topic];
   }
 }
 
-void RosMessages::decode(Kind kind, const std::string& topic, std::int64_t log_time_ns,
-                         std::span<const std::uint8_t> cdr) {
+void RosMessages::decode(Kind kind, const std::string& topic, std::int64_t log_time_ns, CdrReader in) {
   switch (kind) {
     case Kind::scan:
-      if (chosen(kind, topic, options_.scan_topic)) laser_scan(topic, log_time_ns, cdr);
+      if (chosen(kind, topic, options_.scan_topic)) laser_scan(topic, log_time_ns, in);
       break;
     case Kind::odometry:
-      if (chosen(kind, topic, options_.odometry_topic)) odometry(topic, log_time_ns, cdr);
+      if (chosen(kind, topic, options_.odometry_topic)) odometry(topic, log_time_ns, in);
       break;
     case Kind::joints:
-      joint_state(topic, log_time_ns, cdr);
+      joint_state(topic, log_time_ns, in);
       break;
     case Kind::imu:
-      if (chosen(kind, topic, {})) imu(topic, log_time_ns, cdr);
+      if (chosen(kind, topic, {})) imu(topic, log_time_ns, in);
       break;
-    case Kind::static_transform:
-      transforms(cdr);
+    case Kind::transforms:
+      transforms(log_time_ns, in, topic.find("static") != std::string::npos);
       break;
     case Kind::other:
       break;
@@ -124,9 +129,7 @@ std::int64_t RosMessages::stamp(std::int32_t sec, std::uint32_t nanosec, std::in
   return std::int64_t{sec} * 1'000'000'000 + nanosec;
 }
 
-void RosMessages::laser_scan(const std::string& topic, std::int64_t log_time_ns,
-                             std::span<const std::uint8_t> cdr) {
-  CdrReader in(cdr);
+void RosMessages::laser_scan(const std::string& topic, std::int64_t log_time_ns, CdrReader& in) {
   const Header header = read_header(in);
   const double first = in.value<float>();
   (void)in.value<float>();  // angle_max follows from the number of beams
@@ -142,7 +145,7 @@ void RosMessages::laser_scan(const std::string& topic, std::int64_t log_time_ns,
   ImportedScan scan;
   scan.stamp_ns = stamp(header.sec, header.nanosec, log_time_ns);
   scan.source = topic;
-  scan.frame = header.frame;
+  scan.frame = header.frame.starts_with('/') ? header.frame.substr(1) : header.frame;
   scan.geometry.first_rad = first;
   scan.geometry.step_rad = step;
   // The time between beams says more than the time between scans: some drivers give only one of them.
@@ -165,11 +168,10 @@ void RosMessages::laser_scan(const std::string& topic, std::int64_t log_time_ns,
   sink_.scan(scan);
 }
 
-void RosMessages::odometry(const std::string& topic, std::int64_t log_time_ns,
-                           std::span<const std::uint8_t> cdr) {
-  CdrReader in(cdr);
+void RosMessages::odometry(const std::string& topic, std::int64_t log_time_ns, CdrReader& in) {
   const Header header = read_header(in);
-  const std::string tracked(in.text());
+  std::string tracked(in.text());
+  if (tracked.starts_with('/')) tracked.erase(0, 1);
   const double x = in.value<double>(), y = in.value<double>();
   (void)in.value<double>();
   const double qx = in.value<double>(), qy = in.value<double>(), qz = in.value<double>(),
@@ -183,9 +185,7 @@ void RosMessages::odometry(const std::string& topic, std::int64_t log_time_ns,
   sink_.pose(stamp(header.sec, header.nanosec, log_time_ns), topic, tracked, pose);
 }
 
-void RosMessages::joint_state(const std::string& topic, std::int64_t log_time_ns,
-                              std::span<const std::uint8_t> cdr) {
-  CdrReader in(cdr);
+void RosMessages::joint_state(const std::string& topic, std::int64_t log_time_ns, CdrReader& in) {
   const Header header = read_header(in);
   std::vector<std::string> names(std::min<std::size_t>(in.length(4), 1000));
   for (auto& name : names) name = in.text();
@@ -202,8 +202,7 @@ void RosMessages::joint_state(const std::string& topic, std::int64_t log_time_ns
   sink_.pose(stamp(header.sec, header.nanosec, log_time_ns), topic, {}, pose);
 }
 
-void RosMessages::imu(const std::string& topic, std::int64_t log_time_ns, std::span<const std::uint8_t> cdr) {
-  CdrReader in(cdr);
+void RosMessages::imu(const std::string& topic, std::int64_t log_time_ns, CdrReader& in) {
   const Header header = read_header(in);
   const double qx = in.value<double>(), qy = in.value<double>(), qz = in.value<double>(),
                qw = in.value<double>();
@@ -216,13 +215,15 @@ void RosMessages::imu(const std::string& topic, std::int64_t log_time_ns, std::s
   sink_.imu(stamp(header.sec, header.nanosec, log_time_ns), topic, yaw, rate);
 }
 
-void RosMessages::transforms(std::span<const std::uint8_t> cdr) {
-  CdrReader in(cdr);
+void RosMessages::transforms(std::int64_t log_time_ns, CdrReader& in, bool fixed) {
   const std::size_t count = std::min<std::size_t>(in.length(60), 10'000);
   for (std::size_t i = 0; i < count; ++i) {
     ImportedTransform transform;
-    transform.parent = read_header(in).frame;
+    const Header header = read_header(in);
+    transform.parent = header.frame;
     transform.child = in.text();
+    for (std::string* name : {&transform.parent, &transform.child})
+      if (name->starts_with('/')) name->erase(0, 1);  // as ROS 1 wrote them before 2014
     transform.x_mm = in.value<double>() * 1000;
     transform.y_mm = in.value<double>() * 1000;
     transform.z_mm = in.value<double>() * 1000;
@@ -230,11 +231,46 @@ void RosMessages::transforms(std::span<const std::uint8_t> cdr) {
     transform.qy = in.value<double>();
     transform.qz = in.value<double>();
     transform.qw = in.value<double>();
-    sink_.transform(transform);
+    if (fixed) {
+      sink_.transform(transform);
+      continue;
+    }
+    if (moving_.size() >= most_frames && !moving_.contains(transform.child)) continue;
+    auto& seen = moving_[transform.child];
+    const std::int64_t at_ns = stamp(header.sec, header.nanosec, log_time_ns);
+    // One that has not moved is kept once, with how long it stood.
+    if (!seen.empty() && same_place(seen.back().transform, transform))
+      seen.back().until_ns = at_ns;
+    else if (seen.size() < most_moves)
+      seen.push_back({at_ns, at_ns, std::move(transform)});
+  }
+}
+
+void RosMessages::finish_transforms() {
+  for (const auto& [child, seen] : moving_) {
+    if (seen.size() == 1) {
+      sink_.transform(seen.front().transform);
+      continue;
+    }
+    const std::string& parent = seen.front().transform.parent;
+    if (taken_.contains(Kind::odometry) || !parent.ends_with("odom")) continue;
+    taken_.emplace(Kind::odometry, "/tf");
+    sink_.note("The bag holds no nav_msgs/Odometry: the transform from " + parent + " to " + child +
+               " was taken as the odometry.");
+    for (const auto& [from_ns, until_ns, at] : seen) {
+      fit::TrackPose pose;
+      pose.x_mm = at.x_mm;
+      pose.y_mm = at.y_mm;
+      pose.heading_rad = yaw_of(at.qw, at.qx, at.qy, at.qz);
+      if (!std::isfinite(*pose.x_mm + *pose.y_mm + *pose.heading_rad)) continue;
+      sink_.pose(from_ns, "/tf", child, pose);
+      if (until_ns > from_ns) sink_.pose(until_ns, "/tf", child, pose);
+    }
   }
 }
 
 void RosMessages::finish() {
+  finish_transforms();
   for (const auto& [topic, kind] : passed_over_) {
     const std::string option = kind == Kind::scan ? " Use --topic " + topic + " to take it instead."
                                : kind == Kind::odometry

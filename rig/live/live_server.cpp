@@ -15,8 +15,6 @@
 #include <list>
 #include <nlohmann/json.hpp>
 
-#include "rig/errors.hpp"
-
 namespace rig {
 
 extern const char* const live_page;
@@ -37,39 +35,9 @@ constexpr auto frame_spacing = 50ms;
 constexpr std::size_t most_browsers = 32;
 constexpr std::size_t largest_command_bytes = 4096;
 
-using Request = http::request<http::string_body>;
+using Request = WebRequest;
 using Response = http::response<http::string_body>;
 using WebSocket = websocket::stream<beast::tcp_stream>;
-
-/// Compares without giving away by its duration where two secrets differ.
-bool same_secret(std::string_view a, std::string_view b) {
-  unsigned difference = a.size() == b.size() ? 0 : 1;
-  for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i)
-    difference |= static_cast<unsigned char>(a[i]) ^ static_cast<unsigned char>(b[i]);
-  return difference == 0;
-}
-
-std::string_view host_without_port(std::string_view host) {
-  if (host.starts_with('[')) return host.substr(0, host.find(']') + 1);
-  return host.substr(0, host.rfind(':'));
-}
-
-bool is_loopback_name(std::string_view host) {
-  return host == "localhost" || host == "127.0.0.1" || host == "[::1]";
-}
-
-std::string query_value(std::string_view target, std::string_view key) {
-  const std::size_t question = target.find('?');
-  if (question == std::string_view::npos) return "";
-  std::string_view rest = target.substr(question + 1);
-  while (!rest.empty()) {
-    const std::string_view pair = rest.substr(0, rest.find('&'));
-    if (pair.starts_with(key) && pair.size() > key.size() && pair[key.size()] == '=')
-      return std::string(pair.substr(key.size() + 1));
-    rest.remove_prefix(std::min(rest.size(), pair.size() + 1));
-  }
-  return "";
-}
 
 Response answer(const Request& request, http::status status, const char* type, std::string body) {
   Response response{status, request.version()};
@@ -124,26 +92,7 @@ struct LiveServer::Impl : std::enable_shared_from_this<LiveServer::Impl> {
   [[nodiscard]] Response respond(const Request& request) const;
 };
 
-void LiveServer::Impl::listen() {
-  boost::system::error_code failed;
-  const auto address = asio::ip::make_address(options.address, failed);
-  if (failed)
-    throw UsageError("--live: '" + options.address +
-                     "' is not an IP address; use 127.0.0.1 or the address of a network card.");
-  if (!address.is_loopback() && options.token.empty())
-    throw UsageError("--live on " + options.address +
-                     " would let the whole network stop the stage: give --live-token SECRET, or leave the "
-                     "address at 127.0.0.1.");
-  const asio::ip::tcp::endpoint endpoint(address, options.port);
-  acceptor.open(endpoint.protocol(), failed);
-  if (!failed) acceptor.set_option(asio::socket_base::reuse_address(true), failed);
-  if (!failed) acceptor.bind(endpoint, failed);
-  if (!failed) acceptor.listen(asio::socket_base::max_listen_connections, failed);
-  if (failed)
-    throw UsageError("the live page cannot use " + options.address + ":" + std::to_string(options.port) +
-                     " (" + failed.message() + "). Choose another port with --live PORT.");
-  port = acceptor.local_endpoint().port();
-}
+void LiveServer::Impl::listen() { port = listen_on(acceptor, options, "--live"); }
 
 awaitable<void> LiveServer::Impl::accept_browsers() {
   const auto self = shared_from_this();
@@ -161,17 +110,12 @@ awaitable<void> LiveServer::Impl::accept_browsers() {
   }
 }
 
-/// Loopback pages may be asked for by anyone on this computer, but not by a foreign page in its browser: Host
-/// must be a loopback name (against DNS rebinding), Origin, where sent, must be ours. With a token, the token
-/// decides.
+/// Origin, where sent, must be ours: a foreign page in a browser of this computer must not press our buttons.
 bool LiveServer::Impl::admits(const Request& request) const {
   const std::string host(request[http::field::host]);
-  if (options.token.empty() && !is_loopback_name(host_without_port(host))) return false;
   const auto origin = request.find(http::field::origin);
   if (origin != request.end() && origin->value() != "http://" + host) return false;
-  if (options.token.empty()) return true;
-  return same_secret(query_value(std::string_view(request.target().data(), request.target().size()), "token"),
-                     options.token);
+  return admits_host_and_token(request, options);
 }
 
 Response LiveServer::Impl::respond(const Request& request) const {
@@ -298,13 +242,7 @@ LiveServer::~LiveServer() { stop(); }
 
 std::uint16_t LiveServer::port() const { return impl_->port; }
 
-std::string LiveServer::url() const {
-  const std::string host = impl_->options.address.find(':') == std::string::npos
-                               ? impl_->options.address
-                               : "[" + impl_->options.address + "]";
-  return "http://" + host + ":" + std::to_string(impl_->port) + "/" +
-         (impl_->options.token.empty() ? "" : "?token=" + impl_->options.token);
-}
+std::string LiveServer::url() const { return url_of("http", impl_->options, impl_->port); }
 
 void LiveServer::publish(const nlohmann::json& state) {
   if (impl_->stopped) return;

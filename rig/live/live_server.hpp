@@ -8,6 +8,8 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
+#include "rig/live/web_access.hpp"
+
 namespace rig {
 
 /// The live page: one small web server that shows the latest state of a run to any number of browsers and
@@ -21,12 +23,7 @@ namespace rig {
 /// in every request. Requests of foreign pages are refused (Origin and Host are checked).
 class LiveServer {
  public:
-  struct Options {
-    Options() = default;
-    std::string address = "127.0.0.1";
-    std::uint16_t port = 0;  ///< 0: any free one.
-    std::string token;       ///< Empty: none is asked for; only allowed on a loopback address.
-  };
+  using Options = WebAccess;
   using OnCommand = std::function<void(const nlohmann::json& command)>;
 
   /// Throws UsageError when the address cannot be listened on, or is not loopback and there is no token.

@@ -42,7 +42,7 @@ const std::vector<Option>& limit_options() {
 }
 
 const std::vector<std::string>& top_keys() {
-  static const std::vector<std::string> keys = {"procedure", "title",     "about",  "source",
+  static const std::vector<std::string> keys = {"procedure", "version",   "title",  "about", "source",
                                                 "stage",     "variables", "limits", "steps"};
   return keys;
 }

@@ -119,6 +119,7 @@ std::string procedure_schema() {
       {"required", {"procedure", "steps"}},
       {"properties",
        {{"procedure", text},
+        {"version", {{"type", {"string", "number"}}}},
         {"title", text},
         {"about", text},
         {"source", text},

@@ -165,7 +165,7 @@ CaptureRequest capture_request(const Arguments& arguments, const fit::Bench& ben
   CaptureRequest request;
   const fit::LidarGeometry& lidar = bench.lidar;
   request.samples = samples;
-  request.first_step = 0;
+  request.first_step = lidar.first_step;
   request.last_step = lidar.steps - 1;
   if (const auto beams = arguments.interval("beams_deg");
       beams && !std::isnan(beams->first + beams->second)) {
@@ -173,9 +173,10 @@ CaptureRequest capture_request(const Arguments& arguments, const fit::Bench& ben
     const auto step = [&](double deg) {
       return static_cast<int>(std::lround(lidar.front_step + deg / step_deg));
     };
-    if (step(beams->first) < 0 || step(beams->second) >= lidar.steps)
+    if (step(beams->first) < lidar.first_step || step(beams->second) >= lidar.steps)
       throw ProcedureError(arguments.place_of("beams_deg"),
-                           "the lidar sees from " + to_text(-lidar.front_step * step_deg) + " to " +
+                           "the lidar sees from " +
+                               to_text((lidar.first_step - lidar.front_step) * step_deg) + " to " +
                                to_text((lidar.steps - 1 - lidar.front_step) * step_deg) + " deg only.");
     request.first_step = step(beams->first);
     request.last_step = step(beams->second);

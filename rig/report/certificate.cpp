@@ -8,14 +8,19 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <regex>
 
+#include "fit/accuracy.hpp"
 #include "fit/bench.hpp"
 #include "fit/number_format.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/report/coordinate_in_words.hpp"
+#include "rig/report/issue.hpp"
 #include "rig/report/plot.hpp"
 #include "rig/session/lidar_identity.hpp"
 #include "rig/session/session_dates.hpp"
+#include "rig/session/sha256.hpp"
+#include "rig/session/standing.hpp"
 #include "rig/session/utc.hpp"
 
 namespace rig {
@@ -40,21 +45,62 @@ std::string join_nonempty(const std::vector<std::string>& parts, const std::stri
   return out;
 }
 
+/// Name, version and hash of the procedure: what was done can be looked up, and that it was this.
+std::string procedure_in_words(const SessionStore& session) {
+  const std::string name = session.get("procedure_name").value_or(session.get("kind").value_or(""));
+  const std::string text = session.get("procedure").value_or("");
+  if (text.size() < 20) return name;
+  Sha256 hash;
+  hash.feed(text);
+  std::smatch version;
+  const bool has_version = std::regex_search(text, version, std::regex(R"((?:^|\n)version:\s*["']?([^"'\n#]+))"));
+  return join_nonempty({name, has_version ? "version " + version[1].str() : "", "SHA-256 " + hash.hex().substr(0, 16)},
+                       ", ");
+}
+
+/// Variables that the run was given other values than the procedure's.
+std::string changed_variables(const SessionStore& session) {
+  const json used = parsed(session.get("variables"));
+  const std::string text = session.get("procedure").value_or("");
+  std::smatch block;
+  if (!used.is_object() || used.empty() ||
+      !std::regex_search(text, block, std::regex(R"((?:^|\n)variables:\s*\{([^}]*)\})")))
+    return "";
+  const std::string stated = block[1].str();
+  std::string out;
+  for (const auto& [name, value] : used.items()) {
+    std::smatch was;
+    if (!std::regex_search(stated, was, std::regex("(?:^|,)\\s*" + name + ":\\s*\"?([^,\"]*?)\"?\\s*(?:,|$)"))) continue;
+    const std::string is = value.is_string() ? value.get<std::string>() : value.dump();
+    char* end = nullptr;
+    const double number = std::strtod(was[1].str().c_str(), &end);
+    const bool same = value.is_number() ? number == value.get<double>() : was[1].str() == is;
+    if (!same)
+      out += (out.empty() ? "" : ", ") + name + " = " +
+             (value.is_number() ? fit::format_value(value.get<double>(), 0) : is) + " (procedure: " + was[1].str() + ")";
+  }
+  return out.empty() ? "none" : out;
+}
+
 json identification(const SessionStore& session, const json& bench, const std::string& session_file) {
   const LidarIdentity lidar = lidar_of(session);
   const json stage = parsed(session.get("stage"));
   const json stated = bench.value("certificate", json::object());
   json rows = json::array();
   add(rows, "Laboratory", text_of(stated, "laboratory"));
-  add(rows, "Place", text_of(stated, "place"));
-  add(rows, "Customer", text_of(stated, "customer"));
-  add(rows, "Item calibrated",
-      text_of(stated, "item",
-              lidar.product == lidar.model ? lidar.model
-                                           : join_nonempty({lidar.product, lidar.model}, ", model ")));
+  add(rows, "Address", text_of(stated, "address"));
+  add(rows, "Place of calibration", text_of(stated, "place"));
+  add(rows, "Customer", join_nonempty({text_of(stated, "customer"), text_of(stated, "customer_address")}, ", "));
+  // The device that was there; what the bench file calls it may be of another time.
+  const std::string told = lidar.product == lidar.model
+                               ? lidar.model
+                               : join_nonempty({lidar.product, lidar.model}, ", model "),
+                    item = text_of(stated, "item");
+  add(rows, "Item calibrated", told.empty() ? item : told);
+  if (!told.empty() && !item.empty() && item != told) add(rows, "Item as the bench file calls it", item);
   add(rows, "Serial number", lidar.serial);
   add(rows, "Firmware", lidar.firmware);
-  add(rows, "Condition on receipt", text_of(stated, "item_condition"));
+  add(rows, "Received, condition", join_nonempty({text_of(stated, "received"), text_of(stated, "item_condition")}, ", "));
   add(rows, "Rotary stage",
       join_nonempty({text_of(stage, "model"), text_of(stage, "language"),
                      text_of(stage, "serial").empty() ? "" : "serial " + text_of(stage, "serial"),
@@ -64,9 +110,10 @@ json identification(const SessionStore& session, const json& bench, const std::s
   for (const json& target : list_of(bench, "targets"))
     targets += (targets.empty() ? "" : ", ") + text_of(target, "name");
   add(rows, "Bench", text_of(bench, "name", targets.empty() ? "" : "targets: " + targets));
-  add(rows, "Procedure", session.get("procedure_name").value_or(session.get("kind").value_or("")));
+  add(rows, "Procedure", procedure_in_words(session));
+  if (const std::string changed = changed_variables(session); !changed.empty())
+    add(rows, "Variables changed", changed);
   add(rows, "Traceability", text_of(stated, "traceability"));
-  add(rows, "Authorised by", text_of(stated, "authorised_by"));
   add(rows, "Session", std::filesystem::path(session_file).filename().string());
   return rows;
 }
@@ -87,7 +134,18 @@ struct Span {
   }
 };
 
-json conditions(const SessionStore& session, const fit::Recording& recording) {
+/// What prompts asked for, or the bench file states: temperature, humidity and light about the bench.
+std::string environment(const SessionStore& session, const json& bench, const char* key, const char* unit) {
+  for (const auto& [part, text] : session.progress()) {
+    const json set = parsed(text).value("set", json::object());
+    if (set.is_object() && set.contains(key) && set[key].is_number())
+      return fit::format_value(set[key].get<double>(), 0) + " " + unit;
+  }
+  const std::string stated = text_of(bench.value("certificate", json::object()).value("environment", json::object()), key);
+  return stated.empty() || !std::isdigit(static_cast<unsigned char>(stated.back())) ? stated : stated + " " + unit;
+}
+
+json conditions(const SessionStore& session, const json& bench, const fit::Recording& recording) {
   Span temperature, warm, stage, started;
   for (const fit::CaptureInfo& capture : recording.captures()) {
     if (capture.temperature_c) temperature.include(*capture.temperature_c);
@@ -103,6 +161,9 @@ json conditions(const SessionStore& session, const fit::Recording& recording) {
   add(rows, "Time from first to last capture",
       started.empty() ? "" : Span{started.high - started.low, started.high - started.low}.text("min"));
   add(rows, "Stage angles", stage.text("deg", "%.2f"));
+  add(rows, "Ambient temperature", environment(session, bench, "temperature_c", "\u00b0C"));
+  add(rows, "Relative humidity", environment(session, bench, "humidity_percent", "%"));
+  add(rows, "Illuminance", environment(session, bench, "illuminance_lux", "lx"));
   add(rows, "Temperature of the lidar's housing", temperature.text("\u00b0C"));
   add(rows, "Time since power-on", warm.text("min", "%.0f"));
   return rows;
@@ -131,6 +192,41 @@ json references(const fit::Bench& bench, const json& stated) {
   return {{"targets", targets},
           {"traceability", text_of(stated, "traceability", "not stated")},
           {"stage_resolution", fit::format_value(bench.stage_resolution_rad * fit::deg_per_rad, 0) + " deg"}};
+}
+
+/// Measuring equipment with what makes it traceable, as the bench file states it.
+json equipment(const json& bench) {
+  json rows = json::array();
+  for (const json& item : list_of(bench.value("certificate", json::object()), "equipment"))
+    rows.push_back({{"name", text_of(item, "name", "not stated")},
+                    {"serial", text_of(item, "serial", "not stated")},
+                    {"certificate", text_of(item, "certificate", "not stated")},
+                    {"due", text_of(item, "due", "not stated")}});
+  return rows;
+}
+
+/// What was allowed for in stage and lidar, and who says so.
+json accuracy(const fit::Bench& bench) {
+  json rows = json::array();
+  for (const fit::AccuracyLine& line : fit::accuracy_in_words(fit::accuracy_of(bench)))
+    if (line.u > 0)
+      rows.push_back({{"name", line.name},
+                      {"expanded", fit::with_unit(fit::format_uncertainty(2 * line.u), line.unit)},
+                      {"by", line.stated ? "bench file" : "assumed: usual size"}});
+  return rows;
+}
+
+/// ISO/IEC 17025, 7.8.4.1 d: results before and after an adjustment. The rig adjusts nothing.
+json as_found(const json& results) {
+  json values = json::array();
+  for (const json& entry : results)
+    for (const json& value : list_of(entry.value("result", json::object()), "values"))
+      if (value.is_object() && value.contains("U") && value["U"].is_number())
+        values.push_back({{"name", text_of(entry, "kind") + "." + text_of(value, "name")},
+                          {"value", value.value("value", json())},
+                          {"U", value["U"]},
+                          {"unit", text_of(value, "unit")}});
+  return values;
 }
 
 /// The mean echo of every beam of one capture, in the world frame, and the targets where the bench says they
@@ -260,7 +356,6 @@ json make_certificate(const SessionStore& session, const std::string& session_fi
   const SessionDates dates = dates_of(session);
   json certificate = {{"schema", "certificate/1"},
                       {"title", "Calibration certificate"},
-                      {"number", certificate_number(hash, dates.measured())},
                       {"created_utc", session.get("created_utc").value_or("")},
                       {"measured_utc", dates.measured_utc.empty() ? json() : json(dates.measured_utc)},
                       {"issued_utc", utc_text(std::time(nullptr))},
@@ -269,7 +364,7 @@ json make_certificate(const SessionStore& session, const std::string& session_fi
                       {"session_file", std::filesystem::path(session_file).filename().string()},
                       {"sha256", hash},
                       {"identification", identification(session, bench, session_file)},
-                      {"conditions", conditions(session, *recording)},
+                      {"conditions", conditions(session, bench, *recording)},
                       {"results", json::array()},
                       {"events", noteworthy_events(session)}};
   if (json all = references(recording->bench(), bench.value("certificate", json::object())); !all.is_null())
@@ -286,6 +381,32 @@ json make_certificate(const SessionStore& session, const std::string& session_fi
       certificate["results"].push_back(
           {{"kind", result.kind}, {"created_utc", result.created_utc}, {"result", document}});
   }
+  certificate["equipment"] = equipment(bench);
+  certificate["accuracy"] = accuracy(recording->bench());
+  certificate["as_found"] = as_found(certificate["results"]);
+  certificate["as_left"] = certificate["as_found"];
+  certificate["adjustment"] = "none: the item was not adjusted, as left is as found";
+  certificate["laboratory"] = bench.value("certificate", json::object());
+  const LidarIdentity lidar = lidar_of(session);
+  certificate["item"] = {{"model", lidar.name()}, {"serial", lidar.serial}, {"firmware", lidar.firmware}};
+  certificate["procedure"] = procedure_in_words(session);
+  const Standing standing = standing_of(session);
+  certificate["simulated"] = standing.simulated;
+  certificate["certifies"] = standing.certifies() && !certificate["results"].empty();
+  certificate["not_certified_because"] = standing.reasons;
+  const Issue issue =
+      issue_of(session, certificate_number(hash, dates.measured()),
+               {{"sha256", hash},
+                {"identification", certificate["identification"]},
+                {"laboratory", certificate["laboratory"]},
+                {"results", as_found(certificate["results"])},
+                {"limits", certificate.value("limits", json())},
+                {"explanation", certificate.value("explanation", json())}});
+  certificate["number"] = issue.number, certificate["digest"] = issue.digest;
+  certificate["amendment"] = issue.amendment;
+  if (!issue.replaces.empty()) certificate["replaces"] = issue.replaces;
+  const std::string what = standing.certifies() ? "Calibration certificate" : standing.simulated ? "Report of a simulated calibration" : "Report";
+  certificate["title"] = issue.amendment == 0 ? what : what + ", amendment " + std::to_string(issue.amendment);
   if (certificate["results"].empty()) certificate["title"] = "Record of a measurement, without a calibration";
   const std::string ended = session.get("ended").value_or("");
   if (!ended.empty() && ended != "done") certificate["unfinished"] = ended;

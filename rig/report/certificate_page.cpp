@@ -183,7 +183,7 @@ json shown_section(const std::string& kind, const json& result) {
                   {"values", json::array()},
                   {"plots", json::array()},
                   {"tables", json::array()},
-                  {"budget", json::array()},
+                  {"comparisons", json::array()},
                   {"use", list_of(result, "use")},
                   {"notes", list_of(result, "notes")},
                   {"undetermined", list_of(result, "undetermined")}};
@@ -192,14 +192,43 @@ json shown_section(const std::string& kind, const json& result) {
     section["plots"].push_back(
         {{"svg", to_svg(plot_from_json(plot))}, {"map", plot.value("equal_axes", false)}});
   for (const json& table : list_of(result, "tables")) section["tables"].push_back(shown_table(table));
-  for (const json& row : list_of(result, "budget"))
-    section["budget"].push_back({{"source", text_of(row, "source")},
-                                 {"kind", text_of(row, "kind")},
-                                 {"u", fit::format_uncertainty(number_of(row, "u"))},
-                                 {"unit", text_of(row, "unit")}});
+  for (const json& comparison : list_of(result, "comparisons"))
+    section["comparisons"].push_back(
+        {{"verdict", comparison.value("agree", true) ? "Two methods agree." : "Two methods do not agree."},
+         {"says", text_of(comparison, "says")}});
   section["has_values"] = !section["values"].empty();
-  section["has_budget"] = !section["budget"].empty();
   return section;
+}
+
+/// The budgets of a result, a table for each quantity.
+void add_budgets(json& budgets, const json& result) {
+  std::string before;
+  for (const json& row : list_of(result, "budget")) {
+    const std::string quantity = text_of(row, "quantity");
+    if (budgets.empty() || quantity != before || before.empty())
+      budgets.push_back({{"label", text_of(row, "label", text_of(row, "source"))}, {"rows", json::array()}});
+    before = quantity;
+    const bool sum = text_of(row, "kind") == "combined";
+    const double nu = number_of(row, "nu"), input = number_of(row, "input_u");
+    const std::string unit = text_of(row, "unit");
+    json shown = {{"source", text_of(row, "source")},
+                  {"kind", sum ? "" : text_of(row, "kind")},
+                  {"distribution", text_of(row, "distribution")},
+                  {"input", std::isfinite(input) && !sum
+                                ? fit::with_unit(fit::format_uncertainty(input), text_of(row, "input_unit"))
+                                : ""},
+                  {"sensitivity", std::isfinite(number_of(row, "sensitivity"))
+                                      ? fit::format_value(number_of(row, "sensitivity"), 0)
+                                      : ""},
+                  {"nu", !row.contains("quantity") ? "" : std::isfinite(nu) && nu < 1e5 ? fit::format_fixed(nu, 0) : "\u221e"},
+                  {"u", fit::format_uncertainty(number_of(row, "u"))},
+                  {"unit", unit},
+                  {"sum", sum}};
+    if (sum)
+      shown["source"] = "combined; U = " + fit::with_unit(fit::format_uncertainty(number_of(row, "U")), unit) +
+                        " with k = " + fit::format_fixed(number_of(row, "k", 2), 2);
+    budgets.back()["rows"].push_back(std::move(shown));
+  }
 }
 
 json shown_explanation(const json& explanation) {
@@ -328,16 +357,25 @@ std::string to_html(const json& certificate) {
   page["no_result"] = list_of(certificate, "results").empty();
   page["hash"] = text_of(certificate, "sha256");
   page["sections"] = json::array();
-  json annex = json::array();
+  json annex = json::array(), budgets = json::array();
   json headline = json::array();
   for (const json& entry : list_of(certificate, "results")) {
     json section = shown_section(text_of(entry, "kind"), entry.value("result", json::object()));
     for (const json& value : section["values"])
       if (!value.at("expanded").get<std::string>().empty()) headline.push_back(value);
     move_to_annex(section, annex);
+    add_budgets(budgets, entry.value("result", json::object()));
     page["sections"].push_back(std::move(section));
   }
   if (page["sections"].size() == 1 && !headline.empty()) leave_to_headline(page["sections"].front());
+  page["budgets"] = budgets, page["has_budgets"] = !budgets.empty();
+  page["has_accuracy"] = !list_of(certificate, "accuracy").empty();
+  page["has_equipment"] = !list_of(certificate, "equipment").empty();
+  page["reasons"] = list_of(certificate, "not_certified_because");
+  page["not_certified"] = !page["reasons"].empty();
+  page["kind_of_document"] = certificate.value("certifies", true) ? "certificate" : "report";
+  page["authorised_by"] = text_of(certificate.value("laboratory", json::object()), "authorised_by", "not stated");
+  for (const char* unused : {"laboratory", "as_found", "as_left", "item"}) page.erase(unused);
   if (!annex.empty()) page["annex"] = {{"tables", annex}};
   if (!headline.empty()) page["headline"] = {{"values", headline}};
   const json limits = certificate.value("limits", json::object());

@@ -8,10 +8,18 @@
 
 namespace rig {
 
-/// Writes the certificate of `session_file` to `place`: `.html`, `.pdf` (through WeasyPrint) or `.json`.
-/// The file appears whole or not at all. Throws UsageError (unknown ending, no WeasyPrint) and
-/// MeasurementError (WeasyPrint not done within `longest_pdf`, and stopped).
+/// Writes the certificate of `session_file` to `place`: `.html`, `.pdf` (PDF/A-3b, through WeasyPrint), `.json`,
+/// or `.xml` (Digital Calibration Certificate). The file appears whole or not at all. Throws UsageError (unknown
+/// ending, no WeasyPrint) and MeasurementError (WeasyPrint not done within `longest_pdf`, and stopped).
 void write_report(const std::string& session_file, const OutputPlace& place,
                   std::chrono::milliseconds longest_pdf = std::chrono::minutes(5));
+
+struct IssuedReport {
+  std::string file;          ///< Where it is: `wanted`, or beside it where another certificate is.
+  std::string certificates;  ///< The session's key of that name, for whoever may write the session.
+};
+
+/// As write_report(), but never over a certificate of another number.
+[[nodiscard]] IssuedReport issue_report(const std::string& session_file, const std::string& wanted);
 
 }  // namespace rig

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rig/procedure/procedure_plan.hpp"
+#include "rig/runner/lidar_doubts.hpp"
 #include "rig/runner/scan_gate.hpp"
 
 namespace rig {
@@ -50,11 +51,18 @@ class Checker {
 
   awaitable<std::vector<CheckLine>> run(bool stay_still) {
     auto greeting = greet();
-    co_await std::move(greeting);
-    auto timing = check_rate();
-    co_await std::move(timing);
+    const bool beams_fit = co_await std::move(greeting);
+    if (beams_fit) {
+      auto timing = check_rate();
+      co_await std::move(timing);
+    }
     auto knowing = check_stage(stay_still);
     co_await std::move(knowing);
+    if (!beams_fit) {
+      say(Verdict::look, "scans", "not looked at: the bench file's beams are not this lidar's",
+          "Mend what is marked BAD, then check again.");
+      co_return lines_;
+    }
     auto looking = look();
     const Look seen = co_await std::move(looking);
     check_echoes(seen);
@@ -76,11 +84,23 @@ class Checker {
     tell_(lines_.back());
   }
 
-  awaitable<void> greet() {
+  /// Whether the lidar has the beams that the bench file gives it.
+  awaitable<bool> greet() {
     auto connecting = lidar_.connect();
     const nlohmann::json identity = co_await std::move(connecting);
     const std::string text = identity.dump();
-    say(Verdict::good, "lidar", text.size() > 160 ? describe(identity) : text);
+    const std::vector<LidarDoubt> doubts = doubts_of_lidar(identity, bench_);
+    const auto of_health = [](const LidarDoubt& doubt) { return doubt.what == lidar_state; };
+    const bool is_well = std::ranges::none_of(doubts, of_health);
+    say(is_well ? Verdict::good : Verdict::look, "lidar", text.size() > 160 ? describe(identity) : text,
+        "See below.");
+    for (const LidarDoubt& doubt : doubts)
+      say(doubt.weight == LidarDoubt::Weight::note ? Verdict::look : Verdict::bad, doubt.what, doubt.says,
+          doubt.remedy);
+    if (std::ranges::all_of(doubts, of_health))
+      say(Verdict::good, "lidar as stated", "model, serial number, steps and front as far as it tells them");
+    co_return std::ranges::none_of(
+        doubts, [](const LidarDoubt& doubt) { return doubt.weight == LidarDoubt::Weight::refusal; });
   }
 
   static std::string describe(const nlohmann::json& identity) {
@@ -180,10 +200,11 @@ class Checker {
       auto reading = lidar_.next();
       const lidar::Scan scan = co_await std::move(reading);
       if (i == 0) continue;  // It may have begun before the stage stood.
-      for (std::size_t k = 0; k < std::min(beams, scan.range_mm.size()); ++k) {
+      const auto first = static_cast<std::size_t>(scan.first_step);
+      for (std::size_t k = 0; k < scan.range_mm.size() && first + k < beams; ++k) {
         if (scan.range_mm[k] == 0) continue;
-        ranges[k].push_back(scan.range_mm[k]);
-        if (k < scan.intensity.size()) levels[k].push_back(scan.intensity[k]);
+        ranges[first + k].push_back(scan.range_mm[k]);
+        if (k < scan.intensity.size()) levels[first + k].push_back(scan.intensity[k]);
       }
     }
     auto stopping = lidar_.stop();
@@ -192,7 +213,8 @@ class Checker {
     for (std::size_t k = 0; k < beams; ++k) {
       const bool sure = ranges[k].size() * 2 > scans_of_look;
       seen.range_mm.push_back(sure ? median(ranges[k]) : std::numeric_limits<double>::quiet_NaN());
-      seen.intensity.push_back(sure ? median(levels[k]) : std::numeric_limits<double>::quiet_NaN());
+      seen.intensity.push_back(sure && !levels[k].empty() ? median(levels[k])
+                                                          : std::numeric_limits<double>::quiet_NaN());
     }
     co_return seen;
   }
@@ -206,7 +228,7 @@ class Checker {
       near += seen.range_mm[k] < 60;
       if (std::isfinite(seen.intensity[k])) levels.push_back(seen.intensity[k]);
     }
-    const double share = static_cast<double>(echoes) / static_cast<double>(seen.range_mm.size());
+    const double share = static_cast<double>(echoes) / (bench_.lidar.steps - bench_.lidar.first_step);
     say(share > 0.02 ? Verdict::good : Verdict::bad, "echoes", rounded(100 * share) + " % of the beams",
         "Nothing is seen: is the window covered, is anything within 10 m?");
     if (near > 0)
@@ -288,7 +310,7 @@ std::vector<double> expected_ranges_mm(const fit::Bench& bench, const fit::Targe
       Eigen::Rotation2Dd(stage_rad) * Eigen::Vector2d(lidar.mount.x_mm.value, lidar.mount.y_mm.value);
   const Eigen::Vector2d along = target.to_mm - target.from_mm, to_wall = target.from_mm - origin;
   std::vector<double> ranges(static_cast<std::size_t>(lidar.steps), std::numeric_limits<double>::quiet_NaN());
-  for (int step = 0; step < lidar.steps; ++step) {
+  for (int step = lidar.first_step; step < lidar.steps; ++step) {
     const double direction = stage_rad + lidar.mount.yaw_rad.value + lidar.beam_angle(step);
     const Eigen::Vector2d ray(std::cos(direction), std::sin(direction));
     const double facing = cross(ray, along);

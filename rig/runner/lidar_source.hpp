@@ -4,6 +4,7 @@
 #include <boost/asio/awaitable.hpp>
 #include <cstdint>
 #include <nlohmann/json.hpp>
+#include <string>
 
 #include "lidar/scan.hpp"
 
@@ -43,6 +44,13 @@ class LidarSource {
   /// What came so far, across reconnections: {"scans", "lost", "damaged", "repeated", "stale",
   /// "reconnections", "attempts_in_vain"}; null where nobody counts.
   [[nodiscard]] virtual nlohmann::json statistics() const { return nullptr; }
+  /// False once the device was found to measure distances alone.
+  [[nodiscard]] virtual bool sends_intensities() const { return true; }
+  /// HOST:PORT, for messages; empty where there is none.
+  [[nodiscard]] virtual std::string address() const { return ""; }
+  /// Times the device's clock was found to have started again; from there on its stamps are of a new time
+  /// base, which goes on by the host's clock.
+  [[nodiscard]] virtual int clock_restarts() const { return 0; }
   /// True when the device's clock does not run with the host's: a simulation faster than real time. Its own
   /// clock is then the session's.
   [[nodiscard]] virtual bool own_time() const = 0;

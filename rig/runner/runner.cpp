@@ -39,9 +39,9 @@ Runner::Impl::Impl(Procedure procedure_, fit::Bench bench_, SessionStore& sessio
   for (const auto& step : plan) state.steps.emplace_back(step.says, RunState::StepState::not_started);
   if (!plan.empty()) state.left_s = time_left.left_s(TimeLeft::Running());
   check_same_procedure();
-  host_start_us = parts.clock.host_us();
+  read_both_clocks();
   if (const auto epoch = session.get("epoch_unix_us"))
-    session_offset_us = std::max<std::int64_t>(0, parts.clock.unix_us() - std::stoll(*epoch));
+    session_offset_us = std::max<std::int64_t>(0, unix_start_us - std::stoll(*epoch));
   own_now_us = session_offset_us;
 }
 

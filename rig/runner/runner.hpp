@@ -44,8 +44,16 @@ struct RunnerParts {
   std::function<nlohmann::json(const std::string& kind, const SessionStore& session,
                                const nlohmann::json& options)>
       fit;
-  /// Writes the certificate of the session to a file in the session's folder; on a thread of its own too.
-  std::function<void(const std::string& session_file, const std::string& file)> report;
+  /// What a report was written to, and the session's key `certificates` that remembers it (empty: none).
+  struct Written {
+    std::string file, certificates;
+  };
+  /// Writes the certificate of the session to a file in the session's folder, or beside it where another
+  /// certificate has that name; on a thread of its own too.
+  std::function<Written(const std::string& session_file, const std::string& file)> report;
+  /// The operator decided to measure with a lidar of another model or serial number than the bench file says,
+  /// or with one that says it is not well.
+  bool accepts_lidar = false;
 };
 
 /// Everything an observer needs to draw the run; a late observer sees all of it.

@@ -11,6 +11,7 @@ namespace {
 using namespace asio::experimental::awaitable_operators;
 
 constexpr double turn_run_up_s = 0.5;
+constexpr int waits_begun_again = 3;
 
 }  // namespace
 
@@ -355,16 +356,30 @@ awaitable<void> Runner::Impl::wait(double seconds) {
   LidarStream stream;
   stream.first_step = stream.last_step = known_bench.lidar.front_step;
   stream.skip = 9;
-  std::optional<std::uint64_t> first_ms;
+  std::optional<std::int64_t> begun_us;
   state.activity = "waiting";
-  int failures = 0;
+  int failures = 0, begun_again = 0, restarts = clock_restarts;
   for (double passed_s = 0; passed_s < seconds;) {
     auto reading = next_scan(stream, nullptr, failures);
     const lidar::Scan scan = co_await std::move(reading);
-    if (!first_ms || scan.device_ms < *first_ms) first_ms = scan.device_ms;
-    passed_s = static_cast<double>(scan.device_ms - *first_ms) / 1e3;
-    (void)session_us(scan);
     failures = 0;
+    // The time that the host counts: a stamp of the lidar's says nothing after a restart of its clock.
+    (void)session_us(scan);
+    const std::int64_t host_us = now_us();
+    const bool restarted = std::exchange(restarts, clock_restarts) != clock_restarts;
+    if (begun_us && restarted) {
+      if (++begun_again > waits_begun_again)
+        throw DeviceError(
+            "The lidar restarted " + std::to_string(begun_again) +
+            " times while it was waited for to warm up. Check its supply and its cable, then go "
+            "on with --resume.");
+      note("warning", "the wait of " + to_text(seconds) + " s begins again, " +
+                          rounded_text(static_cast<double>(host_us - *begun_us) / 1e6, 0) +
+                          " s after it began: the lidar may have cooled");
+      begun_us.reset();
+    }
+    if (!begun_us) begun_us = host_us;
+    passed_s = static_cast<double>(host_us - *begun_us) / 1e6;
     state.done = std::lround(passed_s), state.total = std::lround(seconds), state.unit = "s";
     changed();
   }

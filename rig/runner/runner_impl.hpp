@@ -111,6 +111,7 @@ struct Runner::Impl final : StepContext {
   int last_approach = 0;
   std::int64_t settled_us = 0;
   std::int64_t host_start_us = 0, session_offset_us = 0;
+  std::int64_t unix_start_us = 0;  // Of the same moment as host_start_us.
   // Lidar time as session time, when its clock does not run with the host's.
   bool own_time = false;
   std::optional<std::uint64_t> own_anchor_ms;
@@ -148,6 +149,9 @@ struct Runner::Impl final : StepContext {
   std::int64_t now_us() const { return own_time ? own_now_us : session_us(parts.clock.host_us()); }
 
   std::int64_t session_us(const lidar::Scan& scan);
+
+  /// host_us() and unix_us() of one moment: the closest pair of some readings.
+  void read_both_clocks();
 
   void estimate_time_left();
   TimeLeft::Running running_step() const;
@@ -228,6 +232,16 @@ struct Runner::Impl final : StepContext {
   /// The next scan. The stream is started when none runs, and then `gate` begins anew; a lidar that was lost
   /// is connected anew unless that happened too often (`failures`) since the caller last got what it wanted.
   awaitable<lidar::Scan> next_scan(LidarStream stream, ScanGate* gate, int& failures);
+
+  /// Tells and stores that the lidar's clock started again before this scan, if it did.
+  void heed_clock_restart(const lidar::Scan& scan);
+  int clock_restarts = 0;  // That were told.
+  bool power_cycle_told = false, intensities_missed = false;
+
+  /// Throws if the lidar is not what the bench file describes, or is not well and the operator has not
+  /// decided to use it all the same.
+  void judge_lidar(const json& identity);
+  std::string lidar_accepted;  // What was said of it then.
 
   awaitable<void> connect_lidar();
   /// The first connection of a run: a lidar that was switched on just now is waited for.

@@ -3,38 +3,13 @@
 #include <cmath>
 
 #include "fit/number_format.hpp"
+#include "rig/runner/lidar_doubts.hpp"
 #include "rig/runner/runner_impl.hpp"
 #include "rig/runner/scan_gate.hpp"
 #include "rig/text_lines.hpp"
 
 namespace rig {
 namespace {
-
-std::optional<double> parameter(const json& identity, const char* name) {
-  const auto pp = identity.find("PP");
-  if (pp == identity.end() || !pp->is_object() || !pp->contains(name) || !(*pp)[name].is_string())
-    return std::nullopt;
-  return number_in((*pp)[name].get<std::string>());
-}
-
-/// Throws if the lidar, by its own parameters, is another kind than the bench file describes.
-void compare_with_bench(const json& identity, const fit::LidarGeometry& known) {
-  std::string differs;
-  const auto note = [&](const char* key, double bench, double lidar) {
-    differs += (differs.empty() ? "" : ", ") + std::string(key) + " " + to_text(bench) +
-               " where the lidar has " + to_text(lidar);
-  };
-  if (const auto last = parameter(identity, "AMAX"); last && known.steps > *last + 1)
-    note("steps", known.steps, *last + 1);
-  if (const auto front = parameter(identity, "AFRT"); front && known.front_step != *front)
-    note("front_step", known.front_step, *front);
-  if (const auto turn = parameter(identity, "ARES");
-      turn && *turn > 0 && std::abs(known.step_rad * fit::deg_per_rad - 360 / *turn) > 1e-6)
-    note("step_deg", known.step_rad * fit::deg_per_rad, 360 / *turn);
-  if (!differs.empty())
-    throw UsageError("The bench file describes another lidar: " + differs +
-                     ". Correct 'lidar' in the bench file, or connect the lidar that it describes.");
-}
 
 /// A lidar that is switched on with its network switch takes longer than one that comes back.
 constexpr double longest_start_s = 30, first_start_pause_s = 1, longest_start_pause_s = 5;
@@ -46,6 +21,9 @@ awaitable<void> Runner::Impl::start_stream(LidarStream stream) {
   auto starting = parts.lidar.start(stream);
   co_await std::move(starting);
   streaming = true;
+  if (stream.intensity && !parts.lidar.sends_intensities() && !std::exchange(intensities_missed, true))
+    note("warning",
+         "this lidar sends no intensities (it does not know the command ME): distances alone are stored");
 }
 
 awaitable<void> Runner::Impl::end_stream() {
@@ -85,7 +63,10 @@ awaitable<lidar::Scan> Runner::Impl::next_scan(LidarStream stream, ScanGate* gat
     } catch (...) {
       why = std::current_exception();
     }
-    if (!why) co_return scan;
+    if (!why) {
+      heed_clock_restart(scan);
+      co_return scan;
+    }
     stop_if_aborted();
     if (++failures > failures_without_scan) std::rethrow_exception(why);
     auto reconnecting = reconnect_lidar(why);
@@ -93,10 +74,60 @@ awaitable<lidar::Scan> Runner::Impl::next_scan(LidarStream stream, ScanGate* gat
   }
 }
 
+void Runner::Impl::heed_clock_restart(const lidar::Scan& scan) {
+  const bool asked_for = std::exchange(power_cycle_told, false);
+  if (parts.lidar.clock_restarts() == clock_restarts) return;
+  clock_restarts = parts.lidar.clock_restarts();
+  json all = json::parse(session.get("lidar_restarts").value_or("[]"), nullptr, false);
+  if (!all.is_array()) all = json::array();
+  all.push_back({{"host_us", session_us(scan)}, {"device_ms", scan.device_ms}});
+  session.set("lidar_restarts", all.dump());
+  const std::string goes_on =
+      "the lidar's clock started again: stamps (device_ms) of later scans have a new time base, which goes "
+      "on "
+      "by this computer's clock";
+  if (asked_for) return note("info", goes_on);
+  note("warning", goes_on +
+                      ". The lidar restarted or its power was cut: if it was off for long it has "
+                      "cooled, and what warmed it up before is not repeated by itself" +
+                      (power_on_us ? "; captures go on counting the time since power-on from before" : "") +
+                      ". Check its supply.");
+}
+
+void Runner::Impl::judge_lidar(const json& identity) {
+  std::string differs, doubtful, remedies;
+  bool is_ill = false;
+  for (const LidarDoubt& doubt : doubts_of_lidar(identity, known_bench)) {
+    if (doubt.weight == LidarDoubt::Weight::note) continue;
+    const bool refused = doubt.weight == LidarDoubt::Weight::refusal, of_health = doubt.what == lidar_state;
+    // The session has its lidar: its serial number is what counts.
+    if (!refused && !of_health && session.get("lidar")) continue;
+    std::string& text = refused ? differs : doubtful;
+    text += (text.empty() ? "" : ", ") + doubt.says;
+    is_ill |= of_health;
+    if (!refused) remedies += " " + doubt.remedy;
+  }
+  const std::string who = "the lidar" + (parts.lidar.address().empty() ? "" : " at " + parts.lidar.address());
+  if (!differs.empty())
+    throw UsageError("The bench file describes another lidar than " + who + ": " + differs +
+                     ". Correct 'lidar' in the bench file, or connect the lidar that it describes.");
+  if (doubtful.empty() || doubtful == lidar_accepted) return;
+  if (!parts.accepts_lidar) {
+    const std::string why = "About " + who + ": " + doubtful + "." + remedies +
+                            " To measure with it all the same, which is then recorded, give --accept-lidar.";
+    if (is_ill) throw DeviceError(why);
+    throw UsageError(why);
+  }
+  lidar_accepted = doubtful;
+  session.set("lidar_accepted", doubtful);
+  note("warning", "by the operator's decision (--accept-lidar) this is measured although of " + who +
+                      " there is to say: " + doubtful);
+}
+
 awaitable<void> Runner::Impl::connect_lidar() {
   auto connecting = parts.lidar.connect();
   const json identity = co_await std::move(connecting);
-  compare_with_bench(identity, known_bench.lidar);
+  judge_lidar(identity);
   connected = true;
   seen_ms.reset();
   const auto before = session.get("lidar");

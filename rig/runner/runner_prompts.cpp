@@ -123,6 +123,7 @@ awaitable<void> Runner::Impl::apply(const Prompt& prompt) {
   power_on_us = now_us() - static_cast<std::int64_t>(1e6 * *place.since_power_on_s);
   record("power_on_us", *power_on_us);
   streaming = false;
+  power_cycle_told = true;
   note("info", "the lidar was switched off and on: the rig connects to it anew");
   auto connecting = connect_again(nullptr);
   co_await std::move(connecting);

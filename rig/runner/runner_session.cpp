@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 
 #include "rig/runner/runner_impl.hpp"
 
@@ -72,7 +73,7 @@ void Runner::Impl::describe_session() {
   session.set("procedure_name", procedure.title);
   session.set("kind", procedure.name);
   session.set("variables", variables_json().dump());
-  session.set("epoch_unix_us", std::to_string(parts.clock.unix_us()));
+  session.set("epoch_unix_us", std::to_string(unix_start_us));
 }
 
 std::string Runner::Impl::resumed_words() const {
@@ -188,9 +189,12 @@ awaitable<void> Runner::Impl::report(std::string file) {
   changed();
   session.demand_name();  // The report is made from the file.
   auto writing = compute(
-      [report = parts.report, session_file = session.path(), target] { report(session_file, target); });
-  co_await std::move(writing);
-  note("info", "report written to " + target);
+      [report = parts.report, session_file = session.path(), target] { return report(session_file, target); });
+  const RunnerParts::Written written = co_await std::move(writing);
+  if (!written.certificates.empty()) session.set("certificates", written.certificates);
+  if (!written.file.empty() && written.file != target)
+    note("warning", target + " is another certificate and was kept");
+  note("info", "report written to " + (written.file.empty() ? target : written.file));
 }
 
 std::string Runner::Impl::report_target(const std::string& file) const {
@@ -211,6 +215,19 @@ std::string Runner::Impl::report_target(const std::string& file) const {
 void Runner::Impl::for_each_scan(std::int64_t capture,
                                  const std::function<void(const fit::ScanView&)>& visit) const {
   session.for_each_scan(capture, visit);
+}
+
+void Runner::Impl::read_both_clocks() {
+  constexpr int readings = 5;
+  std::int64_t shortest_us = std::numeric_limits<std::int64_t>::max();
+  for (int i = 0; i < readings; ++i) {
+    const std::int64_t before_us = parts.clock.host_us(), unix_us = parts.clock.unix_us(),
+                       after_us = parts.clock.host_us();
+    if (after_us - before_us >= shortest_us) continue;
+    shortest_us = after_us - before_us;
+    host_start_us = before_us + shortest_us / 2;
+    unix_start_us = unix_us;
+  }
 }
 
 std::int64_t Runner::Impl::session_us(const lidar::Scan& scan) {

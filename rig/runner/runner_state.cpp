@@ -111,6 +111,7 @@ json to_json(const RunState& state, const fit::Bench& bench) {
        {"text", std::to_string(state.reconnects)},
        {"good", state.reconnects == 0}}};
   document["messages"] = json::array();
+  document["messages_total"] = state.messages_total;
   for (const auto& message : state.messages)
     document["messages"].push_back({{"time", duration_text(static_cast<double>(message.time_us) / 1e6)},
                                     {"level", message.level},

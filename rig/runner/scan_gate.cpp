@@ -15,6 +15,7 @@ int skip_for(double spacing_s, double scan_hz) {
 
 LidarStream whole_scan(const fit::LidarGeometry& lidar) {
   LidarStream stream;
+  stream.first_step = lidar.first_step;
   stream.last_step = lidar.steps - 1;
   return stream;
 }

@@ -14,7 +14,8 @@ using nlohmann::json;
 class ScipSource final : public LidarSource {
  public:
   ScipSource(boost::asio::any_io_executor executor, const Endpoint& address)
-      : client_(std::move(executor), address.host, address.port) {}
+      : client_(std::move(executor), address.host, address.port),
+        address_(address.host + ":" + std::to_string(address.port)) {}
 
   awaitable<json> connect() override {
     auto connecting = identify();
@@ -35,11 +36,22 @@ class ScipSource final : public LidarSource {
   }
 
   awaitable<void> start(LidarStream stream) override {
-    lidar::StreamRequest request(stream.first_step, stream.last_step, stream.cluster, stream.skip,
-                                 stream.intensity);
-    auto starting = client_.start(request);
+    bool unknown = false;
+    try {
+      auto starting = start_once(stream, stream.intensity && sends_intensities_);
+      co_await std::move(starting);
+    } catch (const lidar::LidarError& error) {
+      // A lidar that does not know ME measures distances all the same.
+      unknown =
+          error.kind() == lidar::LidarError::Kind::unknown_command && stream.intensity && sends_intensities_;
+      if (!unknown) throw DeviceError(error.what());
+    }
+    if (!unknown) co_return;
+    sends_intensities_ = false;
+    auto starting = start_once(stream, false);
     co_await told_as_device_error(std::move(starting));
   }
+  bool sends_intensities() const override { return sends_intensities_; }
 
   awaitable<lidar::Scan> next() override {
     auto reading = client_.next();
@@ -64,9 +76,17 @@ class ScipSource final : public LidarSource {
             {"reconnections", counted.reconnects},
             {"attempts_in_vain", counted.failed_connects}};
   }
+  std::string address() const override { return address_; }
+  int clock_restarts() const override { return client_.clock().resets; }
   bool own_time() const override { return !client_.clock().follows_host; }
 
  private:
+  awaitable<void> start_once(LidarStream stream, bool with_intensity) {
+    lidar::StreamRequest request(stream.first_step, stream.last_step, stream.cluster, stream.skip,
+                                 with_intensity);
+    return client_.start(request);
+  }
+
   awaitable<lidar::Identity> identify() {
     if (!known_) {
       auto connecting = client_.connect();
@@ -89,7 +109,8 @@ class ScipSource final : public LidarSource {
   }
 
   lidar::Client client_;
-  bool known_ = false;
+  std::string address_;
+  bool known_ = false, sends_intensities_ = true;
 };
 
 }  // namespace

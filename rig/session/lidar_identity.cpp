@@ -42,7 +42,10 @@ std::string plain(const std::string& name) {
 }  // namespace
 
 LidarIdentity lidar_of(const SessionStore& session) {
-  const json lidar = json::parse(session.get("lidar").value_or("{}"), nullptr, false);
+  return lidar_in(json::parse(session.get("lidar").value_or("{}"), nullptr, false));
+}
+
+LidarIdentity lidar_in(const json& lidar) {
   if (!lidar.is_object()) return {};
   LidarIdentity out;
   out.product = answer(lidar, "PROD");
@@ -54,11 +57,14 @@ LidarIdentity lidar_of(const SessionStore& session) {
   return out;
 }
 
+bool is_model(const std::string& model, const LidarIdentity& recorded) {
+  return std::ranges::any_of(recorded.models,
+                             [&](const std::string& name) { return plain(name) == plain(model); });
+}
+
 LidarMatch match_lidar(const std::string& model, const std::string& serial, const LidarIdentity& recorded) {
   const bool models_known = !model.empty() && !recorded.models.empty();
-  const bool same_model = std::ranges::any_of(
-      recorded.models, [&](const std::string& name) { return plain(name) == plain(model); });
-  if (models_known && !same_model)
+  if (models_known && !is_model(model, recorded))
     return {true, "the correction is for a lidar of the model " + model + ", the session is of a " +
                       recorded.models.front()};
   if (!serial.empty() && !recorded.serial.empty()) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -17,8 +18,13 @@ struct LidarIdentity {
   [[nodiscard]] std::string name() const { return models.empty() ? "" : models.front(); }
 };
 
+/// From a device's answers one by one or in groups, or what an importer found of it.
+[[nodiscard]] LidarIdentity lidar_in(const nlohmann::json& lidar);
 /// From the key `lidar`: the device's answers one by one or in groups, or what an importer found.
 [[nodiscard]] LidarIdentity lidar_of(const SessionStore& session);
+
+/// Whether one of the device's names for its model is this one, whatever their spaces, capitals and maker.
+[[nodiscard]] bool is_model(const std::string& model, const LidarIdentity& recorded);
 
 /// Whether a calibration made for the lidar `model`, `serial` may be used with recordings of another.
 struct LidarMatch {

@@ -198,6 +198,10 @@ awaitable<StageProbe> who_answers(boost::asio::any_io_executor executor, PortUrl
   try {
     auto asking = protocol->identify();
     answers.identity = co_await std::move(asking);
+  } catch (const StageRefusal& refusal) {  // Who refuses in words speaks the language.
+    answers.heard = link->heard();
+    answers.baud = link->baud();
+    answers.refused = "a stage answers in the language " + dialect + ", but " + refusal.what();
   } catch (const StageError&) {
     answers.heard = link->heard();
     answers.baud = link->baud();
@@ -214,7 +218,9 @@ awaitable<StageProbe> find_speaker(boost::asio::any_io_executor executor, PortUr
     for (const std::string& dialect : language.names) {
       auto asking = who_answers(executor, port, language, dialect);
       StageProbe answers = co_await std::move(asking);
-      if (answers.identity || all_answers.heard.empty()) all_answers = answers;
+      const bool says_more =
+          all_answers.refused.empty() && (!answers.refused.empty() || all_answers.heard.empty());
+      if (answers.identity || says_more) all_answers = answers;
       if (answers.identity) co_return all_answers;
     }
   }
@@ -224,6 +230,7 @@ awaitable<StageProbe> find_speaker(boost::asio::any_io_executor executor, PortUr
 }  // namespace
 
 std::string StageProbe::why_nobody() const {
+  if (!refused.empty()) return refused;
   const std::string languages = " in a language that the rig speaks (" + known_languages() + "). ";
   if (heard.empty())
     return "nobody answers" + languages +

@@ -60,9 +60,10 @@ std::vector<SerialPortInfo> list_serial_ports();
 /// What came from a port when it was asked in each language.
 struct StageProbe {
   StageProbe() {}
-  std::optional<StageIdentity> identity;         ///< Who answers in one that the rig speaks.
-  std::string heard;                             ///< Else the first bytes that came, if any.
-  int baud = 0;                                  ///< At which they came.
+  std::optional<StageIdentity> identity;  ///< Who answers in one that the rig speaks.
+  std::string heard;                      ///< Else the first bytes that came, if any.
+  int baud = 0;                           ///< At which they came.
+  std::string refused;                    ///< Else why one who answers in such a language was not taken.
   [[nodiscard]] std::string why_nobody() const;  ///< In words, with what came and what to do.
 };
 

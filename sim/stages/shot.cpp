@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdio>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -80,6 +81,7 @@ class ShotStage : public StageDevice {
  public:
   explicit ShotStage(const StageDeviceOptions& options)
       : mechanics_(options.physics),
+        units_per_deg_(options.physics.units_per_deg),
         is_gsc_(options.language == "gsc"),
         axes_(static_cast<std::size_t>(std::clamp(options.axes, 1, 2))),
         acknowledges_at_start_(options.acknowledges.value_or(!is_gsc_)),
@@ -100,6 +102,7 @@ class ShotStage : public StageDevice {
  private:
   std::string line(std::string_view text, double now_s);
   std::string question(std::string_view text, double now_s);
+  [[nodiscard]] std::optional<std::string> setting_asked_for(std::string_view text) const;
   bool obey(std::string_view text, double now_s);
   bool queue_move(char verb, Arguments arguments, double now_s);
   bool queue_jog(Arguments arguments);
@@ -107,7 +110,8 @@ class ShotStage : public StageDevice {
   bool home(Arguments arguments, double now_s);
   bool stop(Arguments arguments, double now_s);
   bool count_from_here(Arguments arguments, double now_s);
-  bool set_speed(Arguments arguments);
+  bool set_speed(char verb, Arguments arguments);
+  bool set_division(Arguments arguments);
   bool excite(Arguments arguments);
   void use_speed(const Speed& speed);
   void drive(double target, double now_s);
@@ -119,6 +123,7 @@ class ShotStage : public StageDevice {
   }
 
   StageMechanics mechanics_;
+  double units_per_deg_;
   bool is_gsc_;
   std::size_t axes_;
   bool acknowledges_at_start_, acknowledges_;
@@ -126,7 +131,9 @@ class ShotStage : public StageDevice {
   bool pending_spoilt_ = false;
   std::array<Queued, 2> queued_;
   std::array<bool, 2> excited_{true, true};
-  Speed speed_;
+  Speed speed_;  ///< In use by the first axis.
+  std::array<Speed, 2> speeds_, homing_speeds_;
+  std::array<int, 2> divisions_{2, 2};  ///< Half steps.
   double second_ = 0;
   bool refused_ = false;                            ///< The last command: A1 of the status.
   bool at_limit_ = false, is_limit_ahead_ = false;  ///< The motion ended, or will end, at a limit switch.
@@ -159,6 +166,7 @@ std::string ShotStage::receive(std::string_view bytes, double now_s) {
 }
 
 std::string ShotStage::line(std::string_view text, double now_s) {
+  if (text == "I:" && !is_gsc_) return "0\r\n";  // Nothing is connected to its inputs.
   if (text.starts_with("Q:") || text.starts_with("!:") || text.starts_with("?:"))
     return question(text, now_s);
   refused_ = !obey(text, now_s);
@@ -171,8 +179,35 @@ std::string ShotStage::question(std::string_view text, double now_s) {
   if (text == "!:") return busy(now_s) ? "B\r\n" : "R\r\n";
   if (text == "?:V") return is_gsc_ ? "V2.10\r\n" : "V3.00\r\n";
   if (text == "?:N" && !is_gsc_) return axes_ == 1 ? "GIP-101\r\n" : "SHOT-302GS\r\n";
+  if (text == "?:N" && axes_ == 1) return "GSC-01\r\n";
+  if (const auto setting = setting_asked_for(text)) return *setting + "\r\n";
   refused_ = true;
   return acknowledges_ ? "NG\r\n" : "";
+}
+
+/// ?:D1, ?:DW and the like: speeds (D) and those of homing (B), of one axis or of all; divisions of a step
+/// (S) and the travel of a pulse (P), parted by commas.
+std::optional<std::string> ShotStage::setting_asked_for(std::string_view text) const {
+  if (is_gsc_ || text.size() != 4) return std::nullopt;
+  const char what = text[2];
+  Arguments arguments(text.substr(3));
+  const auto axes = arguments.axes(axes_);
+  if (!axes || std::string_view("DBSP").find(what) == std::string_view::npos) return std::nullopt;
+  std::string answer;
+  for (const std::size_t axis : *axes) {
+    std::array<char, 64> field{};
+    if (what == 'S')
+      std::snprintf(field.data(), field.size(), "%d", divisions_.at(axis));
+    else if (what == 'P')
+      std::snprintf(field.data(), field.size(), "%g", 1 / units_per_deg_);
+    else {
+      const Speed& speed = what == 'D' ? speeds_.at(axis) : homing_speeds_.at(axis);
+      std::snprintf(field.data(), field.size(), "S%.0fF%.0fR%.0f", speed.start, speed.fastest, speed.ramp_ms);
+    }
+    const bool parted = !answer.empty() && (what == 'S' || what == 'P');
+    answer += (parted ? "," : "") + std::string(field.data());
+  }
+  return answer;
 }
 
 /// Ten characters an axis (sign, blanks, digits), then: was the last command understood, which limits were
@@ -219,11 +254,14 @@ bool ShotStage::obey(std::string_view text, double now_s) {
     case 'R':
       return count_from_here(arguments, now_s);
     case 'D':
-      return set_speed(arguments);
+    case 'V':
+      return (verb == 'D' || !is_gsc_) && set_speed(verb, arguments);
     case 'C':
       return excite(arguments);
+    case 'O':
+      return !is_gsc_ && (text == "O:0" || text == "O:1");  // Nothing hangs on its output.
     case 'S':
-      return true;  // Division, jog speed, origin offset: accepted; the bench file says what a pulse is.
+      return set_division(arguments);
     default:
       return false;
   }
@@ -346,7 +384,7 @@ bool ShotStage::count_from_here(Arguments arguments, double now_s) {
 
 /// D:1S500F5000R200 for an axis, D:W with a triplet an axis; the GSC-02 says a range (1 slow, 2 fast) and
 /// both triplets.
-bool ShotStage::set_speed(Arguments arguments) {
+bool ShotStage::set_speed(char verb, Arguments arguments) {
   const char which = arguments.peek();
   if (which != '1' && which != '2' && which != 'W') return false;
   arguments.take(which);
@@ -365,7 +403,12 @@ bool ShotStage::set_speed(Arguments arguments) {
   if (!arguments.at_end() || speeds.empty() || speeds.size() > axes_) return false;
   if (which == 'W' && speeds.size() != axes_) return false;
   if (is_gsc_ && is_for_all && which == '1' && speeds[0].fastest > 200) return false;
-  if (is_for_all || which == '1') use_speed(speeds[0]);
+  std::array<Speed, 2>& kept = verb == 'D' ? speeds_ : homing_speeds_;
+  if (is_for_all)
+    std::copy(speeds.begin(), speeds.end(), kept.begin());
+  else
+    kept.at(static_cast<std::size_t>(which - '1')) = speeds[0];
+  if (verb == 'D' && (is_for_all || which == '1')) use_speed(speeds[0]);
   return true;
 }
 
@@ -374,6 +417,15 @@ void ShotStage::use_speed(const Speed& speed) {
   mechanics_.set_speed(speed.fastest);
   mechanics_.set_acceleration((std::max(speed.fastest - speed.start, 1.0)) /
                               std::max(speed.ramp_ms / 1e3, 1e-3));
+}
+
+/// Kept and told; the bench file says what a pulse is. Jog speed and origin offset are accepted.
+bool ShotStage::set_division(Arguments arguments) {
+  const auto axes = arguments.axes(axes_);
+  const auto division = axes ? arguments.number() : std::nullopt;
+  if (division && arguments.at_end() && *division >= 1 && *division <= 250)
+    for (const std::size_t axis : *axes) divisions_.at(axis) = static_cast<int>(*division);
+  return true;
 }
 
 bool ShotStage::excite(Arguments arguments) {
@@ -410,6 +462,8 @@ void ShotStage::inject(StageFault fault, double now_s) {
       queued_ = {};
       excited_ = {true, true};
       second_ = 0;
+      speeds_ = homing_speeds_ = {};
+      divisions_ = {2, 2};
       use_speed(Speed());
       acknowledges_ = acknowledges_at_start_;
       pending_.clear();

@@ -78,6 +78,7 @@ class Source {
 
   void answer(int host, const std::string& line) {
     using KeyValues = std::vector<std::pair<std::string, std::string>>;
+    if (line.empty()) return;  // A bare line end is never answered.
     std::string out;
     if (line.starts_with("VV")) {
       out = lidar::build_key_value_response(line, "00", KeyValues{{"PROD", "UST-10LX"}, {"SERI", "H1"}});

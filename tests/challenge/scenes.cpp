@@ -79,6 +79,79 @@ void room(Session& session, Random& random) {
   add_turns(session, 0, 360, step, random.integer(7, 12), random.uniform(10, 30));
 }
 
+/// Another lidar than the UST-10LX, in half of the sessions: coarser beams, slower turns.
+void choose_lidar(Session& session, Random& random) {
+  const double step_deg = random.pick(std::vector<double>{0.25, 0.25, 0.5, 1});
+  if (step_deg == 0.25) return;
+  session.step_deg = step_deg;
+  session.front_step = step_deg == 1 ? 180 : 270;
+  session.steps = step_deg == 1 ? 360 : 541;
+  session.scan_hz = step_deg == 1 ? 10 : 40;
+}
+
+/// Irregular angles, each come to from either side, few scans or many.
+void add_irregular_turns(Session& session, Random& random) {
+  const int stops = random.integer(8, 26);
+  double time = 1800;
+  const double pause = random.uniform(10, 40);
+  for (int i = 0; i < stops; ++i) {
+    Capture capture;
+    capture.stage_deg = std::round(100 * random.uniform(-170, 170)) / 100;
+    capture.since_power_on_s = time += pause;
+    capture.scans = random.integer(5, 30);
+    capture.last_step = session.steps - 1;
+    session.captures.push_back(capture);
+  }
+  set_approach(session);
+}
+
+/// A bench file that knows its scene well, or hardly.
+void choose_uncertainties(Session& session, Random& random) {
+  const double wide = random.pick(std::vector<double>{0.5, 1, 1, 3});
+  for (Wall& wall : session.walls) {
+    wall.u_mm *= wide;
+    wall.u_deg *= wide;
+  }
+  session.u_mount_mm *= random.pick(std::vector<double>{0.5, 1, 2});
+  session.u_yaw_deg *= random.pick(std::vector<double>{0.5, 1, 2});
+}
+
+void look_around(Session& session, Random& random) {
+  choose_lidar(session, random);
+  choose_uncertainties(session, random);
+  add_irregular_turns(session, random);
+}
+
+/// A room with an outward corner, behind which part of it is hidden.
+void l_room(Session& session, Random& random) {
+  const double e = random.uniform(2000, 4500), w = random.uniform(1500, 3000), s = random.uniform(1500, 3000);
+  const double near_n = random.uniform(900, 2000), far_n = near_n + random.uniform(1200, 2800),
+               corner = random.uniform(500, 0.6 * e);
+  add_outline(session, {{e, -s}, {e, near_n}, {corner, near_n}, {corner, far_n}, {-w, far_n}, {-w, -s}}, random);
+  look_around(session, random);
+}
+
+/// Two long walls, open at both ends, and a board across.
+void corridor(Session& session, Random& random) {
+  const double half = random.uniform(700, 1300), length = random.uniform(3500, 6500);
+  session.walls.push_back(board("left", half, 90, random.uniform(-2, 2), length, random.uniform(0.3, 0.85)));
+  session.walls.push_back(board("right", half, -90, random.uniform(-2, 2), length, random.uniform(0.3, 0.85)));
+  session.walls.push_back(
+      board("end", random.uniform(2500, 0.9 * length), 0, random.uniform(-20, 20), 0.6 * half, random.uniform(0.3, 0.85)));
+  look_around(session, random);
+}
+
+/// A room with boards that stand free before its walls.
+void furnished(Session& session, Random& random) {
+  add_room(session, random, 2200, 4500);
+  const int count = random.integer(1, 3);
+  for (int i = 0; i < count; ++i)
+    session.walls.push_back(board("board " + std::to_string(i + 1), random.uniform(900, 1700),
+                                  360.0 / count * i + random.uniform(-25, 25), random.uniform(-40, 40),
+                                  random.uniform(120, 450), random.uniform(0.15, 0.9)));
+  look_around(session, random);
+}
+
 /// Few stage angles, short: where much cannot be told apart.
 void few_angles(Session& session, Random& random) {
   add_room(session, random);
@@ -284,7 +357,8 @@ const std::map<std::string, void (*)(Session&, Random&)>& table() {
       {"edge", edge},     {"turning", turning},       {"one-grey-ladder", one_grey_ladder},
       {"warmup", warmup}, {"heat-cycle", heat_cycle}, {"reflectance-ladder", grey_ladder},
       {"boards", boards}, {"two-sided", two_sided},   {"settle", settle},
-      {"box", box},       {"panels", panels}};
+      {"box", box},       {"panels", panels},         {"l-room", l_room},
+      {"corridor", corridor}, {"furnished", furnished}};
   return makers;
 }
 }  // namespace

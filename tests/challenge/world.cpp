@@ -60,9 +60,26 @@ const std::vector<World::Segment>& World::standing(std::size_t capture_index) co
                     wall.reflectance,
                     wall.closed};
     if (moved && capture.reflectance >= 0) segment.reflectance = capture.reflectance;
+    segment.last_mm = length;
     standing_.push_back(segment);
   }
+  close_outline();
   return standing_;
+}
+
+/// The walls of a closed outline follow each other in the list: each ends where the lines of its neighbours cross it.
+void World::close_outline() const {
+  std::vector<Segment*> outline;
+  for (Segment& segment : standing_)
+    if (segment.closed) outline.push_back(&segment);
+  for (std::size_t i = 0; i < outline.size(); ++i) {
+    Segment& own = *outline[i];
+    const auto crossed_by = [&](const Segment& other) {
+      return other.normal.dot(other.from - own.from) / other.normal.dot(own.along);
+    };
+    own.first_mm = crossed_by(*outline[(i + outline.size() - 1) % outline.size()]);
+    own.last_mm = crossed_by(*outline[(i + 1) % outline.size()]);
+  }
 }
 
 Sight World::look(const Moment& moment, double extra_angle) const {
@@ -90,7 +107,7 @@ Sight World::look(const Moment& moment, double extra_angle) const {
     const double distance = segment.normal.dot(segment.from - origin) / facing;
     if (distance <= 1 || distance >= nearest) continue;
     const double place = segment.along.dot(origin + distance * ray - segment.from);
-    if (!segment.closed && (place < 0 || place > segment.length)) continue;
+    if (place < segment.first_mm || place > segment.last_mm) continue;
     nearest = distance;
     sight.wall = static_cast<int>(i);
     sight.range_mm = distance;

@@ -124,7 +124,9 @@ class World {
     Vector from, to, along, normal;
     double length, reflectance;
     bool closed;
+    double first_mm = 0, last_mm = 0;  ///< Where it ends, from `from`.
   };
+  void close_outline() const;
   [[nodiscard]] const std::vector<Segment>& standing(std::size_t capture) const;
   [[nodiscard]] Expectation mixed(const Moment& moment, double extra_angle, const Sight& centre) const;
   [[nodiscard]] double add_causes(const Moment& moment, const Sight& sight) const;

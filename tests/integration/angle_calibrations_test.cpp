@@ -20,8 +20,9 @@ constexpr double deg = fit::rad_per_deg;
 constexpr const char* bench_text = R"({
   "schema": "bench/1",
   "lidar": {"model": "UST-10LX", "steps": 1081, "front_step": 540, "step_deg": 0.25, "scan_hz": 40,
+            "accuracy": {"u_beam_eccentricity_deg": 0, "u_range_mm": 0, "u_range_scale": 0, "u_range_walk_mm": 0},
             "mount": {"x_mm": {"value": 0, "u": 10}, "y_mm": {"value": 0, "u": 10}, "yaw_deg": {"value": 0, "u": 0.3}}},
-  "stage": {"resolution_deg": 0.01},
+  "stage": {"resolution_deg": 0.01, "accuracy": {"u_scale": 0, "u_eccentricity_deg": 0, "u_backlash_deg": 0}},
   "targets": [{"name": "board", "from_mm": [1400, -200], "to_mm": [1400, 200], "u_mm": 1, "u_deg": 0.1},
               {"name": "background", "from_mm": [2200, -1200], "to_mm": [2200, 1200], "u_mm": 5, "u_deg": 0.1}]
 })";
@@ -138,7 +139,7 @@ TEST_CASE("rotation centre: four positions give it within its stated uncertainty
   // 0.01 deg over the square root of 12 moves the edge by 0.07 mm at 1.4 m.
   double squares = 0, resolution = 0;
   for (const auto& line : result.at("budget")) {
-    if (!line.at("source").get<std::string>().ends_with(", x")) continue;
+    if (line.at("quantity") != "centre_x_mm" || line.at("kind") == "combined") continue;
     squares += std::pow(line.at("u").get<double>(), 2);
     if (line.at("source").get<std::string>().starts_with("resolution")) resolution = line.at("u");
   }

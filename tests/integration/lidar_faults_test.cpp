@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // What goes wrong between a lidar and its driver, over real sockets: each ends in recovery or in an error
 // that names the fault, within its deadline.
+#include <unistd.h>
+
 #include <boost/asio/as_tuple.hpp>
 #include <boost/asio/detached.hpp>
 #include <boost/asio/ip/tcp.hpp>
@@ -215,9 +217,9 @@ TEST_CASE("a lidar that is in another program's hands is told as that") {
     co_await second.connect();  // waits in the device's queue, unanswered
   };
   const auto begun = steady_clock::now();
-  CHECK(kind_of_failure([&] { bench.run(session); }, &what) == Kind::not_a_lidar);
+  CHECK(kind_of_failure([&] { bench.run(session); }, &what) == Kind::in_use);
   CHECK(steady_clock::now() - begun < deadline);
-  CHECK_THAT(what, Contains("no other program is connected"));
+  CHECK_THAT(what, Contains("process " + std::to_string(::getpid())));
 }
 
 TEST_CASE("an address that nobody has, and a name that nobody knows, are told in time") {
@@ -436,15 +438,57 @@ TEST_CASE("a noise without an end in a stream is given up in time") {
   CHECK(steady_clock::now() - begun < deadline);
 }
 
+TEST_CASE("a lidar that does not know ME is asked once, is not lost, and measures distances") {
+  Bench bench;
+  int asked = 0;
+  sim::ScipServer::Fault fault;
+  fault.to_device = [&](std::string bytes) {  // ME becomes a command that nobody knows.
+    const std::size_t at = bytes.find("ME0");
+    if (at == std::string::npos) return bytes;
+    ++asked;
+    return bytes.replace(at, 2, "MX");
+  };
+  fault.to_host = [](std::string bytes, bool&) {
+    const std::size_t at = bytes.find("MX0");
+    return at == std::string::npos ? bytes : bytes.replace(at, 2, "ME");
+  };
+  bench.server.set_fault(fault);
+  lidar::Client client = bench.client();
+  Kind kind = Kind::wrong_use;
+  std::string what;
+  lidar::Scan scan;
+  auto session = [&]() -> awaitable<void> {
+    co_await client.connect();
+    lidar::StreamRequest all;
+    try {
+      co_await client.start(all);
+    } catch (const lidar::LidarError& error) {
+      kind = error.kind();
+      what = error.what();
+    }
+    all.with_intensity = false;
+    co_await client.start(all);
+    scan = co_await client.next();
+    co_await client.stop();
+  };
+  bench.run(session);
+  CHECK(kind == Kind::unknown_command);
+  CHECK_THAT(what, Contains("does not know ME") && !Contains("Switch it off"));
+  CHECK(asked == 1);
+  CHECK(scan.range_mm.size() == 1081);
+  CHECK(scan.intensity.empty());
+}
+
 TEST_CASE("a lidar that checks itself is waited for; one that is broken is told") {
   Bench bench;
   int seen = 0;
-  std::string status = "21";
+  const std::string passing = GENERATE("21", "0M");
+  std::string status = passing;
   set_fault(bench, [&](std::string message) {
     if (++seen != 10) return message;
     std::string line = message.substr(0, message.find('\n'));
     std::string out = lidar::build_status_response(line, status);
-    if (status == "21") out += lidar::build_status_response(line, "98");
+    if (status == passing) out += lidar::build_status_response(line, "98");
     return out;
   });
   lidar::Client client = bench.client();

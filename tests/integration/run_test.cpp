@@ -649,6 +649,22 @@ TEST_CASE("the bench is walked through and what is wrong with it is told") {
   const std::string told = bad.errors().substr(bad.errors().find("target board") + 12);
   CHECK(std::atof(told.c_str()) == Approx(-200).margin(10));  // the mean of 40 scans of 5 mm noise
 
+  std::string other = small_bench;
+  other.replace(other.find("\"UST-10LX\""), 10, "\"UTM-30LX\", \"front_step\": 500");
+  bench.write("other.json", other);
+  command[3] = bench.folder / "other.json";
+  Program another(command, bench.folder);
+  CHECK(another.exit_status() == 1);
+  CHECK_THAT(another.errors(), Contains("BAD   model") && Contains("other.json:3:21") &&
+                                   Contains("BAD   front step") && Contains("not looked at"));
+
+  bench.sim->ask({{"fault", "lidar unwell"}});
+  command[3] = bench.folder / "bench.json";
+  Program ill(command, bench.folder);
+  CHECK(ill.exit_status() == 1);
+  CHECK_THAT(ill.errors(), Contains("BAD   lidar's state") && Contains("window is dirty"));
+  bench.sim->ask({{"fault", "lidar unwell on=0"}});
+
   Program found({RIG_BIN_DIR "/rig", "devices", "--lidar", bench.sim->lidar(), "--stage", bench.sim->stage(),
                  "--json", "-"},
                 bench.folder);

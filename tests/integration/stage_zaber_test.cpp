@@ -212,3 +212,48 @@ TEST_CASE("the stage of a bench file is read strictly where the driver knows the
   CHECK_THROWS_WITH(rig::stage_options(nlohmann::json::parse(R"({"limits_deg": [5, 1]})")),
                     Contains("smaller first"));
 }
+
+namespace {
+
+/// Answers in the language, and refuses what it does not know: how far a turn is.
+class UnknownZaber final : public sim::StageDevice {
+ public:
+  std::string receive(std::string_view bytes, double) override {
+    std::string out;
+    for (const char c : bytes) {
+      line_ += c;
+      if (c != '\n') continue;
+      const std::string line = std::exchange(line_, "");
+      const std::size_t slash = line.find('/');
+      if (slash == std::string::npos) continue;
+      const std::string command = line.substr(slash + 1, line.rfind(':') - slash - 1);
+      const std::string who = command.substr(0, command.find("get ") - 1);
+      const auto asks = [&](const char* setting) { return command.ends_with(setting); };
+      const std::string answer = asks("get deviceid")           ? "OK IDLE -- 50999"
+                                 : asks("get system.axiscount") ? "OK IDLE -- 1"
+                                                                : "RJ IDLE -- BADCOMMAND";
+      if (command.find("get ") != std::string::npos) out += "@" + who + " " + answer + "\r\n";
+    }
+    return out;
+  }
+  std::string poll(double) override { return ""; }
+  sim::StageMechanics& mechanics() override { return mechanics_; }
+  void inject(sim::StageFault, double) override {}
+  [[nodiscard]] int baud() const override { return 115200; }
+
+ private:
+  std::string line_;
+  sim::StageMechanics mechanics_{sim::usual_stage_physics("zaber")};
+};
+
+}  // namespace
+
+TEST_CASE("a Zaber that refuses one setting is told as that, not as another baud rate") {
+  StageRig rig;
+  UnknownZaber device;
+  const sim::PtyPort port(rig.io.get_executor(), device, rig.clock, {});
+  const rig::StageProbe found = rig.run(rig::probe_stage(rig.io.get_executor(), "serial:" + port.path()));
+  CHECK_FALSE(found.identity);
+  CHECK_THAT(found.why_nobody(),
+             Contains("answers in the language zaber") && Contains("units_per_deg") && !Contains("baud"));
+}

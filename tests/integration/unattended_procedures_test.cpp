@@ -64,14 +64,16 @@ TEST_CASE("a corner gives the lidar's place and orientation within what is state
     CHECK(std::abs(found.value - truth) < 4 * found.u);
     return found.u;
   };
-  CHECK(is("mounting_angle_deg", 1.3) < 0.005);
-  CHECK(is("mount_x_mm", 52) < 0.1);
-  CHECK(is("mount_y_mm", -9) < 0.1);
-  CHECK(is("radius_mm", std::hypot(52, 9)) < 0.1);
-  CHECK(is("direction_deg", std::atan2(-9, 52) * 180 / std::numbers::pi) < 0.1);
-  CHECK(is("front_mm", 1503) < 0.1);
-  CHECK(is("side_mm", 1498) < 0.1);
-  CHECK(is("corner_deg", 90) < 0.01);
+  // The bench file states no accuracy: an encoder may be off by 0.15 deg, ranges by 12 mm and in proportion.
+  CHECK(is("mounting_angle_deg", 1.3) < 0.15);
+  CHECK(is("mount_x_mm", 52) < 0.4);
+  CHECK(is("mount_y_mm", -9) < 0.4);
+  CHECK(is("radius_mm", std::hypot(52, 9)) < 0.4);
+  CHECK(is("direction_deg", std::atan2(-9, 52) * 180 / std::numbers::pi) < 0.4);
+  CHECK(is("front_mm", 1503) < 20);
+  CHECK(is("front_mm", 1503) > 5);
+  CHECK(is("side_mm", 1498) < 20);
+  CHECK(is("corner_deg", 90) < 0.05);
   CHECK_THAT(bench.text_of("right-angle-wall.html"), Catch::Contains("Mounting angle"));
 }
 

@@ -6,6 +6,7 @@
 
 #include "fit/angle.hpp"
 #include "fit/explain/answer/chapters.hpp"
+#include "fit/explain/odds.hpp"
 #include "fit/explain/stated_noise.hpp"
 
 namespace fit::explain::answer {
@@ -22,54 +23,93 @@ struct Stated {
         found(findings.means.best.nuisance.as_vector()),
         u(Nuisance::prior_sigma(findings.reduced.bench)) {}
 
-  /// The one that is the most of its uncertainties off.
-  [[nodiscard]] Index worst() const {
-    Index worst = 0;
-    for (Index i = 1; i < stated.size(); ++i)
-      if (u[i] > 0 && std::abs(found[i] - stated[i]) / u[i] >
-                          std::abs(found[worst] - stated[worst]) / std::max(1e-12, u[worst]))
-        worst = i;
-    return worst;
+  /// Log of the odds against so large a deviation.
+  [[nodiscard]] double strain(Index i) const {
+    return u[i] > 0 ? 0.5 * std::pow((found[i] - stated[i]) / u[i], 2) : 0;
   }
 };
 
 /// As answers name what the bench file states there.
-std::string name_of(Index i) {
-  return i < 2 ? mount_offset : i == 2 ? mount_yaw : i % 2 == 1 ? "target-offset" : "target-tilt";
+std::string name_of(const Freedom& freedom) {
+  switch (freedom.of) {
+    case Freedom::Of::mount_x:
+    case Freedom::Of::mount_y:
+      return mount_offset;
+    case Freedom::Of::mount_yaw:
+      return mount_yaw;
+    case Freedom::Of::turn:
+      return "target-tilt";
+    default:
+      return "target-offset";
+  }
 }
 
-bool is_angle(Index i) { return i == 2 || (i > 3 && i % 2 == 0); }
+/// What looks the same from one place.
+std::string same_as(const Freedom& freedom) {
+  switch (freedom.of) {
+    case Freedom::Of::mount_x:
+    case Freedom::Of::mount_y:
+      return "lidar-arm";
+    case Freedom::Of::mount_yaw:
+      return "index-offset";
+    default:
+      return unknown_physics;
+  }
+}
 
-std::string in_words(Index i, const Bench& bench) {
-  if (i < 3) return std::string("The lidar's mount ") + (i == 0 ? "x" : i == 1 ? "y" : "yaw");
-  return "Target '" + bench.targets[static_cast<std::size_t>((i - 3) / 2)].name + "' " +
-         (is_angle(i) ? "orientation" : "offset");
+std::string in_words(const Freedom& freedom, const Bench& bench) {
+  switch (freedom.of) {
+    case Freedom::Of::mount_x:
+      return "The lidar's mount x";
+    case Freedom::Of::mount_y:
+      return "The lidar's mount y";
+    case Freedom::Of::mount_yaw:
+      return "The lidar's mount yaw";
+    default:
+      break;
+  }
+  const char* what = freedom.of == Freedom::Of::turn     ? "orientation"
+                     : freedom.of == Freedom::Of::aside  ? "offset aside"
+                     : freedom.of == Freedom::Of::radius ? "radius"
+                                                         : "offset";
+  return "Target '" + bench.targets[static_cast<std::size_t>(freedom.target)].name + "' " + what;
 }
 
 }  // namespace
 
 void tell_stated_otherwise(const Findings& findings, Explanation& out) {
-  const std::string itself = name_of(Stated(findings).worst());
-  for (const std::vector<Term>& suspects : findings.means.stated_otherwise) {
-    std::vector<std::string> set;
-    for (const Term& term : suspects) set.push_back(term.mechanism->id);
-    if (!std::ranges::count(set, itself)) set.push_back(itself);
-    out.undecided_between.push_back(set);
-    out.suspects.insert(out.suspects.end(), suspects.begin(), suspects.end());
-    out.notes.push_back("No capture shows " + set.front() +
-                        " by itself; only what the bench file states about mount and targets does. Check "
-                        "the bench file first.");
+  const Bench& bench = findings.reduced.bench;
+  const Stated file(findings);
+  const std::vector<Freedom> freedoms = freedoms_of(bench);
+  const auto is_told = [&](const std::string& name) {
+    return std::ranges::any_of(out.mechanisms, [&](const Found& f) { return f.mechanism->id == name; }) ||
+           std::ranges::any_of(out.undecided_between, [&](const auto& set) { return std::ranges::count(set, name) > 0; });
+  };
+  for (std::size_t i = 0; i < freedoms.size(); ++i) {
+    const Freedom& freedom = freedoms[i];
+    const double price = odds::price_of_mechanism + price_of_scale(1, 1) +
+                         (freedom.target < 0 ? 0 : std::log(static_cast<double>(bench.targets.size())));
+    if (file.strain(static_cast<Index>(i)) <= price) continue;
+    const std::string name = name_of(freedom), same = same_as(freedom);
+    if (is_told(name) || is_told(same)) continue;
+    out.undecided_between.push_back({name, same});
+    out.notes.push_back(in_words(freedom, bench) +
+                        " had to go farther from where the bench file states it than a mechanism costs: nothing "
+                        "else explains this recording. Check the bench file first.");
   }
 }
 
 void doubt_bench_file(const Findings& findings, Explanation& out) {
   constexpr double hardly_possible = 3.5;  // standard uncertainties
   const Stated file(findings);
+  const std::vector<Freedom> freedoms = freedoms_of(findings.reduced.bench);
   for (Index i = 0; i < file.stated.size(); ++i) {
     const double off = file.found[i] - file.stated[i];
     if (file.u[i] <= 0 || std::abs(off) < hardly_possible * file.u[i]) continue;
-    out.notes.push_back(in_words(i, findings.reduced.bench) + " comes out " +
-                        rounded(off * (is_angle(i) ? deg_per_rad : 1), 3) + (is_angle(i) ? " deg" : " mm") +
+    const Freedom& freedom = freedoms[static_cast<std::size_t>(i)];
+    out.notes.push_back(in_words(freedom, findings.reduced.bench) + " comes out " +
+                        rounded(off * (freedom.is_angle() ? deg_per_rad : 1), 3) +
+                        (freedom.is_angle() ? " deg" : " mm") +
                         " from what the bench file states, " + rounded(std::abs(off) / file.u[i], 2) +
                         " times its uncertainty: check the bench file before looking for physics.");
   }
@@ -83,6 +123,14 @@ void correct_bench(const Findings& findings, Bench& bench) {
   mount.yaw_rad.value = n.yaw_rad;
   for (std::size_t i = 0; i < bench.targets.size(); ++i) {
     Target& target = bench.targets[i];
+    if (target.round) {
+      RoundShape shape = *target.round;
+      const Eigen::Vector2d outward = target.outward_normal();
+      shape.centre_mm += n.offset_mm[i] * outward + n.aside_mm[i] * Eigen::Vector2d(-outward.y(), outward.x());
+      shape.radius_mm += n.thicker_mm[i];
+      target.set_round(shape);
+      continue;
+    }
     const Eigen::Vector2d middle =
                               (target.from_mm + target.to_mm) / 2 + n.offset_mm[i] * target.outward_normal(),
                           half = (target.to_mm - target.from_mm) / 2;

@@ -14,7 +14,8 @@ inline constexpr double not_certain = 0.85;
 /// Mechanisms that move means, and sets of those that cannot be told apart.
 void tell_means(const Findings& findings, Explanation& out);
 
-/// What only the bench file's uncertainties show: any of several mechanisms, or the bench file itself.
+/// Mount and targets that had to go farther from where the bench file has them than a mechanism costs, unless
+/// something named says so: that the file is wrong is an answer, and nothing is not missing then.
 void tell_stated_otherwise(const Findings& findings, Explanation& out);
 
 /// Stray light beside edges.

@@ -72,8 +72,8 @@ std::string evidence_of(const MeanResult& means, std::size_t t) {
   int told = 0;
   for (const Rival& rival : means.rivals[t]) {
     if (told == 2) break;
-    text += std::string(told == 0 ? " Next best: " : "; then ") + name_of_rival(rival) + ", e^" +
-            rounded(rival.behind, 3) + " times less probable";
+    text += std::string(told == 0 ? " Next best: " : "; then ") + name_of_rival(rival) + ", 10^" +
+            rounded(rival.behind / std::log(10.0), 2) + " times less probable";
     ++told;
   }
   return text + (told > 0 ? "." : "");

@@ -60,10 +60,11 @@ Found found_noise(const Findings& findings, const Suspect& suspect) {
 
 void tell_set(const std::vector<Suspect>& set, Explanation& out) {
   std::vector<std::string> names, ways;
+  const auto named = std::ranges::count_if(set, [](const Suspect& s) { return s.mechanism != nullptr; });
   for (const Suspect& s : set) {
     if (!s.mechanism) continue;
     names.push_back(s.mechanism->id);
-    out.noise_suspects.push_back(s);
+    if (named > 1) out.noise_suspects.push_back(s);  // else there is nobody to tell it from
     if (!std::ranges::count(ways, s.mechanism->separate)) ways.push_back(s.mechanism->separate);
   }
   out.notes.push_back("What would tell " + listed(names) + " apart: " + listed(ways, "or") + ".");

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "fit/angle.hpp"
 #include "fit/explain/scene.hpp"
 
 namespace fit::explain::reduction {
@@ -14,5 +15,13 @@ constexpr double doubt_of_mount = 3;
 
 /// How near (mm) to a corner of its target a beam that sways so far may come for its mean to be compared.
 [[nodiscard]] double corner_margin_mm(const Sight& sight, double sway_mm);
+
+/// Within this of an edge, part of a beam of usual width passes it.
+inline constexpr double beside_rad = 0.5 * rad_per_deg;
+
+/// What the mean of a beam so far from an edge of that depth (0: nothing behind) may be off because part of it
+/// passes the edge: the rest meets the surface aside, and what passes meets the one behind. Standard
+/// uncertainty, mm.
+[[nodiscard]] double doubt_at_edge_mm(const Sight& sight, double edge_rad, double gap_mm);
 
 }  // namespace fit::explain::reduction

@@ -11,6 +11,7 @@ namespace {
 
 constexpr double edge_margin_rad = 1.3 * rad_per_deg;   // half a footprint and doubt about the yaw
 constexpr double brink_margin_rad = 0.8 * rad_per_deg;  // where nothing lies behind the edge: only the yaw
+constexpr double told_apart_mm = 300;  // samples themselves tell which of two surfaces so far apart they met
 constexpr double edge_window_rad = 2.5 * rad_per_deg;
 constexpr double grazing_rad = 78 * rad_per_deg;
 
@@ -18,7 +19,7 @@ Circumstances circumstances(const Reduced& session, const Setting& setting, cons
   const auto& [capture, group, samples, scene, edges] = setting;
   constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
   Circumstances c;
-  scene.describe(cell.sight, group.stage_rad, edges, c);
+  scene.describe(cell.sight, edges, c);
   c.target = session.same_as[static_cast<std::size_t>(cell.sight.target)];
   c.beam_rad = cell.beam_rad;
   c.stage_rad = group.stage_rad;
@@ -39,41 +40,34 @@ void judge_place(const Mount& mount, const Setting& setting, const Beams& beams,
   const Samples& samples = setting.samples;
   const Circumstances& c = cell.at;
   const double sway = sway_mm(mount, cell.sight.range_mm, doubt_of_mount);
-  const bool near_corner = c.corner_mm < corner_margin_mm(cell.sight, sway);
-  const bool near_edge =
-      std::abs(c.edge_rad) <= (c.gap_mm > 0 ? edge_margin_rad : brink_margin_rad) + samples.spacing_rad / 2;
+  const bool near_corner = setting.scene.to_joint_mm(cell.sight) < corner_margin_mm(cell.sight, sway);
+  const double from_edge = std::abs(c.edge_rad) - samples.spacing_rad / 2;
+  const bool near_edge = from_edge <= (c.gap_mm > 0 ? edge_margin_rad : brink_margin_rad);
   const bool slanted = std::abs(cell.sight.incidence_rad) >= grazing_rad;
   cell.smooth = !near_edge && !near_corner && !slanted;
   cell.doubtful = !cell.smooth && !slanted && beams.count == 1;
+  cell.doubt_mm = doubt_at_edge_mm(cell.sight, from_edge, c.gap_mm);
+  // Where the samples can tell what they met, they are asked (summary.cpp).
+  const bool tells = from_edge > beside_rad && (c.gap_mm == 0 || c.gap_mm > told_apart_mm);
+  if (cell.doubtful && near_edge && !near_corner && tells) cell.smooth = true;
   if (beams.count == 1) return;
   const Sight left = setting.scene.look(stage_rad, beams.from(samples.beam_rad)),
               right = setting.scene.look(stage_rad, beams.to(samples.beam_rad));
   if (left.target != right.target) cell.smooth = false;
 }
 
-/// The target that begins where the edge's own ends.
-int behind(const Scene& scene, const Edge& edge, double stage_rad, double yaw_rad) {
-  constexpr double aside = 2e-4;
-  return scene.look(stage_rad, edge.bearing_rad - edge.near_side * aside - stage_rad - yaw_rad).target;
-}
-
-/// The edge within reach, and the plane on its other side.
-void find_edge(const Mount& mount, const Setting& setting, Cell& cell) {
-  const double stage_rad = setting.group.stage_rad;
-  const Edge* nearest = nullptr;
-  const auto away = [&](const Edge& edge) {
-    return std::abs(wrap_angle(cell.sight.bearing_rad - edge.bearing_rad));
-  };
-  for (const Edge& edge : setting.edges)
-    if (away(edge) < (nearest ? away(*nearest) : 1e9)) nearest = &edge;
+/// The edge within reach, and the surface on its other side.
+void find_edge(const Setting& setting, Cell& cell) {
+  const Edge* nearest = nearest_edge(setting.edges, cell.sight.bearing_rad);
   if (!nearest) return;
   cell.edge = nearest->id;
   if (!(std::abs(cell.at.edge_rad) < edge_window_rad) || !(cell.at.gap_mm > 0)) return;
   // Both surfaces may be slanted: each is taken where this beam would meet it.
-  const int other = cell.at.edge_rad > 0 ? behind(setting.scene, *nearest, stage_rad, mount.yaw_rad.value)
-                                         : nearest->id / 2;
-  if (other >= 0 && other != cell.sight.target)
-    cell.other_mm = setting.scene.look_at(other, stage_rad, cell.beam_rad, {}).range_mm;
+  const bool on_near = cell.at.edge_rad > 0;
+  if (cell.sight.target != (on_near ? nearest->near_target : nearest->far_target)) return;
+  const int other = on_near ? nearest->far_target : nearest->near_target;
+  if (other >= 0)
+    cell.other_mm = setting.scene.look_at(other, setting.group.stage_rad, cell.beam_rad, {}).range_mm;
 }
 
 }  // namespace
@@ -87,7 +81,7 @@ Cell placed(const Reduced& session, const Setting& setting, const Beams& beams) 
   cell.at = circumstances(session, setting, cell, beams.midway(setting.samples.beam_s));
   judge_place(mount, setting, beams, cell);
   cell.nominal_mm = cell.sight.range_mm;
-  find_edge(mount, setting, cell);
+  find_edge(setting, cell);
   return cell;
 }
 

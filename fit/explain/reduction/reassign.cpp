@@ -22,6 +22,7 @@ struct Met {
   Sight sight;
   Circumstances at;
   double effect_mm = 0;  ///< On the range, of mechanisms at work.
+  double joint_mm = std::numeric_limits<double>::infinity();  ///< To where another target begins.
 };
 
 class Reassignment {
@@ -55,12 +56,15 @@ class Reassignment {
   [[nodiscard]] Met met_by(const Cell& cell, const Group& group, const Scene& scene,
                            const std::vector<Edge>& edges) const {
     const Effect effect = reduction::effect_there(reduced_, at_work_, cell.at);
-    Met met{scene.look(group.stage_rad, cell.beam_rad, effect), cell.at, effect.range_mm};
+    Met met{.sight = scene.look(group.stage_rad, cell.beam_rad, effect), .at = cell.at, .effect_mm = effect.range_mm};
     Circumstances& at = met.at;
     at.corner_mm = at.edge_rad = std::numeric_limits<double>::infinity();
     at.gap_mm = at.pull_mm = 0;
     const int target = met.sight.target;
-    if (target >= 0) scene.describe(met.sight, group.stage_rad, edges, at);
+    if (target >= 0) {
+      scene.describe(met.sight, edges, at);
+      met.joint_mm = scene.to_joint_mm(met.sight);
+    }
     at.target = target < 0 ? -1 : reduced_.same_as[static_cast<std::size_t>(target)];
     return met;
   }
@@ -68,7 +72,7 @@ class Reassignment {
   /// A smooth cell that meets another target or a corner.
   bool leaves_out(Cell& cell, const Met& now) {
     // By geometry alone: how far a mean is off must not decide whether it counts.
-    if (now.sight.target == cell.sight.target && now.at.corner_mm >= corner_margin_mm(now.sight, 0))
+    if (now.sight.target == cell.sight.target && now.joint_mm >= corner_margin_mm(now.sight, 0))
       return false;
     cell.smooth = false;
     cell.doubtful = true;
@@ -84,6 +88,7 @@ class Reassignment {
     cell.sight = now.sight;
     cell.at = now.at;
     cell.nominal_mm = nominal;
+    cell.doubt_mm = reduction::doubt_at_edge_mm(now.sight, from_edge(cell.edge, now.at), now.at.gap_mm);
     cell.smooth = true;
     cell.doubtful = false;
     --reduced_.left_out;
@@ -93,7 +98,7 @@ class Reassignment {
   [[nodiscard]] bool is_clear(const Met& now, int edge) const {
     const Mount& mount = reduced_.bench.lidar.mount;
     const double sway = sway_mm(mount, now.sight.range_mm, doubt_left);
-    return now.at.corner_mm >= corner_margin_mm(now.sight, sway) &&
+    return now.joint_mm >= corner_margin_mm(now.sight, sway) &&
            from_edge(edge, now.at) >= edge_margin_rad_ + doubt_left * mount.yaw_rad.u;
   }
 

@@ -148,8 +148,12 @@ void average(const std::vector<double>& ranges_mm, double middle_mm, double reac
 /// Whether samples so spread and so many may be compared with a surface.
 void judge_samples(const Core& core, int echoes, double sigma_mm, bool turning, Cell& cell) {
   if (turning && cell.stray > 0) cell.smooth = false;  // which of three is wrong nobody knows
-  if (core.spread_mm > 1.6 * sigma_mm + 1 || cell.stray > 0 || cell.lost > 0 || cell.between > 0)
-    cell.doubtful = false;
+  const bool mixed = core.spread_mm > 1.6 * sigma_mm + 1 || cell.stray > 0 || cell.lost > 0 || cell.between > 0;
+  if (cell.smooth && cell.doubtful) {  // beside an edge: all samples, or none, met that surface
+    cell.smooth = !mixed && std::abs(cell.mean_mm - cell.nominal_mm) < 60 + 5 * sigma_mm;
+    cell.doubtful = !cell.smooth;
+  }
+  if (mixed) cell.doubtful = false;
   if (core.spread_mm > 4 * sigma_mm + 20) cell.smooth = false;
   if (cell.n * 2 < echoes) cell.smooth = false;
 }
@@ -188,7 +192,7 @@ void summarise(const Setting& setting, const Beams& beams, bool keep_samples, Ce
     cell.smooth = false;
     return;
   }
-  const bool in_clear = cell.smooth;
+  const bool in_clear = cell.smooth && !cell.doubtful;
   tell_place_at_edge(all.ranges_mm, sigma_mm, cell);
   const Core core = core_of(all.ranges_mm);
   const double reach_mm = reach_of(core, all.ranges_mm.size(), sigma_mm, turning);

@@ -19,16 +19,6 @@ namespace {
 
 constexpr double hardly_worse = 3, most_behind = 12;  // a rival that is simply more adjustable
 
-/// Then the name says the same as that the bench file is wrong.
-bool says_where_a_target_stands(const Term& term) { return static_cast<bool>(term.mechanism->displaces); }
-
-/// Whether a term was set aside, because the bench file's uncertainties alone speak for it.
-bool is_set_aside(const MeanResult& result, const Term& term) {
-  return std::ranges::any_of(result.stated_otherwise, [&](const std::vector<Term>& set) {
-    return std::ranges::any_of(set, [&](const Term& other) { return other.same(term); });
-  });
-}
-
 /// Akaike's: how well it fits, less one for everything that its mechanisms adjusted to the recording, and
 /// less the odds against sizes that physics hardly allows: they are no matter of how much there is to adjust.
 double adjusted_fit(const Hypothesis& h) {
@@ -77,9 +67,7 @@ class Judgement {
  private:
   /// False if a better explanation came up among the rivals, and is to be judged instead: once.
   bool judge_once() {
-    auto said = std::move(result_.stated_otherwise);
     result_ = MeanResult(fitting_.bench());
-    result_.stated_otherwise = std::move(said);
     if (!keep_what_transfers(fitting_, best_)) transfers_ = false;
     const Blocks blocks = blocks_and_floor(fitting_, result_);
     while (drops_one(blocks)) {
@@ -102,8 +90,9 @@ class Judgement {
            best_.evidence - less.evidence < odds::worth_a_first_name;
   }
 
-  /// What does not help on captures it has not seen is not believed. If the bench file's uncertainties alone
-  /// speak for it, it is one of several ways in which the bench file may be wrong. False if all helps.
+  /// What does not help on captures it has not seen is not believed, unless the bench file's own uncertainties
+  /// speak for it: these no other capture can repeat. They are never widened; that the file is wrong is one of
+  /// the explanations that stand beside it, at a price of its own. False if all helps.
   bool drops_one(const Blocks& blocks) {
     result_.without.clear();
     result_.after = held_out(fitting_, best_, blocks);
@@ -111,24 +100,15 @@ class Judgement {
     for (std::size_t t = 0; t < best_.terms.size(); ++t) {
       const Hypothesis& less = each[t];
       result_.without.push_back(held_out(fitting_, less, blocks));
-      if (result_.without.back().log_likelihood < result_.after.log_likelihood && !is_hardly_any(less))
-        continue;
-      const bool only_the_file = relieves_priors(best_, less, fitting_.bench());
-      if (only_the_file) {
-        const std::vector<Term> set = only_priors(fitting_, best_.terms[t], less);
-        if (set.size() == 1 && says_where_a_target_stands(set.front())) continue;
-        result_.stated_otherwise.push_back(set);
-      }
+      const bool helps = result_.without.back().log_likelihood < result_.after.log_likelihood;
+      if ((helps && !is_hardly_any(less)) || relieves_priors(best_, less, fitting_.bench())) continue;
       best_ = less;
-      if (only_the_file) {
-        believe_bench_less(best_, fitting_.bench());
-        fitting_.fit(best_);
-      }
       return true;
     }
     for (std::size_t s = best_.terms.size(); s < each.size(); ++s) {
       const Hypothesis& less = each[s];
-      if (held_out(fitting_, less, blocks).log_likelihood < result_.after.log_likelihood) continue;
+      const bool helps = held_out(fitting_, less, blocks).log_likelihood < result_.after.log_likelihood;
+      if (helps || relieves_priors(best_, less, fitting_.bench())) continue;
       best_ = less;
       return true;
     }
@@ -182,7 +162,6 @@ class Judgement {
       const bool is_hopeless =
           candidate.evidence < hopeless * first && candidate.evidence < first - far_behind;
       if (rivals == most || (rivals > 1 && is_hopeless)) break;
-      if (!by_form && is_set_aside(result_, candidate.term)) continue;
       rivals += !by_form || !says_any_curve_of(named, *candidate.shape);
       others.push_back(with(less, candidate));
     }
@@ -199,8 +178,7 @@ class Judgement {
     };
     std::vector<Hypothesis> others;
     for (const Candidate& candidate : list) {
-      if (candidate.shape || !is_another(*candidate.term.mechanism) || is_set_aside(result_, candidate.term))
-        continue;
+      if (candidate.shape || !is_another(*candidate.term.mechanism)) continue;
       others.push_back(with(less, candidate));
       others.back().terms.back().bends_freely = true;
     }

@@ -119,6 +119,9 @@ class Doubts {
     const auto noise = unnamed_noise(model_, model_.variances(parts, fit), parts.places > 0);
     // It must be worth something beside the level alone.
     if (!noise || noise->evidence() < accept_at + odds::worth_a_name) return;
+    // Of noise of weak echoes only the coordinate is certain: another law along it is its own.
+    const auto is_of_echoes = [](const NamedNoise& name) { return is(name.suspect, ids::intensity_noise); };
+    if (noise->coordinate == Coordinate::intensity && std::ranges::any_of(names_, is_of_echoes)) return;
     alternative.noise = *noise;
     alternative.evidence =
         fit.log_likelihood + noise->evidence() - price_of(alternative.kept) - odds::worth_a_name -

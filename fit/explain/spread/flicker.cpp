@@ -423,6 +423,8 @@ void flicker(const std::vector<Group>& groups, std::vector<Sector>& sectors, Spr
 }
 
 void take_off_flicker(Reduced& reduced) {
+  if (reduced.is_without_flicker) return;
+  reduced.is_without_flicker = true;
   const auto [period_s, ranges] = Ranges(reduced.groups, reduced.sectors);
   const std::vector<Spectrum::Line> lines = Spectrum(ranges, period_s).lines();
   if (lines.empty()) return;

@@ -13,7 +13,7 @@ namespace fit::explain::spread {
 void flicker(const std::vector<Group>& groups, std::vector<Sector>& sectors, SpreadResult& result);
 
 /// Takes off the cells what the same wave leaves in their means over a few scans, and adds to their
-/// variances.
+/// variances; once, however often it is asked to.
 void take_off_flicker(Reduced& reduced);
 
 /// Whether it does, by that answer.

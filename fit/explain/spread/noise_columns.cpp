@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
+#include <string>
 
 #include "fit/angle.hpp"
 #include "fit/explain/spread/suspects.hpp"
@@ -37,6 +39,11 @@ Column of_lever(const std::vector<Pool>& pools) {
   return column;
 }
 
+bool makes_noise(const Suspect& suspect) {
+  return is(suspect, ids::intensity_noise) || is(suspect, ids::sunlight) || is(suspect, ids::angle_jitter) ||
+         is(suspect, constant_noise);
+}
+
 Column of_suspect(const std::vector<Pool>& pools, const Suspect& suspect) {
   const auto value = [&](const char* name) { return suspect.parameters.at(name).value; };
   if (is(suspect, ids::intensity_noise)) return of_intensity(pools, value("exponent"));
@@ -47,7 +54,9 @@ Column of_suspect(const std::vector<Pool>& pools, const Suspect& suspect) {
                : light;
   }
   if (is(suspect, constant_noise)) return Column(pools.size(), 1);
-  return of_lever(pools);
+  if (is(suspect, ids::angle_jitter)) return of_lever(pools);
+  throw std::logic_error("no noise of single samples: " +
+                         (suspect.mechanism ? suspect.mechanism->id : std::string("a suspect without a name")));
 }
 
 double size_of(const Suspect& suspect) {

@@ -22,7 +22,10 @@ inline constexpr std::array exponents_of_noise{1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.5
 [[nodiscard]] Column between_times(const std::vector<Pool>& pools, Column column, Interval times_s);
 /// Angles that scatter.
 [[nodiscard]] Column of_lever(const std::vector<Pool>& pools);
-/// Of `intensity-noise`, `sunlight`, `angle-jitter` or `range-noise`, where its parameters have it.
+/// Whether it is one of those that follow: noise of single samples, whose size has a unit of length or angle.
+[[nodiscard]] bool makes_noise(const Suspect& suspect);
+/// Of `intensity-noise`, `sunlight`, `angle-jitter` or `range-noise`, where its parameters have it; throws
+/// std::logic_error for any other.
 [[nodiscard]] Column of_suspect(const std::vector<Pool>& pools, const Suspect& suspect);
 /// Its size there, mm^2 (angle-jitter: rad^2).
 [[nodiscard]] double size_of(const Suspect& suspect);

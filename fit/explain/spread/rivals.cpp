@@ -41,6 +41,7 @@ std::vector<Parts> ways_of(const std::vector<Pool>& pools, const Suspect& suspec
     constant.free = true;
     return {constant};
   }
+  if (!makes_noise(suspect)) return {Parts()};
   if (!is(suspect, ids::intensity_noise)) return {Parts().with(of_suspect(pools, suspect))};
   std::vector<Parts> ways;
   for (const double exponent : exponents_of_noise)
@@ -62,14 +63,14 @@ std::vector<Pool> expected(const Reduced& reduced, const Suspect& truth) {
 class IfTrue {
  public:
   IfTrue(const Reduced& reduced, const Suspect& truth) : reduced_(reduced), truth_(truth) {
-    if (is(truth, ids::dropout)) return;
+    if (!makes_noise(truth)) return;
     noise_.emplace(expected(reduced, truth), stated_noise(reduced.bench), 0, 1);
     own_ = likelihood_of(truth);
   }
   [[nodiscard]] double evidence_against(const Suspect& rival) const {
     const double of_losses = evidence_of_losses(reduced_, truth_, rival);
     // Echoes that are about to be lost scatter as much as any noise that is as steep.
-    if (!noise_ || is(rival, ids::dropout)) return of_losses;
+    if (!noise_ || !makes_noise(rival)) return of_losses;
     return std::max(0.0, own_ - likelihood_of(rival)) + of_losses;
   }
 
@@ -83,7 +84,7 @@ class IfTrue {
 
   const Reduced& reduced_;
   const Suspect& truth_;
-  std::optional<VarianceModel> noise_;  ///< None of a dropout, whose noise is like its rival's.
+  std::optional<VarianceModel> noise_;  ///< None of what makes none of its own: a dropout's is like its rival's.
   double own_ = 0;
 };
 

@@ -26,9 +26,11 @@ double of_exponential(const std::vector<double>& places_mm) {
   return -static_cast<double>(places_mm.size()) * (std::log(mean) + 1);
 }
 
-/// ... that are anywhere up to the farthest; ... that are a ghost's, all at one range.
-double of_anywhere(std::size_t count, double width_mm) {
-  return -static_cast<double>(count) * std::log(width_mm);
+/// ... that are anywhere up to where each might lie at most; ... that are a ghost's, all at one range.
+double of_anywhere(const std::vector<double>& room_mm) {
+  double sum = 0;
+  for (const double room : room_mm) sum -= std::log(std::max(1.0, room));
+  return sum;
 }
 double of_ghost(const std::vector<double>& ranges_mm) {
   const double middle = median_of(std::vector(ranges_mm));
@@ -38,24 +40,25 @@ double of_ghost(const std::vector<double>& ranges_mm) {
   return -static_cast<double>(away.size()) * (std::log(2 * mean) + 1);
 }
 
-/// Strays on one side of their targets.
+/// Strays on one side of their targets. Those that lie anywhere lie as far as any does: to the farthest range
+/// that came, or to the nearest.
 std::optional<Tail> tail_of(const Reduced& reduced, bool late) {
   constexpr std::size_t fewest = 5;
-  std::vector<double> places_mm, ranges_mm;
-  double room_mm = 0;
+  std::vector<double> places_mm, ranges_mm, room_mm;
+  if (reduced.strays_mm.empty()) return {};
+  const double end_mm = late ? std::ranges::max(reduced.strays_mm) : std::ranges::min(reduced.strays_mm);
   for (std::size_t i = 0; i < reduced.strays_mm.size(); ++i) {
     const double range = reduced.strays_mm[i], target = range / reduced.strays_of_target[i];
     if ((range > target) != late) continue;
     places_mm.push_back(std::abs(range - target));
     ranges_mm.push_back(range);
-    room_mm += late ? 10000 : target;
+    room_mm.push_back(std::abs(end_mm - target));
   }
   if (places_mm.size() < fewest) return {};
-  room_mm /= static_cast<double>(places_mm.size());
   const double nearest = *std::ranges::min_element(places_mm);
   for (double& place : places_mm) place -= nearest;
-  const double of_catalogue =
-      std::max(of_anywhere(places_mm.size(), std::max(100.0, room_mm - nearest)), of_ghost(ranges_mm));
+  for (double& room : room_mm) room -= nearest;
+  const double of_catalogue = std::max(of_anywhere(room_mm), of_ghost(ranges_mm));
   return Tail{late, mean_of(places_mm), of_exponential(places_mm) - of_catalogue};
 }
 

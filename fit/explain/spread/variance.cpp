@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "fit/angle.hpp"
 #include "fit/explain/odds.hpp"
 #include "fit/explain/spread/curves.hpp"
 #include "fit/explain/spread/doubt.hpp"
@@ -60,6 +61,7 @@ class VarianceSearch {
     base_ = model_.fit(parts_);
     result.sigma_mm = std::sqrt(base_.value[0]);
     if (scans_jitter) whole_jitter(result);
+    doubt_light_without_its_signs(result);
     if (unconfirmed_ && result.accepted.empty() && result.undecided.empty() && result.unknown.empty())
       tell_unconfirmed(result);
     if (parts_.places > 0) result.sigma_by_capture_mm = sigma_by_capture();
@@ -162,9 +164,9 @@ class VarianceSearch {
     return suspects;
   }
 
-  /// Only the weakest echoes show what is so steep: there others cannot confirm it.
+  /// Weak echoes may be in one capture only: there others cannot confirm their law.
   void tell_unconfirmed(SpreadResult& result) const {
-    if (is_steeper_than_a_receiver(*unconfirmed_))
+    if (is(*unconfirmed_, ids::intensity_noise))
       result.undecided.push_back({*unconfirmed_, Suspect{}});
     else
       result.unknown.push_back(noise_of_some_captures(*unconfirmed_));
@@ -305,6 +307,32 @@ class VarianceSearch {
     }
   }
 
+  /// Noise at some angles that never changes is no light's: it comes and goes, or drowns echoes there. Without
+  /// either it may as well be local in the beam.
+  void doubt_light_without_its_signs(SpreadResult& result) const {
+    const auto light = std::ranges::find_if(result.accepted, [](const Suspect& s) {
+      return is(s, ids::sunlight) && !s.parameters.contains("from_s");
+    });
+    if (light == result.accepted.end() || drowns_echoes(*light)) return;
+    result.undecided.push_back({*light, Suspect{}});
+    result.accepted.erase(light);
+  }
+
+  /// Whether more echoes are lost where it falls in than elsewhere.
+  [[nodiscard]] bool drowns_echoes(const Suspect& light) const {
+    const double centre_deg = light.parameters.at("centre_deg").value,
+                 reach_deg = 1.2 * light.parameters.at("width_deg").value;
+    double lost_there = 0, all_there = 0, lost = 0, all = 0;
+    for (const Pool& p : pools()) {
+      const bool there = std::abs(wrap_angle((p.beam_deg - centre_deg) * rad_per_deg)) * deg_per_rad < reach_deg;
+      (there ? lost_there : lost) += p.lost;
+      (there ? all_there : all) += p.lost + p.freedom;
+    }
+    if (all <= 0 || all_there <= 0) return false;
+    const double share = (lost + 0.5) / (all + 1), expected = share * all_there;
+    return lost_there - expected > 3 * std::sqrt(expected + expected * expected / (lost + 0.5));
+  }
+
   static void take_back(const NamedNoise& name, SpreadResult& result) {
     if (name.is_open)
       result.undecided.pop_back();
@@ -405,11 +433,14 @@ class VarianceSearch {
       high = std::max(high, p.beam_deg);
     }
     const Light light = best_light(low, high, suspect.mechanism->parameters[2]);
+    if (!(light.gain > 0)) return suspect;
     suspect.gain = light.gain;
-    if (light.gain > 0) suspect.parameters = parameters_of(light);
+    suspect.parameters = parameters_of(light);
     suspect.evidence = light.gain - price_of_size(light.gain) -
                        odds::against_place(light.gain, (high - low) / 12) -
                        odds::against_place(light.gain, 2);
+    // A fit that ends where there is no such noise gained by something else.
+    if (const Estimate& size = suspect.parameters.at("sigma_mm"); size.value < size.u) suspect.evidence = -1;
     return suspect;
   }
 

@@ -93,6 +93,7 @@ std::vector<Pool> pools_of(const Reduced& reduced) {
       pool.stage_deg = group.stage_rad * deg_per_rad;
       const double lever = cell.sight.beam_lever();
       pool.freedom += cell.n - 1;
+      pool.lost += cell.lost;
       pool.variance += (cell.n - 1) * cell.variance_mm2;
       pool.kurtosis += (cell.n - 1) * cell.kurtosis;
       pool.beam_deg += cell.beam_rad * deg_per_rad;
@@ -231,6 +232,12 @@ std::map<int, int> VarianceModel::block_of_captures() const {
   return block_of_capture(captures, static_cast<int>(std::min<std::size_t>(8, captures.size())));
 }
 
+VarianceModel VarianceModel::only(const std::vector<bool>& wanted) const {
+  VarianceModel some = *this;
+  some.pools_ = those(pools_, wanted);
+  return some;
+}
+
 template <class Each>
 bool VarianceModel::for_blocks(const Each& each) const {
   const std::map<int, int> block = block_of_captures();
@@ -240,8 +247,7 @@ bool VarianceModel::for_blocks(const Each& each) const {
       own.push_back(block.at(p.capture) == b);
       others.push_back(!own.back());
     }
-    const VarianceModel taught(those(pools_, others), stated_mm_, fixed_mm2_, worth_of_sample_),
-        asked(those(pools_, own), stated_mm_, fixed_mm2_, worth_of_sample_);
+    const VarianceModel taught = only(others), asked = only(own);
     each([&](const Parts& parts, bool own_constant) {
       const Parts there = those(parts, own);
       const VectorXd learnt = taught.fit(those(parts, others)).value;

@@ -20,6 +20,7 @@ struct Pool {
   double freedom = 0, variance = 0, beam_deg = 0, intensity = 0;
   double kurtosis = 0;  ///< Of samples; 3 of a normal distribution.
   double range_mm = 0, incidence_deg = 0;
+  double lost = 0;  ///< Samples without echo, beside the others.
   double lever2 = 0;  ///< Of d range / d beam angle, (mm/rad)^2.
   int capture = 0, target = 0;
   double time_s = 0;  ///< Since power-on.
@@ -86,6 +87,8 @@ class VarianceModel {
   [[nodiscard]] std::optional<double> held_out_gain(const Parts& parts, const Parts& with_more) const;
 
  private:
+  /// Some of its pools, each sample worth what it is in the whole.
+  [[nodiscard]] VarianceModel only(const std::vector<bool>& wanted) const;
   /// Calls `each` for every block of captures with the log-likelihood of its pools as a function of parts
   /// that are fitted to all others. False with fewer than three captures.
   template <class Each>

@@ -29,6 +29,7 @@ std::string c_header(const CorrectionExport& what) {
       "/* What lidar_range_correct() returns, added up. Outside, the error at the border is subtracted. */\n"
       "enum {\n  LIDAR_RANGE_INSIDE = 0,\n  LIDAR_RANGE_OUTSIDE_DISTANCE = 1,\n  "
       "LIDAR_RANGE_OUTSIDE_INTENSITY = 2\n};\n\n";
+  out += measured_code(c, "lidar_range_");
   if (c.intensity) c_term(out, *c.intensity, "intensity");
   if (c.range) c_term(out, *c.range, "distance");
   out +=
@@ -54,7 +55,14 @@ std::string c_header(const CorrectionExport& what) {
            "  error += lidar_range_distance_term(x);\n";
   else
     out += "  (void)x;\n";
-  out += "  *corrected_mm = measured_mm - error;\n  return state;\n}\n\n";
+  out += "  *corrected_mm = measured_mm - error;\n";
+  if (!c.measured.empty() && !c.range)
+    out += "  if (!(*corrected_mm >= " + real(c.measured.front().range_mm * (1 - Correction::measured_distances)) +
+           " && *corrected_mm <= " + real(c.measured.back().range_mm * (1 + Correction::measured_distances)) +
+           ")) state |= LIDAR_RANGE_OUTSIDE_DISTANCE;\n";
+  if (!c.measured.empty() && !c.intensity)
+    out += "  if (!lidar_range_surface_measured(*corrected_mm, intensity)) state |= LIDAR_RANGE_OUTSIDE_INTENSITY;\n";
+  out += "  return state;\n}\n\n";
   out += std::string("/* Rotation centre in the lidar's frame, mm") +
          (what.centre ? "" : ": not calibrated in this session; rig export --centre takes it from another") +
          ". */\n";

@@ -84,7 +84,14 @@ std::string cpp_correct(const Correction& c) {
          ";\n  for (int j = 0; j < " + columns + "; ++j) {\n    double part = 0;\n    for (int i = 0; i < " +
          rows +
          "; ++i) part += gradient[i] * covariance_factor[i][j];\n    variance += part * part;\n  }\n"
-         "  out.range_mm = measured_mm - error;\n  out.u_mm = std::sqrt(variance);\n  return out;\n}\n\n";
+         "  out.range_mm = measured_mm - error;\n  out.u_mm = std::sqrt(variance);\n";
+  if (!c.measured.empty() && !c.range)
+    out += "  out.range_outside = !(out.range_mm >= " +
+           real(c.measured.front().range_mm * (1 - Correction::measured_distances)) + " && out.range_mm <= " +
+           real(c.measured.back().range_mm * (1 + Correction::measured_distances)) + ");\n";
+  if (!c.measured.empty() && !c.intensity)
+    out += "  out.intensity_outside = !surface_measured(out.range_mm, intensity);\n";
+  out += "  return out;\n}\n\n";
   return out;
 }
 
@@ -94,6 +101,7 @@ std::string cpp_header(const CorrectionExport& what) {
   std::string out = headline(c, "// ") +
                     "\n#ifndef LIDAR_RANGE_CORRECTION_HPP\n#define LIDAR_RANGE_CORRECTION_HPP\n\n#include "
                     "<cmath>\n\nnamespace lidar_range {\n\n";
+  out += measured_code(c, "");
   if (c.intensity) cpp_term(out, *c.intensity, "intensity");
   if (c.range) cpp_term(out, *c.range, "distance");
   out += "// Covariance of zero and coefficients = covariance_factor * its transpose.\n" + cpp_factor(c) +

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include <charconv>
+#include <cmath>
 #include <cstdio>
 #include <string>
 
 #include "fit/angle.hpp"
 #include "rig/errors.hpp"
 #include "rig/export/exporter.hpp"
+#include "rig/session/deskewed_scans.hpp"
 
 namespace rig::exporters {
 namespace {
@@ -60,16 +62,21 @@ class Csv : public Exporter {
   void write(const ExportSource& source, const std::string& output) const override {
     const auto recording = source.session->recording();
     Output out(output);
+    const DeskewedSession corrected(*source.session);
+    const bool deskewed = corrected.any();
     out.add(
         "capture,step,stage_deg,target,target_shift_mm,seq,device_ms,host_us,beam,beam_deg,range_mm,"
-        "intensity\n");
+        "intensity");
+    out.add(deskewed ? ",deskewed_x_mm,deskewed_y_mm,map_x_mm,map_y_mm\n" : "\n");
     std::string rows;
     for (std::size_t i = 0; i < recording->captures().size(); ++i) {
       const fit::CaptureInfo& capture = recording->captures()[i];
       const std::string head = head_of(capture);
+      const auto straight = corrected.scans_of(capture.id);
       recording->for_each_scan(i, [&](const fit::ScanView& scan) {
         rows.clear();
-        add_scan(rows, head, recording->bench().lidar, capture, scan);
+        const DeskewedScan* points = straight ? straight->of(scan.seq) : nullptr;
+        add_scan(rows, head, recording->bench().lidar, capture, scan, deskewed, points);
         out.add(rows);
       });
     }
@@ -88,7 +95,8 @@ class Csv : public Exporter {
   }
 
   static void add_scan(std::string& rows, const std::string& head, const fit::LidarGeometry& lidar,
-                       const fit::CaptureInfo& capture, const fit::ScanView& scan) {
+                       const fit::CaptureInfo& capture, const fit::ScanView& scan, bool deskewed,
+                       const DeskewedScan* points) {
     for (std::size_t k = 0; k < scan.range_mm.size(); ++k) {
       const int beam = capture.first_step + static_cast<int>(k) * capture.cluster;
       const double angle = scan.geometry
@@ -110,7 +118,24 @@ class Csv : public Exporter {
       append(rows, scan.range_mm[k]);
       rows += ',';
       if (k < scan.intensity.size()) append(rows, scan.intensity[k]);
+      if (deskewed) add_point(rows, points, k);
       rows += '\n';
+    }
+  }
+
+  /// Where the point was in the lidar's frame when the scan began, and in the map; empty without echo.
+  static void add_point(std::string& rows, const DeskewedScan* scan, std::size_t k) {
+    const bool there = scan && 2 * k + 1 < scan->points.size() && !std::isnan(scan->points[2 * k]);
+    if (!there) {
+      rows += ",,,,";
+      return;
+    }
+    const Eigen::Vector2d point(scan->points[2 * k], scan->points[2 * k + 1]);
+    const Eigen::Vector2d in_map = scan->lidar * point;
+    for (const double value : {point.x(), point.y(), in_map.x(), in_map.y()}) {
+      char digits[32];
+      rows += ',';
+      rows.append(digits, static_cast<std::size_t>(std::snprintf(digits, sizeof digits, "%.2f", value)));
     }
   }
 };

@@ -2,12 +2,15 @@
 #include <hdf5.h>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <string>
 #include <vector>
 
 #include "fit/angle.hpp"
 #include "rig/errors.hpp"
 #include "rig/export/exporter.hpp"
+#include "rig/session/deskewed_scans.hpp"
 
 namespace rig::exporters {
 namespace {
@@ -121,21 +124,28 @@ class Hdf5 : public Exporter {
                       "create the file");
     set_text(file, "schema", "rig-hdf5/1");
     const Handle about = group_in(file, "session");
-    for (const char* key : {"kind", "created_utc", "recorded_utc", "software", "lidar", "stage", "bench",
-                            "procedure_name", "procedure"})
+    for (const char* key : {"kind", "created_utc", "recorded_utc", "epoch_unix_us", "lidar_restarts",
+                            "software", "lidar", "stage", "bench", "procedure_name", "procedure"})
       if (const auto value = session.get(key)) set_text(about, key, *value);
     const Handle results = group_in(file, "results");
     for (const auto& result : session.latest_results())
       if (result.kind.find('/') == std::string::npos) set_text(results, result.kind.c_str(), result.json);
     const Handle captures = group_in(file, "captures");
-    for (std::size_t i = 0; i < recording->captures().size(); ++i) add_capture(captures, *recording, i);
+    const DeskewedSession deskewed(session);
+    for (std::size_t i = 0; i < recording->captures().size(); ++i) {
+      const std::int64_t id = recording->captures()[i].id;
+      const Handle group = group_in(captures, std::to_string(id));
+      const hsize_t width = add_capture(group, *recording, i);
+      if (const auto straight = deskewed.scans_of(id)) add_deskewed(group, *recording, i, *straight, width);
+    }
+    if (!recording->track().empty()) add_track(file, recording->track());
     check(H5Fflush(file, H5F_SCOPE_GLOBAL), "finish the file");
   }
 
  private:
-  static void add_capture(hid_t captures, const fit::Recording& recording, std::size_t index) {
+  /// Returns the number of beams of its longest scan.
+  static hsize_t add_capture(hid_t group, const fit::Recording& recording, std::size_t index) {
     const fit::CaptureInfo& capture = recording.captures()[index];
-    const Handle group = group_in(captures, std::to_string(capture.id));
     set_circumstances(group, capture);
     hsize_t width = static_cast<hsize_t>(capture.beams());
     bool with_intensity = false;
@@ -165,6 +175,51 @@ class Hdf5 : public Exporter {
     for (auto* column : {&seq, &device, &host}) column->flush();
     range.flush();
     if (intensity) intensity->flush();
+    return width;
+  }
+
+  /// What rig deskew made, row by row as the scans; NaN where a scan or a beam has none.
+  static void add_deskewed(hid_t group, const fit::Recording& recording, std::size_t index,
+                           DeskewedScans& deskewed, hsize_t width) {
+    Column<double> pose(group, "deskewed_pose", H5T_NATIVE_DOUBLE, 3);
+    Column<float> x(group, "deskewed_x_mm", H5T_NATIVE_FLOAT, width),
+        y(group, "deskewed_y_mm", H5T_NATIVE_FLOAT, width);
+    std::vector<float> xs, ys;
+    recording.for_each_scan(index, [&](const fit::ScanView& scan) {
+      const DeskewedScan* at = deskewed.of(scan.seq);
+      xs.assign(width, std::nanf("")), ys = xs;
+      std::array<double, 3> row{std::nan(""), std::nan(""), std::nan("")};
+      if (at) {
+        row = {at->lidar.x_mm, at->lidar.y_mm, at->lidar.heading_rad * fit::deg_per_rad};
+        for (std::size_t k = 0; k < std::min<std::size_t>(width, at->points.size() / 2); ++k)
+          xs[k] = at->points[2 * k], ys[k] = at->points[2 * k + 1];
+      }
+      pose.add(row.data());
+      x.add(xs.data());
+      y.add(ys.data());
+    });
+    pose.flush();
+    x.flush();
+    y.flush();
+  }
+
+  static void add_track(hid_t file, const std::vector<fit::TrackPose>& track) {
+    const Handle group = group_in(file, "track");
+    Column<std::int64_t> host(group, "host_us", H5T_NATIVE_INT64, 0);
+    Column<double> poses(group, "pose", H5T_NATIVE_DOUBLE, 3),
+        wheels(group, "wheels_rad", H5T_NATIVE_DOUBLE, 2);
+    for (const fit::TrackPose& at : track) {
+      const double none = std::nan("");
+      const double pose[3] = {at.x_mm.value_or(none), at.y_mm.value_or(none),
+                              at.heading_rad.value_or(none) * fit::deg_per_rad};
+      const double wheel[2] = {at.wheel_left_rad.value_or(none), at.wheel_right_rad.value_or(none)};
+      host.add(&at.host_us);
+      poses.add(pose);
+      wheels.add(wheel);
+    }
+    host.flush();
+    poses.flush();
+    wheels.flush();
   }
 
   static void set_circumstances(hid_t group, const fit::CaptureInfo& capture) {

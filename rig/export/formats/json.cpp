@@ -3,6 +3,7 @@
 
 #include "fit/angle.hpp"
 #include "rig/export/exporter.hpp"
+#include "rig/session/standing.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig::exporters {
@@ -29,9 +30,12 @@ class Json : public Exporter {
   void write(const ExportSource& source, const std::string& output) const override {
     const SessionStore& session = *source.session;
     json out = {{"schema", "session-export/1"}, {"content_sha256", session.content_hash()}};
-    for (const char* key : {"kind", "created_utc", "recorded_utc", "software", "lidar", "stage", "bench",
-                            "procedure_name", "procedure"})
+    for (const char* key : {"kind", "created_utc", "recorded_utc", "epoch_unix_us", "lidar_restarts",
+                            "software", "lidar", "stage", "bench", "procedure_name", "procedure"})
       if (const auto value = session.get(key)) out[key] = parsed_or_text(*value);
+    const Standing standing = standing_of(session);
+    out["certified"] = standing.certifies(), out["simulated"] = standing.simulated;
+    out["not_certified_because"] = standing.reasons;
     const auto recording = session.recording();
     out["captures"] = json::array();
     for (const fit::CaptureInfo& capture : recording->captures()) out["captures"].push_back(as_json(capture));

@@ -3,23 +3,20 @@
 
 #include <array>
 #include <bit>
-#include <chrono>
-#include <cmath>
 #include <cstring>
-#include <ctime>
 #include <fstream>
 #include <map>
 #include <string>
 #include <vector>
 
 #include "rig/errors.hpp"
+#include "rig/export/bag_messages.hpp"
 #include "rig/export/exporter.hpp"
-#include "rig/session/session_dates.hpp"
 
 namespace rig::exporters {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "MCAP and our CDR are little-endian");
+static_assert(std::endian::native == std::endian::little, "MCAP is little-endian");
 
 using Bytes = std::string;
 
@@ -57,7 +54,7 @@ std::uint32_t crc32_of(const Bytes& bytes) {
 }
 
 /// An indexed MCAP file with one zstd-compressed chunk for about a megabyte of messages.
-class McapWriter {
+class McapWriter : public BagSink {
  public:
   explicit McapWriter(const std::string& path) : out_(path, std::ios::binary) {
     if (!out_) throw UsageError("cannot write " + path + ": check the folder and the permission");
@@ -68,19 +65,18 @@ class McapWriter {
     emit(record(0x01, header));
   }
 
-  std::uint16_t add_channel(const std::string& topic, const std::string& type,
-                            const std::string& definition) {
+  std::uint16_t add_channel(const Channel& about) override {
     const auto id = static_cast<std::uint16_t>(channels_ + 1);
     ++channels_;
     Bytes schema;
     put(schema, id);
-    put_text(schema, type);
+    put_text(schema, about.type);
     put_text(schema, "ros2msg");
-    put_text(schema, definition);
+    put_text(schema, about.definition);
     Bytes channel;
     put(channel, id);
     put(channel, id);
-    put_text(channel, topic);
+    put_text(channel, about.topic);
     put_text(channel, "cdr");
     put(channel, std::uint32_t{0});  // no metadata
     descriptions_ += record(0x03, schema) + record(0x04, channel);
@@ -88,7 +84,7 @@ class McapWriter {
     return id;
   }
 
-  void add_message(std::uint16_t channel, std::uint64_t time_ns, const Bytes& data) {
+  void add_message(std::uint16_t channel, std::uint64_t time_ns, const Bytes& data) override {
     index_[channel].push_back({time_ns, chunk_.size()});
     Bytes message;
     put(message, channel);
@@ -211,108 +207,18 @@ class McapWriter {
   std::uint64_t first_ = ~std::uint64_t{0}, last_ = 0, chunk_first_ = ~std::uint64_t{0}, chunk_last_ = 0;
 };
 
-/// One message in CDR: values aligned to their own size, counted from behind the four bytes of encapsulation.
-class Cdr {
- public:
-  template <class T>
-  Cdr& add(T value) {
-    while ((bytes_.size() - 4) % sizeof(T)) bytes_ += '\0';
-    put(bytes_, value);
-    return *this;
-  }
-  Cdr& text(const std::string& value) {
-    add(static_cast<std::uint32_t>(value.size() + 1));
-    bytes_ += value + '\0';
-    return *this;
-  }
-  Cdr& stamp(std::uint64_t time_ns) {
-    add(static_cast<std::int32_t>(time_ns / 1'000'000'000));
-    return add(static_cast<std::uint32_t>(time_ns % 1'000'000'000));
-  }
-  template <class T>
-  Cdr& sequence(const std::vector<T>& values) {
-    add(static_cast<std::uint32_t>(values.size()));
-    for (const T value : values) add(value);
-    return *this;
-  }
-  [[nodiscard]] const Bytes& bytes() const { return bytes_; }
-
- private:
-  Bytes bytes_{"\x00\x01\x00\x00", 4};
-};
-
-const std::string separator = "\n" + std::string(80, '=') + "\n";
-const std::string header_definition = separator +
-                                      "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id" +
-                                      separator + "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n";
-const std::string scan_definition =
-    "std_msgs/Header header\nfloat32 angle_min\nfloat32 angle_max\nfloat32 angle_increment\n"
-    "float32 time_increment\nfloat32 scan_time\nfloat32 range_min\nfloat32 range_max\n"
-    "float32[] ranges\nfloat32[] intensities\n" +
-    header_definition;
-const std::string joint_definition =
-    "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n" +
-    header_definition;
-
-/// Nanoseconds of the Unix epoch at which what the session holds was measured; 0 when it does not say.
-std::uint64_t begin_ns(const SessionStore& session) {
-  const std::string text = dates_of(session).measured_utc;
-  std::tm utc{};
-  if (!strptime(text.c_str(), "%Y-%m-%dT%H:%M:%S", &utc)) return 0;
-  return static_cast<std::uint64_t>(timegm(&utc)) * 1'000'000'000;
-}
-
-/// `sensor_msgs/LaserScan` on /scan and the stage as `sensor_msgs/JointState` on /joint_states.
+/// A ROS 2 bag: what it holds is in rig/export/bag_messages.hpp.
 class Mcap : public Exporter {
  public:
   std::string format() const override { return "mcap"; }
   std::string describes() const override {
-    return "ROS 2 bag: LaserScan on /scan, stage angle on /joint_states";
+    return "ROS 2 bag (MCAP): /scan, /joint_states, /tf and /odom of a track, /points of a deskewed session";
   }
 
   void write(const ExportSource& source, const std::string& output) const override {
-    const auto recording = source.session->recording();
-    const std::uint64_t begin = begin_ns(*source.session);
     McapWriter out(output);
-    const auto scans = out.add_channel("/scan", "sensor_msgs/msg/LaserScan", scan_definition);
-    const auto joints = out.add_channel("/joint_states", "sensor_msgs/msg/JointState", joint_definition);
-    for (std::size_t i = 0; i < recording->captures().size(); ++i) {
-      const fit::CaptureInfo& capture = recording->captures()[i];
-      recording->for_each_scan(i, [&](const fit::ScanView& scan) {
-        const std::uint64_t time = begin + static_cast<std::uint64_t>(scan.host_us) * 1000;
-        out.add_message(scans, time, laser_scan(recording->bench().lidar, capture, scan, time));
-        out.add_message(joints, time, stage_state(capture, scan, time));
-      });
-    }
+    write_bag(*source.session, out);
     out.close();
-  }
-
- private:
-  static Bytes laser_scan(const fit::LidarGeometry& lidar, const fit::CaptureInfo& capture,
-                          const fit::ScanView& scan, std::uint64_t time_ns) {
-    const double period = scan.geometry && scan.geometry->scan_s ? *scan.geometry->scan_s : 1 / lidar.scan_hz;
-    const double step = scan.geometry ? scan.geometry->step_rad : lidar.step_rad * capture.cluster;
-    const double first = scan.geometry ? scan.geometry->first_rad : lidar.beam_angle(capture.first_step);
-    const double last = first + step * (static_cast<double>(scan.range_mm.size()) - 1);
-    std::vector<float> ranges, intensities(scan.intensity.begin(), scan.intensity.end());
-    for (const std::uint16_t range : scan.range_mm)  // REP 117: no echo is +infinity
-      ranges.push_back(range ? static_cast<float>(range) * 1e-3F : std::numeric_limits<float>::infinity());
-    Cdr out;
-    out.stamp(time_ns).text("laser");
-    for (const double value :
-         {first, last, step, std::abs(step) / (2 * fit::pi) * period, period, 0.02, 60.0})
-      out.add(static_cast<float>(value));
-    return out.sequence(ranges).sequence(intensities).bytes();
-  }
-
-  static Bytes stage_state(const fit::CaptureInfo& capture, const fit::ScanView& scan,
-                           std::uint64_t time_ns) {
-    const double since_s = static_cast<double>(scan.host_us - capture.started_us) * 1e-6;
-    Cdr out;
-    out.stamp(time_ns).text("").add(std::uint32_t{1}).text("stage");
-    out.sequence(std::vector<double>{capture.stage_rad + capture.stage_rate_rad_s * since_s});
-    out.sequence(std::vector<double>{capture.stage_rate_rad_s});
-    return out.add(std::uint32_t{0}).bytes();
   }
 };
 

@@ -36,6 +36,17 @@ std::string ros2_parameters(const CorrectionExport& what) {
   };
   term(c.intensity, "intensity");
   term(c.range, "distance");
+  if (!c.measured.empty()) {
+    std::vector<double> mm, from, to;
+    for (const Correction::Measured& m : c.measured) mm.push_back(m.range_mm), from.push_back(m.from), to.push_back(m.to);
+    out += "      measured_range_mm: [" + list(mm) + "]\n      measured_intensity_from: [" + list(from) +
+           "]\n      measured_intensity_to: [" + list(to) + "]\n";
+  }
+  if (!c.notes.empty()) {
+    std::string warnings;
+    for (const std::string& note : c.notes) warnings += (warnings.empty() ? "" : ", ") + quoted(note);
+    out += "      warnings: [" + warnings + "]\n";
+  }
   std::vector<double> flat;
   for (Eigen::Index i = 0; i < c.factor.rows(); ++i)
     for (Eigen::Index j = 0; j < c.factor.cols(); ++j) flat.push_back(c.factor(i, j));

@@ -15,6 +15,7 @@
 #include "rig/errors.hpp"
 #include "rig/fitting/edge_source.hpp"
 #include "rig/fitting/result_document.hpp"
+#include "rig/fitting/uncertainty_budget.hpp"
 
 namespace rig::fittings {
 namespace {
@@ -146,25 +147,65 @@ std::string label(std::size_t first, std::size_t second) {
   return std::to_string(first + 1) + "-" + std::to_string(second + 1);
 }
 
-/// The board's line in one capture, if enough of it is in view.
-std::optional<fit::BoardLine> line_of(const Position& position) {
-  const fit::EdgeCrossing& crossing = position.source->crossing;
-  const fit::Recording& recording = *position.source->recording;
-  const fit::LidarGeometry& lidar = recording.bench().lidar;
-  const int inward = crossing.right ? 1 : -1;
-  const auto beams = samples_of(recording, position.capture, 0, lidar.steps);
-  std::vector<Eigen::Vector2d> points;
-  double previous = position.robust.mean_mm, variance = 0;
-  for (int step = crossing.step + inward; beams.contains(step); step += inward) {
-    const fit::SelectedMean mean = fit::select_robust(beams.at(step));
-    if (mean.kept < 10 || std::abs(mean.mean_mm - previous) > 40) break;
-    previous = mean.mean_mm;
-    const double a = lidar.beam_angle(step);
-    points.emplace_back(mean.mean_mm * std::cos(a), mean.mean_mm * std::sin(a));
-    variance += mean.u_mm * mean.u_mm;
+/// What the devices may do to all sights alike; `lines` names what each effect belongs to.
+struct CommonEffects {
+  std::vector<fit::CentreEffect> effects;
+  std::vector<fit::AccuracyLine> lines;
+};
+
+CommonEffects effects_on(const std::vector<Position>& positions, const fit::DeviceAccuracy& accuracy) {
+  CommonEffects out;
+  // `move`: radially and tangentially, for one standard uncertainty.
+  const auto add = [&](fit::Systematic fit::DeviceAccuracy::*member, const auto& move) {
+    if ((accuracy.*member).u <= 0) return;
+    fit::CentreEffect effect;
+    for (const Position& position : positions) effect.shift_mm.push_back(move(position, (accuracy.*member).u));
+    for (const fit::AccuracyLine& line : fit::accuracy_in_words(accuracy))
+      if (line.member == member) out.lines.push_back(line), effect.name = line.name;
+    out.effects.push_back(std::move(effect));
+  };
+  const auto turned = [](const Position& position, double rad) {
+    return Eigen::Vector2d(0, position.point.range_mm * rad);
+  };
+  using fit::DeviceAccuracy;
+  add(&DeviceAccuracy::stage_scale,
+      [&](const Position& p, double u) { return turned(p, u * p.point.stage_rad); });
+  add(&DeviceAccuracy::stage_backlash_rad,
+      [&](const Position& p, double u) { return turned(p, u / 2 * p.source->crossing.approach); });
+  // An amplitude of unknown phase: a sine and a cosine, each with half of its variance.
+  for (const bool sine : {true, false}) {
+    const auto wave = [sine](double rad) { return (sine ? std::sin(rad) : std::cos(rad)) / std::sqrt(2.0); };
+    add(&DeviceAccuracy::stage_eccentricity_rad,
+        [&](const Position& p, double u) { return turned(p, u * wave(p.point.stage_rad)); });
+    add(&DeviceAccuracy::beam_eccentricity_rad,
+        [&](const Position& p, double u) { return turned(p, u * wave(p.point.beam_rad)); });
   }
-  if (points.size() < 44) return std::nullopt;
-  for (int i = 0; i < 4; ++i) points.pop_back();  // The far end may be an edge as well.
+  add(&DeviceAccuracy::range_offset_mm, [](const Position&, double u) { return Eigen::Vector2d(u, 0); });
+  add(&DeviceAccuracy::range_scale,
+      [](const Position& p, double u) { return Eigen::Vector2d(u * p.point.range_mm, 0); });
+  for (int curve = 0; curve < fit::walk_curves; ++curve)
+    add(&DeviceAccuracy::range_walk_mm, [curve](const Position& p, double u) {
+      return Eigen::Vector2d(
+          u / std::sqrt(double{fit::walk_curves}) * fit::walk_curve(curve, p.robust.intensity), 0);
+    });
+  return out;
+}
+
+/// A beam's mean on the board.
+struct BoardPoint {
+  double beam_rad, range_mm, u_mm;
+};
+
+/// Least squares through what was seen of the board; `bend`: an error of the beams' angles.
+template <class Bend>
+fit::BoardLine line_through(const std::vector<BoardPoint>& seen, double stage_rad, const Bend& bend) {
+  std::vector<Eigen::Vector2d> points;
+  double variance = 0;
+  for (const BoardPoint& beam : seen) {
+    const double a = beam.beam_rad + bend(beam.beam_rad);
+    points.emplace_back(beam.range_mm * std::cos(a), beam.range_mm * std::sin(a));
+    variance += beam.u_mm * beam.u_mm;
+  }
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
   for (const auto& point : points) mean += point / static_cast<double>(points.size());
   Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
@@ -177,8 +218,28 @@ std::optional<fit::BoardLine> line_of(const Position& position) {
   const double lever = std::abs(Eigen::Vector2d(-normal.y(), normal.x()).dot(mean));
   const double u_mean = std::max(rms, std::sqrt(variance / n)) / std::sqrt(n);
   const double u_tilt = u_mean * std::sqrt(n / axes.eigenvalues()(1)) * lever;
-  return fit::BoardLine{recording.captures()[position.capture].stage_rad, std::atan2(normal.y(), normal.x()),
-                        normal.dot(mean), std::hypot(u_mean, u_tilt), static_cast<long>(points.size())};
+  return {stage_rad, std::atan2(normal.y(), normal.x()), normal.dot(mean), std::hypot(u_mean, u_tilt),
+          static_cast<long>(points.size())};
+}
+
+/// What was seen of the board in one capture, from its edge inwards; nothing if that is too little.
+std::vector<BoardPoint> board_seen(const Position& position) {
+  const fit::EdgeCrossing& crossing = position.source->crossing;
+  const fit::Recording& recording = *position.source->recording;
+  const fit::LidarGeometry& lidar = recording.bench().lidar;
+  const int inward = crossing.right ? 1 : -1;
+  const auto beams = samples_of(recording, position.capture, 0, lidar.steps);
+  std::vector<BoardPoint> seen;
+  double previous = position.robust.mean_mm;
+  for (int step = crossing.step + inward; beams.contains(step); step += inward) {
+    const fit::SelectedMean mean = fit::select_robust(beams.at(step));
+    if (mean.kept < 10 || std::abs(mean.mean_mm - previous) > 40) break;
+    previous = mean.mean_mm;
+    seen.push_back({lidar.beam_angle(step), mean.mean_mm, mean.u_mm});
+  }
+  if (seen.size() < 44) return {};
+  seen.resize(seen.size() - 4);  // The far end may be an edge as well.
+  return seen;
 }
 
 class Centre : public Fitting {
@@ -216,7 +277,9 @@ class Centre : public Fitting {
           std::to_string(source.crossings.size()) +
           " crossings. Run find-edge at more stage angles, or give --option "
           "worst_edge_deg=...");
-    const double u_stage = options.number("stage_u_deg") * fit::rad_per_deg;
+    const fit::DeviceAccuracy accuracy = fit::accuracy_of(source.recordings.front()->bench());
+    const double u_stage =
+        std::hypot(options.number("stage_u_deg") * fit::rad_per_deg, accuracy.stage_position_rad.u);
     std::vector<fit::CentrePoint> points, paper_points;
     for (Position& position : positions) {
       position.u_certificate_rad = u_stage;
@@ -225,8 +288,9 @@ class Centre : public Fitting {
       points.push_back(position.point), paper_points.push_back(position.paper_point);
     }
     try {
-      const fit::CentreFit all = fit::fit_centre(points);
-      return document(source, positions, points, paper_points, all, right);
+      const CommonEffects common = effects_on(positions, accuracy);
+      const fit::CentreFit all = fit::fit_centre(points, common.effects);
+      return document(source, positions, paper_points, all, common, accuracy, right);
     } catch (const std::invalid_argument& error) {
       throw MeasurementError(std::string(error.what()) + ". Turn the stage further between positions.");
     }
@@ -234,9 +298,8 @@ class Centre : public Fitting {
 
  private:
   static json document(const EdgeSource& source, const std::vector<Position>& positions,
-                       const std::vector<fit::CentrePoint>& points,
                        const std::vector<fit::CentrePoint>& paper_points, const fit::CentreFit& all,
-                       bool right) {
+                       const CommonEffects& common, const fit::DeviceAccuracy& accuracy, bool right) {
     json out = new_result(
         "centre",
         "Rotation centre after Zhao et al., experiment A5 (triangle method, formula corrected): the " +
@@ -245,14 +308,15 @@ class Centre : public Fitting {
             "the generalised least-squares centre of all positions, p_i = R(-stage_i) p + c, with the edge's "
             "stage angle from the share of jittering samples and the range from all samples; the paper's "
             "pairwise triangles from the most frequent intensity stand beside it.");
-    add_values(out, all, positions);
+    add_values(out, all, positions, common);
     out["use"].push_back(how_to_use(all.centre));
     add_tables(out, positions, all);
     const std::vector<fit::CentrePair> pairs = add_pairs(out, paper_points);
-    const auto lines = add_board_lines(out, positions);
+    const auto lines = add_board_lines(out, positions, accuracy);
+    if (lines) compare(out, all, *lines);
     add_plot(out, all, pairs, lines);
-    for (const std::string& note : source.notes) out["notes"].push_back(note);
-    add_remarks(out, all, source, points);
+    for (const std::string& what : source.contradictions) out["contradictions"].push_back(what);
+    add_remarks(out, all, source);
     return out;
   }
 
@@ -269,21 +333,40 @@ class Centre : public Fitting {
     return sum;
   }
 
-  static json budget_of(const fit::CentreFit& all, const std::vector<Position>& positions) {
-    const Eigen::Matrix2d edge = share_of(all, positions, &Position::u_edge_rad),
-                          resolution = share_of(all, positions, &Position::u_resolution_rad),
-                          certificate = share_of(all, positions, &Position::u_certificate_rad);
-    json budget = json::array();
-    for (const int i : {0, 1}) {
-      const std::string axis = i == 0 ? ", x" : ", y";
-      budget.push_back(budget_line("range noise" + axis, "A", u_of(all.from_range, i), "mm"));
-      budget.push_back(budget_line("angle at which the edge is met" + axis, "A", u_of(edge, i), "mm"));
-      budget.push_back(budget_line("resolution of the stage (rectangular; bench file)" + axis, "B",
-                                   u_of(resolution, i), "mm"));
-      if (positions.front().u_certificate_rad > 0)
-        budget.push_back(budget_line("stage angles (certificate)" + axis, "B", u_of(certificate, i), "mm"));
+  /// The budget of the centre along one direction: what each input adds there.
+  static UncertaintyBudget budget_of(const fit::CentreFit& all, const std::vector<Position>& positions,
+                                     const CommonEffects& common, const Eigen::Vector2d& along,
+                                     const std::string& name, const std::string& label) {
+    const auto u = [&](const Eigen::Matrix2d& part) { return std::sqrt(std::max(0.0, along.dot(part * along))); };
+    const auto share = [&](double Position::*part) { return u(share_of(all, positions, part)); };
+    // Widened by the scatter of few positions, it is known no better than they tell it.
+    const double freedom = all.inflation > 1 ? all.degrees_of_freedom : Contribution::many;
+    double samples = 0;
+    for (const Position& position : positions) samples += std::max(0.0, position.robust.effective - 1);
+    UncertaintyBudget out(name, label, "mm");
+    out.add({.source = "range noise", .kind = 'A', .distribution = "normal", .u = u(all.from_range),
+             .freedom = all.inflation > 1 ? freedom : std::max(1.0, samples)});
+    out.add({.source = "angle at which the edge is met", .kind = 'A', .distribution = "normal",
+             .u = share(&Position::u_edge_rad), .freedom = freedom});
+    out.add({.source = "resolution of the stage (bench file)", .distribution = "rectangular",
+             .u = share(&Position::u_resolution_rad), .freedom = freedom,
+             .input_u = positions.front().u_resolution_rad * fit::deg_per_rad, .input_unit = "deg"});
+    if (positions.front().u_certificate_rad > 0)
+      out.add({.source = "single positions of the stage (bench file, or stage_u_deg)", .distribution = "normal",
+               .u = share(&Position::u_certificate_rad), .freedom = freedom,
+               .input_u = positions.front().u_certificate_rad * fit::deg_per_rad, .input_unit = "deg"});
+    // Sine and cosine, or several curves, of one deviation are one line.
+    for (std::size_t k = 0; k < common.lines.size(); ++k) {
+      double square = 0;
+      bool first = true;
+      for (std::size_t j = 0; j < common.lines.size(); ++j) {
+        if (common.lines[j].member != common.lines[k].member) continue;
+        first = first && j >= k;
+        square += std::pow(along.dot(all.effects[j]), 2);
+      }
+      if (first) out.add(common.lines[k], std::sqrt(square));
     }
-    return budget;
+    return out;
   }
 
   static std::string how_to_use(const Eigen::Vector2d& centre) {
@@ -296,25 +379,22 @@ class Centre : public Fitting {
            ") mm. Where the lidar looks along the stage's zero, the bench file's mount is minus this centre.";
   }
 
-  static void add_values(json& out, const fit::CentreFit& all, const std::vector<Position>& positions) {
-    const auto u = u_of;
-    out["values"].push_back(result_value("centre_x_mm", "Rotation centre in the lidar's frame, x",
-                                         {all.centre.x(), u(all.covariance, 0)}, "mm"));
-    out["values"].push_back(result_value("centre_y_mm", "Rotation centre in the lidar's frame, y",
-                                         {all.centre.y(), u(all.covariance, 1)}, "mm"));
+  static void add_values(json& out, const fit::CentreFit& all, const std::vector<Position>& positions,
+                         const CommonEffects& common) {
+    const auto add = [&](const Eigen::Vector2d& along, double value, const char* name, const char* label) {
+      budget_of(all, positions, common, along, name, label).publish(out, value);
+    };
+    add(Eigen::Vector2d::UnitX(), all.centre.x(), "centre_x_mm", "Rotation centre in the lidar's frame, x");
+    add(Eigen::Vector2d::UnitY(), all.centre.y(), "centre_y_mm", "Rotation centre in the lidar's frame, y");
     const double distance = all.centre.norm();
-    const double u_distance =
-        distance > 0 ? std::sqrt(all.centre.dot(all.covariance * all.centre)) / distance : 0;
-    out["values"].push_back(result_value("centre_distance_mm",
-                                         "Distance of the centre from the lidar's origin",
-                                         {distance, u_distance}, "mm"));
+    if (distance > 0)
+      add(all.centre / distance, distance, "centre_distance_mm", "Distance of the centre from the lidar's origin");
     out["values"].push_back(
         plain_value("positions", "Stage angles used", static_cast<double>(positions.size()), ""));
     out["covariance"] = {
         {"names", {"centre_x_mm", "centre_y_mm"}},
         {"matrix",
          {{all.covariance(0, 0), all.covariance(0, 1)}, {all.covariance(1, 0), all.covariance(1, 1)}}}};
-    out["budget"] = budget_of(all, positions);
     out["data"] = {{"chi2", all.chi2},
                    {"degrees_of_freedom", all.degrees_of_freedom},
                    {"inflation", all.inflation},
@@ -397,13 +477,26 @@ class Centre : public Fitting {
     return pairs;
   }
 
-  static std::optional<fit::CentreFit> add_board_lines(json& out, const std::vector<Position>& positions) {
+  static std::optional<fit::CentreFit> add_board_lines(json& out, const std::vector<Position>& positions,
+                                                       const fit::DeviceAccuracy& accuracy) {
     std::vector<fit::BoardLine> lines;
-    for (const Position& position : positions)
-      if (const auto line = line_of(position)) lines.push_back(*line);
+    fit::LineEffect scale{"range scale", {}}, sine{"encoder, sine", {}}, cosine{"encoder, cosine", {}};
+    for (const Position& position : positions) {
+      const std::vector<BoardPoint> seen = board_seen(position);
+      if (seen.empty()) continue;
+      const auto bent = [&](const auto& bend) {
+        return line_through(seen, sourced_stage(position), bend);
+      };
+      const double u = accuracy.beam_eccentricity_rad.u / std::sqrt(2.0);
+      lines.push_back(bent([](double) { return 0.0; }));
+      const double distance = lines.back().distance_mm;
+      scale.shift_mm.push_back(accuracy.range_scale.u * distance);
+      sine.shift_mm.push_back(bent([u](double a) { return u * std::sin(a); }).distance_mm - distance);
+      cosine.shift_mm.push_back(bent([u](double a) { return u * std::cos(a); }).distance_mm - distance);
+    }
     if (lines.size() < 3) return std::nullopt;
     try {
-      const fit::CentreFit centre = fit::fit_centre_from_lines(lines);
+      const fit::CentreFit centre = fit::fit_centre_from_lines(lines, {scale, sine, cosine});
       json rows = {{"x", centre.centre.x(), std::sqrt(centre.covariance(0, 0))},
                    {"y", centre.centre.y(), std::sqrt(centre.covariance(1, 1))}};
       out["tables"].push_back(
@@ -414,6 +507,17 @@ class Centre : public Fitting {
     } catch (const std::invalid_argument&) {
       return std::nullopt;
     }
+  }
+
+  static double sourced_stage(const Position& position) {
+    return position.source->recording->captures()[position.capture].stage_rad;
+  }
+
+  static void compare(json& out, const fit::CentreFit& all, const fit::CentreFit& lines) {
+    for (const int i : {0, 1})
+      compare_methods(out, i == 0 ? "Rotation centre, x" : "Rotation centre, y", "by the target's edge",
+                      {all.centre(i), u_of(all.covariance, i)}, "by the target's line",
+                      {lines.centre(i), u_of(lines.covariance, i)}, "mm");
   }
 
   static void add_plot(json& out, const fit::CentreFit& all, const std::vector<fit::CentrePair>& pairs,
@@ -430,8 +534,7 @@ class Centre : public Fitting {
     out["plots"].push_back(std::move(plot));
   }
 
-  static void add_remarks(json& out, const fit::CentreFit& all, const EdgeSource& source,
-                          const std::vector<fit::CentrePoint>& points) {
+  static void add_remarks(json& out, const fit::CentreFit& all, const EdgeSource& source) {
     if (all.inflation > 1)
       out["notes"].push_back(
           "The positions disagree by more than their uncertainties (chi-square " + fit::format_fixed(all.chi2, 1) +
@@ -447,11 +550,6 @@ class Centre : public Fitting {
           "by " +
           fit::format_fixed(worst, 1) + " mm; turn by 90 deg or more in all.");
     compare_with_mount(out, all, source.recordings.front()->bench().lidar.mount);
-    const double range = points.front().range_mm;
-    out["undetermined"].push_back(
-        "a once-a-turn angle error of the lidar's encoder or of the stage: 0.01 deg of it looks like " +
-        fit::format_fixed(range * 0.01 * fit::rad_per_deg, 2) +
-        " mm of centre, and is not in the uncertainty unless given as stage_u_deg");
   }
 
   /// The bench knows the mount: the lidar's origin at stage angle 0, seen from the axis.
@@ -463,9 +561,9 @@ class Centre : public Fitting {
     const double ux = std::hypot(mount.x_mm.u, std::sqrt(all.covariance(0, 0)));
     const double uy = std::hypot(mount.y_mm.u, std::sqrt(all.covariance(1, 1)));
     if (mount.x_mm.u > 0 && mount.y_mm.u > 0 && (std::abs(off.x()) > 4 * ux || std::abs(off.y()) > 4 * uy))
-      out["notes"].push_back("The bench file's mount puts the centre at (" + fit::format_fixed(expected.x(), 1) +
-                             ", " + fit::format_fixed(expected.y(), 1) +
-                             ") mm, which these captures contradict; correct the bench file's mount.");
+      out["contradictions"].push_back("The bench file's mount puts the centre at (" +
+                                      fit::format_fixed(expected.x(), 1) + ", " + fit::format_fixed(expected.y(), 1) +
+                                      ") mm, which these captures contradict; correct the bench file's mount.");
   }
 };
 

@@ -49,8 +49,9 @@ Scope scope_of(const SessionStore& session) {
   const fit::Bench bench = session.recording()->bench();
   Scope out;
   char text[120];
-  std::snprintf(text, sizeof text, "%d beams of %.4g deg at %.4g Hz", bench.lidar.steps,
-                bench.lidar.step_rad * fit::deg_per_rad, bench.lidar.scan_hz);
+  std::snprintf(text, sizeof text, "%d beams of %.4g deg at %.4g Hz",
+                bench.lidar.steps - bench.lidar.first_step, bench.lidar.step_rad * fit::deg_per_rad,
+                bench.lidar.scan_hz);
   out.pattern = text;
   for (const fit::Target& target : bench.targets) {
     std::snprintf(text, sizeof text, " from (%.4g, %.4g) to (%.4g, %.4g) mm", target.from_mm.x(),

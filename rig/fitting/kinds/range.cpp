@@ -10,6 +10,7 @@
 #include "rig/fitting/one_lidar.hpp"
 #include "rig/fitting/range_source.hpp"
 #include "rig/fitting/result_document.hpp"
+#include "rig/fitting/uncertainty_budget.hpp"
 #include "rig/session/lidar_identity.hpp"
 #include "rig/session/session_dates.hpp"
 
@@ -145,15 +146,16 @@ void add_families(json& tables, const std::vector<FamilyFit>& fits, const std::s
     for (const std::string& remark : fit.remarks) words.push_back({fit.title, remark});
     if (!fit.usable) continue;
     rows.push_back({fit.title, digits(fit.held_out), digits(fit.r2, 5), digits(fit.rmse, 4),
-                    digits(fit.parameters), digits(fit.aicc, 4), digits(fit.bic, 4),
+                    digits(fit.fit_p, 2), digits(fit.parameters), digits(fit.aicc, 4), digits(fit.bic, 4),
                     fit.spline ? json(nullptr) : digits(fit.condition, 2),
                     fit.spline ? json(nullptr) : digits(fit.printed_mm, 2)});
   }
   tables.push_back(
       {{"title", title + ": families by their error at held-out points (condition: of the coefficients; "
-                         "4 digits: error of the curve when they are printed so)"},
+                         "4 digits: error of the curve when they are printed so; fit p: how often a right family "
+                         "leaves such residuals, below 0.01 it does not fit)"},
        {"columns",
-        {"family", column("held out", "mm"), "R2", column("RMSE", "mm"), "coeff.", "AICc", "BIC", "condition",
+        {"family", column("held out", "mm"), "R2", column("RMSE", "mm"), "fit p", "coeff.", "AICc", "BIC", "condition",
          column("4 digits", "mm")}},
        {"rows", rows}});
   if (!words.empty())
@@ -317,6 +319,7 @@ class Range : public Fitting {
     out["tables"].push_back(robust_table(source));
     out["tables"].push_back(selection_table(source));
     for (const std::string& note : source.notes) out["notes"].push_back(note);
+    for (const std::string& contradiction : source.contradictions) out["contradictions"].push_back(contradiction);
     for (const std::string& note : calibration.notes) out["notes"].push_back(note);
     if (!calibration.why_not.empty()) out["undetermined"].push_back("no correction: " + calibration.why_not);
     for (const std::string& sentence : calibration.identifiability) out["undetermined"].push_back(sentence);
@@ -340,12 +343,20 @@ class Range : public Fitting {
                          const fit::RangeCalibration& calibration, bool robust) {
     std::set<long> named;
     for (const RangeCapture& c : spread_over_distance(source.captures)) {
-      const fit::RangePoint p = c.point(robust ? c.robust : c.paper);
+      const fit::SelectedMean& selected = robust ? c.robust : c.paper;
+      const fit::RangePoint p = c.point(selected);
       if (!named.insert(std::lround(p.true_mm)).second) continue;
-      out["values"].push_back(result_value(
+      UncertaintyBudget budget(
           "error_at_" + text(p.true_mm, "%.0f") + "_mm",
-          "Range error at " + text(p.true_mm, "%.0f") + " mm, " + text(p.intensity, "%.0f") + " counts",
-          {p.error_mm(), std::hypot(p.u_mm, c.u_true_mm())}, "mm"));
+          "Range error at " + text(p.true_mm, "%.0f") + " mm, " + text(p.intensity, "%.0f") + " counts", "mm");
+      budget.add({.source = "mean of the samples",
+                  .kind = 'A',
+                  .distribution = "normal",
+                  .u = p.u_mm,
+                  .freedom = std::max(1.0, selected.effective - 1)});
+      budget.add({.source = "placement of the target (bench file)", .distribution = "normal", .u = c.u_placement_mm});
+      budget.add({.source = "lidar's place on the stage (bench file's mount)", .distribution = "normal", .u = c.u_mount_mm});
+      budget.publish(out, p.error_mm());
     }
     out["values"].push_back(plain_value("rms_error_before_mm", "RMS range error of the captures, uncorrected",
                                         calibration.rms_before_mm, "mm"));
@@ -361,26 +372,16 @@ class Range : public Fitting {
       out["values"].push_back(plain_value(
           "largest_u_mm", "Largest standard uncertainty of the correction at a measured point", worst, "mm"));
     }
-    double mean_u = 0;
-    for (const fit::RangePoint& p : points) mean_u = std::max(mean_u, p.u_mm);
-    out["budget"].push_back(budget_line("mean of the samples, worst capture", "A", mean_u, "mm"));
     const auto scatter = [&](long captures, double u, const std::string& experiment) {
-      if (captures == 0) return;
-      out["budget"].push_back(
-          captures < 7
-              ? budget_line("placement of each capture (bench file; too few to see it), " + experiment, "B",
-                            u, "mm")
-              : budget_line("scatter between captures beyond that, " + experiment, "A", u, "mm"));
+      if (captures > 0)
+        out["values"].push_back(plain_value("scatter_" + experiment + "_mm",
+                                            "Scatter between captures, " + experiment, u, "mm"));
     };
     scatter(calibration.points_intensity, calibration.scatter_intensity_mm, "intensity");
     scatter(calibration.points_distance, calibration.scatter_distance_mm, "distance");
     double placement = 0, mount = 0;
     for (const RangeCapture& c : source.captures)
       placement = std::max(placement, c.u_placement_mm), mount = std::max(mount, c.u_mount_mm);
-    out["budget"].push_back(budget_line("true distance (bench file), common to all", "B", placement, "mm"));
-    if (mount > 0)
-      out["budget"].push_back(
-          budget_line("lidar's place on the stage (bench file's mount), common to all", "B", mount, "mm"));
     if (mount > placement)
       out["notes"].push_back("Where the lidar sits on the stage is known to U = " + text(2 * mount, "%.2g") +
                              " mm (k = 2) only, and every range error contains that: calibrate it first "
@@ -393,13 +394,19 @@ class Range : public Fitting {
     Correction& correction = *calibration.joint;
     describe(correction, sources, source, calibration);
     say_what_is_not_told(out, correction);
-    out["use"].push_back(how_to_use(correction, points[points.size() / 2]));
-    if (correction.intensity && correction.range)
-      out["values"].push_back(result_value(
-          "zero_mm",
-          "Range error at the reference condition (" + text(correction.reference_mm, "%.0f") + " mm, " +
-              text(correction.reference_intensity, "%.0f") + " counts)",
-          {correction.zero_mm.value, std::hypot(correction.zero_mm.u, correction.common_u_mm)}, "mm"));
+    const fit::RangePoint& middle = points[points.size() / 2];
+    if (std::isfinite(correction.apply(middle.measured_mm, middle.intensity).range_mm))
+      out["use"].push_back(how_to_use(correction, middle));
+    if (correction.intensity && correction.range) {
+      UncertaintyBudget budget("zero_mm",
+                               "Range error at the reference condition (" + text(correction.reference_mm, "%.0f") +
+                                   " mm, " + text(correction.reference_intensity, "%.0f") + " counts)",
+                               "mm");
+      budget.add({.source = "fit of both curves", .kind = 'A', .distribution = "normal", .u = correction.zero_mm.u});
+      budget.add({.source = "true distances, common to all (bench file)", .distribution = "normal", .u = correction.common_u_mm});
+      budget.publish(out, correction.zero_mm.value);
+    }
+    flag_misplaced(out, source, points, correction);
     if (correction.intensity) out["plots"].push_back(points_plot(points, &correction, true));
     if (correction.range) out["plots"].push_back(points_plot(points, &correction, false));
     out["plots"].push_back(residual_plot(points, correction));
@@ -416,6 +423,41 @@ class Range : public Fitting {
                    {"condition_number", number_or_null(calibration.condition)},
                    {"intensity_distance_correlation", number_or_null(calibration.correlation)}};
     warn_of_the_reference(out, calibration);
+    warn_of_no_fit(out, calibration);
+  }
+
+  /// Says so where not one family with an equation fits.
+  static void warn_of_no_fit(json& out, const fit::RangeCalibration& calibration) {
+    for (const auto* table : {&calibration.intensity_table, &calibration.distance_table}) {
+      const FamilyFit* best = fit::best_of(*table);
+      if (!best || std::ranges::any_of(*table, [](const FamilyFit& fit) {
+            return fit.usable && !fit.spline && !fit.ambiguous && !fit.lacks_fit();
+          }))
+        continue;
+      out["undetermined"].push_back(
+          "None of these families fits the error against " +
+          std::string(table == &calibration.intensity_table ? "intensity" : "distance") +
+          ": the residuals have structure that the points' scatter does not explain (fit p below 0.01 for all). The "
+          "correction is the best of them, and its uncertainty is that of its own residuals. A target that steps "
+          "back, or a wrong distance, leaves such structure too; rig explain looks for the physics behind it.");
+    }
+  }
+
+  /// A capture far from the curve through all others: its target stood elsewhere.
+  static void flag_misplaced(json& out, const RangeSource& source, const std::vector<fit::RangePoint>& points,
+                             const Correction& correction) {
+    std::vector<double> sizes;
+    for (const fit::RangePoint& p : points)
+      sizes.push_back(std::abs(correction.apply(p.measured_mm, p.intensity).range_mm - p.true_mm));
+    std::vector<double> sorted = sizes;
+    std::ranges::nth_element(sorted, sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2));
+    const double spread = 1.4826 * sorted[sorted.size() / 2];
+    for (std::size_t i = 0; i < points.size() && points.size() >= 7; ++i) {
+      const double gate = 6 * std::hypot(spread, points[i].u_mm, source.captures[i].u_placement_mm) + 1;
+      if (sizes[i] > gate)
+        out["contradictions"].push_back(source.captures[i].label + " lies " + text(sizes[i], "%.1f") +
+                                        " mm from the curve through the others: its target stood elsewhere");
+    }
   }
 
   static std::string how_to_use(const Correction& correction, const fit::RangePoint& point) {
@@ -453,6 +495,17 @@ class Range : public Fitting {
       sum += std::pow(corrected_a - corrected_b, 2);
       largest = std::max(largest, std::abs(corrected_a - corrected_b));
     }
+    // Both from the same captures: over all of them, their mean difference is what one way adds to the other.
+    double mean = 0, u2 = 0;
+    const auto captures = static_cast<double>(source.captures.size());
+    for (const RangeCapture& c : source.captures) {
+      mean += (correction.apply(c.point(c.paper).measured_mm, c.paper.intensity).range_mm -
+               correction.apply(c.point(c.robust).measured_mm, c.robust.intensity).range_mm) /
+              captures;
+      u2 += (c.paper.u_mm * c.paper.u_mm + c.robust.u_mm * c.robust.u_mm) / (captures * captures);
+    }
+    compare_methods(out, "Corrected range, mean over the captures", "all samples", {0, std::sqrt(u2 / 2)},
+                    "samples of the most frequent intensity", {mean, std::hypot(std::sqrt(u2 / 2), 0.1)}, "mm");
     out["notes"].push_back("The correction is made from the " +
                            std::string(selection == "robust" ? "robust means of all samples"
                                                              : "means of the most frequent intensity") +
@@ -487,6 +540,24 @@ class Range : public Fitting {
     return out;
   }
 
+  /// By distance, which echoes were seen there; nothing where the lidar told no intensities.
+  static std::vector<Correction::Measured> measured_by(const RangeSource& source) {
+    constexpr double one_place_mm = 2;
+    std::vector<Correction::Measured> out;
+    for (const RangeCapture& c : source.captures) {
+      if (c.robust.intensity <= 0) return {};
+      out.push_back({c.true_mm, c.robust.intensity, c.robust.intensity});
+    }
+    std::ranges::sort(out, {}, &Correction::Measured::range_mm);
+    std::vector<Correction::Measured> joined;
+    for (const Correction::Measured& m : out) {
+      if (joined.empty() || m.range_mm - joined.back().range_mm > one_place_mm) joined.push_back(m);
+      joined.back().from = std::min(joined.back().from, m.from);
+      joined.back().to = std::max(joined.back().to, m.to);
+    }
+    return joined;
+  }
+
   /// What a user of the correction must be told that the sessions do not tell.
   static void say_what_is_not_told(json& out, const Correction& correction) {
     const auto say = [&](bool missing, const char* what) {
@@ -505,6 +576,7 @@ class Range : public Fitting {
     correction.lidar_model = lidar.name(), correction.lidar_serial = lidar.serial;
     correction.lidar_firmware = lidar.firmware;
     correction.validity = validity_of(source);
+    correction.measured = measured_by(source);
     correction.created_utc = dates_of(session).measured_utc;
     correction.software = "rig " RIG_VERSION;
     for (const FitSource& file : sources) {

@@ -9,6 +9,7 @@
 #include "rig/errors.hpp"
 #include "rig/fitting/edge_source.hpp"
 #include "rig/fitting/result_document.hpp"
+#include "rig/fitting/uncertainty_budget.hpp"
 
 namespace rig::fittings {
 namespace {
@@ -82,7 +83,11 @@ json response_plot(const fit::EdgeCrossing& crossing) {
 }
 
 /// Mean of the windows of all crossings that know it well, weighted; widened when they disagree.
-fit::Estimate joint_window(const std::vector<SourcedCrossing>& crossings) {
+struct JointWindow {
+  fit::Estimate rad;
+  double freedom = Contribution::many;
+};
+JointWindow joint_window(const std::vector<SourcedCrossing>& crossings) {
   double best = 1e9, weights = 0, sum = 0, chi2 = 0;
   int used = 0;
   for (const auto& sourced : crossings) best = std::min(best, sourced.crossing.response.window_rad.u);
@@ -97,7 +102,22 @@ fit::Estimate joint_window(const std::vector<SourcedCrossing>& crossings) {
     if (good(crossing.response))
       chi2 += std::pow((crossing.response.window_rad.value - mean) / crossing.response.window_rad.u, 2);
   const double widen = used > 1 ? std::sqrt(std::max(1.0, chi2 / (used - 1))) : 1;
-  return {mean, widen / std::sqrt(weights)};
+  return {{mean, widen / std::sqrt(weights)}, widen > 1 ? used - 1 : Contribution::many};
+}
+
+/// What the stage may do to its angle at one place.
+void add_stage_angle(UncertaintyBudget& budget, const fit::Bench& bench, double stage_rad, int approach) {
+  budget.add({.source = "resolution of the stage (bench file)",
+              .distribution = "rectangular",
+              .u = u_of_resolution(bench.stage_resolution_rad) * fit::deg_per_rad});
+  using fit::DeviceAccuracy;
+  const double deg = stage_rad * fit::deg_per_rad;
+  for (const fit::AccuracyLine& line : fit::accuracy_in_words(fit::accuracy_of(bench))) {
+    if (line.member == &DeviceAccuracy::stage_scale) budget.add(line, line.u * deg);
+    if (line.member == &DeviceAccuracy::stage_eccentricity_rad) budget.add(line, line.u / std::numbers::sqrt2);
+    if (line.member == &DeviceAccuracy::stage_backlash_rad) budget.add(line, line.u / 2 * std::abs(approach));
+    if (line.member == &DeviceAccuracy::stage_position_rad) budget.add(line, line.u);
+  }
 }
 
 /// Whether the window was stepped through evenly, with a smooth stop before and after: only then can stops be
@@ -159,43 +179,55 @@ class Sensitivity : public Fitting {
     out["tables"].push_back(stops_table(best));
     out["tables"].push_back(crossings_table(source.crossings));
     out["plots"].push_back(response_plot(best));
-    for (const std::string& note : source.notes) out["notes"].push_back(note);
+    for (const std::string& what : source.contradictions) out["contradictions"].push_back(what);
     add_remarks(out, best);
     return out;
   }
 
  private:
   static void add_values(json& out, const EdgeSource& source, const fit::EdgeCrossing& best) {
-    const fit::Estimate window = joint_window(source.crossings);
+    const JointWindow joint = joint_window(source.crossings);
+    const fit::Bench& bench = source.recordings.front()->bench();
+    const fit::DeviceAccuracy accuracy = fit::accuracy_of(bench);
     const double u_resolution_rad = u_of_resolution(source.recordings.front()->bench().stage_resolution_rad);
-    out["values"].push_back(result_value("window_deg", "Window of jitter at an edge",
-                                         {window.value * fit::deg_per_rad, window.u * fit::deg_per_rad},
-                                         "deg"));
+    const double window_deg = joint.rad.value * fit::deg_per_rad;
+    const char* const window_label = "Window of jitter at an edge";
+    UncertaintyBudget window("window_deg", window_label, "deg");
+    window.add({.source = "samples, and scatter of the stops' angles (posterior)",
+                .kind = 'A',
+                .distribution = std::isfinite(joint.freedom) ? "Student" : "normal",
+                .u = joint.rad.u * fit::deg_per_rad,
+                .freedom = joint.freedom});
+    // Over a window as narrow as this, what repeats once a turn is a slope.
+    for (const fit::AccuracyLine& line : fit::accuracy_in_words(accuracy)) {
+      if (line.member == &fit::DeviceAccuracy::stage_scale) window.add(line, line.u * window_deg);
+      if (line.member == &fit::DeviceAccuracy::stage_eccentricity_rad)
+        window.add(line, line.u * line.per_unit / std::numbers::sqrt2 * window_deg);
+    }
+    window.publish(out, window_deg);
     if (evenly_stepped(best)) {
       const double counted = best.jitter_rad->second - best.jitter_rad->first + best.step_rad;
       out["values"].push_back(result_value(
           "window_counted_deg", "The same, counted in stops as in the paper",
           {counted * fit::deg_per_rad, best.step_rad / std::sqrt(6.0) * fit::deg_per_rad}, "deg"));
+      compare_methods(out, window_label, "by the share of samples", {window_deg, window.u()}, "by counting stops",
+                      {counted * fit::deg_per_rad, best.step_rad / std::sqrt(6.0) * fit::deg_per_rad}, "deg");
     } else {
       out["undetermined"].push_back(
           "the window counted in stops as in the paper: no edge was swept in even steps with a smooth stop "
           "on "
           "both sides. Add a sweep of 0.01 deg steps through the edge.");
     }
-    out["values"].push_back(
-        result_value("edge_deg", "Stage angle at which the beam is on the edge",
-                     {best.response.edge_rad.value * fit::deg_per_rad,
-                      std::hypot(best.response.edge_rad.u, u_resolution_rad) * fit::deg_per_rad},
-                     "deg"));
+    UncertaintyBudget edge("edge_deg", "Stage angle at which the beam is on the edge", "deg");
+    edge.add({.source = "samples and stops (posterior)",
+              .kind = 'A',
+              .distribution = "normal",
+              .u = best.response.edge_rad.u * fit::deg_per_rad});
+    add_stage_angle(edge, bench, best.response.edge_rad.value, best.approach);
+    edge.publish(out, best.response.edge_rad.value * fit::deg_per_rad);
     add_backlash(out, source.crossings, u_resolution_rad);
     out["values"].push_back(plain_value(
         "gap_mm", "Depth of the edge", best.back_mm > 0 ? best.back_mm - best.front_mm : std::nan(""), "mm"));
-    out["budget"] = {budget_line("window: samples, and scatter of the stops' angles (posterior)", "A",
-                                 window.u * fit::deg_per_rad, "deg"),
-                     budget_line("edge: samples and stops (posterior)", "A",
-                                 best.response.edge_rad.u * fit::deg_per_rad, "deg"),
-                     budget_line("edge: resolution of the stage (rectangular; bench file)", "B",
-                                 u_resolution_rad * fit::deg_per_rad, "deg")};
     out["data"] = {{"beam_step", best.step},
                    {"beam_deg", best.beam_rad * fit::deg_per_rad},
                    {"ramp_probability", best.response.ramp_probability},

@@ -11,6 +11,7 @@
 #include "rig/errors.hpp"
 #include "rig/fitting/fitting.hpp"
 #include "rig/fitting/result_document.hpp"
+#include "rig/fitting/uncertainty_budget.hpp"
 
 namespace rig::fittings {
 namespace {
@@ -33,50 +34,151 @@ double u_of_stage_deg(const fit::WallFit& fit, const fit::Bench& bench) {
          std::sqrt(static_cast<double>(fit.means.size()));
 }
 
-fit::Estimate widened(const fit::Estimate& estimate, double u) {
-  return {estimate.value, std::hypot(estimate.u, u)};
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+
+/// Budget of a quantity that changes by `slope` with the joint parameters.
+UncertaintyBudget budget_of(const fit::WallFit& fit, const Vector6& slope, const std::string& name,
+                            const std::string& label, const std::string& unit) {
+  UncertaintyBudget out(name, label, unit);
+  const bool scattered = fit.capture_inflation > 1 && fit.capture_freedom > 0;
+  out.add({.source = scattered ? "ranges, with the scatter between captures" : "ranges",
+           .kind = 'A',
+           .distribution = scattered ? "Student" : "normal",
+           .u = std::sqrt(std::max(0.0, slope.dot(fit.from_ranges * slope))),
+           .freedom = scattered ? fit.capture_freedom : std::max(1.0, static_cast<double>(fit.beams) - 6)});
+  // Sine and cosine, or several curves, of one deviation are one line.
+  for (std::size_t k = 0; k < fit.effects.size(); ++k) {
+    double square = 0;
+    bool first = true;
+    for (std::size_t j = 0; j < fit.effects.size(); ++j) {
+      if (fit.effects[j].line.member != fit.effects[k].line.member) continue;
+      first = first && j >= k;
+      square += std::pow(slope.dot(fit.effects[j].share), 2);
+    }
+    if (first) out.add(fit.effects[k].line, std::sqrt(square));
+  }
+  return out;
+}
+
+/// The joint fit measures the stage against the lidar; what it learnt of a deviation is a value of its own.
+void add_self_check(json& out, const fit::WallFit& fit) {
+  for (const fit::WallEffect& effect : fit.effects) {
+    if (effect.line.member != &fit::DeviceAccuracy::stage_scale) continue;
+    if (effect.found.u > 0.5) {
+      out["undetermined"].push_back("the scale of the stage: these captures do not tell it");
+      return;
+    }
+    const double percent = 100 * effect.line.u;
+    out["values"].push_back(result_value("stage_scale_error_percent",
+                                         "Self-check: the stage turns farther than commanded by",
+                                         {percent * effect.found.value, percent * effect.found.u}, "%"));
+    if (std::abs(effect.found.value) > 3)
+      out["contradictions"].push_back("The stage's scale is off by more than the bench file's u_scale allows");
+  }
 }
 
 void add_values(json& out, const fit::WallFit& fit, const fit::Bench& bench) {
   const double stage_u = u_of_stage_deg(fit, bench);
-  const fit::Estimate angle = widened(degrees(joint(fit, 0)), stage_u);
   const double board_u = fit.walls[0].u_rad * fit::deg_per_rad;
-  json& values = out["values"];
-  values.push_back(result_value("mounting_angle_deg",
-                                "Mounting angle against the front wall, at stage angle 0", angle, "deg"));
-  values.push_back(result_value("radius_mm", "Distance of the lidar from the axis", fit.radius_mm, "mm"));
-  values.push_back(result_value("direction_deg", "Direction of that offset, at stage angle 0",
-                                widened(degrees(fit.direction_rad), stage_u), "deg"));
-  values.push_back(result_value("mount_x_mm", "Lidar on the stage, x", joint(fit, 1), "mm"));
-  values.push_back(result_value("mount_y_mm", "Lidar on the stage, y", joint(fit, 2), "mm"));
-  values.push_back(result_value("mount_yaw_deg",
-                                "Lidar on the stage, yaw (with the front board's orientation)",
-                                {angle.value, std::hypot(angle.u, board_u)}, "deg"));
-  values.push_back(result_value("front_mm", "Front wall from the axis", joint(fit, 3), "mm"));
-  values.push_back(result_value("side_mm", "Side wall from the axis", joint(fit, 4), "mm"));
+  const auto angle_part = [&](UncertaintyBudget& budget) {
+    budget.add({.source = "resolution of the stage (bench file)",
+                .distribution = "rectangular",
+                .u = stage_u,
+                .input_u = u_of_resolution(bench.stage_resolution_rad) * fit::deg_per_rad,
+                .input_unit = "deg"});
+    const fit::DeviceAccuracy accuracy = fit::accuracy_of(bench);
+    for (const fit::AccuracyLine& line : fit::accuracy_in_words(accuracy))
+      if (line.member == &fit::DeviceAccuracy::stage_position_rad)
+        budget.add(line, line.u / std::sqrt(static_cast<double>(fit.means.size())));
+  };
+  const auto slope_of = [](int parameter, double scale) { return Vector6(Vector6::Unit(parameter) * scale); };
+  const Eigen::Vector2d m = fit.joint.segment<2>(1);
+  const double radius = std::max(1e-9, m.norm());
+  Vector6 radial = Vector6::Zero(), around = Vector6::Zero();
+  radial.segment<2>(1) = m / radius;
+  around.segment<2>(1) = Eigen::Vector2d(-m.y(), m.x()) / (radius * radius) * fit::deg_per_rad;
+  const auto mm = [&](const Vector6& slope, double value, const char* name, const char* label) {
+    budget_of(fit, slope, name, label, "mm").publish(out, value);
+  };
+  UncertaintyBudget angle = budget_of(fit, slope_of(0, fit::deg_per_rad), "mounting_angle_deg",
+                                      "Mounting angle against the front wall, at stage angle 0", "deg");
+  angle_part(angle);
+  const double angle_deg = fit.joint[0] * fit::deg_per_rad;
+  angle.publish(out, angle_deg);
+  mm(radial, fit.radius_mm.value, "radius_mm", "Distance of the lidar from the axis");
+  UncertaintyBudget direction = budget_of(fit, around, "direction_deg",
+                                          "Direction of that offset, at stage angle 0", "deg");
+  angle_part(direction);
+  direction.add({.source = "orientation of the front board (bench file)", .distribution = "normal", .u = board_u});
+  direction.publish(out, fit.direction_rad.value * fit::deg_per_rad);
+  for (const int axis : {0, 1}) {
+    UncertaintyBudget place = budget_of(fit, slope_of(1 + axis, 1), axis == 0 ? "mount_x_mm" : "mount_y_mm",
+                                        axis == 0 ? "Lidar on the stage, x" : "Lidar on the stage, y", "mm");
+    place.add({.source = "orientation of the front board (bench file)",
+               .distribution = "normal",
+               .u = fit.walls[0].u_rad * std::abs(m[1 - axis]),
+               .input_u = board_u,
+               .input_unit = "deg"});
+    place.publish(out, m[axis]);
+  }
+  UncertaintyBudget yaw = budget_of(fit, slope_of(0, fit::deg_per_rad), "mount_yaw_deg",
+                                    "Lidar on the stage, yaw (with the front board's orientation)", "deg");
+  angle_part(yaw);
+  yaw.add({.source = "orientation of the front board (bench file)", .distribution = "normal", .u = board_u});
+  yaw.publish(out, angle_deg);
+  mm(slope_of(3, 1), fit.joint[3], "front_mm", "Front wall from the axis");
+  mm(slope_of(4, 1), fit.joint[4], "side_mm", "Side wall from the axis");
   const double corner =
       fit::wrap_angle(fit.walls[1].line.normal_rad - fit.walls[0].line.normal_rad) * fit::deg_per_rad;
-  const fit::Estimate bend = degrees(joint(fit, 5));
-  values.push_back(result_value("corner_deg", "Angle from the front wall to the side wall",
-                                {corner + bend.value, bend.u}, "deg"));
-  values.push_back(
+  budget_of(fit, slope_of(5, fit::deg_per_rad), "corner_deg", "Angle from the front wall to the side wall", "deg")
+      .publish(out, corner + fit.joint[5] * fit::deg_per_rad);
+  add_self_check(out, fit);
+  out["values"].push_back(
       plain_value("range_noise_mm", "Standard deviation of one range", fit.range_noise_mm, "mm"));
   json matrix = json::array();
   const double scale[] = {fit::deg_per_rad, 1, 1, 1, 1, fit::deg_per_rad};
   for (int i = 0; i < 6; ++i) {
     json row = json::array();
     for (int k = 0; k < 6; ++k)
-      row.push_back(scale[i] * scale[k] * fit.covariance(i, k) + (i == 0 && k == 0 ? stage_u * stage_u : 0));
+      row.push_back(scale[i] * scale[k] * fit.covariance(i, k) +
+                    (i == 0 && k == 0 ? std::pow(angle.u(), 2) - std::pow(scale[0], 2) * fit.covariance(0, 0) : 0));
     matrix.push_back(row);
   }
   out["covariance"] = {
       {"names", {"mounting_angle_deg", "mount_x_mm", "mount_y_mm", "front_mm", "side_mm", "corner_deg"}},
       {"matrix", matrix}};
-  out["budget"] = {
-      budget_line("ranges, mounting angle", "A", degrees(joint(fit, 0)).u, "deg"),
-      budget_line("resolution of the stage (rectangular; bench file), angles", "B", stage_u, "deg"),
-      budget_line("ranges, distance from the axis", "A", fit.radius_mm.u, "mm"),
-      budget_line("orientation of the front board (bench), yaw only", "B", board_u, "deg")};
+}
+
+/// Simpler ways beside the joint fit, whose deviations were taken off before.
+void compare_ways(json& out, const fit::WallFit& fit) {
+  if (fit.repeats >= 3)
+    compare_methods(out, "Mounting angle", "all beams together", degrees(joint(fit, 0)),
+                    "slope of the front wall at stage angle 0", degrees(fit.patent_angle_rad), "deg");
+  for (const fit::WallCircle& way : fit.ways)
+    if (way.circle && way.way.starts_with("both walls") && way.way.ends_with("geometric circle"))
+      // Positions of one capture share its errors.
+      compare_methods(out, "Distance of the lidar from the axis", "all beams together", fit.radius_mm,
+                      "circle through its positions",
+                      {way.radius_mm.value,
+                       std::hypot(way.radius_mm.u,
+                                  way.circle->rms / std::sqrt(static_cast<double>(fit.means.size())))},
+                      "mm");
+}
+
+/// A wall that does not stand where the bench file says.
+void compare_with_bench(json& out, const fit::WallFit& fit, const fit::Bench& bench) {
+  for (const int j : {0, 1}) {
+    const fit::Target* target = bench.target(fit.walls[j].name);
+    if (!target || target->u_mm <= 0) continue;
+    const double off = fit.joint[3 + j] - fit.walls[j].line.distance_mm;
+    const double u = std::hypot(std::sqrt(fit.covariance(3 + j, 3 + j)), target->u_mm);
+    if (std::abs(off) <= 3 * u) continue;
+    char text[200];
+    std::snprintf(text, sizeof text,
+                  "'%s' is seen %.1f mm from where the bench file puts it, %.1f standard uncertainties.",
+                  target->name.c_str(), std::abs(off), std::abs(off) / u);
+    out["contradictions"].push_back(text);
+  }
 }
 
 void add_ways(json& out, const fit::WallFit& fit) {
@@ -235,6 +337,7 @@ class Wall : public Fitting {
     how.front = options.text("front");
     how.side = options.text("side");
     how.tolerance_mm = options.number("tolerance_mm");
+    how.accuracy = fit::accuracy_of(recordings.front()->bench());
     try {
       return document(fit::fit_wall(recordings, how), recordings.front()->bench());
     } catch (const std::invalid_argument& error) {
@@ -260,6 +363,8 @@ class Wall : public Fitting {
         "lidar's optical centre is at R(theta) (x, y) from the axis, and its beam at 0 deg points to theta "
         "+ yaw. x lies along the stage's zero direction, y to the left of it, seen from above; angles grow "
         "counter-clockwise.");
+    compare_ways(out, fit);
+    compare_with_bench(out, fit, bench);
     add_ways(out, fit);
     add_sights(out, fit);
     add_plots(out, fit);

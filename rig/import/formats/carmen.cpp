@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <fstream>
+#include <map>
 #include <memory>
+#include <optional>
+#include <set>
 #include <sstream>
 
 #include "rig/errors.hpp"
@@ -55,6 +59,12 @@ class Words {
     result.heading_rad = number();
     return result;
   }
+  /// The end of every line, perhaps missing: the computer's name and when the logger wrote it.
+  std::optional<double> logged() {
+    std::string name;
+    double time_s = 0;
+    return in_ >> name >> time_s ? std::optional(time_s) : std::nullopt;
+  }
   [[nodiscard]] bool whole() const { return whole_; }
 
  private:
@@ -62,34 +72,63 @@ class Words {
   bool whole_ = true;
 };
 
-/// Spacing of a FLASER line, which does not say it: these lines come from 180-degree scanners of 1, 0.5 or
-/// 0.25 degrees, with or without the beam that closes the half circle.
+/// Spacing of a FLASER or RLASER line, which does not say it: these lines come from 180-degree scanners of 1,
+/// 0.5 or 0.25 degrees, with or without the beam that closes the half circle; some logs name it in a PARAM.
 double half_circle_step(std::size_t beams) {
   const double spaces = static_cast<double>(beams % 2 == 1 ? beams - 1 : beams);
   return fit::pi / std::max(1.0, spaces);
 }
 
+/// Which of the robot's lasers a kind of line is of: 1 in front, 2 behind, others by their number; 0: none.
+int laser_of(const std::string& kind) {
+  if (kind == "FLASER") return 1;
+  if (kind == "RLASER") return 2;
+  for (const char* name : {"ROBOTLASER", "RAWLASER"})
+    if (kind.starts_with(name) && kind.size() == std::strlen(name) + 1 && kind.back() >= '1' &&
+        kind.back() <= '9')
+      return kind.back() - '0';
+  return 0;
+}
+
 /// CARMEN logs (message formats of the CARMEN logger): one message a line, metres and radians, the robot's
-/// and the lidar's pose with every scan.
+/// and the lidar's pose with every scan. Of several lasers the first in the file is taken, or the one whose
+/// lines the options name.
 class Reader {
  public:
-  explicit Reader(ImportSink& sink) : sink_(sink) {}
+  Reader(const ImportOptions& options, ImportSink& sink)
+      : sink_(sink), taken_(laser_of(options.scan_topic)) {}
 
   void line(const std::string& text) {
     Words words(text);
     const std::string kind = words.word();
-    if (kind == "ODOM")
+    const int laser_number = laser_of(kind);
+    if (kind == "PARAM") return parameter(words);
+    if (kind == "ODOM") {
       odometry(words);
-    else if (kind == "FLASER")
-      flaser(words);
-    else if (kind == "ROBOTLASER1" || kind == "RAWLASER1")
-      laser(words, kind == "ROBOTLASER1");
-    else
+    } else if (laser_number != 0) {
+      if (taken_ == 0) taken_ = laser_number;
+      if (laser_number != taken_) {
+        passed_over_.insert(kind);
+        return;
+      }
+      if (kind == "FLASER" || kind == "RLASER")
+        half_circle(words, kind);
+      else
+        laser(words, kind);
+    } else {
       return;
+    }
     if (!words.whole()) ++faulty_;
   }
 
-  [[nodiscard]] std::uint64_t faulty() const { return faulty_; }
+  void finish() {
+    if (faulty_ > 0) sink_.note(std::to_string(faulty_) + " lines were cut or absurd and left out.");
+    if (twice_ > 0)
+      sink_.note(std::to_string(twice_) + " scans stand in two kinds of lines: each was taken once.");
+    for (const auto& kind : passed_over_)
+      sink_.note("Lines " + kind + " were left out: another laser's were taken. Use --topic " + kind +
+                 " to take them instead.");
+  }
 
  private:
   void odometry(Words& words) {
@@ -97,21 +136,42 @@ class Reader {
     words.number();  // speeds and acceleration
     words.number();
     words.number();
-    const double time_s = words.number();
+    const double time_s = time_of(words);
     if (words.whole()) track(time_s, pose);
   }
 
-  void flaser(Words& words) {
+  void parameter(Words& words) {
+    const std::string name = words.word(), value = words.word();
+    if (name == "laser_front_laser_resolution" || name == "laser_rear_laser_resolution")
+      if (const double deg = std::strtod(value.c_str(), nullptr); deg > 0.01 && deg < 10)
+        resolution_rad_[name.find("rear") == name.npos ? 1 : 2] = deg * fit::rad_per_deg;
+  }
+
+  /// Time of the message; where the sender gave none (0), the logger's.
+  static double time_of(Words& words) {
+    const double sent_s = words.number();
+    return words.whole() && sent_s == 0 ? words.logged().value_or(0) : sent_s;
+  }
+
+  void half_circle(Words& words, const std::string& kind) {
     const auto ranges = words.numbers();
     const Pose lidar = words.pose(), robot = words.pose();
-    const double time_s = words.number();
+    const double time_s = time_of(words);
     if (!words.whole() || ranges.empty()) return;
     place(lidar, robot);
     track(time_s, robot);
-    scan(time_s, "FLASER", -fit::pi / 2, half_circle_step(ranges.size()), ranges, largest_range_m, {});
+    const auto told = resolution_rad_.find(laser_of(kind));
+    double step = half_circle_step(ranges.size());
+    if (told != resolution_rad_.end() && told->second * static_cast<double>(ranges.size()) < 2 * fit::pi)
+      step = told->second;
+    const double first = told == resolution_rad_.end()
+                             ? -fit::pi / 2
+                             : -step * std::floor(static_cast<double>(ranges.size()) / 2);
+    scan(time_s, kind, first, step, ranges, largest_range_m, {});
   }
 
-  void laser(Words& words, bool with_robot) {
+  void laser(Words& words, const std::string& kind) {
+    const bool with_robot = kind.starts_with("ROBOT");
     words.number();  // lidar type
     const double first = words.number();
     words.number();  // field of view
@@ -127,14 +187,13 @@ class Reader {
       robot = words.pose();
       for (int i = 0; i < 5; ++i) words.number();  // speeds, safety distances, turn axis
     }
-    const double time_s = words.number();
+    const double time_s = time_of(words);
     if (!words.whole() || ranges.empty() || step == 0) return;
     if (with_robot) {
       place(lidar, robot);
       track(time_s, robot);
     }
-    scan(time_s, with_robot ? "ROBOTLASER1" : "RAWLASER1", first, step, ranges,
-         std::min(farthest_m, largest_range_m), remissions);
+    scan(time_s, kind, first, step, ranges, std::min(farthest_m, largest_range_m), remissions);
   }
 
   void track(double time_s, const Pose& pose) {
@@ -162,6 +221,11 @@ class Reader {
 
   void scan(double time_s, const std::string& source, double first_rad, double step_rad,
             const std::vector<double>& ranges, double farthest_m, const std::vector<double>& remissions) {
+    if (last_s_ && std::abs(*last_s_ - time_s) < 1e-4 && source != last_source_) {
+      ++twice_;
+      return;
+    }
+    last_s_ = time_s, last_source_ = source;
     range_mm_.clear();
     for (const double range : ranges)
       range_mm_.push_back(
@@ -186,8 +250,13 @@ class Reader {
   }
 
   ImportSink& sink_;
+  int taken_;
   bool placed_ = false;
-  std::uint64_t faulty_ = 0;
+  std::uint64_t faulty_ = 0, twice_ = 0;
+  std::map<int, double> resolution_rad_;  ///< By laser.
+  std::set<std::string> passed_over_;
+  std::optional<double> last_s_;
+  std::string last_source_;
   std::vector<std::uint16_t> range_mm_, intensity_;
 };
 
@@ -199,23 +268,24 @@ class Carmen : public Importer {
     const std::string_view text(reinterpret_cast<const char*>(first_bytes.data()), first_bytes.size());
     const bool named = path.ends_with(".log") || path.ends_with(".clf") || path.ends_with(".carmen");
     return text.find("CARMEN") != text.npos || text.starts_with("FLASER ") || text.starts_with("ODOM ") ||
-           text.starts_with("ROBOTLASER1 ") || text.starts_with("RAWLASER1 ") || text.starts_with("PARAM ") ||
-           (named && (text.find("\nFLASER ") != text.npos || text.find("\nROBOTLASER1 ") != text.npos ||
+           text.starts_with("RLASER ") || text.starts_with("ROBOTLASER") || text.starts_with("RAWLASER") ||
+           text.starts_with("PARAM ") ||
+           (named && (text.find("\nFLASER ") != text.npos || text.find("\nRLASER ") != text.npos ||
+                      text.find("\nROBOTLASER") != text.npos || text.find("\nRAWLASER") != text.npos ||
                       text.find("\nPARAM ") != text.npos));
   }
 
-  void read(const std::string& path, const ImportOptions&, ImportSink& sink) const override {
+  void read(const std::string& path, const ImportOptions& options, ImportSink& sink) const override {
     std::ifstream in(path);
     if (!in) throw UsageError(path + " cannot be opened. Check the name and the permissions.");
-    Reader reader(sink);
+    Reader reader(options, sink);
     std::string line;
     while (sink.wants_more() && std::getline(in, line)) {
       if (line.size() > longest_line)
         throw UsageError(path + " has a line of more than a million characters: it is not a CARMEN log.");
       reader.line(line);
     }
-    if (reader.faulty() > 0)
-      sink.note(std::to_string(reader.faulty()) + " lines were cut or absurd and left out.");
+    reader.finish();
   }
 };
 

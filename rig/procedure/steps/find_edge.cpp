@@ -114,7 +114,7 @@ Settings settings_of(const Arguments& arguments, const fit::Bench& bench, int ap
   const fit::LidarGeometry& lidar = bench.lidar;
   settings.beam =
       static_cast<int>(std::lround(lidar.front_step + beam_deg * fit::rad_per_deg / lidar.step_rad));
-  if (!std::isnan(beam_deg) && (settings.beam < 0 || settings.beam >= lidar.steps))
+  if (!std::isnan(beam_deg) && (settings.beam < lidar.first_step || settings.beam >= lidar.steps))
     throw ProcedureError(arguments.place_of("beam_deg"),
                          "the lidar has no beam at " + to_text(beam_deg) + " deg.");
   const fit::Target* target = bench.target(settings.target);
@@ -213,7 +213,7 @@ class Search {
     request.name = context_.name();
     request.key = context_.key() + "/" + std::to_string(stop);
     request.samples = settings_.samples;
-    request.first_step = std::max(0, settings_.beam - settings_.spread);
+    request.first_step = std::max(context_.bench().lidar.first_step, settings_.beam - settings_.spread);
     request.last_step = std::min(context_.bench().lidar.steps - 1, settings_.beam + settings_.spread);
     request.target = settings_.target;
     if (!context_.recorded(request.key))

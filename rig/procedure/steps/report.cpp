@@ -13,7 +13,8 @@ std::string fault_of(const std::filesystem::path& file) {
   if (file.is_absolute() || std::ranges::find(file, "..") != file.end())
     return "would leave the session's folder; give a relative name without '..'.";
   const std::string ending = file.extension().string();
-  if (ending != ".html" && ending != ".pdf" && ending != ".json") return "must end in .html, .pdf or .json.";
+  if (ending != ".html" && ending != ".pdf" && ending != ".json" && !file.string().ends_with(".dcc.xml"))
+    return "must end in .html, .pdf, .json or .dcc.xml.";
   return "";
 }
 
@@ -25,7 +26,7 @@ class Report final : public StepKind {
     static const std::vector<Option> options = {
         {.name = "file",
          .type = Option::Type::place,
-         .about = "name ending in .html, .pdf or .json, inside the output folder",
+         .about = "name ending in .html, .pdf, .json or .dcc.xml, inside the output folder",
          .required = true}};
     return options;
   }

@@ -185,7 +185,7 @@ awaitable<double> ZaberProtocol::find_units_per_deg() {
   const std::optional<std::string> cycle = co_await std::move(asking);
   const auto per_turn = cycle ? whole_number(*cycle) : std::nullopt;
   if (per_turn && *per_turn > 0) co_return static_cast<double>(*per_turn) / 360;
-  throw StageError(
+  throw StageRefusal(
       "the stage does not say how many microsteps make a turn. Nothing was moved. Write `model` (X-RSW60A "
       "...) or "
       "`units_per_deg` into the stage of the bench file.");
@@ -202,9 +202,9 @@ awaitable<StageIdentity> ZaberProtocol::identify() {
   identity.firmware = (co_await std::move(asking_version)).value_or("");
   const long long axes = co_await get("system.axiscount", 0);
   if (options_.axis > axes)
-    throw StageError("the stage's controller has " + std::to_string(axes) +
-                     " axis(es), but the bench file names axis " + std::to_string(options_.axis) +
-                     ". Nothing was moved. Correct `axis` there.");
+    throw StageRefusal("the stage's controller has " + std::to_string(axes) +
+                       " axis(es), but the bench file names axis " + std::to_string(options_.axis) +
+                       ". Nothing was moved. Correct `axis` there.");
   identity.units_per_deg = co_await find_units_per_deg();
   if (usual_speed_ == 0) usual_speed_ = co_await get("maxspeed", options_.axis);
   co_return identity;

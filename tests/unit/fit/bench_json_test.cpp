@@ -70,6 +70,8 @@ TEST_CASE("soft limits that are not understood are refused: the stage would have
   CHECK_THAT(with_stage(R"("limit_deg": [-170, 170])"), Contains("did you mean \"limits_deg\"?"));
   CHECK_THAT(with_stage(R"("speed_deg_s": 0)"), Contains("must lie between"));
   CHECK(with_stage(R"("limits_deg": [-170, 170], "speed_deg_s": 20, "play_deg": 0.2)").empty());
+  // Of the simulated stage; near to keys of the driver's.
+  CHECK(with_stage(R"("language": "gsc", "axes": 1, "homed": true, "acknowledges": true)").empty());
 }
 
 TEST_CASE("a wrong bench file is refused with place, expectation and remedy") {

@@ -312,3 +312,33 @@ TEST_CASE("scatter beyond the points' own uncertainty is measured without a curv
     points.push_back({100.0 * i, published_distance_error(100.0 * i) + 2 * normal(random), 0.1});
   CHECK(fit::extra_scatter(points) == Approx(2).epsilon(0.3));
 }
+
+TEST_CASE("residuals with structure are a lack of fit, noise alone is not") {
+  std::mt19937_64 random(21);
+  std::normal_distribution<double> normal;
+  int refused = 0;
+  const int trials = 40;
+  for (int trial = 0; trial < trials; ++trial) {
+    std::vector<fit::CurvePoint> points;
+    for (int i = 0; i < 30; ++i) points.push_back({100.0 * i, 3 + 0.002 * i + 0.5 * normal(random), 0.5});
+    refused += fit::fit_family(*fit::find_family("line"), points).lacks_fit();
+  }
+  CHECK(refused <= 2);  // 1 % of 40
+  std::vector<fit::CurvePoint> bent;
+  for (int i = 0; i < 30; ++i) bent.push_back({100.0 * i, 4 * std::sin(i / 2.0) + 0.5 * normal(random), 0.5});
+  const auto straight = fit::fit_family(*fit::find_family("line"), bent);
+  CHECK(straight.lacks_fit());
+  CHECK_THAT(straight.remarks.at(0), Catch::Contains("does not fit"));
+  // The same bend within what the points are said to scatter: told by the neighbours alone.
+  for (fit::CurvePoint& point : bent) point.u = 6;
+  CHECK(fit::fit_family(*fit::find_family("line"), bent).lacks_fit());
+}
+
+TEST_CASE("an ambiguous family is recommended only where all are") {
+  std::vector<fit::FamilyFit> table(2);
+  table[0].family = "a", table[0].usable = true, table[0].held_out = 1, table[0].ambiguous = true;
+  table[1].family = "b", table[1].usable = true, table[1].held_out = 3;
+  CHECK(fit::best_of(table)->family == "b");
+  table[1].ambiguous = true;
+  CHECK(fit::best_of(table)->family == "a");
+}

@@ -132,3 +132,28 @@ TEST_CASE("people walking by do not pull the match") {
   CHECK((match.pose.position() - Vector2d(30, 10)).norm() < 3);
   CHECK(match.pose.heading_rad == Approx(0.03).margin(0.0015));
 }
+
+TEST_CASE("the nearest point and those within a radius are those that looking at every point finds") {
+  std::mt19937 random(11);
+  for (const double size : {300.0, 5'000.0, 60'000.0}) {
+    std::uniform_real_distribution<double> place(-size, size);
+    std::vector<fit::OrientedPoint> points(700);
+    for (auto& point : points) point.at_mm = {place(random), 0.3 * place(random)};
+    const fit::PointCloud cloud(points);
+    for (int k = 0; k < 300; ++k) {
+      const Eigen::Vector2d at(1.2 * place(random), 0.5 * place(random));
+      const double reach = 0.1 * size * (1 + k % 3);
+      double least = reach;
+      const fit::OrientedPoint* expected = nullptr;
+      std::size_t inside = 0;
+      for (const auto& point : cloud.points()) {
+        const double d = (point.at_mm - at).norm();
+        if (d <= least) least = d, expected = &point;
+        inside += d < reach;
+      }
+      CHECK(cloud.nearest(at, reach) == expected);
+      CHECK(cloud.within(at, reach).size() == inside);
+    }
+  }
+  CHECK(fit::PointCloud().nearest({0, 0}, 100) == nullptr);
+}

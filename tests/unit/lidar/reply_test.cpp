@@ -169,11 +169,13 @@ TEST_CASE("statuses with letters are never success") {
          {Command::version, Command::laser_on, Command::scan, Command::time_enter, Command::quit}) {
       INFO(status);
       const StatusKind kind = kind_of(status, command);
+      if (command == Command::scan && std::string_view(status) == "0M") continue;  // It goes on by itself.
       CHECK((kind == StatusKind::refused || kind == StatusKind::hardware_fault));
       CHECK_FALSE(meaning_of(status, command).empty());
     }
   }
   CHECK(kind_of("99", Command::scan) == StatusKind::scan_data);
+  CHECK(kind_of("0M", Command::scan) == StatusKind::checking);
   CHECK(kind_of("02", Command::laser_on) == StatusKind::already);
   CHECK(kind_of("02", Command::scan) == StatusKind::refused);
   CHECK(kind_of("55", Command::scan) == StatusKind::hardware_fault);

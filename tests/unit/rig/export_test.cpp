@@ -3,6 +3,7 @@
 
 #include <catch2/catch.hpp>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -154,6 +155,21 @@ TEST_CASE("a ROS 2 bag gives back each scan in metres with its time and angles")
   CHECK(summary.notes.empty());
 }
 
+TEST_CASE("a ROS 2 bag counts from the session's epoch, to the microsecond") {
+  const TestFolder folder;
+  const std::string path = small_session(folder), out = folder / "out.mcap";
+  { rig::SessionStore(path, rig::SessionStore::Mode::append).set("epoch_unix_us", "1767323045678901"); }
+  const rig::SessionStore session(path, rig::SessionStore::Mode::read);
+  rig::run_export("mcap", {path, &session}, rig::check_output({out}));
+  std::ifstream file(out, std::ios::binary);
+  std::uint64_t first_ns = 0;
+  (void)rig::read_mcap(file, [&](const rig::McapMessage& message) {
+    if (first_ns == 0) first_ns = message.log_time_ns;
+    return true;
+  });
+  CHECK(first_ns == 1'767'323'045'678'901'000);
+}
+
 TEST_CASE("JSON holds circumstances and results") {
   const TestFolder folder;
   const auto document = nlohmann::json::parse(file_text(exported(folder, "json")));
@@ -220,4 +236,49 @@ TEST_CASE(
   CHECK_THROWS_WITH(exported_with("c-header", other), Contains("H2") && Contains("--any-lidar"));
   CHECK_THAT(exported_with("c-header", other, true), Contains("{-1.625, -12.5}"));
   CHECK_THROWS_WITH(exported_with("c-header", session_of("H1", "")), Contains("holds no rotation centre"));
+}
+
+TEST_CASE("a correction from one surface is outside everywhere else, in every form, and its warnings go along") {
+  const TestFolder folder;
+  fit::Correction correction;
+  correction.range = fit::CorrectionTerm{fit::CorrectionTerm::Argument::range, "line", {1, 0.002}, 200, 9800, {}};
+  correction.factor = Eigen::MatrixXd::Constant(static_cast<Eigen::Index>(correction.parameter_names().size()), 1, 1e-3);
+  correction.measured = {{200, 2000, 2000}, {1000, 1800, 1800}, {9800, 170, 170}};
+  correction.notes = {"only one surface was measured"};
+  const fit::Correction read = fit::parse_correction(fit::to_json_text(correction));
+  REQUIRE(read.measured.size() == 3);
+  struct Look {
+    double mm, counts;
+    bool inside;
+  };
+  const std::vector<Look> looks = {{1050, 1800, true}, {1050, 200, false}, {250, 2100, true}, {9900, 170, false}, {5000, 1000, true}, {5000, 1400, false}};
+  for (const Look& look : looks) {
+    INFO(look.mm << " mm, " << look.counts);
+    CHECK(read.apply(look.mm, look.counts).inside() == look.inside);
+  }
+  std::ofstream(folder / "c.json") << fit::to_json_text(correction);
+  for (const char* format : {"c-header", "cpp-header", "ros2-parameters"}) {
+    rig::run_export(format, {folder / "c.json", nullptr}, rig::check_output({folder / format}));
+    CHECK_THAT(file_text(folder / format), Contains("only one surface was measured"));
+  }
+  CHECK_THAT(file_text(folder / "ros2-parameters"), Contains("measured_intensity_to: [2000.0, 1800.0, 170.0]"));
+  std::string program = "#include \"correction.hpp\"\nextern \"C\" {\n#include \"correction.h\"\n}\nint main() {\n  double mm;\n";
+  for (const Look& look : looks) {
+    const std::string arguments = std::to_string(look.mm) + ", " + std::to_string(look.counts);
+    program += "  if (lidar_range::correct(" + arguments + ").inside() != " + (look.inside ? "true" : "false") +
+               " || (lidar_range_correct(" + arguments + ", &mm) == 0) != " + (look.inside ? "true" : "false") + ") return 1;\n";
+  }
+  std::filesystem::rename(folder / "c-header", folder / "correction.h");
+  std::filesystem::rename(folder / "cpp-header", folder / "correction.hpp");
+  std::ofstream(folder / "main.cpp") << program << "  return 0;\n}\n";
+  REQUIRE(std::system(("g++ -Wall -Werror -o " + folder / "main" + " " + folder / "main.cpp").c_str()) == 0);
+  CHECK(std::system((folder / "main").c_str()) == 0);
+  // Without a term of distance, only the measured one.
+  fit::Correction near = correction;
+  near.range.reset();
+  near.intensity = fit::CorrectionTerm{fit::CorrectionTerm::Argument::intensity, "line", {1, 0.002}, 100, 2400, {}};
+  near.factor = Eigen::MatrixXd::Constant(static_cast<Eigen::Index>(near.parameter_names().size()), 1, 1e-3);
+  near.measured = {{200, 100, 2400}};
+  CHECK(near.apply(203, 500).inside());
+  CHECK_FALSE(near.apply(1000, 500).inside());
 }

@@ -281,7 +281,7 @@ TEST_CASE("true distances put a target and its shifts into the session") {
   const TestFolder folder;
   const auto a = folder.write("a.mcap", robot_mcap("")), b = folder.write("b.mcap", robot_mcap(""));
   auto asked = request({a, b}, folder / "out.rig");
-  asked.true_mm = {500, 1250};
+  asked.true_mm = {2000, 2750};
   asked.true_u_mm = 2;
   rig::import_session(asked);
   const rig::SessionStore store(folder / "out.rig", rig::SessionStore::Mode::read);
@@ -292,7 +292,7 @@ TEST_CASE("true distances put a target and its shifts into the session") {
   CHECK(recording->captures()[1].target.value() == "wall");
   const auto* wall = recording->bench().target("wall");
   REQUIRE(wall != nullptr);
-  CHECK(wall->from_mm.x() == 500);
+  CHECK(wall->from_mm.x() == 2000);
   CHECK(wall->u_mm == 2);
   asked.true_mm = {500};
   asked.output = rig::check_output({folder / "other.rig"});

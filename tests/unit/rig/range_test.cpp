@@ -3,6 +3,7 @@
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <random>
 
 #include "rig/errors.hpp"
 #include "rig/fitting/fitting.hpp"
@@ -164,4 +165,45 @@ TEST_CASE("where the lidar sits on its stage is part of a range error's uncertai
   CHECK(result.at("tables").at(0).at("rows").at(0).at(0) == "step 2, beam 0 deg");
   CHECK_THAT(result.at("budget").dump(), Catch::Contains("lidar's place on the stage"));
   CHECK_THAT(result.at("notes").dump(), Catch::Contains("calibrate it first"));
+}
+
+TEST_CASE("a target that steps back beside the square beam is told, and its face alone is used") {
+  const TestFolder place;
+  const std::string file = place / "stepped.rig";
+  {
+    rig::SessionStore store(file, rig::SessionStore::Mode::create);
+    store.set("bench", R"({"schema":"bench/1",
+      "lidar":{"model":"UST-10LX","steps":1081,"front_step":540,"step_deg":0.25,"scan_hz":40,
+               "mount":{"x_mm":0,"y_mm":0,"yaw_deg":0}},
+      "targets":[{"name":"wall","from_mm":[1000,-600],"to_mm":[1000,600],"u_mm":1,"u_deg":5}]})");
+    std::mt19937 random(3);
+    std::normal_distribution<double> noise(0, 6);
+    for (int c = 0; c < 4; ++c) {
+      fit::CaptureInfo info;
+      info.step = "wall " + std::to_string(c), info.target = "wall", info.target_shift_mm = 100.0 * c;
+      info.first_step = 300, info.last_step = 780;
+      const auto id = store.begin_capture(info);
+      for (int i = 0; i < 60; ++i) {
+        std::vector<std::uint16_t> range;
+        for (int k = 300; k <= 780; ++k) {
+          const double direction = (k - 540) * 0.25 * fit::rad_per_deg, face = 1000 + 100.0 * c;
+          const bool beyond = face * std::tan(direction) > 250;
+          range.push_back(static_cast<std::uint16_t>(
+              std::lround((face + (beyond ? 80 : 0)) / std::cos(direction) + noise(random))));
+        }
+        fit::ScanView scan;
+        scan.seq = i, scan.host_us = 25000 * i, scan.range_mm = range;
+        store.add_scan(id, scan);
+      }
+      store.commit_capture(id);
+    }
+  }
+  const rig::SessionStore session(file, rig::SessionStore::Mode::read);
+  const nlohmann::json result = rig::run_fit("range", {{file, &session}}, nlohmann::json::object());
+  CHECK_THAT(result.at("notes").dump(), Catch::Contains("is not one flat face") && Catch::Contains("to the left") &&
+                                            Catch::Contains("mm farther away"));
+  // As one wall its normal would be turned by 3 deg and more.
+  for (const auto& table : result.at("tables"))
+    if (table.at("title").get<std::string>().starts_with("The beam"))
+      for (const auto& row : table.at("rows")) CHECK(std::abs(row.at(2).get<double>()) < 0.5);
 }

@@ -9,6 +9,7 @@
 
 #include "rig/errors.hpp"
 #include "rig/live/session_state.hpp"
+#include "rig/report/certificate.hpp"
 #include "rig/report/coordinate_in_words.hpp"
 #include "rig/session/step_in_words.hpp"
 #include "tests/support/test_folder.hpp"
@@ -100,12 +101,12 @@ TEST_CASE("long tables stand in an annex, compact, and in front where they are")
   const std::size_t annex = html.find("<h2>Annex: tables</h2>"), notes = html.find("<footer>");
   REQUIRE(annex != std::string::npos);
   CHECK(notes < annex);
-  CHECK(html.find("Annex, table A1 (97 rows): Errors.") < notes);
+  CHECK(html.find("Annex, table A1 (97 rows): Errors.") < annex);
   CHECK(html.find("Table A1. Range calibration: Errors") > annex);
   CHECK(html.find("step 3.2, 9700 mm") > annex);
-  CHECK(html.find(">Short<") < notes);
-  CHECK(html.find("End of certificate") > html.find("step 3.2, 9700 mm"));
-  CHECK(html.find("End of certificate") == html.rfind("End of certificate"));
+  CHECK(html.find(">Short<") < annex);
+  CHECK(html.find("End of report") > html.find("step 3.2, 9700 mm"));
+  CHECK(html.find("End of report") == html.rfind("End of report"));
 }
 
 TEST_CASE("steps and coordinates are written in words for those who read a certificate") {
@@ -140,6 +141,26 @@ TEST_CASE("a session without results certifies nothing, and a run that was stopp
   rig::write_report(whole, rig::check_output({page}));
   for (const char* unexpected : {"No result:", "Not finished:"})
     CHECK_THAT(file_text(page), !Catch::Contains(unexpected));
+}
+
+TEST_CASE("the certificate names the lidar that was there, and what the bench file calls it beside it") {
+  const TestFolder folder;
+  const std::string session = make_session(folder), page = folder / "c.html";
+  {
+    rig::SessionStore store(session, rig::SessionStore::Mode::append);
+    store.set("bench", R"x({"schema":"bench/1","certificate":{"item":"UST-10LX (simulated)"}})x");
+    store.set("lidar", R"({"PP":{"MODL":"UTM-30LX"},"VV":{"PROD":"UTM-30LX","SERI":"00903971"}})");
+  }
+  const auto rows = rig::make_certificate(rig::SessionStore(session, rig::SessionStore::Mode::read), session)
+                        .at("identification");
+  const auto row = [&](const std::string& name) {
+    for (const auto& each : rows)
+      if (each.at("name") == name) return each.at("text").get<std::string>();
+    return std::string("absent");
+  };
+  CHECK(row("Item calibrated") == "UTM-30LX");
+  CHECK(row("Serial number") == "00903971");
+  CHECK(row("Item as the bench file calls it") == "UST-10LX (simulated)");
 }
 
 TEST_CASE("the same certificate comes as data") {

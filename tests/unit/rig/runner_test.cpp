@@ -17,6 +17,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rig/live/session_state.hpp"
+#include "rig/runner/operators.hpp"
 
 using Catch::Matchers::Contains;
 using nlohmann::json;
@@ -34,12 +35,16 @@ awaitable<void> yield() {
 class FakeClock final : public rig::RunClock {
  public:
   std::int64_t now_us = 100'000'000;
-  std::int64_t host_us() const override { return now_us; }
-  std::int64_t unix_us() const override { return 1'700'000'000'000'000 + now_us; }
+  bool is_real = false;  ///< The computer's clocks.
+  std::int64_t host_us() const override { return is_real ? real->host_us() : now_us; }
+  std::int64_t unix_us() const override { return is_real ? real->unix_us() : 1'700'000'000'000'000 + now_us; }
   awaitable<void> sleep(double seconds) override {
     for (int i = 0; i < 10; ++i) co_await yield();  // What happens at once happens before.
     now_us += std::llround(seconds * 1e6);
   }
+
+ private:
+  std::unique_ptr<rig::RunClock> real = rig::make_real_clock();
 };
 
 /// A bench in a few lines: the range depends on the stage's angle alone.
@@ -67,7 +72,7 @@ class FakeLidar final : public rig::LidarSource {
   bool dead = false, silent = false, dead_once_stopped = false;
   std::function<void()> when_silent = [] {}, at_cancel = [] {};
   int connects = 0, stops = 0, fails_at_stop = -1;
-  json parameters;
+  json parameters, information;
   rig::LidarStream stream;
 
   std::function<void()> when_connecting = [] {};
@@ -78,6 +83,7 @@ class FakeLidar final : public rig::LidarSource {
     if (dead) throw rig::DeviceError("nothing listens at the lidar's address.");
     json who{{"version", {{"SERI", "H123"}}}};
     if (!parameters.empty()) who["PP"] = parameters;
+    if (!information.empty()) who["II"] = information;
     co_return who;
   }
   /// What the scans' times are late by since the clocks were last compared: a crystal runs on.
@@ -125,6 +131,8 @@ class FakeLidar final : public rig::LidarSource {
     if (stops++ == fails_at_stop) throw rig::DeviceError("cable pulled at the end.");
   }
   std::uint64_t rejected() const override { return 0; }
+  int restarts = 0;
+  int clock_restarts() const override { return restarts; }
   bool runs_on_its_own_time = false;
   bool own_time() const override { return runs_on_its_own_time; }
 
@@ -240,6 +248,8 @@ struct Rig {
   std::function<json(const std::string&, const rig::SessionStore&, const json&)> fit =
       [this](const std::string&, const rig::SessionStore&, const json&) { return fitted; };
   asio::io_context io{1};
+  bool accepts_lidar = false;
+  fit::Bench bench = small_bench();
   std::function<void()> when_ended = [] {};  ///< The run has ended, the runner is still there.
 
   explicit Rig(const std::string& steps, const std::string& head = "")
@@ -258,8 +268,9 @@ struct Rig {
     rig::SessionStore session(file,
                               again ? rig::SessionStore::Mode::append : rig::SessionStore::Mode::create);
     rig::RunnerParts parts{lidar,  stage, world.clock,
-                           person, fit,   [](const std::string&, const std::string&) {}};
-    rig::Runner runner(rig::parse_procedure(text, "test.yaml"), small_bench(), session, parts);
+                           person, fit,   [](const std::string&, const std::string&) { return rig::RunnerParts::Written{}; },
+                           accepts_lidar};
+    rig::Runner runner(rig::parse_procedure(text, "test.yaml"), bench, session, parts);
     prepare(runner);
     std::exception_ptr why;
     bool met = false, ended = false;
@@ -509,6 +520,87 @@ TEST_CASE("a lidar whose timer jumps by hours in the middle of a capture is conn
   CHECK(rig.lidar.connects == 2);
 }
 
+TEST_CASE("a wait lasts as long by the host's clock whatever the lidar's stamps say") {
+  Rig rig("  - home\n  - wait: {seconds: 60}\n  - capture: {samples: 5}\n");
+  rig.lidar.tamper = [&](lidar::Scan& scan) {
+    if (rig.world.scans > 50) scan.device_ms += 16'000'000;
+  };
+  const auto begun_us = rig.world.clock.now_us;
+  CHECK(rig.run());
+  CHECK(rig.world.clock.now_us - begun_us > 60'000'000);
+  CHECK(rig.world.clock.now_us - begun_us < 63'000'000);
+}
+
+TEST_CASE("a wait begins again when the lidar restarts in it, is told, and does not do so for ever") {
+  Rig rig("  - home\n  - wait: {seconds: 60}\n  - capture: {samples: 5}\n");
+  rig.lidar.before_scan = [&](std::uint64_t number) {
+    if (number != 72) return;  // 15 s of the wait have passed.
+    rig.lidar.restarts = 1;
+    throw rig::DeviceError("cable pulled.");
+  };
+  const auto begun_us = rig.world.clock.now_us;
+  CHECK(rig.run());
+  CHECK(rig.world.clock.now_us - begun_us > 74'000'000);
+  CHECK(rig.world.clock.now_us - begun_us < 79'000'000);
+  CHECK(rig.told("the lidar's clock started again"));
+  CHECK(rig.times_told("the wait of 60 s begins again") == 1);
+  const json restarts =
+      json::parse(rig::SessionStore(rig.file, rig::SessionStore::Mode::read).get("lidar_restarts").value());
+  REQUIRE(restarts.size() == 1);
+  CHECK(restarts[0]["host_us"].get<double>() == Approx(16e6).margin(3e6));
+
+  Rig shaky("  - home\n  - wait: {seconds: 60}\n");
+  shaky.lidar.before_scan = [&](std::uint64_t number) {
+    if (number % 100 == 99) ++shaky.lidar.restarts;
+  };
+  CHECK_THROWS_WITH(shaky.run(), Contains("restarted 4 times") && Contains("supply"));
+}
+
+TEST_CASE("a restart that a prompt asked for is no cause for concern, any other is told as one") {
+  Rig asked(
+      "  - home\n  - prompt: {title: Switch it off and on, place: {since_power_on_s: 30}}\n"
+      "  - capture: {samples: 5}\n");
+  asked.lidar.when_connecting = [&] { asked.lidar.restarts = asked.lidar.connects - 1; };
+  CHECK(asked.run());
+  CHECK(asked.told("the lidar's clock started again"));
+  CHECK_FALSE(asked.told("its power was cut"));
+  Rig unasked("  - home\n  - capture: {samples: 50}\n");
+  unasked.lidar.before_scan = [&](std::uint64_t number) {
+    if (number == 40) unasked.lidar.restarts = 1;
+  };
+  CHECK(unasked.run());
+  CHECK(unasked.times_told("its power was cut") == 1);
+}
+
+TEST_CASE("the session's epoch is the moment from which its host times count") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n");
+  rig.world.clock.is_real = true;
+  std::map<std::int64_t, std::int64_t> unix_us;  // When the scan with that stamp was made.
+  std::int64_t last_ms = 0;
+  rig.lidar.tamper = [&](lidar::Scan& scan) {
+    std::int64_t apart_us = 0, now_us = 0;
+    do {  // A millisecond later than the last, with nothing in between the readings of both clocks.
+      scan.host_us = rig.world.clock.host_us();
+      now_us = rig.world.clock.unix_us();
+      apart_us = rig.world.clock.host_us() - scan.host_us;
+    } while (apart_us > 50 || scan.host_us / 1000 <= last_ms);
+    last_ms = scan.host_us / 1000;
+    scan.device_ms = static_cast<std::uint64_t>(last_ms);
+    unix_us[last_ms] = now_us;
+  };
+  CHECK(rig.run());
+  const rig::SessionStore session(rig.file, rig::SessionStore::Mode::read);
+  const std::int64_t epoch_us = std::stoll(session.get("epoch_unix_us").value());
+  std::vector<std::int64_t> error_us;
+  session.for_each_scan(1, [&](const fit::ScanView& scan) {
+    error_us.push_back(epoch_us + scan.host_us - unix_us.at(scan.device_ms));
+  });
+  REQUIRE(error_us.size() == 5);
+  std::ranges::sort(error_us);
+  INFO("errors from " << error_us.front() << " to " << error_us.back() << " us");
+  CHECK(std::abs(error_us[2]) < 1000);
+}
+
 TEST_CASE("a capture goes on when the lidar's time begins anew with its connection") {
   Rig rig("  - home\n  - capture: {samples: 60, spacing_s: 0.1}\n");
   rig.lidar.before_scan = [&](std::uint64_t number) {
@@ -739,6 +831,62 @@ TEST_CASE("a lidar that the bench file does not describe is refused at once, wit
                                        Contains("front_step 540 where the lidar has 384") &&
                                        Contains("step_deg 0.25 where the lidar has 0.35"));
   CHECK(another.lidar.connects == 1);
+}
+
+TEST_CASE(
+    "a lidar that says it is not well is measured with only by the operator's decision, which is recorded") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n");
+  for (const char* well : {"Sensor works well.", "sensor is working normally", "Stable 000 no error."}) {
+    rig.lidar.information = {{"STAT", well}};
+    CHECK(rig.run());
+  }
+  Rig ill("  - home\n  - capture: {samples: 5}\n");
+  ill.lidar.information = {{"STAT", "Window is dirty"}};
+  CHECK_THROWS_WITH(ill.run(), Contains("Window is dirty") && Contains("--accept-lidar"));
+  CHECK(ill.captures().empty());
+  ill.accepts_lidar = true;
+  CHECK(ill.run());
+  CHECK(ill.captures().size() == 1);
+  CHECK(ill.times_told("by the operator's decision") == 1);
+  CHECK_THAT(rig::SessionStore(ill.file, rig::SessionStore::Mode::read).get("lidar_accepted").value(),
+             Contains("Window is dirty"));
+}
+
+TEST_CASE(
+    "a lidar of another model or serial number than the bench states is refused, with where it says so") {
+  const auto with = [](const std::string& lidar) {
+    fit::Bench bench = small_bench();
+    const fit::Bench read =
+        fit::parse_bench("{\"schema\": \"bench/1\",\n \"lidar\": {" + lidar + "}}", "my.bench.json");
+    bench.lidar = read.lidar, bench.lidar_places = read.lidar_places;
+    return bench;
+  };
+  const auto run = [&](const std::string& lidar) {
+    Rig rig("  - home\n  - capture: {samples: 5}\n");
+    rig.lidar.parameters = {{"MODL", "UST-20LX(Hokuyo Automatic Co.,Ltd.)"}, {"AMIN", "0"}, {"AMAX", "1080"}};
+    rig.bench = with(lidar);
+    return rig.run();
+  };
+  CHECK(run(""));  // Nothing is stated.
+  CHECK(run(R"("model": "UST-20LX", "serial": "H123")"));
+  CHECK_THROWS_WITH(run(R"("model": "UST-10LX")"),
+                    Contains("model UST-10LX (my.bench.json:2:21) where the lidar is a UST-20LX"));
+  CHECK_THROWS_WITH(run(R"("serial": "H999")"),
+                    Contains("serial H999 (my.bench.json:2:22) where the lidar has H123"));
+}
+
+TEST_CASE("a lidar whose first step is not 0 is measured with from that step on") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n");
+  rig.lidar.parameters = {
+      {"MODL", "URG-04LX"}, {"AMIN", "44"}, {"AMAX", "725"}, {"AFRT", "384"}, {"ARES", "1024"}};
+  rig.bench.lidar.steps = 726, rig.bench.lidar.front_step = 384;
+  rig.bench.lidar.step_rad = 2 * fit::pi / 1024;
+  CHECK_THROWS_WITH(rig.run(), Contains("first_step 0 where the lidar has 44"));
+  std::filesystem::remove(rig.file);
+  rig.bench.lidar.first_step = 44;
+  CHECK(rig.run());
+  REQUIRE(rig.captures().size() == 1);
+  CHECK(rig.captures()[0].beams == 682);
 }
 
 TEST_CASE("nobody is asked for ever: a bench that contradicts the captures ends the run") {

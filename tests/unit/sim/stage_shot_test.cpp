@@ -173,3 +173,22 @@ TEST_CASE("a Falcon answers lines that end with LF, in degrees with two decimals
   for (const char* wrong : {"MD:", "MD:-5", "MD:361", "MD:1e3", "MD:1.2.3", "XX", ""})
     CHECK(ask(wrong).empty());
 }
+
+TEST_CASE("a SHOT tells the settings that its clients ask for") {
+  Controller shot("shot"), one("shot", 1);
+  CHECK(shot.say("?:SW") == "2,2\r\n");
+  CHECK(shot.say("S:1100") == "OK\r\n");
+  CHECK(shot.say("?:SW") == "100,2\r\n");
+  CHECK(shot.say("?:S1") == "100\r\n");
+  CHECK(shot.say("D:2S100F1000R50") == "OK\r\n");
+  CHECK(shot.say("?:DW") == "S500F5000R200S100F1000R50\r\n");
+  CHECK(shot.say("V:1S100F2000R50") == "OK\r\n");
+  CHECK(shot.say("?:B1") == "S100F2000R50\r\n");
+  CHECK(shot.say("?:PW") == "0.0025,0.0025\r\n");
+  CHECK(shot.say("I:") == "0\r\n");
+  CHECK(shot.say("O:1") == "OK\r\n");
+  CHECK(one.say("?:SW") == "2\r\n");
+  CHECK(one.say("?:N") == "GIP-101\r\n");
+  CHECK(Controller("gsc", 1).say("?:N") == "GSC-01\r\n");
+  for (const char* wrong : {"?:S3", "?:X1", "?:DWW", "O:2"}) CHECK(shot.say(wrong) == "NG\r\n");
+}

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "sim/ust_device.hpp"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 
 #include "lidar/reply.hpp"
@@ -9,11 +10,11 @@
 namespace {
 
 struct Bed {
-  Bed(sim::UstIdentity identity = {}) {
+  Bed(sim::UstIdentity identity = {}, double sigma_mm = 0) {
     const auto bench = fit::parse_bench(R"j({"schema": "bench/1",
       "targets": [{"name": "wall", "from_mm": [1400, -9000], "to_mm": [1400, 9000]}]})j");
     sim::SimpleOptions options;
-    options.sigma_mm = 0;
+    options.sigma_mm = sigma_mm;
     device = std::make_unique<sim::UstDevice>(bench.lidar, identity,
                                               std::make_shared<sim::SimpleEngine>(bench, options, 1),
                                               [](double) { return sim::StageMoment{}; });
@@ -35,6 +36,15 @@ struct Bed {
     const auto request = lidar::parse_request(echo);
     REQUIRE(request.has_value());
     const auto scan = lidar::decode_scan((*frame)->body, request->scan);
+    REQUIRE(scan.has_value());
+    return *scan;
+  }
+  /// One scan asked for singly.
+  lidar::RawScan single(const std::string& line, double now_s) {
+    reader.feed(device->handle(line, device->answers_at_s(line, now_s)));
+    const auto frame = reader.next();
+    REQUIRE((frame && *frame));
+    const auto scan = lidar::decode_scan((*frame)->body, lidar::parse_request(line)->scan);
     REQUIRE(scan.has_value());
     return *scan;
   }
@@ -61,6 +71,43 @@ TEST_CASE("the simulated lidar answers with the statuses of the UST family") {
   CHECK(bed.status("") == "silent");
   CHECK(bed.status("NONSENSE") == "0E");
   CHECK(bed.status("SS115200") == "0F");
+}
+
+TEST_CASE("a scan asked for singly is the latest that is finished: the same stamp, the same values") {
+  Bed bed({}, 20);
+  CHECK(bed.status("BM", 1.003) == "00");
+  const auto first = bed.single("GE0000108001", 1.003);
+  CHECK(first.stamp >= 1003);  // It was begun with the laser on.
+  CHECK(first.stamp < 1050);
+  const auto again = bed.single("GE0000108001", 1.045), part = bed.single("GD0500060001", 1.046);
+  CHECK(again.stamp == first.stamp);
+  CHECK(again.range_mm == first.range_mm);
+  CHECK(again.intensity == first.intensity);
+  CHECK(part.stamp == first.stamp);
+  CHECK(std::equal(part.range_mm.begin(), part.range_mm.end(), first.range_mm.begin() + 500));
+  const auto later = bed.single("GE0000108001", 2.0);
+  CHECK(later.stamp > 1950);
+  CHECK(later.stamp < 2000);
+  CHECK(later.range_mm != first.range_mm);
+}
+
+TEST_CASE("BM while it streams finds the laser on; %SL ends the stream") {
+  Bed bed;
+  CHECK(bed.status("MD0000108001000") == "00");
+  CHECK(bed.status("BM") == "02");
+  CHECK(bed.device->streaming());
+  CHECK(bed.status("%SL") == "00");
+  CHECK_FALSE(bed.device->streaming());
+  CHECK(bed.status("GD0000108001") == "10");
+  CHECK(bed.status("BM") == "00");
+}
+
+TEST_CASE("SCSP is a number, or in words as older generations write it") {
+  Bed bed;
+  CHECK_THAT(bed.device->handle("II", 1), Catch::Contains("SCSP:2400;"));
+  bed.device->set_habit(sim::UstHabit::speed_in_words, true);
+  CHECK_THAT(bed.device->handle("II", 1),
+             Catch::Contains("SCSP:Initial(2400[rpm])<-Default setting by user;"));
 }
 
 TEST_CASE("a stream counts down in its echo and ends with the laser off") {

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: MIT
+#include "rig/session/standing.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <nlohmann/json.hpp>
+
+#include "rig/json_fields.hpp"
+#include "rig/session/lidar_identity.hpp"
+
+namespace rig {
+namespace {
+
+using nlohmann::json;
+
+json object_in(const std::optional<std::string>& text) {
+  json value = json::parse(text.value_or("{}"), nullptr, false, true);
+  return value.is_object() ? value : json::object();
+}
+
+/// What ISO/IEC 17025, 7.8.2.1 wants to know and only people can tell.
+std::string not_stated(const SessionStore& session) {
+  const json stated = object_in(session.get("bench")).value("certificate", json::object());
+  std::string out;
+  for (const auto& [key, words] : {std::pair{"laboratory", "laboratory"},
+                                   {"address", "its address"},
+                                   {"customer", "customer"},
+                                   {"traceability", "traceability of the references"},
+                                   {"authorised_by", "who authorises it"}})
+    if (text_of(stated, key).empty()) out += (out.empty() ? "" : ", ") + std::string(words);
+  return out;
+}
+
+void judge_result(const json& result, std::vector<std::string>& reasons) {
+  for (const json& value : list_of(result, "values"))
+    if (value.is_object() && value.contains("U") && (value["U"].is_null() || !value.contains("value") || value["value"].is_null()))
+      reasons.push_back("'" + text_of(value, "label", text_of(value, "name")) + "' has no finite value or uncertainty.");
+  for (const json& contradiction : list_of(result, "contradictions"))
+    if (contradiction.is_string()) reasons.push_back(contradiction.get<std::string>());
+  for (const json& comparison : list_of(result, "comparisons"))
+    if (comparison.is_object() && comparison.contains("far_apart") && comparison["far_apart"] == true)
+      reasons.push_back("Two methods do not agree. " + text_of(comparison, "says") + ".");
+}
+
+}  // namespace
+
+bool says_simulated(const std::string& answers) {
+  std::string lower = answers;
+  std::ranges::transform(lower, lower.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return lower.find("simulat") != std::string::npos;
+}
+
+Standing standing_of(const SessionStore& session) {
+  Standing out;
+  out.simulated = says_simulated(session.get("lidar").value_or("")) ||
+                  says_simulated(session.get("stage").value_or(""));
+  if (out.simulated) out.reasons.emplace_back("The devices were simulated: no lidar was calibrated.");
+  if (lidar_of(session).serial.empty())
+    out.reasons.emplace_back("The lidar is not identified: the session has no serial number.");
+  if (const std::string missing = not_stated(session); !missing.empty())
+    out.reasons.push_back("The bench file does not state: " + missing + ".");
+  const std::string ended = session.get("ended").value_or("");
+  if (!ended.empty() && ended != "done") out.reasons.push_back("The procedure ended before its last step: " + ended);
+  for (const SessionStore::Result& result : session.latest_results()) {
+    const json document = object_in(result.json);
+    if (result.kind == "explanation") {
+      if (text_of(document, "verdict") == "unknown-physics")
+        out.reasons.emplace_back("The recording shows an effect that neither the values nor their uncertainties contain.");
+    } else if (result.kind != "limits") {
+      judge_result(document, out.reasons);
+    }
+  }
+  return out;
+}
+
+}  // namespace rig

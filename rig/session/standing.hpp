@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "rig/session/session_store.hpp"
+
+namespace rig {
+
+/// Whether what a session holds may be certified, and if not, why. A document about it is then a report.
+struct Standing {
+  bool simulated = false;            ///< Devices or targets were a simulator's.
+  std::vector<std::string> reasons;  ///< Against a certificate, whole sentences; empty: nothing is.
+  [[nodiscard]] bool certifies() const { return reasons.empty(); }
+};
+
+/// From the newest results (their values, `contradictions` and `comparisons`), the identification of lidar and
+/// laboratory, and how the run ended.
+[[nodiscard]] Standing standing_of(const SessionStore& session);
+
+/// Whether a device says of itself that it is simulated: the word stands in an answer of its own.
+[[nodiscard]] bool says_simulated(const std::string& answers);
+
+}  // namespace rig

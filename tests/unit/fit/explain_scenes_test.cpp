@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "fit/explain/explanation.hpp"
+#include "plain_scenes.hpp"
+
+namespace {
+
+using fit::explain::Explanation;
+using plain_bench::degree;
+using plain_bench::Deviation;
+using plain_bench::PlainScene;
+
+Deviation nothing(double, double, double) { return {}; }
+
+Explanation explained(const PlainScene& scene, unsigned seed, const plain_bench::Conceal& conceal) {
+  SyntheticRecording recording = plain_bench::recorded(scene, seed, conceal);
+  plain_bench::turn_round(recording, scene);
+  return fit::explain::explain({&recording}, {});
+}
+
+const PlainScene l_room{.walls = plain_bench::l_shaped}, corridor{.walls = plain_bench::corridor},
+    furnished{.walls = plain_bench::furnished},
+    with_posts{.walls = plain_bench::furnished, .posts = {{{-900, 500}, 80}, {{500, -1000}, 55}, {{300, 1200}, 40}}};
+
+/// Every second or fourth beam of the lidar.
+PlainScene at_spacing(PlainScene scene, double step_deg) {
+  scene.front_step = static_cast<int>(std::lround(135 / step_deg));
+  scene.steps = 2 * scene.front_step + 1;
+  scene.step_deg = step_deg;
+  return scene;
+}
+
+bool names_or_holds(const Explanation& e, const char* id) {
+  const auto in = [&](const std::vector<std::string>& set) { return std::ranges::count(set, id) > 0; };
+  return std::ranges::any_of(e.mechanisms, [&](const auto& m) { return m.mechanism->id == id; }) ||
+         std::ranges::any_of(e.undecided_between, in);
+}
+
+}  // namespace
+
+TEST_CASE("nothing is missing in scenes of any shape") {
+  const auto& [scene, what] = GENERATE(table<PlainScene, const char*>({{l_room, "an L-shaped room"},
+                                                                       {corridor, "a corridor"},
+                                                                       {furnished, "boards before walls"},
+                                                                       {with_posts, "round posts"},
+                                                                       {at_spacing(l_room, 1), "beams 1 deg apart"}}));
+  const Explanation e = explained(scene, 3, nothing);
+  INFO(what << "\n" << to_text(e));
+  CHECK(e.verdict == "nothing-missing");
+}
+
+TEST_CASE("a code disk off its axis is found in scenes of any shape") {
+  const auto& [scene, what] = GENERATE(table<PlainScene, const char*>({{l_room, "an L-shaped room"},
+                                                                       {furnished, "boards before walls"},
+                                                                       {with_posts, "round posts"},
+                                                                       {at_spacing(l_room, 1), "beams 1 deg apart"}}));
+  const Explanation e = explained(scene, 4, [](double beam, double, double) {
+    return Deviation{.beam_rad = 0.12 * degree * std::sin(beam + 0.7)};
+  });
+  INFO(what << "\n" << to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  CHECK(e.mechanisms.front().mechanism->id == "encoder-eccentricity");
+  const auto& found = e.mechanisms.front().parameters.at("amplitude_deg");
+  CHECK(std::abs(found.value - 0.12) < 4 * found.u);
+}
+
+TEST_CASE("play of the stage is found in an L-shaped room") {
+  int turn = 0;
+  SyntheticRecording recording = plain_bench::recorded(l_room, 5, [&](double, double stage, double time_s) {
+    (void)stage;
+    turn = static_cast<int>((time_s - 1800) / 20);
+    return Deviation{.stage_rad = -0.05 * degree * (turn == 0 ? 0 : turn <= 7 ? 1 : -1)};
+  });
+  plain_bench::turn_round(recording, l_room);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  CHECK(names_or_holds(e, "backlash"));
+  CHECK(e.mechanisms.size() <= 1);
+}

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: MIT
+#include "fit/odometry_runs.hpp"
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <random>
+
+#include "fit/wheel_time.hpp"
+
+namespace {
+
+using fit::Pose2;
+using fit::WheelSample;
+
+constexpr double step_s = 0.05;
+
+/// How a robot was really moved and watched in one run.
+struct Run {
+  double seconds = 20;
+  double wheels_late_s = 0;
+  double pose_u_mm = 0, pose_u_rad = 0;  ///< Of every watched pose (motion capture).
+  double turn_share = 0;                 ///< By which the robot turns less than its wheels say: slip.
+  double radius_share = 0;               ///< By which both wheels are larger on this run.
+  bool constant = false;                 ///< The same speeds all the time.
+};
+
+/// The robot that is sought; rolled in steps of a millisecond, without any formula of the product.
+struct Truth {
+  double first = 42, second = 41.8, base = 201;
+  Pose2 lidar{-5, 3, 0.02};
+  bool tricycle = false;
+
+  /// What its wheels do at a time: rad/s and rad/s, or rad/s and rad.
+  [[nodiscard]] static Eigen::Vector2d wheels(const Run& run, double t, bool steered) {
+    if (run.constant) return steered ? Eigen::Vector2d(6, 0.2) : Eigen::Vector2d(4, 5);
+    if (steered) return {5 + 2 * std::sin(0.7 * t), 0.6 * std::sin(1.1 * t)};
+    return {4 + 3 * std::sin(0.9 * t), 4 + 3 * std::cos(1.3 * t)};
+  }
+
+  [[nodiscard]] std::vector<WheelSample> drive(const Run& run, std::size_t number, unsigned seed) const {
+    std::mt19937 random(seed);
+    std::normal_distribution<double> gauss;
+    const int steps = static_cast<int>(run.seconds / step_s);
+    std::vector<Pose2> poses;
+    double x = 0, y = 0, heading = 0;
+    const double more = 1 + run.radius_share;
+    for (int k = 0; k <= steps; ++k) {
+      const double c = std::cos(heading), s = std::sin(heading);
+      poses.push_back({x + c * lidar.x_mm - s * lidar.y_mm + run.pose_u_mm * gauss(random),
+                       y + s * lidar.x_mm + c * lidar.y_mm + run.pose_u_mm * gauss(random),
+                       heading + lidar.heading_rad + run.pose_u_rad * gauss(random)});
+      for (int ms = 0; ms < 50; ++ms) {
+        const Eigen::Vector2d w = wheels(run, step_s * k + 1e-3 * ms, tricycle);
+        const double along = tricycle ? more * first * w[0] * std::cos(w[1] + second)
+                                      : more * 0.5 * (first * w[0] + second * w[1]);
+        const double turn = tricycle ? more * first * w[0] * std::sin(w[1] + second) / base
+                                     : more * (second * w[1] - first * w[0]) / base;
+        heading += 5e-4 * turn * (1 - run.turn_share);
+        x += 1e-3 * along * std::cos(heading), y += 1e-3 * along * std::sin(heading);
+        heading += 5e-4 * turn * (1 - run.turn_share);
+      }
+    }
+    std::vector<WheelSample> out;
+    for (int k = 0; k < steps; ++k) {
+      WheelSample sample;
+      sample.begin_s = step_s * k;
+      sample.interval_s = step_s;
+      sample.run = number;
+      sample.match = poses[static_cast<std::size_t>(k)].inverse() * poses[static_cast<std::size_t>(k) + 1];
+      Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+      for (int ms = 0; ms < 50; ++ms)
+        sum += wheels(run, sample.begin_s + 1e-3 * (ms + 0.5) - run.wheels_late_s, tricycle) / 50;
+      if (tricycle) {
+        sample.left_rad_s = sum[0];
+        sample.pieces = {{sum[0] * step_s, sum[1]}};
+      } else {
+        sample.left_rad_s = sum[0], sample.right_rad_s = sum[1];
+      }
+      out.push_back(sample);
+    }
+    return out;
+  }
+};
+
+std::vector<WheelSample> all_of(const Truth& truth, const std::vector<Run>& runs, unsigned seed) {
+  std::vector<WheelSample> all;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    const auto more = truth.drive(runs[i], i, 100 * seed + static_cast<unsigned>(i));
+    all.insert(all.end(), more.begin(), more.end());
+  }
+  return all;
+}
+
+double error_in_u(const fit::RunsFit& fit, int i, double truth) {
+  return (fit.odometry.robot.vector()[i] - truth) / std::sqrt(fit.odometry.covariance(i, i));
+}
+
+fit::RunsOptions timed() {
+  fit::RunsOptions options;
+  options.timed = true;
+  return options;
+}
+
+}  // namespace
+
+TEST_CASE("poses with noise of their own are joined to longer ways, and tell much more so") {
+  Run run;
+  run.pose_u_mm = 0.5, run.pose_u_rad = 0.003;
+  const Truth truth;
+  const auto samples = all_of(truth, {run, run, run}, 1);
+  const auto fit = fit::fit_runs(samples, timed());
+  const auto taken = std::ranges::find_if(fit.lengths, &fit::LengthFit::taken);
+  CHECK(taken->joined >= 8);
+  const auto alone = fit::fit_odometry(samples);
+  CHECK(fit.odometry.covariance(2, 2) < 0.25 * alone.covariance(2, 2));
+  for (int i = 0; i < 3; ++i) CHECK(std::abs(error_in_u(fit, i, i == 0 ? 42 : i == 1 ? 41.8 : 201)) < 3);
+}
+
+TEST_CASE("runs that differ make the uncertainty as large as they differ") {
+  const Truth truth;
+  int covered = 0;
+  const int seeds = 20;
+  for (int seed = 1; seed <= seeds; ++seed) {
+    std::mt19937 random(static_cast<unsigned>(seed));
+    std::normal_distribution<double> gauss(0, 0.002);
+    std::vector<Run> runs(6);
+    for (Run& run : runs) {
+      run.seconds = 8, run.pose_u_mm = 0.3, run.pose_u_rad = 0.002;
+      run.radius_share = gauss(random);
+    }
+    auto options = timed();
+    options.known_offset_s = 0;
+    const auto fit = fit::fit_runs(all_of(truth, runs, static_cast<unsigned>(seed)), options);
+    covered += std::abs(error_in_u(fit, 0, 42)) < 2;
+  }
+  CHECK(covered >= 17);  // 95 % of 20, less two standard deviations
+}
+
+TEST_CASE("a run that slipped is left out, and named") {
+  std::vector<Run> runs(6);
+  for (Run& run : runs) run.pose_u_mm = 0.3, run.pose_u_rad = 0.002, run.seconds = 10;
+  runs[4].turn_share = 0.15;
+  const Truth truth;
+  const auto fit = fit::fit_runs(all_of(truth, runs, 2), timed());
+  for (const fit::RunVerdict& run : fit.runs) CHECK(run.left_out == (run.run == 4));
+  CHECK(std::abs(error_in_u(fit, 2, 201)) < 3);
+}
+
+TEST_CASE("the clocks' offset is found for samples too, however large, and each run's own") {
+  const double late = GENERATE(-0.43, 0.95);
+  std::vector<Run> runs(3);
+  for (Run& run : runs) run.pose_u_mm = 0.3, run.pose_u_rad = 0.002, run.wheels_late_s = late;
+  runs[1].wheels_late_s = late + 0.06;
+  const Truth truth;
+  const auto fit = fit::fit_runs(all_of(truth, runs, 3), timed());
+  CHECK(fit.offset.determined);
+  CHECK(fit.run_offsets_s.at(0) == Approx(late).margin(0.01));
+  CHECK(fit.run_offsets_s.at(1) == Approx(late + 0.06).margin(0.01));
+  CHECK(std::abs(error_in_u(fit, 2, 201)) < 3);
+}
+
+TEST_CASE("an offset that the motion does not show, or that lies beyond the search, is not passed off as found") {
+  std::vector<Run> runs(3);
+  for (Run& run : runs) run.pose_u_mm = 0.3, run.pose_u_rad = 0.002, run.constant = true;
+  const Truth truth;
+  const auto constant = fit::fit_runs(all_of(truth, runs, 4), timed());
+  CHECK_FALSE(constant.offset.determined);
+  for (Run& run : runs) run.constant = false, run.wheels_late_s = 7, run.seconds = 12;
+  const auto beyond = fit::fit_runs(all_of(truth, runs, 5), timed());
+  CHECK_FALSE(beyond.offset.determined);
+}
+
+TEST_CASE("a tricycle's wheel, wheelbase and steering zero are found") {
+  Truth truth;
+  truth.tricycle = true;
+  truth.first = 61, truth.second = -0.021, truth.base = 155;
+  std::vector<Run> runs(4);
+  for (Run& run : runs) run.pose_u_mm = 0.3, run.pose_u_rad = 0.002;
+  auto options = timed();
+  options.fit.steering = fit::find_steering("tricycle");
+  REQUIRE(options.fit.steering);
+  const auto fit = fit::fit_runs(all_of(truth, runs, 6), options);
+  CHECK(fit.odometry.undetermined.empty());
+  const double expected[6] = {61, -0.021, 155, -5, 3, 0.02};
+  const double enough[6] = {0.2, 0.003, 1, 1, 1, 0.003};
+  for (int i = 0; i < 6; ++i) {
+    CAPTURE(i, fit.odometry.robot.vector()[i], std::sqrt(fit.odometry.covariance(i, i)));
+    CHECK(std::abs(error_in_u(fit, i, expected[i])) < 3);
+    CHECK(std::sqrt(fit.odometry.covariance(i, i)) < enough[i]);
+  }
+  // Straight ahead alone tells nothing of the base.
+  auto straight = all_of(truth, runs, 7);
+  for (WheelSample& sample : straight) {
+    sample.pieces = {{0.3, 0.021}};
+    sample.match = {61 * 0.3, 0, 0};
+  }
+  const auto ahead = fit::fit_odometry(straight, options.fit);
+  REQUIRE(ahead.undetermined.size() == 1);
+  CHECK_THAT(ahead.undetermined.front(), Catch::Contains("only straight"));
+}
+
+TEST_CASE("joined samples do not reach over a gap") {
+  Run run;
+  run.seconds = 1;
+  auto samples = Truth{}.drive(run, 0, 8);
+  for (std::size_t k = 10; k < samples.size(); ++k) samples[k].begin_s += 1;
+  for (const WheelSample& sample : fit::joined(samples, 4, 2)) CHECK(sample.interval_s == Approx(0.2));
+  CHECK(fit::joined(samples, 4, 2).size() == 8);
+}
