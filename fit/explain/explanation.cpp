@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "fit/explain/answer/answering.hpp"
 #include "fit/explain/answer/chapters.hpp"
 #include "fit/explain/coarse_steps.hpp"
 #include "fit/explain/intensity.hpp"
@@ -99,7 +100,8 @@ std::string verdict_of(const Explanation& explanation) {
                                                   : nothing_missing;
 }
 
-Explanation explain(const std::vector<const Recording*>& recordings, const Progress& progress) {
+Explanation explain_with(const std::vector<const Recording*>& recordings, const Progress& progress,
+                         const Answer& answer) {
   if (recordings.empty()) throw std::invalid_argument("no recording was given");
   const std::vector<SingleBeams> single = single_beams(recordings);
   std::vector<const Recording*> looked_at;
@@ -108,8 +110,7 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
   Reduced reduced = reduce_all(together, progress);
   refuse_nothing_to_compare(reduced);
   std::vector<double> own_echoes = reduction::steady_echoes(reduced);
-  Findings findings = search(std::move(reduced), progress);
-  Explanation explanation = told(findings);
+  auto [findings, explanation] = answer(std::move(reduced));
   reduction::exchange_echoes(findings.reduced, own_echoes);
   explain_intensity(findings.reduced, explanation);
   reduction::exchange_echoes(findings.reduced, own_echoes);
@@ -121,7 +122,15 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
   if (const std::string note = note_on_clusters(single); !note.empty())
     explanation.notes.insert(explanation.notes.begin(), note);
   if (progress) progress(1, "done");
-  return explanation;
+  return std::move(explanation);
+}
+
+Explanation explain(const std::vector<const Recording*>& recordings, const Progress& progress) {
+  return explain_with(recordings, progress, [&](Reduced reduced) {
+    Findings findings = search(std::move(reduced), progress);
+    Explanation explanation = told(findings);
+    return std::pair(std::move(findings), std::move(explanation));
+  });
 }
 
 }  // namespace fit::explain

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: MIT
+#include <cmath>
+
+#include "fit/explain/hypothesis.hpp"
+#include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/model/channel.hpp"
+
+namespace fit::explain::channels {
+namespace {
+
+using Eigen::Index;
+
+/// Means of cells: normal around the predicted range, what a group has in common included.
+class Means final : public model::ChannelRows {
+ public:
+  Means(const Reduced& reduced, const MeanNoise& noise)
+      : own_(merged(reduced, numbers::search_rows)), model_(own_, noise) {
+    log_weights_.resize(model_.rows());
+    for (Index i = 0; i < model_.rows(); ++i)
+      log_weights_[i] = -std::log(std::sqrt(2 * pi * model_.variance_of_mean(i)));
+    explain::Columns base = base_columns(model_, Hypothesis(own_.bench)).all;
+    base_ = {std::move(base.columns_mm), std::move(base.prior)};
+  }
+
+  [[nodiscard]] Index rows() const override { return model_.rows(); }
+  [[nodiscard]] const Circumstances& at(Index row) const override { return model_.cell(row).at; }
+  [[nodiscard]] int capture(Index row) const override { return model_.group(row).capture; }
+  [[nodiscard]] double response(Index row, const Effect& effect) const override {
+    const double mm = model_.shift(row, effect);
+    return std::isfinite(mm) ? mm : 0;
+  }
+  [[nodiscard]] const model::Columns& base() const override { return base_; }
+  [[nodiscard]] double offset(Index) const override { return 0; }
+  [[nodiscard]] double statistic(Index row) const override { return model_.raw_residual()[row]; }
+  [[nodiscard]] double log_likelihood(const Eigen::VectorXd& eta) const override {
+    return log_weights_.sum() - 0.5 * white_residual(eta).squaredNorm();
+  }
+  [[nodiscard]] Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const override {
+    Eigen::VectorXd list = model_.raw_residual() - eta;
+    for (Index i = 0; i < list.size(); ++i)
+      list[i] = log_weights_[i] - 0.5 * list[i] * list[i] / model_.variance_of_mean(i);
+    return list;
+  }
+  [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
+    return model_.whitened(std::move(columns));
+  }
+  [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override {
+    return model_.whitened(model_.raw_residual() - eta);
+  }
+
+ private:
+  Reduced own_;  ///< Neighbouring cells of a large session together.
+  MeanModel model_;
+  Eigen::VectorXd log_weights_;
+  model::Columns base_;
+};
+
+}  // namespace
+
+model::ChannelKind make_mean() {
+  model::ChannelKind kind;
+  kind.id = "mean";
+  kind.observable = Observable::range_mean;
+  kind.rows = [](const Reduced& reduced, const MeanNoise& noise) -> std::unique_ptr<model::ChannelRows> {
+    if (reduced.smooth_cells() == 0) return nullptr;
+    return std::make_unique<Means>(reduced, noise);
+  };
+  return kind;
+}
+
+}  // namespace fit::explain::channels

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: MIT
+#include <cmath>
+
+#include "fit/explain/model/channel.hpp"
+#include "fit/explain/stated_noise.hpp"
+
+namespace fit::explain::channels {
+namespace {
+
+using model::IndependentRows;
+
+/// Sample variances: a gamma distribution of shape f/2 around the variance of one sample (mm^2), to which
+/// independent causes add.
+class Variances final : public IndependentRows {
+ public:
+  Variances(std::vector<Row> rows, const Bench& bench) : IndependentRows(std::move(rows)) {
+    constexpr double best_known = 0.02;  // no noise is constant to better than that share
+    const Estimate stated = stated_noise(bench);
+    model::Columns base;
+    base.columns = Eigen::MatrixXd::Ones(this->Variances::rows(), 1);
+    base.prior.mean = Eigen::VectorXd::Constant(1, stated.value * stated.value);
+    base.prior.sigma = Eigen::VectorXd::Constant(
+        1, 2 * stated.value * std::max(stated.u, best_known * stated.value));
+    set_base(std::move(base));
+  }
+
+  [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
+    const double step2 = effect.output_step_mm > 1 ? effect.output_step_mm * effect.output_step_mm - 1 : 0;
+    return effect.variance_mm2 + of(row).lever2 * effect.scan_angle_variance_rad2 + step2 / 12;
+  }
+  [[nodiscard]] Eigen::VectorXd raised(const Eigen::VectorXd& eta) const override {
+    double ratio = 0, all = 0;
+    for (Eigen::Index i = 0; i < rows(); ++i) {
+      ratio += of(i).n * of(i).y / possible(eta[i]);
+      all += of(i).n;
+    }
+    return eta * std::max(1.0, ratio / all);
+  }
+  [[nodiscard]] double offset(Eigen::Index) const override { return rounding_mm2; }
+
+ protected:
+  [[nodiscard]] double log_likelihood(const Row& row, double eta) const override {
+    const double v = possible(eta);
+    return -row.n / 2 * (std::log(v) + row.y / v);
+  }
+  [[nodiscard]] double score(const Row& row, double eta) const override {
+    const double v = possible(eta);
+    return row.n / 2 * (row.y - v) / (v * v);
+  }
+  [[nodiscard]] double information(const Row& row, double eta) const override {
+    const double v = possible(eta);
+    return row.n / (2 * v * v);
+  }
+
+ private:
+  static double possible(double variance_mm2) { return std::max(rounding_mm2 / 2, variance_mm2); }
+};
+
+std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced) {
+  constexpr int beams = 8;
+  double kurtosis = 0, freedom = 0;
+  auto rows = model::pooled_rows(reduced, beams, [&](std::size_t i, IndependentRows::Row& row) {
+    const Cell& cell = reduced.cells[i];
+    if (!cell.smooth || cell.n < 3) return false;
+    const double f = cell.n - 1;
+    row.y = (row.y * row.n + f * cell.variance_mm2) / (row.n + f);
+    row.n += f;
+    kurtosis += f * cell.kurtosis;
+    freedom += f;
+    return true;
+  });
+  // Samples with tails say less of their variance.
+  const double scatter = freedom > 0 ? std::max(1.0, (kurtosis / freedom - 1) / 2) : 1;
+  for (auto& row : rows) row.n /= scatter;
+  return rows;
+}
+
+}  // namespace
+
+model::ChannelKind make_variance() {
+  model::ChannelKind kind;
+  kind.id = "variance";
+  kind.observable = Observable::range_variance;
+  kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
+    auto rows = variance_rows(reduced);
+    if (rows.size() < 3) return nullptr;
+    return std::make_unique<Variances>(std::move(rows), reduced.bench);
+  };
+  return kind;
+}
+
+}  // namespace fit::explain::channels

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/inference/fit.hpp"
+
+namespace fit::explain::inference {
+
+using Eigen::Index;
+
+namespace {
+
+/// Grows the coefficients by so many with that prior.
+void add_coefficients(Design& design, const Prior& prior) {
+  const Index had = design.mean.size(), more = prior.mean.size();
+  design.mean.conservativeResize(had + more);
+  design.sigma.conservativeResize(had + more);
+  design.sigma.tail(more) = prior.sigma.cwiseMax(1e-12);
+  design.mean.tail(more) = prior.mean.cwiseQuotient(design.sigma.tail(more));
+  design.not_negative.resize(static_cast<std::size_t>(had + more), false);
+}
+
+/// Columns from that coefficient on, scaled by its prior.
+void add_columns(Design& design, std::size_t channel, Index first, const Eigen::MatrixXd& columns) {
+  if (columns.cols() == 0) return;
+  Design::Part& part = design.parts[channel];
+  const Index had = part.columns.cols();
+  part.columns.conservativeResize(columns.rows(), had + columns.cols());
+  for (Index k = 0; k < columns.cols(); ++k) {
+    part.columns.col(had + k) = columns.col(k) * design.sigma[first + k];
+    part.index.push_back(first + k);
+  }
+}
+
+void add_base(const Session& session, Design& design) {
+  for (std::size_t c = 0; c < session.channels().size(); ++c) {
+    design.parts[c].offset = session.offset(c);
+    if (!session.channels()[c]) continue;
+    const model::Columns& base = session.channels()[c]->base();
+    design.parts[c].columns.resize(session.channels()[c]->rows(), 0);
+    const Index first = design.mean.size();
+    add_coefficients(design, base.prior);
+    add_columns(design, c, first, base.columns);
+  }
+}
+
+void add_term(const Session& session, const Term& term, Design& design) {
+  const Kind& kind = *term.kind;
+  Design::Block block;
+  block.first = design.mean.size();
+  add_coefficients(design, prior_of(kind, term.factor));
+  block.sizes = design.mean.size() - block.first;
+  for (Index k = 0; k < block.sizes; ++k)
+    design.not_negative[static_cast<std::size_t>(block.first + k)] =
+        kind.coefficients[static_cast<std::size_t>(k)].sign > 0;
+  const auto standard = [](Index count) { return Prior{Eigen::VectorXd::Zero(count), Eigen::VectorXd::Ones(count)}; };
+  std::vector<Eigen::MatrixXd> shapes(session.channels().size()), deviations(session.channels().size());
+  for (std::size_t c = 0; c < session.channels().size(); ++c) {
+    if (!kind.acts_in[c]) continue;
+    const ChannelRows& rows = *session.channels()[c];
+    add_columns(design, c, block.first, model::columns_of(rows, kind, term.values));
+    if (kind.acts_without_size)
+      design.parts[c].offset += model::effect_without_size(rows, kind, term.values);
+    shapes[c] = model::shape_columns(rows, term);
+    deviations[c] = model::deviation_columns(rows, term);
+    block.shapes = std::max(block.shapes, shapes[c].cols());
+    block.deviations = std::max(block.deviations, deviations[c].cols());
+  }
+  add_coefficients(design, standard(block.shapes));
+  add_coefficients(design, standard(block.deviations));
+  for (std::size_t c = 0; c < session.channels().size(); ++c) {
+    add_columns(design, c, block.first + block.sizes, shapes[c]);
+    add_columns(design, c, block.first + block.sizes + block.shapes, deviations[c]);
+  }
+  design.blocks.push_back(block);
+}
+
+}  // namespace
+
+Design design_of(const Session& session, const std::vector<Term>& terms) {
+  Design design;
+  design.parts.resize(session.channels().size());
+  add_base(session, design);
+  for (const Term& term : terms) add_term(session, term, design);
+  return design;
+}
+
+}  // namespace fit::explain::inference

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "fit/explain/answer/findings.hpp"
+#include "fit/explain/inference/posterior.hpp"
+
+namespace fit::explain::inference {
+
+/// What the model of docs/method/model.md finds in a session.
+struct Inferred {
+  std::shared_ptr<const std::vector<Kind>> kinds;  ///< Which terms point to.
+  Posterior posterior;
+  MeanResult means;  ///< The best hypothesis' part in the means, with the held-out figures of all channels.
+  double sigma_mm = 0;       ///< Constant noise of one sample.
+  std::vector<double> gain;  ///< Held out, of every named one, and then of every form.
+};
+
+/// `noise`: of the means. The cells of `reduced` are left predicted at the best hypothesis.
+[[nodiscard]] Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progress);
+
+/// Tells it: mechanisms, undecided sets, what nobody knows.
+void tell(const Inferred& inferred, const Findings& findings, Explanation& out);
+
+/// What of it is told beside the means, for those that draw and predict with it.
+void add_to_spread(const Inferred& inferred, SpreadResult& spread);
+
+}  // namespace fit::explain::inference

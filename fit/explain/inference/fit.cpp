@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/inference/fit.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fit/explain/inference/numbers.hpp"
+
+namespace fit::explain::inference {
+
+using Eigen::Index;
+
+namespace {
+
+Eigen::VectorXd predictor(const Design::Part& part, const Eigen::VectorXd& x) {
+  Eigen::VectorXd eta = part.offset;
+  for (std::size_t k = 0; k < part.index.size(); ++k)
+    eta += part.columns.col(static_cast<Index>(k)) * x[part.index[k]];
+  return eta;
+}
+
+/// Log of the posterior density there, up to a constant of the priors.
+void judge_there(const Session& session, const Design& design, Optimum& there) {
+  there.eta.clear();
+  there.log_likelihood = 0;
+  for (std::size_t c = 0; c < design.parts.size(); ++c) {
+    there.eta.push_back(session.channels()[c] ? predictor(design.parts[c], there.x) : Eigen::VectorXd());
+    if (session.channels()[c]) there.log_likelihood += session.channels()[c]->log_likelihood(there.eta[c]);
+  }
+  there.log_posterior = there.log_likelihood - 0.5 * (there.x - design.mean).squaredNorm();
+}
+
+/// Gradient and information of the posterior there.
+struct Scored {
+  Eigen::VectorXd gradient;
+  Eigen::MatrixXd information;
+};
+
+/// `raised`: linearised at as much as the rows are on the whole.
+Scored scored(const Session& session, const Design& design, Optimum& there, bool raised = false) {
+  const Index k = design.mean.size();
+  Scored s{design.mean - there.x, Eigen::MatrixXd::Identity(k, k)};
+  there.white.assign(design.parts.size(), {});
+  there.white_residual.assign(design.parts.size(), {});
+  for (std::size_t c = 0; c < design.parts.size(); ++c) {
+    if (!session.channels()[c]) continue;
+    const ChannelRows& rows = *session.channels()[c];
+    const Eigen::VectorXd at = raised ? rows.raised(there.eta[c]) : there.eta[c];
+    there.white[c] = rows.whitened(design.parts[c].columns, at);
+    there.white_residual[c] = rows.white_residual(at);
+    if (raised) there.white_residual[c] += rows.whitened(at - there.eta[c], at);
+    const Eigen::VectorXd along = there.white[c].transpose() * there.white_residual[c];
+    const Eigen::MatrixXd square = there.white[c].transpose() * there.white[c];
+    const std::vector<Index>& index = design.parts[c].index;
+    for (std::size_t i = 0; i < index.size(); ++i) {
+      s.gradient[index[i]] += along[static_cast<Index>(i)];
+      for (std::size_t j = 0; j < index.size(); ++j)
+        s.information(index[i], index[j]) += square(static_cast<Index>(i), static_cast<Index>(j));
+    }
+  }
+  return s;
+}
+
+/// A scoring step of all coefficients that are not held at their bound.
+Eigen::VectorXd step_of(const Scored& s, const Design& design, const Eigen::VectorXd& x) {
+  Scored free = s;
+  for (Index k = 0; k < x.size(); ++k) {
+    if (!design.not_negative[static_cast<std::size_t>(k)] || x[k] > 0 || s.gradient[k] > 0) continue;
+    free.information.row(k).setZero();
+    free.information.col(k).setZero();
+    free.information(k, k) = 1;
+    free.gradient[k] = 0;
+  }
+  return free.information.llt().solve(free.gradient);
+}
+
+Eigen::VectorXd within_bounds(const Design& design, Eigen::VectorXd x) {
+  for (Index k = 0; k < x.size(); ++k)
+    if (design.not_negative[static_cast<std::size_t>(k)]) x[k] = std::max(0.0, x[k]);
+  return x;
+}
+
+}  // namespace
+
+Optimum optimum_of(const Session& session, const Design& design, const Eigen::VectorXd& start) {
+  constexpr int most_steps = 12;
+  constexpr double settled = 0.01;
+  Optimum now;
+  now.x = within_bounds(design, start);
+  judge_there(session, design, now);
+  Scored s = scored(session, design, now);
+  for (int step = 0; step < most_steps; ++step) {
+    const Eigen::VectorXd whole = step_of(s, design, now.x);
+    Optimum next;
+    double share = 1;
+    do {
+      next.x = within_bounds(design, now.x + share * whole);
+      judge_there(session, design, next);
+      share /= 2;
+    } while (next.log_posterior < now.log_posterior - settled / 10 && share > 0.02);
+    const double gain = next.log_posterior - now.log_posterior;
+    if (gain < -settled / 10) break;
+    now = std::move(next);
+    s = scored(session, design, now);
+    if (gain < settled) break;
+  }
+  now.factor.compute(s.information);
+  return now;
+}
+
+Optimum raised(const Session& session, const Design& design, const Optimum& optimum) {
+  Optimum there = optimum;
+  there.factor.compute(scored(session, design, there, true).information);
+  for (std::size_t c = 0; c < there.eta.size(); ++c)
+    if (session.channels()[c]) there.eta[c] = session.channels()[c]->raised(there.eta[c]);
+  return there;
+}
+
+namespace {
+
+/// What the likelihood says of a block of coefficients with all others integrated, which have their priors.
+Quadratic about(const Optimum& optimum, const Design& design, Index first, Index count) {
+  const Index k = design.mean.size();
+  const Eigen::MatrixXd covariance =
+      optimum.factor.solve(Eigen::MatrixXd::Identity(k, k)).block(first, first, count, count);
+  Quadratic q;
+  // Less the priors' own information, which is one in these units.
+  const Eigen::MatrixXd information = covariance.inverse();
+  const Eigen::VectorXd scale = design.sigma.segment(first, count).cwiseInverse();
+  q.square = scale.asDiagonal() * (information - Eigen::MatrixXd::Identity(count, count)) * scale.asDiagonal();
+  q.along = scale.cwiseProduct(information * optimum.x.segment(first, count) - design.mean.segment(first, count));
+  return q;
+}
+
+/// The prior's factor that suits a term best, and what the integral over it adds to the evidence at the
+/// present one.
+struct Rescaled {
+  double factor = 1, added = 0;
+};
+Rescaled rescaled(const Optimum& optimum, const Design& design, const Design::Block& block, const Term& term) {
+  if (block.sizes == 0) return {};
+  const Quadratic q = about(optimum, design, block.first, block.sizes);
+  const OverFactors over = integrate_over_factors(q, *term.kind);
+  return {over.factor, over.log_evidence - integrate(q, prior_of(*term.kind, term.factor)).log_evidence};
+}
+
+/// Laplace's approximation at the optimum; a shape's uniform prior instead of the normal one.
+double log_evidence_of(const Optimum& optimum, const Design& design, const std::vector<Term>& terms) {
+  double log_det = 0;
+  for (Index i = 0; i < design.mean.size(); ++i) log_det += std::log(optimum.factor.matrixL()(i, i));
+  double sum = optimum.log_posterior - log_det;
+  const double of_uniform = 0.5 * std::log(2 * pi / 12);
+  for (std::size_t t = 0; t < terms.size(); ++t) {
+    sum += rescaled(optimum, design, design.blocks[t], terms[t]).added + terms[t].other_places;
+    sum += static_cast<double>(design.blocks[t].shapes) * of_uniform;
+  }
+  return sum;
+}
+
+/// The term where its coefficients are; its shapes as far as the linear model can be trusted.
+Term moved(const Term& term, const Optimum& optimum, const Design& design, const Design::Block& block,
+           const Eigen::MatrixXd& covariance) {
+  Term there = term;
+  const auto in_units = [&](Index first, Index count) {
+    const Eigen::VectorXd s = design.sigma.segment(first, count);
+    return Eigen::MatrixXd(s.asDiagonal() * covariance.block(first, first, count, count) * s.asDiagonal());
+  };
+  const Eigen::VectorXd size = design.sigma.segment(block.first, block.sizes)
+                                   .cwiseProduct(optimum.x.segment(block.first, block.sizes));
+  model::set_coefficients(there, size, in_units(block.first, block.sizes));
+  const std::vector<std::size_t> shapes = model::shapes_of(*term.kind);
+  there.sigma.resize(there.values.size(), 0.0);
+  for (Index j = 0; j < block.shapes; ++j) {
+    const std::size_t k = shapes[static_cast<std::size_t>(j)];
+    const Parameter& p = term.kind->mechanism->parameters[k];
+    const Index at = block.first + block.sizes + j;
+    const double span = p.logarithmic ? std::log(p.upper / p.lower) : p.upper - p.lower;
+    const double unit = span / std::sqrt(12.0), by = std::clamp(optimum.x[at] * unit, -0.1 * span, 0.1 * span),
+                 u = std::sqrt(covariance(at, at)) * unit;
+    const double value = p.logarithmic ? term.values[k] * std::exp(by) : term.values[k] + by;
+    there.values[k] = std::clamp(value, p.lower, p.upper);
+    there.sigma[k] = p.logarithmic ? there.values[k] * std::min(2.0, u) : u;
+  }
+  return there;
+}
+
+/// One round of a fit: everything linear at its best.
+Fitted solved(const Session& session, std::vector<Term> terms) {
+  Fitted result;
+  result.design = design_of(session, terms);
+  result.optimum = optimum_of(session, result.design, result.design.mean);
+  Hypothesis& h = result.hypothesis;
+  h.log_evidence = log_evidence_of(result.optimum, result.design, terms);
+  for (const Term& term : terms) h.log_prior += term.kind->log_prior;
+  h.log_likelihood = result.optimum.log_likelihood;
+  h.eta = result.optimum.eta;
+  const Index base = session.count_base();
+  h.base = result.design.sigma.head(base).cwiseProduct(result.optimum.x.head(base));
+  const Index k = result.design.mean.size();
+  const Eigen::MatrixXd covariance = result.optimum.factor.solve(Eigen::MatrixXd::Identity(k, k));
+  for (std::size_t t = 0; t < terms.size(); ++t) {
+    h.terms.push_back(moved(terms[t], result.optimum, result.design, result.design.blocks[t], covariance));
+    h.terms.back().factor = rescaled(result.optimum, result.design, result.design.blocks[t], terms[t]).factor;
+  }
+  return result;
+}
+
+}  // namespace
+
+Fitted fit(const Session& session, Hypothesis hypothesis) {
+  constexpr int most_rounds = 4;
+  constexpr double settled = 0.1;
+  Fitted best = solved(session, hypothesis.terms);
+  for (int round = 1; round < most_rounds && !hypothesis.terms.empty(); ++round) {
+    Fitted next = solved(session, best.hypothesis.terms);
+    const double gain = next.hypothesis.log_evidence - best.hypothesis.log_evidence;
+    if (gain > 0 || round == 1) best = std::move(next);  // Deviations and factors suit the sizes only now.
+    if (std::abs(gain) < settled || gain < 0) break;
+  }
+  return best;
+}
+
+}  // namespace fit::explain::inference

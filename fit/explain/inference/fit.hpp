@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <optional>
+
+#include "fit/explain/inference/gaussian.hpp"
+#include "fit/explain/inference/session.hpp"
+
+namespace fit::explain::inference {
+
+/// The columns of a hypothesis in every channel, each scaled by the standard deviation of its coefficient's
+/// prior, so that priors are standard normal around `mean`.
+struct Design {
+  struct Part {
+    Eigen::MatrixXd columns;
+    std::vector<Eigen::Index> index;  ///< Of each column's coefficient.
+    Eigen::VectorXd offset;           ///< Of the predictor where all coefficients are zero.
+  };
+  struct Block {
+    Eigen::Index first = 0, sizes = 0, shapes = 0, deviations = 0;
+    [[nodiscard]] Eigen::Index count() const { return sizes + shapes + deviations; }
+  };
+  std::vector<Part> parts;  ///< By channel.
+  Eigen::VectorXd mean, sigma;
+  std::vector<bool> not_negative;
+  std::vector<Block> blocks;  ///< By term.
+};
+[[nodiscard]] Design design_of(const Session& session, const std::vector<Term>& terms);
+
+/// The most probable coefficients of a design (in units of `sigma`), and the likelihood around them.
+struct Optimum {
+  Eigen::VectorXd x;
+  std::vector<Eigen::VectorXd> eta;
+  std::vector<Eigen::MatrixXd> white;  ///< Columns of every channel, whitened there.
+  std::vector<Eigen::VectorXd> white_residual;
+  Eigen::LLT<Eigen::MatrixXd> factor;  ///< Of the information with the priors'.
+  double log_likelihood = 0, log_posterior = -1e300;
+};
+[[nodiscard]] Optimum optimum_of(const Session& session, const Design& design, const Eigen::VectorXd& start);
+
+/// The same likelihood, linearised where terms that are still missing may take it.
+[[nodiscard]] Optimum raised(const Session& session, const Design& design, const Optimum& optimum);
+
+/// A hypothesis at its best values with its evidence, and what a search asks about it.
+struct Fitted {
+  Hypothesis hypothesis;
+  Design design;
+  Optimum optimum;
+};
+[[nodiscard]] Fitted fit(const Session& session, Hypothesis hypothesis);
+
+}  // namespace fit::explain::inference

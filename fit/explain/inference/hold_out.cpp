@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/inference/hold_out.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fit::explain::inference {
+namespace {
+
+using Eigen::Index;
+
+constexpr int blocks_of_few = 6, most_blocks = 8;
+
+struct Blocks {
+  int count = 0;
+  bool few = false;
+
+  explicit Blocks(std::size_t captures)
+      : count(captures < blocks_of_few ? blocks_of_few : static_cast<int>(std::min<std::size_t>(most_blocks, captures))),
+        few(captures < blocks_of_few) {}
+  [[nodiscard]] int of(const ChannelRows& rows, Index row) const {
+    constexpr double sector_deg = 9;
+    const int number =
+        few ? static_cast<int>((rows.at(row).beam_rad + 4) * deg_per_rad / sector_deg) : rows.capture(row);
+    return number % count;
+  }
+};
+
+/// Rows of one block in one channel.
+struct Part {
+  std::vector<Index> rows;
+  Eigen::MatrixXd white;
+  Eigen::VectorXd residual;
+};
+
+Part part_of(const Session& session, const Fitted& f, std::size_t c, const Blocks& blocks, int block) {
+  const ChannelRows& rows = *session.channels()[c];
+  Part part;
+  for (Index i = 0; i < rows.rows(); ++i)
+    if (blocks.of(rows, i) == block) part.rows.push_back(i);
+  const auto count = static_cast<Index>(part.rows.size());
+  part.white.resize(count, f.optimum.white[c].cols());
+  part.residual.resize(count);
+  for (Index i = 0; i < count; ++i) {
+    const Index row = part.rows[static_cast<std::size_t>(i)];
+    part.white.row(i) = f.optimum.white[c].row(row);
+    part.residual[i] = f.optimum.white_residual[c][row];
+  }
+  return part;
+}
+
+double log_determinant(const Eigen::LLT<Eigen::MatrixXd>& factor) {
+  double sum = 0;
+  for (Index i = 0; i < factor.rows(); ++i) sum += 2 * std::log(factor.matrixLLT()(i, i));
+  return sum;
+}
+
+/// Predicts one block from all others and adds what comes of it.
+class Block {
+ public:
+  Block(const Session& session, const Fitted& fitted, const Blocks& blocks, int block)
+      : session_(session), f_(fitted), rest_(fitted.optimum.factor.reconstructedMatrix()) {
+    score_ = Eigen::VectorXd::Zero(rest_.rows());
+    for (std::size_t c = 0; c < session.channels().size(); ++c) {
+      parts_.push_back(session.channels()[c] ? part_of(session, fitted, c, blocks, block) : Part{});
+      if (parts_[c].rows.empty()) continue;
+      const Eigen::MatrixXd square = parts_[c].white.transpose() * parts_[c].white;
+      const Eigen::VectorXd along = parts_[c].white.transpose() * parts_[c].residual;
+      const auto& index = fitted.design.parts[c].index;
+      for (std::size_t i = 0; i < index.size(); ++i) {
+        score_[index[i]] += along[static_cast<Index>(i)];
+        for (std::size_t j = 0; j < index.size(); ++j)
+          rest_(index[i], index[j]) -= square(static_cast<Index>(i), static_cast<Index>(j));
+      }
+    }
+    factor_.compute(rest_);
+  }
+
+  void add_to(HeldOutFigures& sum) const {
+    const Eigen::VectorXd without = f_.optimum.x - factor_.solve(score_);
+    sum.log_likelihood += 0.5 * (log_determinant(factor_) - log_determinant(f_.optimum.factor)) -
+                          0.5 * score_.dot(factor_.solve(score_));
+    for (std::size_t c = 0; c < parts_.size(); ++c) {
+      if (parts_[c].rows.empty()) continue;
+      const Eigen::VectorXd logs = session_.channels()[c]->log_likelihoods(f_.optimum.eta[c]);
+      for (const Index row : parts_[c].rows) sum.log_likelihood += logs[row];
+      if (model::channel_kinds()[c].observable == Observable::range_mean) add_means(c, without, sum);
+    }
+  }
+
+ private:
+  void add_means(std::size_t c, const Eigen::VectorXd& x, HeldOutFigures& sum) const {
+    const Design::Part& design = f_.design.parts[c];
+    for (std::size_t i = 0; i < parts_[c].rows.size(); ++i) {
+      const Index row = parts_[c].rows[i];
+      double eta = design.offset[row];
+      Eigen::VectorXd columns = Eigen::VectorXd::Zero(x.size());
+      for (std::size_t k = 0; k < design.index.size(); ++k) {
+        eta += design.columns(row, static_cast<Index>(k)) * x[design.index[k]];
+        columns[design.index[k]] = parts_[c].white(static_cast<Index>(i), static_cast<Index>(k));
+      }
+      const double off = session_.channels()[c]->statistic(row) - eta,
+                   weight = std::abs(parts_[c].residual[static_cast<Index>(i)]) > 0
+                                ? parts_[c].residual[static_cast<Index>(i)] /
+                                      (session_.channels()[c]->statistic(row) - f_.optimum.eta[c][row])
+                                : 1,
+                   z = off * weight / std::sqrt(1 + columns.dot(factor_.solve(columns)));
+      sum.rms_mm += off * off;  // the sum of squares, until all are in
+      sum.coverage += std::abs(z) < 1.96;
+      sum.cells += 1;
+    }
+  }
+
+  const Session& session_;
+  const Fitted& f_;
+  std::vector<Part> parts_;
+  Eigen::MatrixXd rest_;
+  Eigen::VectorXd score_;
+  Eigen::LLT<Eigen::MatrixXd> factor_;
+};
+
+}  // namespace
+
+HeldOutFigures hold_out(const Session& session, const Fitted& fitted) {
+  const Blocks blocks(session.reduced().captures.size());
+  HeldOutFigures sum;
+  for (int b = 0; b < blocks.count; ++b) Block(session, fitted, blocks, b).add_to(sum);
+  const double cells = std::max(1.0, sum.cells);
+  sum.rms_mm = std::sqrt(sum.rms_mm / cells);
+  sum.coverage /= cells;
+  return sum;
+}
+
+}  // namespace fit::explain::inference

@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "fit/explain/inference/fit.hpp"
+#include "fit/explain/mean_search.hpp"
+
+namespace fit::explain::inference {
+
+/// Whole captures predicted from all others; sectors of beams where captures are few. The log density is that
+/// of each block as a whole given the others, in all channels; the other figures are of means.
+[[nodiscard]] HeldOutFigures hold_out(const Session& session, const Fitted& fitted);
+
+}  // namespace fit::explain::inference

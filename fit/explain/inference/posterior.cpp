@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/inference/posterior.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "fit/explain/inference/numbers.hpp"
+
+namespace fit::explain::inference {
+namespace {
+
+/// What answers call the same: a mechanism, whatever its target, or any form.
+const void* sort_of(const Kind& kind) {
+  static const char any_form = 0;
+  return kind.is_form() ? static_cast<const void*>(&any_form) : kind.mechanism.get();
+}
+
+bool holds(const Hypothesis& h, const void* sort) {
+  return std::ranges::any_of(h.terms, [&](const Term& term) { return sort_of(*term.kind) == sort; });
+}
+
+/// Hypotheses that count, with their probabilities.
+class Weighed {
+ public:
+  explicit Weighed(const Explored& explored) {
+    const double most = explored.best.hypothesis.log_posterior();
+    double sum = 0;
+    for (const auto& [kinds, h] : explored.visited) {
+      if (h.log_posterior() < most - numbers::window) continue;
+      list_.push_back({&h, std::exp(h.log_posterior() - most)});
+      sum += list_.back().second;
+    }
+    for (auto& one : list_) one.second /= sum;
+  }
+
+  [[nodiscard]] double probability_of(const void* sort) const {
+    double sum = 0;
+    for (const auto& [h, p] : list_)
+      if (holds(*h, sort)) sum += p;
+    return sum;
+  }
+  [[nodiscard]] double probability_of_nothing() const {
+    double sum = 0;
+    for (const auto& [h, p] : list_)
+      if (h->terms.empty()) sum += p;
+    return sum;
+  }
+
+  /// What stands in the place of a term of `best` in hypotheses without it.
+  [[nodiscard]] Undecided alternatives(const Hypothesis& best, const Term& term) const {
+    std::map<const void*, Undecided::Member> members;
+    for (const auto& [h, p] : list_) {
+      const Term* instead = in_place_of(*h, best, term);
+      auto& member = members[instead ? sort_of(*instead->kind) : nullptr];
+      member.probability += p;
+      if (instead && !member.kind) {
+        member.kind = instead->kind;
+        member.term = *instead;
+      }
+    }
+    return smallest_set(members);
+  }
+
+ private:
+  /// The term itself where it is; another that is not in `best`; null if there is none.
+  static const Term* in_place_of(const Hypothesis& h, const Hypothesis& best, const Term& term) {
+    for (const Term& own : h.terms)
+      if (sort_of(*own.kind) == sort_of(*term.kind)) return &own;
+    for (const Term& own : h.terms)
+      if (!holds(best, sort_of(*own.kind))) return &own;
+    return nullptr;
+  }
+
+  static Undecided smallest_set(const std::map<const void*, Undecided::Member>& members) {
+    std::vector<Undecided::Member> all;
+    for (const auto& [sort, member] : members) all.push_back(member);
+    std::ranges::sort(all, [](const auto& a, const auto& b) { return a.probability > b.probability; });
+    Undecided set;
+    double held = 0;
+    for (const auto& member : all) {
+      if (held >= numbers::set_holds) break;
+      set.members.push_back(member);
+      held += member.probability;
+    }
+    return set;
+  }
+
+  std::vector<std::pair<const Hypothesis*, double>> list_;
+};
+
+}  // namespace
+
+Posterior posterior_of(const Explored& explored) {
+  const Weighed weighed(explored);
+  const Hypothesis& best = explored.best.hypothesis;
+  Posterior result;
+  result.nothing = weighed.probability_of_nothing();
+  std::vector<const void*> told;
+  for (const Term& term : best.terms) {
+    const void* sort = sort_of(*term.kind);
+    const bool again = std::ranges::count(told, sort) > 0;
+    told.push_back(sort);
+    const double probability = weighed.probability_of(sort);
+    if (probability >= numbers::named_at) {
+      (term.kind->is_form() ? result.forms : result.named).push_back({term, probability});
+      continue;
+    }
+    if (again) continue;
+    Undecided set = weighed.alternatives(best, term);
+    if (set.members.size() == 1)
+      (term.kind->is_form() ? result.forms : result.named).push_back({term, probability});
+    else
+      result.undecided.push_back(std::move(set));
+  }
+  return result;
+}
+
+}  // namespace fit::explain::inference

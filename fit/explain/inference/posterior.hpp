@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "fit/explain/inference/search.hpp"
+
+namespace fit::explain::inference {
+
+/// A mechanism that is named, or a set of which one is.
+struct Named {
+  Term term;
+  double probability = 0;
+};
+struct Undecided {
+  struct Member {
+    const Kind* kind = nullptr;  ///< Null: nothing at all.
+    double probability = 0;
+    Term term;
+  };
+  std::vector<Member> members;  ///< The most probable first; together they hold 0.95.
+};
+
+struct Posterior {
+  std::vector<Named> named;
+  std::vector<Undecided> undecided;
+  std::vector<Named> forms;  ///< What the catalogue does not know.
+  double nothing = 0;        ///< Probability that nothing is missing.
+};
+
+/// What the visited hypotheses come to.
+[[nodiscard]] Posterior posterior_of(const Explored& explored);
+
+}  // namespace fit::explain::inference

@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/inference/screen.hpp"
+
+#include <nlopt.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <optional>
+
+#include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/model/combs.hpp"
+#include "fit/explain/search/two_cores.hpp"
+
+namespace fit::explain::inference {
+namespace {
+
+using Eigen::Index;
+
+/// Asks what one kind would add, by the quadratic approximation at the fitted hypothesis.
+class Question {
+ public:
+  /// `around`: the fitted likelihood, raised.
+  Question(const Session& session, const Fitted& fitted, const Optimum& around, const Kind& kind)
+      : session_(&session), fitted_(&fitted), around_(&around), kind_(&kind) {}
+
+  /// On the grid of its starts.
+  void look() {
+    std::vector<double> logs;
+    const std::vector<std::vector<double>> starts = kind_->bins ? proposed() : kind_->starts;
+    for (std::size_t i = 0; i < starts.size(); ++i) {
+      Term term = term_at(starts[i]);
+      const double log_evidence = kind_->bins ? with_sizes(term) : with_sizes(term, i);
+      logs.push_back(log_evidence);
+      asked_.push_back({log_evidence, std::move(term)});
+    }
+    const double places =
+        kind_->bins ? kind_->mechanism->parameters[*kind_->bins].starts : static_cast<double>(logs.size());
+    over_grid_ = log_sum(logs) - std::log(places);
+    const auto better = [](const Asked& a, const Asked& b) { return a.log_evidence > b.log_evidence; };
+    const std::size_t kept = std::min(modes_refined, asked_.size());
+    std::ranges::partial_sort(asked_, asked_.begin() + static_cast<std::ptrdiff_t>(kept), better);
+    asked_.resize(kept);
+    best_.term = asked_.front().term;
+    best_.term.other_places = over_grid_ - asked_.front().log_evidence;
+    best_.log_evidence = over_grid_;
+  }
+
+  /// Between its starts, with what its formula leaves open.
+  void look_closely() {
+    if (kind_->is_form()) return;
+    const bool refines = kind_->refines && !model::shapes_of(*kind_).empty();
+    const double first = asked_.front().log_evidence;
+    std::vector<double> modes;
+    double most = -1e300;
+    for (const Asked& one : asked_) {
+      if (one.log_evidence < first - another_mode) continue;
+      const Term there = refines ? refined(one.term) : one.term;
+      modes.push_back(with_everything(there));
+      if (modes.back() <= most) continue;
+      most = modes.back();
+      best_.term = there;
+    }
+    // Places are paid for by the width of the best ones; another good one adds to the evidence.
+    const double all = log_sum(modes);
+    best_.term.other_places = all - most;
+    best_.log_evidence = all;
+  }
+
+  /// The most that it may come to: where a peak is narrow, the grid's mean says little.
+  [[nodiscard]] double promise() const { return asked_.front().log_evidence + kind_->log_prior; }
+  [[nodiscard]] bool is_form() const { return kind_->is_form(); }
+  [[nodiscard]] const Candidate& answer() const { return best_; }
+
+ private:
+  static constexpr std::size_t modes_refined = 2;
+  static constexpr double another_mode = 8;
+
+  struct Asked {
+    double log_evidence;
+    Term term;
+  };
+
+  /// Where a comb may be, by the first channel in which it acts.
+  [[nodiscard]] std::vector<std::vector<double>> proposed() const {
+    std::size_t c = 0;
+    while (!kind_->acts_in[c]) ++c;
+    const ChannelRows& rows = *session_->channels()[c];
+    const Eigen::VectorXd& eta = around_->eta[c];
+    const Eigen::VectorXd weight = rows.whitened(Eigen::VectorXd::Ones(rows.rows()), eta);
+    model::Scores scores;
+    for (Index i = 0; i < rows.rows(); ++i) {
+      scores.place.push_back(model::coordinate_of(kind_->mechanism->coordinate, rows.at(i)));
+      scores.score.push_back(weight[i] * around_->white_residual[c][i]);
+    }
+    std::vector<std::vector<double>> starts;
+    for (const double bin : model::bins_in(scores, kind_->mechanism->parameters[*kind_->bins])) {
+      starts.push_back(kind_->starts.front());
+      starts.back()[*kind_->bins] = bin;
+    }
+    return starts.empty() ? kind_->starts : starts;
+  }
+
+  [[nodiscard]] Term term_at(const std::vector<double>& values) const {
+    Term term;
+    term.kind = kind_;
+    term.values = values;
+    return term;
+  }
+
+  /// With the base and present terms integrated out.
+  [[nodiscard]] Quadratic projected(const std::vector<Eigen::MatrixXd>& columns) const {
+    Index k = 0;
+    for (const auto& c : columns) k = std::max(k, c.cols());
+    Quadratic q{Eigen::MatrixXd::Zero(k, k), Eigen::VectorXd::Zero(k)};
+    Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(fitted_->design.mean.size(), k);
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      if (columns[c].cols() == 0) continue;
+      const Eigen::MatrixXd white = session_->channels()[c]->whitened(columns[c], around_->eta[c]);
+      q.square += white.transpose() * white;
+      q.along += white.transpose() * around_->white_residual[c];
+      const Eigen::MatrixXd with = around_->white[c].transpose() * white;
+      const auto& index = fitted_->design.parts[c].index;
+      for (std::size_t i = 0; i < index.size(); ++i) cross.row(index[i]) += with.row(static_cast<Index>(i));
+    }
+    q.square -= cross.transpose() * around_->factor.solve(cross);
+    return q;
+  }
+
+  /// At those shapes, over all sizes; the term gets the best.
+  double with_sizes(Term& term, std::optional<std::size_t> start = {}) const {
+    const double without_size = kind_->acts_without_size ? gain_of_offset(term) : 0;
+    if (kind_->coefficients.empty()) return without_size;
+    std::vector<Eigen::MatrixXd> columns(session_->channels().size());
+    for (std::size_t c = 0; c < columns.size(); ++c)
+      if (kind_->acts_in[c])
+        columns[c] = start ? Eigen::MatrixXd(session_->columns_at(*kind_, *start)[c].cast<double>())
+                           : model::columns_of(*session_->channels()[c], *kind_, term.values);
+    const OverFactors over = integrate_over_factors(projected(columns), *kind_);
+    if (!over.best.value.allFinite()) return -1e300;
+    model::set_coefficients(term, over.best.value, over.best.covariance);
+    term.factor = over.factor;
+    return without_size + over.log_evidence;
+  }
+
+  /// With the width of its shapes, and the deviations that the formula allows.
+  [[nodiscard]] double with_everything(const Term& term) const {
+    const double without_size = kind_->acts_without_size ? gain_of_offset(term) : 0;
+    if (kind_->coefficients.empty()) return without_size + width_without_sizes(term);
+    std::vector<Eigen::MatrixXd> columns(session_->channels().size());
+    Index shapes = 0;
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      if (!kind_->acts_in[c]) continue;
+      const ChannelRows& rows = *session_->channels()[c];
+      const Eigen::MatrixXd sizes = model::columns_of(rows, *kind_, term.values),
+                            places = model::shape_columns(rows, term),
+                            deviations = model::deviation_columns(rows, term);
+      shapes = places.cols();
+      columns[c].resize(rows.rows(), sizes.cols() + places.cols() + deviations.cols());
+      columns[c] << sizes, places, deviations;
+    }
+    return without_size + integrate_over_factors(projected(columns), *kind_).log_evidence +
+           static_cast<double>(shapes) * 0.5 * std::log(2 * pi / 12);
+  }
+
+  [[nodiscard]] double gain_of_offset(const Term& term) const {
+    double sum = 0;
+    for (std::size_t c = 0; c < session_->channels().size(); ++c) {
+      if (!kind_->acts_in[c]) continue;
+      const ChannelRows& rows = *session_->channels()[c];
+      const Eigen::VectorXd& eta = fitted_->optimum.eta[c];
+      sum += rows.log_likelihood(eta + model::effect_without_size(rows, *kind_, term.values)) -
+             rows.log_likelihood(eta);
+    }
+    return sum;
+  }
+
+  [[nodiscard]] double width_without_sizes(const Term& term) const {
+    double sum = 0;
+    Eigen::MatrixXd square;
+    for (std::size_t c = 0; c < session_->channels().size(); ++c) {
+      if (!kind_->acts_in[c]) continue;
+      const ChannelRows& rows = *session_->channels()[c];
+      const Eigen::MatrixXd white = rows.whitened(
+          model::shape_columns(rows, term),
+          fitted_->optimum.eta[c] + model::effect_of(rows, *kind_, term.values));
+      if (square.size() == 0) square = Eigen::MatrixXd::Identity(white.cols(), white.cols());
+      square += white.transpose() * white;
+    }
+    if (square.size() > 0)
+      sum = -0.5 * std::log(square.determinant()) + static_cast<double>(square.rows()) * 0.5 * std::log(2 * pi / 12);
+    return sum;
+  }
+
+  /// Shapes between those of the grid.
+  [[nodiscard]] Term refined(const Term& start) const {
+    const std::vector<std::size_t> shapes = model::shapes_of(*kind_);
+    const auto& parameters = kind_->mechanism->parameters;
+    struct Context {
+      const Question& question;
+      const std::vector<std::size_t>& shapes;
+      Term at, best;
+      double most;
+    } context{*this, shapes, start, start, -1e300};
+    std::vector<double> x, lower, upper, first;
+    for (const std::size_t k : shapes) {
+      const Parameter& p = parameters[k];
+      const auto in = [&](double v) { return p.logarithmic ? std::log(v) : v; };
+      lower.push_back(in(p.lower));
+      upper.push_back(in(p.upper));
+      x.push_back(std::clamp(in(start.values[k]), lower.back(), upper.back()));
+      first.push_back((upper.back() - lower.back()) / std::max(2, p.starts) / 2);
+    }
+    const auto count = static_cast<unsigned>(shapes.size());
+    nlopt_opt optimiser = nlopt_create(NLOPT_LN_NELDERMEAD, count);
+    nlopt_set_lower_bounds(optimiser, lower.data());
+    nlopt_set_upper_bounds(optimiser, upper.data());
+    nlopt_set_initial_step(optimiser, first.data());
+    nlopt_set_maxeval(optimiser, 15 + 15 * static_cast<int>(count));
+    nlopt_set_ftol_abs(optimiser, 0.02);
+    nlopt_set_max_objective(
+        optimiser,
+        [](unsigned size, const double* at, double*, void* data) {
+          auto& c = *static_cast<Context*>(data);
+          for (unsigned i = 0; i < size; ++i)
+            c.at.values[c.shapes[i]] =
+                c.question.kind_->mechanism->parameters[c.shapes[i]].logarithmic ? std::exp(at[i]) : at[i];
+          const double log_evidence = c.question.with_sizes(c.at);
+          if (log_evidence > c.most) {
+            c.most = log_evidence;
+            c.best = c.at;
+          }
+          return log_evidence;
+        },
+        &context);
+    double value = 0;
+    nlopt_optimize(optimiser, x.data(), &value);
+    nlopt_destroy(optimiser);
+    return context.best;
+  }
+
+  const Session* session_;
+  const Fitted* fitted_;
+  const Optimum* around_;
+  const Kind* kind_;
+  std::vector<Asked> asked_;  ///< The best of the grid.
+  double over_grid_ = -1e300;
+  Candidate best_;
+};
+
+}  // namespace
+
+std::vector<Candidate> screen(const Session& session, const Fitted& fitted, const Kind* but) {
+  std::vector<const Kind*> asked;
+  for (const Kind& kind : session.kinds())
+    if (!fitted.hypothesis.has(kind) && &kind != but) asked.push_back(&kind);
+  std::ranges::stable_sort(asked, std::greater<>(), [](const Kind* kind) { return kind->starts.size(); });
+  std::vector<Question> questions;
+  const Optimum around = raised(session, fitted.design, fitted.optimum);
+  for (const Kind* kind : asked) questions.emplace_back(session, fitted, around, *kind);
+  search::on_two_cores(questions.size(), [&](std::size_t i) { questions[i].look(); });
+  std::ranges::sort(questions, std::greater<>(), &Question::promise);
+  std::vector<Question*> promising;
+  for (Question& q : questions)
+    if (!q.is_form() && promising.size() < 2 * numbers::tries) promising.push_back(&q);
+  search::on_two_cores(promising.size(), [&](std::size_t i) { promising[i]->look_closely(); });
+  std::vector<Candidate> list;
+  for (const Question& q : questions) list.push_back(q.answer());
+  std::ranges::sort(list, std::greater<>(), &Candidate::log_posterior);
+  return list;
+}
+
+}  // namespace fit::explain::inference

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "fit/explain/inference/fit.hpp"
+
+namespace fit::explain::inference {
+
+/// One more term, by a score test: what it would add to a fitted hypothesis.
+struct Candidate {
+  Term term;
+  double log_evidence = -1e300;  ///< Against the hypothesis without it.
+  [[nodiscard]] double log_posterior() const { return log_evidence + term.kind->log_prior; }
+};
+
+/// Every kind that is not in the hypothesis, nor `but`; the most probable first.
+[[nodiscard]] std::vector<Candidate> screen(const Session& session, const Fitted& fitted,
+                                            const Kind* but = nullptr);
+
+}  // namespace fit::explain::inference

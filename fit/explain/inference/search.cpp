@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/inference/search.hpp"
+
+#include <algorithm>
+#include <optional>
+
+#include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/search/two_cores.hpp"
+
+namespace fit::explain::inference {
+namespace {
+
+using numbers::tries;
+
+std::vector<const Kind*> with(const Hypothesis& h, const Kind& kind) {
+  std::vector<const Kind*> key = h.kinds();
+  key.insert(std::ranges::upper_bound(key, &kind), &kind);
+  return key;
+}
+
+Hypothesis without(const Hypothesis& h, std::size_t term) {
+  Hypothesis less;
+  less.terms = h.terms;
+  less.terms.erase(less.terms.begin() + static_cast<std::ptrdiff_t>(term));
+  return less;
+}
+
+/// Mechanisms and forms in turn, so that neither crowds out the other.
+std::vector<Candidate> best_of(const std::vector<Candidate>& list, std::size_t names, std::size_t forms) {
+  std::vector<Candidate> chosen;
+  double best_name = -1e300, best_form = -1e300;
+  for (const Candidate& candidate : list) {
+    std::size_t& left = candidate.term.kind->is_form() ? forms : names;
+    double& best = candidate.term.kind->is_form() ? best_form : best_name;
+    best = std::max(best, candidate.log_posterior());
+    if (left == 0 || candidate.log_posterior() < std::max(numbers::worth_fitting, best - 2 * numbers::window)) continue;
+    --left;
+    chosen.push_back(candidate);
+  }
+  return chosen;
+}
+
+class Climber {
+ public:
+  explicit Climber(Session& session) : session_(session) { best_ = fitted({}); }
+
+  void climb() {
+    constexpr int most_moves = 12;
+    for (int move = 0; move < most_moves; ++move)
+      if (!add() && !drop() && !exchange()) return;
+  }
+
+  /// Nothing is missing, and the session is linearised there.
+  [[nodiscard]] bool is_where_it_began() const { return best_.hypothesis.terms.empty() && !moved_; }
+
+  /// All that counts at the linearisation where the best one predicts. Returns whether another is the best.
+  bool fit_again() {
+    const std::vector<const Kind*> before = best_.hypothesis.kinds();
+    session_.linearise(best_.hypothesis);
+    moved_ = true;
+    std::vector<Hypothesis> again;
+    for (const auto& [kinds, h] : visited_)
+      if (h.log_posterior() > best_.hypothesis.log_posterior() - 2 * numbers::window || h.terms.empty())
+        again.push_back(h);
+    visited_.clear();
+    std::optional<Fitted> first = fit_all(again);
+    best_ = std::move(*first);
+    return best_.hypothesis.kinds() != before;
+  }
+
+  Explored result() && { return {std::move(visited_), std::move(best_)}; }
+
+ private:
+  Fitted fitted(const Hypothesis& h) {
+    Fitted f = fit(session_, h);
+    remember(f);
+    return f;
+  }
+
+  void remember(const Fitted& f) {
+    const auto [known, is_new] = visited_.try_emplace(f.hypothesis.kinds(), f.hypothesis);
+    if (!is_new && known->second.log_posterior() < f.hypothesis.log_posterior()) known->second = f.hypothesis;
+  }
+
+  /// The best of them; all are remembered.
+  std::optional<Fitted> fit_all(const std::vector<Hypothesis>& list) {
+    std::vector<Fitted> fits(list.size());
+    search::on_two_cores(list.size(), [&](std::size_t i) { fits[i] = fit(session_, list[i]); });
+    std::optional<Fitted> best;
+    for (Fitted& f : fits) {
+      remember(f);
+      if (!best || f.hypothesis.log_posterior() > best->hypothesis.log_posterior()) best = std::move(f);
+    }
+    return best;
+  }
+
+  bool take_if_better(std::optional<Fitted> other) {
+    constexpr double hardly = 0.05;
+    if (!other || !(other->hypothesis.log_posterior() > best_.hypothesis.log_posterior() + hardly)) return false;
+    best_ = std::move(*other);
+    return true;
+  }
+
+  /// Fits a hypothesis with each of the candidates, but those that are known.
+  std::optional<Fitted> fit_each(const Hypothesis& h, const std::vector<Candidate>& candidates) {
+    std::vector<Hypothesis> list;
+    for (const Candidate& candidate : candidates) {
+      if (visited_.contains(with(h, *candidate.term.kind))) continue;
+      list.push_back({});
+      list.back().terms = h.terms;
+      list.back().terms.push_back(candidate.term);
+    }
+    return fit_all(list);
+  }
+
+  bool add() {
+    if (best_.hypothesis.terms.size() >= numbers::most_terms) return false;
+    return take_if_better(
+        fit_each(best_.hypothesis, best_of(screen(session_, best_), tries, tries / 2)));
+  }
+
+  bool drop() {
+    if (best_.hypothesis.terms.size() < 2) return false;
+    std::vector<Hypothesis> list;
+    for (std::size_t t = 0; t < best_.hypothesis.terms.size(); ++t) {
+      Hypothesis less = without(best_.hypothesis, t);
+      if (!visited_.contains(less.kinds())) list.push_back(std::move(less));
+    }
+    return take_if_better(fit_all(list));
+  }
+
+  bool exchange() {
+    const Hypothesis whole = best_.hypothesis;
+    bool better = false;
+    for (std::size_t t = 0; t < whole.terms.size(); ++t) {
+      const Fitted less = fitted(without(whole, t));
+      const auto list = screen(session_, less, whole.terms[t].kind);
+      better = take_if_better(fit_each(less.hypothesis, best_of(list, tries, tries / 2))) || better;
+    }
+    return better;
+  }
+
+  Session& session_;
+  std::map<std::vector<const Kind*>, Hypothesis> visited_;
+  Fitted best_;
+  bool moved_ = false;
+};
+
+}  // namespace
+
+Explored explore(Session& session, const Progress& progress) {
+  constexpr int most_linearisations = 3;
+  Climber climber(session);
+  for (int pass = 0; pass < most_linearisations; ++pass) {
+    climber.climb();
+    if (climber.is_where_it_began()) break;
+    if (progress) progress(0.5 + 0.1 * pass, "comparing mechanisms");
+    if (!climber.fit_again() && pass > 0) break;
+  }
+  return std::move(climber).result();
+}
+
+}  // namespace fit::explain::inference

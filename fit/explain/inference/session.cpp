@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/inference/session.hpp"
+
+#include <algorithm>
+
+#include "fit/explain/hypothesis.hpp"
+
+namespace fit::explain::inference {
+
+using Eigen::Index;
+
+bool Hypothesis::has(const Kind& kind) const {
+  return std::ranges::any_of(terms, [&](const Term& term) { return term.kind == &kind; });
+}
+
+std::vector<const Kind*> Hypothesis::kinds() const {
+  std::vector<const Kind*> list;
+  for (const Term& term : terms) list.push_back(term.kind);
+  std::ranges::sort(list);
+  return list;
+}
+
+namespace {
+
+bool moves_the_means(const Kind& kind) { return kind.observable == Observable::range_mean; }
+
+std::size_t mean_channel() {
+  const auto& kinds = model::channel_kinds();
+  return static_cast<std::size_t>(
+      std::ranges::find(kinds, Observable::range_mean, &model::ChannelKind::observable) - kinds.begin());
+}
+
+}  // namespace
+
+Session::Session(Reduced& reduced, MeanNoise noise) : reduced_(reduced), noise_(std::move(noise)) {
+  Hypothesis nothing;
+  make_channels();
+  nothing.base = Eigen::VectorXd::Zero(count_base());
+  linearise(nothing);
+  kinds_ = std::make_shared<const std::vector<Kind>>(model::kinds_of(reduced_, channels_));
+  columns_.assign(kinds_->size(), {});
+}
+
+void Session::make_channels() {
+  channels_.clear();
+  offsets_.clear();
+  for (const model::ChannelKind& kind : model::channel_kinds()) {
+    channels_.push_back(kind.rows(reduced_, noise_));
+    Eigen::VectorXd offset(channels_.back() ? channels_.back()->rows() : 0);
+    for (Index i = 0; i < offset.size(); ++i) offset[i] = channels_.back()->offset(i);
+    offsets_.push_back(std::move(offset));
+  }
+}
+
+const std::vector<Eigen::MatrixXf>& Session::columns_at(const Kind& kind, std::size_t start) const {
+  auto& by_start = columns_[static_cast<std::size_t>(&kind - kinds_->data())];
+  if (by_start.empty())
+    for (const auto& values : kind.starts) {
+      by_start.emplace_back(channels_.size());
+      for (std::size_t c = 0; c < channels_.size(); ++c)
+        if (kind.acts_in[c]) by_start.back()[c] = model::columns_of(*channels_[c], kind, values).cast<float>();
+    }
+  return by_start[start];
+}
+
+Index Session::first_base(std::size_t channel) const {
+  Index count = 0;
+  for (std::size_t c = 0; c < channel; ++c)
+    if (channels_[c]) count += channels_[c]->base().prior.mean.size();
+  return count;
+}
+
+Nuisance Session::nuisance(const Hypothesis& h) const {
+  Nuisance n(reduced_.bench);
+  const Eigen::VectorXd stated = n.as_vector();
+  n.set(stated + h.base.segment(first_base(mean_channel()), stated.size()));
+  return n;
+}
+
+void Session::linearise(const Hypothesis& at) {
+  std::vector<Active> at_work;
+  for (const explain::Term& known : known_terms(reduced_.bench)) at_work.push_back(known.active());
+  for (const Term& term : at.terms)
+    if (moves_the_means(*term.kind))
+      at_work.push_back({term.kind->mechanism.get(), term.values, term.kind->target});
+  for (auto& kept : columns_) kept.clear();
+  const Nuisance there = nuisance(at);
+  predict(reduced_, there, at_work, false);
+  make_channels();
+  const std::size_t mean = mean_channel();
+  if (!channels_[mean]) return;
+  // Coefficients count from the bench file, not from where the prediction is.
+  const Eigen::VectorXd moved = there.as_vector() - Nuisance(reduced_.bench).as_vector();
+  offsets_[mean] -= channels_[mean]->base().columns.leftCols(moved.size()) * moved;
+  for (const Term& term : at.terms)
+    if (moves_the_means(*term.kind) && !term.kind->coefficients.empty())
+      offsets_[mean] -=
+          model::columns_of(*channels_[mean], *term.kind, term.values) * model::coefficients(term);
+}
+
+}  // namespace fit::explain::inference

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "fit/explain/model/term.hpp"
+
+/// Inference in the model of docs/method/model.md.
+namespace fit::explain::inference {
+
+using model::ChannelRows;
+using model::Kind;
+using model::Term;
+
+/// One way to explain a session: what is missing, and how well that explains it.
+struct Hypothesis {
+  std::vector<Term> terms;
+  Eigen::VectorXd base;      ///< Nuisances of all channels, one after the other.
+  double log_evidence = -1e300, log_prior = 0;
+  double log_likelihood = -1e300;
+  std::vector<Eigen::VectorXd> eta;  ///< The fitted predictor of every channel.
+
+  [[nodiscard]] double log_posterior() const { return log_evidence + log_prior; }
+  [[nodiscard]] bool has(const Kind& kind) const;
+  [[nodiscard]] std::vector<const Kind*> kinds() const;
+};
+
+/// A session as rows of all channels, its means linearised where a hypothesis predicts.
+class Session {
+ public:
+  Session(Reduced& reduced, MeanNoise noise);
+
+  /// Predicts there; all hypotheses that are compared must be fitted after the same call.
+  void linearise(const Hypothesis& at);
+
+  [[nodiscard]] const Reduced& reduced() const { return reduced_; }
+  [[nodiscard]] Reduced& reduced() { return reduced_; }
+  [[nodiscard]] const MeanNoise& noise() const { return noise_; }
+  /// In the order of model::channel_kinds(); null where the session has no rows.
+  [[nodiscard]] const std::vector<std::unique_ptr<ChannelRows>>& channels() const { return channels_; }
+  /// Of a channel's predictor where all coefficients are zero.
+  [[nodiscard]] const Eigen::VectorXd& offset(std::size_t channel) const { return offsets_[channel]; }
+  [[nodiscard]] const std::vector<Kind>& kinds() const { return *kinds_; }
+  /// Terms point to these.
+  [[nodiscard]] std::shared_ptr<const std::vector<Kind>> shared_kinds() const { return kinds_; }
+  /// What a kind does to every channel at one of its starts, per coefficient. Kept until the next call of
+  /// `linearise`; one kind must not be asked for by two threads at once.
+  [[nodiscard]] const std::vector<Eigen::MatrixXf>& columns_at(const Kind& kind, std::size_t start) const;
+  /// Mount and targets as the coefficients have them.
+  [[nodiscard]] Nuisance nuisance(const Hypothesis& h) const;
+  /// First of a channel's base coefficients among those of all.
+  [[nodiscard]] Eigen::Index first_base(std::size_t channel) const;
+  [[nodiscard]] Eigen::Index count_base() const { return first_base(channels_.size()); }
+
+ private:
+  void make_channels();
+
+  Reduced& reduced_;
+  MeanNoise noise_;
+  std::vector<std::unique_ptr<ChannelRows>> channels_;
+  std::vector<Eigen::VectorXd> offsets_;
+  std::shared_ptr<const std::vector<Kind>> kinds_;
+  mutable std::vector<std::vector<std::vector<Eigen::MatrixXf>>> columns_;  ///< By kind, start, channel.
+};
+
+}  // namespace fit::explain::inference

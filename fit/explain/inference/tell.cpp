@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "fit/explain/inference/explain.hpp"
+#include "fit/explain/explanation.hpp"
+#include "fit/explain/stated_noise.hpp"
+
+namespace fit::explain::inference {
+namespace {
+
+bool is_of_the_means(const Kind& kind) { return kind.observable == Observable::range_mean; }
+
+std::map<std::string, Estimate> parameters_of(const Term& term) {
+  std::map<std::string, Estimate> map;
+  for (std::size_t k = 0; k < term.values.size(); ++k) {
+    if (std::abs(term.values[k]) >= 1e9) continue;  // says "always"
+    map[term.kind->mechanism->parameters[k].name] = {term.values[k], k < term.sigma.size() ? term.sigma[k] : 0.0};
+  }
+  return map;
+}
+
+Suspect as_suspect(const Term& term) {
+  Suspect suspect;
+  suspect.mechanism = term.kind->mechanism.get();
+  suspect.parameters = parameters_of(term);
+  return suspect;
+}
+
+Finding finding_of(const Term& term, const Reduced& reduced) {
+  Finding f;
+  f.parameters = parameters_of(term);
+  if (term.kind->target >= 0) f.target = reduced.bench.targets[static_cast<std::size_t>(term.kind->target)].name;
+  for (const Cell& cell : reduced.cells) {
+    if (!cell.smooth || (term.kind->target >= 0 && term.kind->target != cell.at.target)) continue;
+    const double mm = cell.sight.shift(term.kind->mechanism->act(cell.at, term.values));
+    if (!(std::abs(mm) > std::abs(f.largest_mm))) continue;
+    f.largest_mm = mm;
+    f.largest_at = model::coordinate_of(term.kind->mechanism->coordinate, cell.at);
+  }
+  return f;
+}
+
+void tell_named(const Named& named, double gain, const Findings& findings, Explanation& out) {
+  const Finding finding = finding_of(named.term, findings.reduced);
+  Found found;
+  found.mechanism = named.term.kind->mechanism.get();
+  found.target = finding.target;
+  found.probability = named.probability;
+  found.parameters = finding.parameters;
+  found.says = found.mechanism->says(finding);
+  found.evidence = "On captures that took no part in the fit it raises the log-likelihood by " + rounded(gain, 3) + ".";
+  found.log_likelihood_gain = gain;
+  found.rms_before_mm = findings.means.before.rms_mm;
+  found.rms_after_mm = findings.means.after.rms_mm;
+  out.mechanisms.push_back(found);
+  if (is_constant_noise(*found.mechanism)) return;  // stated there already, with more of it
+  KnownMechanism known{found.mechanism->id, found.parameters, {}};
+  if (!found.target.empty()) known.texts["target"] = found.target;
+  out.bench.known.push_back(known);
+}
+
+/// The names of a set, and the catalogue's other names for what one bench shows alike.
+std::vector<std::string> names_of(const std::vector<Undecided::Member>& members) {
+  std::vector<std::string> names;
+  const auto add = [&](const std::string& name) {
+    if (!std::ranges::count(names, name)) names.push_back(name);
+  };
+  for (const auto& member : members)
+    add(!member.kind ? nothing_missing : member.kind->is_form() ? unknown_physics : member.kind->mechanism->id);
+  for (const auto& member : members)
+    if (member.kind && !member.kind->is_form())
+      for (const std::string& same : member.kind->mechanism->same_in_plane) add(same);
+  return names;
+}
+
+void tell_set(const std::vector<Undecided::Member>& members, const Findings& findings, Explanation& out) {
+  out.undecided_between.push_back(names_of(members));
+  std::string odds;
+  for (const auto& member : members) {
+    odds += (odds.empty() ? "" : ", ") + names_of({member}).front() + " " + rounded(member.probability, 2);
+    if (!member.kind) continue;
+    if (member.kind->is_form()) continue;
+    if (is_of_the_means(*member.kind))
+      out.suspects.push_back({member.kind->mechanism.get(), member.kind->target, member.term.values, member.term.sigma});
+    else
+      out.noise_suspects.push_back(as_suspect(member.term));
+  }
+  (void)findings;
+  out.notes.push_back("Probabilities of what cannot be told apart: " + odds + ".");
+}
+
+/// What a form of noise or of counts does, in words.
+Unexplained in_words(const Named& form) {
+  const Shape& shape = *form.term.kind->form;
+  Unexplained u;
+  u.observable = form.term.kind->observable;
+  u.coordinate = shape.coordinate;
+  const char* what = u.observable == Observable::range_variance ? "the samples' variance"
+                     : u.observable == Observable::dropout      ? "the share of lost echoes"
+                                                                : "the share of samples far off";
+  u.describes = std::string(what) + " follows a " + form.term.kind->mechanism->id + " that no mechanism of the catalogue makes";
+  return u;
+}
+
+}  // namespace
+
+void tell(const Inferred& inferred, const Findings& findings, Explanation& out) {
+  const Posterior& posterior = inferred.posterior;
+  for (std::size_t i = 0; i < posterior.named.size(); ++i) {
+    const Named& named = posterior.named[i];
+    if (named.term.kind->mechanism->same_in_plane.empty()) {
+      tell_named(named, inferred.gain[i], findings, out);
+      continue;
+    }
+    tell_set({{named.term.kind, named.probability, named.term}}, findings, out);
+  }
+  for (const Undecided& set : posterior.undecided) tell_set(set.members, findings, out);
+}
+
+void add_to_spread(const Inferred& inferred, SpreadResult& spread) {
+  spread.sigma_mm = inferred.sigma_mm;
+  for (const Named& named : inferred.posterior.named)
+    if (!is_of_the_means(*named.term.kind)) spread.accepted.push_back(as_suspect(named.term));
+  for (const Named& form : inferred.posterior.forms)
+    if (!is_of_the_means(*form.term.kind)) spread.unknown.push_back(in_words(form));
+}
+
+}  // namespace fit::explain::inference

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/model/channel.hpp"
+
+#include <cmath>
+
+namespace fit::explain::channels {
+std::vector<model::ChannelKind> all();
+}
+
+namespace fit::explain::model {
+
+using Eigen::Index;
+
+const std::vector<ChannelKind>& channel_kinds() {
+  static const std::vector<ChannelKind> kinds = channels::all();
+  return kinds;
+}
+
+Eigen::VectorXd IndependentRows::log_likelihoods(const Eigen::VectorXd& eta) const {
+  Eigen::VectorXd list(rows());
+  for (Index i = 0; i < rows(); ++i) list[i] = log_likelihood(of(i), eta[i]);
+  return list;
+}
+
+Eigen::MatrixXd IndependentRows::whitened(Eigen::MatrixXd columns, const Eigen::VectorXd& eta) const {
+  for (Index i = 0; i < rows(); ++i) columns.row(i) *= std::sqrt(information(of(i), eta[i]));
+  return columns;
+}
+
+Eigen::VectorXd IndependentRows::white_residual(const Eigen::VectorXd& eta) const {
+  Eigen::VectorXd list(rows());
+  for (Index i = 0; i < rows(); ++i)
+    list[i] = score(of(i), eta[i]) / std::sqrt(information(of(i), eta[i]));
+  return list;
+}
+
+std::vector<IndependentRows::Row> pooled_rows(
+    const Reduced& reduced, int count,
+    const std::function<bool(std::size_t cell, IndependentRows::Row& row)>& take) {
+  std::vector<IndependentRows::Row> list;
+  for (const Group& group : reduced.groups) {
+    IndependentRows::Row row;
+    std::vector<std::size_t> taken;
+    double echoes = 0, lit = 0;
+    const auto close = [&] {
+      if (!taken.empty()) {
+        const Cell& middle = reduced.cells[taken[taken.size() / 2]];
+        row.at = middle.at;
+        if (lit > 0) row.at.intensity = echoes / lit;
+        row.capture = group.capture;
+        row.lever2 /= static_cast<double>(taken.size());
+        list.push_back(row);
+      }
+      row = {};
+      taken.clear();
+      echoes = lit = 0;
+    };
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+      const Cell& cell = reduced.cells[i];
+      if (!taken.empty() && (static_cast<int>(taken.size()) == count ||
+                             cell.at.target != reduced.cells[taken.back()].at.target))
+        close();
+      if (!take(i, row)) continue;
+      taken.push_back(i);
+      row.lever2 += cell.sight.beam_lever() * cell.sight.beam_lever();
+      if (!std::isfinite(cell.at.intensity)) continue;
+      echoes += cell.at.intensity;
+      lit += 1;
+    }
+    close();
+  }
+  return list;
+}
+
+}  // namespace fit::explain::model

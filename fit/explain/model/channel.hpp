@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <Eigen/Dense>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "fit/explain/mean_model.hpp"
+
+/// The statistical model of docs/method/model.md: rows in channels, and what acts on them.
+namespace fit::explain::model {
+
+/// Columns of coefficients with independent normal priors, in the unit of a channel's linear predictor.
+struct Columns {
+  Eigen::MatrixXd columns;
+  Prior prior;
+};
+
+/// The rows of one statistic. Their distribution depends on a linear predictor (eta): a sum over nuisances and
+/// terms.
+class ChannelRows {
+ public:
+  virtual ~ChannelRows() = default;
+
+  [[nodiscard]] virtual Eigen::Index rows() const = 0;
+  /// What the row's samples met, and of which capture they are.
+  [[nodiscard]] virtual const Circumstances& at(Eigen::Index row) const = 0;
+  [[nodiscard]] virtual int capture(Eigen::Index row) const = 0;
+  /// What an effect adds to the row's predictor.
+  [[nodiscard]] virtual double response(Eigen::Index row, const Effect& effect) const = 0;
+  /// Nuisances that every hypothesis has.
+  [[nodiscard]] virtual const Columns& base() const = 0;
+  /// Of the predictor where all coefficients are zero.
+  [[nodiscard]] virtual double offset(Eigen::Index row) const = 0;
+
+  /// The statistic itself, in the unit of its mean.
+  [[nodiscard]] virtual double statistic(Eigen::Index row) const = 0;
+  [[nodiscard]] virtual double log_likelihood(const Eigen::VectorXd& eta) const = 0;
+  /// The same of every row; of rows with a common error, as if each came alone.
+  [[nodiscard]] virtual Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const = 0;
+  /// Where to linearise for terms that are not in the predictor yet: as high as the rows are on the whole.
+  [[nodiscard]] virtual Eigen::VectorXd raised(const Eigen::VectorXd& eta) const { return eta; }
+  /// Columns multiplied by a root of the Fisher information at eta.
+  [[nodiscard]] virtual Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd& eta) const = 0;
+  /// The score divided by that root: what a scoring step is fitted to.
+  [[nodiscard]] virtual Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const = 0;
+};
+
+/// One kind of statistic. A new one is one new file fit/channels/NAME.cpp with a function make_NAME().
+struct ChannelKind {
+  std::string id;
+  Observable observable = Observable::range_mean;
+  /// The rows of a session whose cells are predicted; null if it has none.
+  std::function<std::unique_ptr<ChannelRows>(const Reduced&, const MeanNoise&)> rows;
+};
+
+/// All kinds of statistics there are.
+[[nodiscard]] const std::vector<ChannelKind>& channel_kinds();
+
+/// A channel whose rows are independent, each with a weight of its own: what generalised linear models have.
+class IndependentRows : public ChannelRows {
+ public:
+  struct Row {
+    Circumstances at;
+    int capture = 0;
+    double lever2 = 0;     ///< Mean square of d range / d beam angle, (mm/rad)^2.
+    double y = 0;          ///< The statistic: a variance, or a count.
+    double n = 0;          ///< Degrees of freedom, or samples.
+  };
+
+  [[nodiscard]] Eigen::Index rows() const override { return static_cast<Eigen::Index>(list_.size()); }
+  [[nodiscard]] const Circumstances& at(Eigen::Index row) const override { return of(row).at; }
+  [[nodiscard]] int capture(Eigen::Index row) const override { return of(row).capture; }
+  [[nodiscard]] const Columns& base() const override { return base_; }
+  [[nodiscard]] double statistic(Eigen::Index row) const override { return of(row).y; }
+  [[nodiscard]] double log_likelihood(const Eigen::VectorXd& eta) const override {
+    return log_likelihoods(eta).sum();
+  }
+  [[nodiscard]] Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const override;
+  [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd& eta) const override;
+  [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override;
+
+ protected:
+  explicit IndependentRows(std::vector<Row> rows) : list_(std::move(rows)) {
+    base_.columns.resize(this->IndependentRows::rows(), 0);
+  }
+  [[nodiscard]] const Row& of(Eigen::Index row) const { return list_[static_cast<std::size_t>(row)]; }
+  [[nodiscard]] const std::vector<Row>& list() const { return list_; }
+  void set_base(Columns base) { base_ = std::move(base); }
+
+  [[nodiscard]] virtual double log_likelihood(const Row& row, double eta) const = 0;
+  [[nodiscard]] virtual double score(const Row& row, double eta) const = 0;
+  [[nodiscard]] virtual double information(const Row& row, double eta) const = 0;
+
+ private:
+  std::vector<Row> list_;
+  Columns base_;
+};
+
+/// Rows of so many neighbouring cells on the same target, `count` at most; `take` says of each cell whether it
+/// counts, and adds it to the row.
+[[nodiscard]] std::vector<IndependentRows::Row> pooled_rows(
+    const Reduced& reduced, int count,
+    const std::function<bool(std::size_t cell, IndependentRows::Row& row)>& take);
+
+}  // namespace fit::explain::model

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <cmath>
+
+#include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/model/channel.hpp"
+
+namespace fit::explain::model {
+
+/// Samples of n to which something happened: binomial, the probability 1 - exp(-eta), so that hazards of
+/// independent causes add.
+class Counts : public IndependentRows {
+ public:
+  using IndependentRows::IndependentRows;
+  [[nodiscard]] double offset(Eigen::Index) const override { return numbers::least_hazard; }
+
+  [[nodiscard]] Eigen::VectorXd raised(const Eigen::VectorXd& eta) const override {
+    double happened = 0, all = 1;
+    for (const Row& row : list()) {
+      happened += row.y;
+      all += row.n;
+    }
+    return eta.cwiseMax(happened / all);
+  }
+
+ protected:
+  [[nodiscard]] static double hazard(double probability) {
+    return -std::log1p(-std::min(0.9999, std::max(0.0, probability)));
+  }
+  [[nodiscard]] double log_likelihood(const Row& row, double eta) const override {
+    const double h = possible(eta);
+    return row.y * std::log(-std::expm1(-h)) - (row.n - row.y) * h;
+  }
+  [[nodiscard]] double score(const Row& row, double eta) const override {
+    const double h = possible(eta);
+    return row.y / std::expm1(h) - (row.n - row.y);
+  }
+  [[nodiscard]] double information(const Row& row, double eta) const override {
+    return row.n / std::expm1(possible(eta));
+  }
+
+ private:
+  static double possible(double eta) { return std::max(numbers::least_hazard, eta); }
+};
+
+}  // namespace fit::explain::model

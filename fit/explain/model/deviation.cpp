@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+
+#include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/model/term.hpp"
+
+namespace fit::explain::model {
+namespace {
+
+using Eigen::Index;
+
+/// A coordinate scaled to -1 .. 1 over the rows; along a target, by the distance to its corner.
+Eigen::VectorXd scaled(const ChannelRows& channel, Coordinate coordinate) {
+  constexpr double reach_of_corners_mm = 300;
+  Eigen::VectorXd x(channel.rows());
+  double low = 1e300, high = -1e300;
+  for (Index i = 0; i < x.size(); ++i) {
+    const Circumstances& at = channel.at(i);
+    x[i] = coordinate == Coordinate::target ? std::exp(-std::min(1e4, at.corner_mm) / reach_of_corners_mm)
+                                            : coordinate_of(coordinate, at);
+    if (!std::isfinite(x[i])) continue;
+    low = std::min(low, x[i]);
+    high = std::max(high, x[i]);
+  }
+  for (double& v : x) v = std::isfinite(v) && high > low ? 2 * (v - low) / (high - low) - 1 : 0;
+  return x;
+}
+
+/// Of an effect in each of its ways, over the rows.
+struct Typical {
+  Effect rms;
+
+  Typical(const ChannelRows& channel, const Term& term) {
+    double count = 0;
+    for (Index i = 0; i < channel.rows(); ++i) {
+      const Circumstances& at = channel.at(i);
+      if (term.kind->target >= 0 && at.target != term.kind->target) continue;
+      const Effect e = term.kind->mechanism->act(at, term.values);
+      for (const auto field : fields) rms.*field += e.*field * e.*field;
+      count += 1;
+    }
+    for (const auto field : fields) rms.*field = std::sqrt(rms.*field / std::max(1.0, count));
+  }
+  /// An effect there in units of its typical size.
+  [[nodiscard]] double ratio(const Effect& e) const {
+    for (const auto field : fields)
+      if (rms.*field > 0) return e.*field / (rms.*field);
+    return 0;
+  }
+
+ private:
+  static constexpr double Effect::* fields[] = {&Effect::range_mm,     &Effect::beam_rad,
+                                                &Effect::stage_rad,    &Effect::variance_mm2,
+                                                &Effect::scan_angle_variance_rad2, &Effect::lost,
+                                                &Effect::stray};
+};
+
+/// Before its first move a stage rests anywhere within its play.
+Eigen::MatrixXd place_in_play(const ChannelRows& channel, const Term& term) {
+  Eigen::MatrixXd column = Eigen::MatrixXd::Zero(channel.rows(), 1);
+  for (Index i = 0; i < channel.rows(); ++i) {
+    Circumstances at = channel.at(i);
+    if (at.approach != 0) continue;
+    at.approach = 1;
+    column(i, 0) = channel.response(i, term.kind->mechanism->act(at, term.values)) / std::sqrt(3.0);
+  }
+  return column;
+}
+
+/// A wave may swell and shift along its coordinate, and hold a second harmonic.
+Eigen::MatrixXd of_wave(const ChannelRows& channel, const Term& term, const Eigen::VectorXd& x, double share) {
+  const Typical typical(channel, term);
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(channel.rows(), 6);
+  std::vector<double> ahead = term.values;
+  const auto& parameters = term.kind->mechanism->parameters;
+  for (std::size_t k = 0; k < ahead.size(); ++k)
+    if (parameters[k].role == Parameter::Role::phase) ahead[k] += 90;
+  for (Index i = 0; i < channel.rows(); ++i) {
+    const Circumstances& at = channel.at(i);
+    const Effect e = term.kind->mechanism->act(at, term.values), q = term.kind->mechanism->act(at, ahead);
+    const double along = channel.response(i, e), across = channel.response(i, q), g = typical.ratio(e);
+    columns.row(i) << along * x[i], along * x[i] * x[i], across * x[i], across * x[i] * x[i], along * g,
+        across * g;
+  }
+  return share * columns;
+}
+
+}  // namespace
+
+Eigen::MatrixXd deviation_columns(const ChannelRows& channel, const Term& term) {
+  const Kind& kind = *term.kind;
+  const Mechanism& m = *kind.mechanism;
+  if (m.coordinate == Coordinate::approach) return place_in_play(channel, term);
+  const bool has_no_curve = m.formula_error <= 0 || m.one_target || kind.is_form() ||
+                            m.coordinate == Coordinate::stage_rate ||
+                            (m.parameters.size() == 1 && m.coordinate == Coordinate::target);
+  if (has_no_curve) return Eigen::MatrixXd(channel.rows(), 0);
+  const Eigen::VectorXd x = scaled(channel, m.coordinate);
+  const double share = m.any_curve ? numbers::free_curve_share : m.formula_error;
+  if (std::ranges::any_of(kind.coefficients, &Coefficient::has_phase)) return of_wave(channel, term, x, share);
+  const Typical typical(channel, term);
+  Eigen::MatrixXd columns(channel.rows(), numbers::smooth_deviations);
+  for (Index i = 0; i < channel.rows(); ++i) {
+    const Circumstances& at = channel.at(i);
+    const bool acts = kind.target < 0 || at.target == kind.target;
+    const double size = acts ? channel.response(i, typical.rms) : 0;
+    columns(i, 0) = size * (m.any_curve ? 1 : share / 2);
+    for (int k = 1; k < numbers::smooth_deviations; ++k)
+      columns(i, k) = size * share / k * std::cos(k * pi * (x[i] + 1) / 2);
+  }
+  return columns;
+}
+
+}  // namespace fit::explain::model

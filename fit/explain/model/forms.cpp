@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/model/term.hpp"
+
+namespace fit::explain::model {
+namespace {
+
+using Eigen::Index;
+
+/// What a form changes.
+enum class Act { range, beam_angle, stage_angle, variance, loss, stray };
+
+/// As the rooms that draw forms of means know it.
+explain::Channel channel_of(Act on) {
+  return on == Act::beam_angle    ? explain::Channel::beam_angle
+         : on == Act::stage_angle ? explain::Channel::stage_angle
+                                  : explain::Channel::range;
+}
+
+/// A coordinate along which unnamed physics may act, and on what.
+struct Way {
+  Coordinate coordinate;
+  Act on;
+};
+constexpr Way ways[] = {{Coordinate::beam, Act::range},       {Coordinate::beam, Act::beam_angle},
+                        {Coordinate::stage, Act::range},      {Coordinate::stage, Act::stage_angle},
+                        {Coordinate::range, Act::range},      {Coordinate::intensity, Act::range},
+                        {Coordinate::incidence, Act::range},  {Coordinate::time, Act::range},
+                        {Coordinate::time, Act::stage_angle}, {Coordinate::temperature, Act::range},
+                        {Coordinate::beam, Act::variance},    {Coordinate::range, Act::variance},
+                        {Coordinate::intensity, Act::variance}, {Coordinate::time, Act::variance},
+                        {Coordinate::incidence, Act::variance}, {Coordinate::beam, Act::loss},
+                        {Coordinate::range, Act::loss},       {Coordinate::time, Act::loss},
+                        {Coordinate::beam, Act::stray},       {Coordinate::time, Act::stray}};
+
+Observable observable_of(Act on) {
+  return on == Act::variance ? Observable::range_variance
+         : on == Act::loss   ? Observable::dropout
+         : on == Act::stray  ? Observable::range_distribution
+                             : Observable::range_mean;
+}
+
+double typical_of(Act on) {
+  switch (on) {
+    case Act::range:
+      return numbers::form_mm;
+    case Act::beam_angle:
+    case Act::stage_angle:
+      return numbers::form_deg * rad_per_deg;
+    case Act::variance:
+      return numbers::form_mm2;
+    default:
+      return numbers::form_share;
+  }
+}
+
+Effect effect_on(Act on, double value) {
+  switch (on) {
+    case Act::range:
+      return {.range_mm = value};
+    case Act::beam_angle:
+      return {.beam_rad = value};
+    case Act::stage_angle:
+      return {.stage_rad = value};
+    case Act::variance:
+      return {.variance_mm2 = value};
+    case Act::loss:
+      return {.lost = value};
+    default:
+      return {.stray = value};
+  }
+}
+
+/// A coordinate as the rows of a channel sample it: half by value, half by rank, so that neither a crowd nor a
+/// lonely place takes all the room.
+class Scale {
+ public:
+  explicit Scale(std::vector<double> values, bool uneven) : uneven_(uneven), sorted_(std::move(values)) {
+    std::ranges::sort(sorted_);
+    const std::size_t step = std::max<std::size_t>(1, sorted_.size() / 400);
+    for (std::size_t i = 0; i < sorted_.size(); i += step) knots_.push_back(sorted_[i]);
+  }
+  [[nodiscard]] double operator()(double v) const {
+    const double low = sorted_.front(), high = sorted_.back(), by_value = 2 * (v - low) / (high - low) - 1;
+    if (!uneven_) return std::clamp(by_value, -1.0, 1.0);
+    const auto next = std::ranges::upper_bound(knots_, v);
+    const double rank = static_cast<double>(next - knots_.begin()) / static_cast<double>(knots_.size());
+    return std::clamp((by_value + 2 * rank - 1) / 2, -1.0, 1.0);
+  }
+  [[nodiscard]] const std::vector<double>& sorted() const { return sorted_; }
+
+ private:
+  bool uneven_;
+  std::vector<double> sorted_, knots_;
+};
+
+Axis axis_of_rows(const Scale& scale, const Way& way) {
+  constexpr std::size_t most = 400, parts = 40;
+  Axis axis;
+  axis.coordinate = way.coordinate;
+  axis.channel = channel_of(way.on);
+  const std::vector<double>& v = scale.sorted();
+  axis.low = v.front();
+  axis.high = v.back();
+  std::set<double> values;
+  for (const double one : v)
+    if (values.size() < most) values.insert(one);
+  axis.values = values.size();
+  for (std::size_t q = 1; q < parts; ++q) {
+    const double at = v[v.size() * q / parts];
+    const auto next = std::ranges::upper_bound(v, at);
+    if (next == v.end()) break;
+    const double middle = (at + *next) / 2;
+    if (axis.between.empty() || middle > axis.between.back()) axis.between.push_back(middle);
+  }
+  return axis;
+}
+
+/// A form with so many coefficients as a mechanism: these, its place and its length.
+std::shared_ptr<const Mechanism> mechanism_of(const Form& form, const Way& way, const Shape& like,
+                                              const std::shared_ptr<const Scale>& scale) {
+  auto m = std::make_shared<Mechanism>();
+  m->id = form.id + " of " + name_of(way.coordinate);
+  m->coordinate = way.coordinate;
+  m->observable = observable_of(way.on);
+  m->formula_error = 0;
+  const int terms = form.terms(like);
+  std::vector<double> shares(static_cast<std::size_t>(terms), 1.0);
+  if (form.shares) shares = form.shares(like);
+  for (int k = 0; k < terms; ++k)
+    m->parameters.push_back(
+        {.name = "c" + std::to_string(k), .typical = typical_of(way.on) * shares[static_cast<std::size_t>(k)]});
+  for (const char* name : {"at", "length"})
+    m->parameters.push_back({.name = name, .role = Parameter::Role::shape, .lower = 0, .upper = 0});
+  m->act = [&form, way, like, scale, terms](const Circumstances& at, std::span<const double> p) {
+    const double v = coordinate_of(way.coordinate, at);
+    if (!std::isfinite(v)) return Effect{};
+    Shape shape = like;
+    shape.at = p[static_cast<std::size_t>(terms)];
+    shape.length = p[static_cast<std::size_t>(terms) + 1];
+    const double x = form.scaled ? (*scale)(v) : v;
+    double sum = 0;
+    for (int k = 0; k < terms; ++k)
+      if (p[static_cast<std::size_t>(k)] != 0) sum += p[static_cast<std::size_t>(k)] * form.basis(shape, x, k);
+    return effect_on(way.on, sum);
+  };
+  return m;
+}
+
+/// Forms along one way, those with as many coefficients together.
+void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>& kinds) {
+  constexpr std::size_t fewest_values = 4;
+  std::vector<double> values;
+  for (Index i = 0; i < rows.rows(); ++i)
+    if (const double v = coordinate_of(way.coordinate, rows.at(i)); std::isfinite(v)) values.push_back(v);
+  if (values.empty()) return;
+  const bool uneven = way.coordinate == Coordinate::intensity || way.coordinate == Coordinate::range;
+  const auto scale = std::make_shared<const Scale>(std::move(values), uneven);
+  const Axis axis = axis_of_rows(*scale, way);
+  if (!(axis.high - axis.low > 1e-6) || axis.values < fewest_values) return;
+  for (const Form& form : all_forms()) {
+    std::map<int, std::vector<Shape>> by_terms;
+    for (Shape& shape : form.along(axis)) {
+      shape.form = &form;
+      shape.coordinate = way.coordinate;
+      shape.channel = channel_of(way.on);
+      by_terms[form.terms(shape)].push_back(shape);
+    }
+    for (const auto& [terms, shapes] : by_terms) {
+      Kind kind;
+      kind.form = shapes.front();
+      kind.observable = observable_of(way.on);
+      kind.mechanism = mechanism_of(form, way, shapes.front(), scale);
+      kind.refines = false;
+      kind.coefficients = coefficients_of(*kind.mechanism, 1);
+      for (const Shape& shape : shapes) {
+        std::vector<double> start;
+        for (const Parameter& p : kind.mechanism->parameters) start.push_back(p.typical);
+        start[start.size() - 2] = shape.at;
+        start[start.size() - 1] = shape.length;
+        kind.starts.push_back(std::move(start));
+      }
+      kinds.push_back(std::move(kind));
+    }
+  }
+}
+
+}  // namespace
+
+void add_forms(const std::vector<ChannelKind>& what, const std::vector<std::unique_ptr<ChannelRows>>& channels,
+               std::vector<Kind>& kinds) {
+  const std::size_t named = kinds.size();
+  for (const Way& way : ways)
+    for (std::size_t c = 0; c < channels.size(); ++c)
+      if (channels[c] && what[c].observable == observable_of(way.on)) add_forms_along(way, *channels[c], kinds);
+  const auto count = static_cast<double>(std::max<std::size_t>(1, kinds.size() - named));
+  for (std::size_t k = named; k < kinds.size(); ++k) kinds[k].log_prior = std::log(numbers::forms_expected / count);
+}
+
+}  // namespace fit::explain::model

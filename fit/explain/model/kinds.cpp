@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+
+#include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/model/term.hpp"
+#include "fit/explain/stated_noise.hpp"
+
+namespace fit::explain::model {
+namespace {
+
+using Eigen::Index;
+using Role = Parameter::Role;
+using ListOfChannels = std::vector<std::unique_ptr<ChannelRows>>;
+
+constexpr std::size_t most_starts = 2000;
+
+bool bench_knows(const Bench& bench, const Mechanism& m, int target) {
+  return std::ranges::any_of(bench.known, [&](const KnownMechanism& known) {
+    if (known.mechanism != m.id) return false;
+    if (!m.one_target) return true;
+    const auto of = known.texts.find("target");
+    return of != known.texts.end() && of->second == bench.targets[static_cast<std::size_t>(target)].name;
+  });
+}
+
+/// Places of a shape, spread over its bounds.
+std::vector<double> places_of_shape(const Parameter& p) {
+  const int count = std::max(2, p.starts);
+  std::vector<double> list;
+  for (int i = 0; i < count; ++i) {
+    const double share = (i + 0.5) / count;
+    list.push_back(p.logarithmic ? p.lower * std::pow(p.upper / p.lower, share)
+                                 : p.lower + share * (p.upper - p.lower));
+  }
+  return list;
+}
+
+std::vector<std::vector<double>> grid_of(const Kind& kind) {
+  std::vector<double> first;
+  for (const Parameter& p : kind.mechanism->parameters)
+    first.push_back(p.role == Role::size ? p.typical : p.role == Role::phase ? 0 : p.expected);
+  std::vector<std::vector<double>> grid{first};
+  for (const std::size_t k : shapes_of(kind)) {
+    const Parameter& p = kind.mechanism->parameters[k];
+    const std::vector<double> places = k == kind.bins ? std::vector{std::sqrt(p.lower * p.upper)} : places_of_shape(p);
+    if (grid.size() * places.size() > most_starts) return {};
+    std::vector<std::vector<double>> finer;
+    for (const auto& values : grid)
+      for (const double place : places) {
+        finer.push_back(values);
+        finer.back()[k] = place;
+      }
+    grid = std::move(finer);
+  }
+  return grid;
+}
+
+/// Rows at which a mechanism is asked what it does in a channel at all.
+template <class Ask>
+bool any_row(const ChannelRows& channel, const Kind& kind, const Ask& ask) {
+  const Index step = std::max<Index>(1, channel.rows() / 300);
+  for (Index i = 0; i < channel.rows(); i += step)
+    if (kind.target < 0 || channel.at(i).target == kind.target)
+      if (ask(i)) return true;
+  return false;
+}
+
+bool acts_in(const ChannelRows& channel, const Kind& kind) {
+  const std::size_t step = std::max<std::size_t>(1, kind.starts.size() / 12);
+  for (std::size_t s = 0; s < kind.starts.size(); s += step)
+    if (any_row(channel, kind, [&](Index i) {
+          const double r = channel.response(i, kind.mechanism->act(channel.at(i), kind.starts[s]));
+          return std::isfinite(r) && std::abs(r) > 1e-9;
+        }))
+      return true;
+  return false;
+}
+
+/// The power of its size that the effect goes with: variances go with the square of a deviation.
+int power_of(const Kind& kind, const ListOfChannels& channels) {
+  int power = 1;
+  const auto size = std::ranges::find(kind.mechanism->parameters, Role::size, &Parameter::role);
+  if (size == kind.mechanism->parameters.end()) return power;
+  const auto k = static_cast<std::size_t>(size - kind.mechanism->parameters.begin());
+  std::vector<double> small = kind.starts[kind.starts.size() / 2], twice = small;
+  const double scale = size->typical;
+  small[k] = scale;
+  twice[k] = 2 * scale;
+  for (const auto& channel : channels)
+    if (channel)
+      any_row(*channel, kind, [&](Index i) {
+        const double one = channel->response(i, kind.mechanism->act(channel->at(i), small)),
+                     two = channel->response(i, kind.mechanism->act(channel->at(i), twice));
+        if (!(std::abs(one) > 1e-12)) return false;
+        if (two / one > 3) power = 2;
+        return true;
+      });
+  return power;
+}
+
+bool acts_without_size(const Kind& kind, const ListOfChannels& channels) {
+  std::vector<double> values = kind.starts[kind.starts.size() / 2];
+  for (std::size_t k = 0; k < values.size(); ++k)
+    if (kind.mechanism->parameters[k].role == Role::size) values[k] = 0;
+  return std::ranges::any_of(channels, [&](const auto& channel) {
+    return channel && any_row(*channel, kind, [&](Index i) {
+             return std::abs(channel->response(i, kind.mechanism->act(channel->at(i), values))) > 1e-12;
+           });
+  });
+}
+
+}  // namespace
+
+std::vector<Kind> kinds_of(const Reduced& reduced, const ListOfChannels& channels) {
+  std::vector<Kind> kinds;
+  const auto catalogued = static_cast<double>(catalogue().size());
+  for (const Mechanism& m : catalogue()) {
+    if (m.coordinate == Coordinate::scan_seq) continue;  // has no row: what differs within a cell's scans
+    const int targets = static_cast<int>(reduced.bench.targets.size());
+    for (int target = m.one_target ? 0 : -1; target < (m.one_target ? targets : 0); ++target) {
+      if (target >= 0 && reduced.same_as[static_cast<std::size_t>(target)] != target) continue;
+      if (!is_constant_noise(m) && bench_knows(reduced.bench, m, target)) continue;
+      Kind kind;
+      kind.mechanism = std::shared_ptr<const Mechanism>(&m, [](const Mechanism*) {});
+      kind.target = target;
+      kind.observable = m.observable;
+      kind.log_prior = std::log(numbers::mechanisms_expected / catalogued) -
+                       (m.one_target ? std::log(static_cast<double>(targets)) : 0);
+      kind.bins = m.parameter_of(Parameter::Scale::bin);
+      kind.starts = grid_of(kind);
+      if (kind.starts.empty()) continue;
+      kind.coefficients = coefficients_of(m, power_of(kind, channels));
+      kind.acts_without_size = acts_without_size(kind, channels);
+      kinds.push_back(std::move(kind));
+    }
+  }
+  add_forms(channel_kinds(), channels, kinds);
+  for (Kind& kind : kinds)
+    for (const auto& channel : channels) kind.acts_in.push_back(channel && acts_in(*channel, kind));
+  std::erase_if(kinds, [](const Kind& kind) { return std::ranges::none_of(kind.acts_in, std::identity()); });
+  return kinds;
+}
+
+}  // namespace fit::explain::model

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "fit/explain/model/channel.hpp"
+#include "fit/explain/unnamed.hpp"
+
+namespace fit::explain::model {
+
+/// One linear coefficient of a term: a size, or the sine or cosine part of one with a phase.
+struct Coefficient {
+  std::size_t parameter = 0;
+  bool has_phase = false;
+  int quadrature = 0;  ///< 1: the part a quarter of a turn ahead.
+  double expected = 0, typical = 1;
+  double largest = std::numeric_limits<double>::infinity();
+  int sign = 0;
+  int power = 1;  ///< The effect goes with this power of the size, and so do all of these.
+};
+
+/// Something that may be missing: a mechanism of the catalogue, for one target if it acts on one, or a form,
+/// which is a mechanism without a name.
+struct Kind {
+  std::shared_ptr<const Mechanism> mechanism;
+  int target = -1;
+  std::optional<Shape> form;  ///< What a form is called and drawn by; its place and length are shape values.
+  Observable observable = Observable::range_mean;  ///< Of a form: where it acts.
+  double log_prior = 0;                            ///< Log of its prior odds.
+  /// Values of all parameters to begin from: a grid over the shapes, sizes at their typical values.
+  std::vector<std::vector<double>> starts;
+  std::vector<Coefficient> coefficients;
+  std::vector<bool> acts_in;  ///< Each of the session's channels.
+  std::optional<std::size_t> bins;  ///< The shape of a comb: its starts are proposed by the recording.
+  bool acts_without_size = false;
+  bool refines = true;  ///< Shapes between those of the grid make sense.
+
+  [[nodiscard]] bool is_form() const { return form.has_value(); }
+};
+
+/// A kind at values of its parameters.
+struct Term {
+  const Kind* kind = nullptr;
+  std::vector<double> values, sigma;
+  double factor = 1;  ///< On the prior's sizes.
+  double other_places = 0;  ///< Log of the evidence of all places of its shapes over that of the best.
+};
+
+/// The linear coefficients of a mechanism, whose effect goes with that power of its sizes.
+[[nodiscard]] std::vector<Coefficient> coefficients_of(const Mechanism& mechanism, int power);
+/// Coefficients where a term stands.
+[[nodiscard]] Eigen::VectorXd coefficients(const Term& term);
+/// Puts them, with their covariance, into the term's values and uncertainties.
+void set_coefficients(Term& term, const Eigen::VectorXd& value, const Eigen::MatrixXd& covariance);
+/// Indices of the parameters that are shapes and may vary.
+[[nodiscard]] std::vector<std::size_t> shapes_of(const Kind& kind);
+
+/// What a term at values does to a channel, per coefficient; no columns if it does not act there.
+[[nodiscard]] Eigen::MatrixXd columns_of(const ChannelRows& channel, const Kind& kind,
+                                         const std::vector<double>& values);
+/// What it does there whatever its sizes are.
+[[nodiscard]] Eigen::VectorXd effect_without_size(const ChannelRows& channel, const Kind& kind,
+                                                  const std::vector<double>& values);
+/// What it does in all.
+[[nodiscard]] Eigen::VectorXd effect_of(const ChannelRows& channel, const Kind& kind,
+                                        const std::vector<double>& values);
+/// Derivatives by the shapes, each scaled to the standard deviation of its uniform prior.
+[[nodiscard]] Eigen::MatrixXd shape_columns(const ChannelRows& channel, const Term& term);
+/// Ways in which the real cause may deviate from the formula, each with a standard normal coefficient.
+[[nodiscard]] Eigen::MatrixXd deviation_columns(const ChannelRows& channel, const Term& term);
+
+/// All that may be missing from the session: the catalogue less what the bench knows, and forms.
+[[nodiscard]] std::vector<Kind> kinds_of(const Reduced& reduced,
+                                         const std::vector<std::unique_ptr<ChannelRows>>& channels);
+/// Forms of every coordinate and every way to act.
+void add_forms(const std::vector<ChannelKind>& what, const std::vector<std::unique_ptr<ChannelRows>>& channels,
+               std::vector<Kind>& kinds);
+
+/// A coordinate of formats.md in its file unit; not finite where it has none.
+[[nodiscard]] double coordinate_of(Coordinate coordinate, const Circumstances& at);
+
+}  // namespace fit::explain::model

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: MIT
+#include <catch2/catch.hpp>
+#include <random>
+
+#include "../../support/imagined_room.hpp"
+#include "fit/explain/explanation.hpp"
+#include "fit/explain/inference/gaussian.hpp"
+#include "fit/explain/inference/one_model.hpp"
+#include "fit/explain/model/channel.hpp"
+#include "fit/explain/model/combs.hpp"
+
+namespace {
+
+using fit::explain::Explanation;
+using namespace fit::explain::inference;
+
+Explanation by_one_model(const ImaginedRoom& room) {
+  const SyntheticRecording recording = room.record();
+  return fit::explain::explain_by_one_model({&recording}, {});
+}
+
+std::vector<std::string> named(const Explanation& e) {
+  std::vector<std::string> list;
+  for (const auto& found : e.mechanisms) list.push_back(found.mechanism->id);
+  return list;
+}
+
+fit::explain::model::Kind one_size(double typical, double expected, int sign) {
+  fit::explain::model::Kind kind;
+  kind.coefficients.push_back({.expected = expected, .typical = typical, .sign = sign});
+  return kind;
+}
+
+}  // namespace
+
+TEST_CASE("one model: the evidence of one size is the integral over its prior") {
+  const Quadratic likelihood{Eigen::MatrixXd::Constant(1, 1, 4.0), Eigen::VectorXd::Constant(1, 6.0)};
+  const fit::explain::Prior prior{Eigen::VectorXd::Constant(1, 0.5), Eigen::VectorXd::Constant(1, 2.0)};
+  double sum = 0;
+  for (double x = -20; x < 20; x += 1e-3) {
+    const double z = (x - 0.5) / 2;
+    sum += 1e-3 * std::exp(6 * x - 2 * x * x - z * z / 2) / (2 * std::sqrt(2 * fit::pi));
+  }
+  CHECK(integrate(likelihood, prior).log_evidence == Approx(std::log(sum)).epsilon(1e-6));
+}
+
+TEST_CASE("one model: a size of the wrong sign is no evidence, however far it is off") {
+  const Quadratic away{Eigen::MatrixXd::Constant(1, 1, 100.0), Eigen::VectorXd::Constant(1, -100.0)};
+  CHECK(integrate_over_factors(away, one_size(1, 0, 1)).log_evidence < 0.1);
+  CHECK(integrate_over_factors(away, one_size(1, 0, 0)).log_evidence > 40);
+}
+
+TEST_CASE("one model: a size a hundred times the catalogue's costs more than a typical one, but not all") {
+  // Both are seen as clearly, ten standard uncertainties from zero.
+  const auto seen = [](double size) {
+    return Quadratic{Eigen::MatrixXd::Constant(1, 1, 100 / (size * size)), Eigen::VectorXd::Constant(1, 100 / size)};
+  };
+  const double typical = integrate_over_factors(seen(1), one_size(1, 0, 0)).log_evidence,
+               huge = integrate_over_factors(seen(100), one_size(1, 0, 0)).log_evidence;
+  CHECK(huge < typical - 4);
+  CHECK(huge > 30);
+}
+
+TEST_CASE("one model: every channel's score and information are the slopes of its likelihood") {
+  ImaginedRoom room;
+  room.captures = 4;
+  const SyntheticRecording recording = room.record();
+  fit::explain::Reduced reduced = fit::explain::reduce(recording, {});
+  for (auto& cell : reduced.cells) {
+    cell.lost = 3;
+    cell.far = cell.stray = 2;
+  }
+  fit::explain::pool_variances(reduced);
+  for (const auto& kind : fit::explain::model::channel_kinds()) {
+    const auto rows = kind.rows(reduced, {});
+    INFO(kind.id);
+    REQUIRE(rows);
+    const double at = kind.id == "variance" ? 30 : 0.3, step = 1e-4 * at;
+    const Eigen::VectorXd eta = Eigen::VectorXd::Constant(rows->rows(), at), one = Eigen::VectorXd::Ones(rows->rows());
+    const double slope = (rows->log_likelihood(eta + step * one) - rows->log_likelihood(eta - step * one)) / (2 * step);
+    const Eigen::MatrixXd white = rows->whitened(one, eta);
+    CHECK((white.transpose() * rows->white_residual(eta))(0, 0) == Approx(slope).epsilon(1e-4));
+    CHECK(white.squaredNorm() > 0);
+  }
+}
+
+TEST_CASE("one model: nothing is missing where nothing is") {
+  ImaginedRoom room;
+  for (room.seed = 1; room.seed <= 2; ++room.seed) {
+    const Explanation e = by_one_model(room);
+    INFO(to_text(e));
+    CHECK(e.verdict == "nothing-missing");
+    CHECK(e.after.coverage == Approx(0.95).margin(0.02));
+  }
+}
+
+TEST_CASE("one model: a wrong scale of the range is named, and the bench's priors are not bent for it") {
+  ImaginedRoom room;
+  room.stretch = [](double, double range_mm, double) { return 0.003 * range_mm; };
+  const Explanation e = by_one_model(room);
+  INFO(to_text(e));
+  REQUIRE(named(e) == std::vector<std::string>{"range-scale"});
+  const auto& scale = e.mechanisms.front().parameters.at("scale");
+  CHECK(std::abs(scale.value - 0.003) < 4 * scale.u);
+  // Every capture sees the same walls: only what the bench file states of these tells, so that no capture
+  // gains what the others do not know as well. Walls that took it up would stand 7 mm and more aside.
+  const fit::Bench stated = ImaginedRoom::bench();
+  for (std::size_t i = 0; i < stated.targets.size(); ++i) {
+    const Eigen::Vector2d moved = (e.bench.targets[i].from_mm + e.bench.targets[i].to_mm -
+                                   stated.targets[i].from_mm - stated.targets[i].to_mm) / 2;
+    CHECK(std::abs(moved.dot(stated.targets[i].outward_normal())) < 5);
+  }
+}
+
+TEST_CASE("one model: means, variances and strays are one fit: what acts in two channels is found beside the other") {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> share;
+  ImaginedRoom room;
+  room.scans = 30;
+  room.stretch = [&](double, double range_mm, double) {
+    const double anywhere = share(random);
+    return anywhere < 0.01 ? 300 + 50000 * anywhere - range_mm / 3 : 0.003 * range_mm;
+  };
+  const Explanation e = by_one_model(room);
+  INFO(to_text(e));
+  auto list = named(e);
+  std::ranges::sort(list);
+  CHECK(list == std::vector<std::string>{"outliers", "range-scale"});
+}
+
+TEST_CASE("one model: of tens of thousands of combs the one in the recording is proposed") {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> place(800, 5000);
+  std::normal_distribution<double> noise(0, 3);
+  fit::explain::model::Scores scores;
+  for (int i = 0; i < 3000; ++i) {
+    const double at = place(random);
+    scores.place.push_back(at);
+    scores.score.push_back(7.3 * std::round(at / 7.3) - at + noise(random));
+  }
+  fit::Parameter bins;
+  bins.lower = 0.25;
+  bins.upper = 40;
+  const std::vector<double> proposed = fit::explain::model::bins_in(scores, bins);
+  REQUIRE_FALSE(proposed.empty());
+  CHECK(proposed.front() == Approx(7.3).epsilon(2e-4));
+}
