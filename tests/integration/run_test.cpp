@@ -692,12 +692,12 @@ TEST_CASE("the bench is walked through and what is wrong with it is told") {
   CHECK_THAT(another.errors(), Contains("BAD   model") && Contains("other.json:3:21") &&
                                    Contains("BAD   front step") && Contains("not looked at"));
 
-  bench.sim->ask({{"fault", "lidar unwell"}});
+  (void)bench.sim->ask({{"fault", "lidar unwell"}});
   command[3] = bench.folder / "bench.json";
   Program ill(command, bench.folder);
   CHECK(ill.exit_status() == 1);
   CHECK_THAT(ill.errors(), Contains("BAD   lidar's state") && Contains("window is dirty"));
-  bench.sim->ask({{"fault", "lidar unwell on=0"}});
+  (void)bench.sim->ask({{"fault", "lidar unwell on=0"}});
 
   Program found({RIG_BIN_DIR "/rig", "devices", "--lidar", bench.sim->lidar(), "--stage", bench.sim->stage(),
                  "--json", "-"},
