@@ -14,11 +14,9 @@ Mechanism make_dropout() {
   m.coordinate = Coordinate::intensity;
   m.parameters = {
       {.name = "intensity_min", .role = Parameter::Role::shape, .lower = 5, .upper = 1500, .starts = 20},
-      {.name = "width", .role = Parameter::Role::shape, .lower = 5, .upper = 300, .starts = 6},
-      {.name = "scatter_mm", .typical = 5, .sign = 1}};  // of echoes that only just pass
+      {.name = "width", .role = Parameter::Role::shape, .lower = 5, .upper = 300, .starts = 6}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    const double lost = std::isfinite(c.intensity) ? 1 / (1 + std::exp((c.intensity - p[0]) / p[1])) : 0;
-    return Effect{.variance_mm2 = p[2] * p[2] * lost, .lost = lost};
+    return Effect{.lost = std::isfinite(c.intensity) ? 1 / (1 + std::exp((c.intensity - p[0]) / p[1])) : 0};
   };
   m.shows = [](const Finding& f, const Recorded& r) {
     const double hardly_any = f.at("intensity_min").value + 2 * f.at("width").value;

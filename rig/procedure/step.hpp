@@ -76,6 +76,7 @@ struct Sight {
   bool of_target = false;                ///< The placed target, where it was asked for.
   std::optional<double> tolerance_mm;    ///< Of its place; from the stated uncertainties if not given.
   bool surface = true;                   ///< Its echo must follow the reflectance that was asked for.
+  bool echo = true;                      ///< It must give an echo at all.
   std::optional<fit::Target> target;     ///< Where it should stand, as the runner knows it.
 };
 

@@ -63,7 +63,8 @@ std::string place_step(const CaptureInfo& c) {
              " mm from its place in the bench file, along its normal away from the axis, and cover it with a "
              "surface of reflectance " +
              rho + ".") +
-         "\n      place: {target: " + yaml_quoted(name) + ", shift_mm: " + shift + ", reflectance: " + rho + "}\n";
+         "\n      place: {target: " + yaml_quoted(name) + ", shift_mm: " + shift + ", reflectance: " + rho +
+         "}\n      until: {echo: false}\n";  // Lost echoes may be what is in question.
 }
 
 /// In degrees Celsius.

@@ -87,9 +87,11 @@ Runner::Impl::Look Runner::Impl::judge_target(const Sight& sight, const SeenBeam
   const TargetSight found = look_for(known_bench, target, others, position_deg * fit::rad_per_deg, seen,
                                      sight.tolerance_mm);
   Look look;
-  look.good = found.good();
+  const bool silent = found.place == TargetSight::Place::unseen && !sight.echo;
+  look.good = found.good() || silent;
   look.in_view = found.place != TargetSight::Place::out_of_view;
-  look.text = quoted(target.name) + (found.good() ? " is in place: " : " is not in its place: ") +
+  look.text = quoted(target.name) +
+              (silent ? " cannot be checked: " : found.good() ? " is in place: " : " is not in its place: ") +
               found.words + ".";
   if (!look.in_view) look.text = quoted(target.name) + ": " + found.words + ".";
   const bool somewhere =

@@ -3,7 +3,6 @@
 #include "rig/session/session_store.hpp"
 
 #include <fcntl.h>
-#include <sqlite3.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -123,11 +122,6 @@ SessionStore::Impl::~Impl() {
   insert_scan.reset();
   insert_geometry.reset();
   database.reset();
-}
-
-void SessionStore::Impl::empty_log() {
-  // Whatever prevents it, a reader that holds an older state say, the log has what was committed.
-  (void)sqlite3_wal_checkpoint_v2(database->getHandle(), nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
 }
 
 void SessionStore::Impl::make_plain() {

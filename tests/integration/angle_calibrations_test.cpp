@@ -122,7 +122,7 @@ TEST_CASE(
   CHECK(value_of(result, "window_counted_deg").value == Approx(0.05).margin(0.0101));
   CHECK(result.at("tables").at(0).at("rows").size() >= 10);
   session.store().add_result("sensitivity", result.dump());
-  CHECK(rig::to_html(rig::make_certificate(session.store(), session.path())).find("Window of jitter") !=
+  CHECK(rig::to_html(rig::make_certificate(session.store(), session.path())).find("Edge transition width") !=
         std::string::npos);
 }
 

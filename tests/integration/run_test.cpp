@@ -223,7 +223,7 @@ TEST_CASE("rig resume needs nothing but the session, and asks for what is not th
   Bench bench;
   bench.write("p.yaml",
               "procedure: test\nvariables: {samples: 20}\nsteps:\n  - home\n  - capture: {samples: '${samples}'}\n"
-              "  - prompt: {title: Ready?}\n  - capture: {samples: '${samples}'}\n");
+              "  - prompt: {title: 'Ready?'}\n  - capture: {samples: '${samples}'}\n");
   std::vector<std::string> command = {RIG_BIN_DIR "/rig",          "run",     bench.folder / "p.yaml", "--lidar",
                                       bench.sim->lidar(),          "--stage", bench.sim->stage(),      "--bench",
                                       bench.folder / "bench.json", "--out",   bench.folder / "out.rig", "--set", "samples=7"};
@@ -680,8 +680,12 @@ TEST_CASE("the bench is walked through and what is wrong with it is told") {
   Program bad(command, bench.folder);
   CHECK(bad.exit_status() == 1);
   CHECK_THAT(bad.errors(), Contains("BAD   target board") && Contains("Measure its place"));
-  const std::string told = bad.errors().substr(bad.errors().find("target board") + 12);
-  CHECK(std::atof(told.c_str()) == Approx(-200).margin(10));  // the mean of 40 scans of 5 mm noise
+  const std::string told = bad.errors();
+  INFO(told);
+  const auto seen = told.find("it is seen ");
+  REQUIRE(seen != told.npos);
+  CHECK(std::atof(told.c_str() + seen + 11) == Approx(200).margin(10));  // the mean of 40 scans of 5 mm noise
+  CHECK_THAT(told, Contains("mm nearer than asked"));
 
   std::string other = small_bench;
   other.replace(other.find("\"UST-10LX\""), 10, "\"UTM-30LX\", \"front_step\": 500");
@@ -689,7 +693,7 @@ TEST_CASE("the bench is walked through and what is wrong with it is told") {
   command[3] = bench.folder / "other.json";
   Program another(command, bench.folder);
   CHECK(another.exit_status() == 1);
-  CHECK_THAT(another.errors(), Contains("BAD   model") && Contains("other.json:3:21") &&
+  CHECK_THAT(another.errors(), Contains("BAD   model") && Contains("other.json:3:22") &&
                                    Contains("BAD   front step") && Contains("not looked at"));
 
   (void)bench.sim->ask({{"fault", "lidar unwell"}});

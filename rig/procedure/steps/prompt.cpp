@@ -46,7 +46,10 @@ const std::vector<Option>& until_options() {
        .max = 1e5},
       {.name = "surface",
        .type = Type::flag,
-       .about = "false: the echo need not follow the reflectance of 'place'"}};
+       .about = "false: the echo need not follow the reflectance of 'place'"},
+      {.name = "echo",
+       .type = Type::flag,
+       .about = "false: a placed target that gives no echo at all is accepted: it may be too dark or too far"}};
   return options;
 }
 
@@ -170,6 +173,7 @@ class PromptStep final : public StepKind {
     Sight result;
     result.tolerance_mm = until.maybe_number("tolerance_mm");
     result.surface = until.flag_or("surface", true);
+    result.echo = until.flag_or("echo", true);
     const auto beams = until.interval("beams_deg");
     if (!beams) {
       if (!places_target || until.has("within_mm") || until.has("flat_within_mm"))

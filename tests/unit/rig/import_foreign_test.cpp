@@ -372,7 +372,7 @@ TEST_CASE("a file that another command reads is told so") {
   CHECK_THROWS_WITH(import_foreign({folder / "b.log.gz"}), Contains("unpack"));
 }
 
-TEST_CASE("--columns that name nothing, or no table, are refused with what there is") {
+TEST_CASE("columns that name nothing, or no table, are refused with what there is") {
   CHECK_THROWS_WITH(import_named("bare.txt", with_columns({"time_s", "speed"})),
                     Contains("speed") && Contains("left_ticks"));
   CHECK_THROWS_WITH(import_named("robot-none.bag", with_columns({"time_s", "range_m*3"})),

@@ -109,7 +109,7 @@ TEST_CASE("the five families stand in the paper's order, each with coefficients 
     FAIL("no table " << title);
     return nlohmann::json();
   };
-  const auto paper = table("as in the paper's table");
+  const auto paper = table("Five families of curves (Zhao et al.)");
   CHECK(paper.at("columns") == nlohmann::json({"experiment", "exponential(2)", "Fourier(2)", "polynomial(3)",
                                                "power(2)", "rational(3,3)"}));
   REQUIRE(paper.at("rows").size() == 2);
