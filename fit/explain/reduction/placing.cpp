@@ -11,7 +11,6 @@ namespace {
 
 constexpr double edge_margin_rad = 1.3 * rad_per_deg;   // half a footprint and doubt about the yaw
 constexpr double brink_margin_rad = 0.8 * rad_per_deg;  // where nothing lies behind the edge: only the yaw
-constexpr double told_apart_mm = 300;  // samples themselves tell which of two surfaces so far apart they met
 constexpr double edge_window_rad = 2.5 * rad_per_deg;
 constexpr double grazing_rad = 78 * rad_per_deg;
 
@@ -47,8 +46,9 @@ void judge_place(const Mount& mount, const Setting& setting, const Beams& beams,
   cell.smooth = !near_edge && !near_corner && !slanted;
   cell.doubtful = !cell.smooth && !slanted && beams.count == 1;
   cell.doubt_mm = doubt_at_edge_mm(cell.sight, from_edge, c.gap_mm);
-  // Where the samples can tell what they met, they are asked (summary.cpp).
-  const bool tells = from_edge > beside_rad && (c.gap_mm == 0 || c.gap_mm > told_apart_mm);
+  // What passes an edge with nothing behind gives no echo. Before another surface a part of the spot weakens the echo,
+  // and a weak echo reads otherwise: such a beam tells of edges, and its mean of no range.
+  const bool tells = from_edge > beside_rad && c.gap_mm == 0;
   if (cell.doubtful && near_edge && !near_corner && tells) cell.smooth = true;
   if (beams.count == 1) return;
   const Sight left = setting.scene.look(stage_rad, beams.from(samples.beam_rad)),
