@@ -78,13 +78,13 @@ class Source {
 
   void answer(int host, const std::string& line) {
     using KeyValues = std::vector<std::pair<std::string, std::string>>;
-    if (line.empty()) return;  // A bare line end is never answered.
     std::string out;
     if (line.starts_with("VV")) {
       out = lidar::build_key_value_response(line, "00", KeyValues{{"PROD", "UST-10LX"}, {"SERI", "H1"}});
     } else if (line.starts_with("PP")) {
       out = lidar::build_key_value_response(
-          line, "00", KeyValues{{"MODL", "UST-10LX"}, {"AMAX", "1080"}, {"SCAN", "2400"}});
+          line, "00", KeyValues{{"MODL", "UST-10LX"}, {"DMIN", "20"}, {"DMAX", "30000"}, {"ARES", "1440"},
+                               {"AMIN", "0"}, {"AMAX", "1080"}, {"AFRT", "540"}, {"SCAN", "2400"}});
     } else if (line.starts_with("II")) {
       out = lidar::build_key_value_response(line, "00", KeyValues{{"LASR", "OFF"}});
     } else {
