@@ -13,7 +13,9 @@ using Eigen::MatrixXd;
 
 MatrixXd solve_symmetric(const MatrixXd& a, const MatrixXd& b) { return a.ldlt().solve(b); }
 
-Eigen::VectorXd least_squares(const MatrixXd& a, const Eigen::VectorXd& b) { return a.colPivHouseholderQr().solve(b); }
+Eigen::VectorXd least_squares(const MatrixXd& a, const Eigen::VectorXd& b) {
+  return a.colPivHouseholderQr().solve(b);
+}
 
 MatrixXd inverse(const MatrixXd& a) { return a.inverse(); }
 

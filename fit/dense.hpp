@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// Decompositions of dense matrices, compiled once: every matrix type that instantiates one of Eigen's own costs
-/// the compiler 2 to 7 s. For small systems outside inner loops; what runs hot uses Eigen directly.
+/// Decompositions of dense matrices, compiled once: every matrix type that instantiates one of Eigen's own
+/// costs the compiler 2 to 7 s. For small systems outside inner loops; what runs hot uses Eigen directly.
 #pragma once
 
 #include <Eigen/Core>
