@@ -19,7 +19,12 @@ Eigen::VectorXd least_squares(const MatrixXd& a, const Eigen::VectorXd& b) {
 
 MatrixXd inverse(const MatrixXd& a) { return a.inverse(); }
 
-MatrixXd pseudo_inverse(const MatrixXd& a) { return a.completeOrthogonalDecomposition().pseudoInverse(); }
+MatrixXd pseudo_inverse(const MatrixXd& a) {
+  Eigen::CompleteOrthogonalDecomposition<MatrixXd> decomposition;
+  // Above what rounding leaves of a direction without information, below what any measurement tells.
+  decomposition.setThreshold(1e-12);
+  return decomposition.compute(a).pseudoInverse();
+}
 
 MatrixXd cholesky(const MatrixXd& a) { return a.llt().matrixL(); }
 

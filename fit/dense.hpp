@@ -16,7 +16,8 @@ Eigen::VectorXd least_squares(const Eigen::MatrixXd& a, const Eigen::VectorXd& b
 /// Of a regular matrix (n x n), by LU with partial pivots.
 Eigen::MatrixXd inverse(const Eigen::MatrixXd& a);
 
-/// Moore-Penrose, by complete orthogonal decomposition: directions without information count as zero.
+/// Moore-Penrose, by complete orthogonal decomposition: directions with less than 1e-12 of the
+/// strongest one's information count as having none.
 Eigen::MatrixXd pseudo_inverse(const Eigen::MatrixXd& a);
 
 /// Lower triangle L of `a` = L L^T; `a` (n x n) is symmetric and positive definite.
