@@ -17,7 +17,6 @@ namespace {
 
 using nlohmann::json;
 
-constexpr double seconds_a_year = 31'556'952;
 constexpr double false_drifts = 0.01;  // Of those that are told.
 
 double median_of_sorted(const std::vector<double>& v) {
@@ -75,7 +74,7 @@ json mechanisms_of(std::span<const SessionRecord> archive) {
   for (const auto& [name, named] : all)
     out.push_back({{"mechanism", name}, {"sessions", named.sessions.size()}, {"lidars", named.serials.size()},
                    {"serials", named.serials}, {"least_probability", named.least_probability}, {"sizes", sizes_json(named)}});
-  std::ranges::stable_sort(out, [](const json& a, const json& b) {
+  std::stable_sort(out.begin(), out.end(), [](const json& a, const json& b) {
     return a.at("sessions").get<std::size_t>() > b.at("sessions").get<std::size_t>();
   });
   return out;
@@ -92,7 +91,7 @@ json undecided_of(std::span<const SessionRecord> archive) {
   json out = json::array();
   for (const auto& [set, seen] : all)
     out.push_back({{"between", set}, {"sessions", seen.first}, {"lidars", seen.second.size()}, {"serials", seen.second}});
-  std::ranges::stable_sort(out, [](const json& a, const json& b) {
+  std::stable_sort(out.begin(), out.end(), [](const json& a, const json& b) {
     return a.at("sessions").get<std::size_t>() > b.at("sessions").get<std::size_t>();
   });
   return out;
@@ -163,7 +162,7 @@ void add_drifts(json& fleet, std::span<const QuantityHistory> histories, const s
       fleet["common_drifts"].push_back({{"model", key.substr(0, key.find('/'))}, {"quantity", key.substr(key.find('/') + 1)},
                                         {"per_year", common.per_year}, {"U", 2 * common.u}, {"lidars", common.lidars}});
   }
-  std::ranges::stable_sort(fleet["drifts"], [](const json& a, const json& b) {
+  std::stable_sort(fleet["drifts"].begin(), fleet["drifts"].end(), [](const json& a, const json& b) {
     return a.at("p_value").get<double>() < b.at("p_value").get<double>();
   });
 }

@@ -16,7 +16,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr double seconds_a_year = 31'556'952, months_a_year = 12;
+constexpr double months_a_year = 12;
 constexpr double longest_interval_years = 5, longest_stretch = 2;
 constexpr double sure_of_drift = 0.01;
 

@@ -16,7 +16,6 @@ using page::Cell;
 std::string unit_of(const json& q) { return text_of(q, "unit"); }
 
 double calendar_year(const std::string& utc) {
-  constexpr double seconds_a_year = 31'556'952;
   return 1970 + seconds_of_utc(utc).value_or(0) / seconds_a_year;
 }
 

@@ -160,7 +160,7 @@ void add_bench(SessionRecord& record, const SessionStore& session) {
 
 std::string clean_text(const std::string& text) { return clean(text); }
 
-bool is_clean(const std::string& text) { return text.size() < longest_text && clean(text) == text; }
+bool is_clean(const std::string& text) { return clean(text) == text; }
 
 std::optional<ArchivedExplanation> explanation_in(const std::string& text, const std::string& made_utc) {
   const json document = document_in(text);

@@ -79,6 +79,8 @@ struct FileStamp {
 };
 [[nodiscard]] FileStamp file_stamp(const std::string& path);
 
+inline constexpr double seconds_a_year = 31'556'952;  ///< Of the Gregorian calendar, on average.
+
 /// "2026-05-04T10:00:00Z" in seconds since 1970; nothing if it is no such text.
 [[nodiscard]] std::optional<double> seconds_of_utc(const std::string& utc);
 

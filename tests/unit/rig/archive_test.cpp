@@ -28,7 +28,7 @@ Calibration with_everything() {
   c.limits = {{"checks", {{{"name", "Offset"}, {"of", "range.offset_mm"}, {"min", -5}, {"max", 5}, {"verdict", "pass"}}}}};
   c.explanation = {{"verdict", "unknown-physics"},
                    {"mechanisms", {{{"mechanism", "range-walk"}, {"probability", 0.75}, {"parameters", {{"size_mm", {{"value", 3.5}, {"u", 0.25}}}}}}}},
-                   {"undecided_between", {{"zero-offset", "range-scale"}}},
+                   {"undecided_between", nlohmann::json::array({nlohmann::json::array({"zero-offset", "range-scale"})})},
                    {"unknown", {{"coordinate", "beam_deg"}, {"observable", "range-mean"}, {"describes", "a wave; and more"}}},
                    {"empirical_correction", {{{"coordinate", "beam_deg"}, {"at", {-90, 0, 90}}, {"range_mm", {0.5, -0.5, 0.25}}}}}};
   return c;
