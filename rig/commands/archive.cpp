@@ -115,7 +115,7 @@ class Archive : public Command {
       if (!serial_.empty() && r.serial != serial_) continue;
       sessions.push_back(json_of(r));
       if (json_.wanted()) continue;
-      std::printf("%-20s %-12s %-12s %-24.24s %-28.28s %s\n", r.measured_utc.empty() ? "unknown date" : r.measured_utc.c_str(),
+      std::fprintf(stderr, "%-20s %-12s %-12s %-24.24s %-28.28s %s\n", r.measured_utc.empty() ? "unknown date" : r.measured_utc.c_str(),
                   r.serial.empty() ? "no serial" : r.serial.c_str(), r.model.c_str(), r.procedure.c_str(),
                   explained_in_words(r).c_str(), r.path.c_str());
     }

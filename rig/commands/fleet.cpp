@@ -39,21 +39,21 @@ class Fleet : public Command {
 
  private:
   static void tell(const json& fleet) {
-    std::printf("%zu sessions\n", fleet.at("sessions").get<std::size_t>());
+    std::fprintf(stderr, "%zu sessions\n", fleet.at("sessions").get<std::size_t>());
     for (const json& m : fleet.at("mechanisms"))
-      std::printf("  %-28s %zu sessions of %zu lidars\n", text_of(m, "mechanism").c_str(), m.at("sessions").get<std::size_t>(),
+      std::fprintf(stderr, "  %-28s %zu sessions of %zu lidars\n", text_of(m, "mechanism").c_str(), m.at("sessions").get<std::size_t>(),
                   m.at("lidars").get<std::size_t>());
     for (const json& u : fleet.at("unknown"))
-      std::printf("  unknown: %s: %zu sessions of %zu lidars\n", text_of(u, "describes").c_str(), u.at("sessions").size(),
+      std::fprintf(stderr, "  unknown: %s: %zu sessions of %zu lidars\n", text_of(u, "describes").c_str(), u.at("sessions").size(),
                   u.at("lidars").get<std::size_t>());
     for (const json& d : fleet.at("drifts"))
-      std::printf("  drift: %s, %s, %s\n", text_of(d, "serial").c_str(), text_of(d, "label").c_str(),
+      std::fprintf(stderr, "  drift: %s, %s, %s\n", text_of(d, "serial").c_str(), text_of(d, "label").c_str(),
                   fit::format_measurement(number_of(d, "per_year"), number_of(d, "U"), text_of(d, "unit") + " a year").c_str());
     for (const json& c : fleet.at("common_drifts"))
-      std::printf("  all %s drift in %s by %s a year: look at the bench\n", text_of(c, "model").c_str(), text_of(c, "quantity").c_str(),
+      std::fprintf(stderr, "  all %s drift in %s by %s a year: look at the bench\n", text_of(c, "model").c_str(), text_of(c, "quantity").c_str(),
                   fit::format_measurement(number_of(c, "per_year"), number_of(c, "U"), "").c_str());
     for (const json& s : fleet.at("strange"))
-      std::printf("  strange: %s says %s, and its results are %s\n", text_of(s, "session").c_str(), text_of(s, "serial").c_str(),
+      std::fprintf(stderr, "  strange: %s says %s, and its results are %s\n", text_of(s, "session").c_str(), text_of(s, "serial").c_str(),
                   text_of(s, "looks_like").empty() ? "no known lidar's" : ("those of " + text_of(s, "looks_like")).c_str());
   }
 

@@ -40,7 +40,7 @@ class History : public Command {
 
  private:
   static void tell(const json& history) {
-    std::printf("%s %s, %zu sessions (± is the expanded uncertainty, k = 2):\n", text_of(history, "model").c_str(),
+    std::fprintf(stderr, "%s %s, %zu sessions (± is the expanded uncertainty, k = 2):\n", text_of(history, "model").c_str(),
                 text_of(history, "serial").c_str(), history.at("sessions").size());
     for (const json& q : history.at("quantities")) {
       const json& newest = q.at("points").back();
@@ -56,12 +56,12 @@ class History : public Command {
       if (q.at("chart").is_object())
         for (const json& signal : q.at("chart").at("signals"))
           line += "; " + text_of(signal, "rule").substr(0, text_of(signal, "rule").find(':'));
-      std::printf("  %-44s %s\n", text_of(q, "label").c_str(), line.c_str());
+      std::fprintf(stderr, "  %-44s %s\n", text_of(q, "label").c_str(), line.c_str());
     }
-    for (const json& note : history.at("notes")) std::printf("note: %s\n", note.get<std::string>().c_str());
+    for (const json& note : history.at("notes")) std::fprintf(stderr, "note: %s\n", note.get<std::string>().c_str());
     const json& recommended = history.at("recommended");
     if (recommended.at("months").is_number())
-      std::printf("Calibrate again after %g months, as %s asks for.\n", number_of(recommended, "months"),
+      std::fprintf(stderr, "Calibrate again after %g months, as %s asks for.\n", number_of(recommended, "months"),
                   text_of(recommended, "by").c_str());
   }
 

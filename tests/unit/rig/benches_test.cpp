@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Several benches on one computer: locks by address and identity, and one page of all of them.
 #include <stdlib.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <catch2/catch.hpp>
