@@ -168,6 +168,7 @@ std::vector<QuantityHistory> histories_of(std::span<const SessionRecord> archive
     const auto seconds = seconds_of_utc(r.measured_utc);
     if (!seconds || r.serial.empty()) continue;
     for (const ArchivedValue& v : r.values) {
+      if (!(v.expanded > 0)) continue;  // A figure beside the results, with no claim of its own.
       QuantityHistory& h = all[{r.serial, v.quantity()}];
       h.serial = r.serial, h.model = r.model, h.quantity = v.quantity(), h.label = v.label, h.unit = v.unit;
       // A session that states a quantity twice has its last word.

@@ -29,8 +29,7 @@ struct QuantityHistory {
 };
 
 /// All histories that sessions tell of, by serial number and quantity. Sessions without serial number or date have none,
-/// nor have values that are lists in disguise: names that the sessions of one lidar do not share. The records must outlive
-/// them.
+/// nor have values without a stated uncertainty. The records must outlive them.
 [[nodiscard]] std::vector<QuantityHistory> histories_of(std::span<const SessionRecord> archive);
 
 /// How well every quantity repeats, by model and quantity ("UST-10LX/range.offset_mm"), from all lidars of an archive:

@@ -195,6 +195,9 @@ TEST_CASE("fleet: a session with another lidar's serial number is told with that
   for (auto& v : fleet.of(11, 4).values) v.value += 400;
   const json strange = rig::fleet_of(fleet.sessions).at("strange");
   REQUIRE(strange.size() == 2);
+  for (int k = 0; k < 6; ++k) fleet.of(20, k).values[0].value += 1.5 * k;  // A lidar that drifts is not strange.
+  CHECK(rig::fleet_of(fleet.sessions).at("strange").size() == 2);
+  CHECK(rig::fleet_of(fleet.sessions).at("drifts").size() == 1);
   for (const json& s : strange) {
     if (s.at("session") == fleet.of(3, 2).path) {
       CHECK(s.at("looks_like") == "H1003");
