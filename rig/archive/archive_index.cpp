@@ -51,7 +51,10 @@ ArchiveDatabase::Value text_of_number(const std::optional<double>& value) {
   return value ? ArchiveDatabase::Value(text_of_number(*value)) : std::nullopt;
 }
 
-std::string text_at(const Row& row, std::size_t at) { return at < row.size() ? row[at].value_or("") : ""; }
+std::string raw_text_at(const Row& row, std::size_t at) { return at < row.size() ? row[at].value_or("") : ""; }
+
+/// The index too may be a stranger's.
+std::string text_at(const Row& row, std::size_t at) { return clean_text(raw_text_at(row, at)); }
 
 template <class T>
 T number_at(const Row& row, std::size_t at) {
@@ -122,6 +125,10 @@ ArchiveIndex::ArchiveIndex(const std::string& location, bool to_write)
     if (!to_write) throw UsageError(location + ": there is no index of an archive. `rig archive add FOLDER` makes it.");
     make_tables();
   }
+  for (const char* table : {"session", "result_value", "requirement", "explanation", "mechanism", "mechanism_parameter"})
+    if (!database_->has_table(table))
+      throw UsageError(location + " is no index of an archive: it has no table '" + table +
+                       "'. Remove it: `rig archive add FOLDER` makes it anew from the sessions.");
   const auto version = database_->run("SELECT value FROM archive WHERE key = 'version'");
   if (version.empty() || text_at(version.front(), 0) != index_version)
     throw UsageError(location + " is an index of another version of rig. Remove it: `rig archive add FOLDER` makes it anew"
@@ -229,7 +236,7 @@ std::vector<SessionRecord> ArchiveIndex::sessions() {
     e.unknown_from = maybe_number_at(row, 7);
     e.unknown_to = maybe_number_at(row, 8);
     e.unknown_channel = text_at(row, 9);
-    read_curve(e, text_at(row, 10));
+    read_curve(e, raw_text_at(row, 10));
     r->explanation = std::move(e);
   }
   for (const Row& row : database_->run("SELECT session, mechanism, probability FROM mechanism ORDER BY session, at"))

@@ -43,11 +43,11 @@ std::string findings(const json& f) {
     html += page::box(
         "The session " + text_of(s, "session") + " (" + page::day(text_of(s, "measured_utc")) + ") names the lidar " + text_of(s, "serial") +
             ", and its results are not that lidar's (chi-squared " + figure(number_of(s, "chi_squared")) + " for " +
-            counted(count_in(s, "quantities"), "quantity").substr(0, 99) + "). " +
+            std::to_string(count_in(s, "quantities")) + " degrees of freedom). " +
             (whose.empty() ? "They are no other known lidar's either: it was damaged, adjusted, or measured otherwise."
                            : "They are those of " + whose + " (" + figure(number_of(s, "chi_squared_of_other")) +
                                  "): the serial numbers may have been swapped." +
-                                 (count_in(s, "also_like") > 0 ? " " + std::to_string(count_in(s, "also_like")) + " more would fit." : "")),
+                                 (count_in(s, "also_like") > 0 ? " Of " + counted(count_in(s, "also_like"), "other lidar") + " they could be as well." : "")),
         true);
   }
   for (const json& shape : f.at("unknown"))
@@ -76,8 +76,8 @@ std::string drifts_section(const json& f) {
     const std::string unit = text_of(d, "unit");
     rows.push_back({{text_of(d, "serial")}, {text_of(d, "label")},
                     {fit::format_measurement(number_of(d, "per_year"), number_of(d, "U"), unit.empty() ? "a year" : unit + " a year"), true},
-                    {figure(number_of(d, "common_per_year")), true}, {std::to_string(count_in(d, "calibrations")), true},
-                    {figure(number_of(d, "p_value")), true}});
+                    {page::two_digits(number_of(d, "common_per_year")), true}, {std::to_string(count_in(d, "calibrations")), true},
+                    {page::two_digits(number_of(d, "p_value")), true}});
   }
   std::string html = "<h2>Drifts</h2>\n";
   if (!rows.empty())

@@ -34,6 +34,28 @@ std::string interval_in_words(const json& interval) {
   return months < 1 ? "< 1 month" : page::counted(static_cast<std::size_t>(months), "month");
 }
 
+/// What a chart shows anyhow: values with their bars, and control limits.
+std::pair<double, double> extent_of(const json& q) {
+  double low = INFINITY, high = -INFINITY;
+  for (const json& p : q.at("points")) {
+    low = std::min(low, number_of(p, "value") - number_of(p, "U"));
+    high = std::max(high, number_of(p, "value") + number_of(p, "U"));
+  }
+  if (const json& c = q.at("chart"); c.is_object()) {
+    low = std::min(low, number_of(c, "lower"));
+    high = std::max(high, number_of(c, "upper"));
+  }
+  return {low, high};
+}
+
+std::string required_in_words(const json& q) {
+  const double least = number_of(q.at("required"), "min"), most = number_of(q.at("required"), "max");
+  std::string words;
+  if (std::isfinite(least)) words = "at least " + fit::with_unit(fit::format_value(least, 0), unit_of(q));
+  if (std::isfinite(most)) words += (words.empty() ? "" : ", ") + ("at most " + fit::with_unit(fit::format_value(most, 0), unit_of(q)));
+  return words;
+}
+
 Plot chart(const json& q) {
   Plot plot;
   plot.x_label = "year";
@@ -72,8 +94,10 @@ Plot chart(const json& q) {
     }
     plot.series.push_back(line);
   }
-  level("required, at least", number_of(q.at("required"), "min"));
-  level("required, at most", number_of(q.at("required"), "max"));
+  // Requirements far away would press everything else into one line; the text names them.
+  const auto [low, high] = extent_of(q);
+  for (const auto& [key, name] : {std::pair{"min", "required, at least"}, std::pair{"max", "required, at most"}})
+    if (const double at = number_of(q.at("required"), key); at > low - (high - low) && at < high + (high - low)) level(name, at);
   return plot;
 }
 
@@ -97,7 +121,7 @@ std::string quantity_section(const json& q) {
                      "</span></h2>\n<figure>" + to_svg(chart(q)) + "</figure>\n";
   if (const json& d = q.at("drift"); d.is_object())
     html += page::box("Drift: " + drift_in_words(q) + " (k = " + page::fixed(number_of(d, "k"), 2) + ", p = " +
-                          fit::format_value(number_of(d, "p_value"), 0) + (drifts(q) ? "): it drifts." : "): no drift is shown."),
+                          page::two_digits(number_of(d, "p_value")) + (drifts(q) ? "): it drifts." : "): no drift is shown."),
                       drifts(q));
   if (const json& c = q.at("chart"); c.is_object()) {
     for (const json& signal : c.at("signals")) {
@@ -112,6 +136,7 @@ std::string quantity_section(const json& q) {
   }
   if (const json& interval = q.at("interval"); interval.is_object())
     html += "<p>Next calibration after " + escaped(interval_in_words(interval)) + ": " + escaped(text_of(interval, "why")) + ".</p>\n";
+  if (const std::string words = required_in_words(q); !words.empty()) html += "<p>Required: " + escaped(words) + ".</p>\n";
   return html + points_table(q);
 }
 

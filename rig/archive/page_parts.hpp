@@ -20,7 +20,7 @@ inline std::string head(const std::string& title) {
          "content=\"width=device-width, initial-scale=1\"><title>" +
          escaped(title) + "</title><style>" + page_style() +
          ".bad{color:#b02a00;font-weight:600}.small td,.small th{font-size:.85em}th{vertical-align:bottom}td{vertical-align:top}"
-         ".warn{border-left-color:#b02a00}.scroll{overflow-x:auto}</style></head><body>\n<h1>" +
+         ".warn{border-left-color:#b02a00}.scroll{overflow-x:auto}td.n{white-space:nowrap}</style></head><body>\n<h1>" +
          escaped(title) + "</h1>\n";
 }
 
@@ -55,6 +55,13 @@ inline std::string day(const std::string& utc) { return utc.size() >= 10 ? utc.s
 
 inline std::string fixed(double value, int decimals) {
   return std::isfinite(value) ? fit::format_fixed(value, decimals) : "\u2013";
+}
+
+/// "7.7e-28": two digits of a number of any size.
+inline std::string two_digits(double p) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.2g", p);
+  return std::isfinite(p) ? text : "\u2013";
 }
 
 /// "3 sessions", "1 session".

@@ -237,6 +237,33 @@ TEST_CASE("archive: an explanation beside a session counts if it is newer than t
   CHECK(rig::verify_archive(folder.path(), index).at(0).what == What::good);
 }
 
+TEST_CASE("archive: an index that is none, or a stranger's, is refused or read without harm") {
+  const TestFolder folder;
+  with_everything().write(folder / "a.rig");
+  CHECK_THROWS_AS(rig::ArchiveIndex(folder / "a.rig", false), rig::UsageError);
+  folder.write("text.sqlite", "no database");
+  CHECK_THROWS_AS(rig::ArchiveIndex(folder / "text.sqlite", false), rig::UsageError);
+  CHECK_THROWS_AS(rig::ArchiveIndex(folder / "nowhere.sqlite", false), rig::UsageError);
+  CHECK_FALSE(std::filesystem::exists(folder / "nowhere.sqlite"));
+  CHECK_THROWS_AS(rig::ArchiveIndex("postgresql://nobody@/x?host=" + folder.path(), false), rig::UsageError);
+  {
+    rig::ArchiveIndex index(folder / "index.sqlite", true);
+    (void)rig::add_to_archive(folder.path(), index);
+  }
+  {
+    SQLite::Database database(folder / "index.sqlite", SQLite::OPEN_READWRITE);
+    database.exec("UPDATE session SET lidar_serial = 'H' || char(27) || '[31m'");
+  }
+  CHECK(rig::ArchiveIndex(folder / "index.sqlite", false).sessions().at(0).serial == "H?[31m");
+  {
+    SQLite::Database database(folder / "index.sqlite", SQLite::OPEN_READWRITE);
+    database.exec("DROP TABLE mechanism");
+    database.exec("CREATE VIEW mechanism AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
+                  " SELECT '' AS session, i AS at, '' AS mechanism, 1 AS probability FROM n");
+  }
+  CHECK_THROWS_AS(rig::ArchiveIndex(folder / "index.sqlite", false), rig::UsageError);
+}
+
 TEST_CASE("archive: whatever a stranger's session holds ends in a record that any database takes, or in an error") {
   const TestFolder folder;
   rig::ArchiveIndex index(folder / "index.sqlite", true);
