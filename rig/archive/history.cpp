@@ -254,7 +254,9 @@ json previous_calibration(std::span<const SessionRecord> archive, const SessionR
   const auto now = seconds_of_utc(session.measured_utc);
   const auto shares = [&](const SessionRecord& r) {
     return std::ranges::any_of(r.values, [&](const ArchivedValue& v) {
-      return std::ranges::any_of(session.values, [&](const ArchivedValue& own) { return own.quantity() == v.quantity(); });
+      return v.expanded > 0 && std::ranges::any_of(session.values, [&](const ArchivedValue& own) {
+        return own.expanded > 0 && own.quantity() == v.quantity();
+      });
     });
   };
   for (const SessionRecord& r : archive) {
@@ -267,7 +269,7 @@ json previous_calibration(std::span<const SessionRecord> archive, const SessionR
   json values = json::array();
   for (const ArchivedValue& v : session.values)
     for (const ArchivedValue& before : previous->values)
-      if (before.quantity() == v.quantity())
+      if (before.quantity() == v.quantity() && v.expanded > 0 && before.expanded > 0)
         values.push_back({{"quantity", v.quantity()}, {"label", v.label}, {"unit", v.unit}, {"value", v.value}, {"U", v.expanded},
                           {"previous", before.value}, {"previous_U", before.expanded}, {"change", v.value - before.value},
                           {"e_n", number_or_null(e_n(v.value, v.expanded, before.value, before.expanded))}});

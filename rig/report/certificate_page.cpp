@@ -367,9 +367,9 @@ json shown_previous(const json& previous) {
                     {"e_n", std::isfinite(error) ? fit::format_fixed(error, 2) : ""},
                     {"class", std::abs(error) > 1 ? "fail" : ""}});
   }
-  return {{"dated", readable_utc(text_of(previous, "measured_utc"))},
+  const std::string state = text_of(previous, "item_state");
+  return {{"dated", readable_utc(text_of(previous, "measured_utc")) + (state.empty() ? "" : ", " + state)},
           {"session", text_of(previous, "session")},
-          {"state", text_of(previous, "item_state")},
           {"values", rows}};
 }
 
