@@ -98,7 +98,7 @@ class Archive : public Command {
       // What --accept-changes and --forget-missing settled is no fault any more.
       const bool settled = (f.what == What::changed && adding_.accept_changes) || (f.what == What::missing && adding_.forget_missing);
       is_bad |= f.is_fault() && !settled;
-      if (f.what != What::good && f.what != What::added)
+      if (f.what > What::updated)
         std::fprintf(stderr, "%-12s %s%s%s\n", name_of(f.what), clean_text(f.path).c_str(), f.says.empty() ? "" : ": ", f.says.c_str());
     }
     std::string counts;
