@@ -82,7 +82,7 @@ void DeviceLocks::lock(const std::string& kind, const std::string& identity) {
     const std::string holder = text_in(fd);
     ::close(fd);
     if (!is_held) return;
-    throw DeviceError("The " + kind + " " + identity + " is in use by another run" +
+    throw DeviceError("The " + kind + " " + identity + " is in use by another program" +
                       (holder.empty() ? "" : " (" + holder + ")") +
                       ". Let that run end or stop it; a bench of its own needs a " + kind + " of its own.");
   }

@@ -84,7 +84,7 @@ TEST_CASE("a lidar that one run has is refused to the next before it is disturbe
 
   Program intruder(run_words(folder, one.lidar(), two.stage(), folder / "two/b.rig"), folder);
   CHECK(intruder.exit_status() == 3);
-  CHECK_THAT(intruder.errors(), Contains("in use by another run (session " + (folder / "one/a.rig")));
+  CHECK_THAT(intruder.errors(), Contains("in use by another program (session " + (folder / "one/a.rig")));
   CHECK_FALSE(std::filesystem::exists(folder / "two/b.rig"));
   Program beside(run_words(folder, two.lidar(), two.stage(), folder / "two/c.rig"), folder);
   beside.type("\n");
