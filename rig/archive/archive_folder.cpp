@@ -34,9 +34,10 @@ ReadSession read_one(const std::string& folder, const std::string& path) {
   try {
     if (!is_clean(path)) throw UsageError("its name is no UTF-8, or too long: rename it");
     const std::string file = folder + "/" + path;
-    if (has_data(file + "-wal") || has_data(file + "-journal")) {
+    const bool is_written = is_being_written(file);
+    if (is_written || has_data(file + "-wal") || has_data(file + "-journal")) {
       out.unfinished = true;
-      out.problem = is_being_written(file) ? "it is being written" : "its run was killed: go on with rig resume";
+      out.problem = is_written ? "it is being written" : "its run was killed: go on with rig resume";
       return out;
     }
     out.record = read_session_record(folder, path);
