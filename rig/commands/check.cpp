@@ -10,6 +10,7 @@
 
 #include "rig/commands/json_output.hpp"
 #include "rig/runner/bench_check.hpp"
+#include "rig/runner/device_lock.hpp"
 #include "rig/runner/bench_file.hpp"
 #include "rig/runner/operators.hpp"
 #include "rig/runner/scip_source.hpp"
@@ -56,6 +57,8 @@ class Check : public Command {
     check_outputs({json_.output()}, {bench_});
     const fit::Bench bench = read_bench_file(bench_);
     const Endpoint address = parse_endpoint(lidar_, "--lidar", 10940);
+    DeviceLocks locks("rig check");
+    locks.lock("lidar", address.host + ":" + std::to_string(address.port));
     const StageOptions options = bench_stage_options(bench);
     asio::io_context io(1);
     std::exception_ptr failure;

@@ -23,6 +23,7 @@
 #include "rig/output_place.hpp"
 #include "rig/report/report.hpp"
 #include "rig/runner/bench_file.hpp"
+#include "rig/runner/device_lock.hpp"
 #include "rig/runner/operators.hpp"
 #include "rig/runner/run_view.hpp"
 #include "rig/runner/scip_source.hpp"
@@ -169,6 +170,9 @@ class DeviceRun {
   int run_in(SessionStore& session, const Procedure& procedure, const fit::Bench& bench,
              const Endpoint& lidar_address, const StageOptions& known_stage) {
     asio::io_context io(1);
+    // Before the lidar is spoken to: who connects to one that is measuring stops it.
+    DeviceLocks locks("session " + std::filesystem::absolute(session.path()).string());
+    locks.lock("lidar", lidar_address.host + ":" + std::to_string(lidar_address.port));
     const auto source = make_scip_source(io.get_executor(), lidar_address);
     const auto clock = make_real_clock();
     const auto person = make_operator(io.get_executor());
@@ -201,7 +205,7 @@ class DeviceRun {
     };
     remember_addresses(session);
     procedure_file_ = procedure.file;
-    RunnerParts parts{*source, *opened_stage, *clock, *person, fit_function(), write, accept_lidar_};
+    RunnerParts parts{*source, *opened_stage, *clock, *person, fit_function(), write, accept_lidar_, &locks};
     Runner runner(procedure, bench, session, parts);
     return conduct(io, runner, bench, session, started);
   }
@@ -236,6 +240,8 @@ class DeviceRun {
                                           [&runner](const json& command) { runner.command(command); });
       std::fprintf(stderr, "live page: %s\n", live->url().c_str());
     }
+    // For `rig watch FOLDER`; a secret stays out of the file.
+    session.set("live_page", live && live_.token.empty() ? live->url() : "");
     if (foxglove_option_->count() > 0) {
       foxglove_.address = live_.address, foxglove_.token = live_.token;
       foxglove = std::make_unique<FoxgloveServer>(io.get_executor(), foxglove_, bench.lidar.mount);

@@ -6,6 +6,7 @@
 
 #include "lidar/client.hpp"
 #include "rig/commands/json_output.hpp"
+#include "rig/runner/device_lock.hpp"
 #include "rig/runner/endpoint.hpp"
 #include "rig/runner/lidar_doubts.hpp"
 #include "rig/stage/serial_link.hpp"
@@ -118,6 +119,8 @@ class Devices : public Command {
     json entry = {{"address", "tcp://" + address.host + ":" + std::to_string(address.port)}};
     std::string answer;
     try {
+      DeviceLocks locks("rig devices");
+      locks.lock("lidar", address.host + ":" + std::to_string(address.port));
       lidar::Client client(co_await asio::this_coro::executor, address.host, address.port);
       auto connecting = client.connect();
       const lidar::Identity who = co_await std::move(connecting);
@@ -126,6 +129,10 @@ class Devices : public Command {
       const std::string state = entry["lidar"]["II"].value("STAT", "");
       if (!state.empty() && !says_it_is_well(state)) answer += "; it is not well, it says: " + state;
     } catch (const lidar::LidarError& error) {
+      answer = error.what();
+      entry["error"] = answer;
+      asked_in_vain_ |= wanted;
+    } catch (const DeviceError& error) {  // A run has it, which asking would disturb.
       answer = error.what();
       entry["error"] = answer;
       asked_in_vain_ |= wanted;

@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "rig/archive/history.hpp"
+#include "rig/commands/archive_options.hpp"
 #include "rig/commands/json_output.hpp"
 #include "rig/report/certificate.hpp"
 #include "rig/session/session_store.hpp"
@@ -20,6 +22,8 @@ class Report : public Command {
     command->add_option("-o,--output", output_,
                         "FILE.html, FILE.pdf (PDF/A-3b), FILE.json or FILE.dcc.xml (PTB's Digital Calibration "
                         "Certificate, 3.2.1); default: beside the session, .html");
+    command->add_flag("--no-store", no_store_, "Leave the session file as it is: later issues will not know of this one");
+    archive_.declare(*command);
     json_.declare(*command, "the certificate");
     return command;
   }
@@ -29,18 +33,30 @@ class Report : public Command {
     if (output_.empty() && !json_.wanted()) output_ = page.string();
     const OutputPlace output =
         check_outputs({{output_, page.filename().string()}, json_.output()}, {session_}).front();
+    const nlohmann::json previous = archive_.given() ? previous_in_archive() : nullptr;
     if (json_.wanted())
-      json_.write(make_certificate(SessionStore(session_, SessionStore::Mode::read), session_));
+      json_.write(make_certificate(SessionStore(session_, SessionStore::Mode::read), session_, previous));
     if (output_.empty()) return 0;
-    const IssuedReport issued = issue_report(session_, output.path());
+    const IssuedReport issued = issue_report(session_, output.path(), previous);
     if (std::filesystem::path(issued.file).filename() != std::filesystem::path(output.path()).filename())
       std::fprintf(stderr, "rig: %s is another certificate and was kept\n", output.path().c_str());
-    remember(issued.certificates);
+    if (!no_store_) remember(issued.certificates);
     std::fprintf(stderr, "report: %s\n", std::filesystem::absolute(issued.file).c_str());
     return 0;
   }
 
  private:
+  /// The calibration before this one, by an archive's index.
+  [[nodiscard]] nlohmann::json previous_in_archive() const {
+    const std::filesystem::path path = std::filesystem::absolute(session_);
+    const SessionRecord own = read_session_record(path.parent_path().string(), path.filename().string());
+    nlohmann::json previous = previous_calibration(archive_.sessions(), own);
+    if (previous.is_null())
+      std::fprintf(stderr, "rig: the archive has no earlier calibration of the lidar '%s' with a quantity in common\n",
+                   own.serial.c_str());
+    return previous;
+  }
+
   /// A session that cannot be written now still has its report.
   void remember(const std::string& certificates) const {
     try {
@@ -54,6 +70,8 @@ class Report : public Command {
   }
 
   std::string session_, output_;
+  ArchiveOption archive_;
+  bool no_store_ = false;
   JsonOutput json_;
 };
 

@@ -7,9 +7,13 @@
 #include <boost/asio/steady_timer.hpp>
 #include <boost/asio/use_awaitable.hpp>
 #include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 
 #include "rig/command.hpp"
+#include "rig/live/benches_state.hpp"
 #include "rig/live/live_server.hpp"
 #include "rig/live/session_state.hpp"
 
@@ -32,12 +36,24 @@ asio::awaitable<void> follow(const SessionStore& session, LiveServer& live) {
   }
 }
 
+asio::awaitable<void> follow(BenchesState& benches, LiveServer& live) {
+  asio::steady_timer timer(co_await asio::this_coro::executor);
+  while (true) {
+    live.publish(benches.look(std::time(nullptr)));
+    timer.expires_after(std::chrono::seconds(1));
+    boost::system::error_code cancelled;
+    co_await timer.async_wait(asio::redirect_error(asio::use_awaitable, cancelled));
+    if (cancelled) co_return;
+  }
+}
+
 class Watch : public Command {
  public:
   CLI::App* declare(CLI::App& root) override {
     auto* command = root.add_subcommand(
-        "watch", "Shows a session in the browser, while another program records it or afterwards");
-    command->add_option("session", session_, "Session file (*.rig)")->required();
+        "watch", "Shows a session in the browser, while another program records it or afterwards; of a folder, all benches "
+                 "that write into it, and who is needed where");
+    command->add_option("session", session_, "Session file (*.rig), or a folder of them")->required();
     command->add_option("--live", options_.port, "Port of the page; 0 picks a free one")
         ->capture_default_str();
     command
@@ -49,14 +65,24 @@ class Watch : public Command {
   }
 
   int run() override {
+    if (std::filesystem::is_directory(session_)) {
+      BenchesState benches(session_);
+      return serve(benches_page, [&](LiveServer& live) { return follow(benches, live); });
+    }
     const SessionStore session(session_, SessionStore::Mode::read);
+    return serve(live_page, [&](LiveServer& live) { return follow(session, live); });
+  }
+
+ private:
+  /// Until Ctrl-C.
+  int serve(const char* page, const std::function<asio::awaitable<void>(LiveServer&)>& follow_it) const {
     asio::io_context io(1);
-    LiveServer live(io.get_executor(), options_, [](const nlohmann::json&) {});
+    LiveServer live(io.get_executor(), options_, [](const nlohmann::json&) {}, page);
     std::fprintf(stderr, "watching %s at %s   (Ctrl-C ends)\n", session_.c_str(), live.url().c_str());
     asio::signal_set signals(io, SIGINT, SIGTERM);
     signals.async_wait([&io](const boost::system::error_code&, int) { io.stop(); });
     std::exception_ptr failure;
-    auto following = follow(session, live);
+    auto following = follow_it(live);
     asio::co_spawn(io, std::move(following), [&](const std::exception_ptr& why) {
       failure = why;
       io.stop();
@@ -66,7 +92,6 @@ class Watch : public Command {
     return 0;
   }
 
- private:
   std::string session_;
   LiveServer::Options options_;
 };

@@ -17,8 +17,6 @@
 
 namespace rig {
 
-extern const char* const live_page;
-
 namespace {
 
 namespace asio = boost::asio;
@@ -67,12 +65,13 @@ struct LiveServer::Impl : std::enable_shared_from_this<LiveServer::Impl> {
     std::uint64_t seen = 0, sent = 0;
   };
 
-  Impl(const asio::any_io_executor& executor_, const Options& options_, OnCommand on_command_)
-      : executor(executor_), options(options_), on_command(std::move(on_command_)), acceptor(executor_) {}
+  Impl(const asio::any_io_executor& executor_, const Options& options_, OnCommand on_command_, const char* page_)
+      : executor(executor_), options(options_), on_command(std::move(on_command_)), page(page_), acceptor(executor_) {}
 
   asio::any_io_executor executor;
   Options options;
   OnCommand on_command;
+  const char* page;
   asio::ip::tcp::acceptor acceptor;
   std::uint16_t port = 0;
   std::list<std::shared_ptr<Browser>> browsers;
@@ -126,7 +125,7 @@ Response LiveServer::Impl::respond(const Request& request) const {
                   "Refused: open the exact address that rig printed, with its token.\n");
   if (request.method() != http::verb::get && request.method() != http::verb::head)
     return answer(request, http::status::method_not_allowed, "text/plain; charset=utf-8", "Only GET.\n");
-  if (target == "/") return answer(request, http::status::ok, "text/html; charset=utf-8", live_page);
+  if (target == "/") return answer(request, http::status::ok, "text/html; charset=utf-8", page);
   if (target == "/picture" && !picture.empty())
     return answer(request, http::status::ok, picture_type.c_str(), picture);
   if (target == "/state") return answer(request, http::status::ok, "application/json", *state);
@@ -234,8 +233,9 @@ void LiveServer::Impl::stop() {
   }
 }
 
-LiveServer::LiveServer(boost::asio::any_io_executor executor, const Options& options, OnCommand on_command)
-    : impl_(std::make_shared<Impl>(executor, options, std::move(on_command))) {
+LiveServer::LiveServer(boost::asio::any_io_executor executor, const Options& options, OnCommand on_command,
+                       const char* page)
+    : impl_(std::make_shared<Impl>(executor, options, std::move(on_command), page)) {
   impl_->listen();
   auto accepting = impl_->accept_browsers();
   asio::co_spawn(executor, std::move(accepting), asio::detached);

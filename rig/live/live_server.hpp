@@ -12,6 +12,9 @@
 
 namespace rig {
 
+extern const char* const live_page;     ///< One run.
+extern const char* const benches_page;  ///< All runs of a folder.
+
 /// The live page: one small web server that shows the latest state of a run to any number of browsers and
 /// hands their buttons back. It can neither slow nor stop a run: publish() only stores the text, each browser
 /// gets the newest state at most 20 times a second, and one that does not read is dropped.
@@ -27,7 +30,9 @@ class LiveServer {
   using OnCommand = std::function<void(const nlohmann::json& command)>;
 
   /// Throws UsageError when the address cannot be listened on, or is not loopback and there is no token.
-  LiveServer(boost::asio::any_io_executor executor, const Options& options, OnCommand on_command);
+  /// `page`: what the browser gets, a page that draws the state.
+  LiveServer(boost::asio::any_io_executor executor, const Options& options, OnCommand on_command,
+             const char* page = live_page);
   ~LiveServer();
   LiveServer(const LiveServer&) = delete;
   LiveServer& operator=(const LiveServer&) = delete;

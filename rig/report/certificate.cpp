@@ -230,6 +230,19 @@ json as_found(const json& results) {
   return values;
 }
 
+/// Whether the results are those before or after an adjustment; what they are not has none here.
+std::string state_of_item(json& certificate, const std::string& stated) {
+  if (stated == "as found") {
+    certificate["as_left"] = json::array();
+    return "as found: before an adjustment; the results as left are a calibration of their own";
+  }
+  if (stated == "as left") {
+    certificate["as_found"] = json::array();
+    return "as left: after an adjustment; the results as found are a calibration of their own";
+  }
+  return "none: the item was not adjusted, as left is as found";
+}
+
 /// The mean echo of every beam of one capture, in the world frame, and the targets where the bench says they
 /// are.
 Plot scan_picture(const fit::Recording& recording, std::string& caption) {
@@ -351,6 +364,10 @@ std::string certificate_number(const std::string& hash, const std::string& measu
 }  // namespace
 
 json make_certificate(const SessionStore& session, const std::string& session_file) {
+  return make_certificate(session, session_file, nullptr);
+}
+
+json make_certificate(const SessionStore& session, const std::string& session_file, const json& previous) {
   const auto recording = session.recording();
   const json bench = parsed(session.get("bench"));
   const std::string hash = session.content_hash();
@@ -386,7 +403,7 @@ json make_certificate(const SessionStore& session, const std::string& session_fi
   certificate["accuracy"] = accuracy(recording->bench());
   certificate["as_found"] = as_found(certificate["results"]);
   certificate["as_left"] = certificate["as_found"];
-  certificate["adjustment"] = "none: the item was not adjusted, as left is as found";
+  certificate["adjustment"] = state_of_item(certificate, text_of(bench.value("certificate", json::object()), "item_state"));
   certificate["laboratory"] = bench.value("certificate", json::object());
   const LidarIdentity lidar = lidar_of(session);
   certificate["item"] = {{"model", lidar.name()}, {"serial", lidar.serial}, {"firmware", lidar.firmware}};
@@ -395,14 +412,14 @@ json make_certificate(const SessionStore& session, const std::string& session_fi
   certificate["simulated"] = standing.simulated;
   certificate["certifies"] = standing.certifies() && !certificate["results"].empty();
   certificate["not_certified_because"] = standing.reasons;
-  const Issue issue =
-      issue_of(session, certificate_number(hash, dates.measured()),
-               {{"sha256", hash},
-                {"identification", certificate["identification"]},
-                {"laboratory", certificate["laboratory"]},
-                {"results", as_found(certificate["results"])},
-                {"limits", certificate.value("limits", json())},
-                {"explanation", certificate.value("explanation", json())}});
+  json contents = {{"sha256", hash},
+                   {"identification", certificate["identification"]},
+                   {"laboratory", certificate["laboratory"]},
+                   {"results", as_found(certificate["results"])},
+                   {"limits", certificate.value("limits", json())},
+                   {"explanation", certificate.value("explanation", json())}};
+  if (!previous.is_null()) contents["previous"] = certificate["previous"] = previous;
+  const Issue issue = issue_of(session, certificate_number(hash, dates.measured()), contents);
   certificate["number"] = issue.number, certificate["digest"] = issue.digest;
   certificate["amendment"] = issue.amendment;
   if (!issue.replaces.empty()) certificate["replaces"] = issue.replaces;

@@ -354,6 +354,25 @@ std::string shown_date(const json& certificate) {
   return (known.empty() ? "at an unknown time" : known) + ", imported " + readable_utc(imported);
 }
 
+/// The calibration before, value by value beside the new one.
+json shown_previous(const json& previous) {
+  json rows = json::array();
+  for (const json& v : list_of(previous, "values")) {
+    const double expanded = number_of(v, "U", 0), expanded_before = number_of(v, "previous_U", 0);
+    const double error = number_of(v, "e_n");
+    rows.push_back({{"label", text_of(v, "label")},
+                    {"value", fit::format_measurement(number_of(v, "value"), expanded, text_of(v, "unit"))},
+                    {"previous", fit::format_measurement(number_of(v, "previous"), expanded_before, text_of(v, "unit"))},
+                    {"change", fit::with_unit(fit::format_value(number_of(v, "change"), expanded), text_of(v, "unit"))},
+                    {"e_n", std::isfinite(error) ? fit::format_fixed(error, 2) : ""},
+                    {"class", std::abs(error) > 1 ? "fail" : ""}});
+  }
+  const std::string state = text_of(previous, "item_state");
+  return {{"dated", readable_utc(text_of(previous, "measured_utc")) + (state.empty() ? "" : ", " + state)},
+          {"session", text_of(previous, "session")},
+          {"values", rows}};
+}
+
 }  // namespace
 
 std::string to_html(const json& certificate) {
@@ -392,6 +411,7 @@ std::string to_html(const json& certificate) {
   page["rule"] = text_of(limits, "rule", "simple acceptance (ILAC-G8:09/2019, guard band w = 0)");
   page["rule_in_words"] = rule_in_words(text_of(page, "rule"));
   page["verdict"] = overall_verdict(page["checks"]);
+  if (certificate.contains("previous")) page["previous"] = shown_previous(certificate.at("previous"));
   if (certificate.contains("explanation"))
     page["explanation"] = shown_explanation(certificate.at("explanation"));
   for (json& event : page["events"]) event["time"] = shown_time(event.value("host_us", std::int64_t{0}));

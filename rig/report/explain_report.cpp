@@ -152,28 +152,12 @@ std::string intensity_section(const json& curve) {
          ", less what reflectances and the law's own uncertainties explain.</figcaption></figure>\n";
 }
 
-std::string style() {
-  return "body{font:15px/1.45 \"Source Sans 3\",\"DejaVu "
-         "Sans\",sans-serif;color:#1a1a1a;max-width:52rem;margin:2rem "
-         "auto;padding:0 1.2rem}h1{font-size:1.7rem}h2{font-size:1.2rem;margin-top:2rem;border-bottom:2px "
-         "solid "
-         "#1a1a1a}table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}th,td{text-"
-         "align:left;"
-         "padding:.28rem .6rem .28rem 0;border-bottom:1px solid "
-         "#cfcfcf}td.n,th.n{text-align:right}.sub{color:#5a5a5a;"
-         "font-weight:400;font-size:.9rem}.box{border-left:.3rem solid #006d4c;padding:.3rem "
-         ".9rem;background:#f7f7f5}"
-         "figure{margin:1rem 0}figure "
-         "svg{max-width:100%;height:auto}figcaption{color:#5a5a5a;font-size:.9rem}"
-         "@page{size:A4;margin:18mm 16mm}@media print{figure,table,.box{break-inside:avoid}}";
-}
-
 }  // namespace
 
 std::string explanation_html(const json& e, const std::string& sessions) {
   std::string html =
       "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Explanation</title><style>" +
-      style() + "</style></head><body>\n<h1>What the simulation left out</h1>\n<p class=\"sub\">" +
+      page_style() + "</style></head><body>\n<h1>What the simulation left out</h1>\n<p class=\"sub\">" +
       escaped(sessions) + " &middot; " + std::to_string(e.value("cells", 0L)) + " cells, " +
       std::to_string(e.value("samples", 0L)) + " samples &middot; ± is the expanded uncertainty (k = 2)</p>\n<p class=\"box\"><strong>" +
       escaped(verdict_in_words(e.at("verdict").get<std::string>())) + "</strong></p>\n";

@@ -69,9 +69,13 @@ void write_report(const std::string& session_file, const OutputPlace& place,
 }
 
 IssuedReport issue_report(const std::string& session_file, const std::string& wanted) {
+  return issue_report(session_file, wanted, nullptr);
+}
+
+IssuedReport issue_report(const std::string& session_file, const std::string& wanted, const json& previous) {
   (void)ending_of(wanted);
   const SessionStore session(session_file, SessionStore::Mode::read);
-  const json certificate = make_certificate(session, session_file);
+  const json certificate = make_certificate(session, session_file, previous);
   const std::string file = place_for(session, certificate, wanted);
   const OutputPlace place = check_output({file}, {session_file});
   write_certificate(certificate, place.path(), std::chrono::minutes(5));

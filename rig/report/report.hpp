@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "rig/output_place.hpp"
@@ -19,7 +20,10 @@ struct IssuedReport {
   std::string certificates;  ///< The session's key of that name, for whoever may write the session.
 };
 
-/// As write_report(), but never over a certificate of another number.
+/// As write_report(), but never over a certificate of another number. `previous`: the calibration before, or null
+/// (make_certificate()).
+[[nodiscard]] IssuedReport issue_report(const std::string& session_file, const std::string& wanted,
+                                        const nlohmann::json& previous);
 [[nodiscard]] IssuedReport issue_report(const std::string& session_file, const std::string& wanted);
 
 }  // namespace rig

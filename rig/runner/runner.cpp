@@ -5,6 +5,7 @@
 #include <boost/asio/experimental/awaitable_operators.hpp>
 #include <filesystem>
 
+#include "rig/runner/device_lock.hpp"
 #include "rig/runner/runner_impl.hpp"
 
 namespace rig {
@@ -59,6 +60,8 @@ awaitable<void> Runner::Impl::prepare() {
   co_await std::move(connecting);
   auto identifying = parts.stage.identify();
   const StageIdentity stage = co_await std::move(identifying);
+  // A simulated stage has the serial number of all of them.
+  if (parts.locks && !lidar_is_simulated) parts.locks->lock_stage(stage.model, stage.serial);
   session.set("stage", json{{"language", stage.language},
                             {"model", stage.model},
                             {"serial", stage.serial},

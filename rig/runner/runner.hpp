@@ -35,6 +35,8 @@ class Operator {
   [[nodiscard]] virtual bool unattended() const = 0;
 };
 
+class DeviceLocks;
+
 struct RunnerParts {
   LidarSource& lidar;
   Stage& stage;
@@ -54,6 +56,8 @@ struct RunnerParts {
   /// The operator decided to measure with a lidar of another model or serial number than the bench file says,
   /// or with one that says it is not well.
   bool accepts_lidar = false;
+  /// Keeps other runs of this computer from the same devices; null: nobody else is there.
+  DeviceLocks* locks = nullptr;
 };
 
 /// Everything an observer needs to draw the run; a late observer sees all of it.

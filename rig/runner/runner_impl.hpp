@@ -104,6 +104,7 @@ struct Runner::Impl final : StepContext {
   std::optional<std::size_t> jump;
 
   bool aborted = false, paused = false, streaming = false, connected = false;
+  bool lidar_is_simulated = false;
   Gate abort_gate, resume_gate, answer_gate;
   std::optional<Answer> answered;
 
@@ -312,6 +313,8 @@ struct Runner::Impl final : StepContext {
   awaitable<Answer> ask(Prompt prompt) override;
 
   /// The operator's answer, from wherever it comes first: the terminal, the bench, the live page.
+  /// For those who look at the session: a person is needed, for what, since when.
+  void say_who_waits(const Prompt& prompt);
   awaitable<Answer> ask_once(Prompt prompt);
   std::exception_ptr operator_failed;
 

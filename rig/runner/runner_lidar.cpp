@@ -3,9 +3,11 @@
 #include <cmath>
 
 #include "fit/number_format.hpp"
+#include "rig/runner/device_lock.hpp"
 #include "rig/runner/lidar_doubts.hpp"
 #include "rig/runner/runner_impl.hpp"
 #include "rig/runner/scan_gate.hpp"
+#include "rig/session/standing.hpp"
 #include "rig/text_lines.hpp"
 
 namespace rig {
@@ -128,6 +130,8 @@ awaitable<void> Runner::Impl::connect_lidar() {
   auto connecting = parts.lidar.connect();
   const json identity = co_await std::move(connecting);
   judge_lidar(identity);
+  if (parts.locks) parts.locks->lock_lidar(identity);
+  lidar_is_simulated = says_simulated(identity.dump());
   connected = true;
   seen_ms.reset();
   const auto before = session.get("lidar");

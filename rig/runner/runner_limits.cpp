@@ -76,7 +76,7 @@ std::string figures(const Limit& limit, double value, double expanded, const std
 }
 
 json check(const Limit& limit, const SessionStore& session) {
-  json result = {{"name", limit.name}};
+  json result = {{"name", limit.name}, {"of", limit.kind + "." + limit.value}};
   if (limit.min) result["min"] = *limit.min;
   if (limit.max) result["max"] = *limit.max;
   if (limit.max_expanded) result["max_U"] = *limit.max_expanded;

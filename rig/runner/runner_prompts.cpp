@@ -34,8 +34,10 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
     state.prompt = prompt;
     state.activity = "prompt: " + prompt.title;
     note("info", "asks: " + prompt.title);
+    say_who_waits(prompt);
     auto asking = ask_once(prompt);
     Answer answer = co_await std::move(asking);
+    session.set("waiting", "");
     state.prompt.reset();
     state.phase = before;
     aborted = aborted || answer.kind == Answer::Kind::abort;
@@ -67,6 +69,12 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
       throw MeasurementError("'" + prompt.title + "' is not as asked: " + prompt.refusal +
                              " Unattended run: cannot be corrected. The stage stands; go on with rig resume.");
   }
+}
+
+void Runner::Impl::say_who_waits(const Prompt& prompt) {
+  if (parts.operator_.unattended()) return;
+  session.set("waiting", json{{"title", prompt.title}, {"text", prompt.text}, {"since_unix_s", parts.clock.unix_us() / 1'000'000}}.dump(
+                             -1, ' ', false, json::error_handler_t::replace));
 }
 
 awaitable<std::string> Runner::Impl::look_after(const Prompt& prompt) {

@@ -47,7 +47,7 @@ void feed_rows(Sha256& hash, SQLite::Database& database, const std::string& tabl
 
 std::string SessionStore::content_hash() const {
   return guarded(impl_->path, [&] {
-    if (impl_->mode != Mode::read && !impl_->open_capture) impl_->flush();
+    if (impl_->writes() && !impl_->open_capture) impl_->flush();
     Sha256 hash;
     feed_rows(hash, *impl_->database, "session", "SELECT value FROM session WHERE key = 'bench'");
     feed_rows(hash, *impl_->database, "capture", select_captures);

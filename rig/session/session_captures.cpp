@@ -201,6 +201,14 @@ std::vector<fit::CaptureInfo> SessionStore::captures() const {
   return guarded(impl_->path, [&] { return read_captures(*impl_->database, impl_->path); });
 }
 
+std::int64_t SessionStore::count_captures() const {
+  return guarded(impl_->path, [&] { return impl_->database->execAndGet("SELECT count(*) FROM capture").getInt64(); });
+}
+
+std::int64_t SessionStore::count_scans() const {
+  return guarded(impl_->path, [&] { return impl_->database->execAndGet("SELECT count(*) FROM scan").getInt64(); });
+}
+
 void SessionStore::for_each_scan(std::int64_t capture,
                                  const std::function<void(const fit::ScanView&)>& visit) const {
   guarded(impl_->path, [&] { walk_scans(*impl_->database, impl_->path, capture, visit); });

@@ -27,6 +27,28 @@ std::string immutable_uri(const std::string& path) {
   return uri + "?immutable=1";
 }
 
+void demand_readable(const std::string& path) {
+  struct stat found {};
+  if (::stat(path.c_str(), &found) != 0)
+    throw UsageError(path + ": no such session file. Check the name and the folder.");
+  if (S_ISDIR(found.st_mode)) throw UsageError(path + " is a folder, not a session file.");
+  if (S_ISREG(found.st_mode) && found.st_size == 0 && !has_data(path + "-wal") &&
+      !has_data(path + "-journal"))
+    throw UsageError(path + " is empty: there is no session in it.");
+  if (::access(path.c_str(), R_OK) != 0)
+    throw UsageError(path + " cannot be read: permission denied. Check the file's permissions.");
+}
+
+/// A stranger's file may call a view by the name of a table, and reading that could take for ever.
+void demand_plain_tables(SQLite::Database& database, const std::string& path) {
+  SQLite::Statement row(database,
+                        "SELECT name FROM sqlite_schema WHERE name IN ('session', 'capture', 'scan', 'scan_geometry',"
+                        " 'pose', 'result', 'event', 'progress') AND (type <> 'table' OR sql NOT LIKE 'CREATE TABLE%')");
+  if (row.executeStep())
+    throw UsageError(path + " has something else than a plain table under the name '" + row.getColumn(0).getString() +
+                     "': it is damaged, or was made to do harm, and is not read.");
+}
+
 }  // namespace
 
 WriterLock::WriterLock(const std::string& path) : fd_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
@@ -90,15 +112,7 @@ std::string words_about_log(const std::string& path) {
 }
 
 std::unique_ptr<SQLite::Database> open_for_reading(const std::string& path) {
-  struct stat found {};
-  if (::stat(path.c_str(), &found) != 0)
-    throw UsageError(path + ": no such session file. Check the name and the folder.");
-  if (S_ISDIR(found.st_mode)) throw UsageError(path + " is a folder, not a session file.");
-  if (S_ISREG(found.st_mode) && found.st_size == 0 && !has_data(path + "-wal") &&
-      !has_data(path + "-journal"))
-    throw UsageError(path + " is empty: there is no session in it.");
-  if (::access(path.c_str(), R_OK) != 0)
-    throw UsageError(path + " cannot be read: permission denied. Check the file's permissions.");
+  demand_readable(path);
   fold_log(path);
   try {
     auto database = std::make_unique<SQLite::Database>(path, SQLite::OPEN_READONLY, 2000);
@@ -122,6 +136,35 @@ std::unique_ptr<SQLite::Database> open_for_reading(const std::string& path) {
     return std::make_unique<SQLite::Database>(immutable_uri(path), SQLite::OPEN_READONLY | SQLite::OPEN_URI,
                                               2000);
   }
+}
+
+std::unique_ptr<SQLite::Database> open_untouched(const std::string& path) {
+  constexpr int longest_value_bytes = 64'000'000, most_columns = 64;
+  demand_readable(path);
+  for (const char* ending : {"-wal", "-journal"})
+    if (has_data(path + ending))
+      throw UsageError(path + " has a log beside it (" + path + ending +
+                       "): it is being written, or its run was killed. Let it end, or go on with rig resume.");
+  auto database = std::make_unique<SQLite::Database>(immutable_uri(path), SQLite::OPEN_READONLY | SQLite::OPEN_URI, 2000);
+  sqlite3_limit(database->getHandle(), SQLITE_LIMIT_LENGTH, longest_value_bytes);
+  sqlite3_limit(database->getHandle(), SQLITE_LIMIT_COLUMN, most_columns);
+  database->exec("PRAGMA trusted_schema = OFF");
+  database->exec("PRAGMA cell_size_check = ON");
+  demand_plain_tables(*database, path);
+  return database;
+}
+
+bool is_being_written(const std::string& path) {
+  struct stat named {};
+  if (::stat(path.c_str(), &named) != 0) return false;
+  // By the file's number alone: a layered file system lists its locks under another device than it tells of a file.
+  const std::string wanted = ":" + std::to_string(named.st_ino) + " ";
+  std::ifstream locks("/proc/locks");
+  for (std::string line; std::getline(locks, line);)
+    if (line.find(" FLOCK ") != std::string::npos && line.find(" WRITE ") != std::string::npos &&
+        line.find(wanted) != std::string::npos)
+      return true;
+  return false;
 }
 
 }  // namespace rig

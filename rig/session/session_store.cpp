@@ -25,8 +25,8 @@ SessionStore::Impl::Impl(std::string path_, Mode mode_) : path(std::move(path_))
   guarded(path, [&] {
     if (mode == Mode::create) create();
     if (mode == Mode::append) append();
-    if (mode == Mode::read) {
-      database = open_for_reading(path);
+    if (!writes()) {
+      database = mode == Mode::read ? open_for_reading(path) : open_untouched(path);
       check_identity(*database, path);
       database->exec("PRAGMA mmap_size = 1073741824");
     }
@@ -115,7 +115,7 @@ SessionStore::Impl::~Impl() {
   if (!database) return;
   try {
     if (open_capture) rollback();
-    if (mode != Mode::read) {
+    if (writes()) {
       flush();
       make_plain();
     }
@@ -183,7 +183,7 @@ void SessionStore::finish() {
 }
 
 std::unique_ptr<fit::Recording> SessionStore::recording(const std::optional<fit::Bench>& bench) const {
-  if (impl_->mode != Mode::read && !impl_->open_capture) guarded(impl_->path, [&] { impl_->flush(); });
+  if (impl_->writes() && !impl_->open_capture) guarded(impl_->path, [&] { impl_->flush(); });
   std::optional<fit::Bench> known = bench;
   if (!known) {
     const auto text = get("bench");

@@ -25,8 +25,10 @@ class SessionStore {
  public:
   /// create: a new file, refused if one with data is there. append: an existing file, refused while another
   /// program writes it. read: never changes what is in it; works on read-only media and beside a writer. A
-  /// session whose writer was killed is made one file again by whoever opens it first.
-  enum class Mode { create, append, read };
+  /// session whose writer was killed is made one file again by whoever opens it first. look: as read, but not a byte
+  /// of the file or beside it changes; a session with a log beside it, which is being written or whose writer was
+  /// killed, is refused, and so is a file that holds anything but plain tables under their names.
+  enum class Mode { create, append, read, look };
 
   SessionStore(const std::string& path, Mode mode);
   ~SessionStore();
@@ -66,6 +68,8 @@ class SessionStore {
   void replace_capture(std::int64_t old_capture);
   /// The committed captures, in order.
   [[nodiscard]] std::vector<fit::CaptureInfo> captures() const;
+  [[nodiscard]] std::int64_t count_captures() const;
+  [[nodiscard]] std::int64_t count_scans() const;
   /// Walks the scans of one committed capture.
   void for_each_scan(std::int64_t capture, const std::function<void(const fit::ScanView&)>& visit) const;
 

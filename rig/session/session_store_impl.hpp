@@ -36,6 +36,8 @@ struct SessionStore::Impl {
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
+  [[nodiscard]] bool writes() const { return mode == Mode::create || mode == Mode::append; }
+
   // session_store.cpp
   void create();
   void append();

@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "rig/session/sha256.hpp"
 
+#if defined(__x86_64__)
+#include <cpuid.h>
+#include <immintrin.h>
+#endif
+
 #include <algorithm>
 #include <bit>
 #include <cstring>
@@ -24,9 +29,7 @@ std::uint32_t big_endian(const std::uint8_t* bytes) {
          bytes[3];
 }
 
-}  // namespace
-
-void Sha256::digest_block(const std::uint8_t* block) {
+void digest_block(Sha256State& state, const std::uint8_t* block) {
   std::array<std::uint32_t, 64> schedule;
   for (std::size_t i = 0; i < 16; ++i) schedule[i] = big_endian(block + 4 * i);
   for (std::size_t i = 16; i < 64; ++i) {
@@ -34,7 +37,7 @@ void Sha256::digest_block(const std::uint8_t* block) {
     schedule[i] = schedule[i - 16] + (std::rotr(early, 7) ^ std::rotr(early, 18) ^ early >> 3) +
                   schedule[i - 7] + (std::rotr(late, 17) ^ std::rotr(late, 19) ^ late >> 10);
   }
-  auto [a, b, c, d, e, f, g, h] = state_;
+  auto [a, b, c, d, e, f, g, h] = state;
   for (std::size_t i = 0; i < 64; ++i) {
     const std::uint32_t first = h + (std::rotr(e, 6) ^ std::rotr(e, 11) ^ std::rotr(e, 25)) +
                                 ((e & f) ^ (~e & g)) + round_constants[i] + schedule[i];
@@ -43,23 +46,82 @@ void Sha256::digest_block(const std::uint8_t* block) {
     h = g, g = f, f = e, e = d + first, d = c, c = b, b = a, a = first + second;
   }
   const std::array<std::uint32_t, 8> step = {a, b, c, d, e, f, g, h};
-  for (std::size_t i = 0; i < 8; ++i) state_[i] += step[i];
+  for (std::size_t i = 0; i < 8; ++i) state[i] += step[i];
+}
+
+#if defined(__x86_64__)
+bool has_sha_instructions() {
+  unsigned a = 0, b = 0, c = 0, d = 0;
+  constexpr unsigned sha_bit = 1U << 29, sse41_bit = 1U << 19;
+  if (__get_cpuid_count(7, 0, &a, &b, &c, &d) == 0 || (b & sha_bit) == 0) return false;
+  return __get_cpuid(1, &a, &b, &c, &d) != 0 && (c & sse41_bit) != 0;
+}
+
+__m128i load(const void* from) { return _mm_loadu_si128(static_cast<const __m128i*>(from)); }
+
+/// By the processor's own rounds: four of them take one vector of the schedule, which the next vectors are made from.
+__attribute__((target("sha,sse4.1"))) void digest_by_instructions(Sha256State& state, const std::uint8_t* blocks,
+                                                                   std::size_t count) {
+  const __m128i big_endian_words = _mm_set_epi64x(0x0c0d0e0f08090a0bLL, 0x0405060700010203LL);
+  // The instructions keep the state as (a, b, e, f) and (c, d, g, h), the first letter in the highest lane.
+  const __m128i badc = _mm_shuffle_epi32(load(state.data()), 0xB1), hgfe = _mm_shuffle_epi32(load(state.data() + 4), 0x1B);
+  __m128i abef = _mm_alignr_epi8(badc, hgfe, 8), cdgh = _mm_blend_epi16(hgfe, badc, 0xF0);
+  for (; count > 0; --count, blocks += 64) {
+    const __m128i abef_before = abef, cdgh_before = cdgh;
+    __m128i w[4];
+    for (int i = 0; i < 4; ++i) w[i] = _mm_shuffle_epi8(load(blocks + 16 * i), big_endian_words);
+    for (int i = 0; i < 16; ++i) {
+      if (i >= 4) {
+        const __m128i seven_back = _mm_alignr_epi8(w[(i + 3) % 4], w[(i + 2) % 4], 4);
+        const __m128i begun = _mm_add_epi32(_mm_sha256msg1_epu32(w[i % 4], w[(i + 1) % 4]), seven_back);
+        w[i % 4] = _mm_sha256msg2_epu32(begun, w[(i + 3) % 4]);
+      }
+      const __m128i words = _mm_add_epi32(w[i % 4], load(round_constants.data() + 4 * i));
+      cdgh = _mm_sha256rnds2_epu32(cdgh, abef, words);
+      abef = _mm_sha256rnds2_epu32(abef, cdgh, _mm_shuffle_epi32(words, 0x0E));
+    }
+    abef = _mm_add_epi32(abef, abef_before);
+    cdgh = _mm_add_epi32(cdgh, cdgh_before);
+  }
+  const __m128i feba = _mm_shuffle_epi32(abef, 0x1B), dchg = _mm_shuffle_epi32(cdgh, 0xB1);
+  _mm_storeu_si128(reinterpret_cast<__m128i*>(state.data()), _mm_blend_epi16(feba, dchg, 0xF0));
+  _mm_storeu_si128(reinterpret_cast<__m128i*>(state.data() + 4), _mm_alignr_epi8(dchg, feba, 8));
+}
+#endif
+
+void digest_one_by_one(Sha256State& state, const std::uint8_t* blocks, std::size_t count) {
+  for (; count > 0; --count, blocks += 64) digest_block(state, blocks);
+}
+
+}  // namespace
+
+DigestBlocks portable_digest() { return digest_one_by_one; }
+
+DigestBlocks fastest_digest() {
+#if defined(__x86_64__)
+  static const DigestBlocks fastest = has_sha_instructions() ? digest_by_instructions : digest_one_by_one;
+  return fastest;
+#else
+  return digest_one_by_one;
+#endif
 }
 
 void Sha256::feed(const void* bytes, std::size_t size) {
+  const DigestBlocks digest = fastest_digest();
   const auto* next = static_cast<const std::uint8_t*>(bytes);
   total_bytes_ += size;
   while (size > 0) {
     if (pending_size_ == 0 && size >= pending_.size()) {
-      digest_block(next);
-      next += pending_.size(), size -= pending_.size();
+      const std::size_t whole = size / pending_.size();
+      digest(state_, next, whole);
+      next += whole * pending_.size(), size -= whole * pending_.size();
       continue;
     }
     const std::size_t taken = std::min(size, pending_.size() - pending_size_);
     std::memcpy(pending_.data() + pending_size_, next, taken);
     pending_size_ += taken, next += taken, size -= taken;
     if (pending_size_ == pending_.size()) {
-      digest_block(pending_.data());
+      fastest_digest()(state_, pending_.data(), 1);
       pending_size_ = 0;
     }
   }

@@ -8,6 +8,7 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <random>
 
 #include "rig/errors.hpp"
 #include "rig/session/session_file.hpp"
@@ -58,6 +59,19 @@ void add_capture(SessionStore& store, int scans) {
 }
 
 }  // namespace
+
+TEST_CASE("SHA-256 by the processor's instructions is that by the portable code") {
+  std::mt19937 random(5);
+  std::vector<std::uint8_t> bytes(64 * 40);
+  for (auto& b : bytes) b = static_cast<std::uint8_t>(random());
+  for (std::size_t blocks = 1; blocks <= 40; ++blocks) {
+    rig::Sha256State fast{}, plain{};
+    for (std::size_t i = 0; i < 8; ++i) fast[i] = plain[i] = static_cast<std::uint32_t>(random());
+    rig::fastest_digest()(fast, bytes.data(), blocks);
+    rig::portable_digest()(plain, bytes.data(), blocks);
+    CHECK(fast == plain);
+  }
+}
 
 TEST_CASE("SHA-256 gives the digests of FIPS 180-4") {
   rig::Sha256 empty;
