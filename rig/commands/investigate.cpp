@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "rig/commands/device_run.hpp"
+#include "rig/investigate/dossier_document.hpp"
 #include "rig/investigate/investigation.hpp"
 
 namespace rig::commands {
@@ -63,6 +64,7 @@ class Investigate : public Command {
       throw UsageError("--bench is missing: the bench file says what stands where. `rig new bench FILE` writes a commented one.");
     const fit::Bench bench = read_bench_file(bench_);
     const FolderLock lock(options_.folder);
+    const std::unique_ptr<LivePage> page = devices_.page_for_several();
     investigate::Hands hands;
     hands.record = [&](const Procedure& procedure, const std::string& session, bool resumed) {
       devices_.run(procedure, bench, session, resumed);
@@ -70,8 +72,17 @@ class Investigate : public Command {
     hands.explain = [](const std::vector<const fit::Recording*>& recordings) {
       return fit::explain::explain(recordings, {});
     };
-    hands.say = [](const std::string& line) { std::fprintf(stderr, "investigate: %s\n", line.c_str()); };
+    hands.say = [this](const std::string& line) {
+      std::fprintf(stderr, "investigate: %s\n", line.c_str());
+      if (!devices_.logs_json()) return;
+      std::printf("%s\n", json{{"type", "investigation"}, {"text", line}}.dump(-1, ' ', false, json::error_handler_t::replace).c_str());
+      std::fflush(stdout);
+    };
+    if (page)
+      hands.show = [&page](const json& dossier) { page->show_beside("investigation", investigate::for_live_page(dossier)); };
     investigate::Investigation investigation(bench, options_, hands);
+    // Whatever is asked all the same has nobody to wait for.
+    devices_.yes = investigation.unattended() && devices_.operator_port.empty();
     const json dossier = investigation.run();
     std::fprintf(stderr, "%s\ndossier: %s\n", dossier.at("claim").get<std::string>().c_str(),
                  (std::filesystem::absolute(options_.folder) / "dossier.html").c_str());

@@ -158,4 +158,21 @@ json dossier_document(const State& state, const fit::Bench& bench) {
   return out;
 }
 
+json for_live_page(const json& dossier) {
+  json rounds = json::array();
+  for (const json& round : dossier.at("rounds")) {
+    const json& session = round.at("session");
+    rounds.push_back({{"title", session.at("title")},
+                      {"why", session.at("why")},
+                      {"minutes", session.at("stage_and_scans_min").get<double>() + session.at("hand_min").get<double>()},
+                      {"recorded", session.at("recorded")},
+                      {"suspects", round.at("told").is_object() ? round["told"].at("suspects") : json::array()}});
+  }
+  json out = {{"rounds", rounds}, {"claim", dossier.at("claim")}, {"minutes", dossier.at("minutes")}, {"budget_min", dossier.at("budget_min")}};
+  if (dossier.contains("last"))
+    out["prediction"] = {{"sha256", dossier["last"].at("sha256")},
+                         {"confirmed", dossier["last"].at("comparison").is_object() ? dossier["last"]["comparison"].at("confirmed") : json(nullptr)}};
+  return out;
+}
+
 }  // namespace rig::investigate

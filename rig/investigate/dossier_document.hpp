@@ -18,4 +18,7 @@ namespace rig::investigate {
 /// What is known of an investigation, at its end or on the way (`dossier/1`, docs/investigate.md).
 [[nodiscard]] nlohmann::json dossier_document(const State& state, const fit::Bench& bench);
 
+/// Of a dossier, what the live page shows: rounds with their suspects, what is claimed, what comes next.
+[[nodiscard]] nlohmann::json for_live_page(const nlohmann::json& dossier);
+
 }  // namespace rig::investigate

@@ -42,6 +42,9 @@ class Investigation {
   /// Throws UsageError when the folder holds another investigation, or none that could be resumed.
   Investigation(const fit::Bench& bench, Options options, Hands hands);
 
+  /// As it was begun.
+  [[nodiscard]] bool unattended() const { return state_.unattended; }
+
   /// To the end. Returns the dossier (`dossier/1`, docs/investigate.md). Throws what recording throws; what was
   /// recorded stays, and a resumed investigation goes on with it.
   nlohmann::json run();

@@ -314,6 +314,7 @@ struct Runner::Impl final : StepContext {
   /// The operator's answer, from wherever it comes first: the terminal, the bench, the live page.
   awaitable<Answer> ask_once(Prompt prompt);
   std::exception_ptr operator_failed;
+  int prompts_asked = 0;
 
   awaitable<void> ask_operator(Prompt prompt);
 
