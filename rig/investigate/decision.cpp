@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "fit/number_format.hpp"
+#include "fit/mechanism.hpp"
 
 namespace rig::investigate {
 namespace {

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "fit/explain/explanation.hpp"
-#include "fit/number_format.hpp"
+#include "fit/mechanism.hpp"
 
 namespace rig::investigate {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "fit/explain/forecast.hpp"
 #include "fit/explain/next_experiment.hpp"
-#include "fit/number_format.hpp"
+#include "fit/mechanism.hpp"
 #include "rig/errors.hpp"
 #include "rig/investigate/dossier_document.hpp"
 #include "rig/investigate/one_clock.hpp"
@@ -17,6 +17,7 @@
 #include "rig/report/dossier_page.hpp"
 #include "rig/report/explain_procedure.hpp"
 #include "rig/report/pdf.hpp"
+#include "rig/runner/runner.hpp"
 #include "rig/session/session_store.hpp"
 #include "rig/session/sha256.hpp"
 #include "rig/investigate/text_file.hpp"

@@ -6,7 +6,7 @@
 #include <iterator>
 #include <set>
 
-#include "fit/number_format.hpp"
+#include "fit/mechanism.hpp"
 #include "rig/report/explain_procedure.hpp"
 
 namespace rig::investigate {

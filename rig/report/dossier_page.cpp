@@ -4,8 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
-#include "fit/number_format.hpp"
+#include "fit/mechanism.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/report/html_text.hpp"
 #include "rig/report/plot.hpp"
@@ -49,7 +50,7 @@ std::string bars(const json& told) {
   return html;
 }
 
-std::string rounds_table(const json& dossier) {
+std::string rounds_in_table(const json& dossier) {
   std::string html =
       "<h2>How it was decided</h2>\n<table><thead><tr><th></th><th>Session, and why</th><th class=\"n\">Time</th>"
       "<th>What all sessions together suspect</th></tr></thead><tbody>\n";
@@ -116,7 +117,7 @@ std::string comparison_pictures(const json& beams) {
     all += 1;
   }
   for (double& c : counts) c /= std::max(1.0, all);
-  for (const double v : x) normal.push_back(2 * reach / bins * std::exp(-v * v / 2) / std::sqrt(2 * fit::pi));
+  for (const double v : x) normal.push_back(2 * reach / bins * std::exp(-v * v / 2) / std::sqrt(2 * std::numbers::pi));
   Plot pulls;
   pulls.title = "The same, each in its own standard uncertainty";
   pulls.x_label = "difference / standard uncertainty";
@@ -127,7 +128,7 @@ std::string comparison_pictures(const json& beams) {
   return html + "<figure>" + to_svg(pulls) + "</figure>\n";
 }
 
-std::string prediction_section(const json& last) {
+std::string foretold_section(const json& last) {
   const json& session = last.at("session");
   std::string html = "<h2 class=\"fresh\">Written down before, recorded after</h2>\n<p>" + escaped(text_of(session, "title")) + " (" +
                      minutes_of(session) + "). What it would show was in <code>" + escaped(text_of(last, "prediction")) +
@@ -200,8 +201,8 @@ std::string dossier_page(const json& dossier) {
                      short_number(number_of(dossier, "hand_minutes"), 3) + " &middot; ± is the expanded uncertainty (k = 2)</p>\n<p class=\"box" +
                      (confirmed ? "" : " no") + "\"><strong>" + escaped(text_of(dossier, "claim")) + "</strong></p>\n";
   if (dossier.contains("end")) html += "<p>" + escaped(text_of(dossier["end"], "why")) + "</p>\n";
-  html += physics_section(dossier.at("found")) + rounds_table(dossier) + open_section(dossier);
-  if (dossier.contains("last")) html += prediction_section(dossier["last"]);
+  html += physics_section(dossier.at("found")) + rounds_in_table(dossier) + open_section(dossier);
+  if (dossier.contains("last")) html += foretold_section(dossier["last"]);
   return html + details_section(dossier) + "</body></html>\n";
 }
 
