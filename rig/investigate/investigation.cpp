@@ -189,11 +189,13 @@ void Investigation::record(Session& session) {
     hands_.record(procedure_of(session), path, has_data(path));
   } catch (const RunStopped&) {
     throw;
-  } catch (const MeasurementError& error) {
-    // What was asked for could not be done, or a limit of a procedure that was given is not met.
+  } catch (const DeviceError&) {
+    throw;
+  } catch (const std::exception& error) {
+    // What was asked for could not be done here, or a limit of a procedure that was given is not met.
+    if (!has_data(path) && state_.rounds.size() == 1 && !state_.last) throw;
     session.failed = error.what();
     hands_.say("note: " + session.name + " ended before its time: " + session.failed);
-    if (!has_data(path) && state_.rounds.size() == 1 && !state_.last) throw;
   }
   session.recorded = true;
   save();
@@ -215,8 +217,9 @@ std::unique_ptr<Investigation::Evidence> Investigation::evidence(const fit::Benc
 
 void Investigation::explain_and_decide() {
   const auto all = evidence(bench_, false);
-  found_ = hands_.explain(all->list());
   Round& round = state_.rounds.back();
+  const bool something_new = has_data(file(round.session.name + ".rig"));
+  if (!found_ || something_new) found_ = hands_.explain(all->list());
   const json explanation = fit::explain::to_json(*found_);
   write_file_atomically(file(round.session.name + ".explanation.json"), text_of(explanation));
   write_file_atomically(file(twin_file), text_of(explanation.at("bench")));
