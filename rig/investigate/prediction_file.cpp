@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "rig/errors.hpp"
@@ -100,18 +101,38 @@ Foretold foretold_in(const std::string& text, const std::string& file) {
 
 json comparison_document(const fit::explain::ForecastScore& score, const fit::explain::Prediction& gain,
                          const Confirmation& judged) {
-  json beams = {{"beam_deg", json::array()}, {"range_mm", json::array()}, {"off_mm", json::array()},
-                {"u_mm", json::array()}, {"before_mm", json::array()}, {"at_deg", json::array()}};
+  constexpr double width_deg = 3, pull_width = 1.0 / 3, reach = 4;
+  // For pictures: means over neighbouring beams of all captures, and how often which pull occurs.
+  struct Sum {
+    double off = 0, weight = 0, before = 0, before_count = 0;
+  };
+  std::map<long, Sum> bins;
+  std::vector<double> pulls(static_cast<std::size_t>(2 * reach / pull_width), 0);
+  const auto bin_of = [&](double beam_deg) { return std::lround(beam_deg / width_deg); };
   for (const auto& b : score.beams) {
-    beams["beam_deg"].push_back(thousandths(b.beam_deg));
-    beams["range_mm"].push_back(thousandths(b.range_mm));
-    beams["off_mm"].push_back(thousandths(b.mean_minus_forecast_mm));
-    beams["u_mm"].push_back(thousandths(b.u_mm));
+    Sum& sum = bins[bin_of(b.beam_deg)];
+    const double weight = 1 / (b.u_mm * b.u_mm);
+    sum.off += weight * b.mean_minus_forecast_mm;
+    sum.weight += weight;
+    const double place = std::floor((b.mean_minus_forecast_mm / b.u_mm + reach) / pull_width);
+    const double last = static_cast<double>(pulls.size()) - 1;
+    pulls[static_cast<std::size_t>(std::clamp(place, 0.0, last))] += 1 / static_cast<double>(score.beams.size());
   }
   for (const auto& cell : gain.shown) {
-    beams["at_deg"].push_back(thousandths(cell.beam_deg));
-    beams["before_mm"].push_back(thousandths(cell.mean_mm));
+    Sum& sum = bins[bin_of(cell.beam_deg)];
+    sum.before += cell.mean_mm;
+    sum.before_count += 1;
   }
+  json along = {{"beam_deg", json::array()}, {"off_mm", json::array()}, {"u_mm", json::array()}, {"before_mm", json::array()}};
+  for (const auto& [bin, sum] : bins) {
+    if (sum.weight <= 0 || sum.before_count < 1) continue;
+    along["beam_deg"].push_back(width_deg * static_cast<double>(bin));
+    along["off_mm"].push_back(thousandths(sum.off / sum.weight));
+    along["u_mm"].push_back(thousandths(1 / std::sqrt(sum.weight)));
+    along["before_mm"].push_back(thousandths(sum.before / sum.before_count));
+  }
+  json pulls_at = json::array();
+  for (std::size_t i = 0; i < pulls.size(); ++i) pulls_at.push_back(-reach + pull_width * (static_cast<double>(i) + 0.5));
   return {{"confirmed", judged.confirmed},
           {"reasons", judged.reasons},
           {"samples", score.samples},
@@ -122,7 +143,9 @@ json comparison_document(const fit::explain::ForecastScore& score, const fit::ex
           {"expected_rms_of_means_mm", score.expected_rms_of_means_mm},
           {"log_likelihood_gain", {{"value", gain.gain}, {"u", gain.u_gain}}},
           {"rms_of_means_before_mm", gain.before.rms_of_means_mm},
-          {"beams", beams}};
+          {"beams", score.beams.size()},
+          {"along_beam", along},
+          {"pulls", {{"at", pulls_at}, {"share", pulls}, {"width", pull_width}}}};
 }
 
 }  // namespace rig::investigate

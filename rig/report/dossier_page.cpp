@@ -32,7 +32,7 @@ std::string dossier_style() {
          ".box{border-left:.3rem solid #006d4c;padding:.3rem .9rem;background:#f4f6f5;margin:.5rem 0}.box.no{border-color:#b02a00}"
          ".bar{display:flex;align-items:center;gap:.4rem;font-size:.85rem;line-height:1.25}.bar .way{flex:0 0 6rem;height:.65rem;"
          "background:#e6e9ec}.bar .way i{display:block;height:100%;background:#0072b2}.bar .way i.set{background:#e69f00}"
-         ".bar .how{flex:0 0 2.6rem;text-align:right}figure{margin:.5rem 0}figure svg{max-width:100%;height:auto}figcaption{color:#5a5a5a;"
+         ".bar .how{flex:0 0 3.2rem;text-align:right;white-space:nowrap}th.wide{width:19rem}figure{margin:.5rem 0}figure svg{max-width:100%;height:auto}figcaption{color:#5a5a5a;"
          "font-size:.85rem}code{font-size:.85em;word-break:break-all}.fresh{break-before:page}"
          "@page{size:A4;margin:16mm 15mm}@media print{body{margin:0;padding:0;font-size:12px}figure,.box,tr{break-inside:avoid}}";
 }
@@ -53,7 +53,7 @@ std::string bars(const json& told) {
 std::string rounds_in_table(const json& dossier) {
   std::string html =
       "<h2>How it was decided</h2>\n<table><thead><tr><th></th><th>Session, and why</th><th class=\"n\">Time</th>"
-      "<th>What all sessions together suspect</th></tr></thead><tbody>\n";
+      "<th class=\"wide\">What all sessions together suspect</th></tr></thead><tbody>\n";
   int n = 0;
   for (const json& round : list_of(dossier, "rounds")) {
     const json& session = round.at("session");
@@ -86,52 +86,43 @@ std::string open_section(const json& dossier) {
   return html + "</ul>\n";
 }
 
-std::string comparison_pictures(const json& beams) {
-  const auto column = [&](const char* key) {
-    std::vector<double> values;
-    for (const json& v : list_of(beams, key)) values.push_back(v.is_number() ? v.get<double>() : std::nan(""));
-    return values;
-  };
-  const auto beam = column("beam_deg"), off = column("off_mm"), u = column("u_mm"), at = column("at_deg"),
-             before = column("before_mm");
+std::vector<double> column_of(const json& table, const char* key) {
+  std::vector<double> values;
+  for (const json& v : list_of(table, key)) values.push_back(v.is_number() ? v.get<double>() : std::nan(""));
+  return values;
+}
+
+std::string comparison_pictures(const json& comparison) {
+  const json& along = comparison.at("along_beam");
+  const auto beam = column_of(along, "beam_deg");
   Plot plot;
-  plot.title = "Means of the beams, recorded less foretold";
+  plot.title = "Recorded less foretold, means over 3 deg of the beams";
   plot.x_label = "beam angle (deg)";
   plot.y_label = "difference (mm)";
   plot.width_px = 760, plot.height_px = 300;
-  if (!before.empty()) plot.series.push_back({"by the bench file alone", Series::Style::points, at, before, {}});
-  plot.series.push_back({"as foretold", Series::Style::points, beam, off, {}});
-  std::string html = "<figure>" + to_svg(plot) +
-                     "<figcaption>What was written down, and what the bench file alone would have said (where mount and targets "
-                     "stand is fitted for it, not for the prediction).</figcaption></figure>\n";
+  plot.series.push_back({"by the bench file alone", Series::Style::points, beam, column_of(along, "before_mm"), {}});
+  plot.series.push_back({"as foretold", Series::Style::errorbars, beam, column_of(along, "off_mm"), column_of(along, "u_mm")});
+  const json& pulls = comparison.at("pulls");
   // Every difference in its own uncertainty: a standard normal distribution if those are right.
-  constexpr int bins = 24;
-  constexpr double reach = 4;
-  std::vector<double> x, counts(bins, 0), normal;
-  for (int b = 0; b < bins; ++b) x.push_back(-reach + 2 * reach * (b + 0.5) / bins);
-  double all = 0;
-  for (std::size_t i = 0; i < off.size() && i < u.size(); ++i) {
-    if (!(u[i] > 0)) continue;
-    const auto bin = static_cast<int>(std::floor((off[i] / u[i] + reach) / (2 * reach) * bins));
-    counts[static_cast<std::size_t>(std::clamp(bin, 0, bins - 1))] += 1;
-    all += 1;
-  }
-  for (double& c : counts) c /= std::max(1.0, all);
-  for (const double v : x) normal.push_back(2 * reach / bins * std::exp(-v * v / 2) / std::sqrt(2 * std::numbers::pi));
-  Plot pulls;
-  pulls.title = "The same, each in its own standard uncertainty";
-  pulls.x_label = "difference / standard uncertainty";
-  pulls.y_label = "share of the beams";
-  pulls.width_px = 760, pulls.height_px = 240;
-  pulls.series.push_back({"recorded", Series::Style::steps, x, counts, {}});
-  pulls.series.push_back({"if the uncertainties are right", Series::Style::line, x, normal, {}});
-  return html + "<figure>" + to_svg(pulls) + "</figure>\n";
+  const auto at = column_of(pulls, "at");
+  std::vector<double> normal;
+  for (const double v : at) normal.push_back(number_of(pulls, "width") * std::exp(-v * v / 2) / std::sqrt(2 * std::numbers::pi));
+  Plot histogram;
+  histogram.title = "Means of single beams: difference in its own standard uncertainty";
+  histogram.x_label = "difference / standard uncertainty";
+  histogram.y_label = "share of the beams";
+  histogram.width_px = 760, histogram.height_px = 240;
+  histogram.series.push_back({"recorded", Series::Style::steps, at, column_of(pulls, "share"), {}});
+  histogram.series.push_back({"if the uncertainties are right", Series::Style::line, at, normal, {}});
+  return "<figure>" + to_svg(plot) +
+         "<figcaption>Against the prediction, to which nothing was fitted, and against the bench file alone, for which mount and targets were "
+         "fitted to this recording.</figcaption></figure>\n<figure>" + to_svg(histogram) + "</figure>\n";
 }
 
 std::string foretold_section(const json& last) {
   const json& session = last.at("session");
-  std::string html = "<h2 class=\"fresh\">Written down before, recorded after</h2>\n<p>" + escaped(text_of(session, "title")) + " (" +
-                     minutes_of(session) + "). What it would show was in <code>" + escaped(text_of(last, "prediction")) +
+  std::string html = "<h2 class=\"fresh\">Written down before, recorded after</h2>\n<p>" + escaped(text_of(session, "title")) + ", " +
+                     minutes_of(session) + ". What it would show was in <code>" + escaped(text_of(last, "prediction")) +
                      "</code> before it was recorded: SHA-256 <code>" + escaped(text_of(last, "sha256")) + "</code>.</p>\n";
   const json& comparison = last.at("comparison");
   if (!comparison.is_object()) return html + "<p class=\"sub\">Not yet compared.</p>\n";
@@ -140,7 +131,7 @@ std::string foretold_section(const json& last) {
           (confirmed ? "It came out as foretold." : "It did not come out as foretold.") + "</strong></p>\n<ul>\n";
   for (const json& reason : list_of(comparison, "reasons")) html += "<li>" + escaped(reason.get<std::string>()) + "</li>\n";
   html += "</ul>\n";
-  return comparison.contains("beams") ? html + comparison_pictures(comparison["beams"]) : html;
+  return comparison.contains("along_beam") ? html + comparison_pictures(comparison) : html;
 }
 
 std::string details_section(const json& dossier) {
