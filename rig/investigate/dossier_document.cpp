@@ -92,6 +92,9 @@ json open_of(const State& state, const json& told) {
       list.push_back("Which it is of " + fit::explain::listed(names, "or") + ".");
     }
   if (state.ending && !state.ending->needs.empty()) list.push_back("To decide it would need " + state.ending->needs + ".");
+  if (state.ending)
+    for (const std::string& title : state.ending->not_looked_along)
+      list.push_back("What this would show, which nobody looked along: " + title + ".");
   if (state.comparison.is_object() && !is_confirmed(state))
     list.push_back("Why the foretold recording came out otherwise.");
   for (const Round& round : state.rounds)

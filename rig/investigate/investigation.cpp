@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <iterator>
+#include <set>
 
 #include "fit/explain/forecast.hpp"
 #include "fit/explain/next_experiment.hpp"
@@ -64,6 +65,16 @@ Told told_by(const Explanation& found) {
   return told;
 }
 
+/// Whether two explanations name the same, or both nothing but physics outside the catalogue.
+bool same(const Explanation& one, const Explanation& other) {
+  const auto names = [](const Explanation& e) {
+    std::set<std::string> ids;
+    for (const auto& found : e.mechanisms) ids.insert(found.mechanism->id);
+    return ids;
+  };
+  return one.verdict == other.verdict && one.undecided_between.empty() && names(one) == names(other);
+}
+
 /// The bench file with targets and mount known ten times as well.
 fit::Bench known_better(fit::Bench bench) {
   constexpr double times = 10;
@@ -100,6 +111,9 @@ Investigation::Investigation(const fit::Bench& bench, Options options, Hands han
       options_(std::move(options)),
       hands_(std::move(hands)) {
   const std::string state = file(state_file);
+  std::error_code ignored;
+  for (const auto& each : fs::directory_iterator(options_.folder, ignored))  // What a killed program left half-written.
+    if (each.path().filename().string().find(".part") != std::string::npos) fs::remove(each.path(), ignored);
   if (has_data(state)) {
     if (!options_.resume)
       throw UsageError(options_.folder +
@@ -242,7 +256,9 @@ void Investigation::explain_and_decide() {
   }
   std::string needs = decision.needs;
   if (needs.empty() && decision.end == End::cannot_tell) needs = would_need(*found_);
-  state_.ending = {decision.end, decision.why, needs};
+  state_.ending = {decision.end, decision.why, needs, {}};
+  for (const Candidate& c : survey)
+    if (!c.possible.done) state_.ending->not_looked_along.push_back(c.possible.title);
   hands_.say(std::string("end: ") + name_of(decision.end) + ". " + decision.why +
              (needs.empty() ? "" : " It would need " + needs + "."));
   save();
@@ -272,7 +288,8 @@ std::vector<Investigation::Candidate> Investigation::telling(const Evidence& all
   std::vector<double> information;
   for (const fit::explain::Experiment& e :
        fit::explain::telling_experiments(all.list(), found, travel_of(limits_))) {
-    looks.push_back({e.title + (e.scans > 100 ? ", with many scans" : ""), promise_of(e), {e}});
+    const bool many = e.scans > 100 || (e.scans == 100 && !e.by_hand);  // ten times as many as at first
+    looks.push_back({e.title + (many ? ", with many scans" : ""), promise_of(e), {e}, ""});
     information.push_back(e.information);
   }
   return candidates(looks, information);
@@ -347,8 +364,9 @@ void Investigation::compare() {
     const auto score = fit::explain::score(foretold.forecast, foretold.twin, *all->recordings.back());
     const auto prediction = fit::explain::predict_recording(found_->predictor, *all->recordings.back());
     outcome = {score.samples, score.coverage_95, score.coverage_95_of_means, score.rms_of_means_mm,
-               score.expected_rms_of_means_mm, prediction.gain, prediction.u_gain};
-    const bool claims = state_.ending->end == End::named || !found_->mechanisms.empty() || found_->unknown;
+               score.expected_rms_of_means_mm, prediction.gain, prediction.u_gain, false};
+    const bool claims = found_->verdict != fit::explain::nothing_missing;
+    if (claims && !gains(outcome)) outcome.told_again = same(*found_, hands_.explain({all->recordings.back().get()}));
     const Confirmation judged = judge(outcome, claims);
     comparison.update(comparison_document(score, prediction, judged));
   } catch (const std::invalid_argument& error) {

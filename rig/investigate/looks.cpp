@@ -178,22 +178,44 @@ Experiment fresh_turning(const Bench& bench, const StageTravel& travel, const st
   return e;
 }
 
-/// Two temperatures of the housing that were not recorded, if it was heated.
-Experiment fresh_heat(const Bench& bench, const std::vector<CaptureInfo>& so_far) {
+std::vector<double> temperatures_of(const std::vector<CaptureInfo>& so_far) {
   std::vector<double> temperatures;
   for (const CaptureInfo& c : so_far)
     if (c.temperature_c) temperatures.push_back(*c.temperature_c);
-  temperatures = different(std::move(temperatures), 1);
-  if (temperatures.size() < 2) return {};
+  return different(std::move(temperatures), 1);
+}
+
+Experiment at_temperatures(const Bench& bench, const std::vector<double>& celsius) {
   Experiment e;
   e.kind = Experiment::Kind::heat;
   e.scans = 40;
-  for (const double t : between(temperatures, 2)) {
+  for (const double t : celsius) {
     CaptureInfo c = whole_scene_at(bench, 0, 0);
     c.temperature_c = std::round(t);
     e.captures.push_back(c);
   }
   return e;
+}
+
+/// A temperature of the housing that was not recorded, if it was heated.
+Experiment fresh_heat(const Bench& bench, const std::vector<CaptureInfo>& so_far) {
+  const std::vector<double> temperatures = temperatures_of(so_far);
+  return temperatures.size() < 2 ? Experiment{} : at_temperatures(bench, between(temperatures, 1));
+}
+
+/// From the first capture to the last, on the sessions' clock.
+double watched_s(const std::vector<CaptureInfo>& so_far) {
+  const auto [first, last] = std::ranges::minmax_element(so_far, {}, &CaptureInfo::started_us);
+  return static_cast<double>(last->started_us - first->started_us) * 1e-6;
+}
+
+constexpr double long_enough_s = 600;
+
+/// The same place for a quarter of an hour.
+Look watch(const std::string& about) {
+  return {"The same place for a quarter of an hour", about, {},
+          "  - move: {to_deg: 0}\n  - for-each: {minute: {from: 1, to: 15, step: 1}}\n    steps:\n      - capture: {samples: 20}\n"
+          "      - wait: {seconds: 59}\n"};
 }
 
 /// A stretch of the experiment that possible_experiments() knows by that kind; empty if the bench cannot do it.
@@ -253,7 +275,7 @@ Look first_look(const Bench& bench, const StageLimits& limits, bool with_hand) {
   std::vector<double> angles;
   for (int i = 0; i < stops; ++i)  // Unevenly, so that no period of gears or of the scan hides between them.
     angles.push_back(rounded_deg(from + (to - from) * (i + 0.5 + 0.35 * std::sin(2.4 * i)) / stops));
-  Look look{"A short look from several stage angles", "What does the bench show that its file does not foresee?", {}};
+  Look look{"A short look from several stage angles", "What does the bench show that its file does not foresee?", {}, ""};
   look.parts.push_back(turns(bench, up_and_down(std::move(angles)), 20));
   if (!with_hand) return look;
   Experiment by_hand = few_placements(bench);
@@ -268,7 +290,7 @@ std::vector<Look> surveys(const Bench& bench, const StageLimits& limits, const s
   std::vector<Look> list;
   const auto add = [&](Experiment e, const std::string& about) {
     if (e.captures.empty()) return;
-    Look look{e.title, about, {}};
+    Look look{e.title, about, {}, ""};
     look.parts.push_back(std::move(e));
     list.push_back(std::move(look));
   };
@@ -289,6 +311,13 @@ std::vector<Look> surveys(const Bench& bench, const StageLimits& limits, const s
   if (angles.size() - std::min(angles.size(), small_steps) < 20)
     add(known_experiment(bench, travel, Experiment::Kind::all_round),
         "No session has looked from all round, from both sides.");
+  if (!so_far.empty() && watched_s(so_far) < long_enough_s)
+    list.push_back(watch("No session has looked for long enough to see a drift."));
+  if (temperatures_of(so_far).size() < 2) {
+    Experiment heat = at_temperatures(bench, {18, 38});
+    heat.title = "The lidar's housing at two temperatures";
+    add(std::move(heat), "No session has looked at two temperatures of the housing.");
+  }
   return list;
 }
 
@@ -299,7 +328,7 @@ Look fresh_look(const Bench& bench, const StageLimits& limits, bool with_hand,
   std::vector<double> used;
   for (const CaptureInfo& c : so_far)
     if (is_turn(c)) used.push_back(c.stage_rad * fit::deg_per_rad);
-  Look look{"From stage angles where no session has looked", "What it will show was written down before.", {}};
+  Look look{"From stage angles where no session has looked", "What it will show was written down before.", {}, ""};
   look.parts.push_back(turns(bench,
                              up_and_down(farthest_from(std::move(used), travel.from_rad * fit::deg_per_rad,
                                                        travel.to_rad * fit::deg_per_rad, stops)),
@@ -319,7 +348,7 @@ std::string procedure_text(const std::string& name, const Look& look, const Benc
   std::string text = "procedure: " + name + "\ntitle: " + yaml_quoted(look.title) + "\nabout: " +
                      yaml_quoted(look.about) + "\nstage: {approach: direct, margin_deg: 0.5}\nsteps:\n  - home\n";
   for (const Experiment& part : look.parts) text += steps_text(part, bench.lidar);
-  return text + put_back(look, bench);
+  return text + look.more_steps + put_back(look, bench);
 }
 
 }  // namespace rig::investigate

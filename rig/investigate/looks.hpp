@@ -13,6 +13,7 @@ namespace rig::investigate {
 struct Look {
   std::string title, about;
   std::vector<fit::explain::Experiment> parts;
+  std::string more_steps;  ///< Of the procedure, after those of the parts.
 
   [[nodiscard]] std::vector<fit::CaptureInfo> captures() const;
 };
@@ -25,7 +26,7 @@ struct Look {
 [[nodiscard]] Look first_look(const fit::Bench& bench, const StageLimits& limits, bool with_hand);
 
 /// Looks that nobody's suspicion asks for, to be taken where nothing is left in doubt: along what no session has
-/// looked along so far. None of them needs a hand.
+/// looked along so far. Only that at two temperatures needs a hand.
 [[nodiscard]] std::vector<Look> surveys(const fit::Bench& bench, const StageLimits& limits,
                                         const std::vector<fit::CaptureInfo>& so_far);
 

@@ -83,7 +83,8 @@ json to_json(const State& s) {
               {"refuted", s.refuted}};
   if (s.on_for_min) out["on_for_min"] = *s.on_for_min;
   if (s.ending)
-    out["ending"] = {{"end", name_of(s.ending->end)}, {"why", s.ending->why}, {"needs", s.ending->needs}};
+    out["ending"] = {{"end", name_of(s.ending->end)}, {"why", s.ending->why}, {"needs", s.ending->needs},
+                     {"not_looked_along", s.ending->not_looked_along}};
   if (s.last) out["last"] = json_of(*s.last);
   return out;
 }
@@ -111,7 +112,8 @@ State state_of(const std::string& text, const std::string& file) {
       s.rounds.push_back(std::move(round));
     }
     if (j.contains("ending"))
-      s.ending = {end_named(j["ending"].at("end")), j["ending"].at("why"), j["ending"].at("needs")};
+      s.ending = {end_named(j["ending"].at("end")), j["ending"].at("why"), j["ending"].at("needs"),
+                  j["ending"].at("not_looked_along").get<std::vector<std::string>>()};
     if (j.contains("last")) s.last = session_in(j["last"]);
     return s;
   } catch (const json::exception& error) {

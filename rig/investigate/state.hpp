@@ -39,6 +39,7 @@ struct State {
   struct Ending {
     End end = End::cannot_tell;
     std::string why, needs;
+    std::vector<std::string> not_looked_along;  ///< Titles of looks that nobody took.
   };
   std::optional<Ending> ending;
   std::optional<Session> last;      ///< The foretold session.

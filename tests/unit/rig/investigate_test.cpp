@@ -92,7 +92,7 @@ TEST_CASE("a name of which the sessions are not sure is no end by that name") {
 }
 
 TEST_CASE("a prediction is confirmed by coverage, by residuals, and by a gain where something is claimed") {
-  const Outcome good{100000, 0.951, 0.94, 0.8, 0.75, 120, 15};
+  const Outcome good{100000, 0.951, 0.94, 0.8, 0.75, 120, 15, false};
   CHECK(judge(good, true).confirmed);
   Outcome worse = good;
   worse.coverage_95 = 0.90;
@@ -102,6 +102,10 @@ TEST_CASE("a prediction is confirmed by coverage, by residuals, and by a gain wh
   worse = good, worse.gain = 20;
   CHECK_FALSE(judge(worse, true).confirmed);
   CHECK(judge(worse, false).confirmed);
+  worse.told_again = true;  // Coarse steps, say: no mean and no variance shows them.
+  CHECK(judge(worse, true).confirmed);
+  worse.gain = -100;
+  CHECK_FALSE(judge(worse, true).confirmed);
 }
 
 TEST_CASE("the first look of an attended investigation moves a board only where it can be seen, and puts it back") {
@@ -146,6 +150,28 @@ TEST_CASE("the foretold session looks from where no session has looked, and at o
   CHECK(moved > 0);
 }
 
+TEST_CASE("nobody has looked for a drift before a quarter of an hour has passed, nor for warmth at one temperature") {
+  const fit::Bench bench = room();
+  auto so_far = first_look(bench, {}, false).captures();
+  const auto titles = [&] {
+    std::set<std::string> list;
+    for (const Look& look : surveys(bench, {}, so_far)) {
+      list.insert(look.title);
+      CHECK_NOTHROW(planned(procedure_text("survey", look, bench)));
+    }
+    return list;
+  };
+  CHECK(titles().count("The same place for a quarter of an hour") == 1);
+  CHECK(titles().count("The lidar's housing at two temperatures") == 1);
+  CHECK(titles().count("The stage turns at two rates, both ways") == 1);
+  so_far.back().started_us = 1'000'000'000;
+  so_far.front().temperature_c = 20, so_far.back().temperature_c = 30;
+  so_far.front().stage_rate_rad_s = 0.1;
+  CHECK(titles().count("The same place for a quarter of an hour") == 0);
+  CHECK(titles().count("The lidar's housing at two temperatures") == 0);
+  CHECK(titles().count("The stage turns at two rates, both ways") == 0);
+}
+
 TEST_CASE("walking to a target costs minutes, covering it fewer, a cold start hours") {
   const char* begin = "procedure: test\ntitle: t\nsteps:\n  - home\n";
   const auto cost = [&](const std::string& steps) { return cost_of(planned(begin + steps), {}); };
@@ -176,7 +202,7 @@ TEST_CASE("the state of an investigation is read as it was written") {
   round.considered = {possible("a", 0.5, 4, true)};
   round.told = {{"verdict", "undecided"}};
   state.rounds = {round, round};
-  state.ending = {End::budget_spent, "why", "needs"};
+  state.ending = {End::budget_spent, "why", "needs", {"a look"}};
   state.last = round.session;
   state.prediction_sha256 = "cd";
   const State again = state_of(to_json(state).dump(), "investigation.json");
@@ -197,7 +223,7 @@ TEST_CASE("a dossier claims only what the foretold recording confirmed") {
                 {"suspects", {{{"name", "backlash"}, {"probability", 0.99}, {"set", false}}}},
                 {"notes", json::array()}};
   state.rounds = {round};
-  state.ending = {End::named, "It has a name.", ""};
+  state.ending = {End::named, "It has a name.", "", {}};
   const auto claim = [&] { return dossier_document(state, room()).at("claim").get<std::string>(); };
   CHECK(claim().find("backlash") == std::string::npos);
   state.last = round.session;
