@@ -305,12 +305,24 @@ std::vector<Look> surveys(const Bench& bench, const StageLimits& limits, const s
     for (std::size_t i = 1; i < angles.size(); ++i) count += angles[i] - angles[i - 1] < 1;
     return count;
   }();
-  if (small_steps < 20)
-    add(known_experiment(bench, travel, Experiment::Kind::both_sides),
-        "No session has looked in small steps of the stage, from both sides.");
+  Look turned{"", "No session has looked ", {}, ""};
+  const auto add_turned = [&](Experiment::Kind kind, const char* title, const char* words) {
+    Experiment e = known_experiment(bench, travel, kind);
+    if (e.captures.empty()) return;
+    e.scans = 10;
+    turned.title += (turned.parts.empty() ? "" : ", and ") + std::string(turned.parts.empty() ? title : words);
+    turned.about += (turned.parts.empty() ? "" : ", nor ") + std::string(words);
+    turned.parts.push_back(std::move(e));
+  };
   if (angles.size() - std::min(angles.size(), small_steps) < 20)
-    add(known_experiment(bench, travel, Experiment::Kind::all_round),
-        "No session has looked from all round, from both sides.");
+    add_turned(Experiment::Kind::all_round, "The whole scene from all round", "from all round");
+  if (small_steps < 20)
+    add_turned(Experiment::Kind::both_sides, "The whole scene in small steps of the stage", "in small steps of the stage");
+  if (!turned.parts.empty()) {
+    turned.title += ", from both sides";
+    turned.about += ", from both sides.";
+    list.push_back(std::move(turned));
+  }
   if (!so_far.empty() && watched_s(so_far) < long_enough_s)
     list.push_back(watch("No session has looked for long enough to see a drift."));
   if (temperatures_of(so_far).size() < 2) {

@@ -24,16 +24,15 @@ std::string minutes_of(const json& session) {
 }
 
 std::string dossier_style() {
-  return "body{font:14px/1.4 \"Source Sans 3\",\"DejaVu Sans\",sans-serif;color:#1a1a1a;max-width:54rem;margin:1.5rem auto;"
-         "padding:0 1.2rem}h1{font-size:1.6rem;margin:.2rem 0}h2{font-size:1.15rem;margin:1.4rem 0 .4rem;border-bottom:2px solid "
-         "#1a1a1a}h3{font-size:1rem;margin:.9rem 0 .2rem}table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}"
-         "th,td{text-align:left;vertical-align:top;padding:.22rem .6rem .22rem 0;border-bottom:1px solid #cfcfcf}"
-         "td.n,th.n{text-align:right}p{margin:.3rem 0}.sub{color:#5a5a5a;font-weight:400;font-size:.9rem}"
-         ".box{border-left:.3rem solid #006d4c;padding:.3rem .9rem;background:#f4f6f5;margin:.5rem 0}.box.no{border-color:#b02a00}"
-         ".bar{display:flex;align-items:center;gap:.4rem;font-size:.85rem;line-height:1.25}.bar .way{flex:0 0 6rem;height:.65rem;"
-         "background:#e6e9ec}.bar .way i{display:block;height:100%;background:#0072b2}.bar .way i.set{background:#e69f00}"
-         ".bar .how{flex:0 0 3.2rem;text-align:right;white-space:nowrap}th.wide{width:19rem}figure{margin:.5rem 0}figure svg{max-width:100%;height:auto}figcaption{color:#5a5a5a;"
-         "font-size:.85rem}code{font-size:.85em;word-break:break-all}.fresh{break-before:page}"
+  return "body{font:14px/1.4 \"Source Sans 3\",\"DejaVu Sans\",sans-serif;color:#1a1a1a;max-width:54em;margin:1.5em auto;"
+         "padding:0 1.2em}h1{font-size:1.6em;margin:.2em 0}h2{font-size:1.15em;margin:1.4em 0 .4em;border-bottom:2px solid "
+         "#1a1a1a}h3{font-size:1em;margin:.9em 0 .2em}table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}"
+         "th,td{text-align:left;vertical-align:top;padding:.22em .6em .22em 0;border-bottom:1px solid #cfcfcf}"
+         "td.n,th.n{text-align:right}p{margin:.3em 0}.sub{color:#5a5a5a;font-weight:400;font-size:.9em}"
+         ".box{border-left:.3em solid #006d4c;padding:.3em .9em;background:#f4f6f5;margin:.5em 0}.box.no{border-color:#b02a00}"
+         ".bar{font-size:.9em;line-height:1.3}.bar svg{vertical-align:baseline}th.wide{width:17em}"
+         "figure{margin:.5em 0}figure svg{max-width:100%;height:auto}figcaption{color:#5a5a5a;"
+         "font-size:.85em}code{font-size:.85em;word-break:break-all}.fresh{break-before:page}"
          "@page{size:A4;margin:16mm 15mm}@media print{body{margin:0;padding:0;font-size:12px}figure,.box,tr{break-inside:avoid}}";
 }
 
@@ -42,10 +41,11 @@ std::string bars(const json& told) {
   for (const json& s : list_of(told, "suspects")) {
     const double percent = 100 * std::clamp(number_of(s, "probability", 0), 0.0, 1.0);
     const bool in_set = s.value("set", false);
+    const std::string width = short_number(0.9 * percent, 3);
     // The set's mark is not the colour alone.
-    html += "<div class=\"bar\"><span class=\"way\"><i" + std::string(in_set ? " class=\"set\"" : "") + " style=\"width:" +
-            short_number(percent, 3) + "%\"></i></span><span class=\"how\">" + (in_set ? "one of" : short_number(percent, 3) + " %") +
-            "</span><span>" + escaped(text_of(s, "name")) + "</span></div>";
+    html += "<div class=\"bar\"><svg width=\"90\" height=\"9\" viewBox=\"0 0 90 9\"><rect width=\"90\" height=\"9\" fill=\"#e6e9ec\"/><rect width=\"" +
+            width + "\" height=\"9\" fill=\"" + (in_set ? "#e69f00" : "#0072b2") + "\"/></svg> " + (in_set ? "one of: " : short_number(percent, 3) + " % ") +
+            escaped(text_of(s, "name")) + "</div>";
   }
   return html;
 }
