@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: MIT
 #include "fit/centre.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
+#include <Eigen/LU>
 #include <algorithm>
-#include <boost/math/distributions/chi_squared.hpp>
 #include <cmath>
 #include <stdexcept>
+
+#include "fit/dense.hpp"
+#include "fit/distributions.hpp"
 
 namespace fit {
 namespace {
@@ -24,8 +27,7 @@ Eigen::Matrix2d root_covariance(const CentrePoint& point) {
 
 void judge(CentreFit& fit) {
   if (fit.degrees_of_freedom < 1) return;
-  const boost::math::chi_squared_distribution<double> expected(fit.degrees_of_freedom);
-  if (fit.chi2 <= quantile(expected, 0.99)) return;
+  if (fit.chi2 <= chi_squared_quantile(fit.degrees_of_freedom, 0.99)) return;
   fit.inflation = std::sqrt(fit.chi2 / fit.degrees_of_freedom);
   for (Eigen::Matrix2d* part : {&fit.covariance, &fit.from_range, &fit.from_angle})
     *part *= fit.inflation * fit.inflation;
@@ -47,10 +49,10 @@ Gain gain_of(const Eigen::MatrixXd& design, const Eigen::VectorXd& sigma, const 
   Eigen::MatrixXd covariance = shifts * shifts.transpose();
   covariance.diagonal() += sigma.cwiseAbs2();
   Gain out;
-  out.root = Eigen::LLT<Eigen::MatrixXd>(covariance).matrixL();
+  out.root = dense::cholesky(covariance);
   const auto root = out.root.triangularView<Eigen::Lower>();
   const Eigen::MatrixXd whitened = root.solve(design),
-                        inverse = whitened.completeOrthogonalDecomposition().pseudoInverse();
+                        inverse = dense::pseudo_inverse(whitened);
   out.matrix = root.solve<Eigen::OnTheRight>(inverse);
   return out;
 }
@@ -67,7 +69,7 @@ double condition_of(Eigen::MatrixXd design) {
     const double length = design.col(column).norm();
     if (length > 0) design.col(column) /= length;
   }
-  const Eigen::VectorXd values = design.jacobiSvd().singularValues();
+  const Eigen::VectorXd values = dense::right_singular(design).values;
   return values(values.size() - 1) > 0 ? values(0) / values(values.size() - 1)
                                        : std::numeric_limits<double>::infinity();
 }

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "fit/circle.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
+#include <Eigen/LU>
+
+#include "fit/dense.hpp"
 
 namespace fit {
 
@@ -61,7 +64,7 @@ void finish(CircleFit& fit, std::span<const Vector2d> points) {
 CircleFit fit_circle_algebraic(std::span<const Vector2d> points) {
   Vector2d mean = Vector2d::Zero();
   for (const Vector2d& p : points) mean += p / static_cast<double>(points.size());
-  Eigen::MatrixX3d a(static_cast<Eigen::Index>(points.size()), 3);
+  Eigen::MatrixXd a(static_cast<Eigen::Index>(points.size()), 3);
   Eigen::VectorXd b(static_cast<Eigen::Index>(points.size()));
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Vector2d d = points[i] - mean;
@@ -69,7 +72,7 @@ CircleFit fit_circle_algebraic(std::span<const Vector2d> points) {
     a.row(row) << d.x(), d.y(), 1;
     b(row) = d.squaredNorm();
   }
-  const Vector3d c = a.colPivHouseholderQr().solve(b);
+  const Vector3d c = dense::least_squares(a, b);
   CircleFit fit;
   const Vector2d centre(c[0] / 2, c[1] / 2);
   fit.circle = {mean + centre, std::sqrt(std::max(0.0, c[2] + centre.squaredNorm()))};
@@ -84,7 +87,7 @@ CircleFit fit_circle(std::span<const Vector2d> points) {
   for (int i = 0; i < 200 && !fit.converged; ++i) {
     Normal3 normal = linearise(points, fit.circle);
     normal.information.diagonal() *= 1 + damping;
-    const Vector3d step = normal.information.ldlt().solve(normal.gradient);
+    const Vector3d step = dense::solve_symmetric(normal.information, normal.gradient);
     const Circle next{fit.circle.centre + step.head<2>(), fit.circle.radius + step[2]};
     const double now = squares(points, next);
     if (now <= cost && next.radius > 0) {

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: MIT
 #include "fit/deskew.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cstdint>
 #include <numeric>
 #include <random>
 #include <unordered_map>
+
+#include "fit/dense.hpp"
 
 namespace fit {
 namespace {
@@ -402,9 +404,9 @@ Crispness crispness(std::span<const Vector2d> map, double radius_mm, std::size_t
       spread += d * d.transpose();
     }
     spread /= static_cast<double>(near.size());
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(spread);
-    const double across = std::sqrt(std::max(0.25, eigen.eigenvalues()[0]));
-    const double along = std::sqrt(std::max(0.25, eigen.eigenvalues()[1]));
+    const Eigen::VectorXd values = dense::symmetric_eigen(spread).values;
+    const double across = std::sqrt(std::max(0.25, values[0]));
+    const double along = std::sqrt(std::max(0.25, values[1]));
     entropy += std::log(across * along) + std::log(2 * pi * std::exp(1.0));
     if (along > 0.3 * radius_mm) thick.push_back(across);
   }

@@ -3,10 +3,10 @@
 
 #include <algorithm>
 #include <array>
-#include <boost/math/distributions/binomial.hpp>
-#include <boost/math/distributions/chi_squared.hpp>
 #include <cmath>
 #include <map>
+
+#include "fit/distributions.hpp"
 
 namespace fit {
 namespace {
@@ -83,8 +83,7 @@ Level level_of(const BeamStop& stop) {
 
 bool leaves(long outside, long n, double expected, double chance) {
   if (outside == 0) return false;
-  const boost::math::binomial_distribution<double> by_chance(static_cast<double>(n), std::min(expected, 0.5));
-  return cdf(complement(by_chance, static_cast<double>(outside - 1))) < chance;
+  return binomial_at_least(static_cast<double>(n), std::min(expected, 0.5), static_cast<double>(outside)) < chance;
 }
 
 using BeamStops = std::map<std::pair<int, int>, std::vector<BeamStop>>;  // By beam and approach.
@@ -337,8 +336,7 @@ double dispersion_at(const std::vector<EdgeStop>& stops, bool rising, const Post
   }
   const int freedom = informative - 2;
   if (freedom < 1) return 1;
-  const boost::math::chi_squared_distribution<double> expected(freedom);
-  return chi2 > quantile(expected, 0.99) ? chi2 / freedom : 1;
+  return chi2 > chi_squared_quantile(freedom, 0.99) ? chi2 / freedom : 1;
 }
 
 }  // namespace

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: MIT
 #include "fit/family.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
-#include <boost/math/distributions/fisher_f.hpp>
 #include <cctype>
 #include <cmath>
-#include <cstdio>
 #include <numeric>
 #include <set>
 
+#include "fit/dense.hpp"
+#include "fit/distributions.hpp"
 #include "fit/find_by_id.hpp"
+#include "fit/number_format.hpp"
 
 namespace fit {
 
@@ -25,12 +26,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double ill_conditioned = 1e6;
-
-std::string text(const char* format, double a, double b = 0) {
-  char out[400];
-  std::snprintf(out, sizeof out, format, a, b);
-  return out;
-}
 
 WeightedPoints weighted(std::span<const CurvePoint> points, const ArgumentScale& scale) {
   const auto n = static_cast<Index>(points.size());
@@ -148,12 +143,12 @@ void remark(FamilyFit& fit, const Family& family, const SearchResult& found) {
   if (fit.lacks_fit())
     fit.remarks.push_back("does not fit: the residuals are larger than the points' scatter, or neighbours are alike (a "
                           "right family leaves such in " +
-                          text("%.1g", 100 * fit.fit_p) + " % of all cases)");
+                          formatted("%.1g", 100 * fit.fit_p) + " % of all cases)");
   if (fit.condition > ill_conditioned)
     fit.remarks.push_back("ill-conditioned: its coefficients are so strongly correlated (condition number " +
-                          text("%.1e", fit.condition) +
+                          formatted("%.1e", fit.condition) +
                           ") that they mean nothing one by one; printed with four digits the curve would " +
-                          "be off by up to " + text("%.2g", fit.printed_mm) +
+                          "be off by up to " + formatted("%.2g", fit.printed_mm) +
                           ", so only full precision reproduces it");
   if (family.remarks)
     for (std::string& word : family.remarks(fit.scale, fit.beta, found.best().end))
@@ -162,7 +157,7 @@ void remark(FamilyFit& fit, const Family& family, const SearchResult& found) {
     fit.remarks.emplace_back("the best curve lies on a bound of the family: these points do not ask for it");
   if (found.best().end == SeparableFit::End::not_converged)
     fit.remarks.push_back("the search did not settle (largest cosine of the gradient " +
-                          text("%.1e", found.best().gradient) + ")");
+                          formatted("%.1e", found.best().gradient) + ")");
   for (std::size_t i = 1; i < found.minima.size(); ++i) {
     const SeparableFit& other = found.minima[i];
     if (!other.usable() || other.chi2 - fit.chi2 > 4 * fit.widening * fit.widening) continue;
@@ -325,8 +320,7 @@ double fit_probability(std::span<const double> standardised, double freedom) {
     if (i > 0) differences += std::pow(standardised[i] - standardised[i - 1], 2);
   }
   if (!(squares > 0)) return 1;
-  const boost::math::fisher_f f(freedom, n - 2);
-  const double by_size = boost::math::cdf(boost::math::complement(f, squares / freedom));
+  const double by_size = fisher_above(freedom, n - 2, squares / freedom);
   const double z = (1 - 0.5 * differences / squares) * std::sqrt((n * n - 1) / (n - 2));
   const double by_order = 0.5 * std::erfc(z / std::sqrt(2.0));
   return std::min(1.0, 2 * std::min(by_size, by_order));
@@ -414,7 +408,7 @@ SmoothingSpline::SmoothingSpline(std::span<const CurvePoint> points, int most_kn
     r(j, j) = (gap(j) + gap(j + 1)) / 3;
     if (j + 1 < k - 2) r(j, j + 1) = r(j + 1, j) = gap(j + 1) / 6;
   }
-  const MatrixXd inner = r.ldlt().solve(q.transpose());
+  const MatrixXd inner = dense::solve_symmetric(r, q.transpose());
   second_ = MatrixXd::Zero(k, k);
   second_.middleRows(1, k - 2) = inner;
   const MatrixXd penalty = q * inner;
@@ -430,13 +424,12 @@ SmoothingSpline::SmoothingSpline(std::span<const CurvePoint> points, int most_kn
   }
   normal.diagonal().array() += 1e-12 * normal.diagonal().maxCoeff();
   // In the basis where the fit is the unit matrix and the penalty diagonal, each strength costs O(knots).
-  const Eigen::LLT<MatrixXd> root(normal);
-  const MatrixXd lower = root.matrixL();
+  const MatrixXd lower = dense::cholesky(normal);
   const MatrixXd half = lower.triangularView<Eigen::Lower>().solve(penalty);
   const MatrixXd whitened = lower.triangularView<Eigen::Lower>().solve(half.transpose());
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen((whitened + whitened.transpose()) / 2);
-  const VectorXd d = eigen.eigenvalues().cwiseMax(0.0);
-  const VectorXd z = eigen.eigenvectors().transpose() * lower.triangularView<Eigen::Lower>().solve(right);
+  const dense::SymmetricEigen eigen = dense::symmetric_eigen((whitened + whitened.transpose()) / 2);
+  const VectorXd d = eigen.values.cwiseMax(0.0);
+  const VectorXd z = eigen.vectors.transpose() * lower.triangularView<Eigen::Lower>().solve(right);
   const double n = static_cast<double>(points.size());
   double best = std::numeric_limits<double>::infinity(), strength = 0;
   for (double lambda = 1e-6 / d.maxCoeff(); lambda < 1e12 / d.maxCoeff(); lambda *= 1.5) {
@@ -451,7 +444,7 @@ SmoothingSpline::SmoothingSpline(std::span<const CurvePoint> points, int most_kn
   }
   const VectorXd shrink = (1 + strength * d.array()).inverse();
   effective_ = shrink.sum();
-  const MatrixXd back = lower.transpose().triangularView<Eigen::Upper>().solve(eigen.eigenvectors());
+  const MatrixXd back = lower.transpose().triangularView<Eigen::Upper>().solve(eigen.vectors);
   values_ = back * shrink.cwiseProduct(z);
   factor_ = back * shrink.cwiseSqrt().asDiagonal();
 }

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "fit/icp.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 
+#include "fit/dense.hpp"
 #include "fit/median.hpp"
 
 namespace fit {
@@ -209,12 +210,10 @@ Pose2 closed_form_motion(std::span<const Vector2d> from, std::span<const Vector2
   to_mean /= static_cast<double>(from.size());
   Eigen::Matrix2d w = Eigen::Matrix2d::Zero();
   for (std::size_t i = 0; i < from.size(); ++i) w += (to[i] - to_mean) * (from[i] - from_mean).transpose();
-  const Eigen::JacobiSVD<Eigen::Matrix2d> svd(w, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Matrix2d mirror = Eigen::Matrix2d::Identity();
-  mirror(1, 1) = (svd.matrixU() * svd.matrixV().transpose()).determinant();
-  const Eigen::Matrix2d r = svd.matrixU() * mirror * svd.matrixV().transpose();
-  const Vector2d t = to_mean - r * from_mean;
-  return {t.x(), t.y(), std::atan2(r(1, 0), r(0, 0))};
+  // The turn that makes tr(R^T w) greatest: in the plane, Kabsch's algorithm needs no decomposition.
+  const Pose2 turn{0, 0, std::atan2(w(1, 0) - w(0, 1), w(0, 0) + w(1, 1))};
+  const Vector2d t = to_mean - turn * from_mean;
+  return {t.x(), t.y(), turn.heading_rad};
 }
 
 Pose2 SpreadCorrection::at(double share) const {
@@ -296,8 +295,8 @@ double observability_of(const Eigen::Matrix3d& rigid) {
   // The heading counts by the lever at which the points see it.
   const double lever = std::sqrt(std::max(1e-9, rigid(2, 2) / sum));
   const Vector3d scale(1, 1, 1 / lever);
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(scale.asDiagonal() * rigid * scale.asDiagonal());
-  return std::max(0.0, eigen.eigenvalues()[0]) / std::max(1e-300, eigen.eigenvalues()[2]);
+  const Eigen::VectorXd values = dense::symmetric_eigen(scale.asDiagonal() * rigid * scale.asDiagonal()).values;
+  return std::max(0.0, values[0]) / std::max(1e-300, values[2]);
 }
 
 }  // namespace
@@ -321,12 +320,12 @@ SpreadResult match_spread(const PointCloud& reference, std::span<const SpreadPoi
     Vector6 now;
     now << result.correction.start, result.correction.growth;
     const Matrix6 information = normal.information + trust;
-    const Vector6 step = information.ldlt().solve(normal.gradient - trust * now);
+    const Vector6 step = dense::solve_symmetric(information, normal.gradient - trust * now);
     result.correction.start += step.head<3>();
     result.correction.growth += step.tail<3>();
     result.iterations = i + 1;
     result.observability = observability_of(normal.rigid);
-    const Matrix6 covariance = information.inverse();
+    const Matrix6 covariance = dense::inverse(information);
     result.end_covariance = covariance.topLeftCorner<3, 3>() + covariance.topRightCorner<3, 3>() +
                             covariance.bottomLeftCorner<3, 3>() + covariance.bottomRightCorner<3, 3>();
     reach = std::clamp(8 * result.noise_mm, 40.0, options.reach_mm);

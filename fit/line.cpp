@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "fit/line.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "fit/angle.hpp"
 

@@ -3,10 +3,11 @@
 
 #include <algorithm>
 #include <array>
-#include <boost/math/distributions/students_t.hpp>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
+
+#include "fit/distributions.hpp"
 
 namespace fit {
 namespace {
@@ -55,6 +56,12 @@ std::string format_fixed(double value, int decimals) {
   return out;
 }
 
+std::string formatted(const char* pattern, double a, double b, double c) {
+  std::array<char, 400> out{};
+  std::snprintf(out.data(), out.size(), pattern, a, b, c);
+  return out.data();
+}
+
 std::string with_unit(const std::string& number, const std::string& unit) {
   return unit.empty() ? number : number + " " + unit;
 }
@@ -92,8 +99,7 @@ std::string format_exactly(double value) {
 
 double coverage_factor(double degrees_of_freedom) {
   if (!std::isfinite(degrees_of_freedom) || degrees_of_freedom > 200 || degrees_of_freedom <= 0) return 2;
-  const boost::math::students_t distribution(std::max(1.0, degrees_of_freedom));
-  return boost::math::quantile(distribution, 0.5 + 0.9545 / 2);
+  return student_quantile(std::max(1.0, degrees_of_freedom), 0.5 + 0.9545 / 2);
 }
 
 }  // namespace fit

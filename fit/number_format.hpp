@@ -20,6 +20,9 @@ namespace fit {
 /// So many decimals, without the sign of what was rounded away: (-0.001, 2) -> "0.00".
 [[nodiscard]] std::string format_fixed(double value, int decimals);
 
+/// A sentence with up to three numbers, by a pattern of printf's: at most 399 characters.
+[[nodiscard]] std::string formatted(const char* pattern, double a, double b = 0, double c = 0);
+
 /// A number with its unit, if it has one.
 [[nodiscard]] std::string with_unit(const std::string& number, const std::string& unit);
 

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: MIT
 #include "fit/odometry.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
-#include <boost/math/distributions/chi_squared.hpp>
 #include <limits>
 #include <numeric>
 #include <stdexcept>
+
+#include "fit/dense.hpp"
+#include "fit/distributions.hpp"
 
 namespace fit {
 namespace {
@@ -51,8 +53,8 @@ TurnGains fit_turn_gains(const std::vector<WheelSample>& samples, const Indices&
     normal += weight * row * row.transpose();
     right += weight * row * s.match.heading_rad;
   }
-  const Eigen::CompleteOrthogonalDecomposition<Eigen::Matrix2d> solver(normal);
-  return {solver.solve(right), solver.pseudoInverse()};
+  const Eigen::Matrix2d cofactor = dense::pseudo_inverse(normal);
+  return {cofactor * right, cofactor};
 }
 
 /// The quadratic form of l (+) s = r (+) l in (b, l_x, l_y, cos l_theta, sin l_theta).
@@ -83,11 +85,10 @@ RobotGeometry solve_constrained(const Eigen::Matrix<double, 5, 5>& form, const E
                                 const Steering& steering) {
   const Eigen::Matrix<double, 3, 3> head = form.topLeftCorner<3, 3>();
   const Eigen::Matrix<double, 3, 2> mixed = form.topRightCorner<3, 2>();
-  const Eigen::CompleteOrthogonalDecomposition<Eigen::Matrix3d> solver(head);
-  const Eigen::Matrix<double, 3, 2> eliminated = solver.solve(mixed);
+  const Eigen::Matrix3d head_inverse = dense::pseudo_inverse(head);
+  const Eigen::Matrix<double, 3, 2> eliminated = head_inverse * mixed;
   const Eigen::Matrix2d rest = form.bottomRightCorner<2, 2>() - mixed.transpose() * eliminated;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(0.5 * (rest + rest.transpose()));
-  Eigen::Vector2d direction = eigen.eigenvectors().col(0);
+  Eigen::Vector2d direction = dense::symmetric_eigen(0.5 * (rest + rest.transpose())).vectors.col(0);
   Eigen::Vector3d others = -eliminated * direction;
   if (others[0] < 0) {
     direction = -direction;
@@ -164,7 +165,7 @@ RobotGeometry refine(const std::vector<WheelSample>& samples, const Indices& use
                      const Eigen::Vector3d& noise) {
   for (int round = 0; round < 20; ++round) {
     const NormalEquations at = linearise(samples, used, robot, noise);
-    const Vector6 step = at.information.ldlt().solve(at.gradient);
+    const Vector6 step = dense::solve_symmetric(at.information, at.gradient);
     if (!step.allFinite()) return robot;
     robot = RobotGeometry::from(robot.vector() + step, robot.steering);
     if (step.transpose() * at.information * step < 1e-10) break;
@@ -176,17 +177,16 @@ RobotGeometry refine(const std::vector<WheelSample>& samples, const Indices& use
 /// the samples by chi are dropped (truncated chi-squared).
 double trimmed_variance(double share) {
   if (share >= 1) return 1;
-  const boost::math::chi_squared three(3), five(5);
-  return boost::math::cdf(five, boost::math::quantile(three, share)) / share;
+  return chi_squared_cdf(5, chi_squared_quantile(3, share)) / share;
 }
 
 Matrix6 inverse_information(const Matrix6& information, const Vector6& scale) {
-  const Matrix6 scaled = scale.asDiagonal() * information * scale.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(scaled);
+  const dense::SymmetricEigen eigen =
+      dense::symmetric_eigen(scale.asDiagonal() * information * scale.asDiagonal());
   Matrix6 inverse = Matrix6::Zero();
   for (int i = 0; i < 6; ++i) {
-    const double value = std::max(eigen.eigenvalues()[i], 1e-12);
-    inverse += eigen.eigenvectors().col(i) * eigen.eigenvectors().col(i).transpose() / value;
+    const double value = std::max(eigen.values[i], 1e-12);
+    inverse += eigen.vectors.col(i) * eigen.vectors.col(i).transpose() / value;
   }
   return scale.asDiagonal() * inverse * scale.asDiagonal();
 }

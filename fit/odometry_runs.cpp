@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "fit/odometry_runs.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <map>

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: MIT
 #include "fit/range_calibration.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <map>
 #include <numeric>
+
+#include "fit/dense.hpp"
+#include "fit/number_format.hpp"
 
 namespace fit {
 namespace {
@@ -16,12 +18,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::RowVectorXd;
 using Eigen::VectorXd;
-
-std::string text(const char* format, double a, double b = 0, double c = 0) {
-  char out[400];
-  std::snprintf(out, sizeof out, format, a, b, c);
-  return out;
-}
 
 /// One term of the joint model: a family over a scaled argument, counted from its value at `zero_at`.
 struct TermModel {
@@ -214,13 +210,11 @@ double canonical_correlation(const MatrixXd& tangent, Index intensity_columns,
       column -= one * (one.dot(column) / one.squaredNorm());
       part.col(static_cast<Index>(j)) = column / std::max(1e-300, column.norm());
     }
-    const Eigen::ColPivHouseholderQR<MatrixXd> qr(part);
-    const Index rank = qr.rank();
-    return MatrixXd(MatrixXd(qr.householderQ()).leftCols(rank));
+    return dense::orthonormal_basis(part);
   };
   const MatrixXd a = orthonormal(of_intensity), b = orthonormal(of_distance);
   if (a.cols() == 0 || b.cols() == 0) return 0;
-  return std::min(1.0, Eigen::JacobiSVD<MatrixXd>(a.transpose() * b).singularValues()[0]);
+  return std::min(1.0, dense::right_singular(a.transpose() * b).values[0]);
 }
 
 struct JointFit {
@@ -346,9 +340,9 @@ void state_identifiability(RangeCalibration& out, const std::vector<RangePoint>&
     from = std::min(from, p.true_mm), to = std::max(to, p.true_mm);
   }
   if (outside > 0)
-    out.identifiability.push_back(text("at %.0f distances between %.0f and ", outside, from) +
-                                  text("%.0f mm", to) +
-                                  text(" the echo's intensity lay outside the %.0f to %.0f counts that "
+    out.identifiability.push_back(formatted("at %.0f distances between %.0f and ", outside, from) +
+                                  formatted("%.0f mm", to) +
+                                  formatted(" the echo's intensity lay outside the %.0f to %.0f counts that "
                                        "changed surfaces covered: there only the "
                                        "sum of intensity and distance error is known, for this surface. Add "
                                        "surfaces of that intensity at the "
@@ -356,7 +350,7 @@ void state_identifiability(RangeCalibration& out, const std::vector<RangePoint>&
                                        low, high));
   if (out.correlation > 0.999)
     out.identifiability.push_back(
-        text("intensity and distance changed together (canonical correlation %.5f): how the error is split "
+        formatted("intensity and distance changed together (canonical correlation %.5f): how the error is split "
              "between "
              "them is hardly known, only their sum",
              out.correlation));
@@ -368,10 +362,10 @@ void state_open_stretch(RangeCalibration& out, const std::vector<FamilyFit>& tab
   const auto open = most_open_stretch(table, chosen, points);
   if (!open) return;
   out.identifiability.push_back(
-      text("between %.0f and %.0f ", open->from, open->to) + unit + " no " + what +
-      text(" was measured: there the correction is known to %.2g mm (k = 2, at %.0f ", 2 * open->u,
+      formatted("between %.0f and %.0f ", open->from, open->to) + unit + " no " + what +
+      formatted(" was measured: there the correction is known to %.2g mm (k = 2, at %.0f ", 2 * open->u,
            open->at) +
-      unit + text("), at the measured ones to %.2g mm. Measure there as well", 2 * open->u_at_points));
+      unit + formatted("), at the measured ones to %.2g mm. Measure there as well", 2 * open->u_at_points));
 }
 
 double rms_of(const std::vector<RangePoint>& points, const Correction* correction) {
@@ -562,8 +556,7 @@ DifferenceSpread difference_spread(std::span<const Eigen::Vector2d> points, int 
   for (const auto& p : points) mean += p / static_cast<double>(points.size());
   Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
   for (const auto& p : points) scatter += (p - mean) * (p - mean).transpose();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(scatter);
-  const Eigen::Vector2d normal = axes.eigenvectors().col(0);
+  const Eigen::Vector2d normal = dense::symmetric_eigen(scatter).vectors.col(0);
   std::vector<double> plain, flat;
   for (std::size_t i = step; i < points.size(); ++i) {
     plain.push_back(points[i].y() - points[i - step].y());

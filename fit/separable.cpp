@@ -3,12 +3,14 @@
 
 #include <nlopt.h>
 
-#include <Eigen/Dense>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <memory>
 #include <numeric>
+
+#include "fit/dense.hpp"
 
 namespace fit {
 namespace {
@@ -182,7 +184,7 @@ Descent descend(Projection& projection, const SeparableModel& model, const Weigh
     for (int attempt = 0; attempt < 40 && !better; ++attempt) {
       MatrixXd damped = normal;
       damped.diagonal() += damping * size;
-      const VectorXd next = within(model, now.beta + damped.ldlt().solve(slope));
+      const VectorXd next = within(model, now.beta + dense::solve_symmetric(damped, slope));
       const double cost = projection.evaluate(next, false);
       if (cost < now.cost) {
         const double gain = now.cost - cost;
@@ -352,8 +354,8 @@ CovarianceFactor covariance_factor(const MatrixXd& weighted_jacobian) {
   const MatrixXd scaled = weighted_jacobian * scale.cwiseInverse().asDiagonal();
   const Eigen::HouseholderQR<MatrixXd> qr(scaled);
   const MatrixXd r = qr.matrixQR().topRows(p).template triangularView<Eigen::Upper>();
-  const Eigen::JacobiSVD<MatrixXd> svd(r, Eigen::ComputeFullV);
-  const auto& s = svd.singularValues();
+  const dense::RightSingular svd = dense::right_singular(r);
+  const VectorXd& s = svd.values;
   CovarianceFactor out;
   out.condition = p > 0 && s[p - 1] > 0 ? s[0] / s[p - 1] : infinity;
   MatrixXd inverse = MatrixXd::Identity(p, p);
@@ -364,7 +366,7 @@ CovarianceFactor covariance_factor(const MatrixXd& weighted_jacobian) {
     VectorXd reciprocal = VectorXd::Zero(p);
     for (Index j = 0; j < p; ++j)
       if (s[j] > 1e-13 * s[0]) reciprocal[j] = 1 / s[j];
-    inverse = svd.matrixV() * reciprocal.asDiagonal();
+    inverse = svd.vectors * reciprocal.asDiagonal();
   }
   out.factor = scale.cwiseInverse().asDiagonal() * inverse;
   return out;

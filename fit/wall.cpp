@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "fit/wall.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <functional>
@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "fit/angle.hpp"
+#include "fit/dense.hpp"
 #include "fit/median.hpp"
 
 namespace fit {
@@ -247,7 +248,7 @@ std::vector<JointEffect> effects_of(const DeviceAccuracy& accuracy) {
   return out;
 }
 
-struct JointModel {
+struct WallModel {
   const WallInBench* walls;
   const std::vector<JointEffect>* effects;
   JointVector at;
@@ -313,7 +314,7 @@ struct JointSums {
 };
 
 /// `scale`: standard deviation of one range; residuals beyond 2.5 of it count less (Huber).
-JointSums accumulate(const JointModel& model, const std::vector<Station>& stations, double scale) {
+JointSums accumulate(const WallModel& model, const std::vector<Station>& stations, double scale) {
   JointSums sums;
   const Eigen::Index n = model.at.size();
   sums.information.setZero(n, n), sums.gradient.setZero(n), sums.scatter.setZero(n, n);
@@ -339,7 +340,7 @@ JointSums accumulate(const JointModel& model, const std::vector<Station>& statio
   return sums;
 }
 
-double scale_of(const JointModel& model, const std::vector<Station>& stations) {
+double scale_of(const WallModel& model, const std::vector<Station>& stations) {
   std::vector<double> sizes;
   for (const Station& station : stations)
     for (const WallBeam& beam : station.beams) {
@@ -376,7 +377,7 @@ void check_turned(const std::vector<Station>& stations) {
 }
 
 /// Takes the deviations that were found off what the simpler ways are given.
-void take_off(const JointModel& model, std::vector<Station>& stations) {
+void take_off(const WallModel& model, std::vector<Station>& stations) {
   std::array<WallDeviation, most_effects> each;
   for (Station& station : stations)
     for (WallBeam& beam : station.beams) {
@@ -393,7 +394,7 @@ void fit_joint(std::vector<Station>& stations, double yaw, const Mount& mount,
                const DeviceAccuracy& accuracy, WallFit& fit) {
   const std::vector<JointEffect> effects = effects_of(accuracy);
   const auto count = static_cast<Eigen::Index>(effects.size());
-  JointModel model{fit.walls, &effects, JointVector::Zero(6 + count)};
+  WallModel model{fit.walls, &effects, JointVector::Zero(6 + count)};
   model.at.head<6>() << yaw, mount.x_mm.value, mount.y_mm.value, fit.walls[0].line.distance_mm,
       fit.walls[1].line.distance_mm, 0;
   // Deviations count in their standard uncertainties: before anything is seen, each is 0 +- 1.
@@ -406,7 +407,7 @@ void fit_joint(std::vector<Station>& stations, double yaw, const Mount& mount,
     JointSums sums = accumulate(model, stations, scale);
     if (round == 0) check_observable(sums, stations.size());
     with_expected(sums, std::pow(round == 0 ? 10 : scale, 2));
-    const JointVector step = sums.information.ldlt().solve(sums.gradient);
+    const JointVector step = dense::solve_symmetric(sums.information, sums.gradient);
     model.at += step;
     scale = scale_of(model, stations);
     if (round > 3 && step.cwiseAbs().maxCoeff() < 1e-9) break;
@@ -418,7 +419,7 @@ void fit_joint(std::vector<Station>& stations, double yaw, const Mount& mount,
   fit.range_noise_mm = std::sqrt(variance);
   const JointMatrix seen = sums.information;
   with_expected(sums, variance);
-  const JointMatrix inverse = sums.information.inverse();
+  const JointMatrix inverse = dense::inverse(sums.information);
   JointMatrix from_ranges = variance * inverse * seen * inverse;
   if (sums.captures >= 8) {
     // Stage errors and the beams' own errors are common to a capture: where captures scatter more than their

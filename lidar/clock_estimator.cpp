@@ -391,7 +391,27 @@ void ClockEstimator::begin_anew(double device_ms, double beyond_us) {
 /// Where the densest quarter begins, once those before it that stand close together are taken in: what stands
 /// alone in front is a delay that was folded over. Delays are taken to be exponential beyond the least, so
 /// that the least is late by about as much as its neighbours stand apart.
+///
+/// A busy host holds scans up for spells: what a while says is as uncertain as its thirds differ.
 ClockEstimator::Least ClockEstimator::least_of(std::vector<Lateness>& scans) {
+  Least least = densest(scans);
+  const std::size_t third = scans.size() / 3;
+  if (third < 8) return least;
+  std::sort(scans.begin(), scans.end(),
+            [](const Lateness& a, const Lateness& b) { return a.device_ms < b.device_ms; });
+  double sum = 0, squares = 0;
+  for (std::size_t part = 0; part < 3; ++part) {
+    std::vector<Lateness> of_part(scans.begin() + static_cast<std::ptrdiff_t>(part * third),
+                                  scans.begin() + static_cast<std::ptrdiff_t>((part + 1) * third));
+    const double off_us = densest(of_part).us - least.us;
+    sum += off_us;
+    squares += off_us * off_us;
+  }
+  least.u_us = std::hypot(least.u_us, std::sqrt(std::max(0.0, squares - sum * sum / 3) / 2));
+  return least;
+}
+
+ClockEstimator::Least ClockEstimator::densest(std::vector<Lateness>& scans) {
   std::sort(scans.begin(), scans.end(), [](const Lateness& a, const Lateness& b) { return a.us < b.us; });
   const std::size_t count = scans.size(), quarter = std::max<std::size_t>(4, count / 4);
   if (count < 8) return {scans[0].us, 1000 / std::sqrt(12.0), scans[0].device_ms, 0};

@@ -138,6 +138,7 @@ class ClockEstimator {
   void give_up_ticks();
   [[nodiscard]] Least least_behind_tick(std::vector<Lateness>& scans) const;
   [[nodiscard]] static Least least_of(std::vector<Lateness>& scans);
+  [[nodiscard]] static Least densest(std::vector<Lateness>& scans);
   [[nodiscard]] double to_host(double device_ms) const;
 
   double scan_ms_;

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
-#include <boost/math/special_functions/erf.hpp>
 #include <cmath>
 
 #include "fit/explain/explanation.hpp"
@@ -45,7 +44,7 @@ std::vector<Located> intervals(const Span& span, const std::vector<bool>& marked
   return list;
 }
 
-double two_sided(double z) { return std::max(1e-300, boost::math::erfc(std::abs(z) / std::sqrt(2.0))); }
+double two_sided(double z) { return std::max(1e-300, std::erfc(std::abs(z) / std::sqrt(2.0))); }
 
 }  // namespace
 

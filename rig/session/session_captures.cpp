@@ -167,6 +167,7 @@ void SessionStore::commit_capture(std::int64_t capture) {
       throw;
     }
     impl_->open_capture.reset();
+    impl_->empty_log();
     impl_->demand_name();
   });
 }

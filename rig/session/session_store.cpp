@@ -3,6 +3,7 @@
 #include "rig/session/session_store.hpp"
 
 #include <fcntl.h>
+#include <sqlite3.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -102,8 +103,10 @@ void SessionStore::Impl::append() {
 }
 
 void SessionStore::Impl::make_durable() {
+  // EXTRA, and before the change of mode, which is made with a rollback journal: its removal must reach the disk. A
+  // journal that came back after a power failure would undo what the log has been copied over since.
+  database->exec("PRAGMA synchronous = EXTRA");
   database->exec("PRAGMA journal_mode = WAL");
-  database->exec("PRAGMA synchronous = FULL");
   database->exec(
       "PRAGMA cache_size = -16384");  // 16 MB: a long capture spills to the log rather than to memory.
 }
@@ -122,6 +125,11 @@ SessionStore::Impl::~Impl() {
   insert_scan.reset();
   insert_geometry.reset();
   database.reset();
+}
+
+void SessionStore::Impl::empty_log() {
+  // Whatever prevents it, a reader that holds an older state say, the log has what was committed.
+  (void)sqlite3_wal_checkpoint_v2(database->getHandle(), nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
 }
 
 void SessionStore::Impl::make_plain() {

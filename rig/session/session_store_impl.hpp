@@ -42,6 +42,9 @@ struct SessionStore::Impl {
   /// Made under another name and renamed, so that a session that exists is whole whenever the power fails.
   void make_empty();
   void make_durable();
+  /// After every capture the file itself holds it: who copies the file alone, while it is written, loses
+  /// little.
+  void empty_log();
   /// A finished session is one plain file, which other clients can read from read-only media too.
   void make_plain();
   /// A session that was removed or replaced while it is written goes on without a name and ends with this

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <boost/math/special_functions/erf.hpp>
 #include <cmath>
 #include <utility>
 
@@ -91,7 +90,7 @@ std::vector<Located> locate(const Readings& readings, const std::vector<Suspicio
   for (int b = 0; b < bins_of_places; ++b) {
     const double own = information[static_cast<std::size_t>(b)];
     if (own < 0.25 * most || most <= 0) continue;
-    const double p = std::max(1e-300, boost::math::erfc(std::sqrt(own / 2)));
+    const double p = std::max(1e-300, std::erfc(std::sqrt(own / 2)));
     const double from = bins.low + b * bins.width, to = bins.low + (b + 1) * bins.width;
     if (b - last <= 2 && !list.empty()) {  // a gap of one bin is bridged
       list.back().to = to;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "fit/centre.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -10,6 +10,7 @@
 #include <numeric>
 #include <optional>
 
+#include "fit/dense.hpp"
 #include "fit/number_format.hpp"
 #include "fit/selection.hpp"
 #include "rig/errors.hpp"
@@ -133,11 +134,11 @@ bool more_on_the_right(const EdgeSource& source) {
 }
 
 std::vector<double> ellipse_axis(const Eigen::Vector2d& centre, const Eigen::Matrix2d& covariance, int axis) {
-  const Eigen::LLT<Eigen::Matrix2d> root(covariance);
+  const Eigen::Matrix2d root = fit::dense::cholesky(covariance);
   std::vector<double> out;
   for (int i = 0; i <= 90; ++i) {
     const double a = 4 * fit::rad_per_deg * i;
-    const Eigen::Vector2d offset = root.matrixL() * Eigen::Vector2d(std::cos(a), std::sin(a));
+    const Eigen::Vector2d offset = root * Eigen::Vector2d(std::cos(a), std::sin(a));
     out.push_back(centre(axis) + 2.486 * offset(axis));  // 95.45 % of a two-dimensional normal distribution.
   }
   return out;
@@ -210,14 +211,14 @@ fit::BoardLine line_through(const std::vector<BoardPoint>& seen, double stage_ra
   for (const auto& point : points) mean += point / static_cast<double>(points.size());
   Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
   for (const auto& point : points) scatter += (point - mean) * (point - mean).transpose();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(scatter);
-  Eigen::Vector2d normal = axes.eigenvectors().col(0);
+  const fit::dense::SymmetricEigen axes = fit::dense::symmetric_eigen(scatter);
+  Eigen::Vector2d normal = axes.vectors.col(0);
   if (normal.dot(mean) < 0) normal = -normal;
-  const double n = static_cast<double>(points.size()), rms = std::sqrt(axes.eigenvalues()(0) / (n - 2));
+  const double n = static_cast<double>(points.size()), rms = std::sqrt(axes.values[0] / (n - 2));
   // The distance is that of the foot of the perpendicular, which may lie outside the points.
   const double lever = std::abs(Eigen::Vector2d(-normal.y(), normal.x()).dot(mean));
   const double u_mean = std::max(rms, std::sqrt(variance / n)) / std::sqrt(n);
-  const double u_tilt = u_mean * std::sqrt(n / axes.eigenvalues()(1)) * lever;
+  const double u_tilt = u_mean * std::sqrt(n / axes.values[1]) * lever;
   return {stage_rad, std::atan2(normal.y(), normal.x()), normal.dot(mean), std::hypot(u_mean, u_tilt),
           static_cast<long>(points.size())};
 }

@@ -93,9 +93,9 @@ int laser_of(const std::string& kind) {
 /// CARMEN logs (message formats of the CARMEN logger): one message a line, metres and radians, the robot's
 /// and the lidar's pose with every scan. Of several lasers the first in the file is taken, or the one whose
 /// lines the options name.
-class Reader {
+class CarmenReader {
  public:
-  Reader(const ImportOptions& options, ImportSink& sink)
+  CarmenReader(const ImportOptions& options, ImportSink& sink)
       : sink_(sink), taken_(laser_of(options.scan_topic)) {}
 
   void line(const std::string& text) {
@@ -278,7 +278,7 @@ class Carmen : public Importer {
   void read(const std::string& path, const ImportOptions& options, ImportSink& sink) const override {
     std::ifstream in(path);
     if (!in) throw UsageError(path + " cannot be opened. Check the name and the permissions.");
-    Reader reader(options, sink);
+    CarmenReader reader(options, sink);
     std::string line;
     while (sink.wants_more() && std::getline(in, line)) {
       if (line.size() > longest_line)

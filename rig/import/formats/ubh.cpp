@@ -14,9 +14,9 @@ namespace {
 /// Logs of UrgBenri: lines "[key]", each followed by a line with its value; first the lidar's data, then
 /// timestamp (the lidar's milliseconds), logtime and scan, again and again. A scan is RANGE or
 /// RANGE|INTENSITY a step, steps separated by ';', several echoes of a step by '&'.
-class Reader {
+class UbhReader {
  public:
-  Reader(std::string path, ImportSink& sink) : path_(std::move(path)), sink_(sink) {}
+  UbhReader(std::string path, ImportSink& sink) : path_(std::move(path)), sink_(sink) {}
 
   void read(std::istream& in) {
     std::string line, key;
@@ -160,7 +160,7 @@ class Ubh : public Importer {
   void read(const std::string& path, const ImportOptions&, ImportSink& sink) const override {
     std::ifstream in(path, std::ios::binary);
     if (!in) throw UsageError(path + " cannot be opened. Check the name and the permissions.");
-    Reader(path, sink).read(in);
+    UbhReader(path, sink).read(in);
   }
 };
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
-#include <boost/math/distributions/binomial.hpp>
 #include <cmath>
 #include <numeric>
 #include <optional>
 
+#include "fit/distributions.hpp"
 #include "rig/procedure/step.hpp"
 
 namespace rig::steps {
@@ -56,9 +56,8 @@ Level level_of(const std::vector<double>& samples) {
 bool leaves(const Level& level, const std::vector<double>& samples) {
   const auto outside = std::ranges::count_if(samples, [&](double sample) { return !level.holds(sample); });
   if (outside == 0) return false;
-  const boost::math::binomial_distribution<double> chance(static_cast<double>(samples.size()),
-                                                          std::min(level.outside, 0.5));
-  return cdf(complement(chance, static_cast<double>(outside - 1))) < 1e-3;
+  return fit::binomial_at_least(static_cast<double>(samples.size()), std::min(level.outside, 0.5),
+                                static_cast<double>(outside)) < 1e-3;
 }
 
 /// The level where these samples show it, if most of them do: a slanted surface's range drifts as the stage

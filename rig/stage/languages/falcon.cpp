@@ -15,7 +15,7 @@ namespace {
 
 using boost::asio::awaitable;
 
-constexpr int most_attempts = 3;
+constexpr int falcon_attempts = 3;
 constexpr double units_per_deg = 100;
 constexpr long long units_per_turn = 36000;
 
@@ -63,12 +63,12 @@ awaitable<std::optional<std::string>> FalconProtocol::ask_once(std::string text,
 
 awaitable<std::string> FalconProtocol::ask(std::string text, std::string beginning) {
   link_.listen_anew();
-  for (int attempt = 0; attempt < most_attempts; ++attempt) {
+  for (int attempt = 0; attempt < falcon_attempts; ++attempt) {
     auto asking = ask_once(text, beginning);
     const std::optional<std::string> line = co_await std::move(asking);
     if (line) co_return *line;
   }
-  throw link_.unanswered(text, most_attempts, "Check its power and its cable.");
+  throw link_.unanswered(text, falcon_attempts, "Check its power and its cable.");
 }
 
 awaitable<StageIdentity> FalconProtocol::identify() {
@@ -84,7 +84,7 @@ awaitable<StageIdentity> FalconProtocol::identify() {
 }
 
 awaitable<FalconStatus> FalconProtocol::status() {
-  for (int attempt = 0; attempt < most_attempts; ++attempt) {
+  for (int attempt = 0; attempt < falcon_attempts; ++attempt) {
     auto asking = ask("FA", "FR_OK:");
     const std::string line = co_await std::move(asking);
     if (const auto found = falcon_status(line)) co_return *found;
@@ -136,7 +136,7 @@ awaitable<void> FalconProtocol::start_move(long long target) {
         "the stage cannot do `" + command +
         "`: it turns from 0 to 359.99 deg of its own scale. Nothing was moved. Move the rig's zero on "
         "that scale with zero_deg in the bench file, or change the procedure.");
-  for (int attempt = 0; attempt < most_attempts; ++attempt) {
+  for (int attempt = 0; attempt < falcon_attempts; ++attempt) {
     demand_not_stopped();
     auto asking = ask_once(command, command);
     const std::optional<std::string> echo = co_await std::move(asking);
@@ -147,7 +147,7 @@ awaitable<void> FalconProtocol::start_move(long long target) {
     if (now.moving || std::round(now.deg * units_per_deg) == *target_) co_return;
   }
   target_.reset();
-  throw StageRefusal("the stage did not take `" + command + "`, told " + std::to_string(most_attempts) +
+  throw StageRefusal("the stage did not take `" + command + "`, told " + std::to_string(falcon_attempts) +
                      " times. Nothing was moved by it. Look at its own display or program for an error.");
 }
 

@@ -19,7 +19,7 @@ namespace {
 using boost::asio::awaitable;
 using Clock = SerialLink::Clock;
 
-constexpr int most_attempts = 4;
+constexpr int shot_attempts = 4;
 constexpr double farthest = 16777214;                      ///< Pulses, in both dialects.
 constexpr double usual_speed = 5000, usual_ramp_ms = 200;  ///< After power-on.
 constexpr double usual_pulses_per_deg = 400;               ///< 144:1 worm, 0.72 deg motor, half steps.
@@ -91,7 +91,7 @@ awaitable<Clock::time_point> ShotProtocol::send(std::string text) {
 
 awaitable<ShotStatus> ShotProtocol::status() {
   link_.listen_anew();
-  for (int attempt = 0; attempt < most_attempts; ++attempt) {
+  for (int attempt = 0; attempt < shot_attempts; ++attempt) {
     auto sending = send("Q:");
     const auto due = co_await std::move(sending);
     for (bool is_waiting = true; is_waiting;) {
@@ -104,7 +104,7 @@ awaitable<ShotStatus> ShotProtocol::status() {
     link_.forget_answers();
   }
   throw link_.unanswered(
-      "Q:", most_attempts,
+      "Q:", shot_attempts,
       "Check its power, its cable (these controllers need the RTS and CTS wires), its baud rate "
       "and its axis (" +
           axis() + ").");
@@ -112,7 +112,7 @@ awaitable<ShotStatus> ShotProtocol::status() {
 
 /// Nothing if it does not know the question.
 awaitable<std::optional<std::string>> ShotProtocol::ask_text(std::string question) {
-  for (int attempt = 0; attempt + 1 < most_attempts; ++attempt) {
+  for (int attempt = 0; attempt + 1 < shot_attempts; ++attempt) {
     auto sending = send(question);
     const auto due = co_await std::move(sending);
     auto reading = link_.read_line(due);
@@ -150,14 +150,14 @@ awaitable<std::optional<bool>> ShotProtocol::command(std::string text) {
 /// For commands that may be given twice.
 awaitable<void> ShotProtocol::demand(std::string text) {
   link_.listen_anew();
-  for (int attempt = 0; attempt < most_attempts; ++attempt) {
+  for (int attempt = 0; attempt < shot_attempts; ++attempt) {
     auto asking = command(text);
     const std::optional<bool> understood = co_await std::move(asking);
     if (understood && *understood) co_return;
-    if (understood && attempt + 1 == most_attempts)
+    if (understood && attempt + 1 == shot_attempts)
       refuse(text, "it does not know this command or its values");
   }
-  throw link_.unanswered(text, most_attempts, "Check its power and cable.");
+  throw link_.unanswered(text, shot_attempts, "Check its power and cable.");
 }
 
 // --- who it is ---
@@ -267,7 +267,7 @@ awaitable<void> ShotProtocol::start_homing() {
   const std::string text = is_gsc() ? "H:" + axis() + "-" : "H:" + axis();
   homed_ = false;
   is_stop_requested_ = false;
-  for (int attempt = 0; attempt < most_attempts; ++attempt) {
+  for (int attempt = 0; attempt < shot_attempts; ++attempt) {
     auto resting = at_rest();
     const ShotStatus before = co_await std::move(resting);
     demand_not_stopped();
@@ -280,17 +280,17 @@ awaitable<void> ShotProtocol::start_homing() {
       doing_ = Doing::homing;
       co_return;
     }
-    if (understood && !*understood && attempt + 1 == most_attempts)
+    if (understood && !*understood && attempt + 1 == shot_attempts)
       refuse(text, "its motor is free, or it cannot be homed");
   }
-  throw StageRefusal("the stage did not begin homing, told " + std::to_string(most_attempts) +
+  throw StageRefusal("the stage did not begin homing, told " + std::to_string(shot_attempts) +
                      " times. Nothing was moved. Check that its motor is connected and switched on.");
 }
 
 /// Queued first, then started. Whatever is lost on the way, the target stays the same: a relative move is
 /// reckoned anew from where the stage stands.
 awaitable<void> ShotProtocol::drive_to(double target) {
-  for (int attempt = 0; attempt < most_attempts; ++attempt) {
+  for (int attempt = 0; attempt < shot_attempts; ++attempt) {
     auto resting = at_rest();
     const ShotStatus before = co_await std::move(resting);
     demand_not_stopped();
@@ -302,7 +302,7 @@ awaitable<void> ShotProtocol::drive_to(double target) {
     auto queueing = command(text);
     const std::optional<bool> is_queued = co_await std::move(queueing);
     demand_not_stopped();
-    if (is_queued && !*is_queued && attempt + 1 == most_attempts)
+    if (is_queued && !*is_queued && attempt + 1 == shot_attempts)
       refuse(text, "its motor is free, or the target is out of its range");
     if (!is_queued || !*is_queued) continue;
     auto starting = command("G:");
@@ -311,10 +311,10 @@ awaitable<void> ShotProtocol::drive_to(double target) {
     auto looking = has_begun(before);
     const bool begun = co_await std::move(looking);
     if (begun) co_return;
-    if (is_started && !*is_started && attempt + 1 == most_attempts) refuse("G:", "it gives no reason");
+    if (is_started && !*is_started && attempt + 1 == shot_attempts) refuse("G:", "it gives no reason");
   }
   throw StageRefusal(
-      "the stage did not begin to move, told " + std::to_string(most_attempts) +
+      "the stage did not begin to move, told " + std::to_string(shot_attempts) +
       " times. Nothing was moved. Check that its motor is connected and switched on (C:" + axis() + "1).");
 }
 

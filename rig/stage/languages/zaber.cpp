@@ -19,7 +19,7 @@ using Clock = SerialLink::Clock;
 
 constexpr int stop_id = 99;  ///< Of the stop that waits for nobody; never used otherwise.
 constexpr int highest_id = 98;
-constexpr int most_attempts = 3;  ///< A spoilt command gets no answer: it is repeated.
+constexpr int zaber_attempts = 3;  ///< A spoilt command gets no answer: it is repeated.
 /// maxspeed and accel count in units of 1/1.6384 microstep/s and 10^4/1.6384 microstep/s^2.
 constexpr double speed_unit = 1.6384;
 
@@ -136,11 +136,11 @@ awaitable<std::optional<ZaberReply>> ZaberProtocol::ask_once(const std::string& 
 /// Repeats what got no answer: moves are absolute, so saying them twice does no harm.
 awaitable<ZaberReply> ZaberProtocol::ask(std::string words, int axis) {
   link_.listen_anew();
-  for (int attempt = 0; attempt < most_attempts; ++attempt) {
+  for (int attempt = 0; attempt < zaber_attempts; ++attempt) {
     auto asking = ask_once(words, axis);
     const std::optional<ZaberReply> reply = co_await std::move(asking);
     if (!reply || (!reply->accepted && (reply->data == "AGAIN" || reply->data == "STATUSBUSY") &&
-                   attempt + 1 < most_attempts))
+                   attempt + 1 < zaber_attempts))
       continue;
     if (!reply->accepted)
       throw StageRefusal("the stage refused `" + words + "`: " + in_words(rejections, reply->data) +
@@ -149,7 +149,7 @@ awaitable<ZaberReply> ZaberProtocol::ask(std::string words, int axis) {
     co_return *reply;
   }
   throw link_.unanswered(
-      words, most_attempts,
+      words, zaber_attempts,
       "Check its power, its cable and its address (" + std::to_string(options_.address) + ").");
 }
 
@@ -159,7 +159,7 @@ awaitable<long long> ZaberProtocol::get(std::string setting, int axis) {
     const ZaberReply reply = co_await std::move(asking);
     const auto number = whole_number(reply.data.substr(0, reply.data.find(' ')));
     if (number) co_return *number;
-    if (attempt == most_attempts)
+    if (attempt == zaber_attempts)
       throw StageError("the stage answered `get " + setting + "` with '" + reply.data +
                        "' instead of a number. Check its cable, and that it is a Zaber with ASCII protocol.");
   }
@@ -231,7 +231,7 @@ awaitable<StageReading> ZaberProtocol::read() {
     auto asking = ask("get pos", options_.axis);
     reply = co_await std::move(asking);
     position = whole_number(reply.data.substr(0, reply.data.find(' ')));
-    if (!position && attempt == most_attempts)
+    if (!position && attempt == zaber_attempts)
       throw StageError("the stage answered `get pos` with '" + reply.data +
                        "' instead of a number. Check its cable.");
   }

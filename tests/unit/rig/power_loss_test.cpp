@@ -229,7 +229,7 @@ TEST_CASE("whenever the power fails, every capture whose commit had returned is 
   REQUIRE(journal.size() > 50);
 
   std::mt19937 random(1);
-  for (int trial = 0; trial < 150; ++trial) {
+  for (int trial = 0; trial < 300; ++trial) {
     const std::size_t end = random() % (journal.size() + 1);
     const auto promised = static_cast<std::size_t>(
         std::ranges::count_if(committed, [&](std::size_t count) { return count <= end; }));
