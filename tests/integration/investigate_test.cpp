@@ -79,7 +79,7 @@ void require_each_capture_once(const InvestigatedBench& bench) {
 
 TEST_CASE("hidden physics is named without a hand, and a recording that was foretold confirms it") {
   const InvestigatedBench bench(eccentric);
-  Program rig(bench.command({"--unattended"}), bench.folder());
+  Program rig(bench.command({"--unattended", "--budget-min", "14"}), bench.folder());
   const int status = rig.exit_status(std::chrono::seconds(250));
   INFO(rig.errors());
   REQUIRE(status == 0);
@@ -107,7 +107,7 @@ TEST_CASE("an investigation that is killed between any two of its steps, and wit
   int killed = 0;
   for (int life = 1;; ++life) {
     REQUIRE(life < 40);
-    Program rig(bench.command({"--unattended", "--json-log", "--resume"}), bench.folder());
+    Program rig(bench.command({"--unattended", "--budget-min", "10", "--json-log", "--resume"}), bench.folder());
     bool ended = true;
     int words = 0, progress = 0;
     while (const auto line = rig.line(std::chrono::seconds(120))) {
@@ -135,7 +135,7 @@ TEST_CASE("an investigation that is killed between any two of its steps, and wit
 
 TEST_CASE("a program that reads only a prompt's place is operator enough") {
   const InvestigatedBench bench("");
-  Program rig(bench.command({"--json-log", "--budget-min", "60"}), bench.folder());
+  Program rig(bench.command({"--json-log", "--budget-min", "30"}), bench.folder());
   int placed = 0, answered = 0;
   while (const auto line = rig.line(std::chrono::seconds(120))) {
     const json said = json::parse(*line);
