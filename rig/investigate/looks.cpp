@@ -227,17 +227,17 @@ Experiment known_experiment(const Bench& bench, const StageTravel& travel, Exper
 
 std::string number_text(double value) { return fit::rounded(value, 6); }
 
-/// Prompts that undo what the steps did to the bench.
-std::string put_back(const Look& look, const Bench& bench) {
+/// Prompts that undo what an experiment's steps did to the bench: what is recorded next is before the bench as its
+/// file says.
+std::string put_back(const Experiment& e, const Bench& bench) {
   std::set<std::string> moved;
   bool heated = false;
-  for (const Experiment& e : look.parts)
-    for (const CaptureInfo& c : e.captures) {
-      if (c.target && (e.kind == Experiment::Kind::ladder || e.kind == Experiment::Kind::greys ||
-                       e.kind == Experiment::Kind::dark || e.kind == Experiment::Kind::ends))
-        moved.insert(*c.target);
-      heated = heated || c.temperature_c.value_or(fit::explain::steady_c) != fit::explain::steady_c;
-    }
+  for (const CaptureInfo& c : e.captures) {
+    if (c.target && (e.kind == Experiment::Kind::ladder || e.kind == Experiment::Kind::greys ||
+                     e.kind == Experiment::Kind::dark || e.kind == Experiment::Kind::ends))
+      moved.insert(*c.target);
+    heated = heated || c.temperature_c.value_or(fit::explain::steady_c) != fit::explain::steady_c;
+  }
   std::string text;
   for (const std::string& name : moved) {
     const fit::Target* target = bench.target(name);
@@ -359,8 +359,8 @@ Look fresh_look(const Bench& bench, const StageLimits& limits, bool with_hand,
 std::string procedure_text(const std::string& name, const Look& look, const Bench& bench) {
   std::string text = "procedure: " + name + "\ntitle: " + yaml_quoted(look.title) + "\nabout: " +
                      yaml_quoted(look.about) + "\nstage: {approach: direct, margin_deg: 0.5}\nsteps:\n  - home\n";
-  for (const Experiment& part : look.parts) text += steps_text(part, bench.lidar);
-  return text + look.more_steps + put_back(look, bench);
+  for (const Experiment& part : look.parts) text += steps_text(part, bench.lidar) + put_back(part, bench);
+  return text + look.more_steps;
 }
 
 }  // namespace rig::investigate

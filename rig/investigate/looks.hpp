@@ -35,8 +35,8 @@ struct Look {
 [[nodiscard]] Look fresh_look(const fit::Bench& bench, const StageLimits& limits, bool with_hand,
                               const std::vector<fit::CaptureInfo>& so_far);
 
-/// The procedure file of a look. What it moved, covered, heated or cooled is put back at its end: the next
-/// session begins with the bench as its file says.
+/// The procedure file of a look. What one of its experiments moved, covered, heated or cooled is put back at its
+/// end: the next begins with the bench as its file says.
 [[nodiscard]] std::string procedure_text(const std::string& name, const Look& look, const fit::Bench& bench);
 
 }  // namespace rig::investigate

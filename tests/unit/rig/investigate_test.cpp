@@ -150,6 +150,20 @@ TEST_CASE("the foretold session looks from where no session has looked, and at o
   CHECK(moved > 0);
 }
 
+TEST_CASE("a board that was moved is back in its place before anything else is looked at") {
+  const fit::Bench bench = room();
+  auto so_far = first_look(bench, {}, true).captures();
+  so_far.front().temperature_c = 20, so_far.back().temperature_c = 30;
+  const Look fresh = fresh_look(bench, {}, true, so_far);
+  REQUIRE(fresh.captures().back().temperature_c);  // The whole scene, after the board's placements.
+  bool away = false;
+  for (const PlannedStep& step : planned(procedure_text("fresh", fresh, bench))) {
+    if (step.says.find("prompt: board") == 0) away = step.says.find("back to its place") == std::string::npos;
+    if (step.captures > 0 && away) CHECK(step.scans == 60);  // of the board alone
+  }
+  CHECK_FALSE(away);
+}
+
 TEST_CASE("nobody has looked for a drift before a quarter of an hour has passed, nor for warmth at one temperature") {
   const fit::Bench bench = room();
   auto so_far = first_look(bench, {}, false).captures();
