@@ -55,7 +55,15 @@ bool is_confirmed(const State& state) {
   return state.comparison.is_object() && state.comparison.value("confirmed", false);
 }
 
-/// One sentence that the recording of the foretold session allows.
+/// Predictions that failed before one came true belong to what that one is worth: every further try is another
+/// chance to be confirmed by luck.
+std::string tries_in_words(const State& state) {
+  if (state.refuted == 0) return "";
+  return state.refuted == 1 ? " This was the second prediction; the first did not come true."
+                            : " This was the third prediction; the two before did not come true.";
+}
+
+/// What the recording of the foretold session allows to say.
 std::string claim_of(const State& state, const json& told) {
   if (!state.ending) return "The investigation goes on.";
   if (state.comparison.is_null()) return "Nothing is claimed before a new recording was foretold and compared.";
@@ -67,17 +75,17 @@ std::string claim_of(const State& state, const json& told) {
       std::vector<std::string> names;
       for (const json& found : told.at("mechanisms")) names.push_back(found.at("mechanism"));
       return "The physics that the bench file leaves out is " + fit::explain::listed(names) +
-             ". A new recording came out as it was foretold with it.";
+             ". A new recording came out as it was foretold with it." + tries_in_words(state);
     }
     case End::nothing_missing:
-      return "Nothing is missing: a new recording came out as the bench file foretells, to its noise.";
+      return "Nothing is missing: a new recording came out as the bench file foretells, to its noise." + tries_in_words(state);
     case End::unknown_physics:
       return "Physics is missing that no mechanism of the catalogue makes. Described as a table it foretold a new "
-             "recording.";
+             "recording." + tries_in_words(state);
     case End::cannot_tell:
     case End::budget_spent:
-      return "Physics is missing, and the sessions do not tell which of several causes it is. Any of them foretells "
-             "a new recording as it came out.";
+      return "Physics is missing, and the sessions do not tell which of several causes it is. Only the one that "
+             "fits best was tried on a new recording, which came out as foretold; so may others." + tries_in_words(state);
   }
   return "";
 }

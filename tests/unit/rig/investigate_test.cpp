@@ -245,6 +245,9 @@ TEST_CASE("a dossier claims only what the foretold recording confirmed") {
   CHECK(claim().find("Nothing is claimed") == 0);
   state.comparison["confirmed"] = true;
   CHECK(claim().find("backlash") != std::string::npos);
+  CHECK(claim().find("second prediction") == std::string::npos);
+  state.refuted = 1;
+  CHECK(claim().find("This was the second prediction; the first did not come true.") != std::string::npos);
   const std::string page = dossier_page(dossier_document(state, room()));
   CHECK(page.find("The stage has play.") != std::string::npos);
   CHECK(page.find("It came out as foretold.") != std::string::npos);
