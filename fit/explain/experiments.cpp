@@ -11,6 +11,7 @@ namespace fit::explain {
 namespace {
 
 constexpr double longest_movable_mm = 3000;  // nobody moves a wall
+constexpr std::size_t fewest_placements = 4;  // that are worth carrying a target about
 
 void number(Experiment& e, double pause_s, double first_s) {
   double time = first_s;
@@ -34,8 +35,9 @@ CaptureInfo whole_scene(const Bench& bench, double stage_deg) {
   return c;
 }
 
-/// Beams that meet the target from stage angle 0, and how far it may be moved out.
-CaptureInfo aimed(const Bench& bench, const Target& target) {
+}  // namespace
+
+CaptureInfo aimed_at(const Bench& bench, const Target& target) {
   const Eigen::Vector2d middle = (target.from_mm + target.to_mm) / 2;
   const double bearing = std::atan2(middle.y(), middle.x()) - bench.lidar.mount.yaw_rad.value;
   const int centre =
@@ -46,6 +48,8 @@ CaptureInfo aimed(const Bench& bench, const Target& target) {
   c.target = target.name;
   return c;
 }
+
+namespace {
 
 Experiment experiment(Experiment::Kind kind, std::string title, int scans) {
   Experiment e;
@@ -70,7 +74,7 @@ double distance_of(const Target& target) { return std::abs(target.from_mm.dot(ta
 
 /// One more capture of a target that was moved and covered.
 void add_placement(Experiment& e, const Bench& bench, const Target& target, double shift_mm, double rho) {
-  CaptureInfo c = aimed(bench, target);
+  CaptureInfo c = aimed_at(bench, target);
   c.target_shift_mm = shift_mm;
   c.reflectance = rho;
   e.captures.push_back(c);
@@ -211,6 +215,17 @@ Experiment turning(const Bench& bench, double from_deg, double to_deg) {
 
 }  // namespace
 
+bool is_movable(const Target& target) { return (target.to_mm - target.from_mm).norm() <= longest_movable_mm; }
+
+void leave_out_hidden(Experiment& experiment, const Bench& bench) {
+  std::erase_if(experiment.captures, [&](const CaptureInfo& c) {
+    if (!c.target) return false;
+    const double middle = bench.lidar.beam_angle((c.first_step + c.last_step) / 2.0);
+    const Sight sight = Scene(bench, Nuisance(bench), c).look(c.stage_rad, middle);
+    return sight.target < 0 || bench.targets[static_cast<std::size_t>(sight.target)].name != *c.target;
+  });
+}
+
 bool stands_alike(const CaptureInfo& one, const CaptureInfo& other) {
   return one.target == other.target && one.target_shift_mm == other.target_shift_mm &&
          one.reflectance == other.reflectance;
@@ -227,10 +242,11 @@ std::vector<Experiment> possible_experiments(const Bench& bench, const StageTrav
       from_both_sides(experiment(Experiment::Kind::both_sides, "Small stage steps from both sides", 20),
                       bench, std::max(-8.0, from), std::min(8.0, to), 0.37, 6));
   for (const Target& target : bench.targets) {
-    if ((target.to_mm - target.from_mm).norm() > longest_movable_mm) continue;
-    list.push_back(ladder(bench, target));
-    list.push_back(greys(bench, target));
-    list.push_back(dark(bench, target));
+    if (!is_movable(target)) continue;
+    for (Experiment e : {ladder(bench, target), greys(bench, target), dark(bench, target)}) {
+      leave_out_hidden(e, bench);
+      if (e.captures.size() >= fewest_placements) list.push_back(std::move(e));
+    }
     if (Experiment e = ends(bench, target); !e.captures.empty()) list.push_back(std::move(e));
   }
   list.push_back(heat(bench));

@@ -41,6 +41,16 @@ struct StageTravel {
 [[nodiscard]] std::vector<Experiment> experiments_by_hand(const Bench& bench,
                                                           const std::vector<const Recording*>& so_far);
 
+/// Leaves out the captures of moved targets that the middle of their beams would not meet: behind another
+/// target, or beside the lidar's field of view.
+void leave_out_hidden(Experiment& experiment, const Bench& bench);
+
+/// Whether a target that wide can be moved: nobody moves a wall.
+[[nodiscard]] bool is_movable(const Target& target);
+
+/// Beams that meet the target's middle from stage angle 0.
+[[nodiscard]] CaptureInfo aimed_at(const Bench& bench, const Target& target);
+
 /// Whether a target stands as it did in another capture.
 [[nodiscard]] bool stands_alike(const CaptureInfo& one, const CaptureInfo& other);
 

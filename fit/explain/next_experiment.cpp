@@ -344,29 +344,35 @@ struct Recorded {
   std::function<Reduced(const Recording& more)> with;
 };
 
-/// Of these, the one that tells most beside what is recorded.
-std::optional<Experiment> best_of(std::vector<Experiment> possible, const Explanation& explanation,
-                                  const Recorded& recorded) {
+/// Those of these that tell any suspects apart beside what is recorded.
+std::vector<Experiment> telling(const std::vector<Experiment>& possible, const Explanation& explanation,
+                                const Recorded& recorded) {
+  std::vector<Experiment> list;
   // What is too weak for a few scans may show in many.
   for (const int times : {1, 10}) {
-    std::optional<Experiment> best;
     for (Experiment e : possible) {
       if (!worth_imagining(e, explanation)) continue;
       hold_steady(e, explanation);
       if (times == 1 && repeats(e, recorded.captures)) continue;
       e.scans *= times;
       const Imagined imagined(recorded.bench, e, recorded.brightness, recorded.sigma_mm);
-      if (judge(e, recorded.with(imagined), recorded.rivalries) && (!best || better(e, *best))) best = e;
+      if (judge(e, recorded.with(imagined), recorded.rivalries)) list.push_back(std::move(e));
     }
-    if (best) return best;
+    if (!list.empty()) return list;
   }
-  return {};
+  return list;
 }
 
-}  // namespace
+/// The one that tells most.
+std::optional<Experiment> best_of(const std::vector<Experiment>& list) {
+  std::optional<Experiment> best;
+  for (const Experiment& e : list)
+    if (!best || better(e, *best)) best = e;
+  return best;
+}
 
-std::optional<Experiment> best_experiment(const std::vector<const Recording*>& recordings,
-                                          const Explanation& explanation, const StageTravel& travel) {
+std::vector<Experiment> telling_with_stage(const std::vector<const Recording*>& recordings,
+                                           const Explanation& explanation, const StageTravel& travel) {
   if (!explanation.has_rivals() || recordings.empty()) return {};
   Reduced so_far = reduce(*recordings.front(), {});
   for (std::size_t i = 1; i < recordings.size(); ++i) append(so_far, reduce(*recordings[i], {}));
@@ -376,13 +382,13 @@ std::optional<Experiment> best_experiment(const std::vector<const Recording*>& r
     append(all, reduce(more, {}));
     return pooled(std::move(all));
   };
-  return best_of(possible_experiments(so_far.bench, travel), explanation,
+  return telling(possible_experiments(so_far.bench, travel), explanation,
                  {so_far.bench, so_far.captures, Brightness::of(so_far), typical_sigma(so_far),
                   rivalries_of(explanation, pooled(so_far)), with});
 }
 
-std::optional<Experiment> best_experiment_by_hand(const std::vector<const Recording*>& recordings,
-                                                  const Explanation& explanation) {
+std::vector<Experiment> telling_by_hand(const std::vector<const Recording*>& recordings,
+                                        const Explanation& explanation) {
   if (!explanation.has_rivals() || recordings.empty() || recordings.front()->bench().targets.empty())
     return {};
   const Bench& bench = recordings.front()->bench();
@@ -395,9 +401,27 @@ std::optional<Experiment> best_experiment_by_hand(const std::vector<const Record
     list.push_back(&more);
     return reduced_together(list);
   };
-  return best_of(experiments_by_hand(bench, recordings), explanation,
+  return telling(experiments_by_hand(bench, recordings), explanation,
                  {bench, captures, Brightness::of(first), typical_sigma(first),
                   rivalries_of(explanation, reduced_together(recordings)), with});
+}
+
+}  // namespace
+
+std::vector<Experiment> telling_experiments(const std::vector<const Recording*>& recordings,
+                                            const Explanation& explanation, const StageTravel& travel) {
+  return explanation.several_places ? telling_by_hand(recordings, explanation)
+                                    : telling_with_stage(recordings, explanation, travel);
+}
+
+std::optional<Experiment> best_experiment(const std::vector<const Recording*>& recordings,
+                                          const Explanation& explanation, const StageTravel& travel) {
+  return best_of(telling_with_stage(recordings, explanation, travel));
+}
+
+std::optional<Experiment> best_experiment_by_hand(const std::vector<const Recording*>& recordings,
+                                                  const Explanation& explanation) {
+  return best_of(telling_by_hand(recordings, explanation));
 }
 
 }  // namespace fit::explain

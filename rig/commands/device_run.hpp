@@ -19,6 +19,7 @@
 #include "rig/errors.hpp"
 #include "rig/fitting/fitting.hpp"
 #include "rig/live/foxglove_server.hpp"
+#include "rig/live/live_page.hpp"
 #include "rig/live/live_server.hpp"
 #include "rig/output_place.hpp"
 #include "rig/report/report.hpp"
@@ -40,12 +41,18 @@ inline std::int64_t unix_ns() {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(now).count();
 }
 
+/// Where a run's state goes that browsers shall see; empty functions: nowhere.
+struct PageOutput {
+  std::function<void(const json& state)> publish;
+  std::function<void(const std::string& type, const std::string& bytes)> show_picture;
+};
+
 /// Publishes the run's state to the live page and to Foxglove, where they are, at most 20 times a second.
 class LiveView final : public RunView {
  public:
   /// `folder`: of the procedure, whose pictures are named from there.
-  LiveView(LiveServer* live, FoxgloveServer* foxglove, const fit::Bench& bench, std::filesystem::path folder)
-      : live_(live), foxglove_(foxglove), bench_(bench), folder_(std::move(folder)) {}
+  LiveView(PageOutput page, FoxgloveServer* foxglove, const fit::Bench& bench, std::filesystem::path folder)
+      : page_(std::move(page)), foxglove_(foxglove), bench_(bench), folder_(std::move(folder)) {}
   void show(const RunState& state) override {
     const auto now = steady_clock::now();
     const bool turned = state.phase != phase_ || state.step != step_ || state.messages_total != messages_;
@@ -53,12 +60,12 @@ class LiveView final : public RunView {
     last_ = now, phase_ = state.phase, step_ = state.step, messages_ = state.messages_total;
     json document = to_json(state, bench_);
     if (foxglove_) foxglove_->publish(document, unix_ns());
-    if (!live_) return;
+    if (!page_.publish) return;
     show_picture(state.prompt ? state.prompt->picture : "");
     // The page outlives this program: it keeps what it shows at the end.
     if (state.phase == RunState::Phase::done && state.report.ends_with(".html"))
       document["end"]["html"] = bytes_of(state.report, largest_report_bytes);
-    live_->publish(document);
+    page_.publish(document);
   }
 
  private:
@@ -79,11 +86,11 @@ class LiveView final : public RunView {
     static const std::map<std::string, std::string> types = {
         {".png", "image/png"}, {".jpg", "image/jpeg"}, {".jpeg", "image/jpeg"}, {".svg", "image/svg+xml"}};
     const auto type = types.find(std::filesystem::path(name).extension().string());
-    if (name.empty() || type == types.end()) return live_->show_picture("", "");
-    live_->show_picture(type->second, bytes_of(folder_ / name, largest_picture_bytes));
+    if (name.empty() || type == types.end()) return page_.show_picture("", "");
+    page_.show_picture(type->second, bytes_of(folder_ / name, largest_picture_bytes));
   }
 
-  LiveServer* live_;
+  PageOutput page_;
   FoxgloveServer* foxglove_;
   const fit::Bench& bench_;
   std::filesystem::path folder_;
@@ -139,6 +146,18 @@ class DeviceRun {
     command.add_option("--live-token", live_.token, "Secret that the live page's address must carry");
     command.add_flag("--json-log", json_log_, "One JSON object a line on standard output, for machines");
   }
+
+  /// A live page that outlives each of several runs, if one is asked for; they show themselves on it.
+  std::unique_ptr<LivePage> page_for_several() {
+    if (live_option_->count() == 0) return nullptr;
+    auto page = std::make_unique<LivePage>(live_);
+    std::fprintf(stderr, "live page: %s\n", page->url().c_str());
+    page_ = page.get();
+    return page;
+  }
+
+  /// Whether lines for machines go to standard output.
+  [[nodiscard]] bool logs_json() const { return json_log_; }
 
   /// To the end. `resumed`: the file holds an earlier part of the run.
   int run(const Procedure& procedure, const fit::Bench& bench, const std::string& out, bool resumed) {
@@ -235,10 +254,17 @@ class DeviceRun {
     std::unique_ptr<LiveServer> live;
     std::unique_ptr<FoxgloveServer> foxglove;
     std::vector<std::unique_ptr<RunView>> views;
-    if (live_option_->count() > 0) {
+    PageOutput page;
+    if (page_) {
+      page = {[this](const json& state) { page_->publish(state); },
+              [this](const std::string& type, const std::string& bytes) { page_->show_picture(type, bytes); }};
+      page_->obey(io.get_executor(), [&runner](const json& command) { runner.command(command); });
+    } else if (live_option_->count() > 0) {
       live = std::make_unique<LiveServer>(io.get_executor(), live_,
                                           [&runner](const json& command) { runner.command(command); });
       std::fprintf(stderr, "live page: %s\n", live->url().c_str());
+      page = {[&live](const json& state) { live->publish(state); },
+              [&live](const std::string& type, const std::string& bytes) { live->show_picture(type, bytes); }};
     }
     // For `rig watch FOLDER`; a secret stays out of the file.
     session.set("live_page", live && live_.token.empty() ? live->url() : "");
@@ -247,8 +273,8 @@ class DeviceRun {
       foxglove = std::make_unique<FoxgloveServer>(io.get_executor(), foxglove_, bench.lidar.mount);
       std::fprintf(stderr, "foxglove: %s\n", foxglove->url().c_str());
     }
-    if (live || foxglove)
-      views.push_back(std::make_unique<LiveView>(live.get(), foxglove.get(), bench, procedure_folder));
+    if (page.publish || foxglove)
+      views.push_back(std::make_unique<LiveView>(std::move(page), foxglove.get(), bench, procedure_folder));
     views.push_back(make_terminal_view(stderr, isatty(STDERR_FILENO) != 0));
     if (json_log_) views.push_back(make_json_log(stdout));
     for (const auto& view : views) runner.observe([&view](const RunState& state) { view->show(state); });
@@ -271,6 +297,7 @@ class DeviceRun {
       live ? live->finish(end_foxglove) : end_foxglove();
     });
     io.run();
+    if (page_) page_->obey_nobody();
     views.clear();
     const double seconds = std::chrono::duration<double>(steady_clock::now() - started).count();
     if (!failure || isatty(STDERR_FILENO) != 0) {
@@ -283,6 +310,7 @@ class DeviceRun {
   }
 
   bool json_log_ = false;
+  LivePage* page_ = nullptr;
   std::string procedure_file_;
   LiveServer::Options live_;
   bool accept_lidar_ = false;

@@ -82,6 +82,7 @@ struct Sight {
 
 struct Prompt {
   std::string title, text, picture;
+  int number = 0;  ///< In its run, counted from 1; one that is asked again has a new number.
   std::optional<Question> question;
   std::optional<Placement> place;
   std::optional<Sight> until;

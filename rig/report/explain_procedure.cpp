@@ -17,16 +17,6 @@ std::string yaml_number(double value) {
   return text;
 }
 
-/// As a quoted YAML scalar.
-std::string yaml_quoted(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') out += '\\';
-    out += c;
-  }
-  return out + "\"";
-}
-
 std::string deg(double rad) { return yaml_number(rad * fit::deg_per_rad); }
 
 std::string beams_of(const CaptureInfo& c, const fit::LidarGeometry& lidar) {
@@ -96,7 +86,18 @@ std::string steady_step(const CaptureInfo& c) {
          "\n      place: {temperature_c: " + t + ", since_power_on_s: " + since_s + "}\n";
 }
 
-std::string steps_of(const Experiment& e, const fit::LidarGeometry& lidar) {
+}  // namespace
+
+std::string yaml_quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += c;
+  }
+  return out + "\"";
+}
+
+std::string steps_text(const Experiment& e, const fit::LidarGeometry& lidar) {
   std::string steps;
   if (e.steady) steps += steady_step(e.captures.front());
   const std::string samples = std::to_string(e.scans);
@@ -148,8 +149,6 @@ std::string steps_of(const Experiment& e, const fit::LidarGeometry& lidar) {
   return steps;
 }
 
-}  // namespace
-
 std::string promise_of(const Experiment& e) {
   std::vector<std::string> groups, together;
   for (const auto& group : e.groups) {
@@ -176,7 +175,7 @@ std::string procedure_text(const Experiment& e, const fit::Bench& bench) {
          (e.by_hand ? std::string("\nsteps:\n")
                     : std::string("\nstage: {approach: ") + (both ? "direct" : "positive") +
                           ", margin_deg: 0.5}\nsteps:\n  - home\n") +
-         steps_of(e, bench.lidar);
+         steps_text(e, bench.lidar);
 }
 
 }  // namespace rig

@@ -71,7 +71,7 @@ class BenchOperator final : public Operator {
 
   awaitable<Answer> ask(Prompt prompt) override {
     if (!prompt.place) co_return Answer{};
-    auto telling = tell(json{{"place", place_of(*prompt.place)}}.dump() + "\n");
+    auto telling = tell(json{{"place", to_json(*prompt.place)}}.dump() + "\n");
     auto late = deadline();
     const auto outcome = co_await (std::move(telling) || std::move(late));
     if (outcome.index() == 1) {
@@ -91,16 +91,6 @@ class BenchOperator final : public Operator {
   bool unattended() const override { return true; }
 
  private:
-  static json place_of(const Placement& place) {
-    json what = json::object();
-    if (!place.target.empty()) what["target"] = place.target;
-    if (place.shift_mm) what["shift_mm"] = *place.shift_mm;
-    if (place.reflectance) what["reflectance"] = *place.reflectance;
-    if (place.temperature_c) what["temperature_c"] = *place.temperature_c;
-    if (place.since_power_on_s) what["since_power_on_s"] = *place.since_power_on_s;
-    return what;
-  }
-
   std::string name() const { return address_.host + ":" + std::to_string(address_.port); }
 
   void forget_connection() {

@@ -175,7 +175,7 @@ class JsonLog final : public RunView {
                  {"scans_lost", state.scans_lost},
                  {"scans_rejected", state.scans_rejected},
                  {"reconnects", state.reconnects}};
-    if (state.prompt) line["prompt"] = {{"title", state.prompt->title}, {"text", state.prompt->text}};
+    if (state.prompt) line["prompt"] = to_json(*state.prompt);
     if (state.phase >= RunState::Phase::done) line["limits"] = json::parse(state.checks_text);
     write(line);
   }

@@ -97,6 +97,11 @@ struct RunState {
 /// "running", "prompt" ...
 const char* phase_word(RunState::Phase phase);
 
+/// What a prompt asks to be placed, for a program that does it: the words of the simulated bench's operator port
+/// (docs/simulator.md).
+nlohmann::json to_json(const Placement& place);
+/// A prompt as the live page and `--json-log` have it (docs/live.md).
+nlohmann::json to_json(const Prompt& prompt);
 /// The state as the live page's document (docs/live.md).
 nlohmann::json to_json(const RunState& state, const fit::Bench& bench);
 

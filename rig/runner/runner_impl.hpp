@@ -317,6 +317,7 @@ struct Runner::Impl final : StepContext {
   void say_who_waits(const Prompt& prompt);
   awaitable<Answer> ask_once(Prompt prompt);
   std::exception_ptr operator_failed;
+  int prompts_asked = 0;
 
   awaitable<void> ask_operator(Prompt prompt);
 

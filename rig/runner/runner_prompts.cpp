@@ -31,6 +31,7 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
   expect(prompt);
   for (int look = 1;; ++look) {
     state.phase = RunState::Phase::prompt;
+    prompt.number = ++prompts_asked;
     state.prompt = prompt;
     state.activity = "prompt: " + prompt.title;
     note("info", "asks: " + prompt.title);

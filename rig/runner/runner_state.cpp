@@ -24,22 +24,6 @@ const char* word(RunState::StepState state) {
   return "";
 }
 
-json prompt_json(const Prompt& prompt) {
-  json result = {
-      {"title", prompt.title}, {"text", prompt.text}, {"can_skip", prompt.skippable}, {"can_repeat", prompt.repeatable}};
-  if (!prompt.picture.empty()) result["picture"] = prompt.picture;
-  if (!prompt.refusal.empty()) result["refusal"] = prompt.refusal;
-  if (prompt.to_go_mm) result["to_go_mm"] = std::round(*prompt.to_go_mm);
-  if (!prompt.check.empty()) result["check"] = {{"text", prompt.check}, {"good", false}};
-  if (prompt.check.empty() && !prompt.seen.empty()) result["check"] = {{"text", prompt.seen}, {"good", true}};
-  if (prompt.question) {
-    result["ask"] = {{"name", prompt.question->name}, {"unit", prompt.question->unit}};
-    if (prompt.question->min) result["ask"]["min"] = *prompt.question->min;
-    if (prompt.question->max) result["ask"]["max"] = *prompt.question->max;
-  }
-  return result;
-}
-
 json results_json(const std::string& checks_text) {
   json results = json::array();
   for (const json& check : json::parse(checks_text))
@@ -121,6 +105,33 @@ const char* phase_word(RunState::Phase phase) {
   return "";
 }
 
+json to_json(const Placement& place) {
+  json what = json::object();
+  if (!place.target.empty()) what["target"] = place.target;
+  if (place.shift_mm) what["shift_mm"] = *place.shift_mm;
+  if (place.reflectance) what["reflectance"] = *place.reflectance;
+  if (place.temperature_c) what["temperature_c"] = *place.temperature_c;
+  if (place.since_power_on_s) what["since_power_on_s"] = *place.since_power_on_s;
+  return what;
+}
+
+json to_json(const Prompt& prompt) {
+  json result = {
+      {"number", prompt.number}, {"title", prompt.title}, {"text", prompt.text}, {"can_skip", prompt.skippable}, {"can_repeat", prompt.repeatable}};
+  if (!prompt.picture.empty()) result["picture"] = prompt.picture;
+  if (!prompt.refusal.empty()) result["refusal"] = prompt.refusal;
+  if (prompt.to_go_mm) result["to_go_mm"] = std::round(*prompt.to_go_mm);
+  if (!prompt.check.empty()) result["check"] = {{"text", prompt.check}, {"good", false}};
+  if (prompt.check.empty() && !prompt.seen.empty()) result["check"] = {{"text", prompt.seen}, {"good", true}};
+  if (prompt.question) {
+    result["ask"] = {{"name", prompt.question->name}, {"unit", prompt.question->unit}};
+    if (prompt.question->min) result["ask"]["min"] = *prompt.question->min;
+    if (prompt.question->max) result["ask"]["max"] = *prompt.question->max;
+  }
+  if (prompt.place) result["place"] = to_json(*prompt.place);
+  return result;
+}
+
 json to_json(const RunState& state, const fit::Bench& bench) {
   json document = {{"schema", "live/1"},
                    {"phase", phase_word(state.phase)},
@@ -143,7 +154,7 @@ json to_json(const RunState& state, const fit::Bench& bench) {
                         {"of", state.steps.size()},
                         {"number", number_of_step(state, state.step)},
                         {"text", state.steps[state.step].first}};
-  if (state.prompt) document["prompt"] = prompt_json(*state.prompt);
+  if (state.prompt) document["prompt"] = to_json(*state.prompt);
   if (state.prompt && state.prompt->until && state.prompt->until->target)
     document["prompt"]["ghost"] = ghost_json(*state.prompt->until->target, bench, state.stage_deg);
   if (state.phase >= RunState::Phase::done) document["end"] = end_json(state);

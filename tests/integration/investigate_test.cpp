@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: MIT
+// `rig investigate` as users run it, on a simulated bench whose physics its bench file does not know.
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "rig/session/session_store.hpp"
+#include "rig/session/sha256.hpp"
+#include "tests/support/programs.hpp"
+
+namespace {
+
+using nlohmann::json;
+
+/// A room seen by a coarse lidar, and a board in it; `known`: what the file knows of physics. Edges are sharp: the
+/// simulator would mix them otherwise, which is physics that the file does not know.
+std::string bench_text(const std::string& known) {
+  return R"({"schema": "bench/1",
+    "lidar": {"model": "UST-10LX", "steps": 271, "front_step": 135, "step_deg": 1, "scan_hz": 40,
+              "mount": {"x_mm": {"value": 0, "u": 2}, "y_mm": {"value": 0, "u": 2}, "yaw_deg": {"value": 0, "u": 0.2}}},
+    "stage": {"resolution_deg": 0.01, "speed_deg_s": 20},
+    "sim": {"edge_window_deg": 0},
+    "targets": [
+      {"name": "east", "from_mm": [3100, -2200], "to_mm": [3100, 2000], "u_mm": 1, "u_deg": 0.05, "reflectance": 0.6},
+      {"name": "north", "from_mm": [3100, 2000], "to_mm": [-2600, 2000], "u_mm": 1, "u_deg": 0.05, "reflectance": 0.5},
+      {"name": "west", "from_mm": [-2600, 2000], "to_mm": [-2600, -2200], "u_mm": 1, "u_deg": 0.05, "reflectance": 0.5},
+      {"name": "south", "from_mm": [-2600, -2200], "to_mm": [3100, -2200], "u_mm": 1, "u_deg": 0.05, "reflectance": 0.5},
+      {"name": "board", "from_mm": [1000, -200], "to_mm": [1000, 200], "u_mm": 1, "u_deg": 0.1, "reflectance": 0.8}],
+    "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 4, "u": 1}}})" +
+         known + "]}";
+}
+
+const std::string eccentric =
+    R"(, {"mechanism": "encoder-eccentricity", "parameters": {"amplitude_deg": 0.25, "phase_deg": 40}})";
+
+class InvestigatedBench {
+ public:
+  explicit InvestigatedBench(const std::string& hidden) {
+    std::ofstream(folder_ / "bench.json") << bench_text("");
+    std::ofstream(folder_ / "truth.json") << bench_text(hidden);
+    sim_.emplace(folder_, folder_ / "bench.json", std::vector<std::string>{"--truth", folder_ / "truth.json", "--seed", "5"});
+  }
+  [[nodiscard]] std::vector<std::string> command(std::vector<std::string> more) const {
+    std::vector<std::string> words = {RIG_BIN_DIR "/rig", "investigate",  "--bench",     folder_ / "bench.json", "--lidar", sim_->lidar(),
+                                      "--stage",          sim_->stage(), "--out",       folder_ / "out"};
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  }
+  [[nodiscard]] const TestFolder& folder() const { return folder_; }
+  [[nodiscard]] const SimProgram& sim() const { return *sim_; }
+  [[nodiscard]] std::string out(const std::string& name) const { return folder_ / "out" + ("/" + name); }
+  [[nodiscard]] json dossier() const { return json::parse(file_text(out("dossier.json"))); }
+
+ private:
+  TestFolder folder_;
+  std::optional<SimProgram> sim_;
+};
+
+std::vector<std::string> named_in(const json& dossier) {
+  std::vector<std::string> names;
+  for (const json& found : dossier.at("found").at("mechanisms")) names.push_back(found.at("mechanism"));
+  return names;
+}
+
+/// Captures of every session by their step, none twice.
+void require_each_capture_once(const InvestigatedBench& bench) {
+  for (const auto& file : std::filesystem::directory_iterator(bench.out(""))) {
+    if (file.path().extension() != ".rig") continue;
+    std::set<std::string> steps;
+    const rig::SessionStore session(file.path(), rig::SessionStore::Mode::read);
+    for (const fit::CaptureInfo& c : session.captures()) {
+      INFO(file.path() << " " << c.step);
+      CHECK(steps.insert(c.step).second);
+      CHECK(c.step.find("(short)") == std::string::npos);
+    }
+  }
+}
+
+}  // namespace
+
+TEST_CASE("hidden physics is named without a hand, and a recording that was foretold confirms it") {
+  const InvestigatedBench bench(eccentric);
+  Program rig(bench.command({"--unattended", "--budget-min", "10"}), bench.folder());
+  const int status = rig.exit_status(std::chrono::seconds(250));
+  INFO(rig.errors());
+  REQUIRE(status == 0);
+  const json dossier = bench.dossier();
+  CHECK(named_in(dossier) == std::vector<std::string>{"encoder-eccentricity"});
+  CHECK(dossier.at("end").at("end") == "named");
+  CHECK(dossier.at("hand_minutes") == 0);
+  CHECK(dossier.at("confirmed") == true);
+  rig::Sha256 hash;
+  hash.feed(file_text(bench.out("prediction.json")));
+  CHECK(dossier.at("last").at("sha256") == hash.hex());
+  const double found = dossier.at("found").at("mechanisms").at(0).at("parameters").at("amplitude_deg").at("value"),
+               u = dossier.at("found").at("mechanisms").at(0).at("parameters").at("amplitude_deg").at("u");
+  CHECK(std::abs(found - 0.25) < 3 * u);
+  // The twin serves as it stands, and a second investigation in the folder is refused.
+  CHECK_NOTHROW(fit::parse_bench(file_text(bench.out("twin.bench.json"))));
+  Program again(bench.command({"--unattended"}), bench.folder());
+  CHECK(again.exit_status() == 2);
+  CHECK(again.errors().find("--resume") != std::string::npos);
+}
+
+TEST_CASE("an investigation that is killed between any two of its steps, and within a session, goes on where it was") {
+  const InvestigatedBench bench(eccentric);
+  // It dies at its first word, at its second, ...; every third time within the recording that follows.
+  int killed = 0;
+  for (int life = 1;; ++life) {
+    REQUIRE(life < 40);
+    Program rig(bench.command({"--unattended", "--budget-min", "10", "--json-log", "--resume"}), bench.folder());
+    bool ended = true;
+    int words = 0, progress = 0;
+    while (const auto line = rig.line(std::chrono::seconds(120))) {
+      const json said = json::parse(*line);
+      words += said.at("type") == "investigation";
+      progress += said.at("type") == "progress";
+      const bool now = life % 3 == 0 ? progress > 5 : words > (life - 1) / 3 % 4;
+      if (!now || killed >= 9) continue;
+      rig.signal(SIGKILL);
+      ++killed;
+      ended = false;
+      break;
+    }
+    const int status = rig.exit_status();
+    INFO(rig.errors());
+    if (!ended) continue;
+    REQUIRE(status == 0);
+    break;
+  }
+  CHECK(killed >= 5);  // As many as there are steps to be killed in; nine at most.
+  CHECK(named_in(bench.dossier()) == std::vector<std::string>{"encoder-eccentricity"});
+  CHECK(bench.dossier().at("confirmed") == true);
+  require_each_capture_once(bench);
+}
+
+TEST_CASE("a program that reads only a prompt's place is operator enough") {
+  const InvestigatedBench bench("");
+  Program rig(bench.command({"--json-log", "--budget-min", "30"}), bench.folder());
+  int placed = 0, answered = 0;
+  while (const auto line = rig.line(std::chrono::seconds(120))) {
+    const json said = json::parse(*line);
+    if (said.at("type") == "investigation") answered = 0;  // Every session counts anew.
+    if (said.at("type") != "progress" || !said.contains("prompt") || said.at("prompt").at("number") == answered) continue;
+    answered = said.at("prompt").at("number");
+    const json answer = bench.sim().ask({{"place", said.at("prompt").at("place")}});
+    REQUIRE(answer.at("ok") == true);
+    rig.type("\n");
+    ++placed;
+  }
+  const int status = rig.exit_status();
+  INFO(rig.errors());
+  REQUIRE(status == 0);
+  CHECK(placed >= 7);  // of the first look, the last one put back
+  CHECK(bench.dossier().at("end").at("end") == "nothing-missing");
+  CHECK(bench.dossier().at("confirmed") == true);
+}
