@@ -128,8 +128,11 @@ SessionStore::Impl::~Impl() {
 }
 
 void SessionStore::Impl::empty_log() {
-  // Whatever prevents it, a reader that holds an older state say, the log has what was committed.
-  (void)sqlite3_wal_checkpoint_v2(database->getHandle(), nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
+  // A reader that holds an older state prevents it for a while; a disk that is full ends the run while all is intact.
+  const int result =
+      sqlite3_wal_checkpoint_v2(database->getHandle(), nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
+  if (result != SQLITE_OK && result != SQLITE_BUSY && result != SQLITE_LOCKED)
+    throw SQLite::Exception(database->getHandle(), result);
 }
 
 void SessionStore::Impl::make_plain() {
