@@ -32,7 +32,7 @@ TEST_CASE("no command replaces a recording, nor what it reads") {
   std::ofstream(bench) << R"({"schema": "bench/1"})";
   fs::create_symlink(kept, folder / "link");
   const std::string before = file_text(kept), bench_before = file_text(bench);
-  const Words with_check = {"check",   "--lidar", "tcp://127.0.0.1:1", "--stage", "serial:none",
+  const Words with_check = {"check",   "--lidar", "tcp://127.0.0.5:1", "--stage", "serial:none",
                             "--bench", bench};
   for (const std::string& output : {kept, folder / "link"})
     for (const Words& words : std::vector<Words>{{"fit", "noise", input, "--json", output},
@@ -91,7 +91,7 @@ TEST_CASE("a check that a device ends still gives its document, with the error")
   const TestFolder folder;
   const std::string bench = folder / "a.bench.json";
   std::ofstream(bench) << R"({"schema": "bench/1"})";
-  Program program(rig_command({"check", "--lidar", "tcp://127.0.0.1:1", "--stage",
+  Program program(rig_command({"check", "--lidar", "tcp://127.0.0.6:1", "--stage",
                                "serial:" + (folder / "none"), "--bench", bench, "--json", "-"}),
                   folder);
   std::string output;

@@ -155,7 +155,7 @@ TEST_CASE("a place that cannot hold a session is refused before anything moves, 
 TEST_CASE("a run that never met its lidar leaves no session in the way of the next attempt") {
   Bench bench;
   const std::string steps = "  - home\n  - capture: {samples: 20}\n";
-  bench.lidar = "tcp://127.0.0.1:1";
+  bench.lidar = "tcp://127.0.0.2:1";
   CHECK(bench.run(steps) == 3);
   CHECK_FALSE(std::filesystem::exists(bench.folder / "out.rig"));
   bench.lidar.clear();
@@ -360,12 +360,12 @@ std::optional<std::string> message_with(Program& rig, const std::string& words) 
 
 TEST_CASE("while nothing listens at the lidar's address it is waited for, as is told, until Ctrl-C") {
   Bench bench;
-  bench.lidar = "tcp://127.0.0.1:1";
+  bench.lidar = "tcp://127.0.0.3:1";
   bench.write("p.yaml", "procedure: test\nsteps:\n  - home\n");
   Program rig(bench.command(bench.folder / "p.yaml", {"--json-log"}), bench.folder);
   const auto told = message_with(rig, "waiting for the lidar");
   REQUIRE(told);
-  CHECK_THAT(*told, Contains("nothing listens at 127.0.0.1:1 (") && Contains("Check") && Contains("Ctrl-C"));
+  CHECK_THAT(*told, Contains("nothing listens at 127.0.0.3:1 (") && Contains("Check") && Contains("Ctrl-C"));
   rig.signal(SIGINT);
   CHECK(rig.exit_status(std::chrono::seconds(10)) == 1);
   CHECK_THAT(rig.errors(), Contains("Stopped by the operator") && Contains("nothing was captured yet") &&
@@ -488,7 +488,7 @@ TEST_CASE("rig devices shows what comes from a port that speaks no stage's langu
                folder);
   const std::string path = port.line().value_or("");
   Program devices({RIG_BIN_DIR "/rig", "devices", "--stage", "serial:" + path + "?baud=38400", "--lidar",
-                   "tcp://127.0.0.1:1", "--json", "-"},
+                   "tcp://127.0.0.4:1", "--json", "-"},
                   folder);
   std::string output;
   while (const auto line = devices.line()) output += *line + "\n";
