@@ -58,6 +58,7 @@ struct Effect {
   Eigen::Vector2d origin_mm = Eigen::Vector2d::Zero();  ///< Shift of the optical centre, world frame.
   double variance_mm2 = 0;                              ///< White noise, one draw for each sample.
   double scan_angle_variance_rad2 = 0;                  ///< One angle for a whole scan.
+  double scan_range_variance_mm2 = 0;                   ///< One range for a whole scan.
   double memory_rho = 0;                                ///< The noise remembers: AR(1) from scan to scan ...
   double memory_share = 0;                              ///< ... for this share of the variance.
   double lost = 0;                                      ///< Probability of no echo.
@@ -110,7 +111,8 @@ struct Parameter {
     decay,       ///< Over which the effect fades by 1/e. At its bounds it is no fading any more.
     wavelength,  ///< Of a sine. Where only regular places were recorded, several look alike.
     gear,  ///< Of a sine that gears make, in degrees of a turn: a short one is a turn by a whole number.
-    bin    ///< To multiples of which the coordinate is rounded. No two that differ by much look alike.
+    bin,    ///< To multiples of which the coordinate is rounded. No two that differ by much look alike.
+    count   ///< A whole number: there is nothing between its starts.
   };
   std::string name;
   Role role = Role::size;

@@ -2,7 +2,7 @@
 #include <algorithm>
 
 #include "fit/explain/model/counts.hpp"
-#include "fit/explain/spread/losses/sure_hits.hpp"
+#include "fit/explain/model/sure_hits.hpp"
 
 namespace fit::explain::channels {
 namespace {
@@ -31,13 +31,14 @@ model::ChannelKind make_loss() {
   model::ChannelKind kind;
   kind.id = "loss";
   kind.observable = Observable::dropout;
+  kind.shows = "share of lost echoes";
   kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
     constexpr int beams = 4;
     constexpr double grazing_rad = 75 * rad_per_deg;
     auto rows = model::pooled_rows(reduced, beams, [&](std::size_t i, auto& row) {
       const Cell& cell = reduced.cells[i];
       if (cell.n + cell.lost == 0 || std::abs(cell.at.incidence_rad) > grazing_rad ||
-          spread::may_miss_its_target(reduced, i, false))
+          model::may_miss_its_target(reduced, i, false))
         return false;
       row.y += cell.lost;
       row.n += cell.n + cell.stray + cell.lost;

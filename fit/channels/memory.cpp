@@ -3,7 +3,7 @@
 #include <map>
 
 #include "fit/explain/model/channel.hpp"
-#include "fit/explain/spread/autoregression.hpp"
+#include "fit/explain/model/autoregression.hpp"
 
 namespace fit::explain::channels {
 namespace {
@@ -31,7 +31,7 @@ class Memory final : public IndependentRows {
   [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
     if (!(effect.memory_share > 0) || !(effect.memory_rho > 0)) return 0;
     const auto& [scans, band] = lags_[static_cast<std::size_t>(row)];
-    const LagSums with = spread::lagged_of(scans, effect.memory_rho), white = spread::lagged_of(scans, 0);
+    const LagSums with = model::lagged_of(scans, effect.memory_rho), white = model::lagged_of(scans, 0);
     const auto mixed = [&](std::size_t b) {
       return effect.memory_share * with[b] + (1 - effect.memory_share) * white[b];
     };
@@ -55,7 +55,7 @@ class Memory final : public IndependentRows {
 double scatter_of_sums(const std::map<std::pair<int, int>, Summed>& all) {
   LagSums sums{}, pairs{};
   for (const auto& [key, one] : all) {
-    const LagSums of = spread::pairs_of(key.second);
+    const LagSums of = model::pairs_of(key.second);
     for (std::size_t b = 0; b < sums.size(); ++b) {
       sums[b] += one.sums[b];
       pairs[b] += of[b] * one.cells;
@@ -90,13 +90,14 @@ model::ChannelKind make_memory() {
   model::ChannelKind kind;
   kind.id = "memory";
   kind.observable = Observable::time_correlation;
+  kind.shows = "correlation";
   kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
     const auto all = by_capture_and_length(reduced);
     const double scatter = scatter_of_sums(all);
     std::vector<IndependentRows::Row> rows;
     std::vector<Lags> lags;
     for (const auto& [key, one] : all) {
-      const LagSums pairs = spread::pairs_of(key.second), white = spread::lagged_of(key.second, 0);
+      const LagSums pairs = model::pairs_of(key.second), white = model::lagged_of(key.second, 0);
       // Beams that differ in noise, and samples that are not normal, make products scatter more.
       const double each = std::max(1.0, one.squares / (one.cells * pairs[1]));
       for (std::size_t b = 1; b < lag_bands.size(); ++b) {

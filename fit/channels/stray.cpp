@@ -18,6 +18,7 @@ model::ChannelKind make_stray() {
   model::ChannelKind kind;
   kind.id = "stray";
   kind.observable = Observable::range_distribution;
+  kind.shows = "share of samples far off";
   kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
     constexpr int beams = 8, fewest_scans = 4;
     constexpr double reach_of_edge_rad = 1.2 * rad_per_deg;  // a wide beam meets what stands behind an edge

@@ -25,8 +25,7 @@ class Variances final : public IndependentRows {
   }
 
   [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
-    const double step2 = effect.output_step_mm > 1 ? effect.output_step_mm * effect.output_step_mm - 1 : 0;
-    return effect.variance_mm2 + of(row).lever2 * effect.scan_angle_variance_rad2 + step2 / 12;
+    return effect.variance_mm2 + of(row).lever2 * effect.scan_angle_variance_rad2;
   }
   [[nodiscard]] Eigen::VectorXd raised(const Eigen::VectorXd& eta) const override {
     double ratio = 0, all = 0;
@@ -36,7 +35,7 @@ class Variances final : public IndependentRows {
     }
     return eta * std::max(1.0, ratio / all);
   }
-  [[nodiscard]] double offset(Eigen::Index) const override { return rounding_mm2; }
+  [[nodiscard]] double offset(Eigen::Index row) const override { return of(row).expected; }
 
  protected:
   [[nodiscard]] double log_likelihood(const Row& row, double eta) const override {
@@ -64,11 +63,14 @@ std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced) {
     if (!cell.smooth || cell.n < 3) return false;
     const double f = cell.n - 1;
     row.y = (row.y * row.n + f * cell.variance_mm2) / (row.n + f);
+    row.expected = (row.expected * row.n + f * cell.of_scans_mm2) / (row.n + f);
     row.n += f;
     kurtosis += f * cell.kurtosis;
     freedom += f;
     return true;
   });
+  // Ranges come in whole millimetres, or in coarser steps.
+  for (auto& row : rows) row.expected += rounding_mm2 * reduced.output_step_mm * reduced.output_step_mm;
   // Samples with tails say less of their variance.
   const double scatter = freedom > 0 ? std::max(1.0, (kurtosis / freedom - 1) / 2) : 1;
   for (auto& row : rows) row.n /= scatter;
@@ -81,6 +83,9 @@ model::ChannelKind make_variance() {
   model::ChannelKind kind;
   kind.id = "variance";
   kind.observable = Observable::range_variance;
+  kind.shows = "standard deviation of a sample";
+  kind.unit = "mm";
+  kind.is_square = true;
   kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
     auto rows = variance_rows(reduced);
     if (rows.size() < 3) return nullptr;

@@ -32,8 +32,10 @@ Mechanism bias_of_rounding(double step_mm, double sigma_mm) {
 
 void add_bias_of_coarse_steps(const SpreadResult& spread, Reduced& reduced) {
   for (const Suspect& suspect : spread.accepted)
-    if (suspect.mechanism->id == spread::ids::rounding)
-      reduced.empirical.push_back(bias_of_rounding(suspect.parameters.at("step_mm").value, spread.sigma_mm));
+    if (suspect.mechanism->id == spread::ids::rounding) {
+      reduced.output_step_mm = suspect.parameters.at("step_mm").value;
+      reduced.empirical.push_back(bias_of_rounding(reduced.output_step_mm, spread.sigma_mm));
+    }
 }
 
 }  // namespace fit::explain

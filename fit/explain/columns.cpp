@@ -235,21 +235,18 @@ Columns shape_columns(const MeanModel& model, const Term& term) {
 
 /// The freedom of an effect whose curve differs from device to device, along its coordinate.
 static Columns bends(const MeanModel& model, const Term& term, const Eigen::VectorXd& effect_mm) {
-  constexpr double freely = 0.8;  // of the effect, and within a tenth of its coordinate
   const double count = std::max(1.0, static_cast<double>(effect_mm.size())), mean = effect_mm.sum() / count,
                rms = std::sqrt(effect_mm.squaredNorm() / count);
   if (!(rms > std::abs(mean))) return {};
   Shape curve;
   curve.form = find_form("smooth");
   curve.coordinate = term.mechanism->coordinate;
-  curve.length = term.bends_freely ? 0.1 : 0.5;
-  curve.size =
-      (term.bends_freely ? freely : term.mechanism->formula_error) * std::sqrt(rms * rms - mean * mean);
+  curve.length = 0.5;
+  curve.size = term.mechanism->formula_error * std::sqrt(rms * rms - mean * mean);
   Columns c = columns_of(model, curve);
   // They fade out as the effect does itself: what shows only where it has gone is something else.
-  if (!term.bends_freely)
-    for (Eigen::Index k = 0; k < c.columns_mm.cols(); ++k)
-      c.columns_mm.col(k).array() *= effect_mm.array().abs() / rms;
+  for (Eigen::Index k = 0; k < c.columns_mm.cols(); ++k)
+    c.columns_mm.col(k).array() *= effect_mm.array().abs() / rms;
   // At which of its values the instrument was set to read right nobody knows.
   Columns set_right;
   set_right.columns_mm = Eigen::MatrixXd::Ones(model.rows(), 1);

@@ -15,8 +15,6 @@ struct Term {
   int target = -1;
   std::vector<double> values;
   std::vector<double> sigma;  ///< Standard uncertainties of `values`; empty before the fit.
-  /// Of a mechanism with any curve: the recording shows more of it than a pulse on a threshold bends it.
-  bool bends_freely = false;
 
   [[nodiscard]] Active active() const { return {mechanism, values, target}; }
   [[nodiscard]] bool same(const Term& other) const {

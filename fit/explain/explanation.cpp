@@ -1,19 +1,22 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/explanation.hpp"
 
+#include <algorithm>
+#include <iterator>
 #include <stdexcept>
 #include <utility>
 
-#include "fit/explain/answer/answering.hpp"
 #include "fit/explain/answer/chapters.hpp"
 #include "fit/explain/coarse_steps.hpp"
+#include "fit/explain/inference/explain.hpp"
 #include "fit/explain/intensity.hpp"
 #include "fit/explain/reduction/steady_echoes.hpp"
 #include "fit/explain/single_beams.hpp"
 #include "fit/explain/spread/flicker.hpp"
-#include "fit/explain/spread/regular_patterns.hpp"
+#include "fit/explain/spread/questions.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/explain/twin.hpp"
+#include "fit/median.hpp"
 
 namespace fit::explain {
 namespace {
@@ -49,27 +52,45 @@ void refuse_nothing_to_compare(const Reduced& reduced) {
         "the scans");
 }
 
-/// Spread first, the means weighed by it, and stray light, after which both are searched again.
-Findings search(Reduced reduced, const Progress& progress) {
-  const auto searched = [&](double share, const char* what) {
-    if (progress) progress(0.35 + 0.63 * share, what);
-  };
-  SpreadResult spread = explain_spread(reduced);
+/// What the model has no rows for: coarse steps, edges, and a wave of a lamp, which is taken off.
+SpreadResult beside_the_model(Reduced& reduced) {
+  SpreadResult result;
+  spread::output_steps(reduced, result);
+  spread::edges(reduced, result);
+  std::vector<Sector> sectors = reduced.sectors;
+  spread::flicker(reduced, sectors, result);
+  if (spread::flickers(result)) {
+    spread::take_off_flicker(reduced);
+    reduced.sectors = std::move(sectors);
+  }
+  std::vector<double> sigmas;
+  for (const Group& group : reduced.groups) sigmas.push_back(group.sigma_mm);
+  result.sigma_mm = median_of(sigmas);
+  return result;
+}
+
+/// What the model finds, and the rooms beside it.
+struct Searched {
+  Findings findings;
+  inference::Inferred inferred;
+};
+
+Searched search(Reduced reduced, const Progress& progress) {
+  SpreadResult spread = beside_the_model(reduced);
   add_bias_of_coarse_steps(spread, reduced);
-  if (spread::flickers(spread)) spread::take_off_flicker(reduced);
-  spread::take_off_patterns(spread, reduced);
-  MeanResult means = search_means(reduced, spread.noise, searched);
-  std::optional<StrayLight> light = stray_light(reduced, means);
+  inference::Inferred inferred = inference::infer(reduced, spread.noise, progress);
+  std::optional<StrayLight> light = stray_light(reduced, inferred.means);
   if (light && !light->or_mixed_pixel) {
     take_off(*light, reduced);
-    spread = explain_spread(reduced);
-    means = search_means(reduced, spread.noise, searched);
+    inferred = inference::infer(reduced, spread.noise, progress);
   }
-  return {std::move(reduced), std::move(spread), std::move(means), std::move(light)};
+  MeanResult means = inferred.means;
+  return {{std::move(reduced), std::move(spread), std::move(means), std::move(light)}, std::move(inferred)};
 }
 
 /// The findings in words, chapter by chapter.
-Explanation told(Findings& findings) {
+Explanation told(Searched& found) {
+  Findings& findings = found.findings;
   Explanation out;
   out.before = findings.means.before;
   out.after = findings.means.after;
@@ -78,11 +99,12 @@ Explanation told(Findings& findings) {
   out.cells = findings.reduced.cells.size();
   out.left_out = findings.reduced.left_out;
   out.bench = findings.reduced.bench;
-  answer::tell_means(findings, out);
+  inference::tell(found.inferred, findings, out);
   answer::tell_stray_light(findings, out);
   answer::tell_spread(findings, out);
-  answer::tell_unknown(findings, out);
-  answer::tell_stated_otherwise(findings, out);
+  std::ranges::copy(found.inferred.curves, std::back_inserter(out.spread_curves));
+  inference::add_to_spread(found.inferred, findings.spread);
+  if (!found.inferred.posterior.forms.empty() || !findings.spread.unknown.empty()) answer::tell_unknown(findings, out);
   answer::tell_where(findings, out);
   answer::tell_doubts(findings, out);
   answer::doubt_bench_file(findings, out);
@@ -100,8 +122,7 @@ std::string verdict_of(const Explanation& explanation) {
                                                   : nothing_missing;
 }
 
-Explanation explain_with(const std::vector<const Recording*>& recordings, const Progress& progress,
-                         const Answer& answer) {
+Explanation explain(const std::vector<const Recording*>& recordings, const Progress& progress) {
   if (recordings.empty()) throw std::invalid_argument("no recording was given");
   const std::vector<SingleBeams> single = single_beams(recordings);
   std::vector<const Recording*> looked_at;
@@ -110,7 +131,9 @@ Explanation explain_with(const std::vector<const Recording*>& recordings, const 
   Reduced reduced = reduce_all(together, progress);
   refuse_nothing_to_compare(reduced);
   std::vector<double> own_echoes = reduction::steady_echoes(reduced);
-  auto [findings, explanation] = answer(std::move(reduced));
+  Searched found = search(std::move(reduced), progress);
+  Findings& findings = found.findings;
+  Explanation explanation = told(found);
   reduction::exchange_echoes(findings.reduced, own_echoes);
   explain_intensity(findings.reduced, explanation);
   reduction::exchange_echoes(findings.reduced, own_echoes);
@@ -122,15 +145,7 @@ Explanation explain_with(const std::vector<const Recording*>& recordings, const 
   if (const std::string note = note_on_clusters(single); !note.empty())
     explanation.notes.insert(explanation.notes.begin(), note);
   if (progress) progress(1, "done");
-  return std::move(explanation);
-}
-
-Explanation explain(const std::vector<const Recording*>& recordings, const Progress& progress) {
-  return explain_with(recordings, progress, [&](Reduced reduced) {
-    Findings findings = search(std::move(reduced), progress);
-    Explanation explanation = told(findings);
-    return std::pair(std::move(findings), std::move(explanation));
-  });
+  return explanation;
 }
 
 }  // namespace fit::explain

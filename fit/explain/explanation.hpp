@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "fit/explain/mean_search.hpp"
+#include "fit/explain/mean_result.hpp"
 #include "fit/explain/prediction.hpp"
 #include "fit/explain/spread.hpp"
 

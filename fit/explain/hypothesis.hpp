@@ -14,11 +14,6 @@ struct Hypothesis {
   Eigen::VectorXd bench_u;  ///< Standard uncertainties of mount and targets, the bench file's.
   std::vector<Term> terms;
   std::vector<Shape> shapes;
-  double evidence =
-      -1e300;  ///< Log of the marginal likelihood, priors of mechanisms included; up to a constant.
-  double density = -1e300;  ///< Log of the posterior density at its best; up to a constant.
-  double adjusted = 0;      ///< How many coefficients of mechanisms and forms the recording sets, not priors.
-
   [[nodiscard]] bool has(const Term& term) const;
   [[nodiscard]] std::vector<Active> active() const;
 };

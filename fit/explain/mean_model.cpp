@@ -20,7 +20,7 @@ double rounding_variance(double sigma_mm) { return std::exp(-4 * pi * pi * sigma
 /// Of one sample about what its scan has in common.
 double own_variance(const Cell& cell, const MeanNoise& noise) {
   const double common = noise.scan_range_mm2 + noise.scan_angle_rad2 * std::pow(cell.sight.stage_lever(), 2);
-  return std::max(0.1 * cell.variance_mm2, cell.variance_mm2 - common);
+  return std::max(0.1 * cell.variance_mm2, cell.variance_mm2 - common - cell.of_scans_mm2);
 }
 
 }  // namespace
@@ -172,11 +172,6 @@ Eigen::MatrixXd MeanModel::nuisance_columns() const {
 void MeanModel::set_base(Eigen::MatrixXd columns, const Prior& prior) {
   base_sigma_ = prior.sigma;
   base_mean_ = prior.mean;
-  if (has_common_) {
-    plain_base_ = columns * prior.sigma.asDiagonal();
-    plain_centred_ = residual_;
-    if (columns.cols() > 0) plain_centred_ -= columns * prior.mean;
-  }
   // In place: of a million cells these are hundreds of megabytes.
   base_ = whitened(std::move(columns));
   centred_ = white_;
@@ -188,19 +183,6 @@ void MeanModel::set_base(Eigen::MatrixXd columns, const Prior& prior) {
   normal.diagonal().array() += 1;
   factor_.compute(normal);
   along_ = base_.transpose() * centred_;
-}
-
-MeanModel::Products MeanModel::products(const Eigen::MatrixXd& columns) const {
-  const Eigen::MatrixXd white = whitened(columns);
-  const Eigen::MatrixXd cross = base_.transpose() * white;
-  Products p;
-  p.square = white.transpose() * white;
-  p.along = white.transpose() * centred_;
-  if (base_.cols() > 0) {
-    p.square -= cross.transpose() * factor_.solve(cross);
-    p.along -= cross.transpose() * factor_.solve(along_);
-  }
-  return p;
 }
 
 MeanModel::Fit MeanModel::solve(const Products& p, const Prior& prior, bool stretch) {
@@ -235,10 +217,6 @@ MeanModel::Fit MeanModel::solve(const Products& p, const Prior& prior, bool stre
   return fit;
 }
 
-MeanModel::Fit MeanModel::with(const Eigen::MatrixXd& columns, const Prior& prior, bool stretch) const {
-  return solve(products(columns), prior, stretch);
-}
-
 MeanModel::Posterior MeanModel::posterior() const {
   Posterior result;
   const Eigen::VectorXd x = factor_.solve(along_);
@@ -252,19 +230,6 @@ MeanModel::Posterior MeanModel::posterior() const {
   return result;
 }
 
-double MeanModel::density_here(Eigen::Index fixed) const {
-  const Eigen::MatrixXd normal = factor_.reconstructedMatrix();
-  const Eigen::Index open = normal.cols() - fixed;
-  Eigen::VectorXd x(normal.cols());
-  for (Eigen::Index i = 0; i < fixed; ++i)  // what is stated without doubt stands where it is stated
-    x[i] = base_sigma_[i] > 0 ? -base_mean_[i] / base_sigma_[i] : 0;
-  if (open > 0)
-    x.tail(open) = normal.bottomRightCorner(open, open)
-                       .llt()
-                       .solve(along_.tail(open) - normal.bottomLeftCorner(open, fixed) * x.head(fixed));
-  return -0.5 * centred_.squaredNorm() + along_.dot(x) - 0.5 * x.dot(normal * x);
-}
-
 Eigen::VectorXd MeanModel::residual() const {
   const Eigen::VectorXd white = centred_ - base_ * factor_.solve(along_);
   // Correlated parts stay in; only the scale goes back to millimetres.
@@ -275,100 +240,6 @@ Eigen::VectorXd MeanModel::remainder(const Eigen::VectorXd& column) const {
   const Eigen::VectorXd white = whitened(column);
   if (base_.cols() == 0) return white.cwiseQuotient(weight_);
   return (white - base_ * factor_.solve(base_.transpose() * white)).cwiseQuotient(weight_);
-}
-
-namespace {
-
-/// Log of the marginal likelihood that a base adds to noise alone: half a N^-1 a less half the log of det N.
-double marginal(const Eigen::LLT<Eigen::MatrixXd>& normal, const Eigen::VectorXd& along) {
-  double log_det = 0;
-  for (Eigen::Index i = 0; i < along.size(); ++i) log_det += std::log(normal.matrixL()(i, i));
-  return 0.5 * along.dot(normal.solve(along)) - log_det;
-}
-
-}  // namespace
-
-/// What the base learns from all blocks but one.
-struct MeanModel::Taught {
-  Eigen::LLT<Eigen::MatrixXd> normal;
-  Eigen::VectorXd along;
-};
-
-/// Calls `each(block, what the others teach, log p(block | others))`.
-template <class Each>
-void MeanModel::for_blocks(const std::vector<int>& block_of_row, int blocks, const Each& each) const {
-  const Eigen::Index k = base_.cols();
-  std::vector<Eigen::MatrixXd> square(static_cast<std::size_t>(blocks), Eigen::MatrixXd::Zero(k, k));
-  std::vector<Eigen::VectorXd> along(static_cast<std::size_t>(blocks), Eigen::VectorXd::Zero(k));
-  std::vector<double> own(static_cast<std::size_t>(blocks), 0.0);
-  constexpr Eigen::Index chunk = 256;
-  // Rows of one block come in runs; each run is added at once.
-  for (Eigen::Index first = 0; first < rows();) {
-    const int block = block_of_row[static_cast<std::size_t>(first)];
-    Eigen::Index last = first + 1;
-    while (last < rows() && last - first < chunk && block_of_row[static_cast<std::size_t>(last)] == block)
-      ++last;
-    const auto b = static_cast<std::size_t>(block);
-    const auto part = base_.middleRows(first, last - first);
-    const auto centred = centred_.segment(first, last - first);
-    square[b] += part.transpose() * part;
-    along[b] += part.transpose() * centred;
-    own[b] += -0.5 * centred.squaredNorm() - 0.5 * std::log(2 * pi) * static_cast<double>(last - first) +
-              weight_.segment(first, last - first).array().log().sum();
-    first = last;
-  }
-  // Sums, not differences: taken off the sum of all, a block that says nearly everything would leave rounding.
-  constexpr std::size_t none = static_cast<std::size_t>(-1);
-  const auto all_but = [&](std::size_t left_out) {
-    Eigen::MatrixXd normal = Eigen::MatrixXd::Identity(k, k);
-    Taught taught{{}, Eigen::VectorXd::Zero(k)};
-    for (std::size_t b = 0; b < square.size(); ++b) {
-      if (b == left_out) continue;
-      normal += square[b];
-      taught.along += along[b];
-    }
-    taught.normal.compute(normal);
-    return taught;
-  };
-  const Taught all = all_but(none);
-  const double whole = marginal(all.normal, all.along);
-  for (std::size_t b = 0; b < square.size(); ++b) {
-    const Taught rest = all_but(b);
-    each(static_cast<int>(b), rest, own[b] + whole - marginal(rest.normal, rest.along));
-  }
-}
-
-MeanModel::HeldOut MeanModel::held_out(const std::vector<int>& block_of_row, int blocks) const {
-  HeldOut sum;
-  const Eigen::Index k = base_.cols();
-  for_blocks(block_of_row, blocks, [&](int block, const Taught& rest, double log_likelihood) {
-    sum.log_likelihood += log_likelihood;
-    const Eigen::VectorXd x = rest.normal.solve(rest.along);
-    Eigen::VectorXd unsure(k);
-    for (Eigen::Index i = 0; i < rows(); ++i) {
-      if (block_of_row[static_cast<std::size_t>(i)] != block) continue;
-      double z = centred_[i], variance = 1;
-      if (k > 0) {
-        z -= base_.row(i).dot(x);
-        unsure = base_.row(i).transpose();
-        rest.normal.matrixL().solveInPlace(unsure);
-        variance += unsure.squaredNorm();
-      }
-      const double off_mm =
-          has_common_ ? plain_centred_[i] - (k > 0 ? plain_base_.row(i).dot(x) : 0.0) : z / weight_[i];
-      sum.squares += off_mm * off_mm;
-      sum.within_2u += z * z < 1.96 * 1.96 * variance;
-      sum.cells += 1;
-    }
-  });
-  return sum;
-}
-
-std::vector<double> MeanModel::unseen(const std::vector<int>& block_of_row, int blocks) const {
-  std::vector<double> list;
-  for_blocks(block_of_row, blocks,
-             [&](int, const Taught&, double log_likelihood) { list.push_back(log_likelihood); });
-  return list;
 }
 
 double excess_scatter(const MeanModel& model) {

@@ -60,15 +60,13 @@ class MeanModel {
     double gain = 0;      ///< Of the log-likelihood at the best coefficients, priors apart.
     Eigen::VectorXd value, sigma;
   };
-  /// Adds columns to the base. `stretch`: the prior takes the scale of the value found (empirical Bayes), at
-  /// a price, because sizes in the catalogue are orders of magnitude.
-  [[nodiscard]] Fit with(const Eigen::MatrixXd& columns_mm, const Prior& prior, bool stretch = true) const;
-  /// The same for columns given by their products with the residual and among themselves.
+  /// Columns given by their products with the residual and among themselves.
   struct Products {
     Eigen::MatrixXd square;
     Eigen::VectorXd along;
   };
-  [[nodiscard]] Products products(const Eigen::MatrixXd& columns_mm) const;
+  /// `stretch`: the prior takes the scale of the value found (empirical Bayes), at a price, because sizes in
+  /// the catalogue are orders of magnitude.
   [[nodiscard]] static Fit solve(const Products& products, const Prior& prior, bool stretch);
 
   /// Posterior of the base.
@@ -78,35 +76,13 @@ class MeanModel {
     double log_evidence = 0;  ///< Up to a constant of the data and their noise.
   };
   [[nodiscard]] Posterior posterior() const;
-  /// Log of the posterior density, up to the same constant, where the first `fixed` coefficients of the base
-  /// are as they stand in the prediction and all others are at their best: what a step away from there has to
-  /// improve.
-  [[nodiscard]] double density_here(Eigen::Index fixed) const;
   /// What the base cannot take up of an effect, mm; its priors resist.
   [[nodiscard]] Eigen::VectorXd remainder(const Eigen::VectorXd& column_mm) const;
   /// Residual means less the base's best fit, mm.
   [[nodiscard]] Eigen::VectorXd residual() const;
   [[nodiscard]] const Eigen::VectorXd& raw_residual() const { return residual_; }
 
-  struct HeldOut {
-    /// Of every whole block as the others predict it, summed: all its cells together, so that what they have in
-    /// common because nobody knows where its targets stand counts once.
-    double log_likelihood = 0;
-    double squares = 0;    ///< Of residuals in mm^2.
-    double within_2u = 0;  ///< Cells within the predicted 95 % interval, which holds what is not known as well.
-    double cells = 0;
-  };
-  /// Predicts every block of `block_of_row` from all others.
-  [[nodiscard]] HeldOut held_out(const std::vector<int>& block_of_row, int blocks) const;
-  /// Log-likelihood of every whole block given all others, all its cells together: what they have in common
-  /// because nobody knows where its targets stand counts once.
-  [[nodiscard]] std::vector<double> unseen(const std::vector<int>& block_of_row, int blocks) const;
-
  private:
-  struct Taught;
-  template <class Each>
-  void for_blocks(const std::vector<int>& block_of_row, int blocks, const Each& each) const;
-
   const Reduced* reduced_;
   std::vector<std::size_t> row_;
   /// What every effect is multiplied by, side by side: they are asked for far more often than cells are.
@@ -124,8 +100,6 @@ class MeanModel {
   std::vector<Common> common_;
   bool has_common_ = false;
   Eigen::MatrixXd base_;        ///< Whitened, scaled by the priors' sigmas.
-  Eigen::MatrixXd plain_base_;  ///< In mm, scaled alike; only where groups have something in common.
-  Eigen::VectorXd plain_centred_;
   Eigen::VectorXd base_sigma_, base_mean_, along_;
   Eigen::LLT<Eigen::MatrixXd> factor_;
   Eigen::VectorXd centred_;

@@ -8,7 +8,7 @@
 
 #include "fit/explain/intensity.hpp"
 #include "fit/explain/odds.hpp"
-#include "fit/explain/spread/rivals.hpp"
+#include "fit/explain/inference/apart.hpp"
 #include "fit/explain/stray_light.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/median.hpp"
@@ -307,7 +307,7 @@ std::vector<Rivalry> rivalries_of(const Explanation& explanation, const Reduced&
     list.emplace_back(
         ids,
         [&explanation](const Reduced& all) {
-          return spread::evidence_between(all, explanation.noise_suspects);
+          return inference::evidence_between(all, explanation.noise_suspects);
         },
         so_far);
   }

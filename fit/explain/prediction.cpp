@@ -4,13 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <set>
 #include <stdexcept>
 
 #include "fit/explain/stated_noise.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/linear_table.hpp"
-#include "fit/mean.hpp"
 
 namespace fit::explain {
 namespace {
@@ -42,7 +40,7 @@ double sample_variance(const std::vector<Suspect>& noise, double constant_mm, co
 
 /// Constant noise (mm) beside `noise` that makes the samples most likely: where the mean of
 /// (d^2 - v) / v^2 is zero. What the means are off by counts as noise.
-double best_constant(const Reduced& reduced, const std::vector<Suspect>& noise, int capture = -1) {
+double best_constant(const Reduced& reduced, const std::vector<Suspect>& noise) {
   struct Part {
     double n, square, other;
   };
@@ -50,7 +48,6 @@ double best_constant(const Reduced& reduced, const std::vector<Suspect>& noise, 
   double all = 0, samples = 0;
   for (const Cell& cell : reduced.cells) {
     if (!cell.smooth || cell.n < 1) continue;
-    if (capture >= 0 && reduced.groups[static_cast<std::size_t>(cell.group)].capture != capture) continue;
     const double off = cell.mean_mm - cell.nominal_mm;
     const double square = cell.variance_mm2 * (cell.n - 1) / cell.n + off * off;
     parts.push_back({static_cast<double>(cell.n), square, sample_variance(noise, 0, cell)});
@@ -79,14 +76,6 @@ double best_constant(const Reduced& reduced, const std::vector<Suspect>& noise, 
   return std::sqrt(low);
 }
 
-/// Variances that a sample of the cell may have, all as likely.
-std::vector<double> variances(const Predictor& predictor, const Cell& cell) {
-  std::vector<double> list;
-  for (const double constant : predictor.constant_after_mm)
-    list.push_back(sample_variance(predictor.noise, constant, cell));
-  return list;
-}
-
 /// Predicts all cells with given mechanisms and places mount and targets so that they fit best.
 void place_and_predict(Reduced& reduced, const Predictor& what, bool found) {
   Hypothesis h(reduced.bench);
@@ -111,7 +100,7 @@ void place_and_predict(Reduced& reduced, const Predictor& what, bool found) {
   for (int pass = 0; pass < 4; ++pass) {
     at_present();
     for (Cell& cell : reduced.cells)
-      cell.pooled_mm2 = found ? mean_of(variances(what, cell)) : std::pow(what.constant_before_mm, 2);
+      cell.pooled_mm2 = found ? sample_variance(what.noise, what.constant_after_mm, cell) : std::pow(what.constant_before_mm, 2);
     MeanModel model(reduced, {});
     Prior prior;
     prior.mean = Nuisance(reduced.bench).as_vector() - h.nuisance.as_vector();
@@ -127,20 +116,14 @@ struct Score {
   double squares = 0, log_likelihood = 0, within = 0;
 };
 
-Score score(const Reduced& reduced, const Cell& cell, const std::vector<double>& variances) {
+Score score(const Reduced& reduced, const Cell& cell, double variance) {
   Score sum;
-  const auto kinds = static_cast<double>(variances.size());
   for (int k = 0; k < cell.n; ++k) {
     const double d =
         static_cast<double>(reduced.kept[cell.first_kept + static_cast<std::size_t>(k)]) - cell.nominal_mm;
-    double density = 0, nearer = 0;
-    for (const double v : variances) {
-      density += std::exp(-0.5 * d * d / v) / std::sqrt(2 * pi * v) / kinds;
-      nearer += std::erf(std::abs(d) / std::sqrt(2 * v)) / kinds;
-    }
     sum.squares += d * d;
-    sum.log_likelihood += std::log(std::max(1e-300, density));
-    sum.within += nearer < 0.95;
+    sum.log_likelihood += -0.5 * (d * d / variance + std::log(2 * pi * variance));
+    sum.within += std::erf(std::abs(d) / std::sqrt(2 * variance)) < 0.95;
   }
   return sum;
 }
@@ -197,9 +180,8 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadRe
                                  : reduced.bench.targets[static_cast<std::size_t>(term.target)].name});
   for (const Suspect& suspect : spread.accepted)
     if (!is_constant_noise(*suspect.mechanism)) p.noise.push_back(suspect);
-  for (const Suspect& suspect : spread.brought_along) p.noise.push_back(suspect);
-  for (const auto& set : spread.undecided)
-    if (!set.empty() && !is_constant_noise(*set.front().mechanism)) p.noise.push_back(set.front());
+  for (const Suspect& suspect : spread.undecided)
+    if (!is_constant_noise(*suspect.mechanism)) p.noise.push_back(suspect);
   Hypothesis nothing(reduced.bench);
   nothing.nuisance = means.best.nuisance;
   for (int pass = 0; pass < 2; ++pass) {
@@ -216,18 +198,7 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadRe
   for (const Group& group : reduced.groups)
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i)
       reduced.cells[i].nominal_mm += empirical_mm(p.empirical, reduced.cells[i], group);
-  if (spread.sigma_by_capture_mm.empty()) {
-    p.constant_after_mm.push_back(best_constant(reduced, p.noise));
-  } else {
-    std::set<int> seen;
-    for (const Group& group : reduced.groups)
-      for (std::size_t i = group.first_cell; i < group.last_cell; ++i)
-        if (reduced.cells[i].smooth && reduced.cells[i].n > 0) seen.insert(group.capture);
-    for (const int c : seen)
-      if (const double constant = best_constant(reduced, p.noise, c); constant > 0)
-        p.constant_after_mm.push_back(constant);
-  }
-  if (p.constant_after_mm.empty()) p.constant_after_mm.push_back(best_constant(reduced, p.noise));
+  p.constant_after_mm = best_constant(reduced, p.noise);
   predict_at(reduced, means.best);
   return p;
 }
@@ -248,8 +219,8 @@ Prediction predict_recording(const Predictor& predictor, const Recording& record
     const Cell &a = before.cells[i], &b = after.cells[i];
     if (!a.smooth || !b.smooth || a.n < 1) continue;
     const double v_before = predictor.constant_before_mm * predictor.constant_before_mm;
-    const std::vector<double> v_after = variances(predictor, b);
-    const Score one = score(before, a, {v_before}), two = score(after, b, v_after);
+    const double v_after = sample_variance(predictor.noise, predictor.constant_after_mm, b);
+    const Score one = score(before, a, v_before), two = score(after, b, v_after);
     first.squares += one.squares;
     first.log_likelihood += one.log_likelihood;
     first.within += one.within;
@@ -264,7 +235,7 @@ Prediction predict_recording(const Predictor& predictor, const Recording& record
     ++out.cells;
     out.shown.push_back({b.at.incidence_rad * deg_per_rad, b.at.range_mm, b.beam_rad * deg_per_rad,
                          a.mean_mm - a.nominal_mm, std::sqrt(a.variance_mm2), b.mean_mm - b.nominal_mm,
-                         std::sqrt(v_before), std::sqrt(mean_of(v_after))});
+                         std::sqrt(v_before), std::sqrt(v_after)});
   }
   if (out.samples == 0)
     throw std::invalid_argument(

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/explain/mean_search.hpp"
+#include "fit/explain/mean_result.hpp"
 #include "fit/explain/spread.hpp"
 
 namespace fit::explain {
@@ -30,9 +30,8 @@ struct Predictor {
   std::vector<Taught> terms;  ///< The best of every set.
   std::vector<EmpiricalCorrection> empirical;
   std::vector<Suspect> noise;     ///< Accepted noise mechanisms; the best of an undecided set.
-  double constant_before_mm = 0;  ///< Best constant noise of a sample with geometry alone.
-  /// The same beside what was found, one for every place where these differ: the next place may be like any.
-  std::vector<double> constant_after_mm;
+  double constant_before_mm = 0;  ///< Best constant noise of a sample with geometry alone ...
+  double constant_after_mm = 0;   ///< ... and beside what was found.
 };
 
 /// Mean and noise of samples that were never fitted, under one description.

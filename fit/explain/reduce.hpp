@@ -37,6 +37,8 @@ struct Cell {
   Sight sight;                 ///< At the nuisance parameters last used for prediction.
   double nominal_mm = 0;       ///< Predicted range.
   double pooled_mm2 = 0;       ///< Variance of one sample, shared with its neighbours; 0: not yet pooled.
+  /// What changes from scan to scan and is predicted: its mean over the scans, mm, and its variance, mm^2.
+  double of_scans_mm = 0, of_scans_mm2 = 0;
 };
 
 /// Variance of rounding to whole millimetres, in which ranges come.
@@ -90,8 +92,8 @@ struct Reduced {
   long samples = 0;
   double first_temperature_c = 0;
   bool has_intensity = false, has_temperature = false;
-  bool is_without_patterns = false;  ///< What faces and a swinging stage do was taken off.
-  bool is_without_flicker = false;   ///< ... and what a lamp or a supply does.
+  double output_step_mm = 1;        ///< In which ranges come.
+  bool is_without_flicker = false;  ///< What a lamp or a supply does was taken off.
   int left_out = 0;                  ///< Cells that no mean is taken of.
   int in_clear = 0;  ///< Cells away from edges and corners, square on enough, by the bench file.
   int astray = 0;    ///< Of these, those more than `astray_mm` off their target.

@@ -18,7 +18,6 @@ struct Suspect {
   double evidence = 0;  ///< Log Bayes factor.
   /// Of the log-likelihood of captures that it was not fitted to; not known of a single one.
   std::optional<double> held_out_gain;
-  double ahead = 50;  ///< Of the next that might be it instead: log odds.
 };
 
 /// Something that no mechanism of the catalogue explains.
@@ -49,25 +48,14 @@ struct SpreadCurve {
   }
 };
 
-/// What mirror faces make of the samples of one group: scans of all faces, or of some.
-struct FacesInGroup {
-  double mean_mm = 0, variance_mm2 = 0;
-};
-
 /// What noise, echoes, distributions and memory say.
 struct SpreadResult {
   std::vector<Suspect> accepted;
-  std::vector<Suspect> brought_along;           ///< Noise that something accepted makes: nothing of its own.
-  std::vector<std::vector<Suspect>> undecided;  ///< Each a set whose members explain about the same.
+  std::vector<Suspect> undecided;  ///< Of every set whose members explain about the same, the best.
   std::vector<Unexplained> unknown;
   MeanNoise noise;
   double sigma_mm = 0;  ///< White noise of one sample, fitted.
-  /// By capture, where targets were put up in several places and the noise differs between these; else empty.
-  std::vector<double> sigma_by_capture_mm;
-  std::vector<FacesInGroup> faces;  ///< Of every group, if the mirror's faces differ; else empty.
   std::vector<SpreadCurve> curves;  ///< For people: where something was found.
 };
-
-[[nodiscard]] SpreadResult explain_spread(const Reduced& reduced);
 
 }  // namespace fit::explain

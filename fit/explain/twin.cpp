@@ -16,7 +16,7 @@ namespace {
 
 using Eigen::VectorXd;
 
-constexpr std::size_t places_of_table = 150;
+constexpr std::size_t places_of_twin = 150;
 constexpr double worth_a_table_mm = 0.02;  // root mean square of what it does
 constexpr int most_tables = 4;
 constexpr double tells_enough = 0.2;  // share of an effect's squares that one more table must tell
@@ -115,7 +115,7 @@ EmpiricalFunction table_of(const MeanModel& model, const VectorXd& effect_mm, co
   std::ranges::sort(order, [&](auto i, auto j) { return a.at[i] < a.at[j]; });
   const double scale = a.channel == Channel::range ? 1 : deg_per_rad;
   // As many rows in every place, but never two places for one value of the coordinate.
-  const std::size_t each = std::max<std::size_t>(1, order.size() / places_of_table);
+  const std::size_t each = std::max<std::size_t>(1, order.size() / places_of_twin);
   const auto place_of = [&](std::size_t k) { return a.at[order[k]]; };
   for (const auto& [from, to] : stretches(order.size(), each, place_of)) {
     double x = 0, y = 0, w = 0;

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <set>
 
 #include "fit/find_by_id.hpp"
 #include "fit/linear_table.hpp"
@@ -14,55 +13,6 @@ namespace forms {
 std::vector<Form> all();
 }
 namespace {
-
-/// Where unnamed physics may act, and on what.
-struct Place {
-  Coordinate coordinate;
-  Channel channel;
-};
-constexpr Place places[] = {
-    {Coordinate::beam, Channel::range},       {Coordinate::beam, Channel::beam_angle},
-    {Coordinate::stage, Channel::range},      {Coordinate::stage, Channel::stage_angle},
-    {Coordinate::range, Channel::range},      {Coordinate::intensity, Channel::range},
-    {Coordinate::incidence, Channel::range},  {Coordinate::time, Channel::range},
-    {Coordinate::time, Channel::stage_angle}, {Coordinate::temperature, Channel::range}};
-
-std::vector<double> quantiles(const MeanModel& model, Coordinate coordinate, int count) {
-  std::vector<double> values;
-  for (Eigen::Index i = 0; i < model.rows(); i += std::max<Eigen::Index>(1, model.rows() / 4000)) {
-    const double v = coordinate_at(model, coordinate, i);
-    if (std::isfinite(v)) values.push_back(v);
-  }
-  std::vector<double> list;
-  if (values.empty()) return list;
-  std::ranges::sort(values);
-  for (int q = 1; q < count; ++q) {
-    const std::size_t i = values.size() * static_cast<std::size_t>(q) / static_cast<std::size_t>(count);
-    const double v = values[i];
-    double next = v;
-    for (std::size_t j = i; j < values.size() && next <= v; ++j) next = values[j];
-    const double middle = (v + next) / 2;
-    if (next > v && (list.empty() || middle > list.back() + 1e-9)) list.push_back(middle);
-  }
-  return list;
-}
-
-Axis axis_of(const MeanModel& model, const Place& place) {
-  constexpr std::size_t most = 400;
-  constexpr int parts = 40;
-  Axis axis{place.coordinate, place.channel, 1e300, -1e300, 0, {}};
-  std::set<double> values;
-  for (Eigen::Index i = 0; i < model.rows(); ++i) {
-    const double v = coordinate_at(model, place.coordinate, i);
-    if (!std::isfinite(v)) continue;
-    axis.low = std::min(axis.low, v);
-    axis.high = std::max(axis.high, v);
-    if (values.size() < most) values.insert(v);
-  }
-  axis.values = values.size();
-  axis.between = quantiles(model, place.coordinate, parts);
-  return axis;
-}
 
 Course course_of(const Shape& shape, const MeanModel& model) {
   const bool angle = shape.channel != Channel::range;
@@ -171,24 +121,6 @@ Columns columns_of(const MeanModel& model, const SeenShape& seen) {
     shape.length *= then / std::max(1e-9, high - low);
   }
   return columns_of(model, shape);
-}
-
-std::vector<Shape> forms_to_try(const MeanModel& model) {
-  constexpr std::size_t fewest_values = 4;
-  std::vector<Shape> list;
-  for (const Place& place : places) {
-    const Axis axis = axis_of(model, place);
-    if (!(axis.high - axis.low > 1e-6) || axis.values < fewest_values) continue;
-    for (const Form& form : all_forms())
-      for (Shape& shape : form.along(axis)) {
-        shape.form = &form;
-        shape.coordinate = axis.coordinate;
-        shape.channel = axis.channel;
-        shape.price += price_of_scale(1, 1);
-        list.push_back(std::move(shape));
-      }
-  }
-  return list;
 }
 
 Described describe(const Shape& shape, const MeanModel& model) {

@@ -19,7 +19,6 @@ struct Shape {
   double at = 0;                    ///< Place or period, file unit of the coordinate.
   double length = 0;                ///< Extent, as its form has it.
   double size = 1;                  ///< Standard size of the prior: mm or rad.
-  double price = 0;                 ///< Log of the number of such functions that were tried.
   std::vector<double> values = {};  ///< Coefficients, after a fit.
 };
 
@@ -56,6 +55,7 @@ struct Described {
 struct Form {
   std::string id;
   bool tells_a_place = true;  ///< A place or period tells people more than a curve.
+  bool is_constant = false;   ///< Needs no coordinate that varies.
   bool scaled = false;        ///< Its functions are of the coordinate scaled to -1 .. 1 over the recording.
   std::function<int(const Shape&)> terms = [](const Shape&) { return 1; };
   std::function<double(const Shape&, double x, int term)> basis;
@@ -80,8 +80,6 @@ struct Form {
 [[nodiscard]] Eigen::VectorXd effect_of(const MeanModel& model, const SeenShape& seen);
 /// Columns of the functions that could be it in that or another recording, as stiff over the coordinate.
 [[nodiscard]] Columns columns_of(const MeanModel& model, const SeenShape& seen);
-/// Unnamed functions of every coordinate, with the price of having looked at so many.
-[[nodiscard]] std::vector<Shape> forms_to_try(const MeanModel& model);
 /// A fitted one in words.
 [[nodiscard]] Described describe(const Shape& shape, const MeanModel& model);
 

@@ -20,7 +20,6 @@ Form make_bump() {
     for (const double share : {0.012, 0.024, 0.048})
       for (double at = axis.low; at < axis.high; at += 1.5 * share * span)
         list.push_back({.at = at, .length = share * span});
-    for (Shape& shape : list) shape.price = std::log(static_cast<double>(list.size()));
     return list;
   };
   f.says = [](const Shape& s, const Course& c) {

@@ -14,7 +14,7 @@ Form make_step() {
     std::vector<Shape> list;
     if (axis.coordinate == Coordinate::incidence || axis.coordinate == Coordinate::temperature) return list;
     for (const double at : axis.between)
-      list.push_back({.at = at, .price = std::log(static_cast<double>(axis.between.size()))});
+      list.push_back({.at = at});
     return list;
   };
   f.says = [](const Shape& s, const Course& c) {

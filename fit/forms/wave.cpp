@@ -20,12 +20,12 @@ Form make_wave() {
     if (axis.coordinate == Coordinate::beam) {
       // Whole numbers of lobes in a turn, and any other number: coarse slits, gears.
       for (int lobes = 3; lobes <= 12; ++lobes)
-        list.push_back({.at = 360.0 / lobes, .price = std::log(10.0)});
+        list.push_back({.at = 360.0 / lobes});
       for (double cycles = 4; cycles < 20; cycles += 0.4)
-        list.push_back({.at = span / cycles, .price = std::log(40.0)});
+        list.push_back({.at = span / cycles});
     } else if (axis.coordinate == Coordinate::time) {
       for (double turns = 1.5; turns < 12; turns *= 1.08)
-        list.push_back({.at = span / turns, .price = std::log(15.0)});
+        list.push_back({.at = span / turns});
     }
     return list;
   };

@@ -5,7 +5,7 @@
 
 namespace fit::mechanisms {
 
-// No echo below the comparator's threshold: P = logistic((I_min - I) / w).
+// No echo below the comparator's threshold, whose electronic noise is Gaussian: P = Phi((I_min - I) / w).
 Mechanism make_dropout() {
   Mechanism m;
   m.id = "dropout";
@@ -14,9 +14,9 @@ Mechanism make_dropout() {
   m.coordinate = Coordinate::intensity;
   m.parameters = {
       {.name = "intensity_min", .role = Parameter::Role::shape, .lower = 5, .upper = 1500, .starts = 20},
-      {.name = "width", .role = Parameter::Role::shape, .lower = 5, .upper = 300, .starts = 6}};
+      {.name = "width", .role = Parameter::Role::shape, .lower = 0.5, .upper = 300, .starts = 9}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    return Effect{.lost = std::isfinite(c.intensity) ? 1 / (1 + std::exp((c.intensity - p[0]) / p[1])) : 0};
+    return Effect{.lost = std::isfinite(c.intensity) ? 0.5 * std::erfc((c.intensity - p[0]) / p[1] / std::sqrt(2.0)) : 0};
   };
   m.shows = [](const Finding& f, const Recorded& r) {
     const double hardly_any = f.at("intensity_min").value + 2 * f.at("width").value;

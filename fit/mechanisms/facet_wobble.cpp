@@ -13,6 +13,7 @@ Mechanism make_facet_wobble() {
                   {.name = "phase_deg", .role = Parameter::Role::phase},
                   {.name = "facets",
                    .role = Parameter::Role::shape,
+                   .scale = Parameter::Scale::count,
                    .lower = 2,
                    .upper = 8,
                    .starts = 7,

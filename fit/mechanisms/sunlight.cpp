@@ -14,7 +14,7 @@ std::string times(const Finding& f) {
 }  // namespace
 
 // Shot noise of background light over part of the field of view, at all times or from one to another (since
-// power-on): more variance, and dropouts.
+// power-on): more variance, and echoes that drown in it.
 Mechanism make_sunlight() {
   Mechanism m;
   m.id = "sunlight";
@@ -31,11 +31,13 @@ Mechanism make_sunlight() {
        .logarithmic = false},
       {.name = "width_deg", .role = Parameter::Role::shape, .lower = 3, .upper = 50, .starts = 4},
       {.name = "from_s", .role = Parameter::Role::shape, .expected = -ever_s, .logarithmic = false},
-      {.name = "to_s", .role = Parameter::Role::shape, .expected = ever_s, .logarithmic = false}};
+      {.name = "to_s", .role = Parameter::Role::shape, .expected = ever_s, .logarithmic = false},
+      {.name = "lost", .typical = 0.01, .largest = 1, .sign = 1}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (c.time_s < p[3] || c.time_s > p[4]) return Effect{};
     const double away = wrap_angle(c.beam_rad - p[1] * rad_per_deg) * deg_per_rad / p[2];
-    return Effect{.variance_mm2 = p[0] * p[0] * std::exp(-away * away / 2)};
+    const double light = std::exp(-away * away / 2);
+    return Effect{.variance_mm2 = p[0] * p[0] * light, .lost = p[5] * light};
   };
   m.shows = [](const Finding& f, const Recorded&) {
     const double centre = f.at("centre_deg").value, reach = 1.2 * f.at("width_deg").value;

@@ -6,7 +6,6 @@
 #include <filesystem>
 
 #include "fit/explain/explanation.hpp"
-#include "fit/explain/inference/one_model.hpp"
 #include "rig/commands/different_sessions.hpp"
 #include "rig/commands/json_output.hpp"
 #include "rig/procedure/procedure_plan.hpp"
@@ -59,7 +58,6 @@ class Explain : public Command {
         "Where to write the procedure that separates undecided suspects; default: beside the session");
     command->add_option("--predict", predicted_,
                         "Session that takes no part in the fit: what was found must predict it (repeatable)");
-    command->add_option("--model", model_)->group("")->check(CLI::IsMember({"rules", "one"}));
     command->add_flag("--no-store", no_store_, "Leave the session file as it is");
     return command;
   }
@@ -106,8 +104,7 @@ class Explain : public Command {
       auto explanation = [&] {
         ProgressLine line;
         const auto shown = [&](double share, const char* what) { line(share, what); };
-        return model_ == "one" ? fit::explain::explain_by_one_model(list, shown)
-                               : fit::explain::explain(list, shown);
+        return fit::explain::explain(list, shown);
       }();
       for (const std::string& path : predicted_) {
         const SessionStore store(path, SessionStore::Mode::read);
@@ -168,7 +165,7 @@ class Explain : public Command {
   }
 
   std::vector<std::string> sessions_, predicted_;
-  std::string bench_, report_, next_, model_ = "rules";
+  std::string bench_, report_, next_;
   JsonOutput json_;
   bool no_store_ = false;
 };

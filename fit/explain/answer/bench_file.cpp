@@ -6,7 +6,6 @@
 
 #include "fit/angle.hpp"
 #include "fit/explain/answer/chapters.hpp"
-#include "fit/explain/odds.hpp"
 #include "fit/explain/stated_noise.hpp"
 
 namespace fit::explain::answer {
@@ -22,40 +21,7 @@ struct Stated {
       : stated(Nuisance(findings.reduced.bench).as_vector()),
         found(findings.means.best.nuisance.as_vector()),
         u(Nuisance::prior_sigma(findings.reduced.bench)) {}
-
-  /// Log of the odds against so large a deviation.
-  [[nodiscard]] double strain(Index i) const {
-    return u[i] > 0 ? 0.5 * std::pow((found[i] - stated[i]) / u[i], 2) : 0;
-  }
 };
-
-/// As answers name what the bench file states there.
-std::string name_of(const Freedom& freedom) {
-  switch (freedom.of) {
-    case Freedom::Of::mount_x:
-    case Freedom::Of::mount_y:
-      return mount_offset;
-    case Freedom::Of::mount_yaw:
-      return mount_yaw;
-    case Freedom::Of::turn:
-      return "target-tilt";
-    default:
-      return "target-offset";
-  }
-}
-
-/// What looks the same from one place.
-std::string same_as(const Freedom& freedom) {
-  switch (freedom.of) {
-    case Freedom::Of::mount_x:
-    case Freedom::Of::mount_y:
-      return "lidar-arm";
-    case Freedom::Of::mount_yaw:
-      return "index-offset";
-    default:
-      return unknown_physics;
-  }
-}
 
 std::string in_words(const Freedom& freedom, const Bench& bench) {
   switch (freedom.of) {
@@ -76,28 +42,6 @@ std::string in_words(const Freedom& freedom, const Bench& bench) {
 }
 
 }  // namespace
-
-void tell_stated_otherwise(const Findings& findings, Explanation& out) {
-  const Bench& bench = findings.reduced.bench;
-  const Stated file(findings);
-  const std::vector<Freedom> freedoms = freedoms_of(bench);
-  const auto is_told = [&](const std::string& name) {
-    return std::ranges::any_of(out.mechanisms, [&](const Found& f) { return f.mechanism->id == name; }) ||
-           std::ranges::any_of(out.undecided_between, [&](const auto& set) { return std::ranges::count(set, name) > 0; });
-  };
-  for (std::size_t i = 0; i < freedoms.size(); ++i) {
-    const Freedom& freedom = freedoms[i];
-    const double price = odds::price_of_mechanism + price_of_scale(1, 1) +
-                         (freedom.target < 0 ? 0 : std::log(static_cast<double>(bench.targets.size())));
-    if (file.strain(static_cast<Index>(i)) <= price) continue;
-    const std::string name = name_of(freedom), same = same_as(freedom);
-    if (is_told(name) || is_told(same)) continue;
-    out.undecided_between.push_back({name, same});
-    out.notes.push_back(in_words(freedom, bench) +
-                        " had to go farther from where the bench file states it than a mechanism costs: nothing "
-                        "else explains this recording. Check the bench file first.");
-  }
-}
 
 void doubt_bench_file(const Findings& findings, Explanation& out) {
   constexpr double hardly_possible = 3.5;  // standard uncertainties

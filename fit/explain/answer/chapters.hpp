@@ -8,20 +8,10 @@
 /// with their entries in the bench, undecided sets, what is unknown, places, notes.
 namespace fit::explain::answer {
 
-/// The most probable that a name is beside something that nobody could name.
-inline constexpr double not_certain = 0.85;
-
-/// Mechanisms that move means, and sets of those that cannot be told apart.
-void tell_means(const Findings& findings, Explanation& out);
-
-/// Mount and targets that had to go farther from where the bench file has them than a mechanism costs, unless
-/// something named says so: that the file is wrong is an answer, and nothing is not missing then.
-void tell_stated_otherwise(const Findings& findings, Explanation& out);
-
 /// Stray light beside edges.
 void tell_stray_light(const Findings& findings, Explanation& out);
 
-/// Mechanisms of noise, lost echoes, distributions and memory.
+/// What the model has no rows for: coarse steps, wide beams.
 void tell_spread(const Findings& findings, Explanation& out);
 
 /// What no mechanism of the catalogue explains.

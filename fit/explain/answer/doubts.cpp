@@ -29,13 +29,6 @@ std::string on_excess(double excess) {
          " times more than their samples say; everything was weighed accordingly.";
 }
 
-constexpr const char* on_search_cut_short =
-    "Nothing tried fits these means well, and the search was ended before every combination was tried: "
-    "correct the bench file by what is told here, and explain again.";
-
-constexpr const char* on_no_transfer =
-    "Means deviate in ways that one place does not share with the others; nothing is built on these.";
-
 /// Held-out figures that contradict "nothing is missing": the other stops are too few to learn from them
 /// where the lidar and the targets stand.
 bool placed_by_bench_alone(const MeanResult& means, const Explanation& out) {
@@ -48,18 +41,6 @@ constexpr const char* on_few_stops =
     "are too few to learn it from some and predict the others. What they have in common cannot be told "
     "from that. Record more stage angles before relying on this.";
 
-/// The noise of every place.
-std::string on_noise_of_places(const Findings& findings) {
-  const std::vector<double>& sigma_mm = findings.spread.sigma_by_capture_mm;
-  std::string text = "The constant noise differs from place to place:";
-  for (std::size_t c = 0; c < sigma_mm.size(); ++c) {
-    const CaptureInfo& capture = findings.reduced.captures[c];
-    text += (c == 0 ? " " : ", ") + rounded(sigma_mm[c], 2) + " mm (" +
-            capture.target.value_or(capture.step) + ")";
-  }
-  return text + ".";
-}
-
 /// Whether beam angles scatter as much as angles do that are rounded to the beams' spacing.
 bool is_rounding(const Estimate& sigma_deg, double grid_deg) {
   return std::abs(sigma_deg.value - grid_deg / std::sqrt(12.0)) <= 2 * sigma_deg.u + 0.02 * sigma_deg.value;
@@ -68,11 +49,6 @@ bool is_rounding(const Estimate& sigma_deg, double grid_deg) {
 std::string on_rounded_angles(double grid_deg) {
   return "Beam angles scatter by as much as angles do that are rounded to the beams' spacing: " +
          rounded(grid_deg, 3) + " deg / sqrt(12) = " + rounded(grid_deg / std::sqrt(12.0), 3) + " deg.";
-}
-
-std::string on_scatter(double scatter_mm) {
-  return "Whole captures are off at random by " + rounded(scatter_mm, 2) +
-         " mm; their cells were not counted as independent.";
 }
 
 }  // namespace
@@ -85,15 +61,11 @@ void tell_doubts(const Findings& findings, Explanation& out) {
   if (reduced.left_out > 0) note(on_left_out(reduced));
   if (placed_by_bench_alone(means, out)) note(on_few_stops);
   if (means.excess > 1) note(on_excess(means.excess));
-  if (means.cut_short) note(on_search_cut_short);
-  if (!means.transfers) note(on_no_transfer);
-  if (!findings.spread.sigma_by_capture_mm.empty()) note(on_noise_of_places(findings));
   const double grid_deg = reduced.bench.lidar.step_rad * deg_per_rad;
   for (const Suspect& suspect : findings.spread.accepted)
     if (suspect.mechanism->id == spread::ids::angle_jitter &&
         is_rounding(suspect.parameters.at("sigma_deg"), grid_deg))
       note(on_rounded_angles(grid_deg));
-  if (means.scatter_mm > 0) note(on_scatter(means.scatter_mm));
 }
 
 }  // namespace fit::explain::answer

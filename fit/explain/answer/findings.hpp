@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "fit/explain/mean_search.hpp"
+#include "fit/explain/mean_result.hpp"
 #include "fit/explain/spread.hpp"
 #include "fit/explain/stray_light.hpp"
 

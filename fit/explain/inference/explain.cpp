@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fit/explain/inference/curves.hpp"
 #include "fit/explain/inference/hold_out.hpp"
 #include "fit/explain/inference/numbers.hpp"
-#include "fit/explain/search/scatter.hpp"
-#include "fit/explain/search/settling.hpp"
+#include "fit/explain/inference/settle.hpp"
 #include "fit/explain/stated_noise.hpp"
 
 namespace fit::explain::inference {
@@ -15,7 +15,7 @@ namespace {
 
 using Eigen::Index;
 
-bool is_of_means(const Kind& kind) { return kind.observable == Observable::range_mean; }
+bool is_of_means(const Kind& kind) { return moves_means(*kind.mechanism); }
 
 /// As the rooms that draw, predict and plan know it.
 explain::Term as_term(const Term& term) {
@@ -31,18 +31,6 @@ Shape as_shape(const Term& term) {
   return shape;
 }
 
-/// Which cells may be compared, once mount and targets are known a little better.
-double settled(Reduced& reduced, const MeanNoise& noise) {
-  search::Fitting fitting(reduced, noise);
-  explain::Hypothesis empty(reduced.bench);
-  pool_variances(reduced, noise);
-  fitting.place(empty, true);
-  const double excess = search::excess_beyond_doubt(fitting, empty);
-  fitting.widen_noise(excess);
-  search::settle(fitting, empty);
-  return excess;
-}
-
 double noise_floor(const Reduced& reduced, const MeanNoise& noise) {
   const Reduced rows = merged(reduced, numbers::search_rows);  // as the channel has them
   const MeanModel model(rows, noise);
@@ -54,10 +42,8 @@ double noise_floor(const Reduced& reduced, const MeanNoise& noise) {
 /// The constant variance is the first coefficient of its channel; a mechanism that adds to it is the same.
 double constant_noise_of(const Session& session, const Hypothesis& best) {
   double variance = 0;
-  const auto& kinds = model::channel_kinds();
-  for (std::size_t c = 0; c < kinds.size(); ++c)
-    if (kinds[c].observable == Observable::range_variance && session.channels()[c])
-      variance += best.base[session.first_base(c)];
+  const std::size_t c = model::channel_of("variance");
+  if (session.channels()[c]) variance += best.base[session.first_base(c)];
   for (const Term& term : best.terms)
     if (is_constant_noise(*term.kind->mechanism)) variance += std::pow(term.values.front(), 2);
   return std::sqrt(std::max(0.0, variance));
@@ -73,17 +59,18 @@ Fitted without_term(const Session& session, const Hypothesis& h, const Kind* kin
 void measure(const Session& session, const Explored& explored, Inferred& out) {
   const Hypothesis& best = explored.best.hypothesis;
   out.means.after = hold_out(session, explored.best);
-  out.means.before = hold_out(session, fit(session, {}));
+  const Fitted nothing = fit(session, {});
+  out.means.before = hold_out(session, nothing);
+  out.curves = curves_of(session, nothing, explored.best, out.posterior);
   for (const auto* list : {&out.posterior.named, &out.posterior.forms})
     for (const Named& named : *list) {
       const HeldOutFigures without = hold_out(session, without_term(session, best, named.term.kind));
       out.gain.push_back(out.means.after.log_likelihood - without.log_likelihood);
-      if (list == &out.posterior.named && is_of_means(*named.term.kind)) out.means.without.push_back(without);
     }
 }
 
 /// The best hypothesis as far as means go; of undecided sets, the best member.
-void take_means(const Session& session, const Hypothesis& best, const Posterior& posterior, MeanResult& means) {
+void take_means(const Session& session, const Hypothesis& best, MeanResult& means) {
   means.best.nuisance = session.nuisance(best);
   for (const Term& term : best.terms) {
     if (!is_of_means(*term.kind)) continue;
@@ -92,24 +79,22 @@ void take_means(const Session& session, const Hypothesis& best, const Posterior&
       continue;
     }
     means.best.terms.push_back(as_term(term));
-    const auto named = std::ranges::find(posterior.named, term.kind, [](const Named& n) { return n.term.kind; });
-    means.probability.push_back(named == posterior.named.end() ? 0.5 : named->probability);
   }
-  means.rivals.resize(means.best.terms.size());
 }
 
 }  // namespace
 
 Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progress) {
-  Inferred out{nullptr, {}, MeanResult(reduced.bench), 0, {}};
-  out.means.excess = settled(reduced, noise);
+  Inferred out{nullptr, {}, MeanResult(reduced.bench), 0, {}, {}};
+  out.means.excess = settle(reduced, noise);
   out.means.noise = noise;
   out.means.noise.factor *= out.means.excess;
   Session session(reduced, out.means.noise);
   out.kinds = session.shared_kinds();
   const Explored explored = explore(session, progress);
   out.posterior = posterior_of(explored);
-  take_means(session, explored.best.hypothesis, out.posterior, out.means);
+  out.means.noise = session.noise();
+  take_means(session, explored.best.hypothesis, out.means);
   measure(session, explored, out);
   out.sigma_mm = constant_noise_of(session, explored.best.hypothesis);
   out.means.noise_floor_mm = noise_floor(reduced, out.means.noise);

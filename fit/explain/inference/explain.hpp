@@ -12,6 +12,7 @@ struct Inferred {
   Posterior posterior;
   MeanResult means;  ///< The best hypothesis' part in the means, with the held-out figures of all channels.
   double sigma_mm = 0;       ///< Constant noise of one sample.
+  std::vector<SpreadCurve> curves;  ///< Of what is beside the means, where something was found.
   std::vector<double> gain;  ///< Held out, of every named one, and then of every form.
 };
 

@@ -168,7 +168,7 @@ Term moved(const Term& term, const Optimum& optimum, const Design& design, const
   const Eigen::VectorXd size = design.sigma.segment(block.first, block.sizes)
                                    .cwiseProduct(optimum.x.segment(block.first, block.sizes));
   model::set_coefficients(there, size, in_units(block.first, block.sizes));
-  const std::vector<std::size_t> shapes = model::shapes_of(*term.kind);
+  const std::vector<std::size_t> shapes = model::refined_shapes_of(*term.kind);
   there.sigma.resize(there.values.size(), 0.0);
   for (Index j = 0; j < block.shapes; ++j) {
     const std::size_t k = shapes[static_cast<std::size_t>(j)];

@@ -3,7 +3,7 @@
 
 #include <cstddef>
 
-/// Every number by which `rig explain --model one` decides, each with its reason in docs/method/model.md.
+/// Every number by which `rig explain` decides, each with its reason in docs/method/model.md.
 namespace fit::explain::numbers {
 
 constexpr double mechanisms_expected = 1;  ///< Missing of the catalogue, before the recording is seen.

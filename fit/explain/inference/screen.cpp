@@ -10,7 +10,7 @@
 
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/combs.hpp"
-#include "fit/explain/search/two_cores.hpp"
+#include "fit/explain/inference/two_cores.hpp"
 
 namespace fit::explain::inference {
 namespace {
@@ -49,7 +49,7 @@ class Question {
   /// Between its starts, with what its formula leaves open.
   void look_closely() {
     if (kind_->is_form()) return;
-    const bool refines = kind_->refines && !model::shapes_of(*kind_).empty();
+    const bool refines = !model::refined_shapes_of(*kind_).empty();
     const double first = asked_.front().log_evidence;
     std::vector<double> modes;
     double most = -1e300;
@@ -62,7 +62,8 @@ class Question {
       best_.term = there;
     }
     // Places are paid for by the width of the best ones; another good one adds to the evidence.
-    const double all = log_sum(modes);
+    double all = log_sum(modes);
+    if (!kind_->refines) all -= std::log(static_cast<double>(kind_->starts.size()));
     best_.term.other_places = all - most;
     best_.log_evidence = all;
   }
@@ -194,7 +195,7 @@ class Question {
 
   /// Shapes between those of the grid.
   [[nodiscard]] Term refined(const Term& start) const {
-    const std::vector<std::size_t> shapes = model::shapes_of(*kind_);
+    const std::vector<std::size_t> shapes = model::refined_shapes_of(*kind_);
     const auto& parameters = kind_->mechanism->parameters;
     struct Context {
       const Question& question;
@@ -258,12 +259,12 @@ std::vector<Candidate> screen(const Session& session, const Fitted& fitted, cons
   std::vector<Question> questions;
   const Optimum around = raised(session, fitted.design, fitted.optimum);
   for (const Kind* kind : asked) questions.emplace_back(session, fitted, around, *kind);
-  search::on_two_cores(questions.size(), [&](std::size_t i) { questions[i].look(); });
+  on_two_cores(questions.size(), [&](std::size_t i) { questions[i].look(); });
   std::ranges::sort(questions, std::greater<>(), &Question::promise);
   std::vector<Question*> promising;
   for (Question& q : questions)
     if (!q.is_form() && promising.size() < 2 * numbers::tries) promising.push_back(&q);
-  search::on_two_cores(promising.size(), [&](std::size_t i) { promising[i]->look_closely(); });
+  on_two_cores(promising.size(), [&](std::size_t i) { promising[i]->look_closely(); });
   std::vector<Candidate> list;
   for (const Question& q : questions) list.push_back(q.answer());
   std::ranges::sort(list, std::greater<>(), &Candidate::log_posterior);

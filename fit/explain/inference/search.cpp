@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "fit/explain/inference/numbers.hpp"
-#include "fit/explain/search/two_cores.hpp"
+#include "fit/explain/inference/two_cores.hpp"
 
 namespace fit::explain::inference {
 namespace {
@@ -85,7 +85,7 @@ class Climber {
   /// The best of them; all are remembered.
   std::optional<Fitted> fit_all(const std::vector<Hypothesis>& list) {
     std::vector<Fitted> fits(list.size());
-    search::on_two_cores(list.size(), [&](std::size_t i) { fits[i] = fit(session_, list[i]); });
+    on_two_cores(list.size(), [&](std::size_t i) { fits[i] = fit(session_, list[i]); });
     std::optional<Fitted> best;
     for (Fitted& f : fits) {
       remember(f);

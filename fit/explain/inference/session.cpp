@@ -4,6 +4,8 @@
 #include <algorithm>
 
 #include "fit/explain/hypothesis.hpp"
+#include "fit/explain/model/scans.hpp"
+#include "fit/explain/model/autoregression.hpp"
 
 namespace fit::explain::inference {
 
@@ -22,30 +24,47 @@ std::vector<const Kind*> Hypothesis::kinds() const {
 
 namespace {
 
-bool moves_the_means(const Kind& kind) { return kind.observable == Observable::range_mean; }
+bool moves_the_means(const Kind& kind) { return moves_means(*kind.mechanism); }
 
-std::size_t mean_channel() {
-  const auto& kinds = model::channel_kinds();
-  return static_cast<std::size_t>(
-      std::ranges::find(kinds, Observable::range_mean, &model::ChannelKind::observable) - kinds.begin());
+std::size_t mean_channel() { return model::channel_of("mean"); }
+
+/// How much worse means are known for what a hypothesis says of scans: they draw errors of their own, and
+/// noise with memory averages out slowly.
+MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Term>& terms) {
+  Effect all;
+  for (const Term& term : terms) all += term.kind->mechanism->act(Circumstances{}, term.values);
+  noise.scan_range_mm2 = std::max(0.0, all.scan_range_variance_mm2);
+  noise.scan_angle_rad2 = all.scan_angle_variance_rad2;
+  double slowly = 0, cells = 0;
+  for (const Group& group : reduced.groups) {
+    const double n = std::max(1, group.scans);
+    noise.range_mm2.push_back(noise.scan_range_mm2 / n);
+    noise.angle_rad2.push_back(noise.scan_angle_rad2 / n);
+    slowly += static_cast<double>(group.cells) * model::added_to_mean(group.scans, all.memory_rho);
+    cells += static_cast<double>(group.cells);
+  }
+  if (noise.scan_range_mm2 <= 0) noise.range_mm2.clear();
+  if (noise.scan_angle_rad2 <= 0) noise.angle_rad2.clear();
+  if (cells > 0) noise.factor = std::max(noise.factor, 1 + all.memory_share * slowly / cells);
+  return noise;
 }
 
 }  // namespace
 
 Session::Session(Reduced& reduced, MeanNoise noise) : reduced_(reduced), noise_(std::move(noise)) {
   Hypothesis nothing;
-  make_channels();
+  make_channels(noise_);
   nothing.base = Eigen::VectorXd::Zero(count_base());
   linearise(nothing);
   kinds_ = std::make_shared<const std::vector<Kind>>(model::kinds_of(reduced_, channels_));
   columns_.assign(kinds_->size(), {});
 }
 
-void Session::make_channels() {
+void Session::make_channels(const MeanNoise& noise) {
   channels_.clear();
   offsets_.clear();
   for (const model::ChannelKind& kind : model::channel_kinds()) {
-    channels_.push_back(kind.rows(reduced_, noise_));
+    channels_.push_back(kind.rows(reduced_, noise));
     Eigen::VectorXd offset(channels_.back() ? channels_.back()->rows() : 0);
     for (Index i = 0; i < offset.size(); ++i) offset[i] = channels_.back()->offset(i);
     offsets_.push_back(std::move(offset));
@@ -84,9 +103,16 @@ void Session::linearise(const Hypothesis& at) {
     if (moves_the_means(*term.kind))
       at_work.push_back({term.kind->mechanism.get(), term.values, term.kind->target});
   for (auto& kept : columns_) kept.clear();
+  std::vector<Active> from_scan_to_scan;
+  for (const Term& term : at.terms)
+    if (term.kind->mechanism->coordinate == Coordinate::scan_seq)
+      from_scan_to_scan.push_back({term.kind->mechanism.get(), term.values, -1});
   const Nuisance there = nuisance(at);
+  model::expect_from_scan_to_scan(reduced_, from_scan_to_scan);
   predict(reduced_, there, at_work, false);
-  make_channels();
+  present_noise_ = noise_by(reduced_, noise_, at.terms);
+  pool_variances(reduced_, present_noise_);
+  make_channels(present_noise_);
   const std::size_t mean = mean_channel();
   if (!channels_[mean]) return;
   // Coefficients count from the bench file, not from where the prediction is.

@@ -36,7 +36,8 @@ class Session {
 
   [[nodiscard]] const Reduced& reduced() const { return reduced_; }
   [[nodiscard]] Reduced& reduced() { return reduced_; }
-  [[nodiscard]] const MeanNoise& noise() const { return noise_; }
+  /// Of the means, at the present linearisation.
+  [[nodiscard]] const MeanNoise& noise() const { return present_noise_; }
   /// In the order of model::channel_kinds(); null where the session has no rows.
   [[nodiscard]] const std::vector<std::unique_ptr<ChannelRows>>& channels() const { return channels_; }
   /// Of a channel's predictor where all coefficients are zero.
@@ -54,10 +55,10 @@ class Session {
   [[nodiscard]] Eigen::Index count_base() const { return first_base(channels_.size()); }
 
  private:
-  void make_channels();
+  void make_channels(const MeanNoise& noise);
 
   Reduced& reduced_;
-  MeanNoise noise_;
+  MeanNoise noise_, present_noise_;  ///< As given, and with what the hypothesis says of scans.
   std::vector<std::unique_ptr<ChannelRows>> channels_;
   std::vector<Eigen::VectorXd> offsets_;
   std::shared_ptr<const std::vector<Kind>> kinds_;

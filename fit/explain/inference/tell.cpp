@@ -10,7 +10,7 @@
 namespace fit::explain::inference {
 namespace {
 
-bool is_of_the_means(const Kind& kind) { return kind.observable == Observable::range_mean; }
+bool is_of_the_means(const Kind& kind) { return moves_means(*kind.mechanism); }
 
 std::map<std::string, Estimate> parameters_of(const Term& term) {
   std::map<std::string, Estimate> map;
@@ -97,10 +97,7 @@ Unexplained in_words(const Named& form) {
   Unexplained u;
   u.observable = form.term.kind->observable;
   u.coordinate = shape.coordinate;
-  const char* what = u.observable == Observable::range_variance ? "the samples' variance"
-                     : u.observable == Observable::dropout      ? "the share of lost echoes"
-                                                                : "the share of samples far off";
-  u.describes = std::string(what) + " follows a " + form.term.kind->mechanism->id + " that no mechanism of the catalogue makes";
+  u.describes = form.term.kind->acts_on + " follows a " + form.term.kind->mechanism->id + " that no mechanism of the catalogue makes";
   return u;
 }
 
@@ -123,6 +120,10 @@ void add_to_spread(const Inferred& inferred, SpreadResult& spread) {
   spread.sigma_mm = inferred.sigma_mm;
   for (const Named& named : inferred.posterior.named)
     if (!is_of_the_means(*named.term.kind)) spread.accepted.push_back(as_suspect(named.term));
+  for (const Undecided& set : inferred.posterior.undecided) {
+    const auto best = std::ranges::find_if(set.members, [](const auto& member) { return member.kind && !member.kind->is_form(); });
+    if (best != set.members.end() && !is_of_the_means(*best->kind)) spread.undecided.push_back(as_suspect(best->term));
+  }
   for (const Named& form : inferred.posterior.forms)
     if (!is_of_the_means(*form.term.kind)) spread.unknown.push_back(in_words(form));
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/model/channel.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace fit::explain::channels {
@@ -14,6 +15,11 @@ using Eigen::Index;
 const std::vector<ChannelKind>& channel_kinds() {
   static const std::vector<ChannelKind> kinds = channels::all();
   return kinds;
+}
+
+std::size_t channel_of(const std::string& id) {
+  const auto& kinds = channel_kinds();
+  return static_cast<std::size_t>(std::ranges::find(kinds, id, &ChannelKind::id) - kinds.begin());
 }
 
 Eigen::VectorXd IndependentRows::log_likelihoods(const Eigen::VectorXd& eta) const {

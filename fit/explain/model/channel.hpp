@@ -28,6 +28,8 @@ class ChannelRows {
   /// What the row's samples met, and of which capture they are.
   [[nodiscard]] virtual const Circumstances& at(Eigen::Index row) const = 0;
   [[nodiscard]] virtual int capture(Eigen::Index row) const = 0;
+  /// Whether what changes along that coordinate is for these rows: from scan to scan, or from cell to cell.
+  [[nodiscard]] virtual bool sees(Coordinate coordinate) const { return coordinate != Coordinate::scan_seq; }
   /// What an effect adds to the row's predictor.
   [[nodiscard]] virtual double response(Eigen::Index row, const Effect& effect) const = 0;
   /// Nuisances that every hypothesis has.
@@ -35,8 +37,10 @@ class ChannelRows {
   /// Of the predictor where all coefficients are zero.
   [[nodiscard]] virtual double offset(Eigen::Index row) const = 0;
 
-  /// The statistic itself, in the unit of its mean.
+  /// The statistic itself ...
   [[nodiscard]] virtual double statistic(Eigen::Index row) const = 0;
+  /// ... in the unit of the predictor.
+  [[nodiscard]] virtual double seen(Eigen::Index row) const { return statistic(row); }
   [[nodiscard]] virtual double log_likelihood(const Eigen::VectorXd& eta) const = 0;
   /// The same of every row; of rows with a common error, as if each came alone.
   [[nodiscard]] virtual Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const = 0;
@@ -52,12 +56,16 @@ class ChannelRows {
 struct ChannelKind {
   std::string id;
   Observable observable = Observable::range_mean;
+  std::string shows, unit;  ///< What pictures of it show.
+  bool is_square = false;   ///< Pictures show its root.
   /// The rows of a session whose cells are predicted; null if it has none.
   std::function<std::unique_ptr<ChannelRows>(const Reduced&, const MeanNoise&)> rows;
 };
 
 /// All kinds of statistics there are.
 [[nodiscard]] const std::vector<ChannelKind>& channel_kinds();
+/// Which of them has that name.
+[[nodiscard]] std::size_t channel_of(const std::string& id);
 
 /// A channel whose rows are independent, each with a weight of its own: what generalised linear models have.
 class IndependentRows : public ChannelRows {
@@ -68,6 +76,7 @@ class IndependentRows : public ChannelRows {
     double lever2 = 0;     ///< Mean square of d range / d beam angle, (mm/rad)^2.
     double y = 0;          ///< The statistic: a variance, or a count.
     double n = 0;          ///< Degrees of freedom, or samples.
+    double expected = 0;   ///< Of a variance: what of it is predicted from scan to scan.
   };
 
   [[nodiscard]] Eigen::Index rows() const override { return static_cast<Eigen::Index>(list_.size()); }

@@ -13,6 +13,7 @@ namespace fit::explain::model {
 class Counts : public IndependentRows {
  public:
   using IndependentRows::IndependentRows;
+  [[nodiscard]] double seen(Eigen::Index row) const override { return of(row).y / of(row).n; }
   [[nodiscard]] double offset(Eigen::Index) const override { return numbers::least_hazard; }
 
   [[nodiscard]] Eigen::VectorXd raised(const Eigen::VectorXd& eta) const override {

@@ -86,6 +86,24 @@ Eigen::MatrixXd of_wave(const ChannelRows& channel, const Term& term, const Eige
   return share * columns;
 }
 
+/// Whatever repeats after a whole number of scans: the harmonics of its wave.
+Eigen::MatrixXd harmonics(const ChannelRows& channel, const Term& term) {
+  constexpr int last = 4;
+  std::vector<double> ahead = term.values;
+  const auto& parameters = term.kind->mechanism->parameters;
+  for (std::size_t k = 0; k < ahead.size(); ++k)
+    if (parameters[k].role == Parameter::Role::phase) ahead[k] += 90;
+  Eigen::MatrixXd columns(channel.rows(), 2 * (last - 1));
+  for (Index i = 0; i < channel.rows(); ++i)
+    for (int k = 2; k <= last; ++k) {
+      Circumstances at = channel.at(i);
+      at.seq *= k;
+      columns(i, 2 * k - 4) = channel.response(i, term.kind->mechanism->act(at, term.values));
+      columns(i, 2 * k - 3) = channel.response(i, term.kind->mechanism->act(at, ahead));
+    }
+  return columns;
+}
+
 }  // namespace
 
 Eigen::MatrixXd deviation_columns(const ChannelRows& channel, const Term& term) {
@@ -95,6 +113,7 @@ Eigen::MatrixXd deviation_columns(const ChannelRows& channel, const Term& term) 
   const bool has_no_curve = m.formula_error <= 0 || m.one_target || kind.is_form() ||
                             m.coordinate == Coordinate::stage_rate ||
                             (m.parameters.size() == 1 && m.coordinate == Coordinate::target);
+  if (m.parameter_of(Parameter::Scale::count)) return harmonics(channel, term);
   if (has_no_curve) return Eigen::MatrixXd(channel.rows(), 0);
   const Eigen::VectorXd x = scaled(channel, m.coordinate);
   const double share = m.any_curve ? numbers::free_curve_share : m.formula_error;

@@ -13,7 +13,7 @@ namespace {
 using Eigen::Index;
 
 /// What a form changes.
-enum class Act { range, beam_angle, stage_angle, variance, loss, stray };
+enum class Act { range, beam_angle, stage_angle, variance, scan_range, loss, stray };
 
 /// As the rooms that draw forms of means know it.
 explain::Channel channel_of(Act on) {
@@ -36,10 +36,12 @@ constexpr Way ways[] = {{Coordinate::beam, Act::range},       {Coordinate::beam,
                         {Coordinate::intensity, Act::variance}, {Coordinate::time, Act::variance},
                         {Coordinate::incidence, Act::variance}, {Coordinate::beam, Act::loss},
                         {Coordinate::range, Act::loss},       {Coordinate::time, Act::loss},
-                        {Coordinate::beam, Act::stray},       {Coordinate::time, Act::stray}};
+                        {Coordinate::beam, Act::stray},       {Coordinate::time, Act::stray},
+                        {Coordinate::scan_seq, Act::range},   {Coordinate::scan_seq, Act::scan_range},
+                        {Coordinate::stage, Act::variance}};
 
 Observable observable_of(Act on) {
-  return on == Act::variance ? Observable::range_variance
+  return on == Act::variance || on == Act::scan_range ? Observable::range_variance
          : on == Act::loss   ? Observable::dropout
          : on == Act::stray  ? Observable::range_distribution
                              : Observable::range_mean;
@@ -53,6 +55,7 @@ double typical_of(Act on) {
     case Act::stage_angle:
       return numbers::form_deg * rad_per_deg;
     case Act::variance:
+    case Act::scan_range:
       return numbers::form_mm2;
     default:
       return numbers::form_share;
@@ -69,10 +72,27 @@ Effect effect_on(Act on, double value) {
       return {.stage_rad = value};
     case Act::variance:
       return {.variance_mm2 = value};
+    case Act::scan_range:
+      return {.scan_range_variance_mm2 = value};
     case Act::loss:
       return {.lost = value};
     default:
       return {.stray = value};
+  }
+}
+
+const char* in_words(Act on) {
+  switch (on) {
+    case Act::variance:
+      return "the samples' variance";
+    case Act::scan_range:
+      return "the range that a whole scan has in common";
+    case Act::loss:
+      return "the share of lost echoes";
+    case Act::stray:
+      return "the share of samples far off";
+    default:
+      return "the range";
   }
 }
 
@@ -152,6 +172,12 @@ std::shared_ptr<const Mechanism> mechanism_of(const Form& form, const Way& way, 
   return m;
 }
 
+bool responds(const ChannelRows& rows, Act on) {
+  for (Index i = 0; i < std::min<Index>(10, rows.rows()); ++i)
+    if (rows.response(i, effect_on(on, 1)) != 0) return true;
+  return false;
+}
+
 /// Forms along one way, those with as many coefficients together.
 void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>& kinds) {
   constexpr std::size_t fewest_values = 4;
@@ -162,8 +188,9 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
   const bool uneven = way.coordinate == Coordinate::intensity || way.coordinate == Coordinate::range;
   const auto scale = std::make_shared<const Scale>(std::move(values), uneven);
   const Axis axis = axis_of_rows(*scale, way);
-  if (!(axis.high - axis.low > 1e-6) || axis.values < fewest_values) return;
+  const bool varies = axis.high - axis.low > 1e-6 && axis.values >= fewest_values;
   for (const Form& form : all_forms()) {
+    if (!varies && !form.is_constant) continue;
     std::map<int, std::vector<Shape>> by_terms;
     for (Shape& shape : form.along(axis)) {
       shape.form = &form;
@@ -177,7 +204,8 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
       kind.observable = observable_of(way.on);
       kind.mechanism = mechanism_of(form, way, shapes.front(), scale);
       kind.refines = false;
-      kind.coefficients = coefficients_of(*kind.mechanism, 1);
+      kind.acts_on = in_words(way.on);
+      kind.coefficients = coefficients_of(*kind.mechanism, [](std::size_t) { return 1; });
       for (const Shape& shape : shapes) {
         std::vector<double> start;
         for (const Parameter& p : kind.mechanism->parameters) start.push_back(p.typical);
@@ -197,7 +225,9 @@ void add_forms(const std::vector<ChannelKind>& what, const std::vector<std::uniq
   const std::size_t named = kinds.size();
   for (const Way& way : ways)
     for (std::size_t c = 0; c < channels.size(); ++c)
-      if (channels[c] && what[c].observable == observable_of(way.on)) add_forms_along(way, *channels[c], kinds);
+      if (channels[c] && what[c].observable == observable_of(way.on) && channels[c]->sees(way.coordinate) &&
+          responds(*channels[c], way.on))
+        add_forms_along(way, *channels[c], kinds);
   const auto count = static_cast<double>(std::max<std::size_t>(1, kinds.size() - named));
   for (std::size_t k = named; k < kinds.size(); ++k) kinds[k].log_prior = std::log(numbers::forms_expected / count);
 }

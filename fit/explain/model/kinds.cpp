@@ -67,6 +67,7 @@ bool any_row(const ChannelRows& channel, const Kind& kind, const Ask& ask) {
 }
 
 bool acts_in(const ChannelRows& channel, const Kind& kind) {
+  if (!channel.sees(kind.mechanism->coordinate)) return false;
   const std::size_t step = std::max<std::size_t>(1, kind.starts.size() / 12);
   for (std::size_t s = 0; s < kind.starts.size(); s += step)
     if (any_row(channel, kind, [&](Index i) {
@@ -77,18 +78,18 @@ bool acts_in(const ChannelRows& channel, const Kind& kind) {
   return false;
 }
 
-/// The power of its size that the effect goes with: variances go with the square of a deviation.
-int power_of(const Kind& kind, const ListOfChannels& channels) {
+/// The power of a size that the effect goes with: variances go with the square of a deviation.
+int power_of(const Kind& kind, std::size_t k, const ListOfChannels& channels) {
   int power = 1;
-  const auto size = std::ranges::find(kind.mechanism->parameters, Role::size, &Parameter::role);
-  if (size == kind.mechanism->parameters.end()) return power;
-  const auto k = static_cast<std::size_t>(size - kind.mechanism->parameters.begin());
-  std::vector<double> small = kind.starts[kind.starts.size() / 2], twice = small;
-  const double scale = size->typical;
+  std::vector<double> small = kind.starts[kind.starts.size() / 2], twice;
+  for (std::size_t other = 0; other < small.size(); ++other)
+    if (other != k && kind.mechanism->parameters[other].role == Role::size) small[other] = 0;
+  twice = small;
+  const double scale = kind.mechanism->parameters[k].typical;
   small[k] = scale;
   twice[k] = 2 * scale;
   for (const auto& channel : channels)
-    if (channel)
+    if (channel && channel->sees(kind.mechanism->coordinate))
       any_row(*channel, kind, [&](Index i) {
         const double one = channel->response(i, kind.mechanism->act(channel->at(i), small)),
                      two = channel->response(i, kind.mechanism->act(channel->at(i), twice));
@@ -112,32 +113,40 @@ bool acts_without_size(const Kind& kind, const ListOfChannels& channels) {
 
 }  // namespace
 
+Kind kind_of(const Mechanism& m, int target, const ListOfChannels& channels) {
+  Kind kind;
+  kind.mechanism = std::shared_ptr<const Mechanism>(&m, [](const Mechanism*) {});
+  kind.target = target;
+  kind.observable = m.observable;
+  kind.bins = m.parameter_of(Parameter::Scale::bin);
+  kind.refines = !m.parameter_of(Parameter::Scale::count);
+  kind.starts = grid_of(kind);
+  if (kind.starts.empty()) return kind;
+  kind.coefficients = coefficients_of(m, [&](std::size_t size) { return power_of(kind, size, channels); });
+  kind.acts_without_size = acts_without_size(kind, channels);
+  for (const auto& channel : channels) kind.acts_in.push_back(channel && acts_in(*channel, kind));
+  return kind;
+}
+
 std::vector<Kind> kinds_of(const Reduced& reduced, const ListOfChannels& channels) {
   std::vector<Kind> kinds;
   const auto catalogued = static_cast<double>(catalogue().size());
   for (const Mechanism& m : catalogue()) {
-    if (m.coordinate == Coordinate::scan_seq) continue;  // has no row: what differs within a cell's scans
     const int targets = static_cast<int>(reduced.bench.targets.size());
     for (int target = m.one_target ? 0 : -1; target < (m.one_target ? targets : 0); ++target) {
       if (target >= 0 && reduced.same_as[static_cast<std::size_t>(target)] != target) continue;
       if (!is_constant_noise(m) && bench_knows(reduced.bench, m, target)) continue;
-      Kind kind;
-      kind.mechanism = std::shared_ptr<const Mechanism>(&m, [](const Mechanism*) {});
-      kind.target = target;
-      kind.observable = m.observable;
+      Kind kind = kind_of(m, target, channels);
+      if (kind.starts.empty()) continue;
       kind.log_prior = std::log(numbers::mechanisms_expected / catalogued) -
                        (m.one_target ? std::log(static_cast<double>(targets)) : 0);
-      kind.bins = m.parameter_of(Parameter::Scale::bin);
-      kind.starts = grid_of(kind);
-      if (kind.starts.empty()) continue;
-      kind.coefficients = coefficients_of(m, power_of(kind, channels));
-      kind.acts_without_size = acts_without_size(kind, channels);
       kinds.push_back(std::move(kind));
     }
   }
   add_forms(channel_kinds(), channels, kinds);
   for (Kind& kind : kinds)
-    for (const auto& channel : channels) kind.acts_in.push_back(channel && acts_in(*channel, kind));
+    if (kind.is_form())
+      for (const auto& channel : channels) kind.acts_in.push_back(channel && acts_in(*channel, kind));
   std::erase_if(kinds, [](const Kind& kind) { return std::ranges::none_of(kind.acts_in, std::identity()); });
   return kinds;
 }

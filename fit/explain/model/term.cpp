@@ -62,12 +62,14 @@ double step_of_comb(const ChannelRows& channel, double bin_mm) {
 
 }  // namespace
 
-std::vector<Coefficient> coefficients_of(const Mechanism& mechanism, int power) {
+std::vector<Coefficient> coefficients_of(const Mechanism& mechanism,
+                                         const std::function<int(std::size_t size)>& power_of) {
   std::vector<Coefficient> list;
   const auto& parameters = mechanism.parameters;
   for (std::size_t k = 0; k < parameters.size(); ++k) {
     const Parameter& p = parameters[k];
     if (p.role != Role::size) continue;
+    const int power = power_of(k);
     Coefficient c;
     c.parameter = k;
     c.has_phase = k + 1 < parameters.size() && parameters[k + 1].role == Role::phase;
@@ -134,6 +136,10 @@ std::vector<std::size_t> shapes_of(const Kind& kind) {
   return list;
 }
 
+std::vector<std::size_t> refined_shapes_of(const Kind& kind) {
+  return kind.refines ? shapes_of(kind) : std::vector<std::size_t>();
+}
+
 Eigen::MatrixXd columns_of(const ChannelRows& channel, const Kind& kind, const std::vector<double>& values) {
   Eigen::MatrixXd columns(channel.rows(), static_cast<Index>(kind.coefficients.size()));
   for (std::size_t k = 0; k < kind.coefficients.size(); ++k) {
@@ -164,7 +170,7 @@ Eigen::VectorXd effect_of(const ChannelRows& channel, const Kind& kind, const st
 }
 
 Eigen::MatrixXd shape_columns(const ChannelRows& channel, const Term& term) {
-  const std::vector<std::size_t> shapes = shapes_of(*term.kind);
+  const std::vector<std::size_t> shapes = refined_shapes_of(*term.kind);
   Eigen::MatrixXd columns(channel.rows(), static_cast<Index>(shapes.size()));
   for (std::size_t j = 0; j < shapes.size(); ++j) {
     const Parameter& p = term.kind->mechanism->parameters[shapes[j]];

@@ -27,7 +27,8 @@ struct Kind {
   std::shared_ptr<const Mechanism> mechanism;
   int target = -1;
   std::optional<Shape> form;  ///< What a form is called and drawn by; its place and length are shape values.
-  Observable observable = Observable::range_mean;  ///< Of a form: where it acts.
+  Observable observable = Observable::range_mean;  ///< Of a form: where it acts ...
+  std::string acts_on;                             ///< ... in words.
   double log_prior = 0;                            ///< Log of its prior odds.
   /// Values of all parameters to begin from: a grid over the shapes, sizes at their typical values.
   std::vector<std::vector<double>> starts;
@@ -48,14 +49,17 @@ struct Term {
   double other_places = 0;  ///< Log of the evidence of all places of its shapes over that of the best.
 };
 
-/// The linear coefficients of a mechanism, whose effect goes with that power of its sizes.
-[[nodiscard]] std::vector<Coefficient> coefficients_of(const Mechanism& mechanism, int power);
+/// The linear coefficients of a mechanism, whose effect goes with that power of every size.
+[[nodiscard]] std::vector<Coefficient> coefficients_of(const Mechanism& mechanism,
+                                                       const std::function<int(std::size_t size)>& power_of);
 /// Coefficients where a term stands.
 [[nodiscard]] Eigen::VectorXd coefficients(const Term& term);
 /// Puts them, with their covariance, into the term's values and uncertainties.
 void set_coefficients(Term& term, const Eigen::VectorXd& value, const Eigen::MatrixXd& covariance);
-/// Indices of the parameters that are shapes and may vary.
+/// Indices of the parameters that are shapes and have a grid of starts.
 [[nodiscard]] std::vector<std::size_t> shapes_of(const Kind& kind);
+/// Of these, those that have values between the starts.
+[[nodiscard]] std::vector<std::size_t> refined_shapes_of(const Kind& kind);
 
 /// What a term at values does to a channel, per coefficient; no columns if it does not act there.
 [[nodiscard]] Eigen::MatrixXd columns_of(const ChannelRows& channel, const Kind& kind,
@@ -71,6 +75,9 @@ void set_coefficients(Term& term, const Eigen::VectorXd& value, const Eigen::Mat
 /// Ways in which the real cause may deviate from the formula, each with a standard normal coefficient.
 [[nodiscard]] Eigen::MatrixXd deviation_columns(const ChannelRows& channel, const Term& term);
 
+/// A mechanism of the catalogue before a session; no starts if it has too many shapes to be looked for.
+[[nodiscard]] Kind kind_of(const Mechanism& mechanism, int target,
+                           const std::vector<std::unique_ptr<ChannelRows>>& channels);
 /// All that may be missing from the session: the catalogue less what the bench knows, and forms.
 [[nodiscard]] std::vector<Kind> kinds_of(const Reduced& reduced,
                                          const std::vector<std::unique_ptr<ChannelRows>>& channels);

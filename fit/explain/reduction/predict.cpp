@@ -62,7 +62,7 @@ void predict(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>
       }
       move_to(sight, scene, cell);
       // Once more: mount and walls may have moved since the circumstances before.
-      cell.nominal_mm = sight.range_mm + effect_there(reduced, at_work, cell.at).range_mm;
+      cell.nominal_mm = sight.range_mm + effect_there(reduced, at_work, cell.at).range_mm + cell.of_scans_mm;
     }
   }
 }

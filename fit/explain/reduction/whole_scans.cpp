@@ -80,7 +80,7 @@ class WholeScans {
       const int number = beam / width;
       if (session_.sectors.size() == first_sector || session_.sectors.back().number != number)
         session_.sectors.push_back(empty_sector(scan, number, width));
-      const double q = weight_of(cell), v = cell.sight.stage_lever(), d = range - cell.mean_mm;
+      const double q = weight_in_scan(cell, group_, samples_.scans), v = cell.sight.stage_lever(), d = range - cell.mean_mm;
       add_beam(session_.sectors.back(), q, v, d);
       add_beam(whole, q, v, d);
       deviation_[b] = d;
@@ -103,13 +103,6 @@ class WholeScans {
     return sector;
   }
 
-  /// Where enough samples tell, a noisy beam counts less: else its noise looks like the whole scan's.
-  [[nodiscard]] double weight_of(const Cell& cell) const {
-    if (samples_.scans < weighted_from_scans) return 1;
-    return std::clamp(group_.sigma_mm * group_.sigma_mm / std::max(rounding_mm2, cell.variance_mm2), 0.01,
-                      4.0);
-  }
-
   const Samples& samples_;
   const std::vector<int>& cell_of_beam_;
   Group& group_;
@@ -120,6 +113,11 @@ class WholeScans {
 };
 
 }  // namespace
+
+double weight_in_scan(const Cell& cell, const Group& group, int scans) {
+  if (scans < weighted_from_scans) return 1;
+  return std::clamp(group.sigma_mm * group.sigma_mm / std::max(rounding_mm2, cell.variance_mm2), 0.01, 4.0);
+}
 
 bool tells_of_scans(const Cell& cell) { return cell.smooth && cell.stray == 0; }
 

@@ -8,6 +8,9 @@
 
 namespace fit::explain::reduction {
 
+/// Where enough samples tell, a noisy beam counts less: else its noise looks like the whole scan's.
+[[nodiscard]] double weight_in_scan(const Cell& cell, const Group& group, int scans);
+
 /// Whether a cell's samples say what their scans have in common.
 [[nodiscard]] bool tells_of_scans(const Cell& cell);
 

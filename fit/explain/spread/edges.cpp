@@ -7,7 +7,6 @@
 #include "fit/explain/seen_edges.hpp"
 #include "fit/explain/spread/questions.hpp"
 #include "fit/explain/spread/suspects.hpp"
-#include "fit/explain/spread/unseen.hpp"
 
 namespace fit::explain::spread {
 namespace {
@@ -165,10 +164,6 @@ void edges(const Reduced& reduced, SpreadResult& result) {
   suspect.evidence = suspect.gain - price_of_size(suspect.gain) - 2;
   suspect.parameters = {{"width_deg", {width, u}}};
   if (suspect.evidence <= accept_rare_at) return;
-  const auto unseen = [](const auto& own, const auto& others) {
-    return gain_of_edges(BesideEdges(own), best_width(BesideEdges(others)));
-  };
-  suspect.held_out_gain = held_out_gain(list, unseen, &SeenBeside::capture);
   result.accepted.push_back(suspect);
   result.curves.push_back(beams.shares(width));
   result.noise.footprint_rad = width * rad_per_deg;

@@ -10,9 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "fit/explain/spread/other_patterns.hpp"
-#include "fit/explain/spread/questions.hpp"
-#include "fit/explain/spread/regular_patterns.hpp"
+#include "fit/explain/model/scans.hpp"
 #include "fit/explain/spread/suspects.hpp"
 #include "fit/median.hpp"
 
@@ -340,15 +338,6 @@ Unexplained in_words(const std::vector<Spectrum::Line>& lines, double amplitude_
   return u;
 }
 
-/// Whether something else that scans do is more evident.
-bool is_another_pattern(const std::vector<Group>& groups, const std::vector<Sector>& sectors,
-                        double evidence) {
-  std::vector<Sector> rest = sectors;
-  const std::vector<Scan> scans = scans_of(groups, sectors);
-  return take_off_evident_faces(scans, evidence, rest) || evidence_of_swing(groups, rest) > evidence ||
-         evidence_of_memory(groups) > evidence || evidence_of_common_noise(scans) > evidence;
-}
-
 void take_off(const std::map<int, Stretch>& stretches, double hz, double period_s,
               std::vector<Sector>& sectors) {
   std::map<int, Eigen::Vector2d> value;
@@ -399,7 +388,7 @@ struct Ranges {
       : period_s(period_of(sectors)) {
     if (!(period_s > 0)) return;
     stretches = stretches_of(sectors, period_s, [&](const Sector& s) {
-      const double variance = typical_variance(groups[static_cast<std::size_t>(s.group)]);
+      const double sigma = groups[static_cast<std::size_t>(s.group)].sigma_mm, variance = sigma * sigma + rounding_mm2;
       return std::pair(s.w > 0 ? s.wd / s.w : 0, s.w / variance);
     });
   }
@@ -409,17 +398,27 @@ struct Ranges {
 
 }  // namespace
 
-void flicker(const std::vector<Group>& groups, std::vector<Sector>& sectors, SpreadResult& result) {
-  const auto [period_s, ranges] = Ranges(groups, sectors);
-  const Spectrum spectrum(ranges, period_s);
+void flicker(const Reduced& reduced, std::vector<Sector>& sectors, SpreadResult& result) {
+  // A wave of its own does not keep step with captures or mirror faces: what does is somebody else's.
+  const auto [period_s, rest] = Ranges(reduced.groups, model::without_what_repeats(reduced));
+  const Spectrum spectrum(rest, period_s);
   const std::vector<Spectrum::Line> lines = spectrum.lines();
-  if (lines.empty() || lines.front().evidence <= accept_rare_at ||
-      is_another_pattern(groups, sectors, lines.front().evidence))
-    return;
-  const double amplitude_mm = std::sqrt(square_amplitude(ranges, lines.front(), period_s));
+  if (lines.empty() || lines.front().evidence <= accept_rare_at) return;
+  const Ranges ranges(reduced.groups, sectors);
+  const double amplitude_mm = std::sqrt(square_amplitude(ranges.stretches, lines.front(), period_s));
   result.unknown.push_back(
-      in_words(lines, amplitude_mm, groups, spectrum.uncertainty_hz(lines.front()), period_s));
-  take_off(ranges, lines.front().hz, period_s, sectors);
+      in_words(lines, amplitude_mm, reduced.groups, spectrum.uncertainty_hz(lines.front()), period_s));
+  take_off(ranges.stretches, lines.front().hz, period_s, sectors);
+}
+
+/// Takes off a cell what differs from scan to scan: its mean over the scans, and its variance, most of the
+/// cell's own at the most.
+static void take_off(double mean_mm, double variance_mm2, Cell& cell) {
+  constexpr double least_left = 0.1;
+  cell.mean_mm -= mean_mm;
+  if (cell.n > 1)
+    cell.variance_mm2 =
+        std::max(least_left * cell.variance_mm2, cell.variance_mm2 - variance_mm2 * cell.n / (cell.n - 1.0));
 }
 
 void take_off_flicker(Reduced& reduced) {

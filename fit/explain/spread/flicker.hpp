@@ -4,13 +4,13 @@
 #include <vector>
 
 #include "fit/explain/spread.hpp"
-#include "fit/explain/spread/scans.hpp"
+#include "fit/explain/reduce.hpp"
 
 namespace fit::explain::spread {
 
 /// Does the range swing at the frequency of a lamp or a supply? Adds it as unknown, and takes it off the
 /// sectors: seen from scan to scan it looks like mirror faces, a swinging stage or memory.
-void flicker(const std::vector<Group>& groups, std::vector<Sector>& sectors, SpreadResult& result);
+void flicker(const Reduced& reduced, std::vector<Sector>& sectors, SpreadResult& result);
 
 /// Takes off the cells what the same wave leaves in their means over a few scans, and adds to their
 /// variances; once, however often it is asked to.

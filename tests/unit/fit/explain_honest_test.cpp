@@ -5,11 +5,9 @@
 #include <cmath>
 
 #include "fit/explain/explanation.hpp"
+#include "fit/explain/inference/apart.hpp"
 #include "fit/explain/spread/flicker.hpp"
-#include "fit/explain/spread/noise_columns.hpp"
-#include "fit/explain/spread/rivals.hpp"
 #include "fit/explain/spread/suspects.hpp"
-#include "fit/explain/spread/variance_model.hpp"
 #include "plain_room.hpp"
 #include "plain_scenes.hpp"
 
@@ -179,28 +177,10 @@ TEST_CASE("sets that hold one name each are not told apart from each other") {
   memory.parameters = {{"rho", {0.5, 0.1}}, {"share", {0.5, 0.1}}};
   jitter.parameters = {{"sigma_deg", {0.1, 0.01}}};
   edges.parameters = {{"width_deg", {0.1, 0.01}}};
-  const Eigen::MatrixXd evidence = spread::evidence_between(reduced, {memory, jitter, edges});
+  const Eigen::MatrixXd evidence = inference::evidence_between(reduced, {memory, jitter, edges});
   CHECK(evidence.allFinite());
   CHECK(evidence(0, 2) == 0);
   CHECK(evidence(0, 1) == 0);
-  CHECK_THROWS_AS(spread::of_suspect(spread::pools_of(reduced), memory), std::logic_error);
-}
-
-TEST_CASE("samples with tails count for as much less in captures that were not fitted to as in others") {
-  using namespace fit::explain::spread;
-  const auto gain = [](double kurtosis) {
-    std::vector<Pool> pools;
-    Column column;
-    for (int capture = 0; capture < 6; ++capture)
-      for (int k = 0; k < 40; ++k) {
-        const double more = k % 4;
-        pools.push_back({.freedom = 100, .variance = 9 + 3 * more, .kurtosis = kurtosis, .capture = capture});
-        column.push_back(more);
-      }
-    const VarianceModel model(pools, {3, 0.3}, 0, 1);
-    return *model.held_out_gain(Parts{}, Parts().with(column));
-  };
-  CHECK(gain(5) == Approx(gain(3) / 2).epsilon(0.05));  // variances scatter by twice as much: (5 - 1) / (3 - 1)
 }
 
 TEST_CASE("a flicker is taken off once, however often it is asked") {

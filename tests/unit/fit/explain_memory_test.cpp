@@ -5,14 +5,12 @@
 
 #include "fit/bench.hpp"
 #include "fit/explain/mean_model.hpp"
-#include "fit/explain/reduce.hpp"
-#include "fit/explain/spread.hpp"
 #include "fit/recording.hpp"
+#include "told_noise.hpp"
 
 namespace {
 
-using fit::explain::SpreadResult;
-using fit::explain::Suspect;
+using fit::explain::Found;
 
 /// One part of a beam's noise: so much of the variance, remembered from scan to scan.
 struct Part {
@@ -86,16 +84,14 @@ class RememberingWall : public fit::Recording {
   std::vector<fit::TrackPose> track_;
 };
 
-SpreadResult spread_of(std::vector<Part> parts, int scans, unsigned seed, std::size_t first = 99,
+ToldNoise spread_of(std::vector<Part> parts, int scans, unsigned seed, std::size_t first = 99,
                        double scan_mm = 0) {
   const RememberingWall wall(std::move(parts), scans, seed, first, scan_mm);
-  fit::explain::Reduced reduced = fit::explain::reduce(wall, {});
-  fit::explain::pool_variances(reduced);
-  return fit::explain::explain_spread(reduced);
+  return ToldNoise(wall);
 }
 
-const Suspect* memory_in(const SpreadResult& result) {
-  for (const Suspect& s : result.accepted)
+const Found* memory_in(const ToldNoise& result) {
+  for (const Found& s : result.accepted)
     if (s.mechanism->id == "correlated-noise") return &s;
   return nullptr;
 }
@@ -106,7 +102,7 @@ TEST_CASE("noise that fades slowly is seen at shares that neighbouring scans har
   // It lasts 20 scans, and neighbours correlate by less than 0.009.
   int seen = 0;
   for (unsigned seed = 1; seed <= 10; ++seed) {
-    const SpreadResult result = spread_of({{0.009, 0.95}}, 150, seed);
+    const ToldNoise result = spread_of({{0.009, 0.95}}, 150, seed);
     seen += memory_in(result) != nullptr;
     CHECK(result.accepted.size() <= 1);
   }
@@ -116,7 +112,7 @@ TEST_CASE("noise that fades slowly is seen at shares that neighbouring scans har
 TEST_CASE("noise without memory is not said to have one") {
   int accused = 0;
   for (unsigned seed = 1; seed <= 60; ++seed) {
-    const SpreadResult result = spread_of({}, seed % 2 == 0 ? 150 : 12, seed);
+    const ToldNoise result = spread_of({}, seed % 2 == 0 ? 150 : 12, seed);
     accused += memory_in(result) != nullptr;
   }
   CHECK(accused <= 2);
@@ -129,8 +125,8 @@ TEST_CASE("how much noise remembers, and for how long, lies within what is state
   int inside_rho = 0, inside_share = 0, all = 0;
   for (const Truth truth : {Truth{0.5, 0.3}, {0.8, 0.2}, {0.95, 0.3}, {0.3, 0.5}})
     for (unsigned seed = 1; seed <= 20; ++seed) {
-      const SpreadResult result = spread_of({{truth.share, truth.rho}}, 150, seed);
-      const Suspect* found = memory_in(result);
+      const ToldNoise result = spread_of({{truth.share, truth.rho}}, 150, seed);
+      const Found* found = memory_in(result);
       REQUIRE(found);
       const fit::Estimate rho = found->parameters.at("rho"), share = found->parameters.at("share");
       // A millimetre's rounding adds a half of a per cent of white noise.
@@ -145,7 +141,7 @@ TEST_CASE("how much noise remembers, and for how long, lies within what is state
 
 TEST_CASE("what one capture remembers and the others do not is no correlated noise") {
   for (unsigned seed = 1; seed <= 5; ++seed) {
-    const SpreadResult result = spread_of({{0.8, 0.9}}, 150, seed, 1);
+    const ToldNoise result = spread_of({{0.8, 0.9}}, 150, seed, 1);
     CHECK_FALSE(memory_in(result));
     REQUIRE(result.unknown.size() == 1);
     CHECK(result.unknown.front().observable == fit::Observable::time_correlation);
@@ -154,7 +150,7 @@ TEST_CASE("what one capture remembers and the others do not is no correlated noi
 
 TEST_CASE("ranges that every scan draws anew for all its beams are not said to be remembered") {
   for (unsigned seed = 1; seed <= 5; ++seed) {
-    const SpreadResult result = spread_of({}, 150, seed, 99, 1.5);
+    const ToldNoise result = spread_of({}, 150, seed, 99, 1.5);
     CHECK_FALSE(memory_in(result));
     REQUIRE(result.unknown.size() == 1);
     CHECK_THAT(result.unknown.front().describes, Catch::Contains("no scan remembers the one before"));

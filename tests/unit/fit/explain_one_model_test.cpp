@@ -5,7 +5,6 @@
 #include "../../support/imagined_room.hpp"
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/inference/gaussian.hpp"
-#include "fit/explain/inference/one_model.hpp"
 #include "fit/explain/model/channel.hpp"
 #include "fit/explain/model/combs.hpp"
 
@@ -16,7 +15,7 @@ using namespace fit::explain::inference;
 
 Explanation by_one_model(const ImaginedRoom& room) {
   const SyntheticRecording recording = room.record();
-  return fit::explain::explain_by_one_model({&recording}, {});
+  return fit::explain::explain({&recording}, {});
 }
 
 std::vector<std::string> named(const Explanation& e) {

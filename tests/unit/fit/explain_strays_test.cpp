@@ -3,14 +3,13 @@
 #include <cmath>
 #include <random>
 
-#include "fit/explain/reduce.hpp"
-#include "fit/explain/spread.hpp"
 #include "synthetic_recording.hpp"
+#include "told_noise.hpp"
 
 namespace {
 
 /// What is said of a wall 1.5 m away whose samples are dust between lidar and wall now and then, or nothing.
-fit::explain::SpreadResult dusty_wall(double fraction, unsigned seed, double lost = 0) {
+ToldNoise dusty_wall(double fraction, unsigned seed, double lost = 0) {
   const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 101, "front_step": 50,
     "step_deg": 0.5, "scan_hz": 40}, "targets": [{"name": "wall", "from_mm": [1500, -4000], "to_mm": [1500, 4000],
     "u_mm": 1}], "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 10, "u": 0.2}}}]})");
@@ -29,9 +28,7 @@ fit::explain::SpreadResult dusty_wall(double fraction, unsigned seed, double los
   fit::CaptureInfo capture;
   capture.last_step = 100;
   for (int i = 0; i < 3; ++i) wall.add(capture, 100);
-  fit::explain::Reduced reduced = fit::explain::reduce(wall, {});
-  fit::explain::pool_variances(reduced);
-  return fit::explain::explain_spread(reduced);
+  return ToldNoise(wall);
 }
 
 }  // namespace
@@ -42,7 +39,7 @@ TEST_CASE("the fraction of outliers counts those that noise hides, and its uncer
   int covered = 0;
   double sum = 0;
   for (unsigned seed = 1; seed <= rounds; ++seed) {
-    const fit::explain::SpreadResult result = dusty_wall(truth, seed);
+    const ToldNoise result = dusty_wall(truth, seed);
     REQUIRE(result.accepted.size() == 1);
     REQUIRE(result.accepted.front().mechanism->id == "outliers");
     const fit::Estimate fraction = result.accepted.front().parameters.at("fraction");
@@ -55,11 +52,11 @@ TEST_CASE("the fraction of outliers counts those that noise hides, and its uncer
 
 TEST_CASE("dust from which nothing comes back is dust, and echoes that go without it are missing") {
   for (const unsigned seed : {1u, 2u, 3u}) {
-    const fit::explain::SpreadResult few = dusty_wall(0.05, seed, 0.001);
+    const ToldNoise few = dusty_wall(0.05, seed, 0.001);
     REQUIRE(few.accepted.size() == 1);
     CHECK(few.accepted.front().mechanism->id == "outliers");
     CHECK(few.unknown.empty());
-    const fit::explain::SpreadResult many = dusty_wall(0.05, seed, 0.01);
+    const ToldNoise many = dusty_wall(0.05, seed, 0.01);
     REQUIRE(many.unknown.size() == 1);
     CHECK(many.unknown.front().observable == fit::Observable::dropout);
   }

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/model/channel.hpp"
+#include "fit/explain/model/scans.hpp"
+
+namespace fit::explain::channels {
+namespace {
+
+using Eigen::Index;
+using model::ScanPart;
+
+/// What scans have in common, against the mean of their capture: normal around what changes from scan to scan.
+class Scans final : public model::ChannelRows {
+ public:
+  Scans(std::vector<ScanPart> parts, double of_range, double of_angle) : parts_(std::move(parts)) {
+    base_.columns.resize(rows(), 0);
+    weight_.resize(rows());
+    std::map<int, std::vector<Index>> blocks;
+    for (Index i = 0; i < rows(); ++i) {
+      const ScanPart& p = parts_[static_cast<std::size_t>(i)];
+      weight_[i] = 1 / std::sqrt(p.variance_mm2 * (p.of_angle ? of_angle : of_range));
+      blocks[p.block].push_back(i);
+    }
+    for (auto& [block, list] : blocks) blocks_.push_back(std::move(list));
+  }
+
+  [[nodiscard]] Index rows() const override { return static_cast<Index>(parts_.size()); }
+  [[nodiscard]] const Circumstances& at(Index row) const override { return part(row).at; }
+  [[nodiscard]] int capture(Index row) const override { return part(row).capture; }
+  [[nodiscard]] bool sees(Coordinate coordinate) const override { return coordinate == Coordinate::scan_seq; }
+  [[nodiscard]] double response(Index row, const Effect& effect) const override {
+    return (part(row).of_angle ? 0 : effect.range_mm) + part(row).lever_mm * effect.stage_rad;
+  }
+  [[nodiscard]] const model::Columns& base() const override { return base_; }
+  [[nodiscard]] double offset(Index) const override { return 0; }
+  [[nodiscard]] double statistic(Index row) const override { return part(row).mm; }
+  [[nodiscard]] double log_likelihood(const Eigen::VectorXd& eta) const override {
+    return -0.5 * white_residual(eta).squaredNorm();
+  }
+  [[nodiscard]] Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const override {
+    return -0.5 * white_residual(eta).cwiseAbs2();
+  }
+  /// Less the mean of their block, which the cells' means have taken.
+  [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
+    for (Index k = 0; k < columns.cols(); ++k)
+      for (const std::vector<Index>& block : blocks_) {
+        double sum = 0, weight = 0;
+        for (const Index i : block) {
+          sum += weight_[i] * weight_[i] * columns(i, k);
+          weight += weight_[i] * weight_[i];
+        }
+        for (const Index i : block) columns(i, k) = weight_[i] * (columns(i, k) - sum / weight);
+      }
+    return columns;
+  }
+  [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override {
+    Eigen::VectorXd left(rows());
+    for (Index i = 0; i < rows(); ++i) left[i] = part(i).mm - eta[i];
+    return whitened(std::move(left), eta);
+  }
+
+ private:
+  [[nodiscard]] const ScanPart& part(Index row) const { return parts_[static_cast<std::size_t>(row)]; }
+
+  std::vector<ScanPart> parts_;
+  model::Columns base_;
+  Eigen::VectorXd weight_;
+  std::vector<std::vector<Index>> blocks_;
+};
+
+/// By how much whole scans scatter more than their samples say, beside what repeats; more if neighbours in
+/// time are alike, so that what changes slowly is not mistaken for a pattern.
+double dispersion(const std::vector<ScanPart>& scans, bool of_angle) {
+  double squares = 0, count = 0, products = 0, pairs = 0, before = 0;
+  int block = -1;
+  for (const ScanPart& p : scans) {
+    if (p.of_angle != of_angle) continue;
+    const double off = p.rest_mm / std::sqrt(p.variance_mm2);
+    squares += off * off;
+    count += p.news;
+    if (p.block == block) {
+      products += off * before + off * off / p.scans;
+      pairs += 1;
+    }
+    block = p.block;
+    before = off;
+  }
+  if (count < 1) return 1;
+  const double mean = squares / count, correlation = pairs > 0 ? products / pairs / std::max(1e-9, mean) : 0,
+               believed = correlation > 2 / std::sqrt(std::max(1.0, pairs)) ? std::min(0.9, correlation) : 0;
+  return std::max(1.0, mean) * (1 + believed) / (1 - believed);
+}
+
+}  // namespace
+
+model::ChannelKind make_scan() {
+  model::ChannelKind kind;
+  kind.id = "scan";
+  kind.observable = Observable::range_mean;
+  kind.shows = "range of whole scans";
+  kind.unit = "mm";
+  kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
+    constexpr int fewest_scans = 3;
+    const std::vector<ScanPart> whole = model::scan_parts(reduced, fewest_scans, 1);
+    if (whole.size() < 10) return nullptr;
+    int parts = 1;  // Of a scan, as many as computing time allows.
+    while (parts < 8 && 2 * static_cast<std::size_t>(parts) * whole.size() <= 3 * numbers::search_rows) parts *= 2;
+    return std::make_unique<Scans>(parts == 1 ? whole : model::scan_parts(reduced, fewest_scans, parts),
+                                   dispersion(whole, false), dispersion(whole, true));
+  };
+  return kind;
+}
+
+}  // namespace fit::explain::channels

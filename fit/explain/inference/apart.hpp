@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "fit/explain/reduce.hpp"
+#include "fit/explain/spread.hpp"
+
+namespace fit::explain::inference {
+
+/// What a recording is worth between suspects that act beside the means, nats: the log-likelihood that is
+/// expected to be lost when one (row) is true as it came out, and another (column) takes up what it can.
+[[nodiscard]] Eigen::MatrixXd evidence_between(const Reduced& reduced, const std::vector<Suspect>& suspects);
+
+}  // namespace fit::explain::inference

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/inference/settle.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "fit/median.hpp"
+
+namespace fit::explain::inference {
+namespace {
+
+/// Neighbours scatter so much more than their samples say, beyond chance.
+double excess_of(const Reduced& reduced, const MeanNoise& noise, const explain::Hypothesis& h) {
+  const MeanModel model = model_of(reduced, noise, h);
+  const double excess = excess_scatter(model);
+  // Four standard errors of a median of squares of which neighbours share two beams.
+  const double doubt = 4 * 3.4 / std::sqrt(std::max<double>(60, static_cast<double>(model.rows())));
+  return excess > 1 + doubt ? excess : 1;
+}
+
+/// Mount and targets where the means have them.
+class Places {
+ public:
+  Places(Reduced& reduced, const MeanNoise& noise) : reduced_(reduced), noise_(noise), at_(reduced.bench) {}
+
+  void fit() {
+    constexpr int passes = 3;
+    for (int pass = 0; pass < passes; ++pass) {
+      predict_at(reduced_, at_);
+      const Eigen::VectorXd now = at_.nuisance.as_vector();
+      at_.nuisance.set(now + model_of(reduced_, noise_, at_).posterior().value.head(now.size()));
+    }
+    predict_at(reduced_, at_);
+  }
+  /// Mount and targets fitted to the beams that agree with each other: what lies far off, such as beams that
+  /// meet another wall than the bench file says, has no say.
+  void fit_trimmed() {
+    constexpr int most_passes = 8;
+    std::size_t before = 0;
+    for (int pass = 0; pass < most_passes; ++pass) {
+      const std::vector<double> off = deviations();
+      const double far = std::max(4.0, 2.5 * 1.4826 * median_of(std::vector(off)));
+      std::vector<Cell*> without;
+      std::size_t row = 0;
+      for (Cell& cell : reduced_.cells)
+        if (cell.smooth && off[row++] > far) without.push_back(&cell);
+      for (Cell* cell : without) cell->smooth = false;
+      fit();
+      for (Cell* cell : without) cell->smooth = true;
+      if (without.size() == before) break;
+      before = without.size();
+    }
+  }
+  /// Whether most beams are explained but for noise. Otherwise mount and walls were bent to explain something
+  /// else, and no beam may be left out by where they stand.
+  [[nodiscard]] bool fits_most() const {
+    constexpr double median_of_chance = 0.6745;
+    return median_of(deviations()) < 1.4 * median_of_chance;
+  }
+  /// Returns how many cells changed.
+  int reassigned(bool may_leave_out) {
+    return reassign(reduced_, at_.nuisance, all_at_work(reduced_.bench, at_), noise_.footprint_rad, may_leave_out);
+  }
+  [[nodiscard]] const explain::Hypothesis& at() const { return at_; }
+  void take(const Places& other) { at_ = other.at_; }
+
+ private:
+  /// How far the beams are off, in standard uncertainties; in the order of the smooth cells.
+  [[nodiscard]] std::vector<double> deviations() const {
+    predict_at(reduced_, at_);
+    const MeanModel model(reduced_, noise_);
+    std::vector<double> list(static_cast<std::size_t>(model.rows()));
+    for (Eigen::Index i = 0; i < model.rows(); ++i)
+      list[static_cast<std::size_t>(i)] = std::abs(model.raw_residual()[i]) / model.sigma_of_mean(i);
+    return list;
+  }
+
+  Reduced& reduced_;
+  MeanNoise noise_;
+  explain::Hypothesis at_;
+};
+
+}  // namespace
+
+double settle(Reduced& reduced, const MeanNoise& noise) {
+  constexpr int most_passes = 4;
+  pool_variances(reduced, noise);
+  predict_at(reduced, explain::Hypothesis(reduced.bench), true);
+  const double excess = excess_of(reduced, noise, explain::Hypothesis(reduced.bench));
+  MeanNoise wider = noise;
+  wider.factor *= excess;
+  Places places(reduced, wider);
+  places.fit();
+  bool most = places.fits_most();
+  if (!most) {
+    Places trimmed = places;
+    trimmed.fit_trimmed();
+    if (trimmed.fits_most()) {
+      places.take(trimmed);
+      most = true;
+    }
+  }
+  for (int pass = 0; pass < most_passes; ++pass) {
+    if (places.reassigned(most) == 0) break;
+    pool_variances(reduced, wider);
+    places.fit();
+    most = places.fits_most();
+  }
+  return excess;
+}
+
+}  // namespace fit::explain::inference

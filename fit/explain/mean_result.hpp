@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "fit/explain/hypothesis.hpp"
+
+namespace fit::explain {
+
+struct HeldOutFigures {
+  double log_likelihood = 0, rms_mm = 0, coverage = 0, cells = 0;
+};
+
+/// What the means came to.
+struct MeanResult {
+  explicit MeanResult(const Bench& bench) : best(bench) {}
+  Hypothesis best;
+  HeldOutFigures before, after;  ///< The log-likelihood is of all channels.
+  double noise_floor_mm = 0;
+  double excess = 1;  ///< Factor on the variance of the means.
+  MeanNoise noise;
+};
+
+}  // namespace fit::explain

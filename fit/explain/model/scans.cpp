@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/model/scans.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <tuple>
+
+#include "fit/explain/reduction/whole_scans.hpp"
+
+namespace fit::explain::model {
+namespace {
+
+constexpr int sectors_of_scan = 8;
+
+/// Variance of the weighted sums of a sector over what one noise for all beams would make, of the range and
+/// of the angle: every beam has its own noise (a "sandwich": White 1980).
+struct OwnNoise {
+  double of_range = 0, of_angle = 0;
+
+  OwnNoise(const Reduced& reduced, const Group& group) {
+    double weight = 0, lever = 0;
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+      const Cell& cell = reduced.cells[i];
+      if (!reduction::tells_of_scans(cell) || cell.n < 2) continue;
+      const double q = reduction::weight_in_scan(cell, group, group.scans), v = cell.sight.stage_lever();
+      weight += q;
+      lever += q * v * v;
+      of_range += q * q * cell.variance_mm2;
+      of_angle += q * q * v * v * cell.variance_mm2;
+    }
+    of_range = weight > 0 ? std::max(rounding_mm2 / 4, of_range / weight) : 0;
+    of_angle = lever > 0 ? std::max(rounding_mm2 / 4, of_angle / lever) : 0;
+  }
+};
+
+constexpr std::size_t most_faces = 8;
+
+/// Ways to number scans: in their capture, through the recording, and with the mirror through the time between
+/// captures as well.
+std::array<std::vector<std::int64_t>, 3> numbers_of(const std::vector<Sector>& sectors) {
+  std::array<std::vector<std::int64_t>, 3> numbers;
+  std::int64_t counted = -1;
+  const Sector* last = nullptr;
+  for (const Sector& s : sectors) {
+    if (!last || last->group != s.group || last->seq != s.seq) ++counted;
+    last = &s;
+    numbers[0].push_back(s.seq);
+    numbers[1].push_back(counted);
+    numbers[2].push_back(s.turn);
+  }
+  return numbers;
+}
+
+/// How mirror faces repeat.
+struct Faces {
+  std::size_t number = 2;
+  std::vector<std::int64_t> scan;  ///< Number of every sector's scan.
+  double gain = -1e300;            ///< Of the log-likelihood.
+};
+
+/// The numbering and the number of faces by which ranges of scans differ most.
+Faces faces_of(const Reduced& reduced) {
+  Faces best;
+  auto numberings = numbers_of(reduced.sectors);
+  std::size_t chosen = 0;
+  for (std::size_t way = 0; way < numberings.size(); ++way)
+    for (std::size_t faces = 2; faces <= most_faces; ++faces) {
+      std::array<double, most_faces> along{}, weight{};
+      for (std::size_t i = 0; i < reduced.sectors.size(); ++i) {
+        const Sector& s = reduced.sectors[i];
+        const double sigma = reduced.groups[static_cast<std::size_t>(s.group)].sigma_mm,
+                     precision = 1 / (sigma * sigma + rounding_mm2);
+        const auto face = static_cast<std::size_t>(numberings[way][i]) % faces;
+        along[face] += s.wd * precision;
+        weight[face] += s.w * precision;
+      }
+      double gain = -static_cast<double>(faces) / 2;
+      for (std::size_t f = 0; f < faces; ++f)
+        if (weight[f] > 0) gain += along[f] * along[f] / weight[f] / 2;
+      if (gain <= best.gain) continue;
+      best.number = faces;
+      best.gain = gain;
+      chosen = way;
+    }
+  best.scan = std::move(numberings[chosen]);
+  return best;
+}
+
+/// As circumstances have it.
+int number_of(std::int64_t scan) {
+  constexpr std::int64_t any_number_of_faces = 27720;
+  return static_cast<int>(scan % any_number_of_faces);
+}
+
+/// Takes off the mean of all that have the same key, each of so many.
+template <class Key>
+void take_off_mean(std::vector<ScanPart>& parts, double fewest, const Key& key) {
+  struct Sums {
+    double mm = 0, weight = 0, number = 0;
+  };
+  std::map<decltype(key(parts.front())), Sums> sums;
+  for (const ScanPart& p : parts) {
+    Sums& s = sums[key(p)];
+    s.mm += p.rest_mm / p.variance_mm2;
+    s.weight += 1 / p.variance_mm2;
+    s.number += 1;
+  }
+  for (ScanPart& p : parts) {
+    const Sums& s = sums.at(key(p));
+    if (s.number < fewest) continue;
+    p.rest_mm -= s.mm / s.weight;
+    p.news *= 1 - 1 / s.number;
+  }
+}
+
+/// What repeats is for terms to explain; the rest says what scans draw at random.
+void take_off_what_repeats(std::vector<ScanPart>& parts, const Faces& faces) {
+  if (parts.empty()) return;
+  constexpr double captures = 3, turns = 4;
+  take_off_mean(parts, captures, [](const ScanPart& p) {
+    return std::tuple(p.of_angle, p.in_capture, p.of_angle ? p.at.approach : 0);
+  });
+  take_off_mean(parts, turns, [&](const ScanPart& p) {
+    const int face = static_cast<int>(static_cast<std::size_t>(p.at.seq) % faces.number);
+    const bool long_capture = p.scans >= 4 * static_cast<int>(faces.number);
+    return std::tuple(p.of_angle, p.of_angle ? -1 : face, p.of_angle || !long_capture ? -1 : p.capture);
+  });
+}
+
+/// Sums of the sectors of one part of one scan.
+struct Part {
+  const Sector* first = nullptr;
+  double w = 0, wv = 0, wvv = 0, wd = 0, wdv = 0, since_move_s = 0;
+
+  void add(const Sector& s) {
+    if (!first) first = &s;
+    w += s.w;
+    wv += s.wv;
+    wvv += s.wvv;
+    wd += s.wd;
+    wdv += s.wdv;
+    since_move_s += s.w * s.since_move_s;
+  }
+};
+
+}  // namespace
+
+std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int parts) {
+  const Faces faces = faces_of(reduced);
+  std::vector<ScanPart> list;
+  std::map<std::tuple<int, int, bool>, int> blocks;
+  int of_group = -1;
+  OwnNoise noise(reduced, Group{});
+  Part part;
+  const auto close = [&] {
+    if (!part.first || !(part.w > 0)) return;
+    const Sector& s = *part.first;
+    const Group& group = reduced.groups[static_cast<std::size_t>(s.group)];
+    if (s.group != of_group) noise = OwnNoise(reduced, group);
+    of_group = s.group;
+    ScanPart one;
+    one.group = s.group;
+    one.capture = group.capture;
+    one.scans = group.scans;
+    one.at.time_s = group.time_s;
+    one.at.stage_rad = group.stage_rad;
+    one.at.approach = s.approach;
+    one.at.since_move_s = part.since_move_s / part.w;
+    one.at.seq = number_of(faces.scan[static_cast<std::size_t>(part.first - reduced.sectors.data())]);
+    one.in_capture = s.seq;
+    const auto add = [&](bool of_angle, double lever, double mm, double variance) {
+      const auto [block, is_new] =
+          blocks.try_emplace({s.group, s.number * parts / sectors_of_scan, of_angle}, static_cast<int>(blocks.size()));
+      one.block = block->second;
+      one.of_angle = of_angle;
+      one.lever_mm = lever;
+      one.mm = one.rest_mm = mm;
+      one.news = 1 - 1.0 / group.scans;
+      one.variance_mm2 = variance;
+      list.push_back(one);
+    };
+    add(false, part.wv / part.w, part.wd / part.w, noise.of_range / part.w);
+    const double own = part.wvv - part.wv * part.wv / part.w;
+    if (!(own > 1e-6 * part.wvv)) return;
+    // In millimetres at the beams' typical lever, so that both statistics have about the same noise.
+    const double lever = std::sqrt(own / part.w);
+    add(true, lever, (part.wdv - part.wv / part.w * part.wd) / own * lever, noise.of_angle / part.w);
+  };
+  for (const Sector& s : reduced.sectors) {
+    const Group& group = reduced.groups[static_cast<std::size_t>(s.group)];
+    if (group.scans < fewest_scans) continue;
+    const bool goes_on = part.first && part.first->group == s.group && part.first->seq == s.seq &&
+                         part.first->number * parts / sectors_of_scan == s.number * parts / sectors_of_scan;
+    if (!goes_on) {
+      close();
+      part = {};
+    }
+    part.add(s);
+  }
+  close();
+  take_off_what_repeats(list, faces);
+  return list;
+}
+
+std::vector<Sector> without_what_repeats(const Reduced& reduced) {
+  const Faces faces = faces_of(reduced);
+  std::vector<Sector> rest = reduced.sectors;
+  const auto take_off = [&](double fewest, const auto& key) {
+    struct Sums {
+      double w = 0, wd = 0, number = 0;
+    };
+    std::map<decltype(key(std::size_t{0})), Sums> sums;
+    for (std::size_t i = 0; i < rest.size(); ++i) {
+      Sums& s = sums[key(i)];
+      s.w += rest[i].w;
+      s.wd += rest[i].wd;
+      s.number += 1;
+    }
+    for (std::size_t i = 0; i < rest.size(); ++i) {
+      const Sums& s = sums.at(key(i));
+      if (s.number < fewest || !(s.w > 0)) continue;
+      rest[i].wdv -= s.wd / s.w * rest[i].wv;
+      rest[i].wd -= s.wd / s.w * rest[i].w;
+    }
+  };
+  take_off(3, [&](std::size_t i) { return std::tuple(rest[i].seq, rest[i].number, rest[i].approach); });
+  take_off(4 * sectors_of_scan, [&](std::size_t i) {
+    return std::tuple(static_cast<std::size_t>(faces.scan[i]) % faces.number, 0, 0);
+  });
+  return rest;
+}
+
+namespace {
+
+/// A scan of a group: its number, and when it was taken after the group's first.
+struct ScanOfGroup {
+  int number = 0;
+  double after_first_s = 0;
+};
+
+std::vector<std::vector<ScanOfGroup>> scans_of_groups(const Reduced& reduced) {
+  const Faces faces = faces_of(reduced);
+  std::vector<std::vector<ScanOfGroup>> scans(reduced.groups.size());
+  std::vector<const Sector*> first(reduced.groups.size());
+  for (std::size_t i = 0; i < reduced.sectors.size(); ++i) {
+    const Sector& s = reduced.sectors[i];
+    const auto group = static_cast<std::size_t>(s.group);
+    if (!first[group]) first[group] = &s;
+    if (s.number == first[group]->number)
+      scans[group].push_back({number_of(faces.scan[i]), s.since_move_s - first[group]->since_move_s});
+  }
+  return scans;
+}
+
+}  // namespace
+
+void expect_from_scan_to_scan(Reduced& reduced, const std::vector<Active>& at_work) {
+  for (Cell& cell : reduced.cells) cell.of_scans_mm = cell.of_scans_mm2 = 0;
+  if (at_work.empty()) return;
+  const auto scans = scans_of_groups(reduced);
+  for (Cell& cell : reduced.cells) {
+    const auto& of_group = scans[static_cast<std::size_t>(cell.group)];
+    if (of_group.empty()) continue;
+    double sum = 0, squares = 0;
+    for (const ScanOfGroup& scan : of_group) {
+      Circumstances at = cell.at;
+      at.seq = scan.number;
+      at.since_move_s += scan.after_first_s;
+      const Effect effect = effect_of(at_work, at);
+      const double mm = effect.range_mm + cell.sight.stage_lever() * effect.stage_rad;
+      sum += mm;
+      squares += mm * mm;
+    }
+    const auto n = static_cast<double>(of_group.size());
+    cell.of_scans_mm = sum / n;
+    if (n > 1) cell.of_scans_mm2 = std::max(0.0, squares - sum * sum / n) / (n - 1);
+  }
+}
+
+}  // namespace fit::explain::model

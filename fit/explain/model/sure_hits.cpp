@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/model/sure_hits.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
+#include "fit/angle.hpp"
+
+namespace fit::explain::model {
+namespace {
+
+constexpr double doubt_rad = 1.5 * rad_per_deg, widest_slit_rad = 6 * rad_per_deg;
+
+/// By how much a target may stand aside from where it is said to stand, as seen by that cell: 60 mm at half a
+/// metre, and the same angle farther off, where one that is not seen at all may not be there. Where other
+/// echoes scatter as those do that are about to be lost, it is.
+double displaced_rad(const Cell& cell, bool near_threshold) {
+  constexpr double aside_mm = 60, most_rad = 6 * rad_per_deg;
+  if (!near_threshold) return most_rad;
+  return std::clamp(aside_mm / std::max(1.0, cell.sight.range_mm), doubt_rad, most_rad);
+}
+
+/// Without any echo where one target ends and another begins: one that stands turned leaves a slit there.
+bool may_be_a_slit(const Reduced& reduced, std::size_t index) {
+  const Cell& cell = reduced.cells[index];
+  if (cell.n > 0) return false;
+  const Group& group = reduced.groups[static_cast<std::size_t>(cell.group)];
+  const Cell *below = nullptr, *above = nullptr;  // the nearest that see something
+  for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+    const Cell& other = reduced.cells[i];
+    if (other.n == 0) continue;
+    if (other.beam_rad < cell.beam_rad)
+      below = &other;
+    else if (!above)
+      above = &other;
+  }
+  if (!below || !above || above->beam_rad - below->beam_rad > widest_slit_rad) return false;
+  const auto begin = reduced.cells.begin() + static_cast<std::ptrdiff_t>(group.first_cell),
+             end = reduced.cells.begin() + static_cast<std::ptrdiff_t>(group.last_cell);
+  return std::any_of(begin, end, [&](const Cell& other) {
+    return other.n > 0 && other.sight.target != cell.sight.target &&
+           other.beam_rad > below->beam_rad - doubt_rad && other.beam_rad < above->beam_rad + doubt_rad;
+  });
+}
+
+}  // namespace
+
+bool may_miss_its_target(const Reduced& reduced, std::size_t index, bool near_threshold) {
+  constexpr double blur_rad = 0.5 * rad_per_deg;
+  const Cell& cell = reduced.cells[index];
+  const double to_edge = std::abs(cell.at.edge_rad), displaced = displaced_rad(cell, near_threshold);
+  if (to_edge < blur_rad || may_be_a_slit(reduced, index)) return true;
+  // Nearer than `doubt_rad` to an edge its neighbours must see the target, on both sides; a beam without any
+  // echo from farther inside needs only something of the target on both sides.
+  const bool near = to_edge < doubt_rad;
+  if (!near && (cell.n > 0 || to_edge > displaced)) return false;
+  const double from = near ? blur_rad : 0, to = near ? 2 * blur_rad : displaced;
+  const Group& group = reduced.groups[static_cast<std::size_t>(cell.group)];
+  const auto sees_it = [&](const Cell& other) {
+    return other.sight.target == cell.sight.target && 2 * other.n > other.n + other.stray + other.lost;
+  };
+  bool below = false, above = false;
+  for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+    const double away = reduced.cells[i].beam_rad - cell.beam_rad;
+    if (std::abs(away) < from || std::abs(away) > to || !sees_it(reduced.cells[i])) continue;
+    (away < 0 ? below : above) = true;
+  }
+  return !below || !above;
+}
+
+}  // namespace fit::explain::model

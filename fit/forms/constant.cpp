@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/unnamed.hpp"
+
+namespace fit::explain::forms {
+
+// The same for all scans, where nothing is expected at all: what every scan draws anew.
+Form make_constant() {
+  Form f;
+  f.id = "constant";
+  f.is_constant = true;
+  f.basis = [](const Shape&, double, int) { return 1.0; };
+  f.along = [](const Axis& axis) {
+    return axis.coordinate == Coordinate::scan_seq ? std::vector<Shape>(1) : std::vector<Shape>();
+  };
+  f.says = [](const Shape& s, const Course& c) {
+    return Described{"the " + c.what + " is off by " + rounded(s.values.front() * c.scale, 3) + c.unit, c.low, c.high};
+  };
+  return f;
+}
+
+}  // namespace fit::explain::forms
