@@ -58,6 +58,7 @@ struct Effect {
   Eigen::Vector2d origin_mm = Eigen::Vector2d::Zero();  ///< Shift of the optical centre, world frame.
   double variance_mm2 = 0;                              ///< White noise, one draw for each sample.
   double scan_angle_variance_rad2 = 0;                  ///< One angle for a whole scan.
+  double beam_angle_variance_rad2 = 0;                  ///< One angle for every beam of every scan.
   double scan_range_variance_mm2 = 0;                   ///< One range for a whole scan.
   double memory_rho = 0;                                ///< The noise remembers: AR(1) from scan to scan ...
   double memory_share = 0;                              ///< ... for this share of the variance.

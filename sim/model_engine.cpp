@@ -253,7 +253,8 @@ class ModelEngine : public Engine {
     if (e.lost > 0 && random_.uniform() < e.lost) return;
     const double true_stage = stage.angle_rad + e.stage_rad;
     const double bearing =
-        c.bearing_rad + e.stage_rad + e.beam_rad + std::sqrt(e.scan_angle_variance_rad2) * scan_normal_;
+        c.bearing_rad + e.stage_rad + e.beam_rad + std::sqrt(e.scan_angle_variance_rad2) * scan_normal_ +
+        (e.beam_angle_variance_rad2 > 0 ? std::sqrt(e.beam_angle_variance_rad2) * random_.normal() : 0);
     const Eigen::Vector2d from = origin(true_stage) + e.origin_mm;
     const fit::Hit hit = mix(scene_.look(from, bearing), from, bearing, e.footprint_rad);
     if (hit.target < 0) return;

@@ -25,7 +25,7 @@ class Variances final : public IndependentRows {
   }
 
   [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
-    return effect.variance_mm2 + of(row).lever2 * effect.scan_angle_variance_rad2;
+    return effect.variance_mm2 + of(row).lever2 * (effect.scan_angle_variance_rad2 + effect.beam_angle_variance_rad2);
   }
   [[nodiscard]] Eigen::VectorXd raised(const Eigen::VectorXd& eta) const override {
     double ratio = 0, all = 0;

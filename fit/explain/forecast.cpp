@@ -103,7 +103,8 @@ struct Known {
   [[nodiscard]] double variance(const Cell& cell, double constant_mm) const {
     const Effect e = effect_of(at_work, cell.at);
     double sum = e.variance_mm2 > 0 ? e.variance_mm2 : constant_mm * constant_mm;
-    sum += std::pow(cell.sight.beam_lever(), 2) * e.scan_angle_variance_rad2;
+    sum += std::pow(cell.sight.beam_lever(), 2) *
+           (e.scan_angle_variance_rad2 + e.beam_angle_variance_rad2);
     const double step = std::max(1.0, e.output_step_mm);
     return sum + step * step / 12;
   }

@@ -31,7 +31,8 @@ double sample_variance(const std::vector<Suspect>& noise, double constant_mm, co
   for (const Suspect& suspect : noise) {
     const Effect effect = suspect.mechanism->act(cell.at, suspect.mechanism->values(suspect.parameters));
     const double more =
-        effect.variance_mm2 + std::pow(cell.sight.beam_lever(), 2) * effect.scan_angle_variance_rad2;
+        effect.variance_mm2 + std::pow(cell.sight.beam_lever(), 2) *
+                                  (effect.scan_angle_variance_rad2 + effect.beam_angle_variance_rad2);
     if (std::isfinite(more)) sum += more;  // else the recording does not say what it depends on
     if (effect.output_step_mm > 1) sum += effect.output_step_mm * effect.output_step_mm / 12;
   }

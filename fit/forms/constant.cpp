@@ -13,7 +13,7 @@ Form make_constant() {
     return axis.coordinate == Coordinate::scan_seq ? std::vector<Shape>(1) : std::vector<Shape>();
   };
   f.says = [](const Shape& s, const Course& c) {
-    return Described{"the " + c.what + " is off by " + rounded(s.values.front() * c.scale, 3) + c.unit, c.low, c.high};
+    return Described{"the " + c.what + " scatters at random, with a variance of " + rounded(s.values.front() * c.scale, 3) + c.unit, c.low, c.high};
   };
   return f;
 }

@@ -10,8 +10,13 @@ Mechanism make_correlated_noise() {
   m.cause = "the noise remembers the scans before";
   m.observable = Observable::time_correlation;
   m.coordinate = Coordinate::time;
-  m.parameters = {{.name = "rho", .typical = 0.5, .sign = 1},
-                  {.name = "share", .role = Parameter::Role::shape, .lower = 0.001, .upper = 1, .starts = 5}};
+  m.parameters = {{.name = "rho",
+                   .role = Parameter::Role::shape,
+                   .lower = 0.05,
+                   .upper = 0.98,
+                   .starts = 8,
+                   .logarithmic = false},
+                  {.name = "share", .typical = 0.5, .largest = 1, .sign = 1}};
   m.act = [](const Circumstances&, std::span<const double> p) {
     return Effect{.memory_rho = p[0], .memory_share = p[1]};
   };

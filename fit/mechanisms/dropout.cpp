@@ -6,6 +6,8 @@
 namespace fit::mechanisms {
 
 // No echo below the comparator's threshold, whose electronic noise is Gaussian: P = Phi((I_min - I) / w).
+// Where a pulse only just reaches it, its flank is flat, and the same noise moves the crossing more: of a Gaussian pulse
+// the variance goes with 1 / ln(I / I_min).
 Mechanism make_dropout() {
   Mechanism m;
   m.id = "dropout";
@@ -14,9 +16,13 @@ Mechanism make_dropout() {
   m.coordinate = Coordinate::intensity;
   m.parameters = {
       {.name = "intensity_min", .role = Parameter::Role::shape, .lower = 5, .upper = 1500, .starts = 20},
-      {.name = "width", .role = Parameter::Role::shape, .lower = 0.5, .upper = 300, .starts = 9}};
+      {.name = "width", .role = Parameter::Role::shape, .lower = 0.5, .upper = 300, .starts = 9},
+      {.name = "scatter_mm", .typical = 2, .sign = 1}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    return Effect{.lost = std::isfinite(c.intensity) ? 0.5 * std::erfc((c.intensity - p[0]) / p[1] / std::sqrt(2.0)) : 0};
+    if (!std::isfinite(c.intensity)) return Effect{};
+    const double above = std::max(std::log(std::max(1.0, c.intensity / p[0])), 0.5 * p[1] / p[0]);
+    return Effect{.variance_mm2 = p[2] * p[2] / above,
+                  .lost = 0.5 * std::erfc((c.intensity - p[0]) / p[1] / std::sqrt(2.0))};
   };
   m.shows = [](const Finding& f, const Recorded& r) {
     const double hardly_any = f.at("intensity_min").value + 2 * f.at("width").value;

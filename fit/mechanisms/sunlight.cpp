@@ -21,6 +21,7 @@ Mechanism make_sunlight() {
   m.cause = "background light falls into part of the field of view";
   m.observable = Observable::range_variance;
   m.coordinate = Coordinate::beam;
+  m.formula_error = 0.25;
   m.parameters = {
       {.name = "sigma_mm", .typical = 6, .sign = 1},
       {.name = "centre_deg",

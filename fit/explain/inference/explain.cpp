@@ -22,15 +22,6 @@ explain::Term as_term(const Term& term) {
   return {term.kind->mechanism.get(), term.kind->target, term.values, term.sigma};
 }
 
-Shape as_shape(const Term& term) {
-  Shape shape = *term.kind->form;
-  const std::size_t count = term.kind->coefficients.size();
-  shape.values.assign(term.values.begin(), term.values.begin() + static_cast<std::ptrdiff_t>(count));
-  shape.at = term.values[count];
-  shape.length = term.values[count + 1];
-  return shape;
-}
-
 double noise_floor(const Reduced& reduced, const MeanNoise& noise) {
   const Reduced rows = merged(reduced, numbers::search_rows);  // as the channel has them
   const MeanModel model(rows, noise);
@@ -56,17 +47,53 @@ Fitted without_term(const Session& session, const Hypothesis& h, const Kind* kin
   return fit(session, less);
 }
 
+/// What a form does beside the means, in words.
+Unexplained described(const Session& session, const Term& term) {
+  const Shape shape = as_shape(term);
+  std::size_t c = 0;
+  while (!term.kind->acts_in[c]) ++c;
+  const ChannelRows& rows = *session.channels()[c];
+  Course course;
+  course.what = term.kind->acts_on;
+  course.unit = model::channel_kinds()[c].unit.empty() ? "" : " " + model::channel_kinds()[c].unit;
+  if (model::channel_kinds()[c].is_square) course.unit += "^2";
+  course.coordinate = name_of(shape.coordinate);
+  course.unit_of_coordinate = unit_of(shape.coordinate);
+  course.low = course.least = 1e300;
+  course.high = course.most = -1e300;
+  for (Index i = 0; i < rows.rows(); ++i) {
+    const double at = model::coordinate_of(shape.coordinate, rows.at(i)),
+                 y = rows.response(i, term.kind->mechanism->act(rows.at(i), term.values));
+    if (!std::isfinite(at)) continue;
+    course.low = std::min(course.low, at);
+    course.high = std::max(course.high, at);
+    if (y < course.least) course.least = y, course.least_at = at;
+    if (y > course.most) course.most = y, course.most_at = at;
+  }
+  const Described says = shape.form->says(shape, course);
+  Unexplained u;
+  u.observable = term.kind->observable;
+  u.coordinate = shape.coordinate;
+  u.describes = says.text;
+  u.from = says.from;
+  u.to = says.to;
+  return u;
+}
+
 void measure(const Session& session, const Explored& explored, Inferred& out) {
   const Hypothesis& best = explored.best.hypothesis;
-  out.means.after = hold_out(session, explored.best);
   const Fitted nothing = fit(session, {});
-  out.means.before = hold_out(session, nothing);
+  out.means.before = hold_out(session, nothing, true);
   out.curves = curves_of(session, nothing, explored.best, out.posterior);
+  out.means.after = hold_out(session, explored.best);
+  const double all = out.means.after.log_likelihood;
+  // In absolute figures the means alone are told, to which the gain of all channels is added.
+  out.means.after.log_likelihood = out.means.before.log_likelihood + all - hold_out(session, nothing).log_likelihood;
   for (const auto* list : {&out.posterior.named, &out.posterior.forms})
-    for (const Named& named : *list) {
-      const HeldOutFigures without = hold_out(session, without_term(session, best, named.term.kind));
-      out.gain.push_back(out.means.after.log_likelihood - without.log_likelihood);
-    }
+    for (const Named& named : *list)
+      out.gain.push_back(all - hold_out(session, without_term(session, best, named.term.kind)).log_likelihood);
+  for (const Named& form : out.posterior.forms)
+    if (!is_of_means(*form.term.kind)) out.beside.push_back(described(session, form.term));
 }
 
 /// The best hypothesis as far as means go; of undecided sets, the best member.
@@ -84,8 +111,17 @@ void take_means(const Session& session, const Hypothesis& best, MeanResult& mean
 
 }  // namespace
 
+Shape as_shape(const Term& term) {
+  Shape shape = *term.kind->form;
+  const std::size_t count = term.kind->coefficients.size();
+  shape.values.assign(term.values.begin(), term.values.begin() + static_cast<std::ptrdiff_t>(count));
+  shape.at = term.values[count];
+  shape.length = term.values[count + 1];
+  return shape;
+}
+
 Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progress) {
-  Inferred out{nullptr, {}, MeanResult(reduced.bench), 0, {}, {}};
+  Inferred out{nullptr, {}, MeanResult(reduced.bench), 0, {}, {}, {}};
   out.means.excess = settle(reduced, noise);
   out.means.noise = noise;
   out.means.noise.factor *= out.means.excess;

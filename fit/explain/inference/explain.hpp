@@ -13,8 +13,12 @@ struct Inferred {
   MeanResult means;  ///< The best hypothesis' part in the means, with the held-out figures of all channels.
   double sigma_mm = 0;       ///< Constant noise of one sample.
   std::vector<SpreadCurve> curves;  ///< Of what is beside the means, where something was found.
+  std::vector<Unexplained> beside;   ///< Forms beside the means.
   std::vector<double> gain;  ///< Held out, of every named one, and then of every form.
 };
+
+/// A form with what it came out as.
+[[nodiscard]] Shape as_shape(const Term& term);
 
 /// `noise`: of the means. The cells of `reduced` are left predicted at the best hypothesis.
 [[nodiscard]] Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progress);

@@ -11,6 +11,10 @@ using Eigen::Index;
 
 constexpr int blocks_of_few = 6, most_blocks = 8;
 
+bool has_beams(const ChannelRows& rows) {
+  return rows.rows() > 0 && rows.at(0).beam_rad != rows.at(rows.rows() - 1).beam_rad;
+}
+
 struct Blocks {
   int count = 0;
   bool few = false;
@@ -20,8 +24,9 @@ struct Blocks {
         few(captures < blocks_of_few) {}
   [[nodiscard]] int of(const ChannelRows& rows, Index row) const {
     constexpr double sector_deg = 9;
+    // What has no beam, such as whole scans, is left out capture by capture, be they few.
     const int number =
-        few ? static_cast<int>((rows.at(row).beam_rad + 4) * deg_per_rad / sector_deg) : rows.capture(row);
+        few && has_beams(rows) ? static_cast<int>((rows.at(row).beam_rad + 4) * deg_per_rad / sector_deg) : rows.capture(row);
     return number % count;
   }
 };
@@ -58,11 +63,12 @@ double log_determinant(const Eigen::LLT<Eigen::MatrixXd>& factor) {
 /// Predicts one block from all others and adds what comes of it.
 class Block {
  public:
-  Block(const Session& session, const Fitted& fitted, const Blocks& blocks, int block)
+  Block(const Session& session, const Fitted& fitted, const Blocks& blocks, int block, bool only_means)
       : session_(session), f_(fitted), rest_(fitted.optimum.factor.reconstructedMatrix()) {
     score_ = Eigen::VectorXd::Zero(rest_.rows());
     for (std::size_t c = 0; c < session.channels().size(); ++c) {
-      parts_.push_back(session.channels()[c] ? part_of(session, fitted, c, blocks, block) : Part{});
+      const bool counts = session.channels()[c] && (!only_means || c == model::channel_of("mean"));
+      parts_.push_back(counts ? part_of(session, fitted, c, blocks, block) : Part{});
       if (parts_[c].rows.empty()) continue;
       const Eigen::MatrixXd square = parts_[c].white.transpose() * parts_[c].white;
       const Eigen::VectorXd along = parts_[c].white.transpose() * parts_[c].residual;
@@ -121,10 +127,10 @@ class Block {
 
 }  // namespace
 
-HeldOutFigures hold_out(const Session& session, const Fitted& fitted) {
+HeldOutFigures hold_out(const Session& session, const Fitted& fitted, bool only_means) {
   const Blocks blocks(session.reduced().captures.size());
   HeldOutFigures sum;
-  for (int b = 0; b < blocks.count; ++b) Block(session, fitted, blocks, b).add_to(sum);
+  for (int b = 0; b < blocks.count; ++b) Block(session, fitted, blocks, b, only_means).add_to(sum);
   const double cells = std::max(1.0, sum.cells);
   sum.rms_mm = std::sqrt(sum.rms_mm / cells);
   sum.coverage /= cells;

@@ -7,7 +7,8 @@
 namespace fit::explain::inference {
 
 /// Whole captures predicted from all others; sectors of beams where captures are few. The log density is that
-/// of each block as a whole given the others, in all channels; the other figures are of means.
-[[nodiscard]] HeldOutFigures hold_out(const Session& session, const Fitted& fitted);
+/// of each block as a whole given the others, in all channels or in the means only; the other figures are of
+/// means.
+[[nodiscard]] HeldOutFigures hold_out(const Session& session, const Fitted& fitted, bool only_means = false);
 
 }  // namespace fit::explain::inference

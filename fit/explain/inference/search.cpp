@@ -134,8 +134,31 @@ class Climber {
     bool better = false;
     for (std::size_t t = 0; t < whole.terms.size(); ++t) {
       const Fitted less = fitted(without(whole, t));
-      const auto list = screen(session_, less, whole.terms[t].kind);
-      better = take_if_better(fit_each(less.hypothesis, best_of(list, tries, tries / 2))) || better;
+      const auto list = best_of(screen(session_, less, whole.terms[t].kind), tries, tries / 2);
+      const double worth = whole.log_evidence - less.hypothesis.log_evidence;
+      better = take_if_better(fit_each(less.hypothesis, list)) || better;
+      better = exchange_for_two(less, list, *whole.terms[t].kind, worth) || better;
+    }
+    return better;
+  }
+
+  /// A term may look like two others together: those that do a good part of what it does, with one more.
+  bool exchange_for_two(const Fitted& less, const std::vector<Candidate>& list, const Kind& instead_of, double worth) {
+    constexpr std::size_t most = 2;
+    constexpr double good_part = 0.5;
+    if (less.hypothesis.terms.size() + 2 > numbers::most_terms) return false;
+    bool better = false;
+    std::size_t asked = 0;
+    for (const Candidate& candidate : list) {
+      if (asked == most) break;
+      if (candidate.term.kind->is_form() || candidate.log_evidence < good_part * worth) continue;
+      ++asked;
+      Hypothesis one;
+      one.terms = less.hypothesis.terms;
+      one.terms.push_back(candidate.term);
+      const Fitted first = fitted(one);
+      const auto more = best_of(screen(session_, first, &instead_of), most, 1);
+      better = take_if_better(fit_each(first.hypothesis, more)) || better;
     }
     return better;
   }

@@ -91,6 +91,7 @@ Index Session::first_base(std::size_t channel) const {
 
 Nuisance Session::nuisance(const Hypothesis& h) const {
   Nuisance n(reduced_.bench);
+  if (!channels_[mean_channel()]) return n;
   const Eigen::VectorXd stated = n.as_vector();
   n.set(stated + h.base.segment(first_base(mean_channel()), stated.size()));
   return n;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <string>
 
 #include "fit/explain/inference/explain.hpp"
@@ -78,28 +79,32 @@ std::vector<std::string> names_of(const std::vector<Undecided::Member>& members)
 void tell_set(const std::vector<Undecided::Member>& members, const Findings& findings, Explanation& out) {
   out.undecided_between.push_back(names_of(members));
   std::string odds;
+  const auto names = std::ranges::count_if(members, [](const auto& m) { return m.kind && !m.kind->is_form(); });
   for (const auto& member : members) {
     odds += (odds.empty() ? "" : ", ") + names_of({member}).front() + " " + rounded(member.probability, 2);
     if (!member.kind) continue;
-    if (member.kind->is_form()) continue;
-    if (is_of_the_means(*member.kind))
+    if (member.kind->is_form()) {
+      if (is_of_the_means(*member.kind))
+        out.unnamed_suspects.push_back(seen(as_shape(member.term), MeanModel(findings.reduced, findings.means.noise)));
+    } else if (is_of_the_means(*member.kind)) {
       out.suspects.push_back({member.kind->mechanism.get(), member.kind->target, member.term.values, member.term.sigma});
-    else
+    } else if (names > 1) {  // else there is nobody to tell it from
       out.noise_suspects.push_back(as_suspect(member.term));
+    }
   }
-  (void)findings;
   out.notes.push_back("Probabilities of what cannot be told apart: " + odds + ".");
 }
 
-/// What a form of noise or of counts does, in words.
-Unexplained in_words(const Named& form) {
-  const Shape& shape = *form.term.kind->form;
+/// A mechanism that captures contradict to which it was not fitted is no explanation.
+Unexplained contradicted(const Term& term) {
   Unexplained u;
-  u.observable = form.term.kind->observable;
-  u.coordinate = shape.coordinate;
-  u.describes = form.term.kind->acts_on + " follows a " + form.term.kind->mechanism->id + " that no mechanism of the catalogue makes";
+  u.observable = term.kind->mechanism->observable;
+  u.coordinate = term.kind->mechanism->coordinate;
+  u.describes = "what looks like " + term.kind->mechanism->id + " is seen in some captures, and others contradict it";
   return u;
 }
+
+bool is_confirmed(const Inferred& inferred, std::size_t named) { return inferred.gain[named] > 0; }
 
 }  // namespace
 
@@ -107,6 +112,7 @@ void tell(const Inferred& inferred, const Findings& findings, Explanation& out) 
   const Posterior& posterior = inferred.posterior;
   for (std::size_t i = 0; i < posterior.named.size(); ++i) {
     const Named& named = posterior.named[i];
+    if (!is_confirmed(inferred, i)) continue;
     if (named.term.kind->mechanism->same_in_plane.empty()) {
       tell_named(named, inferred.gain[i], findings, out);
       continue;
@@ -118,14 +124,18 @@ void tell(const Inferred& inferred, const Findings& findings, Explanation& out) 
 
 void add_to_spread(const Inferred& inferred, SpreadResult& spread) {
   spread.sigma_mm = inferred.sigma_mm;
-  for (const Named& named : inferred.posterior.named)
-    if (!is_of_the_means(*named.term.kind)) spread.accepted.push_back(as_suspect(named.term));
+  for (std::size_t i = 0; i < inferred.posterior.named.size(); ++i) {
+    const Term& term = inferred.posterior.named[i].term;
+    if (!is_confirmed(inferred, i))
+      spread.unknown.push_back(contradicted(term));
+    else if (!is_of_the_means(*term.kind))
+      spread.accepted.push_back(as_suspect(term));
+  }
   for (const Undecided& set : inferred.posterior.undecided) {
     const auto best = std::ranges::find_if(set.members, [](const auto& member) { return member.kind && !member.kind->is_form(); });
     if (best != set.members.end() && !is_of_the_means(*best->kind)) spread.undecided.push_back(as_suspect(best->term));
   }
-  for (const Named& form : inferred.posterior.forms)
-    if (!is_of_the_means(*form.term.kind)) spread.unknown.push_back(in_words(form));
+  std::ranges::copy(inferred.beside, std::back_inserter(spread.unknown));
 }
 
 }  // namespace fit::explain::inference

@@ -52,7 +52,8 @@ struct Typical {
  private:
   static constexpr double Effect::* fields[] = {&Effect::range_mm,     &Effect::beam_rad,
                                                 &Effect::stage_rad,    &Effect::variance_mm2,
-                                                &Effect::scan_angle_variance_rad2, &Effect::lost,
+                                                &Effect::scan_angle_variance_rad2,
+                                                &Effect::beam_angle_variance_rad2, &Effect::lost,
                                                 &Effect::stray};
 };
 

@@ -84,15 +84,15 @@ Effect effect_on(Act on, double value) {
 const char* in_words(Act on) {
   switch (on) {
     case Act::variance:
-      return "the samples' variance";
+      return "samples' variance";
     case Act::scan_range:
-      return "the range that a whole scan has in common";
+      return "range that a whole scan has in common";
     case Act::loss:
-      return "the share of lost echoes";
+      return "share of lost echoes";
     case Act::stray:
-      return "the share of samples far off";
+      return "share of samples far off";
     default:
-      return "the range";
+      return "range";
   }
 }
 

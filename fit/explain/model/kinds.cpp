@@ -26,6 +26,11 @@ bool bench_knows(const Bench& bench, const Mechanism& m, int target) {
 
 /// Places of a shape, spread over its bounds.
 std::vector<double> places_of_shape(const Parameter& p) {
+  if (p.scale == Parameter::Scale::count) {
+    std::vector<double> whole;
+    for (double n = p.lower; n <= p.upper; ++n) whole.push_back(n);
+    return whole;
+  }
   const int count = std::max(2, p.starts);
   std::vector<double> list;
   for (int i = 0; i < count; ++i) {

@@ -160,6 +160,7 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
     const Group& group = reduced.groups[static_cast<std::size_t>(s.group)];
     if (s.group != of_group) noise = OwnNoise(reduced, group);
     of_group = s.group;
+    if (!(noise.of_range > 0) || !(noise.of_angle > 0)) return;
     ScanPart one;
     one.group = s.group;
     one.capture = group.capture;

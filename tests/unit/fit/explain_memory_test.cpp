@@ -153,6 +153,6 @@ TEST_CASE("ranges that every scan draws anew for all its beams are not said to b
     const ToldNoise result = spread_of({}, 150, seed, 99, 1.5);
     CHECK_FALSE(memory_in(result));
     REQUIRE(result.unknown.size() == 1);
-    CHECK_THAT(result.unknown.front().describes, Catch::Contains("no scan remembers the one before"));
+    CHECK_THAT(result.unknown.front().describes, Catch::Contains("range that a whole scan has in common"));
   }
 }

@@ -186,7 +186,7 @@ TEST_CASE("a pattern of scans that grows is no mirror") {
   CHECK(names(e).empty());
   REQUIRE(e.unknown);
   CHECK(e.unknown->coordinate == fit::Coordinate::scan_seq);
-  CHECK_THAT(e.unknown->describes, Catch::Contains("same every 2 scans, and more and more so from capture"));
+  CHECK_THAT(e.unknown->describes, Catch::Contains("same every 2 scans, and more and more so"));
 }
 
 TEST_CASE("a step of the range along the beams is told as one, or nothing is told for certain") {

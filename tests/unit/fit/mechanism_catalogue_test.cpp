@@ -11,7 +11,7 @@ namespace {
 
 /// The page's entries by mechanism, each on one line.
 std::map<std::string, std::string> entries() {
-  std::ifstream page(std::string(RIG_SOURCE_DIR) + "/docs/method/mechanisms.md");
+  std::ifstream page(RIG_SOURCE_DIR "/docs/method/mechanisms.md");
   std::map<std::string, std::string> list;
   std::string line, id;
   while (std::getline(page, line)) {

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: MIT
+#include "fit/mechanism.hpp"
+
+namespace fit::mechanisms {
+
+// A scratch or a smear on window or mirror scatters part of the pulse: more noise of some beams, at all times, and no
+// echo is lost for it.
+Mechanism make_local_noise() {
+  Mechanism m;
+  m.id = "local-noise";
+  m.cause = "some beams are noisier than others, at all times";
+  m.observable = Observable::range_variance;
+  m.coordinate = Coordinate::beam;
+  m.formula_error = 0.25;
+  m.parameters = {
+      {.name = "sigma_mm", .typical = 6, .sign = 1},
+      {.name = "centre_deg",
+       .role = Parameter::Role::shape,
+       .lower = -135,
+       .upper = 135,
+       .starts = 37,
+       .logarithmic = false},
+      {.name = "width_deg", .role = Parameter::Role::shape, .lower = 3, .upper = 50, .starts = 4}};
+  m.act = [](const Circumstances& c, std::span<const double> p) {
+    const double away = wrap_angle(c.beam_rad - p[1] * rad_per_deg) * deg_per_rad / p[2];
+    return Effect{.variance_mm2 = p[0] * p[0] * std::exp(-away * away / 2)};
+  };
+  m.shows = [](const Finding& f, const Recorded&) {
+    const double centre = f.at("centre_deg").value, reach = 1.2 * f.at("width_deg").value;
+    return std::vector<Stretch>{{Coordinate::beam, centre - reach, centre + reach}};
+  };
+  m.says = [](const Finding& f) {
+    return "Around " + with_uncertainty(f.at("centre_deg"), "deg") + " (within " +
+           rounded(f.at("width_deg").value, 2) + " deg) the range scatters by " +
+           with_uncertainty(f.at("sigma_mm"), "mm") + " more, at all times.";
+  };
+  m.separate = "turn the stage and see whether the noise stays with the beam; close the blinds";
+  return m;
+}
+
+}  // namespace fit::mechanisms
