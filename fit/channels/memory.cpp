@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <map>
+#include <optional>
 
 #include "fit/explain/model/channel.hpp"
 #include "fit/explain/model/autoregression.hpp"
@@ -8,7 +9,7 @@
 namespace fit::explain::channels {
 namespace {
 
-using model::IndependentRows;
+using Eigen::Index;
 
 /// What scans of one length in one capture have summed up.
 struct Summed {
@@ -16,58 +17,75 @@ struct Summed {
   double squares = 0, cells = 0;
 };
 
-/// Which lags a row is about, of how many scans.
-struct Lags {
-  int scans = 0;
-  std::size_t band = 1;
+/// The bands of one capture's scans of one length: correlated, as the sums of one recording are.
+struct Block {
+  int capture = 0, scans = 0;
+  std::vector<std::size_t> bands;
+  Eigen::VectorXd value;
+  Eigen::MatrixXd root;  ///< Of the precision: a row times it is white.
 };
 
 /// Sums of products of deviations so many scans apart over the sum of their squares, less what white noise
 /// about its own mean has: normal around that of noise with memory.
-class Memory final : public IndependentRows {
+class Memory final : public model::ChannelRows {
  public:
-  Memory(std::vector<Row> rows, std::vector<Lags> lags) : IndependentRows(std::move(rows)), lags_(std::move(lags)) {}
+  explicit Memory(std::vector<Block> blocks) : blocks_(std::move(blocks)) {
+    for (std::size_t b = 0; b < blocks_.size(); ++b)
+      for (std::size_t k = 0; k < blocks_[b].bands.size(); ++k) rows_.push_back({b, k});
+    base_.columns.resize(rows(), 0);
+  }
 
-  [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
+  [[nodiscard]] Index rows() const override { return static_cast<Index>(rows_.size()); }
+  [[nodiscard]] const Circumstances& at(Index) const override { return anywhere_; }
+  [[nodiscard]] int capture(Index row) const override { return block(row).capture; }
+  [[nodiscard]] const model::Columns& base() const override { return base_; }
+  [[nodiscard]] double offset(Index) const override { return 0; }
+  [[nodiscard]] double statistic(Index row) const override {
+    return block(row).value[static_cast<Index>(place(row).band)];
+  }
+  [[nodiscard]] double response(Index row, const Effect& effect) const override {
     if (!(effect.memory_share > 0) || !(effect.memory_rho > 0)) return 0;
-    const auto& [scans, band] = lags_[static_cast<std::size_t>(row)];
-    const LagSums with = model::lagged_of(scans, effect.memory_rho), white = model::lagged_of(scans, 0);
+    const std::size_t band = block(row).bands[place(row).band];
+    const LagSums with = model::lagged_of(block(row).scans, effect.memory_rho),
+                  white = model::lagged_of(block(row).scans, 0);
     const auto mixed = [&](std::size_t b) {
       return effect.memory_share * with[b] + (1 - effect.memory_share) * white[b];
     };
     return mixed(band) / mixed(0) - white[band] / white[0];
   }
-  [[nodiscard]] double offset(Eigen::Index) const override { return 0; }
-
- protected:
-  [[nodiscard]] double log_likelihood(const Row& row, double eta) const override {
-    return -0.5 * row.n * (row.y - eta) * (row.y - eta);
+  [[nodiscard]] double log_likelihood(const Eigen::VectorXd& eta) const override {
+    return log_likelihoods(eta).sum();
   }
-  [[nodiscard]] double score(const Row& row, double eta) const override { return row.n * (row.y - eta); }
-  [[nodiscard]] double information(const Row& row, double) const override { return row.n; }
+  [[nodiscard]] Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const override {
+    return -0.5 * white_residual(eta).cwiseAbs2();
+  }
+  [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
+    Index first = 0;
+    for (const Block& b : blocks_) {
+      const auto count = static_cast<Index>(b.bands.size());
+      columns.middleRows(first, count) = b.root * columns.middleRows(first, count).eval();
+      first += count;
+    }
+    return columns;
+  }
+  [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override {
+    Eigen::VectorXd left(rows());
+    for (Index i = 0; i < rows(); ++i) left[i] = statistic(i) - eta[i];
+    return whitened(std::move(left), eta);
+  }
 
  private:
-  std::vector<Lags> lags_;
-};
+  struct Place {
+    std::size_t block, band;
+  };
+  [[nodiscard]] const Place& place(Index row) const { return rows_[static_cast<std::size_t>(row)]; }
+  [[nodiscard]] const Block& block(Index row) const { return blocks_[place(row).block]; }
 
-/// By how much the sums scatter more than those of white noise (Bartlett 1946): once and twice the squares of
-/// the correlations that all scans show together.
-double scatter_of_sums(const std::map<std::pair<int, int>, Summed>& all) {
-  LagSums sums{}, pairs{};
-  for (const auto& [key, one] : all) {
-    const LagSums of = model::pairs_of(key.second);
-    for (std::size_t b = 0; b < sums.size(); ++b) {
-      sums[b] += one.sums[b];
-      pairs[b] += of[b] * one.cells;
-    }
-  }
-  double factor = 1;
-  for (std::size_t b = 1; b < sums.size(); ++b) {
-    const double correlation = pairs[b] > 0 ? sums[b] / pairs[b] : 0;
-    factor += 2 * correlation * correlation * (lag_bands[b].last - lag_bands[b].first + 1);
-  }
-  return factor;
-}
+  std::vector<Block> blocks_;
+  std::vector<Place> rows_;
+  Circumstances anywhere_;
+  model::Columns base_;
+};
 
 std::map<std::pair<int, int>, Summed> by_capture_and_length(const Reduced& reduced) {
   constexpr int fewest_scans = 4;
@@ -84,6 +102,35 @@ std::map<std::pair<int, int>, Summed> by_capture_and_length(const Reduced& reduc
   return all;
 }
 
+/// Bartlett's covariance of the sums, by the memory that is known so far, carried over to their ratios to the sum
+/// of squares.
+std::optional<Block> block_of(int capture, int scans, const Summed& one, const MeanNoise& noise) {
+  const LagSums pairs = model::pairs_of(scans), white = model::lagged_of(scans, 0);
+  Block block{capture, scans, {}, {}, {}};
+  for (std::size_t b = 1; b < lag_bands.size(); ++b)
+    if (pairs[b] > 0) block.bands.push_back(b);
+  if (block.bands.empty()) return {};
+  const auto count = static_cast<Index>(block.bands.size());
+  const model::LagCovariance of_sums = model::covariance_of_lagged(scans, noise.memory_rho, noise.memory_share);
+  block.value.resize(count);
+  Eigen::MatrixXd slopes = Eigen::MatrixXd::Zero(count, static_cast<Index>(lag_bands.size()));
+  for (Index k = 0; k < count; ++k) {
+    const std::size_t b = block.bands[static_cast<std::size_t>(k)];
+    const double ratio = one.sums[b] / one.sums[0];
+    block.value[k] = ratio - white[b] / white[0];
+    slopes(k, static_cast<Index>(b)) = 1 / one.sums[0];
+    slopes(k, 0) = -ratio / one.sums[0];
+  }
+  // Beams that differ in noise, and samples that are not normal, make products scatter more.
+  const double each = std::max(1.0, one.squares / (one.cells * pairs[1])) /
+                      std::max(1.0, of_sums(1, 1) / std::max(1.0, pairs[1]));
+  const Eigen::MatrixXd covariance = std::max(1.0, each) * one.cells * (slopes * of_sums * slopes.transpose());
+  const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
+  if (factor.info() != Eigen::Success) return {};
+  block.root = factor.matrixL().solve(Eigen::MatrixXd::Identity(count, count));
+  return block;
+}
+
 }  // namespace
 
 model::ChannelKind make_memory() {
@@ -91,27 +138,12 @@ model::ChannelKind make_memory() {
   kind.id = "memory";
   kind.observable = Observable::time_correlation;
   kind.shows = "correlation";
-  kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
-    const auto all = by_capture_and_length(reduced);
-    const double scatter = scatter_of_sums(all);
-    std::vector<IndependentRows::Row> rows;
-    std::vector<Lags> lags;
-    for (const auto& [key, one] : all) {
-      const LagSums pairs = model::pairs_of(key.second), white = model::lagged_of(key.second, 0);
-      // Beams that differ in noise, and samples that are not normal, make products scatter more.
-      const double each = std::max(1.0, one.squares / (one.cells * pairs[1]));
-      for (std::size_t b = 1; b < lag_bands.size(); ++b) {
-        if (!(pairs[b] > 0)) continue;
-        IndependentRows::Row row;
-        row.capture = key.first;
-        row.y = one.sums[b] / one.sums[0] - white[b] / white[0];
-        row.n = one.sums[0] * one.sums[0] / (one.cells * pairs[b] * each * scatter);
-        rows.push_back(row);
-        lags.push_back({key.second, b});
-      }
-    }
-    if (rows.empty()) return nullptr;
-    return std::make_unique<Memory>(std::move(rows), std::move(lags));
+  kind.rows = [](const Reduced& reduced, const MeanNoise& noise) -> std::unique_ptr<model::ChannelRows> {
+    std::vector<Block> blocks;
+    for (const auto& [key, one] : by_capture_and_length(reduced))
+      if (auto block = block_of(key.first, key.second, one, noise)) blocks.push_back(std::move(*block));
+    if (blocks.empty()) return nullptr;
+    return std::make_unique<Memory>(std::move(blocks));
   };
   return kind;
 }

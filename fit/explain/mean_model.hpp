@@ -16,6 +16,7 @@ struct MeanNoise {
   std::vector<double> angle_rad2;  ///< Variance of an angle common to a group; empty: none.
   /// Variances of one scan's common range and angle: part of the samples' own spread, and counted above.
   double scan_range_mm2 = 0, scan_angle_rad2 = 0;
+  double memory_rho = 0, memory_share = 0;  ///< Of the samples' noise, from scan to scan.
   double footprint_rad = 0;  ///< Standard half width of the beam where edges show it; 0: they do not.
 };
 

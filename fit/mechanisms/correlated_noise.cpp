@@ -16,7 +16,7 @@ Mechanism make_correlated_noise() {
                    .upper = 0.98,
                    .starts = 8,
                    .logarithmic = false},
-                  {.name = "share", .typical = 0.5, .largest = 1, .sign = 1}};
+                  {.name = "share", .typical = 0.2, .largest = 1, .sign = 1}};
   m.act = [](const Circumstances&, std::span<const double> p) {
     return Effect{.memory_rho = p[0], .memory_share = p[1]};
   };

@@ -35,6 +35,8 @@ MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Te
   for (const Term& term : terms) all += term.kind->mechanism->act(Circumstances{}, term.values);
   noise.scan_range_mm2 = std::max(0.0, all.scan_range_variance_mm2);
   noise.scan_angle_rad2 = all.scan_angle_variance_rad2;
+  noise.memory_rho = all.memory_rho;
+  noise.memory_share = std::clamp(all.memory_share, 0.0, 1.0);
   double slowly = 0, cells = 0;
   for (const Group& group : reduced.groups) {
     const double n = std::max(1, group.scans);

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "fit/explain/inference/explain.hpp"
+#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/stated_noise.hpp"
 
@@ -104,7 +105,7 @@ Unexplained contradicted(const Term& term) {
   return u;
 }
 
-bool is_confirmed(const Inferred& inferred, std::size_t named) { return inferred.gain[named] > 0; }
+bool is_confirmed(const Inferred& inferred, std::size_t named) { return inferred.gain[named] > numbers::contradicted_at; }
 
 }  // namespace
 

@@ -23,6 +23,29 @@ LagSums pairs_of(int n) {
   return sums_over_bands(n, [n](int lag) { return n - lag; });
 }
 
+LagCovariance covariance_of_lagged(int n, double rho, double share) {
+  const int longest = std::min(lag_bands.back().last, n - 1);
+  std::vector<double> correlation(static_cast<std::size_t>(2 * (n + longest) + 1));
+  for (std::size_t lag = 0; lag < correlation.size(); ++lag)
+    correlation[lag] = lag == 0 ? 1 : share * std::pow(rho, static_cast<double>(lag));
+  const auto at = [&](int lag) { return correlation[static_cast<std::size_t>(std::abs(lag))]; };
+  const auto band_of = [](int lag) {
+    Eigen::Index band = 0;
+    while (lag > lag_bands[static_cast<std::size_t>(band)].last) ++band;
+    return band;
+  };
+  LagCovariance sum = LagCovariance::Zero();
+  for (int j = 0; j <= longest; ++j)
+    for (int k = j; k <= longest; ++k) {
+      double both = 0;
+      for (int m = -n; m <= n; ++m) both += at(m) * at(m + k - j) + at(m + k) * at(m - j);
+      both *= n - k;
+      sum(band_of(j), band_of(k)) += both;
+      if (k > j) sum(band_of(k), band_of(j)) += both;
+    }
+  return sum;
+}
+
 double added_to_mean(int n, double rho) {
   double sum = 0;
   for (int lag = 1; lag < n; ++lag) sum += 2 * (1 - static_cast<double>(lag) / n) * std::pow(rho, lag);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <Eigen/Core>
+
 #include "fit/explain/lag_bands.hpp"
 
 /// Noise with memory, AR(1): of two values k steps apart the correlation is rho^k.
@@ -11,6 +13,13 @@ namespace fit::explain::model {
 
 /// Number of pairs of n values in every band of lags.
 [[nodiscard]] LagSums pairs_of(int n);
+
+using LagCovariance = Eigen::Matrix<double, lag_bands.size(), lag_bands.size()>;
+
+/// Covariance of the sums of lagged products, of n values of variance one of which a share has memory and the
+/// rest is white (Bartlett 1946: that of c_j and c_k is the sum over m of r_m r_(m+k-j) + r_(m+k) r_(m-j), by
+/// the number of pairs).
+[[nodiscard]] LagCovariance covariance_of_lagged(int n, double rho, double share);
 
 /// What the correlation of n values adds to the variance of their mean, in units of that which n values
 /// without memory have.
