@@ -124,6 +124,7 @@ class DeviceRun {
  public:
   std::string lidar, stage, operator_port;
   bool yes = false;
+  bool doubts_bench = false;  ///< RunnerParts::doubts_bench
 
   void declare(CLI::App& command) {
     command.add_option("--lidar", lidar, "tcp://HOST[:PORT]");
@@ -224,7 +225,7 @@ class DeviceRun {
     };
     remember_addresses(session);
     procedure_file_ = procedure.file;
-    RunnerParts parts{*source, *opened_stage, *clock, *person, fit_function(), write, accept_lidar_, &locks};
+    RunnerParts parts{*source, *opened_stage, *clock, *person, fit_function(), write, accept_lidar_, doubts_bench, &locks};
     Runner runner(procedure, bench, session, parts);
     return conduct(io, runner, bench, session, started);
   }

@@ -56,6 +56,9 @@ struct RunnerParts {
   /// The operator decided to measure with a lidar of another model or serial number than the bench file says,
   /// or with one that says it is not well.
   bool accepts_lidar = false;
+  /// Whether the bench file is right is what the run is to find out: a target that is not seen where the file says is a
+  /// warning, and at a prompt a second confirmation is enough.
+  bool doubts_bench = false;
   /// Keeps other runs of this computer from the same devices; null: nobody else is there.
   DeviceLocks* locks = nullptr;
 };

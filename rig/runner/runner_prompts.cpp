@@ -55,7 +55,8 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
     }
     prompt.refusal = wrong_answer(prompt, answer);
     prompt.check.clear();
-    if (prompt.refusal.empty()) {
+    const bool answered_well = prompt.refusal.empty();
+    if (answered_well) {
       auto applying = apply(prompt);
       co_await std::move(applying);
       auto looking = look_after(prompt);
@@ -66,6 +67,10 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
       co_return answer;
     }
     note("warning", prompt.title + ": " + prompt.refusal);
+    if (answered_well && parts.doubts_bench) {
+      if (look > 1) co_return answer;
+      prompt.refusal += " If it stands as asked, confirm again: the bench file may be wrong.";
+    }
     if (parts.operator_.unattended() && look >= looks_of_nobody)
       throw MeasurementError("'" + prompt.title + "' is not as asked: " + prompt.refusal +
                              " Unattended run: cannot be corrected. The stage stands; go on with rig resume.");

@@ -248,7 +248,7 @@ struct Rig {
   std::function<json(const std::string&, const rig::SessionStore&, const json&)> fit =
       [this](const std::string&, const rig::SessionStore&, const json&) { return fitted; };
   asio::io_context io{1};
-  bool accepts_lidar = false;
+  bool accepts_lidar = false, doubts_bench = false;
   fit::Bench bench = small_bench();
   std::function<void()> when_ended = [] {};  ///< The run has ended, the runner is still there.
 
@@ -269,7 +269,7 @@ struct Rig {
                               again ? rig::SessionStore::Mode::append : rig::SessionStore::Mode::create);
     rig::RunnerParts parts{lidar,  stage, world.clock,
                            person, fit,   [](const std::string&, const std::string&) { return rig::RunnerParts::Written{}; },
-                           accepts_lidar};
+                           accepts_lidar, doubts_bench};
     rig::Runner runner(rig::parse_procedure(text, "test.yaml"), bench, session, parts);
     prepare(runner);
     std::exception_ptr why;
@@ -831,6 +831,37 @@ TEST_CASE("an unattended run ends where a target is not in place, without having
   CHECK(standing.captures().empty());
   standing.world.board_mm = 1400;
   CHECK(standing.run());
+}
+
+TEST_CASE("where the bench file is in question, what is not seen in its place is told and measured all the same") {
+  Rig standing("  - home\n  - capture: {samples: 5, target: board}\n");
+  standing.doubts_bench = true;
+  standing.world.board_mm = 1800;
+  std::string warned;
+  standing.prepare = [&](rig::Runner& runner) {
+    runner.observe([&](const rig::RunState& state) {
+      for (const auto& message : state.messages)
+        if (message.level == "warning") warned = message.text;
+    });
+  };
+  CHECK(standing.run());
+  CHECK_THAT(warned, Contains("'board' is not in its place") && Contains("farther away"));
+  CHECK(standing.captures()[0].range == 1800);
+  // At a prompt: said once, and a second confirmation counts.
+  Rig placed(
+      "  - home\n  - prompt: {title: Place it, place: {target: board, at_mm: 1600}}\n"
+      "  - capture: {samples: 5, target: board}\n");
+  placed.doubts_bench = true;
+  placed.person.nobody = false;
+  std::vector<std::string> refused;
+  placed.person.answers = [&](const rig::Prompt& prompt) {
+    refused.push_back(prompt.refusal);
+    return rig::Answer{};
+  };
+  CHECK(placed.run());
+  REQUIRE(refused.size() == 2);
+  CHECK_THAT(refused[1], Contains("instead of 1600 mm") && Contains("confirm again"));
+  CHECK(placed.captures()[0].range == placed.world.board_mm);
 }
 
 TEST_CASE("a target that stood in its place before an interruption is looked at before the run goes on") {
