@@ -207,3 +207,55 @@ TEST_CASE("a target that steps back beside the square beam is told, and its face
     if (table.at("title").get<std::string>().starts_with("The beam"))
       for (const auto& row : table.at("rows")) CHECK(std::abs(row.at(2).get<double>()) < 0.5);
 }
+
+TEST_CASE("a round post is a target for range errors: its nearest point, found by its own echoes") {
+  // By the tangent from a point to a circle, as on paper: the post stands a little beside where the bench file says.
+  constexpr double error_mm = 8, radius_mm = 60, aside_mm = 1.5, mount_x_mm = 12, pi = 3.14159265358979;
+  const TestFolder place;
+  const std::string file = place / "post.rig";
+  {
+    rig::SessionStore store(file, rig::SessionStore::Mode::create);
+    store.set("bench", R"({"schema":"bench/1",
+      "lidar":{"model":"UST-10LX","steps":1081,"front_step":540,"step_deg":0.25,"scan_hz":40,
+               "mount":{"x_mm":{"value":12,"u":0.2},"y_mm":{"value":0,"u":0.2},"yaw_deg":{"value":0,"u":0.2}}},
+      "targets":[{"name":"post","centre_mm":[1500,0],"radius_mm":60,"u_mm":1,"u_radius_mm":0.1}]})");
+    std::mt19937 chance(11);
+    std::normal_distribution<double> noise(0, 6);
+    for (const double shift_mm : {0.0, 500.0, 1000.0, 1500.0}) {
+      fit::CaptureInfo info;
+      info.step = "capture " + std::to_string(static_cast<int>(shift_mm)), info.target = "post";
+      info.target_shift_mm = shift_mm;
+      info.first_step = 510, info.last_step = 570;
+      const auto id = store.begin_capture(info);
+      const double x = 1500 + shift_mm - mount_x_mm, y = aside_mm;
+      for (int i = 0; i < 400; ++i) {
+        std::vector<std::uint16_t> range, intensity;
+        for (int step = 510; step <= 570; ++step) {
+          const double angle = (step - 540) * 0.25 * pi / 180, along = x * std::cos(angle) + y * std::sin(angle),
+                       beside = x * std::sin(angle) - y * std::cos(angle);
+          const bool hit = std::abs(beside) < radius_mm;
+          const double truth = hit ? along - std::sqrt(radius_mm * radius_mm - beside * beside) : 6000 / std::cos(angle);
+          range.push_back(static_cast<std::uint16_t>(std::lround(truth + error_mm + noise(chance))));
+          intensity.push_back(hit ? 1500 : 900);
+        }
+        fit::ScanView scan;
+        scan.seq = i, scan.host_us = 25000 * i;
+        scan.range_mm = range, scan.intensity = intensity;
+        store.add_scan(id, scan);
+      }
+      store.commit_capture(id);
+    }
+  }
+  const rig::SessionStore session(file, rig::SessionStore::Mode::read);
+  const nlohmann::json result = rig::run_fit("range", {{file, &session}}, nlohmann::json::object());
+  int seen = 0;
+  for (const nlohmann::json& value : result.at("values")) {
+    if (!value.at("name").get<std::string>().starts_with("error_at_")) continue;
+    ++seen;
+    INFO(value.dump());
+    CHECK(std::abs(value.at("value").get<double>() - error_mm) < 1);
+    CHECK(std::abs(value.at("value").get<double>() - error_mm) < 2 * value.at("u").get<double>());
+    CHECK(value.at("u").get<double>() < 1.5);
+  }
+  CHECK(seen == 4);
+}
