@@ -11,7 +11,7 @@ install(FILES scripts/packaging/rig.bash-completion DESTINATION ${CMAKE_INSTALL_
 install(FILES scripts/packaging/60-rig.rules DESTINATION lib/udev/rules.d)
 install(FILES scripts/packaging/rig-sim.service DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples)
 
-# The driver for programs of one's own: g++ -std=c++20 mine.cpp -llidar -pthread (docs/lidar.md).
+# The driver for programs of one's own: g++ -std=c++20 mine.cpp -llidar -pthread (docs/develop/lidar.md).
 install(TARGETS lidar ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 install(DIRECTORY lidar/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/lidar FILES_MATCHING PATTERN "*.hpp")
 

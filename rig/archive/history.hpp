@@ -43,7 +43,7 @@ inline constexpr std::size_t enough_differences = 12;
 /// The drift since the last adjustment, by the archive's repeatability where that is known.
 [[nodiscard]] Drift drift_of(const QuantityHistory& history, const std::map<std::string, Repeatability>& archive);
 
-/// `history/1` (docs/laboratory.md): everything that `rig history` says of one lidar. Throws UsageError: the archive has no
+/// `history/1` (docs/operate/laboratory.md): everything that `rig history` says of one lidar. Throws UsageError: the archive has no
 /// such lidar.
 [[nodiscard]] nlohmann::json history_of(std::span<const SessionRecord> archive, const std::string& serial);
 

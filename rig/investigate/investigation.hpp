@@ -45,7 +45,7 @@ class Investigation {
   /// As it was begun.
   [[nodiscard]] bool unattended() const { return state_.unattended; }
 
-  /// To the end. Returns the dossier (`dossier/1`, docs/investigate.md). Throws what recording throws; what was
+  /// To the end. Returns the dossier (`dossier/1`, docs/operate/investigate.md). Throws what recording throws; what was
   /// recorded stays, and a resumed investigation goes on with it.
   nlohmann::json run();
 

@@ -26,7 +26,7 @@ struct FoxgloveMessage {
   nlohmann::json body;
 };
 
-/// The messages that a state of the live page (`live/1`, docs/live.md) becomes. Of its log those after the
+/// The messages that a state of the live page (`live/1`, docs/reference/live.md) becomes. Of its log those after the
 /// first `logged`; pure.
 [[nodiscard]] std::vector<FoxgloveMessage> foxglove_messages(const nlohmann::json& state,
                                                              std::int64_t time_ns, const fit::Mount& lidar,

@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""docs/procedure.md and docs/bench.md: their tables are what the schemas say, every key stands in one, and their examples run (dry).
+"""docs/reference/procedure.md and docs/reference/bench.md: their tables are what the schemas say, every key stands in one, and their examples run (dry).
 
     keys_test.py BIN     BIN: folder of rig"""
 import os, re, subprocess, sys, tempfile
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-# What the fragments of docs/procedure.md use.
+# What the fragments of docs/reference/procedure.md use.
 HEAD = "procedure: example\nvariables: {samples: 50, span_deg: 4}\nsteps:\n  - home\n"
 
 
 def blocks(page, language):
-    with open(os.path.join(ROOT, "docs", page), encoding="utf-8") as file:
+    with open(os.path.join(ROOT, "docs", "reference", page), encoding="utf-8") as file:
         return re.findall(rf"```{language}\n(.*?)```", file.read(), re.S)
 
 
