@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 # cmake --install, and `cpack -G DEB` for a Debian package.
 include(GNUInstallDirs)
+set(CMAKE_SKIP_INSTALL_ALL_DEPENDENCY ON)  # A package needs the programs, not every test.
 install(TARGETS rig rig-sim RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 install(DIRECTORY procedures/ DESTINATION ${CMAKE_INSTALL_DATADIR}/rig/procedures)
 install(FILES README.md CHANGELOG.md CONTRIBUTING.md LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})

@@ -9,8 +9,8 @@
 namespace rig {
 
 /// What `rig fit odometry` found, for robots: millimetres and radians, and each with its expanded uncertainty
-/// (k = 2). The lidar on the robot as docs/method/moving.md has it: x ahead, y to the left, from midway between the
-/// wheels.
+/// (k = 2). The lidar on the robot as docs/method/moving.md has it: x ahead, y to the left, from midway
+/// between the wheels.
 struct OdometryExport {
   struct Value {
     double value = 0, expanded = 0;

@@ -97,8 +97,8 @@ struct RunState {
 /// "running", "prompt" ...
 const char* phase_word(RunState::Phase phase);
 
-/// What a prompt asks to be placed, for a program that does it: the words of the simulated bench's operator port
-/// (docs/develop/simulator.md).
+/// What a prompt asks to be placed, for a program that does it: the words of the simulated bench's operator
+/// port (docs/develop/simulator.md).
 nlohmann::json to_json(const Placement& place);
 /// A prompt as the live page and `--json-log` have it (docs/reference/live.md).
 nlohmann::json to_json(const Prompt& prompt);
