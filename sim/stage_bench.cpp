@@ -55,7 +55,7 @@ void set_physics(StagePhysics& physics, const json& causes) {
   }
 }
 
-/// What is known of a stage by its name (docs/stages.md gives the sources).
+/// What is known of a stage by its name (docs/operate/stages.md gives the sources).
 void set_model(StagePhysics& physics, const std::string& model, const std::string& language) {
   const bool is_sigma_koki = language == "shot" || language == "gsc";
   if (language == "zaber" && model == "X-RSW60A") physics.units_per_deg = 1536000.0 / 360;

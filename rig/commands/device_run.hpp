@@ -128,7 +128,7 @@ class DeviceRun {
 
   void declare(CLI::App& command) {
     command.add_option("--lidar", lidar, "tcp://HOST[:PORT]");
-    command.add_option("--stage", stage, "serial:PATH[?language=zaber&baud=...] (docs/stages.md)");
+    command.add_option("--stage", stage, "serial:PATH[?language=zaber&baud=...] (docs/operate/stages.md)");
     command.add_flag("--yes", yes, "Confirm every prompt: nobody is there");
     command.add_flag("--accept-lidar", accept_lidar_,
                      "Measure although the lidar is of another model or serial number than the bench file says, "

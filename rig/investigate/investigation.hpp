@@ -45,8 +45,8 @@ class Investigation {
   /// As it was begun.
   [[nodiscard]] bool unattended() const { return state_.unattended; }
 
-  /// To the end. Returns the dossier (`dossier/1`, docs/investigate.md). Throws what recording throws; what was
-  /// recorded stays, and a resumed investigation goes on with it.
+  /// To the end. Returns the dossier (`dossier/1`, docs/operate/investigate.md). Throws what recording
+  /// throws; what was recorded stays, and a resumed investigation goes on with it.
   nlohmann::json run();
 
  private:

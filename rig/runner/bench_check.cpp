@@ -151,7 +151,7 @@ class Checker {
     const StageStatus status = co_await std::move(asking);
     for (const auto& warning : status.warnings)
       if (status.homed)
-        say(Verdict::look, "stage says", warning, "See docs/stages.md, or the controller's manual.");
+        say(Verdict::look, "stage says", warning, "See docs/operate/stages.md, or the controller's manual.");
     if (limits_.min_deg < -1e8)
       say(Verdict::look, "soft limits", "none in the bench file",
           "Write stage.limits_deg, so that no cable is torn.");

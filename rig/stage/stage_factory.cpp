@@ -157,9 +157,10 @@ PortUrl parse_url(const std::string& url, StageOptions options) {
     json value = json::parse(text, nullptr, false);
     if (value.is_discarded() || key == "model" || key == "language") value = text;
     if (!set_option(result.options, key, value))
-      throw UsageError("the stage's address has the option '" + key +
-                       "', which there is not. Options are the keys of the bench "
-                       "file's stage (docs/stages.md): language, baud, address, units_per_deg, settle_s ...");
+      throw UsageError(
+          "the stage's address has the option '" + key +
+          "', which there is not. Options are the keys of the bench "
+          "file's stage (docs/operate/stages.md): language, baud, address, units_per_deg, settle_s ...");
   }
   if (!(result.options.min_deg <= result.options.max_deg))
     throw UsageError(

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Sigma-Koki/OptoSigma controllers, SHOT and GSC: docs/stages.md. No ids and no checksums, so that nothing is
-// believed that was not said twice; moves are queued and then started, so that a stop may come in between;
-// the dialect `gsc` answers questions only, so that after each command its status tells whether it was
-// understood. Neither knows whether it was homed: the driver remembers it, and forgets it when the count is
-// not where it was left.
+// Sigma-Koki/OptoSigma controllers, SHOT and GSC: docs/operate/stages.md. No ids and no checksums, so that
+// nothing is believed that was not said twice; moves are queued and then started, so that a stop may come in
+// between; the dialect `gsc` answers questions only, so that after each command its status tells whether it
+// was understood. Neither knows whether it was homed: the driver remembers it, and forgets it when the count
+// is not where it was left.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
