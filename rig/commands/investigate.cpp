@@ -81,8 +81,8 @@ class Investigate : public Command {
     if (page)
       hands.show = [&page](const json& dossier) { page->show_beside("investigation", investigate::for_live_page(dossier)); };
     investigate::Investigation investigation(bench, options_, hands);
-    // Whatever is asked all the same has nobody to wait for.
     devices_.doubts_bench = true;
+    // Whatever is asked all the same has nobody to wait for.
     devices_.yes = investigation.unattended() && devices_.operator_port.empty();
     const json dossier = investigation.run();
     std::fprintf(stderr, "%s\ndossier: %s\n", dossier.at("claim").get<std::string>().c_str(),

@@ -6,23 +6,13 @@ every page can be reached from docs/README.md.
     links_test.py     prints what is wrong, a line each; exit status 1 if anything is"""
 import os, re, sys
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+from pages import ROOT, pages, read
+
 TOP = ("fit", "lidar", "rig", "sim", "procedures", "tests", "docs", "scripts", "cmake")
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 PATH = re.compile(r"(?<![\w/.:~-])((?:%s)/[\w./-]*\w)" % "|".join(TOP))
 PLACEHOLDER = re.compile(r"[A-Z]{3,}")  # scripts/NAME, rig/stage/languages/NAME.cpp
 NOT_OURS = re.compile(r"^(rig|rig-sim)/\d|^rig/rig$")  # rig-hdf5/1 and the like
-
-
-def pages():
-    for folder, folders, files in os.walk(ROOT):
-        folders[:] = [f for f in folders if f != "build" and not f.startswith(".")]
-        yield from (os.path.join(folder, f) for f in files if f.endswith(".md"))
-
-
-def read(path):
-    with open(path, encoding="utf-8") as file:
-        return file.read()
 
 
 def without_code(text):

@@ -5,7 +5,8 @@
     prose_test.py     prints what is wrong, a line each; exit status 1 if anything is"""
 import os, re, sys
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+from pages import ROOT, pages, read
+
 LONGEST = 25
 WORDS = {  # What documents do not say, and what they say instead.
     r"\bpreviously\b|\bformerly\b|\bused to be\b|\bin earlier versions\b": "the present (what was is in CHANGELOG.md)",
@@ -18,17 +19,9 @@ LONG_SENTENCES = {os.path.join("docs", "operate", "explain.md"), os.path.join("d
                   os.path.join("docs", "method", "mechanisms.md")}
 
 
-def pages():
-    for folder, folders, files in os.walk(ROOT):
-        folders[:] = [f for f in folders if f != "build" and not f.startswith(".")]
-        yield from (os.path.join(folder, f) for f in files if f.endswith(".md"))
-
-
 def prose(path):
     """Paragraphs and items of lists, without code, tables, headings and generated parts."""
-    with open(path, encoding="utf-8") as file:
-        text = file.read()
-    text = re.sub(r"^```.*?^```$", "", text, flags=re.S | re.M)
+    text = re.sub(r"^```.*?^```$", "", read(path), flags=re.S | re.M)
     text = re.sub(r"^ {4}.*$", "", text, flags=re.M)
     text = re.sub(r"<!--.*?-->", "", text, flags=re.S)
     paragraph = []
