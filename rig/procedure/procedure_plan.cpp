@@ -122,16 +122,6 @@ constexpr long hour_s = 3600;
 
 }  // namespace
 
-std::string duration_text(double seconds) {
-  const long whole = whole_seconds(seconds);
-  const auto parts = [](long large, const char* unit, long small, const char* rest) {
-    return std::to_string(large) + unit + (small > 0 ? " " + std::to_string(small) + rest : "");
-  };
-  if (whole >= hour_s) return parts(whole / hour_s, " h", whole % hour_s / 60, " min");
-  if (whole >= 60) return parts(whole / 60, " min", whole % 60, " s");
-  return std::to_string(whole) + " s";
-}
-
 std::string session_time_text(double seconds) {
   const long whole = whole_seconds(seconds);
   char text[40];

@@ -205,9 +205,9 @@ struct Runner::Impl final : StepContext {
 
   awaitable<StageStatus> stage_status();
 
-  void check_soft_limits(double target_deg, const Place& place) const;
+  void check_soft_limits(double target_deg, const FilePosition& place) const;
 
-  awaitable<double> move_to(double target_deg, int approach, const Place& place) override;
+  awaitable<double> move_to(double target_deg, int approach, const FilePosition& place) override;
 
   /// One move of the stage, tried again when the link or the stage failed in a way that it recovers from.
   awaitable<double> drive_to(double target_deg);
@@ -282,10 +282,10 @@ struct Runner::Impl final : StepContext {
 
   void store(std::int64_t id, long seq, const lidar::Scan& scan);
 
-  void tell_losses(const CaptureRequest& request, std::uint64_t lost, std::uint64_t rejected);
+  void report_losses(const CaptureRequest& request, std::uint64_t lost, std::uint64_t rejected);
 
   awaitable<std::int64_t> capture_turning(CaptureRequest request, double from_deg,
-                                          const Place& place) override;
+                                          const FilePosition& place) override;
 
   /// Scans of a turn wait in memory until the stage's track during them is known: the angle at the start
   /// comes from a line through the positions that the stage reported meanwhile.
@@ -334,18 +334,18 @@ struct Runner::Impl final : StepContext {
   awaitable<void> place_again();
 
   /// What the rig sees, and whether it is what was asked for.
-  struct Look {
-    explicit Look(bool good_ = true, std::string text_ = "") : good(good_), text(std::move(text_)) {}
+  struct Observation {
+    explicit Observation(bool good_ = true, std::string text_ = "") : good(good_), text(std::move(text_)) {}
     bool good;
     std::string text;
     std::optional<double> to_go_mm, intensity;  ///< Of a target.
     bool in_view = true;
   };
 
-  awaitable<Look> look_at(Sight sight);
+  awaitable<Observation> look_at(Expectation expected);
 
   /// `seen`: of every beam from `first_step` on.
-  Look judge(const Sight& sight, int first_step, const SeenBeams& seen) const;
+  Observation judge(const Expectation& expected, int first_step, const SeenBeams& seen) const;
 
   // Targets
 
@@ -355,13 +355,13 @@ struct Runner::Impl final : StepContext {
   fit::Target as_placed(const fit::Target& target) const;
   /// Whether a beam can see it from here, and the stage's angle is known.
   bool can_see(const fit::Target& target) const;
-  Look judge_target(const Sight& sight, const SeenBeams& seen) const;
+  Observation judge_target(const Expectation& expected, const SeenBeams& seen) const;
   /// Whether the echo follows the surface: two surfaces of very different reflectance at one distance cannot
   /// return the same. Empty if it does.
-  std::string wrong_surface(const Sight& sight, const Look& look);
+  std::string wrong_surface(const Expectation& expected, const Observation& observed);
   /// Targets that nobody has looked at yet, with what is to be seen: those that no prompt places, those that
   /// were not in view when a prompt placed them, and all of a run that is resumed.
-  std::map<std::string, Sight> unchecked;
+  std::map<std::string, Expectation> unchecked;
   void remember_unchecked();
   /// Before a capture: looks at those that are in view here. A person is asked to mend what is wrong; an
   /// unattended run ends.
@@ -379,10 +379,10 @@ struct Runner::Impl final : StepContext {
 
   /// While a person works at the bench: shows scans, tells whether they are as asked for, and brings a lidar
   /// back that was lost meanwhile. Goes on until it is cancelled; end_watch() then stops the stream.
-  awaitable<void> watch_bench(std::optional<Sight> until);
-  awaitable<void> watch_stream(std::optional<Sight> until);
+  awaitable<void> watch_bench(std::optional<Expectation> until);
+  awaitable<void> watch_stream(std::optional<Expectation> until);
   awaitable<void> end_watch();
-  void tell(const Look& look);
+  void tell(const Observation& observed);
   awaitable<void> pause_for(double seconds);
   static awaitable<void> never();
 
@@ -451,8 +451,7 @@ awaitable<std::invoke_result_t<Work&>> Runner::Impl::compute(Work work) {
     asio::post(here, [done] { done->open(); });
   });
   computing = true;
-  auto waiting = done->wait();
-  co_await std::move(waiting);
+  co_await done->wait();
   if (!done->is_open()) throw boost::system::system_error(asio::error::operation_aborted);
   computing = false;
   co_return result.get();

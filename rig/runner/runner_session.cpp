@@ -164,8 +164,7 @@ awaitable<void> Runner::Impl::checkpoint(long done, long total) {
   state.pausing = false;
   changed();
   const std::int64_t paused_us = parts.clock.host_us();
-  auto waiting = resume_gate.wait();
-  co_await std::move(waiting);
+  co_await resume_gate.wait();
   step_paused_us += parts.clock.host_us() - paused_us;
   state.phase = before;
   stop_if_aborted();
@@ -280,6 +279,7 @@ void Runner::Impl::estimate_time_left() {
 void Runner::Impl::changed() {
   if (!plan.empty() && current < plan.size()) estimate_time_left();
   state.stage_deg = position_deg;
+  state.scans_lost = parts.lidar.lost();
   state.scans_rejected = parts.lidar.rejected();
   for (const auto& observer : observers) observer(state);
 }
