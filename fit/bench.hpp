@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "fit/angle.hpp"
+#include "fit/bench_document.hpp"
 #include "fit/estimate.hpp"
 
 namespace fit {
@@ -73,9 +74,8 @@ struct Bench {
   std::vector<KnownMechanism> known;
   /// Where the keys of "lidar" stand, as NAME:LINE:COLUMN; "" is the object itself.
   std::map<std::string, std::string> lidar_places;
-  /// The document it came from, with everything this struct does not model (stage language, units per turn,
-  /// soft limits ...): JSON text. Kept so that a bench written back loses nothing.
-  std::string document = "{}";
+  /// The document it came from, so that a bench written back loses nothing.
+  BenchDocument document;
 
   [[nodiscard]] const Target* target(const std::string& name) const;
   [[nodiscard]] const KnownMechanism* knows(const std::string& mechanism) const;

@@ -96,9 +96,7 @@ std::string limit_text(const Limit& limit) {
 
 StageLimits stage_limits(const fit::Bench& bench) {
   StageLimits limits;
-  const auto document = nlohmann::json::parse(bench.document, nullptr, false, true);
-  if (!document.is_object() || !document.contains("stage") || !document["stage"].is_object()) return limits;
-  const auto& stage = document["stage"];
+  const auto& stage = bench.document.section("stage");
   const auto range = stage.value("limits_deg", nlohmann::json());
   if (range.is_array() && range.size() == 2 && range[0].is_number() && range[1].is_number()) {
     limits.min_deg = range[0].get<double>();
