@@ -8,10 +8,10 @@
 
 namespace fit {
 
-/// A bench file's document, with everything that `Bench` does not model (the stage's language, soft limits, the
-/// simulator's section, tables ...). It is parsed once, copies share it, and it is always an object. Each part
-/// has one reader that gives it a type: accuracy_of(), claimed_intensity(), empirical_functions(), and, beside
-/// their users, stage_limits(), stage_options() and simple_options().
+/// A bench file's document, with everything that `Bench` does not model (the stage's language, soft limits,
+/// the simulator's section, tables ...). It is parsed once, copies share it, and it is always an object. Each
+/// part has one reader that gives it a type: accuracy_of(), claimed_intensity(), empirical_functions(), and,
+/// beside their users, stage_limits(), stage_options() and simple_options().
 class BenchDocument {
  public:
   BenchDocument();
