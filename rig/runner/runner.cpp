@@ -31,6 +31,7 @@ Runner::Impl::Impl(Procedure procedure_, fit::Bench bench_, SessionStore& sessio
       session(session_),
       parts(std::move(parts_)),
       plan(unroll(procedure, known_bench)),
+      time(parts.clock),
       time_left(plan) {
   limits = stage_limits(known_bench);
   variables = procedure.variables;
@@ -44,10 +45,7 @@ Runner::Impl::Impl(Procedure procedure_, fit::Bench bench_, SessionStore& sessio
   }
   if (!plan.empty()) state.left_s = time_left.left_s(TimeLeft::Running());
   check_same_procedure();
-  read_both_clocks();
-  if (const auto epoch = session.get("epoch_unix_us"))
-    session_offset_us = std::max<std::int64_t>(0, unix_start_us - std::stoll(*epoch));
-  own_now_us = session_offset_us;
+  if (const auto epoch = session.get("epoch_unix_us")) time.go_on_from(std::stoll(*epoch));
 }
 
 awaitable<void> Runner::Impl::prepare() {
@@ -74,7 +72,7 @@ awaitable<void> Runner::Impl::prepare() {
   }
   for (const auto& warning : status.warnings) note(status.homed ? "warning" : "info", "stage: " + warning);
   co_await compare_clocks();
-  if (own_time) refuse_turns(plan, progress);
+  if (time.follows_lidar()) refuse_turns(plan, progress);
   co_await place_again();
 }
 

@@ -18,7 +18,7 @@ constexpr int waits_begun_again = 3;
 fit::CaptureInfo Runner::Impl::info_of(const CaptureRequest& request) {
   fit::CaptureInfo info;
   info.step = request.name;
-  info.started_us = now_us();
+  info.started_us = time.now_us();
   info.stage_rad = position_deg * fit::rad_per_deg;
   info.stage_readback_rad = readback_deg * fit::rad_per_deg;
   info.approach = last_approach;
@@ -108,7 +108,7 @@ awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& reques
   int failures = 0;
   while (got < request.samples) {
     lidar::Scan scan = co_await next_scan(stream_for(request, skip), &gate, failures);
-    if (!gate.takes(scan, own_time ? 0 : settled_us)) {
+    if (!gate.takes(scan, time.follows_lidar() ? 0 : settled_us)) {
       if (gate.hopeless()) {
         co_await begin_anew(request, failures);
       }
@@ -144,7 +144,7 @@ void Runner::Impl::store(std::int64_t id, long seq, const lidar::Scan& scan) {
   fit::ScanView view;
   view.seq = seq;
   view.device_ms = static_cast<std::int64_t>(scan.device_ms);
-  view.host_us = session_us(scan);
+  view.host_us = time.place_us(scan);
   view.range_mm = scan.range_mm;
   view.intensity = scan.intensity;
   session.add_scan(id, view);
@@ -279,7 +279,7 @@ awaitable<void> Runner::Impl::stop_stage_after(double seconds) {
 awaitable<void> Runner::Impl::track_stage(Track& track) {
   const std::int64_t before_us = parts.clock.host_us();
   const StageStatus status = co_await stage_status();
-  const std::int64_t middle_us = session_us((before_us + parts.clock.host_us()) / 2);
+  const std::int64_t middle_us = time.at_us((before_us + parts.clock.host_us()) / 2);
   if (status.position_deg < limits.min_deg || status.position_deg > limits.max_deg)
     throw MeasurementError("The turning stage passed its soft limits at " + in_deg(status.position_deg) +
                            " and was stopped. Lower the rate or the number of samples.");
@@ -295,7 +295,7 @@ std::int64_t Runner::Impl::store_turning(const CaptureRequest& request, const Tu
                                          const std::string& mark) {
   const auto& [scans, track] = turned;
   fit::CaptureInfo info = info_of(request);
-  info.started_us = session_us(scans.front());
+  info.started_us = time.place_us(scans.front());
   info.since_power_on_s = since_power_on_s(info.started_us);
   const auto [start_deg, rate_deg_s] = track.at_and_rate(static_cast<double>(info.started_us) / 1e6);
   info.stage_rad = start_deg * fit::rad_per_deg;
@@ -340,8 +340,8 @@ awaitable<void> Runner::Impl::wait(double seconds) {
     const lidar::Scan scan = co_await next_scan(stream, nullptr, failures);
     failures = 0;
     // The time that the host counts: a stamp of the lidar's says nothing after a restart of its clock.
-    (void)session_us(scan);
-    const std::int64_t host_us = now_us();
+    (void)time.place_us(scan);
+    const std::int64_t host_us = time.now_us();
     const bool restarted = std::exchange(restarts, clock_restarts) != clock_restarts;
     if (begun_us && restarted) {
       if (++begun_again > waits_begun_again)

@@ -16,6 +16,7 @@
 #include <set>
 
 #include "rig/runner/runner.hpp"
+#include "rig/runner/session_clock.hpp"
 #include "rig/runner/target_sight.hpp"
 #include "rig/runner/time_left.hpp"
 
@@ -112,12 +113,7 @@ struct Runner::Impl final : StepContext {
   double readback_deg = 0;
   int last_approach = 0;
   std::int64_t settled_us = 0;
-  std::int64_t host_start_us = 0, session_offset_us = 0;
-  std::int64_t unix_start_us = 0;  // Of the same moment as host_start_us.
-  // Lidar time as session time, when its clock does not run with the host's.
-  bool own_time = false;
-  std::optional<std::uint64_t> own_anchor_ms;
-  std::int64_t own_now_us = 0, own_anchor_us = 0;
+  SessionClock time;
   std::optional<std::uint64_t> seen_ms;  // The latest stamp since the lidar was connected.
   TimeLeft time_left;
   std::int64_t step_begun_us = 0, step_paused_us = 0;
@@ -146,14 +142,6 @@ struct Runner::Impl final : StepContext {
   bool recorded(const std::string& part) const override { return progress.count(part) > 0; }
 
   // Time
-
-  std::int64_t session_us(std::int64_t host_us) const { return host_us - host_start_us + session_offset_us; }
-  std::int64_t now_us() const { return own_time ? own_now_us : session_us(parts.clock.host_us()); }
-
-  std::int64_t session_us(const lidar::Scan& scan);
-
-  /// host_us() and unix_us() of one moment: the closest pair of some readings.
-  void read_both_clocks();
 
   void estimate_time_left();
   TimeLeft::Running running_step() const;

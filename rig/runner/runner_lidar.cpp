@@ -75,7 +75,7 @@ void Runner::Impl::heed_clock_restart(const lidar::Scan& scan) {
   clock_restarts = parts.lidar.clock_restarts();
   json all = json::parse(session.get("lidar_restarts").value_or("[]"), nullptr, false);
   if (!all.is_array()) all = json::array();
-  all.push_back({{"host_us", session_us(scan)}, {"device_ms", scan.device_ms}});
+  all.push_back({{"host_us", time.place_us(scan)}, {"device_ms", scan.device_ms}});
   session.set("lidar_restarts", all.dump());
   const std::string goes_on =
       "the lidar's clock started again: stamps (device_ms) of later scans have a new time base, which goes "
@@ -191,7 +191,7 @@ awaitable<void> Runner::Impl::connect_again(std::exception_ptr why) {
     }
     if (!why) {
       // A device that was switched off counts from zero again.
-      own_anchor_ms.reset();
+      time.lidar_began_anew();
       co_return;
     }
   }
@@ -219,9 +219,8 @@ awaitable<void> Runner::Impl::compare_clocks() {
   co_await stop_stream();
   const double device_s = static_cast<double>(last_ms - first_ms) / 1e3;
   const double host_s = static_cast<double>(last_us - first_us) / 1e6;
-  own_time = parts.lidar.own_time() || host_s < 0.8 * device_s || host_s > 1.5 * device_s + 0.2;
-  own_now_us = session_us(parts.clock.host_us());
-  if (own_time)
+  time.follow_lidar(parts.lidar.own_time() || host_s < 0.8 * device_s || host_s > 1.5 * device_s + 0.2);
+  if (time.follows_lidar())
     note("info", "lidar and computer clocks are unrelated: the session runs on the lidar's time");
 }
 

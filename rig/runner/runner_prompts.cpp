@@ -159,7 +159,7 @@ awaitable<void> Runner::Impl::apply(const Prompt& prompt) {
   for (const auto& [target, each] : scene) all.push_back(json_of(each));
   record("scene", all);
   if (!place.since_power_on_s) co_return;
-  power_on_us = now_us() - static_cast<std::int64_t>(1e6 * *place.since_power_on_s);
+  power_on_us = time.now_us() - static_cast<std::int64_t>(1e6 * *place.since_power_on_s);
   record("power_on_us", *power_on_us);
   streaming = false;
   power_cycle_told = true;

@@ -157,7 +157,7 @@ awaitable<void> Runner::Impl::watch_bench(std::optional<Expectation> until) {
         co_await connect_lidar();
         lost = false;
         ++state.reconnects;
-        own_anchor_ms.reset();
+        time.lidar_began_anew();
         note("info", "lidar is back");
       }
       co_await watch_stream(until);
@@ -194,7 +194,7 @@ awaitable<void> Runner::Impl::watch_stream(std::optional<Expectation> until) {
       if (echoes.enough()) {
         if (until) tell(judge(*until, wanted.first_step, echoes.seen()));
         echoes = Echoes(beams);
-        enough = own_time;
+        enough = time.follows_lidar();
       }
       changed();
     }
