@@ -50,7 +50,7 @@ Runner::Impl::Impl(Procedure procedure_, fit::Bench bench_, SessionStore& sessio
 
 awaitable<void> Runner::Impl::prepare() {
   describe_session();
-  restore_scene();
+  placed.restore(progress_of("scene"), progress_of("power_on_us"));
   remember_unchecked();
   co_await ask_about_bench();
   co_await await_lidar();

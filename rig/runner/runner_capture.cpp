@@ -23,22 +23,11 @@ fit::CaptureInfo Runner::Impl::info_of(const CaptureRequest& request) {
   info.stage_readback_rad = readback_deg * fit::rad_per_deg;
   info.approach = last_approach;
   info.target = request.target;
-  if (request.target)
-    if (const auto placed = scene.find(*request.target); placed != scene.end()) {
-      info.target_shift_mm = placed->second.shift_mm.value_or(0);
-      info.reflectance = placed->second.reflectance;
-    }
-  if (const auto air = scene.find(""); air != scene.end()) info.temperature_c = air->second.temperature_c;
-  info.since_power_on_s = since_power_on_s(info.started_us);
+  placed.describe(info);
   info.first_step = request.first_step;
   info.last_step = request.last_step;
   info.cluster = request.cluster;
   return info;
-}
-
-std::optional<double> Runner::Impl::since_power_on_s(std::int64_t at_us) const {
-  if (!power_on_us) return std::nullopt;
-  return static_cast<double>(at_us - *power_on_us) * 1e-6;
 }
 
 awaitable<std::int64_t> Runner::Impl::capture(CaptureRequest request) {
@@ -296,7 +285,7 @@ std::int64_t Runner::Impl::store_turning(const CaptureRequest& request, const Tu
   const auto& [scans, track] = turned;
   fit::CaptureInfo info = info_of(request);
   info.started_us = time.place_us(scans.front());
-  info.since_power_on_s = since_power_on_s(info.started_us);
+  placed.describe(info);
   const auto [start_deg, rate_deg_s] = track.at_and_rate(static_cast<double>(info.started_us) / 1e6);
   info.stage_rad = start_deg * fit::rad_per_deg;
   info.stage_readback_rad.reset();

@@ -15,6 +15,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "rig/runner/placed_bench.hpp"
 #include "rig/runner/runner.hpp"
 #include "rig/runner/session_clock.hpp"
 #include "rig/runner/target_sight.hpp"
@@ -96,8 +97,7 @@ struct Runner::Impl final : StepContext {
 
   std::map<std::string, std::string> progress;  // As in the session.
   Variables variables;
-  std::map<std::string, Placement> scene;   // By target; the temperature under "".
-  std::optional<std::int64_t> power_on_us;  // When the lidar was switched on, on the session's clock.
+  PlacedBench placed;
   std::set<std::string> skipped_turns;
   std::size_t current = 0;
   std::string current_name;
@@ -249,8 +249,6 @@ struct Runner::Impl final : StepContext {
 
   // Capture
 
-  /// Of the lidar, if a prompt said when it was switched on.
-  std::optional<double> since_power_on_s(std::int64_t at_us) const;
   fit::CaptureInfo info_of(const CaptureRequest& request);
 
   awaitable<std::int64_t> capture(CaptureRequest request) override;
@@ -316,8 +314,6 @@ struct Runner::Impl final : StepContext {
 
   awaitable<void> apply(const Prompt& prompt);
 
-  void restore_scene();
-
   /// A simulated bench may have been restarted meanwhile: it is put as it was.
   awaitable<void> place_again();
 
@@ -339,8 +335,6 @@ struct Runner::Impl final : StepContext {
 
   /// Completes what a prompt waits to see: where the target that it places will stand.
   void expect(Prompt& prompt) const;
-  /// A target where the prompts so far have put it.
-  fit::Target as_placed(const fit::Target& target) const;
   /// Whether a beam can see it from here, and the stage's angle is known.
   bool can_see(const fit::Target& target) const;
   Observation judge_target(const Expectation& expected, const SeenBeams& seen) const;

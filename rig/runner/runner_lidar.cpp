@@ -82,11 +82,12 @@ void Runner::Impl::heed_clock_restart(const lidar::Scan& scan) {
       "on "
       "by this computer's clock";
   if (asked_for) return note("info", goes_on);
-  note("warning", goes_on +
-                      ". The lidar restarted or its power was cut: if it was off for long it has "
-                      "cooled, and what warmed it up before is not repeated by itself" +
-                      (power_on_us ? "; captures go on counting the time since power-on from before" : "") +
-                      ". Check its supply.");
+  note("warning",
+       goes_on +
+           ". The lidar restarted or its power was cut: if it was off for long it has "
+           "cooled, and what warmed it up before is not repeated by itself" +
+           (placed.power_on_us() ? "; captures go on counting the time since power-on from before" : "") +
+           ". Check its supply.");
 }
 
 void Runner::Impl::judge_lidar(const json& identity) {

@@ -11,19 +11,6 @@ using namespace asio::experimental::awaitable_operators;
 
 constexpr int looks_of_nobody = 3;  // A simulated bench that placed it wrongly three times will not learn.
 
-json json_of(const Placement& place) {
-  json result = {{"target", place.target}};
-  if (place.shift_mm) result["shift_mm"] = *place.shift_mm;
-  if (place.reflectance) result["reflectance"] = *place.reflectance;
-  if (place.temperature_c) result["temperature_c"] = *place.temperature_c;
-  return result;
-}
-
-std::optional<double> maybe(const json& object, const char* key) {
-  if (!object.contains(key) || !object[key].is_number()) return std::nullopt;
-  return object[key].get<double>();
-}
-
 }  // namespace
 
 awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
@@ -150,41 +137,19 @@ std::string Runner::Impl::wrong_answer(const Prompt& prompt, Answer& answer) {
 awaitable<void> Runner::Impl::apply(const Prompt& prompt) {
   if (!prompt.place) co_return;
   const Placement place = *prompt.place;
-  Placement& known = scene[place.target];
-  known.target = place.target;
-  if (place.shift_mm) known.shift_mm = place.shift_mm;
-  if (place.reflectance) known.reflectance = place.reflectance;
-  if (place.temperature_c) scene[""].temperature_c = place.temperature_c;
-  json all = json::array();
-  for (const auto& [target, each] : scene) all.push_back(json_of(each));
-  record("scene", all);
+  placed.place(place, time.now_us());
+  record("scene", placed.placements_json());
   if (!place.since_power_on_s) co_return;
-  power_on_us = time.now_us() - static_cast<std::int64_t>(1e6 * *place.since_power_on_s);
-  record("power_on_us", *power_on_us);
+  record("power_on_us", *placed.power_on_us());
   streaming = false;
   power_cycle_told = true;
   note("info", "the lidar was switched off and on: the rig connects again");
   co_await connect_again(nullptr);
 }
 
-void Runner::Impl::restore_scene() {
-  if (const json since = progress_of("power_on_us"); since.is_number_integer())
-    power_on_us = since.get<std::int64_t>();
-  const json all = progress_of("scene");
-  if (!all.is_array()) return;
-  for (const json& each : all) {
-    Placement place;
-    place.target = each.value("target", "");
-    place.shift_mm = maybe(each, "shift_mm");
-    place.reflectance = maybe(each, "reflectance");
-    place.temperature_c = maybe(each, "temperature_c");
-    scene[place.target] = place;
-  }
-}
-
 awaitable<void> Runner::Impl::place_again() {
   if (!parts.operator_.unattended()) co_return;
-  for (const auto& [target, place] : scene) {
+  for (const auto& [target, place] : placed.placements()) {
     Prompt prompt;
     prompt.title = "put back " + (target.empty() ? "the temperature" : target);
     prompt.place = place;

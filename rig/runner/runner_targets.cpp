@@ -49,23 +49,15 @@ std::string quoted(const std::string& name) { return "'" + name + "'"; }
 
 }  // namespace
 
-fit::Target Runner::Impl::as_placed(const fit::Target& target) const {
-  const auto known = scene.find(target.name);
-  if (known == scene.end()) return target;
-  fit::Target placed = shifted(target, known->second.shift_mm.value_or(0));
-  if (known->second.reflectance) placed.reflectance = known->second.reflectance;
-  return placed;
-}
-
 void Runner::Impl::expect(Prompt& prompt) const {
   if (!prompt.until || !prompt.until->of_target || !prompt.place) return;
   const fit::Target* target = known_bench.target(prompt.place->target);
   if (!target) return;
-  fit::Target placed = as_placed(*target);
-  if (prompt.place->shift_mm) placed = shifted(*target, *prompt.place->shift_mm);
+  fit::Target wanted = placed.as_placed(*target);
+  if (prompt.place->shift_mm) wanted = shifted(*target, *prompt.place->shift_mm);
   // As stated before it was placed: only what a prompt says can be compared with another surface.
-  placed.reflectance = prompt.place->reflectance;
-  prompt.until->target = placed;
+  wanted.reflectance = prompt.place->reflectance;
+  prompt.until->target = wanted;
 }
 
 bool Runner::Impl::can_see(const fit::Target& target) const {
@@ -80,7 +72,7 @@ Runner::Impl::Observation Runner::Impl::judge_target(const Expectation& expected
   std::vector<fit::Target> others;
   const auto granted = taken_for_granted(plan, variables, known_bench);
   for (const fit::Target& each : known_bench.targets)
-    if (scene.contains(each.name) || granted.contains(each.name)) others.push_back(as_placed(each));
+    if (placed.has_placed(each.name) || granted.contains(each.name)) others.push_back(placed.as_placed(each));
   const TargetSight found =
       look_for(known_bench, target, others, position_deg * fit::rad_per_deg, seen, expected.tolerance_mm);
   Observation observed;
@@ -125,10 +117,10 @@ void Runner::Impl::remember_unchecked() {
     if (!target) return;
     Expectation expected;
     expected.of_target = true;
-    expected.target = as_placed(*target);
+    expected.target = placed.as_placed(*target);
     unchecked[name] = expected;
   };
-  for (const auto& [name, place] : scene) look_for_it(name);
+  for (const auto& [name, place] : placed.placements()) look_for_it(name);
   for (const std::string& name : taken_for_granted(plan, variables, known_bench)) look_for_it(name);
 }
 
