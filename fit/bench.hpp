@@ -66,7 +66,7 @@ struct KnownMechanism {
 };
 
 /// What the operator knows of the set-up: the prior of every fit and the scene of the simulator
-/// (formats.md, `bench/1`).
+/// (`bench/1`, docs/reference/bench.md).
 struct Bench {
   LidarGeometry lidar;
   double stage_resolution_rad = 0.01 * rad_per_deg;

@@ -14,7 +14,7 @@
 
 namespace fit {
 
-/// One capture's circumstances (the `capture` table of formats.md), angles in radians.
+/// One capture's circumstances (table `capture` of docs/reference/session.md), angles in radians.
 struct CaptureInfo {
   std::int64_t id = 0;
   std::string step;
