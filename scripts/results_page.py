@@ -27,7 +27,7 @@ def fill(page, name, text, note=""):
     path = pathlib.Path(page)
     before = path.read_text(encoding="utf-8")
     body = f"Measured {stamp()}{', ' + note if note else ''}.\n\n{text.strip()}\n"
-    after, count = re.subn(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", lambda m: m.group(1) + body + m.group(2), before, flags=re.S)
+    after, count = re.subn(rf"(<!-- {re.escape(name)} -->\n).*?(<!-- /{re.escape(name)} -->)", lambda m: m.group(1) + body + m.group(2), before, flags=re.S)
     if count != 1:
         raise ValueError(f"{page} has no place for the table: <!-- {name} --> ... <!-- /{name} -->")
     path.write_text(after, encoding="utf-8")

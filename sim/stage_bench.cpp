@@ -78,8 +78,7 @@ void set_common(StagePhysics& physics, const json& stage) {
 }
 
 json stage_of(const fit::Bench& bench) {
-  const json document = json::parse(bench.document, nullptr, true, true);
-  const json stage = document.value("stage", json::object());
+  json stage = bench.document.json().value("stage", json::object());
   if (!stage.is_object()) throw std::invalid_argument("the bench file's stage must be an object");
   return stage;
 }

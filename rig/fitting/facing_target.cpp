@@ -209,12 +209,6 @@ FacingTarget facing_target(const fit::Target& target, const fit::CaptureInfo& ca
   return out;
 }
 
-BeamAngles angles_of(const fit::ScanView& scan, const fit::CaptureInfo& capture, const fit::LidarGeometry& lidar) {
-  if (scan.geometry) return {scan.geometry->first_rad, scan.geometry->step_rad};
-  // A cluster's value stands for the middle of its steps.
-  return {lidar.beam_angle(capture.first_step + (capture.cluster - 1) / 2.0), lidar.step_rad * capture.cluster};
-}
-
 SeenNormal seen_normal(const fit::Recording& recording, std::size_t index, const FacingTarget& board) {
   constexpr long most_scans = 400;  // Reading a long capture twice would cost.
   const fit::CaptureInfo& capture = recording.captures()[index];
@@ -225,10 +219,10 @@ SeenNormal seen_normal(const fit::Recording& recording, std::size_t index, const
   double step_rad = 0;
   recording.for_each_scan(index, [&](const fit::ScanView& scan) {
     if (++scans > most_scans) return;
-    const BeamAngles angles = angles_of(scan, capture, recording.bench().lidar);
-    step_rad = std::abs(angles.step_rad);
+    const fit::BeamAngles angles(recording.bench().lidar, capture, scan.geometry);
+    step_rad = std::abs(angles.step_rad());
     for (std::size_t k = 0; k < scan.range_mm.size(); ++k) {
-      const Echo echo{angles.first_rad + static_cast<double>(k) * angles.step_rad, static_cast<double>(scan.range_mm[k])};
+      const Echo echo{angles.at_rad(k), static_cast<double>(scan.range_mm[k])};
       if (echo.range_mm == 0 || echo.range_mm >= 65500 || !board.meets(echo.direction_rad)) continue;
       // Something else stands in front, or nothing: not the target.
       const double off_mm = board.radius_mm > 0

@@ -27,11 +27,6 @@ struct FacingTarget {
 
 [[nodiscard]] FacingTarget facing_target(const fit::Target& target, const fit::CaptureInfo& capture, const fit::Mount& mount);
 
-struct BeamAngles {
-  double first_rad, step_rad;
-};
-[[nodiscard]] BeamAngles angles_of(const fit::ScanView& scan, const fit::CaptureInfo& capture, const fit::LidarGeometry& lidar);
-
 struct SeenNormal {
   double rad = 0, u_rad = 0;
   bool from_data = false;

@@ -24,27 +24,27 @@ SquareBeam square_beam(const fit::Recording& recording, std::size_t index, const
   SquareBeam out;
   recording.for_each_scan(index, [&](const fit::ScanView& scan) {
     ++out.scans;
-    const BeamAngles angles = angles_of(scan, capture, recording.bench().lidar);
+    const fit::BeamAngles angles(recording.bench().lidar, capture, scan.geometry);
     const long last = static_cast<long>(scan.range_mm.size()) - 1;
     if (last < 0) return;
     // A full turn may begin or end just beside the normal: the beam may be the first, the last or neither.
-    const double turns = 2 * fit::pi / std::abs(angles.step_rad);
-    double place = fit::wrap_angle(normal_rad - angles.first_rad) / angles.step_rad;
+    const double turns = 2 * fit::pi / std::abs(angles.step_rad());
+    double place = fit::wrap_angle(normal_rad - angles.first_rad()) / angles.step_rad();
     if (place < 0) place += turns;
     const auto off_of = [&](long k) {
-      return fit::wrap_angle(angles.first_rad + static_cast<double>(k) * angles.step_rad - normal_rad);
+      return fit::wrap_angle(angles.at_rad(static_cast<std::size_t>(k)) - normal_rad);
     };
     long k = 0;
     for (const long candidate : {std::min(std::lround(place), last), last})
       if (std::abs(off_of(candidate)) < std::abs(off_of(k))) k = candidate;
     const double off = off_of(k);
     const double excess_mm = board.excess_mm(off);
-    if (std::abs(off) > 1.5 * std::abs(angles.step_rad) || !std::isfinite(excess_mm)) return;
+    if (std::abs(off) > 1.5 * std::abs(angles.step_rad()) || !std::isfinite(excess_mm)) return;
     const auto at = static_cast<std::size_t>(k);
     out.samples.push_back(
         {scan.range_mm[at], at < scan.intensity.size() ? scan.intensity[at] : std::uint16_t{0}});
     out.sum_rad += normal_rad + off;
-    out.step_rad = std::abs(angles.step_rad);
+    out.step_rad = std::abs(angles.step_rad());
     out.sum_excess_mm += excess_mm, out.sum_excess_per_rad += board.excess_per_rad(off);
   });
   return out;

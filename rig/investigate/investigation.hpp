@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "fit/explain/explanation.hpp"
-#include "rig/investigate/looks.hpp"
+#include "rig/investigate/session_plan.hpp"
 #include "rig/investigate/state.hpp"
 #include "rig/procedure/procedure.hpp"
 
@@ -52,7 +52,7 @@ class Investigation {
  private:
   struct Evidence;
   struct Candidate {
-    Look look;
+    SessionPlan plan;
     Possible possible;
     Cost cost;
   };
@@ -65,7 +65,7 @@ class Investigation {
   void record(Session& session);
   [[nodiscard]] std::unique_ptr<Evidence> evidence(const fit::Bench& bench, bool with_last) const;
   void explain_and_decide();
-  [[nodiscard]] std::vector<Candidate> candidates(const std::vector<Look>& looks,
+  [[nodiscard]] std::vector<Candidate> candidates(const std::vector<SessionPlan>& plans,
                                                   const std::vector<double>& information) const;
   [[nodiscard]] std::vector<Candidate> telling(const Evidence& evidence, const fit::explain::Explanation& found) const;
   [[nodiscard]] std::string would_need(const fit::explain::Explanation& found) const;

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Documents hold together: every relative link and anchor leads somewhere, every path of this project that a page names exists, and
-every page can be reached from docs/README.md.
+"""Documents hold together: every relative link and anchor leads somewhere, every path of this project that a page names exists, every
+page that a program names too, and every page can be reached from docs/README.md.
 
     links_test.py     prints what is wrong, a line each; exit status 1 if anything is"""
 import os, re, sys
@@ -37,6 +37,20 @@ def exists(path):
     return os.path.exists(whole) or any(os.path.exists(whole + end) for end in (".hpp", ".cpp", ".py"))
 
 
+def documents_in_sources():
+    """(file, page) for every docs/...md that a comment or a message of a program names."""
+    for top in ("rig", "sim", "lidar", "procedures", "scripts", "tests", "cmake"):
+        for folder, folders, files in os.walk(os.path.join(ROOT, top)):
+            folders[:] = [f for f in folders if f != "corpus"]
+            for file in files:
+                try:
+                    text = read(os.path.join(folder, file))
+                except UnicodeDecodeError:
+                    continue
+                for path in set(re.findall(r"(?<![\w/.-])docs/[\w/-]+\.md", re.sub(r"\w+\.\w+/[\w/-]+, docs/\S+", "", text))):
+                    yield os.path.relpath(os.path.join(folder, file), ROOT), path
+
+
 def main():
     wrong, linked = [], {}
     for page in sorted(pages()):
@@ -56,6 +70,9 @@ def main():
         for path in sorted(set(PATH.findall(LINK.sub("", text)))):
             if not PLACEHOLDER.search(path) and not NOT_OURS.match(path) and not exists(path):
                 wrong.append(f"{name}: there is no {path}")
+    for name, path in documents_in_sources():
+        if not exists(path):
+            wrong.append(f"{name}: there is no {path}")
     reached, todo = set(), [os.path.join(ROOT, "docs", "README.md")]
     while todo:
         page = todo.pop()

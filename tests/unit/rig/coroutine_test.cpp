@@ -69,7 +69,7 @@ awaitable<void> objects() {
   CHECK(got_1 == 40);
   const int got_2 = co_await take_optional(Counted());
   CHECK(got_2 == 1);
-  const int got_3 = co_await take_optional({});
+  const int got_3 = co_await take_optional(std::nullopt);
   CHECK(got_3 == 0);
   const int got_4 = co_await take_text(std::string(20, 'a') + "b");
   CHECK(got_4 == 21);

@@ -130,6 +130,8 @@ class FakeLidar final : public rig::LidarSource {
     if (dead_once_stopped) dead = true;
     if (stops++ == fails_at_stop) throw rig::DeviceError("cable pulled at the end.");
   }
+  std::uint64_t missing = 0;
+  std::uint64_t lost() const override { return missing; }
   std::uint64_t rejected() const override { return 0; }
   int restarts = 0;
   int clock_restarts() const override { return restarts; }
@@ -365,6 +367,22 @@ TEST_CASE("a lidar that is lost in the middle of a capture comes back and the ca
   CHECK(rig.captures()[0].stamps.size() == 50);
   CHECK(rig.lidar.connects == 2);
   CHECK(rig.told("lidar is back"));
+}
+
+TEST_CASE("scans that were lost are counted once: of a capture, of the run, and on the page") {
+  Rig rig("  - home\n  - capture: {samples: 50}\n  - capture: {samples: 50}\n");
+  rig.lidar.before_scan = [&](std::uint64_t number) {
+    rig.lidar.missing += number == 50 ? 2 : number == 100 ? 3 : 0;
+  };
+  std::uint64_t shown = 0;
+  rig.prepare = [&](rig::Runner& runner) {
+    runner.observe([&](const rig::RunState& state) { shown = state.scans_lost; });
+  };
+  rig.run();
+  CHECK(rig.told(": 2 scans were lost on the way"));
+  CHECK(rig.told(": 3 scans were lost on the way"));
+  CHECK(rig.times_told("were lost on the way") == 2);
+  CHECK(shown == 5);
 }
 
 TEST_CASE("a lidar that is not there yet is waited for when a run begins, for as long as is told") {
@@ -785,7 +803,8 @@ TEST_CASE("a pause holds the run at the next checkpoint until it is resumed") {
 TEST_CASE("a prompt is asked again until the rig sees what was asked for") {
   Rig rig(
       "  - home\n"
-      "  - prompt: {title: Place it, place: {target: board, shift_mm: 100}, until: {beams_deg: [-1, 1], "
+      "  - prompt: {title: Place it, place: {target: board, shift_mm: 100}, until: {beams_deg: [-1, "
+      "1], "
       "within_mm: "
       "[1450, 1550]}}\n"
       "  - capture: {samples: 5, target: board}\n");
@@ -883,7 +902,8 @@ TEST_CASE("a target that stood in its place before an interruption is looked at 
 TEST_CASE("a surface whose echo does not follow its stated reflectance is told, unless the procedure says otherwise") {
   const auto steps = [](const std::string& until) {
     return "  - home\n  - for-each: {r: [0.9, 0.2]}\n    steps:\n"
-           "      - prompt: {title: Place it, place: {target: board, shift_mm: 0, reflectance: '${r}'}" +
+           "      - prompt: {title: Place it, place: {target: board, shift_mm: 0, reflectance: "
+           "'${r}'}" +
            until + "}\n      - capture: {samples: 5, target: board}\n";
   };
   Rig same(steps(""));
@@ -1025,14 +1045,17 @@ TEST_CASE("a lidar whose first step is not 0 is measured with from that step on"
 }
 
 TEST_CASE("nobody is asked for ever: a bench that contradicts the captures ends the run") {
-  Rig rig("  - home\n  - prompt: {title: Place it, until: {beams_deg: [-1, 1], within_mm: [1450, 1550]}}\n");
+  Rig rig(
+      "  - home\n  - prompt: {title: Place it, until: {beams_deg: [-1, 1], within_mm: [1450, "
+      "1550]}}\n");
   CHECK_THROWS_WITH(rig.run(), Contains("sees 1400 mm") && Contains("expected 1450 to 1550"));
 }
 
 TEST_CASE(
     "while a person works, the rig tells what it sees, and a lidar that was unplugged meanwhile comes back") {
   Rig rig(
-      "  - home\n  - prompt: {title: Place it, place: {target: board, at_mm: 1500}, until: {beams_deg: [-1, 1], "
+      "  - home\n  - prompt: {title: Place it, place: {target: board, at_mm: 1500}, until: "
+      "{beams_deg: [-1, 1], "
       "within_mm: [1450, 1550]}}\n"
       "  - capture: {samples: 5}\n");
   rig.person.nobody = false;
@@ -1091,7 +1114,8 @@ TEST_CASE("a repeated turn is measured again and the first measurement is kept u
   bool repeated = false;
   rig.person.answers = [&](const rig::Prompt& prompt) {
     rig::Answer answer;
-    if (prompt.title == "Place 2" && !std::exchange(repeated, true)) answer.kind = rig::Answer::Kind::repeat;
+    if (prompt.title == "Place 2" && !std::exchange(repeated, true))
+      answer.kind = rig::Answer::Kind::repeat;
     return answer;
   };
   rig.run();

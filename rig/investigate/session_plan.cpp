@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "rig/investigate/looks.hpp"
+#include "rig/investigate/session_plan.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -69,7 +69,9 @@ Experiment placements(std::vector<CaptureInfo> captures, int scans) {
   return e;
 }
 
-double distance_mm(const fit::Target& target) { return std::abs(target.from_mm.dot(target.outward_normal())); }
+double distance_mm(const fit::Target& target) {
+  return std::abs(target.from_mm.dot(target.outward_normal()));
+}
 
 /// A few placements of the target that can stand in most places; empty if none can be moved about.
 Experiment few_placements(const Bench& bench) {
@@ -113,7 +115,8 @@ std::vector<double> between(std::vector<double> values, std::size_t count) {
 }
 
 /// Stage angles as far from all of these, and from each other, as there are.
-std::vector<double> farthest_from(std::vector<double> used_deg, double from_deg, double to_deg, std::size_t count) {
+std::vector<double> farthest_from(std::vector<double> used_deg, double from_deg, double to_deg,
+                                  std::size_t count) {
   constexpr double places = 1440;
   std::vector<double> found;
   for (; count > 0; --count) {
@@ -147,7 +150,8 @@ Experiment fresh_placements(const Bench& bench, const std::vector<CaptureInfo>& 
       shifts.push_back(c.target_shift_mm);
       if (c.reflectance) greys.push_back(std::log(*c.reflectance));
     }
-  std::vector<double> new_shifts = between(different(shifts, 5), 4), new_greys = between(different(greys, 0.05), 2);
+  std::vector<double> new_shifts = between(different(shifts, 5), 4),
+                      new_greys = between(different(greys, 0.05), 2);
   if (new_shifts.empty()) new_shifts = {shifts.front()};
   std::vector<CaptureInfo> list;
   for (std::size_t i = 0; i < new_shifts.size(); ++i)
@@ -159,14 +163,16 @@ Experiment fresh_placements(const Bench& bench, const std::vector<CaptureInfo>& 
   return e;
 }
 
-Experiment fresh_turning(const Bench& bench, const StageTravel& travel, const std::vector<CaptureInfo>& so_far) {
+Experiment fresh_turning(const Bench& bench, const StageTravel& travel,
+                         const std::vector<CaptureInfo>& so_far) {
   std::vector<double> rates;
   for (const CaptureInfo& c : so_far)
     if (fit::is_turning(c)) rates.push_back(std::abs(c.stage_rate_rad_s) * fit::deg_per_rad);
   if (rates.empty()) return {};
   rates = different(std::move(rates), 0.5);
   const double rate = rates.size() > 1 ? between(rates, 1).front() : 0.6 * rates.front();
-  const double reach = std::min({60.0, -travel.from_rad * fit::deg_per_rad, travel.to_rad * fit::deg_per_rad});
+  const double reach =
+      std::min({60.0, -travel.from_rad * fit::deg_per_rad, travel.to_rad * fit::deg_per_rad});
   Experiment e;
   e.kind = Experiment::Kind::turning;
   e.scans = 40;
@@ -212,13 +218,17 @@ double watched_s(const std::vector<CaptureInfo>& so_far) {
 constexpr double long_enough_s = 600;
 
 /// The same place for a quarter of an hour.
-Look watch(const std::string& about) {
-  return {"The same place for a quarter of an hour", about, {},
-          "  - move: {to_deg: 0}\n  - for-each: {minute: {from: 1, to: 15, step: 1}}\n    steps:\n      - capture: {samples: 20}\n"
+SessionPlan watch(const std::string& about) {
+  return {"The same place for a quarter of an hour",
+          about,
+          {},
+          "  - move: {to_deg: 0}\n  - for-each: {minute: {from: 1, to: 15, step: 1}}\n    steps:\n      - "
+          "capture: {samples: 20}\n"
           "      - wait: {seconds: 59}\n"};
 }
 
-/// A stretch of the experiment that possible_experiments() knows by that kind; empty if the bench cannot do it.
+/// A stretch of the experiment that possible_experiments() knows by that kind; empty if the bench cannot do
+/// it.
 Experiment known_experiment(const Bench& bench, const StageTravel& travel, Experiment::Kind kind) {
   for (Experiment& e : fit::explain::possible_experiments(bench, travel))
     if (e.kind == kind) return std::move(e);
@@ -227,8 +237,8 @@ Experiment known_experiment(const Bench& bench, const StageTravel& travel, Exper
 
 std::string number_text(double value) { return fit::rounded(value, 6); }
 
-/// Prompts that undo what an experiment's steps did to the bench: what is recorded next is before the bench as its
-/// file says.
+/// Prompts that undo what an experiment's steps did to the bench: what is recorded next is before the bench
+/// as its file says.
 std::string put_back(const Experiment& e, const Bench& bench) {
   std::set<std::string> moved;
   bool heated = false;
@@ -250,14 +260,15 @@ std::string put_back(const Experiment& e, const Bench& bench) {
   }
   if (heated)
     text += "  - prompt:\n      title: \"Lidar's housing back at " + number_text(fit::explain::steady_c) +
-            " C\"\n      text: \"Let the lidar's housing come back to " + number_text(fit::explain::steady_c) +
+            " C\"\n      text: \"Let the lidar's housing come back to " +
+            number_text(fit::explain::steady_c) +
             " C.\"\n      place: {temperature_c: " + number_text(fit::explain::steady_c) + "}\n";
   return text;
 }
 
 }  // namespace
 
-std::vector<CaptureInfo> Look::captures() const {
+std::vector<CaptureInfo> SessionPlan::captures() const {
   std::vector<CaptureInfo> all;
   for (const Experiment& part : parts) all.insert(all.end(), part.captures.begin(), part.captures.end());
   return all;
@@ -268,34 +279,39 @@ StageTravel travel_of(const StageLimits& limits) {
           std::min(usual_reach_deg, limits.max_deg) * fit::rad_per_deg};
 }
 
-Look first_look(const Bench& bench, const StageLimits& limits, bool with_hand) {
+SessionPlan first_plan(const Bench& bench, const StageLimits& limits, bool with_hand) {
   constexpr int stops = 14;
   const StageTravel travel = travel_of(limits);
   const double from = travel.from_rad * fit::deg_per_rad, to = travel.to_rad * fit::deg_per_rad;
   std::vector<double> angles;
   for (int i = 0; i < stops; ++i)  // Unevenly, so that no period of gears or of the scan hides between them.
     angles.push_back(rounded_deg(from + (to - from) * (i + 0.5 + 0.35 * std::sin(2.4 * i)) / stops));
-  Look look{"A short look from several stage angles", "What does the bench show that its file does not foresee?", {}, ""};
-  look.parts.push_back(turns(bench, up_and_down(std::move(angles)), 20));
-  if (!with_hand) return look;
+  SessionPlan plan{"A short look from several stage angles",
+                   "What does the bench show that its file does not foresee?",
+                   {},
+                   ""};
+  plan.parts.push_back(turns(bench, up_and_down(std::move(angles)), 20));
+  if (!with_hand) return plan;
   Experiment by_hand = few_placements(bench);
-  if (by_hand.captures.empty()) return look;
-  look.title += ", and at a few distances and greys";
-  look.parts.push_back(std::move(by_hand));
-  return look;
+  if (by_hand.captures.empty()) return plan;
+  plan.title += ", and at a few distances and greys";
+  plan.parts.push_back(std::move(by_hand));
+  return plan;
 }
 
-std::vector<Look> surveys(const Bench& bench, const StageLimits& limits, const std::vector<CaptureInfo>& so_far) {
+std::vector<SessionPlan> surveys(const Bench& bench, const StageLimits& limits,
+                                 const std::vector<CaptureInfo>& so_far) {
   const StageTravel travel = travel_of(limits);
-  std::vector<Look> list;
+  std::vector<SessionPlan> list;
   const auto add = [&](Experiment e, const std::string& about) {
     if (e.captures.empty()) return;
-    Look look{e.title, about, {}, ""};
-    look.parts.push_back(std::move(e));
-    list.push_back(std::move(look));
+    SessionPlan plan{e.title, about, {}, ""};
+    plan.parts.push_back(std::move(e));
+    list.push_back(std::move(plan));
   };
   if (std::ranges::none_of(so_far, [](const CaptureInfo& c) { return fit::is_turning(c); }))
-    add(known_experiment(bench, travel, Experiment::Kind::turning), "No session has looked while the stage turns.");
+    add(known_experiment(bench, travel, Experiment::Kind::turning),
+        "No session has looked while the stage turns.");
   std::vector<double> angles;
   for (const CaptureInfo& c : so_far)
     if (is_turn(c)) angles.push_back(c.stage_rad * fit::deg_per_rad);
@@ -305,19 +321,21 @@ std::vector<Look> surveys(const Bench& bench, const StageLimits& limits, const s
     for (std::size_t i = 1; i < angles.size(); ++i) count += angles[i] - angles[i - 1] < 1;
     return count;
   }();
-  Look turned{"", "No session has looked ", {}, ""};
+  SessionPlan turned{"", "No session has looked ", {}, ""};
   const auto add_turned = [&](Experiment::Kind kind, const char* title, const char* words) {
     Experiment e = known_experiment(bench, travel, kind);
     if (e.captures.empty()) return;
     e.scans = 10;
-    turned.title += (turned.parts.empty() ? "" : ", and ") + std::string(turned.parts.empty() ? title : words);
+    turned.title +=
+        (turned.parts.empty() ? "" : ", and ") + std::string(turned.parts.empty() ? title : words);
     turned.about += (turned.parts.empty() ? "" : ", nor ") + std::string(words);
     turned.parts.push_back(std::move(e));
   };
   if (angles.size() - std::min(angles.size(), small_steps) < 20)
     add_turned(Experiment::Kind::all_round, "The whole scene from all round", "from all round");
   if (small_steps < 20)
-    add_turned(Experiment::Kind::both_sides, "The whole scene in small steps of the stage", "in small steps of the stage");
+    add_turned(Experiment::Kind::both_sides, "The whole scene in small steps of the stage",
+               "in small steps of the stage");
   if (!turned.parts.empty()) {
     turned.title += ", from both sides";
     turned.about += ", from both sides.";
@@ -333,15 +351,16 @@ std::vector<Look> surveys(const Bench& bench, const StageLimits& limits, const s
   return list;
 }
 
-Look fresh_look(const Bench& bench, const StageLimits& limits, bool with_hand,
-                const std::vector<CaptureInfo>& so_far) {
+SessionPlan fresh_plan(const Bench& bench, const StageLimits& limits, bool with_hand,
+                       const std::vector<CaptureInfo>& so_far) {
   constexpr std::size_t stops = 8;
   const StageTravel travel = travel_of(limits);
   std::vector<double> used;
   for (const CaptureInfo& c : so_far)
     if (is_turn(c)) used.push_back(c.stage_rad * fit::deg_per_rad);
-  Look look{"From stage angles where no session has looked", "What it will show was written down before.", {}, ""};
-  look.parts.push_back(turns(bench,
+  SessionPlan plan{
+      "From stage angles where no session has looked", "What it will show was written down before.", {}, ""};
+  plan.parts.push_back(turns(bench,
                              up_and_down(farthest_from(std::move(used), travel.from_rad * fit::deg_per_rad,
                                                        travel.to_rad * fit::deg_per_rad, stops)),
                              20));
@@ -351,16 +370,17 @@ Look fresh_look(const Bench& bench, const StageLimits& limits, bool with_hand,
     more.push_back(fresh_heat(bench, so_far));
   }
   for (Experiment& e : more)
-    if (!e.captures.empty()) look.parts.push_back(std::move(e));
-  if (look.parts.size() > 1) look.title += ", and what else was looked along, at other values";
-  return look;
+    if (!e.captures.empty()) plan.parts.push_back(std::move(e));
+  if (plan.parts.size() > 1) plan.title += ", and what else was looked along, at other values";
+  return plan;
 }
 
-std::string procedure_text(const std::string& name, const Look& look, const Bench& bench) {
-  std::string text = "procedure: " + name + "\ntitle: " + yaml_quoted(look.title) + "\nabout: " +
-                     yaml_quoted(look.about) + "\nstage: {approach: direct, margin_deg: 0.5}\nsteps:\n  - home\n";
-  for (const Experiment& part : look.parts) text += steps_text(part, bench.lidar) + put_back(part, bench);
-  return text + look.more_steps;
+std::string procedure_text(const std::string& name, const SessionPlan& plan, const Bench& bench) {
+  std::string text = "procedure: " + name + "\ntitle: " + yaml_quoted(plan.title) +
+                     "\nabout: " + yaml_quoted(plan.about) +
+                     "\nstage: {approach: direct, margin_deg: 0.5}\nsteps:\n  - home\n";
+  for (const Experiment& part : plan.parts) text += steps_text(part, bench.lidar) + put_back(part, bench);
+  return text + plan.more_steps;
 }
 
 }  // namespace rig::investigate
