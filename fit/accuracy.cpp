@@ -47,12 +47,12 @@ double usual_size(const char* mechanism) {
 }  // namespace
 
 DeviceAccuracy accuracy_of(const Bench& bench) {
-  const json document = json::parse(bench.document, nullptr, false, true);
+  const json& document = bench.document.json();
   DeviceAccuracy out;
   for (const AccuracyKey& key : accuracy_keys) {
     out.*key.member = {usual_size(key.mechanism) * key.per_unit, false};
     const json::json_pointer place("/" + std::string(key.device) + "/accuracy/" + key.key);
-    if (!document.is_object() || !document.contains(place) || !document.at(place).is_number()) continue;
+    if (!document.contains(place) || !document.at(place).is_number()) continue;
     out.*key.member = {std::abs(document.at(place).get<double>()) * key.per_unit, true};
   }
   return out;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "fit/angle.hpp"
+#include "fit/bench_document.hpp"
 #include "fit/estimate.hpp"
 
 namespace fit {
@@ -65,7 +66,7 @@ struct KnownMechanism {
 };
 
 /// What the operator knows of the set-up: the prior of every fit and the scene of the simulator
-/// (formats.md, `bench/1`).
+/// (`bench/1`, docs/reference/bench.md).
 struct Bench {
   LidarGeometry lidar;
   double stage_resolution_rad = 0.01 * rad_per_deg;
@@ -73,9 +74,8 @@ struct Bench {
   std::vector<KnownMechanism> known;
   /// Where the keys of "lidar" stand, as NAME:LINE:COLUMN; "" is the object itself.
   std::map<std::string, std::string> lidar_places;
-  /// The document it came from, with everything this struct does not model (stage language, units per turn,
-  /// soft limits ...): JSON text. Kept so that a bench written back loses nothing.
-  std::string document = "{}";
+  /// The document it came from, so that a bench written back loses nothing.
+  BenchDocument document;
 
   [[nodiscard]] const Target* target(const std::string& name) const;
   [[nodiscard]] const KnownMechanism* knows(const std::string& mechanism) const;

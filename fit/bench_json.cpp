@@ -280,7 +280,7 @@ Bench parse_bench(const std::string& text, const std::string& name) {
     reader.at("schema").refuse("says " + document.at("schema").dump() + "; this program reads \"bench/1\"");
   reader.refuse_misspelt(std::array{"schema", "lidar", "stage", "targets", "known", "certificate"});
   Bench bench;
-  bench.document = document.dump();
+  bench.document = BenchDocument(document);
   if (reader.has("lidar")) {
     const Reader lidar = reader.at("lidar");
     bench.lidar = read_lidar(lidar);
@@ -308,8 +308,7 @@ Bench parse_bench(const std::string& text, const std::string& name) {
 }
 
 std::string to_json_text(const Bench& bench) {
-  json document = json::parse(bench.document, nullptr, false);
-  if (!document.is_object()) document = json::object();
+  json document = bench.document.json();
   const json old_targets = document.value("targets", json::array()),
              old_known = document.value("known", json::array());
   document["schema"] = "bench/1";

@@ -79,7 +79,7 @@ struct Correction {
   [[nodiscard]] std::vector<std::string> parameter_names() const;
 };
 
-/// As JSON (`correction/1`, docs/correction.md), every number with all its digits.
+/// As JSON (`correction/1`, docs/reference/correction.md), every number with all its digits.
 [[nodiscard]] std::string to_json_text(const Correction& correction);
 
 /// Reads `correction/1`. Throws std::invalid_argument that names the place, what was expected and what to do.

@@ -58,23 +58,21 @@ Sweep sweep_of(const ScanView& scan, const CaptureInfo& capture, const LidarGeom
   Sweep sweep;
   sweep.begin_s = static_cast<double>(scan.host_us) * 1e-6;
   const std::size_t beams = scan.range_mm.size();
-  const double first_step = capture.first_step + 0.5 * (capture.cluster - 1);
-  double first = lidar.beam_angle(first_step), step = lidar.step_rad * capture.cluster;
+  const BeamAngles angles(lidar, capture, scan.geometry);
+  const double step = angles.step_rad();
   double duration = lidar.beam_time_s(static_cast<double>(capture.cluster) * static_cast<double>(beams));
   if (scan.geometry) {
-    first = scan.geometry->first_rad;
-    step = scan.geometry->step_rad;
     duration = scan.geometry->scan_s.value_or(std::abs(step) * static_cast<double>(beams) /
                                               (2 * pi * lidar.scan_hz));
   } else {
-    sweep.begin_s += lidar.beam_time_s(first_step);
+    sweep.begin_s += lidar.beam_time_s(capture.step_of(0));
   }
   sweep.duration_s = duration;
   sweep.points.reserve(beams);
   for (std::size_t k = 0; k < beams; ++k) {
     const double range = scan.range_mm[k];
     if (range < 20 || range > 64000) continue;
-    const double angle = first + step * static_cast<double>(k);
+    const double angle = angles.at_rad(k);
     sweep.points.push_back({{range * std::cos(angle), range * std::sin(angle)},
                             static_cast<double>(k) / static_cast<double>(beams),
                             static_cast<std::uint32_t>(k)});

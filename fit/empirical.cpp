@@ -91,8 +91,8 @@ double EmpiricalFunction::value_at(double v) const {
 
 std::vector<EmpiricalFunction> empirical_functions(const Bench& bench) {
   std::vector<EmpiricalFunction> list;
-  const json document = json::parse(bench.document, nullptr, false);
-  if (!document.is_object() || !document.contains("empirical")) return list;
+  const json& document = bench.document.json();
+  if (!document.contains("empirical")) return list;
   if (!document["empirical"].is_array()) refuse("must be a list [...]");
   for (const json& entry : document["empirical"]) list.push_back(function_of(entry));
   return list;
@@ -100,12 +100,9 @@ std::vector<EmpiricalFunction> empirical_functions(const Bench& bench) {
 
 void add_empirical(Bench& bench, const EmpiricalFunction& f) {
   if (f.at.empty()) return;
-  json document = json::parse(bench.document, nullptr, false);
-  if (!document.is_object()) document = json::object();
   json entry{{"coordinate", f.coordinate}, {"at", f.at}, {f.acts_on, f.value}};
   if (!f.target.empty()) entry["target"] = f.target;
-  document["empirical"].push_back(entry);
-  bench.document = document.dump();
+  bench.document.change([&](json& document) { document["empirical"].push_back(entry); });
 }
 
 Mechanism as_mechanism(const EmpiricalFunction& f, const Bench& bench) {
@@ -149,18 +146,10 @@ std::vector<Mechanism> empirical_mechanisms(const Bench& bench) {
 namespace {
 
 /// The section `sim` of a bench's document; an empty object without.
-json simulation_of(const Bench& bench) {
-  const json document = json::parse(bench.document, nullptr, false);
-  if (!document.is_object() || !document.contains("sim") || !document["sim"].is_object())
-    return json::object();
-  return document["sim"];
-}
+const json& simulation_of(const Bench& bench) { return bench.document.section("sim"); }
 
 void state(Bench& bench, const char* key, const json& value) {
-  json document = json::parse(bench.document, nullptr, false);
-  if (!document.is_object()) document = json::object();
-  document["sim"][key] = value;
-  bench.document = document.dump();
+  bench.document.change([&](json& document) { document["sim"][key] = value; });
 }
 
 }  // namespace

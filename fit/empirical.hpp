@@ -12,7 +12,7 @@ namespace fit {
 
 /// What a device does that no mechanism of the catalogue explains, as a table over one coordinate: linear
 /// between its places, nothing farther outside of them than their spacing. In a bench file: an entry of the
-/// list `empirical` (docs/simulator.md).
+/// list `empirical` (docs/develop/simulator.md).
 struct EmpiricalFunction {
   /// `beam_deg`, `stage_deg`, `range_mm`, `intensity`, `incidence_deg`, `time_s`, `temperature_c` (rise since
   /// the first capture), `corner_mm` (to the next inner corner), `along_mm` (place on `target`),

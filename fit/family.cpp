@@ -326,8 +326,8 @@ double fit_probability(std::span<const double> standardised, double freedom) {
   return std::min(1.0, 2 * std::min(by_size, by_order));
 }
 
-std::optional<OpenStretch> most_open_stretch(const std::vector<FamilyFit>& table, const FamilyFit& chosen,
-                                             std::span<const CurvePoint> points) {
+std::optional<OpenInterval> most_open_interval(const std::vector<FamilyFit>& table, const FamilyFit& chosen,
+                                               std::span<const CurvePoint> points) {
   constexpr double as_well = 1.5, much = 2;
   constexpr int places = 8;  // Looked at between two points.
   const auto u_at = [&](double x) {
@@ -340,7 +340,7 @@ std::optional<OpenStretch> most_open_stretch(const std::vector<FamilyFit>& table
   std::vector<double> at;
   for (const CurvePoint& point : points) at.push_back(point.x);
   std::ranges::sort(at);
-  OpenStretch open;
+  OpenInterval open;
   for (const double x : at) open.u_at_points = std::max(open.u_at_points, u_at(x));
   for (std::size_t i = 0; i + 1 < at.size(); ++i)
     for (int k = 1; k < places; ++k) {

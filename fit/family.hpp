@@ -158,7 +158,7 @@ struct FamilyOptions {
 [[nodiscard]] double fit_probability(std::span<const double> standardised, double freedom);
 
 /// Where between two neighbouring points a curve is much less certain than at them.
-struct OpenStretch {
+struct OpenInterval {
   double from = 0, to = 0;  ///< The neighbouring points.
   double at = 0;            ///< Where it is least certain.
   double u = 0;             ///< Standard uncertainty there; contains how far other families part from it.
@@ -168,9 +168,9 @@ struct OpenStretch {
 /// The stretch on which the chosen curve is least certain: by its own uncertainty, or because families whose
 /// held-out error is at most 1.5 times as large go another way. None where it is at most twice as uncertain
 /// as at the points.
-[[nodiscard]] std::optional<OpenStretch> most_open_stretch(const std::vector<FamilyFit>& table,
-                                                           const FamilyFit& chosen,
-                                                           std::span<const CurvePoint> points);
+[[nodiscard]] std::optional<OpenInterval> most_open_interval(const std::vector<FamilyFit>& table,
+                                                             const FamilyFit& chosen,
+                                                             std::span<const CurvePoint> points);
 
 /// Scatter of the points beyond their own uncertainties (placement of targets, say): from the deviation of
 /// each point from the line through its two neighbours, so that no curve is assumed. 0 when there is none.

@@ -113,7 +113,9 @@ struct Parameter {
     wavelength,  ///< Of a sine. Where only regular places were recorded, several look alike.
     gear,  ///< Of a sine that gears make, in degrees of a turn: a short one is a turn by a whole number.
     bin,    ///< To multiples of which the coordinate is rounded. No two that differ by much look alike.
-    count   ///< A whole number: there is nothing between its starts.
+    count,  ///< A whole number: there is nothing between its starts.
+    from,   ///< The time at which it begins, s since power-on; the next parameter is the one at which it ends. As often as not
+            ///< it acts always, which is what they are expected to say.
   };
   std::string name;
   Role role = Role::size;
@@ -173,9 +175,9 @@ struct Mechanism {
   /// Of a mechanism that is nothing but another place of its target, whose effect is not proportional to its
   /// size: that place. Who has the geometry moves the target instead of calling `act`.
   std::function<Displacement(std::span<const double> values)> displaces;
-  /// Other names of the same thing for whoever sees a plane of one bench: ids, `mount_offset` or `mount_yaw`.
-  /// Only sizes could tell them apart, and sizes are a prior, not evidence.
-  std::vector<std::string> same_in_plane;
+  /// Other names of what one bench may show alike: ids, `mount_offset` or `mount_yaw`. Where those have no signs of their own,
+  /// only sizes could tell them apart, and sizes are a prior, not evidence.
+  std::vector<std::string> looks_like;
   /// Where most of the effect is, of what was recorded; empty: wherever something was.
   std::function<std::vector<Stretch>(const Finding&, const Recorded&)> shows;
   std::function<std::string(const Finding&)> says;

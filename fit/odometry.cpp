@@ -237,7 +237,7 @@ std::string remedy(const MotionShares& motion) {
     return "The robot drove only straight: then the lidar's position and how the wheels turn the robot leave "
            "no trace. Add curves and turns on the spot, both ways.";
   if (motion.on_the_spot > 0.9 * (1 - motion.still))
-    return "The robot only turned on the spot: then wheel size and separation cannot be told apart, nor the "
+    return "The robot only turned on the spot. Wheel size and separation cannot be told apart then, nor the "
            "lidar's yaw from the direction of its offset. Add straight stretches.";
   return "Drive longer, with straight stretches and turns both ways, in a scene that is not a bare corridor.";
 }

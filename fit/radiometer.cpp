@@ -40,9 +40,8 @@ std::optional<IntensityClaim> claimed_intensity(const Bench& bench) {
   const KnownMechanism* known = bench.knows(law_of_intensity);
   if (!known) return std::nullopt;
   IntensityClaim claim;
-  const auto document = nlohmann::json::parse(bench.document, nullptr, false);
-  if (document.is_object() && document.contains("sim") && document["sim"].contains("intensity")) {
-    const auto& given = document["sim"]["intensity"];
+  if (const auto& sim = bench.document.section("sim"); sim.contains("intensity")) {
+    const auto& given = sim["intensity"];
     for (int k = 0; k < L::size; ++k)
       if (given.contains(names[static_cast<std::size_t>(k)]))
         state(claim, k, given.value(names[static_cast<std::size_t>(k)], 1.0));
@@ -85,11 +84,9 @@ double DescribedIntensity::gain(const std::string& target, double reflectance) c
 }
 
 std::optional<DescribedIntensity> described_intensity(const Bench& bench) {
-  const auto document = nlohmann::json::parse(bench.document, nullptr, false);
-  if (!document.is_object() || !document.contains("sim") || !document["sim"].is_object() ||
-      !document["sim"].contains("intensity") || !document["sim"]["intensity"].is_object())
-    return std::nullopt;
-  const auto& given = document["sim"]["intensity"];
+  const auto& sim = bench.document.section("sim");
+  if (!sim.contains("intensity") || !sim["intensity"].is_object()) return std::nullopt;
+  const auto& given = sim["intensity"];
   DescribedIntensity described;
   described.law.value = {std::log(1000.0), 1, 1, 1, 0, 20};
   for (int k = 0; k < L::size; ++k) {
@@ -109,19 +106,19 @@ std::optional<DescribedIntensity> described_intensity(const Bench& bench) {
 }
 
 void describe_intensity(Bench& bench, const DescribedIntensity& described) {
-  auto document = nlohmann::json::parse(bench.document, nullptr, false);
-  if (!document.is_object()) document = nlohmann::json::object();
-  auto& intensity = document["sim"]["intensity"];
-  for (int k = 0; k < L::size; ++k) {
-    const auto i = static_cast<std::size_t>(k);
-    if ((k == L::overlap && described.law.value[i] <= 0) || (k == L::full && described.law.value[i] >= 20))
-      continue;
-    intensity[names[i]] = in_file_unit(static_cast<L::Coefficient>(k), {described.law.value[i], 0}).value;
-  }
-  intensity["relative_noise"] = described.relative_noise;
-  for (const auto& s : described.surfaces)
-    intensity["surfaces"].push_back({{"target", s.target}, {"reflectance", s.reflectance}, {"gain", s.gain}});
-  bench.document = document.dump();
+  bench.document.change([&](nlohmann::json& document) {
+    auto& intensity = document["sim"]["intensity"];
+    for (int k = 0; k < L::size; ++k) {
+      const auto i = static_cast<std::size_t>(k);
+      if ((k == L::overlap && described.law.value[i] <= 0) || (k == L::full && described.law.value[i] >= 20))
+        continue;
+      intensity[names[i]] = in_file_unit(static_cast<L::Coefficient>(k), {described.law.value[i], 0}).value;
+    }
+    intensity["relative_noise"] = described.relative_noise;
+    for (const auto& s : described.surfaces)
+      intensity["surfaces"].push_back(
+          {{"target", s.target}, {"reflectance", s.reflectance}, {"gain", s.gain}});
+  });
 }
 
 const char* file_name(L::Coefficient coefficient) { return names[static_cast<std::size_t>(coefficient)]; }

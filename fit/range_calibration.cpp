@@ -359,7 +359,7 @@ void state_identifiability(RangeCalibration& out, const std::vector<RangePoint>&
 /// Between points far apart a curve is less certain than at them: says where a capture would help.
 void state_open_stretch(RangeCalibration& out, const std::vector<FamilyFit>& table, const FamilyFit& chosen,
                         const std::vector<CurvePoint>& points, const char* what, const char* unit) {
-  const auto open = most_open_stretch(table, chosen, points);
+  const auto open = most_open_interval(table, chosen, points);
   if (!open) return;
   out.identifiability.push_back(
       formatted("between %.0f and %.0f ", open->from, open->to) + unit + " no " + what +

@@ -14,7 +14,7 @@
 
 namespace fit {
 
-/// One capture's circumstances (the `capture` table of formats.md), angles in radians.
+/// One capture's circumstances (table `capture` of docs/reference/session.md), angles in radians.
 struct CaptureInfo {
   std::int64_t id = 0;
   std::string step;
@@ -48,6 +48,28 @@ struct CaptureInfo {
 struct ScanGeometry {
   double first_rad = 0, step_rad = 0;
   std::optional<double> scan_s;
+};
+
+/// Where the beams of a scan point, in the lidar's frame: by the scan's own geometry where it has one, else
+/// by the lidar's steps, a cluster's value standing for the middle of its steps. The one rule for all who
+/// place a beam; it borrows what it is made of.
+class BeamAngles {
+ public:
+  BeamAngles(const LidarGeometry& lidar, const CaptureInfo& capture, const std::optional<ScanGeometry>& own)
+      : lidar_(lidar), capture_(capture), own_(own) {}
+  [[nodiscard]] double at_rad(std::size_t k) const {
+    return own_ ? own_->first_rad + static_cast<double>(k) * own_->step_rad
+                : lidar_.beam_angle(capture_.step_of(static_cast<int>(k)));
+  }
+  /// For formats that know evenly spaced beams only: the last cluster of a scan may be short, and lies a
+  /// little before its place then.
+  [[nodiscard]] double first_rad() const { return at_rad(0); }
+  [[nodiscard]] double step_rad() const { return own_ ? own_->step_rad : lidar_.step_rad * capture_.cluster; }
+
+ private:
+  const LidarGeometry& lidar_;
+  const CaptureInfo& capture_;
+  const std::optional<ScanGeometry>& own_;
 };
 
 /// One scan, borrowed: valid only during the call that hands it over.

@@ -305,8 +305,7 @@ awaitable<std::optional<Client::Impl::Answer>> Client::Impl::exchange(Request wa
   wanted.text = next_tag();
   const std::string line = build_line(wanted);
   co_await send(line + "\n", "sending a request");
-  auto answering = answer_to(line, steady_clock::now() + options.reply_timeout);
-  co_return co_await std::move(answering);
+  co_return co_await answer_to(line, steady_clock::now() + options.reply_timeout);
 }
 
 /// The body of the answer to a request that may be repeated. A refusal may pass: a lidar that has just
@@ -318,8 +317,7 @@ awaitable<std::string> Client::Impl::ask(Request request_) {
   std::string refusal;
   const unsigned damaged_before = damaged_answers;
   for (int attempt = 0; attempt < attempts; ++attempt) {
-    auto asking = exchange(request_);
-    const std::optional<Answer> answer = co_await std::move(asking);
+    const std::optional<Answer> answer = co_await exchange(request_);
     if (!answer) continue;
     const StatusKind kind = kind_of(answer->status, request_);
     if (kind == StatusKind::done || kind == StatusKind::already) co_return answer->body;
@@ -377,8 +375,7 @@ awaitable<tcp::resolver::results_type> Client::Impl::resolve(steady_clock::time_
 awaitable<void> Client::Impl::open() {
   close();
   error_code failed;
-  auto resolving = resolve(steady_clock::now() + options.connect_timeout);
-  const tcp::resolver::results_type found = co_await std::move(resolving);
+  const tcp::resolver::results_type found = co_await resolve(steady_clock::now() + options.connect_timeout);
   socket = tcp::socket(executor);
   watchdog->guard(socket, steady_clock::now() + options.connect_timeout);
   co_await asio::async_connect(socket, found, redirect_error(use_awaitable, failed));
@@ -421,8 +418,7 @@ awaitable<void> Client::Impl::end_stream() {
   const auto until = steady_clock::now() + options.stop_timeout;
   bool acknowledged = false;
   while (steady_clock::now() < until) {
-    auto asking = exchange(Request(Command::quit));
-    const std::optional<Answer> answer = co_await std::move(asking);
+    const std::optional<Answer> answer = co_await exchange(Request(Command::quit));
     if (!answer && damaged_answers >= attempts)
       fail(Kind::bad_answer, "the lidar at " + address() + " answers QT with wrong sums, " +
                                  std::to_string(damaged_answers) +
@@ -441,18 +437,12 @@ awaitable<void> Client::Impl::end_stream() {
 }
 
 /// TM2 is refused outside time-adjust mode, which is as good.
-awaitable<void> Client::Impl::leave_time_adjust() {
-  auto asking = exchange(Request(Command::time_leave));
-  co_await std::move(asking);
-}
+awaitable<void> Client::Impl::leave_time_adjust() { co_await exchange(Request(Command::time_leave)); }
 
 awaitable<Identity> Client::Impl::identify() {
-  auto asking_version = ask(Request(Command::version));
-  const std::string version = co_await std::move(asking_version);
-  auto asking_parameters = ask(Request(Command::parameters));
-  const std::string parameters = co_await std::move(asking_parameters);
-  auto asking_information = ask(Request(Command::information));
-  const std::string information = co_await std::move(asking_information);
+  const std::string version = co_await ask(Request(Command::version));
+  const std::string parameters = co_await ask(Request(Command::parameters));
+  const std::string information = co_await ask(Request(Command::information));
   const auto read = make_identity(version, parameters, information);
   if (!read)
     fail(Kind::bad_answer,
@@ -470,8 +460,7 @@ awaitable<void> Client::Impl::wake() {
     if (error.kind() != Kind::no_answer || !connected) throw;
     why = std::current_exception();
   }
-  auto resetting = exchange(Request(Command::reset));
-  const std::optional<Answer> answer = co_await std::move(resetting);
+  const std::optional<Answer> answer = co_await exchange(Request(Command::reset));
   if (!answer) std::rethrow_exception(why);
   co_await end_stream();
 }
@@ -504,8 +493,7 @@ awaitable<Identity> Client::Impl::connect_once() {
   }
   if (mute) throw *mute;
   co_await leave_time_adjust();
-  auto identifying = identify();
-  co_return co_await std::move(identifying);
+  co_return co_await identify();
 }
 
 /// Who else of this computer is connected to the address, in words; empty if nobody or if that cannot be
@@ -523,8 +511,7 @@ awaitable<Identity> Client::Impl::connect() {
   for (int connection = 0; connection < 2; ++connection) {
     why.reset();
     try {
-      auto connecting = connect_once();
-      Identity found = co_await std::move(connecting);
+      Identity found = co_await connect_once();
       attempts_failed = 0;
       co_return found;
     } catch (const LidarError& error) {
@@ -545,8 +532,7 @@ awaitable<Identity> Client::Impl::connect() {
 /// What was known of a clock holds for as long as it is the same lidar: reconnect() keeps it.
 awaitable<Identity> Client::Impl::connect_first() {
   if (!identity.json.empty()) statistics = {};  // Else attempts in vain are counted on.
-  auto connecting = connect();
-  Identity found = co_await std::move(connecting);
+  Identity found = co_await connect();
   identity = found;
   const double period_ms = found.scan_period_s * 1000;
   clock = ClockEstimator(period_ms, period_ms * found.max_step / found.steps_per_turn,
@@ -556,8 +542,7 @@ awaitable<Identity> Client::Impl::connect_first() {
 }
 
 awaitable<Identity> Client::Impl::reconnect() {
-  auto connecting = connect();
-  Identity again = co_await std::move(connecting);
+  Identity again = co_await connect();
   clock.begin_connection();
   if (!identity.serial.empty() && again.serial != identity.serial) {
     close();
@@ -591,8 +576,7 @@ awaitable<void> Client::Impl::start(StreamRequest wanted) {
   stream_command.skip = wanted.skip;
   const Request asked(stream_command);
   for (int attempt = 0; attempt < attempts; ++attempt) {
-    auto asking = exchange(asked);
-    const std::optional<Answer> answer = co_await std::move(asking);
+    const std::optional<Answer> answer = co_await exchange(asked);
     if (!answer) {  // it may stream all the same: end it before asking again
       co_await end_stream();
       continue;
@@ -737,8 +721,7 @@ std::optional<Scan> Client::Impl::scan_at_hand() {
 awaitable<Scan> Client::Impl::next() {
   if (!streaming) fail(Kind::wrong_use, "no stream runs: call start() first");
   if (std::optional<Scan> scan = scan_at_hand()) co_return std::move(*scan);
-  auto waiting = ending_in_silence(*this, next_to_come());
-  co_return co_await std::move(waiting);
+  co_return co_await ending_in_silence(*this, next_to_come());
 }
 
 awaitable<Scan> Client::Impl::next_to_come() {
@@ -762,8 +745,7 @@ awaitable<Scan> Client::Impl::next_to_come() {
 
 /// What a lidar that sends nothing says of itself, to be read behind "; ".
 awaitable<std::string> Client::Impl::state_of_lidar() {
-  auto asking = exchange(Request(Command::information));
-  const std::optional<Answer> answer = co_await std::move(asking);
+  const std::optional<Answer> answer = co_await exchange(Request(Command::information));
   if (!answer) co_return "it does not answer questions either";
   const auto values = decode_key_values(answer->body);
   if (!values || values->empty()) co_return "asked how it is, it answers with status " + answer->status;
@@ -779,8 +761,7 @@ awaitable<void> Client::Impl::no_scan_came() {
                                ". Check the network cable; reconnecting may help");
   std::string what = "the lidar at " + address() + " sent no scan for " + limit;
   if (!last_stray.empty()) what += "; the last it sent was " + last_stray;
-  auto asking = state_of_lidar();
-  const std::string state = co_await std::move(asking);
+  const std::string state = co_await state_of_lidar();
   what += "; " + state;
   fail(Kind::no_answer, what + ". Check its power and network cable; connecting anew may help");
 }
@@ -807,8 +788,7 @@ awaitable<void> Client::Impl::exchange_times() {
     const auto sent = static_cast<double>(now_us());
     late_us += (sent - send_at) / 4;
     late_us = std::clamp(late_us, 0.0, 1000.0);
-    auto asking = exchange(Request(Command::time_read));
-    const std::optional<Answer> answer = co_await std::move(asking);
+    const std::optional<Answer> answer = co_await exchange(Request(Command::time_read));
     if (!answer) continue;
     if (const auto stamp = decode_time(answer->body)) {
       const auto received = static_cast<double>(arrived_us);
@@ -821,8 +801,7 @@ awaitable<void> Client::Impl::exchange_times() {
 
 awaitable<ClockEstimate> Client::Impl::synchronise() {
   if (streaming) co_await stop();
-  auto entering = ask(Request(Command::time_enter));
-  co_await std::move(entering);
+  co_await ask(Request(Command::time_enter));
   std::exception_ptr why;
   try {
     co_await exchange_times();

@@ -21,7 +21,8 @@ inline double number_of(const nlohmann::json& object, const char* key, double ot
   return object.at(key).get<double>();
 }
 
-/// The expanded uncertainty of a value of a result (docs/results.md), from its `U` or its `u` and `k`.
+/// The expanded uncertainty of a value of a result (docs/reference/result.md), from its `U` or its `u` and
+/// `k`.
 inline double expanded_of(const nlohmann::json& value, double otherwise = std::nan("")) {
   const double u = number_of(value, "u");
   return number_of(value, "U", std::isnan(u) ? otherwise : number_of(value, "k", 2) * u);

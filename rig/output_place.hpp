@@ -8,7 +8,7 @@
 
 namespace rig {
 
-/// The mark of session files among SQLite's databases: 'RIG1' (formats.md).
+/// The mark of session files among SQLite's databases: 'RIG1'.
 inline constexpr std::uint32_t session_application_id = 0x52494731;
 
 /// Whether a session file lies there, whatever it is called, or one of the files that SQLite keeps beside one

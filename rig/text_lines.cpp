@@ -2,6 +2,7 @@
 #include "rig/text_lines.hpp"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 
@@ -62,6 +63,26 @@ std::uint16_t range_of(std::optional<double> mm) {
 
 std::uint16_t intensity_of(std::optional<double> counts) {
   return static_cast<std::uint16_t>(std::lround(std::clamp(counts.value_or(0), 0.0, 65535.0)));
+}
+
+std::string duration_text(double seconds) {
+  struct Unit {
+    long seconds;
+    const char *one, *many;
+  };
+  static constexpr std::array<Unit, 4> units{
+      {{86400, " day", " days"}, {3600, " h", " h"}, {60, " min", " min"}, {1, " s", " s"}}};
+  const long whole = std::lround(std::max(0.0, seconds));
+  const auto in_units = [](long count, const Unit& unit) {
+    return std::to_string(count) + (count == 1 ? unit.one : unit.many);
+  };
+  for (std::size_t i = 0; i + 1 < units.size(); ++i) {
+    if (whole < units[i].seconds) continue;
+    const long rest = whole % units[i].seconds / units[i + 1].seconds;
+    return in_units(whole / units[i].seconds, units[i]) +
+           (rest > 0 ? " " + in_units(rest, units[i + 1]) : "");
+  }
+  return in_units(whole, units.back());
 }
 
 }  // namespace rig

@@ -38,10 +38,10 @@ bool knows_physics(const fit::Bench& bench) {
 
 fit::Bench take_play(World& world) {
   fit::Bench bench = world.bench;
-  auto document = nlohmann::json::parse(bench.document, nullptr, true, true);
   if (world.stage.play_rad > 0)
-    document["stage"]["physics"]["backlash_deg"] = world.stage.play_rad * fit::deg_per_rad;
-  bench.document = document.dump();
+    bench.document.change([&](nlohmann::json& document) {
+      document["stage"]["physics"]["backlash_deg"] = world.stage.play_rad * fit::deg_per_rad;
+    });
   world.stage.play_rad = 0;
   return bench;
 }

@@ -14,7 +14,7 @@ namespace sim {
 struct EngineChoice {
   std::string bench_file;       ///< What the operator knows; may be empty beside a world.
   std::string truth_file;       ///< Bench file of what is really there; empty: the bench file.
-  std::string world_file;       ///< Causes (docs/world.md); empty: none.
+  std::string world_file;       ///< Causes (docs/develop/worlds.md); empty: none.
   std::string engine = "auto";  ///< "simple", "model", "causal", or "auto": whichever the files ask for.
   std::uint64_t seed = 1;
   bool repeatable = false;  ///< SimpleOptions::repeatable; the simple engine only.

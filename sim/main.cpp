@@ -140,8 +140,9 @@ int main(int argc, char** argv) {
   app.add_option("--bench", options.choice.bench_file, "Bench file: the scene, the lidar, the stage");
   app.add_option("--truth", options.choice.truth_file,
                  "Bench file of what is really there, when the operator's is not exact");
-  app.add_option("--world", options.choice.world_file,
-                 "World file: causes from which the causal engine makes the measurements (docs/world.md)");
+  app.add_option(
+      "--world", options.choice.world_file,
+      "World file: causes from which the causal engine makes the measurements (docs/develop/worlds.md)");
   app.add_option("--conceal", options.conceal_file,
                  "Write the bench file that the operator of the --world would have, and end");
   app.add_option(

@@ -14,7 +14,7 @@ namespace sim {
 /// geometric effects are exact and not linearised.
 ///
 /// What the bench lists under `empirical` acts beside them. Echo strength is the simple engine's law ("sim"
-/// in the bench file) unless the bench has "sim": {"intensity": {...}} (docs/simulator.md). Without
+/// in the bench file) unless the bench has "sim": {"intensity": {...}} (docs/develop/simulator.md). Without
 /// `motion-skew` among the known mechanisms all beams of a scan are taken at the angle of its start, as the
 /// session format says. Throws std::invalid_argument for a mechanism or target that does not exist.
 std::unique_ptr<Engine> make_model_engine(const fit::Bench& bench, std::uint64_t seed);

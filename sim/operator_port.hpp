@@ -14,7 +14,7 @@
 namespace sim {
 
 /// The bench's operator as a TCP port: what a person would do at the bench, one JSON object a line, one
-/// answer a line (docs/simulator.md). Any number of clients.
+/// answer a line (docs/develop/simulator.md). Any number of clients.
 ///
 ///   {"place": {"target": "board", "shift_mm": 100, "reflectance": 0.2, "temperature_c": 30}}  -> {"ok":
 ///   true}

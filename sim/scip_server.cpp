@@ -132,8 +132,7 @@ awaitable<void> ScipServer::Impl::accept_hosts() {
   while (!stopped) {
     error_code failed;
     if (!listening) {
-      auto waiting = wait_until(refused_until);
-      co_await std::move(waiting);
+      co_await wait_until(refused_until);
       if (stopped) co_return;
       acceptor.listen();
       listening = true;
@@ -146,8 +145,7 @@ awaitable<void> ScipServer::Impl::accept_hosts() {
       continue;
     }
     if (unserved_until > SimClock::Host::now()) {
-      auto waiting = wait_until(unserved_until);
-      co_await std::move(waiting);
+      co_await wait_until(unserved_until);
       if (stopped) co_return;
     }
     socket.set_option(tcp::no_delay(true), failed);
@@ -159,8 +157,7 @@ awaitable<void> ScipServer::Impl::accept_hosts() {
     asio::co_spawn(executor, std::move(writing), asio::detached);
     auto streaming = stream_scans(host);
     asio::co_spawn(executor, std::move(streaming), asio::detached);
-    auto reading = read_requests(host);
-    co_await std::move(reading);
+    co_await read_requests(host);
     host->close();
     if (!std::exchange(keeps_streaming, false)) device.disconnected();
     connection.reset();
@@ -218,8 +215,7 @@ awaitable<void> ScipServer::Impl::write_answers(std::shared_ptr<Connection> host
     }
     const std::string bytes = std::exchange(host->outbox, std::string());
     host->writing = true;
-    auto writing = write_pieces(host, bytes);
-    failed = co_await std::move(writing);
+    failed = co_await write_pieces(host, bytes);
     host->writing = false;
     if (!failed && host->ends_in_reset && host->outbox.empty()) host->reset();
     if (failed) {

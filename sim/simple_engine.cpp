@@ -53,9 +53,7 @@ SimpleOptions simple_options(const fit::Bench& bench) {
   SimpleOptions options;
   if (const auto* noise = bench.knows("range-noise"); noise && noise->parameters.contains("sigma_mm"))
     options.sigma_mm = noise->parameters.at("sigma_mm").value;
-  const auto document = nlohmann::json::parse(bench.document, nullptr, false);
-  if (!document.is_object() || !document.contains("sim")) return options;
-  const auto& sim = document.at("sim");
+  const auto& sim = bench.document.section("sim");
   options.sigma_mm = sim.value("sigma_mm", options.sigma_mm);
   options.edge_window_rad =
       sim.value("edge_window_deg", options.edge_window_rad * fit::deg_per_rad) * fit::rad_per_deg;

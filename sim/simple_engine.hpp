@@ -11,7 +11,8 @@
 
 namespace sim {
 
-/// What the simple engine needs beyond the scene. In a bench file: the section "sim" (docs/simulator.md).
+/// What the simple engine needs beyond the scene. In a bench file: the section "sim"
+/// (docs/develop/simulator.md).
 struct SimpleOptions {
   double sigma_mm =
       3;  ///< Range noise; a UST-10LX stays under 30 mm (manual), 3 mm is a good one on white paper.

@@ -55,7 +55,7 @@ void set_physics(StagePhysics& physics, const json& causes) {
   }
 }
 
-/// What is known of a stage by its name (docs/stages.md gives the sources).
+/// What is known of a stage by its name (docs/operate/stages.md gives the sources).
 void set_model(StagePhysics& physics, const std::string& model, const std::string& language) {
   const bool is_sigma_koki = language == "shot" || language == "gsc";
   if (language == "zaber" && model == "X-RSW60A") physics.units_per_deg = 1536000.0 / 360;
@@ -78,8 +78,7 @@ void set_common(StagePhysics& physics, const json& stage) {
 }
 
 json stage_of(const fit::Bench& bench) {
-  const json document = json::parse(bench.document, nullptr, true, true);
-  const json stage = document.value("stage", json::object());
+  json stage = bench.document.json().value("stage", json::object());
   if (!stage.is_object()) throw std::invalid_argument("the bench file's stage must be an object");
   return stage;
 }

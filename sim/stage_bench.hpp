@@ -7,8 +7,8 @@
 namespace sim {
 
 /// The stage that a bench file describes: language, address, units_per_deg, speed, ends, and under `physics`
-/// the causes of its errors by the names of StagePhysics' members (docs/simulator.md). What is not said is as
-/// usual for the language. Throws std::invalid_argument naming the key.
+/// the causes of its errors by the names of StagePhysics' members (docs/develop/simulator.md). What is not
+/// said is as usual for the language. Throws std::invalid_argument naming the key.
 StageDeviceOptions stage_device_options(const fit::Bench& bench, const std::string& language_override = "");
 
 /// How the bench's angles lie on the stage's own scale.

@@ -8,7 +8,7 @@
 namespace sim {
 
 /// The causes of a rotary stage's motion and of its errors. An amplitude of 0 switches a cause off. Numbers
-/// found for real stages are quoted with their sources in docs/stages.md.
+/// found for real stages are quoted with their sources in docs/operate/stages.md.
 struct StagePhysics {
   double units_per_deg =
       1536000.0 / 360;  ///< Motor units (microsteps, pulses) in a degree: 120:1, 1.8 deg, 64 microsteps.

@@ -369,9 +369,9 @@ std::string compile_world(const World& world) {
     spreads.push_back((column[column.size() * 84 / 100] - column[column.size() * 16 / 100]) / 2);
   }
   fit::Bench bench = world.bench;
-  json document = json::parse(bench.document, nullptr, true, true);
-  if (document.contains("stage") && document["stage"].is_object()) document["stage"].erase("physics");
-  bench.document = document.dump();
+  bench.document.change([](json& document) {
+    if (document.contains("stage") && document["stage"].is_object()) document["stage"].erase("physics");
+  });
   if (!spreads.empty() && !bench.knows("range-noise")) {
     std::ranges::sort(spreads);
     fit::KnownMechanism noise;

@@ -32,7 +32,7 @@ struct TargetTruth {
 };
 
 /// Everything that makes up a device and its room, as causes. The defaults are a good device without faults.
-/// docs/world.md explains every key of the file this is read from.
+/// docs/develop/worlds.md explains every key of the file this is read from.
 struct World {
   fit::Bench bench;  ///< What the operator knows.
 

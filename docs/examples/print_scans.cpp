@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Prints scans of a lidar with this computer's times: print_scans HOST [PORT [HOW_MANY]]. docs/lidar.md, "The
-// driver".
+// Prints scans of a lidar with this computer's times: print_scans HOST [PORT [HOW_MANY]].
+// docs/develop/lidar.md, "The driver".
 #include <boost/asio/co_spawn.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/this_coro.hpp>

@@ -87,8 +87,8 @@ bool stands_alike(const Target& a, const Target& b) {
 }
 
 bool is_placed_anew(const Bench& bench, const std::string& target) {
-  const auto document = nlohmann::json::parse(bench.document, nullptr, false);
-  if (!document.is_object() || !document.contains("targets") || !document["targets"].is_array()) return false;
+  const auto& document = bench.document.json();
+  if (!document.contains("targets") || !document["targets"].is_array()) return false;
   return std::ranges::any_of(document["targets"], [&](const nlohmann::json& entry) {
     return entry.is_object() && entry.value("name", "") == target && entry.value("placed_anew", false);
   });

@@ -15,7 +15,7 @@ Mechanism make_index_offset() {
   m.act = [](const Circumstances&, std::span<const double> p) {
     return Effect{.beam_rad = p[0] * rad_per_deg};
   };
-  m.same_in_plane = {mount_yaw};
+  m.looks_like = {mount_yaw};
   m.says = [](const Finding& f) {
     return "The lidar's zero direction is off by " + with_uncertainty(f.at("offset_deg"), "deg") +
            ", more than the bench file's uncertainty of the mount's yaw allows: either the index is off or "

@@ -17,7 +17,7 @@ Mechanism make_lidar_arm() {
     const double cos = std::cos(c.stage_rad), sin = std::sin(c.stage_rad);
     return Effect{.origin_mm = {cos * p[0] - sin * p[1], sin * p[0] + cos * p[1]}};
   };
-  m.same_in_plane = {"stage-eccentricity", mount_offset};
+  m.looks_like = {"stage-eccentricity", mount_offset};
   m.says = [](const Finding& f) {
     return "The optical centre sits " + with_uncertainty(f.at("x_mm"), "mm") + " / " +
            with_uncertainty(f.at("y_mm"), "mm") +

@@ -25,6 +25,7 @@ Mechanism make_local_noise() {
     const double away = wrap_angle(c.beam_rad - p[1] * rad_per_deg) * deg_per_rad / p[2];
     return Effect{.variance_mm2 = p[0] * p[0] * std::exp(-away * away / 2)};
   };
+  m.looks_like = {"sunlight"};  // that neither comes and goes nor drowns an echo
   m.shows = [](const Finding& f, const Recorded&) {
     const double centre = f.at("centre_deg").value, reach = 1.2 * f.at("width_deg").value;
     return std::vector<Stretch>{{Coordinate::beam, centre - reach, centre + reach}};

@@ -18,7 +18,7 @@ Mechanism make_stage_eccentricity() {
     const double at = c.stage_rad + p[1] * rad_per_deg;
     return Effect{.origin_mm = {p[0] * std::cos(at), p[0] * std::sin(at)}};
   };
-  m.same_in_plane = {"lidar-arm", mount_offset};
+  m.looks_like = {"lidar-arm", mount_offset};
   m.says = [](const Finding& f) {
     return "The stage's axis travels a circle of " + with_uncertainty(f.at("amplitude_mm"), "mm") + ".";
   };

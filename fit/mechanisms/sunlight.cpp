@@ -31,7 +31,7 @@ Mechanism make_sunlight() {
        .starts = 37,
        .logarithmic = false},
       {.name = "width_deg", .role = Parameter::Role::shape, .lower = 3, .upper = 50, .starts = 4},
-      {.name = "from_s", .role = Parameter::Role::shape, .expected = -ever_s, .logarithmic = false},
+      {.name = "from_s", .role = Parameter::Role::shape, .scale = Parameter::Scale::from, .expected = -ever_s, .logarithmic = false},
       {.name = "to_s", .role = Parameter::Role::shape, .expected = ever_s, .logarithmic = false},
       {.name = "lost", .typical = 0.01, .largest = 1, .sign = 1}};
   m.act = [](const Circumstances& c, std::span<const double> p) {

@@ -11,7 +11,8 @@
 namespace rig {
 
 /// The index of an archive: what its sessions hold, in tables that any client of the database reads
-/// (docs/laboratory.md). Nothing is in it that the sessions do not say: it can be made anew at any time.
+/// (docs/operate/laboratory.md). Nothing is in it that the sessions do not say: it can be made anew at any
+/// time.
 class ArchiveIndex {
  public:
   /// To read, or to write, which makes the tables if there are none. Throws UsageError (no index there; one of a

@@ -9,9 +9,9 @@
 
 namespace rig {
 
-/// `fleet/1` (docs/laboratory.md): what all sessions of an archive say together. Mechanisms and how often they were named,
-/// their sizes by model and age, unknown physics put together by its shape, lidars that drift, sessions whose results are
-/// another lidar's.
+/// `fleet/1` (docs/operate/laboratory.md): what all sessions of an archive say together. Mechanisms and how
+/// often they were named, their sizes by model and age, unknown physics put together by its shape, lidars
+/// that drift, sessions whose results are another lidar's.
 [[nodiscard]] nlohmann::json fleet_of(std::span<const SessionRecord> archive);
 
 /// The page of a fleet.

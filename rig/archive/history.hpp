@@ -43,8 +43,8 @@ inline constexpr std::size_t enough_differences = 12;
 /// The drift since the last adjustment, by the archive's repeatability where that is known.
 [[nodiscard]] Drift drift_of(const QuantityHistory& history, const std::map<std::string, Repeatability>& archive);
 
-/// `history/1` (docs/laboratory.md): everything that `rig history` says of one lidar. Throws UsageError: the archive has no
-/// such lidar.
+/// `history/1` (docs/operate/laboratory.md): everything that `rig history` says of one lidar. Throws
+/// UsageError: the archive has no such lidar.
 [[nodiscard]] nlohmann::json history_of(std::span<const SessionRecord> archive, const std::string& serial);
 
 /// The calibration before one of the same lidar, for its certificate: `previous/1`, or null if there is none with a quantity

@@ -90,22 +90,19 @@ class Check : public Command {
     const auto executor = co_await asio::this_coro::executor;
     const auto lidar = make_scip_source(executor, address);
     const auto clock = make_real_clock();
-    auto opening = open_stage_patiently(executor, stage_, options);
-    const auto stage = co_await std::move(opening);
+    const auto stage = co_await open_stage_patiently(executor, stage_, options);
     std::exception_ptr failure;
     try {
       const std::function<void(const CheckLine&)> tell = [this](const CheckLine& line) {
         print(line);
         lines_.push_back(line);
       };
-      auto checking = check_bench(bench, *lidar, *stage, *clock, stay_still_, tell);
-      co_await std::move(checking);
+      co_await check_bench(bench, *lidar, *stage, *clock, stay_still_, tell);
     } catch (...) {
       failure = std::current_exception();
     }
     co_await asio::this_coro::reset_cancellation_state(asio::disable_cancellation());
-    auto stopping = stage->stop();
-    co_await std::move(stopping);
+    co_await stage->stop();
     if (failure) std::rethrow_exception(failure);
   }
 

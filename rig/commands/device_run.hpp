@@ -124,10 +124,11 @@ class DeviceRun {
  public:
   std::string lidar, stage, operator_port;
   bool yes = false;
+  bool doubts_bench = false;  ///< RunnerParts::doubts_bench
 
   void declare(CLI::App& command) {
     command.add_option("--lidar", lidar, "tcp://HOST[:PORT]");
-    command.add_option("--stage", stage, "serial:PATH[?language=zaber&baud=...] (docs/stages.md)");
+    command.add_option("--stage", stage, "serial:PATH[?language=zaber&baud=...] (docs/operate/stages.md)");
     command.add_flag("--yes", yes, "Confirm every prompt: nobody is there");
     command.add_flag("--accept-lidar", accept_lidar_,
                      "Measure although the lidar is of another model or serial number than the bench file says, "
@@ -224,7 +225,7 @@ class DeviceRun {
     };
     remember_addresses(session);
     procedure_file_ = procedure.file;
-    RunnerParts parts{*source, *opened_stage, *clock, *person, fit_function(), write, accept_lidar_, &locks};
+    RunnerParts parts{*source, *opened_stage, *clock, *person, fit_function(), write, accept_lidar_, doubts_bench, &locks};
     Runner runner(procedure, bench, session, parts);
     return conduct(io, runner, bench, session, started);
   }

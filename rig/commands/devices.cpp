@@ -54,22 +54,19 @@ class Devices : public Command {
     if (ports.empty() && stages_.empty())
       std::fputs("  none; is the stage's USB cable plugged in?\n", stderr);
     for (const SerialPortInfo& port : ports) {
-      auto asking = ask_port(port, port.path, false);
-      co_await std::move(asking);
+      co_await ask_port(port, port.path, false);
     }
     for (const std::string& url : stages_) {
       SerialPortInfo port;
       port.path = url.substr(url.starts_with("serial:") ? 7 : 0);
       port.path = port.path.substr(0, port.path.find('?'));
-      auto asking = ask_port(port, url, true);
-      co_await std::move(asking);
+      co_await ask_port(port, url, true);
     }
     std::fputs("Lidars:\n", stderr);
     const bool wanted = !lidars_.empty();
     if (!wanted) lidars_.emplace_back(factory_address);
     for (const std::string& address : lidars_) {
-      auto asking = ask_lidar(address, wanted);
-      co_await std::move(asking);
+      co_await ask_lidar(address, wanted);
     }
   }
 
@@ -122,8 +119,7 @@ class Devices : public Command {
       DeviceLocks locks("rig devices");
       locks.lock("lidar", address.host + ":" + std::to_string(address.port));
       lidar::Client client(co_await asio::this_coro::executor, address.host, address.port);
-      auto connecting = client.connect();
-      const lidar::Identity who = co_await std::move(connecting);
+      const lidar::Identity who = co_await client.connect();
       answer = who.model + ", serial " + who.serial + ", firmware " + who.firmware;
       entry["lidar"] = json::parse(who.json);
       const std::string state = entry["lidar"]["II"].value("STAT", "");

@@ -81,6 +81,7 @@ class Investigate : public Command {
     if (page)
       hands.show = [&page](const json& dossier) { page->show_beside("investigation", investigate::for_live_page(dossier)); };
     investigate::Investigation investigation(bench, options_, hands);
+    devices_.doubts_bench = true;
     // Whatever is asked all the same has nobody to wait for.
     devices_.yes = investigation.unattended() && devices_.operator_port.empty();
     const json dossier = investigation.run();

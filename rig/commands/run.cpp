@@ -8,7 +8,7 @@
 namespace rig::commands {
 namespace {
 
-void check_fit_at(const Place& place, const std::string& kind, const json& options) {
+void check_fit_at(const FilePosition& place, const std::string& kind, const json& options) {
   try {
     check_fit(kind, options);
   } catch (const UsageError& error) {
@@ -34,7 +34,7 @@ json value_before_run(const Node& node, const Variables& variables) {
 void check_fits(const std::vector<Step>& steps, const Variables& variables) {
   for (const Step& step : steps) {
     check_fits(step.steps, variables);
-    const Node* kind = step.kind->name() == "fit" ? step.options.find("kind") : nullptr;
+    const Node* kind = step.kind->calibration(step.options);
     if (!kind || has_expression(kind->scalar)) continue;
     check_fit_at(kind->place, kind->scalar, nullptr);
     const Node* options = step.options.find("options");

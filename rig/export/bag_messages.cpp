@@ -116,8 +116,8 @@ std::int64_t begin_ns(const SessionStore& session) {
 std::string laser_scan(const fit::LidarGeometry& lidar, const fit::CaptureInfo& capture,
                        const fit::ScanView& scan, std::uint64_t time_ns) {
   const double period = scan.geometry && scan.geometry->scan_s ? *scan.geometry->scan_s : 1 / lidar.scan_hz;
-  const double step = scan.geometry ? scan.geometry->step_rad : lidar.step_rad * capture.cluster;
-  const double first = scan.geometry ? scan.geometry->first_rad : lidar.beam_angle(capture.first_step);
+  const fit::BeamAngles angles(lidar, capture, scan.geometry);
+  const double first = angles.first_rad(), step = angles.step_rad();
   const double last = first + step * (static_cast<double>(scan.range_mm.size()) - 1);
   std::vector<float> ranges, intensities(scan.intensity.begin(), scan.intensity.end());
   for (const std::uint16_t range : scan.range_mm)  // REP 117: no echo is +infinity

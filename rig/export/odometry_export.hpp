@@ -9,14 +9,14 @@
 namespace rig {
 
 /// What `rig fit odometry` found, for robots: millimetres and radians, and each with its expanded uncertainty
-/// (k = 2). The lidar on the robot as docs/moving.md has it: x ahead, y to the left, from midway between the
-/// wheels.
+/// (k = 2). The lidar on the robot as docs/method/moving.md has it: x ahead, y to the left, from midway
+/// between the wheels.
 struct OdometryExport {
   struct Value {
     double value = 0, expanded = 0;
   };
   Value left_radius_mm, right_radius_mm, separation_mm, lidar_x_mm, lidar_y_mm, lidar_yaw_rad;
-  nlohmann::json result;  ///< The whole document (docs/results.md).
+  nlohmann::json result;  ///< The whole document (docs/reference/result.md).
 };
 
 /// A format of `rig export` that is a text made from the result of `rig fit odometry`: from a session that

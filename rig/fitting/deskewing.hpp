@@ -32,7 +32,7 @@ class Deskewing {
   Deskewing(const Deskewing&) = delete;
   Deskewing& operator=(const Deskewing&) = delete;
 
-  /// The result `deskew` (docs/moving.md), with pictures of the map.
+  /// The result `deskew` (docs/method/moving.md), with pictures of the map.
   [[nodiscard]] nlohmann::json document() const;
   /// Replaces the track of a session by the fused one and adds the table `deskewed`.
   void write(const std::string& file) const;

@@ -32,8 +32,8 @@ class Fitting {
   /// True if it does not matter that of a cluster of steps the lidar sends the nearest range, which is shorter
   /// than single beams' by about the noise.
   [[nodiscard]] virtual bool accepts_clusters() const { return false; }
-  /// The result document (`result/1`, docs/results.md). Throws MeasurementError when the data do not allow
-  /// one.
+  /// The result document (`result/1`, docs/reference/result.md). Throws MeasurementError when the data do not
+  /// allow one.
   [[nodiscard]] virtual nlohmann::json run(const std::vector<FitSource>& sources,
                                            const FitOptions& options) const = 0;
 };

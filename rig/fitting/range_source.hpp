@@ -21,7 +21,7 @@ struct RangeCapture {
   bool normal_from_data = false;
   double beam_deg = 0;        ///< Mean direction of the beam nearest to it.
   double oblique_mm = 0;      ///< Range along that beam less the distance along the normal.
-  double u_placement_mm = 0;  ///< Of the target along its normal.
+  double u_placement_mm = 0;  ///< Of the target along its normal, radius and the normal's direction included.
   double u_mount_mm = 0;      ///< Of the lidar's place on the stage, along that normal.
   std::optional<double> reflectance, temperature_c;
   double beam_step_deg = 0;  ///< From one beam to the next.

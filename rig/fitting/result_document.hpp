@@ -9,7 +9,7 @@
 
 namespace rig {
 
-/// Builds the parts of a `result/1` document (docs/results.md).
+/// Builds the parts of a `result/1` document (docs/reference/result.md).
 
 [[nodiscard]] nlohmann::json new_result(const std::string& kind, const std::string& method);
 

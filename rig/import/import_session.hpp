@@ -36,8 +36,8 @@ struct ImportReport {
 ///
 /// With true distances, the session's bench has a flat target square to the x axis at the first of them, and
 /// every capture the shift that puts it at its own: what `rig fit range` and `rig explain` need. Beside the
-/// tables of formats.md it writes `imu(host_us, yaw_deg, rate_deg_s)`, and the session keys `import`,
-/// `transforms` and `lidar_on_robot` (docs/import.md).
+/// tables of docs/reference/session.md it writes `imu(host_us, yaw_deg, rate_deg_s)`, and the session keys
+/// `import`, `transforms` and `lidar_on_robot` (docs/operate/import.md).
 ImportReport import_session(const ImportRequest& request);
 
 /// The distance that a file's name, or its folder's, tells ("wall_0.5m", "1500mm_0.mcap"), in millimetres.

@@ -9,7 +9,7 @@
 namespace rig::investigate {
 namespace {
 
-bool is_prompt(const PlannedStep& step) { return step.step->kind->name() == "prompt"; }
+bool is_prompt(const PlannedStep& step) { return step.step->kind->asks_a_person(); }
 
 /// What a prompt asks for, of what costs time.
 struct Asked {

@@ -104,9 +104,9 @@ End end_named(const std::string& name) {
   throw std::invalid_argument("no investigation ends with '" + name + "'");
 }
 
-Decision decide(const Told& told, const std::vector<Possible>& telling, const std::vector<Possible>& surveys,
-                const Means& means) {
-  using Verdict = Told::Verdict;
+Decision decide(const Conclusions& told, const std::vector<Possible>& telling,
+                const std::vector<Possible>& surveys, const Means& means) {
+  using Verdict = Conclusions::Verdict;
   const bool in_doubt = told.verdict == Verdict::undecided || told.verdict == Verdict::unknown_physics ||
                         (told.verdict == Verdict::explained && told.least_probability < sure);
   if (means.rounds_left <= 0) {
@@ -152,7 +152,7 @@ Confirmation judge(const Outcome& o, bool claims) {
   demand(o.rms_of_means_mm <= worst_ratio * o.expected_rms_of_means_mm,
          "the means are off by " + fit::rounded(o.rms_of_means_mm, 3) + " mm (rms), " +
              fit::rounded(o.expected_rms_of_means_mm, 3) + " mm were foretold (1.5 times that is allowed).");
-  if (claims && !gains(o) && o.told_again)
+  if (claims && !gains(o) && o.named_again)
     demand(o.gain > -2 * o.u_gain - 1, "the recording alone, explained, tells the same. It is of a kind that no mean and no variance shows.");
   else if (claims)
     demand(gains(o), "what was found makes the recording e^" + fit::rounded(o.gain, 3) + " times as likely (± " +

@@ -20,7 +20,7 @@ enum class End {
 [[nodiscard]] End end_named(const std::string& name);
 
 /// What all sessions together say so far, as the next step depends on it.
-struct Told {
+struct Conclusions {
   enum class Verdict { nothing_missing, explained, undecided, unknown_physics };
   Verdict verdict = Verdict::nothing_missing;
   double least_probability = 1;  ///< Of the mechanisms that are named.
@@ -60,7 +60,7 @@ constexpr double sure = 0.9;
 /// `telling` separates suspects, `surveys` look where nobody has looked. While something is in doubt, the session
 /// with the most expected information per minute is next; a survey only where no other can be done. While nothing
 /// is, surveys that need no hand are, the quickest first.
-[[nodiscard]] Decision decide(const Told& told, const std::vector<Possible>& telling,
+[[nodiscard]] Decision decide(const Conclusions& told, const std::vector<Possible>& telling,
                               const std::vector<Possible>& surveys, const Means& means);
 
 /// Whether a recording came out as it was foretold.
@@ -71,7 +71,7 @@ struct Outcome {
   double gain = 0, u_gain = 0;  ///< Log-likelihood of the recording, with what was found less without it.
   /// The recording alone, explained, tells the same: for what no mean and no variance shows (lost echoes, coarse
   /// steps, memory, light beside edges). Asked only where the gain does not tell.
-  bool told_again = false;
+  bool named_again = false;
 };
 /// Whether the gain tells that what was found is there.
 [[nodiscard]] bool gains(const Outcome& outcome);

@@ -121,7 +121,7 @@ json without_pictures(const json& explanation) {
   return told;
 }
 
-std::string told_in_words(const json& told) {
+std::string conclusions_in_words(const json& told) {
   std::vector<std::string> words;
   for (const json& s : told.at("suspects"))
     words.push_back(s.at("name").get<std::string>() + " " + fit::rounded(100 * s.at("probability").get<double>(), 3) +

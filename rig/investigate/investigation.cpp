@@ -53,9 +53,9 @@ bool has_data(const std::string& path) {
   return !missing && size > 0;
 }
 
-Told told_by(const Explanation& found) {
-  Told told;
-  using Verdict = Told::Verdict;
+Conclusions conclusions_of(const Explanation& found) {
+  Conclusions told;
+  using Verdict = Conclusions::Verdict;
   told.verdict = found.verdict == fit::explain::nothing_missing   ? Verdict::nothing_missing
                  : found.verdict == fit::explain::unknown_physics ? Verdict::unknown_physics
                  : found.verdict == "explained"                   ? Verdict::explained
@@ -170,10 +170,10 @@ void Investigation::begin() {
   Round first;
   first.session.name = "round-1";
   if (options_.procedure.empty()) {
-    const Look look = first_look(bench_, limits_, !state_.unattended);
-    write_file_atomically(file("round-1.yaml"), procedure_text("round-1", look, bench_));
-    first.session.title = look.title;
-    first.session.why = look.about;
+    const SessionPlan plan = first_plan(bench_, limits_, !state_.unattended);
+    write_file_atomically(file("round-1.yaml"), procedure_text("round-1", plan, bench_));
+    first.session.title = plan.title;
+    first.session.why = plan.about;
   } else {
     const Procedure given = read_procedure(find_procedure(options_.procedure));
     write_file_atomically(file("round-1.yaml"), given.text);
@@ -238,9 +238,9 @@ void Investigation::explain_and_decide() {
   write_file_atomically(file(round.session.name + ".explanation.json"), text_of(explanation));
   write_file_atomically(file(twin_file), text_of(explanation.at("bench")));
   round.told = without_pictures(explanation);
-  hands_.say(round.session.name + ": " + told_in_words(round.told));
+  hands_.say(round.session.name + ": " + conclusions_in_words(round.told));
   const std::vector<Candidate> tell = telling(*all, *found_);
-  const std::vector<Look> unasked = surveys(bench_, limits_, all->captures());
+  const std::vector<SessionPlan> unasked = surveys(bench_, limits_, all->captures());
   const std::vector<Candidate> survey = candidates(unasked, std::vector<double>(unasked.size(), 0));
   const auto possible = [](const std::vector<Candidate>& list) {
     std::vector<Possible> out;
@@ -248,7 +248,7 @@ void Investigation::explain_and_decide() {
     return out;
   };
   const Means means{minutes_left(), state_.unattended, most_rounds - static_cast<int>(state_.rounds.size())};
-  const Decision decision = decide(told_by(*found_), possible(tell), possible(survey), means);
+  const Decision decision = decide(conclusions_of(*found_), possible(tell), possible(survey), means);
   if (decision.next) {
     const auto& from = decision.next->from == Decision::From::telling ? tell : survey;
     plan(from[decision.next->index], decision.why, from);
@@ -264,18 +264,20 @@ void Investigation::explain_and_decide() {
   save();
 }
 
-std::vector<Investigation::Candidate> Investigation::candidates(const std::vector<Look>& looks,
-                                                                const std::vector<double>& information) const {
+std::vector<Investigation::Candidate> Investigation::candidates(
+    const std::vector<SessionPlan>& plans, const std::vector<double>& information) const {
   std::vector<Candidate> list;
-  for (std::size_t i = 0; i < looks.size(); ++i) {
+  for (std::size_t i = 0; i < plans.size(); ++i) {
     try {
-      const Procedure procedure = parse_procedure(procedure_text("candidate", looks[i], bench_), looks[i].title);
+      const Procedure procedure =
+          parse_procedure(procedure_text("candidate", plans[i], bench_), plans[i].title);
       const auto planned = unroll(procedure, bench_);
-      Candidate c{looks[i], {looks[i].title, information[i], 0, needs_hand(planned), false},
+      Candidate c{plans[i],
+                  {plans[i].title, information[i], 0, needs_hand(planned), false},
                   cost_of(planned, procedure.variables)};
       c.possible.minutes = c.cost.total();
       c.possible.done = std::ranges::any_of(
-          state_.rounds, [&](const Round& round) { return round.session.title == looks[i].title; });
+          state_.rounds, [&](const Round& round) { return round.session.title == plans[i].title; });
       list.push_back(std::move(c));
     } catch (const ProcedureError&) {  // The bench forbids it: soft limits, beams that the lidar does not have.
     }
@@ -284,15 +286,15 @@ std::vector<Investigation::Candidate> Investigation::candidates(const std::vecto
 }
 
 std::vector<Investigation::Candidate> Investigation::telling(const Evidence& all, const Explanation& found) const {
-  std::vector<Look> looks;
+  std::vector<SessionPlan> plans;
   std::vector<double> information;
   for (const fit::explain::Experiment& e :
        fit::explain::telling_experiments(all.list(), found, travel_of(limits_))) {
     const bool many = e.scans > 100 || (e.scans == 100 && !e.by_hand);  // ten times as many as at first
-    looks.push_back({e.title + (many ? ", with many scans" : ""), promise_of(e), {e}, ""});
+    plans.push_back({e.title + (many ? ", with many scans" : ""), promise_of(e), {e}, ""});
     information.push_back(e.information);
   }
-  return candidates(looks, information);
+  return candidates(plans, information);
 }
 
 std::string Investigation::would_need(const Explanation& found) const {
@@ -306,12 +308,13 @@ std::string Investigation::would_need(const Explanation& found) const {
 void Investigation::plan(const Candidate& candidate, const std::string& why, const std::vector<Candidate>& considered) {
   Round next;
   next.session.name = "round-" + std::to_string(state_.rounds.size() + 1);
-  next.session.title = candidate.look.title;
-  next.session.why = why + " " + candidate.look.about;
+  next.session.title = candidate.plan.title;
+  next.session.why = why + " " + candidate.plan.about;
   next.session.cost = candidate.cost;
   next.session.needs_hand = candidate.possible.needs_hand;
   for (const Candidate& c : considered) next.considered.push_back(c.possible);
-  write_file_atomically(file(next.session.name + ".yaml"), procedure_text(next.session.name, candidate.look, bench_));
+  write_file_atomically(file(next.session.name + ".yaml"),
+                        procedure_text(next.session.name, candidate.plan, bench_));
   hands_.say("next: " + next.session.title + ". " + next.session.why);
   state_.rounds.push_back(std::move(next));
   save();
@@ -323,22 +326,22 @@ void Investigation::foretell() {
   const std::vector<fit::CaptureInfo> so_far = all->captures();
   Session last;
   last.name = "last-" + std::to_string(state_.refuted + 1);
-  Look look;
+  SessionPlan plan;
   for (const bool with_hand : {true, false}) {
     if (with_hand && state_.unattended) continue;
-    look = fresh_look(bench_, limits_, with_hand, so_far);
-    const Procedure procedure = parse_procedure(procedure_text(last.name, look, bench_), last.name);
+    plan = fresh_plan(bench_, limits_, with_hand, so_far);
+    const Procedure procedure = parse_procedure(procedure_text(last.name, plan, bench_), last.name);
     const auto planned = unroll(procedure, bench_);
     last.cost = cost_of(planned, procedure.variables);
     last.needs_hand = needs_hand(planned);
     if (!with_hand || last.cost.total() <= minutes_left() + last_look_min) break;
   }
-  last.title = look.title;
-  last.why = look.about;
-  const std::vector<fit::CaptureInfo> planned = after(so_far, look.captures());
+  last.title = plan.title;
+  last.why = plan.about;
+  const std::vector<fit::CaptureInfo> planned = after(so_far, plan.captures());
   const fit::explain::Forecast forecast = fit::explain::forecast(found_->bench, planned, all->list());
   const std::string text = text_of(prediction_document(*found_, planned, forecast, last.title));
-  write_file_atomically(file(last.name + ".yaml"), procedure_text(last.name, look, bench_));
+  write_file_atomically(file(last.name + ".yaml"), procedure_text(last.name, plan, bench_));
   write_file_atomically(file(prediction_file), text);
   state_.prediction_sha256 = sha256_of(text);
   hands_.say("prediction of " + last.name + " written before it is recorded: " + file(prediction_file) +
@@ -366,7 +369,8 @@ void Investigation::compare() {
     outcome = {score.samples, score.coverage_95, score.coverage_95_of_means, score.rms_of_means_mm,
                score.expected_rms_of_means_mm, prediction.gain, prediction.u_gain, false};
     const bool claims = found_->verdict != fit::explain::nothing_missing;
-    if (claims && !gains(outcome)) outcome.told_again = same(*found_, hands_.explain({all->recordings.back().get()}));
+    if (claims && !gains(outcome))
+      outcome.named_again = same(*found_, hands_.explain({all->recordings.back().get()}));
     const Confirmation judged = judge(outcome, claims);
     comparison.update(comparison_document(score, prediction, judged));
   } catch (const std::invalid_argument& error) {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "fit/explain/explanation.hpp"
-#include "rig/investigate/looks.hpp"
+#include "rig/investigate/session_plan.hpp"
 #include "rig/investigate/state.hpp"
 #include "rig/procedure/procedure.hpp"
 
@@ -45,14 +45,14 @@ class Investigation {
   /// As it was begun.
   [[nodiscard]] bool unattended() const { return state_.unattended; }
 
-  /// To the end. Returns the dossier (`dossier/1`, docs/investigate.md). Throws what recording throws; what was
-  /// recorded stays, and a resumed investigation goes on with it.
+  /// To the end. Returns the dossier (`dossier/1`, docs/operate/investigate.md). Throws what recording
+  /// throws; what was recorded stays, and a resumed investigation goes on with it.
   nlohmann::json run();
 
  private:
   struct Evidence;
   struct Candidate {
-    Look look;
+    SessionPlan plan;
     Possible possible;
     Cost cost;
   };
@@ -65,7 +65,7 @@ class Investigation {
   void record(Session& session);
   [[nodiscard]] std::unique_ptr<Evidence> evidence(const fit::Bench& bench, bool with_last) const;
   void explain_and_decide();
-  [[nodiscard]] std::vector<Candidate> candidates(const std::vector<Look>& looks,
+  [[nodiscard]] std::vector<Candidate> candidates(const std::vector<SessionPlan>& plans,
                                                   const std::vector<double>& information) const;
   [[nodiscard]] std::vector<Candidate> telling(const Evidence& evidence, const fit::explain::Explanation& found) const;
   [[nodiscard]] std::string would_need(const fit::explain::Explanation& found) const;

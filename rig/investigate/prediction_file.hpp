@@ -15,8 +15,8 @@ namespace rig::investigate {
 [[nodiscard]] std::vector<fit::CaptureInfo> after(const std::vector<fit::CaptureInfo>& so_far,
                                                   std::vector<fit::CaptureInfo> planned);
 
-/// What is written down before a session is recorded (`prediction/1`, docs/investigate.md): what was found, in
-/// words and as a bench file, and what every beam will show.
+/// What is written down before a session is recorded (`prediction/1`, docs/operate/investigate.md): what was
+/// found, in words and as a bench file, and what every beam will show.
 [[nodiscard]] nlohmann::json prediction_document(const fit::explain::Explanation& found,
                                                  const std::vector<fit::CaptureInfo>& planned,
                                                  const fit::explain::Forecast& forecast, const std::string& title);

@@ -15,7 +15,8 @@ class BenchesState {
  public:
   explicit BenchesState(std::string folder) : folder_(std::move(folder)) {}
 
-  /// `benches/1` (docs/laboratory.md), at the time `now_unix_s`: who is needed first. Throws UsageError: no such folder.
+  /// `benches/1` (docs/operate/laboratory.md), at the time `now_unix_s`: who is needed first. Throws
+  /// UsageError: no such folder.
   [[nodiscard]] nlohmann::json look(std::int64_t now_unix_s);
 
  private:

@@ -26,8 +26,8 @@ struct FoxgloveMessage {
   nlohmann::json body;
 };
 
-/// The messages that a state of the live page (`live/1`, docs/live.md) becomes. Of its log those after the
-/// first `logged`; pure.
+/// The messages that a state of the live page (`live/1`, docs/reference/live.md) becomes. Of its log those
+/// after the first `logged`; pure.
 [[nodiscard]] std::vector<FoxgloveMessage> foxglove_messages(const nlohmann::json& state,
                                                              std::int64_t time_ns, const fit::Mount& lidar,
                                                              std::uint64_t logged);

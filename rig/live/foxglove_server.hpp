@@ -33,7 +33,8 @@ class FoxgloveServer {
   [[nodiscard]] std::uint16_t port() const;
   /// What the operator types into Foxglove's "Open connection".
   [[nodiscard]] std::string url() const;
-  /// The state of the live page (`live/1`, docs/live.md) at a moment, nanoseconds of the Unix epoch.
+  /// The state of the live page (`live/1`, docs/reference/live.md) at a moment, nanoseconds of the Unix
+  /// epoch.
   void publish(const nlohmann::json& state, std::int64_t time_ns);
   /// Lets every client have the last messages, for at most a second, then stops and calls `done`.
   void finish(std::function<void()> done);

@@ -1,44 +1,22 @@
 // SPDX-License-Identifier: MIT
 #include "rig/live/live_server.hpp"
 
-#include <algorithm>
-#include <boost/asio/awaitable.hpp>
-#include <boost/asio/co_spawn.hpp>
-#include <boost/asio/detached.hpp>
-#include <boost/asio/ip/tcp.hpp>
-#include <boost/asio/redirect_error.hpp>
-#include <boost/asio/steady_timer.hpp>
-#include <boost/asio/use_awaitable.hpp>
-#include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
-#include <boost/beast/websocket.hpp>
-#include <list>
 #include <nlohmann/json.hpp>
+
+#include "rig/live/web_service.hpp"
 
 namespace rig {
 
 namespace {
 
-namespace asio = boost::asio;
 namespace beast = boost::beast;
 namespace http = beast::http;
-namespace websocket = beast::websocket;
-using asio::awaitable;
-using asio::use_awaitable;
-using Clock = std::chrono::steady_clock;
-using namespace std::chrono_literals;
 
-constexpr auto request_limit = 10s;
-constexpr auto frame_spacing = 50ms;
-constexpr std::size_t most_browsers = 32;
-constexpr std::size_t largest_command_bytes = 4096;
+constexpr WebService::Limits of_the_page{32, 4096};
 
-using Request = WebRequest;
-using Response = http::response<http::string_body>;
-using WebSocket = websocket::stream<beast::tcp_stream>;
-
-Response answer(const Request& request, http::status status, const char* type, std::string body) {
-  Response response{status, request.version()};
+WebResponse answer(const WebRequest& request, http::status status, const char* type, std::string body) {
+  WebResponse response{status, request.version()};
   response.set(http::field::server, "rig");
   response.set(http::field::content_type, type);
   response.set(http::field::cache_control, "no-store");
@@ -54,71 +32,41 @@ Response answer(const Request& request, http::status status, const char* type, s
   return response;
 }
 
+/// A browser that shows the page.
+struct Browser final : WebPeer {
+  using WebPeer::WebPeer;
+  std::uint64_t seen = 0, sent = 0;  ///< Versions of the state.
+};
+
 }  // namespace
 
-struct LiveServer::Impl : std::enable_shared_from_this<LiveServer::Impl> {
-  struct Browser {
-    explicit Browser(beast::tcp_stream&& stream, const asio::any_io_executor& executor)
-        : socket(std::move(stream)), wake(executor) {}
-    WebSocket socket;
-    asio::steady_timer wake;
-    std::uint64_t seen = 0, sent = 0;
-  };
+struct LiveServer::Impl final : WebService {
+  Impl(const boost::asio::any_io_executor& executor, const Options& options, OnCommand on_command_,
+       const char* page_)
+      : WebService(executor, options, of_the_page), on_command(std::move(on_command_)), page(page_) {}
 
-  Impl(const asio::any_io_executor& executor_, const Options& options_, OnCommand on_command_, const char* page_)
-      : executor(executor_), options(options_), on_command(std::move(on_command_)), page(page_), acceptor(executor_) {}
-
-  asio::any_io_executor executor;
-  Options options;
   OnCommand on_command;
   const char* page;
-  asio::ip::tcp::acceptor acceptor;
-  std::uint16_t port = 0;
-  std::list<std::shared_ptr<Browser>> browsers;
   std::shared_ptr<const std::string> state = std::make_shared<const std::string>("{}");
   std::uint64_t version = 1;
   std::string picture_type, picture;
-  bool stopped = false;
 
-  void listen();
-  awaitable<void> accept_browsers();
-  awaitable<void> serve(asio::ip::tcp::socket socket);
-  awaitable<void> serve_websocket(beast::tcp_stream stream, Request request);
-  awaitable<void> send_states(std::shared_ptr<Browser> browser);
-  awaitable<void> receive_commands(std::shared_ptr<Browser> browser);
-  awaitable<void> send_last_state();
-  void stop();
-  [[nodiscard]] bool admits(const Request& request) const;
-  [[nodiscard]] Response respond(const Request& request) const;
+  /// Only our own page may press our buttons.
+  bool is_welcome(std::string_view origin, std::string_view host) const override {
+    return origin == "http://" + std::string(host);
+  }
+  WebResponse respond(const WebRequest& request) const override;
+  Peer new_peer(beast::tcp_stream&& stream) const override {
+    return std::make_shared<Browser>(std::move(stream));
+  }
+  boost::asio::awaitable<void> send(Peer peer) override;
+  void receive(WebPeer& peer, const std::string& message, bool is_text) override;
+  bool has_all(const WebPeer& peer) const override {
+    return static_cast<const Browser&>(peer).sent == version;
+  }
 };
 
-void LiveServer::Impl::listen() { port = listen_on(acceptor, options, "--live"); }
-
-awaitable<void> LiveServer::Impl::accept_browsers() {
-  const auto self = shared_from_this();
-  while (!stopped) {
-    boost::system::error_code failed;
-    auto socket = co_await acceptor.async_accept(asio::redirect_error(use_awaitable, failed));
-    if (stopped) break;
-    if (failed) {  // out of descriptors, say: try again shortly instead of spinning
-      asio::steady_timer pause(executor, 100ms);
-      co_await pause.async_wait(asio::redirect_error(use_awaitable, failed));
-      continue;
-    }
-    auto session = serve(std::move(socket));
-    asio::co_spawn(executor, std::move(session), [self](const std::exception_ptr&) {});
-  }
-}
-
-/// Origin, where sent, must be ours: a foreign page in a browser of this computer must not press our buttons.
-bool LiveServer::Impl::admits(const Request& request) const {
-  const std::string host(request[http::field::host]);
-  const auto origin = request.find(http::field::origin);
-  if (origin != request.end() && origin->value() != "http://" + host) return false;
-  return admits_host_and_token(request, options);
-}
-
-Response LiveServer::Impl::respond(const Request& request) const {
+WebResponse LiveServer::Impl::respond(const WebRequest& request) const {
   const std::string target(request.target().substr(0, request.target().find('?')));
   if (!admits(request))
     return answer(request, http::status::forbidden, "text/plain; charset=utf-8",
@@ -133,126 +81,46 @@ Response LiveServer::Impl::respond(const Request& request) const {
                 "Nothing here: the page is at /\n");
 }
 
-awaitable<void> LiveServer::Impl::serve(asio::ip::tcp::socket socket) {
+boost::asio::awaitable<void> LiveServer::Impl::send(Peer peer) {
   const auto self = shared_from_this();
-  beast::tcp_stream stream(std::move(socket));
-  beast::flat_buffer buffer;
-  http::request_parser<http::string_body> parser;
-  parser.body_limit(largest_command_bytes);
-  parser.header_limit(8192);
-  stream.expires_after(request_limit);
-  boost::system::error_code failed;
-  co_await http::async_read(stream, buffer, parser, asio::redirect_error(use_awaitable, failed));
-  if (failed) co_return;
-  Request request = parser.release();
-  if (websocket::is_upgrade(request) && admits(request) && browsers.size() < most_browsers) {
-    auto upgraded = serve_websocket(std::move(stream), std::move(request));
-    co_await std::move(upgraded);
-    co_return;
-  }
-  const Response response = respond(request);
-  stream.expires_after(request_limit);
-  co_await http::async_write(stream, response, asio::redirect_error(use_awaitable, failed));
-  stream.socket().shutdown(asio::ip::tcp::socket::shutdown_send, failed);
-}
-
-awaitable<void> LiveServer::Impl::serve_websocket(beast::tcp_stream stream, Request request) {
-  const auto self = shared_from_this();
-  const auto browser = std::make_shared<Browser>(std::move(stream), executor);
-  beast::get_lowest_layer(browser->socket).expires_never();
-  auto timeout = websocket::stream_base::timeout::suggested(beast::role_type::server);
-  timeout.idle_timeout = 20s;  // with pings: a browser that vanished is noticed and dropped
-  timeout.keep_alive_pings = true;
-  browser->socket.set_option(timeout);
-  browser->socket.read_message_max(largest_command_bytes);
-  boost::system::error_code failed;
-  co_await browser->socket.async_accept(request, asio::redirect_error(use_awaitable, failed));
-  if (failed || stopped) co_return;
-  browsers.push_back(browser);
-  auto sending = send_states(browser);
-  asio::co_spawn(executor, std::move(sending), asio::detached);
-  auto receiving = receive_commands(browser);
-  co_await std::move(receiving);
-  browsers.remove(browser);
-  browser->wake.cancel();
-}
-
-awaitable<void> LiveServer::Impl::send_states(std::shared_ptr<Browser> browser) {
-  const auto self = shared_from_this();
-  boost::system::error_code failed;
-  while (!stopped && browser->socket.is_open()) {
-    if (browser->seen == version) {
-      browser->wake.expires_after(5s);
-      co_await browser->wake.async_wait(asio::redirect_error(use_awaitable, failed));
+  auto& browser = static_cast<Browser&>(*peer);
+  while (!stopped() && browser.socket.is_open()) {
+    if (browser.seen == version) {
+      co_await wait_for_news(browser, std::chrono::seconds(5));
       continue;
     }
-    const std::uint64_t sending = browser->seen = version;
+    const std::uint64_t sending = browser.seen = version;
     const auto text = state;
-    browser->socket.text(true);
-    co_await browser->socket.async_write(asio::buffer(*text), asio::redirect_error(use_awaitable, failed));
-    if (failed) co_return;
-    browser->sent = sending;
-    asio::steady_timer pace(executor, frame_spacing);
-    co_await pace.async_wait(asio::redirect_error(use_awaitable, failed));
+    if (!co_await write(browser, *text, true)) co_return;
+    browser.sent = sending;
+    co_await pause(web_message_spacing);
   }
 }
 
-awaitable<void> LiveServer::Impl::receive_commands(std::shared_ptr<Browser> browser) {
-  const auto self = shared_from_this();
-  boost::system::error_code failed;
-  while (!stopped) {
-    beast::flat_buffer buffer;
-    co_await browser->socket.async_read(buffer, asio::redirect_error(use_awaitable, failed));
-    if (failed) co_return;
-    const auto command = nlohmann::json::parse(beast::buffers_to_string(buffer.data()), nullptr, false);
-    if (command.is_object() && command.contains("command") && command.at("command").is_string())
-      on_command(command);
-  }
-}
-
-awaitable<void> LiveServer::Impl::send_last_state() {
-  const auto self = shared_from_this();
-  const auto limit = Clock::now() + 1s;
-  const auto waits = [this](const std::shared_ptr<Browser>& browser) { return browser->sent != version; };
-  while (std::any_of(browsers.begin(), browsers.end(), waits) && Clock::now() < limit) {
-    asio::steady_timer pause(executor, 10ms);
-    boost::system::error_code failed;
-    co_await pause.async_wait(asio::redirect_error(use_awaitable, failed));
-  }
-  stop();
-}
-
-void LiveServer::Impl::stop() {
-  if (stopped) return;
-  stopped = true;
-  boost::system::error_code ignored;
-  acceptor.close(ignored);
-  for (const auto& browser : browsers) {
-    browser->wake.cancel();
-    beast::get_lowest_layer(browser->socket).close();
-  }
+void LiveServer::Impl::receive(WebPeer&, const std::string& message, bool) {
+  const auto command = nlohmann::json::parse(message, nullptr, false);
+  if (command.is_object() && command.contains("command") && command.at("command").is_string())
+    on_command(command);
 }
 
 LiveServer::LiveServer(boost::asio::any_io_executor executor, const Options& options, OnCommand on_command,
                        const char* page)
     : impl_(std::make_shared<Impl>(executor, options, std::move(on_command), page)) {
-  impl_->listen();
-  auto accepting = impl_->accept_browsers();
-  asio::co_spawn(executor, std::move(accepting), asio::detached);
+  impl_->listen("--live");
 }
 
 LiveServer::~LiveServer() { stop(); }
 
-std::uint16_t LiveServer::port() const { return impl_->port; }
+std::uint16_t LiveServer::port() const { return impl_->port(); }
 
-std::string LiveServer::url() const { return url_of("http", impl_->options, impl_->port); }
+std::string LiveServer::url() const { return impl_->url("http"); }
 
 void LiveServer::publish(const nlohmann::json& state) {
-  if (impl_->stopped) return;
+  if (impl_->stopped()) return;
   impl_->state = std::make_shared<const std::string>(
       state.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
   ++impl_->version;
-  for (const auto& browser : impl_->browsers) browser->wake.cancel();
+  for (const auto& browser : impl_->peers()) browser->wake.cancel();
 }
 
 void LiveServer::show_picture(const std::string& type, std::string bytes) {
@@ -260,11 +128,7 @@ void LiveServer::show_picture(const std::string& type, std::string bytes) {
   impl_->picture = std::move(bytes);
 }
 
-void LiveServer::finish(std::function<void()> done) {
-  auto sending = impl_->send_last_state();
-  asio::co_spawn(impl_->executor, std::move(sending),
-                 [done = std::move(done)](const std::exception_ptr&) { done(); });
-}
+void LiveServer::finish(std::function<void()> done) { impl_->finish(std::move(done)); }
 
 void LiveServer::stop() { impl_->stop(); }
 

@@ -20,7 +20,7 @@ extern const char* const benches_page;  ///< All runs of a folder.
 /// gets the newest state at most 20 times a second, and one that does not read is dropped.
 ///
 ///   LiveServer live(executor, options, [&](const nlohmann::json& command) { runner.command(command); });
-///   live.publish(state);   // docs/live.md describes state and commands
+///   live.publish(state);   // docs/reference/live.md describes state and commands
 ///
 /// It listens on the loopback interface. On any other address a token is required, in the page's address and
 /// in every request. Requests of foreign pages are refused (Origin and Host are checked).

@@ -31,13 +31,12 @@ void add_newest_capture(json& state, const fit::Recording& recording) {
   const fit::CaptureInfo& capture = captures.back();
   const fit::LidarGeometry& lidar = recording.bench().lidar;
   std::vector<std::uint16_t> ranges, history;
-  double first_rad = lidar.beam_angle(capture.first_step), step_rad = lidar.step_rad * capture.cluster;
+  double first_rad = 0, step_rad = lidar.step_rad;
   recording.for_each_scan(captures.size() - 1, [&](const fit::ScanView& scan) {
     ranges.assign(scan.range_mm.begin(), scan.range_mm.end());
-    if (scan.geometry) {
-      first_rad = scan.geometry->first_rad;
-      step_rad = scan.geometry->step_rad;
-    }
+    const fit::BeamAngles angles(lidar, capture, scan.geometry);
+    first_rad = angles.first_rad();
+    step_rad = angles.step_rad();
     if (!ranges.empty()) history.push_back(ranges[ranges.size() / 2]);
   });
   if (history.size() > longest_history) history.erase(history.begin(), history.end() - longest_history);

@@ -8,7 +8,7 @@
 namespace rig {
 
 /// What a session file tells of a run, finished or going on elsewhere, as the live page's state
-/// (docs/live.md).
+/// (docs/reference/live.md).
 [[nodiscard]] nlohmann::json state_of(const SessionStore& session);
 
 }  // namespace rig

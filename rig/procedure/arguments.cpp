@@ -87,7 +87,7 @@ Arguments Arguments::map(const std::string& name) const {
   return Arguments(node ? *node : empty, known ? known->members : *known_, *variables_);
 }
 
-const Place& Arguments::place_of(const std::string& name) const {
+const FilePosition& Arguments::place_of(const std::string& name) const {
   const Node* node = options_->find(name);
   return node ? node->place : options_->place;
 }

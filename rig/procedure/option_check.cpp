@@ -78,7 +78,7 @@ Value evaluated(const Node& node, const Variables& variables) {
   try {
     return evaluate_text(node.scalar, variables);
   } catch (const ExpressionError& error) {
-    Place place = node.place;
+    FilePosition place = node.place;
     if (node.scalar.find('\n') == std::string::npos) place.column += static_cast<int>(error.offset);
     throw ProcedureError(place, std::string(error.what()) + ".");
   }

@@ -15,7 +15,7 @@ namespace rig {
 class StepKind;
 
 /// Where something stands in a procedure file; lines and columns count from 1.
-struct Place {
+struct FilePosition {
   std::string file;
   int line = 0, column = 0;
   [[nodiscard]] std::string text() const;
@@ -24,14 +24,15 @@ struct Place {
 /// A procedure file that cannot be used: "FILE:LINE:COLUMN: what is wrong; what was expected; what to do".
 class ProcedureError : public UsageError {
  public:
-  ProcedureError(const Place& place, const std::string& what) : UsageError(place.text() + ": " + what) {}
+  ProcedureError(const FilePosition& place, const std::string& what)
+      : UsageError(place.text() + ": " + what) {}
 };
 
 /// One value of a procedure file with its place: text, list or map (in the file's order).
 struct Node {
   enum class Kind { nothing, scalar, list, map };
   Kind kind = Kind::nothing;
-  Place place;
+  FilePosition place;
   std::string scalar;
   std::vector<Node> items;
   struct Member;
@@ -77,8 +78,8 @@ class Arguments {
   [[nodiscard]] Arguments map(const std::string& name) const;
   /// Any value as JSON with its expressions evaluated.
   [[nodiscard]] nlohmann::json json(const std::string& name) const;
-  [[nodiscard]] const Place& place() const { return options_->place; }
-  [[nodiscard]] const Place& place_of(const std::string& name) const;
+  [[nodiscard]] const FilePosition& place() const { return options_->place; }
+  [[nodiscard]] const FilePosition& place_of(const std::string& name) const;
   [[nodiscard]] const Node& node() const { return *options_; }
   [[nodiscard]] const Variables& variables() const { return *variables_; }
   [[nodiscard]] Value value(const Node& scalar) const;
@@ -95,7 +96,7 @@ class Arguments {
 /// One step as written. `steps` are those of a for-each.
 struct Step {
   const StepKind* kind = nullptr;
-  Place place;
+  FilePosition place;
   std::string name;     ///< As written, may hold expressions; empty if none was given.
   std::string ordinal;  ///< Its place in the file's order: "3", "4.1".
   Node options;

@@ -12,7 +12,7 @@ constexpr std::size_t most_nodes =
     20'000;  // Aliases of aliases grow without bound; no procedure needs this many.
 constexpr int deepest_document = 40;
 
-Place place_of(const YAML::Mark& mark, const std::string& file) {
+FilePosition place_of(const YAML::Mark& mark, const std::string& file) {
   return {file, mark.line + 1, mark.column + 1};
 }
 
@@ -59,7 +59,9 @@ class Copier {
 
 }  // namespace
 
-std::string Place::text() const { return file + ":" + std::to_string(line) + ":" + std::to_string(column); }
+std::string FilePosition::text() const {
+  return file + ":" + std::to_string(line) + ":" + std::to_string(column);
+}
 
 const Node* Node::find(const std::string& key) const {
   for (const auto& [name, value] : members)

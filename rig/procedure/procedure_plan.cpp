@@ -96,9 +96,7 @@ std::string limit_text(const Limit& limit) {
 
 StageLimits stage_limits(const fit::Bench& bench) {
   StageLimits limits;
-  const auto document = nlohmann::json::parse(bench.document, nullptr, false, true);
-  if (!document.is_object() || !document.contains("stage") || !document["stage"].is_object()) return limits;
-  const auto& stage = document["stage"];
+  const auto& stage = bench.document.section("stage");
   const auto range = stage.value("limits_deg", nlohmann::json());
   if (range.is_array() && range.size() == 2 && range[0].is_number() && range[1].is_number()) {
     limits.min_deg = range[0].get<double>();
@@ -121,16 +119,6 @@ long whole_seconds(double seconds) { return std::lround(std::max(0.0, seconds));
 constexpr long hour_s = 3600;
 
 }  // namespace
-
-std::string duration_text(double seconds) {
-  const long whole = whole_seconds(seconds);
-  const auto parts = [](long large, const char* unit, long small, const char* rest) {
-    return std::to_string(large) + unit + (small > 0 ? " " + std::to_string(small) + rest : "");
-  };
-  if (whole >= hour_s) return parts(whole / hour_s, " h", whole % hour_s / 60, " min");
-  if (whole >= 60) return parts(whole / 60, " min", whole % 60, " s");
-  return std::to_string(whole) + " s";
-}
 
 std::string session_time_text(double seconds) {
   const long whole = whole_seconds(seconds);

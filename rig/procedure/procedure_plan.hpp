@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "rig/procedure/step.hpp"
+#include "rig/text_lines.hpp"
 
 namespace rig {
 
@@ -31,8 +32,6 @@ StageLimits stage_limits(const fit::Bench& bench);
 std::string dry_run_text(const Procedure& procedure, const fit::Bench& bench,
                          const std::vector<PlannedStep>& plan);
 
-/// "32 s", "2 min 3 s" or "1 h 2 min".
-std::string duration_text(double seconds);
 /// A moment of a session: "1:02:03" after its beginning.
 std::string session_time_text(double seconds);
 /// "10,000".

@@ -117,7 +117,7 @@ std::vector<Variables> iterations(const Node& options, const Variables& variable
   return turns;
 }
 
-void Plan::move_to(double target_deg, const Place& place, int approach) {
+void Plan::move_to(double target_deg, const FilePosition& place, int approach) {
   if (!homed && !rules.unhomed)
     throw ProcedureError(place,
                          "the stage would move before it is homed; put a '- home' step before this one, or "

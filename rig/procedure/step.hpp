@@ -46,7 +46,7 @@ struct Plan {
 
   /// Accounts for a move; throws ProcedureError at `place` when it breaks a soft limit or homing was
   /// forgotten.
-  void move_to(double target_deg, const Place& place, int approach);
+  void move_to(double target_deg, const FilePosition& place, int approach);
   void capture(long samples, double spacing_s);
 };
 
@@ -69,7 +69,7 @@ struct Question {
 };
 
 /// What the rig itself should see before it believes that a prompt was done.
-struct Sight {
+struct Expectation {
   double from_deg = 0, to_deg = 0;  ///< Beams; not used for a target.
   std::optional<std::pair<double, double>> within_mm;
   std::optional<double> flat_within_mm;  ///< Largest deviation of the beams' medians from a straight line.
@@ -85,7 +85,7 @@ struct Prompt {
   int number = 0;  ///< In its run, counted from 1; one that is asked again has a new number.
   std::optional<Question> question;
   std::optional<Placement> place;
-  std::optional<Sight> until;
+  std::optional<Expectation> until;
   double timeout_s = 0;  ///< 0: waits for ever.
   bool skippable = true;
   bool repeatable = true;
@@ -117,7 +117,7 @@ class StepContext {
   virtual awaitable<void> home(bool again) = 0;
   /// Moves so that the last move has the sign `approach` (0: the shortest way), judges the read-back and
   /// returns it. Cheap if the stage stands there already.
-  virtual awaitable<double> move_to(double target_deg, int approach, const Place& place) = 0;
+  virtual awaitable<double> move_to(double target_deg, int approach, const FilePosition& place) = 0;
   [[nodiscard]] virtual double stage_deg() const = 0;
 
   /// Captures, commits, and returns the capture's id; at once if its key is recorded already.
@@ -125,7 +125,7 @@ class StepContext {
   /// Captures while the stage turns from `from_deg` on at the rate of `request`, and stops it. A turn during
   /// which a device was lost for a while is begun anew.
   virtual awaitable<std::int64_t> capture_turning(CaptureRequest request, double from_deg,
-                                                  const Place& place) = 0;
+                                                  const FilePosition& place) = 0;
   [[nodiscard]] virtual bool recorded(const std::string& key) const = 0;
   /// Reads a committed capture back, scan by scan.
   virtual void for_each_scan(std::int64_t capture,
@@ -161,6 +161,19 @@ class StepKind {
   [[nodiscard]] virtual bool has_steps() const { return false; }
   /// The options are names that the procedure chooses.
   [[nodiscard]] virtual bool takes_any_option() const { return false; }
+  // What the runner asks of a kind, which it knows by nothing else.
+  /// Measures its option `target`, or without one any target: these must stand where they should.
+  [[nodiscard]] virtual bool measures() const { return false; }
+  /// Needs scans and stage positions on one clock.
+  [[nodiscard]] virtual bool turns_stage() const { return false; }
+  /// The stage is homed once this ran.
+  [[nodiscard]] virtual bool homes_stage() const { return false; }
+  /// How long it takes is up to a person.
+  [[nodiscard]] virtual bool asks_a_person() const { return false; }
+  /// The map that says what a person changes on the bench; null if nothing.
+  [[nodiscard]] virtual const Node* places(const Node& /*options*/) const { return nullptr; }
+  /// The calibration that it computes: the node of its kind; null if none.
+  [[nodiscard]] virtual const Node* calibration(const Node& /*options*/) const { return nullptr; }
   /// Variables that later steps may use once this one ran.
   [[nodiscard]] virtual std::vector<std::string> defines(const Node& options) const;
   /// Checks that need no devices but do need the bench (throws ProcedureError), and the estimate.

@@ -22,6 +22,7 @@
 #include "rig/session/sha256.hpp"
 #include "rig/session/standing.hpp"
 #include "rig/session/utc.hpp"
+#include "rig/text_lines.hpp"
 
 namespace rig {
 namespace {
@@ -152,7 +153,7 @@ json conditions(const SessionStore& session, const json& bench, const fit::Recor
     if (capture.temperature_c) temperature.include(*capture.temperature_c);
     if (capture.since_power_on_s) warm.include(*capture.since_power_on_s / 60);
     stage.include(capture.stage_rad * fit::deg_per_rad);
-    started.include(static_cast<double>(capture.started_us) / 60e6);
+    started.include(static_cast<double>(capture.started_us) / 1e6);
   }
   json rows = json::array();
   const SessionDates dates = dates_of(session);
@@ -160,7 +161,7 @@ json conditions(const SessionStore& session, const json& bench, const fit::Recor
   if (!dates.imported_utc.empty()) add(rows, "Imported", dates.imported_utc);
   add(rows, "Captures", std::to_string(recording.captures().size()));
   add(rows, "Time from first to last capture",
-      started.empty() ? "" : Span{started.high - started.low, started.high - started.low}.text("min"));
+      started.empty() ? "" : duration_text(started.high - started.low));
   add(rows, "Stage angles", stage.text("deg", "%.2f"));
   add(rows, "Ambient temperature", environment(session, bench, "temperature_c", "\u00b0C"));
   add(rows, "Relative humidity", environment(session, bench, "humidity_percent", "%"));
@@ -263,11 +264,9 @@ Plot scan_picture(const fit::Recording& recording, std::string& caption) {
     sum.resize(std::max(sum.size(), scan.range_mm.size()));
     count.resize(sum.size());
     angle.resize(sum.size());
+    const fit::BeamAngles angles(bench.lidar, capture, scan.geometry);
     for (std::size_t i = 0; i < scan.range_mm.size(); ++i) {
-      angle[i] = scan.geometry
-                     ? scan.geometry->first_rad + static_cast<double>(i) * scan.geometry->step_rad
-                     : bench.lidar.beam_angle(capture.first_step +
-                                              (static_cast<double>(i) + 0.5) * capture.cluster - 0.5);
+      angle[i] = angles.at_rad(i);
       if (scan.range_mm[i] == 0) continue;
       sum[i] += scan.range_mm[i];
       count[i] += 1;

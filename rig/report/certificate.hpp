@@ -8,8 +8,9 @@
 
 namespace rig {
 
-/// The calibration certificate of a session as data (`certificate/1`, docs/report.md). `previous`: the calibration
-/// before it as an archive has it (`previous/1`, docs/laboratory.md), which then stands beside the new one, or null.
+/// The calibration certificate of a session as data (`certificate/1`, docs/operate/certificate.md).
+/// `previous`: the calibration before it as an archive has it (`previous/1`, docs/operate/laboratory.md),
+/// which then stands beside the new one, or null.
 [[nodiscard]] nlohmann::json make_certificate(const SessionStore& session, const std::string& session_file,
                                               const nlohmann::json& previous);
 [[nodiscard]] nlohmann::json make_certificate(const SessionStore& session, const std::string& session_file);

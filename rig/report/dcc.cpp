@@ -8,6 +8,7 @@
 
 #include "fit/number_format.hpp"
 #include "rig/json_fields.hpp"
+#include "rig/report/html_text.hpp"
 
 namespace rig {
 namespace {
@@ -27,7 +28,8 @@ class Xml {
     line("</" + name + ">");
   }
   void leaf(const std::string& name, const std::string& text, const std::string& attributes = "") {
-    line("<" + name + (attributes.empty() ? "" : " " + attributes) + ">" + escaped(text) + "</" + name + ">");
+    line("<" + name + (attributes.empty() ? "" : " " + attributes) + ">" + escaped(printable(text)) + "</" +
+         name + ">");
   }
   /// dcc:textType and dcc:richContentType.
   void words(const std::string& name, const std::string& text) {
@@ -35,21 +37,13 @@ class Xml {
   }
 
  private:
-  void line(const std::string& text) { out_ += std::string(2 * depth_, ' ') + text + "\n"; }
-  static std::string escaped(const std::string& text) {
-    std::string out;
-    for (const char c : text) {
-      if (c == '&')
-        out += "&amp;";
-      else if (c == '<')
-        out += "&lt;";
-      else if (c == '>')
-        out += "&gt;";
-      else if (static_cast<unsigned char>(c) >= 0x20 || c == '\n' || c == '\t')
-        out += c;  // XML 1.0 has no other control characters.
-    }
-    return out;
+  /// Without the control characters that XML 1.0 does not know.
+  static std::string printable(std::string text) {
+    std::erase_if(text,
+                  [](char c) { return static_cast<unsigned char>(c) < 0x20 && c != '\n' && c != '\t'; });
+    return text;
   }
+  void line(const std::string& text) { out_ += std::string(2 * depth_, ' ') + text + "\n"; }
   std::string& out_;
   std::size_t depth_ = 0;
 };

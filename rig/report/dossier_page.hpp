@@ -6,9 +6,9 @@
 
 namespace rig {
 
-/// The dossier of an investigation (`dossier/1`, docs/investigate.md) as one HTML page that needs nothing else and
-/// prints well: what was found and how it was decided on the first page, prediction against recording on the
-/// second, details behind.
+/// The dossier of an investigation (`dossier/1`, docs/operate/investigate.md) as one HTML page that needs
+/// nothing else and prints well: what was found and how it was decided on the first page, prediction against
+/// recording on the second, details behind.
 [[nodiscard]] std::string dossier_page(const nlohmann::json& dossier);
 
 }  // namespace rig

@@ -32,7 +32,7 @@ struct Plot {
 [[nodiscard]] std::string to_svg(const Plot& plot,
                                  std::chrono::milliseconds longest = std::chrono::seconds(30));
 
-/// Reads the "plots" entries of a result document (docs/results.md).
+/// Reads the "plots" entries of a result document (docs/reference/result.md).
 [[nodiscard]] Plot plot_from_json(const nlohmann::json& json);
 
 }  // namespace rig

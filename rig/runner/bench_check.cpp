@@ -42,29 +42,23 @@ class Checker {
         limits_(stage_limits(bench)) {}
 
   awaitable<std::vector<CheckLine>> run(bool stay_still) {
-    auto greeting = greet();
-    const bool beams_fit = co_await std::move(greeting);
+    const bool beams_fit = co_await greet();
     if (beams_fit) {
-      auto timing = check_rate();
-      co_await std::move(timing);
+      co_await check_rate();
     }
-    auto knowing = check_stage(stay_still);
-    co_await std::move(knowing);
+    co_await check_stage(stay_still);
     if (!beams_fit) {
       say(Verdict::look, "scans", "not looked at: the bench file's beams are not this lidar's",
           "Mend what is marked BAD, then check again.");
       co_return lines_;
     }
-    auto looking = look();
-    const SeenBeams seen = co_await std::move(looking);
+    const SeenBeams seen = co_await look();
     check_echoes(seen);
     for (const fit::Target& target : bench_.targets) {
-      auto checking = check_target(target, stay_still);
-      co_await std::move(checking);
+      co_await check_target(target, stay_still);
     }
     if (!stay_still) {
-      auto moving = stage_.move_to(0);
-      co_await std::move(moving);
+      co_await stage_.move_to(0);
     }
     co_return lines_;
   }
@@ -78,8 +72,7 @@ class Checker {
 
   /// Whether the lidar has the beams that the bench file gives it.
   awaitable<bool> greet() {
-    auto connecting = lidar_.connect();
-    const nlohmann::json identity = co_await std::move(connecting);
+    const nlohmann::json identity = co_await lidar_.connect();
     const std::string text = identity.dump();
     const std::vector<LidarDoubt> doubts = doubts_of_lidar(identity, bench_);
     const auto of_health = [](const LidarDoubt& doubt) { return doubt.what == lidar_state; };
@@ -114,25 +107,18 @@ class Checker {
   }
 
   awaitable<void> check_rate() {
-    auto starting = lidar_.start(whole_scan(bench_.lidar));
-    co_await std::move(starting);
-    std::vector<double> gaps_ms;
-    std::uint64_t before_ms = 0;
+    co_await lidar_.start(whole_scan(bench_.lidar));
+    const std::uint64_t lost_before = lidar_.lost();
+    std::uint64_t first_ms = 0, last_ms = 0;
     for (int i = 0; i < scans_of_rate; ++i) {
-      auto reading = lidar_.next();
-      const lidar::Scan scan = co_await std::move(reading);
-      if (i > 0) gaps_ms.push_back(static_cast<double>(scan.device_ms) - static_cast<double>(before_ms));
-      before_ms = scan.device_ms;
+      const lidar::Scan scan = co_await lidar_.next();
+      last_ms = scan.device_ms;
+      if (i == 0) first_ms = last_ms;
     }
-    auto stopping = lidar_.stop();
-    co_await std::move(stopping);
-    double passed_ms = 0;
-    for (const double gap : gaps_ms) passed_ms += gap;
-    const double period_ms = 1000 / bench_.lidar.scan_hz;
-    long lost = 0;
-    for (const double gap : gaps_ms) lost += std::max(0L, std::lround(gap / period_ms) - 1);
-    const double hz =
-        1000.0 * static_cast<double>(gaps_ms.size() + static_cast<std::size_t>(lost)) / passed_ms;
+    co_await lidar_.stop();
+    const std::uint64_t lost = lidar_.lost() - lost_before;
+    const double hz = 1000.0 * (scans_of_rate - 1 + static_cast<double>(lost)) /
+                      (static_cast<double>(last_ms) - static_cast<double>(first_ms));
     say(std::abs(hz / bench_.lidar.scan_hz - 1) < 0.02 ? Verdict::good : Verdict::bad, "scan rate",
         rounded(hz, 2) + " Hz, the bench file says " + to_text(bench_.lidar.scan_hz) + " Hz",
         "Correct lidar.scan_hz in the bench file, or the lidar's motor setting.");
@@ -142,16 +128,14 @@ class Checker {
   }
 
   awaitable<void> check_stage(bool stay_still) {
-    auto identifying = stage_.identify();
-    const StageIdentity who = co_await std::move(identifying);
+    const StageIdentity who = co_await stage_.identify();
     say(Verdict::good, "stage",
         who.language + " " + who.model + (who.serial.empty() ? "" : ", serial " + who.serial) + ", " +
             rounded(who.units_per_deg, 2) + " units/deg");
-    auto asking = stage_.status();
-    const StageStatus status = co_await std::move(asking);
+    const StageStatus status = co_await stage_.status();
     for (const auto& warning : status.warnings)
       if (status.homed)
-        say(Verdict::look, "stage says", warning, "See docs/stages.md, or the controller's manual.");
+        say(Verdict::look, "stage says", warning, "See docs/operate/stages.md, or the controller's manual.");
     if (limits_.min_deg < -1e8)
       say(Verdict::look, "soft limits", "none in the bench file",
           "Write stage.limits_deg, so that no cable is torn.");
@@ -161,19 +145,16 @@ class Checker {
           "Home it, or let `rig check` do it (without --stay-still).");
       co_return;
     }
-    auto homing = stage_.home();
-    co_await std::move(homing);
+    co_await stage_.home();
     say(Verdict::good, "homing", "done");
-    auto travelling = travel();
-    co_await std::move(travelling);
+    co_await travel();
   }
 
   awaitable<void> travel() {
     const double first_deg = std::max(limits_.min_deg, -180.0), last_deg = std::min(limits_.max_deg, 180.0);
     double worst_deg = 0;
     for (const double target_deg : {first_deg, last_deg, 0.0}) {
-      auto moving = stage_.move_to(target_deg);
-      const double arrived_deg = co_await std::move(moving);
+      const double arrived_deg = co_await stage_.move_to(target_deg);
       worst_deg = std::max(worst_deg, std::abs(arrived_deg - target_deg));
     }
     at_deg_ = 0;
@@ -186,11 +167,9 @@ class Checker {
   awaitable<SeenBeams> look() {
     const auto beams = static_cast<std::size_t>(bench_.lidar.steps);
     std::vector<std::vector<double>> ranges(beams), levels(beams);
-    auto starting = lidar_.start(whole_scan(bench_.lidar));
-    co_await std::move(starting);
+    co_await lidar_.start(whole_scan(bench_.lidar));
     for (int i = 0; i <= scans_of_look; ++i) {
-      auto reading = lidar_.next();
-      const lidar::Scan scan = co_await std::move(reading);
+      const lidar::Scan scan = co_await lidar_.next();
       if (i == 0) continue;  // It may have begun before the stage stood.
       const auto first = static_cast<std::size_t>(scan.first_step);
       for (std::size_t k = 0; k < scan.range_mm.size() && first + k < beams; ++k) {
@@ -199,8 +178,7 @@ class Checker {
         if (k < scan.intensity.size()) levels[first + k].push_back(scan.intensity[k]);
       }
     }
-    auto stopping = lidar_.stop();
-    co_await std::move(stopping);
+    co_await lidar_.stop();
     SeenBeams seen;
     for (std::size_t k = 0; k < beams; ++k) {
       const bool sure = ranges[k].size() * 2 > scans_of_look;
@@ -243,11 +221,9 @@ class Checker {
   awaitable<void> check_target(fit::Target target, bool stay_still) {
     if (!stay_still) {
       at_deg_ = facing_deg(target);
-      auto moving = stage_.move_to(at_deg_);
-      co_await std::move(moving);
+      co_await stage_.move_to(at_deg_);
     }
-    auto looking = look();
-    const SeenBeams seen = co_await std::move(looking);
+    const SeenBeams seen = co_await look();
     judge_target(target, look_for(bench_, target, bench_.targets, at_deg_ * fit::rad_per_deg, seen));
   }
 
@@ -286,8 +262,7 @@ awaitable<std::vector<CheckLine>> check_bench(const fit::Bench& bench, LidarSour
                                               RunClock& clock, bool stay_still,
                                               std::function<void(const CheckLine&)> tell) {
   Checker checker(bench, lidar, stage, clock, std::move(tell));
-  auto checking = checker.run(stay_still);
-  auto lines = co_await std::move(checking);
+  auto lines = co_await checker.run(stay_still);
   co_return lines;
 }
 

@@ -57,9 +57,7 @@ fit::Bench read_bench_text(const std::string& text, const std::string& name) {
 }
 
 StageOptions bench_stage_options(const fit::Bench& bench) {
-  const auto document = nlohmann::json::parse(bench.document, nullptr, false, true);
-  if (!document.is_object()) return StageOptions();
-  return stage_options(document.value("stage", nlohmann::json::object()));
+  return stage_options(bench.document.json().value("stage", nlohmann::json::object()));
 }
 
 }  // namespace rig

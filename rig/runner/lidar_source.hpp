@@ -39,6 +39,9 @@ class LidarSource {
   /// Takes back a scan that is done with: its memory may serve for one of the next.
   virtual void reuse(lidar::Scan /*scan*/) {}
   virtual awaitable<void> stop() = 0;
+  /// Scans so far that are missing between two that came, by the device's stamps. This is the one count of
+  /// them: of a capture, a run or a check it is the difference.
+  [[nodiscard]] virtual std::uint64_t lost() const = 0;
   /// Answers thrown away so far because of a wrong checksum or shape.
   [[nodiscard]] virtual std::uint64_t rejected() const = 0;
   /// What came so far, across reconnections: {"scans", "lost", "damaged", "repeated", "stale",

@@ -146,8 +146,7 @@ class TerminalOperator final : public Operator {
   awaitable<Answer> ask(Prompt prompt) override {
     say(prompt);
     while (true) {
-      auto reading = read_line();
-      const std::string line = co_await std::move(reading);
+      const std::string line = co_await read_line();
       if (const auto answer = answer_in(line, prompt)) co_return *answer;
       std::fprintf(stderr,
                    "  Not understood. Enter: done; s: skip; r: repeat the last one; a or q: stop the run.\n> ");

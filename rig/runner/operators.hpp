@@ -15,7 +15,8 @@ namespace rig {
 /// Confirms every prompt at once, with the default answer where it has a question: `--yes`.
 [[nodiscard]] std::unique_ptr<Operator> make_absent_operator();
 
-/// A simulated bench that does itself what prompts ask for, through its operator port (docs/simulator.md).
+/// A simulated bench that does itself what prompts ask for, through its operator port
+/// (docs/develop/simulator.md).
 [[nodiscard]] std::unique_ptr<Operator> make_bench_operator(const boost::asio::any_io_executor& executor,
                                                             const Endpoint& address);
 

@@ -21,7 +21,7 @@ class RunView {
 /// not a terminal: warnings and errors only.
 [[nodiscard]] std::unique_ptr<RunView> make_terminal_view(std::FILE* out, bool is_terminal);
 
-/// One JSON object a line, for machines (docs/run.md).
+/// One JSON object a line, for machines (docs/operate/run.md).
 [[nodiscard]] std::unique_ptr<RunView> make_json_log(std::FILE* out);
 
 /// The table at the end of a run: what was captured, what came out, which limits it meets.

@@ -17,7 +17,7 @@ using namespace asio::experimental::awaitable_operators;
 /// ended.
 void refuse_turns(const std::vector<PlannedStep>& plan, const std::map<std::string, std::string>& recorded) {
   for (const PlannedStep& step : plan)
-    if (step.step->kind->name() == "turn" && !recorded.contains(step.key))
+    if (step.step->kind->turns_stage() && !recorded.contains(step.key))
       throw UsageError("A turning capture (step " + step.key +
                        ") needs scans and stage positions on one clock, and this lidar's clock does not run "
                        "with this computer's. Nothing was measured. Run the simulator with --speed real.");
@@ -31,6 +31,7 @@ Runner::Impl::Impl(Procedure procedure_, fit::Bench bench_, SessionStore& sessio
       session(session_),
       parts(std::move(parts_)),
       plan(unroll(procedure, known_bench)),
+      time(parts.clock),
       time_left(plan) {
   limits = stage_limits(known_bench);
   variables = procedure.variables;
@@ -44,22 +45,16 @@ Runner::Impl::Impl(Procedure procedure_, fit::Bench bench_, SessionStore& sessio
   }
   if (!plan.empty()) state.left_s = time_left.left_s(TimeLeft::Running());
   check_same_procedure();
-  read_both_clocks();
-  if (const auto epoch = session.get("epoch_unix_us"))
-    session_offset_us = std::max<std::int64_t>(0, unix_start_us - std::stoll(*epoch));
-  own_now_us = session_offset_us;
+  if (const auto epoch = session.get("epoch_unix_us")) time.go_on_from(std::stoll(*epoch));
 }
 
 awaitable<void> Runner::Impl::prepare() {
   describe_session();
-  restore_scene();
+  placed.restore(progress_of("scene"), progress_of("power_on_us"));
   remember_unchecked();
-  auto wondering = ask_about_bench();
-  co_await std::move(wondering);
-  auto connecting = await_lidar();
-  co_await std::move(connecting);
-  auto identifying = parts.stage.identify();
-  const StageIdentity stage = co_await std::move(identifying);
+  co_await ask_about_bench();
+  co_await await_lidar();
+  const StageIdentity stage = co_await parts.stage.identify();
   // A simulated stage has the serial number of all of them.
   if (parts.locks && !lidar_is_simulated) parts.locks->lock_stage(stage.model, stage.serial);
   session.set("stage", json{{"language", stage.language},
@@ -68,21 +63,17 @@ awaitable<void> Runner::Impl::prepare() {
                             {"firmware", stage.firmware},
                             {"units_per_deg", stage.units_per_deg}}
                            .dump());
-  auto asking = stage_status();
-  const StageStatus status = co_await std::move(asking);
+  const StageStatus status = co_await stage_status();
   position_deg = status.position_deg;
   referenced = status.homed;
   if (status.moving) {
     note("warning", "the stage was found moving and is stopped");
-    auto stopping = stop_turning();
-    co_await std::move(stopping);
+    co_await stop_turning();
   }
   for (const auto& warning : status.warnings) note(status.homed ? "warning" : "info", "stage: " + warning);
-  auto comparing = compare_clocks();
-  co_await std::move(comparing);
-  if (own_time) refuse_turns(plan, progress);
-  auto placing = place_again();
-  co_await std::move(placing);
+  co_await compare_clocks();
+  if (time.follows_lidar()) refuse_turns(plan, progress);
+  co_await place_again();
 }
 
 void Runner::Impl::take_over(std::size_t index) {
@@ -108,13 +99,12 @@ awaitable<void> Runner::Impl::return_to_place() {
   const json where = std::exchange(resume_at, json());
   if (!where.is_object()) co_return;
   if (where.value("homed", false)) {
-    auto homing = home(false);
-    co_await std::move(homing);
+    co_await home(false);
   }
   if (where.value("moved", false)) {
-    const Place place{procedure.file, plan[current].step->place.line, plan[current].step->place.column};
-    auto moving = move_to(where["stage_deg"].get<double>(), where.value("approach", 0), place);
-    co_await std::move(moving);
+    const FilePosition place{procedure.file, plan[current].step->place.line,
+                             plan[current].step->place.column};
+    co_await move_to(where["stage_deg"].get<double>(), where.value("approach", 0), place);
   }
 }
 
@@ -133,14 +123,11 @@ awaitable<void> Runner::Impl::run_step() {
                                           : 0;
   state.activity = planned.says;
   outputs = json::object();
-  auto checking = checkpoint(0, 0);
-  co_await std::move(checking);
-  auto returning = return_to_place();
-  co_await std::move(returning);
+  co_await checkpoint(0, 0);
+  co_await return_to_place();
   const Arguments arguments(planned.step->options, planned.step->kind->options(), visible);
-  auto running = planned.step->kind->run(arguments, *this);
-  co_await std::move(running);
-  if (planned.step->kind->name() == "home") homed = true;
+  co_await planned.step->kind->run(arguments, *this);
+  if (planned.step->kind->homes_stage()) homed = true;
   if (position_deg != 0 || last_approach != 0) moved = true;
   json what = {{"set", outputs},
                {"stage_deg", position_deg},
@@ -155,8 +142,7 @@ awaitable<void> Runner::Impl::run_step() {
 }
 
 awaitable<void> Runner::Impl::run_steps() {
-  auto preparing = prepare();
-  co_await std::move(preparing);
+  co_await prepare();
   state.phase = RunState::Phase::running;
   for (current = 0; current < plan.size(); ++current) {
     if (recorded(plan[current].key)) {
@@ -171,8 +157,7 @@ awaitable<void> Runner::Impl::run_steps() {
       homed = resume_at.value("homed", false);
       moved = resume_at.value("moved", false);
     }
-    auto running = run_step();
-    co_await std::move(running);
+    co_await run_step();
     if (jump) go_back();
   }
   current = plan.empty() ? 0 : plan.size() - 1;
@@ -189,8 +174,7 @@ void Runner::Impl::go_back() {
 
 awaitable<void> Runner::Impl::run_steps_quietly() {
   try {
-    auto running = run_steps();
-    co_await std::move(running);
+    co_await run_steps();
   } catch (const boost::system::system_error& error) {
     // What was called off because of the operator is no failure of its own.
     if (!aborted || error.code() != asio::error::operation_aborted) failure = std::current_exception();
@@ -200,12 +184,10 @@ awaitable<void> Runner::Impl::run_steps_quietly() {
 }
 
 awaitable<void> Runner::Impl::stop_stage_when_aborted() {
-  auto waiting = abort_gate.wait();
-  co_await std::move(waiting);
+  co_await abort_gate.wait();
   if (!aborted) co_return;
   try {
-    auto stopping = parts.stage.stop();
-    co_await std::move(stopping);
+    co_await parts.stage.stop();
   } catch (const std::exception&) {
     // make_safe() tries again, and tells.
   }
@@ -213,15 +195,13 @@ awaitable<void> Runner::Impl::stop_stage_when_aborted() {
 
 awaitable<void> Runner::Impl::make_safe() {
   try {
-    auto stopping = parts.stage.stop();
-    co_await std::move(stopping);
+    co_await parts.stage.stop();
   } catch (const std::exception&) {
     safe_problems += "The stage could not be told to stop: check it.";
   }
   if (!connected) co_return;
   try {
-    auto stopping = parts.lidar.stop();
-    co_await std::move(stopping);
+    co_await parts.lidar.stop();
   } catch (const std::exception&) {
     safe_problems += safe_problems.empty() ? "" : " ";
     safe_problems += "The lidar could not be told to stop: its laser may be on.";
@@ -289,8 +269,7 @@ awaitable<bool> Runner::run() {
   auto stopping = impl.stop_stage_when_aborted();
   co_await (std::move(working) || std::move(stopping));
   co_await asio::this_coro::reset_cancellation_state(asio::disable_cancellation());
-  auto safe = impl.make_safe();
-  co_await std::move(safe);
+  co_await impl.make_safe();
   impl.conclude();
   if (impl.aborted && !impl.failure) impl.stop_if_aborted();
   if (impl.failure) std::rethrow_exception(impl.failure);

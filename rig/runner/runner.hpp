@@ -56,6 +56,9 @@ struct RunnerParts {
   /// The operator decided to measure with a lidar of another model or serial number than the bench file says,
   /// or with one that says it is not well.
   bool accepts_lidar = false;
+  /// Whether the bench file is right is what the run is to find out: a target that is not seen where the file says is a
+  /// warning, and at a prompt a second confirmation is enough.
+  bool doubts_bench = false;
   /// Keeps other runs of this computer from the same devices; null: nobody else is there.
   DeviceLocks* locks = nullptr;
 };
@@ -91,18 +94,18 @@ struct RunState {
   std::string ended;         ///< Why the run ended, and how to go on; empty while it runs, and if all went well.
   std::string report;        ///< The newest report's file.
   std::string session_path;  ///< With its folder, for `rig resume`.
-  std::string checks_text = "[]";  ///< The limits checked so far, JSON as in docs/report.md.
+  std::string checks_text = "[]";  ///< The limits checked so far, JSON as in docs/operate/certificate.md.
 };
 
 /// "running", "prompt" ...
 const char* phase_word(RunState::Phase phase);
 
-/// What a prompt asks to be placed, for a program that does it: the words of the simulated bench's operator port
-/// (docs/simulator.md).
+/// What a prompt asks to be placed, for a program that does it: the words of the simulated bench's operator
+/// port (docs/develop/simulator.md).
 nlohmann::json to_json(const Placement& place);
-/// A prompt as the live page and `--json-log` have it (docs/live.md).
+/// A prompt as the live page and `--json-log` have it (docs/reference/live.md).
 nlohmann::json to_json(const Prompt& prompt);
-/// The state as the live page's document (docs/live.md).
+/// The state as the live page's document (docs/reference/live.md).
 nlohmann::json to_json(const RunState& state, const fit::Bench& bench);
 
 /// Runs one procedure: owns progress, pause, abort, checkpoints and events. It knows no terminal and no web
@@ -129,7 +132,7 @@ class Runner {
   void resume();
   void abort();  ///< Now: a move is stopped, a capture under way is kept and marked short.
   void answer(const Answer& answer);
-  /// A command of the live page (docs/live.md); unknown ones are ignored.
+  /// A command of the live page (docs/reference/live.md); unknown ones are ignored.
   void command(const nlohmann::json& command);
 
   using Observer = std::function<void(const RunState&)>;
@@ -147,7 +150,7 @@ class RunStopped : public MeasurementError {
   using MeasurementError::MeasurementError;
 };
 
-/// Checks limits against the newest results: `limits/1` of docs/report.md.
+/// Checks limits against the newest results: `limits/1` of docs/operate/certificate.md.
 nlohmann::json check_limits(const std::vector<Limit>& limits, const SessionStore& session);
 
 }  // namespace rig

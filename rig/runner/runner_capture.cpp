@@ -18,44 +18,30 @@ constexpr int waits_begun_again = 3;
 fit::CaptureInfo Runner::Impl::info_of(const CaptureRequest& request) {
   fit::CaptureInfo info;
   info.step = request.name;
-  info.started_us = now_us();
+  info.started_us = time.now_us();
   info.stage_rad = position_deg * fit::rad_per_deg;
   info.stage_readback_rad = readback_deg * fit::rad_per_deg;
   info.approach = last_approach;
   info.target = request.target;
-  if (request.target)
-    if (const auto placed = scene.find(*request.target); placed != scene.end()) {
-      info.target_shift_mm = placed->second.shift_mm.value_or(0);
-      info.reflectance = placed->second.reflectance;
-    }
-  if (const auto air = scene.find(""); air != scene.end()) info.temperature_c = air->second.temperature_c;
-  info.since_power_on_s = since_power_on_s(info.started_us);
+  placed.describe(info);
   info.first_step = request.first_step;
   info.last_step = request.last_step;
   info.cluster = request.cluster;
   return info;
 }
 
-std::optional<double> Runner::Impl::since_power_on_s(std::int64_t at_us) const {
-  if (!power_on_us) return std::nullopt;
-  return static_cast<double>(at_us - *power_on_us) * 1e-6;
-}
-
 awaitable<std::int64_t> Runner::Impl::capture(CaptureRequest request) {
   if (recorded(request.key)) co_return progress_of(request.key).value("capture", std::int64_t{0});
-  auto looking = check_targets();
-  co_await std::move(looking);
+  co_await check_targets();
   stop_if_aborted();
   const std::int64_t id = session.begin_capture(info_of(request));
   std::exception_ptr why, lost_at_end;
   long got = 0;
   try {
-    auto filling = fill(id, request, got);
-    co_await std::move(filling);
+    co_await fill(id, request, got);
     // The capture is whole: that the lidar is lost now is the next step's trouble.
     try {
-      auto ending = end_stream();
-      co_await std::move(ending);
+      co_await end_stream();
     } catch (...) {
       lost_at_end = std::current_exception();
     }
@@ -72,8 +58,7 @@ awaitable<std::int64_t> Runner::Impl::capture(CaptureRequest request) {
   }
   if (lost_at_end) {
     stop_if_aborted();
-    auto reconnecting = reconnect_lidar(lost_at_end);
-    co_await std::move(reconnecting);
+    co_await reconnect_lidar(lost_at_end);
   }
   co_return id;
 }
@@ -105,18 +90,16 @@ void Runner::Impl::replace_short_one(const CaptureRequest& request) {
 
 awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& request, long& got) {
   const int skip = skip_for(request.spacing_s, known_bench.lidar.scan_hz);
-  ScanGate gate(request, known_bench.lidar.scan_hz, skip);
+  ScanGate gate(request, known_bench.lidar.scan_hz);
   state.activity = "capturing";
   const bool counts = plan[current].captures <= 1;  // Else the step counts its stops.
-  const auto rejected_before = parts.lidar.rejected();
+  const auto lost_before = parts.lidar.lost(), rejected_before = parts.lidar.rejected();
   int failures = 0;
   while (got < request.samples) {
-    auto reading = next_scan(stream_for(request, skip), &gate, failures);
-    lidar::Scan scan = co_await std::move(reading);
-    if (!gate.takes(scan, own_time ? 0 : settled_us)) {
+    lidar::Scan scan = co_await next_scan(stream_for(request, skip), &gate, failures);
+    if (!gate.takes(scan, time.follows_lidar() ? 0 : settled_us)) {
       if (gate.hopeless()) {
-        auto beginning = begin_anew(request, failures);
-        co_await std::move(beginning);
+        co_await begin_anew(request, failures);
       }
       continue;
     }
@@ -130,7 +113,7 @@ awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& reques
     changed();
     parts.lidar.reuse(std::move(scan));
   }
-  tell_losses(request, gate.lost(), parts.lidar.rejected() - rejected_before);
+  report_losses(request, parts.lidar.lost() - lost_before, parts.lidar.rejected() - rejected_before);
 }
 
 std::string Runner::Impl::unfit_scans(const CaptureRequest& request) {
@@ -142,23 +125,21 @@ std::string Runner::Impl::unfit_scans(const CaptureRequest& request) {
 
 awaitable<void> Runner::Impl::begin_anew(const CaptureRequest& request, int& failures) {
   if (++failures > failures_without_scan) throw DeviceError(unfit_scans(request));
-  auto reconnecting = reconnect_lidar(
+  co_await reconnect_lidar(
       std::make_exception_ptr(DeviceError("its scans are of other steps, or their stamps do not advance")));
-  co_await std::move(reconnecting);
 }
 
 void Runner::Impl::store(std::int64_t id, long seq, const lidar::Scan& scan) {
   fit::ScanView view;
   view.seq = seq;
   view.device_ms = static_cast<std::int64_t>(scan.device_ms);
-  view.host_us = session_us(scan);
+  view.host_us = time.place_us(scan);
   view.range_mm = scan.range_mm;
   view.intensity = scan.intensity;
   session.add_scan(id, view);
 }
 
-void Runner::Impl::tell_losses(const CaptureRequest& request, std::uint64_t lost, std::uint64_t rejected) {
-  state.scans_lost += lost;
+void Runner::Impl::report_losses(const CaptureRequest& request, std::uint64_t lost, std::uint64_t rejected) {
   if (lost > 0)
     note("warning",
          request.name + ": " + std::to_string(lost) + " scans were lost on the way; the capture is complete");
@@ -168,36 +149,30 @@ void Runner::Impl::tell_losses(const CaptureRequest& request, std::uint64_t lost
 }
 
 awaitable<std::int64_t> Runner::Impl::capture_turning(CaptureRequest request, double from_deg,
-                                                      const Place& place) {
+                                                      const FilePosition& place) {
   if (recorded(request.key)) co_return progress_of(request.key).value("capture", std::int64_t{0});
   const double rate_deg_s = *request.rate_deg_s;
   TurningScans turned;
   for (int attempt = 1;; ++attempt) {
     auto going = move_to(from_deg, rate_deg_s > 0 ? 1 : -1, place);
     co_await std::move(going);
-    auto looking = check_targets();
-    co_await std::move(looking);
+    co_await check_targets();
     std::exception_ptr why;
     turned = TurningScans();
     try {
       // Scans and the stage's track are dated by two clocks: a millisecond between them is an error of rate x
       // 1 ms in every angle.
-      auto ending = stop_stream();
-      co_await std::move(ending);
-      auto comparing = parts.lidar.synchronise();
-      co_await std::move(comparing);
-      auto turning = turn(rate_deg_s);
-      co_await std::move(turning);
-      auto filling = fill_turning(request, turned);
-      co_await std::move(filling);
+      co_await stop_stream();
+      co_await parts.lidar.synchronise();
+      co_await turn(rate_deg_s);
+      co_await fill_turning(request, turned);
     } catch (...) {
       why = std::current_exception();
     }
     if (!why) break;
     // The stage stands before anything else; then the attempt is judged.
     try {
-      auto recovering = recover_turn(why, attempt);
-      co_await std::move(recovering);
+      co_await recover_turn(why, attempt);
       why = nullptr;
     } catch (...) {
       why = std::current_exception();
@@ -208,12 +183,9 @@ awaitable<std::int64_t> Runner::Impl::capture_turning(CaptureRequest request, do
     }
   }
   const std::int64_t id = store_turning(request, turned, "");
-  tell_losses(request, turned.lost, 0);
   // Nothing that the lidar does now may keep the stage turning.
-  auto standing = stop_turning_for_sure();
-  co_await std::move(standing);
-  auto stopping = stop_stream();
-  co_await std::move(stopping);
+  co_await stop_turning_for_sure();
+  co_await stop_stream();
   co_return id;
 }
 
@@ -223,51 +195,45 @@ awaitable<void> Runner::Impl::recover_turn(std::exception_ptr why, int attempt) 
     std::rethrow_exception(why);
   if (!lidar_lost) note("warning", "stage: " + words_of(why));
   note("warning", "the turn is stopped and repeated from its start");
-  auto standing = stop_turning_for_sure();
-  co_await std::move(standing);
+  co_await stop_turning_for_sure();
   stop_if_aborted();
   if (lidar_lost) {
-    auto reconnecting = reconnect_lidar(why);
-    co_await std::move(reconnecting);
+    co_await reconnect_lidar(why);
   } else {
     auto recovering = recover_stage(attempt, false);  // Which homes it if it lost its reference.
     co_await std::move(recovering);
-    auto stopping = stop_stream();
-    co_await std::move(stopping);
+    co_await stop_stream();
   }
 }
 
 awaitable<void> Runner::Impl::fill_turning(const CaptureRequest& request, TurningScans& turned) {
-  ScanGate gate(request, known_bench.lidar.scan_hz, 0);
+  ScanGate gate(request, known_bench.lidar.scan_hz);
   gate.restart(seen_ms);
+  const auto lost_before = parts.lidar.lost(), rejected_before = parts.lidar.rejected();
   const std::int64_t begun_us = parts.clock.host_us();
   const std::int64_t ready_us = begun_us + static_cast<std::int64_t>(1e6 * turn_run_up_s);
   const double room_deg =
       request.rate_deg_s > 0 ? limits.max_deg - position_deg : position_deg - limits.min_deg;
   const double longest_s = room_deg / std::abs(*request.rate_deg_s);
-  auto starting = start_stream(stream_for(request, 0));
-  co_await std::move(starting);
+  co_await start_stream(stream_for(request, 0));
   while (turned.scans.size() < static_cast<std::size_t>(request.samples)) {
     stop_if_aborted();
     const double passed_s = static_cast<double>(parts.clock.host_us() - begun_us) / 1e6;
-    auto reading = next_scan_before_limit(longest_s - passed_s);
-    lidar::Scan scan = co_await std::move(reading);
+    lidar::Scan scan = co_await next_scan_before_limit(longest_s - passed_s);
     if (!gate.takes(scan, ready_us)) {
       if (gate.hopeless()) throw DeviceError(unfit_scans(request));
       continue;
     }
     show(scan);
     turned.scans.push_back(std::move(scan));
-    turned.lost = gate.lost();
     state.done = static_cast<long>(turned.scans.size()), state.total = request.samples, state.unit = "scans";
     changed();
     if (turned.scans.size() % 4 == 1) {
-      auto asking = track_stage(turned.track);
-      co_await std::move(asking);
+      co_await track_stage(turned.track);
     }
   }
-  auto asking = track_stage(turned.track);
-  co_await std::move(asking);
+  co_await track_stage(turned.track);
+  report_losses(request, parts.lidar.lost() - lost_before, parts.lidar.rejected() - rejected_before);
 }
 
 awaitable<lidar::Scan> Runner::Impl::next_scan_before_limit(double seconds) {
@@ -286,8 +252,7 @@ awaitable<lidar::Scan> Runner::Impl::next_scan_before_limit(double seconds) {
 
 awaitable<void> Runner::Impl::read_quietly(lidar::Scan& scan, std::exception_ptr& why) {
   try {
-    auto reading = parts.lidar.next();
-    scan = co_await std::move(reading);
+    scan = co_await parts.lidar.next();
   } catch (...) {
     why = std::current_exception();
   }
@@ -295,18 +260,15 @@ awaitable<void> Runner::Impl::read_quietly(lidar::Scan& scan, std::exception_ptr
 
 awaitable<void> Runner::Impl::stop_stage_after(double seconds) {
   if (seconds > 0) {
-    auto resting = parts.clock.sleep(seconds);
-    co_await std::move(resting);
+    co_await parts.clock.sleep(seconds);
   }
-  auto stopping = parts.stage.stop();
-  co_await std::move(stopping);
+  co_await parts.stage.stop();
 }
 
 awaitable<void> Runner::Impl::track_stage(Track& track) {
   const std::int64_t before_us = parts.clock.host_us();
-  auto asking = stage_status();
-  const StageStatus status = co_await std::move(asking);
-  const std::int64_t middle_us = session_us((before_us + parts.clock.host_us()) / 2);
+  const StageStatus status = co_await stage_status();
+  const std::int64_t middle_us = time.at_us((before_us + parts.clock.host_us()) / 2);
   if (status.position_deg < limits.min_deg || status.position_deg > limits.max_deg)
     throw MeasurementError("The turning stage passed its soft limits at " + in_deg(status.position_deg) +
                            " and was stopped. Lower the rate or the number of samples.");
@@ -320,10 +282,10 @@ awaitable<void> Runner::Impl::track_stage(Track& track) {
 
 std::int64_t Runner::Impl::store_turning(const CaptureRequest& request, const TurningScans& turned,
                                          const std::string& mark) {
-  const auto& [scans, track, lost] = turned;
+  const auto& [scans, track] = turned;
   fit::CaptureInfo info = info_of(request);
-  info.started_us = session_us(scans.front());
-  info.since_power_on_s = since_power_on_s(info.started_us);
+  info.started_us = time.place_us(scans.front());
+  placed.describe(info);
   const auto [start_deg, rate_deg_s] = track.at_and_rate(static_cast<double>(info.started_us) / 1e6);
   info.stage_rad = start_deg * fit::rad_per_deg;
   info.stage_readback_rad.reset();
@@ -364,12 +326,11 @@ awaitable<void> Runner::Impl::wait(double seconds) {
   state.activity = "waiting";
   int failures = 0, begun_again = 0, restarts = clock_restarts;
   for (double passed_s = 0; passed_s < seconds;) {
-    auto reading = next_scan(stream, nullptr, failures);
-    const lidar::Scan scan = co_await std::move(reading);
+    const lidar::Scan scan = co_await next_scan(stream, nullptr, failures);
     failures = 0;
     // The time that the host counts: a stamp of the lidar's says nothing after a restart of its clock.
-    (void)session_us(scan);
-    const std::int64_t host_us = now_us();
+    (void)time.place_us(scan);
+    const std::int64_t host_us = time.now_us();
     const bool restarted = std::exchange(restarts, clock_restarts) != clock_restarts;
     if (begun_us && restarted) {
       if (++begun_again > waits_begun_again)
@@ -387,8 +348,7 @@ awaitable<void> Runner::Impl::wait(double seconds) {
     state.done = std::lround(passed_s), state.total = std::lround(seconds), state.unit = "s";
     changed();
   }
-  auto stopping = stop_stream();
-  co_await std::move(stopping);
+  co_await stop_stream();
 }
 
 }  // namespace rig

@@ -15,7 +15,9 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "rig/runner/placed_bench.hpp"
 #include "rig/runner/runner.hpp"
+#include "rig/runner/session_clock.hpp"
 #include "rig/runner/target_sight.hpp"
 #include "rig/runner/time_left.hpp"
 
@@ -95,8 +97,7 @@ struct Runner::Impl final : StepContext {
 
   std::map<std::string, std::string> progress;  // As in the session.
   Variables variables;
-  std::map<std::string, Placement> scene;   // By target; the temperature under "".
-  std::optional<std::int64_t> power_on_us;  // When the lidar was switched on, on the session's clock.
+  PlacedBench placed;
   std::set<std::string> skipped_turns;
   std::size_t current = 0;
   std::string current_name;
@@ -112,12 +113,7 @@ struct Runner::Impl final : StepContext {
   double readback_deg = 0;
   int last_approach = 0;
   std::int64_t settled_us = 0;
-  std::int64_t host_start_us = 0, session_offset_us = 0;
-  std::int64_t unix_start_us = 0;  // Of the same moment as host_start_us.
-  // Lidar time as session time, when its clock does not run with the host's.
-  bool own_time = false;
-  std::optional<std::uint64_t> own_anchor_ms;
-  std::int64_t own_now_us = 0, own_anchor_us = 0;
+  SessionClock time;
   std::optional<std::uint64_t> seen_ms;  // The latest stamp since the lidar was connected.
   TimeLeft time_left;
   std::int64_t step_begun_us = 0, step_paused_us = 0;
@@ -146,14 +142,6 @@ struct Runner::Impl final : StepContext {
   bool recorded(const std::string& part) const override { return progress.count(part) > 0; }
 
   // Time
-
-  std::int64_t session_us(std::int64_t host_us) const { return host_us - host_start_us + session_offset_us; }
-  std::int64_t now_us() const { return own_time ? own_now_us : session_us(parts.clock.host_us()); }
-
-  std::int64_t session_us(const lidar::Scan& scan);
-
-  /// host_us() and unix_us() of one moment: the closest pair of some readings.
-  void read_both_clocks();
 
   void estimate_time_left();
   TimeLeft::Running running_step() const;
@@ -205,9 +193,9 @@ struct Runner::Impl final : StepContext {
 
   awaitable<StageStatus> stage_status();
 
-  void check_soft_limits(double target_deg, const Place& place) const;
+  void check_soft_limits(double target_deg, const FilePosition& place) const;
 
-  awaitable<double> move_to(double target_deg, int approach, const Place& place) override;
+  awaitable<double> move_to(double target_deg, int approach, const FilePosition& place) override;
 
   /// One move of the stage, tried again when the link or the stage failed in a way that it recovers from.
   awaitable<double> drive_to(double target_deg);
@@ -261,8 +249,6 @@ struct Runner::Impl final : StepContext {
 
   // Capture
 
-  /// Of the lidar, if a prompt said when it was switched on.
-  std::optional<double> since_power_on_s(std::int64_t at_us) const;
   fit::CaptureInfo info_of(const CaptureRequest& request);
 
   awaitable<std::int64_t> capture(CaptureRequest request) override;
@@ -282,10 +268,10 @@ struct Runner::Impl final : StepContext {
 
   void store(std::int64_t id, long seq, const lidar::Scan& scan);
 
-  void tell_losses(const CaptureRequest& request, std::uint64_t lost, std::uint64_t rejected);
+  void report_losses(const CaptureRequest& request, std::uint64_t lost, std::uint64_t rejected);
 
   awaitable<std::int64_t> capture_turning(CaptureRequest request, double from_deg,
-                                          const Place& place) override;
+                                          const FilePosition& place) override;
 
   /// Scans of a turn wait in memory until the stage's track during them is known: the angle at the start
   /// comes from a line through the positions that the stage reported meanwhile.
@@ -328,40 +314,36 @@ struct Runner::Impl final : StepContext {
 
   awaitable<void> apply(const Prompt& prompt);
 
-  void restore_scene();
-
   /// A simulated bench may have been restarted meanwhile: it is put as it was.
   awaitable<void> place_again();
 
   /// What the rig sees, and whether it is what was asked for.
-  struct Look {
-    explicit Look(bool good_ = true, std::string text_ = "") : good(good_), text(std::move(text_)) {}
+  struct Observation {
+    explicit Observation(bool good_ = true, std::string text_ = "") : good(good_), text(std::move(text_)) {}
     bool good;
     std::string text;
     std::optional<double> to_go_mm, intensity;  ///< Of a target.
     bool in_view = true;
   };
 
-  awaitable<Look> look_at(Sight sight);
+  awaitable<Observation> look_at(Expectation expected);
 
   /// `seen`: of every beam from `first_step` on.
-  Look judge(const Sight& sight, int first_step, const SeenBeams& seen) const;
+  Observation judge(const Expectation& expected, int first_step, const SeenBeams& seen) const;
 
   // Targets
 
   /// Completes what a prompt waits to see: where the target that it places will stand.
   void expect(Prompt& prompt) const;
-  /// A target where the prompts so far have put it.
-  fit::Target as_placed(const fit::Target& target) const;
   /// Whether a beam can see it from here, and the stage's angle is known.
   bool can_see(const fit::Target& target) const;
-  Look judge_target(const Sight& sight, const SeenBeams& seen) const;
+  Observation judge_target(const Expectation& expected, const SeenBeams& seen) const;
   /// Whether the echo follows the surface: two surfaces of very different reflectance at one distance cannot
   /// return the same. Empty if it does.
-  std::string wrong_surface(const Sight& sight, const Look& look);
+  std::string wrong_surface(const Expectation& expected, const Observation& observed);
   /// Targets that nobody has looked at yet, with what is to be seen: those that no prompt places, those that
   /// were not in view when a prompt placed them, and all of a run that is resumed.
-  std::map<std::string, Sight> unchecked;
+  std::map<std::string, Expectation> unchecked;
   void remember_unchecked();
   /// Before a capture: looks at those that are in view here. A person is asked to mend what is wrong; an
   /// unattended run ends.
@@ -379,10 +361,10 @@ struct Runner::Impl final : StepContext {
 
   /// While a person works at the bench: shows scans, tells whether they are as asked for, and brings a lidar
   /// back that was lost meanwhile. Goes on until it is cancelled; end_watch() then stops the stream.
-  awaitable<void> watch_bench(std::optional<Sight> until);
-  awaitable<void> watch_stream(std::optional<Sight> until);
+  awaitable<void> watch_bench(std::optional<Expectation> until);
+  awaitable<void> watch_stream(std::optional<Expectation> until);
   awaitable<void> end_watch();
-  void tell(const Look& look);
+  void tell(const Observation& observed);
   awaitable<void> pause_for(double seconds);
   static awaitable<void> never();
 
@@ -451,8 +433,7 @@ awaitable<std::invoke_result_t<Work&>> Runner::Impl::compute(Work work) {
     asio::post(here, [done] { done->open(); });
   });
   computing = true;
-  auto waiting = done->wait();
-  co_await std::move(waiting);
+  co_await done->wait();
   if (!done->is_open()) throw boost::system::system_error(asio::error::operation_aborted);
   computing = false;
   co_return result.get();

@@ -20,8 +20,7 @@ constexpr int connect_attempts = 4;  // 0.5, 1, 2, 4 s apart: an UST-10LX is bac
 }  // namespace
 
 awaitable<void> Runner::Impl::start_stream(LidarStream stream) {
-  auto starting = parts.lidar.start(stream);
-  co_await std::move(starting);
+  co_await parts.lidar.start(stream);
   streaming = true;
   if (stream.intensity && !parts.lidar.sends_intensities() && !std::exchange(intensities_missed, true))
     note("warning",
@@ -31,22 +30,19 @@ awaitable<void> Runner::Impl::start_stream(LidarStream stream) {
 awaitable<void> Runner::Impl::end_stream() {
   if (!streaming) co_return;
   streaming = false;
-  auto stopping = parts.lidar.stop();
-  co_await std::move(stopping);
+  co_await parts.lidar.stop();
 }
 
 awaitable<void> Runner::Impl::stop_stream() {
   std::exception_ptr why;
   try {
-    auto ending = end_stream();
-    co_await std::move(ending);
+    co_await end_stream();
   } catch (...) {
     why = std::current_exception();
   }
   if (!why) co_return;
   stop_if_aborted();
-  auto reconnecting = reconnect_lidar(why);
-  co_await std::move(reconnecting);
+  co_await reconnect_lidar(why);
 }
 
 awaitable<lidar::Scan> Runner::Impl::next_scan(LidarStream stream, ScanGate* gate, int& failures) {
@@ -57,11 +53,9 @@ awaitable<lidar::Scan> Runner::Impl::next_scan(LidarStream stream, ScanGate* gat
     try {
       if (!streaming) {
         if (gate) gate->restart(seen_ms);
-        auto starting = start_stream(stream);
-        co_await std::move(starting);
+        co_await start_stream(stream);
       }
-      auto reading = parts.lidar.next();
-      scan = co_await std::move(reading);
+      scan = co_await parts.lidar.next();
     } catch (...) {
       why = std::current_exception();
     }
@@ -71,8 +65,7 @@ awaitable<lidar::Scan> Runner::Impl::next_scan(LidarStream stream, ScanGate* gat
     }
     stop_if_aborted();
     if (++failures > failures_without_scan) std::rethrow_exception(why);
-    auto reconnecting = reconnect_lidar(why);
-    co_await std::move(reconnecting);
+    co_await reconnect_lidar(why);
   }
 }
 
@@ -82,18 +75,19 @@ void Runner::Impl::heed_clock_restart(const lidar::Scan& scan) {
   clock_restarts = parts.lidar.clock_restarts();
   json all = json::parse(session.get("lidar_restarts").value_or("[]"), nullptr, false);
   if (!all.is_array()) all = json::array();
-  all.push_back({{"host_us", session_us(scan)}, {"device_ms", scan.device_ms}});
+  all.push_back({{"host_us", time.place_us(scan)}, {"device_ms", scan.device_ms}});
   session.set("lidar_restarts", all.dump());
   const std::string goes_on =
       "the lidar's clock started again: stamps (device_ms) of later scans have a new time base, which goes "
       "on "
       "by this computer's clock";
   if (asked_for) return note("info", goes_on);
-  note("warning", goes_on +
-                      ". The lidar restarted or its power was cut: if it was off for long it has "
-                      "cooled, and what warmed it up before is not repeated by itself" +
-                      (power_on_us ? "; captures go on counting the time since power-on from before" : "") +
-                      ". Check its supply.");
+  note("warning",
+       goes_on +
+           ". The lidar restarted or its power was cut: if it was off for long it has "
+           "cooled, and what warmed it up before is not repeated by itself" +
+           (placed.power_on_us() ? "; captures go on counting the time since power-on from before" : "") +
+           ". Check its supply.");
 }
 
 void Runner::Impl::judge_lidar(const json& identity) {
@@ -127,8 +121,7 @@ void Runner::Impl::judge_lidar(const json& identity) {
 }
 
 awaitable<void> Runner::Impl::connect_lidar() {
-  auto connecting = parts.lidar.connect();
-  const json identity = co_await std::move(connecting);
+  const json identity = co_await parts.lidar.connect();
   judge_lidar(identity);
   if (parts.locks) parts.locks->lock_lidar(identity);
   lidar_is_simulated = says_simulated(identity.dump());
@@ -158,8 +151,7 @@ awaitable<void> Runner::Impl::await_lidar() {
   for (double pause_s = first_start_pause_s;; pause_s = std::min(pause_s + 1, longest_start_pause_s)) {
     std::exception_ptr why;
     try {
-      auto connecting = connect_lidar();
-      co_await std::move(connecting);
+      co_await connect_lidar();
     } catch (const LidarAbsent&) {
       why = std::current_exception();
     }
@@ -175,16 +167,14 @@ awaitable<void> Runner::Impl::await_lidar() {
     else
       note("info", "still waiting for the lidar, for another " + goes_on);
     said_why = true;
-    auto resting = parts.clock.sleep(std::min(pause_s, left_s));
-    co_await std::move(resting);
+    co_await parts.clock.sleep(std::min(pause_s, left_s));
   }
 }
 
 awaitable<void> Runner::Impl::reconnect_lidar(std::exception_ptr why) {
   streaming = false;
   note("warning", "lidar lost: " + sentence(why) + " The rig connects again.");
-  auto connecting = connect_again(why);
-  co_await std::move(connecting);
+  co_await connect_again(why);
   ++state.reconnects;
   note("info", "lidar is back");
 }
@@ -193,18 +183,16 @@ awaitable<void> Runner::Impl::connect_again(std::exception_ptr why) {
   double pause_s = 0.5;
   for (int attempt = 1; attempt <= connect_attempts; ++attempt, pause_s *= 2) {
     stop_if_aborted();
-    auto resting = parts.clock.sleep(pause_s);
-    co_await std::move(resting);
+    co_await parts.clock.sleep(pause_s);
     try {
-      auto connecting = connect_lidar();
-      co_await std::move(connecting);
+      co_await connect_lidar();
       why = nullptr;
     } catch (...) {
       why = std::current_exception();
     }
     if (!why) {
       // A device that was switched off counts from zero again.
-      own_anchor_ms.reset();
+      time.lidar_began_anew();
       co_return;
     }
   }
@@ -222,21 +210,18 @@ awaitable<void> Runner::Impl::compare_clocks() {
   int failures = 0;
   for (int i = 0; i < scans; ++i) {
     const auto reconnects_before = state.reconnects;
-    auto reading = next_scan(all, nullptr, failures);
-    const lidar::Scan scan = co_await std::move(reading);
+    const lidar::Scan scan = co_await next_scan(all, nullptr, failures);
     if (state.reconnects != reconnects_before) i = 0;  // The pause in between says nothing of the clocks.
     last_ms = scan.device_ms;
     last_us = parts.clock.host_us();
     if (i == 1) first_ms = last_ms, first_us = last_us;
     show(scan);
   }
-  auto stopping = stop_stream();
-  co_await std::move(stopping);
+  co_await stop_stream();
   const double device_s = static_cast<double>(last_ms - first_ms) / 1e3;
   const double host_s = static_cast<double>(last_us - first_us) / 1e6;
-  own_time = parts.lidar.own_time() || host_s < 0.8 * device_s || host_s > 1.5 * device_s + 0.2;
-  own_now_us = session_us(parts.clock.host_us());
-  if (own_time)
+  time.follow_lidar(parts.lidar.own_time() || host_s < 0.8 * device_s || host_s > 1.5 * device_s + 0.2);
+  if (time.follows_lidar())
     note("info", "lidar and computer clocks are unrelated: the session runs on the lidar's time");
 }
 

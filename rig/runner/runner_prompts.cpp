@@ -11,33 +11,19 @@ using namespace asio::experimental::awaitable_operators;
 
 constexpr int looks_of_nobody = 3;  // A simulated bench that placed it wrongly three times will not learn.
 
-json json_of(const Placement& place) {
-  json result = {{"target", place.target}};
-  if (place.shift_mm) result["shift_mm"] = *place.shift_mm;
-  if (place.reflectance) result["reflectance"] = *place.reflectance;
-  if (place.temperature_c) result["temperature_c"] = *place.temperature_c;
-  return result;
-}
-
-std::optional<double> maybe(const json& object, const char* key) {
-  if (!object.contains(key) || !object[key].is_number()) return std::nullopt;
-  return object[key].get<double>();
-}
-
 }  // namespace
 
 awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
   const auto before = state.phase;
   expect(prompt);
-  for (int look = 1;; ++look) {
+  for (int attempt = 1;; ++attempt) {
     state.phase = RunState::Phase::prompt;
     prompt.number = ++prompts_asked;
     state.prompt = prompt;
     state.activity = "prompt: " + prompt.title;
     note("info", "asks: " + prompt.title);
     say_who_waits(prompt);
-    auto asking = ask_once(prompt);
-    Answer answer = co_await std::move(asking);
+    Answer answer = co_await ask_once(prompt);
     session.set("waiting", "");
     state.prompt.reset();
     state.phase = before;
@@ -55,18 +41,21 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
     }
     prompt.refusal = wrong_answer(prompt, answer);
     prompt.check.clear();
-    if (prompt.refusal.empty()) {
-      auto applying = apply(prompt);
-      co_await std::move(applying);
-      auto looking = look_after(prompt);
-      prompt.check = prompt.refusal = co_await std::move(looking);
+    const bool answered_well = prompt.refusal.empty();
+    if (answered_well) {
+      co_await apply(prompt);
+      prompt.check = prompt.refusal = co_await look_after(prompt);
     }
     if (prompt.refusal.empty()) {
       note("info", "done: " + prompt.title);
       co_return answer;
     }
     note("warning", prompt.title + ": " + prompt.refusal);
-    if (parts.operator_.unattended() && look >= looks_of_nobody)
+    if (answered_well && parts.doubts_bench) {
+      if (attempt > 1) co_return answer;
+      prompt.refusal += " If it stands as asked, confirm again: the bench file may be wrong.";
+    }
+    if (parts.operator_.unattended() && attempt >= looks_of_nobody)
       throw MeasurementError("'" + prompt.title + "' is not as asked: " + prompt.refusal +
                              " Unattended run: cannot be corrected. The stage stands; go on with rig resume.");
   }
@@ -80,18 +69,18 @@ void Runner::Impl::say_who_waits(const Prompt& prompt) {
 
 awaitable<std::string> Runner::Impl::look_after(const Prompt& prompt) {
   if (!prompt.until) co_return "";
-  const Sight sight = *prompt.until;
-  if (sight.of_target && !can_see(*sight.target)) {
-    unchecked[sight.target->name] = sight;
-    note("info", "'" + sight.target->name + "' is not in view from here; it is looked at before it is measured");
+  const Expectation expected = *prompt.until;
+  if (expected.of_target && !can_see(*expected.target)) {
+    unchecked[expected.target->name] = expected;
+    note("info",
+         "'" + expected.target->name + "' is not in view from here; it is looked at before it is measured");
     co_return "";
   }
-  auto looking = look_at(sight);
-  const Look look = co_await std::move(looking);
-  if (!look.good) co_return look.text;
-  if (!sight.of_target) co_return "";
-  unchecked.erase(sight.target->name);
-  co_return wrong_surface(sight, look);
+  const Observation observed = co_await look_at(expected);
+  if (!observed.good) co_return observed.text;
+  if (!expected.of_target) co_return "";
+  unchecked.erase(expected.target->name);
+  co_return wrong_surface(expected, observed);
 }
 
 awaitable<Answer> Runner::Impl::ask_once(Prompt prompt) {
@@ -102,8 +91,7 @@ awaitable<Answer> Runner::Impl::ask_once(Prompt prompt) {
   auto late = prompt.timeout_s > 0 ? pause_for(prompt.timeout_s) : never();
   auto watching = watch_bench(prompt.until);
   co_await (std::move(asking) || std::move(elsewhere) || std::move(late) || std::move(watching));
-  auto resting = end_watch();
-  co_await std::move(resting);
+  co_await end_watch();
   stop_if_aborted();
   if (operator_failed) std::rethrow_exception(std::exchange(operator_failed, nullptr));
   if (!answered)
@@ -115,8 +103,7 @@ awaitable<Answer> Runner::Impl::ask_once(Prompt prompt) {
 
 awaitable<void> Runner::Impl::ask_operator(Prompt prompt) {
   try {
-    auto asking = parts.operator_.ask(prompt);
-    const Answer given = co_await std::move(asking);
+    const Answer given = co_await parts.operator_.ask(prompt);
     if (!answered) answered = given;
   } catch (const boost::system::system_error& error) {
     // Called off, because the answer came from elsewhere or none came in time, is no failure.
@@ -150,47 +137,23 @@ std::string Runner::Impl::wrong_answer(const Prompt& prompt, Answer& answer) {
 awaitable<void> Runner::Impl::apply(const Prompt& prompt) {
   if (!prompt.place) co_return;
   const Placement place = *prompt.place;
-  Placement& known = scene[place.target];
-  known.target = place.target;
-  if (place.shift_mm) known.shift_mm = place.shift_mm;
-  if (place.reflectance) known.reflectance = place.reflectance;
-  if (place.temperature_c) scene[""].temperature_c = place.temperature_c;
-  json all = json::array();
-  for (const auto& [target, each] : scene) all.push_back(json_of(each));
-  record("scene", all);
+  placed.place(place, time.now_us());
+  record("scene", placed.placements_json());
   if (!place.since_power_on_s) co_return;
-  power_on_us = now_us() - static_cast<std::int64_t>(1e6 * *place.since_power_on_s);
-  record("power_on_us", *power_on_us);
+  record("power_on_us", *placed.power_on_us());
   streaming = false;
   power_cycle_told = true;
   note("info", "the lidar was switched off and on: the rig connects again");
-  auto connecting = connect_again(nullptr);
-  co_await std::move(connecting);
-}
-
-void Runner::Impl::restore_scene() {
-  if (const json since = progress_of("power_on_us"); since.is_number_integer())
-    power_on_us = since.get<std::int64_t>();
-  const json all = progress_of("scene");
-  if (!all.is_array()) return;
-  for (const json& each : all) {
-    Placement place;
-    place.target = each.value("target", "");
-    place.shift_mm = maybe(each, "shift_mm");
-    place.reflectance = maybe(each, "reflectance");
-    place.temperature_c = maybe(each, "temperature_c");
-    scene[place.target] = place;
-  }
+  co_await connect_again(nullptr);
 }
 
 awaitable<void> Runner::Impl::place_again() {
   if (!parts.operator_.unattended()) co_return;
-  for (const auto& [target, place] : scene) {
+  for (const auto& [target, place] : placed.placements()) {
     Prompt prompt;
     prompt.title = "put back " + (target.empty() ? "the temperature" : target);
     prompt.place = place;
-    auto asking = parts.operator_.ask(prompt);
-    co_await std::move(asking);
+    co_await parts.operator_.ask(prompt);
   }
 }
 

@@ -90,7 +90,7 @@ void Runner::Impl::describe_session() {
   session.set("procedure_file", procedure.file);
   session.set("kind", procedure.name);
   session.set("variables", variables_json().dump());
-  session.set("epoch_unix_us", std::to_string(unix_start_us));
+  session.set("epoch_unix_us", std::to_string(time.begun_unix_us()));
 }
 
 std::string Runner::Impl::resumed_words() const {
@@ -164,8 +164,7 @@ awaitable<void> Runner::Impl::checkpoint(long done, long total) {
   state.pausing = false;
   changed();
   const std::int64_t paused_us = parts.clock.host_us();
-  auto waiting = resume_gate.wait();
-  co_await std::move(waiting);
+  co_await resume_gate.wait();
   step_paused_us += parts.clock.host_us() - paused_us;
   state.phase = before;
   stop_if_aborted();
@@ -235,30 +234,6 @@ void Runner::Impl::for_each_scan(std::int64_t capture,
   session.for_each_scan(capture, visit);
 }
 
-void Runner::Impl::read_both_clocks() {
-  constexpr int readings = 5;
-  std::int64_t shortest_us = std::numeric_limits<std::int64_t>::max();
-  for (int i = 0; i < readings; ++i) {
-    const std::int64_t before_us = parts.clock.host_us(), unix_us = parts.clock.unix_us(),
-                       after_us = parts.clock.host_us();
-    if (after_us - before_us >= shortest_us) continue;
-    shortest_us = after_us - before_us;
-    host_start_us = before_us + shortest_us / 2;
-    unix_start_us = unix_us;
-  }
-}
-
-std::int64_t Runner::Impl::session_us(const lidar::Scan& scan) {
-  if (!own_time) return session_us(scan.host_us);
-  if (!own_anchor_ms) {
-    own_anchor_ms = scan.device_ms;
-    own_anchor_us = own_now_us;
-  }
-  const auto passed_ms = static_cast<std::int64_t>(scan.device_ms - *own_anchor_ms);
-  own_now_us = own_anchor_us + 1000 * passed_ms;
-  return own_now_us;
-}
-
 TimeLeft::Running Runner::Impl::running_step() const {
   TimeLeft::Running now;
   now.step = current;
@@ -280,17 +255,18 @@ void Runner::Impl::estimate_time_left() {
 void Runner::Impl::changed() {
   if (!plan.empty() && current < plan.size()) estimate_time_left();
   state.stage_deg = position_deg;
+  state.scans_lost = parts.lidar.lost();
   state.scans_rejected = parts.lidar.rejected();
   for (const auto& observer : observers) observer(state);
 }
 
 void Runner::Impl::note(const std::string& level, const std::string& text) {
-  session.add_event(now_us(), level, text);
+  session.add_event(time.now_us(), level, text);
   tell(level, text);
 }
 
 void Runner::Impl::tell(const std::string& level, const std::string& text) {
-  state.messages.push_back({now_us(), level, text});
+  state.messages.push_back({time.now_us(), level, text});
   ++state.messages_total;
   if (state.messages.size() > messages_kept) state.messages.erase(state.messages.begin());
   changed();

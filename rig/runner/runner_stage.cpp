@@ -18,8 +18,7 @@ awaitable<void> Runner::Impl::home(bool again) {
   for (int attempt = 1;; ++attempt) {
     std::exception_ptr why;
     try {
-      auto homing = home_once(again);
-      co_await std::move(homing);
+      co_await home_once(again);
       co_return;
     } catch (...) {
       why = std::current_exception();
@@ -27,22 +26,18 @@ awaitable<void> Runner::Impl::home(bool again) {
     stop_if_aborted();
     if (attempt >= stage_attempts || !is_stage_error(why)) std::rethrow_exception(why);
     note("warning", "stage: " + sentence(why) + " It is homed again.");
-    auto recovering = recover_stage(attempt, is_stage_lost(why));
-    co_await std::move(recovering);
+    co_await recover_stage(attempt, is_stage_lost(why));
   }
 }
 
 awaitable<void> Runner::Impl::home_once(bool again) {
-  auto asking = stage_status();
-  const StageStatus status = co_await std::move(asking);
+  const StageStatus status = co_await stage_status();
   if (!status.homed || again) {
     state.activity = "homing";
     changed();
-    auto homing = parts.stage.home();
-    co_await std::move(homing);
+    co_await parts.stage.home();
     note("info", "stage homed");
-    auto asking_again = stage_status();
-    const StageStatus after = co_await std::move(asking_again);
+    const StageStatus after = co_await stage_status();
     position_deg = after.position_deg;
     for (const auto& warning : after.warnings) note("warning", "stage: " + warning);
   } else {
@@ -53,12 +48,9 @@ awaitable<void> Runner::Impl::home_once(bool again) {
   settled_us = parts.clock.host_us();
 }
 
-awaitable<StageStatus> Runner::Impl::stage_status() {
-  auto asking = parts.stage.status();
-  co_return co_await std::move(asking);
-}
+awaitable<StageStatus> Runner::Impl::stage_status() { co_return co_await parts.stage.status(); }
 
-void Runner::Impl::check_soft_limits(double target_deg, const Place& place) const {
+void Runner::Impl::check_soft_limits(double target_deg, const FilePosition& place) const {
   if (target_deg < limits.min_deg - 1e-9 || target_deg > limits.max_deg + 1e-9 || !std::isfinite(target_deg))
     throw ProcedureError(place,
                          "the stage would go to " + in_deg(target_deg) + ", beyond its soft limits " +
@@ -66,7 +58,7 @@ void Runner::Impl::check_soft_limits(double target_deg, const Place& place) cons
                              " deg (stage.limits_deg in the bench file). It stands; nothing was moved.");
 }
 
-awaitable<double> Runner::Impl::move_to(double target_deg, int approach, const Place& place) {
+awaitable<double> Runner::Impl::move_to(double target_deg, int approach, const FilePosition& place) {
   check_soft_limits(target_deg, place);
   stop_if_aborted();
   const bool stands_there =
@@ -78,11 +70,9 @@ awaitable<double> Runner::Impl::move_to(double target_deg, int approach, const P
     if (approach != 0 && (last_approach != approach || (target_deg - position_deg) * approach <= 0)) {
       const double run_up_deg =
           std::clamp(target_deg - approach * procedure.stage.margin_deg, limits.min_deg, limits.max_deg);
-      auto running_up = drive_to(run_up_deg);
-      co_await std::move(running_up);
+      co_await drive_to(run_up_deg);
     }
-    auto driving = drive_to(target_deg);
-    readback_deg = co_await std::move(driving);
+    readback_deg = co_await drive_to(target_deg);
     // After a recovery on the way the last move may have come from the wrong side.
     const bool right_side = approach == 0 || last_approach == approach || attempt >= stage_attempts;
     if (std::abs(readback_deg - target_deg) <= procedure.stage.tolerance_deg) {
@@ -99,8 +89,7 @@ awaitable<double> Runner::Impl::move_to(double target_deg, int approach, const P
     last_approach = 0;
   }
   if (procedure.stage.settle_s > 0) {
-    auto resting = parts.clock.sleep(procedure.stage.settle_s);
-    co_await std::move(resting);
+    co_await parts.clock.sleep(procedure.stage.settle_s);
   }
   settled_us = parts.clock.host_us();
   co_return readback_deg;
@@ -111,8 +100,7 @@ awaitable<double> Runner::Impl::drive_to(double target_deg) {
     stop_if_aborted();
     std::exception_ptr why;
     try {
-      auto moving = parts.stage.move_to(target_deg);
-      const double arrived_deg = co_await std::move(moving);
+      const double arrived_deg = co_await parts.stage.move_to(target_deg);
       last_approach = target_deg > position_deg ? 1 : target_deg < position_deg ? -1 : last_approach;
       position_deg = target_deg;
       co_return arrived_deg;
@@ -122,30 +110,24 @@ awaitable<double> Runner::Impl::drive_to(double target_deg) {
     stop_if_aborted();
     if (attempt >= stage_attempts) std::rethrow_exception(why);
     note("warning", "stage: " + sentence(why) + " The rig tries again.");
-    auto recovering = recover_stage(attempt, is_stage_lost(why));
-    co_await std::move(recovering);
+    co_await recover_stage(attempt, is_stage_lost(why));
   }
 }
 
 awaitable<void> Runner::Impl::recover_stage(int attempt, bool link_lost) {
-  auto resting = parts.clock.sleep(0.5 * attempt);
-  co_await std::move(resting);
+  co_await parts.clock.sleep(0.5 * attempt);
   last_approach = 0;
   std::exception_ptr why;
   try {
     if (link_lost) {
-      auto opening = parts.stage.reopen();
-      co_await std::move(opening);
+      co_await parts.stage.reopen();
     }
-    auto stopping = parts.stage.stop();
-    co_await std::move(stopping);
-    auto asking = stage_status();
-    const StageStatus status = co_await std::move(asking);
+    co_await parts.stage.stop();
+    const StageStatus status = co_await stage_status();
     position_deg = status.position_deg;
     if (!status.homed && !procedure.stage.unhomed) {
       note("warning", "the stage has lost its reference and is homed again");
-      auto homing = home_once(true);
-      co_await std::move(homing);
+      co_await home_once(true);
     }
   } catch (...) {
     why = std::current_exception();
@@ -158,15 +140,12 @@ awaitable<void> Runner::Impl::turn(double rate_deg_s) {
   stop_if_aborted();
   state.activity = "turning at " + to_text(rate_deg_s) + " deg/s";
   changed();
-  auto turning = parts.stage.turn(rate_deg_s);
-  co_await std::move(turning);
+  co_await parts.stage.turn(rate_deg_s);
 }
 
 awaitable<void> Runner::Impl::stop_turning() {
-  auto stopping = parts.stage.stop();
-  co_await std::move(stopping);
-  auto asking = stage_status();
-  position_deg = readback_deg = (co_await std::move(asking)).position_deg;
+  co_await parts.stage.stop();
+  position_deg = readback_deg = (co_await stage_status()).position_deg;
   last_approach = 0;
   settled_us = 0;
 }
@@ -174,18 +153,15 @@ awaitable<void> Runner::Impl::stop_turning() {
 awaitable<void> Runner::Impl::stop_turning_for_sure() {
   std::exception_ptr why;
   try {
-    auto stopping = stop_turning();
-    co_await std::move(stopping);
+    co_await stop_turning();
     co_return;
   } catch (...) {
     why = std::current_exception();
   }
   stop_if_aborted();
   note("warning", "stage: " + sentence(why) + " It is told to stop again.");
-  auto recovering = recover_stage(1, is_stage_lost(why));
-  co_await std::move(recovering);
-  auto stopping = stop_turning();
-  co_await std::move(stopping);
+  co_await recover_stage(1, is_stage_lost(why));
+  co_await stop_turning();
 }
 
 }  // namespace rig

@@ -159,9 +159,14 @@ json to_json(const RunState& state, const fit::Bench& bench) {
     document["prompt"]["ghost"] = ghost_json(*state.prompt->until->target, bench, state.stage_deg);
   if (state.phase >= RunState::Phase::done) document["end"] = end_json(state);
   if (state.scan_seen) {
-    const double step_deg = bench.lidar.step_rad * fit::deg_per_rad;
-    document["scan"] = {{"first_deg", bench.lidar.beam_angle(state.scan.first_step) * fit::deg_per_rad},
-                        {"step_deg", step_deg * state.scan.cluster},
+    fit::CaptureInfo scanned;
+    scanned.first_step = state.scan.first_step;
+    scanned.last_step = state.scan.last_step;
+    scanned.cluster = state.scan.cluster;
+    const std::optional<fit::ScanGeometry> none;
+    const fit::BeamAngles angles(bench.lidar, scanned, none);
+    document["scan"] = {{"first_deg", angles.first_rad() * fit::deg_per_rad},
+                        {"step_deg", angles.step_rad() * fit::deg_per_rad},
                         {"range_mm", state.scan.range_mm},
                         {"intensity", state.scan.intensity}};
   }

@@ -12,10 +12,6 @@ namespace {
 // Two surfaces whose reflectances differ by so much return different echoes from one distance.
 constexpr double very_different = 2, same_echo = 1.03, same_distance = 0.02;
 
-bool measures(const std::string& kind) {
-  return kind == "capture" || kind == "sweep" || kind == "turn" || kind == "find-edge";
-}
-
 /// The text of a step's option with the variables of its turn; empty if it has none.
 std::string option_text(const Node& options, const std::string& name, const Variables& variables) {
   const Node* node = options.find(name);
@@ -34,13 +30,13 @@ std::set<std::string> taken_for_granted(const std::vector<PlannedStep>& plan, co
   for (const PlannedStep& step : plan) {
     Variables all = variables;
     for (const auto& [name, value] : step.loop_variables) all[name] = value;
-    const std::string kind = step.step->kind->name();
-    if (measures(kind)) {
+    const StepKind& kind = *step.step->kind;
+    if (kind.measures()) {
       const std::string target = option_text(step.step->options, "target", all);
       if (!target.empty()) used.insert(target);
       if (target.empty())
         for (const fit::Target& each : bench.targets) used.insert(each.name);
-    } else if (const Node* place = kind == "prompt" ? step.step->options.find("place") : nullptr) {
+    } else if (const Node* place = kind.places(step.step->options)) {
       placed.insert(option_text(*place, "target", all));
     }
   }
@@ -53,23 +49,15 @@ std::string quoted(const std::string& name) { return "'" + name + "'"; }
 
 }  // namespace
 
-fit::Target Runner::Impl::as_placed(const fit::Target& target) const {
-  const auto known = scene.find(target.name);
-  if (known == scene.end()) return target;
-  fit::Target placed = shifted(target, known->second.shift_mm.value_or(0));
-  if (known->second.reflectance) placed.reflectance = known->second.reflectance;
-  return placed;
-}
-
 void Runner::Impl::expect(Prompt& prompt) const {
   if (!prompt.until || !prompt.until->of_target || !prompt.place) return;
   const fit::Target* target = known_bench.target(prompt.place->target);
   if (!target) return;
-  fit::Target placed = as_placed(*target);
-  if (prompt.place->shift_mm) placed = shifted(*target, *prompt.place->shift_mm);
+  fit::Target wanted = placed.as_placed(*target);
+  if (prompt.place->shift_mm) wanted = shifted(*target, *prompt.place->shift_mm);
   // As stated before it was placed: only what a prompt says can be compared with another surface.
-  placed.reflectance = prompt.place->reflectance;
-  prompt.until->target = placed;
+  wanted.reflectance = prompt.place->reflectance;
+  prompt.until->target = wanted;
 }
 
 bool Runner::Impl::can_see(const fit::Target& target) const {
@@ -78,33 +66,36 @@ bool Runner::Impl::can_see(const fit::Target& target) const {
   return std::ranges::any_of(ranges, [](double range) { return std::isfinite(range); });
 }
 
-Runner::Impl::Look Runner::Impl::judge_target(const Sight& sight, const SeenBeams& seen) const {
-  const fit::Target& target = *sight.target;
+Runner::Impl::Observation Runner::Impl::judge_target(const Expectation& expected,
+                                                     const SeenBeams& seen) const {
+  const fit::Target& target = *expected.target;
   std::vector<fit::Target> others;
   const auto granted = taken_for_granted(plan, variables, known_bench);
   for (const fit::Target& each : known_bench.targets)
-    if (scene.contains(each.name) || granted.contains(each.name)) others.push_back(as_placed(each));
-  const TargetSight found = look_for(known_bench, target, others, position_deg * fit::rad_per_deg, seen,
-                                     sight.tolerance_mm);
-  Look look;
-  const bool silent = found.place == TargetSight::Place::unseen && !sight.echo;
-  look.good = found.good() || silent;
-  look.in_view = found.place != TargetSight::Place::out_of_view;
-  look.text = quoted(target.name) +
-              (silent ? " cannot be checked: " : found.good() ? " is in place: " : " is not in its place: ") +
-              found.words + ".";
-  if (!look.in_view) look.text = quoted(target.name) + ": " + found.words + ".";
+    if (placed.has_placed(each.name) || granted.contains(each.name)) others.push_back(placed.as_placed(each));
+  const TargetSight found =
+      look_for(known_bench, target, others, position_deg * fit::rad_per_deg, seen, expected.tolerance_mm);
+  Observation observed;
+  const bool silent = found.place == TargetSight::Place::unseen && !expected.echo;
+  observed.good = found.good() || silent;
+  observed.in_view = found.place != TargetSight::Place::out_of_view;
+  observed.text = quoted(target.name) +
+                  (silent         ? " cannot be checked: "
+                   : found.good() ? " is in place: "
+                                  : " is not in its place: ") +
+                  found.words + ".";
+  if (!observed.in_view) observed.text = quoted(target.name) + ": " + found.words + ".";
   const bool somewhere =
       found.place == TargetSight::Place::as_asked || found.place == TargetSight::Place::elsewhere;
-  if (somewhere) look.to_go_mm = found.to_go_mm;
-  if (somewhere && std::isfinite(found.intensity)) look.intensity = found.intensity;
-  return look;
+  if (somewhere) observed.to_go_mm = found.to_go_mm;
+  if (somewhere && std::isfinite(found.intensity)) observed.intensity = found.intensity;
+  return observed;
 }
 
-std::string Runner::Impl::wrong_surface(const Sight& sight, const Look& look) {
-  const fit::Target& target = *sight.target;
-  if (!sight.surface || !target.reflectance || !look.intensity) return "";
-  const Surface here{distance_mm(target), *target.reflectance, *look.intensity};
+std::string Runner::Impl::wrong_surface(const Expectation& expected, const Observation& observed) {
+  const fit::Target& target = *expected.target;
+  if (!expected.surface || !target.reflectance || !observed.intensity) return "";
+  const Surface here{distance_mm(target), *target.reflectance, *observed.intensity};
   auto& known = surfaces[target.name];
   for (const Surface& other : known) {
     if (std::abs(other.distance_mm - here.distance_mm) > same_distance * here.distance_mm) continue;
@@ -124,38 +115,39 @@ void Runner::Impl::remember_unchecked() {
   const auto look_for_it = [this](const std::string& name) {
     const fit::Target* target = known_bench.target(name);
     if (!target) return;
-    Sight sight;
-    sight.of_target = true;
-    sight.target = as_placed(*target);
-    unchecked[name] = sight;
+    Expectation expected;
+    expected.of_target = true;
+    expected.target = placed.as_placed(*target);
+    unchecked[name] = expected;
   };
-  for (const auto& [name, place] : scene) look_for_it(name);
+  for (const auto& [name, place] : placed.placements()) look_for_it(name);
   for (const std::string& name : taken_for_granted(plan, variables, known_bench)) look_for_it(name);
 }
 
 awaitable<void> Runner::Impl::check_targets() {
-  std::vector<Sight> visible;
-  for (const auto& [name, sight] : unchecked)
-    if (can_see(*sight.target)) visible.push_back(sight);
-  for (const Sight& sight : visible) {
-    auto looking = look_at(sight);
-    const Look look = co_await std::move(looking);
-    unchecked.erase(sight.target->name);
-    if (look.good) continue;
-    note("warning", look.text);
+  std::vector<Expectation> visible;
+  for (const auto& [name, expected] : unchecked)
+    if (can_see(*expected.target)) visible.push_back(expected);
+  for (const Expectation& expected : visible) {
+    const Observation observed = co_await look_at(expected);
+    unchecked.erase(expected.target->name);
+    if (observed.good) continue;
+    note("warning", observed.text);
+    if (parts.doubts_bench) continue;
     if (parts.operator_.unattended())
-      throw MeasurementError(look.text +
-                             " Unattended run: cannot be corrected. Put it there, or correct from_mm and to_mm in "
-                             "the bench file and begin a new session. The stage stands; go on with rig resume.");
+      throw MeasurementError(
+          observed.text +
+          " Unattended run: cannot be corrected. Put it there, or correct from_mm and to_mm in "
+          "the bench file and begin a new session. The stage stands; go on with rig resume.");
     Prompt prompt;
-    prompt.title = "Put '" + sight.target->name + "' where it belongs";
-    prompt.text = "Its distance from the stage's axis is to be " + rounded_text(distance_mm(*sight.target), 1) +
-                  " mm. If it stands as it should, stop the run and correct from_mm and to_mm in the bench file.";
-    prompt.check = look.text;
-    prompt.until = sight;
+    prompt.title = "Put '" + expected.target->name + "' where it belongs";
+    prompt.text =
+        "Its distance from the stage's axis is to be " + rounded_text(distance_mm(*expected.target), 1) +
+        " mm. If it stands as it should, stop the run and correct from_mm and to_mm in the bench file.";
+    prompt.check = observed.text;
+    prompt.until = expected;
     prompt.skippable = prompt.repeatable = false;
-    auto asking = ask(prompt);
-    co_await std::move(asking);
+    co_await ask(prompt);
   }
 }
 
@@ -172,8 +164,7 @@ awaitable<void> Runner::Impl::ask_about_bench() {
   prompt.title = "The bench file has values out of all proportion. Are they right?";
   prompt.text = text + " Nothing has moved yet. Confirm them, or stop and correct the bench file.";
   prompt.skippable = prompt.repeatable = false;
-  auto asking = ask(prompt);
-  co_await std::move(asking);
+  co_await ask(prompt);
   session.set("bench_confirmed", text);
 }
 

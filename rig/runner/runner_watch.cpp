@@ -20,11 +20,11 @@ double middle_of(std::vector<double> values) {
   return *middle;
 }
 
-/// The echoes of the beams of a sight, collected until they can be judged.
+/// The echoes of the beams that are looked at, collected until they can be judged.
 class Echoes {
  public:
   explicit Echoes(std::size_t beams) : ranges_(beams), levels_(beams) {}
-  /// `offset`: index of the sight's first beam within the scan.
+  /// `offset`: index of the first of these beams within the scan.
   void add(const lidar::Scan& scan, std::size_t offset) {
     ++scans_;
     for (std::size_t i = 0; i < ranges_.size() && offset + i < scan.range_mm.size(); ++i) {
@@ -61,32 +61,30 @@ bool is_cancellation(const std::exception_ptr& why) {
   }
 }
 
-CaptureRequest steps_of(const Sight& sight, const fit::LidarGeometry& lidar) {
+CaptureRequest steps_of(const Expectation& expected, const fit::LidarGeometry& lidar) {
   CaptureRequest request;
-  if (sight.of_target) {
+  if (expected.of_target) {
     request.last_step = lidar.steps - 1;
     return request;
   }
   const double step_deg = lidar.step_rad * fit::deg_per_rad;
-  request.first_step = static_cast<int>(std::lround(lidar.front_step + sight.from_deg / step_deg));
-  request.last_step = static_cast<int>(std::lround(lidar.front_step + sight.to_deg / step_deg));
+  request.first_step = static_cast<int>(std::lround(lidar.front_step + expected.from_deg / step_deg));
+  request.last_step = static_cast<int>(std::lround(lidar.front_step + expected.to_deg / step_deg));
   return request;
 }
 
 }  // namespace
 
-awaitable<Runner::Impl::Look> Runner::Impl::look_at(Sight sight) {
-  const CaptureRequest request = steps_of(sight, known_bench.lidar);
+awaitable<Runner::Impl::Observation> Runner::Impl::look_at(Expectation expected) {
+  const CaptureRequest request = steps_of(expected, known_bench.lidar);
   Echoes echoes(static_cast<std::size_t>(request.last_step - request.first_step + 1));
-  ScanGate gate(request, known_bench.lidar.scan_hz, 0);
+  ScanGate gate(request, known_bench.lidar.scan_hz);
   int failures = 0;
   while (!echoes.enough()) {
-    auto reading = next_scan(stream_for(request, 0), &gate, failures);
-    const lidar::Scan scan = co_await std::move(reading);
+    const lidar::Scan scan = co_await next_scan(stream_for(request, 0), &gate, failures);
     if (!gate.takes(scan, 0)) {
       if (gate.hopeless()) {
-        auto beginning = begin_anew(request, failures);
-        co_await std::move(beginning);
+        co_await begin_anew(request, failures);
       }
       continue;
     }
@@ -94,13 +92,13 @@ awaitable<Runner::Impl::Look> Runner::Impl::look_at(Sight sight) {
     echoes.add(scan, 0);
     show(scan);
   }
-  auto stopping = stop_stream();
-  co_await std::move(stopping);
-  co_return judge(sight, request.first_step, echoes.seen());
+  co_await stop_stream();
+  co_return judge(expected, request.first_step, echoes.seen());
 }
 
-Runner::Impl::Look Runner::Impl::judge(const Sight& sight, int first_step, const SeenBeams& seen) const {
-  if (sight.of_target) return judge_target(sight, seen);
+Runner::Impl::Observation Runner::Impl::judge(const Expectation& expected, int first_step,
+                                              const SeenBeams& seen) const {
+  if (expected.of_target) return judge_target(expected, seen);
   std::vector<double> medians, x, y;
   for (std::size_t i = 0; i < seen.range_mm.size(); ++i) {
     if (!std::isfinite(seen.range_mm[i])) continue;
@@ -110,18 +108,19 @@ Runner::Impl::Look Runner::Impl::judge(const Sight& sight, int first_step, const
     y.push_back(medians.back() * std::sin(angle));
   }
   if (medians.size() * 2 < seen.range_mm.size())
-    return Look(false, "the rig sees nothing there (no echo from most beams, with the stage at " +
-                       rounded_text(position_deg, 2) + " deg).");
+    return Observation(false, "the rig sees nothing there (no echo from most beams, with the stage at " +
+                                  rounded_text(position_deg, 2) + " deg).");
   const double seen_mm = middle_of(medians);
-  if (sight.within_mm && (seen_mm < sight.within_mm->first || seen_mm > sight.within_mm->second))
-    return Look(false, "the rig sees " + rounded_text(seen_mm, 1) + " mm, expected " +
-                       rounded_text(sight.within_mm->first, 1) + " to " +
-                       rounded_text(sight.within_mm->second, 1) + " mm.");
+  if (expected.within_mm && (seen_mm < expected.within_mm->first || seen_mm > expected.within_mm->second))
+    return Observation(false, "the rig sees " + rounded_text(seen_mm, 1) + " mm, expected " +
+                                  rounded_text(expected.within_mm->first, 1) + " to " +
+                                  rounded_text(expected.within_mm->second, 1) + " mm.");
   const double rough_mm = largest_deviation_from_line(x, y);
-  if (sight.flat_within_mm && rough_mm > *sight.flat_within_mm)
-    return Look(false, "what the rig sees is not flat: " + rounded_text(rough_mm, 0) +
-                       " mm off a straight line, " + to_text(*sight.flat_within_mm) + " mm allowed.");
-  return Look(true, "the rig sees " + rounded_text(seen_mm, 1) + " mm, as asked.");
+  if (expected.flat_within_mm && rough_mm > *expected.flat_within_mm)
+    return Observation(false, "what the rig sees is not flat: " + rounded_text(rough_mm, 0) +
+                                  " mm off a straight line, " + to_text(*expected.flat_within_mm) +
+                                  " mm allowed.");
+  return Observation(true, "the rig sees " + rounded_text(seen_mm, 1) + " mm, as asked.");
 }
 
 double Runner::Impl::largest_deviation_from_line(const std::vector<double>& x, const std::vector<double>& y) {
@@ -141,32 +140,27 @@ double Runner::Impl::largest_deviation_from_line(const std::vector<double>& x, c
   return largest;
 }
 
-awaitable<void> Runner::Impl::pause_for(double seconds) {
-  auto resting = parts.clock.sleep(seconds);
-  co_await std::move(resting);
-}
+awaitable<void> Runner::Impl::pause_for(double seconds) { co_await parts.clock.sleep(seconds); }
 
 awaitable<void> Runner::Impl::never() {
   asio::steady_timer timer(co_await asio::this_coro::executor, asio::steady_timer::time_point::max());
   co_await timer.async_wait(asio::use_awaitable);
 }
 
-awaitable<void> Runner::Impl::watch_bench(std::optional<Sight> until) {
+awaitable<void> Runner::Impl::watch_bench(std::optional<Expectation> until) {
   const bool someone_looks = !parts.operator_.unattended() && connected;
   bool lost = false;
   while (someone_looks) {
     std::exception_ptr why;
     try {
       if (lost) {
-        auto connecting = connect_lidar();
-        co_await std::move(connecting);
+        co_await connect_lidar();
         lost = false;
         ++state.reconnects;
-        own_anchor_ms.reset();
+        time.lidar_began_anew();
         note("info", "lidar is back");
       }
-      auto watching = watch_stream(until);
-      co_await std::move(watching);
+      co_await watch_stream(until);
     } catch (...) {
       why = std::current_exception();
     }
@@ -176,57 +170,50 @@ awaitable<void> Runner::Impl::watch_bench(std::optional<Sight> until) {
       note("warning", "lidar lost: " + words_of(why) + " Check its power and cable; rig goes on trying.");
     lost = true;
     streaming = false;
-    tell(Look(false, "the lidar does not answer."));
+    tell(Observation(false, "the lidar does not answer."));
     changed();
-    auto resting = pause_for(between_attempts_s);
-    co_await std::move(resting);
+    co_await pause_for(between_attempts_s);
   }
-  auto resting = never();
-  co_await std::move(resting);
+  co_await never();
 }
 
-awaitable<void> Runner::Impl::watch_stream(std::optional<Sight> until) {
+awaitable<void> Runner::Impl::watch_stream(std::optional<Expectation> until) {
   const fit::LidarGeometry& lidar = known_bench.lidar;
   const CaptureRequest wanted = until ? steps_of(*until, lidar) : CaptureRequest();
   const auto beams = static_cast<std::size_t>(until ? wanted.last_step - wanted.first_step + 1 : 0);
   while (true) {
     // A start that is cancelled half-way leaves the device streaming as well.
     streaming = true;
-    auto starting = parts.lidar.start(whole_scan(lidar));
-    co_await std::move(starting);
+    co_await parts.lidar.start(whole_scan(lidar));
     Echoes echoes(beams);
     bool enough = false;
     while (!enough) {
-      auto reading = parts.lidar.next();
-      const lidar::Scan scan = co_await std::move(reading);
+      const lidar::Scan scan = co_await parts.lidar.next();
       show(scan);
       echoes.add(scan, static_cast<std::size_t>(std::max(0, wanted.first_step - scan.first_step)));
       if (echoes.enough()) {
         if (until) tell(judge(*until, wanted.first_step, echoes.seen()));
         echoes = Echoes(beams);
-        enough = own_time;
+        enough = time.follows_lidar();
       }
       changed();
     }
-    auto stopping = end_stream();
-    co_await std::move(stopping);
-    auto resting = pause_for(between_looks_s);
-    co_await std::move(resting);
+    co_await end_stream();
+    co_await pause_for(between_looks_s);
   }
 }
 
-void Runner::Impl::tell(const Look& look) {
+void Runner::Impl::tell(const Observation& observed) {
   if (!state.prompt) return;
-  state.prompt->check = look.good ? "" : look.text;
-  state.prompt->seen = look.good ? look.text : "";
-  state.prompt->to_go_mm = look.to_go_mm;
+  state.prompt->check = observed.good ? "" : observed.text;
+  state.prompt->seen = observed.good ? observed.text : "";
+  state.prompt->to_go_mm = observed.to_go_mm;
 }
 
 awaitable<void> Runner::Impl::end_watch() {
   std::exception_ptr why;
   try {
-    auto stopping = end_stream();
-    co_await std::move(stopping);
+    co_await end_stream();
   } catch (...) {
     why = std::current_exception();
   }

@@ -16,11 +16,11 @@ namespace rig {
 constexpr int refusals_in_a_row = 400;    // Ten seconds of scans that do not belong to the capture.
 constexpr double longest_gap_ms = 3.6e6;  // No stream is silent so long: a stamp beyond it is wrong.
 
-/// Decides for every scan of a stream whether it belongs to the capture, and counts what is missing.
+/// Decides for every scan of a stream whether it belongs to the capture.
 class ScanGate {
  public:
-  ScanGate(const CaptureRequest& request, double scan_hz, int skip)
-      : request_(request), period_ms_(1000.0 / scan_hz * (skip + 1)), half_scan_ms_(500.0 / scan_hz) {}
+  ScanGate(const CaptureRequest& request, double scan_hz)
+      : request_(request), half_scan_ms_(500.0 / scan_hz) {}
 
   /// A stream begins anew: its first scan may have begun before the command. Scans of before `seen_ms`, the
   /// latest stamp since the lidar was connected, are an earlier stream's; without one it has just been
@@ -41,9 +41,6 @@ class ScanGate {
     if (seen_ms_ && scan.device_ms <= *seen_ms_) return refuse();
     const auto stamp = static_cast<double>(scan.device_ms);
     if (last_ms_ && (stamp <= *last_ms_ || stamp > *last_ms_ + longest_gap_ms)) return refuse();
-    // Stamps count whole milliseconds, so a gap is a lost scan from one and a half periods on.
-    if (last_ms_)
-      lost_ += static_cast<std::uint64_t>(std::max(0L, std::lround((stamp - *last_ms_) / period_ms_) - 1));
     last_ms_ = stamp;
     refused_in_a_row_ = 0;
     if (taken_ms_ && stamp < *taken_ms_ + 1000 * request_.spacing_s - half_scan_ms_) return false;
@@ -51,7 +48,6 @@ class ScanGate {
     return true;
   }
 
-  [[nodiscard]] std::uint64_t lost() const { return lost_; }
   [[nodiscard]] bool hopeless() const { return refused_in_a_row_ > refusals_in_a_row; }
 
  private:
@@ -68,11 +64,10 @@ class ScanGate {
   }
 
   const CaptureRequest& request_;
-  double period_ms_, half_scan_ms_;
+  double half_scan_ms_;
   bool fresh_ = true;
   std::optional<std::uint64_t> seen_ms_;
   std::optional<double> last_ms_, taken_ms_;
-  std::uint64_t lost_ = 0;
   int refused_in_a_row_ = 0;
 };
 
@@ -106,7 +101,6 @@ struct Track {
 struct TurningScans {
   std::vector<lidar::Scan> scans;
   Track track;
-  std::uint64_t lost = 0;
 };
 
 }  // namespace rig

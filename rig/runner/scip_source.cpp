@@ -19,16 +19,14 @@ class ScipSource final : public LidarSource {
 
   awaitable<json> connect() override {
     auto connecting = identify();
-    const lidar::Identity identity = co_await told_as_device_error(std::move(connecting));
-    auto comparing = synchronise();
-    co_await std::move(comparing);
+    const lidar::Identity identity = co_await as_device_error(std::move(connecting));
+    co_await synchronise();
     co_return json::parse(identity.json);
   }
 
   awaitable<void> synchronise() override {
     try {
-      auto comparing = client_.synchronise();
-      co_await std::move(comparing);
+      co_await client_.synchronise();
     } catch (const lidar::LidarError& error) {
       // A lidar without time adjustment is dated by when its scans arrive; one that went away is lost.
       if (!client_.connected()) throw DeviceError(error.what());
@@ -38,8 +36,7 @@ class ScipSource final : public LidarSource {
   awaitable<void> start(LidarStream stream) override {
     bool unknown = false;
     try {
-      auto starting = start_once(stream, stream.intensity && sends_intensities_);
-      co_await std::move(starting);
+      co_await start_once(stream, stream.intensity && sends_intensities_);
     } catch (const lidar::LidarError& error) {
       // A lidar that does not know ME measures distances all the same.
       unknown =
@@ -49,22 +46,23 @@ class ScipSource final : public LidarSource {
     if (!unknown) co_return;
     sends_intensities_ = false;
     auto starting = start_once(stream, false);
-    co_await told_as_device_error(std::move(starting));
+    co_await as_device_error(std::move(starting));
   }
   bool sends_intensities() const override { return sends_intensities_; }
 
   awaitable<lidar::Scan> next() override {
     auto reading = client_.next();
-    co_return co_await told_as_device_error(std::move(reading));
+    co_return co_await as_device_error(std::move(reading));
   }
 
   void reuse(lidar::Scan scan) override { client_.reuse(std::move(scan)); }
 
   awaitable<void> stop() override {
     auto stopping = client_.stop();
-    co_await told_as_device_error(std::move(stopping));
+    co_await as_device_error(std::move(stopping));
   }
 
+  std::uint64_t lost() const override { return client_.statistics().lost; }
   std::uint64_t rejected() const override { return client_.statistics().bad; }
   json statistics() const override {
     const lidar::Statistics counted = client_.statistics();
@@ -89,17 +87,15 @@ class ScipSource final : public LidarSource {
 
   awaitable<lidar::Identity> identify() {
     if (!known_) {
-      auto connecting = client_.connect();
-      lidar::Identity identity = co_await std::move(connecting);
+      lidar::Identity identity = co_await client_.connect();
       known_ = true;
       co_return identity;
     }
-    auto connecting = client_.reconnect();
-    co_return co_await std::move(connecting);
+    co_return co_await client_.reconnect();
   }
 
   template <class T>
-  static awaitable<T> told_as_device_error(awaitable<T> work) {
+  static awaitable<T> as_device_error(awaitable<T> work) {
     try {
       co_return co_await std::move(work);
     } catch (const lidar::LidarError& error) {

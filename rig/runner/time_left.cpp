@@ -9,8 +9,6 @@ namespace {
 constexpr double believed_after_s =
     20;  // Planned: shorter experience is mixed with what was believed before.
 
-bool is_up_to_a_person(const StepKind& kind) { return kind.name() == "prompt"; }
-
 }  // namespace
 
 TimeLeft::TimeLeft(const std::vector<PlannedStep>& plan) : plan_(plan) {
@@ -41,11 +39,11 @@ double TimeLeft::left_s(const Running& now) const {
   const double planned_s = plan_[now.step].seconds, done = std::max(now.from, now.done);
   double devices_planned_s = 0, devices_took_s = 0;
   for (const auto& [kind, pace] : paces_)
-    if (!is_up_to_a_person(*kind)) devices_planned_s += pace.planned_s, devices_took_s += pace.took_s;
+    if (!kind->asks_a_person()) devices_planned_s += pace.planned_s, devices_took_s += pace.took_s;
   const double of_devices = ratio(devices_planned_s, devices_took_s, 1);
   double left_s = 0;
   for (const auto& [kind, pace] : paces_) {
-    const double believed = is_up_to_a_person(*kind) ? 1 : of_devices;
+    const double believed = kind->asks_a_person() ? 1 : of_devices;
     if (kind != plan_[now.step].step->kind) {
       left_s += pace.ahead_s * ratio(pace.planned_s, pace.took_s, believed);
       continue;

@@ -25,7 +25,7 @@ bool is_text(const std::string& path) {
 
 }  // namespace
 
-void tell_operator(const std::string& path, const SQLite::Exception& error) {
+void rethrow_for_operator(const std::string& path, const SQLite::Exception& error) {
   switch (error.getErrorCode()) {
     case SQLITE_FULL:
       throw MeasurementError(

@@ -9,7 +9,7 @@ namespace rig {
 
 /// Turns the database's words about the session file `path` into the operator's. Throws UsageError or
 /// MeasurementError.
-[[noreturn]] void tell_operator(const std::string& path, const SQLite::Exception& error);
+[[noreturn]] void rethrow_for_operator(const std::string& path, const SQLite::Exception& error);
 
 /// Runs `work` on the session file `path`; what the database complains of is told as above.
 template <class F>
@@ -17,7 +17,7 @@ auto guarded(const std::string& path, F work) {
   try {
     return work();
   } catch (const SQLite::Exception& error) {
-    tell_operator(path, error);
+    rethrow_for_operator(path, error);
   }
 }
 

@@ -15,7 +15,7 @@ class Database;
 
 namespace rig {
 
-/// What `rig deskew` made of one scan (docs/moving.md).
+/// What `rig deskew` made of one scan (docs/method/moving.md).
 struct DeskewedScan {
   std::int64_t seq = 0;
   fit::Pose2 lidar;  ///< In the map, when the scan began.

@@ -40,7 +40,7 @@ void sync_file(const std::string& path) {
 }
 
 /// The database's words to one who makes a session: there is nothing to resume.
-[[noreturn]] void tell_maker(const std::string& path, const SQLite::Exception& error) {
+[[noreturn]] void rethrow_for_maker(const std::string& path, const SQLite::Exception& error) {
   switch (error.getErrorCode()) {
     case SQLITE_FULL:
       throw MeasurementError("cannot write " + path +
@@ -50,7 +50,7 @@ void sync_file(const std::string& path) {
       throw MeasurementError("cannot write " + path + ": reading or writing failed (" + error.what() +
                              "). Nothing is left of it; check the disk and try again.");
     default:
-      tell_operator(path, error);
+      rethrow_for_operator(path, error);
   }
 }
 
@@ -80,7 +80,7 @@ void make_session(const OutputPlace& place, const std::function<void(const std::
     sync_file(unfinished);
   } catch (const SQLite::Exception& error) {
     remove_database(unfinished);
-    tell_maker(path, error);
+    rethrow_for_maker(path, error);
   } catch (...) {
     remove_database(unfinished);
     throw;

@@ -7,7 +7,7 @@
 
 namespace rig {
 
-/// Makes an empty database a session without captures (formats.md), in one transaction.
+/// Makes an empty database a session without captures (docs/reference/session.md), in one transaction.
 void make_schema(SQLite::Database& database);
 
 /// Adds the tables that sessions of earlier versions lack, before one of them is written.

@@ -13,9 +13,9 @@
 
 namespace rig {
 
-/// A session file (`*.rig`, formats.md): crash-safe, one SQLite database. Opening a file that is not one, or
-/// one of a later version, throws UsageError saying what it is and what to do; a full or failing disk throws
-/// MeasurementError. Whatever was committed before stays intact in either case.
+/// A session file (`*.rig`, docs/reference/session.md): crash-safe, one SQLite database. Opening a file that
+/// is not one, or one of a later version, throws UsageError saying what it is and what to do; a full or
+/// failing disk throws MeasurementError. Whatever was committed before stays intact in either case.
 ///
 ///   SessionStore store("run.rig", SessionStore::Mode::create);
 ///   const auto id = store.begin_capture(info);

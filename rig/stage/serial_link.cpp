@@ -212,8 +212,7 @@ awaitable<bool> SerialLink::Impl::ready(asio::posix::stream_descriptor::wait_typ
                                         Clock::time_point deadline) {
   if (!port.is_open()) lost("it was closed");
   timer.expires_at(deadline);
-  auto either = port.async_wait(what, waiting) || timer.async_wait(waiting);
-  const auto first = co_await std::move(either);
+  const auto first = co_await (port.async_wait(what, waiting) || timer.async_wait(waiting));
   co_return first.index() == 0;
 }
 
@@ -320,14 +319,12 @@ awaitable<void> SerialLink::drain() {
 
 awaitable<SerialLink::Clock::time_point> SerialLink::ask(std::string question, double reply_s) {
   if (std::exchange(impl_->has_forgotten_answers, false)) {
-    auto draining = drain();
-    co_await std::move(draining);
+    co_await drain();
   }
   discard();
   const auto due =
       Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(reply_s));
-  auto writing = write(std::move(question), due);
-  co_await std::move(writing);
+  co_await write(std::move(question), due);
   co_return due;
 }
 

@@ -133,10 +133,8 @@ void StageDriver::demand_not_stopped(std::size_t stops) const {
 }
 
 awaitable<StageReading> StageDriver::read(std::size_t stops) {
-  auto taking = take_turn(stops);
-  const Turn turn = co_await std::move(taking);
-  auto reading = protocol_->read();
-  co_return co_await std::move(reading);
+  const Turn turn = co_await take_turn(stops);
+  co_return co_await protocol_->read();
 }
 
 awaitable<StageReading> StageDriver::read_twice(std::size_t stops) {
@@ -199,10 +197,8 @@ awaitable<void> StageDriver::start() {
 }
 
 awaitable<StageIdentity> StageDriver::identify() {
-  auto taking = take_turn(stops_);
-  const Turn turn = co_await std::move(taking);
-  auto asking = protocol_->identify();
-  identity_ = co_await std::move(asking);
+  const Turn turn = co_await take_turn(stops_);
+  identity_ = co_await protocol_->identify();
   co_return identity_;
 }
 
@@ -223,11 +219,9 @@ awaitable<StageStatus> StageDriver::status() {
 awaitable<void> StageDriver::home() {
   const std::size_t stops = stops_;
   {
-    auto taking = take_turn(stops);
-    const Turn turn = co_await std::move(taking);
+    const Turn turn = co_await take_turn(stops);
     heart_->beat();
-    auto starting = protocol_->start_homing();
-    co_await std::move(starting);
+    co_await protocol_->start_homing();
   }
   const StageReading reading = co_await wait_for_rest("homing", options_.home_s, stops);
   if (!reading.homed)
@@ -238,11 +232,9 @@ awaitable<void> StageDriver::home() {
 }
 
 awaitable<void> StageDriver::start_move(long long units, std::size_t stops) {
-  auto taking = take_turn(stops);
-  const Turn turn = co_await std::move(taking);
+  const Turn turn = co_await take_turn(stops);
   heart_->beat();
-  auto starting = protocol_->start_move(units);
-  co_await std::move(starting);
+  co_await protocol_->start_move(units);
 }
 
 awaitable<double> StageDriver::move_to(double target_deg) {
@@ -273,10 +265,8 @@ awaitable<double> StageDriver::move_to(double target_deg) {
 
 awaitable<void> StageDriver::use_speed(double deg_s, std::size_t stops) {
   if (deg_s == speed_deg_s_) co_return;
-  auto taking = take_turn(stops);
-  const Turn turn = co_await std::move(taking);
-  auto setting = protocol_->set_speed(deg_s * identity_.units_per_deg, 0);
-  co_await std::move(setting);
+  const Turn turn = co_await take_turn(stops);
+  co_await protocol_->set_speed(deg_s * identity_.units_per_deg, 0);
   speed_deg_s_ = deg_s;
 }
 
@@ -298,11 +288,9 @@ awaitable<void> StageDriver::turn(double rate_deg_s) {
     co_await start_move(to_units(end_deg), stops);
     co_return;
   }
-  auto taking = take_turn(stops);
-  const Turn turn = co_await std::move(taking);
+  const Turn turn = co_await take_turn(stops);
   heart_->beat();
-  auto starting = protocol_->start_turn(rate_deg_s * options_.direction * identity_.units_per_deg);
-  co_await std::move(starting);
+  co_await protocol_->start_turn(rate_deg_s * options_.direction * identity_.units_per_deg);
 }
 
 /// A port that has just been lost often comes back at once, and a stage that may still move is worth a few
@@ -312,8 +300,7 @@ awaitable<void> StageDriver::stop() {
   for (double wait_s = first_return_s; wait_s < longest_return_s; wait_s *= 2) {
     bool is_reopened = false;
     try {
-      auto stopping_it = stop_once();
-      co_await std::move(stopping_it);
+      co_await stop_once();
       co_return;
     } catch (const StageLost&) {
       lost = std::current_exception();
@@ -337,10 +324,8 @@ awaitable<void> StageDriver::stop_once() {
     link_->forget_answers();
   }
   {
-    auto taking = take_turn(stops);
-    const Turn turn = co_await std::move(taking);
-    auto stopping = protocol_->start_stop();
-    co_await std::move(stopping);
+    const Turn turn = co_await take_turn(stops);
+    co_await protocol_->start_stop();
   }
   try {
     co_await wait_for_rest(stopping, longest_stop_s, stops);
@@ -390,8 +375,7 @@ awaitable<void> StageDriver::reopen() {
     heart_->guard.reset();  // It holds the old port, and the lock on it.
     link_->reopen();
     protocol_->link_was_lost();
-    auto asking = protocol_->identify();
-    const StageIdentity now = co_await std::move(asking);
+    const StageIdentity now = co_await protocol_->identify();
     if (now.serial != identity_.serial || now.model != identity_.model)
       throw StageError("another stage answers on " + link_->path() + " (" + now.model + " " + now.serial +
                        " instead of " + identity_.model + " " + identity_.serial +
@@ -401,8 +385,7 @@ awaitable<void> StageDriver::reopen() {
     const double speed = options_.speed_deg_s * identity_.units_per_deg;
     const double acceleration = options_.acceleration_deg_s2 * identity_.units_per_deg;
     if (speed > 0 || acceleration > 0) {
-      auto setting = protocol_->set_speed(speed, acceleration);
-      co_await std::move(setting);
+      co_await protocol_->set_speed(speed, acceleration);
       speed_deg_s_ = options_.speed_deg_s;
     }
   }

@@ -157,9 +157,10 @@ PortUrl parse_url(const std::string& url, StageOptions options) {
     json value = json::parse(text, nullptr, false);
     if (value.is_discarded() || key == "model" || key == "language") value = text;
     if (!set_option(result.options, key, value))
-      throw UsageError("the stage's address has the option '" + key +
-                       "', which there is not. Options are the keys of the bench "
-                       "file's stage (docs/stages.md): language, baud, address, units_per_deg, settle_s ...");
+      throw UsageError(
+          "the stage's address has the option '" + key +
+          "', which there is not. Options are the keys of the bench "
+          "file's stage (docs/operate/stages.md): language, baud, address, units_per_deg, settle_s ...");
   }
   if (!(result.options.min_deg <= result.options.max_deg))
     throw UsageError(
@@ -196,8 +197,7 @@ awaitable<StageProbe> who_answers(boost::asio::any_io_executor executor, PortUrl
   port.options.language.clear();  // What is only guessed must prove itself.
   const auto protocol = language.create(dialect, *link, port.options);
   try {
-    auto asking = protocol->identify();
-    answers.identity = co_await std::move(asking);
+    answers.identity = co_await protocol->identify();
   } catch (const StageRefusal& refusal) {  // Who refuses in words speaks the language.
     answers.heard = link->heard();
     answers.baud = link->baud();
@@ -216,8 +216,7 @@ awaitable<StageProbe> find_speaker(boost::asio::any_io_executor executor, PortUr
   std::ranges::stable_sort(all, std::greater(), &StageLanguage::baud);  // Fast lines are asked sooner.
   for (const StageLanguage& language : all) {
     for (const std::string& dialect : language.names) {
-      auto asking = who_answers(executor, port, language, dialect);
-      StageProbe answers = co_await std::move(asking);
+      StageProbe answers = co_await who_answers(executor, port, language, dialect);
       const bool says_more =
           all_answers.refused.empty() && (!answers.refused.empty() || all_answers.heard.empty());
       if (answers.identity || says_more) all_answers = answers;
@@ -255,8 +254,7 @@ awaitable<std::unique_ptr<Stage>> open_stage(boost::asio::any_io_executor execut
   PortUrl port = parse_url(url, std::move(options));
   const bool language_was_told = !port.options.language.empty();
   if (!language_was_told) {
-    auto searching = find_speaker(executor, port);
-    const StageProbe found = co_await std::move(searching);
+    const StageProbe found = co_await find_speaker(executor, port);
     if (!found.identity)
       throw StageError("at " + port.path + " " + found.why_nobody() + " Nothing was moved.");
     port.options.language = found.identity->language;
@@ -272,8 +270,7 @@ awaitable<std::unique_ptr<Stage>> open_stage(boost::asio::any_io_executor execut
   auto protocol = language->create(port.options.language, *link, port.options);
   auto stage = std::make_unique<StageDriver>(executor, port.options, std::move(link), std::move(protocol));
   try {
-    auto starting = stage->start();
-    co_await std::move(starting);
+    co_await stage->start();
   } catch (const StageLost& error) {
     if (!language_was_told || !line.heard().empty()) throw;
     throw StageLost(std::string(error.what()) + " It was asked in the language '" + port.options.language +

@@ -14,8 +14,8 @@
 
 namespace rig {
 
-/// What the operator knows of the stage: the "stage" object of a bench file (docs/stages.md), or its URL.
-/// Zeros and empty texts mean: ask the device, or take what is usual for the language.
+/// What the operator knows of the stage: the "stage" object of a bench file (docs/operate/stages.md), or its
+/// URL. Zeros and empty texts mean: ask the device, or take what is usual for the language.
 struct StageOptions {
   StageOptions() {}
   std::string language;      ///< "zaber", "shot", "gsc", "falcon"; empty: find out by asking.

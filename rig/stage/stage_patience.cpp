@@ -16,8 +16,7 @@ boost::asio::awaitable<std::unique_ptr<Stage>> open_stage_patiently(boost::asio:
   boost::asio::steady_timer timer(executor);
   for (int tries = 1;; ++tries) {
     try {
-      auto opening = open_stage(executor, url, options);
-      co_return co_await std::move(opening);
+      co_return co_await open_stage(executor, url, options);
     } catch (const StageBusy&) {
       if (tries >= longest_tries) throw;
     }

@@ -23,7 +23,7 @@ struct Surface {
   Eigen::Vector2d from, along, normal;
   double length = 0;
   double offset = 0;    ///< normal . from
-  double start_mm = 0;  ///< Place of `from` on the whole target, from its middle.
+  double start_mm = 0;  ///< FilePosition of `from` on the whole target, from its middle.
   std::size_t material = 0;
 };
 

@@ -235,6 +235,7 @@ struct AirIndex : Cause {  // the index the firmware assumes is not that of this
   double range(const Moment&, const Sight& sight, const World&) const override {
     return sight.range_mm * 2.7e-4 * strength;
   }
+  double largest_strength() const override { return 1.2; }  // no air refracts more (dense and cold: 3.2e-4)
   json parameters() const override { return {{"index_error", 2.7e-4 * strength}}; }
 };
 

@@ -87,7 +87,7 @@ void prepare(Session& session) {
   if (!session.captures.empty() && session.captures[0].approach == 0) session.captures[0].approach = 1;
 }
 
-/// The device's own law (docs/world.md), within what an operator knows of it.
+/// The device's own law (docs/develop/worlds.md), within what an operator knows of it.
 void draw_claim(Session& session, Random& random) {
   session.claimed_gain = 900 * (1 + session.u_gain * random.normal());
   session.claimed_power = session.radiometer.exponent + session.u_power * random.normal();

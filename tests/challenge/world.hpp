@@ -49,7 +49,7 @@ class Cause {
  public:
   virtual ~Cause() = default;
   std::string id;          ///< Id of physics.md, or "unknown-..." for what is not in the catalogue.
-  std::string coordinate;  ///< Where it shows best (formats.md).
+  std::string coordinate;  ///< Where it shows best (a coordinate of an explanation).
   std::string observable = "range-mean";
   double strength = 1;
 

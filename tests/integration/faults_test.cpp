@@ -70,15 +70,12 @@ struct FaultyBench : StageRig {
       bool failed = false;
       try {
         if (!client->connected()) {
-          auto connecting = client->connect();
-          co_await std::move(connecting);
+          co_await client->connect();
         }
         if (!client->streaming()) {
-          auto starting = client->start(all);
-          co_await std::move(starting);
+          co_await client->start(all);
         }
-        auto receiving = client->next();
-        const lidar::Scan scan = co_await std::move(receiving);
+        const lidar::Scan scan = co_await client->next();
         if (scan.range_mm.at(540) < 900 || scan.range_mm.at(540) > 1100)
           throw std::runtime_error("a false scan");
         --count;
@@ -92,8 +89,7 @@ struct FaultyBench : StageRig {
     }
     if (client->streaming()) {
       try {
-        auto stopping = client->stop();
-        co_await std::move(stopping);
+        co_await client->stop();
       } catch (const lidar::LidarError&) {
         client->close();
       }

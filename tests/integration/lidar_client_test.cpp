@@ -220,8 +220,7 @@ TEST_CASE("cancelling a stream ends it on the device") {
   auto session = [&]() -> awaitable<void> {
     co_await client.connect();
     asio::steady_timer enough(bench.io, std::chrono::milliseconds(80));
-    auto both = measure() || enough.async_wait(asio::use_awaitable);
-    co_await std::move(both);
+    co_await (measure() || enough.async_wait(asio::use_awaitable));
     CHECK_FALSE(bench.device.streaming());
     CHECK(client.connected());
   };

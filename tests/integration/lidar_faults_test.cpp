@@ -85,10 +85,7 @@ struct Listener {
       asio::co_spawn(io, std::move(serving), asio::detached);
     }
   }
-  awaitable<void> serve_one(std::shared_ptr<tcp::socket> socket) {
-    auto serving = serve(*socket);
-    co_await std::move(serving);
-  }
+  awaitable<void> serve_one(std::shared_ptr<tcp::socket> socket) { co_await serve(*socket); }
   template <class Make>
   void run(Make make) {
     lidar_bench::run(io, make, [this] { acceptor.close(); });
@@ -143,9 +140,7 @@ TEST_CASE("another service on the lidar's port is told apart") {
     Listener web([](tcp::socket& socket) -> awaitable<void> {
       char bytes[256];
       co_await socket.async_read_some(asio::buffer(bytes), asio::as_tuple(asio::use_awaitable));
-      auto writing =
-          write(socket, "HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\nConnection: close\r\n\r\n");
-      co_await std::move(writing);
+      co_await write(socket, "HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\nConnection: close\r\n\r\n");
       socket.close();
     });
     std::string what;
@@ -154,8 +149,7 @@ TEST_CASE("another service on the lidar's port is told apart") {
   }
   SECTION("a service that greets and waits") {
     Listener greeter([](tcp::socket& socket) -> awaitable<void> {
-      auto greeting = write(socket, "SSH-2.0-Something_1.0\r\n");
-      co_await std::move(greeting);
+      co_await write(socket, "SSH-2.0-Something_1.0\r\n");
       asio::streambuf rest;
       co_await asio::async_read(socket, rest, asio::as_tuple(asio::use_awaitable));
     });
@@ -549,10 +543,8 @@ TEST_CASE("a half-open connection ends in an error, and reconnecting in a stream
 TEST_CASE("a reset by the network is told as a lost connection") {
   sim::UstDevice device = lidar_bench::device();
   Listener listener([&](tcp::socket& socket) -> awaitable<void> {
-    auto answering = answer_until(socket, device, "ME");
-    const std::string line = co_await std::move(answering);
-    auto writing = write(socket, device.handle(line, 1));
-    co_await std::move(writing);
+    const std::string line = co_await answer_until(socket, device, "ME");
+    co_await write(socket, device.handle(line, 1));
     socket.set_option(asio::socket_base::linger(true, 0));  // close() sends RST
     socket.close();
   });

@@ -111,14 +111,10 @@ Seen look_at(Server& server, const fit::Bench& bench) {
   lidar_bench::run(
       server.io,
       [&]() -> awaitable<void> {
-        auto connecting = source->connect();
-        seen.identity = co_await std::move(connecting);
-        auto starting = source->start(rig::whole_scan(bench.lidar));
-        co_await std::move(starting);
-        auto reading = source->next();
-        seen.scan = co_await std::move(reading);
-        auto stopping = source->stop();
-        co_await std::move(stopping);
+        seen.identity = co_await source->connect();
+        co_await source->start(rig::whole_scan(bench.lidar));
+        seen.scan = co_await source->next();
+        co_await source->stop();
       },
       [&] { server.acceptor.close(); });
   seen.intensities = source->sends_intensities();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The example of docs/lidar.md, as a user runs it, beside rig-sim.
+// The example of docs/develop/lidar.md, as a user runs it, beside rig-sim.
 #include <catch2/catch.hpp>
 #include <cstdio>
 #include <fstream>

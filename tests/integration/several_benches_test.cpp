@@ -21,7 +21,8 @@ namespace asio = boost::asio;
 namespace http = boost::beast::http;
 
 constexpr const char* procedure_text =
-    "procedure: look\ntitle: A look\nsteps:\n  - home\n  - prompt: {title: Place the board, text: At 1.4 m}\n"
+    "procedure: look\ntitle: A look\nsteps:\n  - home\n  - prompt: {title: Place the board, text: At "
+    "1.4 m}\n"
     "  - capture: {samples: 20, beams_deg: [-5, 5]}\n";
 const std::string bench = std::string(RIG_SOURCE_DIR) + "/procedures/demo.bench.json";
 

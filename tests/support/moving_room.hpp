@@ -95,8 +95,9 @@ inline double rms_at_best(const std::vector<Wall>& walls, const std::vector<Poin
   for (double step = 32; step > 0.2; step /= 2) {
     for (bool better = true; better;) {
       better = false;
-      for (const Place& d : {Place{step, 0, 0}, Place{-step, 0, 0}, Place{0, step, 0}, Place{0, -step, 0},
-                             Place{0, 0, step / 2000}, Place{0, 0, -step / 2000}}) {
+      for (const Place& d :
+           {Place{step, 0, 0}, Place{-step, 0, 0}, Place{0, step, 0},
+            Place{0, -step, 0}, Place{0, 0, step / 2000}, Place{0, 0, -step / 2000}}) {
         const Place next{best.x + d.x, best.y + d.y, best.heading + d.heading};
         if (const double now = cost(next); now < least) {
           least = now;

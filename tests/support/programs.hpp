@@ -149,7 +149,7 @@ class SimProgram {
   [[nodiscard]] std::string person() const { return ready_["operator"]; }
   [[nodiscard]] std::uint16_t lidar_port() const { return ready_["lidar_port"]; }
   [[nodiscard]] std::string errors() const { return program_.errors(); }
-  /// Speaks to the bench's operator port (docs/simulator.md).
+  /// Speaks to the bench's operator port (docs/develop/simulator.md).
   [[nodiscard]] nlohmann::json ask(const nlohmann::json& what) const {
     boost::asio::ip::tcp::iostream line("127.0.0.1", std::to_string(ready_["operator_port"].get<int>()));
     line << what.dump() << "\n" << std::flush;

@@ -101,6 +101,11 @@ def main(programs, pictures):
             page.click("#confirm")  # Without an answer the prompt stays.
             assert state(page)["prompt"]["title"] == "Place the white board"
             assert "left" not in page.text("#left") and "waits for you" in page.text("#left"), page.text("#left")
+            # From here on the page lies in the background: what it would play and show is counted.
+            page.run("sound = {currentTime: 0, state: 'running', createOscillator() { window.tones = (window.tones || 0) + 1;"
+                     " return {frequency: {}, connect() {}, start() {}, stop() {}}; }, createGain() { return {gain: {}, connect() {}}; }};"
+                     "window.Notification = class { constructor(title, more) { window.shown = (window.shown || []).concat(more.body); } };"
+                     "Notification.permission = 'granted'; Object.defineProperty(document, 'hidden', {get: () => true, configurable: true});")
             page.type("#value", "900")
             page.click("#confirm")
             until("the answer refused beside it", lambda: "900 mm is outside 1300 to 1500 mm" in (page.text("#refusal") or ""))
@@ -114,6 +119,8 @@ def main(programs, pictures):
             ghost = state(page)["prompt"]["ghost"]
             assert [abs(x - 1600) < 2 for x, y in ghost] == [True, True], ghost
             assert "Board at 1.6 m" in page.run("return calls;")
+            assert page.run("return [window.tones, window.shown];") == [2, ["Board at 1.6 m"]]  # Two tones, one notification.
+            page.run("delete document.hidden; sound = null;")
             keep(page, "live-ghost.png")
             page.click("#confirm")
             until("what is seen instead", lambda: "not in its place" in (page.text("#refusal") or ""))

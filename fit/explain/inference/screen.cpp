@@ -10,6 +10,7 @@
 
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/combs.hpp"
+#include "fit/explain/model/spans.hpp"
 #include "fit/explain/inference/two_cores.hpp"
 
 namespace fit::explain::inference {
@@ -41,8 +42,9 @@ class Question {
     const std::size_t kept = std::min(modes_refined, asked_.size());
     std::ranges::partial_sort(asked_, asked_.begin() + static_cast<std::ptrdiff_t>(kept), better);
     asked_.resize(kept);
+    if (kind_->begins) look_within_times();
     best_.term = asked_.front().term;
-    best_.term.other_places = over_grid_ - asked_.front().log_evidence;
+    best_.term.other_places = over_grid_ - asked_.front().log_evidence - asked_.front().price;
     best_.log_evidence = over_grid_;
   }
 
@@ -52,19 +54,21 @@ class Question {
     const bool refines = !model::refined_shapes_of(*kind_).empty();
     const double first = asked_.front().log_evidence;
     std::vector<double> modes;
-    double most = -1e300;
+    double most = -1e300, best_alone = 0;
     for (const Asked& one : asked_) {
       if (one.log_evidence < first - another_mode) continue;
       const Term there = refines ? refined(one.term) : one.term;
-      modes.push_back(with_everything(there));
+      const double alone = with_everything(there);
+      modes.push_back(alone - one.price);
       if (modes.back() <= most) continue;
       most = modes.back();
+      best_alone = alone;
       best_.term = there;
     }
     // Places are paid for by the width of the best ones; another good one adds to the evidence.
     double all = log_sum(modes);
     if (!kind_->refines) all -= std::log(static_cast<double>(kind_->starts.size()));
-    best_.term.other_places = all - most;
+    best_.term.other_places = all - best_alone;
     best_.log_evidence = all;
   }
 
@@ -80,7 +84,52 @@ class Question {
   struct Asked {
     double log_evidence;
     Term term;
+    double price = 0;  ///< Minus the log of its times' prior probability.
   };
+
+  /// Half of the prior is for always, the other for all spans of time alike.
+  void look_within_times() {
+    const double half = std::log(2.0);
+    for (Asked& one : asked_) one = {one.log_evidence - half, std::move(one.term), half};
+    std::vector<double> logs{over_grid_ - half};
+    const double places = std::log(static_cast<double>(kind_->starts.size()));
+    for (const Asked& always : std::vector(asked_)) {
+      const model::Spans spans = model::spans_in(scores_over_time(always.term));
+      const double price = half + std::log(std::max<double>(1, static_cast<double>(spans.possible)));
+      for (const model::Span& span : spans.likeliest) {
+        Asked within{0, always.term, price};
+        within.term.values[*kind_->begins] = span.from;
+        within.term.values[*kind_->begins + 1] = span.to;
+        within.log_evidence = with_sizes(within.term) - price;
+        logs.push_back(within.log_evidence - places);
+        asked_.push_back(std::move(within));
+      }
+    }
+    over_grid_ = log_sum(logs);
+    std::ranges::sort(asked_, std::greater<>(), &Asked::log_evidence);
+    asked_.resize(std::min(modes_refined, asked_.size()));
+  }
+
+  /// With sizes as the catalogue has them.
+  [[nodiscard]] Eigen::VectorXd effect_of_typical(const ChannelRows& rows, const Term& term) const {
+    std::vector<double> values = term.values;
+    for (const model::Coefficient& c : kind_->coefficients)
+      values[c.parameter] = kind_->mechanism->parameters[c.parameter].typical;
+    return model::effect_of(rows, *kind_, values);
+  }
+
+  /// Of what the term does to every row of all channels.
+  [[nodiscard]] std::vector<model::RowScore> scores_over_time(const Term& term) const {
+    std::vector<model::RowScore> list;
+    for (std::size_t c = 0; c < session_->channels().size(); ++c) {
+      if (!kind_->acts_in[c]) continue;
+      const ChannelRows& rows = *session_->channels()[c];
+      const Eigen::VectorXd white = rows.whitened(effect_of_typical(rows, term), around_->eta[c]);
+      for (Index i = 0; i < rows.rows(); ++i)
+        list.push_back({rows.at(i).time_s, white[i] * around_->white_residual[c][i], white[i] * white[i]});
+    }
+    return list;
+  }
 
   /// Where a comb may be, by the first channel in which it acts.
   [[nodiscard]] std::vector<std::vector<double>> proposed() const {

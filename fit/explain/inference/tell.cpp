@@ -73,7 +73,7 @@ std::vector<std::string> names_of(const std::vector<Undecided::Member>& members)
     add(!member.kind ? nothing_missing : member.kind->is_form() ? unknown_physics : member.kind->mechanism->id);
   for (const auto& member : members)
     if (member.kind && !member.kind->is_form())
-      for (const std::string& same : member.kind->mechanism->same_in_plane) add(same);
+      for (const std::string& same : member.kind->mechanism->looks_like) add(same);
   return names;
 }
 
@@ -114,7 +114,7 @@ void tell(const Inferred& inferred, const Findings& findings, Explanation& out) 
   for (std::size_t i = 0; i < posterior.named.size(); ++i) {
     const Named& named = posterior.named[i];
     if (!is_confirmed(inferred, i)) continue;
-    if (named.term.kind->mechanism->same_in_plane.empty()) {
+    if (named.term.kind->mechanism->looks_like.empty()) {
       tell_named(named, inferred.gain[i], findings, out);
       continue;
     }

@@ -35,6 +35,7 @@ struct Kind {
   std::vector<Coefficient> coefficients;
   std::vector<bool> acts_in;  ///< Each of the session's channels.
   std::optional<std::size_t> bins;  ///< The shape of a comb: its starts are proposed by the recording.
+  std::optional<std::size_t> begins;  ///< The shape at which it begins, before that at which it ends.
   bool acts_without_size = false;
   bool refines = true;  ///< Shapes between those of the grid make sense.
 

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <utility>
 #include <vector>
 
 #include "fit/explain/seen_edges.hpp"
@@ -38,12 +39,13 @@ std::vector<SeenBeside> beside_edges(const Reduced& reduced) {
   return list;
 }
 
-/// What the beams beside edges see.
+/// What the beams beside edges see. The place of an edge is a nuisance of each capture: whatever moves it (mount, target,
+/// stage, placement) shows as beams that see one surface or the other, never as a beam that sees both.
 class BesideEdges {
  public:
   explicit BesideEdges(const std::vector<SeenBeside>& list) {
     for (const SeenBeside& seen : list) {
-      by_edge_[seen.edge].push_back(seen.beam);
+      by_edge_[{seen.edge, seen.capture}].push_back(seen.beam);
       between_ += seen.between;
       if (!seen.mixed) continue;
       ++mixed_;
@@ -57,7 +59,7 @@ class BesideEdges {
   /// Whether most samples of mixed beams lie between the surfaces.
   [[nodiscard]] bool are_blended() const { return 2 * between_ >= in_mixed_; }
 
-  /// Log-likelihood of beams that wide, every edge being where it fits best.
+  /// Log-likelihood of beams that wide, every edge being where it fits best in every capture.
   [[nodiscard]] double likelihood(double width_deg) const {
     double sum = 0;
     for (const auto& [edge, beams] : by_edge_) sum += best_place(beams, width_deg).likelihood;
@@ -115,7 +117,7 @@ class BesideEdges {
     return best;
   }
 
-  std::map<int, std::vector<Beside>> by_edge_;
+  std::map<std::pair<int, int>, std::vector<Beside>> by_edge_;  ///< Edge and capture.
   int between_ = 0, mixed_ = 0, in_mixed_ = 0;
 };
 

@@ -17,7 +17,7 @@ void c_term(std::string& out, const CorrectionTerm& term, const std::string& nam
       "  return " + with_array(term, family_of(term).equation, array) + " - (" + zero_of(term) + ");\n}\n\n";
 }
 
-/// Error, correction, state flags, equations 13/17 of source A (docs/correction.md).
+/// Error, correction, state flags, equations 13/17 of source A (docs/reference/correction.md).
 std::string c_header(const CorrectionExport& what) {
   const Correction& c = what.correction;
   std::string out = headline(c, "/* ");

@@ -97,11 +97,9 @@ class Csv : public Exporter {
   static void add_scan(std::string& rows, const std::string& head, const fit::LidarGeometry& lidar,
                        const fit::CaptureInfo& capture, const fit::ScanView& scan, bool deskewed,
                        const DeskewedScan* points) {
+    const fit::BeamAngles angles(lidar, capture, scan.geometry);
     for (std::size_t k = 0; k < scan.range_mm.size(); ++k) {
       const int beam = capture.first_step + static_cast<int>(k) * capture.cluster;
-      const double angle = scan.geometry
-                               ? scan.geometry->first_rad + static_cast<double>(k) * scan.geometry->step_rad
-                               : lidar.beam_angle(beam);
       rows += head;
       append(rows, scan.seq);
       rows += ',';
@@ -112,8 +110,8 @@ class Csv : public Exporter {
       append(rows, beam);
       rows += ',';
       char digits[32];
-      rows.append(digits, static_cast<std::size_t>(
-                              std::snprintf(digits, sizeof digits, "%.6g", angle * fit::deg_per_rad)));
+      rows.append(digits, static_cast<std::size_t>(std::snprintf(digits, sizeof digits, "%.6g",
+                                                                 angles.at_rad(k) * fit::deg_per_rad)));
       rows += ',';
       append(rows, scan.range_mm[k]);
       rows += ',';

@@ -108,12 +108,12 @@ Handle group_in(hid_t where, const std::string& name) {
   return {H5Gcreate2(where, name.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose, "make a group"};
 }
 
-/// The layout is in docs/export.md.
+/// The layout is in docs/reference/export.md.
 class Hdf5 : public Exporter {
  public:
   std::string format() const override { return "hdf5"; }
   std::string describes() const override {
-    return "one HDF5 file: a group for each capture (docs/export.md)";
+    return "one HDF5 file: a group for each capture (docs/reference/export.md)";
   }
 
   void write(const ExportSource& source, const std::string& output) const override {

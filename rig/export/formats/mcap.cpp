@@ -117,7 +117,7 @@ class McapWriter : public BagSink {
   }
 
  private:
-  struct Place {
+  struct FilePosition {
     std::uint64_t time_ns, offset;
   };
 
@@ -155,7 +155,7 @@ class McapWriter : public BagSink {
       put(offsets, channel);
       put(offsets, at_);
       Bytes entries, index;
-      for (const Place& place : places) {
+      for (const FilePosition& place : places) {
         put(entries, place.time_ns);
         put(entries, place.offset);
       }
@@ -202,7 +202,7 @@ class McapWriter : public BagSink {
   std::uint16_t channels_ = 0;
   std::uint32_t chunks_ = 0;
   Bytes chunk_, descriptions_, chunk_indexes_;
-  std::map<std::uint16_t, std::vector<Place>> index_;
+  std::map<std::uint16_t, std::vector<FilePosition>> index_;
   std::map<std::uint16_t, std::uint64_t> counts_;
   std::uint64_t first_ = ~std::uint64_t{0}, last_ = 0, chunk_first_ = ~std::uint64_t{0}, chunk_last_ = 0;
 };

@@ -6,7 +6,8 @@ namespace {
 
 using nlohmann::json;
 
-/// `odometry/1` (docs/export.md): what a program needs of the result, and nothing of how it came about.
+/// `odometry/1` (docs/reference/export.md): what a program needs of the result, and nothing of how it came
+/// about.
 class Odometry : public OdometryFormat {
  public:
   std::string format() const override { return "odometry"; }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -20,12 +19,6 @@ namespace {
 using fit::Correction;
 using fit::FamilyFit;
 using nlohmann::json;
-
-std::string text(double value, const char* format = "%.2f") {
-  char out[64];
-  std::snprintf(out, sizeof out, format, value);
-  return out;
-}
 
 /// For tables that people read: so many significant digits.
 json digits(double value, int count = 3) {
@@ -112,8 +105,8 @@ json paper_table(const fit::RangeCalibration& calibration) {
     for (const std::string& family : families) {
       const auto fit = std::ranges::find(fits, family, &FamilyFit::family);
       const bool is_there = fit != fits.end() && fit->usable;
-      rmse.push_back(is_there ? json(text(fit->rmse, "%.3f")) : json(nullptr));
-      r2.push_back(is_there ? json(text(fit->r2, "%.4f")) : json(nullptr));
+      rmse.push_back(is_there ? json(fit::format_fixed(fit->rmse, 3)) : json(nullptr));
+      r2.push_back(is_there ? json(fit::format_fixed(fit->r2, 4)) : json(nullptr));
     }
     rows.push_back(rmse);
     rows.push_back(r2);
@@ -346,9 +339,10 @@ class Range : public Fitting {
       const fit::SelectedMean& selected = robust ? c.robust : c.paper;
       const fit::RangePoint p = c.point(selected);
       if (!named.insert(std::lround(p.true_mm)).second) continue;
-      UncertaintyBudget budget(
-          "error_at_" + text(p.true_mm, "%.0f") + "_mm",
-          "Range error at " + text(p.true_mm, "%.0f") + " mm, " + text(p.intensity, "%.0f") + " counts", "mm");
+      UncertaintyBudget budget("error_at_" + fit::format_fixed(p.true_mm, 0) + "_mm",
+                               "Range error at " + fit::format_fixed(p.true_mm, 0) + " mm, " +
+                                   fit::format_fixed(p.intensity, 0) + " counts",
+                               "mm");
       budget.add({.source = "mean of the samples",
                   .kind = 'A',
                   .distribution = "normal",
@@ -383,9 +377,10 @@ class Range : public Fitting {
     for (const RangeCapture& c : source.captures)
       placement = std::max(placement, c.u_placement_mm), mount = std::max(mount, c.u_mount_mm);
     if (mount > placement)
-      out["notes"].push_back("Where the lidar sits on the stage is known to U = " + text(2 * mount, "%.2g") +
-                             " mm (k = 2) only, and every range error contains that: calibrate it first "
-                             "(procedure rotation-centre) and write it into the bench file's mount.");
+      out["notes"].push_back(
+          "Where the lidar sits on the stage is known to U = " + fit::formatted("%.2g", 2 * mount) +
+          " mm (k = 2) only, and every range error contains that: calibrate it first "
+          "(procedure rotation-centre) and write it into the bench file's mount.");
   }
 
   void add_correction(json& out, const std::vector<FitSource>& sources, const RangeSource& source,
@@ -399,8 +394,9 @@ class Range : public Fitting {
       out["use"].push_back(how_to_use(correction, middle));
     if (correction.intensity && correction.range) {
       UncertaintyBudget budget("zero_mm",
-                               "Range error at the reference condition (" + text(correction.reference_mm, "%.0f") +
-                                   " mm, " + text(correction.reference_intensity, "%.0f") + " counts)",
+                               "Range error at the reference condition (" +
+                                   fit::format_fixed(correction.reference_mm, 0) + " mm, " +
+                                   fit::format_fixed(correction.reference_intensity, 0) + " counts)",
                                "mm");
       budget.add({.source = "fit of both curves", .kind = 'A', .distribution = "normal", .u = correction.zero_mm.u});
       budget.add({.source = "true distances, common to all (bench file)", .distribution = "normal", .u = correction.common_u_mm});
@@ -415,7 +411,7 @@ class Range : public Fitting {
       double largest = 0;
       out["tables"].push_back(ways_table(calibration, points, largest));
       out["notes"].push_back("Fitted jointly and in the paper's sequential way, the correction differs by " +
-                             text(largest) + " mm at most at the measured points.");
+                             fit::format_fixed(largest, 2) + " mm at most at the measured points.");
     }
     compare_selections(out, source, correction, selection);
     out["data"] = {{"correction", json::parse(fit::to_json_text(correction))},
@@ -455,7 +451,7 @@ class Range : public Fitting {
     for (std::size_t i = 0; i < points.size() && points.size() >= 7; ++i) {
       const double gate = 6 * std::hypot(spread, points[i].u_mm, source.captures[i].u_placement_mm) + 1;
       if (sizes[i] > gate)
-        out["contradictions"].push_back(source.captures[i].label + " lies " + text(sizes[i], "%.1f") +
+        out["contradictions"].push_back(source.captures[i].label + " lies " + fit::format_fixed(sizes[i], 1) +
                                         " mm from the curve through the others: its target stood elsewhere");
     }
   }
@@ -464,9 +460,9 @@ class Range : public Fitting {
     const double measured_mm = std::round(point.measured_mm), counts = std::round(point.intensity);
     return "The error is positive where the lidar measures too far, and is subtracted: corrected = "
            "measured - error. Example: " +
-           text(measured_mm, "%.0f") + " mm measured with " + text(counts, "%.0f") + " counts become " +
-           text(correction.apply(measured_mm, counts).range_mm) +
-           " mm, U = " + text(2 * correction.u(measured_mm, counts)) +
+           fit::format_fixed(measured_mm, 0) + " mm measured with " + fit::format_fixed(counts, 0) +
+           " counts become " + fit::format_fixed(correction.apply(measured_mm, counts).range_mm, 2) +
+           " mm, U = " + fit::format_fixed(2 * correction.u(measured_mm, counts), 2) +
            " mm (k = 2, of the correction; a single range has its own noise besides). `rig export` writes "
            "it for robots: as a C or C++ header, a table, or ROS 2 parameters.";
   }
@@ -481,8 +477,9 @@ class Range : public Fitting {
       out["notes"].push_back("No family follows the error against " +
                              std::string(table == &calibration.intensity_table ? "intensity" : "distance") +
                              " well: a smooth curve without an equation predicts held-out points to " +
-                             text(spline->held_out) + " mm, the best family (" + best->title + ") to " +
-                             text(best->held_out) + " mm. rig explain looks for the physics behind it.");
+                             fit::format_fixed(spline->held_out, 2) + " mm, the best family (" + best->title +
+                             ") to " + fit::format_fixed(best->held_out, 2) +
+                             " mm. rig explain looks for the physics behind it.");
     }
   }
 
@@ -506,12 +503,13 @@ class Range : public Fitting {
     }
     compare_methods(out, "Corrected range, mean over the captures", "all samples", {0, std::sqrt(u2 / 2)},
                     "samples of the most frequent intensity", {mean, std::hypot(std::sqrt(u2 / 2), 0.1)}, "mm");
-    out["notes"].push_back("The correction is made from the " +
-                           std::string(selection == "robust" ? "robust means of all samples"
-                                                             : "means of the most frequent intensity") +
-                           "; corrected, the two ways of selecting samples differ by " +
-                           text(std::sqrt(sum / static_cast<double>(source.captures.size()))) +
-                           " mm RMS and " + text(largest) + " mm at most.");
+    out["notes"].push_back(
+        "The correction is made from the " +
+        std::string(selection == "robust" ? "robust means of all samples"
+                                          : "means of the most frequent intensity") +
+        "; corrected, the two ways of selecting samples differ by " +
+        fit::format_fixed(std::sqrt(sum / static_cast<double>(source.captures.size())), 2) + " mm RMS and " +
+        fit::format_fixed(largest, 2) + " mm at most.");
   }
 
   static json residual_plot(const std::vector<fit::RangePoint>& points, const Correction& correction) {

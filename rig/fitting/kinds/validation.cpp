@@ -60,25 +60,27 @@ std::optional<Surface> surface_of(const fit::Recording& recording, std::size_t i
   out.temperature_c = capture.temperature_c;
   out.normal = to_lidar * target->outward_normal();
   const double distance = out.normal.dot(from);
-  std::map<int, std::vector<fit::Sample>> samples;
+  std::map<std::size_t, std::vector<fit::Sample>> samples;
   recording.for_each_scan(index, [&](const fit::ScanView& scan) {
     if (scan.geometry) return;
+    const fit::BeamAngles angles(bench.lidar, capture, scan.geometry);
     for (std::size_t k = 0; k < scan.range_mm.size(); ++k) {
-      const int step = capture.first_step + static_cast<int>(k) * capture.cluster;
-      const double direction = bench.lidar.beam_angle(step + (capture.cluster - 1) / 2.0);
+      const double direction = angles.at_rad(k);
       const Vector2d ray(std::cos(direction), std::sin(direction));
       const double facing = ray.dot(out.normal);
       if (facing < 0.1) continue;
       const Vector2d at = ray * (distance / facing), along = to - from;
       const double place = (at - from).dot(along) / along.squaredNorm();
       if (place < 0.03 || place > 0.97) continue;
-      samples[step].push_back(
+      samples[k].push_back(
           {scan.range_mm[k], k < scan.intensity.size() ? scan.intensity[k] : std::uint16_t{0}});
     }
   });
-  for (const auto& [step, of_step] : samples) {
-    const fit::SelectedMean mean = fit::select_robust(of_step);
-    const double direction = bench.lidar.beam_angle(step + (capture.cluster - 1) / 2.0);
+  const std::optional<fit::ScanGeometry> none;  // Scans with a geometry of their own were left out.
+  const fit::BeamAngles angles(bench.lidar, capture, none);
+  for (const auto& [k, of_beam] : samples) {
+    const fit::SelectedMean mean = fit::select_robust(of_beam);
+    const double direction = angles.at_rad(k);
     if (mean.kept < 1 ||
         std::abs(point_of({direction, 0, 0}, mean.mean_mm).dot(out.normal) - distance) > 0.1 * distance + 60)
       continue;

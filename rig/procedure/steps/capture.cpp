@@ -9,6 +9,7 @@ using Type = Option::Type;
 class Capture final : public StepKind {
  public:
   std::string name() const override { return "capture"; }
+  bool measures() const override { return true; }
   std::string about() const override { return "Records scans with the stage at rest"; }
   const std::vector<Option>& options() const override {
     static const std::vector<Option> options = [] {
@@ -34,8 +35,7 @@ class Capture final : public StepKind {
     CaptureRequest request = capture_request(arguments, context.bench(), arguments.integer_or("samples", 1));
     request.name = context.name();
     request.key = context.key() + "/capture";
-    auto captured = context.capture(request);
-    co_await std::move(captured);
+    co_await context.capture(request);
   }
 };
 

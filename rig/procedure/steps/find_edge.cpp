@@ -132,17 +132,15 @@ Settings settings_of(const Arguments& arguments, const fit::Bench& bench, int ap
 /// The search itself. Stops are counted in whole steps from settings.from_deg, so that no rounding adds up.
 class Search {
  public:
-  Search(const Settings& settings, StepContext& context, const Place& place)
+  Search(const Settings& settings, StepContext& context, const FilePosition& place)
       : settings_(settings), context_(context), place_(place) {}
 
   StepContext::awaitable<void> run() {
     const long last = std::lround((settings_.to_deg - settings_.from_deg) / settings_.step_deg);
     // Turning counter-clockwise, a beam comes onto the board at its right end and leaves it at its left end.
     const long board_stop = settings_.right ? last : 0, background_stop = settings_.right ? 0 : last;
-    auto sampling = sample(board_stop);
-    const auto on_board = co_await std::move(sampling);
-    auto sampling_behind = sample(background_stop);
-    const auto behind = co_await std::move(sampling_behind);
+    const auto on_board = co_await sample(board_stop);
+    const auto behind = co_await sample(background_stop);
     board_ = level_of(on_board);
     background_ = level_of(behind);
     check_levels();
@@ -161,8 +159,7 @@ class Search {
     long jitter = board;
     while (std::abs(background - board) > 1 && jitter == board) {
       const long middle = std::midpoint(board, background);
-      auto looking = look(middle);
-      const State state = co_await std::move(looking);
+      const State state = co_await look(middle);
       if (state == State::board)
         board = middle, jitter = middle;
       else if (state == State::background)
@@ -170,10 +167,8 @@ class Search {
       else
         jitter = middle;
     }
-    auto to_board = boundary(board, jitter, State::board);
-    board_end_ = co_await std::move(to_board);
-    auto to_background = boundary(background, jitter, State::background);
-    background_end_ = co_await std::move(to_background);
+    board_end_ = co_await boundary(board, jitter, State::board);
+    background_end_ = co_await boundary(background, jitter, State::background);
   }
 
   /// The last stop in `state`, coming from `smooth` towards `jitter`.
@@ -190,8 +185,7 @@ class Search {
   }
 
   StepContext::awaitable<State> look(long stop) {
-    auto sampling = sample(stop);
-    const auto samples = co_await std::move(sampling);
+    const auto samples = co_await sample(stop);
     if (!leaves(followed(board_, samples, drift_mm()), samples)) co_return State::board;
     if (!leaves(followed(background_, samples, drift_mm()), samples)) co_return State::background;
     co_return State::jitter;
@@ -217,8 +211,7 @@ class Search {
     request.target = settings_.target;
     if (!context_.recorded(request.key))
       co_await context_.move_to(angle_deg(stop), settings_.approach, place_);
-    auto capturing = context_.capture(request);
-    const std::int64_t id = co_await std::move(capturing);
+    const std::int64_t id = co_await context_.capture(request);
     std::vector<double> samples;
     const auto followed = static_cast<std::size_t>(settings_.beam - request.first_step);
     context_.for_each_scan(id, [&](const fit::ScanView& scan) {
@@ -259,7 +252,7 @@ class Search {
 
   const Settings& settings_;
   StepContext& context_;
-  const Place& place_;
+  const FilePosition& place_;
   Level board_, background_;
   long board_end_ = 0, background_end_ = 0;
   int stops_ = 0;
@@ -268,6 +261,7 @@ class Search {
 class FindEdge final : public StepKind {
  public:
   std::string name() const override { return "find-edge"; }
+  bool measures() const override { return true; }
   std::string about() const override {
     return "Turns the stage until one beam just sees a target's edge without jitter, coarse to fine. Gives "
            "SAVE_smooth_deg (last stop wholly on the board), SAVE_background_deg and SAVE_deg (between them)";

@@ -11,6 +11,7 @@ using Type = Option::Type;
 class Fit final : public StepKind {
  public:
   std::string name() const override { return "fit"; }
+  const Node* calibration(const Node& options) const override { return options.find("kind"); }
   std::string about() const override {
     return "Computes a calibration from what was captured so far (as `rig fit KIND`)";
   }
@@ -28,8 +29,7 @@ class Fit final : public StepKind {
     plan.says = "fit " + arguments.text_or("kind", "");
   }
   awaitable<void> run(const Arguments& arguments, StepContext& context) const override {
-    auto fitting = context.fit(arguments.text_or("kind", ""), arguments.json("options"));
-    co_await std::move(fitting);
+    co_await context.fit(arguments.text_or("kind", ""), arguments.json("options"));
   }
 };
 

@@ -14,6 +14,7 @@ constexpr double at_zero_deg = 0.01;  // A step of the finest stage that the sou
 class Home final : public StepKind {
  public:
   std::string name() const override { return "home"; }
+  bool homes_stage() const override { return true; }
   std::string about() const override {
     return "Finds the stage's reference, unless the stage knows it already, and leaves the stage at 0 deg";
   }

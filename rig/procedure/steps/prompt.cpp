@@ -92,6 +92,8 @@ Placement placement(const Arguments& place, const fit::Bench& bench) {
 class PromptStep final : public StepKind {
  public:
   std::string name() const override { return "prompt"; }
+  bool asks_a_person() const override { return true; }
+  const Node* places(const Node& options) const override { return options.find("place"); }
   std::string about() const override {
     return "Asks the operator to place or change something; the rig looks whether it was done";
   }
@@ -133,8 +135,7 @@ class PromptStep final : public StepKind {
   }
   awaitable<void> run(const Arguments& arguments, StepContext& context) const override {
     const Prompt asked = prompt(arguments, context.bench());
-    auto asking = context.ask(asked);
-    const Answer answer = co_await std::move(asking);
+    const Answer answer = co_await context.ask(asked);
     if (answer.kind == Answer::Kind::skipped) context.skip_rest_of_iteration();
     if (answer.kind == Answer::Kind::confirmed && asked.question && answer.value)
       context.set(asked.question->name, *answer.value);
@@ -152,7 +153,7 @@ class PromptStep final : public StepKind {
     if (arguments.has("place")) result.place = placement(arguments.map("place"), bench);
     const bool places_target = result.place && !result.place->target.empty();
     if (arguments.has("until"))
-      result.until = sight(arguments.map("until"), bench, places_target);
+      result.until = expected(arguments.map("until"), bench, places_target);
     else if (places_target)
       result.until.emplace().of_target = true;
     return result;
@@ -168,9 +169,9 @@ class PromptStep final : public StepKind {
     return result;
   }
 
-  static Sight sight(const Arguments& until, const fit::Bench& bench, bool places_target) {
+  static Expectation expected(const Arguments& until, const fit::Bench& bench, bool places_target) {
     (void)capture_request(until, bench, 1);  // checks that the lidar has these beams
-    Sight result;
+    Expectation result;
     result.tolerance_mm = until.maybe_number("tolerance_mm");
     result.surface = until.flag_or("surface", true);
     result.echo = until.flag_or("echo", true);

@@ -39,8 +39,7 @@ class Report final : public StepKind {
     plan.says = "report to " + arguments.text_or("file", "");
   }
   awaitable<void> run(const Arguments& arguments, StepContext& context) const override {
-    auto writing = context.report(arguments.text_or("file", "report.html"));
-    co_await std::move(writing);
+    co_await context.report(arguments.text_or("file", "report.html"));
   }
 };
 

@@ -20,6 +20,7 @@ struct Stops {
 class Sweep final : public StepKind {
  public:
   std::string name() const override { return "sweep"; }
+  bool measures() const override { return true; }
   std::string about() const override { return "Steps the stage through an arc and captures at every stop"; }
   const std::vector<Option>& options() const override {
     static const std::vector<Option> options = [] {
@@ -66,8 +67,7 @@ class Sweep final : public StepKind {
       request.key = context.key() + "/" + std::to_string(i);
       if (context.recorded(request.key)) continue;
       co_await context.move_to(stops.at(i), approach, arguments.place());
-      auto captured = context.capture(request);
-      co_await std::move(captured);
+      co_await context.capture(request);
     }
   }
 

@@ -11,6 +11,8 @@ using Type = Option::Type;
 class Turn final : public StepKind {
  public:
   std::string name() const override { return "turn"; }
+  bool measures() const override { return true; }
+  bool turns_stage() const override { return true; }
   std::string about() const override { return "Captures while the stage turns at a constant rate"; }
   const std::vector<Option>& options() const override {
     static const std::vector<Option> options = [] {
@@ -57,9 +59,7 @@ class Turn final : public StepKind {
     request.name = context.name();
     request.key = context.key() + "/capture";
     request.rate_deg_s = arguments.number("rate_deg_s");
-    auto capturing =
-        context.capture_turning(request, arguments.number("from_deg"), arguments.place_of("from_deg"));
-    co_await std::move(capturing);
+    co_await context.capture_turning(request, arguments.number("from_deg"), arguments.place_of("from_deg"));
   }
 };
 

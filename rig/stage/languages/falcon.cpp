@@ -49,11 +49,9 @@ class FalconProtocol : public StageProtocol {
 /// The answer that begins so; nothing if none came.
 awaitable<std::optional<std::string>> FalconProtocol::ask_once(std::string text, std::string beginning) {
   text += '\n';
-  auto asking = link_.ask(std::move(text), options_.reply_s);
-  const auto due = co_await std::move(asking);
+  const auto due = co_await link_.ask(std::move(text), options_.reply_s);
   for (;;) {
-    auto reading = link_.read_line(due);
-    const std::optional<std::string> line = co_await std::move(reading);
+    const std::optional<std::string> line = co_await link_.read_line(due);
     if (!line) break;
     if (line->starts_with(beginning)) co_return line;
   }
@@ -64,8 +62,7 @@ awaitable<std::optional<std::string>> FalconProtocol::ask_once(std::string text,
 awaitable<std::string> FalconProtocol::ask(std::string text, std::string beginning) {
   link_.listen_anew();
   for (int attempt = 0; attempt < falcon_attempts; ++attempt) {
-    auto asking = ask_once(text, beginning);
-    const std::optional<std::string> line = co_await std::move(asking);
+    const std::optional<std::string> line = co_await ask_once(text, beginning);
     if (line) co_return *line;
   }
   throw link_.unanswered(text, falcon_attempts, "Check its power and its cable.");
@@ -73,8 +70,7 @@ awaitable<std::string> FalconProtocol::ask(std::string text, std::string beginni
 
 awaitable<StageIdentity> FalconProtocol::identify() {
   const std::string beginning = "FV:";
-  auto asking = ask("FV", beginning);
-  const std::string line = co_await std::move(asking);
+  const std::string line = co_await ask("FV", beginning);
   StageIdentity identity;
   identity.language = "falcon";
   identity.model = options_.model.empty() ? "Pegasus Falcon" : options_.model;
@@ -85,8 +81,7 @@ awaitable<StageIdentity> FalconProtocol::identify() {
 
 awaitable<FalconStatus> FalconProtocol::status() {
   for (int attempt = 0; attempt < falcon_attempts; ++attempt) {
-    auto asking = ask("FA", "FR_OK:");
-    const std::string line = co_await std::move(asking);
+    const std::string line = co_await ask("FA", "FR_OK:");
     if (const auto found = falcon_status(line)) co_return *found;
   }
   throw StageLost("the stage on " + link_.path() +
@@ -95,13 +90,11 @@ awaitable<FalconStatus> FalconProtocol::status() {
 
 /// There is no checksum: rest is believed when said twice, with the same position.
 awaitable<StageReading> FalconProtocol::read() {
-  auto asking = status();
-  FalconStatus now = co_await std::move(asking);
+  FalconStatus now = co_await status();
   StageReading reading;
   reading.moving = now.moving;
   if (!now.moving) {
-    auto asking_again = status();
-    const FalconStatus again = co_await std::move(asking_again);
+    const FalconStatus again = co_await status();
     reading.moving = again.moving || again.deg != now.deg;
     now = again;
   }
@@ -138,12 +131,10 @@ awaitable<void> FalconProtocol::start_move(long long target) {
         "that scale with zero_deg in the bench file, or change the procedure.");
   for (int attempt = 0; attempt < falcon_attempts; ++attempt) {
     demand_not_stopped();
-    auto asking = ask_once(command, command);
-    const std::optional<std::string> echo = co_await std::move(asking);
+    const std::optional<std::string> echo = co_await ask_once(command, command);
     target_ = static_cast<double>(target);
     if (echo && *echo == command) co_return;
-    auto looking = status();
-    const FalconStatus now = co_await std::move(looking);
+    const FalconStatus now = co_await status();
     if (now.moving || std::round(now.deg * units_per_deg) == *target_) co_return;
   }
   target_.reset();
@@ -162,8 +153,7 @@ awaitable<void> FalconProtocol::start_stop() {
   is_stop_requested_ = false;
   link_.forget_answers();
   target_.reset();
-  auto asking = ask("FH", "FH:1");
-  co_await std::move(asking);
+  co_await ask("FH", "FH:1");
 }
 
 std::string FalconProtocol::stop_now() {

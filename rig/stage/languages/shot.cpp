@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Sigma-Koki/OptoSigma controllers, SHOT and GSC: docs/stages.md. No ids and no checksums, so that nothing is
-// believed that was not said twice; moves are queued and then started, so that a stop may come in between;
-// the dialect `gsc` answers questions only, so that after each command its status tells whether it was
-// understood. Neither knows whether it was homed: the driver remembers it, and forgets it when the count is
-// not where it was left.
+// Sigma-Koki/OptoSigma controllers, SHOT and GSC: docs/operate/stages.md. No ids and no checksums, so that
+// nothing is believed that was not said twice; moves are queued and then started, so that a stop may come in
+// between; the dialect `gsc` answers questions only, so that after each command its status tells whether it
+// was understood. Neither knows whether it was homed: the driver remembers it, and forgets it when the count
+// is not where it was left.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -92,11 +92,9 @@ awaitable<Clock::time_point> ShotProtocol::send(std::string text) {
 awaitable<ShotStatus> ShotProtocol::status() {
   link_.listen_anew();
   for (int attempt = 0; attempt < shot_attempts; ++attempt) {
-    auto sending = send("Q:");
-    const auto due = co_await std::move(sending);
+    const auto due = co_await send("Q:");
     for (bool is_waiting = true; is_waiting;) {
-      auto reading = link_.read_line(due);
-      const std::optional<std::string> line = co_await std::move(reading);
+      const std::optional<std::string> line = co_await link_.read_line(due);
       is_waiting = line.has_value();
       const auto found = line ? shot_status(*line, options_.axis) : std::nullopt;
       if (found) co_return *found;
@@ -113,10 +111,8 @@ awaitable<ShotStatus> ShotProtocol::status() {
 /// Nothing if it does not know the question.
 awaitable<std::optional<std::string>> ShotProtocol::ask_text(std::string question) {
   for (int attempt = 0; attempt + 1 < shot_attempts; ++attempt) {
-    auto sending = send(question);
-    const auto due = co_await std::move(sending);
-    auto reading = link_.read_line(due);
-    const std::optional<std::string> line = co_await std::move(reading);
+    const auto due = co_await send(question);
+    const std::optional<std::string> line = co_await link_.read_line(due);
     if (line && shot_acknowledgement(*line)) co_return std::nullopt;
     if (line) co_return line;
     link_.forget_answers();
@@ -126,13 +122,11 @@ awaitable<std::optional<std::string>> ShotProtocol::ask_text(std::string questio
 
 /// Was it understood? Nothing if nobody knows.
 awaitable<std::optional<bool>> ShotProtocol::command(std::string text) {
-  auto sending = send(text);
-  auto due = co_await std::move(sending);
+  auto due = co_await send(text);
   if (is_gsc())
     due = Clock::now() + (silent_commands_ < commands_to_tell ? acknowledgement_time : silent_time);
   for (bool is_waiting = true; is_waiting;) {
-    auto reading = link_.read_line(due);
-    const std::optional<std::string> line = co_await std::move(reading);
+    const std::optional<std::string> line = co_await link_.read_line(due);
     is_waiting = line.has_value();
     const auto answer = line ? shot_acknowledgement(*line) : std::nullopt;
     if (answer) co_return answer;
@@ -142,8 +136,7 @@ awaitable<std::optional<bool>> ShotProtocol::command(std::string text) {
     link_.forget_answers();
     co_return std::nullopt;
   }
-  auto asking = status();
-  const ShotStatus now = co_await std::move(asking);
+  const ShotStatus now = co_await status();
   co_return now.understood;
 }
 
@@ -151,8 +144,7 @@ awaitable<std::optional<bool>> ShotProtocol::command(std::string text) {
 awaitable<void> ShotProtocol::demand(std::string text) {
   link_.listen_anew();
   for (int attempt = 0; attempt < shot_attempts; ++attempt) {
-    auto asking = command(text);
-    const std::optional<bool> understood = co_await std::move(asking);
+    const std::optional<bool> understood = co_await command(text);
     if (understood && *understood) co_return;
     if (understood && attempt + 1 == shot_attempts)
       refuse(text, "it does not know this command or its values");
@@ -163,8 +155,7 @@ awaitable<void> ShotProtocol::demand(std::string text) {
 // --- who it is ---
 
 awaitable<StageIdentity> ShotProtocol::identify() {
-  auto asking = status();
-  const ShotStatus now = co_await std::move(asking);
+  const ShotStatus now = co_await status();
   axes_ = now.axes;
   StageIdentity identity;
   identity.language = dialect_;
@@ -207,12 +198,10 @@ void ShotProtocol::judge_rest(const ShotStatus& now, StageReading& reading) {
 
 /// One flipped bit makes Ready of Busy: rest is believed when said twice, with the same position.
 awaitable<StageReading> ShotProtocol::read() {
-  auto asking = status();
-  ShotStatus now = co_await std::move(asking);
+  ShotStatus now = co_await status();
   bool is_moving = now.busy;
   if (!is_moving) {
-    auto asking_again = status();
-    const ShotStatus again = co_await std::move(asking_again);
+    const ShotStatus again = co_await status();
     is_moving = again.busy || again.position != now.position;
     now = again;
   }
@@ -242,24 +231,20 @@ void ShotProtocol::demand_not_stopped() const {
 awaitable<ShotStatus> ShotProtocol::at_rest() {
   std::optional<ShotStatus> before;
   for (int look = 0; look < most_looks_at_rest; ++look) {
-    auto asking = status();
-    const ShotStatus now = co_await std::move(asking);
+    const ShotStatus now = co_await status();
     if (!now.busy && before && before->position == now.position) co_return now;
     if (now.busy && look % looks_before_stop == 0) {
-      auto stopping = demand("L:" + axis());
-      co_await std::move(stopping);
+      co_await demand("L:" + axis());
     }
     before = now.busy ? std::nullopt : std::optional(now);
     if (!now.busy) continue;
-    auto pausing = link_.drain();
-    co_await std::move(pausing);
+    co_await link_.drain();
   }
   throw StageError("the stage does not come to rest, though it was told to stop. Switch it off.");
 }
 
 awaitable<bool> ShotProtocol::has_begun(ShotStatus before) {
-  auto asking = status();
-  const ShotStatus now = co_await std::move(asking);
+  const ShotStatus now = co_await status();
   co_return now.busy || now.position != before.position;
 }
 
@@ -268,14 +253,11 @@ awaitable<void> ShotProtocol::start_homing() {
   homed_ = false;
   is_stop_requested_ = false;
   for (int attempt = 0; attempt < shot_attempts; ++attempt) {
-    auto resting = at_rest();
-    const ShotStatus before = co_await std::move(resting);
+    const ShotStatus before = co_await at_rest();
     demand_not_stopped();
-    auto asking = command(text);
-    const std::optional<bool> understood = co_await std::move(asking);
+    const std::optional<bool> understood = co_await command(text);
     // Without acknowledgement "understood" may be about the command before: then only motion proves it.
-    auto looking = has_begun(before);
-    const bool begun = co_await std::move(looking);
+    const bool begun = co_await has_begun(before);
     if (begun || (understood && *understood && !is_gsc())) {
       doing_ = Doing::homing;
       co_return;
@@ -291,25 +273,21 @@ awaitable<void> ShotProtocol::start_homing() {
 /// reckoned anew from where the stage stands.
 awaitable<void> ShotProtocol::drive_to(double target) {
   for (int attempt = 0; attempt < shot_attempts; ++attempt) {
-    auto resting = at_rest();
-    const ShotStatus before = co_await std::move(resting);
+    const ShotStatus before = co_await at_rest();
     demand_not_stopped();
     if (before.position == target) co_return;
     const bool is_relative = is_gsc() && axes_ > 1;
     const double pulses = std::clamp(is_relative ? target - before.position : target, -farthest, farthest);
     const std::string text = (is_relative ? "M:" : "A:") + axis() + (pulses < 0 ? "-P" : "+P") +
                              std::to_string(std::llabs(std::llround(pulses)));
-    auto queueing = command(text);
-    const std::optional<bool> is_queued = co_await std::move(queueing);
+    const std::optional<bool> is_queued = co_await command(text);
     demand_not_stopped();
     if (is_queued && !*is_queued && attempt + 1 == shot_attempts)
       refuse(text, "its motor is free, or the target is out of its range");
     if (!is_queued || !*is_queued) continue;
-    auto starting = command("G:");
-    const std::optional<bool> is_started = co_await std::move(starting);
+    const std::optional<bool> is_started = co_await command("G:");
     if (is_started && *is_started && !is_gsc()) co_return;
-    auto looking = has_begun(before);
-    const bool begun = co_await std::move(looking);
+    const bool begun = co_await has_begun(before);
     if (begun) co_return;
     if (is_started && !*is_started && attempt + 1 == shot_attempts) refuse("G:", "it gives no reason");
   }
@@ -323,11 +301,9 @@ awaitable<void> ShotProtocol::start_move(long long target) {
     refuse("A:" + axis(), "its counter ends at 16777214 pulses");
   is_stop_requested_ = false;
   if (std::exchange(has_turn_speed_, false)) {
-    auto setting = use_speed(speed_, acceleration_);
-    co_await std::move(setting);
+    co_await use_speed(speed_, acceleration_);
   }
-  auto driving = drive_to(static_cast<double>(target));
-  co_await std::move(driving);
+  co_await drive_to(static_cast<double>(target));
   target_ = static_cast<double>(target);
   doing_ = Doing::moving;
 }
@@ -335,10 +311,8 @@ awaitable<void> ShotProtocol::start_move(long long target) {
 awaitable<void> ShotProtocol::start_turn(double speed) {
   is_stop_requested_ = false;
   has_turn_speed_ = true;
-  auto resting = at_rest();
-  co_await std::move(resting);
-  auto setting = use_speed(std::abs(speed), acceleration_);
-  co_await std::move(setting);
+  co_await at_rest();
+  co_await use_speed(std::abs(speed), acceleration_);
   auto driving = drive_to(speed < 0 ? -farthest : farthest);
   co_await std::move(driving);
   doing_ = Doing::turning;
@@ -350,12 +324,10 @@ awaitable<void> ShotProtocol::start_stop() {
   const std::string text = doing_ == Doing::homing ? "L:E" : "L:" + axis();
   if (doing_ == Doing::homing) homed_ = false;
   doing_ = Doing::stopping;
-  auto stopping = demand(text);
-  co_await std::move(stopping);
+  co_await demand(text);
   if (!is_gsc()) co_return;
   // A lost command looks like one that was understood; a stop is worth saying twice.
-  auto stopping_again = demand(text);
-  co_await std::move(stopping_again);
+  co_await demand(text);
 }
 
 /// Homing heeds only L:E. The line end before it ends whatever was half said.
@@ -370,8 +342,7 @@ awaitable<void> ShotProtocol::set_speed(double speed, double acceleration) {
   speed_ = speed;
   if (acceleration > 0) acceleration_ = acceleration;
   has_turn_speed_ = false;
-  auto setting = use_speed(speed_, acceleration_);
-  co_await std::move(setting);
+  co_await use_speed(speed_, acceleration_);
 }
 
 /// Start and full speed in pulses per second and the time between them in milliseconds.
@@ -387,16 +358,14 @@ awaitable<void> ShotProtocol::use_speed(double speed, double acceleration) {
   const std::string triplet = "S" + std::to_string(std::llround(std::min(start, full))) + "F" +
                               std::to_string(std::llround(full)) + "R" +
                               std::to_string(std::llround(std::clamp(ramp_ms, 0.0, longest_ramp_ms)));
-  auto resting = at_rest();
-  co_await std::move(resting);
+  co_await at_rest();
   if (is_gsc() && axes_ == 2) {
     // The GSC-02 wants a range and both axes, later ones want an axis as the SHOT does.
     auto asking = command((is_slow ? "D:1" : "D:2") + triplet + triplet);
     const std::optional<bool> understood = co_await std::move(asking);
     if (understood && *understood) co_return;
   }
-  auto setting = demand("D:" + axis() + triplet);
-  co_await std::move(setting);
+  co_await demand("D:" + axis() + triplet);
 }
 
 }  // namespace

@@ -123,11 +123,9 @@ awaitable<std::optional<ZaberReply>> ZaberProtocol::ask_once(const std::string& 
   const auto deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(
                                            std::chrono::duration<double>(options_.reply_s));
   std::string bytes = command(words, axis, id_);
-  auto writing = link_.write(std::move(bytes), deadline);
-  co_await std::move(writing);
+  co_await link_.write(std::move(bytes), deadline);
   for (;;) {
-    auto reading = link_.read_line(deadline);
-    const std::optional<std::string> line = co_await std::move(reading);
+    const std::optional<std::string> line = co_await link_.read_line(deadline);
     if (!line) co_return std::nullopt;
     if (auto reply = zaber_reply(*line, options_.address, axis, id_)) co_return reply;
   }
@@ -137,8 +135,7 @@ awaitable<std::optional<ZaberReply>> ZaberProtocol::ask_once(const std::string& 
 awaitable<ZaberReply> ZaberProtocol::ask(std::string words, int axis) {
   link_.listen_anew();
   for (int attempt = 0; attempt < zaber_attempts; ++attempt) {
-    auto asking = ask_once(words, axis);
-    const std::optional<ZaberReply> reply = co_await std::move(asking);
+    const std::optional<ZaberReply> reply = co_await ask_once(words, axis);
     if (!reply || (!reply->accepted && (reply->data == "AGAIN" || reply->data == "STATUSBUSY") &&
                    attempt + 1 < zaber_attempts))
       continue;
@@ -155,8 +152,7 @@ awaitable<ZaberReply> ZaberProtocol::ask(std::string words, int axis) {
 
 awaitable<long long> ZaberProtocol::get(std::string setting, int axis) {
   for (int attempt = 1;; ++attempt) {
-    auto asking = ask("get " + setting, axis);
-    const ZaberReply reply = co_await std::move(asking);
+    const ZaberReply reply = co_await ask("get " + setting, axis);
     const auto number = whole_number(reply.data.substr(0, reply.data.find(' ')));
     if (number) co_return *number;
     if (attempt == zaber_attempts)
@@ -167,8 +163,7 @@ awaitable<long long> ZaberProtocol::get(std::string setting, int axis) {
 
 awaitable<std::optional<std::string>> ZaberProtocol::get_maybe(std::string setting, int axis) {
   try {
-    auto asking = ask("get " + setting, axis);
-    const ZaberReply reply = co_await std::move(asking);
+    const ZaberReply reply = co_await ask("get " + setting, axis);
     co_return reply.data;
   } catch (const StageRefusal&) {
     co_return std::nullopt;
@@ -181,8 +176,7 @@ awaitable<double> ZaberProtocol::find_units_per_deg() {
   if (options_.units_per_deg > 0) co_return options_.units_per_deg;
   if (const auto found = steps_per_turn.find(options_.model); found != steps_per_turn.end())
     co_return found->second / 360;
-  auto asking = get_maybe("limit.cycle.dist", options_.axis);
-  const std::optional<std::string> cycle = co_await std::move(asking);
+  const std::optional<std::string> cycle = co_await get_maybe("limit.cycle.dist", options_.axis);
   const auto per_turn = cycle ? whole_number(*cycle) : std::nullopt;
   if (per_turn && *per_turn > 0) co_return static_cast<double>(*per_turn) / 360;
   throw StageRefusal(
@@ -196,10 +190,8 @@ awaitable<StageIdentity> ZaberProtocol::identify() {
   identity.language = "zaber";
   const long long device = co_await get("deviceid", 0);
   identity.model = options_.model.empty() ? "Zaber device " + std::to_string(device) : options_.model;
-  auto asking_serial = get_maybe("system.serial", 0);
-  identity.serial = (co_await std::move(asking_serial)).value_or("");
-  auto asking_version = get_maybe("version", 0);
-  identity.firmware = (co_await std::move(asking_version)).value_or("");
+  identity.serial = (co_await get_maybe("system.serial", 0)).value_or("");
+  identity.firmware = (co_await get_maybe("version", 0)).value_or("");
   const long long axes = co_await get("system.axiscount", 0);
   if (options_.axis > axes)
     throw StageRefusal("the stage's controller has " + std::to_string(axes) +
@@ -215,8 +207,7 @@ awaitable<StageIdentity> ZaberProtocol::identify() {
 /// A reply shows the highest flag only; those below it are asked for.
 awaitable<std::vector<std::string>> ZaberProtocol::flags(std::string highest) {
   if (highest == "--") co_return std::vector<std::string>();
-  auto asking = ask("warnings", options_.axis);
-  const ZaberReply reply = co_await std::move(asking);
+  const ZaberReply reply = co_await ask("warnings", options_.axis);
   std::vector<std::string> all;
   for (const std::string& word : words_of(reply.data))
     if (word.size() == 2 && !whole_number(word) && word != "--") all.push_back(word);
@@ -228,8 +219,7 @@ awaitable<StageReading> ZaberProtocol::read() {
   ZaberReply reply;
   std::optional<long long> position;
   for (int attempt = 1; !position; ++attempt) {
-    auto asking = ask("get pos", options_.axis);
-    reply = co_await std::move(asking);
+    reply = co_await ask("get pos", options_.axis);
     position = whole_number(reply.data.substr(0, reply.data.find(' ')));
     if (!position && attempt == zaber_attempts)
       throw StageError("the stage answered `get pos` with '" + reply.data +
@@ -239,8 +229,7 @@ awaitable<StageReading> ZaberProtocol::read() {
   reading.position = static_cast<double>(*position);
   reading.moving = reply.busy;
   reading.homed = true;
-  auto listing = flags(reply.flag);
-  const std::vector<std::string> all = co_await std::move(listing);
+  const std::vector<std::string> all = co_await flags(reply.flag);
   for (const std::string& flag : all) {
     if (flag == "WR" || flag == "WH") reading.homed = false;
     if (flag[0] == 'F' && reading.fault.empty())
@@ -255,34 +244,24 @@ awaitable<StageReading> ZaberProtocol::read() {
 
 awaitable<void> ZaberProtocol::set_speed(double speed, double acceleration) {
   const long long value = speed > 0 ? std::max(1LL, std::llround(speed * speed_unit)) : usual_speed_;
-  auto setting = ask("set maxspeed " + std::to_string(value), options_.axis);
-  co_await std::move(setting);
+  co_await ask("set maxspeed " + std::to_string(value), options_.axis);
   if (acceleration > 0) {
     const long long steps = std::max(1LL, std::llround(acceleration * speed_unit / 1e4));
-    auto also = ask("set accel " + std::to_string(steps), options_.axis);
-    co_await std::move(also);
+    co_await ask("set accel " + std::to_string(steps), options_.axis);
   }
 }
 
-awaitable<void> ZaberProtocol::start_homing() {
-  auto asking = ask("home", options_.axis);
-  co_await std::move(asking);
-}
+awaitable<void> ZaberProtocol::start_homing() { co_await ask("home", options_.axis); }
 
 awaitable<void> ZaberProtocol::start_move(long long target) {
-  auto asking = ask("move abs " + std::to_string(target), options_.axis);
-  co_await std::move(asking);
+  co_await ask("move abs " + std::to_string(target), options_.axis);
 }
 
 awaitable<void> ZaberProtocol::start_turn(double speed) {
-  auto asking = ask("move vel " + std::to_string(std::llround(speed * speed_unit)), options_.axis);
-  co_await std::move(asking);
+  co_await ask("move vel " + std::to_string(std::llround(speed * speed_unit)), options_.axis);
 }
 
-awaitable<void> ZaberProtocol::start_stop() {
-  auto asking = ask("stop", options_.axis);
-  co_await std::move(asking);
-}
+awaitable<void> ZaberProtocol::start_stop() { co_await ask("stop", options_.axis); }
 
 }  // namespace
 

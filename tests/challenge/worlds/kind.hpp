@@ -27,7 +27,7 @@ struct Kind {
   std::vector<std::string> scenes;
   std::function<json(const Session&, const Shape&, double strength)> keys;
   std::function<json(const Session&, const Shape&, double strength)> parameters;  ///< As fit/ names them.
-  double largest = 1e6;
+  double largest = 100;  ///< Strength beyond which no device would be.
   bool sized = true;
   bool each_scan = false;
   bool shifts = true;  ///< Shows in means, which the engine tells.

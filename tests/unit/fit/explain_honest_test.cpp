@@ -102,7 +102,7 @@ TEST_CASE("a placement counts once in what is gained on captures that were not f
   PlainScene scene{.walls = {{{800, -500}, {800, 500}}}, .u_mm = 5, .u_deg = 0.5, .steps = 271, .front_step = 135,
                    .step_deg = 1, .sigma_mm = 3};
   const fit::Bench stated = plain_bench::bench_of(scene);
-  std::string document = stated.document;
+  std::string document = stated.document.json().dump();
   document.insert(document.find("\"name\""), "\"placed_anew\":true,");
   const fit::Bench bench = fit::parse_bench(document);
   std::mt19937 random(3);

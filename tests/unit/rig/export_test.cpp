@@ -13,6 +13,7 @@
 #include "rig/export/exporter.hpp"
 #include "rig/import/cdr.hpp"
 #include "rig/import/mcap.hpp"
+#include "rig/live/session_state.hpp"
 #include "tests/support/test_folder.hpp"
 
 namespace {
@@ -168,6 +169,54 @@ TEST_CASE("a ROS 2 bag counts from the session's epoch, to the microsecond") {
     return true;
   });
   CHECK(first_ns == 1'767'323'045'678'901'000);
+}
+
+TEST_CASE("a cluster's value stands for the middle of its steps: in tables, in bags and on the page") {
+  const TestFolder folder;
+  const std::string path = folder / "clusters.rig";
+  {
+    rig::SessionStore store(path, rig::SessionStore::Mode::create);
+    store.set("bench", R"({"schema": "bench/1"})");  // 0.25 deg a step, ahead at step 540
+    fit::CaptureInfo info;
+    info.first_step = 540, info.last_step = 550, info.cluster = 3;  // 540-542, 543-545, 546-548, 549-550
+    const auto id = store.begin_capture(info);
+    const std::vector<std::uint16_t> range = {1000, 1001, 1002, 1003};
+    fit::ScanView scan;
+    scan.range_mm = range;
+    store.add_scan(id, scan);
+    store.commit_capture(id);
+  }
+  const rig::SessionStore session(path, rig::SessionStore::Mode::read);
+
+  rig::run_export("csv", {path, &session}, rig::check_output({folder / "out.csv"}));
+  std::istringstream lines(file_text(folder / "out.csv"));
+  std::vector<std::string> rows;
+  for (std::string line; std::getline(lines, line);) rows.push_back(line);
+  REQUIRE(rows.size() == 5);
+  CHECK_THAT(rows[1], Catch::EndsWith(",540,0.25,1000,"));
+  CHECK_THAT(rows[3], Catch::EndsWith(",546,1.75,1002,"));
+  CHECK_THAT(rows[4],
+             Catch::EndsWith(",549,2.375,1003,"));  // A short one, whose middle is between two steps.
+
+  rig::run_export("mcap", {path, &session}, rig::check_output({folder / "out.mcap"}));
+  std::ifstream bag(folder / "out.mcap", std::ios::binary);
+  int scans = 0;
+  (void)rig::read_mcap(bag, [&](const rig::McapMessage& message) {
+    if (message.type != "sensor_msgs/msg/LaserScan") return true;
+    ++scans;
+    rig::CdrReader in(message.data);
+    in.skip<std::int32_t>(2);
+    (void)in.text();
+    CHECK(in.value<float>() == Approx(0.25 * fit::rad_per_deg));
+    CHECK(in.value<float>() == Approx(2.5 * fit::rad_per_deg));
+    CHECK(in.value<float>() == Approx(0.75 * fit::rad_per_deg));
+    return true;
+  });
+  CHECK(scans == 1);
+
+  const auto shown = rig::state_of(session).at("scan");
+  CHECK(shown.at("first_deg").get<double>() == Approx(0.25));
+  CHECK(shown.at("step_deg").get<double>() == Approx(0.75));
 }
 
 TEST_CASE("JSON holds circumstances and results") {

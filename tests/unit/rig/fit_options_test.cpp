@@ -66,7 +66,7 @@ TEST_CASE(
     "every option of every calibration has a meaning, a unit where its name has one, and a line in the "
     "docs") {
   std::stringstream docs;
-  docs << std::ifstream(std::string(RIG_SOURCE_DIR) + "/docs/calibrations.md").rdbuf();
+  docs << std::ifstream(std::string(RIG_SOURCE_DIR) + "/docs/operate/calibrations.md").rdbuf();
   for (const auto& fitting : rig::all_fittings())
     for (const rig::FitOption& option : fitting->options()) {
       INFO(fitting->kind() << " " << option.name);

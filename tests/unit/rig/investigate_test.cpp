@@ -7,8 +7,8 @@
 #include "rig/investigate/cost.hpp"
 #include "rig/investigate/decision.hpp"
 #include "rig/investigate/dossier_document.hpp"
-#include "rig/investigate/looks.hpp"
 #include "rig/investigate/one_clock.hpp"
+#include "rig/investigate/session_plan.hpp"
 #include "rig/investigate/state.hpp"
 #include "rig/procedure/procedure_plan.hpp"
 #include "rig/report/dossier_page.hpp"
@@ -18,7 +18,7 @@ namespace {
 using namespace rig;
 using namespace rig::investigate;
 using nlohmann::json;
-using Verdict = Told::Verdict;
+using Verdict = Conclusions::Verdict;
 
 Possible possible(const std::string& title, double information, double minutes, bool needs_hand = false) {
   return {title, information, minutes, needs_hand, false};
@@ -102,7 +102,7 @@ TEST_CASE("a prediction is confirmed by coverage, by residuals, and by a gain wh
   worse = good, worse.gain = 20;
   CHECK_FALSE(judge(worse, true).confirmed);
   CHECK(judge(worse, false).confirmed);
-  worse.told_again = true;  // Coarse steps, say: no mean and no variance shows them.
+  worse.named_again = true;  // Coarse steps, say: no mean and no variance shows them.
   CHECK(judge(worse, true).confirmed);
   worse.gain = -100;
   CHECK_FALSE(judge(worse, true).confirmed);
@@ -110,7 +110,7 @@ TEST_CASE("a prediction is confirmed by coverage, by residuals, and by a gain wh
 
 TEST_CASE("the first look of an attended investigation moves a board only where it can be seen, and puts it back") {
   const fit::Bench bench = room();
-  const Look alone = first_look(bench, {}, false), attended = first_look(bench, {}, true);
+  const SessionPlan alone = first_plan(bench, {}, false), attended = first_plan(bench, {}, true);
   CHECK_FALSE(needs_hand(planned(procedure_text("alone", alone, bench))));
   const auto steps = planned(procedure_text("attended", attended, bench));
   CHECK(needs_hand(steps));
@@ -122,12 +122,14 @@ TEST_CASE("the first look of an attended investigation moves a board only where 
   CHECK(approaches.count(1) + approaches.count(-1) == 2);
 }
 
-TEST_CASE("looks keep to the stage's soft limits") {
+TEST_CASE("sessions keep to the stage's soft limits") {
   StageLimits limits;
   limits.min_deg = -20, limits.max_deg = 35;
   const fit::Bench bench = room();
-  for (const Look& look : {first_look(bench, limits, false), fresh_look(bench, limits, false, first_look(bench, limits, false).captures())})
-    for (const fit::CaptureInfo& c : look.captures()) {
+  for (const SessionPlan& plan :
+       {first_plan(bench, limits, false),
+        fresh_plan(bench, limits, false, first_plan(bench, limits, false).captures())})
+    for (const fit::CaptureInfo& c : plan.captures()) {
       CHECK(c.stage_rad * fit::deg_per_rad >= -20);
       CHECK(c.stage_rad * fit::deg_per_rad <= 35);
     }
@@ -135,8 +137,8 @@ TEST_CASE("looks keep to the stage's soft limits") {
 
 TEST_CASE("the foretold session looks from where no session has looked, and at other distances and greys") {
   const fit::Bench bench = room();
-  const auto so_far = first_look(bench, {}, true).captures();
-  const auto fresh = fresh_look(bench, {}, true, so_far).captures();
+  const auto so_far = first_plan(bench, {}, true).captures();
+  const auto fresh = fresh_plan(bench, {}, true, so_far).captures();
   int turned = 0, moved = 0;
   for (const fit::CaptureInfo& c : fresh) {
     (c.target ? moved : turned)++;
@@ -152,9 +154,9 @@ TEST_CASE("the foretold session looks from where no session has looked, and at o
 
 TEST_CASE("a board that was moved is back in its place before anything else is looked at") {
   const fit::Bench bench = room();
-  auto so_far = first_look(bench, {}, true).captures();
+  auto so_far = first_plan(bench, {}, true).captures();
   so_far.front().temperature_c = 20, so_far.back().temperature_c = 30;
-  const Look fresh = fresh_look(bench, {}, true, so_far);
+  const SessionPlan fresh = fresh_plan(bench, {}, true, so_far);
   REQUIRE(fresh.captures().back().temperature_c);  // The whole scene, after the board's placements.
   bool away = false;
   for (const PlannedStep& step : planned(procedure_text("fresh", fresh, bench))) {
@@ -166,12 +168,12 @@ TEST_CASE("a board that was moved is back in its place before anything else is l
 
 TEST_CASE("nobody has looked for a drift before a quarter of an hour has passed, nor for warmth at one temperature") {
   const fit::Bench bench = room();
-  auto so_far = first_look(bench, {}, false).captures();
+  auto so_far = first_plan(bench, {}, false).captures();
   const auto titles = [&] {
     std::set<std::string> list;
-    for (const Look& look : surveys(bench, {}, so_far)) {
-      list.insert(look.title);
-      CHECK_NOTHROW(planned(procedure_text("survey", look, bench)));
+    for (const SessionPlan& plan : surveys(bench, {}, so_far)) {
+      list.insert(plan.title);
+      CHECK_NOTHROW(planned(procedure_text("survey", plan, bench)));
     }
     return list;
   };

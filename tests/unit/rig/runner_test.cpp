@@ -130,6 +130,8 @@ class FakeLidar final : public rig::LidarSource {
     if (dead_once_stopped) dead = true;
     if (stops++ == fails_at_stop) throw rig::DeviceError("cable pulled at the end.");
   }
+  std::uint64_t missing = 0;
+  std::uint64_t lost() const override { return missing; }
   std::uint64_t rejected() const override { return 0; }
   int restarts = 0;
   int clock_restarts() const override { return restarts; }
@@ -248,7 +250,7 @@ struct Rig {
   std::function<json(const std::string&, const rig::SessionStore&, const json&)> fit =
       [this](const std::string&, const rig::SessionStore&, const json&) { return fitted; };
   asio::io_context io{1};
-  bool accepts_lidar = false;
+  bool accepts_lidar = false, doubts_bench = false;
   fit::Bench bench = small_bench();
   std::function<void()> when_ended = [] {};  ///< The run has ended, the runner is still there.
 
@@ -269,7 +271,7 @@ struct Rig {
                               again ? rig::SessionStore::Mode::append : rig::SessionStore::Mode::create);
     rig::RunnerParts parts{lidar,  stage, world.clock,
                            person, fit,   [](const std::string&, const std::string&) { return rig::RunnerParts::Written{}; },
-                           accepts_lidar};
+                           accepts_lidar, doubts_bench};
     rig::Runner runner(rig::parse_procedure(text, "test.yaml"), bench, session, parts);
     prepare(runner);
     std::exception_ptr why;
@@ -365,6 +367,22 @@ TEST_CASE("a lidar that is lost in the middle of a capture comes back and the ca
   CHECK(rig.captures()[0].stamps.size() == 50);
   CHECK(rig.lidar.connects == 2);
   CHECK(rig.told("lidar is back"));
+}
+
+TEST_CASE("scans that were lost are counted once: of a capture, of the run, and on the page") {
+  Rig rig("  - home\n  - capture: {samples: 50}\n  - capture: {samples: 50}\n");
+  rig.lidar.before_scan = [&](std::uint64_t number) {
+    rig.lidar.missing += number == 50 ? 2 : number == 100 ? 3 : 0;
+  };
+  std::uint64_t shown = 0;
+  rig.prepare = [&](rig::Runner& runner) {
+    runner.observe([&](const rig::RunState& state) { shown = state.scans_lost; });
+  };
+  rig.run();
+  CHECK(rig.told(": 2 scans were lost on the way"));
+  CHECK(rig.told(": 3 scans were lost on the way"));
+  CHECK(rig.times_told("were lost on the way") == 2);
+  CHECK(shown == 5);
 }
 
 TEST_CASE("a lidar that is not there yet is waited for when a run begins, for as long as is told") {
@@ -785,7 +803,8 @@ TEST_CASE("a pause holds the run at the next checkpoint until it is resumed") {
 TEST_CASE("a prompt is asked again until the rig sees what was asked for") {
   Rig rig(
       "  - home\n"
-      "  - prompt: {title: Place it, place: {target: board, shift_mm: 100}, until: {beams_deg: [-1, 1], "
+      "  - prompt: {title: Place it, place: {target: board, shift_mm: 100}, until: {beams_deg: [-1, "
+      "1], "
       "within_mm: "
       "[1450, 1550]}}\n"
       "  - capture: {samples: 5, target: board}\n");
@@ -833,6 +852,37 @@ TEST_CASE("an unattended run ends where a target is not in place, without having
   CHECK(standing.run());
 }
 
+TEST_CASE("where the bench file is in question, what is not seen in its place is told and measured all the same") {
+  Rig standing("  - home\n  - capture: {samples: 5, target: board}\n");
+  standing.doubts_bench = true;
+  standing.world.board_mm = 1800;
+  std::string warned;
+  standing.prepare = [&](rig::Runner& runner) {
+    runner.observe([&](const rig::RunState& state) {
+      for (const auto& message : state.messages)
+        if (message.level == "warning") warned = message.text;
+    });
+  };
+  CHECK(standing.run());
+  CHECK_THAT(warned, Contains("'board' is not in its place") && Contains("farther away"));
+  CHECK(standing.captures()[0].range == 1800);
+  // At a prompt: said once, and a second confirmation counts.
+  Rig placed(
+      "  - home\n  - prompt: {title: Place it, place: {target: board, at_mm: 1600}}\n"
+      "  - capture: {samples: 5, target: board}\n");
+  placed.doubts_bench = true;
+  placed.person.nobody = false;
+  std::vector<std::string> refused;
+  placed.person.answers = [&](const rig::Prompt& prompt) {
+    refused.push_back(prompt.refusal);
+    return rig::Answer{};
+  };
+  CHECK(placed.run());
+  REQUIRE(refused.size() == 2);
+  CHECK_THAT(refused[1], Contains("instead of 1600 mm") && Contains("confirm again"));
+  CHECK(placed.captures()[0].range == placed.world.board_mm);
+}
+
 TEST_CASE("a target that stood in its place before an interruption is looked at before the run goes on") {
   Rig rig(
       "  - home\n  - prompt: {title: Place it, place: {target: board, at_mm: 1600}}\n"
@@ -852,7 +902,8 @@ TEST_CASE("a target that stood in its place before an interruption is looked at 
 TEST_CASE("a surface whose echo does not follow its stated reflectance is told, unless the procedure says otherwise") {
   const auto steps = [](const std::string& until) {
     return "  - home\n  - for-each: {r: [0.9, 0.2]}\n    steps:\n"
-           "      - prompt: {title: Place it, place: {target: board, shift_mm: 0, reflectance: '${r}'}" +
+           "      - prompt: {title: Place it, place: {target: board, shift_mm: 0, reflectance: "
+           "'${r}'}" +
            until + "}\n      - capture: {samples: 5, target: board}\n";
   };
   Rig same(steps(""));
@@ -994,14 +1045,17 @@ TEST_CASE("a lidar whose first step is not 0 is measured with from that step on"
 }
 
 TEST_CASE("nobody is asked for ever: a bench that contradicts the captures ends the run") {
-  Rig rig("  - home\n  - prompt: {title: Place it, until: {beams_deg: [-1, 1], within_mm: [1450, 1550]}}\n");
+  Rig rig(
+      "  - home\n  - prompt: {title: Place it, until: {beams_deg: [-1, 1], within_mm: [1450, "
+      "1550]}}\n");
   CHECK_THROWS_WITH(rig.run(), Contains("sees 1400 mm") && Contains("expected 1450 to 1550"));
 }
 
 TEST_CASE(
     "while a person works, the rig tells what it sees, and a lidar that was unplugged meanwhile comes back") {
   Rig rig(
-      "  - home\n  - prompt: {title: Place it, place: {target: board, at_mm: 1500}, until: {beams_deg: [-1, 1], "
+      "  - home\n  - prompt: {title: Place it, place: {target: board, at_mm: 1500}, until: "
+      "{beams_deg: [-1, 1], "
       "within_mm: [1450, 1550]}}\n"
       "  - capture: {samples: 5}\n");
   rig.person.nobody = false;
@@ -1060,7 +1114,8 @@ TEST_CASE("a repeated turn is measured again and the first measurement is kept u
   bool repeated = false;
   rig.person.answers = [&](const rig::Prompt& prompt) {
     rig::Answer answer;
-    if (prompt.title == "Place 2" && !std::exchange(repeated, true)) answer.kind = rig::Answer::Kind::repeat;
+    if (prompt.title == "Place 2" && !std::exchange(repeated, true))
+      answer.kind = rig::Answer::Kind::repeat;
     return answer;
   };
   rig.run();

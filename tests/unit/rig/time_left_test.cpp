@@ -65,3 +65,14 @@ TEST_CASE("what an earlier run had done is no experience, and is not ahead") {
   left.again(0);
   CHECK(left.left_s(at(1, 0.5, 0.75, 50)) == Approx(50 + 200));
 }
+
+TEST_CASE("durations are told in their two largest units") {
+  CHECK(rig::duration_text(0) == "0 s");
+  CHECK(rig::duration_text(-3) == "0 s");
+  CHECK(rig::duration_text(59.4) == "59 s");
+  CHECK(rig::duration_text(60) == "1 min");
+  CHECK(rig::duration_text(123) == "2 min 3 s");
+  CHECK(rig::duration_text(3600 + 125) == "1 h 2 min");
+  CHECK(rig::duration_text(86400 + 3600) == "1 day 1 h");
+  CHECK(rig::duration_text(8014.3 * 60) == "5 days 13 h");
+}

@@ -143,7 +143,7 @@ std::vector<Kind> kinds_of_ranges() {
        [](S, D, double s) {
          return json{{"index_error", 2.7e-4 * s}};
        },
-       300}};
+       1.2}};  // No air refracts more (dense and cold: 3.2e-4).
 }
 
 }  // namespace challenge

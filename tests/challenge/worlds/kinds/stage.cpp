@@ -40,7 +40,8 @@ std::vector<Kind> kinds_of_stage() {
        },
        [](S, D, double s) {
          return json{{"amplitude_mm", 0.3 * s}};
-       }},
+       },
+       10},  // 3 mm: a stage whose axis wanders more is broken.
       {"backlash",
        {"room", "two-sided", "boards"},
        [](S, D, double s) {

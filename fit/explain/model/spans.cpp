@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/model/spans.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+namespace fit::explain::model {
+namespace {
+
+/// Sums of the rows before each border between places.
+struct Border {
+  double place = 0, score = 0, information = 0;
+};
+
+std::vector<Border> borders_of(std::vector<RowScore> rows) {
+  constexpr std::size_t most_places = 60;
+  std::erase_if(rows, [](const RowScore& row) { return !std::isfinite(row.place); });
+  std::ranges::sort(rows, {}, &RowScore::place);
+  std::vector<double> gaps;
+  for (std::size_t i = 1; i < rows.size(); ++i) gaps.push_back(rows[i].place - rows[i - 1].place);
+  if (gaps.empty()) return {};
+  const std::size_t kept = std::min(most_places, gaps.size());
+  std::ranges::nth_element(gaps, gaps.begin() + static_cast<std::ptrdiff_t>(kept) - 1, std::greater<>());
+  const double least_gap = std::max(gaps[kept - 1], 1e-9);
+  std::vector<Border> borders{{rows.front().place - least_gap, 0, 0}};
+  Border sum;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    sum.score += rows[i].score;
+    sum.information += rows[i].information;
+    const bool is_last = i + 1 == rows.size();
+    if (!is_last && rows[i + 1].place - rows[i].place < least_gap) continue;
+    sum.place = is_last ? rows[i].place + least_gap : (rows[i].place + rows[i + 1].place) / 2;
+    borders.push_back(sum);
+  }
+  return borders;
+}
+
+}  // namespace
+
+Spans spans_in(std::vector<RowScore> rows) {
+  constexpr std::size_t kept = 6;
+  const std::vector<Border> borders = borders_of(std::move(rows));
+  Spans spans;
+  std::vector<std::pair<double, Span>> tried;
+  for (std::size_t i = 0; i < borders.size(); ++i)
+    for (std::size_t j = i + 1; j < borders.size(); ++j) {
+      if (i == 0 && j + 1 == borders.size()) continue;
+      const double score = borders[j].score - borders[i].score,
+                   information = borders[j].information - borders[i].information;
+      const double gain = score > 0 && information > 0 ? score * score / information : 0;
+      tried.push_back({gain, {borders[i].place, borders[j].place}});
+    }
+  spans.possible = tried.size();
+  const std::size_t count = std::min(kept, tried.size());
+  std::ranges::partial_sort(tried, tried.begin() + static_cast<std::ptrdiff_t>(count), std::greater<>(),
+                            [](const auto& one) { return one.first; });
+  for (std::size_t i = 0; i < count; ++i) spans.likeliest.push_back(tried[i].second);
+  return spans;
+}
+
+}  // namespace fit::explain::model

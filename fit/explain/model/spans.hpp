@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+namespace fit::explain::model {
+
+/// What the log-likelihood says of one row's effect: its slope where there is none, and its information.
+struct RowScore {
+  double place = 0, score = 0, information = 0;
+};
+
+/// From one place of a coordinate to another.
+struct Span {
+  double from = 0, to = 0;
+};
+
+/// Spans between which an effect may be limited.
+struct Spans {
+  std::vector<Span> likeliest;  ///< The best first.
+  std::size_t possible = 0;     ///< All that there are.
+};
+
+/// Spans that begin and end between recorded places (of very many places, between groups of neighbours) and leave some
+/// of them out, the likeliest few by the score test of an effect within the span and none outside.
+[[nodiscard]] Spans spans_in(std::vector<RowScore> rows);
+
+}  // namespace fit::explain::model

@@ -1,0 +1,63 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""How documents are written: no sentence above 25 words, and none of the words for which WORDS has a better one.
+
+    prose_test.py     prints what is wrong, a line each; exit status 1 if anything is"""
+import os, re, sys
+
+from pages import ROOT, pages, read
+
+LONGEST = 25
+WORDS = {  # What documents do not say, and what they say instead.
+    r"\bpreviously\b|\bformerly\b|\bused to be\b|\bin earlier versions\b": "the present (what was is in CHANGELOG.md)",
+    r"\bcolor\b|\bbehavior\b|\bcenter\b|\bcalibrater\b": "British spelling",
+    r"\bsimply\b|\bjust\b(?! sees| now)|\bof course\b|\bobviously\b": "nothing (the sentence says the same without it)",
+    r"\blook-elsewhere price\b": "look-elsewhere penalty",
+}
+# Pages of the explanation's method, whose sentences are long.
+LONG_SENTENCES = {os.path.join("docs", "operate", "explain.md"), os.path.join("docs", "method", "model.md"),
+                  os.path.join("docs", "method", "mechanisms.md")}
+
+
+def prose(path):
+    """Paragraphs and items of lists, without code, tables, headings and generated parts."""
+    text = re.sub(r"^```.*?^```$", "", read(path), flags=re.S | re.M)
+    text = re.sub(r"^ {4}.*$", "", text, flags=re.M)
+    text = re.sub(r"<!--.*?-->", "", text, flags=re.S)
+    paragraph = []
+    for line in text.splitlines() + [""]:
+        line = line.strip()
+        item = re.match(r"([-*]|\d+\.) ", line)
+        if (not line or line.startswith(("|", "#", "!")) or item) and paragraph:
+            yield " ".join(paragraph)
+            paragraph = []
+        if line and not line.startswith(("|", "#", "!")):
+            paragraph.append(line[item.end():] if item else line)
+
+
+def sentences(paragraph):
+    paragraph = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", paragraph)
+    paragraph = re.sub(r"`[^`]*`", "CODE", paragraph)
+    return re.split(r"(?<=[.!?:])\s+(?=[A-Z*(\"0-9])", paragraph)
+
+
+def main():
+    wrong = []
+    for page in sorted(pages()):
+        name = os.path.relpath(page, ROOT)
+        if name == "CHANGELOG.md" or name.startswith(os.path.join("docs", "reference", "cli")):
+            continue  # One tells what was, the other is the programs' own words.
+        for paragraph in prose(page):
+            for sentence in sentences(paragraph):
+                count = sum(1 for word in sentence.split() if re.search(r"\w", word))
+                if count > LONGEST and name not in LONG_SENTENCES:
+                    wrong.append(f"{name}: {count} words: {sentence[:110]}")
+                for word, better in WORDS.items():
+                    if found := re.search(word, sentence, re.I):
+                        wrong.append(f"{name}: '{found.group(0)}': better {better}: {sentence[:110]}")
+    if wrong:
+        sys.exit("\n".join(wrong))
+
+
+if __name__ == "__main__":
+    main()
