@@ -29,6 +29,8 @@ Effect& Effect::operator+=(const Effect& other) {
   }
   lost = 1 - (1 - lost) * (1 - other.lost);
   stray = 1 - (1 - stray) * (1 - other.stray);
+  late = 1 - (1 - late) * (1 - other.late);
+  early = 1 - (1 - early) * (1 - other.early);
   footprint_rad = std::hypot(footprint_rad, other.footprint_rad);
   output_step_mm = std::max(output_step_mm, other.output_step_mm);
   log_intensity += other.log_intensity;

@@ -64,6 +64,7 @@ struct Effect {
   double memory_share = 0;                              ///< ... for this share of the variance.
   double lost = 0;                                      ///< Probability of no echo.
   double stray = 0;           ///< Probability of a range that has nothing to do with the target.
+  double late = 0, early = 0; ///< Probability of a range somewhat beyond, or before, what noise makes.
   double footprint_rad = 0;   ///< Standard width of the beam: an edge mixes front and back.
   double output_step_mm = 0;  ///< Results are multiples of this.
   double log_intensity = 0;   ///< Added to the logarithm of the intensity.

@@ -13,12 +13,13 @@ using model::IndependentRows;
 /// variance that their samples' noise leaves them, to which ranges and angles add that every scan draws anew.
 class CommonOfScans final : public IndependentRows {
  public:
-  CommonOfScans(std::vector<Row> rows, std::vector<double> of_samples, std::vector<bool> of_angle)
+  CommonOfScans(std::vector<Row> rows, std::vector<double> of_samples, std::vector<bool> of_angle, bool had_a_wave)
       : IndependentRows(std::move(rows)), of_samples_(std::move(of_samples)), of_angle_(std::move(of_angle)) {
     constexpr double independent = 0.05;  // to which beams side by side are
     model::Columns base;
     base.columns = Eigen::Map<const Eigen::VectorXd>(of_samples_.data(), this->CommonOfScans::rows());
     base.prior = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Constant(1, independent)};
+    if (had_a_wave) add_rest_of_wave(base);
     set_base(std::move(base));
   }
   [[nodiscard]] bool sees(Coordinate) const override { return true; }
@@ -48,6 +49,18 @@ class CommonOfScans final : public IndependentRows {
   }
 
  private:
+  /// A wave that was taken off leaves something in ranges and in angles alike: it is as large as noise, and depends on no lever.
+  void add_rest_of_wave(model::Columns& base) const {
+    const double typical_mm2 = base.columns.mean();
+    base.columns.conservativeResize(Eigen::NoChange, 3);
+    for (Eigen::Index i = 0; i < base.columns.rows(); ++i)
+      for (const bool angle : {false, true})
+        base.columns(i, angle ? 2 : 1) = of_angle_[static_cast<std::size_t>(i)] == angle ? 1 : 0;
+    base.prior.mean = Eigen::VectorXd::Zero(3);
+    base.prior.sigma.conservativeResize(3);
+    base.prior.sigma.tail(2).setConstant(typical_mm2);
+  }
+
   static double possible(double variance_mm2) { return std::max(1e-6, variance_mm2); }
   std::vector<double> of_samples_;  ///< What their noise leaves a whole scan, mm^2.
   std::vector<bool> of_angle_;
@@ -90,7 +103,7 @@ model::ChannelKind make_common() {
       of_angle.push_back(key.second);
     }
     if (rows.empty()) return nullptr;
-    return std::make_unique<CommonOfScans>(std::move(rows), std::move(noise), std::move(of_angle));
+    return std::make_unique<CommonOfScans>(std::move(rows), std::move(noise), std::move(of_angle), reduced.wave_hz.has_value());
   };
   return kind;
 }

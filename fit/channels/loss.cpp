@@ -34,6 +34,7 @@ model::ChannelKind make_loss() {
   kind.shows = "share of lost echoes";
   kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
     constexpr int beams = 4;
+    constexpr double enough = 50;  // samples: a threshold's flank may be narrower than the next beam's echo
     constexpr double grazing_rad = 75 * rad_per_deg;
     auto rows = model::pooled_rows(reduced, beams, [&](std::size_t i, auto& row) {
       const Cell& cell = reduced.cells[i];
@@ -43,7 +44,7 @@ model::ChannelKind make_loss() {
       row.y += cell.lost;
       row.n += cell.n + cell.stray + cell.lost;
       return true;
-    });
+    }, enough);
     darken(rows);
     if (rows.empty()) return nullptr;
     return std::make_unique<Losses>(std::move(rows));

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/channel.hpp"
@@ -16,8 +17,10 @@ using model::ScanPart;
 /// What scans have in common, against the mean of their capture: normal around what changes from scan to scan.
 class Scans final : public model::ChannelRows {
  public:
-  Scans(std::vector<ScanPart> parts, double of_range, double of_angle) : parts_(std::move(parts)) {
+  Scans(std::vector<ScanPart> parts, double of_range, double of_angle, std::optional<double> wave_hz)
+      : parts_(std::move(parts)) {
     base_.columns.resize(rows(), 0);
+    if (wave_hz) expect_wave(*wave_hz);
     weight_.resize(rows());
     std::map<int, std::vector<Index>> blocks;
     for (Index i = 0; i < rows(); ++i) {
@@ -57,6 +60,7 @@ class Scans final : public model::ChannelRows {
       }
     return columns;
   }
+  [[nodiscard]] Eigen::VectorXd information(const Eigen::VectorXd&) const override { return weight_.cwiseAbs2(); }
   [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override {
     Eigen::VectorXd left(rows());
     for (Index i = 0; i < rows(); ++i) left[i] = part(i).mm - eta[i];
@@ -64,6 +68,20 @@ class Scans final : public model::ChannelRows {
   }
 
  private:
+  /// A wave of that frequency, in no step with captures, was taken off: what it leaves has a phase of its own in each.
+  void expect_wave(double hz) {
+    std::map<int, Index> of_group;
+    for (const ScanPart& p : parts_) of_group.try_emplace(p.group, static_cast<Index>(of_group.size()));
+    base_.columns.setZero(rows(), 4 * static_cast<Index>(of_group.size()));
+    for (Index i = 0; i < rows(); ++i) {
+      const double turn = 2 * pi * hz * part(i).at.since_move_s;
+      const Index k = 4 * of_group.at(part(i).group) + (part(i).of_angle ? 2 : 0);
+      base_.columns(i, k) = std::cos(turn);
+      base_.columns(i, k + 1) = std::sin(turn);
+    }
+    base_.prior = {Eigen::VectorXd::Zero(base_.columns.cols()),
+                   Eigen::VectorXd::Constant(base_.columns.cols(), numbers::form_mm)};
+  }
   [[nodiscard]] const ScanPart& part(Index row) const { return parts_[static_cast<std::size_t>(row)]; }
 
   std::vector<ScanPart> parts_;
@@ -110,7 +128,7 @@ model::ChannelKind make_scan() {
     int parts = 1;  // Of a scan, as many as computing time allows.
     while (parts < 8 && 2 * static_cast<std::size_t>(parts) * whole.size() <= 3 * numbers::search_rows) parts *= 2;
     return std::make_unique<Scans>(parts == 1 ? whole : model::scan_parts(reduced, fewest_scans, parts),
-                                   dispersion(whole, false), dispersion(whole, true));
+                                   dispersion(whole, false), dispersion(whole, true), reduced.wave_hz);
   };
   return kind;
 }

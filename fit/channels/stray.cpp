@@ -1,16 +1,71 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <array>
+
 #include "fit/explain/model/counts.hpp"
 
 namespace fit::explain::channels {
 namespace {
 
+enum class Side { far, late, early };
+
+/// Strays of the same samples, far from their target and close to it on either side. What lies anywhere lies close as often as
+/// that is a part of all places where strays may lie.
 class Strays final : public model::Counts {
  public:
-  explicit Strays(std::vector<Row> rows) : Counts(std::move(rows)) {}
-  [[nodiscard]] double response(Eigen::Index, const Effect& effect) const override {
-    return hazard(effect.stray);
+  Strays(std::vector<Row> rows, std::vector<Side> sides, std::vector<double> shares)
+      : Counts(std::move(rows)), sides_(std::move(sides)), shares_(std::move(shares)) {
+    model::Columns base;
+    base.columns = Eigen::Map<const Eigen::VectorXd>(shares_.data(), this->Strays::rows());
+    base.prior = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Constant(1, numbers::tail_hazard)};
+    set_base(std::move(base));
+  }
+  [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
+    const auto i = static_cast<std::size_t>(row);
+    const double tail = sides_[i] == Side::late ? effect.late : sides_[i] == Side::early ? effect.early : 0;
+    return shares_[i] * hazard(effect.stray) + hazard(tail);
+  }
+
+ private:
+  std::vector<Side> sides_;
+  std::vector<double> shares_;  ///< Of all places where strays may lie.
+};
+
+/// From the nearest to the farthest that was ever seen.
+struct Places {
+  double from_mm = 60, to_mm = 60;
+
+  explicit Places(const Reduced& reduced) {
+    for (const float mm : reduced.strays_mm) reach(mm);
+    for (const Cell& cell : reduced.cells)
+      if (cell.n > 0) reach(cell.mean_mm);
+  }
+  void reach(double mm) {
+    from_mm = std::min(from_mm, mm);
+    to_mm = std::max(to_mm, mm);
+  }
+  [[nodiscard]] double share(Side side, double at_mm) const {
+    const double late = std::clamp(to_mm - at_mm, 0.0, close_mm), early = std::clamp(at_mm - from_mm, 0.0, close_mm);
+    const double of = side == Side::late ? late : side == Side::early ? early : to_mm - from_mm - late - early;
+    return std::clamp(of / std::max(1.0, to_mm - from_mm), 0.001, 1.0);
   }
 };
+
+std::vector<model::IndependentRows::Row> rows_of(const Reduced& reduced, Side side) {
+  constexpr int beams = 8, fewest_scans = 4;
+  constexpr double reach_of_edge_rad = 1.2 * rad_per_deg;  // a wide beam meets what stands behind an edge
+  return model::pooled_rows(reduced, beams, [&](std::size_t i, auto& row) {
+    const Cell& cell = reduced.cells[i];
+    if (!cell.smooth || reduced.groups[static_cast<std::size_t>(cell.group)].scans < fewest_scans) return false;
+    if (cell.at.gap_mm != 0 && std::abs(cell.at.edge_rad) < reach_of_edge_rad) return false;
+    // Those among the target's own samples are as many as fell just beside these.
+    row.y += side == Side::far     ? cell.far - cell.late - cell.early
+             : side == Side::late ? cell.late + cell.late_beside
+                                  : cell.early + cell.early_beside;
+    row.n += cell.n + cell.stray;
+    return true;
+  });
+}
 
 }  // namespace
 
@@ -20,19 +75,18 @@ model::ChannelKind make_stray() {
   kind.observable = Observable::range_distribution;
   kind.shows = "share of samples far off";
   kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
-    constexpr int beams = 8, fewest_scans = 4;
-    constexpr double reach_of_edge_rad = 1.2 * rad_per_deg;  // a wide beam meets what stands behind an edge
-    auto rows = model::pooled_rows(reduced, beams, [&](std::size_t i, auto& row) {
-      const Cell& cell = reduced.cells[i];
-      if (!cell.smooth || reduced.groups[static_cast<std::size_t>(cell.group)].scans < fewest_scans) return false;
-      if (cell.at.gap_mm != 0 && std::abs(cell.at.edge_rad) < reach_of_edge_rad) return false;
-      // Those among the target's own samples are as many as fell just beside these.
-      row.y += cell.far + cell.beside;
-      row.n += cell.n + cell.stray;
-      return true;
-    });
+    const Places places(reduced);
+    std::vector<model::IndependentRows::Row> rows;
+    std::vector<Side> sides;
+    std::vector<double> shares;
+    for (const Side side : {Side::far, Side::late, Side::early})
+      for (const auto& row : rows_of(reduced, side)) {
+        rows.push_back(row);
+        sides.push_back(side);
+        shares.push_back(places.share(side, row.at.range_mm));
+      }
     if (rows.empty()) return nullptr;
-    return std::make_unique<Strays>(std::move(rows));
+    return std::make_unique<Strays>(std::move(rows), std::move(sides), std::move(shares));
   };
   return kind;
 }

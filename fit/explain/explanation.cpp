@@ -52,17 +52,11 @@ void refuse_nothing_to_compare(const Reduced& reduced) {
         "the scans");
 }
 
-/// What the model has no rows for: coarse steps, edges, and a wave of a lamp, which is taken off.
+/// What the model has no rows for: coarse steps and edges.
 SpreadResult beside_the_model(Reduced& reduced) {
   SpreadResult result;
   spread::output_steps(reduced, result);
   spread::edges(reduced, result);
-  std::vector<Sector> sectors = reduced.sectors;
-  spread::flicker(reduced, sectors, result);
-  if (spread::flickers(result)) {
-    spread::take_off_flicker(reduced);
-    reduced.sectors = std::move(sectors);
-  }
   std::vector<double> sigmas;
   for (const Group& group : reduced.groups) sigmas.push_back(group.sigma_mm);
   result.sigma_mm = median_of(sigmas);
@@ -79,6 +73,11 @@ Searched search(Reduced reduced, const Progress& progress) {
   SpreadResult spread = beside_the_model(reduced);
   add_bias_of_coarse_steps(spread, reduced);
   inference::Inferred inferred = inference::infer(reduced, spread.noise, progress);
+  // A lamp keeps no step with captures: whatever does is known by now.
+  if (const auto hz = spread::flicker(reduced, inferred.of_scans, spread)) {
+    spread::take_off_flicker(*hz, reduced);
+    inferred = inference::infer(reduced, spread.noise, progress);
+  }
   std::optional<StrayLight> light = stray_light(reduced, inferred.means);
   if (light && !light->or_mixed_pixel) {
     take_off(*light, reduced);

@@ -18,7 +18,8 @@ struct Cell {
   int lost = 0;    ///< Samples without echo.
   int stray = 0;   ///< Samples far from all others.
   int far = 0;     ///< Of these, samples too far for any noise.
-  int beside = 0;  ///< Of those, samples less than twice too far: as many as the noise may hide.
+  int late = 0, early = 0;  ///< Of those, samples less than `close_mm` beyond, and before, all others.
+  int late_beside = 0, early_beside = 0;  ///< Of these, samples less than twice too far: as many as the noise may hide.
   int edge = -1;   ///< The edge within reach: 2 * target + (0: its start, 1: its end); -1: none.
   double mean_mm = 0, variance_mm2 = 0;
   double kurtosis = 3;      ///< Of the samples' distribution, 3 if it is normal; unknown of too few.
@@ -40,6 +41,9 @@ struct Cell {
   /// What changes from scan to scan and is predicted: its mean over the scans, mm, and its variance, mm^2.
   double of_scans_mm = 0, of_scans_mm2 = 0;
 };
+
+/// Of a stray: so near its target that it may be the tail of its noise.
+constexpr double close_mm = 250;
 
 /// Variance of rounding to whole millimetres, in which ranges come.
 constexpr double rounding_mm2 = 1.0 / 12;
@@ -93,7 +97,7 @@ struct Reduced {
   double first_temperature_c = 0;
   bool has_intensity = false, has_temperature = false;
   double output_step_mm = 1;        ///< In which ranges come.
-  bool is_without_flicker = false;  ///< What a lamp or a supply does was taken off.
+  std::optional<double> wave_hz;  ///< What a lamp or a supply does at that frequency was taken off.
   int left_out = 0;                  ///< Cells that no mean is taken of.
   int in_clear = 0;  ///< Cells away from edges and corners, square on enough, by the bench file.
   int astray = 0;    ///< Of these, those more than `astray_mm` off their target.

@@ -17,9 +17,12 @@ Form make_bump() {
                                 axis.coordinate == Coordinate::time;
     if (axis.channel != Channel::range || !sampled_finely) return list;
     const double span = axis.high - axis.low;
-    for (const double share : {0.012, 0.024, 0.048})
+    const double between_rows = axis.values > 1 ? 1.0 / static_cast<double>(axis.values - 1) : 1;
+    for (const double share : {0.012, 0.024, 0.048}) {
+      if (share < between_rows / 2) continue;  // narrower than rows can show
       for (double at = axis.low; at < axis.high; at += 1.5 * share * span)
         list.push_back({.at = at, .length = share * span});
+    }
     return list;
   };
   f.says = [](const Shape& s, const Course& c) {

@@ -3,17 +3,18 @@
 
 namespace fit::explain::forms {
 
-// The same for all scans, where nothing is expected at all: what every scan draws anew.
+// The same everywhere, where nothing is expected at all: what every scan draws anew, a tail of the noise.
 Form make_constant() {
   Form f;
   f.id = "constant";
   f.is_constant = true;
   f.basis = [](const Shape&, double, int) { return 1.0; };
   f.along = [](const Axis& axis) {
-    return axis.coordinate == Coordinate::scan_seq ? std::vector<Shape>(1) : std::vector<Shape>();
+    const bool nothing_expected = axis.coordinate == Coordinate::scan_seq || axis.coordinate == Coordinate::target;
+    return nothing_expected ? std::vector<Shape>(1) : std::vector<Shape>();
   };
   f.says = [](const Shape& s, const Course& c) {
-    return Described{"the " + c.what + " scatters at random, with a variance of " + rounded(s.values.front() * c.scale, 3) + c.unit, c.low, c.high};
+    return Described{"the " + c.what + " is " + rounded(s.values.front() * c.scale, 3) + c.unit, c.low, c.high};
   };
   return f;
 }

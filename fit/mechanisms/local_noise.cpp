@@ -4,7 +4,7 @@
 namespace fit::mechanisms {
 
 // A scratch or a smear on window or mirror scatters part of the pulse: more noise of some beams, at all times, and no
-// echo is lost for it.
+// echo is lost for it. Its ends are soft or sharp.
 Mechanism make_local_noise() {
   Mechanism m;
   m.id = "local-noise";
@@ -20,10 +20,11 @@ Mechanism make_local_noise() {
        .upper = 135,
        .starts = 37,
        .logarithmic = false},
-      {.name = "width_deg", .role = Parameter::Role::shape, .lower = 3, .upper = 50, .starts = 4}};
+      {.name = "width_deg", .role = Parameter::Role::shape, .lower = 3, .upper = 50, .starts = 4},
+      {.name = "exponent", .role = Parameter::Role::shape, .expected = 2, .lower = 1.5, .upper = 8, .starts = 2}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double away = wrap_angle(c.beam_rad - p[1] * rad_per_deg) * deg_per_rad / p[2];
-    return Effect{.variance_mm2 = p[0] * p[0] * std::exp(-away * away / 2)};
+    return Effect{.variance_mm2 = p[0] * p[0] * std::exp(-std::pow(std::abs(away), p[3]) / 2)};
   };
   m.looks_like = {"sunlight"};  // that neither comes and goes nor drowns an echo
   m.shows = [](const Finding& f, const Recorded&) {

@@ -13,21 +13,54 @@ namespace {
 
 using Eigen::Index;
 
-SpreadCurve curve_along(const ChannelRows& rows, const model::ChannelKind& channel, Coordinate coordinate,
-                        const Eigen::VectorXd& before, const Eigen::VectorXd& after) {
+/// How rows show what a term does: where on its coordinate, in which unit, and by how much of the statistic per unit.
+struct View {
+  Coordinate coordinate;
+  std::string unit;
+  double every = 0;  ///< What repeats after so many is drawn once; 0: nothing does.
+  bool since_move = false;  ///< Drawn along that time, an angle towards where the stage came from.
+  Eigen::VectorXd per_unit;
+
+  View(const Term& term, const ChannelRows& rows, const model::ChannelKind& channel)
+      : coordinate(is_constant_noise(*term.kind->mechanism) ? Coordinate::beam : term.kind->mechanism->coordinate),
+        unit(channel.unit),
+        per_unit(Eigen::VectorXd::Ones(rows.rows())) {
+    if (const auto count = term.kind->mechanism->parameter_of(Parameter::Scale::count)) every = term.values[*count];
+    if (coordinate != Coordinate::scan_seq || channel.is_square) return;
+    Effect all;
+    for (Index i = 0; i < rows.rows(); ++i) {
+      const Effect effect = term.kind->mechanism->act(rows.at(i), term.values);
+      all.range_mm += std::abs(effect.range_mm);
+      all.stage_rad += std::abs(effect.stage_rad);
+      per_unit[i] = rows.response(i, {.stage_rad = rad_per_deg}) * (rows.at(i).approach < 0 ? -1 : 1);
+    }
+    since_move = all.range_mm == 0 && all.stage_rad > 0;
+    if (since_move)
+      unit = "deg";
+    else
+      for (Index i = 0; i < rows.rows(); ++i) per_unit[i] = rows.response(i, {.range_mm = 1});
+  }
+  [[nodiscard]] double place_of(const ChannelRows& rows, Index i) const {
+    const double place = since_move ? rows.at(i).since_move_s : model::coordinate_of(coordinate, rows.at(i));
+    return every > 0 ? std::fmod(place, every) : place;
+  }
+};
+
+SpreadCurve curve_in(const View& view, const ChannelRows& rows, const model::ChannelKind& channel,
+                     const Eigen::VectorXd& before, const Eigen::VectorXd& after) {
   constexpr double points = 30;
   SpreadCurve curve;
-  curve.shows = channel.shows;
-  curve.unit = channel.unit;
+  curve.shows = view.since_move ? "stage angle after a move, from its mean" : channel.shows;
+  curve.unit = view.unit;
   curve.observable = channel.observable;
-  curve.coordinate = coordinate;
+  curve.coordinate = view.since_move ? Coordinate::time : view.coordinate;
+  if (view.since_move) curve.along = "time since the move (s)";
   std::vector<Index> order;
   for (Index i = 0; i < rows.rows(); ++i)
-    if (std::isfinite(model::coordinate_of(coordinate, rows.at(i)))) order.push_back(i);
-  const auto place_of = [&](Index i) { return model::coordinate_of(coordinate, rows.at(i)); };
+    if (std::isfinite(view.place_of(rows, i)) && view.per_unit[i] != 0) order.push_back(i);
+  const auto place_of = [&](Index i) { return view.place_of(rows, i); };
   std::ranges::sort(order, {}, place_of);
-  const Eigen::VectorXd weight =
-      rows.whitened(Eigen::VectorXd::Ones(rows.rows()), rows.raised(after)).cwiseAbs2();
+  const Eigen::VectorXd weight = rows.information(rows.raised(after)).cwiseProduct(view.per_unit.cwiseAbs2());
   const double each = weight.sum() / points;
   const auto shown = [&](double eta) { return channel.is_square ? std::sqrt(std::max(0.0, eta)) : eta; };
   double sum = 0, place = 0, seen = 0, simulated = 0, explained = 0;
@@ -35,9 +68,9 @@ SpreadCurve curve_along(const ChannelRows& rows, const model::ChannelKind& chann
     const Index i = order[k];
     sum += weight[i];
     place += weight[i] * place_of(i);
-    seen += weight[i] * rows.seen(i);
-    simulated += weight[i] * before[i];
-    explained += weight[i] * after[i];
+    seen += weight[i] * rows.seen(i) / view.per_unit[i];
+    simulated += weight[i] * before[i] / view.per_unit[i];
+    explained += weight[i] * after[i] / view.per_unit[i];
     const bool goes_on = k + 1 < order.size() && place_of(order[k + 1]) == place_of(i);
     if (!(sum > 0) || goes_on || (sum < each && k + 1 < order.size())) continue;
     const double recorded = shown(seen / sum), u = 1 / std::sqrt(sum);
@@ -64,11 +97,11 @@ std::vector<SpreadCurve> curves_of(const Session& session, const Fitted& nothing
   for (const Term* term : found)
     for (std::size_t c = 0; c < session.channels().size(); ++c) {
       if (c == means || !term->kind->acts_in[c]) continue;
-      const Coordinate along =
-          is_constant_noise(*term->kind->mechanism) ? Coordinate::beam : term->kind->mechanism->coordinate;
-      if (!drawn.insert({c, along}).second) continue;
-      SpreadCurve curve = curve_along(*session.channels()[c], model::channel_kinds()[c], along,
-                                      nothing.optimum.eta[c], best.optimum.eta[c]);
+      const ChannelRows& rows = *session.channels()[c];
+      const View view(*term, rows, model::channel_kinds()[c]);
+      if (!drawn.insert({c, view.coordinate}).second) continue;
+      SpreadCurve curve =
+          curve_in(view, rows, model::channel_kinds()[c], nothing.optimum.eta[c], best.optimum.eta[c]);
       if (curve.at.size() > 1) curves.push_back(std::move(curve));
     }
   return curves;

@@ -121,7 +121,7 @@ Shape as_shape(const Term& term) {
 }
 
 Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progress) {
-  Inferred out{nullptr, {}, MeanResult(reduced.bench), 0, {}, {}, {}};
+  Inferred out{nullptr, {}, MeanResult(reduced.bench), 0, {}, {}, {}, {}};
   out.means.excess = settle(reduced, noise);
   out.means.noise = noise;
   out.means.noise.factor *= out.means.excess;
@@ -132,6 +132,9 @@ Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progres
   out.means.noise = session.noise();
   take_means(session, explored.best.hypothesis, out.means);
   measure(session, explored, out);
+  for (const Term& term : explored.best.hypothesis.terms)
+    if (term.kind->mechanism->coordinate == Coordinate::scan_seq)
+      out.of_scans.push_back({term.kind->mechanism.get(), term.values, -1});
   out.sigma_mm = constant_noise_of(session, explored.best.hypothesis);
   out.means.noise_floor_mm = noise_floor(reduced, out.means.noise);
   return out;

@@ -14,6 +14,7 @@ struct Inferred {
   double sigma_mm = 0;       ///< Constant noise of one sample.
   std::vector<SpreadCurve> curves;  ///< Of what is beside the means, where something was found.
   std::vector<Unexplained> beside;   ///< Forms beside the means.
+  std::vector<Active> of_scans;      ///< What the best hypothesis says of scans of a capture.
   std::vector<double> gain;  ///< Held out, of every named one, and then of every form.
 };
 

@@ -42,7 +42,7 @@ Eigen::VectorXd IndependentRows::white_residual(const Eigen::VectorXd& eta) cons
 
 std::vector<IndependentRows::Row> pooled_rows(
     const Reduced& reduced, int count,
-    const std::function<bool(std::size_t cell, IndependentRows::Row& row)>& take) {
+    const std::function<bool(std::size_t cell, IndependentRows::Row& row)>& take, double enough) {
   std::vector<IndependentRows::Row> list;
   for (const Group& group : reduced.groups) {
     IndependentRows::Row row;
@@ -63,7 +63,7 @@ std::vector<IndependentRows::Row> pooled_rows(
     };
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       const Cell& cell = reduced.cells[i];
-      if (!taken.empty() && (static_cast<int>(taken.size()) == count ||
+      if (!taken.empty() && (static_cast<int>(taken.size()) == count || row.n >= enough ||
                              cell.at.target != reduced.cells[taken.back()].at.target))
         close();
       if (!take(i, row)) continue;

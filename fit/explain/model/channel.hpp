@@ -48,6 +48,10 @@ class ChannelRows {
   [[nodiscard]] virtual Eigen::VectorXd raised(const Eigen::VectorXd& eta) const { return eta; }
   /// Columns multiplied by a root of the Fisher information at eta.
   [[nodiscard]] virtual Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd& eta) const = 0;
+  /// What each row says of its predictor, as if it came alone.
+  [[nodiscard]] virtual Eigen::VectorXd information(const Eigen::VectorXd& eta) const {
+    return whitened(Eigen::VectorXd::Ones(rows()), eta).cwiseAbs2();
+  }
   /// The score divided by that root: what a scoring step is fitted to.
   [[nodiscard]] virtual Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const = 0;
 };
@@ -90,6 +94,7 @@ class IndependentRows : public ChannelRows {
   [[nodiscard]] Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const override;
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd& eta) const override;
   [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override;
+  using ChannelRows::information;
 
  protected:
   explicit IndependentRows(std::vector<Row> rows) : list_(std::move(rows)) {
@@ -108,10 +113,10 @@ class IndependentRows : public ChannelRows {
   Columns base_;
 };
 
-/// Rows of so many neighbouring cells on the same target, `count` at most; `take` says of each cell whether it
+/// Rows of neighbouring cells on the same target: `count` at most, and no more once the row's n is `enough`; `take` says of each cell whether it
 /// counts, and adds it to the row.
 [[nodiscard]] std::vector<IndependentRows::Row> pooled_rows(
     const Reduced& reduced, int count,
-    const std::function<bool(std::size_t cell, IndependentRows::Row& row)>& take);
+    const std::function<bool(std::size_t cell, IndependentRows::Row& row)>& take, double enough = 1e300);
 
 }  // namespace fit::explain::model

@@ -18,7 +18,8 @@ Eigen::VectorXd scaled(const ChannelRows& channel, Coordinate coordinate) {
   for (Index i = 0; i < x.size(); ++i) {
     const Circumstances& at = channel.at(i);
     x[i] = coordinate == Coordinate::target ? std::exp(-std::min(1e4, at.corner_mm) / reach_of_corners_mm)
-                                            : coordinate_of(coordinate, at);
+           : coordinate == Coordinate::intensity ? std::log(std::max(1.0, at.intensity))  // as pulses on a threshold have it
+                                                 : coordinate_of(coordinate, at);
     if (!std::isfinite(x[i])) continue;
     low = std::min(low, x[i]);
     high = std::max(high, x[i]);

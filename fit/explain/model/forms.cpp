@@ -13,7 +13,7 @@ namespace {
 using Eigen::Index;
 
 /// What a form changes.
-enum class Act { range, beam_angle, stage_angle, variance, scan_range, loss, stray };
+enum class Act { range, beam_angle, stage_angle, variance, scan_range, loss, stray, late, early };
 
 /// As the rooms that draw forms of means know it.
 explain::Channel channel_of(Act on) {
@@ -38,12 +38,15 @@ constexpr Way ways[] = {{Coordinate::beam, Act::range},       {Coordinate::beam,
                         {Coordinate::range, Act::loss},       {Coordinate::time, Act::loss},
                         {Coordinate::beam, Act::stray},       {Coordinate::time, Act::stray},
                         {Coordinate::scan_seq, Act::range},   {Coordinate::scan_seq, Act::scan_range},
-                        {Coordinate::stage, Act::variance}};
+                        {Coordinate::stage, Act::variance},   {Coordinate::target, Act::loss},
+                        {Coordinate::target, Act::late},
+                        {Coordinate::target, Act::early}};
 
 Observable observable_of(Act on) {
   return on == Act::variance || on == Act::scan_range ? Observable::range_variance
          : on == Act::loss   ? Observable::dropout
-         : on == Act::stray  ? Observable::range_distribution
+         : on == Act::stray || on == Act::late || on == Act::early
+             ? Observable::range_distribution
                              : Observable::range_mean;
 }
 
@@ -76,6 +79,10 @@ Effect effect_on(Act on, double value) {
       return {.scan_range_variance_mm2 = value};
     case Act::loss:
       return {.lost = value};
+    case Act::late:
+      return {.late = value};
+    case Act::early:
+      return {.early = value};
     default:
       return {.stray = value};
   }
@@ -86,11 +93,15 @@ const char* in_words(Act on) {
     case Act::variance:
       return "samples' variance";
     case Act::scan_range:
-      return "range that a whole scan has in common";
+      return "variance of the range that a whole scan has in common";
     case Act::loss:
       return "share of lost echoes";
     case Act::stray:
       return "share of samples far off";
+    case Act::late:
+      return "share of samples that come late, in a tail beyond what noise and strays make,";
+    case Act::early:
+      return "share of samples that come early, in a tail before what noise and strays make,";
     default:
       return "range";
   }
@@ -152,9 +163,11 @@ std::shared_ptr<const Mechanism> mechanism_of(const Form& form, const Way& way, 
   const int terms = form.terms(like);
   std::vector<double> shares(static_cast<std::size_t>(terms), 1.0);
   if (form.shares) shares = form.shares(like);
+  const bool only_more = form.is_constant;  // than nothing
   for (int k = 0; k < terms; ++k)
-    m->parameters.push_back(
-        {.name = "c" + std::to_string(k), .typical = typical_of(way.on) * shares[static_cast<std::size_t>(k)]});
+    m->parameters.push_back({.name = "c" + std::to_string(k),
+                             .typical = typical_of(way.on) * shares[static_cast<std::size_t>(k)],
+                             .sign = only_more ? 1 : 0});
   for (const char* name : {"at", "length"})
     m->parameters.push_back({.name = name, .role = Parameter::Role::shape, .lower = 0, .upper = 0});
   m->act = [&form, way, like, scale, terms](const Circumstances& at, std::span<const double> p) {
@@ -173,7 +186,8 @@ std::shared_ptr<const Mechanism> mechanism_of(const Form& form, const Way& way, 
 }
 
 bool responds(const ChannelRows& rows, Act on) {
-  for (Index i = 0; i < std::min<Index>(10, rows.rows()); ++i)
+  const Index step = std::max<Index>(1, rows.rows() / 50);
+  for (Index i = 0; i < rows.rows(); i += step)
     if (rows.response(i, effect_on(on, 1)) != 0) return true;
   return false;
 }
@@ -188,7 +202,7 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
   const bool uneven = way.coordinate == Coordinate::intensity || way.coordinate == Coordinate::range;
   const auto scale = std::make_shared<const Scale>(std::move(values), uneven);
   const Axis axis = axis_of_rows(*scale, way);
-  const bool varies = axis.high - axis.low > 1e-6 && axis.values >= fewest_values;
+  const bool varies = way.coordinate != Coordinate::target && axis.high - axis.low > 1e-6 && axis.values >= fewest_values;
   for (const Form& form : all_forms()) {
     if (!varies && !form.is_constant) continue;
     std::map<int, std::vector<Shape>> by_terms;

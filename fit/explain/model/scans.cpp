@@ -205,9 +205,19 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
   return list;
 }
 
-std::vector<Sector> without_what_repeats(const Reduced& reduced) {
+std::vector<Sector> without_what_repeats(const Reduced& reduced, const std::vector<Active>& at_work) {
   const Faces faces = faces_of(reduced);
   std::vector<Sector> rest = reduced.sectors;
+  for (std::size_t i = 0; i < rest.size() && !at_work.empty(); ++i) {
+    Sector& s = rest[i];
+    Circumstances at;
+    at.seq = number_of(faces.scan[i]);
+    at.approach = s.approach;
+    at.since_move_s = s.since_move_s;
+    const Effect effect = effect_of(at_work, at);
+    s.wd -= effect.range_mm * s.w + effect.stage_rad * s.wv;
+    s.wdv -= effect.range_mm * s.wv + effect.stage_rad * s.wvv;
+  }
   const auto take_off = [&](double fewest, const auto& key) {
     struct Sums {
       double w = 0, wd = 0, number = 0;

@@ -28,8 +28,8 @@ struct ScanPart {
 /// recording shows more of.
 [[nodiscard]] std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int parts);
 
-/// The sectors less what repeats from capture to capture or with the mirror's faces.
-[[nodiscard]] std::vector<Sector> without_what_repeats(const Reduced& reduced);
+/// The sectors less what these do from scan to scan, and less what else repeats from capture to capture or with the mirror's faces.
+[[nodiscard]] std::vector<Sector> without_what_repeats(const Reduced& reduced, const std::vector<Active>& at_work);
 
 /// Predicts what these do from scan to scan, for the cells that their scans are averaged in.
 void expect_from_scan_to_scan(Reduced& reduced, const std::vector<Active>& at_work);

@@ -135,7 +135,8 @@ void average(const std::vector<double>& ranges_mm, double middle_mm, double reac
     ++cell.stray;
     if (std::abs(off) <= too_far_mm) continue;
     ++cell.far;
-    if (std::abs(off) <= 2 * too_far_mm) ++cell.beside;
+    if (std::abs(off) <= 2 * too_far_mm) ++(off > 0 ? cell.late_beside : cell.early_beside);
+    if (std::abs(off) < close_mm) ++(off > 0 ? cell.late : cell.early);
     if (!cell.smooth || session.strays_mm.size() >= strays_at_most) continue;
     session.strays_mm.push_back(static_cast<float>(range));
     session.strays_of_target.push_back(static_cast<float>(range / middle_mm));

@@ -374,12 +374,6 @@ void take_off(const std::map<int, Stretch>& stretches, double hz, double period_
 
 }  // namespace
 
-bool flickers(const SpreadResult& result) {
-  return std::ranges::any_of(result.unknown, [](const Unexplained& u) {
-    return u.observable == Observable::range_mean && u.coordinate == Coordinate::time;
-  });
-}
-
 namespace {
 
 /// What the sectors' ranges show.
@@ -398,17 +392,17 @@ struct Ranges {
 
 }  // namespace
 
-void flicker(const Reduced& reduced, std::vector<Sector>& sectors, SpreadResult& result) {
+std::optional<double> flicker(const Reduced& reduced, const std::vector<Active>& from_scan_to_scan, SpreadResult& result) {
   // A wave of its own does not keep step with captures or mirror faces: what does is somebody else's.
-  const auto [period_s, rest] = Ranges(reduced.groups, model::without_what_repeats(reduced));
+  const auto [period_s, rest] = Ranges(reduced.groups, model::without_what_repeats(reduced, from_scan_to_scan));
   const Spectrum spectrum(rest, period_s);
   const std::vector<Spectrum::Line> lines = spectrum.lines();
-  if (lines.empty() || lines.front().evidence <= accept_rare_at) return;
-  const Ranges ranges(reduced.groups, sectors);
+  if (lines.empty() || lines.front().evidence <= accept_rare_at) return {};
+  const Ranges ranges(reduced.groups, reduced.sectors);
   const double amplitude_mm = std::sqrt(square_amplitude(ranges.stretches, lines.front(), period_s));
   result.unknown.push_back(
       in_words(lines, amplitude_mm, reduced.groups, spectrum.uncertainty_hz(lines.front()), period_s));
-  take_off(ranges.stretches, lines.front().hz, period_s, sectors);
+  return lines.front().hz;
 }
 
 /// Takes off a cell what differs from scan to scan: its mean over the scans, and its variance, most of the
@@ -421,16 +415,12 @@ static void take_off(double mean_mm, double variance_mm2, Cell& cell) {
         std::max(least_left * cell.variance_mm2, cell.variance_mm2 - variance_mm2 * cell.n / (cell.n - 1.0));
 }
 
-void take_off_flicker(Reduced& reduced) {
-  if (reduced.is_without_flicker) return;
-  reduced.is_without_flicker = true;
+void take_off_flicker(double hz, Reduced& reduced) {
+  reduced.wave_hz = hz;
   const auto [period_s, ranges] = Ranges(reduced.groups, reduced.sectors);
-  const std::vector<Spectrum::Line> lines = Spectrum(ranges, period_s).lines();
-  if (lines.empty()) return;
-  const double turn = 2 * pi * lines.front().hz;
+  const double turn = 2 * pi * hz;
   for (const auto& [group, stretch] : ranges) {
-    const Eigen::Vector2d value = normal_of(stretch, lines.front().hz, period_s).value() /
-                                  shown_share(lines.front().hz, duration_of(stretch));
+    const Eigen::Vector2d value = normal_of(stretch, hz, period_s).value() / shown_share(hz, duration_of(stretch));
     // Means of the wave, and of its square's double frequency, over the scans, for a beam at time 0.
     Complex mean = 0, twice = 0;
     for (int k = 0; k < stretch.scans; ++k) {
@@ -447,6 +437,7 @@ void take_off_flicker(Reduced& reduced) {
       take_off(of_mean, of_squares - of_mean * of_mean, cell);
     }
   }
+  take_off(ranges, hz, period_s, reduced.sectors);
 }
 
 }  // namespace fit::explain::spread

@@ -1,22 +1,21 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <optional>
 #include <vector>
 
-#include "fit/explain/spread.hpp"
 #include "fit/explain/reduce.hpp"
+#include "fit/explain/spread.hpp"
 
 namespace fit::explain::spread {
 
-/// Does the range swing at the frequency of a lamp or a supply? Adds it as unknown, and takes it off the
-/// sectors: seen from scan to scan it looks like mirror faces, a swinging stage or memory.
-void flicker(const Reduced& reduced, std::vector<Sector>& sectors, SpreadResult& result);
+/// Does the range swing at the frequency of a lamp or a supply, beside what is known to happen from scan to scan? Adds it as
+/// unknown. The frequency, Hz.
+[[nodiscard]] std::optional<double> flicker(const Reduced& reduced, const std::vector<Active>& from_scan_to_scan,
+                                            SpreadResult& result);
 
-/// Takes off the cells what the same wave leaves in their means over a few scans, and adds to their
-/// variances; once, however often it is asked to.
-void take_off_flicker(Reduced& reduced);
-
-/// Whether it does, by that answer.
-[[nodiscard]] bool flickers(const SpreadResult& result);
+/// Takes such a wave off the sectors, off the cells' means over a few scans, and off their variances: seen from scan to scan it
+/// looks like mirror faces, a swinging stage or memory.
+void take_off_flicker(double hz, Reduced& reduced);
 
 }  // namespace fit::explain::spread

@@ -142,6 +142,7 @@ TEST_CASE("how much noise remembers, and for how long, lies within what is state
 TEST_CASE("what one capture remembers and the others do not is no correlated noise") {
   for (unsigned seed = 1; seed <= 5; ++seed) {
     const ToldNoise result = spread_of({{0.8, 0.9}}, 150, seed, 1);
+    INFO(result.in_words());
     CHECK_FALSE(memory_in(result));
     REQUIRE(result.unknown.size() == 1);
   }
@@ -150,6 +151,7 @@ TEST_CASE("what one capture remembers and the others do not is no correlated noi
 TEST_CASE("ranges that every scan draws anew for all its beams are not said to be remembered") {
   for (unsigned seed = 1; seed <= 5; ++seed) {
     const ToldNoise result = spread_of({}, 150, seed, 99, 1.5);
+    INFO(result.in_words());
     CHECK_FALSE(memory_in(result));
     REQUIRE(result.unknown.size() == 1);
     CHECK_THAT(result.unknown.front().describes, Catch::Contains("range that a whole scan has in common"));

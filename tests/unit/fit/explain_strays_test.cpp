@@ -53,10 +53,12 @@ TEST_CASE("the fraction of outliers counts those that noise hides, and its uncer
 TEST_CASE("dust from which nothing comes back is dust, and echoes that go without it are missing") {
   for (const unsigned seed : {1u, 2u, 3u}) {
     const ToldNoise few = dusty_wall(0.05, seed, 0.001);
+    INFO(few.in_words());
     REQUIRE(few.accepted.size() == 1);
     CHECK(few.accepted.front().mechanism->id == "outliers");
     CHECK(few.unknown.empty());
     const ToldNoise many = dusty_wall(0.05, seed, 0.01);
+    INFO(many.in_words());
     REQUIRE(many.unknown.size() == 1);
     CHECK(many.unknown.front().observable == fit::Observable::dropout);
   }

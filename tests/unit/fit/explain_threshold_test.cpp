@@ -99,6 +99,7 @@ std::set<std::string> named(const ToldNoise& result) {
 
 TEST_CASE("echoes that are about to be lost scatter more: that is no other physics than the loss") {
   const ToldNoise result = spread_of({.threshold = 0.065, .noise = 0.001});
+  INFO(result.in_words());
   CHECK(named(result) == std::set<std::string>{"dropout"});
   CHECK(result.undecided.empty());
   CHECK(result.unknown.empty());

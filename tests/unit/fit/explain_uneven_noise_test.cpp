@@ -48,7 +48,7 @@ bool holds(const ToldNoise& result, const char* id) {
 TEST_CASE("noise that differs from beam to beam is nothing that whole scans have in common") {
   for (unsigned seed = 1; seed <= 20; ++seed) {
     const ToldNoise result = spread_of(0, seed);
-    INFO("seed " << seed);
+    INFO("seed " << seed << ": " << result.in_words());
     CHECK_FALSE(holds(result, "angle-jitter"));
     CHECK_FALSE(holds(result, "correlated-noise"));
   }
@@ -58,7 +58,7 @@ TEST_CASE("beside such noise a stage that jitters is found") {
   constexpr double jitter_deg = 0.1;
   for (unsigned seed = 1; seed <= 10; ++seed) {
     const ToldNoise result = spread_of(jitter_deg, seed);
-    INFO("seed " << seed);
+    INFO("seed " << seed << ": " << result.in_words());
     const auto jitter = std::ranges::find_if(
         result.accepted, [](const auto& s) { return s.mechanism->id == std::string("angle-jitter"); });
     REQUIRE(jitter != result.accepted.end());

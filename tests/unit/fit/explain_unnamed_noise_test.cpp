@@ -119,6 +119,7 @@ TEST_CASE("a tail of late samples is unknown, and a ghost at one range is not") 
     return 5 * normal(random) + (share < 0.02 ? std::exponential_distribution<double>(1 / 40.0)(random) : 0);
   };
   const ToldNoise late = spread_of(tail, 7);
+  INFO(late.in_words());
   REQUIRE(late.unknown.size() == 1);
   CHECK(late.unknown.front().observable == fit::Observable::range_distribution);
   CHECK(late.unknown.front().describes.find("late") != std::string::npos);

@@ -16,7 +16,7 @@ namespace {
 using plain_bench::degree;
 using plain_bench::Point;
 
-/// One beam of one scan, in the symbols of physics.md.
+/// One beam of one scan, in the symbols of docs/method/mechanisms.md.
 struct Beam {
   double r = 1500, I = 800, i = 0;  ///< True range, intensity, incidence.
   double a = 0, th = 0;             ///< Beam and stage angle.
@@ -52,7 +52,7 @@ struct Beam {
   }
 };
 
-/// An equation of physics.md with the values that it is tried with.
+/// An equation of docs/method/mechanisms.md with the values that it is tried with.
 struct Equation {
   std::map<std::string, double> values;
   std::function<fit::Effect(const Beam&)> effect;
@@ -121,8 +121,11 @@ const std::map<std::string, Equation>& equations() {
         [](const Beam& x) { return beam(0.1 * degree * std::sin(2 * x.a + 40 * degree)); }}},
       {"angle-scale", {{{"scale", 2e-3}}, [](const Beam& x) { return beam(2e-3 * x.a); }}},
       {"index-offset", {{{"offset_deg", 0.1}}, [](const Beam&) { return beam(0.1 * degree); }}},
-      {"angle-jitter", {{{"sigma_deg", 0.1}},
-        [](const Beam&) { return fit::Effect{.scan_angle_variance_rad2 = std::pow(0.1 * degree, 2)}; }}},
+      {"angle-jitter", {{{"sigma_deg", 0.1}, {"own_share", 0.25}},
+        [](const Beam&) {
+          return fit::Effect{.scan_angle_variance_rad2 = 0.75 * std::pow(0.1 * degree, 2),
+                             .beam_angle_variance_rad2 = 0.25 * std::pow(0.1 * degree, 2)};
+        }}},
       {"lidar-arm", {{{"x_mm", 12}, {"y_mm", -5}},
         [](const Beam& x) { return origin(Point(12, -5) * std::exp(at_once * x.th)); }}},
       {"scan-plane-tilt", {{{"tilt_squared_deg2", 1}, {"axis_deg", 30}},
@@ -155,17 +158,27 @@ const std::map<std::string, Equation>& equations() {
       {"range-noise", {{{"sigma_mm", 4}}, [](const Beam&) { return fit::Effect{.variance_mm2 = 16}; }}},
       {"intensity-noise", {{{"sigma_mm_at_1000_counts", 3}, {"exponent", 1}},
         [](const Beam& x) { return fit::Effect{.variance_mm2 = 9000 / x.I}; }}},
-      {"sunlight", {{{"sigma_mm", 6}, {"centre_deg", 20}, {"width_deg", 15}, {"from_s", 500}, {"to_s", 1500}},
+      {"sunlight", {{{"sigma_mm", 6}, {"centre_deg", 20}, {"width_deg", 15}, {"from_s", 500}, {"to_s", 1500},
+                     {"lost", 0.1}},
         [](const Beam& x) {
-          const bool shines = x.t >= 500 && x.t <= 1500;
-          return fit::Effect{.variance_mm2 = shines ? 36 * bell(x.a / degree - 20, 15) : 0};
+          const double light = x.t >= 500 && x.t <= 1500 ? bell(x.a / degree - 20, 15) : 0;
+          return fit::Effect{.variance_mm2 = 36 * light, .lost = 0.1 * light};
+        }}},
+      {"local-noise", {{{"sigma_mm", 6}, {"centre_deg", 20}, {"width_deg", 15}, {"exponent", 4}},
+        [](const Beam& x) {
+          const double away = std::remainder(x.a / degree - 20, 360) / 15;
+          return fit::Effect{.variance_mm2 = 36 * std::exp(-away * away * away * away / 2)};
         }}},
       {"correlated-noise", {{{"rho", 0.7}, {"share", 0.4}},
         [](const Beam&) { return fit::Effect{.memory_rho = 0.7, .memory_share = 0.4}; }}},
       {"rounding", {{{"step_mm", 5}}, [](const Beam&) { return fit::Effect{.output_step_mm = 5}; }}},
-      {"outliers", {{{"fraction", 0.01}}, [](const Beam&) { return fit::Effect{.stray = 0.01}; }}},
-      {"dropout", {{{"intensity_min", 300}, {"width", 50}},
-        [](const Beam& x) { return fit::Effect{.lost = 1 - 1 / (1 + std::exp((300 - x.I) / 50))}; }}},
+      {"outliers", {{{"fraction", 0.01}, {"lost_each", 0.05}},
+        [](const Beam&) { return fit::Effect{.lost = 0.0005, .stray = 0.01}; }}},
+      {"dropout", {{{"intensity_min", 300}, {"width", 50}, {"scatter_mm", 2}},
+        [](const Beam& x) {  // twice as strong as the threshold: 2 mm / sqrt(ln 2); nearer than half a width: as there
+          const double above = std::max(std::log(x.I / 300), 25.0 / 300);
+          return fit::Effect{.variance_mm2 = 4 / above, .lost = 1 - 0.5 * (1 + std::erf((x.I - 300) / 50 / std::sqrt(2.0)))};
+        }}},
       {"radiometry", {{{"log_gain", 0.3}, {"range_exponent", 0.2}},  // another K, another power of the range
         [](const Beam& x) {
           return fit::Effect{.log_intensity = std::log(std::exp(0.3) / std::pow(x.r / 1000, 0.2))};
@@ -194,7 +207,8 @@ std::vector<double> values_of(const fit::Mechanism& mechanism, const Equation& e
 /// All that an effect says, in one row.
 std::vector<double> told(const fit::Effect& e) {
   return {e.range_mm,     e.beam_rad,      e.stage_rad,      e.origin_mm.x(), e.origin_mm.y(),
-          e.variance_mm2, e.memory_rho,    e.memory_share,   e.lost,          e.scan_angle_variance_rad2,
+          e.variance_mm2, e.memory_rho,    e.memory_share,   e.lost,          e.scan_angle_variance_rad2, e.beam_angle_variance_rad2,
+          e.scan_range_variance_mm2,
           e.stray,        e.footprint_rad, e.output_step_mm, e.log_intensity};
 }
 
@@ -280,13 +294,13 @@ Beam of_cell(const fit::explain::Cell& cell, const fit::CaptureInfo& capture,
 
 }  // namespace
 
-TEST_CASE("every mechanism of the catalogue does what its equation in physics.md says") {
+TEST_CASE("every mechanism of the catalogue does what its equation in docs/method/mechanisms.md says") {
   for (const auto& [id, equation] : equations()) {
     INFO(id);
     CHECK(fit::find_mechanism(id) != nullptr);
   }
   for (const fit::Mechanism& mechanism : fit::catalogue()) {
-    INFO(mechanism.id << " needs an equation here, written from physics.md and not from its file");
+    INFO(mechanism.id << " needs an equation here, written from docs/method/mechanisms.md and not from its file");
     const auto found = equations().find(mechanism.id);
     REQUIRE(found != equations().end());
     const std::vector<double> values = values_of(mechanism, found->second);
