@@ -115,6 +115,7 @@ struct Parameter {
     gear,  ///< Of a sine that gears make, in degrees of a turn: a short one is a turn by a whole number.
     bin,    ///< To multiples of which the coordinate is rounded. No two that differ by much look alike.
     count,  ///< A whole number: there is nothing between its starts.
+    threshold,  ///< Of the coordinate, below which something happens at once: looked for between recorded places.
     from,   ///< The time at which it begins, s since power-on; the next parameter is the one at which it ends. As often as not
             ///< it acts always, which is what they are expected to say.
   };

@@ -15,14 +15,14 @@ class Losses final : public model::Counts {
   }
 };
 
-/// Cells of which nothing came back are as dark as the darkest that was seen.
+/// Cells of which nothing came back are darker than the darkest that was seen: half as bright.
 void darken(std::vector<model::IndependentRows::Row>& rows) {
   double darkest = std::numeric_limits<double>::infinity();
   for (const auto& row : rows)
     if (std::isfinite(row.at.intensity)) darkest = std::min(darkest, row.at.intensity);
   if (!std::isfinite(darkest)) return;
   for (auto& row : rows)
-    if (!std::isfinite(row.at.intensity)) row.at.intensity = darkest;
+    if (!std::isfinite(row.at.intensity)) row.at.intensity = darkest / 2;
 }
 
 }  // namespace

@@ -31,23 +31,25 @@ class Strays final : public model::Counts {
   std::vector<double> shares_;  ///< Of all places where strays may lie.
 };
 
-/// From the nearest to the farthest that was ever seen.
+/// From the nearest stray to the target, and beyond it as far as any stray was seen beyond its own.
 struct Places {
-  double from_mm = 60, to_mm = 60;
+  double from_mm = 60, to_mm = 0;
 
   explicit Places(const Reduced& reduced) {
-    for (const float mm : reduced.strays_mm) reach(mm);
-    for (const Cell& cell : reduced.cells)
-      if (cell.n > 0) reach(cell.mean_mm);
+    for (std::size_t i = 0; i < reduced.strays_mm.size(); ++i) {
+      const double mm = reduced.strays_mm[i];
+      from_mm = std::min(from_mm, mm);
+      if (reduced.strays_of_target[i] > 1) to_mm = std::max(to_mm, mm);
+    }
   }
-  void reach(double mm) {
-    from_mm = std::min(from_mm, mm);
-    to_mm = std::max(to_mm, mm);
-  }
-  [[nodiscard]] double share(Side side, double at_mm) const {
-    const double late = std::clamp(to_mm - at_mm, 0.0, close_mm), early = std::clamp(at_mm - from_mm, 0.0, close_mm);
-    const double of = side == Side::late ? late : side == Side::early ? early : to_mm - from_mm - late - early;
-    return std::clamp(of / std::max(1.0, to_mm - from_mm), 0.001, 1.0);
+  /// Of what is counted there; among a target's own samples nobody counts strays.
+  [[nodiscard]] double share(Side side, double at_mm, const Reach& reach) const {
+    const double beyond = std::max(0.0, to_mm - at_mm), before = at_mm - from_mm;
+    const auto within = [](double room, double from, double to) { return std::clamp(room, from, to) - from; };
+    const double of = side == Side::late    ? within(beyond, reach.too_far_mm, reach.close_mm)
+                      : side == Side::early ? within(before, reach.too_far_mm, reach.close_mm)
+                                            : std::max(0.0, beyond - reach.close_mm) + std::max(0.0, before - reach.close_mm);
+    return std::clamp(of / std::max(1.0, beyond + before), 0.001, 1.0);
   }
 };
 
@@ -58,10 +60,8 @@ std::vector<model::IndependentRows::Row> rows_of(const Reduced& reduced, Side si
     const Cell& cell = reduced.cells[i];
     if (!cell.smooth || reduced.groups[static_cast<std::size_t>(cell.group)].scans < fewest_scans) return false;
     if (cell.at.gap_mm != 0 && std::abs(cell.at.edge_rad) < reach_of_edge_rad) return false;
-    // Those among the target's own samples are as many as fell just beside these.
-    row.y += side == Side::far     ? cell.far - cell.late - cell.early
-             : side == Side::late ? cell.late + cell.late_beside
-                                  : cell.early + cell.early_beside;
+    row.y += side == Side::far ? cell.far - cell.late - cell.early : side == Side::late ? cell.late : cell.early;
+    row.expected = reduced.groups[static_cast<std::size_t>(cell.group)].sigma_mm;
     row.n += cell.n + cell.stray;
     return true;
   });
@@ -83,7 +83,7 @@ model::ChannelKind make_stray() {
       for (const auto& row : rows_of(reduced, side)) {
         rows.push_back(row);
         sides.push_back(side);
-        shares.push_back(places.share(side, row.at.range_mm));
+        shares.push_back(places.share(side, row.at.range_mm, Reach(row.expected)));
       }
     if (rows.empty()) return nullptr;
     return std::make_unique<Strays>(std::move(rows), std::move(sides), std::move(shares));

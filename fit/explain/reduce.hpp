@@ -18,8 +18,7 @@ struct Cell {
   int lost = 0;    ///< Samples without echo.
   int stray = 0;   ///< Samples far from all others.
   int far = 0;     ///< Of these, samples too far for any noise.
-  int late = 0, early = 0;  ///< Of those, samples less than `close_mm` beyond, and before, all others.
-  int late_beside = 0, early_beside = 0;  ///< Of these, samples less than twice too far: as many as the noise may hide.
+  int late = 0, early = 0;  ///< Of those, samples close beyond, and before, all others.
   int edge = -1;   ///< The edge within reach: 2 * target + (0: its start, 1: its end); -1: none.
   double mean_mm = 0, variance_mm2 = 0;
   double kurtosis = 3;      ///< Of the samples' distribution, 3 if it is normal; unknown of too few.
@@ -42,8 +41,11 @@ struct Cell {
   double of_scans_mm = 0, of_scans_mm2 = 0;
 };
 
-/// Of a stray: so near its target that it may be the tail of its noise.
-constexpr double close_mm = 250;
+/// Distances from a target, mm: of samples too far for noise of that spread, and of those close enough to be its tail.
+struct Reach {
+  double too_far_mm, close_mm;
+  explicit Reach(double sigma_mm) : too_far_mm(std::max(12 * sigma_mm, 60.0)), close_mm(std::max(250.0, 2 * too_far_mm)) {}
+};
 
 /// Variance of rounding to whole millimetres, in which ranges come.
 constexpr double rounding_mm2 = 1.0 / 12;

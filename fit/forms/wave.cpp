@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <cmath>
 
 #include "fit/explain/unnamed.hpp"
@@ -16,7 +17,7 @@ Form make_wave() {
   };
   f.along = [](const Axis& axis) {
     std::vector<Shape> list;
-    const double span = axis.high - axis.low;
+    const double span = axis.high - axis.low, shortest = 2 * span / std::max<double>(1, static_cast<double>(axis.values) - 1);
     if (axis.coordinate == Coordinate::beam) {
       // Whole numbers of lobes in a turn, and any other number: coarse slits, gears.
       for (int lobes = 3; lobes <= 12; ++lobes)
@@ -27,6 +28,7 @@ Form make_wave() {
       for (double turns = 1.5; turns < 12; turns *= 1.08)
         list.push_back({.at = span / turns});
     }
+    std::erase_if(list, [&](const Shape& wave) { return wave.at < shortest; });  // rows show no more
     return list;
   };
   f.says = [](const Shape& s, const Course& c) {

@@ -15,7 +15,7 @@ Mechanism make_dropout() {
   m.observable = Observable::dropout;
   m.coordinate = Coordinate::intensity;
   m.parameters = {
-      {.name = "intensity_min", .role = Parameter::Role::shape, .lower = 5, .upper = 1500, .starts = 20},
+      {.name = "intensity_min", .role = Parameter::Role::shape, .scale = Parameter::Scale::threshold, .lower = 5, .upper = 1500, .starts = 20},
       {.name = "width", .role = Parameter::Role::shape, .lower = 0.5, .upper = 300, .starts = 9},
       {.name = "scatter_mm", .typical = 2, .sign = 1}};
   m.act = [](const Circumstances& c, std::span<const double> p) {

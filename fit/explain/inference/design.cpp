@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
 #include "fit/explain/inference/fit.hpp"
 
 namespace fit::explain::inference {
@@ -14,7 +18,11 @@ void add_coefficients(Design& design, const Prior& prior) {
   design.sigma.conservativeResize(had + more);
   design.sigma.tail(more) = prior.sigma.cwiseMax(1e-12);
   design.mean.tail(more) = prior.mean.cwiseQuotient(design.sigma.tail(more));
-  design.not_negative.resize(static_cast<std::size_t>(had + more), false);
+  constexpr double any = std::numeric_limits<double>::infinity();
+  design.lower.conservativeResize(had + more);
+  design.upper.conservativeResize(had + more);
+  design.lower.tail(more).setConstant(-any);
+  design.upper.tail(more).setConstant(any);
 }
 
 /// Columns from that coefficient on, scaled by its prior.
@@ -41,6 +49,18 @@ void add_base(const Session& session, Design& design) {
   }
 }
 
+/// How far shapes may go from where they are, in standard deviations of their uniform prior.
+void bound_shapes(const Term& term, Index first, Design& design) {
+  const std::vector<std::size_t> shapes = model::refined_shapes_of(*term.kind);
+  for (std::size_t j = 0; j < shapes.size() && first + static_cast<Index>(j) < design.mean.size(); ++j) {
+    const Parameter& p = term.kind->mechanism->parameters[shapes[j]];
+    const auto in = [&](double v) { return p.logarithmic ? std::log(v) : v; };
+    const double unit = (in(p.upper) - in(p.lower)) / std::sqrt(12.0), now = in(term.values[shapes[j]]);
+    design.lower[first + static_cast<Index>(j)] = std::min(0.0, (in(p.lower) - now) / unit);
+    design.upper[first + static_cast<Index>(j)] = std::max(0.0, (in(p.upper) - now) / unit);
+  }
+}
+
 void add_term(const Session& session, const Term& term, Design& design) {
   const Kind& kind = *term.kind;
   Design::Block block;
@@ -48,8 +68,7 @@ void add_term(const Session& session, const Term& term, Design& design) {
   add_coefficients(design, prior_of(kind, term.factor));
   block.sizes = design.mean.size() - block.first;
   for (Index k = 0; k < block.sizes; ++k)
-    design.not_negative[static_cast<std::size_t>(block.first + k)] =
-        kind.coefficients[static_cast<std::size_t>(k)].sign > 0;
+    if (kind.coefficients[static_cast<std::size_t>(k)].sign > 0) design.lower[block.first + k] = 0;
   const auto standard = [](Index count) { return Prior{Eigen::VectorXd::Zero(count), Eigen::VectorXd::Ones(count)}; };
   std::vector<Eigen::MatrixXd> shapes(session.channels().size()), deviations(session.channels().size());
   for (std::size_t c = 0; c < session.channels().size(); ++c) {
@@ -64,6 +83,7 @@ void add_term(const Session& session, const Term& term, Design& design) {
     block.deviations = std::max(block.deviations, deviations[c].cols());
   }
   add_coefficients(design, standard(block.shapes));
+  bound_shapes(term, design.mean.size() - block.shapes, design);
   add_coefficients(design, standard(block.deviations));
   for (std::size_t c = 0; c < session.channels().size(); ++c) {
     add_columns(design, c, block.first + block.sizes, shapes[c]);

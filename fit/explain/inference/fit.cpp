@@ -65,7 +65,8 @@ Scored scored(const Session& session, const Design& design, Optimum& there, bool
 Eigen::VectorXd step_of(const Scored& s, const Design& design, const Eigen::VectorXd& x) {
   Scored free = s;
   for (Index k = 0; k < x.size(); ++k) {
-    if (!design.not_negative[static_cast<std::size_t>(k)] || x[k] > 0 || s.gradient[k] > 0) continue;
+    const bool held = (x[k] <= design.lower[k] && s.gradient[k] <= 0) || (x[k] >= design.upper[k] && s.gradient[k] >= 0);
+    if (!held) continue;
     free.information.row(k).setZero();
     free.information.col(k).setZero();
     free.information(k, k) = 1;
@@ -74,10 +75,8 @@ Eigen::VectorXd step_of(const Scored& s, const Design& design, const Eigen::Vect
   return free.information.llt().solve(free.gradient);
 }
 
-Eigen::VectorXd within_bounds(const Design& design, Eigen::VectorXd x) {
-  for (Index k = 0; k < x.size(); ++k)
-    if (design.not_negative[static_cast<std::size_t>(k)]) x[k] = std::max(0.0, x[k]);
-  return x;
+Eigen::VectorXd within_bounds(const Design& design, const Eigen::VectorXd& x) {
+  return x.cwiseMax(design.lower).cwiseMin(design.upper);
 }
 
 }  // namespace
@@ -144,22 +143,26 @@ Rescaled rescaled(const Optimum& optimum, const Design& design, const Design::Bl
   return {over.factor, over.log_evidence - integrate(q, prior_of(*term.kind, term.factor)).log_evidence};
 }
 
-/// Laplace's approximation at the optimum; a shape's uniform prior instead of the normal one.
-double log_evidence_of(const Optimum& optimum, const Design& design, const std::vector<Term>& terms) {
+/// Laplace's approximation at the optimum, with shapes as they are; what their places cost is known.
+double log_evidence_of(const Optimum& optimum, const Design& design, const Eigen::MatrixXd& covariance,
+                       const std::vector<Term>& terms) {
   double log_det = 0;
   for (Index i = 0; i < design.mean.size(); ++i) log_det += std::log(optimum.factor.matrixL()(i, i));
   double sum = optimum.log_posterior - log_det;
-  const double of_uniform = 0.5 * std::log(2 * pi / 12);
+  std::vector<Index> shapes;
   for (std::size_t t = 0; t < terms.size(); ++t) {
-    sum += rescaled(optimum, design, design.blocks[t], terms[t]).added + terms[t].other_places;
-    sum += static_cast<double>(design.blocks[t].shapes) * of_uniform;
+    const Design::Block& block = design.blocks[t];
+    sum += rescaled(optimum, design, block, terms[t]).added + terms[t].places;
+    for (Index j = 0; j < block.shapes; ++j) shapes.push_back(block.first + block.sizes + j);
   }
+  // The determinant without them: that of all, times that of their covariance.
+  if (!shapes.empty()) sum -= 0.5 * std::log(covariance(shapes, shapes).determinant());
   return sum;
 }
 
-/// The term where its coefficients are; its shapes as far as the linear model can be trusted.
-Term moved(const Term& term, const Optimum& optimum, const Design& design, const Design::Block& block,
-           const Eigen::MatrixXd& covariance) {
+/// The term where its coefficients are; its shapes where a scoring step takes them, as far as the linear model can be trusted.
+Term moved(const Term& term, const Optimum& optimum, const Eigen::VectorXd& stepped, const Design& design,
+           const Design::Block& block, const Eigen::MatrixXd& covariance) {
   Term there = term;
   const auto in_units = [&](Index first, Index count) {
     const Eigen::VectorXd s = design.sigma.segment(first, count);
@@ -175,7 +178,7 @@ Term moved(const Term& term, const Optimum& optimum, const Design& design, const
     const Parameter& p = term.kind->mechanism->parameters[k];
     const Index at = block.first + block.sizes + j;
     const double span = p.logarithmic ? std::log(p.upper / p.lower) : p.upper - p.lower;
-    const double unit = span / std::sqrt(12.0), by = std::clamp(optimum.x[at] * unit, -0.1 * span, 0.1 * span),
+    const double unit = span / std::sqrt(12.0), by = std::clamp(stepped[at] * unit, -0.1 * span, 0.1 * span),
                  u = std::sqrt(covariance(at, at)) * unit;
     const double value = p.logarithmic ? term.values[k] * std::exp(by) : term.values[k] + by;
     there.values[k] = std::clamp(value, p.lower, p.upper);
@@ -184,13 +187,24 @@ Term moved(const Term& term, const Optimum& optimum, const Design& design, const
   return there;
 }
 
-/// One round of a fit: everything linear at its best.
+/// A design in which shapes stay where they are.
+Design with_shapes_held(Design design) {
+  for (const Design::Block& block : design.blocks) {
+    design.lower.segment(block.first + block.sizes, block.shapes).setZero();
+    design.upper.segment(block.first + block.sizes, block.shapes).setZero();
+  }
+  return design;
+}
+
+/// One round of a fit: everything linear at its best, and a step of the shapes, whose effect the likelihood does not count yet.
 Fitted solved(const Session& session, std::vector<Term> terms) {
   Fitted result;
   result.design = design_of(session, terms);
-  result.optimum = optimum_of(session, result.design, result.design.mean);
+  result.optimum = optimum_of(session, with_shapes_held(result.design), result.design.mean);
+  const Scored there = scored(session, result.design, result.optimum);
+  const Eigen::VectorXd stepped =
+      within_bounds(result.design, result.optimum.x + step_of(there, result.design, result.optimum.x));
   Hypothesis& h = result.hypothesis;
-  h.log_evidence = log_evidence_of(result.optimum, result.design, terms);
   for (const Term& term : terms) h.log_prior += term.kind->log_prior;
   h.log_likelihood = result.optimum.log_likelihood;
   h.eta = result.optimum.eta;
@@ -198,24 +212,53 @@ Fitted solved(const Session& session, std::vector<Term> terms) {
   h.base = result.design.sigma.head(base).cwiseProduct(result.optimum.x.head(base));
   const Index k = result.design.mean.size();
   const Eigen::MatrixXd covariance = result.optimum.factor.solve(Eigen::MatrixXd::Identity(k, k));
+  h.log_evidence = log_evidence_of(result.optimum, result.design, covariance, terms);
   for (std::size_t t = 0; t < terms.size(); ++t) {
-    h.terms.push_back(moved(terms[t], result.optimum, result.design, result.design.blocks[t], covariance));
+    h.terms.push_back(moved(terms[t], result.optimum, stepped, result.design, result.design.blocks[t], covariance));
     h.terms.back().factor = rescaled(result.optimum, result.design, result.design.blocks[t], terms[t]).factor;
   }
   return result;
 }
 
+/// Sizes as found; shapes that share of the way from where they were to where the linear model has them.
+std::vector<Term> part_of_way(const std::vector<Term>& from, const std::vector<Term>& to, double share) {
+  std::vector<Term> list = to;
+  for (std::size_t t = 0; t < list.size(); ++t)
+    for (const std::size_t k : model::refined_shapes_of(*list[t].kind)) {
+      const double a = from[t].values[k], b = to[t].values[k];
+      list[t].values[k] = list[t].kind->mechanism->parameters[k].logarithmic ? a * std::pow(b / a, share) : a + share * (b - a);
+    }
+  return list;
+}
+
 }  // namespace
 
-Fitted fit(const Session& session, Hypothesis hypothesis) {
+Fitted fit(const Session& session, const Hypothesis& hypothesis) {
   constexpr int most_rounds = 4;
-  constexpr double settled = 0.1;
-  Fitted best = solved(session, hypothesis.terms);
-  for (int round = 1; round < most_rounds && !hypothesis.terms.empty(); ++round) {
-    Fitted next = solved(session, best.hypothesis.terms);
+  constexpr double settled = 0.1, shortest = 0.1;
+  std::vector<Term> at = hypothesis.terms;
+  Fitted best = solved(session, at);
+  if (at.empty()) return best;
+  // Deviations and factors suit the sizes only now.
+  at = part_of_way(at, best.hypothesis.terms, 0);
+  best = solved(session, at);
+  for (int round = 1; round < most_rounds; ++round) {
+    double share = 1;
+    std::vector<Term> there = part_of_way(at, best.hypothesis.terms, share);
+    Fitted next = solved(session, there);
+    while (next.hypothesis.log_evidence < best.hypothesis.log_evidence - settled && share > shortest) {
+      share /= 3;
+      there = part_of_way(at, best.hypothesis.terms, share);
+      next = solved(session, there);
+    }
     const double gain = next.hypothesis.log_evidence - best.hypothesis.log_evidence;
-    if (gain > 0 || round == 1) best = std::move(next);  // Deviations and factors suit the sizes only now.
-    if (std::abs(gain) < settled || gain < 0) break;
+    if (gain < -settled) {  // No step from here: they stay.
+      best.hypothesis.terms = part_of_way(at, best.hypothesis.terms, 0);
+      break;
+    }
+    best = std::move(next);
+    at = std::move(there);
+    if (gain < settled) break;
   }
   return best;
 }

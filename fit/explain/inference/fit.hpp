@@ -22,7 +22,7 @@ struct Design {
   };
   std::vector<Part> parts;  ///< By channel.
   Eigen::VectorXd mean, sigma;
-  std::vector<bool> not_negative;
+  Eigen::VectorXd lower, upper;  ///< Bounds of the coefficients: signs of sizes, ends of shapes.
   std::vector<Block> blocks;  ///< By term.
 };
 [[nodiscard]] Design design_of(const Session& session, const std::vector<Term>& terms);
@@ -47,6 +47,6 @@ struct Fitted {
   Design design;
   Optimum optimum;
 };
-[[nodiscard]] Fitted fit(const Session& session, Hypothesis hypothesis);
+[[nodiscard]] Fitted fit(const Session& session, const Hypothesis& hypothesis);
 
 }  // namespace fit::explain::inference

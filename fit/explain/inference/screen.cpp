@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <iterator>
 #include <optional>
 
 #include "fit/explain/inference/numbers.hpp"
@@ -43,8 +44,9 @@ class Question {
     std::ranges::partial_sort(asked_, asked_.begin() + static_cast<std::ptrdiff_t>(kept), better);
     asked_.resize(kept);
     if (kind_->begins) look_within_times();
+    if (kind_->threshold) look_at_thresholds();
     best_.term = asked_.front().term;
-    best_.term.other_places = over_grid_ - asked_.front().log_evidence - asked_.front().price;
+    best_.term.places = over_grid_ - asked_.front().log_evidence - asked_.front().price;
     best_.log_evidence = over_grid_;
   }
 
@@ -54,21 +56,24 @@ class Question {
     const bool refines = !model::refined_shapes_of(*kind_).empty();
     const double first = asked_.front().log_evidence;
     std::vector<double> modes;
-    double most = -1e300, best_alone = 0;
+    double most = -1e300, peak = -1e300;
     for (const Asked& one : asked_) {
       if (one.log_evidence < first - another_mode) continue;
       const Term there = refines ? refined(one.term) : one.term;
-      const double alone = with_everything(there);
-      modes.push_back(alone - one.price);
+      const double known = with_everything(there, false),
+                   width = refines ? std::min(0.0, with_everything(there, true) - known) : 0;
+      modes.push_back(known + width - one.price);
       if (modes.back() <= most) continue;
       most = modes.back();
-      best_alone = alone;
+      peak = known;
       best_.term = there;
     }
-    // Places are paid for by the width of the best ones; another good one adds to the evidence.
+    // Places are paid for by the width of the best ones; another good one adds to the evidence. A peak wider than the grid's
+    // steps is as wide as the grid says: where a shape hardly matters, its derivative says that it never does.
     double all = log_sum(modes);
     if (!kind_->refines) all -= std::log(static_cast<double>(kind_->starts.size()));
-    best_.term.other_places = all - best_alone;
+    if (refines && !kind_->bins) all = std::min(all, over_grid_ + peak - first - asked_.front().price);
+    best_.term.places = all - peak;
     best_.log_evidence = all;
   }
 
@@ -94,7 +99,8 @@ class Question {
     std::vector<double> logs{over_grid_ - half};
     const double places = std::log(static_cast<double>(kind_->starts.size()));
     for (const Asked& always : std::vector(asked_)) {
-      const model::Spans spans = model::spans_in(scores_over_time(always.term));
+      const model::Spans spans = model::spans_in(
+          scores_along(Coordinate::time, [&](const ChannelRows& rows) { return effect_of_typical(rows, always.term); }));
       const double price = half + std::log(std::max<double>(1, static_cast<double>(spans.possible)));
       for (const model::Span& span : spans.likeliest) {
         Asked within{0, always.term, price};
@@ -118,17 +124,42 @@ class Question {
     return model::effect_of(rows, *kind_, values);
   }
 
-  /// Of what the term does to every row of all channels.
-  [[nodiscard]] std::vector<model::RowScore> scores_over_time(const Term& term) const {
+  /// Of what happens to every row of all channels, along a coordinate.
+  template <class Happens>
+  [[nodiscard]] std::vector<model::RowScore> scores_along(Coordinate coordinate, const Happens& happens) const {
     std::vector<model::RowScore> list;
     for (std::size_t c = 0; c < session_->channels().size(); ++c) {
       if (!kind_->acts_in[c]) continue;
       const ChannelRows& rows = *session_->channels()[c];
-      const Eigen::VectorXd white = rows.whitened(effect_of_typical(rows, term), around_->eta[c]);
+      const Eigen::VectorXd white = rows.whitened(happens(rows), around_->eta[c]);
       for (Index i = 0; i < rows.rows(); ++i)
-        list.push_back({rows.at(i).time_s, white[i] * around_->white_residual[c][i], white[i] * white[i]});
+        list.push_back({model::coordinate_of(coordinate, rows.at(i)), white[i] * around_->white_residual[c][i],
+                        white[i] * white[i]});
     }
     return list;
+  }
+
+  /// Thresholds at which the most would happen, each with every other shape of the grid.
+  void look_at_thresholds() {
+    const std::size_t k = *kind_->threshold;
+    const auto all = [&](const ChannelRows& rows) {  // as if every row were below
+      std::vector<double> values = kind_->starts.front();
+      values[k] = kind_->mechanism->parameters[k].upper;
+      return model::effect_of(rows, *kind_, values);
+    };
+    const double best_of_grid = asked_.front().term.values[k];
+    std::vector<Asked> more;
+    for (const double threshold : model::thresholds_in(scores_along(kind_->mechanism->coordinate, all)))
+      for (const auto& start : kind_->starts) {
+        if (start[k] != best_of_grid) continue;
+        Asked one{0, term_at(start), 0};
+        one.term.values[k] = threshold;
+        one.log_evidence = with_sizes(one.term);
+        more.push_back(std::move(one));
+      }
+    std::ranges::move(more, std::back_inserter(asked_));
+    std::ranges::sort(asked_, std::greater<>(), &Asked::log_evidence);
+    asked_.resize(std::min(modes_refined, asked_.size()));
   }
 
   /// Where a comb may be, by the first channel in which it acts.
@@ -193,17 +224,17 @@ class Question {
     return without_size + over.log_evidence;
   }
 
-  /// With the width of its shapes, and the deviations that the formula allows.
-  [[nodiscard]] double with_everything(const Term& term) const {
+  /// With the deviations that the formula allows, and the width of its shapes.
+  [[nodiscard]] double with_everything(const Term& term, bool with_shapes) const {
     const double without_size = kind_->acts_without_size ? gain_of_offset(term) : 0;
-    if (kind_->coefficients.empty()) return without_size + width_without_sizes(term);
+    if (kind_->coefficients.empty()) return without_size + (with_shapes ? width_without_sizes(term) : 0);
     std::vector<Eigen::MatrixXd> columns(session_->channels().size());
     Index shapes = 0;
     for (std::size_t c = 0; c < columns.size(); ++c) {
       if (!kind_->acts_in[c]) continue;
       const ChannelRows& rows = *session_->channels()[c];
       const Eigen::MatrixXd sizes = model::columns_of(rows, *kind_, term.values),
-                            places = model::shape_columns(rows, term),
+                            places = with_shapes ? model::shape_columns(rows, term) : Eigen::MatrixXd(rows.rows(), 0),
                             deviations = model::deviation_columns(rows, term);
       shapes = places.cols();
       columns[c].resize(rows.rows(), sizes.cols() + places.cols() + deviations.cols());
@@ -283,8 +314,15 @@ class Question {
           return log_evidence;
         },
         &context);
-    double value = 0;
-    nlopt_optimize(optimiser, x.data(), &value);
+    double value = 0, before = with_sizes(context.at);
+    constexpr int most_runs = 4;
+    for (int run = 0; run < most_runs; ++run) {  // A simplex that got somewhere may have been cut short.
+      nlopt_optimize(optimiser, x.data(), &value);
+      if (!(context.most > before + 1)) break;
+      before = context.most;
+      for (double& step : first) step /= 2;
+      nlopt_set_initial_step(optimiser, first.data());
+    }
     nlopt_destroy(optimiser);
     return context.best;
   }

@@ -80,7 +80,7 @@ class IndependentRows : public ChannelRows {
     double lever2 = 0;     ///< Mean square of d range / d beam angle, (mm/rad)^2.
     double y = 0;          ///< The statistic: a variance, or a count.
     double n = 0;          ///< Degrees of freedom, or samples.
-    double expected = 0;   ///< Of a variance: what of it is predicted from scan to scan.
+    double expected = 0;   ///< Of a variance: what of it is predicted from scan to scan; of strays: the noise beside them, mm.
   };
 
   [[nodiscard]] Eigen::Index rows() const override { return static_cast<Eigen::Index>(list_.size()); }

@@ -38,7 +38,8 @@ class Counts : public IndependentRows {
     return row.y / std::expm1(h) - (row.n - row.y);
   }
   [[nodiscard]] double information(const Row& row, double eta) const override {
-    return row.n / std::expm1(possible(eta));
+    // Where nothing happened, fewer than one event in all of a row's samples cannot be told from none.
+    return row.n / std::expm1(row.y > 0 ? possible(eta) : std::max(possible(eta), 1 / row.n));
   }
 
  private:

@@ -124,6 +124,7 @@ Kind kind_of(const Mechanism& m, int target, const ListOfChannels& channels) {
   kind.target = target;
   kind.observable = m.observable;
   kind.bins = m.parameter_of(Parameter::Scale::bin);
+  kind.threshold = m.parameter_of(Parameter::Scale::threshold);
   kind.begins = m.parameter_of(Parameter::Scale::from);
   kind.refines = !m.parameter_of(Parameter::Scale::count);
   kind.starts = grid_of(kind);

@@ -13,8 +13,7 @@ struct Border {
   double place = 0, score = 0, information = 0;
 };
 
-std::vector<Border> borders_of(std::vector<RowScore> rows) {
-  constexpr std::size_t most_places = 60;
+std::vector<Border> borders_of(std::vector<RowScore> rows, std::size_t most_places) {
   std::erase_if(rows, [](const RowScore& row) { return !std::isfinite(row.place); });
   std::ranges::sort(rows, {}, &RowScore::place);
   std::vector<double> gaps;
@@ -36,27 +35,47 @@ std::vector<Border> borders_of(std::vector<RowScore> rows) {
   return borders;
 }
 
+double gain_of(double score, double information) {
+  return score > 0 && information > 0 ? score * score / information : 0;
+}
+
+constexpr std::size_t kept = 6;
+
+/// The best of them, that one first.
+template <class Found>
+std::vector<Found> best_of(std::vector<std::pair<double, Found>> tried) {
+  const std::size_t count = std::min(kept, tried.size());
+  std::ranges::partial_sort(tried, tried.begin() + static_cast<std::ptrdiff_t>(count), std::greater<>(),
+                            [](const auto& one) { return one.first; });
+  std::vector<Found> list;
+  for (std::size_t i = 0; i < count; ++i) list.push_back(tried[i].second);
+  return list;
+}
+
 }  // namespace
 
 Spans spans_in(std::vector<RowScore> rows) {
-  constexpr std::size_t kept = 6;
-  const std::vector<Border> borders = borders_of(std::move(rows));
+  constexpr std::size_t most_places = 60;
+  const std::vector<Border> borders = borders_of(std::move(rows), most_places);
   Spans spans;
   std::vector<std::pair<double, Span>> tried;
   for (std::size_t i = 0; i < borders.size(); ++i)
     for (std::size_t j = i + 1; j < borders.size(); ++j) {
       if (i == 0 && j + 1 == borders.size()) continue;
-      const double score = borders[j].score - borders[i].score,
-                   information = borders[j].information - borders[i].information;
-      const double gain = score > 0 && information > 0 ? score * score / information : 0;
-      tried.push_back({gain, {borders[i].place, borders[j].place}});
+      tried.push_back({gain_of(borders[j].score - borders[i].score, borders[j].information - borders[i].information),
+                       {borders[i].place, borders[j].place}});
     }
   spans.possible = tried.size();
-  const std::size_t count = std::min(kept, tried.size());
-  std::ranges::partial_sort(tried, tried.begin() + static_cast<std::ptrdiff_t>(count), std::greater<>(),
-                            [](const auto& one) { return one.first; });
-  for (std::size_t i = 0; i < count; ++i) spans.likeliest.push_back(tried[i].second);
+  spans.likeliest = best_of(std::move(tried));
   return spans;
+}
+
+std::vector<double> thresholds_in(std::vector<RowScore> rows) {
+  constexpr std::size_t most_places = 500;
+  std::vector<std::pair<double, double>> tried;
+  for (const Border& border : borders_of(std::move(rows), most_places))
+    tried.emplace_back(gain_of(border.score, border.information), border.place);
+  return best_of(std::move(tried));
 }
 
 }  // namespace fit::explain::model

@@ -26,4 +26,7 @@ struct Spans {
 /// of them out, the likeliest few by the score test of an effect within the span and none outside.
 [[nodiscard]] Spans spans_in(std::vector<RowScore> rows);
 
+/// Places between recorded ones below which, and above which not, an effect may be: the likeliest few by the same test.
+[[nodiscard]] std::vector<double> thresholds_in(std::vector<RowScore> rows);
+
 }  // namespace fit::explain::model

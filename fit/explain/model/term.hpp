@@ -35,6 +35,7 @@ struct Kind {
   std::vector<Coefficient> coefficients;
   std::vector<bool> acts_in;  ///< Each of the session's channels.
   std::optional<std::size_t> bins;  ///< The shape of a comb: its starts are proposed by the recording.
+  std::optional<std::size_t> threshold;  ///< The shape that is looked for between recorded places.
   std::optional<std::size_t> begins;  ///< The shape at which it begins, before that at which it ends.
   bool acts_without_size = false;
   bool refines = true;  ///< Shapes between those of the grid make sense.
@@ -47,7 +48,7 @@ struct Term {
   const Kind* kind = nullptr;
   std::vector<double> values, sigma;
   double factor = 1;  ///< On the prior's sizes.
-  double other_places = 0;  ///< Log of the evidence of all places of its shapes over that of the best.
+  double places = 0;  ///< Log of the evidence of all places of its shapes over what it would be if the best were known.
 };
 
 /// The linear coefficients of a mechanism, whose effect goes with that power of every size.

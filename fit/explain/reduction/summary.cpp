@@ -121,7 +121,8 @@ struct Powers {
 /// Mean and variance of those within reach; all others are strays.
 void average(const std::vector<double>& ranges_mm, double middle_mm, double reach_mm, double sigma_mm,
              bool keep_samples, Cell& cell, Reduced& session) {
-  const double too_far_mm = std::max({reach_mm, 12 * sigma_mm, 60.0});
+  const Reach of_noise(sigma_mm);
+  const double too_far_mm = std::max(reach_mm, of_noise.too_far_mm);
   Powers powers;
   cell.first_kept = session.kept.size();
   for (const double range : ranges_mm) {
@@ -135,8 +136,7 @@ void average(const std::vector<double>& ranges_mm, double middle_mm, double reac
     ++cell.stray;
     if (std::abs(off) <= too_far_mm) continue;
     ++cell.far;
-    if (std::abs(off) <= 2 * too_far_mm) ++(off > 0 ? cell.late_beside : cell.early_beside);
-    if (std::abs(off) < close_mm) ++(off > 0 ? cell.late : cell.early);
+    if (std::abs(off) < of_noise.close_mm) ++(off > 0 ? cell.late : cell.early);
     if (!cell.smooth || session.strays_mm.size() >= strays_at_most) continue;
     session.strays_mm.push_back(static_cast<float>(range));
     session.strays_of_target.push_back(static_cast<float>(range / middle_mm));

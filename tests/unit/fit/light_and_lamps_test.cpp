@@ -121,25 +121,29 @@ TEST_CASE("echoes that light hides for a while are sunlight at these beams and t
 }
 
 TEST_CASE("a lamp's flicker is unknown physics with its frequency, and nothing else is named for it") {
-  const double hz = GENERATE(100.0, 50.0, 133.0, 172.0);
-  const int scans = hz == 100 ? 24 : 10;
-  const Explanation e = explained(
-      [hz](double, double time_s, double beam_time_s) {
-        // The mains is not in step with the captures.
-        const double phase = 40 * std::sin(time_s - std::fmod(time_s - 100, 40.3));
-        return Light{.range_mm = 2.5 * std::cos(2 * 180 * degree * hz * beam_time_s + phase)};
-      },
-      scans);
-  INFO(hz << " Hz: " << to_text(e));
-  CHECK(e.mechanisms.empty());
-  for (const auto& set : e.undecided_between) CHECK(std::ranges::count(set, "nothing-missing") == 1);
-  REQUIRE(e.unknown);
-  CHECK(e.verdict == "unknown-physics");
-  CHECK(e.unknown->coordinate == fit::Coordinate::time);
-  CHECK_THAT(e.unknown->describes, Catch::Contains("from scan to scan looks like"));
-  CHECK_THAT(e.unknown->describes, Catch::Contains("ranges swing by 2."));
-  const double told = std::stod(e.unknown->describes.substr(e.unknown->describes.find(" at ") + 4));
-  CHECK(told == Approx(hz).margin(scans == 24 ? 0.5 : 1.5));
+  int named = 0;
+  for (const double hz : {100.0, 50.0, 133.0, 172.0})
+    for (const unsigned seed : {1u, 2u}) {
+      const int scans = hz == 100 ? 24 : 10;
+      const Explanation e = explained(
+          [hz](double, double time_s, double beam_time_s) {
+            // The mains is not in step with the captures.
+            const double phase = 40 * std::sin(time_s - std::fmod(time_s - 100, 40.3));
+            return Light{.range_mm = 2.5 * std::cos(2 * 180 * degree * hz * beam_time_s + phase)};
+          },
+          scans, seed);
+      INFO(hz << " Hz: " << to_text(e));
+      named += !e.mechanisms.empty();
+      for (const auto& set : e.undecided_between) CHECK(std::ranges::count(set, "nothing-missing") == 1);
+      REQUIRE(e.unknown);
+      CHECK(e.verdict == "unknown-physics");
+      CHECK(e.unknown->coordinate == fit::Coordinate::time);
+      CHECK_THAT(e.unknown->describes, Catch::Contains("from scan to scan looks like"));
+      CHECK_THAT(e.unknown->describes, Catch::Contains("ranges swing by 2."));
+      const double told = std::stod(e.unknown->describes.substr(e.unknown->describes.find(" at ") + 4));
+      CHECK(told == Approx(hz).margin(scans == 24 ? 0.5 : 1.5));
+    }
+  CHECK(named <= 1);  // of eight, by chance
 }
 
 TEST_CASE("without light nothing is told") {
@@ -167,5 +171,6 @@ TEST_CASE("coarse steps of the range make no noise of a few beams, and hide none
   // In steps of more than twice the noise, a variance says little.
   if (step_mm < 10) CHECK(found == shines);
   CHECK((shines || !found));
-  CHECK((found || e.undecided_between.empty()));
+  for (const auto& set : e.undecided_between)
+    CHECK((set == light || std::ranges::count(set, "nothing-missing") == 1));
 }
