@@ -45,10 +45,15 @@ Scored scored(const Session& session, const Design& design, Optimum& there, bool
   for (std::size_t c = 0; c < design.parts.size(); ++c) {
     if (!session.channels()[c]) continue;
     const ChannelRows& rows = *session.channels()[c];
-    const Eigen::VectorXd at = raised ? rows.raised(there.eta[c]) : there.eta[c];
+    const Eigen::VectorXd& eta = there.eta[c];
+    const Eigen::VectorXd at = raised ? rows.raised(eta) : rows.steady(eta);
     there.white[c] = rows.whitened(design.parts[c].columns, at);
-    there.white_residual[c] = rows.white_residual(at);
-    if (raised) there.white_residual[c] += rows.whitened(at - there.eta[c], at);
+    there.white_residual[c] = rows.white_residual(raised ? at : eta);
+    if (raised)
+      there.white_residual[c] += rows.whitened(at - eta, at);
+    else if (at != eta)  // the same score over another root of the information
+      there.white_residual[c] =
+          there.white_residual[c].cwiseProduct(rows.information(eta).cwiseQuotient(rows.information(at)).cwiseSqrt());
     const Eigen::VectorXd along = there.white[c].transpose() * there.white_residual[c];
     const Eigen::MatrixXd square = there.white[c].transpose() * there.white[c];
     const std::vector<Index>& index = design.parts[c].index;
@@ -143,20 +148,22 @@ Rescaled rescaled(const Optimum& optimum, const Design& design, const Design::Bl
   return {over.factor, over.log_evidence - integrate(q, prior_of(*term.kind, term.factor)).log_evidence};
 }
 
-/// Laplace's approximation at the optimum, with shapes as they are; what their places cost is known.
+/// Laplace's approximation at the optimum; of shapes, a uniform prior instead of the normal one. Where a shape hardly matters, its
+/// derivative says that it never does: a peak is not wider than the grid of its starts says.
 double log_evidence_of(const Optimum& optimum, const Design& design, const Eigen::MatrixXd& covariance,
                        const std::vector<Term>& terms) {
   double log_det = 0;
   for (Index i = 0; i < design.mean.size(); ++i) log_det += std::log(optimum.factor.matrixL()(i, i));
   double sum = optimum.log_posterior - log_det;
-  std::vector<Index> shapes;
+  const double of_uniform = 0.5 * std::log(2 * pi / 12);
   for (std::size_t t = 0; t < terms.size(); ++t) {
     const Design::Block& block = design.blocks[t];
-    sum += rescaled(optimum, design, block, terms[t]).added + terms[t].places;
-    for (Index j = 0; j < block.shapes; ++j) shapes.push_back(block.first + block.sizes + j);
+    sum += rescaled(optimum, design, block, terms[t]).added;
+    const Index n = block.shapes, first = block.first + block.sizes;
+    const double width = n == 0 ? 0 : 0.5 * std::log(covariance.block(first, first, n, n).determinant());
+    // The determinant of all counts the width already.
+    sum += std::min(terms[t].by_grid, width + static_cast<double>(n) * of_uniform + terms[t].by_modes) - width;
   }
-  // The determinant without them: that of all, times that of their covariance.
-  if (!shapes.empty()) sum -= 0.5 * std::log(covariance(shapes, shapes).determinant());
   return sum;
 }
 

@@ -60,11 +60,23 @@ double log_determinant(const Eigen::LLT<Eigen::MatrixXd>& factor) {
   return sum;
 }
 
+/// Shapes stay as all captures have them: nothing tells a threshold where no echo is as weak.
+void hold_shapes(const Design& design, Eigen::MatrixXd& information, Eigen::VectorXd& score) {
+  for (const Design::Block& block : design.blocks)
+    for (Index k = block.first + block.sizes; k < block.first + block.sizes + block.shapes; ++k) {
+      information.row(k).setZero();
+      information.col(k).setZero();
+      information(k, k) = 1;
+      score[k] = 0;
+    }
+}
+
 /// Predicts one block from all others and adds what comes of it.
 class Block {
  public:
-  Block(const Session& session, const Fitted& fitted, const Blocks& blocks, int block, bool only_means)
-      : session_(session), f_(fitted), rest_(fitted.optimum.factor.reconstructedMatrix()) {
+  Block(const Session& session, const Fitted& fitted, const Eigen::LLT<Eigen::MatrixXd>& all, const Blocks& blocks, int block,
+        bool only_means)
+      : session_(session), f_(fitted), all_(all), rest_(fitted.optimum.factor.reconstructedMatrix()) {
     score_ = Eigen::VectorXd::Zero(rest_.rows());
     for (std::size_t c = 0; c < session.channels().size(); ++c) {
       const bool counts = session.channels()[c] && (!only_means || c == model::channel_of("mean"));
@@ -79,12 +91,13 @@ class Block {
           rest_(index[i], index[j]) -= square(static_cast<Index>(i), static_cast<Index>(j));
       }
     }
+    hold_shapes(fitted.design, rest_, score_);
     factor_.compute(rest_);
   }
 
   void add_to(HeldOutFigures& sum) const {
     const Eigen::VectorXd without = f_.optimum.x - factor_.solve(score_);
-    sum.log_likelihood += 0.5 * (log_determinant(factor_) - log_determinant(f_.optimum.factor)) -
+    sum.log_likelihood += 0.5 * (log_determinant(factor_) - log_determinant(all_)) -
                           0.5 * score_.dot(factor_.solve(score_));
     for (std::size_t c = 0; c < parts_.size(); ++c) {
       if (parts_[c].rows.empty()) continue;
@@ -119,6 +132,7 @@ class Block {
 
   const Session& session_;
   const Fitted& f_;
+  const Eigen::LLT<Eigen::MatrixXd>& all_;  ///< Of all rows, shapes held.
   std::vector<Part> parts_;
   Eigen::MatrixXd rest_;
   Eigen::VectorXd score_;
@@ -130,7 +144,11 @@ class Block {
 HeldOutFigures hold_out(const Session& session, const Fitted& fitted, bool only_means) {
   const Blocks blocks(session.reduced().captures.size());
   HeldOutFigures sum;
-  for (int b = 0; b < blocks.count; ++b) Block(session, fitted, blocks, b, only_means).add_to(sum);
+  Eigen::MatrixXd all = fitted.optimum.factor.reconstructedMatrix();
+  Eigen::VectorXd nothing = Eigen::VectorXd::Zero(all.rows());
+  hold_shapes(fitted.design, all, nothing);
+  const Eigen::LLT<Eigen::MatrixXd> factor(all);
+  for (int b = 0; b < blocks.count; ++b) Block(session, fitted, factor, blocks, b, only_means).add_to(sum);
   const double cells = std::max(1.0, sum.cells);
   sum.rms_mm = std::sqrt(sum.rms_mm / cells);
   sum.coverage /= cells;

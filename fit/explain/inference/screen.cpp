@@ -46,7 +46,7 @@ class Question {
     if (kind_->begins) look_within_times();
     if (kind_->threshold) look_at_thresholds();
     best_.term = asked_.front().term;
-    best_.term.places = over_grid_ - asked_.front().log_evidence - asked_.front().price;
+    best_.term.by_grid = over_grid_ - asked_.front().log_evidence - asked_.front().price;
     best_.log_evidence = over_grid_;
   }
 
@@ -56,7 +56,7 @@ class Question {
     const bool refines = !model::refined_shapes_of(*kind_).empty();
     const double first = asked_.front().log_evidence;
     std::vector<double> modes;
-    double most = -1e300, peak = -1e300;
+    double most = -1e300, peak = -1e300, price = 0;
     for (const Asked& one : asked_) {
       if (one.log_evidence < first - another_mode) continue;
       const Term there = refines ? refined(one.term) : one.term;
@@ -66,15 +66,15 @@ class Question {
       if (modes.back() <= most) continue;
       most = modes.back();
       peak = known;
+      price = one.price;
       best_.term = there;
     }
-    // Places are paid for by the width of the best ones; another good one adds to the evidence. A peak wider than the grid's
-    // steps is as wide as the grid says: where a shape hardly matters, its derivative says that it never does.
     double all = log_sum(modes);
     if (!kind_->refines) all -= std::log(static_cast<double>(kind_->starts.size()));
-    if (refines && !kind_->bins) all = std::min(all, over_grid_ + peak - first - asked_.front().price);
-    best_.term.places = all - peak;
-    best_.log_evidence = all;
+    const bool grid_says = refines && !kind_->bins;
+    best_.term.by_grid = grid_says ? over_grid_ - first - asked_.front().price : 1e300;
+    best_.term.by_modes = all - most - price;
+    best_.log_evidence = std::min(all, peak + best_.term.by_grid);
   }
 
   /// The most that it may come to: where a peak is narrow, the grid's mean says little.

@@ -25,6 +25,13 @@ class Counts : public IndependentRows {
     return eta.cwiseMax(happened / all);
   }
 
+  /// Where nothing happened, fewer than one event in all of a row's samples cannot be told from none.
+  [[nodiscard]] Eigen::VectorXd steady(Eigen::VectorXd eta) const override {
+    for (Eigen::Index i = 0; i < rows(); ++i)
+      if (of(i).y == 0) eta[i] = std::max(eta[i], 1 / of(i).n);
+    return eta;
+  }
+
  protected:
   [[nodiscard]] static double hazard(double probability) {
     return -std::log1p(-std::min(0.9999, std::max(0.0, probability)));
@@ -34,12 +41,12 @@ class Counts : public IndependentRows {
     return row.y * std::log(-std::expm1(-h)) - (row.n - row.y) * h;
   }
   [[nodiscard]] double score(const Row& row, double eta) const override {
+    if (row.y == 0 && eta < numbers::least_hazard) return 0;  // less than none is none
     const double h = possible(eta);
     return row.y / std::expm1(h) - (row.n - row.y);
   }
   [[nodiscard]] double information(const Row& row, double eta) const override {
-    // Where nothing happened, fewer than one event in all of a row's samples cannot be told from none.
-    return row.n / std::expm1(row.y > 0 ? possible(eta) : std::max(possible(eta), 1 / row.n));
+    return row.n / std::expm1(possible(eta));
   }
 
  private:

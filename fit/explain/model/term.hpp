@@ -48,7 +48,9 @@ struct Term {
   const Kind* kind = nullptr;
   std::vector<double> values, sigma;
   double factor = 1;  ///< On the prior's sizes.
-  double places = 0;  ///< Log of the evidence of all places of its shapes over what it would be if the best were known.
+  /// Log of the evidence of its shapes' places over what it would be if the best were known: at most so much, by the grid of
+  /// starts; and of all modes over the best one, with its prior.
+  double by_grid = 0, by_modes = 0;
 };
 
 /// The linear coefficients of a mechanism, whose effect goes with that power of every size.

@@ -191,7 +191,12 @@ TEST_CASE("a flicker is found and taken off the samples' variance") {
     const double since_s = 0.025 * static_cast<double>(sample.seq) + (sample.beam_rad / degree + 135) / 360 * 0.025;
     return sample.range_mm + 8 * std::sin(2 * fit::pi * 100.7 * since_s + 40 * sample.stage_rad);  // out of step with captures
   });
-  plain_bench::turn_round(recording, scene, 14, 60);
+  for (int i = 0; i < 14; ++i) {
+    fit::CaptureInfo capture;
+    capture.stage_rad = (41.3 * i - 140) * degree;
+    capture.last_step = scene.steps - 1;
+    recording.add(capture, 60);
+  }
   Reduced reduced = reduce(recording, {});
   pool_variances(reduced);
   const auto mean_variance = [&] {
