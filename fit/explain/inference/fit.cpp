@@ -123,10 +123,10 @@ Optimum raised(const Session& session, const Design& design, const Optimum& opti
 namespace {
 
 /// What the likelihood says of a block of coefficients with all others integrated, which have their priors.
-Quadratic about(const Optimum& optimum, const Design& design, Index first, Index count) {
+Quadratic about(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& factor, const Design& design, Index first,
+                Index count) {
   const Index k = design.mean.size();
-  const Eigen::MatrixXd covariance =
-      optimum.factor.solve(Eigen::MatrixXd::Identity(k, k)).block(first, first, count, count);
+  const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(k, k)).block(first, first, count, count);
   Quadratic q;
   // Less the priors' own information, which is one in these units.
   const Eigen::MatrixXd information = covariance.inverse();
@@ -141,28 +141,28 @@ Quadratic about(const Optimum& optimum, const Design& design, Index first, Index
 struct Rescaled {
   double factor = 1, added = 0;
 };
-Rescaled rescaled(const Optimum& optimum, const Design& design, const Design::Block& block, const Term& term) {
+Rescaled rescaled(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& factor, const Design& design,
+                  const Design::Block& block, const Term& term) {
   if (block.sizes == 0) return {};
-  const Quadratic q = about(optimum, design, block.first, block.sizes);
+  const Quadratic q = about(optimum, factor, design, block.first, block.sizes);
   const OverFactors over = integrate_over_factors(q, *term.kind);
   return {over.factor, over.log_evidence - integrate(q, prior_of(*term.kind, term.factor)).log_evidence};
 }
 
 /// Laplace's approximation at the optimum; of shapes, a uniform prior instead of the normal one. Where a shape hardly matters, its
 /// derivative says that it never does: a peak is not wider than the grid of its starts says.
-double log_evidence_of(const Optimum& optimum, const Design& design, const Eigen::MatrixXd& covariance,
-                       const std::vector<Term>& terms) {
+double log_evidence_of(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& held, const Design& design,
+                       const Eigen::MatrixXd& covariance, const std::vector<Term>& terms) {
   double log_det = 0;
-  for (Index i = 0; i < design.mean.size(); ++i) log_det += std::log(optimum.factor.matrixL()(i, i));
+  for (Index i = 0; i < design.mean.size(); ++i) log_det += std::log(held.matrixLLT()(i, i));
   double sum = optimum.log_posterior - log_det;
   const double of_uniform = 0.5 * std::log(2 * pi / 12);
   for (std::size_t t = 0; t < terms.size(); ++t) {
     const Design::Block& block = design.blocks[t];
-    sum += rescaled(optimum, design, block, terms[t]).added;
+    sum += rescaled(optimum, held, design, block, terms[t]).added;
     const Index n = block.shapes, first = block.first + block.sizes;
     const double width = n == 0 ? 0 : 0.5 * std::log(covariance.block(first, first, n, n).determinant());
-    // The determinant of all counts the width already.
-    sum += std::min(terms[t].by_grid, width + static_cast<double>(n) * of_uniform + terms[t].by_modes) - width;
+    sum += std::min(terms[t].by_grid, width + static_cast<double>(n) * of_uniform + terms[t].by_modes);
   }
   return sum;
 }
@@ -219,10 +219,18 @@ Fitted solved(const Session& session, std::vector<Term> terms) {
   h.base = result.design.sigma.head(base).cwiseProduct(result.optimum.x.head(base));
   const Index k = result.design.mean.size();
   const Eigen::MatrixXd covariance = result.optimum.factor.solve(Eigen::MatrixXd::Identity(k, k));
-  h.log_evidence = log_evidence_of(result.optimum, result.design, covariance, terms);
+  Eigen::MatrixXd known = result.optimum.factor.reconstructedMatrix();
+  for (const Design::Block& block : result.design.blocks)
+    for (Index j = block.first + block.sizes; j < block.first + block.sizes + block.shapes; ++j) {
+      known.row(j).setZero();
+      known.col(j).setZero();
+      known(j, j) = 1;
+    }
+  const Eigen::LLT<Eigen::MatrixXd> held(known);
+  h.log_evidence = log_evidence_of(result.optimum, held, result.design, covariance, terms);
   for (std::size_t t = 0; t < terms.size(); ++t) {
     h.terms.push_back(moved(terms[t], result.optimum, stepped, result.design, result.design.blocks[t], covariance));
-    h.terms.back().factor = rescaled(result.optimum, result.design, result.design.blocks[t], terms[t]).factor;
+    h.terms.back().factor = rescaled(result.optimum, held, result.design, result.design.blocks[t], terms[t]).factor;
   }
   return result;
 }

@@ -62,11 +62,12 @@ double log_determinant(const Eigen::LLT<Eigen::MatrixXd>& factor) {
 
 /// Shapes stay as all captures have them: nothing tells a threshold where no echo is as weak.
 void hold_shapes(const Design& design, Eigen::MatrixXd& information, Eigen::VectorXd& score) {
+  constexpr double held = 1e12;
   for (const Design::Block& block : design.blocks)
     for (Index k = block.first + block.sizes; k < block.first + block.sizes + block.shapes; ++k) {
       information.row(k).setZero();
       information.col(k).setZero();
-      information(k, k) = 1;
+      information(k, k) = held;
       score[k] = 0;
     }
 }
