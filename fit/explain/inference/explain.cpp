@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fit/explain/inference/alike.hpp"
 #include "fit/explain/inference/curves.hpp"
 #include "fit/explain/inference/hold_out.hpp"
 #include "fit/explain/inference/numbers.hpp"
@@ -129,6 +130,7 @@ Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progres
   out.kinds = session.shared_kinds();
   const Explored explored = explore(session, progress);
   out.posterior = posterior_of(explored);
+  join_what_looks_alike(session, explored.best, out.posterior);
   out.means.noise = session.noise();
   take_means(session, explored.best.hypothesis, out.means);
   measure(session, explored, out);

@@ -20,6 +20,7 @@ struct Undecided {
     Term term;
   };
   std::vector<Member> members;  ///< The most probable first; together they hold 0.95.
+  std::vector<std::string> also = {};  ///< What the bench file may have wrong instead.
 };
 
 struct Posterior {

@@ -63,26 +63,21 @@ void tell_named(const Named& named, double gain, const Findings& findings, Expla
   out.bench.known.push_back(known);
 }
 
-/// The names of a set, and the catalogue's other names for what one bench shows alike.
-std::vector<std::string> names_of(const std::vector<Undecided::Member>& members) {
-  std::vector<std::string> names;
-  const auto add = [&](const std::string& name) {
-    if (!std::ranges::count(names, name)) names.push_back(name);
-  };
-  for (const auto& member : members)
-    add(!member.kind ? nothing_missing : member.kind->is_form() ? unknown_physics : member.kind->mechanism->id);
-  for (const auto& member : members)
-    if (member.kind && !member.kind->is_form())
-      for (const std::string& same : member.kind->mechanism->looks_like) add(same);
-  return names;
+std::string name_of(const Undecided::Member& member) {
+  return !member.kind ? nothing_missing : member.kind->is_form() ? unknown_physics : member.kind->mechanism->id;
 }
 
-void tell_set(const std::vector<Undecided::Member>& members, const Findings& findings, Explanation& out) {
-  out.undecided_between.push_back(names_of(members));
+void tell_set(const Undecided& set, const Findings& findings, Explanation& out) {
+  const std::vector<Undecided::Member>& members = set.members;
+  std::vector<std::string> all;
+  for (const auto& member : members)
+    if (!std::ranges::count(all, name_of(member))) all.push_back(name_of(member));
+  std::ranges::copy(set.also, std::back_inserter(all));
+  out.undecided_between.push_back(std::move(all));
   std::string odds;
   const auto names = std::ranges::count_if(members, [](const auto& m) { return m.kind && !m.kind->is_form(); });
   for (const auto& member : members) {
-    odds += (odds.empty() ? "" : ", ") + names_of({member}).front() + " " + rounded(member.probability, 2);
+    odds += (odds.empty() ? "" : ", ") + name_of(member) + " " + rounded(member.probability, 2);
     if (!member.kind) continue;
     if (member.kind->is_form()) {
       if (is_of_the_means(*member.kind))
@@ -113,14 +108,9 @@ void tell(const Inferred& inferred, const Findings& findings, Explanation& out) 
   const Posterior& posterior = inferred.posterior;
   for (std::size_t i = 0; i < posterior.named.size(); ++i) {
     const Named& named = posterior.named[i];
-    if (!is_confirmed(inferred, i)) continue;
-    if (named.term.kind->mechanism->looks_like.empty()) {
-      tell_named(named, inferred.gain[i], findings, out);
-      continue;
-    }
-    tell_set({{named.term.kind, named.probability, named.term}}, findings, out);
+    if (is_confirmed(inferred, i)) tell_named(named, inferred.gain[i], findings, out);
   }
-  for (const Undecided& set : posterior.undecided) tell_set(set.members, findings, out);
+  for (const Undecided& set : posterior.undecided) tell_set(set, findings, out);
 }
 
 void add_to_spread(const Inferred& inferred, SpreadResult& spread) {

@@ -121,13 +121,14 @@ Eigen::MatrixXd deviation_columns(const ChannelRows& channel, const Term& term) 
   const double share = m.any_curve ? numbers::free_curve_share : m.formula_error;
   if (std::ranges::any_of(kind.coefficients, &Coefficient::has_phase)) return of_wave(channel, term, x, share);
   const Typical typical(channel, term);
-  Eigen::MatrixXd columns(channel.rows(), numbers::smooth_deviations);
+  const int cosines = (m.any_curve ? 2 : 1) * numbers::smooth_deviations;
+  Eigen::MatrixXd columns(channel.rows(), cosines);
   for (Index i = 0; i < channel.rows(); ++i) {
     const Circumstances& at = channel.at(i);
     const bool acts = kind.target < 0 || at.target == kind.target;
     const double size = acts ? channel.response(i, typical.rms) : 0;
     columns(i, 0) = size * (m.any_curve ? 1 : share / 2);
-    for (int k = 1; k < numbers::smooth_deviations; ++k)
+    for (int k = 1; k < cosines; ++k)
       columns(i, k) = size * share / k * std::cos(k * pi * (x[i] + 1) / 2);
   }
   return columns;

@@ -122,7 +122,7 @@ TEST_CASE("nothing is found where the stage turned and nothing is missing") {
     INFO("seed " << seed << ": " << to_text(e));
     CHECK(e.verdict == "nothing-missing");
     CHECK(e.after.coverage == Approx(0.95).margin(0.015));
-    CHECK(e.after.rms_mm < 1.02 * e.noise_floor_mm);
+    CHECK(e.after.rms_mm < 1.035 * e.noise_floor_mm);  // three standard errors of the rms of 4000 rows
   }
 }
 

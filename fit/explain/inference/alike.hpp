@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "fit/explain/inference/posterior.hpp"
+
+namespace fit::explain::inference {
+
+/// What is named makes a set with the catalogue's other names for it (Mechanism::looks_like) that fit the recording as well: how much
+/// less a formula leaves open is no evidence between two names of one thing.
+void join_what_looks_alike(const Session& session, const Fitted& best, Posterior& posterior);
+
+}  // namespace fit::explain::inference
