@@ -62,10 +62,10 @@ std::vector<WheelSample> without_run(const std::vector<WheelSample>& samples, st
 }  // namespace
 
 std::vector<std::size_t> group_samples(const std::vector<WheelSample>& samples) {
-  constexpr std::size_t enough_runs = 6, stretches = 12;
+  constexpr std::size_t enough_runs = 6, segments = 12;
   const auto runs = samples_of_runs(samples);
   const std::size_t each =
-      runs.size() >= enough_runs ? 1 : (stretches + runs.size() - 1) / std::max<std::size_t>(1, runs.size());
+      runs.size() >= enough_runs ? 1 : (segments + runs.size() - 1) / std::max<std::size_t>(1, runs.size());
   std::map<std::size_t, std::size_t> first_group, seen;
   for (const auto& [run, count] : runs) first_group[run] = each * first_group.size();
   std::vector<std::size_t> groups;
@@ -464,8 +464,8 @@ RunsFit fit_runs(const std::vector<WheelSample>& given, const RunsOptions& optio
       const std::size_t group = verdict.run;
       if (verdict.left_out) left_out.push_back(group);
       verdict.run = run_of.at(group);
-      verdict.stretch = group - first_of.at(verdict.run);
-      verdict.stretches = static_cast<std::size_t>(
+      verdict.segment = group - first_of.at(verdict.run);
+      verdict.segments = static_cast<std::size_t>(
           std::ranges::count_if(run_of, [&](const auto& entry) { return entry.second == verdict.run; }));
     }
     out.odometry = fit_odometry(out.samples, how);
@@ -488,7 +488,7 @@ RunsFit fit_runs(const std::vector<WheelSample>& given, const RunsOptions& optio
     out.offset_u = 0.5 * (values(u) - values(-u)).cwiseAbs();
   }
   if (std::ranges::any_of(out.lengths, [&](const LengthFit& l) { return l.joined == 2 * count; })) {
-    // Of the same runs or stretches, with their own offsets.
+    // Of the same runs or segments, with their own offsets.
     std::vector<WheelSample> twice = at_length(samples, 2 * count);
     const auto groups = group_samples(twice);
     for (std::size_t k = 0; k < twice.size(); ++k) twice[k].run = groups[k];

@@ -357,8 +357,8 @@ void state_identifiability(RangeCalibration& out, const std::vector<RangePoint>&
 }
 
 /// Between points far apart a curve is less certain than at them: says where a capture would help.
-void state_open_stretch(RangeCalibration& out, const std::vector<FamilyFit>& table, const FamilyFit& chosen,
-                        const std::vector<CurvePoint>& points, const char* what, const char* unit) {
+void state_open_interval(RangeCalibration& out, const std::vector<FamilyFit>& table, const FamilyFit& chosen,
+                         const std::vector<CurvePoint>& points, const char* what, const char* unit) {
   const auto open = most_open_interval(table, chosen, points);
   if (!open) return;
   out.identifiability.push_back(
@@ -492,13 +492,13 @@ RangeCalibration calibrate_range(std::vector<RangePoint> points, const RangeOpti
                       : "a range correction needs at least three distances, or four surfaces at one distance";
   }
   if (intensity)
-    state_open_stretch(out, out.intensity_table, *intensity,
-                       curve(points, &RangePoint::for_intensity, &RangePoint::intensity, 0), "surface",
-                       "counts");
+    state_open_interval(out, out.intensity_table, *intensity,
+                        curve(points, &RangePoint::for_intensity, &RangePoint::intensity, 0), "surface",
+                        "counts");
   if (distance)
-    state_open_stretch(out, out.distance_table, *distance,
-                       curve(points, &RangePoint::for_distance, &RangePoint::measured_mm, 0), "distance",
-                       "mm");
+    state_open_interval(out, out.distance_table, *distance,
+                        curve(points, &RangePoint::for_distance, &RangePoint::measured_mm, 0), "distance",
+                        "mm");
   out.sequential = intensity && distance ? out.sequential : std::nullopt;
   for (auto* correction : {&out.joint, &out.sequential}) {
     if (!*correction) continue;

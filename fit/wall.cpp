@@ -86,16 +86,16 @@ Station read_station(const Recording& recording, std::size_t index, std::size_t 
 }
 
 /// Lines in a station, longest first, with the beams on them.
-struct SeenLine {
+struct DetectedLine {
   LineFit fit;
   std::vector<std::size_t> beams;
 };
 
-std::vector<SeenLine> lines_of(const Station& station, double tolerance) {
+std::vector<DetectedLine> lines_of(const Station& station, double tolerance) {
   std::vector<std::size_t> left;
   for (std::size_t k = 0; k < station.beams.size(); ++k)
     if (station.beams[k].scans > 0) left.push_back(k);
-  std::vector<SeenLine> lines;
+  std::vector<DetectedLine> lines;
   RansacOptions options;
   options.tolerance = tolerance;
   while (lines.size() < 6 && left.size() >= 20) {
@@ -103,7 +103,7 @@ std::vector<SeenLine> lines_of(const Station& station, double tolerance) {
     for (const std::size_t k : left) points.push_back(station.beams[k].point());
     const auto found = find_line(points, options);
     if (!found || found->inliers.size() < 20) break;
-    SeenLine line{found->fit, {}};
+    DetectedLine line{found->fit, {}};
     for (const std::size_t i : found->inliers) line.beams.push_back(left[i]);
     std::vector<std::size_t> rest;
     std::set_difference(left.begin(), left.end(), line.beams.begin(), line.beams.end(),
@@ -128,7 +128,7 @@ std::vector<std::size_t> without_ends(const std::vector<std::size_t>& beams, std
 
 /// Marks each beam with the wall it sees: the line in which `wall` is expected, if there is one.
 void assign(Station& station, const WallInBench* walls, double yaw, const WallOptions& options) {
-  for (const SeenLine& line : lines_of(station, options.tolerance_mm)) {
+  for (const DetectedLine& line : lines_of(station, options.tolerance_mm)) {
     for (int j = 0; j < 2; ++j) {
       const double expected = walls[j].line.normal_rad - station.stage_rad - yaw;
       if (std::abs(wrap_angle(line.fit.line.normal_rad - expected)) > 15 * rad_per_deg) continue;
@@ -151,7 +151,7 @@ WallInBench in_bench(const Target& target) {
 /// to stand parallel and square to the stage's zero (the patent's premise).
 void walls_from(const Station& station, double yaw, WallInBench* walls) {
   const auto lines = lines_of(station, 20);
-  const auto place = [&](const SeenLine& line) {
+  const auto place = [&](const DetectedLine& line) {
     const double normal = line.fit.line.normal_rad + station.stage_rad + yaw;
     return Line2{std::round(normal / (pi / 2)) * (pi / 2), line.fit.line.distance_mm};
   };
@@ -454,12 +454,12 @@ void fit_joint(std::vector<Station>& stations, double yaw, const Mount& mount,
 // --- the patent's ways --------------------------------------------------------------------------------
 
 /// Both walls and the square beams of one scan.
-WallSight sight_of(const Station& station, std::size_t capture, const WallInBench* walls, double yaw,
-                   const std::function<double(std::size_t)>& range) {
-  WallSight sight;
-  sight.stage_rad = station.stage_rad;
-  sight.off_rad = station.off_rad;
-  sight.capture = capture;
+WallObservation observation_of(const Station& station, std::size_t capture, const WallInBench* walls,
+                               double yaw, const std::function<double(std::size_t)>& range) {
+  WallObservation observation;
+  observation.stage_rad = station.stage_rad;
+  observation.off_rad = station.off_rad;
+  observation.capture = capture;
   for (int j = 0; j < 2; ++j) {
     std::vector<Vector2d> points;
     const double square = walls[j].line.normal_rad - station.stage_rad - station.off_rad - yaw;
@@ -472,11 +472,11 @@ WallSight sight_of(const Station& station, std::size_t capture, const WallInBenc
       const double off = std::abs(wrap_angle(beam.angle - square));
       if (off > 1 * rad_per_deg || off >= nearest) continue;
       nearest = off;
-      sight.square_range_mm[j] = mm;
+      observation.square_range_mm[j] = mm;
     }
-    if (points.size() >= 20) sight.walls[j] = fit_line(points);
+    if (points.size() >= 20) observation.walls[j] = fit_line(points);
   }
-  return sight;
+  return observation;
 }
 
 /// Where the lidar is in the wall frame, from its distances to both walls. The frame's axes point away from
@@ -530,10 +530,10 @@ void add_circles(const std::string& way, const std::vector<Vector2d>& points,
 /// The stage angle at which the front wall is nearest, as the patent reads the direction of the offset.
 void add_nearest_angle(WallFit& fit) {
   double least = 1e18, at = 0;
-  for (const WallSight& sight : fit.means) {
-    if (!sight.walls[0] || sight.walls[0]->line.distance_mm >= least) continue;
-    least = sight.walls[0]->line.distance_mm;
-    at = sight.stage_rad;
+  for (const WallObservation& observation : fit.means) {
+    if (!observation.walls[0] || observation.walls[0]->line.distance_mm >= least) continue;
+    least = observation.walls[0]->line.distance_mm;
+    at = observation.stage_rad;
   }
   if (least > 1e17) return;
   WallCircle way{"stage angle at which the front wall is nearest", std::nullopt, {}, {}, fit.means.size(), 0};
@@ -544,12 +544,11 @@ void add_nearest_angle(WallFit& fit) {
 void patent_angle(WallFit& fit) {
   std::vector<double> slopes;
   double from_lines = 0;
-  for (const WallSight& sight : fit.means) {
-    if (std::abs(wrap_angle(sight.stage_rad)) > 0.05 * rad_per_deg || !sight.walls[0]) continue;
-    slopes.push_back(
-        wrap_angle(fit.walls[0].line.normal_rad - sight.stage_rad - sight.off_rad -
-                                sight.walls[0]->line.normal_rad));
-    from_lines += sight.walls[0]->covariance(0, 0);
+  for (const WallObservation& observation : fit.means) {
+    if (std::abs(wrap_angle(observation.stage_rad)) > 0.05 * rad_per_deg || !observation.walls[0]) continue;
+    slopes.push_back(wrap_angle(fit.walls[0].line.normal_rad - observation.stage_rad - observation.off_rad -
+                                observation.walls[0]->line.normal_rad));
+    from_lines += observation.walls[0]->covariance(0, 0);
   }
   fit.repeats = slopes.size();
   if (slopes.empty()) return;
@@ -566,12 +565,13 @@ void fit_patent(const std::vector<Station>& stations, WallFit& fit) {
   std::vector<double> stages, single_stages;
   for (std::size_t i = 0; i < stations.size(); ++i) {
     const Station& station = stations[i];
-    const auto sight = [&](const std::function<double(std::size_t)>& range) {
-      return sight_of(station, i, fit.walls, yaw, range);
+    const auto observation = [&](const std::function<double(std::size_t)>& range) {
+      return observation_of(station, i, fit.walls, yaw, range);
     };
-    fit.means.push_back(sight([&](std::size_t k) { return station.beams[k].range; }));
+    fit.means.push_back(observation([&](std::size_t k) { return station.beams[k].range; }));
     for (const auto& scan : station.scans) {
-      const WallSight now = sight([&](std::size_t k) { return k < scan.size() ? double(scan[k]) - station.beams[k].off_mm : 0; });
+      const WallObservation now = observation(
+          [&](std::size_t k) { return k < scan.size() ? double(scan[k]) - station.beams[k].off_mm : 0; });
       if (now.walls[0] && now.walls[1]) {
         fit.trajectory.push_back(position_from(fit.walls, fit.joint[5], now.walls[0]->line.distance_mm,
                                                now.walls[1]->line.distance_mm));

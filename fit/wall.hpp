@@ -37,7 +37,7 @@ struct WallInBench {
 };
 
 /// Both walls seen in one scan (or in the mean of a capture), in the lidar's frame.
-struct WallSight {
+struct WallObservation {
   double stage_rad = 0;
   double off_rad = 0;                  ///< Deviation of that angle, as the joint fit found it.
   std::size_t capture = 0;             ///< Of all sources' captures, counted through.
@@ -71,7 +71,7 @@ struct WallFit {
   Estimate patent_angle_rad;  ///< Mean slope of the front wall over the repeats at stage angle 0.
   std::size_t repeats = 0;
   std::vector<WallCircle> ways;  ///< Both walls in every scan (geometric, algebraic), single beam.
-  std::vector<WallSight> means;  ///< One a capture.
+  std::vector<WallObservation> means;  ///< One a capture.
   std::vector<Eigen::Vector2d> trajectory,
       single_beam;  ///< In the wall frame: minus the distances from the walls.
   std::vector<std::string> notes;

@@ -32,12 +32,12 @@ struct ReadSession {
 ReadSession read_one(const std::string& folder, const std::string& path) {
   ReadSession out;
   try {
-    if (!is_clean(path)) throw UsageError("its name is no UTF-8, or too long: rename it");
+    if (!is_clean(path)) throw UsageError("its name is not UTF-8, or too long: rename it");
     const std::string file = folder + "/" + path;
     const bool is_written = is_being_written(file);
     if (is_written || has_data(file + "-wal") || has_data(file + "-journal")) {
       out.unfinished = true;
-      out.problem = is_written ? "it is being written" : "its run was killed: go on with rig resume";
+      out.problem = is_written ? "it is being written" : "its run was killed: continue with rig resume";
       return out;
     }
     out.record = read_session_record(folder, path);
@@ -115,7 +115,7 @@ std::string explanation_beside(const std::string& folder, const std::string& con
 std::vector<std::string> session_files(const std::string& folder) {
   std::error_code failed;
   if (!fs::is_directory(folder, failed))
-    throw UsageError(folder + " is no folder: give the one that holds the archive's sessions (*.rig)");
+    throw UsageError(folder + " is not a folder: give the one that holds the archive's sessions (*.rig)");
   std::vector<std::string> found;
   const auto skipping = fs::directory_options::skip_permission_denied;
   for (auto entry = fs::recursive_directory_iterator(folder, skipping, failed); entry != fs::end(entry);
@@ -171,13 +171,14 @@ std::vector<ArchiveFinding> add_to_archive(const std::string& folder, ArchiveInd
     const bool same_content = is_known && known->second.content_sha256 == record.content_sha256;
     if (is_known && !same_content && !options.accept_changes) {
       findings.push_back({What::changed, path,
-                          "what was measured is not what was taken in (SHA-256 " +
-                              known->second.content_sha256.substr(0, 16) + ", now " + record.content_sha256.substr(0, 16) +
-                              "). Restore the file, or take it in as it is with --accept-changes."});
+                          "the measured data are not those that were added (SHA-256 " +
+                              known->second.content_sha256.substr(0, 16) + ", now " +
+                              record.content_sha256.substr(0, 16) +
+                              "). Restore the file, or accept it as it is with --accept-changes."});
       continue;
     }
     What what = same_content ? What::updated : is_known ? What::changed : What::added;
-    std::string says = what == What::changed ? "taken in as it is now, by --accept-changes" : "";
+    std::string says = what == What::changed ? "accepted as it is now, by --accept-changes" : "";
     if (const auto twin = path_of_content.find(record.content_sha256); twin != path_of_content.end() && !same_content) {
       if (exists(twin->second)) {
         findings.push_back({What::copied, path, "the same measurement as " + twin->second + ", which counts"});
@@ -197,9 +198,9 @@ std::vector<ArchiveFinding> add_to_archive(const std::string& folder, ArchiveInd
     if (exists(path)) continue;
     if (options.forget_missing) index.forget(known.content_sha256);
     findings.push_back({What::missing, path,
-                        options.forget_missing ? "taken out of the index"
-                                               : "it is in the index and not in the folder. Restore it, or take it out of "
-                                                 "the index with --forget-missing."});
+                        options.forget_missing ? "removed from the index"
+                                               : "it is in the index but not in the folder. Restore it, or "
+                                                 "remove it from the index with --forget-missing."});
   }
   transaction.commit();
   std::ranges::stable_sort(findings, {}, &ArchiveFinding::path);
@@ -222,7 +223,7 @@ std::vector<ArchiveFinding> verify_archive(const std::string& folder, ArchiveInd
   return read_all<ArchiveFinding>(paths, threads, [&](const std::string& path) -> ArchiveFinding {
     const auto known = by_path.find(path);
     if (!std::ranges::binary_search(files, path))
-      return {What::missing, path, "it is in the index and not in the folder"};
+      return {What::missing, path, "it is in the index but not in the folder"};
     try {
       if (known != by_path.end() && file_sha256(folder + "/" + path) == known->second.file_sha256)
         return {What::good, path, ""};
@@ -233,13 +234,14 @@ std::vector<ArchiveFinding> verify_archive(const std::string& folder, ArchiveInd
     if (known == by_path.end()) {
       if (!now.problem.empty()) return {now.unfinished ? What::unfinished : What::damaged, path, now.problem};
       const auto twin = path_of_content.find(now.record.content_sha256);
-      if (twin == path_of_content.end()) return {What::unindexed, path, "rig archive add takes it in"};
+      if (twin == path_of_content.end()) return {What::unindexed, path, "rig archive add adds it"};
       return {What::copied, path, "the same measurement as " + twin->second};
     }
     if (!now.problem.empty()) return {What::damaged, path, now.problem};
     if (now.record.content_sha256 == known->second.content_sha256)
-      return {What::updated, path, "what was measured is as it was taken in; results were added since (rig archive add)"};
-    return {What::changed, path, "what was measured is not what was taken in"};
+      return {What::updated, path,
+              "the measured data are unchanged; results were added since (rig archive add)"};
+    return {What::changed, path, "the measured data are not those that were added"};
   });
 }
 

@@ -47,11 +47,10 @@ class Import : public Command {
                      "Turns of the lidar a second, where the recording does not say it or is wrong")
         ->check(CLI::PositiveNumber);
     command
-        ->add_option(
-            "--columns", options.columns,
-            "What a table's columns hold, in place of its header: time_s,range_m*360 or "
-            "scan,angle_deg,range_mm or scan,x_m,y_m or time_s,left_ticks,right_ticks; '-' passes one "
-            "over, NAME*3 stands for three, NAME* for the rest (docs/operate/import.md)")
+        ->add_option("--columns", options.columns,
+                     "What a table's columns hold, in place of its header: time_s,range_m*360 or "
+                     "scan,angle_deg,range_mm or scan,x_m,y_m or time_s,left_ticks,right_ticks; '-' skips "
+                     "one, NAME*3 means three, NAME* for the rest (docs/operate/import.md)")
         ->delimiter(',');
     command
         ->add_option("--ticks-a-turn", options.ticks_a_turn,

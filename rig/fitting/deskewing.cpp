@@ -299,10 +299,10 @@ void Deskewing::Work::look_at_rest() {
     else
       at_rest_ = fit::ShapeAtRest(standing_about(*options_.reference->pose()));
     if (at_rest_.empty())
-      throw MeasurementError(
-          "the reference '" + options_.reference->text() +
-          "' has no scan at rest. Record the same scene while the lidar stands, or give the pose (X_MM,Y_MM,"
-          "HEADING_DEG) at which its carrier stood still during this recording");
+      throw MeasurementError("the reference '" + options_.reference->text() +
+                             "' has no scan at rest. Record the same scene while the lidar is at rest, or "
+                             "give the pose (X_MM,Y_MM,"
+                             "HEADING_DEG) at which its carrier stood still during this recording");
     return;
   }
   if (carrier_.drifts || std::ranges::none_of(scans_, &ScanOfSession::turning)) return;
@@ -449,20 +449,19 @@ void Deskewing::Work::add_reference(json& out) const {
     out["values"].push_back(result_value(name, label, mean, "mm"));
     out["budget"].push_back(budget_line(label + ": scatter from scan to scan", "A", mean.u, "mm"));
   };
-  add("reference_before_mm", "Distance from the reference, scans as they came", before);
+  add("reference_before_mm", "Distance from the reference, scans as recorded", before);
   add("reference_by_path_mm", "Distance from the reference, corrected by the path", by_path);
   add("reference_fused_mm", "Distance from the reference, fused", fused);
-  add("reference_gain_mm", "Nearer to the reference by correction, scan by scan", gain);
+  add("reference_gain_mm", "Reduction of that distance by the correction, per scan", gain);
   add("reference_at_rest_mm", "Distance from the reference, scans at rest", still);
   add_series(plot, "not corrected", "points", number, before);
   add_series(plot, "by the path", "points", number, by_path);
   if (options_.fuse) add_series(plot, "fused", "points", number, fused);
   out["plots"].push_back(std::move(plot));
-  out["notes"].push_back(
-      "Judged against the reference " + options_.reference->text() + ": " + std::to_string(before.size()) +
-      " of " + std::to_string(scans_.size()) +
-      " scans were taken in motion and show enough of it. Each is placed on it as a whole, "
-      "so that only its shape counts; what is left at rest is the noise of one scan.");
+  out["notes"].push_back("Judged against the reference " + options_.reference->text() + ": " +
+                         std::to_string(before.size()) + " of " + std::to_string(scans_.size()) +
+                         " scans were taken in motion and show enough of it. Each scan is aligned with it, "
+                         "so that only its shape counts; what is left at rest is the noise of one scan.");
 }
 
 void Deskewing::Work::add_crispness(json& out) const {
@@ -474,7 +473,7 @@ void Deskewing::Work::add_crispness(json& out) const {
     out["values"].push_back(plain_value("thickness_" + way.name + "_mm", "Mean wall thickness, " + way.label,
                                         std::round(100 * whole.mean_thickness_mm) / 100, "mm"));
   }
-  out["tables"].push_back({{"title", "How crisp the map is"},
+  out["tables"].push_back({{"title", "Sharpness of the map"},
                            {"columns",
                             {"scans placed by",
                              {{"name", "wall thickness within 20 scans"}, {"unit", "mm"}},
@@ -526,16 +525,15 @@ void Deskewing::Work::add_notes(json& out) const {
   notes.push_back(text);
   if (weakest_ < 0.02)
     notes.push_back(
-        "Some scans see hardly anything that fixes them in one direction (a corridor): there the "
-        "odometry rules.");
+        "Some scans constrain the pose poorly in one direction (a corridor): there the odometry decides.");
 }
 
 json Deskewing::Work::document() const {
   json out = new_result(
       "deskew",
       "Every beam is placed by the odometry (or stage track) interpolated at its own time; the fusion "
-      "matches each scan to the map of those before by point-to-line ICP with robust weights, spreads what "
-      "odometry got wrong linearly over the beams and repeats until it converges (after Wang et al.). Wall "
+      "matches each scan to the map of those before by point-to-line ICP with robust weights, distributes "
+      "the odometry's error linearly over the beams and repeats until it converges (after Wang et al.). Wall "
       "thickness: standard deviation of the points across the wall they lie on, within 150 mm.");
   add_crispness(out);
   add_timing(out);

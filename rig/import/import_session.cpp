@@ -350,16 +350,16 @@ void write_imu(const std::string& path, const SessionWriter& written) {
 }
 
 /// Refuses files of which nothing can be made.
-std::vector<FirstScan> look_at(const ImportRequest& request) {
-  std::vector<FirstScan> looks;
+std::vector<FirstScan> preview(const ImportRequest& request) {
+  std::vector<FirstScan> previews;
   for (const auto& file : request.files) {
-    looks.emplace_back();
-    importer_for(file, request.options)->read(file, request.options, looks.back());
+    previews.emplace_back();
+    importer_for(file, request.options)->read(file, request.options, previews.back());
   }
-  const bool wheels = std::ranges::any_of(looks, &FirstScan::has_wheels);
-  const bool any_scans = std::ranges::any_of(looks, &FirstScan::found);
-  for (std::size_t i = 0; i < looks.size(); ++i) {
-    const FirstScan& look = looks[i];
+  const bool wheels = std::ranges::any_of(previews, &FirstScan::has_wheels);
+  const bool any_scans = std::ranges::any_of(previews, &FirstScan::found);
+  for (std::size_t i = 0; i < previews.size(); ++i) {
+    const FirstScan& look = previews[i];
     const bool joins = look.has_poses() && (any_scans || wheels) && request.options.scan_topic.empty();
     if (look.found() || joins) continue;
     std::string why;
@@ -367,7 +367,7 @@ std::vector<FirstScan> look_at(const ImportRequest& request) {
     throw MeasurementError(request.files[i] + " holds no scan, so there is nothing to import." + why +
                            " Check the recording, or name the topic with --topic.");
   }
-  return looks;
+  return previews;
 }
 
 fit::CaptureInfo capture_info(const FirstScan& look, const std::string& file, std::int64_t epoch_ns) {
@@ -419,17 +419,17 @@ void write_keys(SessionStore& store, const ImportRequest& request, const Session
 
 /// Looks at every file before the first scan is written.
 ImportReport import_into(const std::string& unfinished, const ImportRequest& request) {
-  const auto looks = look_at(request);
+  const auto previews = preview(request);
   ImportReport report;
   std::vector<std::string> with_scans;
   std::int64_t epoch_ns = forever;
-  for (std::size_t i = 0; i < looks.size(); ++i) {
-    if (!looks[i].found()) continue;
+  for (std::size_t i = 0; i < previews.size(); ++i) {
+    if (!previews[i].found()) continue;
     with_scans.push_back(request.files[i]);
-    epoch_ns = std::min(epoch_ns, looks[i].stamp_ns());
+    epoch_ns = std::min(epoch_ns, previews[i].stamp_ns());
   }
   if (with_scans.empty())
-    for (const auto& look : looks) epoch_ns = std::min(epoch_ns, look.first_pose_ns());
+    for (const auto& look : previews) epoch_ns = std::min(epoch_ns, look.first_pose_ns());
   const auto distances = true_distances(request, with_scans, report);
   std::optional<fit::Bench> bench;
   if (request.bench) bench = fit::parse_bench(*request.bench);
@@ -441,8 +441,8 @@ ImportReport import_into(const std::string& unfinished, const ImportRequest& req
   for (std::size_t i = 0; i < request.files.size(); ++i) {
     std::optional<fit::CaptureInfo> info;
     std::optional<double> true_mm;
-    if (looks[i].found()) {
-      info = capture_info(looks[i], request.files[i], epoch_ns);
+    if (previews[i].found()) {
+      info = capture_info(previews[i], request.files[i], epoch_ns);
       if (!distances.empty()) {
         const double distance = distances[scan_file];
         if (!bench) true_mm = distance;
@@ -526,8 +526,7 @@ std::unique_ptr<Importer> importer_for(const std::string& path, const ImportOpti
     known += (known.empty() ? "" : "; ") + importer->name();
   }
   if (!options.columns.empty())
-    throw UsageError(path +
-                     " is no table that --columns could name the columns of (.csv, .tsv, .txt, .dat).");
+    throw UsageError(path + " is not a table (.csv, .tsv, .txt, .dat), so --columns does not apply.");
   throw UsageError(path + " is of a format that rig does not read. It reads: " + known + ".");
 }
 

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "rig/procedure/procedure_plan.hpp"
-#include "rig/runner/target_sight.hpp"
+#include "rig/runner/target_detection.hpp"
 
 namespace rig {
 namespace {

@@ -18,7 +18,7 @@
 #include "rig/runner/placed_bench.hpp"
 #include "rig/runner/runner.hpp"
 #include "rig/runner/session_clock.hpp"
-#include "rig/runner/target_sight.hpp"
+#include "rig/runner/target_detection.hpp"
 #include "rig/runner/time_left.hpp"
 
 namespace rig {
@@ -326,10 +326,10 @@ struct Runner::Impl final : StepContext {
     bool in_view = true;
   };
 
-  awaitable<Observation> look_at(Expectation expected);
+  awaitable<Observation> observe(Expectation expected);
 
   /// `seen`: of every beam from `first_step` on.
-  Observation judge(const Expectation& expected, int first_step, const SeenBeams& seen) const;
+  Observation judge(const Expectation& expected, int first_step, const BeamMedians& seen) const;
 
   // Targets
 
@@ -337,7 +337,7 @@ struct Runner::Impl final : StepContext {
   void expect(Prompt& prompt) const;
   /// Whether a beam can see it from here, and the stage's angle is known.
   bool can_see(const fit::Target& target) const;
-  Observation judge_target(const Expectation& expected, const SeenBeams& seen) const;
+  Observation judge_target(const Expectation& expected, const BeamMedians& seen) const;
   /// Whether the echo follows the surface: two surfaces of very different reflectance at one distance cannot
   /// return the same. Empty if it does.
   std::string wrong_surface(const Expectation& expected, const Observation& observed);
@@ -354,7 +354,7 @@ struct Runner::Impl final : StepContext {
   std::map<std::string, std::vector<Surface>> surfaces;
   bool referenced = false;  ///< The stage's angle means something.
 
-  /// Values of the bench file that are out of all proportion are asked about before anything moves.
+  /// Implausible values of the bench file must be confirmed before anything moves.
   awaitable<void> ask_about_bench();
 
   static double largest_deviation_from_line(const std::vector<double>& x, const std::vector<double>& y);

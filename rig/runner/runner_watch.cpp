@@ -35,9 +35,9 @@ class Echoes {
   }
   [[nodiscard]] bool enough() const { return scans_ >= scans_of_a_look; }
   /// Medians of the beams that had an echo in half of the scans.
-  [[nodiscard]] SeenBeams seen() const {
+  [[nodiscard]] BeamMedians seen() const {
     constexpr double none = std::numeric_limits<double>::quiet_NaN();
-    SeenBeams seen;
+    BeamMedians seen;
     for (std::size_t i = 0; i < ranges_.size(); ++i) {
       const bool sure = ranges_[i].size() >= scans_of_a_look / 2;
       seen.range_mm.push_back(sure ? middle_of(ranges_[i]) : none);
@@ -75,7 +75,7 @@ CaptureRequest steps_of(const Expectation& expected, const fit::LidarGeometry& l
 
 }  // namespace
 
-awaitable<Runner::Impl::Observation> Runner::Impl::look_at(Expectation expected) {
+awaitable<Runner::Impl::Observation> Runner::Impl::observe(Expectation expected) {
   const CaptureRequest request = steps_of(expected, known_bench.lidar);
   Echoes echoes(static_cast<std::size_t>(request.last_step - request.first_step + 1));
   ScanGate gate(request, known_bench.lidar.scan_hz);
@@ -97,7 +97,7 @@ awaitable<Runner::Impl::Observation> Runner::Impl::look_at(Expectation expected)
 }
 
 Runner::Impl::Observation Runner::Impl::judge(const Expectation& expected, int first_step,
-                                              const SeenBeams& seen) const {
+                                              const BeamMedians& seen) const {
   if (expected.of_target) return judge_target(expected, seen);
   std::vector<double> medians, x, y;
   for (std::size_t i = 0; i < seen.range_mm.size(); ++i) {
@@ -120,7 +120,7 @@ Runner::Impl::Observation Runner::Impl::judge(const Expectation& expected, int f
     return Observation(false, "what the rig sees is not flat: " + rounded_text(rough_mm, 0) +
                                   " mm off a straight line, " + to_text(*expected.flat_within_mm) +
                                   " mm allowed.");
-  return Observation(true, "the rig sees " + rounded_text(seen_mm, 1) + " mm, as asked.");
+  return Observation(true, "the rig sees " + rounded_text(seen_mm, 1) + " mm, as requested.");
 }
 
 double Runner::Impl::largest_deviation_from_line(const std::vector<double>& x, const std::vector<double>& y) {
@@ -167,7 +167,7 @@ awaitable<void> Runner::Impl::watch_bench(std::optional<Expectation> until) {
     // The driver has reset the cancellation state for its last words to the device: only the exception tells.
     if (is_cancellation(why) || answered || operator_failed || aborted) co_return;
     if (!lost)
-      note("warning", "lidar lost: " + words_of(why) + " Check its power and cable; rig goes on trying.");
+      note("warning", "lidar lost: " + words_of(why) + " Check its power and cable; rig keeps trying.");
     lost = true;
     streaming = false;
     tell(Observation(false, "the lidar does not answer."));

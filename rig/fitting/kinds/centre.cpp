@@ -40,7 +40,7 @@ std::map<int, Samples> samples_of(const fit::Recording& recording, std::size_t i
   return out;
 }
 
-/// One position of the stage: the sight of the edge by the full data, and by the paper's way.
+/// One position of the stage: the edge as all data show it, and as the paper's method does.
 struct Position {
   fit::CentrePoint point;        ///< At the edge itself.
   fit::CentrePoint paper_point;  ///< At the last smooth stop, from the most frequent intensity.
@@ -308,7 +308,7 @@ class Centre : public Fitting {
             " edge of the target is one physical point, seen by one beam at each stage angle. The result is "
             "the generalised least-squares centre of all positions, p_i = R(-stage_i) p + c, with the edge's "
             "stage angle from the share of jittering samples and the range from all samples; the paper's "
-            "pairwise triangles from the most frequent intensity stand beside it.");
+            "pairwise triangles from the most frequent intensity are given for comparison.");
     add_values(out, all, positions, common);
     out["use"].push_back(how_to_use(all.centre));
     add_tables(out, positions, all);
@@ -466,7 +466,7 @@ class Centre : public Fitting {
     if (consecutive > 0)
       rows.push_back({"mean of consecutive pairs (paper)", nullptr, mean.x() / consecutive, nullptr,
                       mean.y() / consecutive, nullptr});
-    out["tables"].push_back({{"title", "Pairwise triangles, most frequent intensity (the paper's way)"},
+    out["tables"].push_back({{"title", "Pairwise triangles, most frequent intensity (the paper's method)"},
                              {"columns",
                               {"pair",
                                {{"name", "turn"}, {"unit", "deg"}},

@@ -247,17 +247,18 @@ std::optional<json> published_table(const std::string& path, const fit::Odometry
 json drive_table(const fit::DriveFit& drive) {
   json rows = json::array();
   rows.push_back({"pairs of scans matched", drive.samples.size()});
-  rows.push_back({"left out: doubtful, or without a hold in one direction", drive.bad_matches});
+  rows.push_back({"left out: doubtful, or poorly constrained in one direction", drive.bad_matches});
   rows.push_back({"beams left out: they see the robot itself", drive.own_beams});
   rows.push_back({"robot moved, s", drive.moving_s});
   rows.push_back({"robot stood, s", drive.still_s});
   rows.push_back({"match at rest, RMS along, mm", drive.still_noise[0]});
   rows.push_back({"match at rest, RMS across, mm", drive.still_noise[1]});
   rows.push_back({"match at rest, RMS of heading, deg", drive.still_noise[2] * fit::deg_per_rad});
-  rows.push_back({"scans' stamps, RMS from even ones, ms", number_or_null(1e3 * drive.scan_jitter_s)});
-  rows.push_back({"stamps made even", drive.even_wheels  ? "of scans and wheels"
-                                      : drive.even_scans ? "of scans"
-                                                         : "no"});
+  rows.push_back(
+      {"time stamps of scans, RMS from even spacing, ms", number_or_null(1e3 * drive.scan_jitter_s)});
+  rows.push_back({"time stamps evened out", drive.even_wheels  ? "of scans and wheels"
+                                            : drive.even_scans ? "of scans"
+                                                               : "no"});
   rows.push_back({"wheels' time minus scans' time, first from consecutive scans, ms",
                   drive.coarse.determined ? json(1e3 * drive.coarse.offset_s.value) : json(nullptr)});
   rows.push_back({"the same, where wheels and matches agree best, ms",
@@ -289,7 +290,7 @@ json drive_lengths_table(const fit::DriveFit& drive) {
   }
   columns.push_back("taken");
   return {{"title", std::string("Scans matched at several lengths: ") +
-                        (drive.extrapolated ? "what the values tend to on an endless way was taken"
+                        (drive.extrapolated ? "the values extrapolated to infinite length were taken"
                                             : "the length with the least expected error was taken")},
           {"columns", columns},
           {"rows", rows}};
@@ -321,21 +322,23 @@ json uncertainty_table(const fit::DriveFit& drive, double range_scale) {
   }
   return {{"title", "Standard uncertainties"},
           {"columns",
-           {"parameter", "given", "leaving out one stretch of the drive after the other", "drift to an endless way",
-            "by the lidar's scale"}},
+           {"parameter", "given", "leaving out one segment of the drive after the other",
+            "extrapolation to infinite length", "by the lidar's scale"}},
           {"rows", rows}};
 }
 
 void say_offset(json& out, const fit::OffsetSearch& offset, const std::optional<double>& known_s) {
   const auto ms = [](double seconds) { return fit::format_fixed(1e3 * seconds, 1) + " ms"; };
   if (known_s) {
-    out["notes"].push_back("The wheels' time was taken to be the scans' time plus " + ms(*known_s) + ", as told.");
+    out["notes"].push_back("The wheels' time was taken to be the scans' time plus " + ms(*known_s) +
+                           ", as given.");
   } else if (offset.at_bound) {
-    out["undetermined"].push_back(
-        "The time offset between scans and wheels: within " + ms(offset.searched_s) +
-        " they agree best at the end of the search, " + ms(offset.offset_s.value) +
-        "; the true one may lie beyond, or the motion does not tell it. 0 was used. Give it with the option "
-        "offset_ms, or drive longer with changing speed.");
+    out["undetermined"].push_back("The time offset between scans and wheels: within " +
+                                  ms(offset.searched_s) + " they agree best at the end of the search, " +
+                                  ms(offset.offset_s.value) +
+                                  "; the true one may lie beyond, or the motion does not determine it. 0 was "
+                                  "used. Give it with the option "
+                                  "offset_ms, or drive longer with changing speed.");
   } else if (!offset.determined) {
     out["undetermined"].push_back(
         "The time offset between scans and wheels: the motion changes too little to show it. 0 was used.");
@@ -346,9 +349,9 @@ void say_offset(json& out, const fit::OffsetSearch& offset, const std::optional<
 }
 
 std::string name_of(const fit::RunVerdict& run, const std::vector<std::string>& names) {
-  return names.at(run.run) + (run.stretches > 1 ? ", stretch " + std::to_string(run.stretch + 1) + " of " +
-                                                      std::to_string(run.stretches)
-                                                : "");
+  return names.at(run.run) + (run.segments > 1 ? ", segment " + std::to_string(run.segment + 1) + " of " +
+                                                     std::to_string(run.segments)
+                                               : "");
 }
 
 void say_slipped_runs(json& out, const std::vector<fit::RunVerdict>& runs,
@@ -365,7 +368,7 @@ json runs_table(const fit::RunsFit& fit, const std::vector<std::string>& names) 
   for (const fit::RunVerdict& run : fit.runs)
     rows.push_back({name_of(run, names), run.samples, number_or_null(1e3 * fit.run_offsets_s.at(run.run)),
                     number_or_null(run.misfit), run.left_out ? "yes" : "no"});
-  return {{"title", "Runs or their stretches: RMS of the residuals in units of the noise of those kept"},
+  return {{"title", "Runs or their segments: RMS of the residuals in units of the noise of those kept"},
           {"columns", {"run", "samples", {{"name", "time offset"}, {"unit", "ms"}}, "residuals", "left out"}},
           {"rows", rows}};
 }
@@ -383,16 +386,17 @@ json tuple_uncertainty_table(const fit::RunsFit& fit) {
   return {{"title", "Standard uncertainties (" + std::to_string(fit.grouped.groups) + " groups)"},
           {"columns",
            {"parameter", "given", "leaving out one group after the other", "by the time offset",
-            "drift to twice the length"}},
+            "change at twice the length"}},
           {"rows", rows}};
 }
 
-json stretches_table(const fit::DriveFit& drive) {
+json segments_table(const fit::DriveFit& drive) {
   json rows = json::array();
-  for (const fit::RunVerdict& stretch : drive.stretches)
-    rows.push_back({stretch.run + 1, stretch.samples, number_or_null(stretch.misfit), stretch.left_out ? "yes" : "no"});
-  return {{"title", "Stretches of the drive: RMS of the residuals in units of the noise of those kept"},
-          {"columns", {"stretch", "pairs", "residuals", "left out"}},
+  for (const fit::RunVerdict& segment : drive.segments)
+    rows.push_back(
+        {segment.run + 1, segment.samples, number_or_null(segment.misfit), segment.left_out ? "yes" : "no"});
+  return {{"title", "Segments of the drive: RMS of the residuals in units of the noise of those kept"},
+          {"columns", {"segment", "pairs", "residuals", "left out"}},
           {"rows", rows}};
 }
 
@@ -411,7 +415,8 @@ json lengths_table(const fit::RunsFit& fit) {
   for (const auto& p : parameters) columns.push_back({{"name", p.label}, {"unit", p.unit}});
   columns.push_back("worth");
   columns.push_back("taken");
-  return {{"title", "Tuples joined to longer ways, and what a second of driving tells (the most: 1)"},
+  return {{"title",
+           "Tuples joined into longer segments, and the information in a second of driving (largest: 1)"},
           {"columns", columns},
           {"rows", rows}};
 }
@@ -473,13 +478,13 @@ class Odometry : public Fitting {
              .min = 1,
              .max = 100000,
              .otherwise = drive.least_way_mm,
-             .about = "way between two scans that are matched (sessions)"},
+             .about = "distance between two matched scans (sessions)"},
             {.name = "least_turn_deg",
              .unit = "deg",
              .min = 0.1,
              .max = 180,
              .otherwise = drive.least_turn_rad * fit::deg_per_rad,
-             .about = "or turn between them (sessions)"}};
+             .about = "or angle between them (sessions)"}};
   }
 
   json run(const std::vector<FitSource>& sources, const FitOptions& options) const override {
@@ -520,7 +525,7 @@ class Odometry : public Fitting {
     if (!tuples.timed)
       out["notes"].push_back(
           "The tuples do not say when they began (t, s): each was taken to begin when the one before ended, "
-          "and neighbours were not joined to longer ways.");
+          "and neighbours were not joined into longer segments.");
     say_offset(out, fit.offset, runs.known_offset_s);
     say_slipped_runs(out, fit.runs, tuples.runs);
     out["tables"].insert(out["tables"].begin(), {tuple_uncertainty_table(fit), lengths_table(fit)});
@@ -546,12 +551,14 @@ class Odometry : public Fitting {
         "from 0. ";
     if (timed)
       text +=
-          "Neighbouring tuples are joined to the length at which a second of driving tells most, and all six "
+          "Neighbouring tuples are joined to the length that gives the most information per second of "
+          "driving, and all six "
           "parameters fitted at once. ";
     return text +
-           "Runs that fit worse than the others beyond their scatter are left out. The uncertainty given is the "
-           "larger of that and of leaving out one run (of few runs, one stretch) after the other, with "
-           "Student's factor, with the offset's uncertainty and the drift to twice the length.";
+           "Runs that fit worse than the others beyond their scatter are left out. The uncertainty given is "
+           "the "
+           "larger of that and of leaving out one run (of few runs, one segment) after the other, with "
+           "Student's factor, with the offset's uncertainty and the change at twice the length.";
   }
 
   static json from_drive(const FitSource& source, const fit::OdometryOptions& how,
@@ -579,23 +586,26 @@ class Odometry : public Fitting {
         out["method"].get<std::string>() +
         " The samples come from the drive itself: scans are deskewed by the wheels, scans some way apart "
         "matched onto each other both ways by point-to-line ICP, and what is found deskews the scans of "
-        "the next round. Scans are matched at several lengths, and the length, or what the values tend to on an "
-        "endless way, is taken whose expected error is least. Stretches of the drive that slipped are left out. "
-        "Uncertainty: leaving out one stretch after the other, with Student's factor, the drift with the length "
+        "the next round. Scans are matched at several lengths, and the length, or the extrapolation to "
+        "infinite length, with the least expected error is taken. Segments of the drive that slipped are "
+        "left out. "
+        "Uncertainty: leaving out one segment after the other, with Student's factor, the drift with the "
+        "length "
         "and the lidar's scale.";
     out["tables"].insert(out["tables"].begin(),
                          {uncertainty_table(drive, drive_options.range_scale), drive_lengths_table(drive),
                           drive_table(drive), convergence_table(drive)});
-    out["tables"].push_back(stretches_table(drive));
+    out["tables"].push_back(segments_table(drive));
     const bool any = std::ranges::any_of(nominal.values, [](const auto& v) { return v.has_value(); });
     if (any)
       out["tables"].insert(out["tables"].begin(), comparison("Against the nominal values", "nominal",
                                                              drive.odometry, nominal.values, {}));
     say_offset(out, drive.offset, drive_options.known_offset_s);
-    const auto slipped = std::ranges::count_if(drive.stretches, &fit::RunVerdict::left_out);
+    const auto slipped = std::ranges::count_if(drive.segments, &fit::RunVerdict::left_out);
     if (slipped > 0)
-      out["notes"].push_back(std::to_string(slipped) + " of " + std::to_string(drive.stretches.size()) +
-                             " stretches of the drive were left out: the wheels slipped there, or scans did not match.");
+      out["notes"].push_back(
+          std::to_string(slipped) + " of " + std::to_string(drive.segments.size()) +
+          " segments of the drive were left out: the wheels slipped there, or scans did not match.");
     return out;
   }
 

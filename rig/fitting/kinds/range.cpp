@@ -145,11 +145,11 @@ void add_families(json& tables, const std::vector<FamilyFit>& fits, const std::s
   }
   tables.push_back(
       {{"title", title + ": families by their error at held-out points (condition: of the coefficients; "
-                         "4 digits: error of the curve when they are printed so; fit p: how often a right family "
-                         "leaves such residuals, below 0.01 it does not fit)"},
+                         "4 digits: error of the curve when they are printed so; fit p: how often the right "
+                         "family leaves such residuals; below 0.01 a family does not fit)"},
        {"columns",
-        {"family", column("held out", "mm"), "R2", column("RMSE", "mm"), "fit p", "coeff.", "AICc", "BIC", "condition",
-         column("4 digits", "mm")}},
+        {"family", column("held out", "mm"), "R2", column("RMSE", "mm"), "fit p", "coeff.", "AICc", "BIC",
+         "condition", column("4 digits", "mm")}},
        {"rows", rows}});
   if (!words.empty())
     tables.push_back({{"title", title + ": what must be known about these families"},
@@ -189,7 +189,7 @@ json ways_table(const fit::RangeCalibration& calibration, const std::vector<fit:
     rows.push_back({p.true_mm, p.intensity, p.error_mm(), joint,
                     calibration.joint->u(p.measured_mm, p.intensity), sequential, joint - sequential});
   }
-  return {{"title", "Joint fit beside the paper's sequential way"},
+  return {{"title", "Joint fit and the paper's sequential method"},
           {"columns",
            {column("true", "mm"), "counts", column("measured", "mm"), column("joint fit", "mm"),
             column("u", "mm"), column("sequential", "mm"), column("difference", "mm")}},
@@ -325,7 +325,8 @@ class Range : public Fitting {
            "target at "
            "known distances. Abnormal values and impulse noise are removed and the samples of the most "
            "frequent "
-           "intensity averaged; beside it stands Huber's mean of all samples. Families of curves are fitted "
+           "intensity averaged; Huber's mean of all samples is given for comparison. Families of curves are "
+           "fitted "
            "by "
            "separable least squares from many starts and sorted by their error at blocks of points that were "
            "held "
@@ -410,8 +411,9 @@ class Range : public Fitting {
     if (calibration.sequential) {
       double largest = 0;
       out["tables"].push_back(ways_table(calibration, points, largest));
-      out["notes"].push_back("Fitted jointly and in the paper's sequential way, the correction differs by " +
-                             fit::format_fixed(largest, 2) + " mm at most at the measured points.");
+      out["notes"].push_back(
+          "Fitted jointly and by the paper's sequential method, the correction differs by " +
+          fit::format_fixed(largest, 2) + " mm at most at the measured points.");
     }
     compare_selections(out, source, correction, selection);
     out["data"] = {{"correction", json::parse(fit::to_json_text(correction))},
@@ -463,7 +465,8 @@ class Range : public Fitting {
            fit::format_fixed(measured_mm, 0) + " mm measured with " + fit::format_fixed(counts, 0) +
            " counts become " + fit::format_fixed(correction.apply(measured_mm, counts).range_mm, 2) +
            " mm, U = " + fit::format_fixed(2 * correction.u(measured_mm, counts), 2) +
-           " mm (k = 2, of the correction; a single range has its own noise besides). `rig export` writes "
+           " mm (k = 2, of the correction; a single range has its own noise in addition). `rig export` "
+           "writes "
            "it for robots: as a C or C++ header, a table, or ROS 2 parameters.";
   }
 

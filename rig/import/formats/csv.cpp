@@ -55,7 +55,8 @@ struct Table {
               " ms apart. --scan-hz names another rate.");
   }
   void faulty_rows(std::uint64_t count) const {
-    if (count > 0) sink.note(std::to_string(count) + " rows or scans were cut or absurd and left out.");
+    if (count > 0)
+      sink.note(std::to_string(count) + " rows or scans were truncated or implausible and left out.");
   }
 };
 
@@ -109,7 +110,7 @@ class Lengths {
     decided_ = true;
     if (largest_ > 100) return;
     table_.ask("its ranges reach " + fit::format_fixed(largest_, 3) +
-                   " and their column does not say a unit: millimetres they cannot be.",
+                   " and their column does not say a unit: they cannot be millimetres.",
                "Name the columns: --columns " + std::string(example_) + ".");
   }
 
@@ -184,7 +185,7 @@ class ScanRows : public Rows {
 
   void end() override {
     if (!time_.told() && rows_ > 1) table_.invented_times();
-    if (several_) table_.sink.note("The table holds several echoes a step: the first was taken.");
+    if (several_) table_.sink.note("The table holds several echoes a step: the first was used.");
     table_.faulty_rows(faulty_);
   }
 
@@ -244,14 +245,14 @@ class ScanRows : public Rows {
       const auto model = std::ranges::find(known, beams, &Known::beams);
       if (model == std::end(known))
         table_.ask(
-            "it has " + std::to_string(beams) + " values a scan and does not say how the beams lie.",
-            "Give --first-deg and --step-deg; or, if its rows are no scans, name the columns: --columns "
+            "it has " + std::to_string(beams) + " values a scan and does not say the angles of its beams.",
+            "Give --first-deg and --step-deg; or, if its rows are not scans, name the columns: --columns "
             "time_s,left_ticks,right_ticks or scan,angle_deg,range_m or scan,x_m,y_m.");
       geometry.first_rad = model->first_deg * fit::rad_per_deg;
       geometry.step_rad = model->step_deg * fit::rad_per_deg;
       if (!options.scan_hz) set_scan_time(geometry, beams, model->hz);
       table_.sink.property("model", model->model);
-      table_.sink.note(std::string("The beams were taken to lie as those of a ") + model->model +
+      table_.sink.note(std::string("The beams were assumed to lie as those of a ") + model->model +
                        ". Give --first-deg and --step-deg if that is wrong.");
     }
     if (options.scan_hz) set_scan_time(geometry, beams, *options.scan_hz);
@@ -315,13 +316,13 @@ class PointRows : public Rows {
   void end() override {
     flush();
     if (single_ > 10 && single_ > scans_)
-      table_.ask("nearly every row has another time: they tell no scans apart.",
+      table_.ask("nearly every row has a different time, so times do not separate scans.",
                  "Add a column 'scan' that counts them, or leave the time out: --columns -,angle_deg,range_m "
-                 "then begins a scan where the angle goes back.");
+                 "then begins a scan where the angle decreases.");
     if (!time_.told() && scans_ > 1) table_.invented_times();
     if (uneven_ > 0)
       table_.sink.note("The beams of " + std::to_string(uneven_) + " of " + std::to_string(scans_) +
-                       " scans lie unevenly: their points were taken for the nearest of evenly spaced "
+                       " scans lie unevenly: their points were assigned to the nearest of evenly spaced "
                        "directions, at most " +
                        fit::format_fixed(farthest_rad_ * fit::deg_per_rad, 2) +
                        " deg off. --first-deg and --step-deg name other directions.");
@@ -471,7 +472,7 @@ class LogRows : public Rows {
     if (left_counter_.overflows() + right_counter_.overflows() > 0)
       table_.sink.note("The encoders' counts overflowed " +
                        std::to_string(left_counter_.overflows() + right_counter_.overflows()) +
-                       " times (16 bits): they were continued.");
+                       " times (16 bits): they were unwrapped.");
     table_.faulty_rows(faulty_);
   }
 
@@ -482,7 +483,7 @@ class LogRows : public Rows {
     if (!column.ticks) return WheelCounter(2 * fit::pi, column.increment);
     if (!table_.options.ticks_a_turn)
       table_.ask(
-          "it counts the wheels in ticks and does not say how many are a turn.",
+          "it counts the wheels in ticks and does not say how many make one turn.",
           "Give --ticks-a-turn, the gear included: 64 counts a turn of the motor and a gear of 43.7 are "
           "2796.8; or name columns left_rad,right_rad with --columns.");
     return WheelCounter(*table_.options.ticks_a_turn, column.increment);

@@ -236,7 +236,7 @@ class Search {
         rounded_text(settings_.from_deg, 4) + " and " + rounded_text(settings_.to_deg, 4) +
         " deg: the beam sees " + seen(settings_.right ? background_ : board_) + " and " +
         seen(settings_.right ? board_ : background_) +
-        ". The stage stands. Compare the target's place with the bench file, or widen search_deg.");
+        ". The stage has stopped. Compare the target's place with the bench file, or widen search_deg.");
   }
 
   void save() {

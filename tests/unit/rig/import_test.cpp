@@ -310,7 +310,7 @@ TEST_CASE("a CARMEN log becomes a session with odometry and the lidar's place") 
                                           "FLASER 5 1.0 2.0\n"));
   const auto report = rig::import_session(request({log}, folder / "out.rig"));
   CHECK(report.scans == 2);
-  CHECK_THAT(all(report.notes), Contains("1 lines were cut"));
+  CHECK_THAT(all(report.notes), Contains("1 lines were truncated"));
   const rig::SessionStore store(folder / "out.rig", rig::SessionStore::Mode::read);
   const auto recording = store.recording();
   std::vector<std::uint16_t> first;

@@ -392,14 +392,14 @@ TEST_CASE("a lidar that is not there yet is waited for when a run begins, for as
   };
   CHECK(rig.run());
   CHECK(rig.lidar.connects == 5);
-  CHECK(rig.told("waiting for the lidar: nobody is there. The rig goes on trying for 30 s; Ctrl-C stops."));
+  CHECK(rig.told("waiting for the lidar: nobody is there. The rig keeps trying for 30 s; Ctrl-C stops."));
   CHECK(rig.told("still waiting for the lidar, for another 24 s; Ctrl-C stops."));
   CHECK(rig.times_told("nobody is there") == 1);
 
   Rig never("  - home\n");
   never.lidar.when_connecting = [] { throw rig::LidarAbsent("nobody is there"); };
   const auto begun_us = never.world.clock.now_us;
-  CHECK_THROWS_WITH(never.run(), Contains("nobody is there. It was waited for") && Contains("30 s"));
+  CHECK_THROWS_WITH(never.run(), Contains("nobody is there. The rig waited") && Contains("30 s"));
   CHECK(never.world.clock.now_us - begun_us == 30'000'000);
   CHECK(never.stage.moves.empty());
 }
@@ -907,7 +907,7 @@ TEST_CASE("a surface whose echo does not follow its stated reflectance is told, 
            until + "}\n      - capture: {samples: 5, target: board}\n";
   };
   Rig same(steps(""));
-  CHECK_THROWS_WITH(same.run(), Contains("its echo is 2000") && Contains("0.2 is asked for"));
+  CHECK_THROWS_WITH(same.run(), Contains("its echo is 2000") && Contains("0.2 is requested"));
   CHECK(same.captures().size() == 1);
   Rig changed(steps(""));
   changed.lidar.tamper = [&](lidar::Scan& scan) {
