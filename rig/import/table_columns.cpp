@@ -167,13 +167,13 @@ TableColumn column_of(std::string_view name) {
   const auto dimension = dimension_of(column.holds);
   if (unit && dimension == unit->dimension) {
     column.scale = unit->scale;
-    column.unit_told = true;
+    column.unit_known = true;
   } else if (unit) {
     column.holds = Holds::unknown;  // a speed, a length of something else
   } else if (of_ros && dimension) {
     column.scale = dimension == Dimension::length ? 1000 : 1;
     if (column.holds == Holds::scan_time || column.holds == Holds::beam_time) column.scale = 1e9;
-    column.unit_told = true;
+    column.unit_known = true;
   }
   return column;
 }

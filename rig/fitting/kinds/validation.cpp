@@ -10,6 +10,7 @@
 #include "fit/angle.hpp"
 #include "fit/range_calibration.hpp"
 #include "fit/selection.hpp"
+#include "fit/validation_measures.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/correction_source.hpp"
 #include "rig/fitting/one_lidar.hpp"
