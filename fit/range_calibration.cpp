@@ -430,79 +430,104 @@ void sort_into_experiments(std::vector<RangePoint>& points) {
   points[*nearest].for_distance = true;
 }
 
+namespace {
+
+/// The families that both experiments chose, and where the correction's zero is referred to.
+struct Chosen {
+  const FamilyFit *intensity = nullptr, *distance = nullptr;
+  double reference_mm = 0, reference_counts = 0;
+};
+
+/// Fits every family to either experiment.
+Chosen fit_families(RangeCalibration& out, const std::vector<RangePoint>& points,
+                    const RangeOptions& options) {
+  Chosen families;
+  families.reference_counts = options.reference_intensity;
+  if (std::ranges::any_of(points, &RangePoint::for_intensity)) {
+    out.intensity_table = compare_families(
+        curve(points, &RangePoint::for_intensity, &RangePoint::intensity, out.scatter_intensity_mm));
+    families.intensity = chosen(out.intensity_table, options.intensity_family);
+    for (const RangePoint& p : points)
+      if (p.for_intensity) {
+        families.reference_mm = p.true_mm;
+        if (options.reference_intensity <= 0)
+          families.reference_counts = std::max(families.reference_counts, p.intensity);
+      }
+    if (families.intensity)
+      out.sequential = sequential_of(*families.intensity, points, out.scatter_distance_mm,
+                                     options.distance_family, out.distance_table);
+  }
+  if (std::ranges::none_of(points, &RangePoint::for_distance)) return families;
+  if (!out.sequential)
+    out.distance_table = compare_families(
+        curve(points, &RangePoint::for_distance, &RangePoint::measured_mm, out.scatter_distance_mm));
+  families.distance = chosen(out.distance_table, options.distance_family);
+  return families;
+}
+
+/// The correction from both experiments at once, else from the one that there is; says what it leaves open.
+void combine(RangeCalibration& out, const std::vector<RangePoint>& points, const Chosen& families) {
+  if (families.intensity && families.distance) {
+    const JointFit joint =
+        fit_joint(points, *families.intensity, *families.distance, out.scatter_intensity_mm,
+                  out.scatter_distance_mm, families.reference_mm, families.reference_counts);
+    if (joint.ok) {
+      out.joint = joint.correction;
+      out.condition = joint.condition, out.correlation = joint.correlation, out.held_out_mm = joint.held_out;
+    } else {
+      out.notes.emplace_back(
+          "there are too few points for both curves at once; the sequential method was used");
+      out.joint = out.sequential;
+    }
+    state_identifiability(out, points);
+  } else if (families.intensity) {
+    out.joint = single(*families.intensity, CorrectionTerm::Argument::intensity);
+    out.held_out_mm = families.intensity->held_out;
+    out.identifiability.emplace_back(
+        "the distance was not changed: an error that grows with distance is not in this correction");
+  } else if (families.distance) {
+    out.joint = single(*families.distance, CorrectionTerm::Argument::range);
+    out.held_out_mm = families.distance->held_out;
+    out.identifiability.emplace_back(
+        "only one surface was measured, and its echo's intensity changes with distance: how much of the "
+        "error is due "
+        "to distance and how much to intensity cannot be determined, and the curve holds for such a surface "
+        "only. "
+        "Measure several surfaces at one distance (procedure range-intensity) as well");
+  } else {
+    out.why_not =
+        std::ranges::any_of(points, [](const RangePoint& p) { return p.for_intensity || p.for_distance; })
+            ? "no family of curves could be fitted to these points"
+            : "a range correction needs at least three distances, or four surfaces at one distance";
+  }
+}
+
+}  // namespace
+
 RangeCalibration calibrate_range(std::vector<RangePoint> points, const RangeOptions& options) {
   RangeCalibration out;
   sort_into_experiments(points);
   out.points_intensity = std::ranges::count(points, true, &RangePoint::for_intensity);
   out.points_distance = std::ranges::count(points, true, &RangePoint::for_distance);
-  const auto any = [&](bool RangePoint::*which) { return std::ranges::any_of(points, which); };
-  const bool with_intensity = any(&RangePoint::for_intensity), with_distance = any(&RangePoint::for_distance);
-  out.scatter_intensity_mm = scatter_of(curve(points, &RangePoint::for_intensity, &RangePoint::intensity, 0),
-                                        options.placement_u_mm);
+  const auto by_intensity = [&](double scatter) {
+    return curve(points, &RangePoint::for_intensity, &RangePoint::intensity, scatter);
+  };
+  out.scatter_intensity_mm = scatter_of(by_intensity(0), options.placement_u_mm);
   out.scatter_distance_mm = scatter_of(of_one_surface(points), options.placement_u_mm);
-  const FamilyFit *intensity = nullptr, *distance = nullptr;
-  double reference_mm = 0, reference_counts = options.reference_intensity;
-  if (with_intensity) {
-    out.intensity_table = compare_families(
-        curve(points, &RangePoint::for_intensity, &RangePoint::intensity, out.scatter_intensity_mm));
-    intensity = chosen(out.intensity_table, options.intensity_family);
-    for (const RangePoint& p : points)
-      if (p.for_intensity) {
-        reference_mm = p.true_mm;
-        if (options.reference_intensity <= 0) reference_counts = std::max(reference_counts, p.intensity);
-      }
-    if (intensity)
-      out.sequential = sequential_of(*intensity, points, out.scatter_distance_mm, options.distance_family,
-                                     out.distance_table);
-  }
-  if (with_distance && !out.sequential)
-    out.distance_table = compare_families(
-        curve(points, &RangePoint::for_distance, &RangePoint::measured_mm, out.scatter_distance_mm));
-  if (with_distance) distance = chosen(out.distance_table, options.distance_family);
   out.rms_before_mm = points.empty() ? std::nan("") : rms_of(points, nullptr);
-  if (intensity && distance) {
-    const JointFit joint = fit_joint(points, *intensity, *distance, out.scatter_intensity_mm,
-                                     out.scatter_distance_mm, reference_mm, reference_counts);
-    if (joint.ok) {
-      out.joint = joint.correction;
-      out.condition = joint.condition, out.correlation = joint.correlation, out.held_out_mm = joint.held_out;
-    } else {
-      out.notes.emplace_back("there are too few points for both curves at once; the sequential way was used");
-      out.joint = out.sequential;
-    }
-    state_identifiability(out, points);
-  } else if (intensity) {
-    out.joint = single(*intensity, CorrectionTerm::Argument::intensity);
-    out.held_out_mm = intensity->held_out;
-    out.identifiability.emplace_back(
-        "the distance was not changed: an error that grows with distance is not in this correction");
-  } else if (distance) {
-    out.joint = single(*distance, CorrectionTerm::Argument::range);
-    out.held_out_mm = distance->held_out;
-    out.identifiability.emplace_back(
-        "only one surface was measured, and its echo's intensity changes with distance: how much of the "
-        "error is due "
-        "to distance and how much to intensity cannot be told, and the curve holds for such a surface only. "
-        "Measure "
-        "several surfaces at one distance (procedure range-intensity) as well");
-    if (!any(&RangePoint::for_distance)) out.joint.reset();
-  } else {
-    out.why_not = with_intensity || with_distance
-                      ? "no family of curves could be fitted to these points"
-                      : "a range correction needs at least three distances, or four surfaces at one distance";
-  }
-  if (intensity)
-    state_open_interval(out, out.intensity_table, *intensity,
-                        curve(points, &RangePoint::for_intensity, &RangePoint::intensity, 0), "surface",
-                        "counts");
-  if (distance)
-    state_open_interval(out, out.distance_table, *distance,
+  const Chosen families = fit_families(out, points, options);
+  combine(out, points, families);
+  if (families.intensity)
+    state_open_interval(out, out.intensity_table, *families.intensity, by_intensity(0), "surface", "counts");
+  if (families.distance)
+    state_open_interval(out, out.distance_table, *families.distance,
                         curve(points, &RangePoint::for_distance, &RangePoint::measured_mm, 0), "distance",
                         "mm");
-  out.sequential = intensity && distance ? out.sequential : std::nullopt;
+  if (!families.intensity || !families.distance) out.sequential.reset();
   for (auto* correction : {&out.joint, &out.sequential}) {
     if (!*correction) continue;
-    (*correction)->reference_mm = reference_mm, (*correction)->reference_intensity = reference_counts;
+    (*correction)->reference_mm = families.reference_mm;
+    (*correction)->reference_intensity = families.reference_counts;
     (*correction)->common_u_mm = std::max(options.placement_u_mm, options.common_u_mm);
     set_ranges(**correction, points);
   }

@@ -77,6 +77,23 @@ void add_self_check(json& out, const fit::WallFit& fit) {
   }
 }
 
+/// Of the six values of the joint fit; `angle_u`: that of the mounting angle with its parts from the stage,
+/// degrees.
+json covariance_of_values(const fit::WallFit& fit, double angle_u) {
+  json matrix = json::array();
+  const double scale[] = {fit::deg_per_rad, 1, 1, 1, 1, fit::deg_per_rad};
+  for (int i = 0; i < 6; ++i) {
+    json row = json::array();
+    for (int k = 0; k < 6; ++k)
+      row.push_back(
+          scale[i] * scale[k] * fit.covariance(i, k) +
+          (i == 0 && k == 0 ? std::pow(angle_u, 2) - std::pow(scale[0], 2) * fit.covariance(0, 0) : 0));
+    matrix.push_back(row);
+  }
+  return {{"names", {"mounting_angle_deg", "mount_x_mm", "mount_y_mm", "front_mm", "side_mm", "corner_deg"}},
+          {"matrix", matrix}};
+}
+
 void add_values(json& out, const fit::WallFit& fit, const fit::Bench& bench) {
   const double stage_u = u_of_stage_deg(fit, bench);
   const double board_u = fit.walls[0].u_rad * fit::deg_per_rad;
@@ -135,22 +152,11 @@ void add_values(json& out, const fit::WallFit& fit, const fit::Bench& bench) {
   add_self_check(out, fit);
   out["values"].push_back(
       plain_value("range_noise_mm", "Standard deviation of one range", fit.range_noise_mm, "mm"));
-  json matrix = json::array();
-  const double scale[] = {fit::deg_per_rad, 1, 1, 1, 1, fit::deg_per_rad};
-  for (int i = 0; i < 6; ++i) {
-    json row = json::array();
-    for (int k = 0; k < 6; ++k)
-      row.push_back(scale[i] * scale[k] * fit.covariance(i, k) +
-                    (i == 0 && k == 0 ? std::pow(angle.u(), 2) - std::pow(scale[0], 2) * fit.covariance(0, 0) : 0));
-    matrix.push_back(row);
-  }
-  out["covariance"] = {
-      {"names", {"mounting_angle_deg", "mount_x_mm", "mount_y_mm", "front_mm", "side_mm", "corner_deg"}},
-      {"matrix", matrix}};
+  out["covariance"] = covariance_of_values(fit, angle.u());
 }
 
-/// Simpler ways beside the joint fit, whose deviations were taken off before.
-void compare_ways(json& out, const fit::WallFit& fit) {
+/// Simpler methods beside the joint fit, whose deviations were taken off before.
+void compare_simpler(json& out, const fit::WallFit& fit) {
   if (fit.repeats >= 3)
     compare_methods(out, "Mounting angle", "all beams together", degrees(joint(fit, 0)),
                     "slope of the front wall at stage angle 0", degrees(fit.patent_angle_rad), "deg");
@@ -364,7 +370,7 @@ class Wall : public Fitting {
         "lidar's optical centre is at R(theta) (x, y) from the axis, and its beam at 0 deg points to theta "
         "+ yaw. x lies along the stage's zero direction, y to the left of it, seen from above; angles grow "
         "counter-clockwise.");
-    compare_ways(out, fit);
+    compare_simpler(out, fit);
     compare_with_bench(out, fit, bench);
     add_ways(out, fit);
     add_observations(out, fit);

@@ -275,6 +275,8 @@ TEST_CASE("distances are found in file and folder names") {
   CHECK(rig::distance_in_name("20 cm.db3") == 200.0);
   CHECK_FALSE(rig::distance_in_name("run_3_morning.mcap"));
   CHECK_FALSE(rig::distance_in_name("bag_0.mcap"));
+  // A number in the middle of a word is none: folders with random names would have distances.
+  CHECK_FALSE(rig::distance_in_name("/tmp/session-4iTf5m/new.log"));
 }
 
 TEST_CASE("true distances put a target and its shifts into the session") {
