@@ -71,9 +71,9 @@ class BenchOperator final : public Operator {
 
   awaitable<Answer> ask(Prompt prompt) override {
     if (!prompt.place) co_return Answer{};
-    auto telling = tell(json{{"place", to_json(*prompt.place)}}.dump() + "\n");
+    auto asking = exchange(json{{"place", to_json(*prompt.place)}}.dump() + "\n");
     auto late = deadline();
-    const auto outcome = co_await (std::move(telling) || std::move(late));
+    const auto outcome = co_await (std::move(asking) || std::move(late));
     if (outcome.index() == 1) {
       forget_connection();
       throw DeviceError("The simulated bench at " + name() +
@@ -105,7 +105,7 @@ class BenchOperator final : public Operator {
     co_await timer.async_wait(use_awaitable);
   }
 
-  awaitable<std::string> tell(std::string line) {
+  awaitable<std::string> exchange(std::string line) {
     try {
       if (!socket_.is_open()) {
         asio::ip::tcp::resolver resolver(socket_.get_executor());

@@ -254,7 +254,7 @@ void Runner::Impl::finish_session() {
     if (!failure)
       failure = std::current_exception();
     else if (words_of(failure) != error.what())
-      tell("error", error.what());
+      announce("error", error.what());
   }
 }
 
@@ -291,9 +291,9 @@ void Runner::resume() {
 
 void Runner::abort() {
   if (impl_->computing && !impl_->aborted)
-    impl_->tell("warning",
-                "the computation cannot be interrupted: rig ends when it is done and discards it "
-                "(a second Ctrl-C ends rig at once; nothing captured is lost)");
+    impl_->announce("warning",
+                    "the computation cannot be interrupted: rig ends when it is done and discards it "
+                    "(a second Ctrl-C ends rig at once; nothing captured is lost)");
   impl_->aborted = true;
   impl_->abort_gate.open();
   impl_->resume_gate.open();

@@ -99,7 +99,7 @@ awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& reques
     lidar::Scan scan = co_await next_scan(stream_for(request, skip), &gate, failures);
     if (!gate.takes(scan, time.follows_lidar() ? 0 : settled_us)) {
       if (gate.hopeless()) {
-        co_await begin_anew(request, failures);
+        co_await reconnect_for_unfit_scans(request, failures);
       }
       continue;
     }
@@ -123,7 +123,7 @@ std::string Runner::Impl::unfit_scans(const CaptureRequest& request) {
          "rig resume.";
 }
 
-awaitable<void> Runner::Impl::begin_anew(const CaptureRequest& request, int& failures) {
+awaitable<void> Runner::Impl::reconnect_for_unfit_scans(const CaptureRequest& request, int& failures) {
   if (++failures > failures_without_scan) throw DeviceError(unfit_scans(request));
   co_await reconnect_lidar(std::make_exception_ptr(
       DeviceError("its scans are of other steps, or their time stamps do not advance")));

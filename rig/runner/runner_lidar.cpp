@@ -60,7 +60,7 @@ awaitable<lidar::Scan> Runner::Impl::next_scan(LidarStream stream, ScanGate* gat
       why = std::current_exception();
     }
     if (!why) {
-      heed_clock_restart(scan);
+      report_clock_restart(scan);
       co_return scan;
     }
     stop_if_aborted();
@@ -69,8 +69,8 @@ awaitable<lidar::Scan> Runner::Impl::next_scan(LidarStream stream, ScanGate* gat
   }
 }
 
-void Runner::Impl::heed_clock_restart(const lidar::Scan& scan) {
-  const bool asked_for = std::exchange(power_cycle_told, false);
+void Runner::Impl::report_clock_restart(const lidar::Scan& scan) {
+  const bool asked_for = std::exchange(power_cycle_announced, false);
   if (parts.lidar.clock_restarts() == clock_restarts) return;
   clock_restarts = parts.lidar.clock_restarts();
   json all = json::parse(session.get("lidar_restarts").value_or("[]"), nullptr, false);

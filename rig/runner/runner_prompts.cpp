@@ -22,7 +22,7 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
     state.prompt = prompt;
     state.activity = "prompt: " + prompt.title;
     note("info", "asks: " + prompt.title);
-    say_who_waits(prompt);
+    store_waiting_prompt(prompt);
     Answer answer = co_await ask_once(prompt);
     session.set("waiting", "");
     state.prompt.reset();
@@ -44,7 +44,7 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
     const bool answered_well = prompt.refusal.empty();
     if (answered_well) {
       co_await apply(prompt);
-      prompt.check = prompt.refusal = co_await look_after(prompt);
+      prompt.check = prompt.refusal = co_await check_after(prompt);
     }
     if (prompt.refusal.empty()) {
       note("info", "done: " + prompt.title);
@@ -62,13 +62,13 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
   }
 }
 
-void Runner::Impl::say_who_waits(const Prompt& prompt) {
+void Runner::Impl::store_waiting_prompt(const Prompt& prompt) {
   if (parts.operator_.unattended()) return;
   session.set("waiting", json{{"title", prompt.title}, {"text", prompt.text}, {"since_unix_s", parts.clock.unix_us() / 1'000'000}}.dump(
                              -1, ' ', false, json::error_handler_t::replace));
 }
 
-awaitable<std::string> Runner::Impl::look_after(const Prompt& prompt) {
+awaitable<std::string> Runner::Impl::check_after(const Prompt& prompt) {
   if (!prompt.until) co_return "";
   const Expectation expected = *prompt.until;
   if (expected.of_target && !can_see(*expected.target)) {
@@ -143,7 +143,7 @@ awaitable<void> Runner::Impl::apply(const Prompt& prompt) {
   if (!place.since_power_on_s) co_return;
   record("power_on_us", *placed.power_on_us());
   streaming = false;
-  power_cycle_told = true;
+  power_cycle_announced = true;
   note("info", "the lidar was switched off and on: the rig is reconnecting");
   co_await connect_again(nullptr);
 }

@@ -27,22 +27,6 @@ std::string different_values(const json& before, const json& now) {
 
 }  // namespace
 
-std::string words_of(const std::exception_ptr& why) {
-  try {
-    std::rethrow_exception(why);
-  } catch (const std::exception& error) {
-    return error.what();
-  } catch (...) {
-    return "unknown error";
-  }
-}
-
-std::string sentence(const std::exception_ptr& why) {
-  std::string words = words_of(why);
-  if (!words.empty() && std::string(".!?").find(words.back()) == std::string::npos) words += '.';
-  return words;
-}
-
 json json_of(const Value& value) {
   if (const auto* number = std::get_if<double>(&value)) return *number;
   if (const auto* flag = std::get_if<bool>(&value)) return *flag;
@@ -262,10 +246,10 @@ void Runner::Impl::changed() {
 
 void Runner::Impl::note(const std::string& level, const std::string& text) {
   session.add_event(time.now_us(), level, text);
-  tell(level, text);
+  announce(level, text);
 }
 
-void Runner::Impl::tell(const std::string& level, const std::string& text) {
+void Runner::Impl::announce(const std::string& level, const std::string& text) {
   state.messages.push_back({time.now_us(), level, text});
   ++state.messages_total;
   if (state.messages.size() > messages_kept) state.messages.erase(state.messages.begin());

@@ -8,12 +8,6 @@ namespace rig {
 
 std::string in_deg(double deg) { return rounded_text(deg, 4) + " deg"; }
 
-bool is_stage_error(const std::exception_ptr& why) { return is_a<StageError>(why); }
-
-bool is_stage_lost(const std::exception_ptr& why) { return is_a<StageLost>(why); }
-
-bool is_lidar_lost(const std::exception_ptr& why) { return is_a<DeviceError>(why) && !is_a<StageError>(why); }
-
 awaitable<void> Runner::Impl::home(bool again) {
   for (int attempt = 1;; ++attempt) {
     std::exception_ptr why;

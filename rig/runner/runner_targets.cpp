@@ -9,9 +9,6 @@
 namespace rig {
 namespace {
 
-// Two surfaces whose reflectances differ by so much return different echoes from one distance.
-constexpr double very_different = 2, same_echo = 1.03, same_distance = 0.02;
-
 /// The text of a step's option with the variables of its turn; empty if it has none.
 std::string option_text(const Node& options, const std::string& name, const Variables& variables) {
   const Node* node = options.find(name);
@@ -95,25 +92,11 @@ Runner::Impl::Observation Runner::Impl::judge_target(const Expectation& expected
 std::string Runner::Impl::wrong_surface(const Expectation& expected, const Observation& observed) {
   const fit::Target& target = *expected.target;
   if (!expected.surface || !target.reflectance || !observed.intensity) return "";
-  const Surface here{distance_mm(target), *target.reflectance, *observed.intensity};
-  auto& known = surfaces[target.name];
-  for (const Surface& other : known) {
-    if (std::abs(other.distance_mm - here.distance_mm) > same_distance * here.distance_mm) continue;
-    const bool lighter = here.reflectance > other.reflectance;
-    const double factor = lighter ? here.reflectance / other.reflectance : other.reflectance / here.reflectance;
-    const double stronger = lighter ? here.intensity / other.intensity : other.intensity / here.intensity;
-    if (factor >= very_different && stronger < same_echo)
-      return quoted(target.name) + " does not look as requested: its echo is " +
-             rounded_text(here.intensity, 0) + ", that of a surface of reflectance " +
-             to_text(other.reflectance) + " was " + rounded_text(other.intensity, 0) + ", and " +
-             to_text(here.reflectance) + " is requested.";
-  }
-  known.push_back(here);
-  return "";
+  return surfaces.contradiction(target.name, {distance_mm(target), *target.reflectance, *observed.intensity});
 }
 
 void Runner::Impl::remember_unchecked() {
-  const auto look_for_it = [this](const std::string& name) {
+  const auto add = [this](const std::string& name) {
     const fit::Target* target = known_bench.target(name);
     if (!target) return;
     Expectation expected;
@@ -121,8 +104,8 @@ void Runner::Impl::remember_unchecked() {
     expected.target = placed.as_placed(*target);
     unchecked[name] = expected;
   };
-  for (const auto& [name, place] : placed.placements()) look_for_it(name);
-  for (const std::string& name : taken_for_granted(plan, variables, known_bench)) look_for_it(name);
+  for (const auto& [name, place] : placed.placements()) add(name);
+  for (const std::string& name : taken_for_granted(plan, variables, known_bench)) add(name);
 }
 
 awaitable<void> Runner::Impl::check_targets() {

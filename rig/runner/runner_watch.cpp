@@ -84,7 +84,7 @@ awaitable<Runner::Impl::Observation> Runner::Impl::observe(Expectation expected)
     const lidar::Scan scan = co_await next_scan(stream_for(request, 0), &gate, failures);
     if (!gate.takes(scan, 0)) {
       if (gate.hopeless()) {
-        co_await begin_anew(request, failures);
+        co_await reconnect_for_unfit_scans(request, failures);
       }
       continue;
     }
@@ -170,7 +170,7 @@ awaitable<void> Runner::Impl::watch_bench(std::optional<Expectation> until) {
       note("warning", "lidar lost: " + words_of(why) + " Check its power and cable; rig keeps trying.");
     lost = true;
     streaming = false;
-    tell(Observation(false, "the lidar does not answer."));
+    show(Observation(false, "the lidar does not answer."));
     changed();
     co_await pause_for(between_attempts_s);
   }
@@ -192,7 +192,7 @@ awaitable<void> Runner::Impl::watch_stream(std::optional<Expectation> until) {
       show(scan);
       echoes.add(scan, static_cast<std::size_t>(std::max(0, wanted.first_step - scan.first_step)));
       if (echoes.enough()) {
-        if (until) tell(judge(*until, wanted.first_step, echoes.seen()));
+        if (until) show(judge(*until, wanted.first_step, echoes.seen()));
         echoes = Echoes(beams);
         enough = time.follows_lidar();
       }
@@ -203,7 +203,7 @@ awaitable<void> Runner::Impl::watch_stream(std::optional<Expectation> until) {
   }
 }
 
-void Runner::Impl::tell(const Observation& observed) {
+void Runner::Impl::show(const Observation& observed) {
   if (!state.prompt) return;
   state.prompt->check = observed.good ? "" : observed.text;
   state.prompt->seen = observed.good ? observed.text : "";
