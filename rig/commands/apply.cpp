@@ -21,7 +21,7 @@ class Apply : public Command {
                      "Correction (*.json), or a session that holds one")
         ->required();
     command->add_option("session", request_.input, "Session to correct")->required();
-    command->add_option("-o,--output", output_, "Session to make (*.rig)")->required();
+    command->add_option("-o,--output", output_, "Session file to write (*.rig)")->required();
     command
         ->add_option("--outside", outside_,
                      "Treatment of samples outside the calibrated region: hold corrects them as at its "

@@ -13,7 +13,7 @@ class Deskew : public Command {
   CLI::App* declare(CLI::App& root) override {
     auto* command = root.add_subcommand("deskew", "Removes the motion distortion of a moving lidar's scans");
     command->add_option("session", input_, "Session with odometry or a stage track")->required();
-    command->add_option("-o,--output", output_, "Session to make (*.rig)")->required();
+    command->add_option("-o,--output", output_, "Session file to write (*.rig)")->required();
     command->add_option("--offset-ms", options_.offset_ms,
                         "Path time minus scan time; default: estimated from the scans");
     command

@@ -124,7 +124,7 @@ awaitable<void> Runner::Impl::check_targets() {
           " Unattended run: cannot be corrected. Put it there, or correct from_mm and to_mm in "
           "the bench file and begin a new session. The stage has stopped; continue with rig resume.");
     Prompt prompt;
-    prompt.title = "Put '" + expected.target->name + "' where it belongs";
+    prompt.title = "Put '" + expected.target->name + "' in its place";
     prompt.text =
         "Its distance from the stage's axis is to be " + rounded_text(distance_mm(*expected.target), 1) +
         " mm. If it stands as it should, stop the run and correct from_mm and to_mm in the bench file.";

@@ -270,16 +270,16 @@ class Validation : public Fitting {
       out["values"].push_back(result_value(name + "_after_mm", words + ", corrected", after_all, "mm"));
       out["budget"].push_back(
           budget_line(words + ", corrected: differs along the surface", "A", after_all.u, "mm"));
-      out["values"].push_back(result_value(name + "_improvement_percent", words + ": better by",
+      out["values"].push_back(result_value(name + "_improvement_percent", words + ": improvement",
                                            improvement(before_all, after_all), "%"));
     }
     out["tables"].push_back(
         {{"title", "Experiment A3: spread of ordinate differences before and after correction"},
          {"columns",
           {"capture", "difference", column("before", "mm"), column("from", "mm"), column("to", "mm"),
-           column("after", "mm"), column("from", "mm"), column("to", "mm"), column("better by", "%"),
+           column("after", "mm"), column("from", "mm"), column("to", "mm"), column("improvement", "%"),
            column("plane removed, before", "mm"), column("after", "mm"), column("from", "mm"),
-           column("to", "mm"), column("better by", "%")}},
+           column("to", "mm"), column("improvement", "%")}},
          {"rows", rows}});
   }
 
@@ -306,7 +306,7 @@ class Validation : public Fitting {
       out["values"].push_back(result_value("scene_after_mm", "The same, range and centre corrected",
                                            {after.mean_mm, after.u_mm}, "mm"));
       out["values"].push_back(
-          result_value("scene_improvement_percent", "Better by",
+          result_value("scene_improvement_percent", "Improvement",
                        improvement({before.mean_mm, before.u_mm}, {after.mean_mm, after.u_mm}), "%"));
       out["budget"].push_back(
           budget_line("same scene: distances differ from point to point", "A", after.u_mm, "mm"));
