@@ -6,6 +6,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "fit/median.hpp"
 #include "rig/procedure/procedure_plan.hpp"
 #include "rig/runner/lidar_doubts.hpp"
 #include "rig/runner/scan_gate.hpp"
@@ -21,11 +22,8 @@ constexpr int scans_of_rate = 40, scans_of_medians = 20;
 constexpr double stage_tolerance_deg = 0.02;
 constexpr double weak_intensity = 200;
 
-double median(std::vector<double> values) {
-  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+double median(const std::vector<double>& values) {
+  return values.empty() ? std::numeric_limits<double>::quiet_NaN() : fit::median_of(std::vector(values));
 }
 
 std::string rounded(double value, int digits = 0) { return rounded_text(value, digits); }

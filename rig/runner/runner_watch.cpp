@@ -3,24 +3,19 @@
 #include <cmath>
 #include <limits>
 
+#include "fit/median.hpp"
 #include "rig/runner/runner_impl.hpp"
 #include "rig/runner/scan_gate.hpp"
 
 namespace rig {
 namespace {
 
-constexpr int scans_of_a_look = 10;
+constexpr int scans_of_a_check = 10;
 constexpr double between_attempts_s = 2;
-// Of a device that sends as fast as it is read: two looks a second are enough for an eye.
-constexpr double between_looks_s = 0.5;
+// Of a device that sends as fast as it is read: two checks a second are enough for an eye.
+constexpr double between_checks_s = 0.5;
 
-double middle_of(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-/// The echoes of the beams that are looked at, collected until they can be judged.
+/// The echoes of the beams that are checked, collected until they can be judged.
 class Echoes {
  public:
   explicit Echoes(std::size_t beams) : ranges_(beams), levels_(beams) {}
@@ -33,15 +28,15 @@ class Echoes {
       if (offset + i < scan.intensity.size()) levels_[i].push_back(scan.intensity[offset + i]);
     }
   }
-  [[nodiscard]] bool enough() const { return scans_ >= scans_of_a_look; }
+  [[nodiscard]] bool enough() const { return scans_ >= scans_of_a_check; }
   /// Medians of the beams that had an echo in half of the scans.
   [[nodiscard]] BeamMedians seen() const {
     constexpr double none = std::numeric_limits<double>::quiet_NaN();
     BeamMedians seen;
     for (std::size_t i = 0; i < ranges_.size(); ++i) {
-      const bool sure = ranges_[i].size() >= scans_of_a_look / 2;
-      seen.range_mm.push_back(sure ? middle_of(ranges_[i]) : none);
-      seen.intensity.push_back(sure && !levels_[i].empty() ? middle_of(levels_[i]) : none);
+      const bool sure = ranges_[i].size() >= scans_of_a_check / 2;
+      seen.range_mm.push_back(sure ? fit::median_of(std::vector(ranges_[i])) : none);
+      seen.intensity.push_back(sure && !levels_[i].empty() ? fit::median_of(std::vector(levels_[i])) : none);
     }
     return seen;
   }
@@ -110,7 +105,7 @@ Runner::Impl::Observation Runner::Impl::judge(const Expectation& expected, int f
   if (medians.size() * 2 < seen.range_mm.size())
     return Observation(false, "the rig sees nothing there (no echo from most beams, with the stage at " +
                                   rounded_text(position_deg, 2) + " deg).");
-  const double seen_mm = middle_of(medians);
+  const double seen_mm = fit::median_of(std::vector(medians));
   if (expected.within_mm && (seen_mm < expected.within_mm->first || seen_mm > expected.within_mm->second))
     return Observation(false, "the rig sees " + rounded_text(seen_mm, 1) + " mm, expected " +
                                   rounded_text(expected.within_mm->first, 1) + " to " +
@@ -148,9 +143,9 @@ awaitable<void> Runner::Impl::never() {
 }
 
 awaitable<void> Runner::Impl::watch_bench(std::optional<Expectation> until) {
-  const bool someone_looks = !parts.operator_.unattended() && connected;
+  const bool is_attended = !parts.operator_.unattended() && connected;
   bool lost = false;
-  while (someone_looks) {
+  while (is_attended) {
     std::exception_ptr why;
     try {
       if (lost) {
@@ -199,7 +194,7 @@ awaitable<void> Runner::Impl::watch_stream(std::optional<Expectation> until) {
       changed();
     }
     co_await end_stream();
-    co_await pause_for(between_looks_s);
+    co_await pause_for(between_checks_s);
   }
 }
 
