@@ -236,7 +236,7 @@ ImportReport import_into(const std::string& unfinished, const ImportRequest& req
 }  // namespace
 
 std::optional<double> distance_in_name(const std::string& path) {
-  static const std::regex pattern(R"((?:^|[^0-9A-Za-z.])([0-9]+(?:\.[0-9]+)?) ?(mm|cm|m)(?![A-Za-z0-9]))");
+  static const std::regex pattern(R"((?:^|[^A-Za-z0-9.])([0-9]+(?:\.[0-9]+)?) ?(mm|cm|m)(?![A-Za-z0-9]))");
   fs::path at(path);
   if (at.filename().empty()) at = at.parent_path();
   for (int level = 0; level < 2 && !at.empty(); ++level, at = at.parent_path()) {
