@@ -9,6 +9,7 @@
 #include <unordered_map>
 
 #include "fit/dense.hpp"
+#include "fit/median.hpp"
 
 namespace fit {
 namespace {
@@ -414,9 +415,7 @@ Crispness crispness(std::span<const Vector2d> map, double radius_mm, std::size_t
   result.entropy = entropy / static_cast<double>((map.size() + stride - 1) / stride);
   result.mean_thickness_mm =
       std::accumulate(thick.begin(), thick.end(), 0.0) / static_cast<double>(thick.size());
-  const auto middle = thick.begin() + static_cast<std::ptrdiff_t>(thick.size() / 2);
-  std::nth_element(thick.begin(), middle, thick.end());
-  result.thickness_mm = *middle;
+  result.thickness_mm = median_of(std::span(thick));
   return result;
 }
 

@@ -188,7 +188,7 @@ class Drive {
     if (usable(out.odometry)) {
       match_at_lengths(out);
     } else {
-      mark_stretches(out.samples);
+      mark_segments(out.samples);
       const auto grouped = grouped_covariance(out.samples, group_samples(out.samples), options_.fit);
       out.jackknife_u = grouped.covariance.diagonal().cwiseSqrt();
       widen_to(out.odometry.covariance, out.jackknife_u);
@@ -410,49 +410,50 @@ class Drive {
     }
   }
 
-  /// Which of twelve stretches of the drive each sample begins in: as many samples in each at the first length,
-  /// the same times at every other.
-  void mark_stretches(std::vector<WheelSample>& samples) {
-    constexpr std::size_t stretches = 12;
-    if (stretch_ends_s_.empty())
-      for (std::size_t k = 1; k < stretches; ++k)
-        stretch_ends_s_.push_back(samples[k * samples.size() / stretches].begin_s);
+  /// Which of twelve segments of the drive each sample begins in: as many samples in each at the first
+  /// length, the same times at every other.
+  void mark_segments(std::vector<WheelSample>& samples) {
+    constexpr std::size_t segments = 12;
+    if (segment_ends_s_.empty())
+      for (std::size_t k = 1; k < segments; ++k)
+        segment_ends_s_.push_back(samples[k * samples.size() / segments].begin_s);
     for (WheelSample& sample : samples)
-      sample.run = static_cast<std::size_t>(
-          std::ranges::upper_bound(stretch_ends_s_, sample.begin_s) - stretch_ends_s_.begin());
+      sample.run = static_cast<std::size_t>(std::ranges::upper_bound(segment_ends_s_, sample.begin_s) -
+                                            segment_ends_s_.begin());
   }
 
-  /// The values without each stretch that was not left out; where it has no samples, or no others have, with all.
-  [[nodiscard]] std::vector<Vector6> without_each_stretch(const std::vector<WheelSample>& samples,
-                                                          const std::vector<RunVerdict>& stretches,
+  /// The values without each segment that was not left out; where it has no samples, or no others have, with
+  /// all.
+  [[nodiscard]] std::vector<Vector6> without_each_segment(const std::vector<WheelSample>& samples,
+                                                          const std::vector<RunVerdict>& segments,
                                                           const OdometryFit& all) const {
     std::vector<Vector6> out;
-    for (const RunVerdict& stretch : stretches) {
-      if (stretch.left_out) continue;
+    for (const RunVerdict& segment : segments) {
+      if (segment.left_out) continue;
       std::vector<WheelSample> rest;
       for (const WheelSample& sample : samples)
-        if (sample.run != stretch.run) rest.push_back(sample);
+        if (sample.run != segment.run) rest.push_back(sample);
       const bool as_all = rest.size() == samples.size() || rest.size() < 20;
       out.push_back(as_all ? all.robot.vector() : fit_odometry(rest, options_.fit).robot.vector());
     }
     return out;
   }
 
-  /// Matches scans at every length and leaves out stretches with slip.
+  /// Matches scans at every length and leaves out segments with slip.
   void match_at_lengths(DriveFit& out) {
     DriveFit at = out;
     std::vector<std::vector<WheelSample>> samples;
     std::vector<OdometryFit> fits;
     for (const double multiple : options_.lengths) {
       if (multiple != 1) collect(at, multiple);
-      mark_stretches(at.samples);
+      mark_segments(at.samples);
       if (at.samples.size() < 60) break;
       if (samples.empty()) {
-        leave_out_slipped_runs(at.samples, options_.fit, out.stretches);
+        leave_out_slipped_runs(at.samples, options_.fit, out.segments);
       }
       std::erase_if(at.samples, [&](const WheelSample& sample) {
-        return std::ranges::any_of(out.stretches, [&](const RunVerdict& stretch) {
-          return stretch.left_out && stretch.run == sample.run;
+        return std::ranges::any_of(out.segments, [&](const RunVerdict& segment) {
+          return segment.left_out && segment.run == sample.run;
         });
       });
       DriveLength length;
@@ -464,7 +465,7 @@ class Drive {
       length.way_mm = median_of(ways), length.interval_s = median_of(times);
       fits.push_back(fit_odometry(at.samples, options_.fit));
       length.values = fits.back().robot.vector();
-      length.without = without_each_stretch(at.samples, out.stretches, fits.back());
+      length.without = without_each_segment(at.samples, out.segments, fits.back());
       length.u = jackknife(length.without).diagonal().cwiseSqrt();
       out.lengths.push_back(length);
       samples.push_back(std::move(at.samples));
@@ -494,17 +495,17 @@ class Drive {
   /// of the drift up to an endless way that is not scatter. The drift from the length taken stays in the uncertainty.
   void choose_length(DriveFit& out, const std::vector<std::vector<WheelSample>>& samples,
                      const std::vector<OdometryFit>& fits) const {
-    const std::size_t stretches = out.lengths.front().without.size();
+    const std::size_t segments = out.lengths.front().without.size();
     const bool several =
-        out.lengths.size() >= 3 && stretches >= 4 &&
-        std::ranges::all_of(out.lengths, [&](const auto& l) { return l.without.size() == stretches; });
+        out.lengths.size() >= 3 && segments >= 4 &&
+        std::ranges::all_of(out.lengths, [&](const auto& l) { return l.without.size() == segments; });
     Vector6 tends_to = Vector6::Zero(), tends_to_u = Vector6::Zero();
     std::vector<Vector6> tends_without;
     if (several) {
       std::vector<Vector6> values;
       for (const DriveLength& length : out.lengths) values.push_back(length.values);
       tends_to = endless(out.lengths, values);
-      for (std::size_t g = 0; g < stretches; ++g) {
+      for (std::size_t g = 0; g < segments; ++g) {
         for (std::size_t i = 0; i < values.size(); ++i) values[i] = out.lengths[i].without[g];
         tends_without.push_back(endless(out.lengths, values));
       }
@@ -519,8 +520,7 @@ class Drive {
       Vector6 chance = Vector6::Zero();
       if (several) {
         std::vector<Vector6> difference;
-        for (std::size_t g = 0; g < stretches; ++g)
-          difference.push_back(tends_without[g] - length.without[g]);
+        for (std::size_t g = 0; g < segments; ++g) difference.push_back(tends_without[g] - length.without[g]);
         chance = jackknife(difference).diagonal();
       }
       const Vector6 beyond = (drift_of(length).cwiseAbs2() - chance).cwiseMax(0);
@@ -555,7 +555,7 @@ class Drive {
   Path path_;
   SweepTiming timing_;
   std::vector<Still> stills_;
-  std::vector<double> stretch_ends_s_;
+  std::vector<double> segment_ends_s_;
 };
 
 }  // namespace

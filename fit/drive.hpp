@@ -32,8 +32,8 @@ struct DriveLength {
   double multiple = 1;
   std::size_t samples = 0;
   double way_mm = 0, interval_s = 0;  ///< Medians.
-  Vector6 values = Vector6::Zero(), u = Vector6::Zero();  ///< u: leaving out one stretch after the other.
-  std::vector<Vector6> without;                           ///< The values without each stretch.
+  Vector6 values = Vector6::Zero(), u = Vector6::Zero();  ///< u: leaving out one segment after the other.
+  std::vector<Vector6> without;                           ///< The values without each segment.
   bool taken = false;
 };
 
@@ -43,10 +43,10 @@ struct DriveFit {
   TimingEstimate timing;  ///< Order of the beams, each at its own best offset, from the agreement of scans.
   OffsetSearch coarse;    ///< By scans matched one after the other, before anything else is known.
   OffsetSearch offset;    ///< Wheels' time minus scans' time, where wheels and matches agree best.
-  /// Standard uncertainties by leaving out one stretch of the drive after the other, with Student's factor, in
-  /// the order of RobotGeometry::vector().
+  /// Standard uncertainties by leaving out one segment of the drive after the other, with Student's factor,
+  /// in the order of RobotGeometry::vector().
   Vector6 jackknife_u = Vector6::Zero();
-  std::vector<RunVerdict> stretches;  ///< Of the drive, in order of time; those with slip are left out.
+  std::vector<RunVerdict> segments;  ///< Of the drive, in order of time; those with slip are left out.
   std::vector<DriveLength> lengths;
   bool extrapolated = false;        ///< The values given are those that the lengths tend to.
   Vector6 drift = Vector6::Zero();  ///< From the length taken (extrapolated: the greatest) to those.
@@ -63,14 +63,15 @@ struct DriveFit {
 
 /// Calibrates wheels and lidar pose from a drive: wheel angles and scans of a recording. Scans are deskewed
 /// by the wheels, scans some way apart are matched with each other (both ways, matches that disagree are left
-/// out), stretches at rest only tell the matches' noise, and what is found deskews the scans of the next
-/// round. The clocks' offset comes first, from scans matched one after the other, which needs no wheels; then the
-/// order of the beams, each at its own best offset. A match that falls short by some millimetres, or wheels read at
-/// uncertain times, make lengths too small by a share that falls with the way: scans are matched at several
-/// lengths and, if the values drift, extrapolated by `value + c / way`. Stretches of the drive with slip are left
-/// out, and the uncertainty is that of leaving out one stretch after the other, with the drift and the lidar's scale.
-/// Beams that see the robot itself are left out, and stamps that come late by chance made even where wheels and
-/// matches then agree better. Throws std::invalid_argument when wheel angles or motion are missing.
+/// out), segments at rest only tell the matches' noise, and what is found deskews the scans of the next
+/// round. The clocks' offset comes first, from scans matched one after the other, which needs no wheels; then
+/// the order of the beams, each at its own best offset. A match that falls short by some millimetres, or
+/// wheels read at uncertain times, make lengths too small by a share that falls with the way: scans are
+/// matched at several lengths and, if the values drift, extrapolated by `value + c / way`. Segments of the
+/// drive with slip are left out, and the uncertainty is that of leaving out one segment after the other, with
+/// the drift and the lidar's scale. Beams that see the robot itself are left out, and stamps that come late
+/// by chance made even where wheels and matches then agree better. Throws std::invalid_argument when wheel
+/// angles or motion are missing.
 DriveFit fit_drive(const Recording& recording, const DriveOptions& options = {});
 
 }  // namespace fit

@@ -12,9 +12,9 @@ namespace fit {
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
-/// Which group each sample belongs to: what happens within one (slip, a tyre that is pressed, a match's bias) may
-/// be common to its samples; between groups it is not. Of six runs or more every run is one; of fewer, each
-/// is cut into stretches, so that there are twelve or more.
+/// Which group each sample belongs to: what happens within one (slip, a tyre that is pressed, a match's bias)
+/// may be common to its samples; between groups it is not. Of six runs or more every run is one; of fewer,
+/// each is cut into segments, so that there are twelve or more.
 std::vector<std::size_t> group_samples(const std::vector<WheelSample>& samples);
 
 /// Covariance of the fit by leaving out one group after the other (delete-group jackknife, Wu 1986), widened by
@@ -34,10 +34,10 @@ double student_widening(std::size_t groups);
 /// Widens the fit's covariance where that of the groups is larger, parameter by parameter.
 void widen_to(Matrix6& covariance, const Vector6& u);
 
-/// How well a run, or a stretch of one, agrees with the others.
+/// How well a run, or a segment of one, agrees with the others.
 struct RunVerdict {
   std::size_t run = 0, samples = 0;
-  std::size_t stretch = 0, stretches = 1;  ///< Which of how many, if runs were cut.
+  std::size_t segment = 0, segments = 1;  ///< Which of how many, if runs were cut.
   double misfit = 0;      ///< RMS of its residuals in units of the noise of the runs kept.
   bool left_out = false;  ///< Slipped, or moved by hand: its misfit is beyond the scatter of the others.
 };
@@ -94,7 +94,7 @@ struct RunsFit {
   OdometryFit odometry;              ///< Its covariance contains groups, offset and drift with length.
   std::vector<WheelSample> samples;  ///< That `odometry` was made of.
   GroupedCovariance grouped;
-  std::vector<RunVerdict> runs;  ///< Or their stretches, as group_samples() makes them.
+  std::vector<RunVerdict> runs;  ///< Or their segments, as group_samples() makes them.
   OffsetSearch offset;           ///< Common to all runs.
   std::vector<double> run_offsets_s;  ///< Taken for each run: recordings are started one by one.
   std::vector<LengthFit> lengths;

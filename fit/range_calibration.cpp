@@ -357,8 +357,8 @@ void state_identifiability(RangeCalibration& out, const std::vector<RangePoint>&
 }
 
 /// Between points far apart a curve is less certain than at them: says where a capture would help.
-void state_open_stretch(RangeCalibration& out, const std::vector<FamilyFit>& table, const FamilyFit& chosen,
-                        const std::vector<CurvePoint>& points, const char* what, const char* unit) {
+void state_open_interval(RangeCalibration& out, const std::vector<FamilyFit>& table, const FamilyFit& chosen,
+                         const std::vector<CurvePoint>& points, const char* what, const char* unit) {
   const auto open = most_open_interval(table, chosen, points);
   if (!open) return;
   out.identifiability.push_back(
@@ -430,177 +430,108 @@ void sort_into_experiments(std::vector<RangePoint>& points) {
   points[*nearest].for_distance = true;
 }
 
+namespace {
+
+/// The families that both experiments chose, and where the correction's zero is referred to.
+struct Chosen {
+  const FamilyFit *intensity = nullptr, *distance = nullptr;
+  double reference_mm = 0, reference_counts = 0;
+};
+
+/// Fits every family to either experiment.
+Chosen fit_families(RangeCalibration& out, const std::vector<RangePoint>& points,
+                    const RangeOptions& options) {
+  Chosen families;
+  families.reference_counts = options.reference_intensity;
+  if (std::ranges::any_of(points, &RangePoint::for_intensity)) {
+    out.intensity_table = compare_families(
+        curve(points, &RangePoint::for_intensity, &RangePoint::intensity, out.scatter_intensity_mm));
+    families.intensity = chosen(out.intensity_table, options.intensity_family);
+    for (const RangePoint& p : points)
+      if (p.for_intensity) {
+        families.reference_mm = p.true_mm;
+        if (options.reference_intensity <= 0)
+          families.reference_counts = std::max(families.reference_counts, p.intensity);
+      }
+    if (families.intensity)
+      out.sequential = sequential_of(*families.intensity, points, out.scatter_distance_mm,
+                                     options.distance_family, out.distance_table);
+  }
+  if (std::ranges::none_of(points, &RangePoint::for_distance)) return families;
+  if (!out.sequential)
+    out.distance_table = compare_families(
+        curve(points, &RangePoint::for_distance, &RangePoint::measured_mm, out.scatter_distance_mm));
+  families.distance = chosen(out.distance_table, options.distance_family);
+  return families;
+}
+
+/// The correction from both experiments at once, else from the one that there is; says what it leaves open.
+void combine(RangeCalibration& out, const std::vector<RangePoint>& points, const Chosen& families) {
+  if (families.intensity && families.distance) {
+    const JointFit joint =
+        fit_joint(points, *families.intensity, *families.distance, out.scatter_intensity_mm,
+                  out.scatter_distance_mm, families.reference_mm, families.reference_counts);
+    if (joint.ok) {
+      out.joint = joint.correction;
+      out.condition = joint.condition, out.correlation = joint.correlation, out.held_out_mm = joint.held_out;
+    } else {
+      out.notes.emplace_back(
+          "there are too few points for both curves at once; the sequential method was used");
+      out.joint = out.sequential;
+    }
+    state_identifiability(out, points);
+  } else if (families.intensity) {
+    out.joint = single(*families.intensity, CorrectionTerm::Argument::intensity);
+    out.held_out_mm = families.intensity->held_out;
+    out.identifiability.emplace_back(
+        "the distance was not changed: an error that grows with distance is not in this correction");
+  } else if (families.distance) {
+    out.joint = single(*families.distance, CorrectionTerm::Argument::range);
+    out.held_out_mm = families.distance->held_out;
+    out.identifiability.emplace_back(
+        "only one surface was measured, and its echo's intensity changes with distance: how much of the "
+        "error is due "
+        "to distance and how much to intensity cannot be determined, and the curve holds for such a surface "
+        "only. "
+        "Measure several surfaces at one distance (procedure range-intensity) as well");
+  } else {
+    out.why_not =
+        std::ranges::any_of(points, [](const RangePoint& p) { return p.for_intensity || p.for_distance; })
+            ? "no family of curves could be fitted to these points"
+            : "a range correction needs at least three distances, or four surfaces at one distance";
+  }
+}
+
+}  // namespace
+
 RangeCalibration calibrate_range(std::vector<RangePoint> points, const RangeOptions& options) {
   RangeCalibration out;
   sort_into_experiments(points);
   out.points_intensity = std::ranges::count(points, true, &RangePoint::for_intensity);
   out.points_distance = std::ranges::count(points, true, &RangePoint::for_distance);
-  const auto any = [&](bool RangePoint::*which) { return std::ranges::any_of(points, which); };
-  const bool with_intensity = any(&RangePoint::for_intensity), with_distance = any(&RangePoint::for_distance);
-  out.scatter_intensity_mm = scatter_of(curve(points, &RangePoint::for_intensity, &RangePoint::intensity, 0),
-                                        options.placement_u_mm);
+  const auto by_intensity = [&](double scatter) {
+    return curve(points, &RangePoint::for_intensity, &RangePoint::intensity, scatter);
+  };
+  out.scatter_intensity_mm = scatter_of(by_intensity(0), options.placement_u_mm);
   out.scatter_distance_mm = scatter_of(of_one_surface(points), options.placement_u_mm);
-  const FamilyFit *intensity = nullptr, *distance = nullptr;
-  double reference_mm = 0, reference_counts = options.reference_intensity;
-  if (with_intensity) {
-    out.intensity_table = compare_families(
-        curve(points, &RangePoint::for_intensity, &RangePoint::intensity, out.scatter_intensity_mm));
-    intensity = chosen(out.intensity_table, options.intensity_family);
-    for (const RangePoint& p : points)
-      if (p.for_intensity) {
-        reference_mm = p.true_mm;
-        if (options.reference_intensity <= 0) reference_counts = std::max(reference_counts, p.intensity);
-      }
-    if (intensity)
-      out.sequential = sequential_of(*intensity, points, out.scatter_distance_mm, options.distance_family,
-                                     out.distance_table);
-  }
-  if (with_distance && !out.sequential)
-    out.distance_table = compare_families(
-        curve(points, &RangePoint::for_distance, &RangePoint::measured_mm, out.scatter_distance_mm));
-  if (with_distance) distance = chosen(out.distance_table, options.distance_family);
   out.rms_before_mm = points.empty() ? std::nan("") : rms_of(points, nullptr);
-  if (intensity && distance) {
-    const JointFit joint = fit_joint(points, *intensity, *distance, out.scatter_intensity_mm,
-                                     out.scatter_distance_mm, reference_mm, reference_counts);
-    if (joint.ok) {
-      out.joint = joint.correction;
-      out.condition = joint.condition, out.correlation = joint.correlation, out.held_out_mm = joint.held_out;
-    } else {
-      out.notes.emplace_back("there are too few points for both curves at once; the sequential way was used");
-      out.joint = out.sequential;
-    }
-    state_identifiability(out, points);
-  } else if (intensity) {
-    out.joint = single(*intensity, CorrectionTerm::Argument::intensity);
-    out.held_out_mm = intensity->held_out;
-    out.identifiability.emplace_back(
-        "the distance was not changed: an error that grows with distance is not in this correction");
-  } else if (distance) {
-    out.joint = single(*distance, CorrectionTerm::Argument::range);
-    out.held_out_mm = distance->held_out;
-    out.identifiability.emplace_back(
-        "only one surface was measured, and its echo's intensity changes with distance: how much of the "
-        "error is due "
-        "to distance and how much to intensity cannot be told, and the curve holds for such a surface only. "
-        "Measure "
-        "several surfaces at one distance (procedure range-intensity) as well");
-    if (!any(&RangePoint::for_distance)) out.joint.reset();
-  } else {
-    out.why_not = with_intensity || with_distance
-                      ? "no family of curves could be fitted to these points"
-                      : "a range correction needs at least three distances, or four surfaces at one distance";
-  }
-  if (intensity)
-    state_open_stretch(out, out.intensity_table, *intensity,
-                       curve(points, &RangePoint::for_intensity, &RangePoint::intensity, 0), "surface",
-                       "counts");
-  if (distance)
-    state_open_stretch(out, out.distance_table, *distance,
-                       curve(points, &RangePoint::for_distance, &RangePoint::measured_mm, 0), "distance",
-                       "mm");
-  out.sequential = intensity && distance ? out.sequential : std::nullopt;
+  const Chosen families = fit_families(out, points, options);
+  combine(out, points, families);
+  if (families.intensity)
+    state_open_interval(out, out.intensity_table, *families.intensity, by_intensity(0), "surface", "counts");
+  if (families.distance)
+    state_open_interval(out, out.distance_table, *families.distance,
+                        curve(points, &RangePoint::for_distance, &RangePoint::measured_mm, 0), "distance",
+                        "mm");
+  if (!families.intensity || !families.distance) out.sequential.reset();
   for (auto* correction : {&out.joint, &out.sequential}) {
     if (!*correction) continue;
-    (*correction)->reference_mm = reference_mm, (*correction)->reference_intensity = reference_counts;
+    (*correction)->reference_mm = families.reference_mm;
+    (*correction)->reference_intensity = families.reference_counts;
     (*correction)->common_u_mm = std::max(options.placement_u_mm, options.common_u_mm);
     set_ranges(**correction, points);
   }
   if (out.joint) out.rms_after_mm = rms_of(points, &*out.joint);
-  return out;
-}
-
-namespace {
-
-struct Spread {
-  double sd, low, high;
-};
-
-/// Jackknife over ten blocks of neighbours: the differences overlap and are far from independent.
-Spread spread_of(const std::vector<double>& differences) {
-  const auto sd_without = [&](std::size_t from, std::size_t to) {
-    double n = 0, mean = 0, square = 0;
-    for (std::size_t i = 0; i < differences.size(); ++i) {
-      if (i >= from && i < to) continue;
-      ++n;
-      const double d = differences[i] - mean;
-      mean += d / n;
-      square += d * (differences[i] - mean);
-    }
-    return n > 1 ? std::sqrt(square / (n - 1)) : std::nan("");
-  };
-  const double whole = sd_without(0, 0);
-  constexpr std::size_t blocks = 10;
-  double mean = 0, square = 0;
-  std::vector<double> logs;
-  for (std::size_t b = 0; b < blocks; ++b)
-    logs.push_back(
-        std::log(sd_without(b * differences.size() / blocks, (b + 1) * differences.size() / blocks)));
-  for (const double value : logs) mean += value / blocks;
-  for (const double value : logs) square += (value - mean) * (value - mean);
-  // Student's 97.5 % point with 9 degrees of freedom.
-  const double reach = 2.262 * std::sqrt(square * (blocks - 1) / blocks);
-  return {whole, whole * std::exp(-reach), whole * std::exp(reach)};
-}
-
-}  // namespace
-
-DifferenceSpread difference_spread(std::span<const Eigen::Vector2d> points, int lag) {
-  DifferenceSpread out;
-  const auto step = static_cast<std::size_t>(lag);
-  if (points.size() < step + 20) {
-    out.sd_mm = out.plane_sd_mm = std::nan("");
-    return out;
-  }
-  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
-  for (const auto& p : points) mean += p / static_cast<double>(points.size());
-  Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
-  for (const auto& p : points) scatter += (p - mean) * (p - mean).transpose();
-  const Eigen::Vector2d normal = dense::symmetric_eigen(scatter).vectors.col(0);
-  std::vector<double> plain, flat;
-  for (std::size_t i = step; i < points.size(); ++i) {
-    plain.push_back(points[i].y() - points[i - step].y());
-    flat.push_back(normal.dot(points[i] - points[i - step]));
-  }
-  const Spread paper = spread_of(plain), plane = spread_of(flat);
-  out.sd_mm = paper.sd, out.low_mm = paper.low, out.high_mm = paper.high;
-  out.plane_sd_mm = plane.sd, out.plane_low_mm = plane.low, out.plane_high_mm = plane.high;
-  out.pairs = static_cast<long>(plain.size());
-  return out;
-}
-
-namespace {
-
-/// To the line through neighbouring points; neighbours farther apart than the gate are not joined.
-double distance_to(const Eigen::Vector2d& p, std::span<const Eigen::Vector2d> scene, double gate_mm) {
-  double nearest = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < scene.size(); ++i) {
-    nearest = std::min(nearest, (p - scene[i]).norm());
-    if (i == 0) continue;
-    const Eigen::Vector2d along = scene[i] - scene[i - 1];
-    const double length = along.norm();
-    if (length <= 0 || length > gate_mm) continue;
-    const double place = std::clamp((p - scene[i - 1]).dot(along) / (length * length), 0.0, 1.0);
-    nearest = std::min(nearest, (p - scene[i - 1] - place * along).norm());
-  }
-  return nearest;
-}
-
-}  // namespace
-
-SceneDistance scene_distance(std::span<const Eigen::Vector2d> a, std::span<const Eigen::Vector2d> b,
-                             double gate_mm) {
-  SceneDistance out;
-  double sum = 0, square = 0;
-  for (const auto& p : a) {
-    const double nearest = distance_to(p, b, gate_mm);
-    if (nearest > gate_mm) continue;
-    sum += nearest, square += nearest * nearest, ++out.pairs;
-  }
-  const auto n = static_cast<double>(out.pairs);
-  out.mean_mm = out.pairs ? sum / n : std::nan("");
-  out.u_mm = out.pairs > 1 ? std::sqrt(std::max(0.0, square / n - out.mean_mm * out.mean_mm) / (n - 1))
-                           : std::nan("");
   return out;
 }
 

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <map>
 
+#include "fit/median.hpp"
+
 namespace fit {
 namespace {
 
@@ -16,12 +18,7 @@ constexpr double no_echo_below_mm = 22, no_echo_above_mm = 65000;
 
 bool echo(double r) { return r >= no_echo_below_mm && r < no_echo_above_mm; }
 
-double median(std::vector<double> v) {
-  if (v.empty()) return std::nan("");
-  const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
-  std::ranges::nth_element(v, middle);
-  return *middle;
-}
+double median(std::vector<double> v) { return v.empty() ? std::nan("") : median_of(std::move(v)); }
 
 /// What one sector of beams of one capture collects.
 struct Sector {

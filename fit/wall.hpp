@@ -29,7 +29,7 @@ struct WallEffect {
   Eigen::Matrix<double, 6, 1> share = Eigen::Matrix<double, 6, 1>::Zero();
 };
 
-/// A board as the bench tells it: direction of its normal away from the axis, and distance from the axis.
+/// A board as the bench states it: direction of its normal away from the axis, and distance from the axis.
 struct WallInBench {
   std::string name;
   Line2 line;
@@ -37,7 +37,7 @@ struct WallInBench {
 };
 
 /// Both walls seen in one scan (or in the mean of a capture), in the lidar's frame.
-struct WallSight {
+struct WallObservation {
   double stage_rad = 0;
   double off_rad = 0;                  ///< Deviation of that angle, as the joint fit found it.
   std::size_t capture = 0;             ///< Of all sources' captures, counted through.
@@ -71,17 +71,18 @@ struct WallFit {
   Estimate patent_angle_rad;  ///< Mean slope of the front wall over the repeats at stage angle 0.
   std::size_t repeats = 0;
   std::vector<WallCircle> ways;  ///< Both walls in every scan (geometric, algebraic), single beam.
-  std::vector<WallSight> means;  ///< One a capture.
+  std::vector<WallObservation> means;  ///< One a capture.
   std::vector<Eigen::Vector2d> trajectory,
       single_beam;  ///< In the wall frame: minus the distances from the walls.
   std::vector<std::string> notes;
 };
 
-/// Right-angle wall calibration (source C) on a stage: the lidar turns before two walls. Both walls are found
-/// by RANSAC and fitted by least squares in every scan; the joint least-squares fit of mounting angle, offset
-/// and walls uses the means of all beams, weighted by incidence, its covariance widened where captures
-/// scatter more than their noise, with the devices' systematic deviations as parameters of known size; the patent's circle through the positions, from both walls and from single
-/// beams, stands beside; deviations found are taken off before. Throws std::invalid_argument saying what is missing.
+/// Right-angle wall calibration (source C) on a stage: the lidar turns in front of two walls. Both walls are
+/// found by RANSAC and fitted by least squares in every scan; the joint least-squares fit of mounting angle,
+/// offset and walls uses the means of all beams, weighted by incidence, its covariance widened where captures
+/// scatter more than their noise, with the devices' systematic deviations as parameters of known size; the
+/// patent's circle through the positions, from both walls and from single beams, is given for comparison;
+/// deviations found are taken off before. Throws std::invalid_argument saying what is missing.
 WallFit fit_wall(const std::vector<const Recording*>& recordings, const WallOptions& options = {});
 
 }  // namespace fit

@@ -29,7 +29,7 @@ class LidarError : public std::runtime_error {
     wrong_use,        ///< A step range, cluster or order of calls that cannot work.
     unknown_address,  ///< The host's name is not known.
     unknown_command,  ///< The lidar does not know the command at all: ME, say, when it has no intensities.
-    in_use,           ///< It does not answer, and another program of this computer is connected to it.
+    in_use,           ///< It does not answer, and another program on this computer is connected to it.
   };
   LidarError(Kind kind, const std::string& what) : std::runtime_error(what), kind_(kind) {}
   [[nodiscard]] Kind kind() const { return kind_; }

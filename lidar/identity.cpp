@@ -79,12 +79,12 @@ tl::expected<Identity, std::string> make_identity(std::string_view version, std:
     if (!number_of(*pp, key)) missing += (missing.empty() ? "" : ", ") + std::string(key);
   if (!missing.empty())
     return tl::unexpected<std::string>("its answer to PP does not give " + missing +
-                                       ", without which its beams have no direction");
+                                       ", so the directions of its beams are unknown");
   const int turns_a_minute = number_of(*pp, "SCAN").value_or(2400);
   if (out.min_step < 0 || out.max_step < out.min_step || out.max_step > 9999 || out.steps_per_turn < 1 ||
       turns_a_minute < 1)
     return tl::unexpected<std::string>(
-        "its answer to PP holds impossible numbers (AMIN, AMAX, ARES or SCAN)");
+        "its answer to PP contains impossible numbers (AMIN, AMAX, ARES or SCAN)");
   out.scan_period_s = 60.0 / turns_a_minute;
   out.json = as_json(out);
   return out;

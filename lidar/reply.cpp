@@ -71,13 +71,13 @@ std::string_view to_string(DataError error) {
     case DataError::bad_checksum:
       return "a line's checksum is wrong";
     case DataError::bad_character:
-      return "a character that cannot occur";
+      return "an invalid character";
     case DataError::bad_line_length:
       return "a line of the wrong length";
     case DataError::bad_stamp:
       return "no time stamp";
     case DataError::wrong_count:
-      return "more or fewer values than were asked for";
+      return "more or fewer values than requested";
     case DataError::bad_key_value:
       return "a line that is not KEY:value;";
   }

@@ -23,9 +23,9 @@ constexpr std::array generic{
     Meaning{"0D", StatusKind::refused, "the command is too long"},
     Meaning{"0E", StatusKind::refused, "the command is not defined"},
     Meaning{"0F", StatusKind::refused, "the command is not supported by this sensor"},
-    Meaning{"0G", StatusKind::refused, "the string behind ';' is longer than 16 characters"},
+    Meaning{"0G", StatusKind::refused, "the string after ';' is longer than 16 characters"},
     Meaning{"0H", StatusKind::refused,
-            "the string behind ';' has a letter that is not allowed, or the command is too short"},
+            "the string after ';' has a letter that is not allowed, or the command is too short"},
     Meaning{"0I", StatusKind::refused, "the sensor is in firmware-update mode"},
     Meaning{"0L", StatusKind::hardware_fault, "the sensor is in an error state"},
     Meaning{"0M", StatusKind::hardware_fault, "the sensor is unstable"},
@@ -39,7 +39,7 @@ constexpr std::array laser_on{
 };
 
 constexpr std::array time_mode{
-    Meaning{"01", StatusKind::refused, "the digit behind TM is not 0, 1 or 2"},
+    Meaning{"01", StatusKind::refused, "the digit after TM is not 0, 1 or 2"},
     Meaning{"02", StatusKind::already, "time-adjust mode was on already"},
     Meaning{"03", StatusKind::already, "time-adjust mode was off already"},
     Meaning{"04", StatusKind::refused, "time-adjust mode is off"},

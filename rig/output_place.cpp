@@ -53,7 +53,7 @@ void refuse_folder(const Output& output) {
   std::error_code ignored;
   const bool named_like_one = output.path.ends_with('/');
   if (!named_like_one && !fs::is_directory(output.path, ignored)) return;
-  refuse(output.path, "it is a folder, where the name of a file is expected, such as " +
+  refuse(output.path, "it is a folder. Give the name of a file, such as " +
                           (fs::path(output.path) / output.example).string() + ".");
 }
 
@@ -71,7 +71,7 @@ void try_place(const std::string& path) {
   }
   std::error_code ignored;
   if (fs::exists(path, ignored) && !may_be_written(path) && errno == EACCES)
-    refuse(path, "it is there already and protected against writing. Give the output another name.");
+    refuse(path, "it exists already and is write-protected. Give the output another name.");
   const std::string part = part_of(end_of_link(path));
   const int fd = ::open(part.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
   if (fd < 0) refuse(path, why_not_written(path, errno));
@@ -107,10 +107,10 @@ std::string why_not_written(const std::string& path, int error) {
   std::error_code ignored;
   switch (error) {
     case ENOENT:
-      if (fs::exists(folder, ignored)) return "no file can be made in " + folder + ". Choose another folder.";
+      if (fs::exists(folder, ignored)) return "cannot make a file in " + folder + ". Choose another folder.";
       return "there is no folder " + folder + ". Make it first, or choose another.";
     case ENOTDIR:
-      return folder + " is no folder. Choose another place.";
+      return folder + " is not a folder. Choose another place.";
     case EACCES:
     case EPERM:
       return "writing there is not permitted. Choose another folder, or correct the permissions of " + folder +
@@ -123,7 +123,7 @@ std::string why_not_written(const std::string& path, int error) {
     case ENAMETOOLONG:
       return "the name is too long. Choose a shorter one.";
     case ELOOP:
-      return "its links lead in a circle. Choose another name.";
+      return "its links form a loop. Choose another name.";
     default:
       return std::string(std::strerror(error)) + ". Choose another folder.";
   }
@@ -138,7 +138,7 @@ void refuse_recording(const std::string& path) {
 }
 
 void demand_plain_file(const std::string& path) {
-  if (is_no_plain_file(path)) refuse(path, "it is no plain file. Give the name of a file.");
+  if (is_no_plain_file(path)) refuse(path, "it is not a regular file. Give the name of a file.");
 }
 
 OutputPlace check_output(const Output& output, const std::vector<std::string>& inputs) {
@@ -153,7 +153,7 @@ std::vector<OutputPlace> check_outputs(const std::vector<Output>& outputs,
     const std::string& path = output.path;
     places.push_back(OutputPlace(path));
     if (path == "-" && !output.or_standard_output)
-      throw UsageError("'-' is standard output, which does not take this. Give the name of a file, such as " +
+      throw UsageError("'-' is standard output, which cannot take this. Give the name of a file, such as " +
                        output.example + ".");
     if (path.empty() || path == "-") continue;
     refuse_folder(output);
@@ -164,7 +164,8 @@ std::vector<OutputPlace> check_outputs(const std::vector<Output>& outputs,
     refuse_recording(path);
     for (const std::string& other : others)
       if (!is_no_plain_file(path) && same_file(path, other))
-        refuse(path, "it is to hold " + (path == other ? "two outputs" : "what goes to " + other + " too") +
+        refuse(path, "it is to receive " +
+                         (path == other ? "two outputs" : "what goes to " + other + " too") +
                          ". Give each its own name.");
     try_place(path);
     others.push_back(path);

@@ -22,7 +22,8 @@ void write_beside(const std::string& path, const std::function<void(const std::s
     throw;
   }
   if (!std::filesystem::exists(part, ignored))
-    throw UsageError("cannot write " + path + ": what was made for it is gone. Try again.");
+    throw UsageError("cannot write " + path +
+                     ": the file that was prepared for it has disappeared. Try again.");
   std::filesystem::rename(part, place, failed);
   if (!failed) return;
   std::filesystem::remove(part, ignored);

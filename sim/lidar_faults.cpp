@@ -131,7 +131,7 @@ std::vector<FaultKind> faults_of_the_way() {
          });
        }},
       {"lidar bad-connection",
-       "every answer has a wrong sum until the host connects anew (urg_node #57)",
+       "every answer has a wrong checksum until the host reconnects (urg_node #57)",
        {},
        true,
        [](FaultSite& site, P) { spoil_connection(site); }},
@@ -233,8 +233,8 @@ std::vector<FaultKind> faults_of_the_device() {
        {{"reset", 0}},
        true,
        [](FaultSite& site, P p) {
-         site.bench.lidar->hear_only(p.at("reset") != 0 ? UstDevice::Hearing::reset
-                                                        : UstDevice::Hearing::quit_or_reset);
+         site.bench.lidar->heed_only(p.at("reset") != 0 ? UstDevice::Heeds::reset
+                                                        : UstDevice::Heeds::quit_or_reset);
        }},
       {"lidar ignore-quit",
        "the next QTs are ignored (urg_stamped #103)",

@@ -130,12 +130,7 @@ int serve(const Options& options) {
   return 0;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  CLI::App app{
-      "Simulated calibration bench: a scanning lidar on TCP and a rotary stage on a pseudo-terminal."};
-  Options options;
+void declare(CLI::App& app, Options& options) {
   app.set_version_flag("--version", "rig-sim " RIG_VERSION);
   app.add_option("--bench", options.choice.bench_file, "Bench file: the scene, the lidar, the stage");
   app.add_option("--truth", options.choice.truth_file,
@@ -182,6 +177,15 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--scan-period-ms", options.scan_period_ms, "One turn of the lidar's motor")
       ->capture_default_str();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "Simulated calibration bench: a scanning lidar on TCP and a rotary stage on a pseudo-terminal."};
+  Options options;
+  declare(app, options);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -63,8 +63,8 @@ bool UstDevice::hears(const lidar::Request& request) {
   const bool resets = request.command == Command::reset || request.command == Command::reset_keep_speed ||
                       request.command == Command::reboot;
   const bool quits = request.command == Command::quit;
-  if (resets || (quits && hears_ == Hearing::quit_or_reset)) hears_ = Hearing::all;
-  return hears_ == Hearing::all;
+  if (resets || (quits && heeds_ == Heeds::quit_or_reset)) heeds_ = Heeds::all;
+  return heeds_ == Heeds::all;
 }
 
 std::string UstDevice::handle(std::string_view line, double now_s) {
@@ -343,7 +343,7 @@ void UstDevice::reboot(double now_s) {
   measured_index_ = no_scan;
   clock_.start(now_s);
   first_restart_s_ = -1;
-  hears_ = Hearing::all;
+  heeds_ = Heeds::all;
   in_error_ = false;
 }
 

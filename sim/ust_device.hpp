@@ -68,9 +68,9 @@ class UstDevice {
   void check_itself(double now_s, double seconds, const std::string& status);
   /// The next stream is of distances alone, whatever is asked for.
   void forget_intensities_once() { forgets_intensities_ = true; }
-  enum class Hearing { all, quit_or_reset, reset };
+  enum class Heeds { all, quit_or_reset, reset };
   /// Hears nothing else, until it hears that.
-  void hear_only(Hearing what) { hears_ = what; }
+  void heed_only(Heeds what) { heeds_ = what; }
   void ignore_quits(int count) { quits_ignored_ = count; }
   /// So many scans follow the next QT's acknowledgement.
   void send_after_quit(int scans) { scans_after_quit_ = scans; }
@@ -135,7 +135,7 @@ class UstDevice {
   std::array<bool, ust_habits.size()> habits_{};
   bool laser_on_ = false, adjusting_time_ = false, reboot_requested_ = false;
   bool forgets_intensities_ = false, in_error_ = false, refuses_time_ = false;
-  Hearing hears_ = Hearing::all;
+  Heeds heeds_ = Heeds::all;
   int quits_ignored_ = 0, scans_after_quit_ = 0;
   double scan_end_s_ = 0, first_restart_s_ = -1;
   double laser_on_s_ = 0;                  ///< When it was switched on.

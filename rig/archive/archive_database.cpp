@@ -15,7 +15,7 @@ std::unique_ptr<ArchiveDatabase> open_archive_database(const std::string& locati
     if (kind.takes(location)) return kind.open(location, to_write);
     names += (names.empty() ? "" : ", ") + kind.name;
   }
-  throw UsageError("no kind of database takes the index '" + location + "' (there are: " + names + ")");
+  throw UsageError("no database accepts the index '" + location + "' (there are: " + names + ")");
 }
 
 ArchiveTransaction::~ArchiveTransaction() {

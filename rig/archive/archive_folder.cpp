@@ -32,12 +32,12 @@ struct ReadSession {
 ReadSession read_one(const std::string& folder, const std::string& path) {
   ReadSession out;
   try {
-    if (!is_clean(path)) throw UsageError("its name is no UTF-8, or too long: rename it");
+    if (!is_clean(path)) throw UsageError("its name is not UTF-8, or too long: rename it");
     const std::string file = folder + "/" + path;
     const bool is_written = is_being_written(file);
     if (is_written || has_data(file + "-wal") || has_data(file + "-journal")) {
       out.unfinished = true;
-      out.problem = is_written ? "it is being written" : "its run was killed: go on with rig resume";
+      out.problem = is_written ? "it is being written" : "its run was killed: continue with rig resume";
       return out;
     }
     out.record = read_session_record(folder, path);
@@ -115,7 +115,7 @@ std::string explanation_beside(const std::string& folder, const std::string& con
 std::vector<std::string> session_files(const std::string& folder) {
   std::error_code failed;
   if (!fs::is_directory(folder, failed))
-    throw UsageError(folder + " is no folder: give the one that holds the archive's sessions (*.rig)");
+    throw UsageError(folder + " is not a folder: give the one that holds the archive's sessions (*.rig)");
   std::vector<std::string> found;
   const auto skipping = fs::directory_options::skip_permission_denied;
   for (auto entry = fs::recursive_directory_iterator(folder, skipping, failed); entry != fs::end(entry);
@@ -131,75 +131,96 @@ std::vector<std::string> session_files(const std::string& folder) {
   return found;
 }
 
-std::vector<ArchiveFinding> add_to_archive(const std::string& folder, ArchiveIndex& index, const AddOptions& options) {
-  const std::vector<std::string> files = session_files(folder);
+namespace {
+
+/// What an index knows of a folder.
+struct Known {
   std::map<std::string, SessionRecord> by_path;
   std::unordered_map<std::string, std::string> path_of_content;
-  if (!options.rebuild)
-    for (SessionRecord& known : index.files()) {
-      path_of_content[known.content_sha256] = known.path;
-      by_path[known.path] = std::move(known);
-    }
-  std::vector<std::string> to_read;
+};
+
+Known known_to(ArchiveIndex& index) {
+  Known out;
+  for (SessionRecord& known : index.files()) {
+    out.path_of_content[known.content_sha256] = known.path;
+    out.by_path[known.path] = std::move(known);
+  }
+  return out;
+}
+
+/// Files that the index does not have, or whose size or date changed.
+std::vector<std::string> files_to_read(const std::string& folder, const std::vector<std::string>& files,
+                                       const Known& index) {
+  std::vector<std::string> out;
   for (const std::string& path : files) {
-    const auto known = by_path.find(path);
-    if (known == by_path.end()) {
-      to_read.push_back(path);
+    const auto known = index.by_path.find(path);
+    if (known == index.by_path.end()) {
+      out.push_back(path);
       continue;
     }
     SessionRecord now = known->second;
     const FileStamp stamp = file_stamp(folder + "/" + path);
     now.modified_ns = stamp.modified_ns;
-    if (stamp.bytes != now.bytes || stamp_with_results(folder, now) != known->second.modified_ns) to_read.push_back(path);
+    if (stamp.bytes != now.bytes || stamp_with_results(folder, now) != known->second.modified_ns)
+      out.push_back(path);
   }
+  return out;
+}
+
+/// Puts one session into the index, or says why not.
+ArchiveFinding add_one(const std::string& folder, const std::string& path, ReadSession& read,
+                       const std::vector<std::string>& files, const AddOptions& options, Known& indexed,
+                       ArchiveIndex& index) {
+  SessionRecord& record = read.record;
+  const auto known = indexed.by_path.find(path);
+  const bool is_known = known != indexed.by_path.end();
+  if (!read.problem.empty())
+    return {read.unfinished && !is_known ? What::unfinished : What::damaged, path, read.problem};
+  const bool same_content = is_known && known->second.content_sha256 == record.content_sha256;
+  if (is_known && !same_content && !options.accept_changes)
+    return {What::changed, path,
+            "the measured data are not those that were added (SHA-256 " +
+                known->second.content_sha256.substr(0, 16) + ", now " + record.content_sha256.substr(0, 16) +
+                "). Restore the file, or accept it as it is with --accept-changes."};
+  What what = same_content ? What::updated : is_known ? What::changed : What::added;
+  std::string says = what == What::changed ? "accepted as it is now, by --accept-changes" : "";
+  const auto twin = indexed.path_of_content.find(record.content_sha256);
+  if (twin != indexed.path_of_content.end() && !same_content) {
+    if (std::ranges::binary_search(files, twin->second))
+      return {What::copied, path, "the same measurement as " + twin->second + ", which counts"};
+    what = What::moved;
+    says = "it was " + twin->second;
+    indexed.by_path.erase(twin->second);
+  }
+  take_explanation_beside(folder, record);
+  record.modified_ns = stamp_with_results(folder, record);
+  index.put(record);
+  indexed.path_of_content[record.content_sha256] = path;
+  return {what, path, says};
+}
+
+}  // namespace
+
+std::vector<ArchiveFinding> add_to_archive(const std::string& folder, ArchiveIndex& index,
+                                           const AddOptions& options) {
+  const std::vector<std::string> files = session_files(folder);
+  Known known = options.rebuild ? Known{} : known_to(index);
+  const std::vector<std::string> to_read = files_to_read(folder, files, known);
   std::vector<ReadSession> read =
       read_all<ReadSession>(to_read, options.threads, [&](const std::string& path) { return read_one(folder, path); });
 
   std::vector<ArchiveFinding> findings;
-  const auto exists = [&](const std::string& path) { return std::ranges::binary_search(files, path); };
   ArchiveTransaction transaction(index.database());
   if (options.rebuild) index.forget_all();
-  for (std::size_t i = 0; i < read.size(); ++i) {
-    const std::string& path = to_read[i];
-    SessionRecord& record = read[i].record;
-    const auto known = by_path.find(path);
-    const bool is_known = known != by_path.end();
-    if (!read[i].problem.empty()) {
-      findings.push_back({read[i].unfinished && !is_known ? What::unfinished : What::damaged, path, read[i].problem});
-      continue;
-    }
-    const bool same_content = is_known && known->second.content_sha256 == record.content_sha256;
-    if (is_known && !same_content && !options.accept_changes) {
-      findings.push_back({What::changed, path,
-                          "what was measured is not what was taken in (SHA-256 " +
-                              known->second.content_sha256.substr(0, 16) + ", now " + record.content_sha256.substr(0, 16) +
-                              "). Restore the file, or take it in as it is with --accept-changes."});
-      continue;
-    }
-    What what = same_content ? What::updated : is_known ? What::changed : What::added;
-    std::string says = what == What::changed ? "taken in as it is now, by --accept-changes" : "";
-    if (const auto twin = path_of_content.find(record.content_sha256); twin != path_of_content.end() && !same_content) {
-      if (exists(twin->second)) {
-        findings.push_back({What::copied, path, "the same measurement as " + twin->second + ", which counts"});
-        continue;
-      }
-      what = What::moved;
-      says = "it was " + twin->second;
-      by_path.erase(twin->second);
-    }
-    take_explanation_beside(folder, record);
-    record.modified_ns = stamp_with_results(folder, record);
-    index.put(record);
-    path_of_content[record.content_sha256] = path;
-    findings.push_back({what, path, says});
-  }
-  for (const auto& [path, known] : by_path) {
-    if (exists(path)) continue;
-    if (options.forget_missing) index.forget(known.content_sha256);
+  for (std::size_t i = 0; i < read.size(); ++i)
+    findings.push_back(add_one(folder, to_read[i], read[i], files, options, known, index));
+  for (const auto& [path, record] : known.by_path) {
+    if (std::ranges::binary_search(files, path)) continue;
+    if (options.forget_missing) index.forget(record.content_sha256);
     findings.push_back({What::missing, path,
-                        options.forget_missing ? "taken out of the index"
-                                               : "it is in the index and not in the folder. Restore it, or take it out of "
-                                                 "the index with --forget-missing."});
+                        options.forget_missing ? "removed from the index"
+                                               : "it is in the index but not in the folder. Restore it, or "
+                                                 "remove it from the index with --forget-missing."});
   }
   transaction.commit();
   std::ranges::stable_sort(findings, {}, &ArchiveFinding::path);
@@ -208,21 +229,18 @@ std::vector<ArchiveFinding> add_to_archive(const std::string& folder, ArchiveInd
 
 std::vector<ArchiveFinding> verify_archive(const std::string& folder, ArchiveIndex& index, int threads) {
   const std::vector<std::string> files = session_files(folder);
-  std::map<std::string, SessionRecord> by_path;
-  std::unordered_map<std::string, std::string> path_of_content;
+  const Known indexed = known_to(index);
+  const auto& by_path = indexed.by_path;
+  const auto& path_of_content = indexed.path_of_content;
   std::vector<std::string> paths;
-  for (SessionRecord& known : index.files()) {
-    paths.push_back(known.path);
-    path_of_content[known.content_sha256] = known.path;
-    by_path[known.path] = std::move(known);
-  }
+  for (const auto& [path, record] : by_path) paths.push_back(path);
   for (const std::string& path : files)
     if (!by_path.contains(path)) paths.push_back(path);
   std::ranges::sort(paths);
   return read_all<ArchiveFinding>(paths, threads, [&](const std::string& path) -> ArchiveFinding {
     const auto known = by_path.find(path);
     if (!std::ranges::binary_search(files, path))
-      return {What::missing, path, "it is in the index and not in the folder"};
+      return {What::missing, path, "it is in the index but not in the folder"};
     try {
       if (known != by_path.end() && file_sha256(folder + "/" + path) == known->second.file_sha256)
         return {What::good, path, ""};
@@ -233,13 +251,14 @@ std::vector<ArchiveFinding> verify_archive(const std::string& folder, ArchiveInd
     if (known == by_path.end()) {
       if (!now.problem.empty()) return {now.unfinished ? What::unfinished : What::damaged, path, now.problem};
       const auto twin = path_of_content.find(now.record.content_sha256);
-      if (twin == path_of_content.end()) return {What::unindexed, path, "rig archive add takes it in"};
+      if (twin == path_of_content.end()) return {What::unindexed, path, "rig archive add adds it"};
       return {What::copied, path, "the same measurement as " + twin->second};
     }
     if (!now.problem.empty()) return {What::damaged, path, now.problem};
     if (now.record.content_sha256 == known->second.content_sha256)
-      return {What::updated, path, "what was measured is as it was taken in; results were added since (rig archive add)"};
-    return {What::changed, path, "what was measured is not what was taken in"};
+      return {What::updated, path,
+              "the measured data are unchanged; results were added since (rig archive add)"};
+    return {What::changed, path, "the measured data are not those that were added"};
   });
 }
 

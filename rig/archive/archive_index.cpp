@@ -122,17 +122,19 @@ std::string index_location(const std::string& folder, const std::string& index) 
 ArchiveIndex::ArchiveIndex(const std::string& location, bool to_write)
     : database_(open_archive_database(location, to_write)) {
   if (!database_->has_table("archive")) {
-    if (!to_write) throw UsageError(location + ": there is no index of an archive. `rig archive add FOLDER` makes it.");
+    if (!to_write)
+      throw UsageError(location + ": there is no archive index. `rig archive add FOLDER` makes it.");
     make_tables();
   }
   for (const char* table : {"session", "result_value", "requirement", "explanation", "mechanism", "mechanism_parameter"})
     if (!database_->has_table(table))
-      throw UsageError(location + " is no index of an archive: it has no table '" + table +
-                       "'. Remove it: `rig archive add FOLDER` makes it anew from the sessions.");
+      throw UsageError(location + " is not an archive index: it has no table '" + table +
+                       "'. Remove it: `rig archive add FOLDER` rebuilds it from the sessions.");
   const auto version = database_->run("SELECT value FROM archive WHERE key = 'version'");
   if (version.empty() || text_at(version.front(), 0) != index_version)
-    throw UsageError(location + " is an index of another version of rig. Remove it: `rig archive add FOLDER` makes it anew"
-                                " from the sessions.");
+    throw UsageError(location +
+                     " is an index of another version of rig. Remove it: `rig archive add FOLDER` rebuilds "
+                     "it from the sessions.");
 }
 
 void ArchiveIndex::make_tables() {

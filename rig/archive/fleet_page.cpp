@@ -41,13 +41,18 @@ std::string findings(const json& f) {
   for (const json& s : f.at("strange")) {
     const std::string whose = text_of(s, "looks_like");
     html += page::box(
-        "The session " + text_of(s, "session") + " (" + page::day(text_of(s, "measured_utc")) + ") names the lidar " + text_of(s, "serial") +
-            ", and its results are not that lidar's (chi-squared " + figure(number_of(s, "chi_squared")) + " for " +
-            std::to_string(count_in(s, "quantities")) + " degrees of freedom). " +
-            (whose.empty() ? "They are no other known lidar's either: it was damaged, adjusted, or measured otherwise."
-                           : "They are those of " + whose + " (" + figure(number_of(s, "chi_squared_of_other")) +
-                                 "): the serial numbers may have been swapped." +
-                                 (count_in(s, "also_like") > 0 ? " Of " + counted(count_in(s, "also_like"), "other lidar") + " they could be as well." : "")),
+        "The session " + text_of(s, "session") + " (" + page::day(text_of(s, "measured_utc")) +
+            ") names the lidar " + text_of(s, "serial") +
+            ", but its results do not match that lidar (chi-squared " + figure(number_of(s, "chi_squared")) +
+            " for " + std::to_string(count_in(s, "quantities")) + " degrees of freedom). " +
+            (whose.empty()
+                 ? "They match no other known lidar either: it was damaged, adjusted, or measured "
+                   "differently."
+                 : "They match " + whose + " (" + figure(number_of(s, "chi_squared_of_other")) +
+                       "): the serial numbers may have been swapped." +
+                       (count_in(s, "also_like") > 0
+                            ? " They match " + counted(count_in(s, "also_like"), "other lidar") + " as well."
+                            : "")),
         true);
   }
   for (const json& shape : f.at("unknown"))
@@ -63,11 +68,13 @@ std::string findings(const json& f) {
     html += page::box("These lidars drift: " + who + ".", true);
   }
   for (const json& c : f.at("common_drifts"))
-    html += page::box("All " + text_of(c, "model") + " together drift in " + text_of(c, "quantity") + " by " +
+    html += page::box("All " + text_of(c, "model") + " drift together in " + text_of(c, "quantity") + " by " +
                           fit::format_measurement(number_of(c, "per_year"), number_of(c, "U"), "") +
-                          " a year: look at the bench and its references first.",
+                          " a year: check the bench and its references first.",
                       true);
-  return html.empty() ? page::box("No session is strange, no lidar drifts, and no unknown physics is shared.") : html;
+  return html.empty()
+             ? page::box("No session is suspicious, no lidar drifts, and no unknown physics is shared.")
+             : html;
 }
 
 std::string drifts_section(const json& f) {
@@ -83,7 +90,7 @@ std::string drifts_section(const json& f) {
   if (!rows.empty())
     html += page::table({{"Lidar"}, {"Quantity"}, {"Drift, k = 2", true}, {"All lidars (median)", true}, {"Calibrations", true}, {"p-value", true}}, rows);
   return html + "<p class=\"sub\">" + counted(count_in(f, "drifts_looked_at"), "line") +
-         " looked at; of those told, one in a hundred may be chance (Benjamini and Hochberg).</p>\n";
+         " examined; of those listed, one in a hundred may be chance (Benjamini and Hochberg).</p>\n";
 }
 
 std::string unknown_section(const json& f) {
@@ -149,8 +156,9 @@ std::string repeatability_section(const json& f) {
 }  // namespace
 
 std::string fleet_html(const json& f) {
-  return page::head("The fleet") + summary(f) + "<h2>What to look at</h2>\n" + findings(f) + drifts_section(f) + unknown_section(f) +
-         mechanisms_section(f) + undecided_section(f) + repeatability_section(f) + page::end();
+  return page::head("The fleet") + summary(f) + "<h2>Findings</h2>\n" + findings(f) + drifts_section(f) +
+         unknown_section(f) + mechanisms_section(f) + undecided_section(f) + repeatability_section(f) +
+         page::end();
 }
 
 }  // namespace rig

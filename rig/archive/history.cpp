@@ -17,7 +17,7 @@ namespace {
 using nlohmann::json;
 
 constexpr double months_a_year = 12;
-constexpr double longest_interval_years = 5, longest_stretch = 2;
+constexpr double longest_interval_years = 5, longest_extension = 2;
 constexpr double sure_of_drift = 0.01;
 
 json number_or_null(double value) { return std::isfinite(value) ? json(value) : json(); }
@@ -43,9 +43,10 @@ ChartWidth chart_width(const QuantityHistory& h, const Repeatability* archive) {
   double squares = 0;
   for (const HistoryPoint& p : h.points) squares += p.value->u * p.value->u;
   const double sigma = std::sqrt(squares / static_cast<double>(h.points.size()));
-  return {sigma, "the stated uncertainties: the archive has " + std::to_string(archive ? archive->differences : 0) +
-                     " pairs of successive calibrations of this model, and " + std::to_string(enough_differences) +
-                     " are needed to tell how well they repeat"};
+  return {sigma, "the stated uncertainties: the archive has " +
+                     std::to_string(archive ? archive->differences : 0) +
+                     " pairs of successive calibrations of this model, and " +
+                     std::to_string(enough_differences) + " are needed to estimate their repeatability"};
 }
 
 json chart_of(const QuantityHistory& h, const Repeatability* archive) {
@@ -90,8 +91,9 @@ json interval_of(const QuantityHistory& h, const Drift& drift) {
   std::ranges::sort(gaps);
   const double present = gaps[gaps.size() / 2];
   if (drift.degrees_of_freedom <= 0)
-    return {{"months", std::round(present * months_a_year)}, {"present_months", std::round(present * months_a_year)},
-            {"why", "as so far: three calibrations are needed to tell of a drift"}};
+    return {{"months", std::round(present * months_a_year)},
+            {"present_months", std::round(present * months_a_year)},
+            {"why", "unchanged: three calibrations are needed to detect a drift"}};
   const HistoryPoint& newest = h.points.back();
   const double expanded = newest.value->expanded, value = newest.value->value;
   const auto [least, most] = required(h);
@@ -99,14 +101,14 @@ json interval_of(const QuantityHistory& h, const Drift& drift) {
   const double until = has_requirement
                            ? years_until(most - value - expanded, value - expanded - least, drift.per_year, drift.expanded)
                            : years_until(expanded, expanded, drift.per_year, drift.expanded);
-  const double limit = std::min(longest_stretch * present, longest_interval_years);
+  const double limit = std::min(longest_extension * present, longest_interval_years);
   const double months = std::floor(std::min(until, limit) * months_a_year + 1e-6);
   std::string why = has_requirement ? "then the drift may have reached the requirement, with its uncertainty and that of the calibration"
                                     : "then the drift may have moved the value by the expanded uncertainty of its calibration";
   if (until > limit)
-    why = "no drift that is known asks for less; not more than twice the interval so far (" +
-          months_in_words(std::round(present * months_a_year)) + "), nor than five years";
-  if (months < 1) why += ". That is less than a month: adjust or withdraw the item, or ask for less";
+    why = "no known drift requires less; at most twice the present interval (" +
+          months_in_words(std::round(present * months_a_year)) + ") and five years";
+  if (months < 1) why += ". That is less than a month: adjust or withdraw the item, or relax the requirement";
   return {{"months", months}, {"present_months", std::round(present * months_a_year)}, {"why", why}};
 }
 

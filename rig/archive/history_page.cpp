@@ -173,8 +173,11 @@ std::string history_html(const json& h) {
     html += page::box("Calibrate again after " + interval_in_words(r) + ", as " + text_of(r, "by") + " asks for.");
   for (const json& note : h.at("notes")) html += page::box(note.get<std::string>(), true);
   html += overview(h.at("quantities"));
-  html += "<p class=\"sub\">E_n compares a calibration with the one before (ISO/IEC 17043): at most 1 agrees. Both rest on the "
-          "same references, whose common error cancels, so that E_n is on the safe side of what repeats.</p>\n";
+  html +=
+      "<p class=\"sub\">E_n compares a calibration with the one before (ISO/IEC 17043): at most 1 agrees. "
+      "Both rest on the "
+      "same references, whose common error cancels, so that this E_n is conservative for what they do not "
+      "share.</p>\n";
   for (const json& q : h.at("quantities")) html += quantity_section(q);
   html += "<h2>Sessions</h2>\n";
   std::vector<std::vector<Cell>> rows;

@@ -21,15 +21,15 @@ class Apply : public Command {
                      "Correction (*.json), or a session that holds one")
         ->required();
     command->add_option("session", request_.input, "Session to correct")->required();
-    command->add_option("-o,--output", output_, "Session to make (*.rig)")->required();
+    command->add_option("-o,--output", output_, "Session file to write (*.rig)")->required();
     command
         ->add_option("--outside", outside_,
-                     "What becomes of samples outside the calibrated region: hold corrects them as at its "
+                     "Treatment of samples outside the calibrated region: hold corrects them as at its "
                      "border, drop leaves them out")
         ->check(CLI::IsMember({"hold", "drop"}))
         ->capture_default_str();
     command->add_flag("--any-lidar", request_.any_lidar,
-                      "Also for another lidar than the one that was calibrated, or one of another model");
+                      "Also for a lidar other than the calibrated one, even of another model");
     json_.declare(*command, "what was done");
     return command;
   }

@@ -59,14 +59,18 @@ std::string explained_in_words(const SessionRecord& r) {
 class Archive : public Command {
  public:
   CLI::App* declare(CLI::App& root) override {
-    auto* command = root.add_subcommand("archive", "An index of many sessions: add takes them in, list shows them, verify "
-                                                   "looks for damaged, changed and missing ones");
+    auto* command = root.add_subcommand("archive",
+                                        "An index of many sessions: add indexes them, list shows them, "
+                                        "verify finds damaged, changed and missing ones");
     command->add_option("action", action_, "add, list or verify")->required()->check(CLI::IsMember({"add", "list", "verify"}));
-    command->add_option("folder", folder_, "Folder with the sessions (*.rig), in folders of its own if you like")->required();
+    command->add_option("folder", folder_, "Folder with the sessions (*.rig), in subfolders if you like")
+        ->required();
     option_.declare_index(*command);
-    command->add_flag("--rebuild", adding_.rebuild, "add: forget the index first, and read every session");
-    command->add_flag("--accept-changes", adding_.accept_changes, "add: take in, as they are now, sessions that were changed");
-    command->add_flag("--forget-missing", adding_.forget_missing, "add: take sessions that are gone out of the index");
+    command->add_flag("--rebuild", adding_.rebuild, "add: rebuild the index from every session");
+    command->add_flag("--accept-changes", adding_.accept_changes,
+                      "add: accept changed sessions as they are now");
+    command->add_flag("--forget-missing", adding_.forget_missing,
+                      "add: remove missing sessions from the index");
     command->add_option("--serial", serial_, "list: of this lidar only");
     json_.declare(*command, "what was found");
     return command;
@@ -95,9 +99,10 @@ class Archive : public Command {
     for (const ArchiveFinding& f : findings) {
       ++count[f.what];
       list.push_back({{"path", f.path}, {"what", name_of(f.what)}, {"says", f.says}});
-      // What --accept-changes and --forget-missing settled is no fault any more.
-      const bool settled = (f.what == What::changed && adding_.accept_changes) || (f.what == What::missing && adding_.forget_missing);
-      is_bad |= f.is_fault() && !settled;
+      // What --accept-changes and --forget-missing accepted is no fault any more.
+      const bool accepted = (f.what == What::changed && adding_.accept_changes) ||
+                            (f.what == What::missing && adding_.forget_missing);
+      is_bad |= f.is_fault() && !accepted;
       if (f.what > What::updated)
         std::fprintf(stderr, "%-12s %s%s%s\n", name_of(f.what), clean_text(f.path).c_str(), f.says.empty() ? "" : ": ", f.says.c_str());
     }
@@ -106,7 +111,8 @@ class Archive : public Command {
     std::fprintf(stderr, "%zu sessions%s%s (%.1f s)\n", sessions, counts.empty() ? "" : ": ", counts.c_str(), seconds);
     json_.write({{"schema", "archive-findings/1"}, {"sessions", sessions}, {"seconds", seconds}, {"findings", list}});
     if (!is_bad) return 0;
-    throw MeasurementError("not every session of the archive is as it was taken in; the list above says which and what to do.");
+    throw MeasurementError(
+        "not every session of the archive is as it was added; the list above says which, and what to do.");
   }
 
   int list() const {

@@ -26,8 +26,8 @@ const char* word(CheckLine::Verdict verdict) {
   switch (verdict) {
     case CheckLine::Verdict::good:
       return "good";
-    case CheckLine::Verdict::look:
-      return "look";
+    case CheckLine::Verdict::note:
+      return "note";
     case CheckLine::Verdict::bad:
       return "BAD";
   }
@@ -43,8 +43,7 @@ void print(const CheckLine& line) {
 class Check : public Command {
  public:
   CLI::App* declare(CLI::App& root) override {
-    auto* check =
-        root.add_subcommand("check", "Walks through the bench before a long run and says what to fix");
+    auto* check = root.add_subcommand("check", "Checks the bench before a long run and says what to correct");
     check->add_option("--lidar", lidar_, "tcp://HOST[:PORT]")->required();
     check->add_option("--stage", stage_, "serial:PATH[?language=zaber&baud=...]")->required();
     check->add_option("--bench", bench_, "Bench file")->required();

@@ -32,21 +32,19 @@ class Compare : public Command {
  public:
   CLI::App* declare(CLI::App& root) override {
     auto* command = root.add_subcommand(
-        "compare",
-        "Lays noise, intensity and edges of two devices side by side: a recorded one and its twin");
-    command->add_option("recorded", recorded_, "Session files (*.rig) of the one")->required();
-    command->add_option("--with", other_, "Session files of the other")->required();
+        "compare", "Compares noise, intensity and edges of two devices: a recorded one and its twin");
+    command->add_option("recorded", recorded_, "Session files (*.rig) of the first device")->required();
+    command->add_option("--with", other_, "Session files of the second device")->required();
     command->add_option("-o,--output", output_, "Page to write (HTML)");
     json_.declare(*command, "the distances");
     command->add_option("--beams", beams_, "Beams that count for noise and intensity, degrees: FROM TO")
         ->expected(2);
-    command->add_option("--names", names_, "What the two are called")->expected(2)->capture_default_str();
+    command->add_option("--names", names_, "Names of the two devices")->expected(2)->capture_default_str();
     return command;
   }
 
   int run() override {
-    if (output_.empty() && !json_.wanted())
-      throw UsageError("say where the page goes: -o PAGE.html, or --json FILE");
+    if (output_.empty() && !json_.wanted()) throw UsageError("name the output: -o PAGE.html, or --json FILE");
     std::vector<std::string> inputs = recorded_;
     inputs.insert(inputs.end(), other_.begin(), other_.end());
     check_outputs({{output_, "comparison.html"}, json_.output()}, inputs);

@@ -13,7 +13,7 @@ class Deskew : public Command {
   CLI::App* declare(CLI::App& root) override {
     auto* command = root.add_subcommand("deskew", "Removes the motion distortion of a moving lidar's scans");
     command->add_option("session", input_, "Session with odometry or a stage track")->required();
-    command->add_option("-o,--output", output_, "Session to make (*.rig)")->required();
+    command->add_option("-o,--output", output_, "Session file to write (*.rig)")->required();
     command->add_option("--offset-ms", options_.offset_ms,
                         "Path time minus scan time; default: estimated from the scans");
     command
@@ -27,8 +27,8 @@ class Deskew : public Command {
         ->check(CLI::Range(0.001, 10.0))
         ->capture_default_str();
     command->add_option("--reference", reference_,
-                        "Judge the scans by a session of the same scene at rest, or by the stretch in which "
-                        "the carrier stood about X_MM,Y_MM,HEADING_DEG");
+                        "Compare the scans with a session of the same scene at rest, or with the part of the "
+                        "recording in which the carrier stood near X_MM,Y_MM,HEADING_DEG");
     json_.declare(*command, "the result");
     return command;
   }

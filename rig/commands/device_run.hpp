@@ -129,10 +129,10 @@ class DeviceRun {
   void declare(CLI::App& command) {
     command.add_option("--lidar", lidar, "tcp://HOST[:PORT]");
     command.add_option("--stage", stage, "serial:PATH[?language=zaber&baud=...] (docs/operate/stages.md)");
-    command.add_flag("--yes", yes, "Confirm every prompt: nobody is there");
+    command.add_flag("--yes", yes, "Confirm every prompt: unattended run");
     command.add_flag("--accept-lidar", accept_lidar_,
-                     "Measure although the lidar is of another model or serial number than the bench file says, "
-                     "or says that it is not well; recorded in session and certificate");
+                     "Measure even if model or serial number differ from the bench file, or the lidar "
+                     "reports a fault; recorded in session and certificate");
     command.add_option("--operator", operator_port, "HOST:PORT of a simulated bench that answers prompts itself");
     live_option_ = command.add_option("--live", live_.port, "Serve the live page; on PORT if given")
                        ->expected(0, 1)
@@ -141,11 +141,10 @@ class DeviceRun {
         command.add_option("--foxglove", foxglove_.port, "Serve the run to Foxglove on PORT (0: any free one)");
     command
         .add_option("--live-listen", live_.address,
-                    "Address of the live page and of --foxglove; others than loopback need "
-                    "--live-token")
+                    "Address of the live page and of --foxglove; any other than loopback needs --live-token")
         ->capture_default_str();
-    command.add_option("--live-token", live_.token, "Secret that the live page's address must carry");
-    command.add_flag("--json-log", json_log_, "One JSON object a line on standard output, for machines");
+    command.add_option("--live-token", live_.token, "Secret that the live page's address must contain");
+    command.add_flag("--json-log", json_log_, "One JSON object per line on standard output, for programs");
   }
 
   /// A live page that outlives each of several runs, if one is asked for; they show themselves on it.
@@ -236,7 +235,7 @@ class DeviceRun {
   }
 
   std::unique_ptr<Operator> make_operator(const asio::any_io_executor& executor) const {
-    if (yes && !operator_port.empty()) throw UsageError("give one of --yes and --operator.");
+    if (yes && !operator_port.empty()) throw UsageError("give either --yes or --operator.");
     if (yes) return make_absent_operator();
     if (!operator_port.empty()) return make_bench_operator(executor, parse_endpoint(operator_port, "--operator", 0));
     return make_terminal_operator(executor, live_option_->count() > 0);

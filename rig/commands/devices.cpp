@@ -29,7 +29,7 @@ class Devices : public Command {
         "--lidar", lidars_,
         std::string("Address to ask, tcp://HOST[:PORT]; may be repeated; default: ") + factory_address);
     devices->add_option("--stage", stages_, "Another port to ask, serial:PATH[?baud=RATE]; may be repeated");
-    devices->add_flag("--no-probe", no_probe_, "List the serial ports and ask nobody");
+    devices->add_flag("--no-probe", no_probe_, "List the serial ports and query none");
     json_.declare(*devices, "what was found");
     return devices;
   }
@@ -43,7 +43,7 @@ class Devices : public Command {
     io.run();
     if (failure) std::rethrow_exception(failure);
     json_.write(found_);
-    if (asked_in_vain_) throw DeviceError("not every device that was asked for answers; see above.");
+    if (asked_in_vain_) throw DeviceError("not every requested device answers; see above.");
     return 0;
   }
 
@@ -95,8 +95,7 @@ class Devices : public Command {
                             {"url", url.starts_with("serial:") ? url : "serial:" + url}};
         } else {
           // Most ports hold no stage: only one that was asked for, or that says something, needs a remedy.
-          answer =
-              wanted || !found.heard.empty() ? found.why_nobody() : "nobody answers in a stage's language";
+          answer = wanted || !found.heard.empty() ? found.why_nobody() : "no stage answers";
           if (!found.heard.empty())
             entry["heard"] = {{"bytes", shown_bytes(found.heard)}, {"baud", found.baud}};
           asked_in_vain_ |= wanted;
@@ -123,7 +122,7 @@ class Devices : public Command {
       answer = who.model + ", serial " + who.serial + ", firmware " + who.firmware;
       entry["lidar"] = json::parse(who.json);
       const std::string state = entry["lidar"]["II"].value("STAT", "");
-      if (!state.empty() && !says_it_is_well(state)) answer += "; it is not well, it says: " + state;
+      if (!state.empty() && !says_it_is_well(state)) answer += "; it reports a fault: " + state;
     } catch (const lidar::LidarError& error) {
       answer = error.what();
       entry["error"] = answer;

@@ -18,9 +18,9 @@ class TemporaryFolder {
   TemporaryFolder() {
     path_ = (std::filesystem::temp_directory_path() / "rig-export-XXXXXX").string();
     if (!::mkdtemp(path_.data()))
-      throw MeasurementError("no temporary folder can be made in " +
+      throw MeasurementError("cannot make a temporary folder in " +
                              std::filesystem::temp_directory_path().string() +
-                             ": is its disk full? Another can be named by the variable TMPDIR.");
+                             ": is its disk full? The variable TMPDIR can name another folder.");
   }
   ~TemporaryFolder() { empty(); }
   TemporaryFolder(const TemporaryFolder&) = delete;
@@ -46,10 +46,9 @@ class Export : public Command {
     command->add_option("session", source_, "Session file (*.rig), or a correction (*.json)")->required();
     command->add_option("--format", format_, "See below")->required();
     command->add_option("-o,--output", output_, "File to write, or '-' for standard output")->required();
-    command->add_flag("--any-lidar", any_lidar_,
-                      "Also a correction that was made for another lidar than the session's");
+    command->add_flag("--any-lidar", any_lidar_, "Also a correction for a lidar other than the session's");
     command->add_option("--centre", centre_,
-                        "Session whose rotation centre goes along into c-header, cpp-header and "
+                        "Session whose rotation centre is included in c-header, cpp-header and "
                         "ros2-parameters; default: the session's own");
     command->footer("Formats:" + formats);
     return command;
@@ -92,7 +91,7 @@ class Export : public Command {
       if (std::fwrite(piece.data(), 1, size, stdout) != size) break;
     }
     if (std::fflush(stdout) != 0 || std::ferror(stdout))
-      throw MeasurementError("standard output takes no more: is the disk full, or its reader gone?");
+      throw MeasurementError("cannot write to standard output: is the disk full, or has its reader ended?");
     return 0;
   }
 

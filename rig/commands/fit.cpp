@@ -28,7 +28,7 @@ class Fit : public Command {
  public:
   CLI::App* declare(CLI::App& root) override {
     auto* command = root.add_subcommand("fit", "A calibration from recordings");
-    command->add_option("kind", kind_, "Which calibration")->required();
+    command->add_option("kind", kind_, "Calibration to compute")->required();
     command->add_option("session", sessions_, "Session files")->required();
     command->add_option("--option", options_, "NAME=VALUE; 'rig fit KIND --help' lists them");
     json_.declare(*command, "the result");

@@ -17,8 +17,10 @@ using nlohmann::json;
 class Fleet : public Command {
  public:
   CLI::App* declare(CLI::App& root) override {
-    auto* command = root.add_subcommand("fleet", "All lidars of an archive: which physics they suffer from, which drift, which "
-                                                 "unknown shapes they share, which sessions are another lidar's");
+    auto* command =
+        root.add_subcommand("fleet",
+                            "All lidars of an archive: which error mechanisms they show, which drift, which "
+                            "unknown shapes they share, which sessions belong to another lidar");
     archive_.declare(*command, true);
     command->add_option("-o,--output", output_, "Page to write (HTML)");
     json_.declare(*command, "the fleet");
@@ -50,11 +52,13 @@ class Fleet : public Command {
       std::fprintf(stderr, "  drift: %s, %s, %s\n", text_of(d, "serial").c_str(), text_of(d, "label").c_str(),
                   fit::format_measurement(number_of(d, "per_year"), number_of(d, "U"), text_of(d, "unit") + " a year").c_str());
     for (const json& c : fleet.at("common_drifts"))
-      std::fprintf(stderr, "  all %s drift in %s by %s a year: look at the bench\n", text_of(c, "model").c_str(), text_of(c, "quantity").c_str(),
-                  fit::format_measurement(number_of(c, "per_year"), number_of(c, "U"), "").c_str());
+      std::fprintf(stderr, "  all %s drift in %s by %s a year: check the bench\n",
+                   text_of(c, "model").c_str(), text_of(c, "quantity").c_str(),
+                   fit::format_measurement(number_of(c, "per_year"), number_of(c, "U"), "").c_str());
     for (const json& s : fleet.at("strange"))
-      std::fprintf(stderr, "  strange: %s says %s, and its results are %s\n", text_of(s, "session").c_str(), text_of(s, "serial").c_str(),
-                  text_of(s, "looks_like").empty() ? "no known lidar's" : ("those of " + text_of(s, "looks_like")).c_str());
+      std::fprintf(stderr, "  suspicious: %s names %s, but its results match %s\n",
+                   text_of(s, "session").c_str(), text_of(s, "serial").c_str(),
+                   text_of(s, "looks_like").empty() ? "no known lidar" : text_of(s, "looks_like").c_str());
   }
 
   std::string output_;

@@ -61,8 +61,8 @@ class History : public Command {
     for (const json& note : history.at("notes")) std::fprintf(stderr, "note: %s\n", note.get<std::string>().c_str());
     const json& recommended = history.at("recommended");
     if (recommended.at("months").is_number())
-      std::fprintf(stderr, "Calibrate again after %g months, as %s asks for.\n", number_of(recommended, "months"),
-                  text_of(recommended, "by").c_str());
+      std::fprintf(stderr, "Calibrate again after %g months, as %s requires.\n",
+                   number_of(recommended, "months"), text_of(recommended, "by").c_str());
   }
 
   std::string serial_, output_;

@@ -16,7 +16,7 @@ class Import : public Command {
     auto* command =
         root.add_subcommand("import", "Reads other tools' recordings into a session, one capture a file");
     command->add_option("files", request_.files, "Recordings: " + formats())->required();
-    command->add_option("-o,--output", output_, "Session to make (*.rig)")->required();
+    command->add_option("-o,--output", output_, "Session file to write (*.rig)")->required();
     command->add_option("--bench", bench_, "Bench file; without it one is made from the recording");
     command->add_option("--target", request_.target, "Name of the target the captures are about")
         ->capture_default_str();
@@ -44,14 +44,14 @@ class Import : public Command {
     command->add_option("--step-deg", options.step_deg, "Angle from beam to beam, likewise (UST-10LX: 0.25)");
     command
         ->add_option("--scan-hz", options.scan_hz,
-                     "Turns of the lidar a second, where the recording does not say it or is wrong")
+                     "Rotation rate of the lidar (turns per second), where the recording does not state it "
+                     "or states it wrongly")
         ->check(CLI::PositiveNumber);
     command
-        ->add_option(
-            "--columns", options.columns,
-            "What a table's columns hold, in place of its header: time_s,range_m*360 or "
-            "scan,angle_deg,range_mm or scan,x_m,y_m or time_s,left_ticks,right_ticks; '-' passes one "
-            "over, NAME*3 stands for three, NAME* for the rest (docs/operate/import.md)")
+        ->add_option("--columns", options.columns,
+                     "What a table's columns hold, in place of its header: time_s,range_m*360 or "
+                     "scan,angle_deg,range_mm or scan,x_m,y_m or time_s,left_ticks,right_ticks; '-' skips "
+                     "one, NAME*3 means three, NAME* for the rest (docs/operate/import.md)")
         ->delimiter(',');
     command
         ->add_option("--ticks-a-turn", options.ticks_a_turn,

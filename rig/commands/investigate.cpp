@@ -22,7 +22,8 @@ class FolderLock {
     fd_ = ::open((std::filesystem::path(folder) / ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
     if (fd_ < 0) throw UsageError("cannot write into " + folder + ". Name another folder with --out.");
     if (::flock(fd_, LOCK_EX | LOCK_NB) != 0)
-      throw UsageError("another program investigates in " + folder + ". Wait for its end, or name another folder.");
+      throw UsageError("another program is investigating in " + folder +
+                       ". Wait until it ends, or name another folder.");
   }
   ~FolderLock() { ::close(fd_); }
   FolderLock(const FolderLock&) = delete;
@@ -35,28 +36,36 @@ class FolderLock {
 class Investigate : public Command {
  public:
   CLI::App* declare(CLI::App& root) override {
-    auto* command = root.add_subcommand(
-        "investigate", "Measures, explains and chooses the next experiment until the physics is named and foretells a new recording");
-    command->add_option("procedure", options_.procedure, "The first session's procedure; default: a short look from several angles");
+    auto* command = root.add_subcommand("investigate",
+                                        "Measures, explains and chooses the next experiment until the "
+                                        "missing physics is named and predicts a new recording");
+    command->add_option("procedure", options_.procedure,
+                        "The first session's procedure; default: a short recording from several angles");
     command->add_option("--bench", bench_, "Bench file");
     command->add_option("--out", options_.folder, "Folder for sessions, state and dossier")->required();
     command->add_option("--budget-min", options_.budget_min, "Minutes that stage, scans and operator may take together")
         ->check(CLI::PositiveNumber)
         ->capture_default_str();
-    command->add_flag("--unattended", options_.unattended, "Nobody is there: no experiment that needs a hand");
-    command->add_flag("--resume", options_.resume, "Go on with the investigation in the folder");
-    command->add_option("--on-for-min", options_.on_for_min,
-                        "For how long the lidar has been on when the first session begins; what drifts is compared by that")
+    command->add_flag("--unattended", options_.unattended,
+                      "Unattended: no experiment that needs an operator");
+    command->add_flag("--resume", options_.resume, "Continue the investigation in the folder");
+    command
+        ->add_option(
+            "--on-for-min", options_.on_for_min,
+            "How long the lidar has been on when the first session begins; drifts are compared by that")
         ->check(CLI::NonNegativeNumber);
     devices_.declare(*command);
     command->footer(
-        "Ctrl-C stops the stage and keeps all data; --resume goes on. The dossier says what a recording that was foretold has "
-        "confirmed, and no more.");
+        "Ctrl-C stops the stage and keeps all data; --resume continues. The dossier says what a predicted "
+        "recording has confirmed, and no more.");
     return command;
   }
 
   int run() override {
-    if (devices_.yes) throw UsageError("--yes would confirm prompts that nobody carries out. Give --unattended: no experiment then needs a hand.");
+    if (devices_.yes)
+      throw UsageError(
+          "--yes would confirm prompts that nobody carries out. Give --unattended instead: experiments then "
+          "need no operator.");
     const std::string kept = (std::filesystem::path(options_.folder) / "bench.json").string();
     std::error_code ignored;
     if (bench_.empty() && options_.resume && std::filesystem::exists(kept, ignored)) bench_ = kept;
@@ -65,22 +74,24 @@ class Investigate : public Command {
     const fit::Bench bench = read_bench_file(bench_);
     const FolderLock lock(options_.folder);
     const std::unique_ptr<LivePage> page = devices_.page_for_several();
-    investigate::Hands hands;
-    hands.record = [&](const Procedure& procedure, const std::string& session, bool resumed) {
+    investigate::Actions actions;
+    actions.record = [&](const Procedure& procedure, const std::string& session, bool resumed) {
       devices_.run(procedure, bench, session, resumed);
     };
-    hands.explain = [](const std::vector<const fit::Recording*>& recordings) {
+    actions.explain = [](const std::vector<const fit::Recording*>& recordings) {
       return fit::explain::explain(recordings, {});
     };
-    hands.say = [this](const std::string& line) {
+    actions.say = [this](const std::string& line) {
       std::fprintf(stderr, "investigate: %s\n", line.c_str());
       if (!devices_.logs_json()) return;
       std::printf("%s\n", json{{"type", "investigation"}, {"text", line}}.dump(-1, ' ', false, json::error_handler_t::replace).c_str());
       std::fflush(stdout);
     };
     if (page)
-      hands.show = [&page](const json& dossier) { page->show_beside("investigation", investigate::for_live_page(dossier)); };
-    investigate::Investigation investigation(bench, options_, hands);
+      actions.show = [&page](const json& dossier) {
+        page->show_beside("investigation", investigate::for_live_page(dossier));
+      };
+    investigate::Investigation investigation(bench, options_, actions);
     devices_.doubts_bench = true;
     // Whatever is asked all the same has nobody to wait for.
     devices_.yes = investigation.unattended() && devices_.operator_port.empty();

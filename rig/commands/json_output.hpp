@@ -30,7 +30,7 @@ class JsonOutput {
     const std::string text = document.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
     if (path_ != "-") return write_file_atomically(path_, text);
     if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0)
-      throw MeasurementError("standard output takes no more: is the disk full, or its reader gone?");
+      throw MeasurementError("cannot write to standard output: is the disk full, or has its reader ended?");
   }
 
  private:

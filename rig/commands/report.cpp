@@ -64,8 +64,10 @@ class Report : public Command {
       SessionStore session(session_, SessionStore::Mode::append);
       session.set("certificates", certificates);
     } catch (const std::exception& error) {
-      std::fprintf(stderr, "rig: the session does not remember this issue, which later ones will not count: %s\n",
-                   error.what());
+      std::fprintf(
+          stderr,
+          "rig: this issue could not be noted in the session, so later issues will not count it: %s\n",
+          error.what());
     }
   }
 

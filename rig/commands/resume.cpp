@@ -19,14 +19,15 @@ std::string port_file(const std::string& address) {
 class Resume : public Command {
  public:
   CLI::App* declare(CLI::App& root) override {
-    auto* resume = root.add_subcommand(
-        "resume", "Goes on with a run that was interrupted; all that it needs is in its session");
+    auto* resume =
+        root.add_subcommand("resume", "Continues an interrupted run; all that it needs is in its session");
     resume->add_option("session", session_, "Session file (*.rig)")->required();
     devices_.declare(*resume);
     resume->add_flag("--attended", attended_, "A person answers prompts, though the run was begun with --yes");
     resume->footer(
-        "Procedure, bench, variables and addresses are the session's. An address given here replaces one that "
-        "has changed; one that is not there any more is asked for.");
+        "Procedure, bench, variables and addresses are the session's. An address given here replaces one "
+        "that "
+        "has changed; one that is no longer there is asked for.");
     return resume;
   }
 
@@ -80,7 +81,7 @@ class Resume : public Command {
         devices_.stage = asked("stage", "--stage serial:PATH", "The session does not say where the stage is.");
       else if (!file.empty() && !std::filesystem::exists(file, ignored))
         devices_.stage = asked("stage", "--stage serial:PATH",
-                               "The stage was at " + devices_.stage + ", which is not there any more.");
+                               "The stage was at " + devices_.stage + ", which is no longer there.");
     }
   }
 

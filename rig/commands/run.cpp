@@ -51,12 +51,12 @@ class Run : public Command {
     run->add_option("procedure", procedure_, "Procedure file, or the name of a ready one")->required();
     run->add_option("--bench", bench_, "Bench file; a resumed run takes it from its session");
     run->add_option("--out", out_, "Session file to write; default: the procedure's name with .rig");
-    run->add_flag("--resume", resume_, "Go on with the session file where it was interrupted");
+    run->add_flag("--resume", resume_, "Continue the session file where it was interrupted");
     run->add_option("--set", settings_, "NAME=VALUE: replaces a variable of the procedure");
     run->add_flag("--dry-run", dry_run_, "Print steps, travel, time and limits; touch no device");
     devices_.declare(*run);
     run->footer(
-        "Ctrl-C stops the stage, switches the lidar's laser off and keeps all data; `rig resume` goes on.");
+        "Ctrl-C stops the stage, switches the lidar's laser off and keeps all data; `rig resume` continues.");
     return run;
   }
 
@@ -82,8 +82,8 @@ class Run : public Command {
       const auto equals = setting.find('=');
       if (equals == std::string::npos || equals == 0)
         throw UsageError("--set " + setting +
-                         ": it takes NAME=VALUE, the name of one of the procedure's variables and what it is "
-                         "to be, as in --set samples=100.");
+                         ": it takes NAME=VALUE, one of the procedure's variables and its value, as in --set "
+                         "samples=100.");
       const std::string name = setting.substr(0, equals);
       const Value value = value_of_text(setting.substr(equals + 1));
       if (!values.emplace(name, value).second)
@@ -122,7 +122,7 @@ class Run : public Command {
   std::string bench_missing() const {
     if (continues())
       return out_ +
-             " holds no bench: it was ended before its run began. Give --bench FILE, the bench it runs on.";
+             " holds no bench: it ended before its run began. Give --bench FILE, the bench it runs on.";
     if (resume_)
       return "there is no session " + out_ +
              " to resume, and so no bench in it. Give the session's name with --out, or --bench FILE to "

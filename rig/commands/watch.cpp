@@ -51,16 +51,17 @@ class Watch : public Command {
  public:
   CLI::App* declare(CLI::App& root) override {
     auto* command = root.add_subcommand(
-        "watch", "Shows a session in the browser, while another program records it or afterwards; of a folder, all benches "
-                 "that write into it, and who is needed where");
+        "watch",
+        "Shows a session in the browser, while another program records it or afterwards; for a folder, all "
+        "benches that write into it and which of them need an operator");
     command->add_option("session", session_, "Session file (*.rig), or a folder of them")->required();
     command->add_option("--live", options_.port, "Port of the page; 0 picks a free one")
         ->capture_default_str();
     command
         ->add_option("--live-listen", options_.address,
-                     "Address to listen on; others than loopback need --live-token")
+                     "Address to listen on; any other than loopback needs --live-token")
         ->capture_default_str();
-    command->add_option("--live-token", options_.token, "Secret that the page's address must carry");
+    command->add_option("--live-token", options_.token, "Secret that the page's address must contain");
     return command;
   }
 

@@ -40,7 +40,7 @@ std::vector<std::string> check_lidar(const fit::Correction& correction, const Se
   const LidarMatch match = match_lidar(correction.lidar_model, correction.lidar_serial, lidar_of(session));
   if (match.another && !any_lidar)
     throw UsageError(session.path() + ": " + match.says +
-                     ". Calibrate that one, or say --any-lidar if you know better.");
+                     ". Calibrate that one, or give --any-lidar to use it all the same.");
   if (match.says.empty()) return {};
   return {session.path() + ": " + match.says + "."};
 }

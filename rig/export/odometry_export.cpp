@@ -29,7 +29,7 @@ json result_of(const ExportSource& source) {
   if (text_of(result, "kind") != "odometry")
     throw UsageError(
         source.path +
-        " is no result of 'rig fit odometry': give a session that holds one, or the file that its "
+        " is not a result of 'rig fit odometry': give a session that holds one, or the file that its "
         "--json FILE wrote");
   return result;
 }

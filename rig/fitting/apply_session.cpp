@@ -28,7 +28,7 @@ std::vector<std::string> check(const ApplyRequest& request) {
   const LidarMatch match =
       match_lidar(request.correction.lidar_model, request.correction.lidar_serial, lidar_of(session));
   if (match.another && !request.any_lidar)
-    throw UsageError(match.says + ". Calibrate that one, or say --any-lidar if you know better.");
+    throw UsageError(match.says + ". Calibrate that one, or give --any-lidar to use it all the same.");
   std::vector<std::string> warnings;
   if (!match.says.empty()) warnings.push_back(match.says + ".");
   for (const std::string& note : request.correction.notes) warnings.push_back("the correction warns: " + note);

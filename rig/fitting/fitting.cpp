@@ -36,7 +36,7 @@ void refuse_clusters(const std::string& kind, const std::vector<FitSource>& sour
                          "') was recorded in clusters of " + std::to_string(capture.cluster) +
                          " steps: the lidar sent the nearest range of each, which is too short for the "
                          "calibration '" +
-                         kind + "', made for single beams. Record it with 'cluster: 1'");
+                         kind + "', which is made for single beams. Record it with 'cluster: 1'");
   }
 }
 

@@ -18,7 +18,7 @@ void demand_one_lidar(const std::vector<FitSource>& sources, const std::string& 
   for (const FitSource& source : sources)
     if (match_lidar(lidar.name(), lidar.serial, lidar_of(*source.session)).another)
       throw UsageError("the " + what + " of " + sources.front().path + " and " + source.path +
-                       " is not that of one thing: their lidars differ (" + lidar_in_words(first) + "; " +
+                       " cannot be fitted together: their lidars differ (" + lidar_in_words(first) + "; " +
                        lidar_in_words(*source.session) +
                        "). Fit each session by itself, and compare them with 'rig compare'.");
 }

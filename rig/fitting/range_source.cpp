@@ -91,7 +91,7 @@ std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::s
   if (!target) {
     leave_out(left_out, name,
               "the bench file has no target " +
-                  (capture.target ? "'" + *capture.target + "'" : "that its beams meet squarely"));
+                  (capture.target ? "'" + *capture.target + "'" : "that its beams meet at right angles"));
     return std::nullopt;
   }
   const FacingTarget board = facing_target(*target, capture, bench.lidar.mount);
@@ -154,7 +154,7 @@ RangeSource read_ranges(const std::vector<FitSource>& sources) {
   std::string why;
   for (const auto* all : {&out.notes, &out.contradictions})
     for (const std::string& note : *all) why += "\n  " + note;
-  throw MeasurementError("no capture looks squarely at a target whose distance is known" + why +
+  throw MeasurementError("no capture faces a target of known distance squarely" + why +
                          "\nThe bench file must hold the target, and captures of a range ladder its shift.");
 }
 

@@ -32,7 +32,7 @@ std::string_view CdrReader::text() {
 std::size_t CdrReader::length(std::size_t least_bytes) {
   const std::size_t count = value<std::uint32_t>();
   if (count > (body_.size() - at_) / least_bytes)
-    throw CdrError("the message promises " + std::to_string(count) + " elements where " +
+    throw CdrError("the message declares " + std::to_string(count) + " elements where " +
                    std::to_string(body_.size() - at_) + " bytes are left");
   return count;
 }

@@ -28,7 +28,7 @@ struct ImportReport {
   std::vector<std::string> notes;  ///< Sentences for the operator, each once.
 };
 
-/// Reads the files, one capture each, into a new session. What is damaged is left out and said. A file
+/// Reads the files, one capture each, into a new session. What is damaged is left out and reported. A file
 /// without a single scan is welcome when it tells wheels or poses: they join the track of the others; else it
 /// is refused (MeasurementError) and no session left behind. So are scans that are not plausible
 /// (Plausibility), and a track that lies in another time than the scans. Nothing is resampled: scans that

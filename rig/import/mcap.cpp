@@ -74,7 +74,7 @@ class Reader {
     if (summary_.truncated)
       summary_.notes.push_back(
           "The file is cut off: it ends within a record, as when the recorder was killed. The " +
-          std::to_string(summary_.messages) + " messages before that are whole and were kept.");
+          std::to_string(summary_.messages) + " complete messages before that were kept.");
     return std::move(summary_);
   }
 
@@ -154,7 +154,7 @@ class Reader {
     const auto crc = static_cast<std::uint32_t>(fields.number(4));
     const std::string compression = fields.text();
     const std::uint64_t packed_size = fields.number(8);
-    if (!fields.whole()) return damaged("it is shorter than its own head", cut);
+    if (!fields.whole()) return damaged("it is shorter than its own header", cut);
     auto packed = fields.rest();
     if (!cut && packed_size > packed.size()) return damaged("its length field does not fit", cut);
     packed = packed.first(std::min<std::size_t>(packed.size(), packed_size));
@@ -167,7 +167,8 @@ class Reader {
       return damaged("its compression '" + compression + "' is unknown", cut);
     const Decompressed unpacked =
         compression == "zstd" ? decompress_zstd(packed, size) : decompress_lz4(packed, size);
-    if (!cut && (!unpacked.whole || unpacked.bytes.size() != size)) return damaged("it does not unpack", cut);
+    if (!cut && (!unpacked.whole || unpacked.bytes.size() != size))
+      return damaged("it cannot be decompressed", cut);
     if (!cut && crc != 0 && crc32(unpacked.bytes) != crc) return damaged("its checksum is wrong", cut);
     records(unpacked.bytes, cut);
   }
@@ -185,7 +186,7 @@ class Reader {
       Fields head(bytes);
       const auto opcode = static_cast<std::uint8_t>(head.number(1));
       const std::uint64_t length = head.number(8);
-      if (!head.whole() || length > bytes.size() - 9) return damaged("a record in it is cut", cut);
+      if (!head.whole() || length > bytes.size() - 9) return damaged("a record in it is truncated", cut);
       simple_record(opcode, bytes.subspan(9, static_cast<std::size_t>(length)));
       bytes = bytes.subspan(9 + static_cast<std::size_t>(length));
     }

@@ -60,11 +60,11 @@ std::vector<std::string> Plausibility::doubts(std::optional<double> true_mm) con
   std::vector<std::string> doubts;
   if (scans_ > 0 && echoes_ == 0)
     doubts.push_back("Every range of its " + std::to_string(scans_) +
-                     " scans is 0 (no echo): the unit may be another, or the columns. Of a table, name unit "
+                     " scans is 0 (no echo): the unit may be another, or the columns. For a table, name unit "
                      "and columns with "
                      "--columns, e.g. --columns time_s,range_m*360.");
   if (scans_ > 2 && first_ns_ == last_ns_ && std::ranges::all_of(interval_s_, [](float s) { return s == 0; }))
-    doubts.push_back("All its scans carry the same time, so that nothing moving can be made of them.");
+    doubts.push_back("All its scans carry the same time, so motion cannot be reconstructed from them.");
   else if (const auto interval_s = usual_interval_s(); interval_s && timed_ > 0) {
     const double turn_s = turn_s_sum_ / static_cast<double>(timed_);
     // Stamps that come in bursts have the right mean, stamps with pauses the right middle.
@@ -77,7 +77,7 @@ std::vector<std::string> Plausibility::doubts(std::optional<double> true_mm) con
           "Its scans are stamped " + fit::format_fixed(1000 * *interval_s, 2) + " ms apart (" +
           fit::format_fixed(1 / std::max(1e-9, *interval_s), 2) + " Hz), but the lidar is said to turn in " +
           fit::format_fixed(1000 * turn_s, 2) + " ms (" + fit::format_fixed(1 / turn_s, 2) +
-          " Hz): one of both is wrong, or scans were left out. Give the lidar's rate with --scan-hz, "
+          " Hz): one of the two is wrong, or scans were left out. Give the lidar's rate with --scan-hz, "
           "or the unit of the times with --columns time_ms,...");
   }
   if (true_mm && !ahead_mm_.empty()) {
@@ -86,7 +86,7 @@ std::vector<std::string> Plausibility::doubts(std::optional<double> true_mm) con
       doubts.push_back(
           "The true distance is given as " + fit::format_fixed(*true_mm, 0) +
           " mm, but ahead of the lidar (0 deg) the ranges are about " + fit::format_fixed(seen_mm, 0) +
-          " mm: one of both is in another unit, or the target stands elsewhere. Check --true-mm, which "
+          " mm: one of the two is in another unit, or the target stands elsewhere. Check --true-mm, which "
           "takes millimetres, and the names of the files.");
   }
   return doubts;

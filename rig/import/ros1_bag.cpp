@@ -80,7 +80,7 @@ class BagReader {
     if (summary_.truncated)
       summary_.notes.push_back(
           "The bag is cut off: it ends within a record, as when the recorder was killed. The " +
-          std::to_string(summary_.messages) + " messages before that are whole and were kept.");
+          std::to_string(summary_.messages) + " complete messages before that were kept.");
     return std::move(summary_);
   }
 
@@ -141,7 +141,7 @@ class BagReader {
     const auto op = fields.number("op", 1);
     const auto content_size = length(at_end);
     if (!content_size) return truncated();
-    if (!fields.whole() || !op) return absurd("a header that is none");
+    if (!fields.whole() || !op) return absurd("an invalid header");
     if (op != chunk_data && op != message_data && op != connection_data) {
       if (op == bag_header && !fields.text("encryptor").empty())
         throw UsageError("the bag is encrypted (" + fields.text("encryptor") + "). Decrypt it first.");
@@ -175,7 +175,7 @@ class BagReader {
     const Decompressed unpacked =
         compression == "bz2" ? decompress_bz2(packed, size) : decompress_lz4(packed, size);
     const bool whole = unpacked.whole && unpacked.bytes.size() == size;
-    if (!cut && !whole) damaged("it does not unpack whole");
+    if (!cut && !whole) damaged("it cannot be decompressed completely");
     records(unpacked.bytes, cut || !whole);
   }
 
@@ -183,7 +183,7 @@ class BagReader {
     ++summary_.bad_chunks;
     if (summary_.notes.size() < 20)
       summary_.notes.push_back("A chunk of messages is damaged (" + why +
-                               "): what is whole of it, and the others, were kept.");
+                               "): its intact part and the other chunks were kept.");
   }
 
   /// The records within a chunk.
@@ -192,7 +192,7 @@ class BagReader {
       const auto header = piece(bytes);
       const auto content = header ? piece(bytes) : std::nullopt;
       if (!content) {
-        if (!cut) damaged("a record in it is cut");
+        if (!cut) damaged("a record in it is truncated");
         return;
       }
       const HeaderFields fields(*header);

@@ -256,7 +256,7 @@ void RosMessages::finish_transforms() {
     if (taken_.contains(Kind::odometry) || !parent.ends_with("odom")) continue;
     taken_.emplace(Kind::odometry, "/tf");
     sink_.note("The bag holds no nav_msgs/Odometry: the transform from " + parent + " to " + child +
-               " was taken as the odometry.");
+               " was used as the odometry.");
     for (const auto& [from_ns, until_ns, at] : seen) {
       fit::TrackPose pose;
       pose.x_mm = at.x_mm;
@@ -276,16 +276,17 @@ void RosMessages::finish() {
                                : kind == Kind::odometry
                                    ? " Use --odometry-topic " + topic + " to take it instead."
                                    : "";
-    sink_.note("Topic " + topic + " was left out: another of its kind was taken." + option);
+    sink_.note("Topic " + topic + " was left out: another of its kind was used." + option);
   }
   for (const auto& [topic, count] : faulty_)
-    sink_.note(std::to_string(count) + " messages on " + topic + " were cut or absurd and left out.");
+    sink_.note(std::to_string(count) + " messages on " + topic +
+               " were truncated or implausible and left out.");
   if (unstamped_ > 0)
     sink_.note(std::to_string(unstamped_) +
-               " messages carry no time of their own; the recorder's time was taken, which jitters.");
+               " messages carry no time of their own; the recorder's time was used, which jitters.");
   if (too_far_ > 0)
     sink_.note(std::to_string(too_far_) +
-               " ranges beyond 65.535 m were taken as no echo: a session cannot hold them.");
+               " ranges beyond 65.535 m were treated as no echo: a session cannot hold them.");
   if (messages_ == 0) {
     sink_.note("The bag holds no messages.");
   } else if (!taken_.count(Kind::scan)) {

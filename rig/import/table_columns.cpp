@@ -167,13 +167,13 @@ TableColumn column_of(std::string_view name) {
   const auto dimension = dimension_of(column.holds);
   if (unit && dimension == unit->dimension) {
     column.scale = unit->scale;
-    column.unit_told = true;
+    column.unit_known = true;
   } else if (unit) {
     column.holds = Holds::unknown;  // a speed, a length of something else
   } else if (of_ros && dimension) {
     column.scale = dimension == Dimension::length ? 1000 : 1;
     if (column.holds == Holds::scan_time || column.holds == Holds::beam_time) column.scale = 1e9;
-    column.unit_told = true;
+    column.unit_known = true;
   }
   return column;
 }
@@ -191,14 +191,14 @@ std::vector<TableColumn> columns_of(const std::vector<std::string>& names, std::
       const auto [end, error] = std::from_chars(times.data(), times.data() + times.size(), count);
       const bool number = error == std::errc() && end == times.data() + times.size();
       if ((!times.empty() && !number) || count > 100'000)
-        throw std::invalid_argument("--columns: '" + names[i] +
-                                    "' is not understood: NAME*3 stands for three");
+        throw std::invalid_argument("--columns: '" + names[i] + "' is not understood: NAME*3 means three");
     }
     TableColumn column = column_of(name);
     if (column.holds == Holds::unknown)
       throw std::invalid_argument(
           "--columns: '" + name +
-          "' is no column that rig knows. There are: time, scan, angle, range, intensity, x, y, heading, "
+          "' is not a column that rig knows. The columns are: time, scan, angle, range, intensity, x, y, "
+          "heading, "
           "left, "
           "right, left_ticks, right_ticks (and, of those since the row before, left_increment_ticks ...), "
           "'-' "

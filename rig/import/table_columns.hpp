@@ -7,12 +7,12 @@
 
 namespace rig {
 
-/// What one column of a table holds, told by its name and the unit at its end: "range_m", "angle (deg)",
+/// What one column of a table holds, known by its name and the unit at its end: "range_m", "angle (deg)",
 /// "Timestamp [ms]", "ticks_left".
 struct TableColumn {
   enum class Holds {
     unknown,
-    nothing,  ///< Named "-": not looked at.
+    nothing,  ///< Named "-": skipped.
     number,   ///< A running number or another quantity that is known and not used.
     time,
     scan,  ///< Tells scans apart, row by row.
@@ -33,8 +33,8 @@ struct TableColumn {
   };
   Holds holds = Holds::unknown;
   std::string name;
-  bool unit_told = false;
-  double scale = 1;        ///< To ns, rad, mm, s; 1 where no unit is told.
+  bool unit_known = false;
+  double scale = 1;        ///< To ns, rad, mm, s; 1 where no unit is given.
   bool numbered = false;   ///< One of a row of columns: "range 17".
   bool ticks = false;      ///< Of a wheel: counts of its encoder, not an angle.
   bool increment = false;  ///< Of a wheel: since the row before.

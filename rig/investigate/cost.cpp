@@ -58,6 +58,6 @@ Cost cost_of(const std::vector<PlannedStep>& plan, const Variables& variables) {
   return cost;
 }
 
-bool needs_hand(const std::vector<PlannedStep>& plan) { return std::ranges::any_of(plan, is_prompt); }
+bool needs_operator(const std::vector<PlannedStep>& plan) { return std::ranges::any_of(plan, is_prompt); }
 
 }  // namespace rig::investigate

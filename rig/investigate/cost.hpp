@@ -21,6 +21,6 @@ inline constexpr double move_min = 3, cover_min = 1, temperature_min = 15, cooli
 [[nodiscard]] Cost cost_of(const std::vector<PlannedStep>& plan, const Variables& variables);
 
 /// Whether somebody has to be there.
-[[nodiscard]] bool needs_hand(const std::vector<PlannedStep>& plan);
+[[nodiscard]] bool needs_operator(const std::vector<PlannedStep>& plan);
 
 }  // namespace rig::investigate

@@ -21,7 +21,7 @@ constexpr std::array<std::pair<End, const char*>, 5> ends = {{{End::named, "name
 constexpr double least_information = 0.05;  // nats; less is not worth a session
 
 bool can_be_done(const Possible& p, const Means& means) {
-  return !p.done && !(p.needs_hand && means.unattended) && p.minutes <= means.minutes_left;
+  return !p.done && !(p.needs_operator && means.unattended) && p.minutes <= means.minutes_left;
 }
 
 double rate(const Possible& p) { return p.information / std::max(p.minutes, 0.1); }
@@ -62,29 +62,32 @@ std::optional<Decision> survey(const std::vector<Possible>& surveys, const Means
   return next(Decision::From::surveys, *quickest, why);
 }
 
-std::optional<Decision> telling_most(const std::vector<Possible>& telling, const Means& means) {
+std::optional<Decision> most_informative(const std::vector<Possible>& experiments, const Means& means) {
   const auto most = best_of(
-      telling,
+      experiments,
       [&](const Possible& p) { return can_be_done(p, means) && p.information >= least_information; },
       [](const Possible& one, const Possible& other) { return rate(one) > rate(other); });
   if (!most) return {};
-  const Possible& p = telling[*most];
-  return next(Decision::From::telling, *most,
-              "Of what the bench can do it tells most per minute: " + fit::rounded(p.information, 2) +
-                  " nats expected about which suspect it is, in " + minutes_text(p.minutes) + ".");
+  const Possible& p = experiments[*most];
+  return next(Decision::From::experiments, *most,
+              "Of what this bench can do, it gives the most information per minute: " +
+                  fit::rounded(p.information, 2) + " nats expected about which suspect is the cause, in " +
+                  minutes_text(p.minutes) + ".");
 }
 
 /// Why what would tell more is not done.
-Decision stopped(const std::vector<Possible>& telling, const Means& means) {
+Decision stopped(const std::vector<Possible>& experiments, const Means& means) {
   const auto most = best_of(
-      telling, [](const Possible& p) { return !p.done && p.information >= least_information; },
+      experiments, [](const Possible& p) { return !p.done && p.information >= least_information; },
       [](const Possible& one, const Possible& other) { return rate(one) > rate(other); });
-  if (!most) return ending(End::cannot_tell, "No experiment that this bench can do tells the suspects apart.");
-  const Possible& p = telling[*most];
-  const bool hand = p.needs_hand && means.unattended, time = p.minutes > means.minutes_left;
-  Decision d = ending(hand ? End::cannot_tell : End::budget_spent,
-                      hand ? "What would tell the suspects apart needs a hand, and nobody is there."
-                           : "What would tell the suspects apart takes longer than there is time left.");
+  if (!most)
+    return ending(End::cannot_tell, "No experiment that this bench can do distinguishes the suspects.");
+  const Possible& p = experiments[*most];
+  const bool hand = p.needs_operator && means.unattended, time = p.minutes > means.minutes_left;
+  Decision d =
+      ending(hand ? End::cannot_tell : End::budget_spent,
+             hand ? "What would distinguish the suspects needs an operator, and this run is unattended."
+                  : "What would distinguish the suspects takes longer than the time that is left.");
   d.needs = (hand ? std::string("an operator") + (time ? ", and " : ", for ") : std::string()) +
             minutes_text(p.minutes) + ": " + p.title;
   return d;
@@ -104,33 +107,34 @@ End end_named(const std::string& name) {
   throw std::invalid_argument("no investigation ends with '" + name + "'");
 }
 
-Decision decide(const Conclusions& told, const std::vector<Possible>& telling,
+Decision decide(const Conclusions& conclusions, const std::vector<Possible>& experiments,
                 const std::vector<Possible>& surveys, const Means& means) {
   using Verdict = Conclusions::Verdict;
-  const bool in_doubt = told.verdict == Verdict::undecided || told.verdict == Verdict::unknown_physics ||
-                        (told.verdict == Verdict::explained && told.least_probability < sure);
+  const bool in_doubt = conclusions.verdict == Verdict::undecided ||
+                        conclusions.verdict == Verdict::unknown_physics ||
+                        (conclusions.verdict == Verdict::explained && conclusions.least_probability < sure);
   if (means.rounds_left <= 0) {
-    if (in_doubt && told.verdict != Verdict::unknown_physics)
-      return ending(End::budget_spent, "As many sessions were recorded as one investigation may have.");
+    if (in_doubt && conclusions.verdict != Verdict::unknown_physics)
+      return ending(End::budget_spent, "The largest number of sessions of one investigation was recorded.");
   } else {
     if (in_doubt)
-      if (auto most = telling_most(telling, means)) return *most;
-    const char* why = in_doubt ? "Nothing tells the suspects apart; nobody has looked along this yet."
-                               : "Nothing is in doubt; nobody has looked along this yet.";
+      if (auto most = most_informative(experiments, means)) return *most;
+    const char* why = in_doubt ? "No experiment distinguishes the suspects; this has not been examined yet."
+                               : "Nothing is in doubt; this has not been examined yet.";
     if (auto more = survey(surveys, means, why)) return *more;
   }
-  switch (told.verdict) {
+  switch (conclusions.verdict) {
     case Verdict::nothing_missing:
-      return ending(End::nothing_missing, "The bench file explains all that was looked at.");
+      return ending(End::nothing_missing, "The bench file explains everything that was examined.");
     case Verdict::unknown_physics:
-      return ending(End::unknown_physics, "No mechanism of the catalogue makes what was found.");
+      return ending(End::unknown_physics, "No mechanism of the catalogue produces what was found.");
     case Verdict::explained:
       if (!in_doubt) return ending(End::named, "What was found has a name, and nothing else stands out.");
       break;
     case Verdict::undecided:
       break;
   }
-  return stopped(telling, means);
+  return stopped(experiments, means);
 }
 
 bool gains(const Outcome& outcome) { return outcome.gain > 2 * outcome.u_gain; }
@@ -142,18 +146,21 @@ Confirmation judge(const Outcome& o, bool claims) {
   c.confirmed = true;
   const auto demand = [&](bool held, const std::string& sentence) {
     c.confirmed = c.confirmed && held;
-    c.reasons.push_back((held ? "Held: " : "Did not hold: ") + sentence);
+    c.reasons.push_back((held ? "Fulfilled: " : "Not fulfilled: ") + sentence);
   };
   const auto percent = [](double share) { return fit::rounded(100 * share, 3) + " %"; };
   demand(o.coverage_95 >= least && o.coverage_95 <= most,
-         percent(o.coverage_95) + " of the samples lie in their foretold 95 % intervals (92 to 98 % are demanded).");
+         percent(o.coverage_95) +
+             " of the samples lie in their predicted 95 % intervals (92 to 98 % is required).");
   demand(o.coverage_95_of_means >= least_of_means,
-         percent(o.coverage_95_of_means) + " of the beams' means lie in theirs (85 % are demanded).");
+         percent(o.coverage_95_of_means) + " of the beams' means lie in theirs (85 % is required).");
   demand(o.rms_of_means_mm <= worst_ratio * o.expected_rms_of_means_mm,
          "the means are off by " + fit::rounded(o.rms_of_means_mm, 3) + " mm (rms), " +
-             fit::rounded(o.expected_rms_of_means_mm, 3) + " mm were foretold (1.5 times that is allowed).");
+             fit::rounded(o.expected_rms_of_means_mm, 3) + " mm were predicted (1.5 times that is allowed).");
   if (claims && !gains(o) && o.named_again)
-    demand(o.gain > -2 * o.u_gain - 1, "the recording alone, explained, tells the same. It is of a kind that no mean and no variance shows.");
+    demand(o.gain > -2 * o.u_gain - 1,
+           "an explanation of this recording alone names the same. It is of a kind that neither means nor "
+           "variances show.");
   else if (claims)
     demand(gains(o), "what was found makes the recording e^" + fit::rounded(o.gain, 3) + " times as likely (± " +
                          fit::rounded(2 * o.u_gain, 2) + " in the exponent, k = 2).");

@@ -10,7 +10,7 @@ namespace rig::investigate {
 /// How an investigation ends.
 enum class End {
   named,            ///< The physics has a name, and what remains is noise.
-  nothing_missing,  ///< The bench file explains all that was looked at.
+  nothing_missing,  ///< The bench file explains everything that was examined.
   unknown_physics,  ///< Something is there that no mechanism of the catalogue makes.
   cannot_tell,      ///< No experiment within the bench's means tells the suspects apart.
   budget_spent,     ///< Experiments that would tell more need more time than there is.
@@ -30,20 +30,20 @@ struct Conclusions {
 struct Possible {
   std::string title;
   double information = 0;  ///< Expected (nats) about which suspect it is; of a survey nobody knows.
-  double minutes = 0;      ///< Of stage, scans and hand.
-  bool needs_hand = false, done = false;
+  double minutes = 0;      ///< Of stage, scans and operator.
+  bool needs_operator = false, done = false;
 };
 
 /// What the investigation may spend.
 struct Means {
   double minutes_left = 0;
-  bool unattended = false;  ///< Nobody is there.
+  bool unattended = false;  ///< No operator is there.
   int rounds_left = 1;
 };
 
 /// What to do next: record one of the possible sessions, or end.
 struct Decision {
-  enum class From { telling, surveys };
+  enum class From { experiments, surveys };
   struct Next {
     From from;
     std::size_t index;
@@ -57,13 +57,13 @@ struct Decision {
 /// Probability from which a name is believed.
 constexpr double sure = 0.9;
 
-/// `telling` separates suspects, `surveys` look where nobody has looked. While something is in doubt, the session
-/// with the most expected information per minute is next; a survey only where no other can be done. While nothing
-/// is, surveys that need no hand are, the quickest first.
-[[nodiscard]] Decision decide(const Conclusions& told, const std::vector<Possible>& telling,
+/// `experiments` separate suspects, `surveys` record what no session has shown yet. While something is in
+/// doubt, the session with the most expected information per minute is next; a survey only where no other can
+/// be done. While nothing is, surveys that need no operator are, the quickest first.
+[[nodiscard]] Decision decide(const Conclusions& conclusions, const std::vector<Possible>& experiments,
                               const std::vector<Possible>& surveys, const Means& means);
 
-/// Whether a recording came out as it was foretold.
+/// Whether a recording came out as it was predicted.
 struct Outcome {
   long samples = 0;
   double coverage_95 = 0, coverage_95_of_means = 0;

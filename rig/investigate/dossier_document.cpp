@@ -39,7 +39,7 @@ json session_json(const Session& s) {
           {"why", s.why},
           {"stage_and_scans_min", s.cost.stage_and_scans},
           {"hand_min", s.cost.hand},
-          {"needs_hand", s.needs_hand},
+          {"needs_operator", s.needs_operator},
           {"recorded", s.recorded},
           {"failed", s.failed}};
 }
@@ -47,7 +47,7 @@ json session_json(const Session& s) {
 /// The newest explanation; null before the first.
 json newest(const State& state) {
   for (auto round = state.rounds.rbegin(); round != state.rounds.rend(); ++round)
-    if (!round->told.is_null()) return round->told;
+    if (!round->explanation.is_null()) return round->explanation;
   return nullptr;
 }
 
@@ -63,74 +63,78 @@ std::string tries_in_words(const State& state) {
                             : " This was the third prediction; the two before did not come true.";
 }
 
-/// What the recording of the foretold session allows to say.
-std::string claim_of(const State& state, const json& told) {
-  if (!state.ending) return "The investigation goes on.";
-  if (state.comparison.is_null()) return "Nothing is claimed before a new recording was foretold and compared.";
+/// What the recording of the predicted session allows to say.
+std::string claim_of(const State& state, const json& explanation) {
+  if (!state.ending) return "The investigation is in progress.";
+  if (state.comparison.is_null())
+    return "Nothing is claimed before a new recording has been predicted and compared.";
   if (!is_confirmed(state))
-    return "Nothing is claimed: the recording that was foretold did not come out as written down. What follows is "
+    return "Nothing is claimed: the prediction that was written down was not confirmed. What follows is "
            "what the sessions suggest.";
   switch (state.ending->end) {
     case End::named: {
       std::vector<std::string> names;
-      for (const json& found : told.at("mechanisms")) names.push_back(found.at("mechanism"));
+      for (const json& found : explanation.at("mechanisms")) names.push_back(found.at("mechanism"));
       return "The physics that the bench file leaves out is " + fit::explain::listed(names) +
-             ". A new recording came out as it was foretold with it." + tries_in_words(state);
+             ". A new recording was predicted with it, and confirms it." + tries_in_words(state);
     }
     case End::nothing_missing:
-      return "Nothing is missing: a new recording came out as the bench file foretells, to its noise." + tries_in_words(state);
+      return "Nothing is missing: a new recording is as the bench file predicts, to within its noise." +
+             tries_in_words(state);
     case End::unknown_physics:
-      return "Physics is missing that no mechanism of the catalogue makes. Described as a table it foretold a new "
-             "recording." + tries_in_words(state);
+      return "Physics is missing that no mechanism of the catalogue produces. Described as a table, it "
+             "predicted a new recording." +
+             tries_in_words(state);
     case End::cannot_tell:
     case End::budget_spent:
-      return "Physics is missing, and the sessions do not tell which of several causes it is. Only the one that "
-             "fits best was tried on a new recording, which came out as foretold; so may others." + tries_in_words(state);
+      return "Physics is missing, and the sessions do not determine which of several causes it is. Only the "
+             "best fitting one was tried on a new recording, which it predicted; others may predict it too." +
+             tries_in_words(state);
   }
   return "";
 }
 
 /// What remains open.
-json open_of(const State& state, const json& told) {
+json open_of(const State& state, const json& explanation) {
   json list = json::array();
-  if (told.is_object())
-    for (const json& set : told.at("undecided_between")) {
+  if (explanation.is_object())
+    for (const json& set : explanation.at("undecided_between")) {
       std::vector<std::string> names;
       for (const json& member : set) names.push_back(in_words(member.get<std::string>()));
-      list.push_back("Which it is of " + fit::explain::listed(names, "or") + ".");
+      list.push_back("Which of these it is: " + fit::explain::listed(names, "or") + ".");
     }
   if (state.ending && !state.ending->needs.empty()) list.push_back("To decide it would need " + state.ending->needs + ".");
   if (state.ending)
-    for (const std::string& title : state.ending->not_looked_along)
-      list.push_back("What this would show, which nobody looked along: " + title + ".");
+    for (const std::string& title : state.ending->not_examined)
+      list.push_back("What this would show, which was not examined: " + title + ".");
   if (state.comparison.is_object() && !is_confirmed(state))
-    list.push_back("Why the foretold recording came out otherwise.");
+    list.push_back("Why the predicted recording came out differently.");
   for (const Round& round : state.rounds)
     if (!round.session.failed.empty())
-      list.push_back("The session " + round.session.name + " ended before its time: " + round.session.failed);
+      list.push_back("The session " + round.session.name + " ended early: " + round.session.failed);
   return list;
 }
 
 }  // namespace
 
 json without_pictures(const json& explanation) {
-  json told = explanation;
+  json kept = explanation;
   for (const char* key : {"curves", "spread_curves", "intensity_curves", "bench", "empirical_correction", "prediction"})
-    told.erase(key);
-  told["suspects"] = suspects_of(explanation);
-  return told;
+    kept.erase(key);
+  kept["suspects"] = suspects_of(explanation);
+  return kept;
 }
 
-std::string conclusions_in_words(const json& told) {
+std::string conclusions_in_words(const json& explanation) {
   std::vector<std::string> words;
-  for (const json& s : told.at("suspects"))
+  for (const json& s : explanation.at("suspects"))
     words.push_back(s.at("name").get<std::string>() + " " + fit::rounded(100 * s.at("probability").get<double>(), 3) +
                     " %");
-  return words.empty() ? told.at("verdict").get<std::string>() : fit::explain::listed(words);
+  return words.empty() ? explanation.at("verdict").get<std::string>() : fit::explain::listed(words);
 }
 
 json dossier_document(const State& state, const fit::Bench& bench) {
-  const json told = newest(state);
+  const json explanation = newest(state);
   json rounds = json::array();
   for (const Round& round : state.rounds) {
     json considered = json::array();
@@ -138,14 +142,14 @@ json dossier_document(const State& state, const fit::Bench& bench) {
       considered.push_back({{"title", p.title},
                             {"information", p.information},
                             {"minutes", p.minutes},
-                            {"needs_hand", p.needs_hand},
+                            {"needs_operator", p.needs_operator},
                             {"done", p.done}});
     rounds.push_back({{"session", session_json(round.session)},
                       {"considered", considered},
-                      {"told", round.told},
+                      {"explanation", round.explanation},
                       {"comparison", round.comparison}});
   }
-  json out = {{"schema", "dossier/1"},
+  json out = {{"schema", "dossier/2"},
               {"software", std::string("rig ") + RIG_VERSION},
               {"lidar", bench.lidar.model + (bench.lidar.serial.empty() ? "" : " " + bench.lidar.serial)},
               {"bench_sha256", state.bench_sha256},
@@ -154,10 +158,10 @@ json dossier_document(const State& state, const fit::Bench& bench) {
               {"minutes", state.minutes_spent()},
               {"hand_minutes", state.hand_minutes()},
               {"rounds", rounds},
-              {"claim", claim_of(state, told)},
+              {"claim", claim_of(state, explanation)},
               {"confirmed", is_confirmed(state)},
-              {"found", told},
-              {"open", open_of(state, told)},
+              {"found", explanation},
+              {"open", open_of(state, explanation)},
               {"twin", "twin.bench.json"}};
   if (state.ending)
     out["end"] = {{"end", name_of(state.ending->end)}, {"why", state.ending->why}, {"needs", state.ending->needs}};
@@ -173,11 +177,13 @@ json for_live_page(const json& dossier) {
   json rounds = json::array();
   for (const json& round : dossier.at("rounds")) {
     const json& session = round.at("session");
-    rounds.push_back({{"title", session.at("title")},
-                      {"why", session.at("why")},
-                      {"minutes", session.at("stage_and_scans_min").get<double>() + session.at("hand_min").get<double>()},
-                      {"recorded", session.at("recorded")},
-                      {"suspects", round.at("told").is_object() ? round["told"].at("suspects") : json::array()}});
+    rounds.push_back(
+        {{"title", session.at("title")},
+         {"why", session.at("why")},
+         {"minutes", session.at("stage_and_scans_min").get<double>() + session.at("hand_min").get<double>()},
+         {"recorded", session.at("recorded")},
+         {"suspects",
+          round.at("explanation").is_object() ? round["explanation"].at("suspects") : json::array()}});
   }
   json out = {{"rounds", rounds}, {"claim", dossier.at("claim")}, {"minutes", dossier.at("minutes")}, {"budget_min", dossier.at("budget_min")}};
   if (dossier.contains("last"))

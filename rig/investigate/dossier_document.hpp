@@ -13,9 +13,9 @@ namespace rig::investigate {
 [[nodiscard]] nlohmann::json without_pictures(const nlohmann::json& explanation);
 
 /// It in one line.
-[[nodiscard]] std::string conclusions_in_words(const nlohmann::json& told);
+[[nodiscard]] std::string conclusions_in_words(const nlohmann::json& explanation);
 
-/// What is known of an investigation, at its end or on the way (`dossier/1`, docs/operate/investigate.md).
+/// What is known of an investigation, at its end or on the way (`dossier/2`, docs/operate/investigate.md).
 [[nodiscard]] nlohmann::json dossier_document(const State& state, const fit::Bench& bench);
 
 /// Of a dossier, what the live page shows: rounds with their suspects, what is claimed, what comes next.

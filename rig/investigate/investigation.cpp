@@ -35,7 +35,7 @@ constexpr const char* state_file = "investigation.json";
 constexpr const char* prediction_file = "prediction.json";
 constexpr const char* twin_file = "twin.bench.json";
 constexpr int most_rounds = 10, most_refuted = 2;
-constexpr double last_look_min = 8;  // kept back for the foretold session
+constexpr double last_session_min = 8;  // kept back for the predicted session
 
 std::string sha256_of(const std::string& text) {
   Sha256 hash;
@@ -54,15 +54,15 @@ bool has_data(const std::string& path) {
 }
 
 Conclusions conclusions_of(const Explanation& found) {
-  Conclusions told;
+  Conclusions conclusions;
   using Verdict = Conclusions::Verdict;
-  told.verdict = found.verdict == fit::explain::nothing_missing   ? Verdict::nothing_missing
-                 : found.verdict == fit::explain::unknown_physics ? Verdict::unknown_physics
-                 : found.verdict == "explained"                   ? Verdict::explained
-                                                                  : Verdict::undecided;
+  conclusions.verdict = found.verdict == fit::explain::nothing_missing   ? Verdict::nothing_missing
+                        : found.verdict == fit::explain::unknown_physics ? Verdict::unknown_physics
+                        : found.verdict == "explained"                   ? Verdict::explained
+                                                                         : Verdict::undecided;
   for (const auto& mechanism : found.mechanisms)
-    told.least_probability = std::min(told.least_probability, mechanism.probability);
-  return told;
+    conclusions.least_probability = std::min(conclusions.least_probability, mechanism.probability);
+  return conclusions;
 }
 
 /// Whether two explanations name the same, or both nothing but physics outside the catalogue.
@@ -104,12 +104,12 @@ struct Investigation::Evidence {
   }
 };
 
-Investigation::Investigation(const fit::Bench& bench, Options options, Hands hands)
+Investigation::Investigation(const fit::Bench& bench, Options options, Actions actions)
     : bench_(bench),
       bench_text_(fit::to_json_text(bench)),
       limits_(stage_limits(bench)),
       options_(std::move(options)),
-      hands_(std::move(hands)) {
+      actions_(std::move(actions)) {
   const std::string state = file(state_file);
   std::error_code ignored;
   for (const auto& each : fs::directory_iterator(options_.folder, ignored))  // What a killed program left half-written.
@@ -117,7 +117,7 @@ Investigation::Investigation(const fit::Bench& bench, Options options, Hands han
   if (has_data(state)) {
     if (!options_.resume)
       throw UsageError(options_.folder +
-                       " holds an investigation already. Go on with it by --resume, or name another folder.");
+                       " holds an investigation already. Continue it with --resume, or name another folder.");
     state_ = state_of(text_of_file(state), state);
     if (state_.bench_sha256 != sha256_of(bench_text_))
       throw UsageError("the bench file differs from the one that the investigation in " + options_.folder +
@@ -141,7 +141,7 @@ json Investigation::run() {
       record(state_.rounds.back().session);
       explain_and_decide();
     } else if (!state_.last) {
-      foretell();
+      predict();
     } else if (!state_.last->recorded) {
       record(*state_.last);
     } else if (state_.comparison.is_null()) {
@@ -161,10 +161,12 @@ std::string Investigation::file(const std::string& name) const { return (fs::pat
 void Investigation::save() { write_file_atomically(file(state_file), text_of(to_json(state_))); }
 
 void Investigation::publish() {
-  if (hands_.show) hands_.show(dossier());
+  if (actions_.show) actions_.show(dossier());
 }
 
-double Investigation::minutes_left() const { return state_.budget_min - state_.minutes_spent() - last_look_min; }
+double Investigation::minutes_left() const {
+  return state_.budget_min - state_.minutes_spent() - last_session_min;
+}
 
 void Investigation::begin() {
   Round first;
@@ -183,9 +185,10 @@ void Investigation::begin() {
   const Procedure procedure = procedure_of(first.session);
   const auto planned = unroll(procedure, bench_);
   first.session.cost = cost_of(planned, procedure.variables);
-  first.session.needs_hand = needs_hand(planned);
-  if (first.session.needs_hand && state_.unattended)
-    throw UsageError(options_.procedure + " needs an operator, and --unattended says that nobody is there. Leave one out.");
+  first.session.needs_operator = needs_operator(planned);
+  if (first.session.needs_operator && state_.unattended)
+    throw UsageError(options_.procedure +
+                     " needs an operator, and --unattended excludes one. Leave one out.");
   write_file_atomically(file("bench.json"), bench_text_ + "\n");
   state_.rounds.push_back(std::move(first));
   save();
@@ -196,11 +199,12 @@ Procedure Investigation::procedure_of(const Session& session) const { return rea
 void Investigation::record(Session& session) {
   if (session.recorded) return;
   const std::string path = file(session.name + ".rig");
-  hands_.say(session.name + ": " + session.title + " (" + fit::rounded(session.cost.total(), 2) + " min" +
-             (session.cost.hand > 0 ? ", of which an operator's " + fit::rounded(session.cost.hand, 2) : "") + ")");
+  actions_.say(
+      session.name + ": " + session.title + " (" + fit::rounded(session.cost.total(), 2) + " min" +
+      (session.cost.hand > 0 ? ", of which an operator's " + fit::rounded(session.cost.hand, 2) : "") + ")");
   publish();
   try {
-    hands_.record(procedure_of(session), path, has_data(path));
+    actions_.record(procedure_of(session), path, has_data(path));
   } catch (const RunStopped&) {
     throw;
   } catch (const DeviceError&) {
@@ -209,7 +213,7 @@ void Investigation::record(Session& session) {
     // What was asked for could not be done here, or a limit of a procedure that was given is not met.
     if (!has_data(path) && state_.rounds.size() == 1 && !state_.last) throw;
     session.failed = error.what();
-    hands_.say("note: " + session.name + " ended before its time: " + session.failed);
+    actions_.say("note: " + session.name + " ended early: " + session.failed);
   }
   session.recorded = true;
   save();
@@ -233,13 +237,13 @@ void Investigation::explain_and_decide() {
   const auto all = evidence(bench_, false);
   Round& round = state_.rounds.back();
   const bool something_new = has_data(file(round.session.name + ".rig"));
-  if (!found_ || something_new) found_ = hands_.explain(all->list());
+  if (!found_ || something_new) found_ = actions_.explain(all->list());
   const json explanation = fit::explain::to_json(*found_);
   write_file_atomically(file(round.session.name + ".explanation.json"), text_of(explanation));
   write_file_atomically(file(twin_file), text_of(explanation.at("bench")));
-  round.told = without_pictures(explanation);
-  hands_.say(round.session.name + ": " + conclusions_in_words(round.told));
-  const std::vector<Candidate> tell = telling(*all, *found_);
+  round.explanation = without_pictures(explanation);
+  actions_.say(round.session.name + ": " + conclusions_in_words(round.explanation));
+  const std::vector<Candidate> experiments = separating(*all, *found_);
   const std::vector<SessionPlan> unasked = surveys(bench_, limits_, all->captures());
   const std::vector<Candidate> survey = candidates(unasked, std::vector<double>(unasked.size(), 0));
   const auto possible = [](const std::vector<Candidate>& list) {
@@ -248,9 +252,9 @@ void Investigation::explain_and_decide() {
     return out;
   };
   const Means means{minutes_left(), state_.unattended, most_rounds - static_cast<int>(state_.rounds.size())};
-  const Decision decision = decide(conclusions_of(*found_), possible(tell), possible(survey), means);
+  const Decision decision = decide(conclusions_of(*found_), possible(experiments), possible(survey), means);
   if (decision.next) {
-    const auto& from = decision.next->from == Decision::From::telling ? tell : survey;
+    const auto& from = decision.next->from == Decision::From::experiments ? experiments : survey;
     plan(from[decision.next->index], decision.why, from);
     return;
   }
@@ -258,9 +262,9 @@ void Investigation::explain_and_decide() {
   if (needs.empty() && decision.end == End::cannot_tell) needs = would_need(*found_);
   state_.ending = {decision.end, decision.why, needs, {}};
   for (const Candidate& c : survey)
-    if (!c.possible.done) state_.ending->not_looked_along.push_back(c.possible.title);
-  hands_.say(std::string("end: ") + name_of(decision.end) + ". " + decision.why +
-             (needs.empty() ? "" : " It would need " + needs + "."));
+    if (!c.possible.done) state_.ending->not_examined.push_back(c.possible.title);
+  actions_.say(std::string("end: ") + name_of(decision.end) + ". " + decision.why +
+               (needs.empty() ? "" : " It would need " + needs + "."));
   save();
 }
 
@@ -273,7 +277,7 @@ std::vector<Investigation::Candidate> Investigation::candidates(
           parse_procedure(procedure_text("candidate", plans[i], bench_), plans[i].title);
       const auto planned = unroll(procedure, bench_);
       Candidate c{plans[i],
-                  {plans[i].title, information[i], 0, needs_hand(planned), false},
+                  {plans[i].title, information[i], 0, needs_operator(planned), false},
                   cost_of(planned, procedure.variables)};
       c.possible.minutes = c.cost.total();
       c.possible.done = std::ranges::any_of(
@@ -285,7 +289,8 @@ std::vector<Investigation::Candidate> Investigation::candidates(
   return list;
 }
 
-std::vector<Investigation::Candidate> Investigation::telling(const Evidence& all, const Explanation& found) const {
+std::vector<Investigation::Candidate> Investigation::separating(const Evidence& all,
+                                                                const Explanation& found) const {
   std::vector<SessionPlan> plans;
   std::vector<double> information;
   for (const fit::explain::Experiment& e :
@@ -302,7 +307,7 @@ std::string Investigation::would_need(const Explanation& found) const {
   const auto list = fit::explain::telling_experiments(all->list(), found, travel_of(limits_));
   const auto best = std::ranges::max_element(list, {}, &fit::explain::Experiment::information);
   if (best == list.end()) return "";
-  return "mount and targets measured ten times as well as the bench file states; then: " + best->title;
+  return "with mount and targets measured ten times better than the bench file states: " + best->title;
 }
 
 void Investigation::plan(const Candidate& candidate, const std::string& why, const std::vector<Candidate>& considered) {
@@ -311,18 +316,18 @@ void Investigation::plan(const Candidate& candidate, const std::string& why, con
   next.session.title = candidate.plan.title;
   next.session.why = why + " " + candidate.plan.about;
   next.session.cost = candidate.cost;
-  next.session.needs_hand = candidate.possible.needs_hand;
+  next.session.needs_operator = candidate.possible.needs_operator;
   for (const Candidate& c : considered) next.considered.push_back(c.possible);
   write_file_atomically(file(next.session.name + ".yaml"),
                         procedure_text(next.session.name, candidate.plan, bench_));
-  hands_.say("next: " + next.session.title + ". " + next.session.why);
+  actions_.say("next: " + next.session.title + ". " + next.session.why);
   state_.rounds.push_back(std::move(next));
   save();
 }
 
-void Investigation::foretell() {
+void Investigation::predict() {
   const auto all = evidence(bench_, false);
-  if (!found_) found_ = hands_.explain(all->list());
+  if (!found_) found_ = actions_.explain(all->list());
   const std::vector<fit::CaptureInfo> so_far = all->captures();
   Session last;
   last.name = "last-" + std::to_string(state_.refuted + 1);
@@ -333,8 +338,8 @@ void Investigation::foretell() {
     const Procedure procedure = parse_procedure(procedure_text(last.name, plan, bench_), last.name);
     const auto planned = unroll(procedure, bench_);
     last.cost = cost_of(planned, procedure.variables);
-    last.needs_hand = needs_hand(planned);
-    if (!with_hand || last.cost.total() <= minutes_left() + last_look_min) break;
+    last.needs_operator = needs_operator(planned);
+    if (!with_hand || last.cost.total() <= minutes_left() + last_session_min) break;
   }
   last.title = plan.title;
   last.why = plan.about;
@@ -344,8 +349,8 @@ void Investigation::foretell() {
   write_file_atomically(file(last.name + ".yaml"), procedure_text(last.name, plan, bench_));
   write_file_atomically(file(prediction_file), text);
   state_.prediction_sha256 = sha256_of(text);
-  hands_.say("prediction of " + last.name + " written before it is recorded: " + file(prediction_file) +
-             ", SHA-256 " + state_.prediction_sha256);
+  actions_.say("prediction of " + last.name + " written before it is recorded: " + file(prediction_file) +
+               ", SHA-256 " + state_.prediction_sha256);
   state_.last = std::move(last);
   save();
 }
@@ -353,40 +358,43 @@ void Investigation::foretell() {
 void Investigation::compare() {
   const std::string text = text_of_file(file(prediction_file));
   if (sha256_of(text) != state_.prediction_sha256)
-    throw UsageError(file(prediction_file) +
-                     " was changed after the session was recorded that it foretells: nothing can be concluded from "
-                     "it. Restore it, or begin a new investigation.");
+    throw UsageError(
+        file(prediction_file) +
+        " was changed after the session that it predicts was recorded: nothing can be concluded from "
+        "it. Restore it, or begin a new investigation.");
   const auto before = evidence(bench_, false);
-  if (!found_) found_ = hands_.explain(before->list());
+  if (!found_) found_ = actions_.explain(before->list());
   const auto all = evidence(bench_, true);
   Outcome outcome;
   json comparison = {{"session", state_.last->name}};
   try {
     if (!has_data(file(state_.last->name + ".rig"))) throw std::invalid_argument("it was not recorded: " + state_.last->failed);
-    const Foretold foretold = foretold_in(text, file(prediction_file));
-    const auto score = fit::explain::score(foretold.forecast, foretold.twin, *all->recordings.back());
+    const WrittenPrediction written = read_prediction(text, file(prediction_file));
+    const auto score = fit::explain::score(written.forecast, written.twin, *all->recordings.back());
     const auto prediction = fit::explain::predict_recording(found_->predictor, *all->recordings.back());
     outcome = {score.samples, score.coverage_95, score.coverage_95_of_means, score.rms_of_means_mm,
                score.expected_rms_of_means_mm, prediction.gain, prediction.u_gain, false};
     const bool claims = found_->verdict != fit::explain::nothing_missing;
     if (claims && !gains(outcome))
-      outcome.named_again = same(*found_, hands_.explain({all->recordings.back().get()}));
+      outcome.named_again = same(*found_, actions_.explain({all->recordings.back().get()}));
     const Confirmation judged = judge(outcome, claims);
     comparison.update(comparison_document(score, prediction, judged));
   } catch (const std::invalid_argument& error) {
     comparison["confirmed"] = false;
     comparison["reasons"] = {std::string("It could not be compared: ") + error.what()};
   }
-  hands_.say(std::string("prediction ") + (comparison["confirmed"] == true ? "confirmed" : "not confirmed") + ": " +
-             fit::explain::listed(comparison["reasons"].get<std::vector<std::string>>()));
+  actions_.say(std::string("prediction ") +
+               (comparison["confirmed"] == true ? "confirmed" : "not confirmed") + ": " +
+               fit::explain::listed(comparison["reasons"].get<std::vector<std::string>>()));
   const bool again = comparison["confirmed"] == false && state_.refuted < most_refuted &&
-                     has_data(file(state_.last->name + ".rig")) && minutes_left() > last_look_min &&
+                     has_data(file(state_.last->name + ".rig")) && minutes_left() > last_session_min &&
                      static_cast<int>(state_.rounds.size()) < most_rounds;
   if (again) {
     // It showed something new: it counts among what is to be explained.
     Round joined;
     joined.session = *state_.last;
-    joined.session.why = "What it showed was foretold otherwise: it is explained with all others.";
+    joined.session.why =
+        "What it showed differs from the prediction: it is explained together with all others.";
     joined.comparison = std::move(comparison);
     state_.rounds.push_back(std::move(joined));
     state_.last.reset();
@@ -409,7 +417,7 @@ void Investigation::write_dossier(const json& document) {
   try {
     write_pdf(page, file("dossier.pdf"));
   } catch (const std::exception& error) {
-    hands_.say(std::string("note: no dossier.pdf (") + error.what() + ")");
+    actions_.say(std::string("note: no dossier.pdf (") + error.what() + ")");
   }
 }
 

@@ -18,13 +18,13 @@ struct Options {
   std::string folder;     ///< For everything that is written.
   std::string procedure;  ///< The first session's; empty: a short look from several angles.
   double budget_min = 480;
-  bool unattended = false;  ///< No experiment that needs a hand is done.
+  bool unattended = false;  ///< No experiment that needs an operator is done.
   bool resume = false;
   std::optional<double> on_for_min;  ///< How long the lidar has been on; not given: it does not matter.
 };
 
 /// What an investigation has others do.
-struct Hands {
+struct Actions {
   /// Runs a procedure into a session file; `resumed`: the file holds an earlier part. Throws as Runner does.
   std::function<void(const Procedure& procedure, const std::string& session, bool resumed)> record;
   std::function<fit::explain::Explanation(const std::vector<const fit::Recording*>& recordings)> explain;
@@ -40,12 +40,12 @@ struct Hands {
 class Investigation {
  public:
   /// Throws UsageError when the folder holds another investigation, or none that could be resumed.
-  Investigation(const fit::Bench& bench, Options options, Hands hands);
+  Investigation(const fit::Bench& bench, Options options, Actions actions);
 
   /// As it was begun.
   [[nodiscard]] bool unattended() const { return state_.unattended; }
 
-  /// To the end. Returns the dossier (`dossier/1`, docs/operate/investigate.md). Throws what recording
+  /// To the end. Returns the dossier (`dossier/2`, docs/operate/investigate.md). Throws what recording
   /// throws; what was recorded stays, and a resumed investigation goes on with it.
   nlohmann::json run();
 
@@ -67,11 +67,12 @@ class Investigation {
   void explain_and_decide();
   [[nodiscard]] std::vector<Candidate> candidates(const std::vector<SessionPlan>& plans,
                                                   const std::vector<double>& information) const;
-  [[nodiscard]] std::vector<Candidate> telling(const Evidence& evidence, const fit::explain::Explanation& found) const;
+  [[nodiscard]] std::vector<Candidate> separating(const Evidence& evidence,
+                                                  const fit::explain::Explanation& found) const;
   [[nodiscard]] std::string would_need(const fit::explain::Explanation& found) const;
   [[nodiscard]] double minutes_left() const;
   void plan(const Candidate& candidate, const std::string& why, const std::vector<Candidate>& considered);
-  void foretell();
+  void predict();
   void compare();
   [[nodiscard]] nlohmann::json dossier() const;
   void write_dossier(const nlohmann::json& document);
@@ -80,7 +81,7 @@ class Investigation {
   std::string bench_text_;
   StageLimits limits_;
   Options options_;
-  Hands hands_;
+  Actions actions_;
   State state_;
   std::optional<fit::explain::Explanation> found_;  ///< Of all rounds, as long as none was recorded since.
 };

@@ -78,10 +78,10 @@ json prediction_document(const fit::explain::Explanation& found, const std::vect
           {"bench", json::parse(fit::to_json_text(found.bench))}};
 }
 
-Foretold foretold_in(const std::string& text, const std::string& file) {
+WrittenPrediction read_prediction(const std::string& text, const std::string& file) {
   try {
     const json j = json::parse(text);
-    Foretold out;
+    WrittenPrediction out;
     out.twin = fit::parse_bench(j.at("bench").dump(), file);
     const json& beams = j.at("beams");
     const auto column = [&](const char* name) { return beams.at(name).get<std::vector<double>>(); };
@@ -95,7 +95,8 @@ Foretold foretold_in(const std::string& text, const std::string& file) {
                                     u[i], sd[i]});
     return out;
   } catch (const json::exception& error) {
-    throw UsageError(file + " is no prediction (" + error.what() + "). Restore it, or begin a new investigation.");
+    throw UsageError(file + " is not a prediction (" + error.what() +
+                     "). Restore it, or begin a new investigation.");
   }
 }
 

@@ -21,12 +21,12 @@ namespace rig::investigate {
                                                  const std::vector<fit::CaptureInfo>& planned,
                                                  const fit::explain::Forecast& forecast, const std::string& title);
 
-struct Foretold {
+struct WrittenPrediction {
   fit::explain::Forecast forecast;
   fit::Bench twin;
 };
 /// Reads it back. Throws UsageError, naming `file`, where it is no such document.
-[[nodiscard]] Foretold foretold_in(const std::string& text, const std::string& file);
+[[nodiscard]] WrittenPrediction read_prediction(const std::string& text, const std::string& file);
 
 /// How it came out, with what pictures need.
 [[nodiscard]] nlohmann::json comparison_document(const fit::explain::ForecastScore& score,

@@ -217,9 +217,9 @@ double watched_s(const std::vector<CaptureInfo>& so_far) {
 
 constexpr double long_enough_s = 600;
 
-/// The same place for a quarter of an hour.
+/// One stage angle for a quarter of an hour.
 SessionPlan watch(const std::string& about) {
-  return {"The same place for a quarter of an hour",
+  return {"One stage angle for a quarter of an hour",
           about,
           {},
           "  - move: {to_deg: 0}\n  - for-each: {minute: {from: 1, to: 15, step: 1}}\n    steps:\n      - "
@@ -252,7 +252,7 @@ std::string put_back(const Experiment& e, const Bench& bench) {
   for (const std::string& name : moved) {
     const fit::Target* target = bench.target(name);
     const std::string grey = target && target->reflectance ? number_text(*target->reflectance) : "";
-    text += "  - prompt:\n      title: " + yaml_quoted(name + ": back to its place") + "\n      text: " +
+    text += "  - prompt:\n      title: " + yaml_quoted(name + ": back in its place") + "\n      text: " +
             yaml_quoted("Put '" + name + "' back where the bench file has it" +
                         (grey.empty() ? "." : ", with its own surface (reflectance " + grey + ").")) +
             "\n      place: {target: " + yaml_quoted(name) + ", shift_mm: 0" +
@@ -286,8 +286,8 @@ SessionPlan first_plan(const Bench& bench, const StageLimits& limits, bool with_
   std::vector<double> angles;
   for (int i = 0; i < stops; ++i)  // Unevenly, so that no period of gears or of the scan hides between them.
     angles.push_back(rounded_deg(from + (to - from) * (i + 0.5 + 0.35 * std::sin(2.4 * i)) / stops));
-  SessionPlan plan{"A short look from several stage angles",
-                   "What does the bench show that its file does not foresee?",
+  SessionPlan plan{"A short recording from several stage angles",
+                   "What does the bench show that its file does not predict?",
                    {},
                    ""};
   plan.parts.push_back(turns(bench, up_and_down(std::move(angles)), 20));
@@ -311,7 +311,7 @@ std::vector<SessionPlan> surveys(const Bench& bench, const StageLimits& limits,
   };
   if (std::ranges::none_of(so_far, [](const CaptureInfo& c) { return fit::is_turning(c); }))
     add(known_experiment(bench, travel, Experiment::Kind::turning),
-        "No session has looked while the stage turns.");
+        "No session was recorded while the stage turns.");
   std::vector<double> angles;
   for (const CaptureInfo& c : so_far)
     if (is_turn(c)) angles.push_back(c.stage_rad * fit::deg_per_rad);
@@ -332,7 +332,7 @@ std::vector<SessionPlan> surveys(const Bench& bench, const StageLimits& limits,
     turned.parts.push_back(std::move(e));
   };
   if (angles.size() - std::min(angles.size(), small_steps) < 20)
-    add_turned(Experiment::Kind::all_round, "The whole scene from all round", "from all round");
+    add_turned(Experiment::Kind::all_round, "The whole scene from all stage angles", "from all stage angles");
   if (small_steps < 20)
     add_turned(Experiment::Kind::both_sides, "The whole scene in small steps of the stage",
                "in small steps of the stage");
@@ -342,11 +342,11 @@ std::vector<SessionPlan> surveys(const Bench& bench, const StageLimits& limits,
     list.push_back(std::move(turned));
   }
   if (!so_far.empty() && watched_s(so_far) < long_enough_s)
-    list.push_back(watch("No session has looked for long enough to see a drift."));
+    list.push_back(watch("No session was long enough to see a drift."));
   if (temperatures_of(so_far).size() < 2) {
     Experiment heat = at_temperatures(bench, {18, 38});
     heat.title = "The lidar's housing at two temperatures";
-    add(std::move(heat), "No session has looked at two temperatures of the housing.");
+    add(std::move(heat), "No session was recorded at two temperatures of the housing.");
   }
   return list;
 }
@@ -359,7 +359,7 @@ SessionPlan fresh_plan(const Bench& bench, const StageLimits& limits, bool with_
   for (const CaptureInfo& c : so_far)
     if (is_turn(c)) used.push_back(c.stage_rad * fit::deg_per_rad);
   SessionPlan plan{
-      "From stage angles where no session has looked", "What it will show was written down before.", {}, ""};
+      "From stage angles of no earlier session", "What it will show was written down beforehand.", {}, ""};
   plan.parts.push_back(turns(bench,
                              up_and_down(farthest_from(std::move(used), travel.from_rad * fit::deg_per_rad,
                                                        travel.to_rad * fit::deg_per_rad, stops)),
@@ -371,7 +371,7 @@ SessionPlan fresh_plan(const Bench& bench, const StageLimits& limits, bool with_
   }
   for (Experiment& e : more)
     if (!e.captures.empty()) plan.parts.push_back(std::move(e));
-  if (plan.parts.size() > 1) plan.title += ", and what else was looked along, at other values";
+  if (plan.parts.size() > 1) plan.title += ", and whatever else was examined, at other values";
   return plan;
 }
 

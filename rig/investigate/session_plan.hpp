@@ -30,7 +30,7 @@ struct SessionPlan {
 [[nodiscard]] std::vector<SessionPlan> surveys(const fit::Bench& bench, const StageLimits& limits,
                                                const std::vector<fit::CaptureInfo>& so_far);
 
-/// The last session, whose outcome is foretold: other stage angles than all so far, and, `with_hand`, other
+/// The last session, whose outcome is predicted: other stage angles than all so far, and, `with_hand`, other
 /// distances and greys of a target that was moved, other rates of a stage that turned, other temperatures.
 [[nodiscard]] SessionPlan fresh_plan(const fit::Bench& bench, const StageLimits& limits, bool with_hand,
                                      const std::vector<fit::CaptureInfo>& so_far);

@@ -8,7 +8,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr const char* schema = "investigation/1";
+constexpr const char* schema = "investigation/2";
 
 json json_of(const Session& s) {
   return {{"name", s.name},
@@ -16,7 +16,7 @@ json json_of(const Session& s) {
           {"why", s.why},
           {"stage_and_scans_min", s.cost.stage_and_scans},
           {"hand_min", s.cost.hand},
-          {"needs_hand", s.needs_hand},
+          {"needs_operator", s.needs_operator},
           {"recorded", s.recorded},
           {"failed", s.failed}};
 }
@@ -27,7 +27,7 @@ Session session_in(const json& j) {
   s.title = j.at("title");
   s.why = j.at("why");
   s.cost = {j.at("stage_and_scans_min"), j.at("hand_min")};
-  s.needs_hand = j.at("needs_hand");
+  s.needs_operator = j.at("needs_operator");
   s.recorded = j.at("recorded");
   s.failed = j.at("failed");
   return s;
@@ -37,7 +37,7 @@ json json_of(const Possible& p) {
   return {{"title", p.title},
           {"information", p.information},
           {"minutes", p.minutes},
-          {"needs_hand", p.needs_hand},
+          {"needs_operator", p.needs_operator},
           {"done", p.done}};
 }
 
@@ -46,7 +46,7 @@ Possible possible_in(const json& j) {
   p.title = j.at("title");
   p.information = j.at("information");
   p.minutes = j.at("minutes");
-  p.needs_hand = j.at("needs_hand");
+  p.needs_operator = j.at("needs_operator");
   p.done = j.at("done");
   return p;
 }
@@ -70,7 +70,9 @@ json to_json(const State& s) {
   for (const Round& round : s.rounds) {
     json considered = json::array();
     for (const Possible& p : round.considered) considered.push_back(json_of(p));
-    rounds.push_back({{"session", json_of(round.session)}, {"considered", considered}, {"told", round.told},
+    rounds.push_back({{"session", json_of(round.session)},
+                      {"considered", considered},
+                      {"explanation", round.explanation},
                       {"comparison", round.comparison}});
   }
   json out = {{"schema", schema},
@@ -83,8 +85,10 @@ json to_json(const State& s) {
               {"refuted", s.refuted}};
   if (s.on_for_min) out["on_for_min"] = *s.on_for_min;
   if (s.ending)
-    out["ending"] = {{"end", name_of(s.ending->end)}, {"why", s.ending->why}, {"needs", s.ending->needs},
-                     {"not_looked_along", s.ending->not_looked_along}};
+    out["ending"] = {{"end", name_of(s.ending->end)},
+                     {"why", s.ending->why},
+                     {"needs", s.ending->needs},
+                     {"not_examined", s.ending->not_examined}};
   if (s.last) out["last"] = json_of(*s.last);
   return out;
 }
@@ -93,8 +97,9 @@ State state_of(const std::string& text, const std::string& file) {
   try {
     const json j = json::parse(text);
     if (j.at("schema") != schema)
-      throw UsageError(file + " is of the version " + j.at("schema").dump() + ", and this program knows " + schema +
-                       ". Go on with the program that began it, or begin a new investigation in another folder.");
+      throw UsageError(
+          file + " is of the version " + j.at("schema").dump() + ", and this program knows " + schema +
+          ". Continue with the program that began it, or begin a new investigation in another folder.");
     State s;
     s.bench_sha256 = j.at("bench_sha256");
     s.budget_min = j.at("budget_min");
@@ -107,17 +112,17 @@ State state_of(const std::string& text, const std::string& file) {
       Round round;
       round.session = session_in(each.at("session"));
       for (const json& p : each.at("considered")) round.considered.push_back(possible_in(p));
-      round.told = each.at("told");
+      round.explanation = each.at("explanation");
       round.comparison = each.at("comparison");
       s.rounds.push_back(std::move(round));
     }
     if (j.contains("ending"))
       s.ending = {end_named(j["ending"].at("end")), j["ending"].at("why"), j["ending"].at("needs"),
-                  j["ending"].at("not_looked_along").get<std::vector<std::string>>()};
+                  j["ending"].at("not_examined").get<std::vector<std::string>>()};
     if (j.contains("last")) s.last = session_in(j["last"]);
     return s;
   } catch (const json::exception& error) {
-    throw UsageError(file + " is no state of an investigation (" + error.what() +
+    throw UsageError(file + " is not the state of an investigation (" + error.what() +
                      "). Begin a new one in another folder.");
   } catch (const std::invalid_argument& error) {
     throw UsageError(file + ": " + error.what() + ". Begin a new investigation in another folder.");

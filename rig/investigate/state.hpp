@@ -15,7 +15,7 @@ namespace rig::investigate {
 struct Session {
   std::string name, title, why;
   Cost cost;
-  bool needs_hand = false;
+  bool needs_operator = false;
   bool recorded = false;
   std::string failed;  ///< Why it ended before its end; what it captured counts.
 };
@@ -24,11 +24,11 @@ struct Session {
 struct Round {
   Session session;
   std::vector<Possible> considered;  ///< Beside what was chosen, with what they promised.
-  nlohmann::json told;               ///< `explanation/1` without its curves and its bench; null: not yet explained.
+  nlohmann::json explanation;  ///< `explanation/1` without its curves and its bench; null: not yet explained.
   nlohmann::json comparison;         ///< Of a session whose prediction did not come true; else null.
 };
 
-/// Where an investigation stands: all that `--resume` needs beside the sessions (`investigation/1`).
+/// Where an investigation stands: all that `--resume` needs beside the sessions (`investigation/2`).
 struct State {
   std::string bench_sha256;
   double budget_min = 0;
@@ -39,10 +39,10 @@ struct State {
   struct Ending {
     End end = End::cannot_tell;
     std::string why, needs;
-    std::vector<std::string> not_looked_along;  ///< Titles of looks that nobody took.
+    std::vector<std::string> not_examined;  ///< Titles of looks that nobody took.
   };
   std::optional<Ending> ending;
-  std::optional<Session> last;      ///< The foretold session.
+  std::optional<Session> last;      ///< The predicted session.
   std::string prediction_sha256;    ///< Of prediction.json, before `last` was recorded.
   nlohmann::json comparison;        ///< How it came out; null: not yet compared.
   int refuted = 0;                  ///< Predictions that did not come true; their sessions became rounds.

@@ -46,7 +46,7 @@ json running_session(const std::string& file, std::int64_t now_unix_s) {
   out["phase"] = "running";
   const json waiting = parsed_object(session.get("waiting"));
   if (const std::string title = text_of(waiting, "title"); !title.empty()) {
-    out["phase"] = "needs a person";
+    out["phase"] = "needs an operator";
     out["needs"] = {{"title", title}, {"text", text_of(waiting, "text")}};
     if (const double since = number_of(waiting, "since_unix_s"); since > 0)
       out["needs"]["waiting_s"] = std::max<std::int64_t>(0, now_unix_s - static_cast<std::int64_t>(since));
@@ -62,7 +62,7 @@ json running_session(const std::string& file, std::int64_t now_unix_s) {
 /// Who is needed comes first, the longest first; then what stopped, what runs, what ended.
 int rank_of(const json& bench) {
   const std::string phase = text_of(bench, "phase");
-  return phase == "needs a person" ? 0 : phase == "stopped" ? 1 : phase == "running" ? 2 : 3;
+  return phase == "needs an operator" ? 0 : phase == "stopped" ? 1 : phase == "running" ? 2 : 3;
 }
 
 }  // namespace
@@ -87,7 +87,8 @@ json BenchesState::ended_session(const fs::path& file) {
 
 json BenchesState::look(std::int64_t now_unix_s) {
   std::error_code failed;
-  if (!fs::is_directory(folder_, failed)) throw UsageError(folder_ + " is no folder: give the one into which the benches write");
+  if (!fs::is_directory(folder_, failed))
+    throw UsageError(folder_ + " is not a folder: give the one into which the benches write");
   std::vector<std::pair<fs::file_time_type, fs::path>> files;
   for (auto entry = fs::recursive_directory_iterator(folder_, fs::directory_options::skip_permission_denied, failed);
        entry != fs::end(entry); entry.increment(failed))
@@ -125,8 +126,11 @@ json BenchesState::look(std::int64_t now_unix_s) {
   const auto count = [&](const char* phase) {
     return std::count_if(benches.begin(), benches.end(), [&](const json& b) { return text_of(b, "phase") == phase; });
   };
-  return {{"schema", "benches/1"}, {"folder", fs::absolute(folder_).lexically_normal().string()}, {"benches", benches},
-          {"needed", count("needs a person")}, {"running", count("running") + count("needs a person")}};
+  return {{"schema", "benches/1"},
+          {"folder", fs::absolute(folder_).lexically_normal().string()},
+          {"benches", benches},
+          {"needed", count("needs an operator")},
+          {"running", count("running") + count("needs an operator")}};
 }
 
 }  // namespace rig

@@ -105,7 +105,7 @@ WebResponse FoxgloveServer::Impl::respond(const WebRequest& request) const {
   const bool allowed = admits(request);
   WebResponse response{allowed ? http::status::bad_request : http::status::forbidden, request.version()};
   response.set(http::field::content_type, "text/plain; charset=utf-8");
-  response.body() = allowed ? "This is a run's data for Foxglove: open " + url("ws") +
+  response.body() = allowed ? "These are a run's data for Foxglove: open " + url("ws") +
                                   " there, as a Foxglove WebSocket connection.\n"
                             : "Refused: use the exact address that rig printed, with its token.\n";
   response.keep_alive(false);
@@ -203,7 +203,7 @@ void FoxgloveServer::Impl::obey(Client& client, const std::string& text) const {
   if (client.texts.size() < 10)
     client.texts.push_back(json{{"op", "status"},
                                 {"level", 1},
-                                {"message", "a run is read only: '" + op.substr(0, 60) + "' is not served"}}
+                                {"message", "a run is read-only: '" + op.substr(0, 60) + "' is not served"}}
                                .dump(-1, ' ', false, json::error_handler_t::replace));
 }
 

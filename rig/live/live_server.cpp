@@ -72,7 +72,8 @@ WebResponse LiveServer::Impl::respond(const WebRequest& request) const {
     return answer(request, http::status::forbidden, "text/plain; charset=utf-8",
                   "Refused: open the exact address that rig printed, with its token.\n");
   if (request.method() != http::verb::get && request.method() != http::verb::head)
-    return answer(request, http::status::method_not_allowed, "text/plain; charset=utf-8", "Only GET.\n");
+    return answer(request, http::status::method_not_allowed, "text/plain; charset=utf-8",
+                  "Only GET is served.\n");
   if (target == "/") return answer(request, http::status::ok, "text/html; charset=utf-8", page);
   if (target == "/picture" && !picture.empty())
     return answer(request, http::status::ok, picture_type.c_str(), picture);

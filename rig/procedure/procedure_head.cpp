@@ -19,7 +19,7 @@ const std::vector<Option>& stage_options() {
        .about = "largest difference between command and read-back",
        .min = 0.0001,
        .max = 10},
-      {.name = "settle_s", .about = "extra wait after the stage stands", .min = 0, .max = 600},
+      {.name = "settle_s", .about = "extra wait after the stage has stopped", .min = 0, .max = 600},
       {.name = "unhomed", .type = Option::Type::flag, .about = "moving before homing is allowed"}};
   return options;
 }

@@ -48,7 +48,7 @@ class Parser {
   Value combine(const Value& left, const Value& right, F operation) {
     if (std::holds_alternative<Unknown>(left) || std::holds_alternative<Unknown>(right)) return Unknown{};
     const auto *a = std::get_if<double>(&left), *b = std::get_if<double>(&right);
-    if (!a || !b) fail("only numbers can be calculated with");
+    if (!a || !b) fail("only numbers can be used in calculations");
     const double result = operation(*a, *b);
     if (!std::isfinite(result)) fail("the result is not a finite number (division by zero?)");
     return result;
@@ -167,7 +167,7 @@ Value evaluate_expression(const std::string& expression, const Variables& variab
                   std::vector<std::string> names;
                   for (const auto& [known, value] : variables) names.push_back(known);
                   const std::string meant = did_you_mean(name, names);
-                  throw ExpressionError("nothing is called '" + name + "' here" +
+                  throw ExpressionError("there is no variable '" + name + "' here" +
                                             (meant.empty() ? "" : "; did you mean '" + meant + "'?"),
                                         offset);
                 })

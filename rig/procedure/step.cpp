@@ -66,21 +66,20 @@ std::vector<Variables> listed_turns(const Node& list, const Variables& variables
   std::vector<Variables> turns;
   for (const Node& item : list.items) {
     if (item.kind != Node::Kind::map || item.members.empty())
-      throw ProcedureError(item.place, "a turn of a for-each is written {name: value, ...}.");
+      throw ProcedureError(item.place, "an entry of a for-each is written {name: value, ...}.");
     Variables turn;
     for (const auto& [key, value] : item.members) {
       if (!turns.empty() && !turns.front().contains(key.scalar))
-        throw ProcedureError(key.place, "the first turn has no '" + key.scalar +
-                                            "'; all turns of a for-each have the same variables.");
+        throw ProcedureError(key.place, "the first entry has no '" + key.scalar +
+                                            "'; all entries of a for-each have the same variables.");
       turn[key.scalar] = value_of(value, variables);
     }
     if (!turns.empty())
       for (const auto& [name, value] : turns.front())
         if (!turn.contains(name))
-          throw ProcedureError(item.place,
-                               "this turn lacks '" + name +
-                                   "', which the first has; all turns of a for-each have the same "
-                                   "variables.");
+          throw ProcedureError(
+              item.place, "this entry lacks '" + name +
+                              "', which the first has; all entries of a for-each have the same variables.");
     turns.push_back(std::move(turn));
   }
   return turns;
@@ -99,13 +98,13 @@ std::vector<Variables> iterations(const Node& options, const Variables& variable
   if (options.kind == Node::Kind::list && !options.items.empty()) return listed_turns(options, variables);
   if (options.members.empty())
     throw ProcedureError(options.place,
-                         "for-each needs a variable: {name: [values]}, or a list of turns: [{name: value}, "
+                         "for-each needs a variable: {name: [values]}, or a list of entries: [{name: value}, "
                          "...].");
   std::vector<Variables> turns = {{}};
   for (const auto& [key, node] : options.members) {
     const auto values = values_of(node, variables);
     if (turns.size() * values.size() > most_turns)
-      throw ProcedureError(node.place, "more than 100,000 turns; make the lists shorter.");
+      throw ProcedureError(node.place, "more than 100,000 repetitions; make the lists shorter.");
     std::vector<Variables> longer;
     for (const auto& turn : turns)
       for (const auto& value : values) {

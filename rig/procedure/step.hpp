@@ -123,7 +123,7 @@ class StepContext {
   /// Captures, commits, and returns the capture's id; at once if its key is recorded already.
   virtual awaitable<std::int64_t> capture(CaptureRequest request) = 0;
   /// Captures while the stage turns from `from_deg` on at the rate of `request`, and stops it. A turn during
-  /// which a device was lost for a while is begun anew.
+  /// which a device was lost for a while is started again.
   virtual awaitable<std::int64_t> capture_turning(CaptureRequest request, double from_deg,
                                                   const FilePosition& place) = 0;
   [[nodiscard]] virtual bool recorded(const std::string& key) const = 0;

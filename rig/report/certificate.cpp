@@ -360,34 +360,9 @@ std::string certificate_number(const std::string& hash, const std::string& measu
   return "RIG-" + (date.empty() ? "undated" : date) + "-" + hash.substr(0, 8);
 }
 
-}  // namespace
-
-json make_certificate(const SessionStore& session, const std::string& session_file) {
-  return make_certificate(session, session_file, nullptr);
-}
-
-json make_certificate(const SessionStore& session, const std::string& session_file, const json& previous) {
-  const auto recording = session.recording();
-  const json bench = parsed(session.get("bench"));
-  const std::string hash = session.content_hash();
-  const SessionDates dates = dates_of(session);
-  json certificate = {{"schema", "certificate/1"},
-                      {"title", "Calibration certificate"},
-                      {"created_utc", session.get("created_utc").value_or("")},
-                      {"measured_utc", dates.measured_utc.empty() ? json() : json(dates.measured_utc)},
-                      {"issued_utc", utc_text(std::time(nullptr))},
-                      {"software", "rig " RIG_VERSION},
-                      {"session_software", session.get("software").value_or("")},
-                      {"session_file", std::filesystem::path(session_file).filename().string()},
-                      {"sha256", hash},
-                      {"identification", identification(session, bench, session_file)},
-                      {"conditions", conditions(session, bench, *recording)},
-                      {"results", json::array()},
-                      {"events", noteworthy_events(session)}};
-  if (json all = references(recording->bench(), bench.value("certificate", json::object())); !all.is_null())
-    certificate["references"] = std::move(all);
-  if (!dates.imported_utc.empty()) certificate["imported_utc"] = dates.imported_utc;
-  if (!dates.measured_local.empty()) certificate["measured_local"] = dates.measured_local;
+/// The newest result of each kind, where the certificate has it.
+void add_results(json& certificate, const SessionStore& session) {
+  certificate["results"] = json::array();
   for (const SessionStore::Result& result : session.latest_results()) {
     const json document = parsed(result.json);
     if (result.kind == "limits")
@@ -398,6 +373,61 @@ json make_certificate(const SessionStore& session, const std::string& session_fi
       certificate["results"].push_back(
           {{"kind", result.kind}, {"created_utc", result.created_utc}, {"result", document}});
   }
+  if (!certificate.contains("explanation")) return;
+  if (json unknown = unknown_physics(certificate["explanation"]); !unknown.is_null())
+    certificate["unknown_physics"] = std::move(unknown);
+}
+
+std::string title_of(const json& certificate, const Standing& standing) {
+  if (certificate["results"].empty()) return "Record of a measurement, without a calibration";
+  const std::string what = standing.certifies() ? "Calibration certificate"
+                           : standing.simulated ? "Report of a simulated calibration"
+                                                : "Report";
+  const int amendment = certificate["amendment"];
+  return amendment == 0 ? what : what + ", amendment " + std::to_string(amendment);
+}
+
+/// Number and amendment: the same contents keep theirs.
+void add_issue(json& certificate, const SessionStore& session, const std::string& date) {
+  json contents = {{"sha256", certificate["sha256"]},
+                   {"identification", certificate["identification"]},
+                   {"laboratory", certificate["laboratory"]},
+                   {"results", as_found(certificate["results"])},
+                   {"limits", certificate.value("limits", json())},
+                   {"explanation", certificate.value("explanation", json())}};
+  if (certificate.contains("previous")) contents["previous"] = certificate["previous"];
+  const Issue issue = issue_of(session, certificate_number(certificate["sha256"], date), contents);
+  certificate["number"] = issue.number, certificate["digest"] = issue.digest;
+  certificate["amendment"] = issue.amendment;
+  if (!issue.replaces.empty()) certificate["replaces"] = issue.replaces;
+}
+
+}  // namespace
+
+json make_certificate(const SessionStore& session, const std::string& session_file) {
+  return make_certificate(session, session_file, nullptr);
+}
+
+json make_certificate(const SessionStore& session, const std::string& session_file, const json& previous) {
+  const auto recording = session.recording();
+  const json bench = parsed(session.get("bench"));
+  const SessionDates dates = dates_of(session);
+  json certificate = {{"schema", "certificate/1"},
+                      {"created_utc", session.get("created_utc").value_or("")},
+                      {"measured_utc", dates.measured_utc.empty() ? json() : json(dates.measured_utc)},
+                      {"issued_utc", utc_text(std::time(nullptr))},
+                      {"software", "rig " RIG_VERSION},
+                      {"session_software", session.get("software").value_or("")},
+                      {"session_file", std::filesystem::path(session_file).filename().string()},
+                      {"sha256", session.content_hash()},
+                      {"identification", identification(session, bench, session_file)},
+                      {"conditions", conditions(session, bench, *recording)},
+                      {"events", noteworthy_events(session)}};
+  if (json all = references(recording->bench(), bench.value("certificate", json::object())); !all.is_null())
+    certificate["references"] = std::move(all);
+  if (!dates.imported_utc.empty()) certificate["imported_utc"] = dates.imported_utc;
+  if (!dates.measured_local.empty()) certificate["measured_local"] = dates.measured_local;
+  add_results(certificate, session);
   certificate["equipment"] = equipment(bench);
   certificate["accuracy"] = accuracy(recording->bench());
   certificate["as_found"] = as_found(certificate["results"]);
@@ -411,25 +441,11 @@ json make_certificate(const SessionStore& session, const std::string& session_fi
   certificate["simulated"] = standing.simulated;
   certificate["certifies"] = standing.certifies() && !certificate["results"].empty();
   certificate["not_certified_because"] = standing.reasons;
-  json contents = {{"sha256", hash},
-                   {"identification", certificate["identification"]},
-                   {"laboratory", certificate["laboratory"]},
-                   {"results", as_found(certificate["results"])},
-                   {"limits", certificate.value("limits", json())},
-                   {"explanation", certificate.value("explanation", json())}};
-  if (!previous.is_null()) contents["previous"] = certificate["previous"] = previous;
-  const Issue issue = issue_of(session, certificate_number(hash, dates.measured()), contents);
-  certificate["number"] = issue.number, certificate["digest"] = issue.digest;
-  certificate["amendment"] = issue.amendment;
-  if (!issue.replaces.empty()) certificate["replaces"] = issue.replaces;
-  const std::string what = standing.certifies() ? "Calibration certificate" : standing.simulated ? "Report of a simulated calibration" : "Report";
-  certificate["title"] = issue.amendment == 0 ? what : what + ", amendment " + std::to_string(issue.amendment);
-  if (certificate["results"].empty()) certificate["title"] = "Record of a measurement, without a calibration";
+  if (!previous.is_null()) certificate["previous"] = previous;
+  add_issue(certificate, session, dates.measured());
+  certificate["title"] = title_of(certificate, standing);
   const std::string ended = session.get("ended").value_or("");
   if (!ended.empty() && ended != "done") certificate["unfinished"] = ended;
-  if (certificate.contains("explanation"))
-    if (json unknown = unknown_physics(certificate["explanation"]); !unknown.is_null())
-      certificate["unknown_physics"] = std::move(unknown);
   std::string caption;
   const Plot picture = scan_picture(*recording, caption);
   if (!picture.series.empty()) certificate["scan_picture"] = {{"svg", to_svg(picture)}, {"caption", caption}};

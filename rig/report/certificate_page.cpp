@@ -340,8 +340,8 @@ std::string readable_utc(const std::string& text) {
 /// What simple acceptance means to one who does not know the guideline.
 std::string rule_in_words(const std::string& rule) {
   if (!rule.starts_with("simple acceptance")) return "";
-  return "A value passes when it lies within its limit; its uncertainty stands beside it and narrows "
-         "nothing, so that a value near the limit may be truly beyond it.";
+  return "A value passes when it lies within its limit. Its uncertainty is stated but does not narrow the "
+         "limit: the true value of a result near the limit may lie beyond it.";
 }
 
 /// The certificate's date is that of the measurement; without one it says so rather than another.

@@ -142,7 +142,7 @@ ChildResult run_child(const std::vector<std::string>& arguments, milliseconds lo
 std::string hung_in_words(const std::string& program, milliseconds longest) {
   std::array<char, 32> seconds{};
   std::snprintf(seconds.data(), seconds.size(), "%g", static_cast<double>(longest.count()) / 1000);
-  return program + " was not done within " + seconds.data() + " s and was stopped";
+  return program + " did not finish within " + seconds.data() + " s and was stopped";
 }
 
 }  // namespace rig

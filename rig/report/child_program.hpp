@@ -25,7 +25,7 @@ struct ChildResult {
 [[nodiscard]] ChildResult run_child(const std::vector<std::string>& arguments,
                                     std::chrono::milliseconds longest);
 
-/// "gnuplot was not done within 30 s and was stopped": for messages.
+/// "gnuplot did not finish within 30 s and was stopped": for messages.
 [[nodiscard]] std::string hung_in_words(const std::string& program, std::chrono::milliseconds longest);
 
 }  // namespace rig

@@ -49,7 +49,7 @@ Verdict judge(const Comparison& c, std::size_t i) {
   else if (v.distance <= always_alike)
     v.says = "agrees";
   else if (!(v.own < too_unsteady))
-    v.says = v.distance > times_own * v.own ? "differs" : "cannot be told";
+    v.says = v.distance > times_own * v.own ? "differs" : "undecided";
   else
     v.says = v.distance <= times_own * v.own ? "agrees" : "differs";
   return v;
@@ -142,9 +142,9 @@ json comparison_json(const Comparison& c) {
 
 std::string comparison_html(const Comparison& c) {
   std::string html =
-      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Two devices side by "
-      "side</title><style>" +
-      compare_style() + "</style></head><body>\n<h1>Two devices side by side</h1>\n<p class=\"sub\">" +
+      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Two devices "
+      "compared</title><style>" +
+      compare_style() + "</style></head><body>\n<h1>Two devices compared</h1>\n<p class=\"sub\">" +
       escaped(c.name) + " (" + std::to_string(c.recorded.scans) + " scans, " +
       std::to_string(c.recorded.samples) + " samples) and " + escaped(c.other_name) + " (" +
       std::to_string(c.other.scans) + " scans, " + std::to_string(c.other.samples) + " samples)</p>\n";
@@ -174,7 +174,7 @@ std::string comparison_html(const Comparison& c) {
       four_digits(always_alike) + ", or at most " + four_digits(times_own) +
       " times the distance between the two halves of " + escaped(c.name) +
       " in time; where those differ by more than " + four_digits(too_unsteady) +
-      ", it cannot be told.</p>\n<h2>Against range</h2>\n<div class=\"plots\">\n";
+      ", it is undecided.</p>\n<h2>Against range</h2>\n<div class=\"plots\">\n";
   for (std::size_t i = 0; i < c.recorded.profiles.size(); ++i) html += profile(c, i);
   html += "</div>\n<h2>Distributions</h2>\n<div class=\"plots\">\n";
   for (std::size_t i = 0; i < c.recorded.statistics.size(); ++i) html += picture(c, i);

@@ -9,7 +9,7 @@
 
 namespace rig {
 
-/// Two devices side by side. `first_half` and `second_half` are those of the one that was recorded: what it
+/// Two devices compared. `first_half` and `second_half` are those of the one that was recorded: what it
 /// differs from itself is the measure for what the other differs from it.
 struct Comparison {
   std::string name, other_name;

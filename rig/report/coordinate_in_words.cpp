@@ -17,11 +17,11 @@ CoordinateWords coordinate_in_words(const std::string& id) {
       {"temperature_c", {"temperature", "\u00b0C"}},
       {"approach", {"sign of the last move", ""}},
       {"stage_rate_deg_s", {"stage rate", "deg/s"}},
-      {"range_rate", {"rate of range", ""}},
-      {"scan_seq", {"number of the scan", ""}},
+      {"range_rate", {"range rate", ""}},
+      {"scan_seq", {"scan number", ""}},
       {"target", {"target", ""}},
       {"corner_mm", {"distance from the nearest inner corner", "mm"}},
-      {"along_mm", {"place along the target", "mm"}}};
+      {"along_mm", {"position along the target", "mm"}}};
   const auto known = words.find(id);
   return known == words.end() ? CoordinateWords{id, ""} : known->second;
 }
@@ -32,7 +32,7 @@ std::string observable_in_words(const std::string& id) {
       {"range-variance", "scatter of the ranges"},
       {"range-distribution", "shape of the ranges' distribution"},
       {"intensity", "intensity"},
-      {"dropout", "echoes that are missing"},
+      {"dropout", "dropouts"},
       {"time-correlation", "ranges of successive scans, which depend on each other"}};
   const auto word = words.find(id);
   return word == words.end() ? id : word->second;

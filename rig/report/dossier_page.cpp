@@ -36,9 +36,9 @@ std::string dossier_style() {
          "@page{size:A4;margin:16mm 15mm}@media print{body{margin:0;padding:0;font-size:12px}figure,.box,tr{break-inside:avoid}}";
 }
 
-std::string bars(const json& told) {
+std::string bars(const json& explanation) {
   std::string html;
-  for (const json& s : list_of(told, "suspects")) {
+  for (const json& s : list_of(explanation, "suspects")) {
     const double percent = 100 * std::clamp(number_of(s, "probability", 0), 0.0, 1.0);
     const bool in_set = s.value("set", false);
     const std::string width = short_number(0.9 * percent, 3);
@@ -52,18 +52,22 @@ std::string bars(const json& told) {
 
 std::string rounds_in_table(const json& dossier) {
   std::string html =
-      "<h2>How it was decided</h2>\n<table><thead><tr><th></th><th>Session, and why</th><th class=\"n\">Time</th>"
-      "<th class=\"wide\">What all sessions together suspect</th></tr></thead><tbody>\n";
+      "<h2>How it was decided</h2>\n<table><thead><tr><th></th><th>Session, and why</th><th "
+      "class=\"n\">Time</th>"
+      "<th class=\"wide\">Suspects after all sessions so far</th></tr></thead><tbody>\n";
   int n = 0;
   for (const json& round : list_of(dossier, "rounds")) {
     const json& session = round.at("session");
-    html += "<tr><td>" + std::to_string(++n) + "</td><td><strong>" + escaped(text_of(session, "title")) + "</strong><br>" +
-            "<span class=\"sub\">" + escaped(text_of(session, "why")) + "</span></td><td class=\"n\">" + minutes_of(session) +
-            "</td><td>" + (round.at("told").is_null() ? std::string("<span class=\"sub\">not yet explained</span>") : bars(round["told"])) +
+    html += "<tr><td>" + std::to_string(++n) + "</td><td><strong>" + escaped(text_of(session, "title")) +
+            "</strong><br>" + "<span class=\"sub\">" + escaped(text_of(session, "why")) +
+            "</span></td><td class=\"n\">" + minutes_of(session) + "</td><td>" +
+            (round.at("explanation").is_null() ? std::string("<span class=\"sub\">not yet explained</span>")
+                                               : bars(round["explanation"])) +
             "</td></tr>\n";
   }
-  return html + "</tbody></table>\n<p class=\"sub\">Blue: probability of the cause. Orange, \"one of\": the sessions so far do not tell "
-                "these apart.</p>\n";
+  return html +
+         "</tbody></table>\n<p class=\"sub\">Blue: probability of the cause. Orange, \"one of\": the "
+         "sessions so far do not distinguish these.</p>\n";
 }
 
 std::string physics_section(const json& found) {
@@ -96,12 +100,13 @@ std::string comparison_pictures(const json& comparison) {
   const json& along = comparison.at("along_beam");
   const auto beam = column_of(along, "beam_deg");
   Plot plot;
-  plot.title = "Recorded less foretold, means over 3 deg of the beams";
+  plot.title = "Recorded minus predicted, means over 3 deg of the beams";
   plot.x_label = "beam angle (deg)";
   plot.y_label = "difference (mm)";
   plot.width_px = 760, plot.height_px = 300;
   plot.series.push_back({"by the bench file alone", Series::Style::points, beam, column_of(along, "before_mm"), {}});
-  plot.series.push_back({"as foretold", Series::Style::errorbars, beam, column_of(along, "off_mm"), column_of(along, "u_mm")});
+  plot.series.push_back(
+      {"as predicted", Series::Style::errorbars, beam, column_of(along, "off_mm"), column_of(along, "u_mm")});
   const json& pulls = comparison.at("pulls");
   // Every difference in its own uncertainty: a standard normal distribution if those are right.
   const auto at = column_of(pulls, "at");
@@ -119,16 +124,19 @@ std::string comparison_pictures(const json& comparison) {
          "fitted to this recording.</figcaption></figure>\n<figure>" + to_svg(histogram) + "</figure>\n";
 }
 
-std::string foretold_section(const json& last) {
+std::string last_prediction_section(const json& last) {
   const json& session = last.at("session");
-  std::string html = "<h2 class=\"fresh\">Written down before, recorded after</h2>\n<p>" + escaped(text_of(session, "title")) + ", " +
-                     minutes_of(session) + ". What it would show was in <code>" + escaped(text_of(last, "prediction")) +
-                     "</code> before it was recorded: SHA-256 <code>" + escaped(text_of(last, "sha256")) + "</code>.</p>\n";
+  std::string html = "<h2 class=\"fresh\">Prediction, and what was then recorded</h2>\n<p>" +
+                     escaped(text_of(session, "title")) + ", " + minutes_of(session) +
+                     ". What it would show was in <code>" + escaped(text_of(last, "prediction")) +
+                     "</code> before the recording: SHA-256 <code>" + escaped(text_of(last, "sha256")) +
+                     "</code>.</p>\n";
   const json& comparison = last.at("comparison");
   if (!comparison.is_object()) return html + "<p class=\"sub\">Not yet compared.</p>\n";
   const bool confirmed = comparison.value("confirmed", false);
   html += "<p class=\"box" + std::string(confirmed ? "" : " no") + "\"><strong>" +
-          (confirmed ? "It came out as foretold." : "It did not come out as foretold.") + "</strong></p>\n<ul>\n";
+          (confirmed ? "The prediction was confirmed." : "The prediction was not confirmed.") +
+          "</strong></p>\n<ul>\n";
   for (const json& reason : list_of(comparison, "reasons")) html += "<li>" + escaped(reason.get<std::string>()) + "</li>\n";
   html += "</ul>\n";
   return comparison.contains("along_beam") ? html + comparison_pictures(comparison) : html;
@@ -142,9 +150,10 @@ std::string details_section(const json& dossier) {
     const std::string name = escaped(text_of(session, "name"));
     html += "<h3>" + std::to_string(++n) + ". " + escaped(text_of(session, "title")) + "</h3>\n<p class=\"sub\">Files: " + name + ".yaml, " +
             name + ".rig, " + name + ".explanation.json</p>\n";
-    if (!text_of(session, "failed").empty()) html += "<p>It ended before its time: " + escaped(text_of(session, "failed")) + "</p>\n";
+    if (!text_of(session, "failed").empty())
+      html += "<p>It ended early: " + escaped(text_of(session, "failed")) + "</p>\n";
     if (round.contains("comparison") && round["comparison"].is_object()) {
-      html += "<p>It was foretold otherwise:</p>\n<ul>\n";
+      html += "<p>It differs from the prediction:</p>\n<ul>\n";
       for (const json& reason : list_of(round["comparison"], "reasons")) html += "<li>" + escaped(reason.get<std::string>()) + "</li>\n";
       html += "</ul>\n";
     }
@@ -153,15 +162,17 @@ std::string details_section(const json& dossier) {
               "minute</th><th>by hand</th></tr></thead><tbody>\n";
       for (const json& c : considered) {
         const double nats = number_of(c, "information", 0), minutes = number_of(c, "minutes", 0);
-        html += "<tr><td>" + escaped(text_of(c, "title")) + "</td><td class=\"n\">" + (nats > 0 ? short_number(nats) : "-") + "</td><td class=\"n\">" +
-                short_number(minutes) + "</td><td class=\"n\">" + (nats > 0 ? short_number(nats / std::max(minutes, 0.1), 2) : "-") + "</td><td>" +
-                (c.value("needs_hand", false) ? "yes" : "no") + "</td></tr>\n";
+        html += "<tr><td>" + escaped(text_of(c, "title")) + "</td><td class=\"n\">" +
+                (nats > 0 ? short_number(nats) : "-") + "</td><td class=\"n\">" + short_number(minutes) +
+                "</td><td class=\"n\">" + (nats > 0 ? short_number(nats / std::max(minutes, 0.1), 2) : "-") +
+                "</td><td>" + (c.value("needs_operator", false) ? "yes" : "no") + "</td></tr>\n";
       }
       html += "</tbody></table>\n";
     }
-    for (const json& m : list_of(round.at("told"), "mechanisms"))
+    for (const json& m : list_of(round.at("explanation"), "mechanisms"))
       html += "<p><strong>" + escaped(text_of(m, "mechanism")) + "</strong>: " + escaped(text_of(m, "evidence")) + "</p>\n";
-    for (const json& note : list_of(round.at("told"), "notes")) html += "<p class=\"sub\">" + escaped(note.get<std::string>()) + "</p>\n";
+    for (const json& note : list_of(round.at("explanation"), "notes"))
+      html += "<p class=\"sub\">" + escaped(note.get<std::string>()) + "</p>\n";
   }
   const json& found = dossier.at("found");
   const json parameters = found.is_object() ? list_of(found, "mechanisms") : json::array();
@@ -193,7 +204,7 @@ std::string dossier_page(const json& dossier) {
                      (confirmed ? "" : " no") + "\"><strong>" + escaped(text_of(dossier, "claim")) + "</strong></p>\n";
   if (dossier.contains("end")) html += "<p>" + escaped(text_of(dossier["end"], "why")) + "</p>\n";
   html += physics_section(dossier.at("found")) + rounds_in_table(dossier) + open_section(dossier);
-  if (dossier.contains("last")) html += foretold_section(dossier["last"]);
+  if (dossier.contains("last")) html += last_prediction_section(dossier["last"]);
   return html + details_section(dossier) + "</body></html>\n";
 }
 

@@ -6,7 +6,7 @@
 
 namespace rig {
 
-/// The dossier of an investigation (`dossier/1`, docs/operate/investigate.md) as one HTML page that needs
+/// The dossier of an investigation (`dossier/2`, docs/operate/investigate.md) as one HTML page that needs
 /// nothing else and prints well: what was found and how it was decided on the first page, prediction against
 /// recording on the second, details behind.
 [[nodiscard]] std::string dossier_page(const nlohmann::json& dossier);

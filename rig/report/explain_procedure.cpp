@@ -37,9 +37,9 @@ std::string put_up_step(const CaptureInfo& c) {
   return "  - prompt:\n      title: " + yaml_quoted(name + ": " + shift + " mm from its place") +
          "\n      text: " +
          yaml_quoted("Put '" + name + "' up " + shift +
-                " mm farther away than the bench file has it (less than nothing: nearer), square to the "
-                "lidar, and measure the distance at least as well as the bench file says." +
-                cover) +
+                     " mm farther away than the bench file has it (negative: nearer), square to the "
+                     "lidar, and measure the distance at least as well as the bench file says." +
+                     cover) +
          "\n      place: " + place + "}\n";
 }
 
@@ -162,10 +162,10 @@ std::string promise_of(const Experiment& e) {
           ? "beyond doubt (more than a million to one)"
           : "with odds of about " + fit::rounded(std::exp(e.expected), 1) + " to one at least";
   if (e.groups.size() == 1)
-    return "Narrows down who of " + together.front() + " it is, " + odds +
+    return "Narrows down which of " + together.front() + " it is, " + odds +
            " between two of them if what was found so far is right.";
   return "Tells apart " + listed(groups) + ", " + odds + " if what was found so far is right." +
-         (together.empty() ? "" : " It leaves together " + listed(together) + ".");
+         (together.empty() ? "" : " It does not separate " + listed(together) + ".");
 }
 
 std::string procedure_text(const Experiment& e, const fit::Bench& bench) {

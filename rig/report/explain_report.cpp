@@ -24,11 +24,11 @@ std::string figure_of(double value, int digits = 4) {
 
 std::string verdict_in_words(const std::string& verdict) {
   if (verdict == "nothing-missing")
-    return "Nothing is missing: the simulation explains the recording to its noise.";
+    return "Nothing is missing: the simulation explains the recording to within its noise.";
   if (verdict == "explained") return "The mismatch is explained.";
   if (verdict == "undecided")
     return "Something is missing, and this recording cannot tell which of several causes it is.";
-  return "Something is missing that no mechanism of the catalogue makes.";
+  return "Something is missing that no mechanism of the catalogue produces.";
 }
 
 std::string mechanism_section(const json& m) {
@@ -142,14 +142,14 @@ std::string intensity_section(const json& curve) {
   };
   plot.title = "Intensity along " + coordinate.name;
   plot.x_label = coordinate.with_unit();
-  plot.y_label = "recording over bench's law, less 1 (%)";
+  plot.y_label = "recording divided by the bench's law, minus 1 (%)";
   const auto x = curve.at("at").get<std::vector<double>>();
   const auto u = per_cent("u");
   plot.series.push_back({"before", Series::Style::errorbars, x, per_cent("before"), u});
   plot.series.push_back({"after", Series::Style::errorbars, x, per_cent("after"), u});
   return "<figure>" + to_svg(plot) + "<figcaption>Intensity against the law that the bench states, along " +
          escaped(coordinate.name) +
-         ", less what reflectances and the law's own uncertainties explain.</figcaption></figure>\n";
+         ", minus what reflectances and the law's own uncertainties explain.</figcaption></figure>\n";
 }
 
 }  // namespace
@@ -171,7 +171,7 @@ std::string explanation_html(const json& e, const std::string& sessions) {
   if (e.contains("next_experiment") && e["next_experiment"].is_string())
     html += "<p>The experiment that separates them best: <code>" +
             escaped(e["next_experiment"].get<std::string>()) +
-            "</code>, written as a procedure that runs as it stands.</p>\n";
+            "</code>, written as a procedure that can be run as it is.</p>\n";
   if (e.contains("unknown"))
     html += "<h2>Unknown physics</h2>\n<p class=\"box\">" + escaped(e["unknown"].value("describes", "")) +
             " (" + escaped(observable_in_words(e["unknown"].value("observable", ""))) + ").</p>\n";

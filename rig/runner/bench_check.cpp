@@ -6,10 +6,11 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "fit/median.hpp"
 #include "rig/procedure/procedure_plan.hpp"
 #include "rig/runner/lidar_doubts.hpp"
 #include "rig/runner/scan_gate.hpp"
-#include "rig/runner/target_sight.hpp"
+#include "rig/runner/target_detection.hpp"
 
 namespace rig {
 namespace {
@@ -17,15 +18,12 @@ namespace {
 using boost::asio::awaitable;
 using Verdict = CheckLine::Verdict;
 
-constexpr int scans_of_rate = 40, scans_of_look = 20;
+constexpr int scans_of_rate = 40, scans_of_medians = 20;
 constexpr double stage_tolerance_deg = 0.02;
 constexpr double weak_intensity = 200;
 
-double median(std::vector<double> values) {
-  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+double median(const std::vector<double>& values) {
+  return values.empty() ? std::numeric_limits<double>::quiet_NaN() : fit::median_of(std::vector(values));
 }
 
 std::string rounded(double value, int digits = 0) { return rounded_text(value, digits); }
@@ -33,12 +31,12 @@ std::string rounded(double value, int digits = 0) { return rounded_text(value, d
 class Checker {
  public:
   Checker(const fit::Bench& bench, LidarSource& lidar, Stage& stage, RunClock& clock,
-          std::function<void(const CheckLine&)> tell)
+          std::function<void(const CheckLine&)> report)
       : bench_(bench),
         lidar_(lidar),
         stage_(stage),
         clock_(clock),
-        tell_(std::move(tell)),
+        report_(std::move(report)),
         limits_(stage_limits(bench)) {}
 
   awaitable<std::vector<CheckLine>> run(bool stay_still) {
@@ -48,11 +46,11 @@ class Checker {
     }
     co_await check_stage(stay_still);
     if (!beams_fit) {
-      say(Verdict::look, "scans", "not looked at: the bench file's beams are not this lidar's",
-          "Mend what is marked BAD, then check again.");
+      say(Verdict::note, "scans", "not checked: the bench file's beams are not this lidar's",
+          "Correct what is marked BAD, then check again.");
       co_return lines_;
     }
-    const SeenBeams seen = co_await look();
+    const BeamMedians seen = co_await measure_beams();
     check_echoes(seen);
     for (const fit::Target& target : bench_.targets) {
       co_await check_target(target, stay_still);
@@ -67,7 +65,7 @@ class Checker {
   void say(Verdict verdict, const std::string& what, const std::string& says,
            const std::string& remedy = "") {
     lines_.emplace_back(verdict, what, says, remedy);
-    tell_(lines_.back());
+    report_(lines_.back());
   }
 
   /// Whether the lidar has the beams that the bench file gives it.
@@ -77,19 +75,20 @@ class Checker {
     const std::vector<LidarDoubt> doubts = doubts_of_lidar(identity, bench_);
     const auto of_health = [](const LidarDoubt& doubt) { return doubt.what == lidar_state; };
     const bool is_well = std::ranges::none_of(doubts, of_health);
-    say(is_well ? Verdict::good : Verdict::look, "lidar", text.size() > 160 ? describe(identity) : text,
+    say(is_well ? Verdict::good : Verdict::note, "lidar", text.size() > 160 ? describe(identity) : text,
         "See below.");
     for (const LidarDoubt& doubt : doubts)
-      say(doubt.weight == LidarDoubt::Weight::note ? Verdict::look : Verdict::bad, doubt.what, doubt.says,
+      say(doubt.weight == LidarDoubt::Weight::note ? Verdict::note : Verdict::bad, doubt.what, doubt.says,
           doubt.remedy);
     if (std::ranges::all_of(doubts, of_health))
-      say(Verdict::good, "lidar as stated", "model, serial number, steps and front as far as it tells them");
+      say(Verdict::good, "lidar as stated",
+          "model, serial number, steps and front as far as it reports them");
     co_return std::ranges::none_of(
         doubts, [](const LidarDoubt& doubt) { return doubt.weight == LidarDoubt::Weight::refusal; });
   }
 
   static std::string describe(const nlohmann::json& identity) {
-    const auto told = [&](const char* key) -> std::string {
+    const auto stated = [&](const char* key) -> std::string {
       for (const auto& [part, values] : identity.items())
         if (values.is_object() && values.contains(key) && values[key].is_string())
           return values[key].get<std::string>();
@@ -101,7 +100,7 @@ class Checker {
                                       {"FIRM", "firmware "},
                                       {"STAT", ""},
                                       {"LASR", "laser "}})
-      if (const std::string word = told(key); !word.empty())
+      if (const std::string word = stated(key); !word.empty())
         text += (text.empty() ? "" : ", ") + (before + word);
     return text.empty() ? "answers in SCIP" : text;
   }
@@ -122,7 +121,7 @@ class Checker {
     say(std::abs(hz / bench_.lidar.scan_hz - 1) < 0.02 ? Verdict::good : Verdict::bad, "scan rate",
         rounded(hz, 2) + " Hz, the bench file says " + to_text(bench_.lidar.scan_hz) + " Hz",
         "Correct lidar.scan_hz in the bench file, or the lidar's motor setting.");
-    say(lost == 0 ? Verdict::good : Verdict::look, "scans lost",
+    say(lost == 0 ? Verdict::good : Verdict::note, "scans lost",
         std::to_string(lost) + " of " + std::to_string(scans_of_rate),
         "Check the network: a cable of its own, no Wi-Fi, no other client.");
   }
@@ -135,13 +134,13 @@ class Checker {
     const StageStatus status = co_await stage_.status();
     for (const auto& warning : status.warnings)
       if (status.homed)
-        say(Verdict::look, "stage says", warning, "See docs/operate/stages.md, or the controller's manual.");
+        say(Verdict::note, "stage says", warning, "See docs/operate/stages.md, or the controller's manual.");
     if (limits_.min_deg < -1e8)
-      say(Verdict::look, "soft limits", "none in the bench file",
+      say(Verdict::note, "soft limits", "none in the bench file",
           "Write stage.limits_deg, so that no cable is torn.");
     if (stay_still) {
       at_deg_ = status.position_deg;
-      say(status.homed ? Verdict::good : Verdict::look, "homed", status.homed ? "yes" : "no",
+      say(status.homed ? Verdict::good : Verdict::note, "homed", status.homed ? "yes" : "no",
           "Home it, or let `rig check` do it (without --stay-still).");
       co_return;
     }
@@ -164,11 +163,11 @@ class Checker {
         "Nothing may block the table; check its units (stage.units_per_deg) and its load.");
   }
 
-  awaitable<SeenBeams> look() {
+  awaitable<BeamMedians> measure_beams() {
     const auto beams = static_cast<std::size_t>(bench_.lidar.steps);
     std::vector<std::vector<double>> ranges(beams), levels(beams);
     co_await lidar_.start(whole_scan(bench_.lidar));
-    for (int i = 0; i <= scans_of_look; ++i) {
+    for (int i = 0; i <= scans_of_medians; ++i) {
       const lidar::Scan scan = co_await lidar_.next();
       if (i == 0) continue;  // It may have begun before the stage stood.
       const auto first = static_cast<std::size_t>(scan.first_step);
@@ -179,9 +178,9 @@ class Checker {
       }
     }
     co_await lidar_.stop();
-    SeenBeams seen;
+    BeamMedians seen;
     for (std::size_t k = 0; k < beams; ++k) {
-      const bool sure = ranges[k].size() * 2 > scans_of_look;
+      const bool sure = ranges[k].size() * 2 > scans_of_medians;
       seen.range_mm.push_back(sure ? median(ranges[k]) : std::numeric_limits<double>::quiet_NaN());
       seen.intensity.push_back(sure && !levels[k].empty() ? median(levels[k])
                                                           : std::numeric_limits<double>::quiet_NaN());
@@ -189,7 +188,7 @@ class Checker {
     co_return seen;
   }
 
-  void check_echoes(const SeenBeams& seen) {
+  void check_echoes(const BeamMedians& seen) {
     std::size_t echoes = 0, near = 0;
     std::vector<double> levels;
     for (std::size_t k = 0; k < seen.range_mm.size(); ++k) {
@@ -202,10 +201,10 @@ class Checker {
     say(share > 0.02 ? Verdict::good : Verdict::bad, "echoes", rounded(100 * share) + " % of the beams",
         "Nothing is seen: is the window covered, is anything within 10 m?");
     if (near > 0)
-      say(Verdict::look, "something close", std::to_string(near) + " beams see less than 60 mm",
+      say(Verdict::note, "something close", std::to_string(near) + " beams see less than 60 mm",
           "Take cables and hands away from the window, and clean it.");
     const double level = median(levels);
-    say(level >= weak_intensity ? Verdict::good : Verdict::look, "intensity",
+    say(level >= weak_intensity ? Verdict::good : Verdict::note, "intensity",
         levels.empty() ? "none" : "median " + rounded(level),
         "Echoes are weak: clean the window, use lighter targets, or go nearer.");
   }
@@ -223,26 +222,26 @@ class Checker {
       at_deg_ = facing_deg(target);
       co_await stage_.move_to(at_deg_);
     }
-    const SeenBeams seen = co_await look();
-    judge_target(target, look_for(bench_, target, bench_.targets, at_deg_ * fit::rad_per_deg, seen));
+    const BeamMedians seen = co_await measure_beams();
+    judge_target(target, detect_target(bench_, target, bench_.targets, at_deg_ * fit::rad_per_deg, seen));
   }
 
-  void judge_target(const fit::Target& target, const TargetSight& sight) {
+  void judge_target(const fit::Target& target, const TargetDetection& detection) {
     const std::string what = "target " + target.name;
     const std::string level =
-        std::isfinite(sight.intensity) ? ", intensity " + rounded(sight.intensity) : std::string();
-    switch (sight.place) {
-      case TargetSight::Place::out_of_view:
-        return say(Verdict::look, what, "not in the field of view at " + to_text(at_deg_) + " deg",
-                   "Nothing can be said of it from here.");
-      case TargetSight::Place::unseen:
-        return say(Verdict::bad, what, sight.words,
-                   "It is not where the bench file says, is too dark, or something stands before it.");
-      case TargetSight::Place::elsewhere:
-      case TargetSight::Place::as_asked:
-        return say(sight.good() ? Verdict::good : Verdict::bad, what, sight.words + level,
-                   "Measure its place and correct from_mm and to_mm, or put it where they say. Look that nothing "
-                   "stands before it.");
+        std::isfinite(detection.intensity) ? ", intensity " + rounded(detection.intensity) : std::string();
+    switch (detection.outcome) {
+      case TargetDetection::Outcome::out_of_view:
+        return say(Verdict::note, what, "not in the field of view at " + to_text(at_deg_) + " deg",
+                   "It cannot be checked from here.");
+      case TargetDetection::Outcome::undetected:
+        return say(Verdict::bad, what, detection.words,
+                   "It is not where the bench file says, is too dark, or something stands in front of it.");
+      case TargetDetection::Outcome::misplaced:
+      case TargetDetection::Outcome::in_place:
+        return say(detection.good() ? Verdict::good : Verdict::bad, what, detection.words + level,
+                   "Measure its place and correct from_mm and to_mm, or put it where they say. Check that "
+                   "nothing stands in front of it.");
     }
   }
 
@@ -250,7 +249,7 @@ class Checker {
   LidarSource& lidar_;
   Stage& stage_;
   RunClock& clock_;
-  std::function<void(const CheckLine&)> tell_;
+  std::function<void(const CheckLine&)> report_;
   StageLimits limits_;
   double at_deg_ = 0;
   std::vector<CheckLine> lines_;
@@ -260,8 +259,8 @@ class Checker {
 
 awaitable<std::vector<CheckLine>> check_bench(const fit::Bench& bench, LidarSource& lidar, Stage& stage,
                                               RunClock& clock, bool stay_still,
-                                              std::function<void(const CheckLine&)> tell) {
-  Checker checker(bench, lidar, stage, clock, std::move(tell));
+                                              std::function<void(const CheckLine&)> report) {
+  Checker checker(bench, lidar, stage, clock, std::move(report));
   auto lines = co_await checker.run(stay_still);
   co_return lines;
 }

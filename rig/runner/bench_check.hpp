@@ -15,7 +15,7 @@ namespace rig {
 
 /// One thing that was looked at before a long run.
 struct CheckLine {
-  enum class Verdict { good, look, bad };
+  enum class Verdict { good, note, bad };
   CheckLine(Verdict verdict_, std::string what_, std::string says_, std::string remedy_ = "")
       : verdict(verdict_), what(std::move(what_)), says(std::move(says_)), remedy(std::move(remedy_)) {}
   Verdict verdict;
@@ -24,10 +24,10 @@ struct CheckLine {
 };
 
 /// Walks through the bench: the lidar's rate and losses, homing and the stage's full travel (unless
-/// `stay_still`), echoes and intensity, and every target where the bench file says. Each line is told as soon
-/// as it is known. Throws DeviceError when a device does not work at all.
+/// `stay_still`), echoes and intensity, and every target where the bench file says. Each line is reported as
+/// soon as it is known. Throws DeviceError when a device does not work at all.
 boost::asio::awaitable<std::vector<CheckLine>> check_bench(const fit::Bench& bench, LidarSource& lidar,
                                                            Stage& stage, RunClock& clock, bool stay_still,
-                                                           std::function<void(const CheckLine&)> tell);
+                                                           std::function<void(const CheckLine&)> report);
 
 }  // namespace rig

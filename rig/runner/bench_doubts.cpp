@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "rig/procedure/procedure_plan.hpp"
-#include "rig/runner/target_sight.hpp"
+#include "rig/runner/target_detection.hpp"
 
 namespace rig {
 namespace {
@@ -39,7 +39,7 @@ void of_target(Doubts& doubts, const fit::Target& target) {
                                             " from the stage's axis, farther than such a lidar measures.");
   doubts.unless(width_mm >= narrowest_mm && width_mm <= widest_mm, name + "is " + mm(width_mm) + " wide.");
   doubts.unless(target.u_mm <= largest_u_mm,
-                name + "has u_mm " + to_text(target.u_mm) + ": its place is hardly known.");
+                name + "has u_mm " + to_text(target.u_mm) + ": its position is hardly known.");
   doubts.unless(target.u_rad * fit::deg_per_rad <= largest_u_deg,
                 name + "has u_deg " + rounded_text(target.u_rad * fit::deg_per_rad, 1) +
                     ": its orientation is hardly known.");
@@ -54,8 +54,8 @@ void of_lidar(Doubts& doubts, const fit::Bench& bench) {
   doubts.unless(from_axis_mm <= largest_mount_mm,
                 "lidar.mount puts the lidar " + mm(from_axis_mm) + " from the stage's axis.");
   doubts.unless(std::max(lidar.mount.x_mm.u, lidar.mount.y_mm.u) <= largest_u_mm,
-                "lidar.mount has an uncertainty of " +
-                    mm(std::max(lidar.mount.x_mm.u, lidar.mount.y_mm.u)) + ": its place is hardly known.");
+                "lidar.mount has an uncertainty of " + mm(std::max(lidar.mount.x_mm.u, lidar.mount.y_mm.u)) +
+                    ": its position is hardly known.");
   doubts.unless(lidar.scan_hz >= slowest_hz && lidar.scan_hz <= fastest_hz,
                 "lidar.scan_hz is " + to_text(lidar.scan_hz) + " scans a second; 10 to 50 is usual.");
   const double field_deg = (lidar.steps - 1) * lidar.step_rad * fit::deg_per_rad;

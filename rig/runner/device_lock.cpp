@@ -84,7 +84,7 @@ void DeviceLocks::lock(const std::string& kind, const std::string& identity) {
     if (!is_held) return;
     throw DeviceError("The " + kind + " " + identity + " is in use by another program" +
                       (holder.empty() ? "" : " (" + holder + ")") +
-                      ". Let that run end or stop it; a bench of its own needs a " + kind + " of its own.");
+                      ". Let that run end or stop it; a second bench needs a " + kind + " of its own.");
   }
   const std::string text = holder_ + ", process " + std::to_string(::getpid());
   if (::ftruncate(fd, 0) == 0) (void)!::pwrite(fd, text.data(), text.size(), 0);

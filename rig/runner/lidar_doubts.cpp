@@ -53,9 +53,8 @@ class Comparison {
       state = ii->value("STAT", "");
     if (state.empty() || says_it_is_well(state)) return;
     doubts_.push_back(
-        {Weight::decision, lidar_state, "it says of itself (STAT): " + state,
-         "Switch it off and on, clean its window, look into its manual; if this stays, it needs "
-         "service."});
+        {Weight::decision, lidar_state, "it reports (STAT): " + state,
+         "Switch it off and on, clean its window, consult its manual; if this persists, it needs service."});
   }
 
   void compare_device() {

@@ -71,21 +71,21 @@ class BenchOperator final : public Operator {
 
   awaitable<Answer> ask(Prompt prompt) override {
     if (!prompt.place) co_return Answer{};
-    auto telling = tell(json{{"place", to_json(*prompt.place)}}.dump() + "\n");
+    auto asking = exchange(json{{"place", to_json(*prompt.place)}}.dump() + "\n");
     auto late = deadline();
-    const auto outcome = co_await (std::move(telling) || std::move(late));
+    const auto outcome = co_await (std::move(asking) || std::move(late));
     if (outcome.index() == 1) {
       forget_connection();
       throw DeviceError("The simulated bench at " + name() +
-                        " did not answer within 5 s. Nothing was placed. Start rig-sim again and go on with "
-                        "rig resume.");
+                        " did not answer within 5 s. Nothing was placed. Start rig-sim again and continue "
+                        "with rig resume.");
     }
     const json said = json::parse(std::get<0>(outcome), nullptr, false);
     if (!said.is_object() || !said.value("ok", false))
       throw MeasurementError("The simulated bench cannot do '" + prompt.title + "': " +
-                             (said.is_object() ? said.value("error", "no reason given")
-                                               : "it answers in another language; is this rig-sim's operator "
-                                                 "port?"));
+                             (said.is_object()
+                                  ? said.value("error", "no reason given")
+                                  : "its answer is not understood: is this rig-sim's operator port?"));
     co_return Answer{};
   }
   bool unattended() const override { return true; }
@@ -105,7 +105,7 @@ class BenchOperator final : public Operator {
     co_await timer.async_wait(use_awaitable);
   }
 
-  awaitable<std::string> tell(std::string line) {
+  awaitable<std::string> exchange(std::string line) {
     try {
       if (!socket_.is_open()) {
         asio::ip::tcp::resolver resolver(socket_.get_executor());
@@ -206,7 +206,7 @@ class TerminalOperator final : public Operator {
       if (!others_answer_)
         throw UsageError(
             "Nobody can answer: standard input has ended. Give --yes to confirm all prompts, --operator for "
-            "a simulated bench, or --live to answer in a browser; then go on with rig resume.");
+            "a simulated bench, or --live to answer in a browser; then continue with rig resume.");
       asio::steady_timer never(input_.get_executor(), asio::steady_timer::time_point::max());
       co_await never.async_wait(use_awaitable);
     }

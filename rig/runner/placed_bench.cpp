@@ -3,7 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "rig/runner/target_sight.hpp"
+#include "rig/runner/target_detection.hpp"
 
 namespace rig {
 namespace {

@@ -18,9 +18,10 @@ using namespace asio::experimental::awaitable_operators;
 void refuse_turns(const std::vector<PlannedStep>& plan, const std::map<std::string, std::string>& recorded) {
   for (const PlannedStep& step : plan)
     if (step.step->kind->turns_stage() && !recorded.contains(step.key))
-      throw UsageError("A turning capture (step " + step.key +
-                       ") needs scans and stage positions on one clock, and this lidar's clock does not run "
-                       "with this computer's. Nothing was measured. Run the simulator with --speed real.");
+      throw UsageError(
+          "A turning capture (step " + step.key +
+          ") needs scans and stage positions on one clock, and the clocks of this lidar and this computer "
+          "are unrelated. Nothing was measured. Run the simulator with --speed real.");
 }
 
 }  // namespace
@@ -67,7 +68,7 @@ awaitable<void> Runner::Impl::prepare() {
   position_deg = status.position_deg;
   referenced = status.homed;
   if (status.moving) {
-    note("warning", "the stage was found moving and is stopped");
+    note("warning", "the stage was found moving and was stopped");
     co_await stop_turning();
   }
   for (const auto& warning : status.warnings) note(status.homed ? "warning" : "info", "stage: " + warning);
@@ -197,14 +198,14 @@ awaitable<void> Runner::Impl::make_safe() {
   try {
     co_await parts.stage.stop();
   } catch (const std::exception&) {
-    safe_problems += "The stage could not be told to stop: check it.";
+    safe_problems += "The stage could not be stopped: check it.";
   }
   if (!connected) co_return;
   try {
     co_await parts.lidar.stop();
   } catch (const std::exception&) {
     safe_problems += safe_problems.empty() ? "" : " ";
-    safe_problems += "The lidar could not be told to stop: its laser may be on.";
+    safe_problems += "The lidar could not be stopped: its laser may be on.";
   }
 }
 
@@ -253,7 +254,7 @@ void Runner::Impl::finish_session() {
     if (!failure)
       failure = std::current_exception();
     else if (words_of(failure) != error.what())
-      tell("error", error.what());
+      announce("error", error.what());
   }
 }
 
@@ -279,7 +280,7 @@ awaitable<bool> Runner::run() {
 void Runner::pause() {
   if (impl_->paused) return;
   impl_->paused = impl_->state.pausing = true;
-  impl_->note("info", "pause: when the capture or move under way is done");
+  impl_->note("info", "pausing after the capture or move in progress");
 }
 
 void Runner::resume() {
@@ -290,9 +291,9 @@ void Runner::resume() {
 
 void Runner::abort() {
   if (impl_->computing && !impl_->aborted)
-    impl_->tell("warning",
-                "the computation cannot be interrupted: rig ends when it is done and discards it "
-                "(a second Ctrl-C ends rig at once; nothing captured is lost)");
+    impl_->announce("warning",
+                    "the computation cannot be interrupted: rig ends when it is done and discards it "
+                    "(a second Ctrl-C ends rig at once; nothing captured is lost)");
   impl_->aborted = true;
   impl_->abort_gate.open();
   impl_->resume_gate.open();

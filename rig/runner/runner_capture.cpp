@@ -99,7 +99,7 @@ awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& reques
     lidar::Scan scan = co_await next_scan(stream_for(request, skip), &gate, failures);
     if (!gate.takes(scan, time.follows_lidar() ? 0 : settled_us)) {
       if (gate.hopeless()) {
-        co_await begin_anew(request, failures);
+        co_await reconnect_for_unfit_scans(request, failures);
       }
       continue;
     }
@@ -117,16 +117,16 @@ awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& reques
 }
 
 std::string Runner::Impl::unfit_scans(const CaptureRequest& request) {
-  return "The lidar sends scans that do not belong to the capture (other steps than " +
+  return "The lidar sends scans that do not belong to the capture (steps other than " +
          std::to_string(request.first_step) + " to " + std::to_string(request.last_step) +
-         ", or stamps that do not advance). None was stored. Switch it off and on, then go on with "
+         ", or time stamps that do not advance). None was stored. Switch it off and on, then continue with "
          "rig resume.";
 }
 
-awaitable<void> Runner::Impl::begin_anew(const CaptureRequest& request, int& failures) {
+awaitable<void> Runner::Impl::reconnect_for_unfit_scans(const CaptureRequest& request, int& failures) {
   if (++failures > failures_without_scan) throw DeviceError(unfit_scans(request));
-  co_await reconnect_lidar(
-      std::make_exception_ptr(DeviceError("its scans are of other steps, or their stamps do not advance")));
+  co_await reconnect_lidar(std::make_exception_ptr(
+      DeviceError("its scans are of other steps, or their time stamps do not advance")));
 }
 
 void Runner::Impl::store(std::int64_t id, long seq, const lidar::Scan& scan) {
@@ -244,8 +244,8 @@ awaitable<lidar::Scan> Runner::Impl::next_scan_before_limit(double seconds) {
   const auto first = co_await (std::move(reading) || std::move(stopping));
   if (first.index() == 1)
     throw MeasurementError(
-        "The turning stage came to its soft limit before the lidar had sent what was asked for, and was "
-        "stopped. Look for what made scans late (the session's events), then go on with rig resume.");
+        "The turning stage reached its soft limit before the lidar had sent all requested scans, and was "
+        "stopped. Find out what delayed the scans (the session's events), then continue with rig resume.");
   if (why) std::rethrow_exception(why);
   co_return scan;
 }
@@ -336,8 +336,7 @@ awaitable<void> Runner::Impl::wait(double seconds) {
       if (++begun_again > waits_begun_again)
         throw DeviceError(
             "The lidar restarted " + std::to_string(begun_again) +
-            " times while it was waited for to warm up. Check its supply and its cable, then go "
-            "on with --resume.");
+            " times during the warm-up. Check its power supply and its cable, then continue with --resume.");
       note("warning", "the wait of " + to_text(seconds) + " s begins again, " +
                           rounded_text(static_cast<double>(host_us - *begun_us) / 1e6, 0) +
                           " s after it began: the lidar may have cooled");

@@ -15,10 +15,13 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "rig/runner/failures.hpp"
+#include "rig/runner/gate.hpp"
 #include "rig/runner/placed_bench.hpp"
 #include "rig/runner/runner.hpp"
 #include "rig/runner/session_clock.hpp"
-#include "rig/runner/target_sight.hpp"
+#include "rig/runner/surface_echoes.hpp"
+#include "rig/runner/target_detection.hpp"
 #include "rig/runner/time_left.hpp"
 
 namespace rig {
@@ -29,36 +32,6 @@ using nlohmann::json;
 
 constexpr int failures_without_scan = 3;  // A lidar that reconnects and never measures is lost.
 
-/// Opens once; waiting for an open gate returns at once.
-class Gate {
- public:
-  awaitable<void> wait() {
-    while (!open_) {
-      asio::steady_timer timer(co_await asio::this_coro::executor, asio::steady_timer::time_point::max());
-      waiting_ = &timer;
-      boost::system::error_code ignored;
-      co_await timer.async_wait(asio::redirect_error(asio::use_awaitable, ignored));
-      waiting_ = nullptr;
-      const auto cancelled = co_await asio::this_coro::cancellation_state;
-      if (cancelled.cancelled() != asio::cancellation_type::none) co_return;
-    }
-  }
-  void open() {
-    open_ = true;
-    if (waiting_) waiting_->cancel();
-  }
-  void close() { open_ = false; }
-  [[nodiscard]] bool is_open() const { return open_; }
-
- private:
-  bool open_ = false;
-  asio::steady_timer* waiting_ = nullptr;
-};
-
-/// What an exception says to the operator.
-std::string words_of(const std::exception_ptr& why);
-/// The same with a full stop at its end: another sentence may follow.
-std::string sentence(const std::exception_ptr& why);
 /// With its unit, to a ten-thousandth: finer than any stage here reads back.
 std::string in_deg(double deg);
 json json_of(const Value& value);
@@ -67,24 +40,7 @@ struct Track;
 struct TurningScans;
 class ScanGate;
 
-/// Whether it is of that class or one derived from it.
-template <typename Error>
-bool is_a(const std::exception_ptr& why) {
-  try {
-    std::rethrow_exception(why);
-  } catch (const Error&) {
-    return true;
-  } catch (...) {
-    return false;
-  }
-}
-
 constexpr int stage_attempts = 3;  // Of a move, a homing, a turn.
-bool is_stage_error(const std::exception_ptr& why);
-bool is_stage_lost(const std::exception_ptr& why);
-/// The lidar's driver gave up: no answer, a closed connection, an answer that makes no sense.
-bool is_lidar_lost(const std::exception_ptr& why);
-
 struct Runner::Impl final : StepContext {
   Procedure procedure;
   fit::Bench known_bench;
@@ -152,7 +108,7 @@ struct Runner::Impl final : StepContext {
 
   void note(const std::string& level, const std::string& text) override;
   /// As note(), to those who watch only: the session is finished.
-  void tell(const std::string& level, const std::string& text);
+  void announce(const std::string& level, const std::string& text);
 
   void stop_if_aborted() const;
 
@@ -216,19 +172,19 @@ struct Runner::Impl final : StepContext {
   /// Once; the failure is the caller's.
   awaitable<void> end_stream();
 
-  /// A lidar that is lost meanwhile is connected anew.
+  /// A lidar that is lost meanwhile is reconnected.
   awaitable<void> stop_stream();
 
   /// The next scan. The stream is started when none runs, and then `gate` begins anew; a lidar that was lost
-  /// is connected anew unless that happened too often (`failures`) since the caller last got what it wanted.
+  /// is reconnected unless that happened too often (`failures`) since the caller last got what it wanted.
   awaitable<lidar::Scan> next_scan(LidarStream stream, ScanGate* gate, int& failures);
 
-  /// Tells and stores that the lidar's clock started again before this scan, if it did.
-  void heed_clock_restart(const lidar::Scan& scan);
-  int clock_restarts = 0;  // That were told.
-  bool power_cycle_told = false, intensities_missed = false;
+  /// Reports and stores that the lidar's clock started again before this scan, if it did.
+  void report_clock_restart(const lidar::Scan& scan);
+  int clock_restarts = 0;  // That were reported.
+  bool power_cycle_announced = false, intensities_missed = false;
 
-  /// Throws if the lidar is not what the bench file describes, or is not well and the operator has not
+  /// Throws if the lidar is not what the bench file describes, or reports a fault and the operator has not
   /// decided to use it all the same.
   void judge_lidar(const json& identity);
   std::string lidar_accepted;  // What was said of it then.
@@ -264,7 +220,7 @@ struct Runner::Impl final : StepContext {
 
   /// Connects a lidar anew whose scans do not belong to the capture (its timer may have jumped), unless that
   /// happened too often since the caller last got what it wanted.
-  awaitable<void> begin_anew(const CaptureRequest& request, int& failures);
+  awaitable<void> reconnect_for_unfit_scans(const CaptureRequest& request, int& failures);
 
   void store(std::int64_t id, long seq, const lidar::Scan& scan);
 
@@ -277,7 +233,7 @@ struct Runner::Impl final : StepContext {
   /// comes from a line through the positions that the stage reported meanwhile.
   awaitable<void> fill_turning(const CaptureRequest& request, TurningScans& turned);
 
-  /// After a turn that failed: the stage stands, and what failed is connected anew, or `why` goes on to the
+  /// After a turn that failed: the stage stands, and what failed is reconnected, or `why` goes on to the
   /// caller if another attempt is of no use.
   awaitable<void> recover_turn(std::exception_ptr why, int attempt);
 
@@ -298,17 +254,17 @@ struct Runner::Impl final : StepContext {
 
   awaitable<Answer> ask(Prompt prompt) override;
 
+  /// For those who watch the session: an operator is needed, for what, since when.
+  void store_waiting_prompt(const Prompt& prompt);
   /// The operator's answer, from wherever it comes first: the terminal, the bench, the live page.
-  /// For those who look at the session: a person is needed, for what, since when.
-  void say_who_waits(const Prompt& prompt);
   awaitable<Answer> ask_once(Prompt prompt);
   std::exception_ptr operator_failed;
   int prompts_asked = 0;
 
   awaitable<void> ask_operator(Prompt prompt);
 
-  /// After a confirmation: what is not as asked for; empty if all is.
-  awaitable<std::string> look_after(const Prompt& prompt);
+  /// After a confirmation: what is not as requested; empty if all is.
+  awaitable<std::string> check_after(const Prompt& prompt);
 
   static std::string wrong_answer(const Prompt& prompt, Answer& answer);
 
@@ -317,7 +273,7 @@ struct Runner::Impl final : StepContext {
   /// A simulated bench may have been restarted meanwhile: it is put as it was.
   awaitable<void> place_again();
 
-  /// What the rig sees, and whether it is what was asked for.
+  /// What the rig sees, and whether it is what was requested.
   struct Observation {
     explicit Observation(bool good_ = true, std::string text_ = "") : good(good_), text(std::move(text_)) {}
     bool good;
@@ -326,10 +282,10 @@ struct Runner::Impl final : StepContext {
     bool in_view = true;
   };
 
-  awaitable<Observation> look_at(Expectation expected);
+  awaitable<Observation> observe(Expectation expected);
 
   /// `seen`: of every beam from `first_step` on.
-  Observation judge(const Expectation& expected, int first_step, const SeenBeams& seen) const;
+  Observation judge(const Expectation& expected, int first_step, const BeamMedians& seen) const;
 
   // Targets
 
@@ -337,38 +293,34 @@ struct Runner::Impl final : StepContext {
   void expect(Prompt& prompt) const;
   /// Whether a beam can see it from here, and the stage's angle is known.
   bool can_see(const fit::Target& target) const;
-  Observation judge_target(const Expectation& expected, const SeenBeams& seen) const;
-  /// Whether the echo follows the surface: two surfaces of very different reflectance at one distance cannot
-  /// return the same. Empty if it does.
+  Observation judge_target(const Expectation& expected, const BeamMedians& seen) const;
+  /// Whether the echo follows the surface. Empty if it does.
   std::string wrong_surface(const Expectation& expected, const Observation& observed);
-  /// Targets that nobody has looked at yet, with what is to be seen: those that no prompt places, those that
+  /// Targets that were not checked yet, with what is to be seen: those that no prompt places, those that
   /// were not in view when a prompt placed them, and all of a run that is resumed.
   std::map<std::string, Expectation> unchecked;
   void remember_unchecked();
-  /// Before a capture: looks at those that are in view here. A person is asked to mend what is wrong; an
+  /// Before a capture: checks those that are in view here. A person is asked to correct what is wrong; an
   /// unattended run ends.
   awaitable<void> check_targets();
-  struct Surface {
-    double distance_mm, reflectance, intensity;
-  };
-  std::map<std::string, std::vector<Surface>> surfaces;
+  SurfaceEchoes surfaces;
   bool referenced = false;  ///< The stage's angle means something.
 
-  /// Values of the bench file that are out of all proportion are asked about before anything moves.
+  /// Implausible values of the bench file must be confirmed before anything moves.
   awaitable<void> ask_about_bench();
 
   static double largest_deviation_from_line(const std::vector<double>& x, const std::vector<double>& y);
 
-  /// While a person works at the bench: shows scans, tells whether they are as asked for, and brings a lidar
-  /// back that was lost meanwhile. Goes on until it is cancelled; end_watch() then stops the stream.
+  /// While a person works at the bench: shows scans, says whether they are as requested, and brings a lidar
+  /// back that was lost meanwhile. Runs until it is cancelled; end_watch() then stops the stream.
   awaitable<void> watch_bench(std::optional<Expectation> until);
   awaitable<void> watch_stream(std::optional<Expectation> until);
   awaitable<void> end_watch();
-  void tell(const Observation& observed);
+  void show(const Observation& observed);
   awaitable<void> pause_for(double seconds);
   static awaitable<void> never();
 
-  /// Goes back to the loop's turn before this one; its captures stay in the session under another name.
+  /// Goes back to the repetition before this one; its captures stay in the session under another name.
   bool repeat_previous_turn();
 
   // The run

@@ -60,7 +60,7 @@ awaitable<lidar::Scan> Runner::Impl::next_scan(LidarStream stream, ScanGate* gat
       why = std::current_exception();
     }
     if (!why) {
-      heed_clock_restart(scan);
+      report_clock_restart(scan);
       co_return scan;
     }
     stop_if_aborted();
@@ -69,8 +69,8 @@ awaitable<lidar::Scan> Runner::Impl::next_scan(LidarStream stream, ScanGate* gat
   }
 }
 
-void Runner::Impl::heed_clock_restart(const lidar::Scan& scan) {
-  const bool asked_for = std::exchange(power_cycle_told, false);
+void Runner::Impl::report_clock_restart(const lidar::Scan& scan) {
+  const bool asked_for = std::exchange(power_cycle_announced, false);
   if (parts.lidar.clock_restarts() == clock_restarts) return;
   clock_restarts = parts.lidar.clock_restarts();
   json all = json::parse(session.get("lidar_restarts").value_or("[]"), nullptr, false);
@@ -78,16 +78,15 @@ void Runner::Impl::heed_clock_restart(const lidar::Scan& scan) {
   all.push_back({{"host_us", time.place_us(scan)}, {"device_ms", scan.device_ms}});
   session.set("lidar_restarts", all.dump());
   const std::string goes_on =
-      "the lidar's clock started again: stamps (device_ms) of later scans have a new time base, which goes "
-      "on "
-      "by this computer's clock";
+      "the lidar's clock started again: time stamps (device_ms) of later scans have a new time base, "
+      "continued by this computer's clock";
   if (asked_for) return note("info", goes_on);
   note("warning",
        goes_on +
-           ". The lidar restarted or its power was cut: if it was off for long it has "
-           "cooled, and what warmed it up before is not repeated by itself" +
-           (placed.power_on_us() ? "; captures go on counting the time since power-on from before" : "") +
-           ". Check its supply.");
+           ". The lidar restarted or its power was cut: if it was off for long it has cooled, and its "
+           "warm-up is not repeated automatically" +
+           (placed.power_on_us() ? "; captures still count the time since power-on from before" : "") +
+           ". Check its power supply.");
 }
 
 void Runner::Impl::judge_lidar(const json& identity) {
@@ -105,19 +104,20 @@ void Runner::Impl::judge_lidar(const json& identity) {
   }
   const std::string who = "the lidar" + (parts.lidar.address().empty() ? "" : " at " + parts.lidar.address());
   if (!differs.empty())
-    throw UsageError("The bench file describes another lidar than " + who + ": " + differs +
+    throw UsageError("The bench file describes a lidar other than " + who + ": " + differs +
                      ". Correct 'lidar' in the bench file, or connect the lidar that it describes.");
   if (doubtful.empty() || doubtful == lidar_accepted) return;
   if (!parts.accepts_lidar) {
-    const std::string why = "About " + who + ": " + doubtful + "." + remedies +
-                            " To measure with it all the same, which is then recorded, give --accept-lidar.";
+    const std::string why =
+        "About " + who + ": " + doubtful + "." + remedies +
+        " To measure with it all the same, give --accept-lidar; the session then says so.";
     if (is_ill) throw DeviceError(why);
     throw UsageError(why);
   }
   lidar_accepted = doubtful;
   session.set("lidar_accepted", doubtful);
-  note("warning", "by the operator's decision (--accept-lidar) this is measured although of " + who +
-                      " there is to say: " + doubtful);
+  note("warning",
+       "measured by the operator's decision (--accept-lidar) despite this about " + who + ": " + doubtful);
 }
 
 awaitable<void> Runner::Impl::connect_lidar() {
@@ -159,11 +159,11 @@ awaitable<void> Runner::Impl::await_lidar() {
     stop_if_aborted();
     const double left_s = longest_start_s - static_cast<double>(parts.clock.host_us() - begun_us) / 1e6;
     if (left_s <= 0)
-      throw DeviceError(sentence(why) + " It was waited for as long as a lidar takes to start, " +
-                        fit::format_value(longest_start_s, 0) + " s. Nothing was moved.");
+      throw DeviceError(sentence(why) + " The rig waited " + fit::format_value(longest_start_s, 0) +
+                        " s, as long as a lidar takes to start. Nothing was moved.");
     const std::string goes_on = fit::format_value(std::ceil(left_s), 0) + " s; Ctrl-C stops.";
     if (!said_why)
-      note("warning", "waiting for the lidar: " + sentence(why) + " The rig goes on trying for " + goes_on);
+      note("warning", "waiting for the lidar: " + sentence(why) + " The rig keeps trying for " + goes_on);
     else
       note("info", "still waiting for the lidar, for another " + goes_on);
     said_why = true;
@@ -173,7 +173,7 @@ awaitable<void> Runner::Impl::await_lidar() {
 
 awaitable<void> Runner::Impl::reconnect_lidar(std::exception_ptr why) {
   streaming = false;
-  note("warning", "lidar lost: " + sentence(why) + " The rig connects again.");
+  note("warning", "lidar lost: " + sentence(why) + " The rig is reconnecting.");
   co_await connect_again(why);
   ++state.reconnects;
   note("info", "lidar is back");
@@ -198,8 +198,8 @@ awaitable<void> Runner::Impl::connect_again(std::exception_ptr why) {
   }
   stop_if_aborted();
   throw DeviceError("The lidar was lost and did not come back: " + sentence(why) +
-                    " The stage stands, and what was captured is in " + session.path() +
-                    ". Check the lidar's power and cable, then go on with rig resume.");
+                    " The stage has stopped, and what was captured is in " + session.path() +
+                    ". Check the lidar's power and cable, then continue with rig resume.");
 }
 
 awaitable<void> Runner::Impl::compare_clocks() {

@@ -22,7 +22,7 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
     state.prompt = prompt;
     state.activity = "prompt: " + prompt.title;
     note("info", "asks: " + prompt.title);
-    say_who_waits(prompt);
+    store_waiting_prompt(prompt);
     Answer answer = co_await ask_once(prompt);
     session.set("waiting", "");
     state.prompt.reset();
@@ -35,7 +35,7 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
     }
     if (answer.kind == Answer::Kind::repeat && prompt.repeatable && repeat_previous_turn()) co_return answer;
     if (answer.kind != Answer::Kind::confirmed) {
-      prompt.refusal = answer.kind == Answer::Kind::repeat ? "there is nothing to repeat before this."
+      prompt.refusal = answer.kind == Answer::Kind::repeat ? "there is no earlier prompt to repeat."
                                                            : "this may not be skipped.";
       continue;
     }
@@ -44,7 +44,7 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
     const bool answered_well = prompt.refusal.empty();
     if (answered_well) {
       co_await apply(prompt);
-      prompt.check = prompt.refusal = co_await look_after(prompt);
+      prompt.check = prompt.refusal = co_await check_after(prompt);
     }
     if (prompt.refusal.empty()) {
       note("info", "done: " + prompt.title);
@@ -53,30 +53,31 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
     note("warning", prompt.title + ": " + prompt.refusal);
     if (answered_well && parts.doubts_bench) {
       if (attempt > 1) co_return answer;
-      prompt.refusal += " If it stands as asked, confirm again: the bench file may be wrong.";
+      prompt.refusal += " If it stands as requested, confirm again: the bench file may be wrong.";
     }
     if (parts.operator_.unattended() && attempt >= looks_of_nobody)
-      throw MeasurementError("'" + prompt.title + "' is not as asked: " + prompt.refusal +
-                             " Unattended run: cannot be corrected. The stage stands; go on with rig resume.");
+      throw MeasurementError(
+          "'" + prompt.title + "' is not as requested: " + prompt.refusal +
+          " Unattended run: cannot be corrected. The stage has stopped; continue with rig resume.");
   }
 }
 
-void Runner::Impl::say_who_waits(const Prompt& prompt) {
+void Runner::Impl::store_waiting_prompt(const Prompt& prompt) {
   if (parts.operator_.unattended()) return;
   session.set("waiting", json{{"title", prompt.title}, {"text", prompt.text}, {"since_unix_s", parts.clock.unix_us() / 1'000'000}}.dump(
                              -1, ' ', false, json::error_handler_t::replace));
 }
 
-awaitable<std::string> Runner::Impl::look_after(const Prompt& prompt) {
+awaitable<std::string> Runner::Impl::check_after(const Prompt& prompt) {
   if (!prompt.until) co_return "";
   const Expectation expected = *prompt.until;
   if (expected.of_target && !can_see(*expected.target)) {
     unchecked[expected.target->name] = expected;
     note("info",
-         "'" + expected.target->name + "' is not in view from here; it is looked at before it is measured");
+         "'" + expected.target->name + "' is not in view from here; it is checked before it is measured");
     co_return "";
   }
-  const Observation observed = co_await look_at(expected);
+  const Observation observed = co_await observe(expected);
   if (!observed.good) co_return observed.text;
   if (!expected.of_target) co_return "";
   unchecked.erase(expected.target->name);
@@ -96,8 +97,8 @@ awaitable<Answer> Runner::Impl::ask_once(Prompt prompt) {
   if (operator_failed) std::rethrow_exception(std::exchange(operator_failed, nullptr));
   if (!answered)
     throw RunStopped("Nobody answered '" + prompt.title + "' in " + duration_text(prompt.timeout_s) +
-                     ". The stage stands, and what was captured is in " + session.path() +
-                     ". Go on with rig resume.");
+                     ". The stage has stopped, and what was captured is in " + session.path() +
+                     ". Continue with rig resume.");
   co_return *answered;
 }
 
@@ -142,8 +143,8 @@ awaitable<void> Runner::Impl::apply(const Prompt& prompt) {
   if (!place.since_power_on_s) co_return;
   record("power_on_us", *placed.power_on_us());
   streaming = false;
-  power_cycle_told = true;
-  note("info", "the lidar was switched off and on: the rig connects again");
+  power_cycle_announced = true;
+  note("info", "the lidar was switched off and on: the rig is reconnecting");
   co_await connect_again(nullptr);
 }
 

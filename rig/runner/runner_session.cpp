@@ -17,31 +17,15 @@ std::string different_values(const json& before, const json& now) {
   const auto add = [&](const std::string& words) { text += (text.empty() ? "" : ", ") + words; };
   for (const auto& [name, value] : before.items())
     if (!now.contains(name))
-      add(name + " was " + to_text(rig::value_of(value)) + " and is not there now");
+      add(name + " was " + to_text(rig::value_of(value)) + " and is missing now");
     else if (now[name] != value)
       add(name + " was " + to_text(rig::value_of(value)) + " and is " + to_text(rig::value_of(now[name])) + " now");
   for (const auto& [name, value] : now.items())
-    if (!before.contains(name)) add(name + " was not there and is " + to_text(rig::value_of(value)) + " now");
+    if (!before.contains(name)) add(name + " was not set and is " + to_text(rig::value_of(value)) + " now");
   return text;
 }
 
 }  // namespace
-
-std::string words_of(const std::exception_ptr& why) {
-  try {
-    std::rethrow_exception(why);
-  } catch (const std::exception& error) {
-    return error.what();
-  } catch (...) {
-    return "unknown error";
-  }
-}
-
-std::string sentence(const std::exception_ptr& why) {
-  std::string words = words_of(why);
-  if (!words.empty() && std::string(".!?").find(words.back()) == std::string::npos) words += '.';
-  return words;
-}
 
 json json_of(const Value& value) {
   if (const auto* number = std::get_if<double>(&value)) return *number;
@@ -63,7 +47,7 @@ void Runner::Impl::check_same_procedure() {
   if (*stored != procedure.text)
     throw UsageError(procedure.file + " differs from the procedure that " + session.path() +
                      " was begun with, so it cannot be resumed. `rig resume " + session.path() +
-                     "` goes on with the procedure that is in it; or begin a new session.");
+                     "` continues with the procedure that is in it; or begin a new session.");
   const json before = json::parse(session.get("variables").value_or("null"), nullptr, false);
   const std::string differ = before.is_object() ? different_values(before, variables_json()) : "";
   if (!differ.empty())
@@ -262,10 +246,10 @@ void Runner::Impl::changed() {
 
 void Runner::Impl::note(const std::string& level, const std::string& text) {
   session.add_event(time.now_us(), level, text);
-  tell(level, text);
+  announce(level, text);
 }
 
-void Runner::Impl::tell(const std::string& level, const std::string& text) {
+void Runner::Impl::announce(const std::string& level, const std::string& text) {
   state.messages.push_back({time.now_us(), level, text});
   ++state.messages_total;
   if (state.messages.size() > messages_kept) state.messages.erase(state.messages.begin());
@@ -274,10 +258,10 @@ void Runner::Impl::tell(const std::string& level, const std::string& text) {
 
 void Runner::Impl::stop_if_aborted() const {
   if (aborted)
-    throw RunStopped("Stopped by the operator. The stage stands, the lidar's laser is off, and " +
-                     (session.progress().empty()
-                          ? "nothing was captured yet."
-                          : "what was captured is in " + session.path() + ". Go on with: rig resume " + session.path()));
+    throw RunStopped("Stopped by the operator. The stage has stopped, the lidar's laser is off, and " +
+                     (session.progress().empty() ? "nothing was captured yet."
+                                                 : "what was captured is in " + session.path() +
+                                                       ". Continue with: rig resume " + session.path()));
 }
 
 }  // namespace rig

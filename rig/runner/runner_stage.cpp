@@ -8,12 +8,6 @@ namespace rig {
 
 std::string in_deg(double deg) { return rounded_text(deg, 4) + " deg"; }
 
-bool is_stage_error(const std::exception_ptr& why) { return is_a<StageError>(why); }
-
-bool is_stage_lost(const std::exception_ptr& why) { return is_a<StageLost>(why); }
-
-bool is_lidar_lost(const std::exception_ptr& why) { return is_a<DeviceError>(why) && !is_a<StageError>(why); }
-
 awaitable<void> Runner::Impl::home(bool again) {
   for (int attempt = 1;; ++attempt) {
     std::exception_ptr why;
@@ -52,10 +46,9 @@ awaitable<StageStatus> Runner::Impl::stage_status() { co_return co_await parts.s
 
 void Runner::Impl::check_soft_limits(double target_deg, const FilePosition& place) const {
   if (target_deg < limits.min_deg - 1e-9 || target_deg > limits.max_deg + 1e-9 || !std::isfinite(target_deg))
-    throw ProcedureError(place,
-                         "the stage would go to " + in_deg(target_deg) + ", beyond its soft limits " +
-                             to_text(limits.min_deg) + " to " + to_text(limits.max_deg) +
-                             " deg (stage.limits_deg in the bench file). It stands; nothing was moved.");
+    throw ProcedureError(place, "the stage would go to " + in_deg(target_deg) + ", beyond its soft limits " +
+                                    to_text(limits.min_deg) + " to " + to_text(limits.max_deg) +
+                                    " deg (stage.limits_deg in the bench file). Nothing was moved.");
 }
 
 awaitable<double> Runner::Impl::move_to(double target_deg, int approach, const FilePosition& place) {
@@ -84,8 +77,8 @@ awaitable<double> Runner::Impl::move_to(double target_deg, int approach, const F
     if (attempt >= stage_attempts)
       throw StageError(seen + ", " + std::to_string(attempt) +
                        " times. It was stopped. Check that nothing blocks it and that its scale is right "
-                       "(stage in the bench file), then go on with rig resume.");
-    note("warning", seen + "; it is sent again");
+                       "(stage in the bench file), then continue with rig resume.");
+    note("warning", seen + "; the move is repeated");
     last_approach = 0;
   }
   if (procedure.stage.settle_s > 0) {
@@ -159,7 +152,7 @@ awaitable<void> Runner::Impl::stop_turning_for_sure() {
     why = std::current_exception();
   }
   stop_if_aborted();
-  note("warning", "stage: " + sentence(why) + " It is told to stop again.");
+  note("warning", "stage: " + sentence(why) + " It is ordered to stop again.");
   co_await recover_stage(1, is_stage_lost(why));
   co_await stop_turning();
 }

@@ -9,9 +9,6 @@
 namespace rig {
 namespace {
 
-// Two surfaces whose reflectances differ by so much return different echoes from one distance.
-constexpr double very_different = 2, same_echo = 1.03, same_distance = 0.02;
-
 /// The text of a step's option with the variables of its turn; empty if it has none.
 std::string option_text(const Node& options, const std::string& name, const Variables& variables) {
   const Node* node = options.find(name);
@@ -67,26 +64,26 @@ bool Runner::Impl::can_see(const fit::Target& target) const {
 }
 
 Runner::Impl::Observation Runner::Impl::judge_target(const Expectation& expected,
-                                                     const SeenBeams& seen) const {
+                                                     const BeamMedians& seen) const {
   const fit::Target& target = *expected.target;
   std::vector<fit::Target> others;
   const auto granted = taken_for_granted(plan, variables, known_bench);
   for (const fit::Target& each : known_bench.targets)
     if (placed.has_placed(each.name) || granted.contains(each.name)) others.push_back(placed.as_placed(each));
-  const TargetSight found =
-      look_for(known_bench, target, others, position_deg * fit::rad_per_deg, seen, expected.tolerance_mm);
+  const TargetDetection found = detect_target(known_bench, target, others, position_deg * fit::rad_per_deg,
+                                              seen, expected.tolerance_mm);
   Observation observed;
-  const bool silent = found.place == TargetSight::Place::unseen && !expected.echo;
+  const bool silent = found.outcome == TargetDetection::Outcome::undetected && !expected.echo;
   observed.good = found.good() || silent;
-  observed.in_view = found.place != TargetSight::Place::out_of_view;
+  observed.in_view = found.outcome != TargetDetection::Outcome::out_of_view;
   observed.text = quoted(target.name) +
                   (silent         ? " cannot be checked: "
                    : found.good() ? " is in place: "
                                   : " is not in its place: ") +
                   found.words + ".";
   if (!observed.in_view) observed.text = quoted(target.name) + ": " + found.words + ".";
-  const bool somewhere =
-      found.place == TargetSight::Place::as_asked || found.place == TargetSight::Place::elsewhere;
+  const bool somewhere = found.outcome == TargetDetection::Outcome::in_place ||
+                         found.outcome == TargetDetection::Outcome::misplaced;
   if (somewhere) observed.to_go_mm = found.to_go_mm;
   if (somewhere && std::isfinite(found.intensity)) observed.intensity = found.intensity;
   return observed;
@@ -95,24 +92,11 @@ Runner::Impl::Observation Runner::Impl::judge_target(const Expectation& expected
 std::string Runner::Impl::wrong_surface(const Expectation& expected, const Observation& observed) {
   const fit::Target& target = *expected.target;
   if (!expected.surface || !target.reflectance || !observed.intensity) return "";
-  const Surface here{distance_mm(target), *target.reflectance, *observed.intensity};
-  auto& known = surfaces[target.name];
-  for (const Surface& other : known) {
-    if (std::abs(other.distance_mm - here.distance_mm) > same_distance * here.distance_mm) continue;
-    const bool lighter = here.reflectance > other.reflectance;
-    const double factor = lighter ? here.reflectance / other.reflectance : other.reflectance / here.reflectance;
-    const double stronger = lighter ? here.intensity / other.intensity : other.intensity / here.intensity;
-    if (factor >= very_different && stronger < same_echo)
-      return quoted(target.name) + " does not look as asked for: its echo is " + rounded_text(here.intensity, 0) +
-             ", that of a surface of reflectance " + to_text(other.reflectance) + " was " +
-             rounded_text(other.intensity, 0) + ", and " + to_text(here.reflectance) + " is asked for.";
-  }
-  known.push_back(here);
-  return "";
+  return surfaces.contradiction(target.name, {distance_mm(target), *target.reflectance, *observed.intensity});
 }
 
 void Runner::Impl::remember_unchecked() {
-  const auto look_for_it = [this](const std::string& name) {
+  const auto add = [this](const std::string& name) {
     const fit::Target* target = known_bench.target(name);
     if (!target) return;
     Expectation expected;
@@ -120,8 +104,8 @@ void Runner::Impl::remember_unchecked() {
     expected.target = placed.as_placed(*target);
     unchecked[name] = expected;
   };
-  for (const auto& [name, place] : placed.placements()) look_for_it(name);
-  for (const std::string& name : taken_for_granted(plan, variables, known_bench)) look_for_it(name);
+  for (const auto& [name, place] : placed.placements()) add(name);
+  for (const std::string& name : taken_for_granted(plan, variables, known_bench)) add(name);
 }
 
 awaitable<void> Runner::Impl::check_targets() {
@@ -129,7 +113,7 @@ awaitable<void> Runner::Impl::check_targets() {
   for (const auto& [name, expected] : unchecked)
     if (can_see(*expected.target)) visible.push_back(expected);
   for (const Expectation& expected : visible) {
-    const Observation observed = co_await look_at(expected);
+    const Observation observed = co_await observe(expected);
     unchecked.erase(expected.target->name);
     if (observed.good) continue;
     note("warning", observed.text);
@@ -138,9 +122,9 @@ awaitable<void> Runner::Impl::check_targets() {
       throw MeasurementError(
           observed.text +
           " Unattended run: cannot be corrected. Put it there, or correct from_mm and to_mm in "
-          "the bench file and begin a new session. The stage stands; go on with rig resume.");
+          "the bench file and begin a new session. The stage has stopped; continue with rig resume.");
     Prompt prompt;
-    prompt.title = "Put '" + expected.target->name + "' where it belongs";
+    prompt.title = "Put '" + expected.target->name + "' in its place";
     prompt.text =
         "Its distance from the stage's axis is to be " + rounded_text(distance_mm(*expected.target), 1) +
         " mm. If it stands as it should, stop the run and correct from_mm and to_mm in the bench file.";
@@ -158,10 +142,10 @@ awaitable<void> Runner::Impl::ask_about_bench() {
   std::string text;
   for (const std::string& doubt : doubts) text += (text.empty() ? "" : " ") + doubt;
   if (parts.operator_.unattended())
-    throw UsageError("The bench file has values out of all proportion. " + text +
+    throw UsageError("The bench file has implausible values. " + text +
                      " Nothing was moved. Correct the bench file, or stay and confirm them (without --yes).");
   Prompt prompt;
-  prompt.title = "The bench file has values out of all proportion. Are they right?";
+  prompt.title = "The bench file has implausible values. Are they right?";
   prompt.text = text + " Nothing has moved yet. Confirm them, or stop and correct the bench file.";
   prompt.skippable = prompt.repeatable = false;
   co_await ask(prompt);

@@ -3,24 +3,19 @@
 #include <cmath>
 #include <limits>
 
+#include "fit/median.hpp"
 #include "rig/runner/runner_impl.hpp"
 #include "rig/runner/scan_gate.hpp"
 
 namespace rig {
 namespace {
 
-constexpr int scans_of_a_look = 10;
+constexpr int scans_of_a_check = 10;
 constexpr double between_attempts_s = 2;
-// Of a device that sends as fast as it is read: two looks a second are enough for an eye.
-constexpr double between_looks_s = 0.5;
+// Of a device that sends as fast as it is read: two checks a second are enough for an eye.
+constexpr double between_checks_s = 0.5;
 
-double middle_of(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-/// The echoes of the beams that are looked at, collected until they can be judged.
+/// The echoes of the beams that are checked, collected until they can be judged.
 class Echoes {
  public:
   explicit Echoes(std::size_t beams) : ranges_(beams), levels_(beams) {}
@@ -33,15 +28,15 @@ class Echoes {
       if (offset + i < scan.intensity.size()) levels_[i].push_back(scan.intensity[offset + i]);
     }
   }
-  [[nodiscard]] bool enough() const { return scans_ >= scans_of_a_look; }
+  [[nodiscard]] bool enough() const { return scans_ >= scans_of_a_check; }
   /// Medians of the beams that had an echo in half of the scans.
-  [[nodiscard]] SeenBeams seen() const {
+  [[nodiscard]] BeamMedians seen() const {
     constexpr double none = std::numeric_limits<double>::quiet_NaN();
-    SeenBeams seen;
+    BeamMedians seen;
     for (std::size_t i = 0; i < ranges_.size(); ++i) {
-      const bool sure = ranges_[i].size() >= scans_of_a_look / 2;
-      seen.range_mm.push_back(sure ? middle_of(ranges_[i]) : none);
-      seen.intensity.push_back(sure && !levels_[i].empty() ? middle_of(levels_[i]) : none);
+      const bool sure = ranges_[i].size() >= scans_of_a_check / 2;
+      seen.range_mm.push_back(sure ? fit::median_of(std::vector(ranges_[i])) : none);
+      seen.intensity.push_back(sure && !levels_[i].empty() ? fit::median_of(std::vector(levels_[i])) : none);
     }
     return seen;
   }
@@ -75,7 +70,7 @@ CaptureRequest steps_of(const Expectation& expected, const fit::LidarGeometry& l
 
 }  // namespace
 
-awaitable<Runner::Impl::Observation> Runner::Impl::look_at(Expectation expected) {
+awaitable<Runner::Impl::Observation> Runner::Impl::observe(Expectation expected) {
   const CaptureRequest request = steps_of(expected, known_bench.lidar);
   Echoes echoes(static_cast<std::size_t>(request.last_step - request.first_step + 1));
   ScanGate gate(request, known_bench.lidar.scan_hz);
@@ -84,7 +79,7 @@ awaitable<Runner::Impl::Observation> Runner::Impl::look_at(Expectation expected)
     const lidar::Scan scan = co_await next_scan(stream_for(request, 0), &gate, failures);
     if (!gate.takes(scan, 0)) {
       if (gate.hopeless()) {
-        co_await begin_anew(request, failures);
+        co_await reconnect_for_unfit_scans(request, failures);
       }
       continue;
     }
@@ -97,7 +92,7 @@ awaitable<Runner::Impl::Observation> Runner::Impl::look_at(Expectation expected)
 }
 
 Runner::Impl::Observation Runner::Impl::judge(const Expectation& expected, int first_step,
-                                              const SeenBeams& seen) const {
+                                              const BeamMedians& seen) const {
   if (expected.of_target) return judge_target(expected, seen);
   std::vector<double> medians, x, y;
   for (std::size_t i = 0; i < seen.range_mm.size(); ++i) {
@@ -110,7 +105,7 @@ Runner::Impl::Observation Runner::Impl::judge(const Expectation& expected, int f
   if (medians.size() * 2 < seen.range_mm.size())
     return Observation(false, "the rig sees nothing there (no echo from most beams, with the stage at " +
                                   rounded_text(position_deg, 2) + " deg).");
-  const double seen_mm = middle_of(medians);
+  const double seen_mm = fit::median_of(std::vector(medians));
   if (expected.within_mm && (seen_mm < expected.within_mm->first || seen_mm > expected.within_mm->second))
     return Observation(false, "the rig sees " + rounded_text(seen_mm, 1) + " mm, expected " +
                                   rounded_text(expected.within_mm->first, 1) + " to " +
@@ -120,7 +115,7 @@ Runner::Impl::Observation Runner::Impl::judge(const Expectation& expected, int f
     return Observation(false, "what the rig sees is not flat: " + rounded_text(rough_mm, 0) +
                                   " mm off a straight line, " + to_text(*expected.flat_within_mm) +
                                   " mm allowed.");
-  return Observation(true, "the rig sees " + rounded_text(seen_mm, 1) + " mm, as asked.");
+  return Observation(true, "the rig sees " + rounded_text(seen_mm, 1) + " mm, as requested.");
 }
 
 double Runner::Impl::largest_deviation_from_line(const std::vector<double>& x, const std::vector<double>& y) {
@@ -148,9 +143,9 @@ awaitable<void> Runner::Impl::never() {
 }
 
 awaitable<void> Runner::Impl::watch_bench(std::optional<Expectation> until) {
-  const bool someone_looks = !parts.operator_.unattended() && connected;
+  const bool is_attended = !parts.operator_.unattended() && connected;
   bool lost = false;
-  while (someone_looks) {
+  while (is_attended) {
     std::exception_ptr why;
     try {
       if (lost) {
@@ -167,10 +162,10 @@ awaitable<void> Runner::Impl::watch_bench(std::optional<Expectation> until) {
     // The driver has reset the cancellation state for its last words to the device: only the exception tells.
     if (is_cancellation(why) || answered || operator_failed || aborted) co_return;
     if (!lost)
-      note("warning", "lidar lost: " + words_of(why) + " Check its power and cable; rig goes on trying.");
+      note("warning", "lidar lost: " + words_of(why) + " Check its power and cable; rig keeps trying.");
     lost = true;
     streaming = false;
-    tell(Observation(false, "the lidar does not answer."));
+    show(Observation(false, "the lidar does not answer."));
     changed();
     co_await pause_for(between_attempts_s);
   }
@@ -192,18 +187,18 @@ awaitable<void> Runner::Impl::watch_stream(std::optional<Expectation> until) {
       show(scan);
       echoes.add(scan, static_cast<std::size_t>(std::max(0, wanted.first_step - scan.first_step)));
       if (echoes.enough()) {
-        if (until) tell(judge(*until, wanted.first_step, echoes.seen()));
+        if (until) show(judge(*until, wanted.first_step, echoes.seen()));
         echoes = Echoes(beams);
         enough = time.follows_lidar();
       }
       changed();
     }
     co_await end_stream();
-    co_await pause_for(between_looks_s);
+    co_await pause_for(between_checks_s);
   }
 }
 
-void Runner::Impl::tell(const Observation& observed) {
+void Runner::Impl::show(const Observation& observed) {
   if (!state.prompt) return;
   state.prompt->check = observed.good ? "" : observed.text;
   state.prompt->seen = observed.good ? observed.text : "";

@@ -28,10 +28,9 @@ bool is_text(const std::string& path) {
 void rethrow_for_operator(const std::string& path, const SQLite::Exception& error) {
   switch (error.getErrorCode()) {
     case SQLITE_FULL:
-      throw MeasurementError(
-          "The disk is full: " + path +
-          " cannot grow. What was captured before is intact. Free some space, then go on "
-          "with rig resume.");
+      throw MeasurementError("The disk is full: " + path +
+                             " cannot grow. What was captured before is intact. Free some space, then "
+                             "continue with rig resume.");
     case SQLITE_NOTADB:
       if (is_text(path))
         throw UsageError(path +
@@ -51,7 +50,7 @@ void rethrow_for_operator(const std::string& path, const SQLite::Exception& erro
     case SQLITE_IOERR:
       throw MeasurementError(
           "Reading or writing " + path + " failed (" + error.what() +
-          "). What was captured before is intact. Check the disk, then go on with rig resume.");
+          "). What was captured before is intact. Check the disk, then continue with rig resume.");
     default:
       throw MeasurementError(path + ": " + error.what());
   }

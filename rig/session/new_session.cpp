@@ -22,7 +22,7 @@ void demand_free(const std::string& path) {
   std::error_code ignored;
   const bool empty_file = fs::is_regular_file(path, ignored) && !has_data(path);
   if (!empty_file && fs::exists(fs::symlink_status(path, ignored)) && !fs::is_directory(path, ignored))
-    throw UsageError(path + " is there already and is not overwritten. Choose another name, or remove it.");
+    throw UsageError(path + " already exists and is not overwritten. Choose another name, or remove it.");
 }
 
 /// All that SQLite may have left of a database.
@@ -89,7 +89,7 @@ void make_session(const OutputPlace& place, const std::function<void(const std::
     throw UsageError(
         "cannot write " + path + ": " +
         (error == EEXIST ? "another file has appeared there meanwhile." : why_not_written(path, error)) +
-        " The session is whole and is kept as " + unfinished + ": rename it.");
+        " The session is complete and is kept as " + unfinished + ": rename it.");
   sync_folder(path);
 }
 

@@ -114,10 +114,9 @@ void SessionStore::Impl::require_open(std::int64_t capture) {
 void SessionStore::Impl::require_transaction() {
   if (!open_capture || sqlite3_get_autocommit(database->getHandle()) == 0) return;
   rollback();
-  throw MeasurementError(
-      "The disk refused the capture that was being written to " + path +
-      ". What was captured before is intact. Free some space or check the disk, then go on with "
-      "rig resume.");
+  throw MeasurementError("The disk refused the capture that was being written to " + path +
+                         ". What was captured before is intact. Free some space or check the disk, then "
+                         "continue with rig resume.");
 }
 
 void SessionStore::Impl::rollback() {

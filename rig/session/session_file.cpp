@@ -45,8 +45,8 @@ void demand_plain_tables(SQLite::Database& database, const std::string& path) {
                         "SELECT name FROM sqlite_schema WHERE name IN ('session', 'capture', 'scan', 'scan_geometry',"
                         " 'pose', 'result', 'event', 'progress') AND (type <> 'table' OR sql NOT LIKE 'CREATE TABLE%')");
   if (row.executeStep())
-    throw UsageError(path + " has something else than a plain table under the name '" + row.getColumn(0).getString() +
-                     "': it is damaged, or was made to do harm, and is not read.");
+    throw UsageError(path + " has something other than a plain table under the name '" +
+                     row.getColumn(0).getString() + "': it is damaged or malicious, and is not read.");
 }
 
 }  // namespace
@@ -100,8 +100,8 @@ std::string words_about_log(const std::string& path) {
   if (!std::filesystem::is_regular_file(path, ignored)) return "";
   if (has_data(path + "-wal"))
     return path + " has a log beside it (" + path +
-           "-wal): its run goes on, or was killed. What is in the log belongs to the session: whoever copies one "
-           "copies both.";
+           "-wal): its run is in progress, or was killed. What is in the log belongs to the session: always "
+           "copy both together.";
   std::ifstream file(path, std::ios::binary);
   std::string head(20, '\0');
   file.read(head.data(), static_cast<std::streamsize>(head.size()));
@@ -143,8 +143,9 @@ std::unique_ptr<SQLite::Database> open_untouched(const std::string& path) {
   demand_readable(path);
   for (const char* ending : {"-wal", "-journal"})
     if (has_data(path + ending))
-      throw UsageError(path + " has a log beside it (" + path + ending +
-                       "): it is being written, or its run was killed. Let it end, or go on with rig resume.");
+      throw UsageError(
+          path + " has a log beside it (" + path + ending +
+          "): it is being written, or its run was killed. Let it end, or continue with rig resume.");
   auto database = std::make_unique<SQLite::Database>(immutable_uri(path), SQLite::OPEN_READONLY | SQLite::OPEN_URI, 2000);
   sqlite3_limit(database->getHandle(), SQLITE_LIMIT_LENGTH, longest_value_bytes);
   sqlite3_limit(database->getHandle(), SQLITE_LIMIT_COLUMN, most_columns);

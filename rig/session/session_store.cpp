@@ -37,8 +37,8 @@ SessionStore::Impl::Impl(std::string path_, Mode mode_) : path(std::move(path_))
 void SessionStore::Impl::create() {
   if (has_data(path))
     throw UsageError(path +
-                     " exists already and is not overwritten. Choose another name, remove it, or go on with "
-                     "it (rig resume).");
+                     " exists already and is not overwritten. Choose another name, remove it, or continue it "
+                     "(rig resume).");
   demand_plain_file(path);
   make_empty();
   lock = std::make_unique<WriterLock>(path);
@@ -63,9 +63,9 @@ void SessionStore::Impl::demand_name() {
     }
     sync_folder(copy);
     throw MeasurementError(words + "Everything captured was saved to " + copy + ". Rename it to " + path +
-                           " and go on with rig resume.");
+                           " and continue with rig resume.");
   }
-  throw MeasurementError(words + "It could not be saved elsewhere: what was captured is lost. Begin again.");
+  throw MeasurementError(words + "It could not be saved elsewhere: what was captured is lost. Start again.");
 }
 
 void SessionStore::Impl::make_empty() {
@@ -192,7 +192,7 @@ std::unique_ptr<fit::Recording> SessionStore::recording(const std::optional<fit:
     const auto text = get("bench");
     if (!text)
       throw UsageError(impl_->path +
-                       " holds no bench: it was ended before its run began. Of the commands that read one, "
+                       " holds no bench: it ended before its run began. Of the commands that read one, "
                        "`rig explain` takes it from --bench FILE.");
     try {
       known = fit::parse_bench(*text, impl_->path + " (its bench)");

@@ -72,7 +72,7 @@ const std::string opened_before = "Where the stage stands is not known: if it st
                        "`rig devices` lists the ports there are.");
     case EACCES:
     case EPERM:
-      throw StageError(port + " may not be opened by this user. " + meaning +
+      throw StageError(port + " cannot be opened by this user. " + meaning +
                        " Join the group that owns it "
                        "(sudo usermod -aG dialout $USER) and log in again.");
     case EBUSY:
@@ -282,7 +282,7 @@ awaitable<void> SerialLink::write(std::string bytes, Clock::time_point deadline)
     if (size < 0 && errno != EAGAIN && errno != EINTR)
       impl_->lost(std::string("unplugged: ") + std::strerror(errno));
     const bool is_ready = co_await impl_->ready(asio::posix::stream_descriptor::wait_write, deadline);
-    if (!is_ready) impl_->lost("it takes no bytes: is flow control wired?");
+    if (!is_ready) impl_->lost("it accepts no data: is flow control wired?");
   }
 }
 

@@ -52,8 +52,8 @@ struct StageDriver::Line {
   std::vector<asio::steady_timer*> waiting;
 };
 
-struct StageDriver::Heart : std::enable_shared_from_this<StageDriver::Heart> {
-  explicit Heart(const asio::any_io_executor& executor) : timer(executor) {}
+struct StageDriver::Heartbeat : std::enable_shared_from_this<StageDriver::Heartbeat> {
+  explicit Heartbeat(const asio::any_io_executor& executor) : timer(executor) {}
 
   void beat() {
     is_moving = true;
@@ -97,12 +97,12 @@ StageDriver::StageDriver(asio::any_io_executor executor, StageOptions options,
       link_(std::move(link)),
       protocol_(std::move(protocol)),
       line_(std::make_unique<Line>()),
-      heart_(std::make_shared<Heart>(executor_)) {}
+      heartbeat_(std::make_shared<Heartbeat>(executor_)) {}
 
 /// Whoever forgets the stage must not leave it moving.
 StageDriver::~StageDriver() {
-  heart_->timer.cancel();
-  if (heart_->is_moving) link_->write_now(protocol_->stop_for_good());
+  heartbeat_->timer.cancel();
+  if (heartbeat_->is_moving) link_->write_now(protocol_->stop_for_good());
 }
 
 // --- the line ---
@@ -110,7 +110,8 @@ StageDriver::~StageDriver() {
 awaitable<StageDriver::Turn> StageDriver::take_turn(std::size_t stops) {
   const auto end = Clock::now() + duration(longest_turn_s);
   while (line_->taken) {
-    if (Clock::now() > end) throw StageError("the stage's line stayed busy. Nothing was sent; try again.");
+    if (Clock::now() > end)
+      throw StageError("the stage's serial line stayed busy. Nothing was sent; try again.");
     asio::steady_timer timer(executor_, end);
     line_->waiting.push_back(&timer);
     boost::system::error_code woken;
@@ -128,8 +129,7 @@ awaitable<void> StageDriver::pause(double seconds) const {
 }
 
 void StageDriver::demand_not_stopped(std::size_t stops) const {
-  if (stops != stops_)
-    throw StageError("the stage was stopped. It stands where it is; give the command again to go on.");
+  if (stops != stops_) throw StageError("the stage was stopped. Give the command again to continue.");
 }
 
 awaitable<StageReading> StageDriver::read(std::size_t stops) {
@@ -145,9 +145,9 @@ awaitable<StageReading> StageDriver::read_twice(std::size_t stops) {
     before = again;
   }
   throw StageError(
-      "the stage says that it stands, but its position reads differently every time. The capture there was "
+      "the stage reports that it is at rest, but its position keeps changing. The capture there was "
       "not "
-      "begun. Look for vibration, a closed-loop hunting, or a noisy cable.");
+      "begun. Look for vibration, a hunting servo, or a noisy cable.");
 }
 
 // --- angles and limits ---
@@ -162,11 +162,11 @@ double StageDriver::to_deg(double units) const {
 
 void StageDriver::demand_within_limits(double deg) const {
   if (!std::isfinite(deg))
-    throw StageError("the stage was told to go to an angle that is not a number. Nothing was moved.");
+    throw StageError("the stage was commanded to go to an angle that is not a number. Nothing was moved.");
   if (deg >= options_.min_deg && deg <= options_.max_deg) return;
   throw StageError(
-      "the stage was told to go to " + in_deg(deg) + ", beyond its soft limits " + in_deg(options_.min_deg) +
-      " to " + in_deg(options_.max_deg) +
+      "the stage was commanded to go to " + in_deg(deg) + ", beyond its soft limits " +
+      in_deg(options_.min_deg) + " to " + in_deg(options_.max_deg) +
       ". Nothing was moved. Change the procedure, or limits_deg in the bench file if the cable allows it.");
 }
 
@@ -175,7 +175,7 @@ awaitable<void> StageDriver::demand_homed(std::size_t stops) {
   const StageReading reading = co_await read(stops);
   if (!reading.homed)
     throw StageError(
-        "the stage has not been homed since it was switched on, so its angles mean nothing. Nothing was "
+        "the stage has not been homed since it was switched on, so its angles are meaningless. Nothing was "
         "moved. "
         "Home it first (step `home`), or set needs_homing: false in the bench file if any zero will do.");
 }
@@ -185,7 +185,7 @@ awaitable<void> StageDriver::demand_homed(std::size_t stops) {
 awaitable<void> StageDriver::start() {
   link_->discard();
   identity_ = co_await protocol_->identify();
-  heart_->guard = std::make_unique<StageGuard>(link_->descriptor(), protocol_->stop_for_good());
+  heartbeat_->guard = std::make_unique<StageGuard>(link_->descriptor(), protocol_->stop_for_good());
   const StageReading reading = co_await protocol_->read();
   // Somebody left it turning: a procedure must not begin on a moving stage.
   found_moving_ = reading.moving;
@@ -204,7 +204,7 @@ awaitable<StageIdentity> StageDriver::identify() {
 
 awaitable<StageStatus> StageDriver::status() {
   const StageReading reading = co_await read(stops_);
-  if (!reading.moving) heart_->rest();
+  if (!reading.moving) heartbeat_->rest();
   StageStatus status;
   status.position_deg = to_deg(reading.position);
   status.moving = reading.moving;
@@ -220,7 +220,7 @@ awaitable<void> StageDriver::home() {
   const std::size_t stops = stops_;
   {
     const Turn turn = co_await take_turn(stops);
-    heart_->beat();
+    heartbeat_->beat();
     co_await protocol_->start_homing();
   }
   const StageReading reading = co_await wait_for_rest("homing", options_.home_s, stops);
@@ -233,7 +233,7 @@ awaitable<void> StageDriver::home() {
 
 awaitable<void> StageDriver::start_move(long long units, std::size_t stops) {
   const Turn turn = co_await take_turn(stops);
-  heart_->beat();
+  heartbeat_->beat();
   co_await protocol_->start_move(units);
 }
 
@@ -248,9 +248,9 @@ awaitable<double> StageDriver::move_to(double target_deg) {
   // As long as it makes progress it may take its time: fixed limits kill good moves.
   StageReading reading = co_await wait_for_rest(activity, 3600, stops);
   if (options_.needs_homing && !reading.homed)
-    throw StageError(
-        "the stage lost its reference during " + activity +
-        ": its power was interrupted. Its angles mean nothing now. Check its supply, home it and resume.");
+    throw StageError("the stage lost its reference during " + activity +
+                     ": its power was interrupted. Its angles are meaningless now. Check its power supply, "
+                     "home it and resume.");
   co_await pause(options_.settle_s);
   reading = co_await read_twice(stops);
   const double readback_deg = to_deg(reading.position);
@@ -273,11 +273,12 @@ awaitable<void> StageDriver::use_speed(double deg_s, std::size_t stops) {
 awaitable<void> StageDriver::turn(double rate_deg_s) {
   const std::size_t stops = stops_;
   if (!std::isfinite(rate_deg_s) || rate_deg_s == 0)
-    throw StageError("the stage was told to turn at a rate of " + text_of(rate_deg_s) +
+    throw StageError("the stage was commanded to turn at a rate of " + text_of(rate_deg_s) +
                      " deg/s. Nothing was moved.");
   if (!protocol_->has_speed())
     throw StageError(
-        "the stage was told to turn at a given rate, but its language has no speed. Nothing was moved. Use a "
+        "the stage was commanded to turn at a given rate, but its language has no speed. Nothing was moved. "
+        "Use a "
         "sweep "
         "of steps instead.");
   co_await demand_homed(stops);
@@ -289,7 +290,7 @@ awaitable<void> StageDriver::turn(double rate_deg_s) {
     co_return;
   }
   const Turn turn = co_await take_turn(stops);
-  heart_->beat();
+  heartbeat_->beat();
   co_await protocol_->start_turn(rate_deg_s * options_.direction * identity_.units_per_deg);
 }
 
@@ -347,16 +348,17 @@ awaitable<StageReading> StageDriver::wait_for_rest(const std::string& activity, 
     StageReading reading = co_await read(stops);
     if (!reading.fault.empty() && (reading.moving || activity != stopping))
       throw StageError(activity + " failed: " + reading.fault + " (at " + in_deg(to_deg(reading.position)) +
-                       "). The stage stands. Free it or switch it off and on, home it, and resume.");
+                       "). The stage has stopped. Free it or switch it off and on, home it, and resume.");
     if (!reading.moving) {
-      heart_->rest();
+      heartbeat_->rest();
       co_return reading;
     }
     if (is_first || reading.position != before.position) progressed = Clock::now();
     if (Clock::now() > progressed + duration(no_progress_s) || Clock::now() > end) {
-      const std::string why = Clock::now() > end
-                                  ? " takes longer than " + text_of(longest_s) + " s"
-                                  : " does not go on: the stage says that it moves, but its position stays";
+      const std::string why =
+          Clock::now() > end
+              ? " takes longer than " + text_of(longest_s) + " s"
+              : " does not progress: the stage reports that it moves, but its position does not change";
       throw StageError(activity + why + " (at " + in_deg(to_deg(reading.position)) +
                        "). Stop it, check that nothing blocks the stage, home it and resume.");
     }
@@ -371,8 +373,8 @@ awaitable<void> StageDriver::reopen() {
   auto taking = take_turn(stops);
   {
     const Turn turn = co_await std::move(taking);
-    heart_->timer.cancel();
-    heart_->guard.reset();  // It holds the old port, and the lock on it.
+    heartbeat_->timer.cancel();
+    heartbeat_->guard.reset();  // It holds the old port, and the lock on it.
     link_->reopen();
     protocol_->link_was_lost();
     const StageIdentity now = co_await protocol_->identify();
@@ -380,7 +382,7 @@ awaitable<void> StageDriver::reopen() {
       throw StageError("another stage answers on " + link_->path() + " (" + now.model + " " + now.serial +
                        " instead of " + identity_.model + " " + identity_.serial +
                        "). It was not moved. Plug the right one in, or begin a new session.");
-    heart_->guard = std::make_unique<StageGuard>(link_->descriptor(), protocol_->stop_for_good());
+    heartbeat_->guard = std::make_unique<StageGuard>(link_->descriptor(), protocol_->stop_for_good());
     speed_deg_s_ = 0;
     const double speed = options_.speed_deg_s * identity_.units_per_deg;
     const double acceleration = options_.acceleration_deg_s2 * identity_.units_per_deg;

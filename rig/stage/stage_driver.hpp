@@ -29,7 +29,7 @@ class StageDriver : public Stage {
 
  private:
   struct Line;   ///< Who uses the line, and who waits for it.
-  struct Heart;  ///< Tells the guard that this program is alive while the stage moves.
+  struct Heartbeat;  ///< Tells the guard that this program is alive while the stage moves.
   class Turn;    ///< The right to use it.
 
   awaitable<Turn> take_turn(std::size_t stops);
@@ -53,7 +53,7 @@ class StageDriver : public Stage {
   std::unique_ptr<StageProtocol> protocol_;
   StageIdentity identity_;
   std::unique_ptr<Line> line_;
-  std::shared_ptr<Heart> heart_;
+  std::shared_ptr<Heartbeat> heartbeat_;
   std::size_t stops_ = 0;      ///< Counts stop(): whoever began before the last one gives up.
   bool found_moving_ = false;  ///< By start(); told once, by status().
   double speed_deg_s_ = 0;     ///< As last commanded; 0: the device's own.

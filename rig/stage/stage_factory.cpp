@@ -159,7 +159,7 @@ PortUrl parse_url(const std::string& url, StageOptions options) {
     if (!set_option(result.options, key, value))
       throw UsageError(
           "the stage's address has the option '" + key +
-          "', which there is not. Options are the keys of the bench "
+          "', which does not exist. Options are the keys of the bench "
           "file's stage (docs/operate/stages.md): language, baud, address, units_per_deg, settle_s ...");
   }
   if (!(result.options.min_deg <= result.options.max_deg))
@@ -232,7 +232,7 @@ std::string StageProbe::why_nobody() const {
   if (!refused.empty()) return refused;
   const std::string languages = " in a language that the rig speaks (" + known_languages() + "). ";
   if (heard.empty())
-    return "nobody answers" + languages +
+    return "nothing answers" + languages +
            "Check that the stage is switched on, its baud rate, and the `language` in the bench file.";
   return "something answers, but not" + languages + "It said " + shown_bytes(heard) + " at " +
          std::to_string(baud) +

@@ -13,7 +13,7 @@ using fit::Pose2;
 constexpr double rate = 40 * room::deg;
 constexpr int scans = 200;
 
-room::Place lidar_at(double t) {
+room::Pose lidar_at(double t) {
   const double a = rate * t;
   return {80 * std::cos(a), 80 * std::sin(a), a};
 }

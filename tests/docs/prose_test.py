@@ -13,6 +13,9 @@ WORDS = {  # What documents do not say, and what they say instead.
     r"\bcolor\b|\bbehavior\b|\bcenter\b|\bcalibrater\b": "British spelling",
     r"\bsimply\b|\bjust\b(?! sees| now)|\bof course\b|\bobviously\b": "nothing (the sentence says the same without it)",
     r"\blook-elsewhere price\b": "look-elsewhere penalty",
+    r"\bforetold\b|\bforetells?\b": "predicted",
+    r"\bmends?\b": "correct, repair",
+    r"\bconnects? anew\b": "reconnect",
 }
 # Pages of the explanation's method, whose sentences are long.
 LONG_SENTENCES = {os.path.join("docs", "operate", "explain.md"), os.path.join("docs", "method", "model.md"),

@@ -345,8 +345,7 @@ TEST_CASE("a stream that stops without a word says what the lidar says of itself
   SECTION("it answers nothing any more") {
     bench.faults->add("lidar stall");
     bench.faults->add("lidar deaf");
-    CHECK_THAT(bench.failure([&] { return bench.stream(200); }),
-               Contains("does not answer questions either"));
+    CHECK_THAT(bench.failure([&] { return bench.stream(200); }), Contains("does not answer queries either"));
   }
   CHECK(bench.kind == Kind::no_answer);
   bench.run(bench.take_scans(10));

@@ -79,7 +79,7 @@ void require_each_capture_once(const InvestigatedBench& bench) {
 
 }  // namespace
 
-TEST_CASE("hidden physics is named without a hand, and a recording that was foretold confirms it") {
+TEST_CASE("hidden physics is named without an operator, and a recording that was predicted confirms it") {
   const InvestigatedBench bench(eccentric);
   Program rig(bench.command({"--unattended", "--budget-min", "10"}), bench.folder());
   const int status = rig.exit_status(std::chrono::seconds(250));

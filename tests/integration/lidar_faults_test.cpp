@@ -145,7 +145,7 @@ TEST_CASE("another service on the lidar's port is told apart") {
     });
     std::string what;
     CHECK(failure_of_connect(web, &what) == Kind::not_a_lidar);
-    CHECK_THAT(what, Contains("hangs up") && Contains("10940"));
+    CHECK_THAT(what, Contains("closes the connection") && Contains("10940"));
   }
   SECTION("a service that greets and waits") {
     Listener greeter([](tcp::socket& socket) -> awaitable<void> {

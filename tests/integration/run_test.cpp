@@ -139,10 +139,10 @@ TEST_CASE("a place that cannot hold a session is refused before anything moves, 
   bench.write("p.yaml", "procedure: test\nsteps:\n  - home\n");
   bench.write("plain", "no folder");
   const std::vector<std::pair<std::string, std::string>> places = {
-      {bench.folder / "", "it is a folder, where the name of a file is expected"},
+      {bench.folder / "", "it is a folder. Give the name of a file"},
       {"/dev/null", "Give the name of a file"},
       {bench.folder / "none/out.rig", "Make it first"},
-      {bench.folder / "plain/out.rig", "is no folder. Choose another place"}};
+      {bench.folder / "plain/out.rig", "is not a folder. Choose another place"}};
   for (const auto& [place, remedy] : places) {
     auto words = bench.command(bench.folder / "p.yaml");
     words.back() = place;
@@ -219,7 +219,7 @@ TEST_CASE("a session that is resumed brings its own bench, and one without says 
   CHECK_THAT(bench.said, Contains("holds no bench") && Contains("Give --bench FILE"));
 }
 
-TEST_CASE("rig resume needs nothing but the session, and asks for what is not there any more") {
+TEST_CASE("rig resume needs nothing but the session, and asks for what is no longer there") {
   Bench bench;
   bench.write("p.yaml",
               "procedure: test\nvariables: {samples: 20}\nsteps:\n  - home\n  - capture: {samples: '${samples}'}\n"
@@ -240,7 +240,7 @@ TEST_CASE("rig resume needs nothing but the session, and asks for what is not th
   Program nobody({RIG_BIN_DIR "/rig", "resume", bench.folder / "out.rig"}, bench.folder);
   nobody.end_input();
   CHECK(nobody.exit_status() == 2);
-  CHECK_THAT(nobody.errors(), Contains("which is not there any more") && Contains("give --stage"));
+  CHECK_THAT(nobody.errors(), Contains("which is no longer there") && Contains("give --stage"));
   Program resumed({RIG_BIN_DIR "/rig", "resume", bench.folder / "out.rig"}, bench.folder);
   resumed.type("serial:" + real + "?settle_s=0\n\n");
   CHECK(resumed.exit_status() == 0);
@@ -396,7 +396,7 @@ TEST_CASE("a lidar's address whose name is not known ends the run at once") {
   Bench bench;
   bench.lidar = "tcp://no-such-host.invalid";
   CHECK(bench.run("  - home\n") == 3);
-  CHECK_THAT(bench.said, Contains("no-such-host.invalid is not known") && !Contains("waiting"));
+  CHECK_THAT(bench.said, Contains("no-such-host.invalid cannot be resolved") && !Contains("waiting"));
 }
 
 namespace {
@@ -647,7 +647,7 @@ TEST_CASE(
   CHECK(now["stage_deg"].get<double>() < farthest_deg);
   if (signal == SIGINT) {
     CHECK(rig.exit_status() == 1);
-    CHECK_THAT(rig.errors(), Contains("The stage stands"));
+    CHECK_THAT(rig.errors(), Contains("The stage has stopped"));
   }
 }
 
@@ -694,7 +694,7 @@ TEST_CASE("the bench is walked through and what is wrong with it is told") {
   Program another(command, bench.folder);
   CHECK(another.exit_status() == 1);
   CHECK_THAT(another.errors(), Contains("BAD   model") && Contains("other.json:3:22") &&
-                                   Contains("BAD   front step") && Contains("not looked at"));
+                                   Contains("BAD   front step") && Contains("not checked"));
 
   (void)bench.sim->ask({{"fault", "lidar unwell"}});
   command[3] = bench.folder / "bench.json";

@@ -45,7 +45,7 @@ def main(programs):
         before = {path: path.read_bytes() for path in archive.glob("*.rig")}
         assert "rig archive add" in run("history", "H0", "--archive", archive, expected=2).stderr
         run("archive", "add", archive)
-        assert "is no folder" in run("archive", "add", folder / "nowhere", expected=2).stderr
+        assert "is not a folder" in run("archive", "add", folder / "nowhere", expected=2).stderr
         assert len(json.loads(run("archive", "list", archive, "--json", "-").stdout)["sessions"]) == 8
         assert "8 good" in run("archive", "verify", archive).stderr
 

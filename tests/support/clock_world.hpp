@@ -35,7 +35,7 @@ struct Scenario {
 
 struct Outcome {
   double rms_us = 0, worst_us = 0, mean_us = 0;
-  double settled_rms_us = 0;  ///< Without the first two seconds.
+  double converged_rms_us = 0;  ///< Without the first two seconds.
   double late_rms_us = 0;     ///< Without the first twenty.
   double covered = 0;         ///< Share of scans within two stated standard uncertainties.
   double stated_us = 0;
@@ -59,7 +59,7 @@ class World {
     Outcome out;
     double begin = now + uniform(0, 25000), last_arrival = 0, last_host = 0;
     std::uint64_t last_stamp = 0;
-    int settled = 0, late = 0;
+    int converged = 0, late = 0;
     for (int i = 0; i < s_.scans; ++i) {
       if (i == s_.reboot_at) {
         begin += 1e6;
@@ -80,8 +80,8 @@ class World {
       const double error = host - true_start;
       out.rms_us += error * error / s_.scans;
       if (i >= settling) {
-        out.settled_rms_us += error * error;
-        ++settled;
+        out.converged_rms_us += error * error;
+        ++converged;
       }
       if (i >= seen_for_long) {
         out.late_rms_us += error * error;
@@ -93,7 +93,7 @@ class World {
       out.stated_us += clock.u_scan_us() / s_.scans;
     }
     out.rms_us = std::sqrt(out.rms_us);
-    out.settled_rms_us = std::sqrt(out.settled_rms_us / std::max(1, settled));
+    out.converged_rms_us = std::sqrt(out.converged_rms_us / std::max(1, converged));
     out.late_rms_us = std::sqrt(out.late_rms_us / std::max(1, late));
     out.estimate = clock.estimate();
     return out;
@@ -161,7 +161,7 @@ class World {
 };
 
 struct Summary {
-  double rms_us = 0, settled_rms_us = 0, late_rms_us = 0, worst_rms_us = 0, covered = 0, stated_us = 0;
+  double rms_us = 0, converged_rms_us = 0, late_rms_us = 0, worst_rms_us = 0, covered = 0, stated_us = 0;
   bool in_order = true;
 };
 
@@ -180,7 +180,7 @@ Summary over_seeds(const Scenario& base, unsigned seeds, See see) {
     }
     const Outcome one = World(s, seed).run();
     all.rms_us += one.rms_us * one.rms_us / seeds;
-    all.settled_rms_us += one.settled_rms_us * one.settled_rms_us / seeds;
+    all.converged_rms_us += one.converged_rms_us * one.converged_rms_us / seeds;
     all.late_rms_us += one.late_rms_us * one.late_rms_us / seeds;
     all.worst_rms_us = std::max(all.worst_rms_us, one.rms_us);
     all.covered += one.covered / seeds;
@@ -189,7 +189,7 @@ Summary over_seeds(const Scenario& base, unsigned seeds, See see) {
     see(seed, s, one);
   }
   all.rms_us = std::sqrt(all.rms_us);
-  all.settled_rms_us = std::sqrt(all.settled_rms_us);
+  all.converged_rms_us = std::sqrt(all.converged_rms_us);
   all.late_rms_us = std::sqrt(all.late_rms_us);
   return all;
 }

@@ -15,7 +15,7 @@ namespace room {
 struct Point {
   double x = 0, y = 0;
 };
-struct Place {
+struct Pose {
   double x = 0, y = 0, heading = 0;
 };
 struct Wall {
@@ -38,7 +38,7 @@ inline std::vector<Wall> furnished() {
   return walls;
 }
 
-inline double range_to(const std::vector<Wall>& walls, const Place& at) {
+inline double range_to(const std::vector<Wall>& walls, const Pose& at) {
   double nearest = 1e9;
   const double dx = std::cos(at.heading), dy = std::sin(at.heading);
   for (const Wall& w : walls) {
@@ -63,7 +63,7 @@ inline double distance_from(const std::vector<Wall>& walls, const Point& p) {
   return nearest;
 }
 
-inline Point placed(const Place& at, double x, double y) {
+inline Point placed(const Pose& at, double x, double y) {
   return {at.x + std::cos(at.heading) * x - std::sin(at.heading) * y,
           at.y + std::sin(at.heading) * x + std::cos(at.heading) * y};
 }
@@ -85,8 +85,8 @@ inline double rms_from(const std::vector<Wall>& walls, const std::vector<Point>&
 /// The same after the rigid motion that makes it least: what is left is distortion and noise. Found by trying
 /// ever smaller steps, without derivatives.
 inline double rms_at_best(const std::vector<Wall>& walls, const std::vector<Point>& points) {
-  Place best;
-  const auto cost = [&](const Place& at) {
+  Pose best;
+  const auto cost = [&](const Pose& at) {
     std::vector<Point> moved;
     for (const Point& p : points) moved.push_back(placed(at, p.x, p.y));
     return rms_from(walls, moved);
@@ -95,10 +95,9 @@ inline double rms_at_best(const std::vector<Wall>& walls, const std::vector<Poin
   for (double step = 32; step > 0.2; step /= 2) {
     for (bool better = true; better;) {
       better = false;
-      for (const Place& d :
-           {Place{step, 0, 0}, Place{-step, 0, 0}, Place{0, step, 0},
-            Place{0, -step, 0}, Place{0, 0, step / 2000}, Place{0, 0, -step / 2000}}) {
-        const Place next{best.x + d.x, best.y + d.y, best.heading + d.heading};
+      for (const Pose& d : {Pose{step, 0, 0}, Pose{-step, 0, 0}, Pose{0, step, 0}, Pose{0, -step, 0},
+                            Pose{0, 0, step / 2000}, Pose{0, 0, -step / 2000}}) {
+        const Pose next{best.x + d.x, best.y + d.y, best.heading + d.heading};
         if (const double now = cost(next); now < least) {
           least = now;
           best = next;
@@ -112,13 +111,13 @@ inline double rms_at_best(const std::vector<Wall>& walls, const std::vector<Poin
 
 /// One scan of `beams` over 270 degrees at 40 Hz, in whole millimetres. `lidar_at` tells where the lidar is.
 inline std::vector<std::uint16_t> scan(const std::vector<Wall>& walls,
-                                       const std::function<Place(double)>& lidar_at, double begin_s,
+                                       const std::function<Pose(double)>& lidar_at, double begin_s,
                                        double sigma_mm, std::mt19937& random, int beams = 1081) {
   std::normal_distribution<double> gauss(0, std::max(1e-12, sigma_mm));
   std::vector<std::uint16_t> ranges;
   const double step = 270 * deg / (beams - 1);
   for (int k = 0; k < beams; ++k) {
-    Place at = lidar_at(begin_s + k * step / (2 * std::numbers::pi * 40));
+    Pose at = lidar_at(begin_s + k * step / (2 * std::numbers::pi * 40));
     at.heading += -135 * deg + k * step;
     const double range = range_to(walls, at);
     ranges.push_back(

@@ -100,7 +100,7 @@ def main(programs, pictures):
             keep(page, "live-prompt.png")
             page.click("#confirm")  # Without an answer the prompt stays.
             assert state(page)["prompt"]["title"] == "Place the white board"
-            assert "left" not in page.text("#left") and "waits for you" in page.text("#left"), page.text("#left")
+            assert "left" not in page.text("#left") and "waiting for you" in page.text("#left"), page.text("#left")
             # From here on the page lies in the background: what it would play and show is counted.
             page.run("sound = {currentTime: 0, state: 'running', createOscillator() { window.tones = (window.tones || 0) + 1;"
                      " return {frequency: {}, connect() {}, start() {}, stop() {}}; }, createGain() { return {gain: {}, connect() {}}; }};"

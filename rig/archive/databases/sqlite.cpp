@@ -23,12 +23,13 @@ class SqliteArchive final : public ArchiveDatabase {
       } else if (std::filesystem::is_regular_file(path)) {
         database_ = open_for_reading(path);
       } else {
-        throw UsageError(path + ": there is no index of an archive. `rig archive add FOLDER` makes it.");
+        throw UsageError(path + ": there is no archive index. `rig archive add FOLDER` makes it.");
       }
       database_->exec("PRAGMA trusted_schema = OFF");
     } catch (const SQLite::Exception& error) {
-      throw UsageError(path + " cannot be opened as an archive's index: " + error.what() +
-                       ". If it is damaged, remove it: `rig archive add FOLDER` makes it anew from the sessions.");
+      throw UsageError(
+          path + " cannot be opened as an archive's index: " + error.what() +
+          ". If it is damaged, remove it: `rig archive add FOLDER` rebuilds it from the sessions.");
     }
   }
 

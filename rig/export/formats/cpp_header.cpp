@@ -53,7 +53,7 @@ std::string cpp_correct(const Correction& c) {
       "struct Corrected {\n"
       "  double range_mm;         ///< Corrected.\n"
       "  double u_mm;             ///< Standard uncertainty of the correction; a single range has its own "
-      "noise besides.\n"
+      "noise in addition.\n"
       "  bool range_outside;      ///< Not calibrated at this distance: the error at the border was "
       "subtracted.\n"
       "  bool intensity_outside;  ///< The same for the echo's intensity.\n"

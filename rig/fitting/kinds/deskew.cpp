@@ -22,7 +22,7 @@ class Deskew : public Fitting {
          .min = 1,
          .max = 100000,
          .otherwise = 40.0,
-         .about = "of every capture only the first so many are used"},
+         .about = "number of scans of each capture that are used, from its first"},
         {.name = "offset_ms",
          .unit = "ms",
          .min = -10000,

@@ -70,7 +70,7 @@ void demand_one_scope(const std::vector<FitSource>& sources) {
       if (a == b) return;
       const auto said = [](const std::string& text) { return text.empty() ? "nothing" : text; };
       throw UsageError("the noise of " + sources.front().path + " and " + source.path +
-                       " is not that of one thing: their " + what + " differ (" + said(a) + "; " + said(b) +
+                       " cannot be fitted together: their " + what + " differ (" + said(a) + "; " + said(b) +
                        "). Fit each session by itself, and compare them with 'rig compare'.");
     };
     demand("scan patterns", first.pattern, other.pattern);
@@ -194,8 +194,8 @@ class Noise : public Fitting {
     if (sampled.moving > 0 && sampled.values == 0)
       throw MeasurementError(
           "the lidar moved during every capture of " + path +
-          ": what a beam's range does while the beam moves over the scene is no noise. Capture at rest (the "
-          "step 'capture'); of a drive, a stretch in which the robot stands, as a recording of its own");
+          ": what a beam's range does while the beam moves over the scene is not noise. Capture at rest (the "
+          "step 'capture'); of a drive, use a part in which the robot stands still, as a separate recording");
     throw MeasurementError(
         "no beam of " + path +
         " has 20 valid samples in one capture at rest: capture more scans at each position");
@@ -212,7 +212,7 @@ class Noise : public Fitting {
     out["plots"].push_back(std::move(plot));
     if (std::abs(median_of(sampled.correlation)) > 0.1)
       out["notes"].push_back(
-          "Neighbouring scans are correlated: means are less certain than their number of samples says.");
+          "Neighbouring scans are correlated: means are less certain than their number of samples suggests.");
     if (sampled.moving > 0)
       out["notes"].push_back("Captures during which the lidar moved are left out, " +
                              std::to_string(sampled.moving) +

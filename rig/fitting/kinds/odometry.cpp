@@ -2,175 +2,24 @@
 #include "fit/odometry.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
 
 #include "fit/drive.hpp"
-#include "fit/number_format.hpp"
 #include "fit/odometry_runs.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/fitting.hpp"
+#include "rig/fitting/odometry_tables.hpp"
 #include "rig/fitting/result_document.hpp"
+#include "rig/fitting/tuple_file.hpp"
 
 namespace rig::fittings {
 namespace {
 
+using namespace odometry_parts;
 using nlohmann::json;
-
-using Parameters = std::array<fit::Steering::Parameter, 6>;
-
-Parameters parameters_of(const fit::Steering& steering) {
-  return {steering.parameters[0],
-          steering.parameters[1],
-          steering.parameters[2],
-          {"lidar_x_mm", "Lidar on the robot, x", "mm"},
-          {"lidar_y_mm", "Lidar on the robot, y", "mm"},
-          {"lidar_yaw_deg", "Lidar on the robot, yaw", "deg", fit::deg_per_rad}};
-}
-
-const fit::Steering& steering_of(const fit::RobotGeometry& robot) {
-  return robot.steering ? *robot.steering : fit::differential();
-}
-
-/// The samples of some tuple files, every file a run.
-struct Tuples {
-  std::vector<fit::WheelSample> samples;
-  std::vector<std::string> runs;
-  bool timed = true;  ///< Every sample says when it began.
-};
-
-/// One object a line: T in s, phi_l and phi_r in rad/s, sm = [x m, y m, theta rad] (the format of Censi's
-/// public programs), perhaps t in s, when it began. Of a tricycle: phi in rad/s and steer in rad.
-void read_tuples(const std::string& path, const fit::Steering& steering, Tuples& out) {
-  std::ifstream in(path);
-  if (!in) throw UsageError(path + " cannot be opened. Check the name and the permissions.");
-  const bool tricycle = steering.id == "tricycle";
-  std::size_t object = 0;
-  double last_s = -1e300;
-  const auto demand = [&](bool good, const std::string& what) {
-    if (!good) throw UsageError(path + ", object " + std::to_string(object) + ": " + what);
-  };
-  try {
-    while (in >> std::ws && !in.eof()) {
-      ++object;
-      json line;
-      in >> line;
-      const json& match = line.at("sm");
-      fit::WheelSample sample;
-      sample.interval_s = line.at("T");
-      demand(sample.interval_s > 0, "T is not above 0. It is the time, s, from one scan to the next.");
-      if (tricycle) {
-        sample.left_rad_s = line.at("phi");
-        sample.pieces = {{sample.left_rad_s * sample.interval_s, line.at("steer").get<double>()}};
-      } else {
-        sample.left_rad_s = line.at("phi_l");
-        sample.right_rad_s = line.at("phi_r");
-      }
-      sample.match = {1000 * match.at(0).get<double>(), 1000 * match.at(1).get<double>(), match.at(2)};
-      sample.run = out.runs.size();
-      if (line.contains("t")) {
-        sample.begin_s = line.at("t");
-        demand(sample.begin_s > last_s, "t does not grow. Every file is one drive, in order of time.");
-        last_s = sample.begin_s;
-      } else {
-        out.timed = false;
-      }
-      out.samples.push_back(std::move(sample));
-    }
-  } catch (const json::exception& error) {
-    demand(false, std::string(error.what()) +
-                      (tricycle ? ". A tuple file of a tricycle holds objects like {\"T\": 0.8, \"phi\": 4.9, \"steer\": "
-                                  "-0.1, \"sm\": [0.2, -0.001, -0.02]}: s, rad/s, rad, and the scan match in m, m, rad."
-                                : ". A tuple file holds objects like {\"T\": 0.8, \"phi_l\": 0.49, \"phi_r\": -0.51, "
-                                  "\"sm\": [0.001, -0.0005, -0.18]}: s, rad/s, rad/s, and the scan match in m, m, rad."));
-  }
-  out.runs.push_back(std::filesystem::path(path).filename().string());
-}
-
-json values_of(const fit::OdometryFit& fit) {
-  const Parameters parameters = parameters_of(steering_of(fit.robot));
-  json values = json::array();
-  for (int i = 0; i < 6; ++i) {
-    const auto& p = parameters[static_cast<std::size_t>(i)];
-    const double u = p.scale * std::sqrt(fit.covariance(i, i));
-    values.push_back(result_value(p.name, p.label, {p.scale * fit.robot.vector()[i], u}, p.unit));
-  }
-  return values;
-}
-
-json covariance_of(const Eigen::Matrix<double, 6, 6>& covariance, const Parameters& parameters) {
-  json names = json::array(), matrix = json::array();
-  for (std::size_t i = 0; i < 6; ++i) {
-    names.push_back(parameters[i].name);
-    json row = json::array();
-    for (std::size_t k = 0; k < 6; ++k)
-      row.push_back(number_or_null(parameters[i].scale * parameters[k].scale *
-                                   covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k))));
-    matrix.push_back(row);
-  }
-  return {{"names", names}, {"matrix", matrix}};
-}
-
-json parameter_columns(const char* first, const Parameters& parameters) {
-  json columns = {first};
-  for (const auto& p : parameters) columns.push_back({{"name", p.label}, {"unit", p.unit}});
-  return columns;
-}
-
-json rounds_table(const fit::OdometryFit& fit) {
-  const Parameters parameters = parameters_of(steering_of(fit.robot));
-  json rows = json::array();
-  for (std::size_t i = 0; i < fit.rounds.size(); ++i) {
-    const fit::OdometryRound& round = fit.rounds[i];
-    json row = {i, round.samples};
-    for (int k = 0; k < 6; ++k)
-      row.push_back(number_or_null(parameters[static_cast<std::size_t>(k)].scale * round.robot.vector()[k]));
-    for (int k = 0; k < 3; ++k)
-      row.push_back(number_or_null(round.residual_rms[k] * (k == 2 ? fit::deg_per_rad : 1)));
-    rows.push_back(row);
-  }
-  json columns = {"round", "samples"};
-  for (const auto& p : parameters) columns.push_back({{"name", p.label}, {"unit", p.unit}});
-  columns.push_back({{"name", "residual along"}, {"unit", "mm"}});
-  columns.push_back({{"name", "residual across"}, {"unit", "mm"}});
-  columns.push_back({{"name", "residual of heading"}, {"unit", "deg"}});
-  return {{"title", "Rounds of dropping the worst samples"}, {"columns", columns}, {"rows", rows}};
-}
-
-json motion_table(const fit::MotionShares& motion) {
-  json table = {{"title", "How the robot moved"},
-                {"columns", {"motion", {{"name", "share"}, {"unit", "%"}}}},
-                {"rows", json::array()}};
-  table["rows"].push_back({"still", 100 * motion.still});
-  table["rows"].push_back({"straight", 100 * motion.straight});
-  table["rows"].push_back({"turning on the spot", 100 * motion.on_the_spot});
-  table["rows"].push_back({"curve", 100 * motion.curve});
-  return table;
-}
-
-json residual_plot(const fit::OdometryFit& fit, const std::vector<fit::WheelSample>& samples) {
-  json series = json::array();
-  for (const bool used : {true, false}) {
-    json x = json::array(), y = json::array();
-    for (std::size_t k = 0; k < samples.size(); ++k) {
-      if (fit.used[k] != used) continue;
-      const Eigen::Vector3d e = fit::odometry_residual(fit.robot, samples[k]);
-      x.push_back(k);
-      y.push_back(number_or_null(e[2] * fit::deg_per_rad));
-    }
-    series.push_back({{"name", used ? "used" : "dropped"}, {"style", "points"}, {"x", x}, {"y", y}});
-  }
-  return {{"title", "Heading: scan match minus odometry"},
-          {"x_label", "sample"},
-          {"y_label", "difference (deg)"},
-          {"series", series}};
-}
 
 /// What the operator, or the recording, says the robot is like.
 struct Nominal {
@@ -183,237 +32,14 @@ Nominal nominal_of(const FitSource& source, const FitOptions& options) {
   nominal.values[0] = options.maybe_number("wheel_radius_mm");
   if (options.text("steering") != "tricycle") nominal.values[1] = nominal.values[0];
   nominal.values[2] = options.maybe_number("separation_mm");
-  const auto told = source.session ? source.session->get("lidar_on_robot") : std::nullopt;
-  const json place = told ? json::parse(*told, nullptr, false) : json();
+  const auto stated = source.session ? source.session->get("lidar_on_robot") : std::nullopt;
+  const json place = stated ? json::parse(*stated, nullptr, false) : json();
   if (place.is_object()) {
     nominal.values[3] = place.value("x_mm", 0.0);
     nominal.values[4] = place.value("y_mm", 0.0);
     nominal.values[5] = place.value("yaw_deg", 0.0);
   }
   return nominal;
-}
-
-/// `authors`: what others found or the maker says, with standard uncertainties where known.
-json comparison(const std::string& title, const char* whose, const fit::OdometryFit& fit,
-                const std::optional<double> (&theirs)[6], const std::optional<double> (&their_u)[6]) {
-  const Parameters parameters = parameters_of(steering_of(fit.robot));
-  json rows = json::array();
-  for (int i = 0; i < 6; ++i) {
-    if (!theirs[i]) continue;
-    const auto& p = parameters[static_cast<std::size_t>(i)];
-    const double value = p.scale * fit.robot.vector()[i], u = p.scale * std::sqrt(fit.covariance(i, i));
-    const double judge = their_u[i].value_or(u);
-    json row = {p.label + ", " + p.unit, number_or_null(value), number_or_null(u), *theirs[i]};
-    row.push_back(their_u[i] ? json(*their_u[i]) : json(nullptr));
-    row.push_back(number_or_null(value - *theirs[i]));
-    row.push_back(number_or_null((value - *theirs[i]) / judge));
-    row.push_back(their_u[i]
-                      ? number_or_null(p.scale * std::sqrt(fit.first_round_covariance(i, i)) / *their_u[i])
-                      : json(nullptr));
-    rows.push_back(row);
-  }
-  return {{"title", title},
-          {"columns",
-           {"parameter", "value", "u", whose, "its u", "difference", "difference in u",
-            "ratio of u, outliers counted alike"}},
-          {"rows", rows}};
-}
-
-/// X_results.json beside X.tuple, as the public programs of Censi et al. write it.
-std::optional<json> published_table(const std::string& path, const fit::OdometryFit& fit) {
-  const std::filesystem::path file(path);
-  const std::string beside = (file.parent_path() / (file.stem().string() + "_results.json")).string();
-  std::ifstream in(beside);
-  if (!in) return std::nullopt;
-  const json published = json::parse(in, nullptr, false);
-  try {
-    const std::optional<double> theirs[6] = {
-        500 * published.at("l_diam").get<double>(), 500 * published.at("r_diam").get<double>(),
-        1000 * published.at("axle").get<double>(),  1000 * published.at("l_x").get<double>(),
-        1000 * published.at("l_y").get<double>(),   fit::deg_per_rad * published.at("l_theta").get<double>()};
-    std::optional<double> their_u[6];
-    for (std::size_t i = 0; i < 6; ++i) {
-      const double u = std::sqrt(published.at("covariance").at(i).at(i).get<double>());
-      their_u[i] = i < 5 ? 1000 * u : fit::deg_per_rad * u;
-    }
-    return comparison(
-        "Against the published calibration (" + std::filesystem::path(beside).filename().string() + ")",
-        "published", fit, theirs, their_u);
-  } catch (const json::exception&) {
-    return std::nullopt;
-  }
-}
-
-json drive_table(const fit::DriveFit& drive) {
-  json rows = json::array();
-  rows.push_back({"pairs of scans matched", drive.samples.size()});
-  rows.push_back({"left out: doubtful, or without a hold in one direction", drive.bad_matches});
-  rows.push_back({"beams left out: they see the robot itself", drive.own_beams});
-  rows.push_back({"robot moved, s", drive.moving_s});
-  rows.push_back({"robot stood, s", drive.still_s});
-  rows.push_back({"match at rest, RMS along, mm", drive.still_noise[0]});
-  rows.push_back({"match at rest, RMS across, mm", drive.still_noise[1]});
-  rows.push_back({"match at rest, RMS of heading, deg", drive.still_noise[2] * fit::deg_per_rad});
-  rows.push_back({"scans' stamps, RMS from even ones, ms", number_or_null(1e3 * drive.scan_jitter_s)});
-  rows.push_back({"stamps made even", drive.even_wheels  ? "of scans and wheels"
-                                      : drive.even_scans ? "of scans"
-                                                         : "no"});
-  rows.push_back({"wheels' time minus scans' time, first from consecutive scans, ms",
-                  drive.coarse.determined ? json(1e3 * drive.coarse.offset_s.value) : json(nullptr)});
-  rows.push_back({"the same, where wheels and matches agree best, ms",
-                  number_or_null(1e3 * drive.offset.offset_s.value)});
-  rows.push_back({"its standard uncertainty, ms", number_or_null(1e3 * drive.offset.offset_s.u)});
-  rows.push_back({"the same by the agreement of scans, ms",
-                  drive.timing.determined ? json(1e3 * drive.timing.timing.offset_s) : json(nullptr)});
-  rows.push_back({"beams listed against their order in time", drive.timing.timing.reversed ? "yes" : "no"});
-  return {{"title", "The drive"}, {"columns", {"what", "value"}}, {"rows", rows}};
-}
-
-json drive_lengths_table(const fit::DriveFit& drive) {
-  const Parameters parameters = parameters_of(fit::differential());
-  json rows = json::array();
-  for (const fit::DriveLength& length : drive.lengths) {
-    json row = {length.samples, number_or_null(length.way_mm), number_or_null(length.interval_s)};
-    for (int k = 0; k < 6; ++k) {
-      const double scale = parameters[static_cast<std::size_t>(k)].scale;
-      row.push_back(number_or_null(scale * length.values[k]));
-      row.push_back(number_or_null(scale * length.u[k]));
-    }
-    row.push_back(length.taken && !drive.extrapolated ? "yes" : "no");
-    rows.push_back(row);
-  }
-  json columns = {"pairs", {{"name", "way"}, {"unit", "mm"}}, {{"name", "interval"}, {"unit", "s"}}};
-  for (const auto& p : parameters) {
-    columns.push_back({{"name", p.label}, {"unit", p.unit}});
-    columns.push_back("u");
-  }
-  columns.push_back("taken");
-  return {{"title", std::string("Scans matched at several lengths: ") +
-                        (drive.extrapolated ? "what the values tend to on an endless way was taken"
-                                            : "the length with the least expected error was taken")},
-          {"columns", columns},
-          {"rows", rows}};
-}
-
-json convergence_table(const fit::DriveFit& drive) {
-  const Parameters parameters = parameters_of(fit::differential());
-  json rows = json::array(), columns = parameter_columns("round", parameters);
-  for (std::size_t i = 0; i < drive.rounds.size(); ++i) {
-    json row = {i + 1};
-    for (int k = 0; k < 6; ++k)
-      row.push_back(number_or_null(parameters[static_cast<std::size_t>(k)].scale * drive.rounds[i].vector()[k]));
-    rows.push_back(row);
-  }
-  return {{"title", "Rounds of deskewing, matching and fitting"}, {"columns", columns}, {"rows", rows}};
-}
-
-json uncertainty_table(const fit::DriveFit& drive, double range_scale) {
-  const Parameters parameters = parameters_of(fit::differential());
-  json rows = json::array();
-  for (int i = 0; i < 6; ++i) {
-    const auto& p = parameters[static_cast<std::size_t>(i)];
-    rows.push_back({p.label + ", " + p.unit,
-                    number_or_null(p.scale * std::sqrt(drive.odometry.covariance(i, i))),
-                    number_or_null(p.scale * drive.jackknife_u[i]),
-                    number_or_null(p.scale * std::abs(drive.drift[i])),
-                    i < 5 ? json(p.scale * std::abs(drive.odometry.robot.vector()[i]) * range_scale / std::sqrt(3.0))
-                          : json(0)});
-  }
-  return {{"title", "Standard uncertainties"},
-          {"columns",
-           {"parameter", "given", "leaving out one stretch of the drive after the other", "drift to an endless way",
-            "by the lidar's scale"}},
-          {"rows", rows}};
-}
-
-void say_offset(json& out, const fit::OffsetSearch& offset, const std::optional<double>& known_s) {
-  const auto ms = [](double seconds) { return fit::format_fixed(1e3 * seconds, 1) + " ms"; };
-  if (known_s) {
-    out["notes"].push_back("The wheels' time was taken to be the scans' time plus " + ms(*known_s) + ", as told.");
-  } else if (offset.at_bound) {
-    out["undetermined"].push_back(
-        "The time offset between scans and wheels: within " + ms(offset.searched_s) +
-        " they agree best at the end of the search, " + ms(offset.offset_s.value) +
-        "; the true one may lie beyond, or the motion does not tell it. 0 was used. Give it with the option "
-        "offset_ms, or drive longer with changing speed.");
-  } else if (!offset.determined) {
-    out["undetermined"].push_back(
-        "The time offset between scans and wheels: the motion changes too little to show it. 0 was used.");
-  } else {
-    out["values"].push_back(result_value("time_offset_ms", "Wheels' time minus scans' time",
-                                         {1e3 * offset.offset_s.value, 1e3 * offset.offset_s.u}, "ms"));
-  }
-}
-
-std::string name_of(const fit::RunVerdict& run, const std::vector<std::string>& names) {
-  return names.at(run.run) + (run.stretches > 1 ? ", stretch " + std::to_string(run.stretch + 1) + " of " +
-                                                      std::to_string(run.stretches)
-                                                : "");
-}
-
-void say_slipped_runs(json& out, const std::vector<fit::RunVerdict>& runs,
-                      const std::vector<std::string>& names) {
-  for (const fit::RunVerdict& run : runs)
-    if (run.left_out)
-      out["notes"].push_back(name_of(run, names) + " was left out: its residuals are " +
-                             fit::format_fixed(run.misfit, 1) +
-                             " times the noise of the others. The wheels slipped, or the robot was touched.");
-}
-
-json runs_table(const fit::RunsFit& fit, const std::vector<std::string>& names) {
-  json rows = json::array();
-  for (const fit::RunVerdict& run : fit.runs)
-    rows.push_back({name_of(run, names), run.samples, number_or_null(1e3 * fit.run_offsets_s.at(run.run)),
-                    number_or_null(run.misfit), run.left_out ? "yes" : "no"});
-  return {{"title", "Runs or their stretches: RMS of the residuals in units of the noise of those kept"},
-          {"columns", {"run", "samples", {{"name", "time offset"}, {"unit", "ms"}}, "residuals", "left out"}},
-          {"rows", rows}};
-}
-
-json tuple_uncertainty_table(const fit::RunsFit& fit) {
-  const Parameters parameters = parameters_of(steering_of(fit.odometry.robot));
-  json rows = json::array();
-  for (int i = 0; i < 6; ++i) {
-    const auto& p = parameters[static_cast<std::size_t>(i)];
-    rows.push_back({p.label + ", " + p.unit, number_or_null(p.scale * std::sqrt(fit.odometry.covariance(i, i))),
-                    number_or_null(p.scale * std::sqrt(fit.grouped.covariance(i, i))),
-                    number_or_null(p.scale * fit.offset_u[i]),
-                    number_or_null(p.scale * std::abs(fit.drift[i]))});
-  }
-  return {{"title", "Standard uncertainties (" + std::to_string(fit.grouped.groups) + " groups)"},
-          {"columns",
-           {"parameter", "given", "leaving out one group after the other", "by the time offset",
-            "drift to twice the length"}},
-          {"rows", rows}};
-}
-
-json stretches_table(const fit::DriveFit& drive) {
-  json rows = json::array();
-  for (const fit::RunVerdict& stretch : drive.stretches)
-    rows.push_back({stretch.run + 1, stretch.samples, number_or_null(stretch.misfit), stretch.left_out ? "yes" : "no"});
-  return {{"title", "Stretches of the drive: RMS of the residuals in units of the noise of those kept"},
-          {"columns", {"stretch", "pairs", "residuals", "left out"}},
-          {"rows", rows}};
-}
-
-json lengths_table(const fit::RunsFit& fit) {
-  const Parameters parameters = parameters_of(steering_of(fit.odometry.robot));
-  json rows = json::array();
-  for (const fit::LengthFit& length : fit.lengths) {
-    json row = {length.joined, length.samples, number_or_null(length.interval_s), number_or_null(length.way_mm)};
-    for (int k = 0; k < 6; ++k)
-      row.push_back(number_or_null(parameters[static_cast<std::size_t>(k)].scale * length.values[k]));
-    row.push_back(number_or_null(length.worth));
-    row.push_back(length.taken ? "yes" : "no");
-    rows.push_back(row);
-  }
-  json columns = {"joined", "samples", {{"name", "interval"}, {"unit", "s"}}, {{"name", "way"}, {"unit", "mm"}}};
-  for (const auto& p : parameters) columns.push_back({{"name", p.label}, {"unit", p.unit}});
-  columns.push_back("worth");
-  columns.push_back("taken");
-  return {{"title", "Tuples joined to longer ways, and what a second of driving tells (the most: 1)"},
-          {"columns", columns},
-          {"rows", rows}};
 }
 
 class Odometry : public Fitting {
@@ -473,13 +99,13 @@ class Odometry : public Fitting {
              .min = 1,
              .max = 100000,
              .otherwise = drive.least_way_mm,
-             .about = "way between two scans that are matched (sessions)"},
+             .about = "distance between two matched scans (sessions)"},
             {.name = "least_turn_deg",
              .unit = "deg",
              .min = 0.1,
              .max = 180,
              .otherwise = drive.least_turn_rad * fit::deg_per_rad,
-             .about = "or turn between them (sessions)"}};
+             .about = "or angle between them (sessions)"}};
   }
 
   json run(const std::vector<FitSource>& sources, const FitOptions& options) const override {
@@ -520,7 +146,7 @@ class Odometry : public Fitting {
     if (!tuples.timed)
       out["notes"].push_back(
           "The tuples do not say when they began (t, s): each was taken to begin when the one before ended, "
-          "and neighbours were not joined to longer ways.");
+          "and neighbours were not joined into longer segments.");
     say_offset(out, fit.offset, runs.known_offset_s);
     say_slipped_runs(out, fit.runs, tuples.runs);
     out["tables"].insert(out["tables"].begin(), {tuple_uncertainty_table(fit), lengths_table(fit)});
@@ -546,12 +172,14 @@ class Odometry : public Fitting {
         "from 0. ";
     if (timed)
       text +=
-          "Neighbouring tuples are joined to the length at which a second of driving tells most, and all six "
+          "Neighbouring tuples are joined to the length that gives the most information per second of "
+          "driving, and all six "
           "parameters fitted at once. ";
     return text +
-           "Runs that fit worse than the others beyond their scatter are left out. The uncertainty given is the "
-           "larger of that and of leaving out one run (of few runs, one stretch) after the other, with "
-           "Student's factor, with the offset's uncertainty and the drift to twice the length.";
+           "Runs that fit worse than the others beyond their scatter are left out. The uncertainty given is "
+           "the "
+           "larger of that and of leaving out one run (of few runs, one segment) after the other, with "
+           "Student's factor, with the offset's uncertainty and the change at twice the length.";
   }
 
   static json from_drive(const FitSource& source, const fit::OdometryOptions& how,
@@ -579,23 +207,26 @@ class Odometry : public Fitting {
         out["method"].get<std::string>() +
         " The samples come from the drive itself: scans are deskewed by the wheels, scans some way apart "
         "matched onto each other both ways by point-to-line ICP, and what is found deskews the scans of "
-        "the next round. Scans are matched at several lengths, and the length, or what the values tend to on an "
-        "endless way, is taken whose expected error is least. Stretches of the drive that slipped are left out. "
-        "Uncertainty: leaving out one stretch after the other, with Student's factor, the drift with the length "
+        "the next round. Scans are matched at several lengths, and the length, or the extrapolation to "
+        "infinite length, with the least expected error is taken. Segments of the drive that slipped are "
+        "left out. "
+        "Uncertainty: leaving out one segment after the other, with Student's factor, the drift with the "
+        "length "
         "and the lidar's scale.";
     out["tables"].insert(out["tables"].begin(),
                          {uncertainty_table(drive, drive_options.range_scale), drive_lengths_table(drive),
                           drive_table(drive), convergence_table(drive)});
-    out["tables"].push_back(stretches_table(drive));
+    out["tables"].push_back(segments_table(drive));
     const bool any = std::ranges::any_of(nominal.values, [](const auto& v) { return v.has_value(); });
     if (any)
       out["tables"].insert(out["tables"].begin(), comparison("Against the nominal values", "nominal",
                                                              drive.odometry, nominal.values, {}));
     say_offset(out, drive.offset, drive_options.known_offset_s);
-    const auto slipped = std::ranges::count_if(drive.stretches, &fit::RunVerdict::left_out);
+    const auto slipped = std::ranges::count_if(drive.segments, &fit::RunVerdict::left_out);
     if (slipped > 0)
-      out["notes"].push_back(std::to_string(slipped) + " of " + std::to_string(drive.stretches.size()) +
-                             " stretches of the drive were left out: the wheels slipped there, or scans did not match.");
+      out["notes"].push_back(
+          std::to_string(slipped) + " of " + std::to_string(drive.segments.size()) +
+          " segments of the drive were left out: the wheels slipped there, or scans did not match.");
     return out;
   }
 

@@ -142,7 +142,7 @@ void add_backlash(json& out, const std::vector<SourcedCrossing>& crossings, doub
       if (a.crossing.approach != 1 || b.crossing.approach != -1) continue;
       const auto &up = a.crossing.response.edge_rad, &down = b.crossing.response.edge_rad;
       out["values"].push_back(
-          result_value("backlash_deg", "Edge reached from below minus from above (play of the stage)",
+          result_value("backlash_deg", "Edge reached from below minus from above (backlash of the stage)",
                        {(up.value - down.value) * fit::deg_per_rad,
                         std::hypot(up.u, down.u, std::numbers::sqrt2 * u_resolution_rad) * fit::deg_per_rad},
                        "deg"));
@@ -154,7 +154,8 @@ class Sensitivity : public Fitting {
  public:
   std::string kind() const override { return "sensitivity"; }
   std::string describes() const override {
-    return "angular sensitivity: the edge transition width, within which a beam sees now one surface, now the other";
+    return "angular sensitivity: the edge transition width, within which a beam sees sometimes one surface, "
+           "sometimes the other";
   }
   std::vector<FitOption> options() const override { return edge_options(); }
 

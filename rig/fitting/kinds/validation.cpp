@@ -10,6 +10,7 @@
 #include "fit/angle.hpp"
 #include "fit/range_calibration.hpp"
 #include "fit/selection.hpp"
+#include "fit/validation_measures.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/correction_source.hpp"
 #include "rig/fitting/one_lidar.hpp"
@@ -147,7 +148,7 @@ class Validation : public Fitting {
              .about = "session whose rotation centre is used; without it, the session's own, else the mount"},
             {.name = "centre_x_mm",
              .unit = "mm",
-             .about = "rotation centre in the lidar's frame, x; goes before the others"},
+             .about = "rotation centre in the lidar's frame, x; takes precedence over the others"},
             {.name = "centre_y_mm", .unit = "mm", .about = "the same, y"}};
   }
 
@@ -167,15 +168,15 @@ class Validation : public Fitting {
           "no capture sees a flat target that the bench file knows: run the procedure range-validation, or "
           "name the target");
     const auto correction = correction_for(sources, options);
-    json out = new_result("validation",
-                          "Zhao et al., experiments A3 and A6. A3: standard deviation of the difference "
-                          "between each point's ordinate and "
-                          "that of the 20th (5th) point before it, on the mean over all scans; beside it the "
-                          "same across the best plane, "
-                          "because a slanted surface alone makes the paper's figure large. Intervals: 95 %, "
-                          "jackknife over ten blocks. A6: "
-                          "mean distance of the points of one stage angle from the line through those of the "
-                          "other, in one frame.");
+    json out = new_result(
+        "validation",
+        "Zhao et al., experiments A3 and A6. A3: standard deviation of the difference "
+        "between each point's ordinate and "
+        "that of the 20th (5th) point before it, on the mean over all scans; for comparison the same across "
+        "the best plane, because a slanted surface alone makes the paper's figure large. Intervals: 95 %, "
+        "jackknife over ten blocks. A6: "
+        "mean distance of the points of one stage angle from the line through those of the "
+        "other, in one frame.");
     if (!correction)
       out["notes"].push_back(
           "No correction was given (option correction=FILE): figures are of the uncorrected ranges only.");
@@ -184,7 +185,7 @@ class Validation : public Fitting {
     add_scene(out, surfaces, correction ? &*correction : nullptr, centre.at_mm);
     if (out["values"].empty())
       throw MeasurementError(
-          "there is nothing to judge: no capture sees a flat target with enough neighbouring beams for "
+          "there is nothing to validate: no capture sees a flat target with enough neighbouring beams for "
           "differences, and no two see it from stage angles 5 deg or more apart. Run the procedure "
           "range-validation");
     for (const Surface& surface : surfaces)
@@ -269,16 +270,16 @@ class Validation : public Fitting {
       out["values"].push_back(result_value(name + "_after_mm", words + ", corrected", after_all, "mm"));
       out["budget"].push_back(
           budget_line(words + ", corrected: differs along the surface", "A", after_all.u, "mm"));
-      out["values"].push_back(result_value(name + "_improvement_percent", words + ": better by",
+      out["values"].push_back(result_value(name + "_improvement_percent", words + ": improvement",
                                            improvement(before_all, after_all), "%"));
     }
     out["tables"].push_back(
         {{"title", "Experiment A3: spread of ordinate differences before and after correction"},
          {"columns",
           {"capture", "difference", column("before", "mm"), column("from", "mm"), column("to", "mm"),
-           column("after", "mm"), column("from", "mm"), column("to", "mm"), column("better by", "%"),
+           column("after", "mm"), column("from", "mm"), column("to", "mm"), column("improvement", "%"),
            column("plane removed, before", "mm"), column("after", "mm"), column("from", "mm"),
-           column("to", "mm"), column("better by", "%")}},
+           column("to", "mm"), column("improvement", "%")}},
          {"rows", rows}});
   }
 
@@ -305,7 +306,7 @@ class Validation : public Fitting {
       out["values"].push_back(result_value("scene_after_mm", "The same, range and centre corrected",
                                            {after.mean_mm, after.u_mm}, "mm"));
       out["values"].push_back(
-          result_value("scene_improvement_percent", "Better by",
+          result_value("scene_improvement_percent", "Improvement",
                        improvement({before.mean_mm, before.u_mm}, {after.mean_mm, after.u_mm}), "%"));
       out["budget"].push_back(
           budget_line("same scene: distances differ from point to point", "A", after.u_mm, "mm"));
@@ -372,7 +373,7 @@ class Validation : public Fitting {
       if (match_lidar(correction.lidar_model, correction.lidar_serial, lidar).another)
         out["notes"].push_back("The correction belongs to another lidar (" + correction.lidar_model + " " +
                                correction.lidar_serial + ") than " + source.path + " (" +
-                               lidar_in_words(*source.session) + "): these figures say nothing of either.");
+                               lidar_in_words(*source.session) + "): these figures hold for neither.");
       else if (other_firmware)
         out["notes"].push_back("The correction was measured with firmware " + correction.lidar_firmware +
                                ", " + source.path + " with " + lidar.firmware + ".");
@@ -412,7 +413,7 @@ class Validation : public Fitting {
           return surface.temperature_c.has_value();
         }))
       out["undetermined"].push_back(
-          "whether the correction holds at this temperature: these captures do not tell it");
+          "whether the correction holds at this temperature: these captures do not say");
   }
 };
 

@@ -65,7 +65,7 @@ void add_self_check(json& out, const fit::WallFit& fit) {
   for (const fit::WallEffect& effect : fit.effects) {
     if (effect.line.member != &fit::DeviceAccuracy::stage_scale) continue;
     if (effect.found.u > 0.5) {
-      out["undetermined"].push_back("the scale of the stage: these captures do not tell it");
+      out["undetermined"].push_back("the scale of the stage: these captures do not determine it");
       return;
     }
     const double percent = 100 * effect.line.u;
@@ -75,6 +75,23 @@ void add_self_check(json& out, const fit::WallFit& fit) {
     if (std::abs(effect.found.value) > 3)
       out["contradictions"].push_back("The stage's scale is off by more than the bench file's u_scale allows");
   }
+}
+
+/// Of the six values of the joint fit; `angle_u`: that of the mounting angle with its parts from the stage,
+/// degrees.
+json covariance_of_values(const fit::WallFit& fit, double angle_u) {
+  json matrix = json::array();
+  const double scale[] = {fit::deg_per_rad, 1, 1, 1, 1, fit::deg_per_rad};
+  for (int i = 0; i < 6; ++i) {
+    json row = json::array();
+    for (int k = 0; k < 6; ++k)
+      row.push_back(
+          scale[i] * scale[k] * fit.covariance(i, k) +
+          (i == 0 && k == 0 ? std::pow(angle_u, 2) - std::pow(scale[0], 2) * fit.covariance(0, 0) : 0));
+    matrix.push_back(row);
+  }
+  return {{"names", {"mounting_angle_deg", "mount_x_mm", "mount_y_mm", "front_mm", "side_mm", "corner_deg"}},
+          {"matrix", matrix}};
 }
 
 void add_values(json& out, const fit::WallFit& fit, const fit::Bench& bench) {
@@ -126,8 +143,8 @@ void add_values(json& out, const fit::WallFit& fit, const fit::Bench& bench) {
   angle_part(yaw);
   yaw.add({.source = "orientation of the front board (bench file)", .distribution = "normal", .u = board_u});
   yaw.publish(out, angle_deg);
-  mm(slope_of(3, 1), fit.joint[3], "front_mm", "Front wall from the axis");
-  mm(slope_of(4, 1), fit.joint[4], "side_mm", "Side wall from the axis");
+  mm(slope_of(3, 1), fit.joint[3], "front_mm", "Distance of the front wall from the axis");
+  mm(slope_of(4, 1), fit.joint[4], "side_mm", "Distance of the side wall from the axis");
   const double corner =
       fit::wrap_angle(fit.walls[1].line.normal_rad - fit.walls[0].line.normal_rad) * fit::deg_per_rad;
   budget_of(fit, slope_of(5, fit::deg_per_rad), "corner_deg", "Angle from the front wall to the side wall", "deg")
@@ -135,22 +152,11 @@ void add_values(json& out, const fit::WallFit& fit, const fit::Bench& bench) {
   add_self_check(out, fit);
   out["values"].push_back(
       plain_value("range_noise_mm", "Standard deviation of one range", fit.range_noise_mm, "mm"));
-  json matrix = json::array();
-  const double scale[] = {fit::deg_per_rad, 1, 1, 1, 1, fit::deg_per_rad};
-  for (int i = 0; i < 6; ++i) {
-    json row = json::array();
-    for (int k = 0; k < 6; ++k)
-      row.push_back(scale[i] * scale[k] * fit.covariance(i, k) +
-                    (i == 0 && k == 0 ? std::pow(angle.u(), 2) - std::pow(scale[0], 2) * fit.covariance(0, 0) : 0));
-    matrix.push_back(row);
-  }
-  out["covariance"] = {
-      {"names", {"mounting_angle_deg", "mount_x_mm", "mount_y_mm", "front_mm", "side_mm", "corner_deg"}},
-      {"matrix", matrix}};
+  out["covariance"] = covariance_of_values(fit, angle.u());
 }
 
-/// Simpler ways beside the joint fit, whose deviations were taken off before.
-void compare_ways(json& out, const fit::WallFit& fit) {
+/// Simpler methods beside the joint fit, whose deviations were taken off before.
+void compare_simpler(json& out, const fit::WallFit& fit) {
   if (fit.repeats >= 3)
     compare_methods(out, "Mounting angle", "all beams together", degrees(joint(fit, 0)),
                     "slope of the front wall at stage angle 0", degrees(fit.patent_angle_rad), "deg");
@@ -193,7 +199,7 @@ void add_ways(json& out, const fit::WallFit& fit) {
   row("joint least squares of all beams", fit.radius_mm, fit.direction_rad, fit.beams, fit.beams);
   for (const fit::WallCircle& way : fit.ways)
     row(way.way, way.radius_mm, way.direction_rad, way.points, way.inliers);
-  out["tables"].push_back({{"title", "The offset by each way"},
+  out["tables"].push_back({{"title", "The offset by each method"},
                            {"columns",
                             {"way", unit_column("radius", "mm"), unit_column("u", "mm"),
                              unit_column("direction", "deg"), unit_column("u", "deg"), "points", "used"}},
@@ -205,16 +211,16 @@ void add_ways(json& out, const fit::WallFit& fit) {
     angles.push_back(
         {"patent: mean slope of the front wall at stage angle 0", patent.value, patent.u, fit.repeats});
   out["tables"].push_back(
-      {{"title", "The mounting angle by each way"},
+      {{"title", "The mounting angle by each method"},
        {"columns", {"way", unit_column("angle", "deg"), unit_column("u", "deg"), "captures"}},
        {"rows", angles}});
 }
 
-void add_sights(json& out, const fit::WallFit& fit) {
+void add_observations(json& out, const fit::WallFit& fit) {
   json rows = json::array();
-  for (const fit::WallSight& sight : fit.means) {
-    json row = {sight.stage_rad * fit::deg_per_rad};
-    for (const auto& wall : sight.walls) {
+  for (const fit::WallObservation& observation : fit.means) {
+    json row = {observation.stage_rad * fit::deg_per_rad};
+    for (const auto& wall : observation.walls) {
       row.push_back(wall ? json(wall->line.normal_rad * fit::deg_per_rad) : json(nullptr));
       row.push_back(wall ? json(wall->line.distance_mm) : json(nullptr));
       row.push_back(wall ? json(wall->points) : json(0));
@@ -257,10 +263,10 @@ void add_plots(json& out, const fit::WallFit& fit) {
                            "distance minus that of the axis (mm)");
   for (const int j : {0, 1}) {
     std::vector<double> x, y;
-    for (const fit::WallSight& sight : fit.means) {
-      if (!sight.walls[j]) continue;
-      x.push_back(sight.stage_rad * fit::deg_per_rad);
-      y.push_back(sight.walls[j]->line.distance_mm - fit.joint[3 + j]);
+    for (const fit::WallObservation& observation : fit.means) {
+      if (!observation.walls[j]) continue;
+      x.push_back(observation.stage_rad * fit::deg_per_rad);
+      y.push_back(observation.walls[j]->line.distance_mm - fit.joint[3 + j]);
     }
     add_series(distance, fit.walls[j].name, "points", x, y);
     x.clear(), y.clear();
@@ -279,7 +285,7 @@ void add_remarks(json& out, const fit::WallFit& fit) {
   for (const std::string& note : fit.notes) out["notes"].push_back(note);
   if (fit.repeats < 3)
     out["notes"].push_back(
-        "The patent's mounting angle asks for at least three captures at stage angle 0; there are " +
+        "The patent's mounting angle needs at least three captures at stage angle 0; there are " +
         std::to_string(fit.repeats) + ".");
   if (fit.capture_inflation > 1.5) {
     std::snprintf(
@@ -353,20 +359,21 @@ class Wall : public Fitting {
         "fitted by "
         "least squares. Mounting angle, offset, walls and the corner's angle come from one joint "
         "least-squares fit "
-        "of all beams, n . (R(stage) (m + rho u(yaw + beam))) = D, weighted by incidence; the patent's ways "
-        "(slope of the front wall at stage angle 0; circle through the lidar's positions, RANSAC with 20 "
+        "of all beams, n . (R(stage) (m + rho u(yaw + beam))) = D, weighted by incidence; the patent's "
+        "methods (slope of the front wall at stage angle 0; circle through the lidar's positions, RANSAC "
+        "with 20 "
         "then "
-        "10 mm, from both walls or from single square beams) stand beside.");
+        "10 mm, from both walls or from single square beams) are given for comparison.");
     add_values(out, fit, bench);
     out["use"].push_back(
         "x, y and yaw of the lidar on the stage are the bench file's lidar.mount: at stage angle theta the "
         "lidar's optical centre is at R(theta) (x, y) from the axis, and its beam at 0 deg points to theta "
         "+ yaw. x lies along the stage's zero direction, y to the left of it, seen from above; angles grow "
         "counter-clockwise.");
-    compare_ways(out, fit);
+    compare_simpler(out, fit);
     compare_with_bench(out, fit, bench);
     add_ways(out, fit);
-    add_sights(out, fit);
+    add_observations(out, fit);
     add_plots(out, fit);
     add_remarks(out, fit);
     out["data"] = {{"captures", fit.means.size()},

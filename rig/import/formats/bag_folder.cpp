@@ -59,12 +59,12 @@ std::vector<fs::path> bag_files(const fs::path& folder, ImportSink& sink) {
       }
     } catch (const YAML::Exception& error) {
       sink.note(std::string("metadata.yaml cannot be read (") + error.what() +
-                "): the bag files were taken by name.");
+                "): the bag files were read in the order of their names.");
     }
   } else {
     sink.note(
-        "The folder has no metadata.yaml, as when the recorder was killed: its bag files were taken by "
-        "name.");
+        "The folder has no metadata.yaml, as when the recorder was killed: its bag files were read in the "
+        "order of their names.");
   }
   if (files.empty()) {
     for (const auto& entry : fs::directory_iterator(folder))

@@ -79,11 +79,11 @@ class RoverLog {
   }
 
   void finish() {
-    if (faulty_ > 0) sink_.note(std::to_string(faulty_) + " lines were cut or absurd and left out.");
+    if (faulty_ > 0)
+      sink_.note(std::to_string(faulty_) + " lines were truncated or implausible and left out.");
     if (too_far_ > 0)
       sink_.note(std::to_string(too_far_) +
-                 " ranges beyond 5.6 m, which a URG-04LX cannot measure, were taken as "
-                 "no echo.");
+                 " ranges beyond 5.6 m, which a URG-04LX cannot measure, were treated as no echo.");
   }
 
  private:
@@ -132,7 +132,7 @@ class BreezySlam : public Importer {
     bool too_long = false;
     while (sink.wants_more() && next_line(in, line, too_long)) log.line(line);
     if (too_long)
-      throw UsageError(path + " has a line of more than four million characters: it is no such log.");
+      throw UsageError(path + " has a line of more than four million characters: it is not such a log.");
     log.finish();
   }
 };

@@ -122,11 +122,12 @@ class CarmenReader {
   }
 
   void finish() {
-    if (faulty_ > 0) sink_.note(std::to_string(faulty_) + " lines were cut or absurd and left out.");
+    if (faulty_ > 0)
+      sink_.note(std::to_string(faulty_) + " lines were truncated or implausible and left out.");
     if (twice_ > 0)
       sink_.note(std::to_string(twice_) + " scans stand in two kinds of lines: each was taken once.");
     for (const auto& kind : passed_over_)
-      sink_.note("Lines " + kind + " were left out: another laser's were taken. Use --topic " + kind +
+      sink_.note("Lines " + kind + " were left out: another laser's were used. Use --topic " + kind +
                  " to take them instead.");
   }
 

@@ -128,10 +128,11 @@ class UbhReader {
   }
 
   void finish() {
-    if (several_) sink_.note("The log holds several echoes a step: the first was taken.");
+    if (several_) sink_.note("The log holds several echoes a step: the first was used.");
     if (backwards_ > 0)
       sink_.note(std::to_string(backwards_) + " scans carry a time that is not after the one before.");
-    if (faulty_ > 0) sink_.note(std::to_string(faulty_) + " scans were cut or absurd and left out.");
+    if (faulty_ > 0)
+      sink_.note(std::to_string(faulty_) + " scans were truncated or implausible and left out.");
   }
 
   std::string path_;

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "fit/distributions.hpp"
+#include "fit/median.hpp"
 #include "rig/procedure/step.hpp"
 
 namespace rig::steps {
@@ -26,12 +27,6 @@ struct Level {
   }
 };
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 /// The level of samples that are known to be smooth: median, a gate of 5 robust standard deviations (never
 /// less than three steps of the 1 mm rounding), and the share outside it, with one doubtful sample added
 /// (rule of succession) so that a short reference promises nothing.
@@ -42,10 +37,10 @@ Level level_of(const std::vector<double>& samples) {
     if (sample > 0) echoes.push_back(sample);
   level.echo = echoes.size() * 2 > samples.size();
   if (level.echo) {
-    level.median_mm = median(echoes);
+    level.median_mm = fit::median_of(std::vector(echoes));
     std::vector<double> deviations;
     for (const double echo : echoes) deviations.push_back(std::abs(echo - level.median_mm));
-    level.gate_mm = std::max(3.0, 5 * 1.4826 * median(deviations));
+    level.gate_mm = std::max(3.0, 5 * 1.4826 * fit::median_of(std::move(deviations)));
   }
   const auto outside = std::ranges::count_if(samples, [&](double sample) { return !level.holds(sample); });
   level.outside = (static_cast<double>(outside) + 1) / (static_cast<double>(samples.size()) + 2);
@@ -68,7 +63,7 @@ Level followed(Level level, const std::vector<double>& samples, double reach_mm)
   for (const double sample : samples)
     if (sample > 0) echoes.push_back(sample);
   if (echoes.empty()) return level;
-  const double here_mm = median(echoes);
+  const double here_mm = fit::median_of(std::vector(echoes));
   if (std::abs(here_mm - level.median_mm) < reach_mm) level.median_mm = here_mm;
   return level;
 }
@@ -236,7 +231,7 @@ class Search {
         rounded_text(settings_.from_deg, 4) + " and " + rounded_text(settings_.to_deg, 4) +
         " deg: the beam sees " + seen(settings_.right ? background_ : board_) + " and " +
         seen(settings_.right ? board_ : background_) +
-        ". The stage stands. Compare the target's place with the bench file, or widen search_deg.");
+        ". The stage has stopped. Compare the target's place with the bench file, or widen search_deg.");
   }
 
   void save() {

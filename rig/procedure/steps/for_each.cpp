@@ -9,8 +9,8 @@ class ForEach final : public StepKind {
  public:
   std::string name() const override { return "for-each"; }
   std::string about() const override {
-    return "Repeats steps for every value of a variable (of several: each with each), or for every turn of a "
-           "list";
+    return "Repeats steps for every value of a variable (of several: for every combination), or for every "
+           "entry of a list";
   }
   const std::vector<Option>& options() const override {
     static const std::vector<Option> none;

@@ -9,8 +9,8 @@ class Move final : public StepKind {
   std::string name() const override { return "move"; }
   std::string about() const override { return "Moves the stage to an angle, or by an angle"; }
   const std::vector<Option>& options() const override {
-    static const std::vector<Option> options = {{.name = "to_deg", .about = "angle to go to"},
-                                                {.name = "by_deg", .about = "angle to go further"},
+    static const std::vector<Option> options = {{.name = "to_deg", .about = "angle to move to"},
+                                                {.name = "by_deg", .about = "angle to move by"},
                                                 approach_option()};
     return options;
   }

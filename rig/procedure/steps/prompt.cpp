@@ -11,11 +11,11 @@ using Type = Option::Type;
 
 const std::vector<Option>& ask_options() {
   static const std::vector<Option> options = {
-      {.name = "name", .type = Type::text, .about = "variable that gets the answer", .required = true},
+      {.name = "name", .type = Type::text, .about = "variable that receives the answer", .required = true},
       {.name = "unit", .type = Type::text, .about = "unit of the answer"},
       {.name = "min", .about = "smallest answer that is accepted"},
       {.name = "max", .about = "largest answer that is accepted"},
-      {.name = "default", .type = Type::text, .about = "answer when nobody is there to type one"}};
+      {.name = "default", .type = Type::text, .about = "answer of unattended runs"}};
   return options;
 }
 
@@ -27,7 +27,7 @@ const std::vector<Option>& place_options() {
       {.name = "reflectance", .about = "of the surface put there", .min = 0, .max = 10},
       {.name = "temperature_c", .about = "of the lidar's housing", .min = -40, .max = 90},
       {.name = "since_power_on_s",
-       .about = "the lidar was switched off and is on again for so long when this is confirmed",
+       .about = "the lidar was switched off; how long it has been on again when this is confirmed",
        .min = 0,
        .max = 1e6}};
   return options;
@@ -37,11 +37,12 @@ const std::vector<Option>& until_options() {
   static const std::vector<Option> options = {
       {.name = "beams_deg",
        .type = Type::numbers,
-       .about = "beams that look, in degrees of the lidar's frame; a placed target's own if not given"},
+       .about = "beams that check it, in degrees of the lidar's frame; a placed target's own if not given"},
       {.name = "within_mm", .type = Type::numbers, .about = "distance they should see"},
       {.name = "flat_within_mm", .about = "largest deviation from a straight line", .min = 0.1},
       {.name = "tolerance_mm",
-       .about = "how far from its place a placed target may be seen; from the stated uncertainties if not given",
+       .about =
+           "how far from its place a placed target may be seen; from the stated uncertainties if not given",
        .min = 0.1,
        .max = 1e5},
       {.name = "surface",
@@ -49,7 +50,8 @@ const std::vector<Option>& until_options() {
        .about = "false: the echo need not follow the reflectance of 'place'"},
       {.name = "echo",
        .type = Type::flag,
-       .about = "false: a placed target that gives no echo at all is accepted: it may be too dark or too far"}};
+       .about =
+           "false: a placed target that gives no echo at all is accepted: it may be too dark or too far"}};
   return options;
 }
 
@@ -95,7 +97,7 @@ class PromptStep final : public StepKind {
   bool asks_a_person() const override { return true; }
   const Node* places(const Node& options) const override { return options.find("place"); }
   std::string about() const override {
-    return "Asks the operator to place or change something; the rig looks whether it was done";
+    return "Asks the operator to place or change something; the rig checks that it was done";
   }
   const std::vector<Option>& options() const override {
     static const std::vector<Option> options = {
@@ -112,15 +114,15 @@ class PromptStep final : public StepKind {
          .members = place_options()},
         {.name = "until",
          .type = Type::map,
-         .about = "what the rig itself should then see; without it, a placed target where it was asked for",
+         .about = "what the rig itself should then see; without it, a placed target where it was requested",
          .members = until_options()},
         {.name = "timeout_min",
-         .about = "stops the run, resumable, when nobody answers; waits for ever if not given",
+         .about = "stops the run, resumable, when nobody answers; waits indefinitely if not given",
          .min = 0.01,
          .max = 100000},
         {.name = "skip",
          .type = Type::flag,
-         .about = "false: may not be skipped (a skip leaves out the turn of the for-each)"}};
+         .about = "false: may not be skipped (a skip leaves out this repetition of the for-each)"}};
     return options;
   }
   std::vector<std::string> defines(const Node& options) const override {
@@ -179,8 +181,8 @@ class PromptStep final : public StepKind {
     if (!beams) {
       if (!places_target || until.has("within_mm") || until.has("flat_within_mm"))
         throw ProcedureError(until.place(),
-                             "'until' needs 'beams_deg', the beams that look; only a target that 'place' names "
-                             "is looked at without them.");
+                             "'until' needs 'beams_deg', the beams that check it; only a target that 'place' "
+                             "names is checked without them.");
       result.of_target = true;
       return result;
     }

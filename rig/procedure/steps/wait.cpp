@@ -8,8 +8,8 @@ class Wait final : public StepKind {
  public:
   std::string name() const override { return "wait"; }
   std::string about() const override {
-    return "Lets time pass with the lidar measuring, for warm-up; this computer's clock counts, and the wait "
-           "begins again when the lidar restarts";
+    return "Waits while the lidar measures, for warm-up; timed by this computer's clock, and begun again "
+           "when the lidar restarts";
   }
   const std::vector<Option>& options() const override {
     static const std::vector<Option> options = {

@@ -106,17 +106,15 @@ awaitable<StageReading> FalconProtocol::read() {
   if (!reading.moving) {
     const std::optional<double> target = std::exchange(target_, std::nullopt);
     if (target && reading.position != *target)
-      reading.fault =
-          now.at_limit ? "a limit switch was hit"
-                       : "it stands before its target and does not say why (stalled, power interrupted, or "
-                         "stopped from elsewhere)";
+      reading.fault = now.at_limit ? "a limit switch was hit"
+                                   : "it stopped short of its target without a reason (stalled, power "
+                                     "interrupted, or stopped from elsewhere)";
   }
   co_return reading;
 }
 
 void FalconProtocol::demand_not_stopped() const {
-  if (is_stop_requested_)
-    throw StageError("the stage was stopped. It stands where it is; give the command again to go on.");
+  if (is_stop_requested_) throw StageError("the stage was stopped. Give the command again to continue.");
 }
 
 awaitable<void> FalconProtocol::start_move(long long target) {
@@ -138,7 +136,7 @@ awaitable<void> FalconProtocol::start_move(long long target) {
     if (now.moving || std::round(now.deg * units_per_deg) == *target_) co_return;
   }
   target_.reset();
-  throw StageRefusal("the stage did not take `" + command + "`, told " + std::to_string(falcon_attempts) +
+  throw StageRefusal("the stage did not accept `" + command + "`, sent " + std::to_string(falcon_attempts) +
                      " times. Nothing was moved by it. Look at its own display or program for an error.");
 }
 

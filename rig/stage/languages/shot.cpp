@@ -27,10 +27,10 @@ constexpr double longest_ramp_ms = 1000;
 /// For controllers that may not acknowledge; and once they were found not to.
 constexpr auto acknowledgement_time = std::chrono::milliseconds(30),
                silent_time = std::chrono::milliseconds(3);
-constexpr int commands_to_tell = 4;
-constexpr int most_looks_at_rest = 500, looks_before_stop = 50;
+constexpr int commands_to_decide = 4;
+constexpr int most_polls_at_rest = 500, polls_before_stop = 50;
 
-enum class Doing { standing, homing, moving, turning, stopping };
+enum class Activity { standing, homing, moving, turning, stopping };
 
 class ShotProtocol : public StageProtocol {
  public:
@@ -72,7 +72,7 @@ class ShotProtocol : public StageProtocol {
   double speed_ = 0, acceleration_ = 0;
   bool has_turn_speed_ = false;
   bool homed_ = false;
-  Doing doing_ = Doing::standing;
+  Activity doing_ = Activity::standing;
   double target_ = 0;
   std::optional<double> left_at_;  ///< Where it stood when last looked at.
 };
@@ -124,7 +124,7 @@ awaitable<std::optional<std::string>> ShotProtocol::ask_text(std::string questio
 awaitable<std::optional<bool>> ShotProtocol::command(std::string text) {
   auto due = co_await send(text);
   if (is_gsc())
-    due = Clock::now() + (silent_commands_ < commands_to_tell ? acknowledgement_time : silent_time);
+    due = Clock::now() + (silent_commands_ < commands_to_decide ? acknowledgement_time : silent_time);
   for (bool is_waiting = true; is_waiting;) {
     const std::optional<std::string> line = co_await link_.read_line(due);
     is_waiting = line.has_value();
@@ -179,18 +179,17 @@ awaitable<StageIdentity> ShotProtocol::identify() {
 
 /// What an answer at rest means depends on what was going on.
 void ShotProtocol::judge_rest(const ShotStatus& now, StageReading& reading) {
-  const Doing was = std::exchange(doing_, Doing::standing);
+  const Activity was = std::exchange(doing_, Activity::standing);
   if (now.at_limit) reading.warnings.push_back("a limit switch stopped it");
-  if (was == Doing::homing) homed_ = now.position == 0 && !now.at_limit;
-  if (was == Doing::moving && now.position != target_) {
-    reading.fault = now.at_limit
-                        ? "a limit switch was hit"
-                        : "it stands before its target and does not say why (stalled, power interrupted, or "
-                          "stopped from elsewhere)";
+  if (was == Activity::homing) homed_ = now.position == 0 && !now.at_limit;
+  if (was == Activity::moving && now.position != target_) {
+    reading.fault = now.at_limit ? "a limit switch was hit"
+                                 : "it stopped short of its target without a reason (stalled, power "
+                                   "interrupted, or stopped from elsewhere)";
     homed_ = homed_ && now.at_limit;
   }
-  if (was == Doing::standing && left_at_ && now.position != *left_at_) {
-    reading.warnings.push_back("its count changed while it stood: its power was interrupted");
+  if (was == Activity::standing && left_at_ && now.position != *left_at_) {
+    reading.warnings.push_back("its count changed at rest: its power was interrupted");
     homed_ = false;
   }
   left_at_ = now.position;
@@ -217,30 +216,29 @@ awaitable<StageReading> ShotProtocol::read() {
 void ShotProtocol::link_was_lost() {
   homed_ = false;
   left_at_.reset();
-  doing_ = Doing::standing;
+  doing_ = Activity::standing;
 }
 
 // --- motion ---
 
 void ShotProtocol::demand_not_stopped() const {
-  if (is_stop_requested_)
-    throw StageError("the stage was stopped. It stands where it is; give the command again to go on.");
+  if (is_stop_requested_) throw StageError("the stage was stopped. Give the command again to continue.");
 }
 
 /// While it moves it takes no other motion: it is stopped first.
 awaitable<ShotStatus> ShotProtocol::at_rest() {
   std::optional<ShotStatus> before;
-  for (int look = 0; look < most_looks_at_rest; ++look) {
+  for (int poll = 0; poll < most_polls_at_rest; ++poll) {
     const ShotStatus now = co_await status();
     if (!now.busy && before && before->position == now.position) co_return now;
-    if (now.busy && look % looks_before_stop == 0) {
+    if (now.busy && poll % polls_before_stop == 0) {
       co_await demand("L:" + axis());
     }
     before = now.busy ? std::nullopt : std::optional(now);
     if (!now.busy) continue;
     co_await link_.drain();
   }
-  throw StageError("the stage does not come to rest, though it was told to stop. Switch it off.");
+  throw StageError("the stage does not come to rest, although it was ordered to stop. Switch it off.");
 }
 
 awaitable<bool> ShotProtocol::has_begun(ShotStatus before) {
@@ -259,13 +257,13 @@ awaitable<void> ShotProtocol::start_homing() {
     // Without acknowledgement "understood" may be about the command before: then only motion proves it.
     const bool begun = co_await has_begun(before);
     if (begun || (understood && *understood && !is_gsc())) {
-      doing_ = Doing::homing;
+      doing_ = Activity::homing;
       co_return;
     }
     if (understood && !*understood && attempt + 1 == shot_attempts)
       refuse(text, "its motor is free, or it cannot be homed");
   }
-  throw StageRefusal("the stage did not begin homing, told " + std::to_string(shot_attempts) +
+  throw StageRefusal("the stage did not begin homing, commanded " + std::to_string(shot_attempts) +
                      " times. Nothing was moved. Check that its motor is connected and switched on.");
 }
 
@@ -292,7 +290,7 @@ awaitable<void> ShotProtocol::drive_to(double target) {
     if (is_started && !*is_started && attempt + 1 == shot_attempts) refuse("G:", "it gives no reason");
   }
   throw StageRefusal(
-      "the stage did not begin to move, told " + std::to_string(shot_attempts) +
+      "the stage did not begin to move, commanded " + std::to_string(shot_attempts) +
       " times. Nothing was moved. Check that its motor is connected and switched on (C:" + axis() + "1).");
 }
 
@@ -305,7 +303,7 @@ awaitable<void> ShotProtocol::start_move(long long target) {
   }
   co_await drive_to(static_cast<double>(target));
   target_ = static_cast<double>(target);
-  doing_ = Doing::moving;
+  doing_ = Activity::moving;
 }
 
 awaitable<void> ShotProtocol::start_turn(double speed) {
@@ -315,15 +313,15 @@ awaitable<void> ShotProtocol::start_turn(double speed) {
   co_await use_speed(std::abs(speed), acceleration_);
   auto driving = drive_to(speed < 0 ? -farthest : farthest);
   co_await std::move(driving);
-  doing_ = Doing::turning;
+  doing_ = Activity::turning;
 }
 
 awaitable<void> ShotProtocol::start_stop() {
   is_stop_requested_ = false;
   link_.forget_answers();
-  const std::string text = doing_ == Doing::homing ? "L:E" : "L:" + axis();
-  if (doing_ == Doing::homing) homed_ = false;
-  doing_ = Doing::stopping;
+  const std::string text = doing_ == Activity::homing ? "L:E" : "L:" + axis();
+  if (doing_ == Activity::homing) homed_ = false;
+  doing_ = Activity::stopping;
   co_await demand(text);
   if (!is_gsc()) co_return;
   // A lost command looks like one that was understood; a stop is worth saying twice.
@@ -333,7 +331,7 @@ awaitable<void> ShotProtocol::start_stop() {
 /// Homing heeds only L:E. The line end before it ends whatever was half said.
 std::string ShotProtocol::stop_now() {
   is_stop_requested_ = true;
-  return doing_ == Doing::homing ? "\r\nL:E\r\n" : "\r\nL:" + axis() + "\r\n";
+  return doing_ == Activity::homing ? "\r\nL:E\r\n" : "\r\nL:" + axis() + "\r\n";
 }
 
 // --- speed ---

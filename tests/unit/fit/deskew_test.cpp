@@ -29,7 +29,7 @@ struct TurningStage {
                ? rate * period / (2 * std::numbers::pi) * std::sin(2 * std::numbers::pi * t / period)
                : from + rate * t;
   }
-  [[nodiscard]] room::Place lidar(double t) const {
+  [[nodiscard]] room::Pose lidar(double t) const {
     const double a = angle(t);
     return {std::cos(a) * mount.x_mm - std::sin(a) * mount.y_mm,
             std::sin(a) * mount.x_mm + std::cos(a) * mount.y_mm, a + mount.heading_rad};

@@ -15,7 +15,7 @@ using room::deg;
 /// second.
 struct Robot {
   double left_radius = 32.6, right_radius = 33.0, separation = 168;
-  room::Place lidar{-42, 6, 1.5 * deg};
+  room::Pose lidar{-42, 6, 1.5 * deg};
   double wheels_late_s = 0.04, sigma_mm = 10, seconds = 60;
   bool beams_backwards = false;  ///< The driver lists them against their order in time.
   bool left_circle = false;      ///< Nothing but one circle.
@@ -24,7 +24,7 @@ struct Robot {
   double stamps_late_s = 0;  ///< Scans and wheels are stamped up to so much too late, by chance.
 
   struct State {
-    room::Place at;
+    room::Pose at;
     double left = 0, right = 0;
   };
   /// The state at every millisecond.
@@ -176,11 +176,11 @@ TEST_CASE("an offset beyond what the drive can be searched for is not passed off
   CHECK_FALSE(fit.offset.determined);
 }
 
-TEST_CASE("a stretch with slip is left out of a drive") {
+TEST_CASE("a segment with slip is left out of a drive") {
   Robot robot;
   robot.slips_at_s = 28;
   const auto fit = fit::fit_drive(Drive(robot, 6), from_nominal());
-  CHECK(std::ranges::any_of(fit.stretches, &fit::RunVerdict::left_out));
+  CHECK(std::ranges::any_of(fit.segments, &fit::RunVerdict::left_out));
   check_within(fit, robot, 3);
 }
 

@@ -11,7 +11,7 @@ namespace {
 using Eigen::Vector2d;
 using fit::Pose2;
 
-std::vector<Vector2d> seen_from(const std::vector<room::Wall>& walls, const room::Place& at, double sigma_mm,
+std::vector<Vector2d> seen_from(const std::vector<room::Wall>& walls, const room::Pose& at, double sigma_mm,
                                 unsigned seed, double farthest_mm = 1e9) {
   std::mt19937 random(seed);
   const auto ranges = room::scan(
@@ -81,7 +81,7 @@ TEST_CASE("the nearest neighbour is the nearest") {
 
 TEST_CASE("a scan match finds the motion, with an uncertainty that covers it") {
   const auto walls = room::furnished();
-  const room::Place second{60, -30, 0.06};
+  const room::Pose second{60, -30, 0.06};
   int covered[3] = {0, 0, 0};
   const int seeds = 60;
   double squares[3] = {0, 0, 0}, squares_points = 0;

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "fit/selection.hpp"
+#include "fit/validation_measures.hpp"
 
 TEST_CASE("captures are told apart by what was changed: surfaces at one distance, or the distance") {
   std::vector<fit::RangePoint> points;

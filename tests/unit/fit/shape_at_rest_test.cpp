@@ -20,7 +20,7 @@ fit::Sweep scan(double heading_deg, double rate_deg_s, double sigma_mm, std::mt1
   const auto ranges = room::scan(
       walls,
       [&](double t) {
-        return room::Place{0, 0, (heading_deg + rate_deg_s * t) * deg};
+        return room::Pose{0, 0, (heading_deg + rate_deg_s * t) * deg};
       },
       0, sigma_mm, random);
   fit::ScanView view;

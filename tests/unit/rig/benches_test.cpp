@@ -106,7 +106,7 @@ TEST_CASE("benches: who waits for a person comes first, then what was killed, wh
   REQUIRE(state.at("benches").size() == 5);
   const json &first = state.at("benches").at(0), &second = state.at("benches").at(1), &third = state.at("benches").at(2);
   CHECK(first.at("session") == "waiting.rig");
-  CHECK(first.at("phase") == "needs a person");
+  CHECK(first.at("phase") == "needs an operator");
   CHECK(first.at("needs").at("title") == "Place the board");
   CHECK(first.at("needs").at("waiting_s") == 600);
   CHECK(first.at("lidar") == "UST-10LX H9");

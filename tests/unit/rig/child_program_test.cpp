@@ -85,7 +85,7 @@ TEST_CASE("a gnuplot that hangs costs its picture, which says so") {
   const TestFolder folder;
   const HangingProgram gnuplot(folder, "gnuplot");
   const rig::Plot plot{"Edge", "x", "y", {{"a", rig::Series::Style::line, {0, 1}, {0, 1}, {}}}};
-  CHECK_THAT(rig::to_svg(plot, soon), Contains("gnuplot was not done within 0.1 s and was stopped"));
+  CHECK_THAT(rig::to_svg(plot, soon), Contains("gnuplot did not finish within 0.1 s and was stopped"));
 }
 
 TEST_CASE("a WeasyPrint that hangs is stopped and named, and leaves nothing") {
@@ -97,6 +97,6 @@ TEST_CASE("a WeasyPrint that hangs is stopped and named, and leaves nothing") {
   const HangingProgram weasyprint(folder, "weasyprint");
   CHECK_THROWS_WITH(
       rig::write_report(folder / "run.rig", rig::check_output({folder / "run.pdf"}), soon),
-      Contains("WeasyPrint was not done within 0.1 s and was stopped") && Contains("write .html"));
+      Contains("WeasyPrint did not finish within 0.1 s and was stopped") && Contains("write .html"));
   CHECK(std::distance(std::filesystem::directory_iterator(folder.path()), {}) == 2);
 }

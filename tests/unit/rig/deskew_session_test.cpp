@@ -36,7 +36,7 @@ void write_session(const std::string& file, int scans, double rate_deg_s, unsign
   std::mt19937 random(seed);
   const auto lidar_at = [rate_deg_s](double t) {
     const double a = rate_deg_s * room::deg * (t - 1);
-    return room::Place{80 * std::cos(a) - 20 * std::sin(a), 80 * std::sin(a) + 20 * std::cos(a), a};
+    return room::Pose{80 * std::cos(a) - 20 * std::sin(a), 80 * std::sin(a) + 20 * std::cos(a), a};
   };
   for (int i = 0; i < scans; ++i) {
     fit::ScanView view;
@@ -55,7 +55,7 @@ void write_turning(const std::string& file, int scans) { write_session(file, sca
 /// The rms distance from the true walls of scans that nothing distorts, mm.
 double distance_of_a_scan_at_rest() {
   const auto walls = room::furnished();
-  const room::Place lidar{80, 20, 0};
+  const room::Pose lidar{80, 20, 0};
   std::mt19937 random(17);
   double sum = 0;
   constexpr int scans = 40;
@@ -106,8 +106,8 @@ TEST_CASE("rig deskew writes corrected points of every beam, poses, and pictures
   int count = 0;
   double squares = 0, points = 0;
   while (rows.executeStep()) {
-    const room::Place at{rows.getColumn(0).getDouble(), rows.getColumn(1).getDouble(),
-                         rows.getColumn(2).getDouble() * room::deg};
+    const room::Pose at{rows.getColumn(0).getDouble(), rows.getColumn(1).getDouble(),
+                        rows.getColumn(2).getDouble() * room::deg};
     REQUIRE(rows.getColumn(3).getBytes() == 1081 * 8);
     std::vector<float> xy(2 * 1081);
     std::memcpy(xy.data(), rows.getColumn(3).getBlob(), xy.size() * sizeof(float));

@@ -33,7 +33,7 @@ TEST_CASE("every experiment that can be proposed is a procedure that runs as it 
     CHECK_THAT(
         text,
         Catch::Contains("Tells apart warm-up and temperature or air-index, with odds of about 3000 to one") &&
-            Catch::Contains("It leaves together temperature and air-index."));
+            Catch::Contains("It does not separate temperature and air-index."));
     const auto procedure = rig::parse_procedure(text, "next.yaml");
     long captures = 0;
     for (const auto& step : rig::unroll(procedure, b)) captures += step.captures;
@@ -46,7 +46,7 @@ TEST_CASE("an experiment that leaves a chain of doubts does not promise to break
   e.expected = 5;
   e.groups = {{"zero-offset", "range-walk", "warm-up"}};
   CHECK(rig::promise_of(e) ==
-        "Narrows down who of zero-offset, range-walk and warm-up it is, with odds of about 100 to one at "
+        "Narrows down which of zero-offset, range-walk and warm-up it is, with odds of about 100 to one at "
         "least between "
         "two of them if what was found so far is right.");
 }

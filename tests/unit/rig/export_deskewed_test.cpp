@@ -266,7 +266,7 @@ TEST_CASE("an odometry's result that leaves a value open, or none at all, is ref
                     Contains("separation_mm") && Contains("never turned"));
   std::ofstream(folder / "other.json") << "{}";
   CHECK_THROWS_WITH(rig::run_export("odometry", {folder / "other.json"}, rig::check_output({folder / "x"})),
-                    Contains("no result of 'rig fit odometry'"));
+                    Contains("not a result of 'rig fit odometry'"));
   const std::string session = drive_session(folder, false);
   CHECK_THROWS_WITH(export_as(folder, session, "diff-drive-controller"), Contains("run 'rig fit odometry"));
 }

@@ -376,7 +376,7 @@ TEST_CASE("columns that name nothing, or no table, are refused with what there i
   CHECK_THROWS_WITH(import_named("bare.txt", with_columns({"time_s", "speed"})),
                     Contains("speed") && Contains("left_ticks"));
   CHECK_THROWS_WITH(import_named("robot-none.bag", with_columns({"time_s", "range_m*3"})),
-                    Contains("is no table"));
+                    Contains("is not a table"));
 }
 
 TEST_CASE("the public logs of a rover and of a robot in motion capture are read whole") {

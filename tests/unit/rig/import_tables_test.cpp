@@ -86,7 +86,7 @@ TEST_CASE("a UrgBenri log of several echoes, without intensity, cut at its end, 
   REQUIRE(in.scans.size() == 2);
   CHECK(in.scans[0].range_mm.front() == 500);
   CHECK(in.scans[0].intensity.empty());
-  CHECK_THAT(in.notes, Contains("several echoes") && Contains("1 scans were cut"));
+  CHECK_THAT(in.notes, Contains("several echoes") && Contains("1 scans were truncated"));
 }
 
 TEST_CASE(
@@ -165,7 +165,7 @@ TEST_CASE("a row of a table that ends before its time is left out") {
   REQUIRE(in.scans.size() == 2);
   CHECK(in.scans[1].range_mm == std::vector<std::uint16_t>{502, 602});
   CHECK(in.scans[1].host_us == 50'000);
-  CHECK_THAT(in.notes, Contains("1 rows or scans were cut"));
+  CHECK_THAT(in.notes, Contains("1 rows or scans were truncated"));
 }
 
 TEST_CASE("tables that are none are refused in words") {

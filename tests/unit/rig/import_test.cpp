@@ -273,6 +273,7 @@ TEST_CASE("distances are found in file and folder names") {
   CHECK(rig::distance_in_name("lidar_calibration_1.5m/") == 1500.0);
   CHECK(rig::distance_in_name("wall_1500mm_0.mcap") == 1500.0);
   CHECK(rig::distance_in_name("20 cm.db3") == 200.0);
+  CHECK_FALSE(rig::distance_in_name("/data/eyqW7m/new.log"));  // a word of its own
   CHECK_FALSE(rig::distance_in_name("run_3_morning.mcap"));
   CHECK_FALSE(rig::distance_in_name("bag_0.mcap"));
 }
@@ -310,7 +311,7 @@ TEST_CASE("a CARMEN log becomes a session with odometry and the lidar's place") 
                                           "FLASER 5 1.0 2.0\n"));
   const auto report = rig::import_session(request({log}, folder / "out.rig"));
   CHECK(report.scans == 2);
-  CHECK_THAT(all(report.notes), Contains("1 lines were cut"));
+  CHECK_THAT(all(report.notes), Contains("1 lines were truncated"));
   const rig::SessionStore store(folder / "out.rig", rig::SessionStore::Mode::read);
   const auto recording = store.recording();
   std::vector<std::uint16_t> first;

@@ -20,8 +20,8 @@ using namespace rig::investigate;
 using nlohmann::json;
 using Verdict = Conclusions::Verdict;
 
-Possible possible(const std::string& title, double information, double minutes, bool needs_hand = false) {
-  return {title, information, minutes, needs_hand, false};
+Possible possible(const std::string& title, double information, double minutes, bool needs_operator = false) {
+  return {title, information, minutes, needs_operator, false};
 }
 
 /// A room with a board that can be moved.
@@ -48,17 +48,18 @@ std::vector<PlannedStep> planned(const std::string& text) {
 }  // namespace
 
 TEST_CASE("an investigation does next what tells most per minute, not what tells most") {
-  const std::vector<Possible> telling = {possible("a long ladder", 1.0, 100), possible("a few turns", 0.5, 4)};
-  const Decision d = decide({Verdict::undecided, 1}, telling, {}, {480, false, 5});
+  const std::vector<Possible> experiments = {possible("a long ladder", 1.0, 100),
+                                             possible("a few turns", 0.5, 4)};
+  const Decision d = decide({Verdict::undecided, 1}, experiments, {}, {480, false, 5});
   REQUIRE(d.next);
-  CHECK(d.next->from == Decision::From::telling);
+  CHECK(d.next->from == Decision::From::experiments);
   CHECK(d.next->index == 1);
 }
 
 TEST_CASE("an unattended investigation does nothing that needs a hand, and says that one would tell") {
-  const std::vector<Possible> telling = {possible("a ladder", 1.0, 40, true)};
-  CHECK(decide({Verdict::undecided, 1}, telling, {}, {480, false, 5}).next);
-  const Decision d = decide({Verdict::undecided, 1}, telling, {}, {480, true, 5});
+  const std::vector<Possible> experiments = {possible("a ladder", 1.0, 40, true)};
+  CHECK(decide({Verdict::undecided, 1}, experiments, {}, {480, false, 5}).next);
+  const Decision d = decide({Verdict::undecided, 1}, experiments, {}, {480, true, 5});
   CHECK_FALSE(d.next);
   CHECK(d.end == End::cannot_tell);
   CHECK(d.needs == "an operator, for 40 min: a ladder");
@@ -111,12 +112,12 @@ TEST_CASE("a prediction is confirmed by coverage, by residuals, and by a gain wh
 TEST_CASE("the first look of an attended investigation moves a board only where it can be seen, and puts it back") {
   const fit::Bench bench = room();
   const SessionPlan alone = first_plan(bench, {}, false), attended = first_plan(bench, {}, true);
-  CHECK_FALSE(needs_hand(planned(procedure_text("alone", alone, bench))));
+  CHECK_FALSE(needs_operator(planned(procedure_text("alone", alone, bench))));
   const auto steps = planned(procedure_text("attended", attended, bench));
-  CHECK(needs_hand(steps));
+  CHECK(needs_operator(steps));
   for (const fit::CaptureInfo& c : attended.captures())
     if (c.target) CHECK(900 + c.target_shift_mm < 3000);  // before the wall
-  CHECK(steps.back().says == "prompt: board: back to its place");
+  CHECK(steps.back().says == "prompt: board: back in its place");
   std::set<int> approaches;
   for (const fit::CaptureInfo& c : alone.captures()) approaches.insert(c.approach);
   CHECK(approaches.count(1) + approaches.count(-1) == 2);
@@ -135,7 +136,8 @@ TEST_CASE("sessions keep to the stage's soft limits") {
     }
 }
 
-TEST_CASE("the foretold session looks from where no session has looked, and at other distances and greys") {
+TEST_CASE(
+    "the predicted session is recorded from where none was recorded, and at other distances and greys") {
   const fit::Bench bench = room();
   const auto so_far = first_plan(bench, {}, true).captures();
   const auto fresh = fresh_plan(bench, {}, true, so_far).captures();
@@ -160,7 +162,7 @@ TEST_CASE("a board that was moved is back in its place before anything else is l
   REQUIRE(fresh.captures().back().temperature_c);  // The whole scene, after the board's placements.
   bool away = false;
   for (const PlannedStep& step : planned(procedure_text("fresh", fresh, bench))) {
-    if (step.says.find("prompt: board") == 0) away = step.says.find("back to its place") == std::string::npos;
+    if (step.says.find("prompt: board") == 0) away = step.says.find("back in its place") == std::string::npos;
     if (step.captures > 0 && away) CHECK(step.scans == 60);  // of the board alone
   }
   CHECK_FALSE(away);
@@ -177,13 +179,13 @@ TEST_CASE("nobody has looked for a drift before a quarter of an hour has passed,
     }
     return list;
   };
-  CHECK(titles().count("The same place for a quarter of an hour") == 1);
+  CHECK(titles().count("One stage angle for a quarter of an hour") == 1);
   CHECK(titles().count("The lidar's housing at two temperatures") == 1);
   CHECK(titles().count("The stage turns at two rates, both ways") == 1);
   so_far.back().started_us = 1'000'000'000;
   so_far.front().temperature_c = 20, so_far.back().temperature_c = 30;
   so_far.front().stage_rate_rad_s = 0.1;
-  CHECK(titles().count("The same place for a quarter of an hour") == 0);
+  CHECK(titles().count("One stage angle for a quarter of an hour") == 0);
   CHECK(titles().count("The lidar's housing at two temperatures") == 0);
   CHECK(titles().count("The stage turns at two rates, both ways") == 0);
 }
@@ -216,7 +218,7 @@ TEST_CASE("the state of an investigation is read as it was written") {
   round.session.cost = {2, 3};
   round.session.recorded = true;
   round.considered = {possible("a", 0.5, 4, true)};
-  round.told = {{"verdict", "undecided"}};
+  round.explanation = {{"verdict", "undecided"}};
   state.rounds = {round, round};
   state.ending = {End::budget_spent, "why", "needs", {"a look"}};
   state.last = round.session;
@@ -228,16 +230,20 @@ TEST_CASE("the state of an investigation is read as it was written") {
   CHECK_THROWS_AS(state_of("half a docu", "investigation.json"), UsageError);
 }
 
-TEST_CASE("a dossier claims only what the foretold recording confirmed") {
+TEST_CASE("a dossier claims only what the predicted recording confirmed") {
   State state;
   Round round;
   round.session.name = "round-1";
-  round.told = {{"verdict", "explained"},
-                {"mechanisms", {{{"mechanism", "backlash"}, {"probability", 0.99}, {"says", "The stage has play."}, {"evidence", "e"},
-                                 {"parameters", {{"width_deg", {{"value", 0.1}, {"u", 0.01}}}}}}}},
-                {"undecided_between", json::array()},
-                {"suspects", {{{"name", "backlash"}, {"probability", 0.99}, {"set", false}}}},
-                {"notes", json::array()}};
+  round.explanation = {{"verdict", "explained"},
+                       {"mechanisms",
+                        {{{"mechanism", "backlash"},
+                          {"probability", 0.99},
+                          {"says", "The stage has play."},
+                          {"evidence", "e"},
+                          {"parameters", {{"width_deg", {{"value", 0.1}, {"u", 0.01}}}}}}}},
+                       {"undecided_between", json::array()},
+                       {"suspects", {{{"name", "backlash"}, {"probability", 0.99}, {"set", false}}}},
+                       {"notes", json::array()}};
   state.rounds = {round};
   state.ending = {End::named, "It has a name.", "", {}};
   const auto claim = [&] { return dossier_document(state, room()).at("claim").get<std::string>(); };
@@ -252,5 +258,5 @@ TEST_CASE("a dossier claims only what the foretold recording confirmed") {
   CHECK(claim().find("This was the second prediction; the first did not come true.") != std::string::npos);
   const std::string page = dossier_page(dossier_document(state, room()));
   CHECK(page.find("The stage has play.") != std::string::npos);
-  CHECK(page.find("It came out as foretold.") != std::string::npos);
+  CHECK(page.find("The prediction was confirmed.") != std::string::npos);
 }

@@ -121,17 +121,17 @@ TEST_CASE("where an output cannot be written is said before anything is computed
                       Contains("cannot write " + path) && Contains(why) && Contains(remedy));
   };
   refused(folder / "none/x.html", "there is no folder " + folder / "none", "Make it first");
-  refused(folder / "file.txt/x.html", "is no folder", "Choose another place");
+  refused(folder / "file.txt/x.html", "is not a folder", "Choose another place");
   refused(folder / "taken", "it is a folder", "such as " + folder / "taken/page.html");
   refused(folder / "taken/", "it is a folder", "such as " + folder / "taken/page.html");
   refused(folder / std::string(300, 'x'), "the name is too long", "shorter");
-  refused("/proc/x.html", "no file can be made in /proc", "another folder");
+  refused("/proc/x.html", "cannot make a file in /proc", "another folder");
   REQUIRE(::chmod(folder.path().c_str(), 0755) == 0);
   REQUIRE(::chmod((folder / "file.txt").c_str(), 0444) == 0);
   {
     const Nobody other;
     refused(folder / "x.html", "not permitted", "correct the permissions of " + folder.path());
-    refused(folder / "file.txt", "protected against writing", "another name");
+    refused(folder / "file.txt", "write-protected", "another name");
   }
   CHECK(folder.names().size() == 2);
 }

@@ -100,7 +100,7 @@ TEST_CASE("a wrong procedure is told by file, line, column and remedy") {
 
 TEST_CASE("a name may be used only after the step that gives it its value") {
   CHECK_THROWS_WITH(planned("  - home\n  - move: {to_deg: '${edge_deg}'}\n"),
-                    Contains("nothing is called 'edge_deg'"));
+                    Contains("there is no variable 'edge_deg'"));
   CHECK_NOTHROW(planned(
       "  - home\n  - find-edge: {target: board, beam_deg: 0}\n  - move: {to_deg: '${edge_deg + 1}'}\n"));
 }
@@ -224,8 +224,8 @@ TEST_CASE("a for-each takes its turns from a list, or each value with each") {
     CHECK_THROWS_WITH(planned("  - for-each: " + turns + "\n" + capture),
                       Contains(words) && StartsWith("p.yaml:3:"));
   };
-  refused("[{n: 3}, {m: 4}]", "the first turn has no 'm'");
-  refused("[{n: 3, side: left}, {n: 4}]", "this turn lacks 'side'");
-  refused("[3, 4]", "a turn of a for-each is written {name: value, ...}");
-  refused("[]", "or a list of turns");
+  refused("[{n: 3}, {m: 4}]", "the first entry has no 'm'");
+  refused("[{n: 3, side: left}, {n: 4}]", "this entry lacks 'side'");
+  refused("[3, 4]", "an entry of a for-each is written {name: value, ...}");
+  refused("[]", "or a list of entries");
 }

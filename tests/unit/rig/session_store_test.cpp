@@ -207,7 +207,8 @@ TEST_CASE("a session whose writer was killed is one file again for whoever opens
   }
   REQUIRE(waitpid(child, nullptr, 0) == child);
   REQUIRE(std::filesystem::exists(file + "-wal"));
-  CHECK_THAT(rig::words_about_log(file), Catch::Contains("has a log beside it") && Catch::Contains("copies both"));
+  CHECK_THAT(rig::words_about_log(file),
+             Catch::Contains("has a log beside it") && Catch::Contains("copy both together"));
   std::filesystem::copy(file, folder / "copy.rig");
   CHECK_THAT(rig::words_about_log(folder / "copy.rig"), Catch::Contains("copy the log too"));
   CHECK(SessionStore(folder / "copy.rig", Mode::read).captures().size() == 20);

@@ -34,7 +34,7 @@ TEST_CASE("a file that could not be made leaves nothing behind and harms nothing
   CHECK(file_text(path) == "old");
   CHECK(folder.names().size() == 1);
   CHECK_THROWS_WITH(rig::write_beside(path, [](const std::string&) {}),
-                    Catch::Contains("what was made for it is gone"));
+                    Catch::Contains("the file that was prepared for it has disappeared"));
   CHECK_THROWS_WITH(rig::write_file_atomically(folder / "none/made.txt", "text"),
                     Catch::Contains("none/made.txt: there is no folder " + folder / "none"));
   fs::create_directory(folder / "taken");
@@ -42,7 +42,7 @@ TEST_CASE("a file that could not be made leaves nothing behind and harms nothing
   CHECK(folder.names().size() == 2);
 }
 
-TEST_CASE("what is no plain file is written into, never replaced") {
+TEST_CASE("what is not a regular file is written into, never replaced") {
   const TestFolder folder;
   const std::string way = folder / "to-nowhere";
   fs::create_symlink("/dev/null", way);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "rig/runner/target_sight.hpp"
+#include "rig/runner/target_detection.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace rig {
 namespace {
 
 constexpr double data_sheet_error_mm = 40;  // UST-10LX, 0.06 m to 10 m.
-constexpr double least_share = 0.5;            // Of the beams on a target that must see it.
+constexpr double least_share = 0.5;         // Of the beams on a target that must see it.
 // Range errors that vary over a surface turn it by less than this.
 constexpr double turn_of_range_errors_rad = 1 * fit::rad_per_deg;
 constexpr std::size_t beams_of_a_direction = 8;
@@ -78,23 +78,23 @@ double turn_of_bias_rad(std::vector<Eigen::Vector2d> points, double bias_mm, dou
 std::string in_mm(double mm) { return rounded_text(mm, std::abs(mm) < 100 ? 1 : 0) + " mm"; }
 
 /// "it is seen 390 mm farther away than asked, at 1790 mm instead of 1400 mm (46 mm allowed)".
-std::string words_of_distance(const TargetSight& sight, double asked_mm) {
-  return "it is seen " + in_mm(std::abs(sight.to_go_mm)) +
-         (sight.to_go_mm > 0 ? " farther away" : " nearer") + " than asked, at " + in_mm(sight.seen_mm) +
-         " from the stage's axis instead of " + in_mm(asked_mm) + " (" + in_mm(sight.allowed_mm) +
-         " allowed)";
+std::string words_of_distance(const TargetDetection& detection, double asked_mm) {
+  return "it is seen " + in_mm(std::abs(detection.to_go_mm)) +
+         (detection.to_go_mm > 0 ? " farther away" : " nearer") + " than asked, at " +
+         in_mm(detection.seen_mm) + " from the stage's axis instead of " + in_mm(asked_mm) + " (" +
+         in_mm(detection.allowed_mm) + " allowed)";
 }
 
 /// Beams on the target and what they see.
-struct OnTarget {
+struct BeamsOnTarget {
   std::size_t beams = 0, near = 0;
   std::vector<double> off_mm, intensity;  ///< Along the normal; one a beam with an echo.
   std::vector<Eigen::Vector2d> points;    ///< Those within what is allowed, seen from the lidar.
 };
 
-OnTarget beams_on(const fit::Bench& bench, const fit::Target& target, const std::vector<fit::Target>& others,
-                  double stage_rad, const SeenBeams& seen, const std::vector<double>& expected,
-                  double allowed_mm) {
+BeamsOnTarget beams_on(const fit::Bench& bench, const fit::Target& target,
+                       const std::vector<fit::Target>& others, double stage_rad, const BeamMedians& seen,
+                       const std::vector<double>& expected, double allowed_mm) {
   std::vector<double> nearest(expected.size(), std::numeric_limits<double>::infinity());
   for (const fit::Target& other : others) {
     if (other.name == target.name) continue;
@@ -102,7 +102,7 @@ OnTarget beams_on(const fit::Bench& bench, const fit::Target& target, const std:
     for (std::size_t k = 0; k < nearest.size(); ++k)
       if (ranges[k] < nearest[k]) nearest[k] = ranges[k];
   }
-  OnTarget on;
+  BeamsOnTarget on;
   for (std::size_t k = 0; k < expected.size(); ++k) {
     if (!std::isfinite(expected[k]) || nearest[k] < expected[k]) continue;
     ++on.beams;
@@ -151,35 +151,36 @@ double largest_range_error_mm(const fit::Bench& bench) {
   return stated.is_number() ? stated.get<double>() : data_sheet_error_mm;
 }
 
-TargetSight look_for(const fit::Bench& bench, const fit::Target& target,
-                     const std::vector<fit::Target>& others, double stage_rad, const SeenBeams& seen,
-                     std::optional<double> tolerance_mm) {
+TargetDetection detect_target(const fit::Bench& bench, const fit::Target& target,
+                              const std::vector<fit::Target>& others, double stage_rad,
+                              const BeamMedians& seen, std::optional<double> tolerance_mm) {
   const auto expected = expected_ranges_mm(bench, target, stage_rad);
-  TargetSight sight;
-  sight.allowed_mm = tolerance_mm ? *tolerance_mm : allowed_for(bench, target, stage_rad, expected);
-  OnTarget on = beams_on(bench, target, others, stage_rad, seen, expected, sight.allowed_mm);
+  TargetDetection detection;
+  detection.allowed_mm = tolerance_mm ? *tolerance_mm : allowed_for(bench, target, stage_rad, expected);
+  BeamsOnTarget on = beams_on(bench, target, others, stage_rad, seen, expected, detection.allowed_mm);
   if (on.beams == 0) {
-    sight.words = "it is not in the field of view at this stage angle";
-    return sight;
+    detection.words = "it is not in the field of view at this stage angle";
+    return detection;
   }
-  sight.intensity =
-      on.intensity.empty() ? std::numeric_limits<double>::quiet_NaN() : fit::median_of(std::span(on.intensity));
+  detection.intensity = on.intensity.empty() ? std::numeric_limits<double>::quiet_NaN()
+                                             : fit::median_of(std::span(on.intensity));
   if (static_cast<double>(on.off_mm.size()) < least_share * static_cast<double>(on.beams)) {
-    sight.place = TargetSight::Place::unseen;
-    sight.words = "nothing is seen there: no echo from " + std::to_string(on.beams - on.off_mm.size()) +
-                  " of its " + std::to_string(on.beams) + " beams";
-    return sight;
+    detection.outcome = TargetDetection::Outcome::undetected;
+    detection.words = "nothing is seen there: no echo from " + std::to_string(on.beams - on.off_mm.size()) +
+                      " of its " + std::to_string(on.beams) + " beams";
+    return detection;
   }
   const double asked_mm = distance_mm(target);
-  sight.to_go_mm = fit::median_of(std::span(on.off_mm));
-  sight.seen_mm = asked_mm + sight.to_go_mm;
-  sight.place = TargetSight::Place::elsewhere;
+  detection.to_go_mm = fit::median_of(std::span(on.off_mm));
+  detection.seen_mm = asked_mm + detection.to_go_mm;
+  detection.outcome = TargetDetection::Outcome::misplaced;
   if (static_cast<double>(on.near) < least_share * static_cast<double>(on.off_mm.size())) {
-    sight.words = std::abs(sight.to_go_mm) > sight.allowed_mm
-                      ? words_of_distance(sight, asked_mm)
-                      : "it is seen by " + std::to_string(on.near) + " of its " + std::to_string(on.beams) +
-                            " beams only: it is turned, moved sideways, or something stands before it";
-    return sight;
+    detection.words =
+        std::abs(detection.to_go_mm) > detection.allowed_mm
+            ? words_of_distance(detection, asked_mm)
+            : "it is seen by " + std::to_string(on.near) + " of its " + std::to_string(on.beams) +
+                  " beams only: it is turned, moved sideways, or something stands in front of it";
+    return detection;
   }
   if (on.points.size() >= beams_of_a_direction) {
     const Direction seen_line = direction_of(on.points);
@@ -192,15 +193,16 @@ TargetSight look_for(const fit::Bench& bench, const fit::Target& target,
         std::abs(turn_of_bias_rad(on.points, largest_range_error_mm(bench), seen_line.rad)) +
         3 * std::hypot(target.u_rad, bench.lidar.mount.yaw_rad.u, seen_line.u_rad);
     if (!tolerance_mm && std::abs(off_rad) > allowed_rad) {
-      sight.words = "it is seen turned by " + rounded_text(off_rad * fit::deg_per_rad, 1) + " deg (" +
-                    rounded_text(allowed_rad * fit::deg_per_rad, 1) + " deg allowed)";
-      return sight;
+      detection.words = "it is seen turned by " + rounded_text(off_rad * fit::deg_per_rad, 1) + " deg (" +
+                        rounded_text(allowed_rad * fit::deg_per_rad, 1) + " deg allowed)";
+      return detection;
     }
   }
-  sight.place = TargetSight::Place::as_asked;
-  sight.words = "it is seen at " + in_mm(sight.seen_mm) + " from the stage's axis, " +
-                in_mm(std::abs(sight.to_go_mm)) + " off (" + in_mm(sight.allowed_mm) + " allowed)";
-  return sight;
+  detection.outcome = TargetDetection::Outcome::in_place;
+  detection.words = "it is seen at " + in_mm(detection.seen_mm) + " from the stage's axis, " +
+                    in_mm(std::abs(detection.to_go_mm)) + " off (" + in_mm(detection.allowed_mm) +
+                    " allowed)";
+  return detection;
 }
 
 }  // namespace rig

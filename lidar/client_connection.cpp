@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: MIT
+// Connecting: from an address to a lidar that is identified and silent.
+#include <boost/asio/connect.hpp>
+#include <cstdio>
+
+#include "lidar/client_impl.hpp"
+#include "lidar/other_connection.hpp"
+
+namespace lidar {
+
+/// The lidar's addresses. A name server that does not answer cannot be called off, so its answer, if it
+/// comes late, finds nobody waiting.
+awaitable<tcp::resolver::results_type> Client::Impl::resolve(steady_clock::time_point until) {
+  error_code failed;
+  const asio::ip::address numbers = asio::ip::make_address(host, failed);
+  if (!failed)
+    co_return tcp::resolver::results_type::create(tcp::endpoint(numbers, port), host, std::to_string(port));
+  struct Search {
+    explicit Search(const asio::any_io_executor& executor_) : resolver(executor_), done(executor_) {}
+    tcp::resolver resolver;
+    asio::steady_timer done;
+    std::optional<error_code> result;
+    tcp::resolver::results_type found;
+  };
+  const auto search = std::make_shared<Search>(executor);
+  search->done.expires_at(until);
+  search->resolver.async_resolve(host, std::to_string(port),
+                                 [search](const error_code& result, tcp::resolver::results_type found) {
+                                   search->result = result;
+                                   search->found = std::move(found);
+                                   search->done.cancel();
+                                 });
+  co_await search->done.async_wait(redirect_error(use_awaitable, failed));
+  if (failed && !search->result) throw boost::system::system_error(failed);
+  if (search->result && !*search->result) co_return search->found;
+  fail(Kind::unknown_address, "the lidar's host name " + host + " cannot be resolved (" +
+                                  (search->result ? search->result->message() : "no name server answered") +
+                                  "). Check its spelling, or give the numeric IP address");
+}
+
+awaitable<void> Client::Impl::open() {
+  close();
+  error_code failed;
+  const tcp::resolver::results_type found = co_await resolve(steady_clock::now() + options.connect_timeout);
+  socket = tcp::socket(executor);
+  watchdog->guard(socket, steady_clock::now() + options.connect_timeout);
+  co_await asio::async_connect(socket, found, redirect_error(use_awaitable, failed));
+  watchdog->relax();
+  if (failed == asio::error::operation_aborted && !watchdog->expired)
+    throw boost::system::system_error(failed);
+  if (failed == asio::error::connection_refused)
+    fail(Kind::cannot_connect,
+         "nothing listens at " + address() + " (" + failed.message() + "), though " + host +
+             " can be reached. Check that this is the lidar's address and port (a UST-10LX "
+             "uses 10940); a lidar that was just switched on needs some seconds");
+  if (failed)
+    fail(Kind::cannot_connect, "no lidar answers at " + address() + " (" +
+                                   (watchdog->expired ? "no reply" : failed.message()) +
+                                   "). Check its power, the network cable, that this computer's address is "
+                                   "in the same network, and that no other program is connected to it");
+  error_code ignored;
+  socket.set_option(tcp::no_delay(true), ignored);
+  socket.set_option(asio::socket_base::receive_buffer_size(1 << 20), ignored);
+  peer = socket.remote_endpoint(ignored);
+  own_port = socket.local_endpoint(ignored).port();
+  connected = true;
+}
+
+/// Reads and forgets whatever comes until nothing has come for a while: the rest of a stream. False when it
+/// goes on to `until`.
+awaitable<bool> Client::Impl::falls_silent(steady_clock::time_point until) {
+  while (steady_clock::now() < until) {
+    const bool arrived =
+        co_await fill(std::min(steady_clock::now() + options.quiet, until), "waiting for the stream's end");
+    reader.clear();
+    if (!arrived) co_return true;
+  }
+  co_return false;
+}
+
+/// QT until it is acknowledged and the stream is silent: real firmware now and then ignores one
+/// (urg_stamped #103, #112).
+awaitable<void> Client::Impl::end_stream() {
+  const auto until = steady_clock::now() + options.stop_timeout;
+  bool acknowledged = false;
+  while (steady_clock::now() < until) {
+    const std::optional<Answer> answer = co_await exchange(Request(Command::quit));
+    if (!answer && damaged_answers >= attempts)
+      fail(Kind::bad_answer, "the lidar at " + address() + " answers QT with wrong checksums, " +
+                                 std::to_string(damaged_answers) +
+                                 " times. Check the network cable; reconnecting may help");
+    if (!answer) continue;
+    acknowledged = true;
+    auto waiting = falls_silent(std::min(until, steady_clock::now() + options.reply_timeout));
+    if (!co_await std::move(waiting)) continue;
+    streaming = false;
+    co_return;
+  }
+  fail(Kind::no_answer,
+       "the lidar at " + address() +
+           (acknowledged ? " keeps sending although it was ordered to stop. Switch it off and on"
+                         : " did not acknowledge QT. Check that it speaks SCIP 2 and switch it off and on"));
+}
+
+/// TM2 is refused outside time-adjust mode, which is as good.
+awaitable<void> Client::Impl::leave_time_adjust() { co_await exchange(Request(Command::time_leave)); }
+
+awaitable<Identity> Client::Impl::identify() {
+  const std::string version = co_await ask(Request(Command::version));
+  const std::string parameters = co_await ask(Request(Command::parameters));
+  const std::string information = co_await ask(Request(Command::information));
+  const auto read = make_identity(version, parameters, information);
+  if (!read)
+    fail(Kind::bad_answer,
+         "the lidar at " + address() + " sends an identification that cannot be read: " + read.error());
+  co_return *read;
+}
+
+/// Ends what an earlier host left running. A lidar that heeds no QT may heed RS, which stops it as well.
+awaitable<void> Client::Impl::wake() {
+  std::exception_ptr why;
+  try {
+    co_await end_stream();
+    co_return;
+  } catch (const LidarError& error) {
+    if (error.kind() != Kind::no_answer || !connected) throw;
+    why = std::current_exception();
+  }
+  const std::optional<Answer> answer = co_await exchange(Request(Command::reset));
+  if (!answer) std::rethrow_exception(why);
+  co_await end_stream();
+}
+
+awaitable<Identity> Client::Impl::connect_once() {
+  co_await open();
+  scan_seen = false;
+  damaged_answers = 0;
+  // A bare line end first: it ends whatever an earlier host left half written and is never answered.
+  co_await send("\n", "connecting");
+  std::optional<LidarError> silence;
+  try {
+    co_await wake();
+  } catch (const LidarError& error) {
+    silence = error;
+  }
+  if (silence && (silence->kind() == Kind::no_answer || silence->kind() == Kind::connection_lost)) {
+    const bool closed = silence->kind() == Kind::connection_lost;
+    const std::string held = other_connection();
+    close();
+    if (!held.empty())
+      throw LidarError(Kind::in_use, "the lidar at " + address() +
+                                         (closed ? " closes the connection" : " does not answer") +
+                                         " because another program on this computer is connected to it (" +
+                                         held +
+                                         "), and it serves only one at a time. Close that program first");
+    throw LidarError(Kind::not_a_lidar,
+                     "something listens at " + address() + (closed ? " but closes the connection" : "") +
+                         " and does not answer in SCIP. Check the address and port (a UST-10LX uses 10940), "
+                         "and that no other program is connected to it");
+  }
+  if (silence) throw *silence;
+  co_await leave_time_adjust();
+  co_return co_await identify();
+}
+
+/// Who else of this computer is connected to the address, in words; empty if nobody or if that cannot be
+/// told.
+std::string Client::Impl::other_connection() const {
+  if (!peer.address().is_v4()) return "";
+  return other_connection_to(peer.address().to_v4().to_uint(), peer.port(), own_port);
+}
+
+/// What a UST damages on its first connection after power-up, it sends whole on the next (urg_node #57). A
+/// failure says how often the address was tried in vain, this attempt included.
+awaitable<Identity> Client::Impl::connect() {
+  if (attempts_failed == 0) first_attempt = steady_clock::now();
+  std::optional<LidarError> why;
+  for (int connection = 0; connection < 2; ++connection) {
+    why.reset();
+    try {
+      Identity found = co_await connect_once();
+      attempts_failed = 0;
+      co_return found;
+    } catch (const LidarError& error) {
+      why = error;
+    }
+    close();
+    ++attempts_failed;
+    ++statistics.failed_connects;
+    if (why->kind() != Kind::bad_answer) break;
+  }
+  if (attempts_failed == 1) throw *why;
+  const auto since = std::chrono::duration<double>(steady_clock::now() - first_attempt).count();
+  char tried[80];
+  std::snprintf(tried, sizeof tried, ". Tried %u times in %.1f s", attempts_failed, since);
+  throw LidarError(why->kind(), why->what() + std::string(tried));
+}
+
+/// What was known of a clock holds for as long as it is the same lidar: reconnect() keeps it.
+awaitable<Identity> Client::Impl::connect_first() {
+  if (!identity.json.empty()) statistics = {};  // Else attempts in vain are counted on.
+  Identity found = co_await connect();
+  identity = found;
+  const double period_ms = found.scan_period_s * 1000;
+  clock = ClockEstimator(period_ms, period_ms * found.max_step / found.steps_per_turn,
+                         found.model.starts_with("UST") ? ClockEstimator::Departure::on_tick
+                                                        : ClockEstimator::Departure::unknown);
+  co_return found;
+}
+
+awaitable<Identity> Client::Impl::reconnect() {
+  Identity again = co_await connect();
+  clock.begin_connection();
+  if (!identity.serial.empty() && again.serial != identity.serial) {
+    close();
+    fail(Kind::refused, "another lidar answers at " + address() + ": serial number " + again.serial +
+                            " in place of " + identity.serial +
+                            ". Reconnect the first one, or begin a new session");
+  }
+  ++statistics.reconnects;
+  identity = again;
+  co_return again;
+}
+
+}  // namespace lidar

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: MIT
+#include "tests/support/runner_rig.hpp"
+
+using Catch::Matchers::Contains;
+using namespace runner_rig;
+
+TEST_CASE("every stop of a sweep is reached from the same side") {
+  Rig rig("  - home\n  - sweep: {start_deg: 1, stop_deg: 0, step_deg: 0.25, samples: 2}\n");
+  rig.run();
+  const auto captures = rig.captures();
+  REQUIRE(captures.size() == 5);
+  for (const auto& capture : captures) CHECK(capture.approach == 1);
+  CHECK(captures[4].stage_deg == 0);
+}
+
+TEST_CASE("a turning stage is stopped at its soft limit even if the lidar says nothing") {
+  Rig rig("  - home\n  - turn: {rate_deg_s: 20, from_deg: 100, samples: 40}\n");
+  rig.prepare = [&](rig::Runner& runner) {
+    runner.observe(
+        [&](const rig::RunState& state) { rig.lidar.silent = state.activity.starts_with("turning"); });
+  };
+  CHECK_THROWS_WITH(rig.run(), Contains("soft limit"));
+  CHECK_FALSE(rig.stage.moving);
+}
+
+TEST_CASE(
+    "a procedure with turns is refused before anything is measured where the clocks have nothing in common") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n  - turn: {rate_deg_s: 4, from_deg: 0, samples: 60}\n");
+  rig.lidar.runs_on_its_own_time = true;
+  CHECK_THROWS_WITH(rig.run(), Contains("step 3") && Contains("--speed real"));
+  CHECK(rig.stage.homings == 0);
+  CHECK(rig.stage.moves.empty());
+  Rig at_rest("  - home\n  - capture: {samples: 5}\n");
+  at_rest.lidar.runs_on_its_own_time = true;
+  CHECK(at_rest.run());
+}
+
+TEST_CASE("a turn is dated by clocks that were compared just before it, however long the run has lasted") {
+  Rig rig("  - home\n  - capture: {samples: 40000}\n  - turn: {rate_deg_s: 4, from_deg: 0, samples: 60}\n");
+  rig.lidar.drift_ppm = 50;
+  std::int64_t late_us = 0;
+  rig.lidar.tamper = [&](lidar::Scan& scan) {
+    if (rig.stage.moving) late_us = std::max(late_us, scan.host_us - rig.world.clock.now_us);
+  };
+  rig.lidar.compared_us = rig.world.clock.now_us;
+  CHECK(rig.run());
+  CHECK(rig.captures().size() == 2);
+  CHECK(late_us < 1000);  // of the 50 ms that the clocks differ by in the 1000 s before
+}
+
+TEST_CASE("a turn during which the lidar is lost for a while is begun anew and is whole") {
+  Rig rig("  - home\n  - turn: {rate_deg_s: 4, from_deg: 0, samples: 60}\n");
+  bool moved_while_lost = false;
+  rig.lidar.before_scan = [&](std::uint64_t number) {
+    if (number == 72) throw rig::DeviceError("cable pulled.");
+  };
+  rig.lidar.when_connecting = [&] { moved_while_lost |= rig.stage.moving; };
+  CHECK(rig.run());
+  CHECK_FALSE(moved_while_lost);
+  CHECK_FALSE(rig.stage.moving);
+  const auto captures = rig.captures();
+  REQUIRE(captures.size() == 1);
+  CHECK_THAT(captures[0].step, !Contains("short"));
+  CHECK(captures[0].stamps.size() == 60);
+  CHECK(rig.lidar.connects == 2);
+  CHECK(rig.told("repeated from its start"));
+}
+
+TEST_CASE("a turn during which the stage falls silent is begun anew, homed if it has to be") {
+  Rig rig("  - home\n  - turn: {rate_deg_s: 4, from_deg: 0, samples: 60}\n");
+  rig.lidar.before_scan = [&](std::uint64_t number) {
+    if (number == 60) rig.stage.loses_link_at_status = true;
+  };
+  CHECK(rig.run());
+  CHECK_FALSE(rig.stage.moving);
+  CHECK(rig.stage.homings == 2);
+  const auto captures = rig.captures();
+  REQUIRE(captures.size() == 1);
+  CHECK(captures[0].stamps.size() == 60);
+}
+
+TEST_CASE("a stage that fails while it is homed is homed again, three times at most") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n");
+  rig.stage.failing_homings = 1;
+  CHECK(rig.run());
+  CHECK(rig.stage.homed);
+  Rig never("  - home\n  - capture: {samples: 5}\n");
+  never.stage.failing_homings = 100;
+  CHECK_THROWS_WITH(never.run(), Contains("no reference"));
+  CHECK(never.captures().empty());
+}
+
+TEST_CASE("an interrupted turn keeps its scans, marked short, until a whole one replaces them") {
+  Rig rig("  - home\n  - turn: {rate_deg_s: 4, from_deg: 0, samples: 60}\n");
+  rig.lidar.before_scan = [&](std::uint64_t number) { rig.lidar.dead = number >= 72; };
+  CHECK_THROWS(rig.run());
+  CHECK_FALSE(rig.stage.moving);
+  auto captures = rig.captures();
+  REQUIRE(captures.size() == 1);
+  CHECK_THAT(captures[0].step, Contains("(short)"));
+  CHECK(captures[0].stamps.size() < 60);
+  rig.lidar.dead = false;
+  rig.lidar.before_scan = [](std::uint64_t) {};
+  CHECK(rig.run());
+  captures = rig.captures();
+  REQUIRE(captures.size() == 1);
+  CHECK(captures[0].stamps.size() == 60);
+}
+
+TEST_CASE("an abort stops a turning stage before it waits for a lidar that does not answer") {
+  Rig rig("  - home\n  - turn: {rate_deg_s: 4, from_deg: 0, samples: 200}\n");
+  bool stood = false;
+  rig.prepare = [&](rig::Runner& runner) {
+    rig.lidar.when_silent = [&] { runner.abort(); };
+    rig.lidar.at_cancel = [&] { stood = !rig.stage.moving; };
+    runner.observe(
+        [&](const rig::RunState& state) { rig.lidar.silent = state.done >= 20 && rig.stage.moving; });
+  };
+  CHECK_THROWS_AS(rig.run(), rig::RunStopped);
+  CHECK(stood);
+}
+
+TEST_CASE("a stage that does not arrive is sent again, then stopped with a reason") {
+  Rig rig("  - home\n  - move: {to_deg: 10}\n  - capture: {samples: 5}\n");
+  rig.stage.readback_error_deg = 0.1;
+  CHECK_THROWS_WITH(rig.run(), Contains("reads back 10.1") && Contains("3 times"));
+  CHECK(rig.stage.stops >= 1);
+  CHECK(rig.captures().empty());
+}
+
+TEST_CASE("a stage that lost its link is opened again, homed again, and reached from the right side") {
+  Rig rig("  - home\n  - sweep: {start_deg: 0, stop_deg: 1, step_deg: 0.25, samples: 3}\n");
+  rig.stage.loses_link_at_move = 3;
+  rig.run();
+  CHECK(rig.stage.reopens == 1);
+  CHECK(rig.stage.homings == 2);
+  REQUIRE(rig.captures().size() == 5);
+  for (const auto& capture : rig.captures()) CHECK(capture.approach == 1);
+}
+
+TEST_CASE("a stage that is found moving is stopped before anything else") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n");
+  rig.stage.moving = true;
+  rig.run();
+  CHECK(rig.told("found moving"));
+}
