@@ -45,7 +45,7 @@ Scored scored(const Session& session, const Design& design, Optimum& there, bool
   for (std::size_t c = 0; c < design.parts.size(); ++c) {
     if (!session.channels()[c]) continue;
     const ChannelRows& rows = *session.channels()[c];
-    const Eigen::VectorXd& eta = there.eta[c];
+    const Eigen::VectorXd eta = raised ? rows.possible(there.eta[c]) : there.eta[c];
     const Eigen::VectorXd at = raised ? rows.raised(eta) : rows.steady(eta);
     there.white[c] = rows.whitened(design.parts[c].columns, at);
     there.white_residual[c] = rows.white_residual(raised ? at : eta);

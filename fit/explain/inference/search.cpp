@@ -25,15 +25,16 @@ Hypothesis without(const Hypothesis& h, std::size_t term) {
   return less;
 }
 
-/// Mechanisms and forms in turn, so that neither crowds out the other.
-std::vector<Candidate> best_of(const std::vector<Candidate>& list, std::size_t names, std::size_t forms) {
+/// Mechanisms and forms in turn, so that neither crowds out the other; those within so much of the best of their sort.
+std::vector<Candidate> best_of(const std::vector<Candidate>& list, std::size_t names, std::size_t forms,
+                               double within = 2 * numbers::window) {
   std::vector<Candidate> chosen;
   double best_name = -1e300, best_form = -1e300;
   for (const Candidate& candidate : list) {
     std::size_t& left = candidate.term.kind->is_form() ? forms : names;
     double& best = candidate.term.kind->is_form() ? best_form : best_name;
     best = std::max(best, candidate.log_posterior());
-    if (left == 0 || candidate.log_posterior() < std::max(numbers::worth_fitting, best - 2 * numbers::window)) continue;
+    if (left == 0 || candidate.log_posterior() < std::max(numbers::worth_fitting, best - within)) continue;
     --left;
     chosen.push_back(candidate);
   }
@@ -115,8 +116,12 @@ class Climber {
 
   bool add() {
     if (best_.hypothesis.terms.size() >= numbers::most_terms) return false;
-    return take_if_better(
-        fit_each(best_.hypothesis, best_of(screen(session_, best_), tries, tries / 2)));
+    const std::vector<Candidate> list = screen(session_, best_);
+    if (take_if_better(fit_each(best_.hypothesis, best_of(list, tries, tries / 2)))) return true;
+    // The approximation promised too much of the best; others stood in its shadow.
+    if (list.empty() || list.front().log_posterior() < numbers::window) return false;
+    constexpr double any = 1e300;
+    return take_if_better(fit_each(best_.hypothesis, best_of(list, 2 * tries, tries, any)));
   }
 
   bool drop() {

@@ -46,6 +46,8 @@ class ChannelRows {
   [[nodiscard]] virtual Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const = 0;
   /// Where to linearise for terms that are not in the predictor yet: as high as the rows are on the whole.
   [[nodiscard]] virtual Eigen::VectorXd raised(const Eigen::VectorXd& eta) const { return eta; }
+  /// The predictor that the likelihood takes it for, where sums of terms may come to what cannot be.
+  [[nodiscard]] virtual Eigen::VectorXd possible(Eigen::VectorXd eta) const { return eta; }
   /// Where the information holds for steps of a usual size from there: at a bound it may be beyond all measure.
   [[nodiscard]] virtual Eigen::VectorXd steady(Eigen::VectorXd eta) const { return eta; }
   /// Columns multiplied by a root of the Fisher information at eta.

@@ -22,9 +22,10 @@ class Counts : public IndependentRows {
       happened += row.y;
       all += row.n;
     }
-    return eta.cwiseMax(happened / all);
+    return eta.cwiseMax(std::max(numbers::least_hazard, happened / all));
   }
 
+  [[nodiscard]] Eigen::VectorXd possible(Eigen::VectorXd eta) const override { return eta.cwiseMax(numbers::least_hazard); }
   /// Where nothing happened, fewer than one event in all of a row's samples cannot be told from none.
   [[nodiscard]] Eigen::VectorXd steady(Eigen::VectorXd eta) const override {
     for (Eigen::Index i = 0; i < rows(); ++i)
@@ -37,20 +38,20 @@ class Counts : public IndependentRows {
     return -std::log1p(-std::min(0.9999, std::max(0.0, probability)));
   }
   [[nodiscard]] double log_likelihood(const Row& row, double eta) const override {
-    const double h = possible(eta);
+    const double h = hazard_of(eta);
     return row.y * std::log(-std::expm1(-h)) - (row.n - row.y) * h;
   }
   [[nodiscard]] double score(const Row& row, double eta) const override {
     if (row.y == 0 && eta < numbers::least_hazard) return 0;  // less than none is none
-    const double h = possible(eta);
+    const double h = hazard_of(eta);
     return row.y / std::expm1(h) - (row.n - row.y);
   }
   [[nodiscard]] double information(const Row& row, double eta) const override {
-    return row.n / std::expm1(possible(eta));
+    return row.n / std::expm1(hazard_of(eta));
   }
 
  private:
-  static double possible(double eta) { return std::max(numbers::least_hazard, eta); }
+  static double hazard_of(double eta) { return std::max(numbers::least_hazard, eta); }
 };
 
 }  // namespace fit::explain::model
