@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: MIT
+#include <Eigen/Dense>
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "fit/explain/model/counts.hpp"
 #include "fit/explain/model/sure_hits.hpp"
@@ -15,15 +18,39 @@ class Losses final : public model::Counts {
   }
 };
 
-/// Cells of which nothing came back are darker than the darkest that was seen: half as bright.
-void darken(std::vector<model::IndependentRows::Row>& rows) {
-  double darkest = std::numeric_limits<double>::infinity();
-  for (const auto& row : rows)
-    if (std::isfinite(row.at.intensity)) darkest = std::min(darkest, row.at.intensity);
-  if (!std::isfinite(darkest)) return;
-  for (auto& row : rows)
-    if (!std::isfinite(row.at.intensity)) row.at.intensity = darkest / 2;
-}
+/// How strong an echo is expected, by the echoes that came back: a power of the range, of the incidence's cosine and of the
+/// surface's reflectance (the radar equation, with exponents of this receiver).
+class ExpectedEcho {
+ public:
+  ExpectedEcho(const Reduced& reduced, const std::vector<model::IndependentRows::Row>& rows) : reduced_(reduced) {
+    Eigen::Matrix4d square = Eigen::Vector4d(1e-9, 1, 1, 1).asDiagonal();  // exponents near those of a plain receiver
+    Eigen::Vector4d along = square * Eigen::Vector4d(0, -2, 1, 1);
+    for (const auto& row : rows) {
+      if (!(row.at.intensity > 0)) continue;
+      const Eigen::Vector4d x = powers(row);
+      square += x * x.transpose();
+      along += x * std::log(row.at.intensity);
+      darkest_ = std::min(darkest_, row.at.intensity);
+    }
+    exponents_ = square.ldlt().solve(along);
+  }
+  /// Not brighter than what did come back; NaN where nothing ever did.
+  [[nodiscard]] double operator()(const model::IndependentRows::Row& row) const {
+    return std::isfinite(darkest_) ? std::min(darkest_, std::exp(exponents_.dot(powers(row)))) : row.at.intensity;
+  }
+
+ private:
+  [[nodiscard]] Eigen::Vector4d powers(const model::IndependentRows::Row& row) const {
+    const double reflectance = reflectance_in(reduced_.captures[static_cast<std::size_t>(row.capture)],
+                                              reduced_.bench.targets[static_cast<std::size_t>(row.at.target)]);
+    return {1, std::log(std::max(1.0, row.at.range_mm) / 1000), std::log(std::max(0.05, row.at.cos_incidence)),
+            std::log(std::max(0.001, reflectance))};
+  }
+
+  const Reduced& reduced_;
+  double darkest_ = std::numeric_limits<double>::infinity();
+  Eigen::Vector4d exponents_ = Eigen::Vector4d::Zero();
+};
 
 }  // namespace
 
@@ -45,7 +72,9 @@ model::ChannelKind make_loss() {
       row.n += cell.n + cell.stray + cell.lost;
       return true;
     }, enough);
-    darken(rows);
+    const ExpectedEcho expected(reduced, rows);
+    for (auto& row : rows)
+      if (!std::isfinite(row.at.intensity)) row.at.intensity = expected(row);
     if (rows.empty()) return nullptr;
     return std::make_unique<Losses>(std::move(rows));
   };

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fit/explain/inference/numbers.hpp"
+
 namespace fit::explain::channels {
 std::vector<model::ChannelKind> all();
 }
@@ -29,7 +31,9 @@ Eigen::VectorXd IndependentRows::log_likelihoods(const Eigen::VectorXd& eta) con
 }
 
 Eigen::MatrixXd IndependentRows::whitened(Eigen::MatrixXd columns, const Eigen::VectorXd& eta) const {
-  for (Index i = 0; i < rows(); ++i) columns.row(i) *= std::sqrt(information(of(i), eta[i]));
+  Eigen::VectorXd root(rows());
+  for (Index i = 0; i < rows(); ++i) root[i] = std::sqrt(information(of(i), eta[i]));
+  for (Index k = 0; k < columns.cols(); ++k) columns.col(k).array() *= root.array();
   return columns;
 }
 
@@ -43,6 +47,12 @@ Eigen::VectorXd IndependentRows::white_residual(const Eigen::VectorXd& eta) cons
 std::vector<IndependentRows::Row> pooled_rows(
     const Reduced& reduced, int count,
     const std::function<bool(std::size_t cell, IndependentRows::Row& row)>& take, double enough) {
+  // No more rows than a search has time for.
+  const double cells = static_cast<double>(reduced.cells.size()), most = static_cast<double>(numbers::search_rows);
+  const double by_beams = cells / count, by_samples = static_cast<double>(reduced.samples) / enough;
+  const int times = static_cast<int>(std::ceil(std::max(1.0, std::max(by_beams, std::min(cells, by_samples)) / most)));
+  if (times > 1) enough *= times;
+  count = std::max(count, static_cast<int>(std::ceil(cells / most)));
   std::vector<IndependentRows::Row> list;
   for (const Group& group : reduced.groups) {
     IndependentRows::Row row;
