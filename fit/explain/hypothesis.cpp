@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "fit/explain/stated_noise.hpp"
+
 namespace fit::explain {
 
 using Role = Parameter::Role;
@@ -33,11 +35,13 @@ std::vector<Active> Hypothesis::active() const {
   return list;
 }
 
-std::vector<Term> known_terms(const Bench& bench) {
+namespace {
+
+std::vector<Term> all_known(const Bench& bench) {
   std::vector<Term> list;
   for (const KnownMechanism& known : bench.known) {
     const Mechanism* m = find_mechanism(known.mechanism);
-    if (!m || !moves_means(*m)) continue;
+    if (!m) continue;
     Term term{m, -1, m->values(known.parameters), {}};
     for (const Parameter& p : m->parameters) {
       const auto found = known.parameters.find(p.name);
@@ -52,6 +56,21 @@ std::vector<Term> known_terms(const Bench& bench) {
     }
     list.push_back(term);
   }
+  return list;
+}
+
+}  // namespace
+
+std::vector<Active> known_effects(const Bench& bench) {
+  std::vector<Active> list;
+  for (const Term& known : all_known(bench))
+    if (!is_constant_noise(*known.mechanism)) list.push_back(known.active());
+  return list;
+}
+
+std::vector<Term> known_terms(const Bench& bench) {
+  std::vector<Term> list = all_known(bench);
+  std::erase_if(list, [](const Term& known) { return !moves_means(*known.mechanism); });
   return list;
 }
 

@@ -23,6 +23,8 @@ struct Hypothesis {
 
 /// Terms for the mechanisms that the bench already knows, with their uncertainties.
 [[nodiscard]] std::vector<Term> known_terms(const Bench& bench);
+/// All that the bench knows to be at work, but its constant noise.
+[[nodiscard]] std::vector<Active> known_effects(const Bench& bench);
 
 /// What a hypothesis holds and what the bench already knows.
 [[nodiscard]] std::vector<Active> all_at_work(const Bench& bench, const Hypothesis& hypothesis);

@@ -2,6 +2,7 @@
 #include "fit/explain/inference/session.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "fit/explain/hypothesis.hpp"
 #include "fit/explain/model/scans.hpp"
@@ -30,8 +31,9 @@ std::size_t mean_channel() { return model::channel_of("mean"); }
 
 /// How much worse means are known for what a hypothesis says of scans: they draw errors of their own, and
 /// noise with memory averages out slowly.
-MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Term>& terms) {
-  Effect all;
+MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Active>& known,
+                   const std::vector<Term>& terms) {
+  Effect all = effect_of(known, Circumstances{});
   for (const Term& term : terms) all += term.kind->mechanism->act(Circumstances{}, term.values);
   noise.scan_range_mm2 = std::max(0.0, all.scan_range_variance_mm2);
   noise.scan_angle_rad2 = all.scan_angle_variance_rad2;
@@ -53,7 +55,8 @@ MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Te
 
 }  // namespace
 
-Session::Session(Reduced& reduced, MeanNoise noise) : reduced_(reduced), noise_(std::move(noise)) {
+Session::Session(Reduced& reduced, MeanNoise noise)
+    : reduced_(reduced), known_(known_effects(reduced.bench)), noise_(std::move(noise)) {
   Hypothesis nothing;
   make_channels(noise_);
   nothing.base = Eigen::VectorXd::Zero(count_base());
@@ -69,6 +72,11 @@ void Session::make_channels(const MeanNoise& noise) {
     channels_.push_back(kind.rows(reduced_, noise));
     Eigen::VectorXd offset(channels_.back() ? channels_.back()->rows() : 0);
     for (Index i = 0; i < offset.size(); ++i) offset[i] = channels_.back()->offset(i);
+    if (kind.id != "mean")  // whose predictions have it
+      for (Index i = 0; i < offset.size(); ++i) {
+        const double known = channels_.back()->response(i, effect_of(known_, channels_.back()->at(i)));
+        if (std::isfinite(known)) offset[i] += known;
+      }
     offsets_.push_back(std::move(offset));
   }
 }
@@ -107,13 +115,15 @@ void Session::linearise(const Hypothesis& at) {
       at_work.push_back({term.kind->mechanism.get(), term.values, term.kind->target});
   for (auto& kept : columns_) kept.clear();
   std::vector<Active> from_scan_to_scan;
+  for (const Active& known : known_)
+    if (known.mechanism->coordinate == Coordinate::scan_seq) from_scan_to_scan.push_back(known);
   for (const Term& term : at.terms)
     if (term.kind->mechanism->coordinate == Coordinate::scan_seq)
       from_scan_to_scan.push_back({term.kind->mechanism.get(), term.values, -1});
   const Nuisance there = nuisance(at);
   model::expect_from_scan_to_scan(reduced_, from_scan_to_scan);
   predict(reduced_, there, at_work, false);
-  present_noise_ = noise_by(reduced_, noise_, at.terms);
+  present_noise_ = noise_by(reduced_, noise_, known_, at.terms);
   pool_variances(reduced_, present_noise_);
   make_channels(present_noise_);
   const std::size_t mean = mean_channel();

@@ -58,6 +58,7 @@ class Session {
   void make_channels(const MeanNoise& noise);
 
   Reduced& reduced_;
+  std::vector<Active> known_;  ///< What the bench knows to be at work.
   MeanNoise noise_, present_noise_;  ///< As given, and with what the hypothesis says of scans.
   std::vector<std::unique_ptr<ChannelRows>> channels_;
   std::vector<Eigen::VectorXd> offsets_;
