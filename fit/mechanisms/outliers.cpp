@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+
 #include "fit/mechanism.hpp"
 
 namespace fit::mechanisms {
 
 // A fraction of the samples has nothing to do with the target: dust, other lidars, ghosts. For each of them, some come to
-// nothing at all.
+// nothing at all. Dust is met on the way: the more, the longer that is.
 Mechanism make_outliers() {
   Mechanism m;
   m.id = "outliers";
@@ -18,11 +21,22 @@ Mechanism make_outliers() {
                    .lower = 0,
                    .upper = 0.1,
                    .starts = 2,
+                   .logarithmic = false},
+                  {.name = "with_range",  // the power of the range with which the fraction grows from that at 2 m
+                   .role = Parameter::Role::shape,
+                   .lower = 0,
+                   .upper = 1,
+                   .starts = 2,
                    .logarithmic = false}};
-  m.act = [](const Circumstances&, std::span<const double> p) { return Effect{.lost = p[0] * p[1], .stray = p[0]}; };
+  m.act = [](const Circumstances& c, std::span<const double> p) {
+    const double share = std::min(1.0, p[0] * std::pow(c.range_mm / 2000, p[2]));
+    return Effect{.lost = share * p[1], .stray = share};
+  };
   m.says = [](const Finding& f) {
     return with_uncertainty({100 * f.at("fraction").value, 100 * f.at("fraction").u}, "%") +
-           " of the samples lie far from any target: dust, a ghost or another lidar.";
+           " of the samples at 2 m lie far from any target" +
+           (f.parameters.contains("with_range") && f.at("with_range").value > 0.5 ? ", more from farther away" : "") +
+           ": dust, a ghost or another lidar.";
   };
   m.separate = "switch other lidars off and look at where and when the strays come";
   return m;

@@ -36,8 +36,14 @@ struct Scored {
   Eigen::MatrixXd information;
 };
 
-/// `raised`: linearised at as much as the rows are on the whole.
-Scored scored(const Session& session, const Design& design, Optimum& there, bool raised = false) {
+/// What a quadratic approximation is for.
+enum class For {
+  steps,     ///< From there, however far.
+  evidence,  ///< Of what is there.
+  new_terms  ///< Linearised at as much as the rows are on the whole.
+};
+Scored scored(const Session& session, const Design& design, Optimum& there, For what = For::steps) {
+  const bool raised = what == For::new_terms;
   const Index k = design.mean.size();
   Scored s{design.mean - there.x, Eigen::MatrixXd::Identity(k, k)};
   there.white.assign(design.parts.size(), {});
@@ -46,7 +52,7 @@ Scored scored(const Session& session, const Design& design, Optimum& there, bool
     if (!session.channels()[c]) continue;
     const ChannelRows& rows = *session.channels()[c];
     const Eigen::VectorXd eta = raised ? rows.possible(there.eta[c]) : there.eta[c];
-    const Eigen::VectorXd at = raised ? rows.raised(eta) : rows.steady(eta);
+    const Eigen::VectorXd at = raised ? rows.raised(eta) : what == For::steps ? rows.steady(eta) : rows.curved(eta);
     there.white[c] = rows.whitened(design.parts[c].columns, at);
     there.white_residual[c] = rows.white_residual(raised ? at : eta);
     if (raised)
@@ -114,7 +120,7 @@ Optimum optimum_of(const Session& session, const Design& design, const Eigen::Ve
 
 Optimum raised(const Session& session, const Design& design, const Optimum& optimum) {
   Optimum there = optimum;
-  there.factor.compute(scored(session, design, there, true).information);
+  there.factor.compute(scored(session, design, there, For::new_terms).information);
   for (std::size_t c = 0; c < there.eta.size(); ++c)
     if (session.channels()[c]) there.eta[c] = session.channels()[c]->raised(there.eta[c]);
   return there;
@@ -208,7 +214,8 @@ Fitted solved(const Session& session, std::vector<Term> terms) {
   Fitted result;
   result.design = design_of(session, terms);
   result.optimum = optimum_of(session, with_shapes_held(result.design), result.design.mean);
-  const Scored there = scored(session, result.design, result.optimum);
+  const Scored there = scored(session, result.design, result.optimum, For::evidence);
+  result.optimum.factor.compute(there.information);
   const Eigen::VectorXd stepped =
       within_bounds(result.design, result.optimum.x + step_of(there, result.design, result.optimum.x));
   Hypothesis& h = result.hypothesis;

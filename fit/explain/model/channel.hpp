@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "fit/explain/mean_model.hpp"
@@ -50,6 +51,8 @@ class ChannelRows {
   [[nodiscard]] virtual Eigen::VectorXd possible(Eigen::VectorXd eta) const { return eta; }
   /// Where the information holds for steps of a usual size from there: at a bound it may be beyond all measure.
   [[nodiscard]] virtual Eigen::VectorXd steady(Eigen::VectorXd eta) const { return eta; }
+  /// Where the information is the likelihood's curvature there: of what is rare and happened, the expected one is too small.
+  [[nodiscard]] virtual Eigen::VectorXd curved(Eigen::VectorXd eta) const { return steady(std::move(eta)); }
   /// Columns multiplied by a root of the Fisher information at eta.
   [[nodiscard]] virtual Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd& eta) const = 0;
   /// What each row says of its predictor, as if it came alone.

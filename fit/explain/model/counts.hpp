@@ -29,7 +29,15 @@ class Counts : public IndependentRows {
   /// Where nothing happened, fewer than one event in all of a row's samples cannot be told from none.
   [[nodiscard]] Eigen::VectorXd steady(Eigen::VectorXd eta) const override {
     for (Eigen::Index i = 0; i < rows(); ++i)
-      if (of(i).y == 0) eta[i] = std::max(eta[i], 1 / of(i).n);
+      eta[i] = of(i).y == 0 ? std::max(eta[i], 1 / of(i).n) : hazard_of(eta[i]);
+    return eta;
+  }
+  [[nodiscard]] Eigen::VectorXd curved(Eigen::VectorXd eta) const override {
+    eta = steady(std::move(eta));
+    for (Eigen::Index i = 0; i < rows(); ++i) {
+      const double h = hazard_of(eta[i]), seen = of(i).y / of(i).n;
+      if (h < seen) eta[i] = std::max(1e-12, h * h / seen);
+    }
     return eta;
   }
 
@@ -47,7 +55,7 @@ class Counts : public IndependentRows {
     return row.y / std::expm1(h) - (row.n - row.y);
   }
   [[nodiscard]] double information(const Row& row, double eta) const override {
-    return row.n / std::expm1(hazard_of(eta));
+    return row.n / std::expm1(std::max(1e-12, eta));
   }
 
  private:

@@ -172,8 +172,11 @@ const std::map<std::string, Equation>& equations() {
       {"correlated-noise", {{{"rho", 0.7}, {"share", 0.4}},
         [](const Beam&) { return fit::Effect{.memory_rho = 0.7, .memory_share = 0.4}; }}},
       {"rounding", {{{"step_mm", 5}}, [](const Beam&) { return fit::Effect{.output_step_mm = 5}; }}},
-      {"outliers", {{{"fraction", 0.01}, {"lost_each", 0.05}},
-        [](const Beam&) { return fit::Effect{.lost = 0.0005, .stray = 0.01}; }}},
+      {"outliers", {{{"fraction", 0.01}, {"lost_each", 0.05}, {"with_range", 0.5}},
+        [](const Beam& x) {
+          const double share = 0.01 * std::sqrt(x.r / 2000);
+          return fit::Effect{.lost = 0.05 * share, .stray = share};
+        }}},
       {"dropout", {{{"intensity_min", 300}, {"width", 50}, {"scatter_mm", 2}},
         [](const Beam& x) {  // twice as strong as the threshold: 2 mm / sqrt(ln 2); nearer than half a width: as there
           const double above = std::max(std::log(x.I / 300), 25.0 / 300);
