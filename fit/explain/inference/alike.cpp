@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <map>
 
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/inference/screen.hpp"
@@ -16,16 +17,71 @@ using Member = Undecided::Member;
 /// Names without a mechanism, of what the bench file states: nothing but priors tells them from the others.
 bool is_of_bench_file(const std::string& name) { return !find_mechanism(name); }
 
-/// In the place of a term of the best hypothesis, as well as the recording tells.
-std::vector<Member> rivals_of(const Session& session, const Fitted& best, const Term& term) {
-  const std::vector<std::string>& names = term.kind->mechanism->looks_like;
+/// Ranks of values, equal ones alike; from -1 to 1.
+Eigen::VectorXd ranks_of(const std::vector<double>& values) {
+  std::vector<double> sorted = values;
+  std::ranges::sort(sorted);
+  Eigen::VectorXd ranks(static_cast<Eigen::Index>(values.size()));
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const auto [first, last] = std::ranges::equal_range(sorted, values[i]);
+    const auto below = static_cast<double>(first - sorted.begin()), up_to = static_cast<double>(last - sorted.begin());
+    ranks[static_cast<Eigen::Index>(i)] = (below + up_to) / static_cast<double>(values.size()) - 1;
+  }
+  return ranks;
+}
+
+/// Where one coordinate of the means goes with the other, up or down (Spearman's rank correlation), their functions look alike.
+bool confounded(const Session& session, Coordinate a, Coordinate b) {
+  constexpr double all_but_one = 0.97;
+  const auto& means = session.channels()[model::channel_of("mean")];
+  if (a == b || !means) return false;
+  std::vector<double> of_a, of_b;
+  for (Eigen::Index i = 0; i < means->rows(); ++i) {
+    const double x = model::coordinate_of(a, means->at(i)), y = model::coordinate_of(b, means->at(i));
+    if (!std::isfinite(x) || !std::isfinite(y)) continue;
+    of_a.push_back(x);
+    of_b.push_back(y);
+  }
+  if (of_a.empty()) return false;
+  const Eigen::VectorXd x = ranks_of(of_a), y = ranks_of(of_b);
+  const double scale = x.norm() * y.norm();
+  return scale > 0 && std::abs(x.dot(y)) > all_but_one * scale;
+}
+
+/// Whether a mechanism may be what looks like that term in this session.
+class MayBe {
+ public:
+  MayBe(const Session& session, const Mechanism& term) : session_(&session), term_(&term) {}
+  [[nodiscard]] bool operator()(const Mechanism& m) {
+    if (m.id == term_->id) return false;
+    if (std::ranges::count(term_->looks_like, m.id)) return true;
+    if (m.observable != term_->observable || m.geometric || term_->geometric) return false;
+    const auto known = known_.find(m.coordinate);
+    if (known != known_.end()) return known->second;
+    return known_[m.coordinate] = confounded(*session_, term_->coordinate, m.coordinate);
+  }
+
+ private:
+  const Session* session_;
+  const Mechanism* term_;
+  std::map<Coordinate, bool> known_;
+};
+
+/// In the place of a term of the best hypothesis, as well as the recording tells: what may be one of those mechanisms.
+std::vector<Member> rivals_of(const Session& session, const Fitted& best, const Term& term,
+                              const std::vector<const Mechanism*>& mechanisms) {
+  std::vector<MayBe> of_each;
+  for (const Mechanism* m : mechanisms) of_each.emplace_back(session, *m);
+  const auto may_be = [&](const Mechanism& m) {
+    return std::ranges::any_of(of_each, [&](MayBe& one) { return one(m); });
+  };
   std::vector<Member> rivals;
-  if (std::ranges::all_of(names, is_of_bench_file)) return rivals;
+  if (std::ranges::none_of(catalogue(), may_be)) return rivals;
   Hypothesis less;
   for (const Term& own : best.hypothesis.terms)
     if (own.kind != term.kind) less.terms.push_back(own);
   for (const Candidate& candidate : screen(session, fit(session, less), term.kind)) {
-    if (candidate.term.kind->is_form() || !std::ranges::count(names, candidate.term.kind->mechanism->id)) continue;
+    if (candidate.term.kind->is_form() || !may_be(*candidate.term.kind->mechanism)) continue;
     Hypothesis other = less;
     other.terms.push_back(candidate.term);
     const Hypothesis fitted = fit(session, other).hypothesis;
@@ -52,7 +108,7 @@ void join(const std::vector<Member>& rivals, Undecided& set) {
 void join_what_looks_alike(const Session& session, const Fitted& best, Posterior& posterior) {
   std::vector<Named> alone;
   for (const Named& named : posterior.named) {
-    const std::vector<Member> rivals = rivals_of(session, best, named.term);
+    const std::vector<Member> rivals = rivals_of(session, best, named.term, {named.term.kind->mechanism.get()});
     const std::vector<std::string> also = names_of_bench_file(named.term);
     if (rivals.empty() && also.empty()) {
       alone.push_back(named);
@@ -66,14 +122,18 @@ void join_what_looks_alike(const Session& session, const Fitted& best, Posterior
     posterior.undecided.push_back(std::move(set));
   }
   posterior.named = std::move(alone);
-  for (Undecided& set : posterior.undecided)
+  for (Undecided& set : posterior.undecided) {
+    std::vector<const Mechanism*> mechanisms;
+    for (const Member& member : set.members)
+      if (member.kind && !member.kind->is_form()) mechanisms.push_back(member.kind->mechanism.get());
     for (const Member& member : std::vector(set.members)) {
-      if (!member.kind || member.kind->is_form()) continue;
-      const bool is_in_best = best.hypothesis.has(*member.kind);
-      if (is_in_best) join(rivals_of(session, best, member.term), set);
+      if (!member.kind) continue;
+      if (best.hypothesis.has(*member.kind)) join(rivals_of(session, best, member.term, mechanisms), set);
+      if (member.kind->is_form()) continue;
       for (const std::string& name : names_of_bench_file(member.term))
         if (!std::ranges::count(set.also, name)) set.also.push_back(name);
     }
+  }
 }
 
 }  // namespace fit::explain::inference
