@@ -110,6 +110,7 @@ struct Parameter {
   /// What a shape measures along the mechanism's coordinate, where that tells a search how to look for it.
   enum class Scale {
     other,
+    width,       ///< The extent of what is local. Where less than the least was recorded, it is not local.
     decay,       ///< Over which the effect fades by 1/e. At its bounds it is no fading any more.
     wavelength,  ///< Of a sine. Where only regular places were recorded, several look alike.
     gear,  ///< Of a sine that gears make, in degrees of a turn: a short one is a turn by a whole number.

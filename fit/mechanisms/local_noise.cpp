@@ -20,7 +20,7 @@ Mechanism make_local_noise() {
        .upper = 135,
        .starts = 37,
        .logarithmic = false},
-      {.name = "width_deg", .role = Parameter::Role::shape, .lower = 3, .upper = 20, .starts = 3},
+      {.name = "width_deg", .role = Parameter::Role::shape, .scale = Parameter::Scale::width, .lower = 3, .upper = 20, .starts = 3},
       {.name = "exponent", .role = Parameter::Role::shape, .expected = 2, .lower = 1.5, .upper = 8, .starts = 2}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double away = wrap_angle(c.beam_rad - p[1] * rad_per_deg) * deg_per_rad / p[2];

@@ -30,7 +30,7 @@ Mechanism make_sunlight() {
        .upper = 135,
        .starts = 37,
        .logarithmic = false},
-      {.name = "width_deg", .role = Parameter::Role::shape, .lower = 3, .upper = 50, .starts = 4},
+      {.name = "width_deg", .role = Parameter::Role::shape, .scale = Parameter::Scale::width, .lower = 3, .upper = 50, .starts = 4},
       {.name = "from_s", .role = Parameter::Role::shape, .scale = Parameter::Scale::from, .expected = -ever_s, .logarithmic = false},
       {.name = "to_s", .role = Parameter::Role::shape, .expected = ever_s, .logarithmic = false},
       {.name = "lost", .typical = 0.01, .largest = 1, .sign = 1}};

@@ -83,6 +83,21 @@ bool acts_in(const ChannelRows& channel, const Kind& kind) {
   return false;
 }
 
+/// Whether so much of its coordinate was recorded that what is local there can be told from what is everywhere.
+bool can_be_local(const Mechanism& m, const ListOfChannels& channels) {
+  const auto width = m.parameter_of(Parameter::Scale::width);
+  if (!width) return true;
+  double low = 1e300, high = -1e300;
+  for (const auto& channel : channels)
+    for (Index i = 0; channel && i < channel->rows(); ++i) {
+      const double at = coordinate_of(m.coordinate, channel->at(i));
+      if (!std::isfinite(at)) continue;
+      low = std::min(low, at);
+      high = std::max(high, at);
+    }
+  return high - low > 2 * m.parameters[*width].lower;
+}
+
 /// The power of a size that the effect goes with: variances go with the square of a deviation.
 int power_of(const Kind& kind, std::size_t k, const ListOfChannels& channels) {
   int power = 1;
@@ -143,6 +158,7 @@ std::vector<Kind> kinds_of(const Reduced& reduced, const ListOfChannels& channel
     for (int target = m.one_target ? 0 : -1; target < (m.one_target ? targets : 0); ++target) {
       if (target >= 0 && reduced.same_as[static_cast<std::size_t>(target)] != target) continue;
       if (!is_constant_noise(m) && bench_knows(reduced.bench, m, target)) continue;
+      if (!can_be_local(m, channels)) continue;
       Kind kind = kind_of(m, target, channels);
       if (kind.starts.empty()) continue;
       kind.log_prior = std::log(numbers::mechanisms_expected / catalogued) -
