@@ -86,13 +86,22 @@ void add_term(const Session& session, const Term& term, Design& design) {
   bound_shapes(term, design.mean.size() - block.shapes, design);
   add_coefficients(design, standard(block.deviations));
   for (std::size_t c = 0; c < session.channels().size(); ++c) {
-    add_columns(design, c, block.first + block.sizes, shapes[c]);
-    add_columns(design, c, block.first + block.sizes + block.shapes, deviations[c]);
+    add_columns(design, c, block.first_shape(), shapes[c]);
+    add_columns(design, c, block.first_shape() + block.shapes, deviations[c]);
   }
   design.blocks.push_back(block);
 }
 
 }  // namespace
+
+void hold_shapes(const Design& design, double known, Eigen::MatrixXd& information) {
+  for (const Design::Block& block : design.blocks)
+    for (Index k = block.first_shape(); k < block.first_shape() + block.shapes; ++k) {
+      information.row(k).setZero();
+      information.col(k).setZero();
+      information(k, k) = known;
+    }
+}
 
 Design design_of(const Session& session, const std::vector<Term>& terms) {
   Design design;

@@ -159,14 +159,12 @@ Rescaled rescaled(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& fac
 /// derivative says that it never does: a peak is not wider than the grid of its starts says.
 double log_evidence_of(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& held, const Design& design,
                        const Eigen::MatrixXd& covariance, const std::vector<Term>& terms) {
-  double log_det = 0;
-  for (Index i = 0; i < design.mean.size(); ++i) log_det += std::log(held.matrixLLT()(i, i));
-  double sum = optimum.log_posterior - log_det;
+  double sum = optimum.log_posterior - 0.5 * log_determinant(held);
   const double of_uniform = 0.5 * std::log(2 * pi / 12);
   for (std::size_t t = 0; t < terms.size(); ++t) {
     const Design::Block& block = design.blocks[t];
     sum += rescaled(optimum, held, design, block, terms[t]).added;
-    const Index n = block.shapes, first = block.first + block.sizes;
+    const Index n = block.shapes, first = block.first_shape();
     const double width = n == 0 ? 0 : 0.5 * std::log(covariance.block(first, first, n, n).determinant());
     sum += std::min(terms[t].by_grid, width + static_cast<double>(n) * of_uniform + terms[t].by_modes);
   }
@@ -189,7 +187,7 @@ Term moved(const Term& term, const Optimum& optimum, const Eigen::VectorXd& step
   for (Index j = 0; j < block.shapes; ++j) {
     const std::size_t k = shapes[static_cast<std::size_t>(j)];
     const Parameter& p = term.kind->mechanism->parameters[k];
-    const Index at = block.first + block.sizes + j;
+    const Index at = block.first_shape() + j;
     const double span = p.logarithmic ? std::log(p.upper / p.lower) : p.upper - p.lower;
     const double unit = span / std::sqrt(12.0), by = std::clamp(stepped[at] * unit, -0.1 * span, 0.1 * span),
                  u = std::sqrt(covariance(at, at)) * unit;
@@ -203,8 +201,8 @@ Term moved(const Term& term, const Optimum& optimum, const Eigen::VectorXd& step
 /// A design in which shapes stay where they are.
 Design with_shapes_held(Design design) {
   for (const Design::Block& block : design.blocks) {
-    design.lower.segment(block.first + block.sizes, block.shapes).setZero();
-    design.upper.segment(block.first + block.sizes, block.shapes).setZero();
+    design.lower.segment(block.first_shape(), block.shapes).setZero();
+    design.upper.segment(block.first_shape(), block.shapes).setZero();
   }
   return design;
 }
@@ -227,12 +225,7 @@ Fitted solved(const Session& session, std::vector<Term> terms) {
   const Index k = result.design.mean.size();
   const Eigen::MatrixXd covariance = result.optimum.factor.solve(Eigen::MatrixXd::Identity(k, k));
   Eigen::MatrixXd known = result.optimum.factor.reconstructedMatrix();
-  for (const Design::Block& block : result.design.blocks)
-    for (Index j = block.first + block.sizes; j < block.first + block.sizes + block.shapes; ++j) {
-      known.row(j).setZero();
-      known.col(j).setZero();
-      known(j, j) = 1;
-    }
+  hold_shapes(result.design, 1, known);
   const Eigen::LLT<Eigen::MatrixXd> held(known);
   h.log_evidence = log_evidence_of(result.optimum, held, result.design, covariance, terms);
   for (std::size_t t = 0; t < terms.size(); ++t) {

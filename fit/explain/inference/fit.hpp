@@ -19,6 +19,7 @@ struct Design {
   struct Block {
     Eigen::Index first = 0, sizes = 0, shapes = 0, deviations = 0;
     [[nodiscard]] Eigen::Index count() const { return sizes + shapes + deviations; }
+    [[nodiscard]] Eigen::Index first_shape() const { return first + sizes; }
   };
   std::vector<Part> parts;  ///< By channel.
   Eigen::VectorXd mean, sigma;
@@ -26,6 +27,8 @@ struct Design {
   std::vector<Block> blocks;  ///< By term.
 };
 [[nodiscard]] Design design_of(const Session& session, const std::vector<Term>& terms);
+/// Shapes as if they were known: of that information, and of no other coefficient's.
+void hold_shapes(const Design& design, double known, Eigen::MatrixXd& information);
 
 /// The most probable coefficients of a design (in units of `sigma`), and the likelihood around them.
 struct Optimum {

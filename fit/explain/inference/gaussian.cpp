@@ -28,6 +28,12 @@ double log_sum(const std::vector<double>& logs) {
   return most + std::log(sum);
 }
 
+double log_determinant(const Eigen::LLT<Eigen::MatrixXd>& factor) {
+  double sum = 0;
+  for (Index i = 0; i < factor.rows(); ++i) sum += 2 * std::log(factor.matrixLLT()(i, i));
+  return sum;
+}
+
 Integral integrate(const Quadratic& likelihood, const Prior& prior) {
   const Index k = likelihood.along.size();
   Integral result;
@@ -37,10 +43,9 @@ Integral integrate(const Quadratic& likelihood, const Prior& prior) {
   const Eigen::LLT<Eigen::MatrixXd> factor(normal);
   const Eigen::VectorXd rhs = s.cwiseProduct(likelihood.along - likelihood.square * prior.mean),
                         x = factor.solve(rhs);
-  double log_det = 0;
-  for (Index i = 0; i < k; ++i) log_det += std::log(factor.matrixL()(i, i));
   result.log_evidence = prior.mean.dot(likelihood.along) -
-                        0.5 * prior.mean.dot(likelihood.square * prior.mean) + 0.5 * rhs.dot(x) - log_det;
+                        0.5 * prior.mean.dot(likelihood.square * prior.mean) + 0.5 * rhs.dot(x) -
+                        0.5 * log_determinant(factor);
   result.value = prior.mean + s.cwiseProduct(x);
   result.covariance = s.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(k, k)) * s.asDiagonal();
   return result;

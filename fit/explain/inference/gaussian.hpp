@@ -44,6 +44,8 @@ struct OverFactors {
 /// The first coefficients are those of the kind, any others have standard normal priors.
 [[nodiscard]] OverFactors integrate_over_factors(const Quadratic& likelihood, const model::Kind& kind);
 
+/// Of the matrix that was factored.
+[[nodiscard]] double log_determinant(const Eigen::LLT<Eigen::MatrixXd>& factor);
 [[nodiscard]] double log_sum(const std::vector<double>& logs);
 
 }  // namespace fit::explain::inference

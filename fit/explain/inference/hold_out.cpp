@@ -54,23 +54,8 @@ Part part_of(const Session& session, const Fitted& f, std::size_t c, const Block
   return part;
 }
 
-double log_determinant(const Eigen::LLT<Eigen::MatrixXd>& factor) {
-  double sum = 0;
-  for (Index i = 0; i < factor.rows(); ++i) sum += 2 * std::log(factor.matrixLLT()(i, i));
-  return sum;
-}
-
 /// Shapes stay as all captures have them: nothing tells a threshold where no echo is as weak.
-void hold_shapes(const Design& design, Eigen::MatrixXd& information, Eigen::VectorXd& score) {
-  constexpr double held = 1e12;
-  for (const Design::Block& block : design.blocks)
-    for (Index k = block.first + block.sizes; k < block.first + block.sizes + block.shapes; ++k) {
-      information.row(k).setZero();
-      information.col(k).setZero();
-      information(k, k) = held;
-      score[k] = 0;
-    }
-}
+constexpr double as_all_have_them = 1e12;
 
 /// Predicts one block from all others and adds what comes of it.
 class Block {
@@ -92,7 +77,9 @@ class Block {
           rest_(index[i], index[j]) -= square(static_cast<Index>(i), static_cast<Index>(j));
       }
     }
-    hold_shapes(fitted.design, rest_, score_);
+    hold_shapes(fitted.design, as_all_have_them, rest_);
+    for (const Design::Block& term : fitted.design.blocks)
+      score_.segment(term.first_shape(), term.shapes).setZero();
     factor_.compute(rest_);
   }
 
@@ -146,8 +133,7 @@ HeldOutFigures hold_out(const Session& session, const Fitted& fitted, bool only_
   const Blocks blocks(session.reduced().captures.size());
   HeldOutFigures sum;
   Eigen::MatrixXd all = fitted.optimum.factor.reconstructedMatrix();
-  Eigen::VectorXd nothing = Eigen::VectorXd::Zero(all.rows());
-  hold_shapes(fitted.design, all, nothing);
+  hold_shapes(fitted.design, as_all_have_them, all);
   const Eigen::LLT<Eigen::MatrixXd> factor(all);
   for (int b = 0; b < blocks.count; ++b) Block(session, fitted, factor, blocks, b, only_means).add_to(sum);
   const double cells = std::max(1.0, sum.cells);

@@ -109,7 +109,8 @@ Nuisance Session::nuisance(const Hypothesis& h) const {
 
 void Session::linearise(const Hypothesis& at) {
   std::vector<Active> at_work;
-  for (const explain::Term& known : known_terms(reduced_.bench)) at_work.push_back(known.active());
+  for (const Active& known : known_)
+    if (moves_means(*known.mechanism)) at_work.push_back(known);
   for (const Term& term : at.terms)
     if (moves_the_means(*term.kind))
       at_work.push_back({term.kind->mechanism.get(), term.values, term.kind->target});
