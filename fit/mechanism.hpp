@@ -43,6 +43,7 @@ struct Circumstances {
       0;  ///< Range of the brighter neighbouring surface minus own, weighted by its share of light.
   Eigen::Vector2d normal = Eigen::Vector2d::UnitX();  ///< Unit normal of the target, away from the axis.
   double cos_incidence = 1;
+  double reflectance = 0.5;  ///< Nominal, 0..1.
 };
 
 /// Of a target against what is stated: out along its normal, and turned about its middle, counter-clockwise.
@@ -127,6 +128,7 @@ struct Parameter {
   double expected = 0;  ///< Shape: what a bench file that leaves it out means; 0: the lower bound.
   double largest = std::numeric_limits<double>::infinity();  ///< Size: what physics allows at most.
   int sign = 0;                 ///< Size: +1 or -1 when physics allows only one sign.
+  bool any_curve = false;       ///< Size that may be missing apart: as of Mechanism, for what it does alone.
   double lower = 0, upper = 1;  ///< Shape: bounds.
   int starts = 8;  ///< Shape: points of the first search, spread by the logarithm if `logarithmic`.
   bool logarithmic = true;
@@ -172,6 +174,11 @@ struct Mechanism {
   /// Only the coordinate is certain: the curve along it differs from device to device, and so does the place
   /// where the instrument was set to read right.
   bool any_curve = false;
+  /// Of surfaces: acts on all targets alike or, named by the text parameter "target", on one of them.
+  bool of_surfaces = false;
+  /// What the bench file states under this name is a law, and this is what is wrong with it: it may be missing all the same.
+  bool corrects_a_statement = false;
+  bool sizes_apart = false;  ///< Each size may be missing without the others.
   bool geometric = false;  ///< Works through angles or places, not through the measured distance itself.
   /// Values in the order of `parameters`.
   std::function<Effect(const Circumstances&, std::span<const double> values)> act;

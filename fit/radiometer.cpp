@@ -14,6 +14,29 @@ constexpr std::array<const char*, L::size> names{"counts_at_1m",      "range_pow
 
 bool logarithmic(int k) { return k == L::gain || k == L::overlap || k == L::full; }
 
+/// A change of the law, as the mechanism of that name has it (fit/mechanisms/radiometry.cpp).
+struct Change {
+  const char* name;
+  void (*apply)(L& law, double by);
+};
+double log_of_sum(double log_square, double more) { return 0.5 * std::log(std::max(1e-12, std::exp(2 * log_square) + more)); }
+constexpr Change changes[] = {
+    {"log_gain", [](L& law, double by) { law.value[L::gain] += by; }},
+    {"range_exponent", [](L& law, double by) { law.value[L::range_power] += by; }},
+    {"response_exponent",
+     [](L& law, double by) {
+       law.value[L::range_power] += 2 * by;
+       law.value[L::incidence_power] += by;
+       law.value[L::reflectance_power] += by;
+     }},
+    {"incidence_exponent", [](L& law, double by) { law.value[L::incidence_power] += by; }},
+    {"reflectance_exponent", [](L& law, double by) { law.value[L::reflectance_power] += by; }},
+    // log(1 + by (500 mm)^2 / r^2), next to the range's power of log(1 + overlap^2 / r^2)
+    {"overlap",
+     [](L& law, double by) { law.value[L::overlap] = log_of_sum(law.value[L::overlap], by * 250000 / std::max(0.1, law.value[L::range_power])); }},
+    // half of log(1 + by (counts / 1000)^2), as by another full scale
+    {"compression", [](L& law, double by) { law.value[L::full] = -log_of_sum(-law.value[L::full], by * 1e-6); }}};
+
 void state(IntensityClaim& claim, int k, const Estimate& e) {
   if (!std::isfinite(e.value) || (logarithmic(k) && e.value <= 0)) return;
   const auto i = static_cast<std::size_t>(k);
@@ -51,13 +74,23 @@ std::optional<IntensityClaim> claimed_intensity(const Bench& bench) {
     if (const auto found = known->parameters.find(names[static_cast<std::size_t>(k)]);
         found != known->parameters.end())
       state(claim, k, found->second);
-  // Corrections of that law, as effects of the mechanism.
-  for (const auto& [name, k] : {std::pair("log_gain", L::gain), std::pair("range_exponent", L::range_power)})
-    if (const auto found = known->parameters.find(name); found != known->parameters.end())
-      claim.law.value[static_cast<std::size_t>(k)] += found->second.value;
   if (const auto found = known->parameters.find("relative_noise"); found != known->parameters.end())
     claim.relative_noise = found->second.value;
   return claim;
+}
+
+IntensityLaw fold_corrections(Bench& bench, IntensityLaw law) {
+  for (KnownMechanism& known : bench.known) {
+    if (known.mechanism != law_of_intensity) continue;
+    for (const Change& change : changes) {
+      const auto found = known.parameters.find(change.name);
+      if (found == known.parameters.end()) continue;
+      change.apply(law, found->second.value);
+      known.parameters.erase(found);
+    }
+    break;
+  }
+  return law;
 }
 
 void state_intensity(Bench& bench, const IntensityLaw& law, const std::array<double, L::size>& u,
@@ -71,8 +104,6 @@ void state_intensity(Bench& bench, const IntensityLaw& law, const std::array<dou
       known.parameters[names[i]] = in_file_unit(static_cast<L::Coefficient>(k), {law.value[i], u[i]});
     }
     if (relative_noise) known.parameters["relative_noise"] = *relative_noise;
-    known.parameters.erase("log_gain");  // part of the law now
-    known.parameters.erase("range_exponent");
     return;
   }
 }

@@ -34,7 +34,7 @@ inline constexpr const char* law_of_intensity = "radiometry";
 /// What a bench file claims about intensity: the `radiometry` entry of its known mechanisms, with parameters
 /// `counts_at_1m`, `range_power`, `incidence_power`, `reflectance_power`, `overlap_mm`, `full_counts` and
 /// `relative_noise`. What it does not state comes from the `sim` section's `intensity`, and failing that is
-/// open.
+/// open. Corrections of the law in the same entry (fit/mechanisms/radiometry.cpp) act beside it.
 struct IntensityClaim {
   IntensityLaw law;
   std::array<bool, IntensityLaw::size> stated{};
@@ -44,6 +44,9 @@ struct IntensityClaim {
 
 /// Nothing when the bench makes no claim: intensity is a covariate then, not something to explain.
 [[nodiscard]] std::optional<IntensityClaim> claimed_intensity(const Bench& bench);
+/// Takes corrections of the law that are a change of its coefficients (fit/mechanisms/radiometry.cpp) out of the bench's entry;
+/// returns the law with them.
+[[nodiscard]] IntensityLaw fold_corrections(Bench& bench, IntensityLaw law);
 /// Puts the law into the bench's `radiometry` entry; `u` of its coefficients, 0 where they were not fitted.
 void state_intensity(Bench& bench, const IntensityLaw& law, const std::array<double, IntensityLaw::size>& u,
                      std::optional<double> relative_noise);

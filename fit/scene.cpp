@@ -277,6 +277,7 @@ void Scene::describe(const Vector2d& origin, double bearing, const Hit& hit, con
   c.range_mm = hit.range_mm;
   c.incidence_rad = hit.incidence_rad;
   c.cos_incidence = hit.cosine;
+  c.reflectance = reflectance(hit.target);
   c.bearing_rad = bearing;
   c.target = hit.target;
   c.along_mm = hit.along_mm;

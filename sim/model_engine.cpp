@@ -97,8 +97,6 @@ class ModelEngine : public Engine {
     if (described_) relative_noise_ = described_->relative_noise;
     if (claim_ && !claim_->stated[fit::IntensityLaw::gain]) claim_.reset();
     if (claim_) {
-      // The law holds all that a radiometry says.
-      std::erase_if(active_, [](const Active& one) { return one.mechanism->id == "radiometry"; });
       relative_noise_ = claim_->relative_noise.value_or(relative_noise_);
     }
     const auto dims = [](const Active& one) {

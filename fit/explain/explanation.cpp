@@ -9,7 +9,6 @@
 #include "fit/explain/answer/chapters.hpp"
 #include "fit/explain/coarse_steps.hpp"
 #include "fit/explain/inference/explain.hpp"
-#include "fit/explain/intensity.hpp"
 #include "fit/explain/reduction/steady_echoes.hpp"
 #include "fit/explain/single_beams.hpp"
 #include "fit/explain/spread/flicker.hpp"
@@ -129,13 +128,10 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
   const Together together(looked_at);
   Reduced reduced = reduce_all(together, progress);
   refuse_nothing_to_compare(reduced);
-  std::vector<double> own_echoes = reduction::steady_echoes(reduced);
+  reduction::steady_echoes(reduced);
   Searched found = search(std::move(reduced), progress);
   Findings& findings = found.findings;
   Explanation explanation = told(found);
-  reduction::exchange_echoes(findings.reduced, own_echoes);
-  explain_intensity(findings.reduced, explanation);
-  reduction::exchange_echoes(findings.reduced, own_echoes);
   complete_twin(findings.reduced, findings.means, explanation);
   explanation.predictor = predictor_of(findings.reduced, findings.means, findings.spread);
   explanation.several_places = together.in_several_places();

@@ -45,21 +45,6 @@ struct Curve {
   std::vector<double> at, before_mm, after_mm, sigma_mm;
 };
 
-/// The same for intensity: relative deviations from the bench's law.
-struct IntensityCurve {
-  Coordinate coordinate = Coordinate::beam;
-  std::vector<double> at, before, after, sigma;
-};
-
-/// A member of an undecided set about intensity: a mechanism with its values, or coefficients of the bench's
-/// law with what they are off by.
-struct LightSuspect {
-  const Mechanism* mechanism = nullptr;
-  int target = -1;
-  std::vector<double> values;
-  std::vector<int> coefficients;
-};
-
 /// What beams beside edges leave open: stray light that leaks so much, or a beam of that standard half width.
 struct EdgeSuspects {
   double leak = 0, width_deg = 0;
@@ -76,8 +61,7 @@ struct Explanation {
   double noise_floor_mm = 0;
   Bench bench;  ///< With what was found.
   std::vector<Curve> curves;
-  std::vector<SpreadCurve> spread_curves;        ///< Where noise, echoes or memory are not as simulated.
-  std::vector<IntensityCurve> intensity_curves;  ///< Where the bench makes a claim about intensity.
+  std::vector<SpreadCurve> spread_curves;  ///< Where noise, echoes, intensity or memory are not as simulated.
   std::vector<std::string> notes;
   long samples = 0;
   std::size_t cells = 0;
@@ -87,8 +71,7 @@ struct Explanation {
   bool several_places = false;  ///< Targets were put up in several places, each a target of its own.
   std::vector<Term> suspects;   ///< Members of undecided sets, with their values: for the next experiment.
   std::vector<SeenShape> unnamed_suspects;   ///< Forms that explain nearly as much as one of these.
-  std::vector<LightSuspect> light_suspects;  ///< The same for intensity.
-  std::vector<Suspect> noise_suspects;       ///< The same for noise and lost echoes.
+  std::vector<Suspect> noise_suspects;       ///< The same for noise, lost echoes and intensity.
   std::optional<EdgeSuspects> edge_suspects;
 
   /// Adds what acts on something other than means, whose figures do not know what it gains.
@@ -99,7 +82,7 @@ struct Explanation {
   [[nodiscard]] std::size_t rivals_in_range() const { return suspects.size() + unnamed_suspects.size(); }
   /// Whether there is something that an experiment could decide.
   [[nodiscard]] bool has_rivals() const {
-    return rivals_in_range() > 1 || light_suspects.size() > 1 || noise_suspects.size() > 1 || edge_suspects;
+    return rivals_in_range() > 1 || noise_suspects.size() > 1 || edge_suspects;
   }
 };
 

@@ -115,12 +115,6 @@ json to_json(const Explanation& e) {
                                     {"u", c.sigma},
                                     {"before", c.before},
                                     {"after", c.after}});
-  for (const IntensityCurve& c : e.intensity_curves)
-    out["intensity_curves"].push_back({{"coordinate", name_of(c.coordinate)},
-                                       {"at", c.at},
-                                       {"before", c.before},
-                                       {"after", c.after},
-                                       {"u", c.sigma}});
   if (e.unknown)
     out["unknown"] = {{"coordinate", name_of(e.unknown->coordinate)},
                       {"observable", name_of(e.unknown->observable)},

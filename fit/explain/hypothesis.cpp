@@ -47,8 +47,8 @@ std::vector<Term> all_known(const Bench& bench) {
       const auto found = known.parameters.find(p.name);
       term.sigma.push_back(found == known.parameters.end() ? 0 : found->second.u);
     }
-    if (m->one_target) {
-      const auto name = known.texts.find("target");
+    const auto name = known.texts.find("target");
+    if (m->one_target || name != known.texts.end()) {
       for (std::size_t i = 0; i < bench.targets.size(); ++i)
         if (name != known.texts.end() && bench.targets[i].name == name->second)
           term.target = static_cast<int>(i);

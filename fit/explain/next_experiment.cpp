@@ -6,7 +6,6 @@
 #include <functional>
 #include <random>
 
-#include "fit/explain/intensity.hpp"
 #include "fit/explain/odds.hpp"
 #include "fit/explain/inference/apart.hpp"
 #include "fit/explain/stray_light.hpp"
@@ -293,13 +292,6 @@ std::vector<Rivalry> rivalries_of(const Explanation& explanation, const Reduced&
     for (const Suspected& suspect : suspects) ids.push_back(suspect.id);
     list.emplace_back(
         ids, [suspects](const Reduced& all) { return evidence_between(all, suspects); }, so_far);
-  }
-  if (explanation.light_suspects.size() > 1) {
-    ids.clear();
-    for (const LightSuspect& suspect : explanation.light_suspects) ids.push_back(suspect.mechanism->id);
-    list.emplace_back(
-        ids, [&explanation](const Reduced& all) { return evidence_between(all, explanation.light_suspects); },
-        so_far);
   }
   if (explanation.noise_suspects.size() > 1) {
     ids.clear();

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <functional>
+#include <limits>
 #include <vector>
 
 #include "fit/explain/lag_bands.hpp"
@@ -23,6 +24,8 @@ struct Cell {
   double mean_mm = 0, variance_mm2 = 0;
   double kurtosis = 3;      ///< Of the samples' distribution, 3 if it is normal; unknown of too few.
   double intensity_sd = 0;  ///< Standard deviation of one sample's intensity, counts.
+  /// Mean intensity of its own samples; at.intensity is steadied by its neighbours' (reduction/steady_echoes.hpp). NaN: not known.
+  double counts = std::numeric_limits<double>::quiet_NaN();
   double far_share =
       -1;               ///< Mean place between the two surfaces of a near edge (0 near, 1 far); -1: no edge.
   double other_mm = 0;  ///< Range of the plane on the other side of that edge, along this very beam.

@@ -14,6 +14,7 @@ namespace fit::explain {
 struct Suspect {
   const Mechanism* mechanism = nullptr;  ///< Null: something outside the catalogue.
   std::map<std::string, Estimate> parameters;
+  int target = -1;  ///< The only one on which it acts; -1: all.
   double gain = 0;      ///< Of the log-likelihood.
   double evidence = 0;  ///< Log Bayes factor.
   /// Of the log-likelihood of captures that it was not fitted to; not known of a single one.

@@ -14,7 +14,7 @@ Form make_bump() {
   f.along = [](const Axis& axis) {
     std::vector<Shape> list;
     const bool sampled_finely = axis.coordinate == Coordinate::beam || axis.coordinate == Coordinate::range ||
-                                axis.coordinate == Coordinate::time;
+                                axis.coordinate == Coordinate::time || axis.coordinate == Coordinate::target;
     if (axis.channel != Channel::range || !sampled_finely) return list;
     const double span = axis.high - axis.low;
     const double between_rows = axis.values > 1 ? 1.0 / static_cast<double>(axis.values - 1) : 1;

@@ -7,6 +7,7 @@ namespace fit::mechanisms {
 Mechanism make_range_noise() {
   Mechanism m;
   m.id = "range-noise";
+  m.corrects_a_statement = true;
   m.cause = "the range is noisier than the bench file says";
   m.observable = Observable::range_variance;
   m.coordinate = Coordinate::range;

@@ -10,12 +10,17 @@ Mechanism make_specular() {
   m.cause = "a glossy target reflects most of the light like a mirror";
   m.observable = Observable::intensity;
   m.coordinate = Coordinate::incidence;
+  m.of_surfaces = true;
   m.parameters = {
       {.name = "gain", .typical = 3, .sign = 1},
       {.name = "width_deg", .role = Parameter::Role::shape, .lower = 0.5, .upper = 15, .starts = 6}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double away = c.incidence_rad * deg_per_rad / p[1];
     return Effect{.log_intensity = std::log1p(std::max(-0.9, p[0]) * std::exp(-away * away))};
+  };
+  m.shows = [](const Finding& f, const Recorded& r) {
+    const double reach = 1.5 * f.at("width_deg").value;
+    return std::vector<Stretch>{{Coordinate::incidence, std::max(r.from, -reach), std::min(r.to, reach)}};
   };
   m.says = [](const Finding& f) {
     const Estimate gain = f.at("gain");

@@ -23,6 +23,10 @@ Mechanism make_window_dirt() {
     const double away = wrap_angle(c.beam_rad - p[1] * rad_per_deg) * deg_per_rad / p[2];
     return Effect{.log_intensity = std::log(std::max(0.02, 1 - p[0] * std::exp(-away * away / 2)))};
   };
+  m.shows = [](const Finding& f, const Recorded& r) {
+    const double middle = f.at("centre_deg").value, reach = 1.5 * f.at("width_deg").value;
+    return std::vector<Stretch>{{Coordinate::beam, std::max(r.from, middle - reach), std::min(r.to, middle + reach)}};
+  };
   m.says = [](const Finding& f) {
     return "Echoes are dimmer by " + with_uncertainty({100 * f.at("loss").value, 100 * f.at("loss").u}, "%") +
            " around beam " + with_uncertainty(f.at("centre_deg"), "deg") + ": the window is dirty there.";

@@ -119,7 +119,7 @@ json open_of(const State& state, const json& explanation) {
 
 json without_pictures(const json& explanation) {
   json kept = explanation;
-  for (const char* key : {"curves", "spread_curves", "intensity_curves", "bench", "empirical_correction", "prediction"})
+  for (const char* key : {"curves", "spread_curves", "bench", "empirical_correction", "prediction"})
     kept.erase(key);
   kept["suspects"] = suspects_of(explanation);
   return kept;

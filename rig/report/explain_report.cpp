@@ -132,26 +132,6 @@ std::string prediction_section(const json& p) {
   return html + "<figure>" + to_svg(spread) + "</figure>\n<figure>" + to_svg(means) + "</figure>\n";
 }
 
-std::string intensity_section(const json& curve) {
-  Plot plot;
-  const CoordinateWords coordinate = coordinate_in_words(curve.at("coordinate").get<std::string>());
-  const auto per_cent = [&](const char* key) {
-    auto values = curve.at(key).get<std::vector<double>>();
-    for (double& v : values) v *= 100;
-    return values;
-  };
-  plot.title = "Intensity along " + coordinate.name;
-  plot.x_label = coordinate.with_unit();
-  plot.y_label = "recording divided by the bench's law, minus 1 (%)";
-  const auto x = curve.at("at").get<std::vector<double>>();
-  const auto u = per_cent("u");
-  plot.series.push_back({"before", Series::Style::errorbars, x, per_cent("before"), u});
-  plot.series.push_back({"after", Series::Style::errorbars, x, per_cent("after"), u});
-  return "<figure>" + to_svg(plot) + "<figcaption>Intensity against the law that the bench states, along " +
-         escaped(coordinate.name) +
-         ", minus what reflectances and the law's own uncertainties explain.</figcaption></figure>\n";
-}
-
 }  // namespace
 
 std::string explanation_html(const json& e, const std::string& sessions) {
@@ -193,12 +173,10 @@ std::string explanation_html(const json& e, const std::string& sessions) {
       figure_of(number_of(fit, "noise_floor_mm")) + " mm.</p>\n";
   if (e.contains("prediction"))
     for (const json& p : e["prediction"]) html += prediction_section(p);
-  if (e.contains("spread_curves")) html += "<h2>Noise, echoes and whole scans</h2>\n";
+  if (e.contains("spread_curves")) html += "<h2>Noise, echoes, intensity and whole scans</h2>\n";
   for (const json& curve : e.value("spread_curves", json::array())) html += spread_section(curve);
   if (!e.at("curves").empty()) html += "<h2>Residuals</h2>\n";
   for (const json& curve : e.at("curves")) html += curve_section(curve);
-  if (e.contains("intensity_curves")) html += "<h2>Intensity</h2>\n";
-  for (const json& curve : e.value("intensity_curves", json::array())) html += intensity_section(curve);
   if (!e.at("located").empty()) {
     html +=
         "<h2>Where they differ</h2>\n<table><thead><tr><th>Coordinate</th><th class=\"n\">from</th><th "

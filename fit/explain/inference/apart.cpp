@@ -60,7 +60,7 @@ Eigen::MatrixXd evidence_between(const Reduced& reduced, const std::vector<Suspe
   const Channels channels = channels_of(reduced);
   const auto count = static_cast<Index>(suspects.size());
   std::vector<model::Kind> kinds;
-  for (const Suspect& suspect : suspects) kinds.push_back(model::kind_of(*suspect.mechanism, -1, channels));
+  for (const Suspect& suspect : suspects) kinds.push_back(model::kind_of(*suspect.mechanism, suspect.target, channels));
   std::vector<model::Term> terms;
   for (std::size_t i = 0; i < suspects.size(); ++i) {
     terms.emplace_back();

@@ -21,6 +21,8 @@ struct View {
   bool since_move = false;  ///< Drawn along that time, an angle towards where the stage came from.
   Eigen::VectorXd per_unit;
 
+  View(Coordinate along, const ChannelRows& rows, const model::ChannelKind& channel)
+      : coordinate(along), unit(channel.unit), per_unit(Eigen::VectorXd::Ones(rows.rows())) {}
   View(const Term& term, const ChannelRows& rows, const model::ChannelKind& channel)
       : coordinate(is_constant_noise(*term.kind->mechanism) ? Coordinate::beam : term.kind->mechanism->coordinate),
         unit(channel.unit),
@@ -102,6 +104,13 @@ std::vector<SpreadCurve> curves_of(const Session& session, const Fitted& nothing
       if (!drawn.insert({c, view.coordinate}).second) continue;
       SpreadCurve curve =
           curve_in(view, rows, model::channel_kinds()[c], nothing.optimum.eta[c], best.optimum.eta[c]);
+      if (curve.at.size() > 1) curves.push_back(std::move(curve));
+    }
+  for (std::size_t c = 0; c < session.channels().size(); ++c)
+    for (const Coordinate coordinate : model::channel_kinds()[c].always_drawn) {
+      if (!session.channels()[c] || !drawn.insert({c, coordinate}).second) continue;
+      const View view(coordinate, *session.channels()[c], model::channel_kinds()[c]);
+      SpreadCurve curve = curve_in(view, *session.channels()[c], model::channel_kinds()[c], nothing.optimum.eta[c], best.optimum.eta[c]);
       if (curve.at.size() > 1) curves.push_back(std::move(curve));
     }
   return curves;

@@ -9,6 +9,7 @@
 #include "fit/explain/inference/hold_out.hpp"
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/inference/settle.hpp"
+#include "fit/explain/inference/tables.hpp"
 #include "fit/explain/stated_noise.hpp"
 
 namespace fit::explain::inference {
@@ -41,11 +42,30 @@ double constant_noise_of(const Session& session, const Hypothesis& best) {
   return std::sqrt(std::max(0.0, variance));
 }
 
-Fitted without_term(const Session& session, const Hypothesis& h, const Kind* kind) {
+/// Without a term, and without all other sizes of its mechanism that may be missing apart.
+Fitted without(const Session& session, const Hypothesis& h, const Kind& kind) {
+  const auto is_of_it = [&](const Term& term) {
+    return term.kind == &kind || (kind.size && term.kind->mechanism == kind.mechanism && term.kind->target == kind.target);
+  };
   Hypothesis less;
   for (const Term& term : h.terms)
-    if (term.kind != kind) less.terms.push_back(term);
+    if (!is_of_it(term)) less.terms.push_back(term);
   return fit(session, less);
+}
+
+std::string name_of_target(const Session& session, const Kind& kind) {
+  return session.reduced().bench.targets[static_cast<std::size_t>(kind.target)].name;
+}
+
+/// A channel's nuisances as a hypothesis has them.
+std::vector<Estimate> nuisances_of(const Session& session, const Fitted& f, std::size_t channel) {
+  std::vector<Estimate> list;
+  const Index first = session.first_base(channel), count = session.channels()[channel]->base().prior.mean.size();
+  const Eigen::MatrixXd unit = Eigen::MatrixXd::Identity(f.design.mean.size(), f.design.mean.size()).middleCols(first, count),
+                        covariance = f.optimum.factor.solve(unit).middleRows(first, count);
+  for (Index k = 0; k < count; ++k)
+    list.push_back({f.hypothesis.base[first + k], f.design.sigma[first + k] * std::sqrt(covariance(k, k))});
+  return list;
 }
 
 /// What a form does beside the means, in words.
@@ -58,12 +78,13 @@ Unexplained described(const Session& session, const Term& term) {
   course.what = term.kind->acts_on;
   course.unit = model::channel_kinds()[c].unit.empty() ? "" : " " + model::channel_kinds()[c].unit;
   if (model::channel_kinds()[c].is_square) course.unit += "^2";
-  course.coordinate = name_of(shape.coordinate);
-  course.unit_of_coordinate = unit_of(shape.coordinate);
+  const bool on_a_target = shape.coordinate == Coordinate::target && term.kind->target >= 0;
+  course.coordinate = on_a_target ? "the place along target '" + name_of_target(session, *term.kind) + "'" : name_of(shape.coordinate);
+  course.unit_of_coordinate = on_a_target ? " mm" : unit_of(shape.coordinate);
   course.low = course.least = 1e300;
   course.high = course.most = -1e300;
   for (Index i = 0; i < rows.rows(); ++i) {
-    const double at = model::coordinate_of(shape.coordinate, rows.at(i)),
+    const double at = model::place_of(shape.coordinate, term.kind->target, rows.at(i)),
                  y = rows.response(i, term.kind->mechanism->act(rows.at(i), term.values));
     if (!std::isfinite(at)) continue;
     course.low = std::min(course.low, at);
@@ -76,9 +97,21 @@ Unexplained described(const Session& session, const Term& term) {
   u.observable = term.kind->observable;
   u.coordinate = shape.coordinate;
   u.describes = says.text;
-  u.from = says.from;
-  u.to = says.to;
+  u.from = on_a_target ? term.kind->target : says.from;
+  u.to = on_a_target ? term.kind->target : says.to;
   return u;
+}
+
+/// What the bench file and its tables can say of channels beside the means.
+void restate(const Session& session, const Fitted& nothing, const Fitted& best, Inferred& out) {
+  for (std::size_t c = 0; c < session.channels().size(); ++c) {
+    const auto& rows = session.channels()[c];
+    const model::ChannelKind& channel = model::channel_kinds()[c];
+    if (!rows) continue;
+    if (channel.note) out.notes.push_back(channel.note(*rows, nothing.optimum.eta[c], best.optimum.eta[c]));
+    if (channel.restate) out.restated.push_back({c, nuisances_of(session, best, c)});
+  }
+  out.tables = tables_of(session, best, out.posterior);
 }
 
 void measure(const Session& session, const Explored& explored, Inferred& out) {
@@ -92,7 +125,7 @@ void measure(const Session& session, const Explored& explored, Inferred& out) {
   out.means.after.log_likelihood = out.means.before.log_likelihood + all - hold_out(session, nothing).log_likelihood;
   for (const auto* list : {&out.posterior.named, &out.posterior.forms})
     for (const Named& named : *list)
-      out.gain.push_back(all - hold_out(session, without_term(session, best, named.term.kind)).log_likelihood);
+      out.gain.push_back(all - hold_out(session, without(session, best, *named.term.kind)).log_likelihood);
   for (const Named& form : out.posterior.forms)
     if (!is_of_means(*form.term.kind)) out.beside.push_back(described(session, form.term));
 }
@@ -122,7 +155,7 @@ Shape as_shape(const Term& term) {
 }
 
 Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progress) {
-  Inferred out{nullptr, {}, MeanResult(reduced.bench), 0, {}, {}, {}, {}};
+  Inferred out{.kinds = nullptr, .posterior = {}, .means = MeanResult(reduced.bench)};
   out.means.excess = settle(reduced, noise);
   out.means.noise = noise;
   out.means.noise.factor *= out.means.excess;
@@ -134,6 +167,7 @@ Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progres
   out.means.noise = session.noise();
   take_means(session, explored.best.hypothesis, out.means);
   measure(session, explored, out);
+  restate(session, fit(session, {}), explored.best, out);
   for (const Term& term : explored.best.hypothesis.terms)
     if (term.kind->mechanism->coordinate == Coordinate::scan_seq)
       out.of_scans.push_back({term.kind->mechanism.get(), term.values, -1});

@@ -20,6 +20,6 @@ constexpr std::size_t tries = 6;          ///< Fitted of every ranking.
 constexpr std::size_t search_rows = 4000;  ///< Of the mean channel; more are averaged with neighbours.
 constexpr double least_hazard = 1e-6;     ///< Of a lost or stray sample, where nothing is missing.
 constexpr double tail_hazard = 5e-5;       ///< Of a sample that noise of a real receiver puts beyond any normal one.
-constexpr double form_mm = 3, form_deg = 0.05, form_mm2 = 9, form_share = 0.01;  ///< Typical sizes of forms.
+constexpr double form_mm = 3, form_deg = 0.05, form_mm2 = 9, form_share = 0.01, form_log_intensity = 0.1;  ///< Typical sizes of forms.
 
 }  // namespace fit::explain::numbers

@@ -17,6 +17,8 @@ bool is_of_the_means(const Kind& kind) { return moves_means(*kind.mechanism); }
 std::map<std::string, Estimate> parameters_of(const Term& term) {
   std::map<std::string, Estimate> map;
   for (std::size_t k = 0; k < term.values.size(); ++k) {
+    if (term.kind->size && k != *term.kind->size && term.kind->mechanism->parameters[k].role == Parameter::Role::size)
+      continue;  // another kind's
     if (std::abs(term.values[k]) >= 1e9) continue;  // says "always"
     map[term.kind->mechanism->parameters[k].name] = {term.values[k], k < term.sigma.size() ? term.sigma[k] : 0.0};
   }
@@ -26,6 +28,7 @@ std::map<std::string, Estimate> parameters_of(const Term& term) {
 Suspect as_suspect(const Term& term) {
   Suspect suspect;
   suspect.mechanism = term.kind->mechanism.get();
+  suspect.target = term.kind->target;
   suspect.parameters = parameters_of(term);
   return suspect;
 }
@@ -44,6 +47,15 @@ Finding finding_of(const Term& term, const Reduced& reduced) {
   return f;
 }
 
+/// One more size of a mechanism that is told already.
+void add_size(const Found& more, Found& found) {
+  found.parameters.insert(more.parameters.begin(), more.parameters.end());
+  Finding all;
+  all.parameters = found.parameters;
+  all.target = found.target;
+  found.says = found.mechanism->says(all);
+}
+
 void tell_named(const Named& named, double gain, const Findings& findings, Explanation& out) {
   const Finding finding = finding_of(named.term, findings.reduced);
   Found found;
@@ -56,11 +68,21 @@ void tell_named(const Named& named, double gain, const Findings& findings, Expla
   found.log_likelihood_gain = gain;
   found.rms_before_mm = findings.means.before.rms_mm;
   found.rms_after_mm = findings.means.after.rms_mm;
-  out.mechanisms.push_back(found);
+  const auto other_size = std::ranges::find_if(out.mechanisms, [&](const Found& f) {
+    return named.term.kind->size && f.mechanism == found.mechanism && f.target == found.target;
+  });
+  if (other_size == out.mechanisms.end())
+    out.mechanisms.push_back(found);
+  else
+    add_size(found, *other_size);
   if (is_constant_noise(*found.mechanism)) return;  // stated there already, with more of it
   KnownMechanism known{found.mechanism->id, found.parameters, {}};
   if (!found.target.empty()) known.texts["target"] = found.target;
-  out.bench.known.push_back(known);
+  const auto stated = std::ranges::find(out.bench.known, known.mechanism, &KnownMechanism::mechanism);
+  if (found.mechanism->corrects_a_statement && stated != out.bench.known.end())
+    stated->parameters.insert(known.parameters.begin(), known.parameters.end());
+  else
+    out.bench.known.push_back(known);
 }
 
 std::string name_of(const Undecided::Member& member) {
@@ -111,6 +133,10 @@ void tell(const Inferred& inferred, const Findings& findings, Explanation& out) 
     if (is_confirmed(inferred, i)) tell_named(named, inferred.gain[i], findings, out);
   }
   for (const Undecided& set : posterior.undecided) tell_set(set, findings, out);
+  std::ranges::copy(inferred.notes, std::back_inserter(out.notes));
+  for (const EmpiricalFunction& table : inferred.tables) add_empirical(out.bench, table);
+  for (const auto& [channel, nuisances] : inferred.restated)
+    model::channel_kinds()[channel].restate(findings.reduced, nuisances, out.bench);
 }
 
 void add_to_spread(const Inferred& inferred, SpreadResult& spread) {

@@ -69,6 +69,12 @@ struct ChannelKind {
   Observable observable = Observable::range_mean;
   std::string shows, unit;  ///< What pictures of it show.
   bool is_square = false;   ///< Pictures show its root.
+  std::vector<Coordinate> always_drawn;  ///< Along which pictures show it whatever was found.
+  std::string table;  ///< What tables of bench files add to, if they can tell what an unnamed function does here (fit/empirical.hpp).
+  /// Puts its nuisances as they were found into the bench, where that states them; empty: it does not.
+  std::function<void(const Reduced&, const std::vector<Estimate>& nuisances, Bench&)> restate;
+  /// How well its rows agree with their predictors before and after anything was found; empty: no word.
+  std::function<std::string(const ChannelRows&, const Eigen::VectorXd& before, const Eigen::VectorXd& after)> note;
   /// The rows of a session whose cells are predicted; null if it has none.
   std::function<std::unique_ptr<ChannelRows>(const Reduced&, const MeanNoise&)> rows;
 };

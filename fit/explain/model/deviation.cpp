@@ -55,7 +55,8 @@ struct Typical {
                                                 &Effect::stage_rad,    &Effect::variance_mm2,
                                                 &Effect::scan_angle_variance_rad2,
                                                 &Effect::beam_angle_variance_rad2, &Effect::lost,
-                                                &Effect::stray};
+                                                &Effect::stray, &Effect::late, &Effect::early,
+                                                &Effect::log_intensity};
 };
 
 /// Before its first move a stage rests anywhere within its play.
@@ -112,22 +113,23 @@ Eigen::MatrixXd deviation_columns(const ChannelRows& channel, const Term& term) 
   const Kind& kind = *term.kind;
   const Mechanism& m = *kind.mechanism;
   if (m.coordinate == Coordinate::approach) return place_in_play(channel, term);
-  const bool has_no_curve = m.formula_error <= 0 || m.one_target || kind.is_form() ||
+  const bool any_curve = m.any_curve || (kind.size && m.parameters[*kind.size].any_curve);
+  const bool has_no_curve = (m.formula_error <= 0 && !any_curve) || m.one_target || kind.is_form() ||
                             m.coordinate == Coordinate::stage_rate ||
                             (m.parameters.size() == 1 && m.coordinate == Coordinate::target);
   if (m.parameter_of(Parameter::Scale::count)) return harmonics(channel, term);
   if (has_no_curve) return Eigen::MatrixXd(channel.rows(), 0);
   const Eigen::VectorXd x = scaled(channel, m.coordinate);
-  const double share = m.any_curve ? numbers::free_curve_share : m.formula_error;
+  const double share = any_curve ? numbers::free_curve_share : m.formula_error;
   if (std::ranges::any_of(kind.coefficients, &Coefficient::has_phase)) return of_wave(channel, term, x, share);
   const Typical typical(channel, term);
-  const int cosines = (m.any_curve ? 2 : 1) * numbers::smooth_deviations;
+  const int cosines = (any_curve ? 2 : 1) * numbers::smooth_deviations;
   Eigen::MatrixXd columns(channel.rows(), cosines);
   for (Index i = 0; i < channel.rows(); ++i) {
     const Circumstances& at = channel.at(i);
     const bool acts = kind.target < 0 || at.target == kind.target;
     const double size = acts ? channel.response(i, typical.rms) : 0;
-    columns(i, 0) = size * (m.any_curve ? 1 : share / 2);
+    columns(i, 0) = size * (any_curve ? 1 : share / 2);
     for (int k = 1; k < cosines; ++k)
       columns(i, k) = size * share / k * std::cos(k * pi * (x[i] + 1) / 2);
   }

@@ -13,7 +13,7 @@ namespace {
 using Eigen::Index;
 
 /// What a form changes.
-enum class Act { range, beam_angle, stage_angle, variance, scan_range, loss, stray, late, early };
+enum class Act { range, beam_angle, stage_angle, variance, scan_range, loss, stray, late, early, intensity };
 
 /// As the rooms that draw forms of means know it.
 explain::Channel channel_of(Act on) {
@@ -26,6 +26,8 @@ explain::Channel channel_of(Act on) {
 struct Way {
   Coordinate coordinate;
   Act on;
+  int target = -1;  ///< Along this one, if it is one's.
+  [[nodiscard]] double place_of(const Circumstances& at) const { return model::place_of(coordinate, target, at); }
 };
 constexpr Way ways[] = {{Coordinate::beam, Act::range},       {Coordinate::beam, Act::beam_angle},
                         {Coordinate::stage, Act::range},      {Coordinate::stage, Act::stage_angle},
@@ -40,11 +42,16 @@ constexpr Way ways[] = {{Coordinate::beam, Act::range},       {Coordinate::beam,
                         {Coordinate::scan_seq, Act::range},   {Coordinate::scan_seq, Act::scan_range},
                         {Coordinate::stage, Act::variance},   {Coordinate::target, Act::loss},
                         {Coordinate::target, Act::late},
-                        {Coordinate::target, Act::early}};
+                        {Coordinate::target, Act::early},     {Coordinate::beam, Act::intensity},
+                        {Coordinate::stage, Act::intensity},  {Coordinate::incidence, Act::intensity},
+                        {Coordinate::time, Act::intensity}};  // Of range and brightness it would be another law, which has a name.
+/// Along every target by itself: what a surface does at its place.
+constexpr Act along_targets[] = {Act::intensity};
 
 Observable observable_of(Act on) {
   return on == Act::variance || on == Act::scan_range ? Observable::range_variance
          : on == Act::loss   ? Observable::dropout
+         : on == Act::intensity ? Observable::intensity
          : on == Act::stray || on == Act::late || on == Act::early
              ? Observable::range_distribution
                              : Observable::range_mean;
@@ -60,6 +67,8 @@ double typical_of(Act on) {
     case Act::variance:
     case Act::scan_range:
       return numbers::form_mm2;
+    case Act::intensity:
+      return numbers::form_log_intensity;
     default:
       return numbers::form_share;
   }
@@ -83,6 +92,8 @@ Effect effect_on(Act on, double value) {
       return {.late = value};
     case Act::early:
       return {.early = value};
+    case Act::intensity:
+      return {.log_intensity = value};
     default:
       return {.stray = value};
   }
@@ -96,6 +107,8 @@ const char* in_words(Act on) {
       return "variance of the range that a whole scan has in common";
     case Act::loss:
       return "share of lost echoes";
+    case Act::intensity:
+      return "logarithm of intensity over the bench file's law";
     case Act::stray:
       return "share of samples far off";
     case Act::late:
@@ -171,7 +184,7 @@ std::shared_ptr<const Mechanism> mechanism_of(const Form& form, const Way& way, 
   for (const char* name : {"at", "length"})
     m->parameters.push_back({.name = name, .role = Parameter::Role::shape, .lower = 0, .upper = 0});
   m->act = [&form, way, like, scale, terms](const Circumstances& at, std::span<const double> p) {
-    const double v = coordinate_of(way.coordinate, at);
+    const double v = way.place_of(at);
     if (!std::isfinite(v)) return Effect{};
     Shape shape = like;
     shape.at = p[static_cast<std::size_t>(terms)];
@@ -197,14 +210,14 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
   constexpr std::size_t fewest_values = 4;
   std::vector<double> values;
   for (Index i = 0; i < rows.rows(); ++i)
-    if (const double v = coordinate_of(way.coordinate, rows.at(i)); std::isfinite(v)) values.push_back(v);
+    if (const double v = way.place_of(rows.at(i)); std::isfinite(v)) values.push_back(v);
   if (values.empty()) return;
   const bool uneven = way.coordinate == Coordinate::intensity || way.coordinate == Coordinate::range;
   const auto scale = std::make_shared<const Scale>(std::move(values), uneven);
   const Axis axis = axis_of_rows(*scale, way);
-  const bool varies = way.coordinate != Coordinate::target && axis.high - axis.low > 1e-6 && axis.values >= fewest_values;
+  const bool varies = (way.coordinate != Coordinate::target || way.target >= 0) && axis.high - axis.low > 1e-6 && axis.values >= fewest_values;
   for (const Form& form : all_forms()) {
-    if (!varies && !form.is_constant) continue;
+    if ((!varies && !form.is_constant) || (way.target >= 0 && form.is_constant)) continue;
     std::map<int, std::vector<Shape>> by_terms;
     for (Shape& shape : form.along(axis)) {
       shape.form = &form;
@@ -215,6 +228,7 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
     for (const auto& [terms, shapes] : by_terms) {
       Kind kind;
       kind.form = shapes.front();
+      kind.target = way.target;
       kind.observable = observable_of(way.on);
       kind.mechanism = mechanism_of(form, way, shapes.front(), scale);
       kind.refines = false;
@@ -237,11 +251,17 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
 void add_forms(const std::vector<ChannelKind>& what, const std::vector<std::unique_ptr<ChannelRows>>& channels,
                std::vector<Kind>& kinds) {
   const std::size_t named = kinds.size();
-  for (const Way& way : ways)
-    for (std::size_t c = 0; c < channels.size(); ++c)
-      if (channels[c] && what[c].observable == observable_of(way.on) && channels[c]->sees(way.coordinate) &&
-          responds(*channels[c], way.on))
-        add_forms_along(way, *channels[c], kinds);
+  for (std::size_t c = 0; c < channels.size(); ++c) {
+    const auto acts_here = [&](Act on) { return channels[c] && what[c].observable == observable_of(on) && responds(*channels[c], on); };
+    for (const Way& way : ways)
+      if (acts_here(way.on) && channels[c]->sees(way.coordinate)) add_forms_along(way, *channels[c], kinds);
+    for (const Act on : along_targets) {
+      if (!acts_here(on)) continue;
+      std::set<int> targets;
+      for (Index i = 0; i < channels[c]->rows(); ++i) targets.insert(channels[c]->at(i).target);
+      for (const int target : targets) add_forms_along({Coordinate::target, on, target}, *channels[c], kinds);
+    }
+  }
   const auto count = static_cast<double>(std::max<std::size_t>(1, kinds.size() - named));
   for (std::size_t k = named; k < kinds.size(); ++k) kinds[k].log_prior = std::log(numbers::forms_expected / count);
 }

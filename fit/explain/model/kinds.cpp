@@ -18,9 +18,9 @@ constexpr std::size_t most_starts = 2000;
 bool bench_knows(const Bench& bench, const Mechanism& m, int target) {
   return std::ranges::any_of(bench.known, [&](const KnownMechanism& known) {
     if (known.mechanism != m.id) return false;
-    if (!m.one_target) return true;
     const auto of = known.texts.find("target");
-    return of != known.texts.end() && of->second == bench.targets[static_cast<std::size_t>(target)].name;
+    if (of == known.texts.end()) return !m.one_target;
+    return target >= 0 && of->second == bench.targets[static_cast<std::size_t>(target)].name;
   });
 }
 
@@ -45,6 +45,9 @@ std::vector<std::vector<double>> grid_of(const Kind& kind) {
   std::vector<double> first;
   for (const Parameter& p : kind.mechanism->parameters)
     first.push_back(p.role == Role::size ? p.typical : p.role == Role::phase ? 0 : p.expected);
+  if (kind.size)
+    for (std::size_t k = 0; k < first.size(); ++k)
+      if (kind.mechanism->parameters[k].role == Role::size && k != kind.size) first[k] = 0;
   std::vector<std::vector<double>> grid{first};
   for (const std::size_t k : shapes_of(kind)) {
     const Parameter& p = kind.mechanism->parameters[k];
@@ -69,6 +72,15 @@ bool any_row(const ChannelRows& channel, const Kind& kind, const Ask& ask) {
     if (kind.target < 0 || channel.at(i).target == kind.target)
       if (ask(i)) return true;
   return false;
+}
+
+/// Each size by itself where it may be missing without the others; else none: all of them.
+std::vector<std::optional<std::size_t>> sizes_of(const Mechanism& m) {
+  std::vector<std::optional<std::size_t>> list;
+  for (std::size_t k = 0; m.sizes_apart && k < m.parameters.size(); ++k)
+    if (m.parameters[k].role == Role::size) list.emplace_back(k);
+  if (list.empty()) list.emplace_back();
+  return list;
 }
 
 bool acts_in(const ChannelRows& channel, const Kind& kind) {
@@ -133,8 +145,9 @@ bool acts_without_size(const Kind& kind, const ListOfChannels& channels) {
 
 }  // namespace
 
-Kind kind_of(const Mechanism& m, int target, const ListOfChannels& channels) {
+Kind kind_of(const Mechanism& m, int target, const ListOfChannels& channels, std::optional<std::size_t> size) {
   Kind kind;
+  kind.size = size;
   kind.mechanism = std::shared_ptr<const Mechanism>(&m, [](const Mechanism*) {});
   kind.target = target;
   kind.observable = m.observable;
@@ -144,7 +157,8 @@ Kind kind_of(const Mechanism& m, int target, const ListOfChannels& channels) {
   kind.refines = !m.parameter_of(Parameter::Scale::count);
   kind.starts = grid_of(kind);
   if (kind.starts.empty()) return kind;
-  kind.coefficients = coefficients_of(m, [&](std::size_t size) { return power_of(kind, size, channels); });
+  kind.coefficients = coefficients_of(m, [&](std::size_t k) { return power_of(kind, k, channels); });
+  if (size) std::erase_if(kind.coefficients, [&](const Coefficient& c) { return c.parameter != *size; });
   kind.acts_without_size = acts_without_size(kind, channels);
   for (const auto& channel : channels) kind.acts_in.push_back(channel && acts_in(*channel, kind));
   return kind;
@@ -154,15 +168,17 @@ std::vector<Kind> kinds_of(const Reduced& reduced, const ListOfChannels& channel
   std::vector<Kind> kinds;
   const auto catalogued = static_cast<double>(catalogue().size());
   for (const Mechanism& m : catalogue()) {
+    std::vector<Kind> of_it;
     const int targets = static_cast<int>(reduced.bench.targets.size());
-    for (int target = m.one_target ? 0 : -1; target < (m.one_target ? targets : 0); ++target) {
+    for (int target = m.one_target ? 0 : -1; target < (m.one_target || m.of_surfaces ? targets : 0); ++target) {
       if (target >= 0 && reduced.same_as[static_cast<std::size_t>(target)] != target) continue;
-      if (!is_constant_noise(m) && bench_knows(reduced.bench, m, target)) continue;
+      if (!m.corrects_a_statement && bench_knows(reduced.bench, m, target)) continue;
       if (!can_be_local(m, channels)) continue;
-      Kind kind = kind_of(m, target, channels);
-      if (kind.starts.empty()) continue;
-      kind.log_prior = std::log(numbers::mechanisms_expected / catalogued) -
-                       (m.one_target ? std::log(static_cast<double>(targets)) : 0);
+      for (const std::optional<std::size_t> size : sizes_of(m)) of_it.push_back(kind_of(m, target, channels, size));
+    }
+    std::erase_if(of_it, [](const Kind& kind) { return kind.starts.empty(); });
+    for (Kind& kind : of_it) {
+      kind.log_prior = std::log(numbers::mechanisms_expected / catalogued) - std::log(static_cast<double>(of_it.size()));
       kinds.push_back(std::move(kind));
     }
   }

@@ -219,4 +219,9 @@ double coordinate_of(Coordinate coordinate, const Circumstances& at) {
   return 0;
 }
 
+double place_of(Coordinate coordinate, int target, const Circumstances& at) {
+  if (coordinate != Coordinate::target || target < 0) return coordinate_of(coordinate, at);
+  return at.target == target ? at.along_mm : std::nan("");
+}
+
 }  // namespace fit::explain::model

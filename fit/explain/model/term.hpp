@@ -26,6 +26,7 @@ struct Coefficient {
 struct Kind {
   std::shared_ptr<const Mechanism> mechanism;
   int target = -1;
+  std::optional<std::size_t> size;  ///< Of a mechanism whose sizes may be missing apart: the only one.
   std::optional<Shape> form;  ///< What a form is called and drawn by; its place and length are shape values.
   Observable observable = Observable::range_mean;  ///< Of a form: where it acts ...
   std::string acts_on;                             ///< ... in words.
@@ -81,7 +82,8 @@ void set_coefficients(Term& term, const Eigen::VectorXd& value, const Eigen::Mat
 
 /// A mechanism of the catalogue before a session; no starts if it has too many shapes to be looked for.
 [[nodiscard]] Kind kind_of(const Mechanism& mechanism, int target,
-                           const std::vector<std::unique_ptr<ChannelRows>>& channels);
+                           const std::vector<std::unique_ptr<ChannelRows>>& channels,
+                           std::optional<std::size_t> size = {});
 /// All that may be missing from the session: the catalogue less what the bench knows, and forms.
 [[nodiscard]] std::vector<Kind> kinds_of(const Reduced& reduced,
                                          const std::vector<std::unique_ptr<ChannelRows>>& channels);
@@ -91,5 +93,7 @@ void add_forms(const std::vector<ChannelKind>& what, const std::vector<std::uniq
 
 /// A coordinate of formats.md in its file unit; not finite where it has none.
 [[nodiscard]] double coordinate_of(Coordinate coordinate, const Circumstances& at);
+/// The same, but along a target, if it is of one: the place on it from its middle, mm; not finite off it.
+[[nodiscard]] double place_of(Coordinate coordinate, int target, const Circumstances& at);
 
 }  // namespace fit::explain::model

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <utility>
+#include <vector>
 
 namespace fit::explain::reduction {
 namespace {
@@ -42,11 +42,10 @@ std::optional<double> line_at(const Cell& middle, std::span<const Cell> cells) {
 
 }  // namespace
 
-std::vector<double> steady_echoes(std::span<Cell> cells) {
-  std::vector<double> own, steady;
-  for (const Cell& cell : cells) own.push_back(cell.at.intensity);
+void steady_echoes(std::span<Cell> cells) {
+  std::vector<double> steady;
   for (std::size_t i = 0; i < cells.size(); ++i) {
-    steady.push_back(own[i]);
+    steady.push_back(cells[i].at.intensity);
     if (!has_echo(cells[i])) continue;
     for (const std::size_t reach : {std::size_t{4}, std::size_t{2}}) {
       const std::size_t first = i - std::min(i, reach), last = std::min(cells.size(), i + reach + 1);
@@ -57,21 +56,11 @@ std::vector<double> steady_echoes(std::span<Cell> cells) {
     }
   }
   for (std::size_t i = 0; i < cells.size(); ++i) cells[i].at.intensity = steady[i];
-  return own;
 }
 
-std::vector<double> steady_echoes(Reduced& reduced) {
-  std::vector<double> own;
-  for (const Group& group : reduced.groups) {
-    const std::vector<double> of_group =
-        steady_echoes(std::span(reduced.cells).subspan(group.first_cell, group.last_cell - group.first_cell));
-    own.insert(own.end(), of_group.begin(), of_group.end());
-  }
-  return own;
-}
-
-void exchange_echoes(Reduced& reduced, std::vector<double>& counts) {
-  for (std::size_t i = 0; i < counts.size(); ++i) std::swap(reduced.cells[i].at.intensity, counts[i]);
+void steady_echoes(Reduced& reduced) {
+  for (const Group& group : reduced.groups)
+    steady_echoes(std::span(reduced.cells).subspan(group.first_cell, group.last_cell - group.first_cell));
 }
 
 }  // namespace fit::explain::reduction

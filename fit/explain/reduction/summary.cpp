@@ -51,7 +51,7 @@ Returned returned_to(const Cell& cell, const Setting& setting, const Beams& beam
 }
 
 void tell_intensity(const Returned& all, Cell& cell) {
-  cell.at.intensity = all.intensity / all.lit;
+  cell.at.intensity = cell.counts = all.intensity / all.lit;
   if (all.lit < 2) return;
   const double squares = all.intensity_squares - all.intensity * all.intensity / all.lit;
   cell.intensity_sd = std::sqrt(std::max(0.0, squares / (all.lit - 1)));

@@ -65,6 +65,7 @@ TEST_CASE("one model: every channel's score and information are the slopes of it
   room.captures = 4;
   const SyntheticRecording recording = room.record();
   fit::explain::Reduced reduced = fit::explain::reduce(recording, {});
+  reduced.bench.known.push_back({"radiometry", {{"counts_at_1m", 900}, {"range_power", 1}}, {}});
   for (std::size_t i = 0; i < reduced.cells.size(); i += 3) {
     reduced.cells[i].lost = 3;
     reduced.cells[i].far = reduced.cells[i].stray = 2;

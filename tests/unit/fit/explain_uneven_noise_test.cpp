@@ -8,6 +8,7 @@
 
 #include "synthetic_recording.hpp"
 #include "told_noise.hpp"
+#include "tests/support/rounds.hpp"
 
 namespace {
 
@@ -45,8 +46,8 @@ bool holds(const ToldNoise& result, const char* id) {
 
 }  // namespace
 
-TEST_CASE("noise that differs from beam to beam is nothing that whole scans have in common") {
-  for (unsigned seed = 1; seed <= 20; ++seed) {
+TEST_CASE("noise that differs from beam to beam is nothing that whole scans have in common", "[rounds]") {
+  for (unsigned seed = 1; seed <= rounds(20); ++seed) {
     const ToldNoise result = spread_of(0, seed);
     INFO("seed " << seed << ": " << result.in_words());
     CHECK_FALSE(holds(result, "angle-jitter"));
@@ -54,9 +55,9 @@ TEST_CASE("noise that differs from beam to beam is nothing that whole scans have
   }
 }
 
-TEST_CASE("beside such noise a stage that jitters is found") {
+TEST_CASE("beside such noise a stage that jitters is found", "[rounds]") {
   constexpr double jitter_deg = 0.1;
-  for (unsigned seed = 1; seed <= 10; ++seed) {
+  for (unsigned seed = 1; seed <= rounds(10); ++seed) {
     const ToldNoise result = spread_of(jitter_deg, seed);
     INFO("seed " << seed << ": " << result.in_words());
     const auto jitter = std::ranges::find_if(

@@ -9,6 +9,7 @@
 
 #include "synthetic_recording.hpp"
 #include "told_noise.hpp"
+#include "tests/support/rounds.hpp"
 
 namespace {
 
@@ -96,8 +97,8 @@ TEST_CASE("noise of the catalogue keeps its name, strong as it may be and with a
   }
 }
 
-TEST_CASE("constant noise, even with heavier tails than a normal distribution's, is no law of anything") {
-  for (unsigned seed = 1; seed <= 20; ++seed) {
+TEST_CASE("constant noise, even with heavier tails than a normal distribution's, is no law of anything", "[rounds]") {
+  for (unsigned seed = 1; seed <= rounds(20); ++seed) {
     const ToldNoise plain = spread_of(with_more([](double, double) { return 0; }), seed);
     CHECK(plain.unknown.empty());
     CHECK(plain.accepted.empty());

@@ -182,9 +182,15 @@ const std::map<std::string, Equation>& equations() {
           const double above = std::max(std::log(x.I / 300), 25.0 / 300);
           return fit::Effect{.variance_mm2 = 4 / above, .lost = 1 - 0.5 * (1 + std::erf((x.I - 300) / 50 / std::sqrt(2.0)))};
         }}},
-      {"radiometry", {{{"log_gain", 0.3}, {"range_exponent", 0.2}},  // another K, another power of the range
+      {"radiometry", {{{"log_gain", 0.3}, {"range_exponent", 0.2}, {"response_exponent", 0.1}, {"incidence_exponent", 0.15},
+          {"reflectance_exponent", 0.25}, {"overlap", 0.4}, {"compression", 0.5}, {"curvature", 0.02}},
         [](const Beam& x) {
-          return fit::Effect{.log_intensity = std::log(std::exp(0.3) / std::pow(x.r / 1000, 0.2))};
+          const double r = x.r / 1000, cosine = std::cos(x.i), grey = 0.5;
+          const double counts = std::exp(0.3) / std::pow(r, 0.2) * std::pow(grey * cosine / (r * r), 0.1) * std::pow(cosine, 0.15) *
+                                std::pow(grey, 0.25) / (1 + 0.4 * std::pow(0.5 / r, 2)) /
+                                std::sqrt(1 + 0.5 * std::pow(x.I / 1000, 2)) *
+                                std::exp(0.02 * std::pow(std::log(x.I / 300), 2));
+          return fit::Effect{.log_intensity = std::log(counts)};
         }}},
       {"window-dirt", {{{"loss", 0.3}, {"centre_deg", 20}, {"width_deg", 15}},
         [](const Beam& x) {

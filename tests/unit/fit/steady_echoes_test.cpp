@@ -47,10 +47,8 @@ TEST_CASE("the echoes of a slanted board waver less with those of their neighbou
   for (unsigned seed = 1; seed <= 5; ++seed) {
     std::vector<Cell> cells = cells_of(counts, seed);
     const double before = off(cells, counts, 0, 80);
-    const std::vector<Cell> own = cells;
-    const std::vector<double> returned = fit::explain::reduction::steady_echoes(cells);
+    fit::explain::reduction::steady_echoes(cells);
     CHECK(off(cells, counts, 0, 80) < 0.55 * before);
-    for (std::size_t i = 0; i < cells.size(); ++i) CHECK(returned[i] == own[i].at.intensity);
   }
 }
 
@@ -58,7 +56,7 @@ TEST_CASE("where another print begins, echoes stay as bright as they are") {
   const auto counts = [](int beam) { return beam < 40 ? 300.0 : 120.0; };
   std::vector<Cell> cells = cells_of(counts, 7);
   const double own = sd_of_sample / std::sqrt(scans);
-  (void)fit::explain::reduction::steady_echoes(cells);
+  fit::explain::reduction::steady_echoes(cells);
   CHECK(off(cells, counts, 36, 44) < 2 * own);
   CHECK(off(cells, counts, 0, 36) < 0.6 * own);
 }
@@ -69,7 +67,7 @@ TEST_CASE("an echo is no neighbour's that comes from another target or has none 
   for (std::size_t i = 40; i < cells.size(); ++i) cells[i].at.target = 1;
   cells[10].smooth = false;
   const double before = cells[10].at.intensity;
-  (void)fit::explain::reduction::steady_echoes(cells);
+  fit::explain::reduction::steady_echoes(cells);
   CHECK(cells[10].at.intensity == before);
   CHECK(off(cells, counts, 36, 44) < 1);
 }

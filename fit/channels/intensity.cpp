@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <map>
+
+#include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/model/channel.hpp"
+#include "fit/explain/model/readings.hpp"
+
+namespace fit::explain::channels {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using L = IntensityLaw;
+using model::Reading;
+
+/// Nominal reflectances, and surfaces that are of one grey, are so good.
+constexpr double reflectance_doubt = 0.08;
+/// By how much a surface's echo differs from one capture to the next, whatever its law: speckle, and where the beams meet it.
+constexpr double capture_doubt = 0.002;
+/// What no law of intensity gets right to better: receivers bend, surfaces are not quite Lambertian.
+constexpr double response_doubt = 0.02, incidence_doubt = 0.03;
+/// Where the bench file leaves parts of the law open, its form is open as well.
+constexpr double open_response = 0.3;
+constexpr std::array<double, L::size> open{3, 1, 1, 1, 0, 0};  ///< Coefficients that are not stated.
+
+/// Bells along x, `length` apart: together a smooth function of standard size one and that correlation length.
+MatrixXd bells(const VectorXd& x, double length) {
+  constexpr double height = 0.75;  // of so many overlapping bells
+  const double low = x.minCoeff(), high = x.maxCoeff();
+  const Index count = static_cast<Index>(std::ceil((high - low) / length)) + 3;
+  MatrixXd columns(x.size(), count);
+  for (Index k = 0; k < count; ++k)
+    columns.col(k) = height * (-0.5 * ((x.array() - low) / length - static_cast<double>(k - 1)).square()).exp();
+  return columns;
+}
+
+/// Logarithms of mean counts against the law that the bench file states: normal around what effects add. A surface's readings in
+/// one capture share an error.
+class Echoes final : public model::ChannelRows {
+ public:
+  Echoes(std::vector<Reading> readings, const IntensityClaim& claim) : readings_(std::move(readings)) {
+    weight_.resize(rows());
+    std::map<std::pair<int, int>, std::vector<Index>> blocks;
+    for (Index i = 0; i < rows(); ++i) {
+      weight_[i] = 1 / of(i).sigma;
+      blocks[{of(i).capture, of(i).surface}].push_back(i);
+    }
+    for (auto& [block, list] : blocks) blocks_.push_back(std::move(list));
+    for (int k = 0; k < L::size; ++k) {
+      const auto c = static_cast<std::size_t>(k);
+      const double u = claim.stated[c] ? claim.u[c] : open[c];
+      add([&](const Reading& r) { return slope(claim.law, k, r.at); }, u);
+    }
+    add_surfaces();
+    add_what_no_law_tells(claim);
+  }
+
+  [[nodiscard]] Index rows() const override { return static_cast<Index>(readings_.size()); }
+  [[nodiscard]] const Circumstances& at(Index row) const override { return of(row).at; }
+  [[nodiscard]] int capture(Index row) const override { return of(row).capture; }
+  [[nodiscard]] double response(Index, const Effect& effect) const override { return effect.log_intensity; }
+  [[nodiscard]] const model::Columns& base() const override { return base_; }
+  [[nodiscard]] double offset(Index) const override { return 0; }
+  [[nodiscard]] double statistic(Index row) const override { return of(row).off; }
+  [[nodiscard]] double log_likelihood(const VectorXd& eta) const override {
+    double logs = (weight_.array() / std::sqrt(2 * pi)).log().sum();
+    for (const std::vector<Index>& block : blocks_) logs -= 0.5 * std::log1p(shared(block));
+    return logs - 0.5 * white_residual(eta).squaredNorm();
+  }
+  [[nodiscard]] VectorXd log_likelihoods(const VectorXd& eta) const override {
+    const VectorXd off = residual(eta);
+    VectorXd logs(rows());
+    for (Index i = 0; i < rows(); ++i) {
+      const double u = std::hypot(of(i).sigma, capture_doubt);
+      logs[i] = -std::log(std::sqrt(2 * pi) * u) - 0.5 * std::pow(off[i] / u, 2);
+    }
+    return logs;
+  }
+  /// A root of the inverse of diag(sigma^2) + capture_doubt^2 within every block.
+  [[nodiscard]] MatrixXd whitened(MatrixXd columns, const VectorXd&) const override {
+    columns.array().colwise() *= weight_.array();
+    for (const std::vector<Index>& block : blocks_) {
+      const double share = shared(block), less = (1 - 1 / std::sqrt(1 + share)) * capture_doubt * capture_doubt / share;
+      for (Index k = 0; k < columns.cols(); ++k) {
+        double along = 0;
+        for (const Index i : block) along += weight_[i] * columns(i, k);
+        for (const Index i : block) columns(i, k) -= less * along * weight_[i];
+      }
+    }
+    return columns;
+  }
+  [[nodiscard]] VectorXd information(const VectorXd&) const override { return weight_.cwiseAbs2(); }
+  [[nodiscard]] VectorXd white_residual(const VectorXd& eta) const override { return whitened(residual(eta), eta); }
+
+ private:
+  [[nodiscard]] VectorXd residual(const VectorXd& eta) const {
+    return column([](const Reading& r) { return r.off; }) - eta;
+  }
+  /// The shared error's square in units of the block's own uncertainty.
+  [[nodiscard]] double shared(const std::vector<Index>& block) const {
+    double sum = 0;
+    for (const Index i : block) sum += weight_[i] * weight_[i];
+    return capture_doubt * capture_doubt * sum;
+  }
+  [[nodiscard]] const Reading& of(Index row) const { return readings_[static_cast<std::size_t>(row)]; }
+
+  static double slope(const L& law, int k, const Circumstances& at) {
+    constexpr double h = 0.01;
+    L up = law, down = law;
+    up.value[static_cast<std::size_t>(k)] += h;
+    down.value[static_cast<std::size_t>(k)] -= h;
+    return (up.log_counts(at.reflectance, at.cos_incidence, at.range_mm) -
+            down.log_counts(at.reflectance, at.cos_incidence, at.range_mm)) / (2 * h);
+  }
+
+  [[nodiscard]] VectorXd column(const std::function<double(const Reading&)>& of_reading) const {
+    VectorXd values(rows());
+    for (Index i = 0; i < rows(); ++i) values[i] = of_reading(of(i));
+    return values;
+  }
+  void add(const MatrixXd& columns, double sigma) {
+    const Index had = base_.columns.cols(), more = columns.cols();
+    base_.columns.conservativeResize(rows(), had + more);
+    base_.columns.rightCols(more) = columns;
+    base_.prior.mean.conservativeResize(had + more);
+    base_.prior.sigma.conservativeResize(had + more);
+    base_.prior.mean.tail(more).setZero();
+    base_.prior.sigma.tail(more).setConstant(std::max(1e-9, sigma));
+  }
+  void add(const std::function<double(const Reading&)>& of_reading, double sigma) { add(MatrixXd(column(of_reading)), sigma); }
+
+  /// Every surface its own grey.
+  void add_surfaces() {
+    const int surfaces = 1 + std::ranges::max_element(readings_, {}, &Reading::surface)->surface;
+    for (int s = 0; s < surfaces; ++s) add([&](const Reading& r) { return r.surface == s ? 1.0 : 0.0; }, reflectance_doubt);
+  }
+  void add_what_no_law_tells(const IntensityClaim& claim) {
+    const auto smooth = [&](const VectorXd& x, double least, double length, double sigma) {
+      if (x.maxCoeff() - x.minCoeff() > least) add(bells(x, length), sigma);
+    };
+    const bool whole = claim.stated[L::gain] && claim.stated[L::range_power] && claim.stated[L::reflectance_power];
+    const VectorXd brightness = column([](const Reading& r) { return std::log(r.at.intensity); });
+    smooth(brightness, 0.05, 0.7 * std::max(0.1, brightness.maxCoeff() - brightness.minCoeff()), whole ? response_doubt : open_response);
+    // Nothing is claimed of the way in which echoes fall with range either.
+    const VectorXd distance = column([](const Reading& r) { return std::log(r.at.range_mm); });
+    if (!whole) smooth(distance, 0.05, 0.5 * std::max(0.1, distance.maxCoeff() - distance.minCoeff()), open_response);
+    smooth(column([](const Reading& r) { return std::abs(r.at.incidence_rad) * deg_per_rad; }), 5, 20, incidence_doubt);
+  }
+
+  std::vector<Reading> readings_;
+  VectorXd weight_;
+  std::vector<std::vector<Index>> blocks_;  ///< Readings of one surface in one capture.
+  model::Columns base_;
+};
+
+/// A gain that is not stated is the recording's.
+void take_gain(const Reduced& reduced, IntensityClaim& claim) {
+  if (claim.stated[L::gain]) return;
+  double sum = 0;
+  const std::vector<Reading> readings = model::readings_of(reduced, claim.law, numbers::search_rows);
+  for (const Reading& r : readings) sum += r.off;
+  if (!readings.empty()) claim.law.value[L::gain] += sum / static_cast<double>(readings.size());
+}
+
+std::string in_per_cent(double share) { return rounded(100 * share, 2) + " %"; }
+
+}  // namespace
+
+model::ChannelKind make_intensity() {
+  model::ChannelKind kind;
+  kind.id = "intensity";
+  kind.observable = Observable::intensity;
+  kind.shows = "logarithm of intensity over the bench file's law";
+  kind.table = "log_intensity";
+  kind.always_drawn = {Coordinate::beam, Coordinate::range, Coordinate::incidence};
+  kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
+    std::optional<IntensityClaim> claim = claimed_intensity(reduced.bench);
+    if (!claim || !reduced.has_intensity) return nullptr;
+    take_gain(reduced, *claim);
+    std::vector<Reading> readings = model::readings_of(reduced, claim->law, numbers::search_rows);
+    if (readings.empty()) return nullptr;
+    return std::make_unique<Echoes>(std::move(readings), *claim);
+  };
+  kind.restate = [](const Reduced& reduced, const std::vector<Estimate>& nuisances, Bench& bench) {
+    IntensityClaim claim = *claimed_intensity(bench);
+    take_gain(reduced, claim);
+    claim.law = fold_corrections(bench, claim.law);
+    std::array<double, L::size> u{};
+    for (std::size_t k = 0; k < L::size; ++k) {
+      constexpr double hardly_known = 1e-5;
+      claim.law.value[k] += nuisances[k].value;
+      u[k] = nuisances[k].u > hardly_known ? nuisances[k].u : 0;
+    }
+    const double noise = model::sample_noise(reduced);
+    state_intensity(bench, claim.law, u, noise > 0 ? std::optional(noise) : claim.relative_noise);
+  };
+  kind.note = [](const model::ChannelRows& rows, const VectorXd& before, const VectorXd& after) {
+    const auto rms = [&](const VectorXd& eta) {
+      double sum = 0;
+      for (Index i = 0; i < rows.rows(); ++i) sum += std::pow(rows.statistic(i) - eta[i], 2);
+      return std::sqrt(sum / std::max<double>(1, static_cast<double>(rows.rows())));
+    };
+    return "Intensities are compared with the bench's radiometry, which they leave by " + in_per_cent(rms(before)) +
+           " where nothing is missing, and by " + in_per_cent(rms(after)) + " with what was found.";
+  };
+  return kind;
+}
+
+}  // namespace fit::explain::channels
