@@ -17,9 +17,7 @@ WORDS = {  # What documents do not say, and what they say instead.
     r"\bmends?\b": "correct, repair",
     r"\bconnects? anew\b": "reconnect",
 }
-# Pages of the explanation's method, whose sentences are long.
-LONG_SENTENCES = {os.path.join("docs", "operate", "explain.md"), os.path.join("docs", "method", "model.md"),
-                  os.path.join("docs", "method", "mechanisms.md")}
+LONG_SENTENCES = {os.path.join("docs", "method", "model.md")}  # Its sentences are definitions.
 
 
 def prose(path):
