@@ -66,7 +66,8 @@ struct Correction {
     double range_mm = 0;  ///< Corrected. Outside the calibrated region: by the error at its border.
     double error_mm = 0;  ///< That was subtracted.
     /// Where the correction has no term for one of them, it was measured only as `measured` says: at those
-    /// distances (within 5 %), and with echoes of those surfaces (their counts at that distance, within 25 %).
+    /// distances (within 5 %), and with echoes of those surfaces (their counts at that distance, within 25
+    /// %).
     bool range_outside = false, intensity_outside = false;
     [[nodiscard]] bool inside() const { return !range_outside && !intensity_outside; }
   };

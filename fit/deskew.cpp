@@ -277,7 +277,8 @@ TimingEstimate estimate_timing(std::span<const Sweep> sweeps, const Path& path, 
   const auto pairs = telling_pairs(sweeps, path, lidar, options.drifts);
   if (pairs.size() < 5) return estimate;
   const int half = options.steps;
-  for (int k = -half; k <= half; ++k) estimate.tried_s.push_back(options.about_s + options.widest_s * k / half);
+  for (int k = -half; k <= half; ++k)
+    estimate.tried_s.push_back(options.about_s + options.widest_s * k / half);
   const std::vector<SweepPair> most_telling(pairs.begin(),
                                             pairs.begin() + std::min<std::ptrdiff_t>(60, std::ssize(pairs)));
   Judged best = judge(sweeps, path, lidar, most_telling, estimate.tried_s, estimate.timing.reversed);

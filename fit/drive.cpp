@@ -15,8 +15,8 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// Stamps of what happens evenly, without the chance by which they came late: lines through the 201 stamps around
-/// each. Across a gap of more than three times the usual step nothing is evened.
+/// Stamps of what happens evenly, without the chance by which they came late: lines through the 201 stamps
+/// around each. Across a gap of more than three times the usual step nothing is evened.
 std::vector<double> even_times(const std::vector<double>& stamps) {
   constexpr std::size_t half = 100, least = 20;
   std::vector<double> steps;
@@ -202,8 +202,8 @@ class Drive {
            fit.undetermined.empty();
   }
 
-  /// Beams whose ranges hardly change while the robot drives see the robot itself: the middle nine tenths of their
-  /// echoes spread less than a tenth of what those of the median beam do.
+  /// Beams whose ranges hardly change while the robot drives see the robot itself: the middle nine tenths of
+  /// their echoes spread less than a tenth of what those of the median beam do.
   std::size_t leave_out_own_beams() {
     std::vector<std::vector<double>> ranges;
     for (const Sweep& sweep : sweeps_)
@@ -227,8 +227,8 @@ class Drive {
     return count;
   }
 
-  /// Motions from scans as they came, each matched to the next from where the last motion would bring it: nothing
-  /// of this depends on the wheels or on their time.
+  /// Motions from scans as they came, each matched to the next from where the last motion would bring it:
+  /// nothing of this depends on the wheels or on their time.
   [[nodiscard]] std::vector<std::optional<Pose2>> consecutive_motions() const {
     std::vector<std::optional<Pose2>> out;
     Pose2 last;
@@ -238,8 +238,7 @@ class Drive {
       for (const SweptPoint& point : sweeps_[i].points) now.points.push_back(point.at_mm);
       now.cloud = PointCloud(orient_sweep(now.points));
       const double step_s = i > 0 ? sweeps_[i].begin_s - sweeps_[i - 1].begin_s : 0;
-      if (i > 0)
-        out.push_back(step_s < 0.5 * options_.longest_s ? match(before, now, last) : std::nullopt);
+      if (i > 0) out.push_back(step_s < 0.5 * options_.longest_s ? match(before, now, last) : std::nullopt);
       last = i > 0 ? out.back().value_or(Pose2{}) : Pose2{};
       before = std::move(now);
     }
@@ -261,8 +260,8 @@ class Drive {
                        options_.offset);
   }
 
-  /// The coarse offset; and whether stamps made even are the better ones: those of scans, or of scans and wheels, if
-  /// wheels and matches then agree better by more than a tenth.
+  /// The coarse offset; and whether stamps made even are the better ones: those of scans, or of scans and
+  /// wheels, if wheels and matches then agree better by more than a tenth.
   void compare_clocks(DriveFit& out) {
     const auto motions = consecutive_motions();
     std::vector<double> stamps;
@@ -311,8 +310,8 @@ class Drive {
     out.offset.searched_s = std::max(out.coarse.searched_s, found.searched_s);
   }
 
-  /// Whether the beams are listed against their order in time, by the agreement of scans, each order at its own
-  /// best offset about that of the wheels.
+  /// Whether the beams are listed against their order in time, by the agreement of scans, each order at its
+  /// own best offset about that of the wheels.
   void decide_order(DriveFit& out) {
     TimingOptions about;
     about.about_s = timing_.offset_s;
@@ -491,8 +490,9 @@ class Drive {
     return out;
   }
 
-  /// Takes the length, or the value for an endless way, whose expected squared error is least: scatter, and the part
-  /// of the drift up to an endless way that is not scatter. The drift from the length taken stays in the uncertainty.
+  /// Takes the length, or the value for an endless way, whose expected squared error is least: scatter, and
+  /// the part of the drift up to an endless way that is not scatter. The drift from the length taken stays in
+  /// the uncertainty.
   void choose_length(DriveFit& out, const std::vector<std::vector<WheelSample>>& samples,
                      const std::vector<OdometryFit>& fits) const {
     const std::size_t segments = out.lengths.front().without.size();

@@ -141,9 +141,10 @@ void judge(FamilyFit& fit, std::span<const CurvePoint> points) {
 
 void remark(FamilyFit& fit, const Family& family, const SearchResult& found) {
   if (fit.lacks_fit())
-    fit.remarks.push_back("does not fit: the residuals are larger than the points' scatter, or neighbours are alike (a "
-                          "right family leaves such in " +
-                          formatted("%.1g", 100 * fit.fit_p) + " % of all cases)");
+    fit.remarks.push_back(
+        "does not fit: the residuals are larger than the points' scatter, or neighbours are alike (a "
+        "right family leaves such in " +
+        formatted("%.1g", 100 * fit.fit_p) + " % of all cases)");
   if (fit.condition > ill_conditioned)
     fit.remarks.push_back("ill-conditioned: its coefficients are so strongly correlated (condition number " +
                           formatted("%.1e", fit.condition) +
@@ -191,9 +192,7 @@ const std::vector<Family>& all_families() {
   return families;
 }
 
-const Family* find_family(const std::string& id) {
-  return find_by_id(all_families(), id);
-}
+const Family* find_family(const std::string& id) { return find_by_id(all_families(), id); }
 
 double FamilyFit::operator()(double x) const {
   if (spline) return spline->value(x);

@@ -63,11 +63,11 @@ struct Effect {
   double memory_rho = 0;                                ///< The noise remembers: AR(1) from scan to scan ...
   double memory_share = 0;                              ///< ... for this share of the variance.
   double lost = 0;                                      ///< Probability of no echo.
-  double stray = 0;           ///< Probability of a range that has nothing to do with the target.
-  double late = 0, early = 0; ///< Probability of a range somewhat beyond, or before, what noise makes.
-  double footprint_rad = 0;   ///< Standard width of the beam: an edge mixes front and back.
-  double output_step_mm = 0;  ///< Results are multiples of this.
-  double log_intensity = 0;   ///< Added to the logarithm of the intensity.
+  double stray = 0;            ///< Probability of a range that has nothing to do with the target.
+  double late = 0, early = 0;  ///< Probability of a range somewhat beyond, or before, what noise makes.
+  double footprint_rad = 0;    ///< Standard width of the beam: an edge mixes front and back.
+  double output_step_mm = 0;   ///< Results are multiples of this.
+  double log_intensity = 0;    ///< Added to the logarithm of the intensity.
 
   Effect& operator+=(const Effect& other);
 };
@@ -113,12 +113,13 @@ struct Parameter {
     width,       ///< The extent of what is local. Where less than the least was recorded, it is not local.
     decay,       ///< Over which the effect fades by 1/e. At its bounds it is no fading any more.
     wavelength,  ///< Of a sine. Where only regular places were recorded, several look alike.
-    gear,  ///< Of a sine that gears make, in degrees of a turn: a short one is a turn by a whole number.
-    bin,    ///< To multiples of which the coordinate is rounded. No two that differ by much look alike.
-    count,  ///< A whole number: there is nothing between its starts.
-    threshold,  ///< Of the coordinate, below which something happens at once: looked for between recorded places.
-    from,   ///< The time at which it begins, s since power-on; the next parameter is the one at which it ends. As often as not
-            ///< it acts always, which is what they are expected to say.
+    gear,       ///< Of a sine that gears make, in degrees of a turn: a short one is a turn by a whole number.
+    bin,        ///< To multiples of which the coordinate is rounded. No two that differ by much look alike.
+    count,      ///< A whole number: there is nothing between its starts.
+    threshold,  ///< Of the coordinate, below which something happens at once: looked for between recorded
+                ///< places.
+    from,  ///< The time at which it begins, s since power-on; the next parameter is the one at which it ends.
+           ///< As often as not it acts always, which is what they are expected to say.
   };
   std::string name;
   Role role = Role::size;
@@ -178,8 +179,8 @@ struct Mechanism {
   /// Of a mechanism that is nothing but another place of its target, whose effect is not proportional to its
   /// size: that place. Who has the geometry moves the target instead of calling `act`.
   std::function<Displacement(std::span<const double> values)> displaces;
-  /// Other names of what one bench may show alike: ids, `mount_offset` or `mount_yaw`. Where those have no signs of their own,
-  /// only sizes could tell them apart, and sizes are a prior, not evidence.
+  /// Other names of what one bench may show alike: ids, `mount_offset` or `mount_yaw`. Where those have no
+  /// signs of their own, only sizes could tell them apart, and sizes are a prior, not evidence.
   std::vector<std::string> looks_like;
   /// Where most of the effect is, of what was recorded; empty: wherever something was.
   std::function<std::vector<Stretch>(const Finding&, const Recorded&)> shows;

@@ -340,20 +340,20 @@ void state_identifiability(RangeCalibration& out, const std::vector<RangePoint>&
     from = std::min(from, p.true_mm), to = std::max(to, p.true_mm);
   }
   if (outside > 0)
-    out.identifiability.push_back(formatted("at %.0f distances between %.0f and ", outside, from) +
-                                  formatted("%.0f mm", to) +
-                                  formatted(" the echo's intensity lay outside the %.0f to %.0f counts that "
-                                       "changed surfaces covered: there only the "
-                                       "sum of intensity and distance error is known, for this surface. Add "
-                                       "surfaces of that intensity at the "
-                                       "reference distance.",
-                                       low, high));
-  if (out.correlation > 0.999)
     out.identifiability.push_back(
-        formatted("intensity and distance changed together (canonical correlation %.5f): how the error is split "
-             "between "
-             "them is hardly known, only their sum",
-             out.correlation));
+        formatted("at %.0f distances between %.0f and ", outside, from) + formatted("%.0f mm", to) +
+        formatted(" the echo's intensity lay outside the %.0f to %.0f counts that "
+                  "changed surfaces covered: there only the "
+                  "sum of intensity and distance error is known, for this surface. Add "
+                  "surfaces of that intensity at the "
+                  "reference distance.",
+                  low, high));
+  if (out.correlation > 0.999)
+    out.identifiability.push_back(formatted(
+        "intensity and distance changed together (canonical correlation %.5f): how the error is split "
+        "between "
+        "them is hardly known, only their sum",
+        out.correlation));
 }
 
 /// Between points far apart a curve is less certain than at them: says where a capture would help.
@@ -364,7 +364,7 @@ void state_open_interval(RangeCalibration& out, const std::vector<FamilyFit>& ta
   out.identifiability.push_back(
       formatted("between %.0f and %.0f ", open->from, open->to) + unit + " no " + what +
       formatted(" was measured: there the correction is known to %.2g mm (k = 2, at %.0f ", 2 * open->u,
-           open->at) +
+                open->at) +
       unit + formatted("), at the measured ones to %.2g mm. Measure there as well", 2 * open->u_at_points));
 }
 

@@ -11,8 +11,9 @@
 namespace sim {
 namespace {
 
-
-double determinant(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
+double determinant(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+  return a.x() * b.y() - a.y() * b.x();
+}
 
 /// As std::lround does, without its call, for what is at least 0.5 and less than 2^32.
 std::uint32_t rounded(double value) { return static_cast<std::uint32_t>(value + 0.5); }
@@ -107,7 +108,8 @@ SimpleEngine::Hit SimpleEngine::cast(const Eigen::Vector2d& origin, double direc
     const double facing = determinant(ray, walls_[i].along);
     if (std::abs(facing) < 1e-12) continue;
     const Eigen::Vector2d to_wall = walls_[i].from - origin;
-    const double range = determinant(to_wall, walls_[i].along) / facing, place = determinant(to_wall, ray) / facing;
+    const double range = determinant(to_wall, walls_[i].along) / facing,
+                 place = determinant(to_wall, ray) / facing;
     if (range > 0 && range < nearest && place >= 0 && place <= 1) {
       nearest = range;
       found = static_cast<int>(i);

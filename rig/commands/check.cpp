@@ -10,8 +10,8 @@
 
 #include "rig/commands/json_output.hpp"
 #include "rig/runner/bench_check.hpp"
-#include "rig/runner/device_lock.hpp"
 #include "rig/runner/bench_file.hpp"
+#include "rig/runner/device_lock.hpp"
 #include "rig/runner/operators.hpp"
 #include "rig/runner/scip_source.hpp"
 #include "rig/stage/stage_patience.hpp"

@@ -78,7 +78,8 @@ class Watch : public Command {
   /// Until Ctrl-C.
   int serve(const char* page, const std::function<asio::awaitable<void>(LiveServer&)>& follow_it) const {
     asio::io_context io(1);
-    LiveServer live(io.get_executor(), options_, [](const nlohmann::json&) {}, page);
+    LiveServer live(
+        io.get_executor(), options_, [](const nlohmann::json&) {}, page);
     std::fprintf(stderr, "watching %s at %s   (Ctrl-C ends)\n", session_.c_str(), live.url().c_str());
     asio::signal_set signals(io, SIGINT, SIGTERM);
     signals.async_wait([&io](const boost::system::error_code&, int) { io.stop(); });

@@ -9,8 +9,8 @@
 
 namespace rig {
 
-/// What the sessions of a folder tell of the benches that write them: which run, which wait for a person and for what,
-/// which were killed. Nothing is changed by looking; finished sessions are read once.
+/// What the sessions of a folder tell of the benches that write them: which run, which wait for a person and
+/// for what, which were killed. Nothing is changed by looking; finished sessions are read once.
 class BenchesState {
  public:
   explicit BenchesState(std::string folder) : folder_(std::move(folder)) {}

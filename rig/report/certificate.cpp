@@ -54,9 +54,10 @@ std::string procedure_in_words(const SessionStore& session) {
   Sha256 hash;
   hash.feed(text);
   std::smatch version;
-  const bool has_version = std::regex_search(text, version, std::regex(R"((?:^|\n)version:\s*["']?([^"'\n#]+))"));
-  return join_nonempty({name, has_version ? "version " + version[1].str() : "", "SHA-256 " + hash.hex().substr(0, 16)},
-                       ", ");
+  const bool has_version =
+      std::regex_search(text, version, std::regex(R"((?:^|\n)version:\s*["']?([^"'\n#]+))"));
+  return join_nonempty(
+      {name, has_version ? "version " + version[1].str() : "", "SHA-256 " + hash.hex().substr(0, 16)}, ", ");
 }
 
 /// Variables that the run was given other values than the procedure's.
@@ -71,14 +72,17 @@ std::string changed_variables(const SessionStore& session) {
   std::string out;
   for (const auto& [name, value] : used.items()) {
     std::smatch was;
-    if (!std::regex_search(stated, was, std::regex("(?:^|,)\\s*" + name + ":\\s*\"?([^,\"]*?)\"?\\s*(?:,|$)"))) continue;
+    if (!std::regex_search(stated, was,
+                           std::regex("(?:^|,)\\s*" + name + ":\\s*\"?([^,\"]*?)\"?\\s*(?:,|$)")))
+      continue;
     const std::string is = value.is_string() ? value.get<std::string>() : value.dump();
     char* end = nullptr;
     const double number = std::strtod(was[1].str().c_str(), &end);
     const bool same = value.is_number() ? number == value.get<double>() : was[1].str() == is;
     if (!same)
       out += (out.empty() ? "" : ", ") + name + " = " +
-             (value.is_number() ? fit::format_value(value.get<double>(), 0) : is) + " (procedure: " + was[1].str() + ")";
+             (value.is_number() ? fit::format_value(value.get<double>(), 0) : is) +
+             " (procedure: " + was[1].str() + ")";
   }
   return out.empty() ? "none" : out;
 }
@@ -91,7 +95,8 @@ json identification(const SessionStore& session, const json& bench, const std::s
   add(rows, "Laboratory", text_of(stated, "laboratory"));
   add(rows, "Address", text_of(stated, "address"));
   add(rows, "Place of calibration", text_of(stated, "place"));
-  add(rows, "Customer", join_nonempty({text_of(stated, "customer"), text_of(stated, "customer_address")}, ", "));
+  add(rows, "Customer",
+      join_nonempty({text_of(stated, "customer"), text_of(stated, "customer_address")}, ", "));
   // The device that was there; what the bench file calls it may be of another time.
   const std::string told = lidar.product == lidar.model
                                ? lidar.model
@@ -101,7 +106,8 @@ json identification(const SessionStore& session, const json& bench, const std::s
   if (!told.empty() && !item.empty() && item != told) add(rows, "Item as the bench file calls it", item);
   add(rows, "Serial number", lidar.serial);
   add(rows, "Firmware", lidar.firmware);
-  add(rows, "Received, condition", join_nonempty({text_of(stated, "received"), text_of(stated, "item_condition")}, ", "));
+  add(rows, "Received, condition",
+      join_nonempty({text_of(stated, "received"), text_of(stated, "item_condition")}, ", "));
   add(rows, "Rotary stage",
       join_nonempty({text_of(stage, "model"), text_of(stage, "language"),
                      text_of(stage, "serial").empty() ? "" : "serial " + text_of(stage, "serial"),
@@ -143,8 +149,10 @@ std::string environment(const SessionStore& session, const json& bench, const ch
     if (set.is_object() && set.contains(key) && set[key].is_number())
       return fit::format_value(set[key].get<double>(), 0) + " " + unit;
   }
-  const std::string stated = text_of(bench.value("certificate", json::object()).value("environment", json::object()), key);
-  return stated.empty() || !std::isdigit(static_cast<unsigned char>(stated.back())) ? stated : stated + " " + unit;
+  const std::string stated =
+      text_of(bench.value("certificate", json::object()).value("environment", json::object()), key);
+  return stated.empty() || !std::isdigit(static_cast<unsigned char>(stated.back())) ? stated
+                                                                                    : stated + " " + unit;
 }
 
 json conditions(const SessionStore& session, const json& bench, const fit::Recording& recording) {
@@ -432,7 +440,8 @@ json make_certificate(const SessionStore& session, const std::string& session_fi
   certificate["accuracy"] = accuracy(recording->bench());
   certificate["as_found"] = as_found(certificate["results"]);
   certificate["as_left"] = certificate["as_found"];
-  certificate["adjustment"] = state_of_item(certificate, text_of(bench.value("certificate", json::object()), "item_state"));
+  certificate["adjustment"] =
+      state_of_item(certificate, text_of(bench.value("certificate", json::object()), "item_state"));
   certificate["laboratory"] = bench.value("certificate", json::object());
   const LidarIdentity lidar = lidar_of(session);
   certificate["item"] = {{"model", lidar.name()}, {"serial", lidar.serial}, {"firmware", lidar.firmware}};

@@ -179,7 +179,8 @@ void leave_to_headline(json& section) {
 /// A picture of axes alone says nothing.
 bool has_points(const json& plot) {
   const json series = list_of(plot, "series");
-  return std::any_of(series.begin(), series.end(), [](const json& each) { return !list_of(each, "x").empty(); });
+  return std::any_of(series.begin(), series.end(),
+                     [](const json& each) { return !list_of(each, "x").empty(); });
 }
 
 json shown_section(const std::string& kind, const json& result) {
@@ -228,13 +229,16 @@ void add_budgets(json& budgets, const json& result) {
                   {"sensitivity", std::isfinite(number_of(row, "sensitivity"))
                                       ? fit::format_value(number_of(row, "sensitivity"), 0)
                                       : ""},
-                  {"nu", !row.contains("quantity") ? "" : std::isfinite(nu) && nu < 1e5 ? fit::format_fixed(nu, 0) : "\u221e"},
+                  {"nu", !row.contains("quantity")       ? ""
+                         : std::isfinite(nu) && nu < 1e5 ? fit::format_fixed(nu, 0)
+                                                         : "\u221e"},
                   {"u", fit::format_uncertainty(number_of(row, "u"))},
                   {"unit", unit},
                   {"sum", sum}};
     if (sum)
-      shown["source"] = "combined; U = " + fit::with_unit(fit::format_uncertainty(number_of(row, "U")), unit) +
-                        " with k = " + fit::format_fixed(number_of(row, "k", 2), 2);
+      shown["source"] =
+          "combined; U = " + fit::with_unit(fit::format_uncertainty(number_of(row, "U")), unit) +
+          " with k = " + fit::format_fixed(number_of(row, "k", 2), 2);
     budgets.back()["rows"].push_back(std::move(shown));
   }
 }
@@ -360,12 +364,13 @@ json shown_previous(const json& previous) {
   for (const json& v : list_of(previous, "values")) {
     const double expanded = number_of(v, "U", 0), expanded_before = number_of(v, "previous_U", 0);
     const double error = number_of(v, "e_n");
-    rows.push_back({{"label", text_of(v, "label")},
-                    {"value", fit::format_measurement(number_of(v, "value"), expanded, text_of(v, "unit"))},
-                    {"previous", fit::format_measurement(number_of(v, "previous"), expanded_before, text_of(v, "unit"))},
-                    {"change", fit::with_unit(fit::format_value(number_of(v, "change"), expanded), text_of(v, "unit"))},
-                    {"e_n", std::isfinite(error) ? fit::format_fixed(error, 2) : ""},
-                    {"class", std::abs(error) > 1 ? "fail" : ""}});
+    rows.push_back(
+        {{"label", text_of(v, "label")},
+         {"value", fit::format_measurement(number_of(v, "value"), expanded, text_of(v, "unit"))},
+         {"previous", fit::format_measurement(number_of(v, "previous"), expanded_before, text_of(v, "unit"))},
+         {"change", fit::with_unit(fit::format_value(number_of(v, "change"), expanded), text_of(v, "unit"))},
+         {"e_n", std::isfinite(error) ? fit::format_fixed(error, 2) : ""},
+         {"class", std::abs(error) > 1 ? "fail" : ""}});
   }
   const std::string state = text_of(previous, "item_state");
   return {{"dated", readable_utc(text_of(previous, "measured_utc")) + (state.empty() ? "" : ", " + state)},
@@ -401,7 +406,8 @@ std::string to_html(const json& certificate) {
   page["reasons"] = list_of(certificate, "not_certified_because");
   page["not_certified"] = !page["reasons"].empty();
   page["kind_of_document"] = certificate.value("certifies", true) ? "certificate" : "report";
-  page["authorised_by"] = text_of(certificate.value("laboratory", json::object()), "authorised_by", "not stated");
+  page["authorised_by"] =
+      text_of(certificate.value("laboratory", json::object()), "authorised_by", "not stated");
   for (const char* unused : {"laboratory", "as_found", "as_left", "item"}) page.erase(unused);
   if (!annex.empty()) page["annex"] = {{"tables", annex}};
   if (!headline.empty()) page["headline"] = {{"values", headline}};

@@ -64,8 +64,10 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
 
 void Runner::Impl::store_waiting_prompt(const Prompt& prompt) {
   if (parts.operator_.unattended()) return;
-  session.set("waiting", json{{"title", prompt.title}, {"text", prompt.text}, {"since_unix_s", parts.clock.unix_us() / 1'000'000}}.dump(
-                             -1, ' ', false, json::error_handler_t::replace));
+  session.set("waiting", json{{"title", prompt.title},
+                              {"text", prompt.text},
+                              {"since_unix_s", parts.clock.unix_us() / 1'000'000}}
+                             .dump(-1, ' ', false, json::error_handler_t::replace));
 }
 
 awaitable<std::string> Runner::Impl::check_after(const Prompt& prompt) {
@@ -108,7 +110,8 @@ awaitable<void> Runner::Impl::ask_operator(Prompt prompt) {
     if (!answered) answered = given;
   } catch (const boost::system::system_error& error) {
     // Called off, because the answer came from elsewhere or none came in time, is no failure.
-    if (!answered && error.code() != asio::error::operation_aborted) operator_failed = std::current_exception();
+    if (!answered && error.code() != asio::error::operation_aborted)
+      operator_failed = std::current_exception();
   } catch (...) {
     if (!answered) operator_failed = std::current_exception();
   }

@@ -19,7 +19,8 @@ std::string different_values(const json& before, const json& now) {
     if (!now.contains(name))
       add(name + " was " + to_text(rig::value_of(value)) + " and is missing now");
     else if (now[name] != value)
-      add(name + " was " + to_text(rig::value_of(value)) + " and is " + to_text(rig::value_of(now[name])) + " now");
+      add(name + " was " + to_text(rig::value_of(value)) + " and is " + to_text(rig::value_of(now[name])) +
+          " now");
   for (const auto& [name, value] : now.items())
     if (!before.contains(name)) add(name + " was not set and is " + to_text(rig::value_of(value)) + " now");
   return text;
@@ -188,8 +189,9 @@ awaitable<void> Runner::Impl::report(std::string file) {
   store_limits();
   changed();
   session.demand_name();  // The report is made from the file.
-  auto writing = compute(
-      [report = parts.report, session_file = session.path(), target] { return report(session_file, target); });
+  auto writing = compute([report = parts.report, session_file = session.path(), target] {
+    return report(session_file, target);
+  });
   const RunnerParts::Written written = co_await std::move(writing);
   if (!written.certificates.empty()) session.set("certificates", written.certificates);
   if (!written.file.empty() && written.file != target)

@@ -42,8 +42,8 @@ void fold_log(const std::string& path);
 /// media too. Throws UsageError or SQLite::Exception.
 [[nodiscard]] std::unique_ptr<SQLite::Database> open_for_reading(const std::string& path);
 
-/// Opens a finished session, perhaps a stranger's, so that nothing on the disk changes. Throws UsageError (there is a
-/// log beside it; a table is none) or SQLite::Exception.
+/// Opens a finished session, perhaps a stranger's, so that nothing on the disk changes. Throws UsageError
+/// (there is a log beside it; a table is none) or SQLite::Exception.
 [[nodiscard]] std::unique_ptr<SQLite::Database> open_untouched(const std::string& path);
 
 /// Whether some program of this computer writes the session now, by the locks that the system lists.

@@ -19,7 +19,6 @@ namespace {
 
 using namespace causal;
 
-
 /// The whole chain: stage, rotor, optics, receiver, counter, firmware.
 class CausalEngine : public Engine {
  public:

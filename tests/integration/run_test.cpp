@@ -221,12 +221,23 @@ TEST_CASE("a session that is resumed brings its own bench, and one without says 
 
 TEST_CASE("rig resume needs nothing but the session, and asks for what is no longer there") {
   Bench bench;
-  bench.write("p.yaml",
-              "procedure: test\nvariables: {samples: 20}\nsteps:\n  - home\n  - capture: {samples: '${samples}'}\n"
-              "  - prompt: {title: 'Ready?'}\n  - capture: {samples: '${samples}'}\n");
-  std::vector<std::string> command = {RIG_BIN_DIR "/rig",          "run",     bench.folder / "p.yaml", "--lidar",
-                                      bench.sim->lidar(),          "--stage", bench.sim->stage(),      "--bench",
-                                      bench.folder / "bench.json", "--out",   bench.folder / "out.rig", "--set", "samples=7"};
+  bench.write(
+      "p.yaml",
+      "procedure: test\nvariables: {samples: 20}\nsteps:\n  - home\n  - capture: {samples: '${samples}'}\n"
+      "  - prompt: {title: 'Ready?'}\n  - capture: {samples: '${samples}'}\n");
+  std::vector<std::string> command = {RIG_BIN_DIR "/rig",
+                                      "run",
+                                      bench.folder / "p.yaml",
+                                      "--lidar",
+                                      bench.sim->lidar(),
+                                      "--stage",
+                                      bench.sim->stage(),
+                                      "--bench",
+                                      bench.folder / "bench.json",
+                                      "--out",
+                                      bench.folder / "out.rig",
+                                      "--set",
+                                      "samples=7"};
   Program stopped(command, bench.folder);
   stopped.type("q\n");
   CHECK(stopped.exit_status() == 1);

@@ -67,7 +67,8 @@ TEST_CASE("light on a wall gains in captures that it was not fitted to what it i
 TEST_CASE("the scatter of samples is drawn as it was, and as it is explained") {
   double gain = 0;
   const auto result = spread_of_lit_wall(7, gain);
-  const auto drawn = std::ranges::find(result.curves, fit::Observable::range_variance, &fit::explain::SpreadCurve::observable);
+  const auto drawn = std::ranges::find(result.curves, fit::Observable::range_variance,
+                                       &fit::explain::SpreadCurve::observable);
   REQUIRE(drawn != result.curves.end());
   const fit::explain::SpreadCurve& curve = *drawn;
   CHECK(curve.coordinate == fit::Coordinate::beam);
@@ -84,4 +85,3 @@ TEST_CASE("the scatter of samples is drawn as it was, and as it is explained") {
   CHECK(of_after < points + 4 * std::sqrt(2 * points));
   CHECK(of_before > 2 * of_after);
 }
-

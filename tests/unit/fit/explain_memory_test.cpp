@@ -85,7 +85,7 @@ class RememberingWall : public fit::Recording {
 };
 
 ToldNoise spread_of(std::vector<Part> parts, int scans, unsigned seed, std::size_t first = 99,
-                       double scan_mm = 0) {
+                    double scan_mm = 0) {
   const RememberingWall wall(std::move(parts), scans, seed, first, scan_mm);
   return ToldNoise(wall);
 }
@@ -102,7 +102,8 @@ TEST_CASE("noise that fades slowly is seen at shares that neighbouring scans har
   // It lasts 20 scans, and neighbours correlate by less than 0.009, or 0.02.
   int seen = 0, hardly_seen = 0;
   for (unsigned seed = 1; seed <= 10; ++seed) {
-    const ToldNoise weaker = spread_of({{0.009, 0.95}}, 150, seed), result = spread_of({{0.02, 0.95}}, 150, seed);
+    const ToldNoise weaker = spread_of({{0.009, 0.95}}, 150, seed),
+                    result = spread_of({{0.02, 0.95}}, 150, seed);
     hardly_seen += memory_in(weaker) != nullptr;
     seen += memory_in(result) != nullptr;
     CHECK(weaker.accepted.size() <= 1);

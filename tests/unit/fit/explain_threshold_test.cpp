@@ -13,7 +13,6 @@
 
 namespace {
 
-
 /// A comparator that fires where a Gaussian pulse crosses its threshold, with electronic noise on top.
 struct Receiver {
   double threshold = 0;      ///< 1: echo of the wall, square on, at 1 m.
@@ -109,8 +108,7 @@ TEST_CASE("a receiver's noise shows more on weak echoes, and none is lost: that 
   const ToldNoise result = spread_of({.noise = 0.002, .of_the_peak = true});
   // Before one wall, what is weak is also seen at a slant, where a loose mirror would show: a set, perhaps.
   std::set<std::string> suspected = named(result);
-  for (const auto& set : result.undecided)
-    suspected.insert(set.begin(), set.end());
+  for (const auto& set : result.undecided) suspected.insert(set.begin(), set.end());
   CHECK(suspected.contains("intensity-noise"));
   CHECK_FALSE(suspected.contains("dropout"));
 }
@@ -118,8 +116,7 @@ TEST_CASE("a receiver's noise shows more on weak echoes, and none is lost: that 
 TEST_CASE("noise near the threshold follows no power of the echo: the rest of it is no scatter of angles") {
   const double share = GENERATE(0.3, 0.5, 0.7, 0.8, 0.9), noise = GENERATE(0.02, 0.04, 0.08);
   constexpr double weakest = 0.4 / (7.65 * 7.65);
-  const ToldNoise result =
-      spread_of_ladder({.threshold = share * weakest, .noise = noise * share * weakest});
+  const ToldNoise result = spread_of_ladder({.threshold = share * weakest, .noise = noise * share * weakest});
   INFO(share << " " << noise);
   CHECK_FALSE(named(result).contains("angle-jitter"));
 }

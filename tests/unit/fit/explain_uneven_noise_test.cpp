@@ -11,7 +11,6 @@
 
 namespace {
 
-
 /// 40 captures of six scans; the stage's angle differs from scan to scan by `jitter_deg`.
 ToldNoise spread_of(double jitter_deg, unsigned seed) {
   const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 121, "front_step": 60,
@@ -40,7 +39,8 @@ ToldNoise spread_of(double jitter_deg, unsigned seed) {
 
 bool holds(const ToldNoise& result, const char* id) {
   return std::ranges::any_of(result.accepted, [&](const auto& s) { return s.mechanism->id == id; }) ||
-         std::ranges::any_of(result.undecided, [&](const auto& set) { return std::ranges::count(set, id) > 0; });
+         std::ranges::any_of(result.undecided,
+                             [&](const auto& set) { return std::ranges::count(set, id) > 0; });
 }
 
 }  // namespace

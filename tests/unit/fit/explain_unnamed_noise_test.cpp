@@ -5,13 +5,11 @@
 #include <random>
 #include <set>
 #include <string>
-#include <string>
 
 #include "synthetic_recording.hpp"
 #include "told_noise.hpp"
 
 namespace {
-
 
 /// Where a sample falls beside its true range, mm.
 using Noise = std::function<double(double beam_rad, double range_mm, std::mt19937& random)>;

@@ -196,7 +196,9 @@ TEST_CASE("a writer that is killed in a capture loses that capture and nothing b
   CHECK(store.recording(plain_bench())->captures().size() == 2);
 }
 
-TEST_CASE("a session whose writer was killed is one file again for whoever opens it, and a copy without its log lacks little") {
+TEST_CASE(
+    "a session whose writer was killed is one file again for whoever opens it, and a copy without its log "
+    "lacks little") {
   const TestFolder folder;
   const std::string file = folder / "run.rig";
   const pid_t child = fork();
