@@ -4,8 +4,8 @@
 #include <optional>
 #include <vector>
 
-#include "fit/deskew.hpp"
 #include "fit/odometry_runs.hpp"
+#include "fit/sweep_timing.hpp"
 
 namespace fit {
 

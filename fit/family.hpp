@@ -10,8 +10,10 @@
 #include <string>
 #include <vector>
 
+#include "fit/curve_point.hpp"
 #include "fit/estimate.hpp"
 #include "fit/separable.hpp"
+#include "fit/smoothing_spline.hpp"
 
 namespace fit {
 
@@ -60,32 +62,6 @@ struct Family {
 /// All families, in alphabetical order of their files.
 [[nodiscard]] const std::vector<Family>& all_families();
 [[nodiscard]] const Family* find_family(const std::string& id);
-
-/// One point of a calibration curve.
-struct CurvePoint {
-  double x = 0, y = 0, u = 1;  ///< u: standard uncertainty of y.
-};
-
-/// Natural cubic smoothing spline; its penalty by generalised cross-validation. Used by the family of that
-/// name.
-class SmoothingSpline {
- public:
-  SmoothingSpline(std::span<const CurvePoint> points, int most_knots = 24);
-  [[nodiscard]] double value(double x) const;
-  [[nodiscard]] double u(double x) const;  ///< For unit weights scale; see FamilyFit::widening.
-  [[nodiscard]] double effective_parameters() const { return effective_; }
-  [[nodiscard]] const std::vector<double>& knots() const { return knots_; }
-  [[nodiscard]] const Eigen::VectorXd& values() const { return values_; }
-  [[nodiscard]] const Eigen::MatrixXd& factor() const { return factor_; }
-
- private:
-  [[nodiscard]] Eigen::RowVectorXd weights_at(double x) const;
-  std::vector<double> knots_;
-  Eigen::MatrixXd second_;  ///< Second derivatives at the knots = second_ * values.
-  Eigen::VectorXd values_;
-  Eigen::MatrixXd factor_;
-  double effective_ = 0;
-};
 
 /// A family's curve through the points, with all that is needed to judge it.
 struct FamilyFit {

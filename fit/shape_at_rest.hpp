@@ -6,6 +6,7 @@
 
 #include "fit/deskew.hpp"
 #include "fit/icp.hpp"
+#include "fit/icp.hpp"
 #include "fit/pose2.hpp"
 
 namespace fit {

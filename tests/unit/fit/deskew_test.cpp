@@ -5,6 +5,8 @@
 #include <catch2/catch.hpp>
 #include <random>
 
+#include "fit/map_fusion.hpp"
+#include "fit/sweep_timing.hpp"
 #include "synthetic_recording.hpp"
 #include "tests/support/moving_room.hpp"
 
