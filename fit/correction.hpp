@@ -25,7 +25,7 @@ struct CorrectionTerm {
   [[nodiscard]] std::vector<double> gradient(double x) const;
 };
 
-/// The circumstances in which a correction was measured; what is absent was not told. It says nothing of
+/// The circumstances in which a correction was measured; what is absent was not stated. It says nothing of
 /// others.
 struct Validity {
   struct Interval {
@@ -59,8 +59,8 @@ struct Correction {
     double range_mm = 0;
     double from = 0, to = 0;  ///< Counts.
   };
-  std::vector<Measured> measured;  ///< By distance, ascending; empty: not told, as in older files.
-  std::vector<std::string> notes;  ///< What a user must be told.
+  std::vector<Measured> measured;  ///< By distance, ascending; empty: not stated, as in older files.
+  std::vector<std::string> notes;  ///< What a user must know.
 
   struct Corrected {
     double range_mm = 0;  ///< Corrected. Outside the calibrated region: by the error at its border.

@@ -41,7 +41,7 @@ struct AddOptions {
 };
 
 /// Takes the folder's sessions into the index. Those whose size and date are as before are not read again.
-/// Sessions are never written. Everything but what is good is told, in the order of paths.
+/// Sessions are never written. Everything but what is good is reported, in the order of paths.
 std::vector<ArchiveFinding> add_to_archive(const std::string& folder, ArchiveIndex& index,
                                            const AddOptions& options = {});
 

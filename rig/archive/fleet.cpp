@@ -17,7 +17,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr double false_drifts = 0.01;  // Of those that are told.
+constexpr double false_drifts = 0.01;  // Of those that are reported.
 
 double median_of_sorted(const std::vector<double>& v) {
   return v.size() % 2 == 1 ? v[v.size() / 2] : (v[v.size() / 2 - 1] + v[v.size() / 2]) / 2;
@@ -200,7 +200,7 @@ void add_drifts(json& fleet, std::span<const QuantityHistory> histories,
   });
 }
 
-/// A lidar that drifts leaves its own results by itself: its sessions are told there.
+/// A lidar that drifts leaves its own results by itself: its sessions are reported there.
 json strange_of(std::span<const SessionRecord> archive, std::span<const QuantityHistory> histories,
                 const std::map<std::string, Repeatability>& repeat) {
   json out = json::array();

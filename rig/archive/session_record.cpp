@@ -206,7 +206,7 @@ SessionRecord read_session_record(const std::string& folder, const std::string& 
   record.bytes = stamp.bytes;
   record.modified_ns = stamp.modified_ns;
   record.file_sha256 = file_sha256(file);
-  const SessionStore session(file, SessionStore::Mode::look);
+  const SessionStore session(file, SessionStore::Mode::peek);
   record.content_sha256 = session.content_hash();
   record.measured_utc = clean(dates_of(session).measured_utc);
   record.software = clean(session.get("software").value_or(""));

@@ -10,7 +10,7 @@ namespace rig {
 namespace {
 
 constexpr double false_alarms = 1e-3;  // Over all sessions of an archive.
-constexpr double still_alike = 0.01;   // A lidar whose results are farther off by chance is not told.
+constexpr double still_alike = 0.01;   // A lidar whose results are farther off by chance is not reported.
 constexpr double far_nearer = 20;      // The other lidar must be e^10 times as likely as the own one.
 constexpr double tells_devices_apart = 2;
 constexpr double sure_of_line = 0.01;

@@ -24,8 +24,8 @@ struct StrangeSession {
 /// Compares the results of every session with those of its lidar's other sessions (their line where they
 /// drift beyond doubt, else their median), and of every other lidar of the same model: each quantity that
 /// repeats better than lidars differ, in units of the archive's repeatability. A session is strange if it is
-/// not its own lidar's with an error of one in a thousand over all of them, and is told with the lidar whose
-/// results it has.
+/// not its own lidar's with an error of one in a thousand over all of them, and is reported with the lidar
+/// whose results it has.
 [[nodiscard]] std::vector<StrangeSession> strange_sessions(
     std::span<const SessionRecord> archive, std::span<const QuantityHistory> histories,
     const std::map<std::string, Repeatability>& repeat);

@@ -98,11 +98,11 @@ class Archive : public Command {
     const auto findings =
         adds ? add_to_archive(folder_, index, adding_) : verify_archive(folder_, index, threads);
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
-    return tell(findings, adds ? index.files().size() : findings.size(), seconds);
+    return print(findings, adds ? index.files().size() : findings.size(), seconds);
   }
 
  private:
-  int tell(const std::vector<ArchiveFinding>& findings, std::size_t sessions, double seconds) const {
+  int print(const std::vector<ArchiveFinding>& findings, std::size_t sessions, double seconds) const {
     std::map<What, int> count;
     json list = json::array();
     bool is_bad = false;

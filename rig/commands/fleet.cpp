@@ -31,7 +31,7 @@ class Fleet : public Command {
     check_outputs({{output_, "fleet.html"}, json_.output()});
     const std::vector<SessionRecord> sessions = archive_.sessions();
     const json fleet = fleet_of(sessions);
-    if (!json_.wanted()) tell(fleet);
+    if (!json_.wanted()) print(fleet);
     json_.write(fleet);
     if (output_.empty()) return 0;
     write_file_atomically(output_, fleet_html(fleet));
@@ -40,7 +40,7 @@ class Fleet : public Command {
   }
 
  private:
-  static void tell(const json& fleet) {
+  static void print(const json& fleet) {
     std::fprintf(stderr, "%zu sessions\n", fleet.at("sessions").get<std::size_t>());
     for (const json& m : fleet.at("mechanisms"))
       std::fprintf(stderr, "  %-28s %zu sessions of %zu lidars\n", text_of(m, "mechanism").c_str(),

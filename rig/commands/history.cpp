@@ -32,7 +32,7 @@ class History : public Command {
     check_outputs({{output_, serial_ + ".html"}, json_.output()});
     const std::vector<SessionRecord> sessions = archive_.sessions();
     const json history = history_of(sessions, serial_);
-    if (!json_.wanted()) tell(history);
+    if (!json_.wanted()) print(history);
     json_.write(history);
     if (output_.empty()) return 0;
     write_file_atomically(output_, history_html(history));
@@ -41,7 +41,7 @@ class History : public Command {
   }
 
  private:
-  static void tell(const json& history) {
+  static void print(const json& history) {
     std::fprintf(stderr, "%s %s, %zu sessions (± is the expanded uncertainty, k = 2):\n",
                  text_of(history, "model").c_str(), text_of(history, "serial").c_str(),
                  history.at("sessions").size());

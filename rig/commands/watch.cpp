@@ -39,7 +39,7 @@ asio::awaitable<void> follow(const SessionStore& session, LiveServer& live) {
 asio::awaitable<void> follow(BenchesState& benches, LiveServer& live) {
   asio::steady_timer timer(co_await asio::this_coro::executor);
   while (true) {
-    live.publish(benches.look(std::time(nullptr)));
+    live.publish(benches.observe(std::time(nullptr)));
     timer.expires_after(std::chrono::seconds(1));
     boost::system::error_code cancelled;
     co_await timer.async_wait(asio::redirect_error(asio::use_awaitable, cancelled));

@@ -76,7 +76,7 @@ json BenchesState::ended_session(const fs::path& file) {
   if (!known.says.is_null() && known.modified == modified) return known.says;
   known.modified = modified;
   try {
-    const SessionStore session(file.string(), SessionStore::Mode::look);
+    const SessionStore session(file.string(), SessionStore::Mode::peek);
     known.says = common_of(session);
     const std::string ended = session.get("ended").value_or("");
     known.says["phase"] = ended == "done" || ended.empty() ? "done" : "ended";
@@ -87,7 +87,7 @@ json BenchesState::ended_session(const fs::path& file) {
   return known.says;
 }
 
-json BenchesState::look(std::int64_t now_unix_s) {
+json BenchesState::observe(std::int64_t now_unix_s) {
   std::error_code failed;
   if (!fs::is_directory(folder_, failed))
     throw UsageError(folder_ + " is not a folder: give the one into which the benches write");

@@ -17,7 +17,7 @@ class BenchesState {
 
   /// `benches/1` (docs/operate/laboratory.md), at the time `now_unix_s`: who is needed first. Throws
   /// UsageError: no such folder.
-  [[nodiscard]] nlohmann::json look(std::int64_t now_unix_s);
+  [[nodiscard]] nlohmann::json observe(std::int64_t now_unix_s);
 
  private:
   struct Ended {

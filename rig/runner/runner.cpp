@@ -170,7 +170,7 @@ awaitable<void> Runner::Impl::stop_stage_when_aborted() {
   try {
     co_await parts.stage.stop();
   } catch (const std::exception&) {
-    // make_safe() tries again, and tells.
+    // make_safe() tries again, and reports.
   }
 }
 

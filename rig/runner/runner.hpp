@@ -31,7 +31,7 @@ class Operator {
   virtual ~Operator() = default;
   /// Answers one prompt; cancelled when the answer came from elsewhere (the live page).
   virtual boost::asio::awaitable<Answer> ask(Prompt prompt) = 0;
-  /// Nobody can mend a wrong placement: the run fails instead of asking for ever.
+  /// Nobody can correct a wrong placement: the run fails instead of asking for ever.
   [[nodiscard]] virtual bool unattended() const = 0;
 };
 

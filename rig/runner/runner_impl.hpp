@@ -105,7 +105,7 @@ struct Runner::Impl final : StepContext {
   awaitable<void> make_safe();
   void conclude();
 
-  // What a step is told and may ask for (runner_steps.cpp)
+  // What a step knows and may ask for (runner_steps.cpp)
 
   const fit::Bench& bench() const override { return known_bench; }
   const StageRules& rules() const override { return procedure.stage; }

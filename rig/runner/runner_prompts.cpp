@@ -8,7 +8,7 @@
 namespace rig {
 namespace {
 
-constexpr int looks_of_nobody = 3;  // A simulated bench that placed it wrongly three times will not learn.
+constexpr int attempts_of_nobody = 3;  // A simulated bench that placed it wrongly three times will not learn.
 
 /// Why an answer is none to the prompt's question; empty if it is one. What was not answered takes the
 /// question's own.
@@ -77,7 +77,7 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
       if (attempt > 1) co_return answer;
       prompt.refusal += " If it stands as requested, confirm again: the bench file may be wrong.";
     }
-    if (parts.operator_.unattended() && attempt >= looks_of_nobody)
+    if (parts.operator_.unattended() && attempt >= attempts_of_nobody)
       throw MeasurementError(
           "'" + prompt.title + "' is not as requested: " + prompt.refusal +
           " Unattended run: cannot be corrected. The stage has stopped; continue with rig resume.");

@@ -92,7 +92,7 @@ void fold_log(const std::string& path) {
     if (database.execAndGet("PRAGMA user_version").getInt() < 0) return;
     database.exec("PRAGMA journal_mode = DELETE");
   } catch (const SQLite::Exception&) {
-    // Read as it is: a run goes on, or what is wrong with the file is told by the reader.
+    // Read as it is: a run goes on, or what is wrong with the file is reported by the reader.
   }
 }
 
@@ -125,8 +125,8 @@ std::unique_ptr<SQLite::Database> open_for_reading(const std::string& path) {
     if (code != SQLITE_CANTOPEN && code != SQLITE_READONLY && code != SQLITE_IOERR) throw;
     // Power that failed while the file was made leaves a journal that only a writer may roll back.
     if (has_data(path + "-journal") && ::access(path.c_str(), W_OK) == 0) {
-      SQLite::Database mended(path, SQLite::OPEN_READWRITE, 2000);
-      (void)mended.execAndGet("SELECT count(*) FROM sqlite_schema").getInt();
+      SQLite::Database repaired(path, SQLite::OPEN_READWRITE, 2000);
+      (void)repaired.execAndGet("SELECT count(*) FROM sqlite_schema").getInt();
       return std::make_unique<SQLite::Database>(path, SQLite::OPEN_READONLY, 2000);
     }
     // On read-only media the side files of the write-ahead log cannot be made. Without a log there is nothing

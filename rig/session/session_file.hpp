@@ -9,7 +9,7 @@
 namespace rig {
 
 /// Holds an advisory lock for as long as the writer lives, so that a second `rig run` on the same file is
-/// told so (UsageError). SQLite's own locks are per transaction only.
+/// refused (UsageError). SQLite's own locks are per transaction only.
 class WriterLock {
  public:
   explicit WriterLock(const std::string& path);

@@ -184,7 +184,7 @@ class Range : public Fitting {
                       const std::string& selection) const {
     Correction& correction = *calibration.joint;
     describe(correction, sources, source, calibration);
-    say_what_is_not_told(out, correction);
+    note_what_is_not_stated(out, correction);
     const fit::RangePoint& middle = points[points.size() / 2];
     if (std::isfinite(correction.apply(middle.measured_mm, middle.intensity).range_mm))
       out["use"].push_back(how_to_use(correction, middle));
@@ -347,7 +347,7 @@ class Range : public Fitting {
     return out;
   }
 
-  /// By distance, which echoes were seen there; nothing where the lidar told no intensities.
+  /// By distance, which echoes were seen there; nothing where the lidar sent no intensities.
   static std::vector<Correction::Measured> measured_by(const RangeSource& source) {
     constexpr double one_place_mm = 2;
     std::vector<Correction::Measured> out;
@@ -365,8 +365,8 @@ class Range : public Fitting {
     return joined;
   }
 
-  /// What a user of the correction must be told that the sessions do not tell.
-  static void say_what_is_not_told(json& out, const Correction& correction) {
+  /// What a user of the correction must know that the sessions do not say.
+  static void note_what_is_not_stated(json& out, const Correction& correction) {
     const auto say = [&](bool missing, const char* what) {
       if (missing) out["undetermined"].push_back(what);
     };

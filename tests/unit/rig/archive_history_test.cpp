@@ -183,7 +183,7 @@ TEST_CASE(
   CHECK(alarmed < 12);  // Of 120 charts without anything to find.
 }
 
-TEST_CASE("fleet: drifts are told, and of many lidars that do not drift none is") {
+TEST_CASE("fleet: drifts are reported, and of many lidars that do not drift none is") {
   Fleet fleet(40, 6, 21);
   CHECK(rig::fleet_of(fleet.sessions).at("drifts").empty());
   for (int k = 0; k < 6; ++k) fleet.of(7, k).values[1].value -= 0.2 * k;
@@ -201,8 +201,8 @@ TEST_CASE("fleet: drifts are told, and of many lidars that do not drift none is"
 }
 
 TEST_CASE(
-    "fleet: a session with another lidar's serial number is told with that lidar; one that jumped to "
-    "nobody's is told too") {
+    "fleet: a session with another lidar's serial number is reported with that lidar; one that jumped to "
+    "nobody's is reported too") {
   Fleet fleet(40, 6, 33);
   CHECK(rig::fleet_of(fleet.sessions).at("strange").empty());
   fleet.of(3, 2).serial = "H1030";

@@ -109,7 +109,7 @@ TEST_CASE(
   }
   const auto names = folder.names();
   rig::BenchesState benches(folder.path());
-  const json state = benches.look(1600);
+  const json state = benches.observe(1600);
   REQUIRE(state.at("benches").size() == 5);
   const json &first = state.at("benches").at(0), &second = state.at("benches").at(1),
              &third = state.at("benches").at(2);
@@ -128,6 +128,6 @@ TEST_CASE(
   CHECK(state.at("running") == 2);
   CHECK(folder.names() == names);
   waiting.set("waiting", "");
-  CHECK(benches.look(1601).at("needed") == 0);
-  CHECK_THROWS_AS(rig::BenchesState(folder / "nowhere").look(0), rig::UsageError);
+  CHECK(benches.observe(1601).at("needed") == 0);
+  CHECK_THROWS_AS(rig::BenchesState(folder / "nowhere").observe(0), rig::UsageError);
 }

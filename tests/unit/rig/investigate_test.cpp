@@ -65,7 +65,8 @@ TEST_CASE("an unattended investigation does nothing that needs a hand, and says 
   CHECK(d.needs == "an operator, for 40 min: a ladder");
 }
 
-TEST_CASE("what takes longer than there is time left ends an investigation, and how much it takes is told") {
+TEST_CASE(
+    "what takes longer than there is time left ends an investigation, and how much it takes is reported") {
   const Decision d =
       decide({Verdict::undecided, 1}, {possible("a cold start", 1.0, 190, true)}, {}, {60, false, 5});
   CHECK_FALSE(d.next);

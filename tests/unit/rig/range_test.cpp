@@ -178,7 +178,7 @@ TEST_CASE("where the lidar sits on its stage is part of a range error's uncertai
   CHECK_THAT(result.at("notes").dump(), Catch::Contains("calibrate it first"));
 }
 
-TEST_CASE("a target that steps back beside the square beam is told, and its face alone is used") {
+TEST_CASE("a target that steps back beside the square beam is reported, and its face alone is used") {
   const TestFolder place;
   const std::string file = place / "stepped.rig";
   {

@@ -253,7 +253,7 @@ TEST_CASE("a session is never overwritten and never written by two at once") {
   CHECK_THROWS_WITH(SessionStore(folder / "run.rig", Mode::append), Contains("another program"));
 }
 
-TEST_CASE("a session that is removed while it is written is saved under another name, and that is told") {
+TEST_CASE("a session that is removed while it is written is saved under another name, and that is reported") {
   const TestFolder folder;
   {
     SessionStore store(folder / "run.rig", Mode::create);
