@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Large headers that many files need, precompiled in the sanitizer and fuzz builds only: every file includes what it uses.
+// Large headers that many files need, precompiled in the sanitizer and fuzz builds only: every file includes
+// what it uses.
 #if __has_include(<Eigen/Dense>)  // The lidar driver does without.
 #include <Eigen/Dense>
 #endif

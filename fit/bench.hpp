@@ -41,12 +41,14 @@ struct RoundShape {
   double radius_mm = 0, u_radius_mm = 0;
 };
 
-/// A target seen from above: flat, the segment from `from` to `to` in the world frame; or round. `from` and `to`
-/// of a round one are the tangent before it, as wide as it is, for whoever only asks where and how wide it is.
+/// A target seen from above: flat, the segment from `from` to `to` in the world frame; or round. `from` and
+/// `to` of a round one are the tangent before it, as wide as it is, for whoever only asks where and how wide
+/// it is.
 struct Target {
   std::string name;
   Eigen::Vector2d from_mm = Eigen::Vector2d::Zero(), to_mm = Eigen::Vector2d::Zero();
-  double u_mm = 0;   ///< Standard uncertainty of the offset along the normal; of a round one, of its centre in each direction.
+  double u_mm = 0;  ///< Standard uncertainty of the offset along the normal; of a round one, of its centre in
+                    ///< each direction.
   double u_rad = 0;  ///< Standard uncertainty of the orientation.
   std::optional<double> reflectance;
   std::optional<RoundShape> round;

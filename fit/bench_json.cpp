@@ -138,9 +138,8 @@ Mount read_mount(const Reader& reader) {
 
 LidarGeometry read_lidar(const Reader& reader) {
   reader.must_be_object();
-  reader.refuse_misspelt(
-      std::array{"model", "steps", "first_step", "front_step", "step_deg", "scan_hz", "serial",
-                 "largest_error_mm", "mount", "accuracy"});
+  reader.refuse_misspelt(std::array{"model", "steps", "first_step", "front_step", "step_deg", "scan_hz",
+                                    "serial", "largest_error_mm", "mount", "accuracy"});
   check_accuracy(reader,
                  std::array{"u_beam_eccentricity_deg", "u_range_mm", "u_range_scale", "u_range_walk_mm"});
   LidarGeometry lidar;
@@ -168,7 +167,8 @@ Target read_target(const Reader& reader) {
     for (const char* of_a_flat_one : {"from_mm", "to_mm", "u_deg"})
       if (reader.has(of_a_flat_one))
         reader.at(of_a_flat_one)
-            .refuse("is of a flat target, and centre_mm and radius_mm are of a round one: leave one of them out");
+            .refuse(
+                "is of a flat target, and centre_mm and radius_mm are of a round one: leave one of them out");
     RoundShape shape;
     shape.centre_mm = reader.at("centre_mm").point();
     shape.radius_mm = reader.at("radius_mm").number_from(1, 1e5);
@@ -201,9 +201,9 @@ double read_stage(const Reader& reader) {
   reader.refuse_misspelt(std::array{"language", "model", "resolution_deg", "limits_deg", "speed_deg_s",
                                     "acceleration_deg_s2", "tolerance_deg", "units_per_deg", "units_per_turn",
                                     "direction", "zero_deg", "settle_s", "reply_s", "home_s", "needs_homing",
-                                     "baud", "address", "axis", "accuracy",
-                                     // of the simulated one
-                                     "homed", "axes", "acknowledges", "physics"});
+                                    "baud", "address", "axis", "accuracy",
+                                    // of the simulated one
+                                    "homed", "axes", "acknowledges", "physics"});
   check_accuracy(reader, std::array{"u_scale", "u_eccentricity_deg", "u_backlash_deg", "u_position_deg"});
   for (const char* quickness : {"speed_deg_s", "acceleration_deg_s2"})
     if (reader.has(quickness)) (void)reader.at(quickness).number_from(1e-6, 1e6);

@@ -51,8 +51,7 @@ Gain gain_of(const Eigen::MatrixXd& design, const Eigen::VectorXd& sigma, const 
   Gain out;
   out.root = dense::cholesky(covariance);
   const auto root = out.root.triangularView<Eigen::Lower>();
-  const Eigen::MatrixXd whitened = root.solve(design),
-                        inverse = dense::pseudo_inverse(whitened);
+  const Eigen::MatrixXd whitened = root.solve(design), inverse = dense::pseudo_inverse(whitened);
   out.matrix = root.solve<Eigen::OnTheRight>(inverse);
   return out;
 }

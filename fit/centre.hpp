@@ -50,7 +50,7 @@ struct CentreFit {
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
   Eigen::Matrix2d from_range = Eigen::Matrix2d::Zero(), from_angle = Eigen::Matrix2d::Zero();  ///< Its parts.
-  std::vector<Eigen::Matrix2d> angle_parts;         ///< What each sight's angle adds to from_angle.
+  std::vector<Eigen::Matrix2d> angle_parts;  ///< What each sight's angle adds to from_angle.
   std::vector<Eigen::Vector2d> effects;  ///< What one standard uncertainty of each effect does to the centre.
   Eigen::Vector2d point = Eigen::Vector2d::Zero();  ///< The common point, from the centre, at stage angle 0.
   std::vector<Eigen::Vector2d> residuals;           ///< Radial and tangential, mm.
@@ -61,7 +61,8 @@ struct CentreFit {
 };
 
 /// All sights at once: p_i = R(-stage_i) point + centre, generalised least squares (linear in point and
-/// centre); the effects make the sights' errors go together. Throws std::invalid_argument with fewer than two sights or without any turn between them.
+/// centre); the effects make the sights' errors go together. Throws std::invalid_argument with fewer than two
+/// sights or without any turn between them.
 [[nodiscard]] CentreFit fit_centre(const std::vector<CentrePoint>& points,
                                    const std::vector<CentreEffect>& effects = {});
 

@@ -319,7 +319,8 @@ Correction parse_correction(const std::string& text, const std::string& name) {
     const json& measured = reader.member("measured", true);
     for (std::size_t i = 0; i < measured.size(); ++i) {
       const CorrectionReader item(measured[i], name + "/measured/" + std::to_string(i));
-      c.measured.push_back({item.number("range_mm"), item.number("intensity_from"), item.number("intensity_to")});
+      c.measured.push_back(
+          {item.number("range_mm"), item.number("intensity_from"), item.number("intensity_to")});
       if (c.measured.back().from > c.measured.back().to)
         item.fail("intensity_to", "must not be below 'intensity_from'");
       if (i > 0 && c.measured[i].range_mm < c.measured[i - 1].range_mm)

@@ -25,7 +25,7 @@ struct CorrectionTerm {
   [[nodiscard]] std::vector<double> gradient(double x) const;
 };
 
-/// The circumstances in which a correction was measured; what is absent was not told. It says nothing of
+/// The circumstances in which a correction was measured; what is absent was not stated. It says nothing of
 /// others.
 struct Validity {
   struct Interval {
@@ -59,14 +59,15 @@ struct Correction {
     double range_mm = 0;
     double from = 0, to = 0;  ///< Counts.
   };
-  std::vector<Measured> measured;  ///< By distance, ascending; empty: not told, as in older files.
-  std::vector<std::string> notes;  ///< What a user must be told.
+  std::vector<Measured> measured;  ///< By distance, ascending; empty: not stated, as in older files.
+  std::vector<std::string> notes;  ///< What a user must know.
 
   struct Corrected {
     double range_mm = 0;  ///< Corrected. Outside the calibrated region: by the error at its border.
     double error_mm = 0;  ///< That was subtracted.
     /// Where the correction has no term for one of them, it was measured only as `measured` says: at those
-    /// distances (within 5 %), and with echoes of those surfaces (their counts at that distance, within 25 %).
+    /// distances (within 5 %), and with echoes of those surfaces (their counts at that distance, within 25
+    /// %).
     bool range_outside = false, intensity_outside = false;
     [[nodiscard]] bool inside() const { return !range_outside && !intensity_outside; }
   };

@@ -7,118 +7,15 @@
 #include <optional>
 #include <stdexcept>
 
+#include "fit/drive_lengths.hpp"
+#include "fit/icp.hpp"
 #include "fit/median.hpp"
-#include "fit/wheel_time.hpp"
+#include "fit/wheel_track.hpp"
 
 namespace fit {
 namespace {
 
 using Eigen::Vector2d;
-
-/// Stamps of what happens evenly, without the chance by which they came late: lines through the 201 stamps around
-/// each. Across a gap of more than three times the usual step nothing is evened.
-std::vector<double> even_times(const std::vector<double>& stamps) {
-  constexpr std::size_t half = 100, least = 20;
-  std::vector<double> steps;
-  for (std::size_t i = 1; i < stamps.size(); ++i) steps.push_back(stamps[i] - stamps[i - 1]);
-  const double usual = median_of(std::vector<double>(steps));
-  std::vector<double> out = stamps;
-  for (std::size_t begin = 0; begin < stamps.size();) {
-    std::size_t end = begin + 1;
-    while (end < stamps.size() && steps[end - 1] < 3.5 * usual) ++end;
-    for (std::size_t i = begin; end - begin >= least && i < end; ++i) {
-      const std::size_t from = i > begin + half ? i - half : begin, to = std::min(end, i + half + 1);
-      double n = 0, x = 0, y = 0, xx = 0, xy = 0;
-      for (std::size_t k = from; k < to; ++k) {
-        const double at = static_cast<double>(k) - static_cast<double>(i), stamp = stamps[k] - stamps[i];
-        n += 1, x += at, y += stamp, xx += at * at, xy += at * stamp;
-      }
-      const double slope = (n * xy - x * y) / (n * xx - x * x);
-      out[i] = stamps[i] + (y - slope * x) / n;
-    }
-    begin = end;
-  }
-  for (std::size_t i = 1; i < out.size(); ++i) out[i] = std::max(out[i], out[i - 1] + 1e-6);
-  return out;
-}
-
-/// Wheel angles in order of time.
-class Wheels {
- public:
-  explicit Wheels(const std::vector<TrackPose>& track) {
-    for (const TrackPose& pose : track)
-      if (pose.wheel_left_rad && pose.wheel_right_rad)
-        known_.push_back(
-            {static_cast<double>(pose.host_us) * 1e-6, {*pose.wheel_left_rad, *pose.wheel_right_rad}});
-    std::ranges::stable_sort(known_, {}, &At::time_s);
-    const auto same_time = [](const At& a, const At& b) { return a.time_s == b.time_s; };
-    known_.erase(std::unique(known_.begin(), known_.end(), same_time), known_.end());
-  }
-  [[nodiscard]] std::size_t size() const { return known_.size(); }
-  void make_times_even() {
-    std::vector<double> times;
-    for (const At& at : known_) times.push_back(at.time_s);
-    times = even_times(times);
-    for (std::size_t i = 0; i < known_.size(); ++i) known_[i].time_s = times[i];
-  }
-  [[nodiscard]] WheelTime over_time() const {
-    WheelTime out;
-    for (std::size_t i = 1; i < known_.size(); ++i)
-      out.add(known_[i - 1].time_s, known_[i].time_s, known_[i].angle - known_[i - 1].angle);
-    return out;
-  }
-  [[nodiscard]] bool covers(double from, double to) const {
-    return size() >= 2 && from >= known_.front().time_s && to <= known_.back().time_s;
-  }
-  [[nodiscard]] Vector2d at(double time_s) const {
-    const auto b = after(time_s), a = b - 1;
-    return a->angle + (time_s - a->time_s) / (b->time_s - a->time_s) * (b->angle - a->angle);
-  }
-  [[nodiscard]] Path path(const RobotGeometry& robot) const {
-    std::vector<TimedPose> poses;
-    Pose2 at;
-    for (std::size_t i = 0; i < known_.size(); ++i) {
-      WheelSample sample;
-      if (i > 0) sample.pieces = {known_[i].angle - known_[i - 1].angle};
-      at = at * wheel_motion(robot, sample);
-      poses.push_back({known_[i].time_s, at});
-    }
-    return Path(std::move(poses));
-  }
-  /// How far the wheels turned in each interval between the known times from `from` to `to`.
-  [[nodiscard]] std::vector<Vector2d> pieces(double from, double to) const {
-    std::vector<Vector2d> out;
-    Vector2d last = at(from);
-    for (auto it = after(from); it != known_.end() && it->time_s < to; ++it) {
-      out.push_back(it->angle - last);
-      last = it->angle;
-    }
-    out.push_back(at(to) - last);
-    return out;
-  }
-
- private:
-  struct At {
-    double time_s;
-    Vector2d angle;
-  };
-  [[nodiscard]] std::vector<At>::const_iterator after(double time_s) const {
-    return std::upper_bound(known_.begin() + 1, known_.end() - 1, time_s,
-                            [](double t, const At& at) { return t < at.time_s; });
-  }
-  std::vector<At> known_;
-};
-
-WheelSample sample_between(const Wheels& wheels, double from, double to) {
-  WheelSample sample;
-  sample.begin_s = from;
-  sample.interval_s = to - from;
-  sample.pieces = wheels.pieces(from, to);
-  const Vector2d turned = wheels.at(to) - wheels.at(from);
-  sample.left_rad_s = turned.x() / sample.interval_s;
-  sample.right_rad_s = turned.y() / sample.interval_s;
-  return sample;
-}
 
 /// A scan in the lidar's frame at the middle of its sweep.
 struct Still {
@@ -202,8 +99,8 @@ class Drive {
            fit.undetermined.empty();
   }
 
-  /// Beams whose ranges hardly change while the robot drives see the robot itself: the middle nine tenths of their
-  /// echoes spread less than a tenth of what those of the median beam do.
+  /// Beams whose ranges hardly change while the robot drives see the robot itself: the middle nine tenths of
+  /// their echoes spread less than a tenth of what those of the median beam do.
   std::size_t leave_out_own_beams() {
     std::vector<std::vector<double>> ranges;
     for (const Sweep& sweep : sweeps_)
@@ -227,8 +124,8 @@ class Drive {
     return count;
   }
 
-  /// Motions from scans as they came, each matched to the next from where the last motion would bring it: nothing
-  /// of this depends on the wheels or on their time.
+  /// Motions from scans as they came, each matched to the next from where the last motion would bring it:
+  /// nothing of this depends on the wheels or on their time.
   [[nodiscard]] std::vector<std::optional<Pose2>> consecutive_motions() const {
     std::vector<std::optional<Pose2>> out;
     Pose2 last;
@@ -238,8 +135,7 @@ class Drive {
       for (const SweptPoint& point : sweeps_[i].points) now.points.push_back(point.at_mm);
       now.cloud = PointCloud(orient_sweep(now.points));
       const double step_s = i > 0 ? sweeps_[i].begin_s - sweeps_[i - 1].begin_s : 0;
-      if (i > 0)
-        out.push_back(step_s < 0.5 * options_.longest_s ? match(before, now, last) : std::nullopt);
+      if (i > 0) out.push_back(step_s < 0.5 * options_.longest_s ? match(before, now, last) : std::nullopt);
       last = i > 0 ? out.back().value_or(Pose2{}) : Pose2{};
       before = std::move(now);
     }
@@ -247,7 +143,7 @@ class Drive {
   }
 
   [[nodiscard]] OffsetSearch offset_of(const std::vector<std::optional<Pose2>>& motions,
-                                       const std::vector<double>& times, const Wheels& wheels) const {
+                                       const std::vector<double>& times, const WheelTrack& wheels) const {
     std::vector<WheelSample> samples;
     for (std::size_t i = 0; i < motions.size(); ++i) {
       if (!motions[i] || !(times[i + 1] > times[i])) continue;
@@ -261,8 +157,8 @@ class Drive {
                        options_.offset);
   }
 
-  /// The coarse offset; and whether stamps made even are the better ones: those of scans, or of scans and wheels, if
-  /// wheels and matches then agree better by more than a tenth.
+  /// The coarse offset; and whether stamps made even are the better ones: those of scans, or of scans and
+  /// wheels, if wheels and matches then agree better by more than a tenth.
   void compare_clocks(DriveFit& out) {
     const auto motions = consecutive_motions();
     std::vector<double> stamps;
@@ -274,9 +170,9 @@ class Drive {
     out.coarse = offset_of(motions, stamps, wheels_);
     // As good as even already.
     if (out.scan_jitter_s < 0.01 * sweeps_.front().duration_s) return;
-    Wheels even_wheels = wheels_;
+    WheelTrack even_wheels = wheels_;
     even_wheels.make_times_even();
-    const Wheels as_stamped = wheels_;
+    const WheelTrack as_stamped = wheels_;
     for (const bool both : {false, true}) {
       const OffsetSearch other = offset_of(motions, even, both ? even_wheels : as_stamped);
       if (!other.determined || !(other.misfit < 0.9 * out.coarse.misfit)) continue;
@@ -311,8 +207,8 @@ class Drive {
     out.offset.searched_s = std::max(out.coarse.searched_s, found.searched_s);
   }
 
-  /// Whether the beams are listed against their order in time, by the agreement of scans, each order at its own
-  /// best offset about that of the wheels.
+  /// Whether the beams are listed against their order in time, by the agreement of scans, each order at its
+  /// own best offset about that of the wheels.
   void decide_order(DriveFit& out) {
     TimingOptions about;
     about.about_s = timing_.offset_s;
@@ -391,7 +287,7 @@ class Drive {
         ++out.bad_matches;
         continue;
       }
-      WheelSample sample = sample_between(wheels_, from, to);
+      WheelSample sample = wheels_.sample_between(from, to);
       sample.match = *motion;
       out.samples.push_back(std::move(sample));
     }
@@ -471,85 +367,11 @@ class Drive {
       samples.push_back(std::move(at.samples));
     }
     if (out.lengths.empty()) return;
-    choose_length(out, samples, fits);
-  }
-
-  /// The values for an endless way, of `value + c / multiple`, weighted by each length's own u.
-  [[nodiscard]] static Vector6 endless(const std::vector<DriveLength>& lengths,
-                                       const std::vector<Vector6>& values) {
-    Vector6 out;
-    for (int p = 0; p < 6; ++p) {
-      double w = 0, x = 0, y = 0, xx = 0, xy = 0;
-      for (std::size_t i = 0; i < lengths.size(); ++i) {
-        const double weight = 1 / std::max(1e-18, lengths[i].u[p] * lengths[i].u[p]);
-        const double at = 1 / lengths[i].multiple, value = values[i][p];
-        w += weight, x += weight * at, y += weight * value, xx += weight * at * at, xy += weight * at * value;
-      }
-      const double c = (w * xy - x * y) / (w * xx - x * x);
-      out[p] = (y - c * x) / w;
-    }
-    return out;
-  }
-
-  /// Takes the length, or the value for an endless way, whose expected squared error is least: scatter, and the part
-  /// of the drift up to an endless way that is not scatter. The drift from the length taken stays in the uncertainty.
-  void choose_length(DriveFit& out, const std::vector<std::vector<WheelSample>>& samples,
-                     const std::vector<OdometryFit>& fits) const {
-    const std::size_t segments = out.lengths.front().without.size();
-    const bool several =
-        out.lengths.size() >= 3 && segments >= 4 &&
-        std::ranges::all_of(out.lengths, [&](const auto& l) { return l.without.size() == segments; });
-    Vector6 tends_to = Vector6::Zero(), tends_to_u = Vector6::Zero();
-    std::vector<Vector6> tends_without;
-    if (several) {
-      std::vector<Vector6> values;
-      for (const DriveLength& length : out.lengths) values.push_back(length.values);
-      tends_to = endless(out.lengths, values);
-      for (std::size_t g = 0; g < segments; ++g) {
-        for (std::size_t i = 0; i < values.size(); ++i) values[i] = out.lengths[i].without[g];
-        tends_without.push_back(endless(out.lengths, values));
-      }
-      tends_to_u = jackknife(tends_without).diagonal().cwiseSqrt();
-    }
-    const auto drift_of = [&](const DriveLength& length) -> Vector6 {
-      Vector6 drift = several ? Vector6(tends_to - length.values) : Vector6(Vector6::Zero());
-      drift[5] = wrap_angle(drift[5]);
-      return drift;
-    };
-    const auto expected = [&](const DriveLength& length) {
-      Vector6 chance = Vector6::Zero();
-      if (several) {
-        std::vector<Vector6> difference;
-        for (std::size_t g = 0; g < segments; ++g) difference.push_back(tends_without[g] - length.without[g]);
-        chance = jackknife(difference).diagonal();
-      }
-      const Vector6 beyond = (drift_of(length).cwiseAbs2() - chance).cwiseMax(0);
-      return (length.u.cwiseAbs2() + beyond).array().log().sum();
-    };
-    std::size_t best = 0;
-    for (std::size_t i = 1; i < out.lengths.size(); ++i)
-      if (expected(out.lengths[i]) < expected(out.lengths[best])) best = i;
-    out.extrapolated = several && tends_to_u.cwiseAbs2().array().log().sum() < expected(out.lengths[best]);
-    if (out.extrapolated) best = out.lengths.size() - 1;
-    out.lengths[best].taken = true;
-    out.samples = samples[best];
-    out.odometry = fits[best];
-    out.drift = drift_of(out.lengths[best]);
-    Vector6 u = out.lengths[best].u;
-    if (out.extrapolated) {
-      out.odometry.robot = RobotGeometry::from(tends_to);
-      u = tends_to_u;
-    }
-    out.jackknife_u = u;
-    widen_to(out.odometry.covariance, (u.cwiseAbs2() + out.drift.cwiseAbs2() / 3).cwiseSqrt());
-    // The lidar's scale is in every length alike, as a limit whose values are equally likely (GUM 4.3.7).
-    Vector6 by_scale = options_.range_scale / std::sqrt(3.0) * out.odometry.robot.vector();
-    by_scale[5] = 0;
-    out.odometry.covariance += by_scale * by_scale.transpose();
+    choose_length(out, samples, fits, options_.range_scale);
   }
 
   DriveOptions options_;
-  Wheels wheels_;
+  WheelTrack wheels_;
   std::vector<Sweep> sweeps_;
   Pose2 lidar_;
   Path path_;
@@ -561,7 +383,7 @@ class Drive {
 }  // namespace
 
 Path path_from_wheels(const std::vector<TrackPose>& track, const RobotGeometry& robot) {
-  return Wheels(track).path(robot);
+  return WheelTrack(track).path(robot);
 }
 
 DriveFit fit_drive(const Recording& recording, const DriveOptions& options) {

@@ -4,8 +4,8 @@
 #include <optional>
 #include <vector>
 
-#include "fit/deskew.hpp"
 #include "fit/odometry_runs.hpp"
+#include "fit/sweep_timing.hpp"
 
 namespace fit {
 
@@ -31,7 +31,7 @@ struct DriveOptions {
 struct DriveLength {
   double multiple = 1;
   std::size_t samples = 0;
-  double way_mm = 0, interval_s = 0;  ///< Medians.
+  double way_mm = 0, interval_s = 0;                      ///< Medians.
   Vector6 values = Vector6::Zero(), u = Vector6::Zero();  ///< u: leaving out one segment after the other.
   std::vector<Vector6> without;                           ///< The values without each segment.
   bool taken = false;

@@ -83,7 +83,8 @@ Level level_of(const BeamStop& stop) {
 
 bool leaves(long outside, long n, double expected, double chance) {
   if (outside == 0) return false;
-  return binomial_at_least(static_cast<double>(n), std::min(expected, 0.5), static_cast<double>(outside)) < chance;
+  return binomial_at_least(static_cast<double>(n), std::min(expected, 0.5), static_cast<double>(outside)) <
+         chance;
 }
 
 using BeamStops = std::map<std::pair<int, int>, std::vector<BeamStop>>;  // By beam and approach.

@@ -10,8 +10,10 @@
 #include <string>
 #include <vector>
 
+#include "fit/curve_point.hpp"
 #include "fit/estimate.hpp"
 #include "fit/separable.hpp"
+#include "fit/smoothing_spline.hpp"
 
 namespace fit {
 
@@ -61,32 +63,6 @@ struct Family {
 [[nodiscard]] const std::vector<Family>& all_families();
 [[nodiscard]] const Family* find_family(const std::string& id);
 
-/// One point of a calibration curve.
-struct CurvePoint {
-  double x = 0, y = 0, u = 1;  ///< u: standard uncertainty of y.
-};
-
-/// Natural cubic smoothing spline; its penalty by generalised cross-validation. Used by the family of that
-/// name.
-class SmoothingSpline {
- public:
-  SmoothingSpline(std::span<const CurvePoint> points, int most_knots = 24);
-  [[nodiscard]] double value(double x) const;
-  [[nodiscard]] double u(double x) const;  ///< For unit weights scale; see FamilyFit::widening.
-  [[nodiscard]] double effective_parameters() const { return effective_; }
-  [[nodiscard]] const std::vector<double>& knots() const { return knots_; }
-  [[nodiscard]] const Eigen::VectorXd& values() const { return values_; }
-  [[nodiscard]] const Eigen::MatrixXd& factor() const { return factor_; }
-
- private:
-  [[nodiscard]] Eigen::RowVectorXd weights_at(double x) const;
-  std::vector<double> knots_;
-  Eigen::MatrixXd second_;  ///< Second derivatives at the knots = second_ * values.
-  Eigen::VectorXd values_;
-  Eigen::MatrixXd factor_;
-  double effective_ = 0;
-};
-
 /// A family's curve through the points, with all that is needed to judge it.
 struct FamilyFit {
   std::string family, title, equation;
@@ -105,12 +81,12 @@ struct FamilyFit {
   double widening = 1;      ///< sqrt(chi2 / freedom) where above 1: uncertainties contain it.
   double aicc = 0, bic = 0;                                   ///< Of the weighted fit with unknown scale.
   double held_out = std::numeric_limits<double>::infinity();  ///< RMS error at points that were held out.
-  double printed_mm = 0;  ///< Largest change of the curve when coefficients are rounded to 4 digits.
-  double gradient = 0;    ///< Largest cosine between residuals and Jacobian: 0 at a minimum.
-  bool at_bound = false;  ///< The minimum lies against a bound of the family.
+  double printed_mm = 0;   ///< Largest change of the curve when coefficients are rounded to 4 digits.
+  double gradient = 0;     ///< Largest cosine between residuals and Jacobian: 0 at a minimum.
+  bool at_bound = false;   ///< The minimum lies against a bound of the family.
   bool ambiguous = false;  ///< Other coefficients give as good a curve: not recommended if there is another.
-  /// Probability that a right family leaves residuals so large against the points' u, or neighbours so alike; 1
-  /// where there are too few points to tell.
+  /// Probability that a right family leaves residuals so large against the points' u, or neighbours so alike;
+  /// 1 where there are too few points to tell.
   double fit_p = 1;
   [[nodiscard]] bool lacks_fit() const { return fit_p < 0.01; }
   int starts = 0;
@@ -146,15 +122,15 @@ struct FamilyOptions {
 [[nodiscard]] std::vector<FamilyFit> compare_families(std::span<const CurvePoint> points,
                                                       const FamilyOptions& options = {});
 
-/// The usable fit that predicts best: the first of compare_families() that has an equation and is not ambiguous,
-/// unless one with fewer parameters predicts as well within 2 %; an ambiguous one only where all are. Null when
-/// there is none.
+/// The usable fit that predicts best: the first of compare_families() that has an equation and is not
+/// ambiguous, unless one with fewer parameters predicts as well within 2 %; an ambiguous one only where all
+/// are. Null when there is none.
 [[nodiscard]] const FamilyFit* best_of(const std::vector<FamilyFit>& sorted);
 
-/// Probability that a right curve leaves such residuals, in order of the argument and in units of the points' own
-/// u: the smaller of two tests, times two. Their mean square against 1 (F, `freedom` and points less two: the
-/// scatter in u comes from as many), and von Neumann's ratio of squared differences of neighbours (Ann. Math. Stat.
-/// 12 (1941) 367; normal approximation). 1 for fewer than eight points.
+/// Probability that a right curve leaves such residuals, in order of the argument and in units of the points'
+/// own u: the smaller of two tests, times two. Their mean square against 1 (F, `freedom` and points less two:
+/// the scatter in u comes from as many), and von Neumann's ratio of squared differences of neighbours (Ann.
+/// Math. Stat. 12 (1941) 367; normal approximation). 1 for fewer than eight points.
 [[nodiscard]] double fit_probability(std::span<const double> standardised, double freedom);
 
 /// Where between two neighbouring points a curve is much less certain than at them.

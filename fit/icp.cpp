@@ -118,7 +118,8 @@ struct PointCloud::Grid {
     first.assign(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows) + 1, 0);
     std::vector<std::uint32_t> cell_of(points.size());
     for (std::size_t i = 0; i < points.size(); ++i) {
-      cell_of[i] = static_cast<std::uint32_t>(row(points[i].at_mm.y()) * columns + column(points[i].at_mm.x()));
+      cell_of[i] =
+          static_cast<std::uint32_t>(row(points[i].at_mm.y()) * columns + column(points[i].at_mm.x()));
       ++first[cell_of[i] + 1];
     }
     for (std::size_t c = 1; c < first.size(); ++c) first[c] += first[c - 1];
@@ -145,7 +146,8 @@ struct PointCloud::Grid {
 };
 
 PointCloud::PointCloud() : PointCloud(std::vector<OrientedPoint>{}) {}
-PointCloud::PointCloud(std::vector<OrientedPoint> points) : grid_(std::make_unique<Grid>(std::move(points))) {}
+PointCloud::PointCloud(std::vector<OrientedPoint> points)
+    : grid_(std::make_unique<Grid>(std::move(points))) {}
 PointCloud::PointCloud(PointCloud&&) noexcept = default;
 PointCloud& PointCloud::operator=(PointCloud&&) noexcept = default;
 PointCloud::~PointCloud() = default;
@@ -160,11 +162,13 @@ const OrientedPoint* PointCloud::nearest(const Vector2d& at, double reach_mm) co
   const OrientedPoint* found = nullptr;
   const Vector2d from_low = at - grid.low;
   if (from_low.x() < -reach_mm || from_low.y() < -reach_mm ||
-      from_low.x() > grid.columns * grid.cell_mm + reach_mm || from_low.y() > grid.rows * grid.cell_mm + reach_mm)
+      from_low.x() > grid.columns * grid.cell_mm + reach_mm ||
+      from_low.y() > grid.rows * grid.cell_mm + reach_mm)
     return nullptr;
   const int column = grid.column(at.x()), row = grid.row(at.y());
   const Vector2d within = from_low - grid.cell_mm * Vector2d(column, row);
-  const double to_edge = std::min({within.x(), within.y(), grid.cell_mm - within.x(), grid.cell_mm - within.y()});
+  const double to_edge =
+      std::min({within.x(), within.y(), grid.cell_mm - within.x(), grid.cell_mm - within.y()});
   const auto visit = [&](const Grid::Entry& entry) {
     const double squared = (entry.at_mm - at).squaredNorm();
     if (squared <= least) least = squared, found = &grid.points[entry.index];
@@ -198,7 +202,8 @@ std::vector<std::size_t> PointCloud::within(const Vector2d& at, double radius_mm
   for (int r = clamped(low.y(), grid.rows); r <= clamped(high.y(), grid.rows); ++r)
     grid.for_each_in(r, clamped(low.x(), grid.columns), clamped(high.x(), grid.columns),
                      [&](const Grid::Entry& entry) {
-                       if ((entry.at_mm - at).squaredNorm() < radius_mm * radius_mm) indices.push_back(entry.index);
+                       if ((entry.at_mm - at).squaredNorm() < radius_mm * radius_mm)
+                         indices.push_back(entry.index);
                      });
   return indices;
 }
@@ -295,7 +300,8 @@ double observability_of(const Eigen::Matrix3d& rigid) {
   // The heading counts by the lever at which the points see it.
   const double lever = std::sqrt(std::max(1e-9, rigid(2, 2) / sum));
   const Vector3d scale(1, 1, 1 / lever);
-  const Eigen::VectorXd values = dense::symmetric_eigen(scale.asDiagonal() * rigid * scale.asDiagonal()).values;
+  const Eigen::VectorXd values =
+      dense::symmetric_eigen(scale.asDiagonal() * rigid * scale.asDiagonal()).values;
   return std::max(0.0, values[0]) / std::max(1e-300, values[2]);
 }
 

@@ -21,8 +21,8 @@ struct OrientedPoint {
 /// along the sweep. Points of a flat piece are moved onto its line, which takes out part of their noise.
 std::vector<OrientedPoint> orient_sweep(std::span<const Eigen::Vector2d> sweep, double radius_mm = 120);
 
-/// Points with fast search of the nearest one. A grid, not a tree: points of a sweep lie evenly along walls, and
-/// building a tree anew for every scan takes as long as the matching.
+/// Points with fast search of the nearest one. A grid, not a tree: points of a sweep lie evenly along walls,
+/// and building a tree anew for every scan takes as long as the matching.
 class PointCloud {
  public:
   PointCloud();

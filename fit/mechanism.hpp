@@ -64,11 +64,11 @@ struct Effect {
   double memory_rho = 0;                                ///< The noise remembers: AR(1) from scan to scan ...
   double memory_share = 0;                              ///< ... for this share of the variance.
   double lost = 0;                                      ///< Probability of no echo.
-  double stray = 0;           ///< Probability of a range that has nothing to do with the target.
-  double late = 0, early = 0; ///< Probability of a range somewhat beyond, or before, what noise makes.
-  double footprint_rad = 0;   ///< Standard width of the beam: an edge mixes front and back.
-  double output_step_mm = 0;  ///< Results are multiples of this.
-  double log_intensity = 0;   ///< Added to the logarithm of the intensity.
+  double stray = 0;            ///< Probability of a range that has nothing to do with the target.
+  double late = 0, early = 0;  ///< Probability of a range somewhat beyond, or before, what noise makes.
+  double footprint_rad = 0;    ///< Standard width of the beam: an edge mixes front and back.
+  double output_step_mm = 0;   ///< Results are multiples of this.
+  double log_intensity = 0;    ///< Added to the logarithm of the intensity.
 
   Effect& operator+=(const Effect& other);
 };
@@ -114,12 +114,13 @@ struct Parameter {
     width,       ///< The extent of what is local. Where less than the least was recorded, it is not local.
     decay,       ///< Over which the effect fades by 1/e. At its bounds it is no fading any more.
     wavelength,  ///< Of a sine. Where only regular places were recorded, several look alike.
-    gear,  ///< Of a sine that gears make, in degrees of a turn: a short one is a turn by a whole number.
-    bin,    ///< To multiples of which the coordinate is rounded. No two that differ by much look alike.
-    count,  ///< A whole number: there is nothing between its starts.
-    threshold,  ///< Of the coordinate, below which something happens at once: looked for between recorded places.
-    from,   ///< The time at which it begins, s since power-on; the next parameter is the one at which it ends. As often as not
-            ///< it acts always, which is what they are expected to say.
+    gear,       ///< Of a sine that gears make, in degrees of a turn: a short one is a turn by a whole number.
+    bin,        ///< To multiples of which the coordinate is rounded. No two that differ by much look alike.
+    count,      ///< A whole number: there is nothing between its starts.
+    threshold,  ///< Of the coordinate, below which something happens at once: looked for between recorded
+                ///< places.
+    from,  ///< The time at which it begins, s since power-on; the next parameter is the one at which it ends.
+           ///< As often as not it acts always, which is what they are expected to say.
   };
   std::string name;
   Role role = Role::size;
@@ -176,17 +177,18 @@ struct Mechanism {
   bool any_curve = false;
   /// Of surfaces: acts on all targets alike or, named by the text parameter "target", on one of them.
   bool of_surfaces = false;
-  /// What the bench file states under this name is a law, and this is what is wrong with it: it may be missing all the same.
+  /// What the bench file states under this name is a law, and this is what is wrong with it: it may be
+  /// missing all the same.
   bool corrects_a_statement = false;
   bool sizes_apart = false;  ///< Each size may be missing without the others.
-  bool geometric = false;  ///< Works through angles or places, not through the measured distance itself.
+  bool geometric = false;    ///< Works through angles or places, not through the measured distance itself.
   /// Values in the order of `parameters`.
   std::function<Effect(const Circumstances&, std::span<const double> values)> act;
   /// Of a mechanism that is nothing but another place of its target, whose effect is not proportional to its
   /// size: that place. Who has the geometry moves the target instead of calling `act`.
   std::function<Displacement(std::span<const double> values)> displaces;
-  /// Other names of what one bench may show alike: ids, `mount_offset` or `mount_yaw`. Where those have no signs of their own,
-  /// only sizes could tell them apart, and sizes are a prior, not evidence.
+  /// Other names of what one bench may show alike: ids, `mount_offset` or `mount_yaw`. Where those have no
+  /// signs of their own, only sizes could tell them apart, and sizes are a prior, not evidence.
   std::vector<std::string> looks_like;
   /// Where most of the effect is, of what was recorded; empty: wherever something was.
   std::function<std::vector<Stretch>(const Finding&, const Recorded&)> shows;

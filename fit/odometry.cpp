@@ -29,8 +29,9 @@ const Steering& steering_of(const Steering* given) { return given ? *given : dif
 /// The wheels' motion over a sample, piece by piece.
 template <class Visit>
 void for_each_piece(const WheelSample& sample, Visit visit) {
-  if (sample.pieces.empty()) return visit(
-      Eigen::Vector2d(sample.left_rad_s * sample.interval_s, sample.right_rad_s * sample.interval_s));
+  if (sample.pieces.empty())
+    return visit(
+        Eigen::Vector2d(sample.left_rad_s * sample.interval_s, sample.right_rad_s * sample.interval_s));
   for (const Eigen::Vector2d& piece : sample.pieces) visit(piece);
 }
 
@@ -262,9 +263,9 @@ std::vector<std::string> find_undetermined(const OdometryFit& fit, const TurnGai
   }
   bool impossible = false;
   for (int i = 0; i < 3; ++i)
-    impossible = impossible || (steering_of(fit.robot.steering).parameters[static_cast<std::size_t>(i)].unit ==
-                                    "mm" &&
-                                !(fit.robot.vector()[i] > 0));
+    impossible =
+        impossible || (steering_of(fit.robot.steering).parameters[static_cast<std::size_t>(i)].unit == "mm" &&
+                       !(fit.robot.vector()[i] > 0));
   if (weak.empty() && impossible)
     return {"The fit gives a wheel of negative size: left and right wheel are swapped, or a sign is."};
   if (weak.empty()) return {};
@@ -301,7 +302,8 @@ RobotGeometry RobotGeometry::from(const Vector6& v, const Steering* steering) {
 
 Pose2 wheel_motion(const RobotGeometry& robot, const WheelSample& sample) {
   const Steering& steering = steering_of(robot.steering);
-  const Eigen::Vector2d gains = steering.gains_of({robot.left_radius_mm, robot.right_radius_mm, robot.separation_mm});
+  const Eigen::Vector2d gains =
+      steering.gains_of({robot.left_radius_mm, robot.right_radius_mm, robot.separation_mm});
   Pose2 motion;
   for_each_piece(sample, [&](const Eigen::Vector2d& piece) {
     const double turn = steering.turn_row(piece).dot(gains);

@@ -10,8 +10,8 @@
 
 namespace fit {
 
-/// One interval between two scans of a robot: how fast its wheels turned on average and how the lidar moved in
-/// its own frame according to scan matching.
+/// One interval between two scans of a robot: how fast its wheels turned on average and how the lidar moved
+/// in its own frame according to scan matching.
 struct WheelSample {
   double interval_s = 0;
   double left_rad_s = 0, right_rad_s = 0;
@@ -19,14 +19,15 @@ struct WheelSample {
   /// Standard uncertainties of the match relative to those of the other samples; only their ratios matter.
   double relative_u_mm = 1, relative_u_rad = 1;
   /// What the wheels did in each piece of the interval, one after the other, as the steering measures it (two
-  /// driven wheels: how far the left and the right one turned, rad); empty: left and right, evenly all the time.
+  /// driven wheels: how far the left and the right one turned, rad); empty: left and right, evenly all the
+  /// time.
   std::vector<Eigen::Vector2d> pieces = {};
   double begin_s = 0;   ///< When it began, where that is known.
   std::size_t run = 0;  ///< Which of several drives it belongs to.
 };
 
-/// What is sought, in the order of the covariance. For another steering than two driven wheels the first three
-/// hold that steering's parameters, in its order.
+/// What is sought, in the order of the covariance. For another steering than two driven wheels the first
+/// three hold that steering's parameters, in its order.
 struct RobotGeometry {
   double left_radius_mm = 0, right_radius_mm = 0;  ///< Wheel radii.
   double separation_mm = 0;                        ///< Of the wheels.

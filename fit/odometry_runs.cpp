@@ -102,7 +102,8 @@ GroupedCovariance grouped_covariance(const std::vector<WheelSample>& samples,
 void widen_to(Matrix6& covariance, const Vector6& u) {
   const Vector6 now = covariance.diagonal().cwiseSqrt();
   Vector6 factor;
-  for (int i = 0; i < 6; ++i) factor[i] = now[i] > 0 && std::isfinite(u[i]) ? std::max(1.0, u[i] / now[i]) : 1;
+  for (int i = 0; i < 6; ++i)
+    factor[i] = now[i] > 0 && std::isfinite(u[i]) ? std::max(1.0, u[i] / now[i]) : 1;
   covariance = (factor.asDiagonal() * covariance * factor.asDiagonal()).eval();
 }
 
@@ -110,7 +111,8 @@ std::vector<WheelSample> leave_out_slipped_runs(const std::vector<WheelSample>& 
                                                 const OdometryOptions& options,
                                                 std::vector<RunVerdict>& verdicts) {
   constexpr double beyond = 4.5;
-  constexpr double least_scatter = 0.4;  // Of the logarithm of mean squares: runs differ so much without slip.
+  constexpr double least_scatter =
+      0.4;  // Of the logarithm of mean squares: runs differ so much without slip.
   std::vector<WheelSample> kept = samples;
   const auto runs = samples_of_runs(samples);
   std::vector<std::size_t> out;
@@ -170,11 +172,12 @@ std::vector<LengthFit> compare_lengths(const std::vector<WheelSample>& samples, 
   for (std::size_t count = 1;; count *= 2) {
     const auto some = count == 1 ? samples : at_length(samples, count);
     std::size_t apart = 0, whole = 0;  // Those that do not overlap, and those that are whole runs.
-    for (const auto& [run, size] : runs) apart += std::max<std::size_t>(1, size / count), whole += size <= count;
+    for (const auto& [run, size] : runs)
+      apart += std::max<std::size_t>(1, size / count), whole += size <= count;
     // One length more than can be taken shows the drift.
     if (!enough || some.size() < 20) break;
-    enough = count == 1 ||
-             (some.size() >= least_samples && apart >= least_apart && whole <= runs.size() * 2 / 3);
+    enough =
+        count == 1 || (some.size() >= least_samples && apart >= least_apart && whole <= runs.size() * 2 / 3);
     OdometryOptions how = options.fit;
     how.refine = how.refine || count > 1;
     const OdometryFit fit = fit_odometry(some, how);

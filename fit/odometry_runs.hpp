@@ -17,8 +17,8 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 /// each is cut into segments, so that there are twelve or more.
 std::vector<std::size_t> group_samples(const std::vector<WheelSample>& samples);
 
-/// Covariance of the fit by leaving out one group after the other (delete-group jackknife, Wu 1986), widened by
-/// Student's factor for so few groups, so that k = 2 covers 95 %.
+/// Covariance of the fit by leaving out one group after the other (delete-group jackknife, Wu 1986), widened
+/// by Student's factor for so few groups, so that k = 2 covers 95 %.
 struct GroupedCovariance {
   Matrix6 covariance = Matrix6::Zero();
   std::vector<Vector6> without;  ///< The result without each group.
@@ -38,13 +38,13 @@ void widen_to(Matrix6& covariance, const Vector6& u);
 struct RunVerdict {
   std::size_t run = 0, samples = 0;
   std::size_t segment = 0, segments = 1;  ///< Which of how many, if runs were cut.
-  double misfit = 0;      ///< RMS of its residuals in units of the noise of the runs kept.
+  double misfit = 0;                      ///< RMS of its residuals in units of the noise of the runs kept.
   bool left_out = false;  ///< Slipped, or moved by hand: its misfit is beyond the scatter of the others.
 };
 
 /// Leaves out, one after the other, runs whose residuals are larger than those of the other runs beyond
-/// their scatter (4.5 robust standard deviations of the logarithm of their mean squares); at most a third of them, and
-/// none of fewer than four. Returns the samples kept.
+/// their scatter (4.5 robust standard deviations of the logarithm of their mean squares); at most a third of
+/// them, and none of fewer than four. Returns the samples kept.
 std::vector<WheelSample> leave_out_slipped_runs(const std::vector<WheelSample>& samples,
                                                 const OdometryOptions& options,
                                                 std::vector<RunVerdict>& verdicts);
@@ -53,9 +53,9 @@ std::vector<WheelSample> leave_out_slipped_runs(const std::vector<WheelSample>& 
 struct OffsetSearch {
   Estimate offset_s{0};
   bool determined = false;
-  bool at_bound = false;   ///< The best offset lies at the end of the search: the true one may lie beyond.
-  double searched_s = 0;   ///< Both ways.
-  double misfit = 0;       ///< Geometric mean of the noises at the best offset: to compare clocks by.
+  bool at_bound = false;  ///< The best offset lies at the end of the search: the true one may lie beyond.
+  double searched_s = 0;  ///< Both ways.
+  double misfit = 0;      ///< Geometric mean of the noises at the best offset: to compare clocks by.
 };
 
 struct OffsetOptions {
@@ -64,9 +64,9 @@ struct OffsetOptions {
 };
 
 class TimedSamples;
-/// Finds the offset at which wheels and matches agree best: on a coarse grid, widened while the best lies near
-/// its end, then on a fine one with a parabola; uncertainty by leaving out one group after the other. Only
-/// speeds that change tell it.
+/// Finds the offset at which wheels and matches agree best: on a coarse grid, widened while the best lies
+/// near its end, then on a fine one with a parabola; uncertainty by leaving out one group after the other.
+/// Only speeds that change tell it.
 OffsetSearch find_offset(const TimedSamples& samples, const OdometryOptions& options,
                          const OffsetOptions& how = {});
 
@@ -85,7 +85,7 @@ struct LengthFit {
   double interval_s = 0, way_mm = 0;  ///< Medians.
   Vector6 values = Vector6::Zero();
   Eigen::Vector3d noise = Eigen::Vector3d::Zero();  ///< Robust: mm, mm, rad.
-  double worth = 0;  ///< What a second of driving tells, by the noise: relative.
+  double worth = 0;    ///< What a second of driving tells, by the noise: relative.
   bool enough = true;  ///< Samples to be taken; else only the drift to this length is of use.
   bool taken = false;
 };
@@ -94,18 +94,19 @@ struct RunsFit {
   OdometryFit odometry;              ///< Its covariance contains groups, offset and drift with length.
   std::vector<WheelSample> samples;  ///< That `odometry` was made of.
   GroupedCovariance grouped;
-  std::vector<RunVerdict> runs;  ///< Or their segments, as group_samples() makes them.
-  OffsetSearch offset;           ///< Common to all runs.
+  std::vector<RunVerdict> runs;       ///< Or their segments, as group_samples() makes them.
+  OffsetSearch offset;                ///< Common to all runs.
   std::vector<double> run_offsets_s;  ///< Taken for each run: recordings are started one by one.
   std::vector<LengthFit> lengths;
   Vector6 offset_u = Vector6::Zero();  ///< Of the parameters, by the offset's uncertainty.
   Vector6 drift = Vector6::Zero();     ///< From the length taken to twice that.
 };
 
-/// Calibrates a robot from samples of one or more runs. Beyond fit_odometry(): the clocks' offset is estimated, of
-/// all and then of every run, neighbouring samples are joined to the length at which they tell most (poses with noise of their own tell more
-/// from far apart, noise that adds up on the way does not), groups that slipped are left out, and the
-/// covariance is that of groups of samples. Throws std::invalid_argument for fewer than 20 samples.
+/// Calibrates a robot from samples of one or more runs. Beyond fit_odometry(): the clocks' offset is
+/// estimated, of all and then of every run, neighbouring samples are joined to the length at which they tell
+/// most (poses with noise of their own tell more from far apart, noise that adds up on the way does not),
+/// groups that slipped are left out, and the covariance is that of groups of samples. Throws
+/// std::invalid_argument for fewer than 20 samples.
 RunsFit fit_runs(const std::vector<WheelSample>& samples, const RunsOptions& options = {});
 
 }  // namespace fit

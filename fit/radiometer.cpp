@@ -19,7 +19,9 @@ struct Change {
   const char* name;
   void (*apply)(L& law, double by);
 };
-double log_of_sum(double log_square, double more) { return 0.5 * std::log(std::max(1e-12, std::exp(2 * log_square) + more)); }
+double log_of_sum(double log_square, double more) {
+  return 0.5 * std::log(std::max(1e-12, std::exp(2 * log_square) + more));
+}
 constexpr Change changes[] = {
     {"log_gain", [](L& law, double by) { law.value[L::gain] += by; }},
     {"range_exponent", [](L& law, double by) { law.value[L::range_power] += by; }},
@@ -33,9 +35,13 @@ constexpr Change changes[] = {
     {"reflectance_exponent", [](L& law, double by) { law.value[L::reflectance_power] += by; }},
     // log(1 + by (500 mm)^2 / r^2), next to the range's power of log(1 + overlap^2 / r^2)
     {"overlap",
-     [](L& law, double by) { law.value[L::overlap] = log_of_sum(law.value[L::overlap], by * 250000 / std::max(0.1, law.value[L::range_power])); }},
+     [](L& law, double by) {
+       law.value[L::overlap] =
+           log_of_sum(law.value[L::overlap], by * 250000 / std::max(0.1, law.value[L::range_power]));
+     }},
     // half of log(1 + by (counts / 1000)^2), as by another full scale
-    {"compression", [](L& law, double by) { law.value[L::full] = -log_of_sum(-law.value[L::full], by * 1e-6); }}};
+    {"compression",
+     [](L& law, double by) { law.value[L::full] = -log_of_sum(-law.value[L::full], by * 1e-6); }}};
 
 void state(IntensityClaim& claim, int k, const Estimate& e) {
   if (!std::isfinite(e.value) || (logarithmic(k) && e.value <= 0)) return;

@@ -44,8 +44,8 @@ struct IntensityClaim {
 
 /// Nothing when the bench makes no claim: intensity is a covariate then, not something to explain.
 [[nodiscard]] std::optional<IntensityClaim> claimed_intensity(const Bench& bench);
-/// Takes corrections of the law that are a change of its coefficients (fit/mechanisms/radiometry.cpp) out of the bench's entry;
-/// returns the law with them.
+/// Takes corrections of the law that are a change of its coefficients (fit/mechanisms/radiometry.cpp) out of
+/// the bench's entry; returns the law with them.
 [[nodiscard]] IntensityLaw fold_corrections(Bench& bench, IntensityLaw law);
 /// Puts the law into the bench's `radiometry` entry; `u` of its coefficients, 0 where they were not fitted.
 void state_intensity(Bench& bench, const IntensityLaw& law, const std::array<double, IntensityLaw::size>& u,

@@ -54,7 +54,7 @@ class Collector {
       if (options_.half != 0 && (scan.seq > (first + last) / 2) != (options_.half == 2)) return;
       ++out.scans;
       out.samples += static_cast<long>(scan.range_mm.size());
-      look(scan, info, recording.bench());
+      add_scan(scan, info, recording.bench());
     });
     for (auto& [number, sector] : sectors_) finish(sector);
   }
@@ -119,7 +119,7 @@ class Collector {
     return 1.4826 * median(sizes);
   }
 
-  void look(const ScanView& scan, const CaptureInfo& info, const Bench& bench) {
+  void add_scan(const ScanView& scan, const CaptureInfo& info, const Bench& bench) {
     const auto beams = scan.range_mm.size();
     const auto angle = [&](std::size_t k) {
       return scan.geometry

@@ -11,13 +11,13 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr double meeting_mm = 40;   // ends so close to where their lines cross form a corner
-constexpr double touching_mm = 5;   // an end so close to another wall begins there
-constexpr double parallel = 0.1;    // sine of the angle below which two lines cross nowhere in particular
+constexpr double meeting_mm = 40;  // ends so close to where their lines cross form a corner
+constexpr double touching_mm = 5;  // an end so close to another wall begins there
+constexpr double parallel = 0.1;   // sine of the angle below which two lines cross nowhere in particular
 constexpr double nearest_echo_mm = 1;
-constexpr double shallow_mm = 5;    // not an edge
-constexpr double leak_mm = 1e-3;    // no ray passes between two walls that meet
-constexpr double grazing = 0.02;    // least cosine of an incidence
+constexpr double shallow_mm = 5;  // not an edge
+constexpr double leak_mm = 1e-3;  // no ray passes between two walls that meet
+constexpr double grazing = 0.02;  // least cosine of an incidence
 
 Vector2d turned(const Vector2d& v, double angle) {
   const double c = std::cos(angle), s = std::sin(angle);
@@ -100,7 +100,8 @@ void Scene::join(const Bench& bench, const std::vector<Stands>& stands) {
       const Line other = stated_line(bench.targets[j]);
       const double one_half = surfaces_[i].half_mm, other_half = surfaces_[j].half_mm;
       if ((one.middle - other.middle).norm() > one_half + other_half + 2 * meeting_mm) continue;
-      const Line one_now{surfaces_[i].middle, surfaces_[i].along}, other_now{surfaces_[j].middle, surfaces_[j].along};
+      const Line one_now{surfaces_[i].middle, surfaces_[i].along},
+          other_now{surfaces_[j].middle, surfaces_[j].along};
       if (std::abs(cross(one.along, other.along)) < parallel) {  // one goes on where the other ends
         for (const double side : {-1.0, 1.0})
           for (const double other_side : {-1.0, 1.0}) {
@@ -131,8 +132,10 @@ void Scene::join(const Bench& bench, const std::vector<Stands>& stands) {
       if (is_corner || begins_there) at = end_at(i, side, at);
       if (is_corner || other_begins) other_at = end_at(j, other_side, other_at);
       const Vector2d nowhere = Vector2d::Zero();
-      surfaces_[i].joints.push_back({static_cast<int>(j), at, begins_there ? nowhere : -other_side * other_now.along});
-      surfaces_[j].joints.push_back({static_cast<int>(i), other_at, other_begins ? nowhere : -side * one_now.along});
+      surfaces_[i].joints.push_back(
+          {static_cast<int>(j), at, begins_there ? nowhere : -other_side * other_now.along});
+      surfaces_[j].joints.push_back(
+          {static_cast<int>(i), other_at, other_begins ? nowhere : -side * one_now.along});
     }
   }
 }
@@ -162,7 +165,8 @@ bool Scene::meet_flat(const Surface& s, const Vector2d& origin, const Vector2d& 
 
 bool Scene::meet_round(const Surface& s, const Vector2d& origin, const Vector2d& ray, bool anyway, Hit& hit) {
   const Vector2d way = s.middle - origin;
-  const double nearest = way.dot(ray), left2 = nearest * nearest - way.squaredNorm() + s.radius_mm * s.radius_mm;
+  const double nearest = way.dot(ray),
+               left2 = nearest * nearest - way.squaredNorm() + s.radius_mm * s.radius_mm;
   if (nearest <= nearest_echo_mm || way.norm() <= s.radius_mm || (left2 < 0 && !anyway)) return false;
   const double range = nearest - std::sqrt(std::max(0.0, left2));
   const Vector2d normal = (way - range * ray).normalized();
@@ -196,7 +200,8 @@ Hit Scene::look_at(int target, const Vector2d& origin, double bearing) const {
   const Surface& s = of(target);
   const Vector2d ray = ray_of(bearing);
   Hit hit;
-  if (s.is_round() ? meet_round(s, origin, ray, true, hit) : meet_flat(s, origin, ray, hit)) hit.target = target;
+  if (s.is_round() ? meet_round(s, origin, ray, true, hit) : meet_flat(s, origin, ray, hit))
+    hit.target = target;
   return hit;
 }
 

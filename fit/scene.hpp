@@ -14,13 +14,13 @@ struct Circumstances;
 
 /// How one target of a bench stands at the moment, against what the bench file states.
 struct Stands {
-  double out_mm = 0;     ///< Along its outward normal.
-  double aside_mm = 0;   ///< Of a round one: across that, counter-clockwise.
-  double turn_rad = 0;   ///< Of a flat one: about its middle, counter-clockwise.
-  double thicker_mm = 0; ///< Of a round one: its radius.
+  double out_mm = 0;                  ///< Along its outward normal.
+  double aside_mm = 0;                ///< Of a round one: across that, counter-clockwise.
+  double turn_rad = 0;                ///< Of a flat one: about its middle, counter-clockwise.
+  double thicker_mm = 0;              ///< Of a round one: its radius.
   std::optional<double> reflectance;  ///< Another than the bench file's.
-  bool moved = false;   ///< Put elsewhere on purpose: it forms no corner with others any more.
-  bool absent = false;  ///< Not there at all.
+  bool moved = false;                 ///< Put elsewhere on purpose: it forms no corner with others any more.
+  bool absent = false;                ///< Not there at all.
 };
 
 /// Where a ray meets a target.
@@ -45,9 +45,9 @@ struct Edge {
   int near_target = -1, far_target = -1;
 };
 
-/// The targets of a bench seen from above: flat ones, whose ends meet in corners or stand free, and round ones.
-/// Corners are where the lines of two targets cross whose stated ends lie there: as long as they do, a target
-/// that is moved or turned leaves no gap and no overhang.
+/// The targets of a bench seen from above: flat ones, whose ends meet in corners or stand free, and round
+/// ones. Corners are where the lines of two targets cross whose stated ends lie there: as long as they do, a
+/// target that is moved or turned leaves no gap and no overhang.
 class Scene {
  public:
   /// `stands`: one for every target of the bench, or none: all as stated.
@@ -91,8 +91,8 @@ class Scene {
   void join(const Bench& bench, const std::vector<Stands>& stands);
   /// Whether the other begins where that one has that place, along from its middle.
   [[nodiscard]] bool begins_there(int other, int one, double at_mm) const;
-  [[nodiscard]] static bool meet_flat(const Surface& s, const Eigen::Vector2d& origin, const Eigen::Vector2d& ray,
-                                      Hit& hit);
+  [[nodiscard]] static bool meet_flat(const Surface& s, const Eigen::Vector2d& origin,
+                                      const Eigen::Vector2d& ray, Hit& hit);
   [[nodiscard]] static bool meet_round(const Surface& s, const Eigen::Vector2d& origin,
                                        const Eigen::Vector2d& ray, bool anyway, Hit& hit);
   [[nodiscard]] double power(const Hit& hit) const;

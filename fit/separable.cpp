@@ -318,17 +318,17 @@ SearchResult search_separable(const SeparableModel& model, const WeightedPoints&
   const bool thin = points.x.size() > options.thin_above;
   const WeightedPoints few = thin ? thinned(points, options.thin_to) : points;
   Projection projection(model, few);
-  std::vector<std::pair<double, std::size_t>> looks;
+  std::vector<std::pair<double, std::size_t>> ranked;
   for (std::size_t i = 0; i < starts.size(); ++i) {
     const double cost = projection.evaluate(within(model, starts[i]), false);
-    if (std::isfinite(cost)) looks.emplace_back(cost, i);
+    if (std::isfinite(cost)) ranked.emplace_back(cost, i);
   }
-  std::ranges::sort(looks);
+  std::ranges::sort(ranked);
   Refinement refinement(projection, model);
   std::vector<SeparableFit> rough;
-  for (std::size_t i = 0; i < std::min<std::size_t>(looks.size(), static_cast<std::size_t>(options.refined));
+  for (std::size_t i = 0; i < std::min<std::size_t>(ranked.size(), static_cast<std::size_t>(options.refined));
        ++i) {
-    const VectorXd refined = refinement.from(starts[looks[i].second]);
+    const VectorXd refined = refinement.from(starts[ranked[i].second]);
     SeparableFit fit = solve_separable(model, few, refined);
     if (std::isfinite(fit.chi2) &&
         std::ranges::none_of(rough, [&](const SeparableFit& other) { return same_minimum(fit, other); }))

@@ -53,9 +53,9 @@ class TimedSamples {
   const Steering* steering_;
 };
 
-/// Neighbouring samples of a run put together, `count` to one, a new one beginning at every `stride`-th: wheels
-/// one after the other, matches multiplied. Across a gap in time nothing is joined; what lies between two gaps and
-/// has fewer becomes one.
+/// Neighbouring samples of a run put together, `count` to one, a new one beginning at every `stride`-th:
+/// wheels one after the other, matches multiplied. Across a gap in time nothing is joined; what lies between
+/// two gaps and has fewer becomes one.
 std::vector<WheelSample> joined(const std::vector<WheelSample>& samples, std::size_t count,
                                 std::size_t stride);
 

@@ -5,23 +5,16 @@
 #include <bit>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <utility>
+
+#include "lidar/clock_limits.hpp"
 
 namespace lidar {
 namespace {
 
-constexpr std::uint32_t timer_mask = 0xFFFFFF;
-constexpr std::uint32_t late_answer_ms = 1000;  // so far back, a stamp is a late answer and no new timer
-constexpr double rate_tolerance = 0.01;         // beyond, the lidar's second is no second of the host's
-constexpr double ahead_slack_ms = 100;          // a first scan that was late itself must not accuse the clock
-constexpr double behind_slack_ms = 2000;        // nor must a network that stalls
-constexpr double longest_stall_ms = 30000;      // what buffers on the way can hold, and more
-constexpr double longest_delay_ms = 5000;       // of one stamp, where a stream that stalls was given up
-constexpr double longest_absence_ms = 3.6e6;    // from one connection to the next, on a clock of its own
-constexpr double exchange_baseline_ms = 30;     // shorter, an exchange's own length tells too little
-constexpr std::size_t most_exchanges = 400;
-constexpr std::size_t exchanges_for_frame = 10;
+constexpr double ahead_slack_ms = 100;       // a first scan that was late itself must not accuse the clock
+constexpr double behind_slack_ms = 2000;     // nor must a network that stalls
+constexpr double exchange_baseline_ms = 30;  // shorter, an exchange's own length tells too little
 constexpr double longest_frame_ms = 10, first_sent_within_ms = 5;
 // Of the shortest round trip, when all that is known of both ways is that each takes anything up to the same
 // bound, whatever that is: then the shorter is in any ratio to the longer, half their difference is below x /
@@ -29,8 +22,7 @@ constexpr double longest_frame_ms = 10, first_sent_within_ms = 5;
 // uncertainties.
 constexpr double way_share = 0.226;
 constexpr double least_u_offset_us = 3;
-constexpr double golden_ratio = 0.6180339887498949;  // its multiples fill a turn evenly
-constexpr double unknown_rate = 100e-6;              // what exchanges may drift apart within a round
+constexpr double golden_ratio = 0.6180339887498949;             // its multiples fill a turn evenly
 constexpr double delay_beyond_scan_us = 500, u_delay_us = 500;  // 1 ms frame, 6.7 kB at 100 Mbit/s, a queue
 constexpr double u_delay_for_window_us = 150;                   // better known, ticks are told apart by it
 constexpr double u_delay_known_us = 300;                        // of a device that was followed before
@@ -40,14 +32,12 @@ constexpr double held_up_us = 600;    // behind the latest that a scan may wait
 constexpr double lost_us =
     1500;  // behind the usual, for each millisecond that scans may wait: more than that
 constexpr int lost_believed = 2, whiles_of_usual = 4;
-constexpr double alone = 6;  // steps between neighbours; one is usual
 constexpr int scattered_believed = 4, whiles_until_lost = 2;
 constexpr double usual_wait_us = 500, u_first_offset_us = 600;  // of a single scan
 constexpr double u_completion_us = 150;      // how long a complete scan is worked on before it may leave
 constexpr double u_delay_of_stream_us = 30;  // from one stream to the next
 constexpr int first_while = 20, longest_while = 80;  // scans
 constexpr double longest_while_ms = 5000;
-constexpr double least_u_lateness_us = 4;
 constexpr double outlier = 5, outlier_us = 200;
 constexpr double believed = 3;  // standard uncertainties; who is further off is less sure than he says
 constexpr int late_whiles_believed = 10, early_whiles_believed = 2;
@@ -73,53 +63,9 @@ ClockEstimator::ClockEstimator(double nominal_period_ms, double scan_ms, Departu
       departure_(departure) {}
 
 std::uint64_t ClockEstimator::unwrap(std::uint32_t stamp_ms, double host_us) {
-  const bool newly_connected = std::exchange(newly_connected_, false);
-  if (!seen_) {
-    seen_ = true;
-    timer_ms_ = stamp_ms;
-  } else {
-    const std::uint32_t forward = (stamp_ms - static_cast<std::uint32_t>(timer_ms_)) & timer_mask;
-    const std::uint32_t back = (timer_mask + 1 - forward) & timer_mask;
-    const double passed_ms = (host_us - last_host_us_) / 1000;
-    // Nothing is older than the timer's zero: just after the start, a stamp from before is a new timer's. Nor
-    // does a new connection bring answers of an old one.
-    if (!newly_connected && forward > timer_mask / 2 && back < late_answer_ms && back <= timer_ms_)
-      return base_ms_ + timer_ms_ - back;
-    if (const std::uint64_t turned = forward_through_silence(forward, host_us); turned > 0) {
-      timer_ms_ += turned;
-    } else if (started_again(forward, passed_ms, newly_connected)) {
-      ++resets_;
-      const std::uint64_t next_ms =
-          base_ms_ + timer_ms_ + static_cast<std::uint64_t>(std::llround(std::max(1.0, passed_ms)));
-      timer_ms_ = stamp_ms;
-      base_ms_ = next_ms - timer_ms_;
-      start_again();
-    } else {
-      timer_ms_ += forward;
-    }
-  }
-  last_host_us_ = host_us;
-  return base_ms_ + timer_ms_;
-}
-
-/// Whether a timer that shows so much more than before cannot have run on.
-bool ClockEstimator::started_again(std::uint32_t forward, double passed_ms, bool newly_connected) const {
-  if (forward > timer_mask / 2) return true;
-  if (!follows_host_) return newly_connected && forward > longest_absence_ms;
-  // Within a connection a stamp may be early against the one before, by as much as that one was held up.
-  const double tolerance_ms =
-      rate_tolerance * passed_ms + (newly_connected ? longest_delay_ms : longest_stall_ms);
-  return forward > passed_ms + tolerance_ms || (newly_connected && forward < passed_ms - tolerance_ms);
-}
-
-/// Hours of silence hide whole turns of the timer: the step that agrees with the host's clock; 0 for none.
-std::uint64_t ClockEstimator::forward_through_silence(std::uint32_t forward, double host_us) const {
-  const double passed_ms = (host_us - last_host_us_) / 1000;
-  if (!follows_host_ || passed_ms < timer_mask / 4.0) return 0;
-  const double turns = std::max(0.0, std::round((passed_ms - forward) / (timer_mask + 1.0)));
-  const double device_ms = forward + turns * (timer_mask + 1.0);
-  const bool agrees = std::abs(device_ms - passed_ms) < rate_tolerance * passed_ms;
-  return agrees ? static_cast<std::uint64_t>(device_ms) : 0;
+  const DeviceTimer::Reading reading = timer_.unwrap(stamp_ms, host_us, follows_host_);
+  if (reading.started_again) start_again();
+  return reading.ms;
 }
 
 void ClockEstimator::start_again() {
@@ -145,10 +91,9 @@ double ClockEstimator::to_host(double device_ms) const {
 void ClockEstimator::begin_exchanges() { exchanges_.clear(); }
 
 void ClockEstimator::add_exchange(double sent_us, double received_us, std::uint64_t device_ms) {
-  exchanges_.push_back({static_cast<double>(device_ms), sent_us, received_us});
-  if (exchanges_.size() > most_exchanges) exchanges_.pop_front();
+  exchanges_.add({static_cast<double>(device_ms), sent_us, received_us});
   // What passed on the host's clock between the first and the last lies between these, whatever the delays.
-  const Exchange &first = exchanges_.front(), &last = exchanges_.back();
+  const Exchange &first = exchanges_.first(), &last = exchanges_.last();
   const double device = last.device_ms - first.device_ms,
                least = (last.sent_us - first.received_us) / 1000 - longest_frame_ms,
                most = (last.received_us - first.sent_us) / 1000 + longest_frame_ms;
@@ -157,59 +102,12 @@ void ClockEstimator::add_exchange(double sent_us, double received_us, std::uint6
     follow_device({last.device_ms, last.received_us});
 }
 
-/// What all stamps of a round have in common. Where they all have the same rest, the lidar either counts in
-/// such steps and answers at once, or it waits with its answer for the next step.
-ClockEstimator::Answering ClockEstimator::answering() const {
-  if (exchanges_.size() < exchanges_for_frame) return {};
-  const Exchange& first = exchanges_.front();
-  std::int64_t step_ms = 0;
-  for (const Exchange& exchange : exchanges_)
-    step_ms = std::gcd(step_ms, std::llround(exchange.device_ms - first.device_ms));
-  if (step_ms < 2 || step_ms > longest_frame_ms) return {};
-  // Who waits for the step with its answer never tells a stamp that was over when he was asked.
-  double latest_sent_us = -std::numeric_limits<double>::infinity(), earliest_received_us = -latest_sent_us;
-  for (const Exchange& exchange : exchanges_) {
-    const double passed_us = 1000 * (exchange.device_ms - first.device_ms),
-                 doubt_us = unknown_rate * passed_us;
-    latest_sent_us = std::max(latest_sent_us, exchange.sent_us - passed_us - doubt_us);
-    earliest_received_us = std::min(earliest_received_us, exchange.received_us - passed_us + doubt_us);
-  }
-  return {static_cast<int>(step_ms), latest_sent_us < earliest_received_us};
-}
-
-/// What all exchanges allow for the host time of a moment of the timer. Where they contradict each other, the
-/// newest win.
-ClockEstimator::Bounds ClockEstimator::bounds(double reference, Answering how) const {
-  const double rate = 1000 + filter_.rate_ppm() / 1000;
-  const double doubt = std::min(unknown_rate, 1e-6 * filter_.u_rate_ppm());
-  const double step_us = how.on_step ? 0 : 1000.0 * how.step_ms;
-  Bounds all{-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(), 0};
-  for (auto exchange = exchanges_.rbegin(); exchange != exchanges_.rend(); ++exchange) {
-    const double ahead = rate * (reference - exchange->device_ms);
-    const double doubt_us = doubt * std::abs(ahead);
-    const double low = exchange->sent_us - step_us + ahead - doubt_us,
-                 high = exchange->received_us + ahead + doubt_us;
-    if (std::max(low, all.low_us) > std::min(high, all.high_us)) break;
-    all.low_us = std::max(low, all.low_us);
-    all.high_us = std::min(high, all.high_us);
-    ++all.used;
-  }
-  return all;
-}
-
-double ClockEstimator::shortest_round_trip_us() const {
-  double shortest_us = std::numeric_limits<double>::infinity();
-  for (const Exchange& exchange : exchanges_)
-    shortest_us = std::min(shortest_us, exchange.received_us - exchange.sent_us);
-  return shortest_us;
-}
-
 double ClockEstimator::best_time_to_send(double earliest_us) const {
   const double turns = golden_ratio * static_cast<double>(exchanges_.size());
-  if (exchanges_.size() < exchanges_for_frame)
+  if (exchanges_.size() < ExchangeRound::enough)
     return earliest_us + 1000 * first_sent_within_ms * (turns - std::floor(turns));
-  const Answering how = answering();
-  const Bounds known = bounds(exchanges_.back().device_ms, how);
+  const ExchangeRound::Answering how = exchanges_.answering();
+  const ExchangeRound::Bounds known = exchanges_.bounds(exchanges_.last().device_ms, how, rate());
   const double tick_us = (known.low_us + known.high_us) / 2, step_us = 1000.0 * how.step_ms;
   double wanted = 0;
   if (how.on_step) {
@@ -217,15 +115,15 @@ double ClockEstimator::best_time_to_send(double earliest_us) const {
     wanted = known.low_us + (turns - std::floor(turns)) * (known.high_us - known.low_us);
   } else {
     // By turns so that a quick answer was read just behind the tick, and so that it was read just before it.
-    wanted = tick_us - shortest_round_trip_us() * (exchanges_.size() % 2 == 0 ? 0.5 : 1.0);
+    wanted = tick_us - exchanges_.shortest_round_trip_us() * (exchanges_.size() % 2 == 0 ? 0.5 : 1.0);
   }
   return wanted + step_us * std::ceil((earliest_us - wanted) / step_us);
 }
 
-void ClockEstimator::learn_steps(Answering how) {
+void ClockEstimator::learn_steps(ExchangeRound::Answering how) {
   frame_ms_ = how.on_step ? how.step_ms : 1;
   coarse_stamps_ = how.step_ms > 1;
-  coarse_rest_ms_ = (static_cast<std::uint64_t>(exchanges_.back().device_ms) - base_ms_) %
+  coarse_rest_ms_ = timer_.since_start_ms(static_cast<std::uint64_t>(exchanges_.last().device_ms)) %
                     static_cast<std::uint64_t>(how.step_ms);
   grid_.set_step(how.step_ms);
   coarse_step_ms_ = how.step_ms;
@@ -233,18 +131,18 @@ void ClockEstimator::learn_steps(Answering how) {
 
 void ClockEstimator::end_exchanges() {
   if (exchanges_.empty() || !follows_host_) return;
-  const Answering how = answering();
-  if (how.step_ms != coarse_step_ms_ && exchanges_.size() >= exchanges_for_frame) learn_steps(how);
+  const ExchangeRound::Answering how = exchanges_.answering();
+  if (how.step_ms != coarse_step_ms_ && exchanges_.size() >= ExchangeRound::enough) learn_steps(how);
   // In the middle of the round the unknown rate does least harm.
-  const double device_ms = std::round((exchanges_.front().device_ms + exchanges_.back().device_ms) / 2);
-  const Bounds known = bounds(device_ms, how);
+  const double device_ms = std::round((exchanges_.first().device_ms + exchanges_.last().device_ms) / 2);
+  const ExchangeRound::Bounds known = exchanges_.bounds(device_ms, how, rate());
   const double middle_us = (known.low_us + known.high_us) / 2, width_us = known.high_us - known.low_us;
   if (!offset_known_) {
     origin_us_ = middle_us - 1000 * device_ms;
     filter_.forget_offset();
     offset_known_ = true;
   }
-  const double shortest_us = std::min(width_us, shortest_round_trip_us());
+  const double shortest_us = std::min(width_us, exchanges_.shortest_round_trip_us());
   u_way_us_ = way_share * (synchronised_ ? std::min(shortest_us, u_way_us_ / way_share) : shortest_us);
   const double u_us = way_share * width_us;
   filter_.advance_to(device_ms, 0, 0);
@@ -303,7 +201,7 @@ double ClockEstimator::add_scan(std::uint64_t device_ms, double arrival_us) {
   const bool lay_waiting = arrival_us - last_arrival_.host_us < 500 * (stamp - last_arrival_.device_ms);
   last_arrival_ = {stamp, arrival_us};
   if (coarse_stamps_ &&
-      (device_ms - base_ms_) % static_cast<std::uint64_t>(coarse_step_ms_) != coarse_rest_ms_) {
+      timer_.since_start_ms(device_ms) % static_cast<std::uint64_t>(coarse_step_ms_) != coarse_rest_ms_) {
     coarse_stamps_ = false;
     grid_.set_step(1);
     learn_usual_lateness();
@@ -337,7 +235,7 @@ void ClockEstimator::While::begin() {
 double ClockEstimator::behind_frame_ms(std::uint64_t device_ms) const {
   if (frame_ms_ <= 1) return 0;
   const auto frame = static_cast<std::uint64_t>(frame_ms_);
-  return static_cast<double>((device_ms - base_ms_ + frame - coarse_rest_ms_) % frame);
+  return static_cast<double>((timer_.since_start_ms(device_ms) + frame - coarse_rest_ms_) % frame);
 }
 
 void ClockEstimator::note_lateness(const ScanGrid::Start& start, std::uint64_t stamp_ms, double arrival_us) {
@@ -356,7 +254,7 @@ void ClockEstimator::note_lateness(const ScanGrid::Start& start, std::uint64_t s
 
 void ClockEstimator::close_while() {
   ++whiles_closed_;
-  const Least least = least_of(while_.of_starts);
+  const LeastLateness least = least_of(while_.of_starts);
   if (whiles_for_usual_ > 0) {
     --whiles_for_usual_;
     usual_late_us_ = std::min(usual_late_us_, least.us);
@@ -388,52 +286,9 @@ void ClockEstimator::begin_anew(double device_ms, double beyond_us) {
   late_whiles_ = scattered_whiles_ = lost_whiles_ = 0;
 }
 
-/// Where the densest quarter begins, once those before it that stand close together are taken in: what stands
-/// alone in front is a delay that was folded over. Delays are taken to be exponential beyond the least, so
-/// that the least is late by about as much as its neighbours stand apart.
-///
-/// A busy host holds scans up for spells: what a while says is as uncertain as its thirds differ.
-ClockEstimator::Least ClockEstimator::least_of(std::vector<Lateness>& scans) {
-  Least least = densest(scans);
-  const std::size_t third = scans.size() / 3;
-  if (third < 8) return least;
-  std::sort(scans.begin(), scans.end(),
-            [](const Lateness& a, const Lateness& b) { return a.device_ms < b.device_ms; });
-  double sum = 0, squares = 0;
-  for (std::size_t part = 0; part < 3; ++part) {
-    std::vector<Lateness> of_part(scans.begin() + static_cast<std::ptrdiff_t>(part * third),
-                                  scans.begin() + static_cast<std::ptrdiff_t>((part + 1) * third));
-    const double off_us = densest(of_part).us - least.us;
-    sum += off_us;
-    squares += off_us * off_us;
-  }
-  least.u_us = std::hypot(least.u_us, std::sqrt(std::max(0.0, squares - sum * sum / 3) / 2));
-  return least;
-}
-
-ClockEstimator::Least ClockEstimator::densest(std::vector<Lateness>& scans) {
-  std::sort(scans.begin(), scans.end(), [](const Lateness& a, const Lateness& b) { return a.us < b.us; });
-  const std::size_t count = scans.size(), quarter = std::max<std::size_t>(4, count / 4);
-  if (count < 8) return {scans[0].us, 1000 / std::sqrt(12.0), scans[0].device_ms, 0};
-  std::size_t first = 0;
-  for (std::size_t i = 1; i + quarter < count; ++i)
-    if (scans[i + quarter].us - scans[i].us < scans[first + quarter].us - scans[first].us) first = i;
-  // The shortest interval that holds half of them: what some scans are late by does not matter.
-  double half_us = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i + count / 2 < count; ++i)
-    half_us = std::min(half_us, scans[i + count / 2].us - scans[i].us);
-  const double excess = half_us / std::log(2.0);
-  const double step = std::max(excess / static_cast<double>(count),
-                               (scans[first + quarter].us - scans[first].us) / static_cast<double>(quarter));
-  while (first > 0 && scans[first].us - scans[first - 1].us < alone * step + least_u_lateness_us) --first;
-  const double spread = std::max(1.5 * step, scans[first + 2].us - scans[first].us);
-  const double u = std::hypot(std::max(spread, least_u_lateness_us), 1000 * scans[first].u_start_ms);
-  return {scans[first].us - step, u, scans[first].device_ms, excess};
-}
-
 /// Folds lateness to one millisecond, so that it begins where the tick is expected, or, while that is not
 /// known, behind the longest part of the millisecond in which nothing came.
-ClockEstimator::Least ClockEstimator::least_behind_tick(std::vector<Lateness>& scans) const {
+LeastLateness ClockEstimator::least_behind_tick(std::vector<Lateness>& scans) const {
   for (Lateness& scan : scans) scan.u_start_ms = 0;  // ticks do not depend on it
   // Scans wait for one tick or the next; who comes later was held up, and which tick he left on is not known.
   double first_us = scans.front().us;
@@ -463,7 +318,7 @@ ClockEstimator::Least ClockEstimator::least_behind_tick(std::vector<Lateness>& s
 }
 
 void ClockEstimator::measure_by_ticks() {
-  const Least least = least_behind_tick(while_.of_stamps);
+  const LeastLateness least = least_behind_tick(while_.of_stamps);
   if (least.excess_us > scattered_us * frame_ms_) {
     if (++scattered_whiles_ >= scattered_believed) give_up_ticks();
     return;
@@ -479,7 +334,7 @@ void ClockEstimator::give_up_ticks() {
 }
 
 /// How much of the millisecond a scan waits for is not known, only that it changes as the scans pass through.
-void ClockEstimator::measure_by_starts(Least least) {
+void ClockEstimator::measure_by_starts(LeastLateness least) {
   const double gap = largest_gap(while_.phases);
   // How long the scans take to pass through the whole millisecond.
   const double turn = grid_.period_ms() / frame_ms_, advance = std::abs(turn - std::round(turn));
@@ -493,7 +348,7 @@ void ClockEstimator::measure_by_starts(Least least) {
   measure(least);
 }
 
-void ClockEstimator::measure(const Least& least) {
+void ClockEstimator::measure(const LeastLateness& least) {
   const double lateness = least.us + filter_.offset_us(least.device_ms);
   const OffsetFilter::Innovation surprise = filter_.lateness_innovation(lateness, least.u_us);
   double u = least.u_us;
@@ -518,7 +373,7 @@ ClockEstimate ClockEstimator::estimate() const {
   out.synchronised = synchronised_;
   out.follows_host = follows_host_;
   out.exchanges = exchanges_used_;
-  out.resets = resets_;
+  out.resets = timer_.resets();
   out.scan_u_us = u_scan_us();
   if (!follows_host_) {
     out.device_ms = anchor_.device_ms;
@@ -526,7 +381,7 @@ ClockEstimate ClockEstimator::estimate() const {
     return out;
   }
   if (!offset_known_) return out;
-  out.device_ms = std::max(last_start_ms_, exchanges_.empty() ? 0.0 : exchanges_.back().device_ms);
+  out.device_ms = std::max(last_start_ms_, exchanges_.empty() ? 0.0 : exchanges_.last().device_ms);
   out.host_us = to_host(out.device_ms);
   out.offset_u_us = std::hypot(filter_.u_offset_us(out.device_ms), u_way_us_);
   out.drift_ppm = -filter_.rate_ppm();

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <vector>
 
+#include "lidar/device_timer.hpp"
+#include "lidar/exchange_round.hpp"
+#include "lidar/least_lateness.hpp"
 #include "lidar/offset_filter.hpp"
 #include "lidar/scan_grid.hpp"
 
@@ -53,13 +55,10 @@ class ClockEstimator {
   explicit ClockEstimator(double nominal_period_ms = 25, double scan_ms = 18.75,
                           Departure departure = Departure::on_tick);
 
-  /// The stamp with its 24-bit wraps undone, on the present time base. A timer that started again is counted
-  /// and begins a new time base, which goes on from where the host's clock says the old one would be: stamps
-  /// only go up, and their difference to the timer is constant within a base. A timer that jumps ahead by
-  /// more than any network can hold back counts as started again.
+  /// The stamp on the present time base (DeviceTimer); a timer that started again begins a new one.
   std::uint64_t unwrap(std::uint32_t stamp_ms, double host_us);
   /// The lidar is connected anew: nothing is under way, so that the next stamp says whether its timer ran on.
-  void begin_connection() { newly_connected_ = true; }
+  void begin_connection() { timer_.begin_connection(); }
 
   /// One TM1: sent and received by the host's clock.
   void add_exchange(double sent_us, double received_us, std::uint64_t device_ms);
@@ -84,24 +83,8 @@ class ClockEstimator {
   [[nodiscard]] bool follows_host() const { return follows_host_; }
 
  private:
-  struct Exchange {
-    double device_ms, sent_us, received_us;
-  };
-  /// How the lidar answers: its timer's step, and whether it answers when the timer comes to one of them.
-  struct Answering {
-    int step_ms = 1;
-    bool on_step = false;
-  };
-  struct Bounds {
-    double low_us, high_us;
-    int used;
-  };
   struct Moment {
     double device_ms, host_us;
-  };
-  /// How late a scan came, behind whatever it is counted from.
-  struct Lateness {
-    double us, device_ms, u_start_ms;
   };
   /// The scans of a while, and where in the timer's millisecond they began.
   struct While {
@@ -111,20 +94,9 @@ class ClockEstimator {
     std::uint32_t phases = 0;
     void begin();
   };
-  /// The least lateness possible, as a while's scans show it.
-  struct Least {
-    double us, u_us;
-    double device_ms;  ///< Of the scan that shows it.
-    double excess_us;  ///< How much later scans were in the mean.
-  };
-
-  [[nodiscard]] Answering answering() const;
-  [[nodiscard]] Bounds bounds(double reference, Answering how) const;
-  [[nodiscard]] double shortest_round_trip_us() const;
-  void learn_steps(Answering how);
+  [[nodiscard]] TimerRate rate() const { return {filter_.rate_ppm(), filter_.u_rate_ppm()}; }
+  void learn_steps(ExchangeRound::Answering how);
   [[nodiscard]] double behind_frame_ms(std::uint64_t device_ms) const;
-  [[nodiscard]] std::uint64_t forward_through_silence(std::uint32_t forward, double host_us) const;
-  [[nodiscard]] bool started_again(std::uint32_t forward, double passed_ms, bool newly_connected) const;
   void start_again();
   void follow_device(Moment from);
   void judge_rate(Moment arrival);
@@ -132,22 +104,18 @@ class ClockEstimator {
   void close_while();
   void learn_usual_lateness();
   void measure_by_ticks();
-  void measure_by_starts(Least least);
+  void measure_by_starts(LeastLateness least);
   void begin_anew(double device_ms, double beyond_us);
-  void measure(const Least& least);
+  void measure(const LeastLateness& least);
   void give_up_ticks();
-  [[nodiscard]] Least least_behind_tick(std::vector<Lateness>& scans) const;
-  [[nodiscard]] static Least least_of(std::vector<Lateness>& scans);
-  [[nodiscard]] static Least densest(std::vector<Lateness>& scans);
+  [[nodiscard]] LeastLateness least_behind_tick(std::vector<Lateness>& scans) const;
   [[nodiscard]] double to_host(double device_ms) const;
 
   double scan_ms_;
-  bool seen_ = false, synchronised_ = false, follows_host_ = true, newly_connected_ = false;
-  std::uint64_t timer_ms_ = 0;  ///< The newest stamp, wraps undone since the timer's start.
-  std::uint64_t base_ms_ = 0;   ///< What is added to it, modulo 2^64.
-  double last_host_us_ = 0;
-  int resets_ = 0, exchanges_used_ = 0;
-  std::deque<Exchange> exchanges_;
+  DeviceTimer timer_;
+  bool synchronised_ = false, follows_host_ = true;
+  int exchanges_used_ = 0;
+  ExchangeRound exchanges_;
   ScanGrid grid_;
   OffsetFilter filter_;
   double frame_ms_ = 1;  ///< Scans leave when the timer has come to multiples of this, plus the rest.

@@ -9,7 +9,6 @@ namespace lidar {
 
 namespace {
 
-
 /// Takes the next line off `body`; the last one may lack its LF.
 std::string_view take_line(std::string_view& body) {
   const std::size_t end = body.find('\n');
@@ -58,7 +57,8 @@ tl::expected<std::string, DataError> join(std::string_view body) {
     const std::string_view line = take_line(body);
     const auto data = checked(line);
     if (!data) return tl::unexpected<DataError>(data.error());
-    if (!body.empty() && data->size() != line_characters) return tl::unexpected<DataError>(DataError::bad_line_length);
+    if (!body.empty() && data->size() != line_characters)
+      return tl::unexpected<DataError>(DataError::bad_line_length);
     payload += *data;
   }
   return payload;
@@ -156,7 +156,8 @@ tl::expected<RawScan, DataError> decode_scan(std::string_view body, const ScanCo
   if (multi_echo) {
     while (!body.empty()) {
       const std::string_view line = take_line(body);
-      if (line.size() < 2 || line.size() > line_characters + 1 || (!body.empty() && line.size() != line_characters + 1)) {
+      if (line.size() < 2 || line.size() > line_characters + 1 ||
+          (!body.empty() && line.size() != line_characters + 1)) {
         return tl::unexpected<DataError>(DataError::bad_line_length);
       }
       const std::string_view data = line.substr(0, line.size() - 1);

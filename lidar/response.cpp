@@ -10,7 +10,6 @@ namespace lidar {
 
 namespace {
 
-
 void append_head(std::string& out, std::string_view echo, std::string_view status) {
   out += echo;
   out += '\n';

@@ -27,7 +27,7 @@ class ScanGrid {
   Start add(std::uint64_t stamp_ms);
   /// Forgets all but the nominal period: the timer started again.
   void restart();
-  /// From now on stamps are whole multiples of so many milliseconds, plus a constant: 1 unless told
+  /// From now on stamps are whole multiples of so many milliseconds, plus a constant: 1 unless set
   /// otherwise. Begins anew when that changes.
   void set_step(double step_ms);
 

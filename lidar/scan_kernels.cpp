@@ -58,7 +58,8 @@ struct FullGroup {
 
   FullGroup(const char* lines, std::size_t characters) {
     std::fill_n(bytes, sizeof bytes, '0');
-    for (std::size_t at = 0; at < LineGroups::bytes; at += line_characters + 2) bytes[at + line_characters + 1] = '\n';
+    for (std::size_t at = 0; at < LineGroups::bytes; at += line_characters + 2)
+      bytes[at + line_characters + 1] = '\n';
     const std::size_t whole = characters / line_characters, left = characters % line_characters;
     std::copy_n(lines, whole * (line_characters + 2), bytes);
     if (left == 0) return;
@@ -67,7 +68,8 @@ struct FullGroup {
     std::copy_n(short_line, left, line);
     // Each character that was added has its share in the sum. A sum that is no character stays wrong.
     const auto sum = static_cast<unsigned char>(short_line[left] - 0x30);
-    line[line_characters] = sum < 0x40 ? static_cast<char>(((sum + (line_characters - left) * '0') & 0x3F) + 0x30) : '\n';
+    line[line_characters] =
+        sum < 0x40 ? static_cast<char>(((sum + (line_characters - left) * '0') & 0x3F) + 0x30) : '\n';
     line[line_characters + 1] = short_line[left + 1];
   }
 };

@@ -13,8 +13,8 @@ class Command {
   virtual ~Command() = default;
   /// Adds the subcommand with its options to `root`. The object outlives the parsing.
   virtual CLI::App* declare(CLI::App& root) = 0;
-  /// Does the work after parsing; returns the exit status (0) or throws UsageError (2), DeviceError (3) or any
-  /// other exception (1).
+  /// Does the work after parsing; returns the exit status (0) or throws UsageError (2), DeviceError (3) or
+  /// any other exception (1).
   virtual int run() = 0;
 };
 

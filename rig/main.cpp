@@ -17,7 +17,7 @@ std::vector<std::unique_ptr<Command>> all();
 namespace {
 
 /// Words of files and devices stand in messages: control characters in them must not reach the terminal.
-void tell(const std::exception& error) {
+void report(const std::exception& error) {
   std::string words = error.what();
   for (char& c : words)
     if ((static_cast<unsigned char>(c) < 0x20 && c != '\n' && c != '\t') || c == 0x7F) c = '?';
@@ -100,13 +100,13 @@ int main(int argc, char** argv) {
     for (std::size_t i = 0; i < commands.size(); ++i)
       if (declared[i]->parsed()) return commands[i]->run();
   } catch (const rig::UsageError& error) {
-    tell(error);
+    report(error);
     return 2;
   } catch (const rig::DeviceError& error) {
-    tell(error);
+    report(error);
     return 3;
   } catch (const std::exception& error) {
-    tell(error);
+    report(error);
     return 1;
   }
   return 0;

@@ -113,8 +113,8 @@ std::string why_not_written(const std::string& path, int error) {
       return folder + " is not a folder. Choose another place.";
     case EACCES:
     case EPERM:
-      return "writing there is not permitted. Choose another folder, or correct the permissions of " + folder +
-             ".";
+      return "writing there is not permitted. Choose another folder, or correct the permissions of " +
+             folder + ".";
     case EROFS:
       return "the disk is read-only. Choose a folder on another one.";
     case ENOSPC:

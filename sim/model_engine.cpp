@@ -198,7 +198,8 @@ class ModelEngine : public Engine {
   }
 
   /// At an edge an echo comes from the front, the back, or, where the gap is short, from between.
-  [[nodiscard]] fit::Hit mix(const fit::Hit& hit, const Eigen::Vector2d& from, double bearing, double footprint) {
+  [[nodiscard]] fit::Hit mix(const fit::Hit& hit, const Eigen::Vector2d& from, double bearing,
+                             double footprint) {
     const fit::Edge* edge = fit::nearest_edge(edges_, bearing);
     if (footprint <= 0 || !edge || edge->far_target < 0) return hit;
     const double inside = fit::wrap_angle(bearing - edge->bearing_rad) * edge->near_side;

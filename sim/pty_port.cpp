@@ -28,11 +28,11 @@ namespace {
 constexpr auto poll_interval = std::chrono::milliseconds(10);
 /// A client that never reads must not fill the memory.
 constexpr std::size_t most_unsent_bytes = 1 << 20;
-/// At maximum speed each look at a moving stage brings it by this part of the remaining time nearer to rest,
+/// At maximum speed each poll of a moving stage brings it by this part of the remaining time nearer to rest,
 /// or by the least step. It arrives exactly, so that the time of arrival does not depend on the number of
-/// looks. Once the motor stands, the next look finds the table settled.
+/// polls. Once the motor stands, the next poll finds the table settled.
 constexpr double pause_within_line_s = 0.02;
-constexpr double part_per_look = 0.3, least_step_s = 0.02;
+constexpr double part_per_poll = 0.3, least_step_s = 0.02;
 
 [[noreturn]] void refuse(const std::string& what) {
   throw std::system_error(errno, std::generic_category(), what);
@@ -89,7 +89,7 @@ struct PtyPort::Impl : std::enable_shared_from_this<PtyPort::Impl> {
   void flush();
   void wait_for_tick();
   /// A client, or the device itself, looks at the stage: at maximum speed this is what lets time pass.
-  void look();
+  void observe();
   [[nodiscard]] bool baud_agrees();
   /// Does `then` at once or after the delay, unless the port was closed in between.
   void after(double delay_s, std::function<void()> then);
@@ -168,12 +168,12 @@ void PtyPort::Impl::remove_link() {
     fs::remove(options.link, ignored);
 }
 
-void PtyPort::Impl::look() {
+void PtyPort::Impl::observe() {
   const double now_s = clock.now_s();
   const double rest_s = device.mechanics().rest_s();
   if (!device.mechanics().moving(now_s)) return clock.advance_to(rest_s);
   if (rest_s > now_s)
-    clock.advance_to(std::min(rest_s, now_s + std::max(least_step_s, part_per_look * (rest_s - now_s))));
+    clock.advance_to(std::min(rest_s, now_s + std::max(least_step_s, part_per_poll * (rest_s - now_s))));
 }
 
 bool PtyPort::Impl::baud_agrees() {
@@ -209,7 +209,7 @@ void PtyPort::Impl::take(std::string bytes) {
   if (!baud_agrees())
     for (char& c : passage.bytes) c = static_cast<char>(~c);
   after(passage.delay_s, [this, arrived = passage.bytes] {
-    look();
+    observe();
     send(device.receive(arrived, clock.now_s()));
   });
 }
@@ -260,7 +260,7 @@ void PtyPort::Impl::wait_for_tick() {
   ticker.expires_after(poll_interval);
   ticker.async_wait([self = shared_from_this(), mine = connection](const boost::system::error_code& failed) {
     if (failed || mine != self->connection) return;
-    self->look();
+    self->observe();
     self->send(self->device.poll(self->clock.now_s()));
     if (mine == self->connection) self->wait_for_tick();
   });

@@ -11,8 +11,9 @@
 namespace sim {
 namespace {
 
-
-double determinant(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
+double determinant(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+  return a.x() * b.y() - a.y() * b.x();
+}
 
 /// As std::lround does, without its call, for what is at least 0.5 and less than 2^32.
 std::uint32_t rounded(double value) { return static_cast<std::uint32_t>(value + 0.5); }
@@ -107,7 +108,8 @@ SimpleEngine::Hit SimpleEngine::cast(const Eigen::Vector2d& origin, double direc
     const double facing = determinant(ray, walls_[i].along);
     if (std::abs(facing) < 1e-12) continue;
     const Eigen::Vector2d to_wall = walls_[i].from - origin;
-    const double range = determinant(to_wall, walls_[i].along) / facing, place = determinant(to_wall, ray) / facing;
+    const double range = determinant(to_wall, walls_[i].along) / facing,
+                 place = determinant(to_wall, ray) / facing;
     if (range > 0 && range < nearest && place >= 0 && place <= 1) {
       nearest = range;
       found = static_cast<int>(i);
@@ -128,14 +130,14 @@ SimpleEngine::Hit SimpleEngine::hit(const Wall& wall, double range_mm, double fa
 
 /// Two more rays, half a window to either side, tell whether an edge lies within the window, and a bisection
 /// where.
-SimpleEngine::Sight SimpleEngine::look(const Eigen::Vector2d& origin, double direction) const {
+SimpleEngine::BeamHits SimpleEngine::trace(const Eigen::Vector2d& origin, double direction) const {
   const double half = options_.edge_window_rad / 2;
   int middle = -1, left = -1, right = -1;
-  Sight sight{cast(origin, direction, &middle), {}, 0};
-  if (half <= 0) return sight;
+  BeamHits hits{cast(origin, direction, &middle), {}, 0};
+  if (half <= 0) return hits;
   const Hit to_left = cast(origin, direction + half, &left),
             to_right = cast(origin, direction - half, &right);
-  if (left == middle && right == middle) return sight;
+  if (left == middle && right == middle) return hits;
   const bool edge_on_left = left != middle;
   const int here = middle;
   double inside = 0, outside = edge_on_left ? half : -half;
@@ -145,11 +147,11 @@ SimpleEngine::Sight SimpleEngine::look(const Eigen::Vector2d& origin, double dir
     std::ignore = cast(origin, direction + between, &seen);
     (seen == here ? inside : outside) = between;
   }
-  sight.back = edge_on_left ? to_left : to_right;
+  hits.back = edge_on_left ? to_left : to_right;
   // At the edge either surface is seen half of the time; half a window away, always the same one.
-  sight.back_probability =
+  hits.back_probability =
       static_cast<float>(std::clamp(0.5 - std::abs(inside) / options_.edge_window_rad, 0.0, 0.5));
-  return sight;
+  return hits;
 }
 
 void SimpleEngine::prepare(double stage_rad) {
@@ -157,18 +159,18 @@ void SimpleEngine::prepare(double stage_rad) {
   const fit::LidarGeometry& lidar = bench_.lidar;
   const Eigen::Vector2d origin =
       Eigen::Rotation2Dd(stage_rad) * Eigen::Vector2d(lidar.mount.x_mm.value, lidar.mount.y_mm.value);
-  sights_.resize(static_cast<std::size_t>(lidar.steps));
+  beam_hits_.resize(static_cast<std::size_t>(lidar.steps));
   for (int step = 0; step < lidar.steps; ++step)
-    sights_[static_cast<std::size_t>(step)] =
-        look(origin, stage_rad + lidar.mount.yaw_rad.value + lidar.beam_angle(step));
+    beam_hits_[static_cast<std::size_t>(step)] =
+        trace(origin, stage_rad + lidar.mount.yaw_rad.value + lidar.beam_angle(step));
   prepared_for_ = stage_rad;
 }
 
-inline std::uint32_t SimpleEngine::measure(const Sight& sight, Random& random,
+inline std::uint32_t SimpleEngine::measure(const BeamHits& hits, Random& random,
                                            std::uint32_t& intensity) const {
   const bool back =
-      sight.back_probability > 0 && random.uniform() < static_cast<double>(sight.back_probability);
-  const Hit& hit = back ? sight.back : sight.front;
+      hits.back_probability > 0 && random.uniform() < static_cast<double>(hits.back_probability);
+  const Hit& hit = back ? hits.back : hits.front;
   intensity = 0;
   if (hit.range_mm <= 0 || static_cast<double>(hit.range_mm) > options_.max_range_mm) return no_echo;
   const double range = static_cast<double>(hit.range_mm) + options_.sigma_mm * random.normal();
@@ -192,7 +194,8 @@ void SimpleEngine::scan(double scan_s, const std::function<StageMoment(double)>&
   else
     prepare_turning(scan_s, stage_at);
   Random random = random_;  // a copy of one's own stays in registers
-  for (std::size_t i = 0; i < range_mm.size(); ++i) range_mm[i] = measure(sights_[i], random, intensity[i]);
+  for (std::size_t i = 0; i < range_mm.size(); ++i)
+    range_mm[i] = measure(beam_hits_[i], random, intensity[i]);
   random_ = random;
 }
 
@@ -240,7 +243,7 @@ void SimpleEngine::find_candidates(const Fan& fan) {
 
 /// What all rays of the fan see alike, from the middle one; nothing when they do not, or it takes a closer
 /// look to tell.
-std::optional<SimpleEngine::Hit> SimpleEngine::look_away_from_edges(const Fan& fan) const {
+std::optional<SimpleEngine::Hit> SimpleEngine::trace_away_from_edges(const Fan& fan) const {
   const Wall* met = nullptr;
   Aspect of_met{};
   for (const Wall* wall : candidates_) {
@@ -261,11 +264,11 @@ void SimpleEngine::prepare_turning(double scan_s, const std::function<StageMomen
   const fit::LidarGeometry& lidar = bench_.lidar;
   const Eigen::Vector2d mount(lidar.mount.x_mm.value, lidar.mount.y_mm.value);
   const double half_window = std::max(0.0, options_.edge_window_rad / 2) + 1e-9;
-  sights_.resize(beam_rays_.size());
+  beam_hits_.resize(beam_rays_.size());
   prepared_for_ = std::numeric_limits<double>::quiet_NaN();
   Turning turning;
-  for (std::size_t begin = 0; begin < sights_.size(); begin += together) {
-    const std::size_t count = std::min(together, sights_.size() - begin);
+  for (std::size_t begin = 0; begin < beam_hits_.size(); begin += together) {
+    const std::size_t count = std::min(together, beam_hits_.size() - begin);
     double stage[together];
     for (std::size_t i = 0; i < count; ++i)
       stage[i] = stage_at(scan_s + lidar.beam_time_s(static_cast<double>(begin + i))).angle_rad;
@@ -278,10 +281,10 @@ void SimpleEngine::prepare_turning(double scan_s, const std::function<StageMomen
     for (std::size_t i = 0; i < count; ++i) {
       turning.turn_to(stage[i]);
       const Eigen::Vector2d origin = turning(mount);
-      const auto plain = look_away_from_edges({origin, turning(beam_rays_[begin + i]), half_window, 0});
-      sights_[begin + i] = plain ? Sight{*plain, {}, 0}
-                                 : look(origin, stage[i] + lidar.mount.yaw_rad.value +
-                                                    lidar.beam_angle(static_cast<double>(begin + i)));
+      const auto plain = trace_away_from_edges({origin, turning(beam_rays_[begin + i]), half_window, 0});
+      beam_hits_[begin + i] = plain ? BeamHits{*plain, {}, 0}
+                                    : trace(origin, stage[i] + lidar.mount.yaw_rad.value +
+                                                        lidar.beam_angle(static_cast<double>(begin + i)));
     }
   }
 }

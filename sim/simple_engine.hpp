@@ -50,7 +50,7 @@ class SimpleEngine : public Engine {
   };
   /// What one beam may see: the surface in front, and, in an edge's window, the one behind with its
   /// probability.
-  struct Sight {
+  struct BeamHits {
     Hit front, back;
     float back_probability = 0;
   };
@@ -71,13 +71,13 @@ class SimpleEngine : public Engine {
   [[nodiscard]] static Aspect aspect(const Fan& fan, const Wall& wall);
   [[nodiscard]] Hit hit(const Wall& wall, double range_mm, double facing) const;
   [[nodiscard]] Hit cast(const Eigen::Vector2d& origin, double direction, int* wall = nullptr) const;
-  [[nodiscard]] Sight look(const Eigen::Vector2d& origin, double direction) const;
-  [[nodiscard]] std::optional<Hit> look_away_from_edges(const Fan& fan) const;
+  [[nodiscard]] BeamHits trace(const Eigen::Vector2d& origin, double direction) const;
+  [[nodiscard]] std::optional<Hit> trace_away_from_edges(const Fan& fan) const;
   void find_candidates(const Fan& fan);
   void prepare_turning(double scan_s, const std::function<StageMoment(double)>& stage_at);
   void prepare(double stage_rad);
   void build_walls();
-  std::uint32_t measure(const Sight& sight, Random& random, std::uint32_t& intensity) const;
+  std::uint32_t measure(const BeamHits& hits, Random& random, std::uint32_t& intensity) const;
 
   fit::Bench bench_;
   SimpleOptions options_;
@@ -86,7 +86,7 @@ class SimpleEngine : public Engine {
   double per_falloff_;
   std::map<std::string, SceneState> changes_;
   std::vector<Wall> walls_;
-  std::vector<Sight> sights_;
+  std::vector<BeamHits> beam_hits_;
   std::vector<Eigen::Vector2d> beam_rays_;  ///< In the stage's frame.
   std::vector<const Wall*> candidates_;     ///< Walls that the next few beams may meet.
   double prepared_for_ = std::numeric_limits<double>::quiet_NaN();

@@ -6,14 +6,14 @@
 namespace sim {
 
 void follow_stage(double from_s, double now_s, const StageAt& stage_at,
-                  const std::function<void(double, const StageMoment&)>& told) {
-  constexpr int looks = 64;
+                  const std::function<void(double, const StageMoment&)>& visit) {
+  constexpr int steps = 64;
   constexpr double remembered_s = 9;  // the stage forgets what is longer past
   double before_s = std::max(from_s, now_s - remembered_s);
-  const double step = (now_s - before_s) / looks;
+  const double step = (now_s - before_s) / steps;
   if (step <= 0) return;
   StageMoment then = stage_at(before_s);
-  for (int i = 0; i < looks; ++i, before_s += step) {
+  for (int i = 0; i < steps; ++i, before_s += step) {
     const StageMoment now = stage_at(before_s + step);
     double time_s = before_s + step;
     if (now.rate_rad_s == 0 && now.angle_rad != then.angle_rad) {
@@ -24,7 +24,7 @@ void follow_stage(double from_s, double now_s, const StageAt& stage_at,
         (at.rate_rad_s == 0 && at.angle_rad == now.angle_rad ? time_s : moving) = middle;
       }
     }
-    told(time_s, now);
+    visit(time_s, now);
     then = now;
   }
 }

@@ -10,9 +10,9 @@ namespace sim {
 using StageAt = std::function<StageMoment(double time_s)>;
 
 /// What the stage did between two looks at it: engines are called once a scan, and moves happen in between.
-/// Calls `told` with moments in order of time; a stop is told at the moment it happened.
+/// Calls `visit` with moments in order of time; a stop is visited at the moment it happened.
 void follow_stage(double from_s, double now_s, const StageAt& stage_at,
-                  const std::function<void(double time_s, const StageMoment&)>& told);
+                  const std::function<void(double time_s, const StageMoment&)>& visit);
 
 /// The sign of the last move, and when it ended.
 class LastMove {

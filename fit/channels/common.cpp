@@ -9,11 +9,13 @@ namespace {
 
 using model::IndependentRows;
 
-/// By how much whole scans of a capture scatter beside what repeats, in range and in angle: a gamma distribution around the
-/// variance that their samples' noise leaves them, to which ranges and angles add that every scan draws anew.
+/// By how much whole scans of a capture scatter beside what repeats, in range and in angle: a gamma
+/// distribution around the variance that their samples' noise leaves them, to which ranges and angles add
+/// that every scan draws anew.
 class CommonOfScans final : public IndependentRows {
  public:
-  CommonOfScans(std::vector<Row> rows, std::vector<double> of_samples, std::vector<bool> of_angle, bool had_a_wave)
+  CommonOfScans(std::vector<Row> rows, std::vector<double> of_samples, std::vector<bool> of_angle,
+                bool had_a_wave)
       : IndependentRows(std::move(rows)), of_samples_(std::move(of_samples)), of_angle_(std::move(of_angle)) {
     constexpr double independent = 0.05;  // to which beams side by side are
     model::Columns base;
@@ -27,7 +29,9 @@ class CommonOfScans final : public IndependentRows {
     return of(row).lever2 * effect.scan_angle_variance_rad2 +
            (of_angle_[static_cast<std::size_t>(row)] ? 0 : effect.scan_range_variance_mm2);
   }
-  [[nodiscard]] double offset(Eigen::Index row) const override { return of_samples_[static_cast<std::size_t>(row)]; }
+  [[nodiscard]] double offset(Eigen::Index row) const override {
+    return of_samples_[static_cast<std::size_t>(row)];
+  }
   [[nodiscard]] Eigen::VectorXd raised(const Eigen::VectorXd& eta) const override {
     double ratio = 0, all = 0;
     for (Eigen::Index i = 0; i < rows(); ++i) {
@@ -49,7 +53,8 @@ class CommonOfScans final : public IndependentRows {
   }
 
  private:
-  /// A wave that was taken off leaves something in ranges and in angles alike: it is as large as noise, and depends on no lever.
+  /// A wave that was taken off leaves something in ranges and in angles alike: it is as large as noise, and
+  /// depends on no lever.
   void add_rest_of_wave(model::Columns& base) const {
     const double typical_mm2 = base.columns.mean();
     base.columns.conservativeResize(Eigen::NoChange, 3);
@@ -103,7 +108,8 @@ model::ChannelKind make_common() {
       of_angle.push_back(key.second);
     }
     if (rows.empty()) return nullptr;
-    return std::make_unique<CommonOfScans>(std::move(rows), std::move(noise), std::move(of_angle), reduced.wave_hz.has_value());
+    return std::make_unique<CommonOfScans>(std::move(rows), std::move(noise), std::move(of_angle),
+                                           reduced.wave_hz.has_value());
   };
   return kind;
 }

@@ -20,7 +20,8 @@ using model::Reading;
 
 /// Nominal reflectances, and surfaces that are of one grey, are so good.
 constexpr double reflectance_doubt = 0.08;
-/// By how much a surface's echo differs from one capture to the next, whatever its law: speckle, and where the beams meet it.
+/// By how much a surface's echo differs from one capture to the next, whatever its law: speckle, and where
+/// the beams meet it.
 constexpr double capture_doubt = 0.002;
 /// What no law of intensity gets right to better: receivers bend, surfaces are not quite Lambertian.
 constexpr double response_doubt = 0.02, incidence_doubt = 0.03;
@@ -28,19 +29,21 @@ constexpr double response_doubt = 0.02, incidence_doubt = 0.03;
 constexpr double open_response = 0.3;
 constexpr std::array<double, L::size> open{3, 1, 1, 1, 0, 0};  ///< Coefficients that are not stated.
 
-/// Bells along x, `length` apart: together a smooth function of standard size one and that correlation length.
+/// Bells along x, `length` apart: together a smooth function of standard size one and that correlation
+/// length.
 MatrixXd bells(const VectorXd& x, double length) {
   constexpr double height = 0.75;  // of so many overlapping bells
   const double low = x.minCoeff(), high = x.maxCoeff();
   const Index count = static_cast<Index>(std::ceil((high - low) / length)) + 3;
   MatrixXd columns(x.size(), count);
   for (Index k = 0; k < count; ++k)
-    columns.col(k) = height * (-0.5 * ((x.array() - low) / length - static_cast<double>(k - 1)).square()).exp();
+    columns.col(k) =
+        height * (-0.5 * ((x.array() - low) / length - static_cast<double>(k - 1)).square()).exp();
   return columns;
 }
 
-/// Logarithms of mean counts against the law that the bench file states: normal around what effects add. A surface's readings in
-/// one capture share an error.
+/// Logarithms of mean counts against the law that the bench file states: normal around what effects add. A
+/// surface's readings in one capture share an error.
 class Echoes final : public model::ChannelRows {
  public:
   Echoes(std::vector<Reading> readings, const IntensityClaim& claim) : readings_(std::move(readings)) {
@@ -85,7 +88,8 @@ class Echoes final : public model::ChannelRows {
   [[nodiscard]] MatrixXd whitened(MatrixXd columns, const VectorXd&) const override {
     columns.array().colwise() *= weight_.array();
     for (const std::vector<Index>& block : blocks_) {
-      const double share = shared(block), less = (1 - 1 / std::sqrt(1 + share)) * capture_doubt * capture_doubt / share;
+      const double share = shared(block),
+                   less = (1 - 1 / std::sqrt(1 + share)) * capture_doubt * capture_doubt / share;
       for (Index k = 0; k < columns.cols(); ++k) {
         double along = 0;
         for (const Index i : block) along += weight_[i] * columns(i, k);
@@ -95,7 +99,9 @@ class Echoes final : public model::ChannelRows {
     return columns;
   }
   [[nodiscard]] VectorXd information(const VectorXd&) const override { return weight_.cwiseAbs2(); }
-  [[nodiscard]] VectorXd white_residual(const VectorXd& eta) const override { return whitened(residual(eta), eta); }
+  [[nodiscard]] VectorXd white_residual(const VectorXd& eta) const override {
+    return whitened(residual(eta), eta);
+  }
 
  private:
   [[nodiscard]] VectorXd residual(const VectorXd& eta) const {
@@ -115,7 +121,8 @@ class Echoes final : public model::ChannelRows {
     up.value[static_cast<std::size_t>(k)] += h;
     down.value[static_cast<std::size_t>(k)] -= h;
     return (up.log_counts(at.reflectance, at.cos_incidence, at.range_mm) -
-            down.log_counts(at.reflectance, at.cos_incidence, at.range_mm)) / (2 * h);
+            down.log_counts(at.reflectance, at.cos_incidence, at.range_mm)) /
+           (2 * h);
   }
 
   [[nodiscard]] VectorXd column(const std::function<double(const Reading&)>& of_reading) const {
@@ -132,24 +139,31 @@ class Echoes final : public model::ChannelRows {
     base_.prior.mean.tail(more).setZero();
     base_.prior.sigma.tail(more).setConstant(std::max(1e-9, sigma));
   }
-  void add(const std::function<double(const Reading&)>& of_reading, double sigma) { add(MatrixXd(column(of_reading)), sigma); }
+  void add(const std::function<double(const Reading&)>& of_reading, double sigma) {
+    add(MatrixXd(column(of_reading)), sigma);
+  }
 
   /// Every surface its own grey.
   void add_surfaces() {
     const int surfaces = 1 + std::ranges::max_element(readings_, {}, &Reading::surface)->surface;
-    for (int s = 0; s < surfaces; ++s) add([&](const Reading& r) { return r.surface == s ? 1.0 : 0.0; }, reflectance_doubt);
+    for (int s = 0; s < surfaces; ++s)
+      add([&](const Reading& r) { return r.surface == s ? 1.0 : 0.0; }, reflectance_doubt);
   }
   void add_what_no_law_tells(const IntensityClaim& claim) {
     const auto smooth = [&](const VectorXd& x, double least, double length, double sigma) {
       if (x.maxCoeff() - x.minCoeff() > least) add(bells(x, length), sigma);
     };
-    const bool whole = claim.stated[L::gain] && claim.stated[L::range_power] && claim.stated[L::reflectance_power];
+    const bool whole =
+        claim.stated[L::gain] && claim.stated[L::range_power] && claim.stated[L::reflectance_power];
     const VectorXd brightness = column([](const Reading& r) { return std::log(r.at.intensity); });
-    smooth(brightness, 0.05, 0.7 * std::max(0.1, brightness.maxCoeff() - brightness.minCoeff()), whole ? response_doubt : open_response);
+    smooth(brightness, 0.05, 0.7 * std::max(0.1, brightness.maxCoeff() - brightness.minCoeff()),
+           whole ? response_doubt : open_response);
     // Nothing is claimed of the way in which echoes fall with range either.
     const VectorXd distance = column([](const Reading& r) { return std::log(r.at.range_mm); });
-    if (!whole) smooth(distance, 0.05, 0.5 * std::max(0.1, distance.maxCoeff() - distance.minCoeff()), open_response);
-    smooth(column([](const Reading& r) { return std::abs(r.at.incidence_rad) * deg_per_rad; }), 5, 20, incidence_doubt);
+    if (!whole)
+      smooth(distance, 0.05, 0.5 * std::max(0.1, distance.maxCoeff() - distance.minCoeff()), open_response);
+    smooth(column([](const Reading& r) { return std::abs(r.at.incidence_rad) * deg_per_rad; }), 5, 20,
+           incidence_doubt);
   }
 
   std::vector<Reading> readings_;
@@ -205,8 +219,9 @@ model::ChannelKind make_intensity() {
       for (Index i = 0; i < rows.rows(); ++i) sum += std::pow(rows.statistic(i) - eta[i], 2);
       return std::sqrt(sum / std::max<double>(1, static_cast<double>(rows.rows())));
     };
-    return "Intensities are compared with the bench's radiometry, which they leave by " + in_per_cent(rms(before)) +
-           " where nothing is missing, and by " + in_per_cent(rms(after)) + " with what was found.";
+    return "Intensities are compared with the bench's radiometry, which they leave by " +
+           in_per_cent(rms(before)) + " where nothing is missing, and by " + in_per_cent(rms(after)) +
+           " with what was found.";
   };
   return kind;
 }

@@ -18,12 +18,14 @@ class Losses final : public model::Counts {
   }
 };
 
-/// How strong an echo is expected, by the echoes that came back: a power of the range, of the incidence's cosine and of the
-/// surface's reflectance (the radar equation, with exponents of this receiver).
+/// How strong an echo is expected, by the echoes that came back: a power of the range, of the incidence's
+/// cosine and of the surface's reflectance (the radar equation, with exponents of this receiver).
 class ExpectedEcho {
  public:
-  ExpectedEcho(const Reduced& reduced, const std::vector<model::IndependentRows::Row>& rows) : reduced_(reduced) {
-    Eigen::Matrix4d square = Eigen::Vector4d(1e-9, 1, 1, 1).asDiagonal();  // exponents near those of a plain receiver
+  ExpectedEcho(const Reduced& reduced, const std::vector<model::IndependentRows::Row>& rows)
+      : reduced_(reduced) {
+    Eigen::Matrix4d square =
+        Eigen::Vector4d(1e-9, 1, 1, 1).asDiagonal();  // exponents near those of a plain receiver
     Eigen::Vector4d along = square * Eigen::Vector4d(0, -2, 1, 1);
     for (const auto& row : rows) {
       if (!(row.at.intensity > 0)) continue;
@@ -36,15 +38,17 @@ class ExpectedEcho {
   }
   /// Not brighter than what did come back; NaN where nothing ever did.
   [[nodiscard]] double operator()(const model::IndependentRows::Row& row) const {
-    return std::isfinite(darkest_) ? std::min(darkest_, std::exp(exponents_.dot(powers(row)))) : row.at.intensity;
+    return std::isfinite(darkest_) ? std::min(darkest_, std::exp(exponents_.dot(powers(row))))
+                                   : row.at.intensity;
   }
 
  private:
   [[nodiscard]] Eigen::Vector4d powers(const model::IndependentRows::Row& row) const {
-    const double reflectance = reflectance_in(reduced_.captures[static_cast<std::size_t>(row.capture)],
-                                              reduced_.bench.targets[static_cast<std::size_t>(row.at.target)]);
-    return {1, std::log(std::max(1.0, row.at.range_mm) / 1000), std::log(std::max(0.05, row.at.cos_incidence)),
-            std::log(std::max(0.001, reflectance))};
+    const double reflectance =
+        reflectance_in(reduced_.captures[static_cast<std::size_t>(row.capture)],
+                       reduced_.bench.targets[static_cast<std::size_t>(row.at.target)]);
+    return {1, std::log(std::max(1.0, row.at.range_mm) / 1000),
+            std::log(std::max(0.05, row.at.cos_incidence)), std::log(std::max(0.001, reflectance))};
   }
 
   const Reduced& reduced_;
@@ -63,15 +67,18 @@ model::ChannelKind make_loss() {
     constexpr int beams = 4;
     constexpr double enough = 50;  // samples: a threshold's flank may be narrower than the next beam's echo
     constexpr double grazing_rad = 75 * rad_per_deg;
-    auto rows = model::pooled_rows(reduced, beams, [&](std::size_t i, auto& row) {
-      const Cell& cell = reduced.cells[i];
-      if (cell.n + cell.lost == 0 || std::abs(cell.at.incidence_rad) > grazing_rad ||
-          model::may_miss_its_target(reduced, i, false))
-        return false;
-      row.y += cell.lost;
-      row.n += cell.n + cell.stray + cell.lost;
-      return true;
-    }, enough);
+    auto rows = model::pooled_rows(
+        reduced, beams,
+        [&](std::size_t i, auto& row) {
+          const Cell& cell = reduced.cells[i];
+          if (cell.n + cell.lost == 0 || std::abs(cell.at.incidence_rad) > grazing_rad ||
+              model::may_miss_its_target(reduced, i, false))
+            return false;
+          row.y += cell.lost;
+          row.n += cell.n + cell.stray + cell.lost;
+          return true;
+        },
+        enough);
     const ExpectedEcho expected(reduced, rows);
     for (auto& row : rows)
       if (!std::isfinite(row.at.intensity)) row.at.intensity = expected(row);

@@ -3,8 +3,8 @@
 #include <map>
 #include <optional>
 
-#include "fit/explain/model/channel.hpp"
 #include "fit/explain/model/autoregression.hpp"
+#include "fit/explain/model/channel.hpp"
 
 namespace fit::explain::channels {
 namespace {
@@ -102,8 +102,8 @@ std::map<std::pair<int, int>, Summed> by_capture_and_length(const Reduced& reduc
   return all;
 }
 
-/// Bartlett's covariance of the sums, by the memory that is known so far, carried over to their ratios to the sum
-/// of squares.
+/// Bartlett's covariance of the sums, by the memory that is known so far, carried over to their ratios to the
+/// sum of squares.
 std::optional<Block> block_of(int capture, int scans, const Summed& one, const MeanNoise& noise) {
   const LagSums pairs = model::pairs_of(scans), white = model::lagged_of(scans, 0);
   Block block{capture, scans, {}, {}, {}};
@@ -111,7 +111,8 @@ std::optional<Block> block_of(int capture, int scans, const Summed& one, const M
     if (pairs[b] > 0) block.bands.push_back(b);
   if (block.bands.empty()) return {};
   const auto count = static_cast<Index>(block.bands.size());
-  const model::LagCovariance of_sums = model::covariance_of_lagged(scans, noise.memory_rho, noise.memory_share);
+  const model::LagCovariance of_sums =
+      model::covariance_of_lagged(scans, noise.memory_rho, noise.memory_share);
   block.value.resize(count);
   Eigen::MatrixXd slopes = Eigen::MatrixXd::Zero(count, static_cast<Index>(lag_bands.size()));
   for (Index k = 0; k < count; ++k) {
@@ -124,7 +125,8 @@ std::optional<Block> block_of(int capture, int scans, const Summed& one, const M
   // Beams that differ in noise, and samples that are not normal, make products scatter more.
   const double each = std::max(1.0, one.squares / (one.cells * pairs[1])) /
                       std::max(1.0, of_sums(1, 1) / std::max(1.0, pairs[1]));
-  const Eigen::MatrixXd covariance = std::max(1.0, each) * one.cells * (slopes * of_sums * slopes.transpose());
+  const Eigen::MatrixXd covariance =
+      std::max(1.0, each) * one.cells * (slopes * of_sums * slopes.transpose());
   const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
   if (factor.info() != Eigen::Success) return {};
   block.root = factor.matrixL().solve(Eigen::MatrixXd::Identity(count, count));

@@ -14,7 +14,8 @@ namespace {
 using Eigen::Index;
 using model::ScanPart;
 
-/// What scans have in common, against the mean of their capture: normal around what changes from scan to scan.
+/// What scans have in common, against the mean of their capture: normal around what changes from scan to
+/// scan.
 class Scans final : public model::ChannelRows {
  public:
   Scans(std::vector<ScanPart> parts, double of_range, double of_angle, std::optional<double> wave_hz)
@@ -60,7 +61,9 @@ class Scans final : public model::ChannelRows {
       }
     return columns;
   }
-  [[nodiscard]] Eigen::VectorXd information(const Eigen::VectorXd&) const override { return weight_.cwiseAbs2(); }
+  [[nodiscard]] Eigen::VectorXd information(const Eigen::VectorXd&) const override {
+    return weight_.cwiseAbs2();
+  }
   [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override {
     Eigen::VectorXd left(rows());
     for (Index i = 0; i < rows(); ++i) left[i] = part(i).mm - eta[i];
@@ -68,7 +71,8 @@ class Scans final : public model::ChannelRows {
   }
 
  private:
-  /// A wave of that frequency, in no step with captures, was taken off: what it leaves has a phase of its own in each.
+  /// A wave of that frequency, in no step with captures, was taken off: what it leaves has a phase of its own
+  /// in each.
   void expect_wave(double hz) {
     std::map<int, Index> of_group;
     for (const ScanPart& p : parts_) of_group.try_emplace(p.group, static_cast<Index>(of_group.size()));
@@ -126,7 +130,8 @@ model::ChannelKind make_scan() {
     const std::vector<ScanPart> whole = model::scan_parts(reduced, fewest_scans, 1);
     if (whole.size() < 10) return nullptr;
     int parts = 1;  // Of a scan, as many as computing time allows.
-    while (parts < 8 && 2 * static_cast<std::size_t>(parts) * whole.size() <= 3 * numbers::search_rows) parts *= 2;
+    while (parts < 8 && 2 * static_cast<std::size_t>(parts) * whole.size() <= 3 * numbers::search_rows)
+      parts *= 2;
     return std::make_unique<Scans>(parts == 1 ? whole : model::scan_parts(reduced, fewest_scans, parts),
                                    dispersion(whole, false), dispersion(whole, true), reduced.wave_hz);
   };

@@ -9,8 +9,8 @@ namespace {
 
 enum class Side { far, late, early };
 
-/// Strays of the same samples, far from their target and close to it on either side. What lies anywhere lies close as often as
-/// that is a part of all places where strays may lie.
+/// Strays of the same samples, far from their target and close to it on either side. What lies anywhere lies
+/// close as often as that is a part of all places where strays may lie.
 class Strays final : public model::Counts {
  public:
   Strays(std::vector<Row> rows, std::vector<Side> sides, std::vector<double> shares)
@@ -46,9 +46,10 @@ struct Places {
   [[nodiscard]] double share(Side side, double at_mm, const Reach& reach) const {
     const double beyond = std::max(0.0, to_mm - at_mm), before = at_mm - from_mm;
     const auto within = [](double room, double from, double to) { return std::clamp(room, from, to) - from; };
-    const double of = side == Side::late    ? within(beyond, reach.too_far_mm, reach.close_mm)
-                      : side == Side::early ? within(before, reach.too_far_mm, reach.close_mm)
-                                            : std::max(0.0, beyond - reach.close_mm) + std::max(0.0, before - reach.close_mm);
+    const double of = side == Side::late ? within(beyond, reach.too_far_mm, reach.close_mm)
+                      : side == Side::early
+                          ? within(before, reach.too_far_mm, reach.close_mm)
+                          : std::max(0.0, beyond - reach.close_mm) + std::max(0.0, before - reach.close_mm);
     return std::clamp(of / std::max(1.0, beyond + before), 0.001, 1.0);
   }
 };
@@ -58,9 +59,12 @@ std::vector<model::IndependentRows::Row> rows_of(const Reduced& reduced, Side si
   constexpr double reach_of_edge_rad = 1.2 * rad_per_deg;  // a wide beam meets what stands behind an edge
   return model::pooled_rows(reduced, beams, [&](std::size_t i, auto& row) {
     const Cell& cell = reduced.cells[i];
-    if (!cell.smooth || reduced.groups[static_cast<std::size_t>(cell.group)].scans < fewest_scans) return false;
+    if (!cell.smooth || reduced.groups[static_cast<std::size_t>(cell.group)].scans < fewest_scans)
+      return false;
     if (cell.at.gap_mm != 0 && std::abs(cell.at.edge_rad) < reach_of_edge_rad) return false;
-    row.y += side == Side::far ? cell.far - cell.late - cell.early : side == Side::late ? cell.late : cell.early;
+    row.y += side == Side::far    ? cell.far - cell.late - cell.early
+             : side == Side::late ? cell.late
+                                  : cell.early;
     row.expected = reduced.groups[static_cast<std::size_t>(cell.group)].sigma_mm;
     row.n += cell.n + cell.stray;
     return true;

@@ -19,13 +19,14 @@ class Variances final : public IndependentRows {
     model::Columns base;
     base.columns = Eigen::MatrixXd::Ones(this->Variances::rows(), 1);
     base.prior.mean = Eigen::VectorXd::Constant(1, stated.value * stated.value);
-    base.prior.sigma = Eigen::VectorXd::Constant(
-        1, 2 * stated.value * std::max(stated.u, best_known * stated.value));
+    base.prior.sigma =
+        Eigen::VectorXd::Constant(1, 2 * stated.value * std::max(stated.u, best_known * stated.value));
     set_base(std::move(base));
   }
 
   [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
-    return effect.variance_mm2 + of(row).lever2 * (effect.scan_angle_variance_rad2 + effect.beam_angle_variance_rad2);
+    return effect.variance_mm2 +
+           of(row).lever2 * (effect.scan_angle_variance_rad2 + effect.beam_angle_variance_rad2);
   }
   [[nodiscard]] Eigen::VectorXd raised(const Eigen::VectorXd& eta) const override {
     double ratio = 0, all = 0;

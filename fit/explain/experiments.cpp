@@ -10,7 +10,7 @@
 namespace fit::explain {
 namespace {
 
-constexpr double longest_movable_mm = 3000;  // nobody moves a wall
+constexpr double longest_movable_mm = 3000;   // nobody moves a wall
 constexpr std::size_t fewest_placements = 4;  // that are worth carrying a target about
 
 void number(Experiment& e, double pause_s, double first_s) {

@@ -102,7 +102,8 @@ Explanation told(Searched& found) {
   answer::tell_spread(findings, out);
   std::ranges::copy(found.inferred.curves, std::back_inserter(out.spread_curves));
   inference::add_to_spread(found.inferred, findings.spread);
-  if (!found.inferred.posterior.forms.empty() || !findings.spread.unknown.empty()) answer::tell_unknown(findings, out);
+  if (!found.inferred.posterior.forms.empty() || !findings.spread.unknown.empty())
+    answer::tell_unknown(findings, out);
   answer::tell_where(findings, out);
   answer::tell_doubts(findings, out);
   answer::doubt_bench_file(findings, out);

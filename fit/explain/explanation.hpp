@@ -70,8 +70,8 @@ struct Explanation {
   std::vector<Prediction> predictions;
   bool several_places = false;  ///< Targets were put up in several places, each a target of its own.
   std::vector<Term> suspects;   ///< Members of undecided sets, with their values: for the next experiment.
-  std::vector<SeenShape> unnamed_suspects;   ///< Forms that explain nearly as much as one of these.
-  std::vector<Suspect> noise_suspects;       ///< The same for noise, lost echoes and intensity.
+  std::vector<SeenShape> unnamed_suspects;  ///< Forms that explain nearly as much as one of these.
+  std::vector<Suspect> noise_suspects;      ///< The same for noise, lost echoes and intensity.
   std::optional<EdgeSuspects> edge_suspects;
 
   /// Adds what acts on something other than means, whose figures do not know what it gains.

@@ -92,8 +92,8 @@ struct Known {
     for (Eigen::Index i = 0; i < model.rows(); ++i) {
       const Circumstances& at = model.cell(i).at;
       if (active.target >= 0 && active.target != at.target) continue;
-      const double change = model.shift(i, active.mechanism->act(at, more)) -
-                            model.shift(i, active.mechanism->act(at, less));
+      const double change =
+          model.shift(i, active.mechanism->act(at, more)) - model.shift(i, active.mechanism->act(at, less));
       if (std::isfinite(change)) out[i] = change;
     }
     return out;
@@ -103,8 +103,7 @@ struct Known {
   [[nodiscard]] double variance(const Cell& cell, double constant_mm) const {
     const Effect e = effect_of(at_work, cell.at);
     double sum = e.variance_mm2 > 0 ? e.variance_mm2 : constant_mm * constant_mm;
-    sum += std::pow(cell.sight.beam_lever(), 2) *
-           (e.scan_angle_variance_rad2 + e.beam_angle_variance_rad2);
+    sum += std::pow(cell.sight.beam_lever(), 2) * (e.scan_angle_variance_rad2 + e.beam_angle_variance_rad2);
     const double step = std::max(1.0, e.output_step_mm);
     return sum + step * step / 12;
   }
@@ -178,7 +177,8 @@ Forecast forecast(const Bench& twin, const std::vector<CaptureInfo>& planned,
   const Eigen::MatrixXd covariance = left_open(twin, known, u, list);
   Reduced reduced = reduced_by(twin, known, Unmade(twin, planned), false);
   if (reduced.smooth_cells() == 0)
-    throw std::invalid_argument("no beam of the planned captures meets a target squarely enough to foretell it");
+    throw std::invalid_argument(
+        "no beam of the planned captures meets a target squarely enough to foretell it");
   const double constant_mm = stated_noise(twin).value > 0 ? stated_noise(twin).value : unstated_noise_mm;
   for (Cell& cell : reduced.cells) cell.pooled_mm2 = known.variance(cell, constant_mm);
   const MeanModel model(reduced, {});

@@ -87,9 +87,8 @@ MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise) : reduced_(
       levers_.push_back({sight.beam_lever(), sight.stage_lever(), sight.normal.x() / sight.cos_incidence(),
                          sight.normal.y() / sight.cos_incidence()});
       const double v = cell.pooled_mm2;
-      weights.push_back(
-          1 / std::sqrt(noise.factor * v / cell.n + rounding_variance(std::sqrt(v)) + never_mm * never_mm +
-                        cell.doubt_mm * cell.doubt_mm));
+      weights.push_back(1 / std::sqrt(noise.factor * v / cell.n + rounding_variance(std::sqrt(v)) +
+                                      never_mm * never_mm + cell.doubt_mm * cell.doubt_mm));
       residuals.push_back(cell.mean_mm - cell.nominal_mm);
     }
     group_rows_.emplace_back(first, static_cast<Eigen::Index>(row_.size()));

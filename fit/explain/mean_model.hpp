@@ -100,7 +100,7 @@ class MeanModel {
   };
   std::vector<Common> common_;
   bool has_common_ = false;
-  Eigen::MatrixXd base_;        ///< Whitened, scaled by the priors' sigmas.
+  Eigen::MatrixXd base_;  ///< Whitened, scaled by the priors' sigmas.
   Eigen::VectorXd base_sigma_, base_mean_, along_;
   Eigen::LLT<Eigen::MatrixXd> factor_;
   Eigen::VectorXd centred_;

@@ -6,8 +6,8 @@
 #include <functional>
 #include <random>
 
-#include "fit/explain/odds.hpp"
 #include "fit/explain/inference/apart.hpp"
+#include "fit/explain/odds.hpp"
 #include "fit/explain/stray_light.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/median.hpp"

@@ -25,8 +25,8 @@ namespace fit::explain {
     const std::vector<const Recording*>& recordings, const Explanation& explanation);
 
 /// All experiments that tell any of the suspects apart beside what is recorded, each with what it tells: for
-/// whoever weighs that against more than best_experiment() knows of. By hand where targets were put up in several
-/// places.
+/// whoever weighs that against more than best_experiment() knows of. By hand where targets were put up in
+/// several places.
 [[nodiscard]] std::vector<Experiment> telling_experiments(const std::vector<const Recording*>& recordings,
                                                           const Explanation& explanation,
                                                           const StageTravel& travel);

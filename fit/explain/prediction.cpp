@@ -101,7 +101,8 @@ void place_and_predict(Reduced& reduced, const Predictor& what, bool found) {
   for (int pass = 0; pass < 4; ++pass) {
     at_present();
     for (Cell& cell : reduced.cells)
-      cell.pooled_mm2 = found ? sample_variance(what.noise, what.constant_after_mm, cell) : std::pow(what.constant_before_mm, 2);
+      cell.pooled_mm2 = found ? sample_variance(what.noise, what.constant_after_mm, cell)
+                              : std::pow(what.constant_before_mm, 2);
     MeanModel model(reduced, {});
     Prior prior;
     prior.mean = Nuisance(reduced.bench).as_vector() - h.nuisance.as_vector();

@@ -15,16 +15,17 @@ namespace fit::explain {
 struct Cell {
   int group = 0;
   double beam_rad = 0;
-  int n = 0;       ///< Samples that belong to the target.
-  int lost = 0;    ///< Samples without echo.
-  int stray = 0;   ///< Samples far from all others.
-  int far = 0;     ///< Of these, samples too far for any noise.
+  int n = 0;                ///< Samples that belong to the target.
+  int lost = 0;             ///< Samples without echo.
+  int stray = 0;            ///< Samples far from all others.
+  int far = 0;              ///< Of these, samples too far for any noise.
   int late = 0, early = 0;  ///< Of those, samples close beyond, and before, all others.
-  int edge = -1;   ///< The edge within reach: 2 * target + (0: its start, 1: its end); -1: none.
+  int edge = -1;            ///< The edge within reach: 2 * target + (0: its start, 1: its end); -1: none.
   double mean_mm = 0, variance_mm2 = 0;
   double kurtosis = 3;      ///< Of the samples' distribution, 3 if it is normal; unknown of too few.
   double intensity_sd = 0;  ///< Standard deviation of one sample's intensity, counts.
-  /// Mean intensity of its own samples; at.intensity is steadied by its neighbours' (reduction/steady_echoes.hpp). NaN: not known.
+  /// Mean intensity of its own samples; at.intensity is steadied by its neighbours'
+  /// (reduction/steady_echoes.hpp). NaN: not known.
   double counts = std::numeric_limits<double>::quiet_NaN();
   double far_share =
       -1;               ///< Mean place between the two surfaces of a near edge (0 near, 1 far); -1: no edge.
@@ -44,10 +45,12 @@ struct Cell {
   double of_scans_mm = 0, of_scans_mm2 = 0;
 };
 
-/// Distances from a target, mm: of samples too far for noise of that spread, and of those close enough to be its tail.
+/// Distances from a target, mm: of samples too far for noise of that spread, and of those close enough to be
+/// its tail.
 struct Reach {
   double too_far_mm, close_mm;
-  explicit Reach(double sigma_mm) : too_far_mm(std::max(12 * sigma_mm, 60.0)), close_mm(std::max(250.0, 2 * too_far_mm)) {}
+  explicit Reach(double sigma_mm)
+      : too_far_mm(std::max(12 * sigma_mm, 60.0)), close_mm(std::max(250.0, 2 * too_far_mm)) {}
 };
 
 /// Variance of rounding to whole millimetres, in which ranges come.
@@ -101,11 +104,11 @@ struct Reduced {
   long samples = 0;
   double first_temperature_c = 0;
   bool has_intensity = false, has_temperature = false;
-  double output_step_mm = 1;        ///< In which ranges come.
+  double output_step_mm = 1;      ///< In which ranges come.
   std::optional<double> wave_hz;  ///< What a lamp or a supply does at that frequency was taken off.
-  int left_out = 0;                  ///< Cells that no mean is taken of.
-  int in_clear = 0;  ///< Cells away from edges and corners, square on enough, by the bench file.
-  int astray = 0;    ///< Of these, those more than `astray_mm` off their target.
+  int left_out = 0;               ///< Cells that no mean is taken of.
+  int in_clear = 0;               ///< Cells away from edges and corners, square on enough, by the bench file.
+  int astray = 0;                 ///< Of these, those more than `astray_mm` off their target.
 
   [[nodiscard]] std::size_t smooth_cells() const;
   /// Whether targets were put up in different places for the captures.

@@ -23,12 +23,12 @@ struct Freedom {
 /// its turn about its middle; of a round one its offset outward, aside (counter-clockwise), and its radius.
 [[nodiscard]] std::vector<Freedom> freedoms_of(const Bench& bench);
 
-/// Where things stand against the bench file: what is fitted along with every suspect. Millimetres and radians,
-/// counter-clockwise. The mount as it is, all else as a deviation.
+/// Where things stand against the bench file: what is fitted along with every suspect. Millimetres and
+/// radians, counter-clockwise. The mount as it is, all else as a deviation.
 struct Nuisance {
   double x_mm = 0, y_mm = 0, yaw_rad = 0;
-  std::vector<double> offset_mm, turn_rad;       ///< For every target; no round one turns.
-  std::vector<double> aside_mm, thicker_mm;      ///< For every target; 0 for flat ones.
+  std::vector<double> offset_mm, turn_rad;   ///< For every target; no round one turns.
+  std::vector<double> aside_mm, thicker_mm;  ///< For every target; 0 for flat ones.
 
   explicit Nuisance(const Bench& bench);
   /// In the order of `freedoms_of`.

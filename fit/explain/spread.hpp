@@ -14,7 +14,7 @@ namespace fit::explain {
 struct Suspect {
   const Mechanism* mechanism = nullptr;  ///< Null: something outside the catalogue.
   std::map<std::string, Estimate> parameters;
-  int target = -1;  ///< The only one on which it acts; -1: all.
+  int target = -1;      ///< The only one on which it acts; -1: all.
   double gain = 0;      ///< Of the log-likelihood.
   double evidence = 0;  ///< Log Bayes factor.
   /// Of the log-likelihood of captures that it was not fitted to; not known of a single one.
@@ -55,7 +55,7 @@ struct SpreadResult {
   std::vector<Suspect> undecided;  ///< Of every set whose members explain about the same, the best.
   std::vector<Unexplained> unknown;
   MeanNoise noise;
-  double sigma_mm = 0;  ///< White noise of one sample, fitted.
+  double sigma_mm = 0;              ///< White noise of one sample, fitted.
   std::vector<SpreadCurve> curves;  ///< For people: where something was found.
 };
 

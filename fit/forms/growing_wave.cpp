@@ -22,7 +22,9 @@ Form make_growing_wave() {
     return list;
   };
   f.says = [](const Shape& s, const Course& c) {
-    return Described{"the " + c.what + " is the same every " + rounded(s.at, 2) + " scans, and more and more so", c.low, c.high};
+    return Described{
+        "the " + c.what + " is the same every " + rounded(s.at, 2) + " scans, and more and more so", c.low,
+        c.high};
   };
   return f;
 }

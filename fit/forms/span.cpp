@@ -24,8 +24,9 @@ Form make_span() {
   };
   f.says = [](const Shape& s, const Course& c) {
     const double to = s.at + s.length;
-    return Described{"the " + c.what + " changes by " + rounded(s.values.front() * c.scale, 3) + c.unit + " from " +
-                         c.coordinate + " = " + rounded(s.at, 4) + " to " + rounded(to, 4) + c.unit_of_coordinate,
+    return Described{"the " + c.what + " changes by " + rounded(s.values.front() * c.scale, 3) + c.unit +
+                         " from " + c.coordinate + " = " + rounded(s.at, 4) + " to " + rounded(to, 4) +
+                         c.unit_of_coordinate,
                      s.at, to};
   };
   return f;

@@ -13,8 +13,7 @@ Form make_step() {
   f.along = [](const Axis& axis) {
     std::vector<Shape> list;
     if (axis.coordinate == Coordinate::incidence || axis.coordinate == Coordinate::temperature) return list;
-    for (const double at : axis.between)
-      list.push_back({.at = at});
+    for (const double at : axis.between) list.push_back({.at = at});
     return list;
   };
   f.says = [](const Shape& s, const Course& c) {

@@ -17,16 +17,14 @@ Form make_wave() {
   };
   f.along = [](const Axis& axis) {
     std::vector<Shape> list;
-    const double span = axis.high - axis.low, shortest = 2 * span / std::max<double>(1, static_cast<double>(axis.values) - 1);
+    const double span = axis.high - axis.low,
+                 shortest = 2 * span / std::max<double>(1, static_cast<double>(axis.values) - 1);
     if (axis.coordinate == Coordinate::beam) {
       // Whole numbers of lobes in a turn, and any other number: coarse slits, gears.
-      for (int lobes = 3; lobes <= 12; ++lobes)
-        list.push_back({.at = 360.0 / lobes});
-      for (double cycles = 4; cycles < 20; cycles += 0.4)
-        list.push_back({.at = span / cycles});
+      for (int lobes = 3; lobes <= 12; ++lobes) list.push_back({.at = 360.0 / lobes});
+      for (double cycles = 4; cycles < 20; cycles += 0.4) list.push_back({.at = span / cycles});
     } else if (axis.coordinate == Coordinate::time) {
-      for (double turns = 1.5; turns < 12; turns *= 1.08)
-        list.push_back({.at = span / turns});
+      for (double turns = 1.5; turns < 12; turns *= 1.08) list.push_back({.at = span / turns});
     }
     std::erase_if(list, [&](const Shape& wave) { return wave.at < shortest; });  // rows show no more
     return list;

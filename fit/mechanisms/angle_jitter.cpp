@@ -11,16 +11,18 @@ Mechanism make_angle_jitter() {
   m.observable = Observable::range_variance;
   m.coordinate = Coordinate::range_rate;
   m.geometric = true;
-  m.parameters = {{.name = "sigma_deg", .typical = 0.1, .largest = 1, .sign = 1},
-                  {.name = "own_share",  // of the variance that every beam draws for itself, not its whole scan
-                   .role = Parameter::Role::shape,
-                   .lower = 0,
-                   .upper = 1,
-                   .starts = 2,
-                   .logarithmic = false}};
+  m.parameters = {
+      {.name = "sigma_deg", .typical = 0.1, .largest = 1, .sign = 1},
+      {.name = "own_share",  // of the variance that every beam draws for itself, not its whole scan
+       .role = Parameter::Role::shape,
+       .lower = 0,
+       .upper = 1,
+       .starts = 2,
+       .logarithmic = false}};
   m.act = [](const Circumstances&, std::span<const double> p) {
     const double variance = p[0] * p[0] * rad_per_deg * rad_per_deg;
-    return Effect{.scan_angle_variance_rad2 = variance * (1 - p[1]), .beam_angle_variance_rad2 = variance * p[1]};
+    return Effect{.scan_angle_variance_rad2 = variance * (1 - p[1]),
+                  .beam_angle_variance_rad2 = variance * p[1]};
   };
   m.shows = [](const Finding&, const Recorded& r) {  // where the range changes with the angle
     return std::vector<Stretch>{{Coordinate::range_rate, r.from, r.from / 2},

@@ -6,18 +6,22 @@
 namespace fit::mechanisms {
 
 // No echo below the comparator's threshold, whose electronic noise is Gaussian: P = Phi((I_min - I) / w).
-// Where a pulse only just reaches it, its flank is flat, and the same noise moves the crossing more: of a Gaussian pulse
-// the variance goes with 1 / ln(I / I_min).
+// Where a pulse only just reaches it, its flank is flat, and the same noise moves the crossing more: of a
+// Gaussian pulse the variance goes with 1 / ln(I / I_min).
 Mechanism make_dropout() {
   Mechanism m;
   m.id = "dropout";
   m.cause = "weak echoes stay below the receiver's threshold";
   m.observable = Observable::dropout;
   m.coordinate = Coordinate::intensity;
-  m.parameters = {
-      {.name = "intensity_min", .role = Parameter::Role::shape, .scale = Parameter::Scale::threshold, .lower = 5, .upper = 1500, .starts = 20},
-      {.name = "width", .role = Parameter::Role::shape, .lower = 0.5, .upper = 300, .starts = 9},
-      {.name = "scatter_mm", .typical = 2, .sign = 1}};
+  m.parameters = {{.name = "intensity_min",
+                   .role = Parameter::Role::shape,
+                   .scale = Parameter::Scale::threshold,
+                   .lower = 5,
+                   .upper = 1500,
+                   .starts = 20},
+                  {.name = "width", .role = Parameter::Role::shape, .lower = 0.5, .upper = 300, .starts = 9},
+                  {.name = "scatter_mm", .typical = 2, .sign = 1}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (!std::isfinite(c.intensity)) return Effect{};
     const double above = std::max(std::log(std::max(1.0, c.intensity / p[0])), 0.5 * p[1] / p[0]);

@@ -3,8 +3,8 @@
 
 namespace fit::mechanisms {
 
-// A scratch or a smear on window or mirror scatters part of the pulse: more noise of some beams, at all times, and no
-// echo is lost for it. Its ends are soft or sharp.
+// A scratch or a smear on window or mirror scatters part of the pulse: more noise of some beams, at all
+// times, and no echo is lost for it. Its ends are soft or sharp.
 Mechanism make_local_noise() {
   Mechanism m;
   m.id = "local-noise";
@@ -12,16 +12,25 @@ Mechanism make_local_noise() {
   m.observable = Observable::range_variance;
   m.coordinate = Coordinate::beam;
   m.formula_error = 0.25;
-  m.parameters = {
-      {.name = "sigma_mm", .typical = 6, .sign = 1},
-      {.name = "centre_deg",
-       .role = Parameter::Role::shape,
-       .lower = -135,
-       .upper = 135,
-       .starts = 37,
-       .logarithmic = false},
-      {.name = "width_deg", .role = Parameter::Role::shape, .scale = Parameter::Scale::width, .lower = 3, .upper = 20, .starts = 3},
-      {.name = "exponent", .role = Parameter::Role::shape, .expected = 2, .lower = 1.5, .upper = 8, .starts = 2}};
+  m.parameters = {{.name = "sigma_mm", .typical = 6, .sign = 1},
+                  {.name = "centre_deg",
+                   .role = Parameter::Role::shape,
+                   .lower = -135,
+                   .upper = 135,
+                   .starts = 37,
+                   .logarithmic = false},
+                  {.name = "width_deg",
+                   .role = Parameter::Role::shape,
+                   .scale = Parameter::Scale::width,
+                   .lower = 3,
+                   .upper = 20,
+                   .starts = 3},
+                  {.name = "exponent",
+                   .role = Parameter::Role::shape,
+                   .expected = 2,
+                   .lower = 1.5,
+                   .upper = 8,
+                   .starts = 2}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double away = wrap_angle(c.beam_rad - p[1] * rad_per_deg) * deg_per_rad / p[2];
     return Effect{.variance_mm2 = p[0] * p[0] * std::exp(-std::pow(std::abs(away), p[3]) / 2)};

@@ -22,18 +22,26 @@ Mechanism make_sunlight() {
   m.observable = Observable::range_variance;
   m.coordinate = Coordinate::beam;
   m.formula_error = 0.25;
-  m.parameters = {
-      {.name = "sigma_mm", .typical = 6, .sign = 1},
-      {.name = "centre_deg",
-       .role = Parameter::Role::shape,
-       .lower = -135,
-       .upper = 135,
-       .starts = 37,
-       .logarithmic = false},
-      {.name = "width_deg", .role = Parameter::Role::shape, .scale = Parameter::Scale::width, .lower = 3, .upper = 50, .starts = 4},
-      {.name = "from_s", .role = Parameter::Role::shape, .scale = Parameter::Scale::from, .expected = -ever_s, .logarithmic = false},
-      {.name = "to_s", .role = Parameter::Role::shape, .expected = ever_s, .logarithmic = false},
-      {.name = "lost", .typical = 0.01, .largest = 1, .sign = 1}};
+  m.parameters = {{.name = "sigma_mm", .typical = 6, .sign = 1},
+                  {.name = "centre_deg",
+                   .role = Parameter::Role::shape,
+                   .lower = -135,
+                   .upper = 135,
+                   .starts = 37,
+                   .logarithmic = false},
+                  {.name = "width_deg",
+                   .role = Parameter::Role::shape,
+                   .scale = Parameter::Scale::width,
+                   .lower = 3,
+                   .upper = 50,
+                   .starts = 4},
+                  {.name = "from_s",
+                   .role = Parameter::Role::shape,
+                   .scale = Parameter::Scale::from,
+                   .expected = -ever_s,
+                   .logarithmic = false},
+                  {.name = "to_s", .role = Parameter::Role::shape, .expected = ever_s, .logarithmic = false},
+                  {.name = "lost", .typical = 0.01, .largest = 1, .sign = 1}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (c.time_s < p[3] || c.time_s > p[4]) return Effect{};
     const double away = wrap_angle(c.beam_rad - p[1] * rad_per_deg) * deg_per_rad / p[2];

@@ -3,8 +3,8 @@
 
 namespace fit::mechanisms {
 
-// A target is turned about its middle, counter-clockwise as every angle of the world frame. Where it is met at a
-// slant the range changes by more than in proportion.
+// A target is turned about its middle, counter-clockwise as every angle of the world frame. Where it is met
+// at a slant the range changes by more than in proportion.
 Mechanism make_target_tilt() {
   Mechanism m;
   m.id = "target-tilt";

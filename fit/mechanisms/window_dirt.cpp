@@ -25,7 +25,8 @@ Mechanism make_window_dirt() {
   };
   m.shows = [](const Finding& f, const Recorded& r) {
     const double middle = f.at("centre_deg").value, reach = 1.5 * f.at("width_deg").value;
-    return std::vector<Stretch>{{Coordinate::beam, std::max(r.from, middle - reach), std::min(r.to, middle + reach)}};
+    return std::vector<Stretch>{
+        {Coordinate::beam, std::max(r.from, middle - reach), std::min(r.to, middle + reach)}};
   };
   m.says = [](const Finding& f) {
     return "Echoes are dimmer by " + with_uncertainty({100 * f.at("loss").value, 100 * f.at("loss").u}, "%") +

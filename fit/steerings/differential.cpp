@@ -17,7 +17,8 @@ Steering make_differential() {
   s.use =
       "The robot's frame has its origin midway between the wheels, x ahead and y to the left; angles grow "
       "counter-clockwise, seen from above. A point p in the lidar's frame (x along its beam at 0 deg) is at "
-      "R(yaw) p + (x, y) on the robot. Wheels that turn by a_left and a_right (rad, positive ahead) drive the "
+      "R(yaw) p + (x, y) on the robot. Wheels that turn by a_left and a_right (rad, positive ahead) drive "
+      "the "
       "robot by (r_left a_left + r_right a_right) / 2 and turn it by (r_right a_right - r_left a_left) / "
       "separation.";
   s.turn_row = [](const Eigen::Vector2d& turned) { return turned; };

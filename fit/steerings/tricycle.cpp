@@ -6,10 +6,10 @@
 
 namespace fit::steerings {
 
-/// One wheel in front that is driven and steered, two behind that only roll. A piece: how far the wheel turned,
-/// and how far it was steered to the left meanwhile, rad. With radius r, base b and steering zero z the robot
-/// turns by r/b sin(steered + z) and goes r cos(steered + z) for each radian: linear in r/b cos z and
-/// r/b sin z.
+/// One wheel in front that is driven and steered, two behind that only roll. A piece: how far the wheel
+/// turned, and how far it was steered to the left meanwhile, rad. With radius r, base b and steering zero z
+/// the robot turns by r/b sin(steered + z) and goes r cos(steered + z) for each radian: linear in r/b cos z
+/// and r/b sin z.
 Steering make_tricycle() {
   Steering s;
   s.id = "tricycle";
@@ -19,9 +19,11 @@ Steering make_tricycle() {
                    {"steering_zero_deg", "Steering angle when it reads 0", "deg", deg_per_rad},
                    {"wheelbase_mm", "Steered wheel ahead of the rear axle", "mm"}}};
   s.use =
-      "The robot's frame has its origin midway between the rear wheels, x ahead and y to the left; angles grow "
+      "The robot's frame has its origin midway between the rear wheels, x ahead and y to the left; angles "
+      "grow "
       "counter-clockwise, seen from above. A point p in the lidar's frame (x along its beam at 0 deg) is at "
-      "R(yaw) p + (x, y) on the robot. The front wheel, turning by a (rad, positive ahead) while steered to s "
+      "R(yaw) p + (x, y) on the robot. The front wheel, turning by a (rad, positive ahead) while steered to "
+      "s "
       "(positive to the left), drives the robot by r a cos(s + zero) and turns it by r a sin(s + zero) / "
       "wheelbase.";
   s.turn_row = [](const Eigen::Vector2d& p) {

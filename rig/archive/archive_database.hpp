@@ -8,8 +8,9 @@
 
 namespace rig {
 
-/// The database that holds an archive's index. Values pass as text, nothing is NULL: columns have types that SQLite
-/// and PostgreSQL both know (TEXT, BIGINT, DOUBLE PRECISION), and either converts by them. Placeholders are $1, $2,
+/// The database that holds an archive's index. Values pass as text, nothing is NULL: columns have types that
+/// SQLite and PostgreSQL both know (TEXT, BIGINT, DOUBLE PRECISION), and either converts by them.
+/// Placeholders are $1, $2,
 /// ... in this order. Errors of the database are MeasurementError, in its own words.
 class ArchiveDatabase {
  public:
@@ -33,7 +34,8 @@ struct ArchiveDatabaseKind {
 };
 
 /// `location`: a file, or `postgresql://...` as libpq reads it. Throws UsageError.
-[[nodiscard]] std::unique_ptr<ArchiveDatabase> open_archive_database(const std::string& location, bool to_write);
+[[nodiscard]] std::unique_ptr<ArchiveDatabase> open_archive_database(const std::string& location,
+                                                                     bool to_write);
 
 /// Everything between its making and commit() is done together or not at all.
 class ArchiveTransaction {

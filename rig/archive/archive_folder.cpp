@@ -76,7 +76,8 @@ void take_explanation_beside(const std::string& folder, SessionRecord& record) {
   std::ifstream file(path, std::ios::binary);
   std::stringstream text;
   text << file.rdbuf();
-  const std::string made_utc = utc_text(static_cast<std::time_t>(file_stamp(path).modified_ns / 1'000'000'000));
+  const std::string made_utc =
+      utc_text(static_cast<std::time_t>(file_stamp(path).modified_ns / 1'000'000'000));
   if (record.explanation && record.explanation->made_utc > made_utc) return;
   if (auto explanation = explanation_in(text.str(), made_utc)) record.explanation = std::move(explanation);
 }
@@ -94,16 +95,26 @@ std::int64_t stamp_with_results(const std::string& folder, const SessionRecord& 
 
 const char* name_of(What what) {
   switch (what) {
-    case What::good: return "good";
-    case What::added: return "added";
-    case What::updated: return "updated";
-    case What::moved: return "moved";
-    case What::copied: return "copy";
-    case What::unfinished: return "unfinished";
-    case What::unindexed: return "not indexed";
-    case What::changed: return "CHANGED";
-    case What::damaged: return "DAMAGED";
-    case What::missing: return "MISSING";
+    case What::good:
+      return "good";
+    case What::added:
+      return "added";
+    case What::updated:
+      return "updated";
+    case What::moved:
+      return "moved";
+    case What::copied:
+      return "copy";
+    case What::unfinished:
+      return "unfinished";
+    case What::unindexed:
+      return "not indexed";
+    case What::changed:
+      return "CHANGED";
+    case What::damaged:
+      return "DAMAGED";
+    case What::missing:
+      return "MISSING";
   }
   return "";
 }
@@ -122,7 +133,8 @@ std::vector<std::string> session_files(const std::string& folder) {
        entry.increment(failed)) {
     const std::string name = entry->path().filename().string();
     if (entry->is_directory(failed)) {
-      if (name.starts_with('.') || (name == "results" && entry.depth() == 0)) entry.disable_recursion_pending();
+      if (name.starts_with('.') || (name == "results" && entry.depth() == 0))
+        entry.disable_recursion_pending();
     } else if (name.ends_with(".rig") && entry->is_regular_file(failed)) {
       found.push_back(entry->path().lexically_relative(folder).generic_string());
     }
@@ -206,8 +218,8 @@ std::vector<ArchiveFinding> add_to_archive(const std::string& folder, ArchiveInd
   const std::vector<std::string> files = session_files(folder);
   Known known = options.rebuild ? Known{} : known_to(index);
   const std::vector<std::string> to_read = files_to_read(folder, files, known);
-  std::vector<ReadSession> read =
-      read_all<ReadSession>(to_read, options.threads, [&](const std::string& path) { return read_one(folder, path); });
+  std::vector<ReadSession> read = read_all<ReadSession>(
+      to_read, options.threads, [&](const std::string& path) { return read_one(folder, path); });
 
   std::vector<ArchiveFinding> findings;
   ArchiveTransaction transaction(index.database());

@@ -40,15 +40,16 @@ struct AddOptions {
   int threads = 2;
 };
 
-/// Takes the folder's sessions into the index. Those whose size and date are as before are not read again. Sessions
-/// are never written. Everything but what is good is told, in the order of paths.
-std::vector<ArchiveFinding> add_to_archive(const std::string& folder, ArchiveIndex& index, const AddOptions& options = {});
+/// Takes the folder's sessions into the index. Those whose size and date are as before are not read again.
+/// Sessions are never written. Everything but what is good is reported, in the order of paths.
+std::vector<ArchiveFinding> add_to_archive(const std::string& folder, ArchiveIndex& index,
+                                           const AddOptions& options = {});
 
 /// Compares every file with its hash in the index, reading all of it. Nothing is written anywhere.
 std::vector<ArchiveFinding> verify_archive(const std::string& folder, ArchiveIndex& index, int threads = 2);
 
-/// The sessions below a folder (`*.rig`), as paths from it, in order. Hidden folders and `results` are left out, links
-/// to folders are not followed. Throws UsageError: there is no such folder.
+/// The sessions below a folder (`*.rig`), as paths from it, in order. Hidden folders and `results` are left
+/// out, links to folders are not followed. Throws UsageError: there is no such folder.
 [[nodiscard]] std::vector<std::string> session_files(const std::string& folder);
 
 }  // namespace rig

@@ -18,9 +18,12 @@ constexpr const char* index_version = "1";
 
 constexpr std::array tables = {
     "CREATE TABLE archive(key TEXT PRIMARY KEY, value TEXT)",
-    "CREATE TABLE session(content_sha256 TEXT PRIMARY KEY, path TEXT UNIQUE, bytes BIGINT, modified_ns BIGINT,"
-    " file_sha256 TEXT, measured_utc TEXT, software TEXT, kind TEXT, procedure_name TEXT, procedure_sha256 TEXT,"
-    " bench TEXT, bench_sha256 TEXT, lidar_model TEXT, lidar_serial TEXT, lidar_firmware TEXT, stage TEXT, ended TEXT,"
+    "CREATE TABLE session(content_sha256 TEXT PRIMARY KEY, path TEXT UNIQUE, bytes BIGINT, modified_ns "
+    "BIGINT,"
+    " file_sha256 TEXT, measured_utc TEXT, software TEXT, kind TEXT, procedure_name TEXT, procedure_sha256 "
+    "TEXT,"
+    " bench TEXT, bench_sha256 TEXT, lidar_model TEXT, lidar_serial TEXT, lidar_firmware TEXT, stage TEXT, "
+    "ended TEXT,"
     " item_state TEXT, simulated BIGINT, captures BIGINT, scans BIGINT)",
     "CREATE INDEX session_of_lidar ON session(lidar_serial, measured_utc)",
     "CREATE TABLE result_value(session TEXT, at BIGINT, kind TEXT, name TEXT, label TEXT, unit TEXT,"
@@ -28,17 +31,22 @@ constexpr std::array tables = {
     "CREATE TABLE requirement(session TEXT, at BIGINT, quantity TEXT, verdict TEXT, least DOUBLE PRECISION,"
     " most DOUBLE PRECISION, PRIMARY KEY(session, at))",
     "CREATE TABLE explanation(session TEXT PRIMARY KEY, verdict TEXT, made_utc TEXT, undecided TEXT,"
-    " unknown_coordinate TEXT, unknown_observable TEXT, unknown_describes TEXT, unknown_from DOUBLE PRECISION,"
+    " unknown_coordinate TEXT, unknown_observable TEXT, unknown_describes TEXT, unknown_from DOUBLE "
+    "PRECISION,"
     " unknown_to DOUBLE PRECISION, unknown_channel TEXT, unknown_curve TEXT)",
-    "CREATE TABLE mechanism(session TEXT, at BIGINT, mechanism TEXT, probability DOUBLE PRECISION, PRIMARY KEY(session, at))",
-    "CREATE TABLE mechanism_parameter(session TEXT, at BIGINT, name TEXT, value DOUBLE PRECISION, u DOUBLE PRECISION,"
+    "CREATE TABLE mechanism(session TEXT, at BIGINT, mechanism TEXT, probability DOUBLE PRECISION, PRIMARY "
+    "KEY(session, at))",
+    "CREATE TABLE mechanism_parameter(session TEXT, at BIGINT, name TEXT, value DOUBLE PRECISION, u DOUBLE "
+    "PRECISION,"
     " PRIMARY KEY(session, at, name))"};
 
-constexpr std::array parts = {"result_value", "requirement", "explanation", "mechanism", "mechanism_parameter"};
+constexpr std::array parts = {"result_value", "requirement", "explanation", "mechanism",
+                              "mechanism_parameter"};
 
 constexpr const char* session_columns =
     "content_sha256, path, bytes, modified_ns, file_sha256, measured_utc, software, kind, procedure_name,"
-    " procedure_sha256, bench, bench_sha256, lidar_model, lidar_serial, lidar_firmware, stage, ended, item_state,"
+    " procedure_sha256, bench, bench_sha256, lidar_model, lidar_serial, lidar_firmware, stage, ended, "
+    "item_state,"
     " simulated, captures, scans";
 
 std::string text_of_number(double value) {
@@ -51,7 +59,9 @@ ArchiveDatabase::Value text_of_number(const std::optional<double>& value) {
   return value ? ArchiveDatabase::Value(text_of_number(*value)) : std::nullopt;
 }
 
-std::string raw_text_at(const Row& row, std::size_t at) { return at < row.size() ? row[at].value_or("") : ""; }
+std::string raw_text_at(const Row& row, std::size_t at) {
+  return at < row.size() ? row[at].value_or("") : "";
+}
 
 /// The index too may be a stranger's.
 std::string text_at(const Row& row, std::size_t at) { return clean_text(raw_text_at(row, at)); }
@@ -75,8 +85,9 @@ SessionRecord record_of(const Row& row) {
   r.path = text_at(row, at++);
   r.bytes = number_at<std::int64_t>(row, at++);
   r.modified_ns = number_at<std::int64_t>(row, at++);
-  for (std::string* text : {&r.file_sha256, &r.measured_utc, &r.software, &r.kind, &r.procedure, &r.procedure_sha256, &r.bench,
-                            &r.bench_sha256, &r.model, &r.serial, &r.firmware, &r.stage, &r.ended, &r.item_state})
+  for (std::string* text :
+       {&r.file_sha256, &r.measured_utc, &r.software, &r.kind, &r.procedure, &r.procedure_sha256, &r.bench,
+        &r.bench_sha256, &r.model, &r.serial, &r.firmware, &r.stage, &r.ended, &r.item_state})
     *text = text_at(row, at++);
   r.simulated = number_at<std::int64_t>(row, at++) != 0;
   r.captures = number_at<std::int64_t>(row, at++);
@@ -126,7 +137,8 @@ ArchiveIndex::ArchiveIndex(const std::string& location, bool to_write)
       throw UsageError(location + ": there is no archive index. `rig archive add FOLDER` makes it.");
     make_tables();
   }
-  for (const char* table : {"session", "result_value", "requirement", "explanation", "mechanism", "mechanism_parameter"})
+  for (const char* table :
+       {"session", "result_value", "requirement", "explanation", "mechanism", "mechanism_parameter"})
     if (!database_->has_table(table))
       throw UsageError(location + " is not an archive index: it has no table '" + table +
                        "'. Remove it: `rig archive add FOLDER` rebuilds it from the sessions.");
@@ -145,7 +157,8 @@ void ArchiveIndex::make_tables() {
 }
 
 void ArchiveIndex::forget(const std::string& content) {
-  for (const char* part : parts) database_->run(std::string("DELETE FROM ") + part + " WHERE session = $1", {content});
+  for (const char* part : parts)
+    database_->run(std::string("DELETE FROM ") + part + " WHERE session = $1", {content});
   database_->run("DELETE FROM session WHERE content_sha256 = $1", {content});
 }
 
@@ -159,34 +172,54 @@ void ArchiveIndex::set_path(const std::string& content, const std::string& path)
 }
 
 void ArchiveIndex::put(const SessionRecord& r) {
-  for (const Row& row : database_->run("SELECT content_sha256 FROM session WHERE content_sha256 = $1 OR path = $2",
-                                       {r.content_sha256, r.path}))
+  for (const Row& row :
+       database_->run("SELECT content_sha256 FROM session WHERE content_sha256 = $1 OR path = $2",
+                      {r.content_sha256, r.path}))
     forget(text_at(row, 0));
   database_->run(std::string("INSERT INTO session(") + session_columns +
-                     ") VALUES($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19, $20, $21)",
-                 {r.content_sha256, r.path, std::to_string(r.bytes), std::to_string(r.modified_ns), r.file_sha256,
-                  r.measured_utc, r.software, r.kind, r.procedure, r.procedure_sha256, r.bench, r.bench_sha256, r.model,
-                  r.serial, r.firmware, r.stage, r.ended, r.item_state, r.simulated ? "1" : "0", std::to_string(r.captures),
+                     ") VALUES($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, "
+                     "$18, $19, $20, $21)",
+                 {r.content_sha256,
+                  r.path,
+                  std::to_string(r.bytes),
+                  std::to_string(r.modified_ns),
+                  r.file_sha256,
+                  r.measured_utc,
+                  r.software,
+                  r.kind,
+                  r.procedure,
+                  r.procedure_sha256,
+                  r.bench,
+                  r.bench_sha256,
+                  r.model,
+                  r.serial,
+                  r.firmware,
+                  r.stage,
+                  r.ended,
+                  r.item_state,
+                  r.simulated ? "1" : "0",
+                  std::to_string(r.captures),
                   std::to_string(r.scans)});
   for (std::size_t i = 0; i < r.values.size(); ++i) {
     const ArchivedValue& v = r.values[i];
     database_->run("INSERT INTO result_value VALUES($1, $2, $3, $4, $5, $6, $7, $8, $9)",
-                   {r.content_sha256, std::to_string(i), v.kind, v.name, v.label, v.unit, text_of_number(v.value),
-                    text_of_number(v.u), text_of_number(v.expanded)});
+                   {r.content_sha256, std::to_string(i), v.kind, v.name, v.label, v.unit,
+                    text_of_number(v.value), text_of_number(v.u), text_of_number(v.expanded)});
   }
   for (std::size_t i = 0; i < r.limits.size(); ++i) {
     const ArchivedLimit& l = r.limits[i];
     database_->run("INSERT INTO requirement VALUES($1, $2, $3, $4, $5, $6)",
-                   {r.content_sha256, std::to_string(i), l.quantity, l.verdict, text_of_number(l.min), text_of_number(l.max)});
+                   {r.content_sha256, std::to_string(i), l.quantity, l.verdict, text_of_number(l.min),
+                    text_of_number(l.max)});
   }
   if (r.explanation) put_explanation(r.content_sha256, *r.explanation);
 }
 
 void ArchiveIndex::put_explanation(const std::string& session, const ArchivedExplanation& e) {
   database_->run("INSERT INTO explanation VALUES($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11)",
-                 {session, e.verdict, e.made_utc, joined(e.undecided), e.unknown_coordinate, e.unknown_observable,
-                  e.unknown_describes, text_of_number(e.unknown_from), text_of_number(e.unknown_to), e.unknown_channel,
-                  curve_text(e)});
+                 {session, e.verdict, e.made_utc, joined(e.undecided), e.unknown_coordinate,
+                  e.unknown_observable, e.unknown_describes, text_of_number(e.unknown_from),
+                  text_of_number(e.unknown_to), e.unknown_channel, curve_text(e)});
   for (std::size_t i = 0; i < e.mechanisms.size(); ++i) {
     const ArchivedMechanism& m = e.mechanisms[i];
     database_->run("INSERT INTO mechanism VALUES($1, $2, $3, $4)",
@@ -199,7 +232,8 @@ void ArchiveIndex::put_explanation(const std::string& session, const ArchivedExp
 
 std::vector<SessionRecord> ArchiveIndex::files() {
   std::vector<SessionRecord> all;
-  for (const Row& row : database_->run(std::string("SELECT ") + session_columns + " FROM session ORDER BY path"))
+  for (const Row& row :
+       database_->run(std::string("SELECT ") + session_columns + " FROM session ORDER BY path"))
     all.push_back(record_of(row));
   return all;
 }
@@ -216,16 +250,20 @@ std::vector<SessionRecord> ArchiveIndex::sessions() {
     const auto found = place.find(text_at(row, 0));
     return found == place.end() ? nullptr : &all[found->second];
   };
-  for (const Row& row : database_->run("SELECT session, kind, name, label, unit, value, u, expanded FROM result_value"
-                                       " ORDER BY session, at"))
+  for (const Row& row :
+       database_->run("SELECT session, kind, name, label, unit, value, u, expanded FROM result_value"
+                      " ORDER BY session, at"))
     if (SessionRecord* r = record(row))
-      r->values.push_back({text_at(row, 1), text_at(row, 2), text_at(row, 3), text_at(row, 4), number_at<double>(row, 5),
-                           number_at<double>(row, 6), number_at<double>(row, 7)});
-  for (const Row& row : database_->run("SELECT session, quantity, verdict, least, most FROM requirement ORDER BY session, at"))
+      r->values.push_back({text_at(row, 1), text_at(row, 2), text_at(row, 3), text_at(row, 4),
+                           number_at<double>(row, 5), number_at<double>(row, 6), number_at<double>(row, 7)});
+  for (const Row& row :
+       database_->run("SELECT session, quantity, verdict, least, most FROM requirement ORDER BY session, at"))
     if (SessionRecord* r = record(row))
-      r->limits.push_back({text_at(row, 1), text_at(row, 2), maybe_number_at(row, 3), maybe_number_at(row, 4)});
-  for (const Row& row : database_->run("SELECT session, verdict, made_utc, undecided, unknown_coordinate, unknown_observable,"
-                                       " unknown_describes, unknown_from, unknown_to, unknown_channel, unknown_curve FROM explanation")) {
+      r->limits.push_back(
+          {text_at(row, 1), text_at(row, 2), maybe_number_at(row, 3), maybe_number_at(row, 4)});
+  for (const Row& row : database_->run(
+           "SELECT session, verdict, made_utc, undecided, unknown_coordinate, unknown_observable,"
+           " unknown_describes, unknown_from, unknown_to, unknown_channel, unknown_curve FROM explanation")) {
     SessionRecord* r = record(row);
     if (!r) continue;
     ArchivedExplanation e;
@@ -241,13 +279,15 @@ std::vector<SessionRecord> ArchiveIndex::sessions() {
     read_curve(e, raw_text_at(row, 10));
     r->explanation = std::move(e);
   }
-  for (const Row& row : database_->run("SELECT session, mechanism, probability FROM mechanism ORDER BY session, at"))
+  for (const Row& row :
+       database_->run("SELECT session, mechanism, probability FROM mechanism ORDER BY session, at"))
     if (SessionRecord* r = record(row); r && r->explanation)
       r->explanation->mechanisms.push_back({text_at(row, 1), number_at<double>(row, 2), {}});
   for (const Row& row : database_->run("SELECT session, at, name, value, u FROM mechanism_parameter"))
     if (SessionRecord* r = record(row); r && r->explanation)
       if (const auto at = number_at<std::size_t>(row, 1); at < r->explanation->mechanisms.size())
-        r->explanation->mechanisms[at].parameters[text_at(row, 2)] = {number_at<double>(row, 3), number_at<double>(row, 4)};
+        r->explanation->mechanisms[at].parameters[text_at(row, 2)] = {number_at<double>(row, 3),
+                                                                      number_at<double>(row, 4)};
   return all;
 }
 

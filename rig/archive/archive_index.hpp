@@ -15,8 +15,8 @@ namespace rig {
 /// time.
 class ArchiveIndex {
  public:
-  /// To read, or to write, which makes the tables if there are none. Throws UsageError (no index there; one of a
-  /// later version).
+  /// To read, or to write, which makes the tables if there are none. Throws UsageError (no index there; one
+  /// of a later version).
   ArchiveIndex(const std::string& location, bool to_write);
 
   /// Takes a session in, in place of what is known of the same content or of the same path.

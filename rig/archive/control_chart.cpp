@@ -62,7 +62,8 @@ std::vector<ChartSignal> chart_signals(std::span<const double> z) {
 }
 
 Repeatability repeatability_of(std::vector<double> differences) {
-  constexpr double median_of_half_normal = 0.953873;  // Of the difference of two values of unit standard deviation.
+  constexpr double median_of_half_normal =
+      0.953873;  // Of the difference of two values of unit standard deviation.
   Repeatability out;
   out.differences = differences.size();
   if (differences.empty()) return out;
@@ -80,7 +81,8 @@ double e_n(double value, double expanded, double before, double expanded_before)
   return both > 0 ? (value - before) / both : std::nan("");
 }
 
-Drift drift_of(std::span<const double> years, std::span<const double> values, double sigma, double degrees_of_freedom) {
+Drift drift_of(std::span<const double> years, std::span<const double> values, double sigma,
+               double degrees_of_freedom) {
   Drift out;
   const auto n = static_cast<double>(values.size());
   if (values.size() < 3 || years.size() != values.size()) return out;
@@ -102,7 +104,8 @@ Drift drift_of(std::span<const double> years, std::span<const double> values, do
   }
   const double left = n - 2;
   out.residual = std::sqrt(squares / left);
-  // Both tell how much a value scatters, unless the values about the line scatter far more than the archive says.
+  // Both tell how much a value scatters, unless the values about the line scatter far more than the archive
+  // says.
   double variance = squares / left, nu = left;
   if (sigma > 0 && degrees_of_freedom > 0 && !far_more(variance, left, sigma * sigma, degrees_of_freedom)) {
     variance = (squares + degrees_of_freedom * sigma * sigma) / (left + degrees_of_freedom);
@@ -112,13 +115,16 @@ Drift drift_of(std::span<const double> years, std::span<const double> values, do
   out.degrees_of_freedom = nu;
   out.expanded = fit::coverage_factor(out.degrees_of_freedom) * out.u;
   const boost::math::students_t student(out.degrees_of_freedom);
-  out.p_value = out.u > 0 ? 2 * boost::math::cdf(boost::math::complement(student, std::abs(out.per_year) / out.u))
-                          : (out.per_year == 0 ? 1 : 0);
+  out.p_value = out.u > 0
+                    ? 2 * boost::math::cdf(boost::math::complement(student, std::abs(out.per_year) / out.u))
+                    : (out.per_year == 0 ? 1 : 0);
   return out;
 }
 
 double years_until(double up, double down, double per_year, double expanded) {
-  const auto reach = [](double room, double rate) { return room <= 0 ? 0.0 : rate > 0 ? room / rate : INFINITY; };
+  const auto reach = [](double room, double rate) {
+    return room <= 0 ? 0.0 : rate > 0 ? room / rate : INFINITY;
+  };
   return std::min(reach(up, per_year + expanded), reach(down, -per_year + expanded));
 }
 
@@ -127,7 +133,8 @@ std::vector<bool> found_at_rate(std::span<const double> p, double rate) {
   std::ranges::sort(sorted);
   double limit = -1;
   for (std::size_t i = 0; i < sorted.size(); ++i)
-    if (sorted[i] <= rate * static_cast<double>(i + 1) / static_cast<double>(sorted.size())) limit = sorted[i];
+    if (sorted[i] <= rate * static_cast<double>(i + 1) / static_cast<double>(sorted.size()))
+      limit = sorted[i];
   std::vector<bool> found;
   for (const double each : p) found.push_back(each <= limit);
   return found;

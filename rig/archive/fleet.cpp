@@ -17,7 +17,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr double false_drifts = 0.01;  // Of those that are told.
+constexpr double false_drifts = 0.01;  // Of those that are reported.
 
 double median_of_sorted(const std::vector<double>& v) {
   return v.size() % 2 == 1 ? v[v.size() / 2] : (v[v.size() / 2 - 1] + v[v.size() / 2]) / 2;
@@ -28,10 +28,12 @@ std::map<const SessionRecord*, int> ages_of(std::span<const SessionRecord> archi
   std::map<std::string, double> first;
   for (const SessionRecord& r : archive)
     if (const auto s = seconds_of_utc(r.measured_utc))
-      if (const auto known = first.emplace(r.serial, *s); !known.second) known.first->second = std::min(known.first->second, *s);
+      if (const auto known = first.emplace(r.serial, *s); !known.second)
+        known.first->second = std::min(known.first->second, *s);
   std::map<const SessionRecord*, int> out;
   for (const SessionRecord& r : archive)
-    if (const auto s = seconds_of_utc(r.measured_utc)) out[&r] = static_cast<int>((*s - first[r.serial]) / seconds_a_year);
+    if (const auto s = seconds_of_utc(r.measured_utc))
+      out[&r] = static_cast<int>((*s - first[r.serial]) / seconds_a_year);
   return out;
 }
 
@@ -49,8 +51,13 @@ json sizes_json(const Named& named) {
     for (const auto& [group, values] : groups) {
       std::vector<double> sorted = values;
       std::ranges::sort(sorted);
-      out.push_back({{"parameter", parameter}, {"model", group.first}, {"age_years", group.second}, {"sessions", sorted.size()},
-                     {"median", median_of_sorted(sorted)}, {"least", sorted.front()}, {"most", sorted.back()}});
+      out.push_back({{"parameter", parameter},
+                     {"model", group.first},
+                     {"age_years", group.second},
+                     {"sessions", sorted.size()},
+                     {"median", median_of_sorted(sorted)},
+                     {"least", sorted.front()},
+                     {"most", sorted.back()}});
     }
   return out;
 }
@@ -72,8 +79,12 @@ json mechanisms_of(std::span<const SessionRecord> archive) {
   }
   json out = json::array();
   for (const auto& [name, named] : all)
-    out.push_back({{"mechanism", name}, {"sessions", named.sessions.size()}, {"lidars", named.serials.size()},
-                   {"serials", named.serials}, {"least_probability", named.least_probability}, {"sizes", sizes_json(named)}});
+    out.push_back({{"mechanism", name},
+                   {"sessions", named.sessions.size()},
+                   {"lidars", named.serials.size()},
+                   {"serials", named.serials},
+                   {"least_probability", named.least_probability},
+                   {"sizes", sizes_json(named)}});
   std::stable_sort(out.begin(), out.end(), [](const json& a, const json& b) {
     return a.at("sessions").get<std::size_t>() > b.at("sessions").get<std::size_t>();
   });
@@ -90,7 +101,10 @@ json undecided_of(std::span<const SessionRecord> archive) {
       }
   json out = json::array();
   for (const auto& [set, seen] : all)
-    out.push_back({{"between", set}, {"sessions", seen.first}, {"lidars", seen.second.size()}, {"serials", seen.second}});
+    out.push_back({{"between", set},
+                   {"sessions", seen.first},
+                   {"lidars", seen.second.size()},
+                   {"serials", seen.second}});
   std::stable_sort(out.begin(), out.end(), [](const json& a, const json& b) {
     return a.at("sessions").get<std::size_t>() > b.at("sessions").get<std::size_t>();
   });
@@ -103,16 +117,24 @@ json unknown_of(std::span<const SessionRecord> archive) {
     json paths = json::array();
     for (const SessionRecord* s : shape.sessions) paths.push_back(s->path);
     const auto serials = shape.serials();
-    out.push_back({{"coordinate", shape.coordinate}, {"observable", shape.observable}, {"form", shape.form},
-                   {"channel", shape.channel}, {"size", shape.size}, {"lidars", serials.size()}, {"serials", serials},
-                   {"sessions", paths}, {"typical", shape.sessions.front()->path},
-                   {"describes", shape.sessions.front()->explanation->unknown_describes}, {"at", shape.at}, {"curve", shape.curve}});
+    out.push_back({{"coordinate", shape.coordinate},
+                   {"observable", shape.observable},
+                   {"form", shape.form},
+                   {"channel", shape.channel},
+                   {"size", shape.size},
+                   {"lidars", serials.size()},
+                   {"serials", serials},
+                   {"sessions", paths},
+                   {"typical", shape.sessions.front()->path},
+                   {"describes", shape.sessions.front()->explanation->unknown_describes},
+                   {"at", shape.at},
+                   {"curve", shape.curve}});
   }
   return out;
 }
 
-/// The drift that all lidars have in common is the bench's: the median slope of a quantity, with the uncertainty of a
-/// median. A lidar drifts by what it does beside that.
+/// The drift that all lidars have in common is the bench's: the median slope of a quantity, with the
+/// uncertainty of a median. A lidar drifts by what it does beside that.
 struct CommonDrift {
   double per_year = 0, u = 0;
   std::size_t lidars = 0;
@@ -131,7 +153,8 @@ CommonDrift common_of(std::vector<double> slopes) {
   return out;
 }
 
-void add_drifts(json& fleet, std::span<const QuantityHistory> histories, const std::map<std::string, Repeatability>& repeat) {
+void add_drifts(json& fleet, std::span<const QuantityHistory> histories,
+                const std::map<std::string, Repeatability>& repeat) {
   std::vector<const QuantityHistory*> with_line;
   std::vector<Drift> drifts;
   std::vector<double> p_values;
@@ -150,40 +173,59 @@ void add_drifts(json& fleet, std::span<const QuantityHistory> histories, const s
     if (!found[i]) continue;
     const QuantityHistory& h = *with_line[i];
     const CommonDrift common = common_of(slopes[h.model + "/" + h.quantity]);
-    fleet["drifts"].push_back({{"serial", h.serial}, {"model", h.model}, {"quantity", h.quantity}, {"label", h.label}, {"unit", h.unit},
-                               {"per_year", drifts[i].per_year}, {"U", drifts[i].expanded}, {"p_value", drifts[i].p_value},
-                               {"common_per_year", common.per_year}, {"calibrations", h.points.size() - h.since_adjustment()}});
+    fleet["drifts"].push_back({{"serial", h.serial},
+                               {"model", h.model},
+                               {"quantity", h.quantity},
+                               {"label", h.label},
+                               {"unit", h.unit},
+                               {"per_year", drifts[i].per_year},
+                               {"U", drifts[i].expanded},
+                               {"p_value", drifts[i].p_value},
+                               {"common_per_year", common.per_year},
+                               {"calibrations", h.points.size() - h.since_adjustment()}});
   }
   fleet["drifts_looked_at"] = with_line.size();
   for (const auto& [key, list] : slopes) {
     const CommonDrift common = common_of(list);
     // Three standard uncertainties: as many quantities are looked at as there are.
     if (common.u > 0 && std::abs(common.per_year) > 3 * common.u)
-      fleet["common_drifts"].push_back({{"model", key.substr(0, key.find('/'))}, {"quantity", key.substr(key.find('/') + 1)},
-                                        {"per_year", common.per_year}, {"U", 2 * common.u}, {"lidars", common.lidars}});
+      fleet["common_drifts"].push_back({{"model", key.substr(0, key.find('/'))},
+                                        {"quantity", key.substr(key.find('/') + 1)},
+                                        {"per_year", common.per_year},
+                                        {"U", 2 * common.u},
+                                        {"lidars", common.lidars}});
   }
   std::stable_sort(fleet["drifts"].begin(), fleet["drifts"].end(), [](const json& a, const json& b) {
     return a.at("p_value").get<double>() < b.at("p_value").get<double>();
   });
 }
 
-/// A lidar that drifts leaves its own results by itself: its sessions are told there.
+/// A lidar that drifts leaves its own results by itself: its sessions are reported there.
 json strange_of(std::span<const SessionRecord> archive, std::span<const QuantityHistory> histories,
                 const std::map<std::string, Repeatability>& repeat) {
   json out = json::array();
   for (const StrangeSession& s : strange_sessions(archive, histories, repeat))
-    out.push_back({{"session", s.session->path}, {"serial", s.session->serial}, {"measured_utc", s.session->measured_utc},
-                   {"looks_like", s.looks_like}, {"also_like", s.also_like}, {"chi_squared", s.distance},
-                   {"chi_squared_of_other", std::isfinite(s.distance_to_other) ? json(s.distance_to_other) : json()},
-                   {"quantities", s.quantities}, {"p_value", s.p_value}});
+    out.push_back(
+        {{"session", s.session->path},
+         {"serial", s.session->serial},
+         {"measured_utc", s.session->measured_utc},
+         {"looks_like", s.looks_like},
+         {"also_like", s.also_like},
+         {"chi_squared", s.distance},
+         {"chi_squared_of_other", std::isfinite(s.distance_to_other) ? json(s.distance_to_other) : json()},
+         {"quantities", s.quantities},
+         {"p_value", s.p_value}});
   return out;
 }
 
 json repeatability_json(const std::map<std::string, Repeatability>& repeat) {
   json out = json::array();
   for (const auto& [key, r] : repeat)
-    out.push_back({{"model", key.substr(0, key.find('/'))}, {"quantity", key.substr(key.find('/') + 1)}, {"sigma", r.sigma},
-                   {"differences", r.differences}, {"enough", r.differences >= enough_differences}});
+    out.push_back({{"model", key.substr(0, key.find('/'))},
+                   {"quantity", key.substr(key.find('/') + 1)},
+                   {"sigma", r.sigma},
+                   {"differences", r.differences},
+                   {"enough", r.differences >= enough_differences}});
   return out;
 }
 
@@ -195,16 +237,20 @@ json fleet_of(std::span<const SessionRecord> archive) {
   std::string first, last;
   std::size_t without_serial = 0;
   for (const SessionRecord& r : archive) {
-    if (r.serial.empty()) ++without_serial;
-    else models[r.model].insert(r.serial);
+    if (r.serial.empty())
+      ++without_serial;
+    else
+      models[r.model].insert(r.serial);
     ++verdicts[r.explanation ? r.explanation->verdict : "not explained"];
     if (r.measured_utc.empty()) continue;
     if (first.empty() || r.measured_utc < first) first = r.measured_utc;
     last = std::max(last, r.measured_utc);
   }
-  json fleet = {{"schema", "fleet/1"}, {"sessions", archive.size()}, {"first_utc", first}, {"last_utc", last},
-                {"without_serial", without_serial}, {"verdicts", verdicts}, {"models", json::array()}};
-  for (const auto& [model, serials] : models) fleet["models"].push_back({{"model", model}, {"lidars", serials.size()}});
+  json fleet = {{"schema", "fleet/1"},    {"sessions", archive.size()},       {"first_utc", first},
+                {"last_utc", last},       {"without_serial", without_serial}, {"verdicts", verdicts},
+                {"models", json::array()}};
+  for (const auto& [model, serials] : models)
+    fleet["models"].push_back({{"model", model}, {"lidars", serials.size()}});
   fleet["simulated"] = std::ranges::any_of(archive, &SessionRecord::simulated);
   fleet["mechanisms"] = mechanisms_of(archive);
   fleet["undecided"] = undecided_of(archive);

@@ -19,7 +19,8 @@ std::string figure(double value) { return fit::format_value(value, 0); }
 std::string listed_some(const json& names) {
   constexpr std::size_t most = 12;
   std::string out;
-  for (std::size_t i = 0; i < std::min(names.size(), most); ++i) out += (i ? ", " : "") + names[i].get<std::string>();
+  for (std::size_t i = 0; i < std::min(names.size(), most); ++i)
+    out += (i ? ", " : "") + names[i].get<std::string>();
   return names.size() > most ? out + " and " + std::to_string(names.size() - most) + " more" : out;
 }
 
@@ -28,12 +29,15 @@ std::size_t count_in(const json& object, const char* key) { return object.at(key
 std::string summary(const json& f) {
   std::string models, verdicts;
   for (const json& m : f.at("models"))
-    models += (models.empty() ? "" : ", ") + std::to_string(count_in(m, "lidars")) + " " + text_of(m, "model");
-  for (const auto& [verdict, n] : f.at("verdicts").items()) verdicts += (verdicts.empty() ? "" : ", ") + n.dump() + " " + verdict;
-  return "<p class=\"sub\">" + escaped(models) + " &middot; " + counted(count_in(f, "sessions"), "session") + ", " +
-         page::day(text_of(f, "first_utc")) + " to " + page::day(text_of(f, "last_utc")) +
+    models +=
+        (models.empty() ? "" : ", ") + std::to_string(count_in(m, "lidars")) + " " + text_of(m, "model");
+  for (const auto& [verdict, n] : f.at("verdicts").items())
+    verdicts += (verdicts.empty() ? "" : ", ") + n.dump() + " " + verdict;
+  return "<p class=\"sub\">" + escaped(models) + " &middot; " + counted(count_in(f, "sessions"), "session") +
+         ", " + page::day(text_of(f, "first_utc")) + " to " + page::day(text_of(f, "last_utc")) +
          (f.value("simulated", false) ? " &middot; simulated devices among them" : "") +
-         " &middot; ± is the expanded uncertainty (k = 2)</p>\n<p>Explanations: " + escaped(verdicts) + ".</p>\n";
+         " &middot; ± is the expanded uncertainty (k = 2)</p>\n<p>Explanations: " + escaped(verdicts) +
+         ".</p>\n";
 }
 
 std::string findings(const json& f) {
@@ -57,14 +61,16 @@ std::string findings(const json& f) {
   }
   for (const json& shape : f.at("unknown"))
     if (count_in(shape, "lidars") > 1)
-      html += page::box("The same unknown physics in " + counted(count_in(shape, "lidars"), "lidar") + " and " +
-                            counted(shape.at("sessions").size(), "session") + ": " + text_of(shape, "describes") +
-                            ". It is one finding, and a candidate for a mechanism of its own.",
-                        true);
+      html +=
+          page::box("The same unknown physics in " + counted(count_in(shape, "lidars"), "lidar") + " and " +
+                        counted(shape.at("sessions").size(), "session") + ": " + text_of(shape, "describes") +
+                        ". It is one finding, and a candidate for a mechanism of its own.",
+                    true);
   if (!f.at("drifts").empty()) {
     std::string who;
     for (const json& d : f.at("drifts"))
-      if (who.find(text_of(d, "serial")) == std::string::npos) who += (who.empty() ? "" : ", ") + text_of(d, "serial");
+      if (who.find(text_of(d, "serial")) == std::string::npos)
+        who += (who.empty() ? "" : ", ") + text_of(d, "serial");
     html += page::box("These lidars drift: " + who + ".", true);
   }
   for (const json& c : f.at("common_drifts"))
@@ -81,14 +87,24 @@ std::string drifts_section(const json& f) {
   std::vector<std::vector<Cell>> rows;
   for (const json& d : f.at("drifts")) {
     const std::string unit = text_of(d, "unit");
-    rows.push_back({{text_of(d, "serial")}, {text_of(d, "label")},
-                    {fit::format_measurement(number_of(d, "per_year"), number_of(d, "U"), unit.empty() ? "a year" : unit + " a year"), true},
-                    {page::two_digits(number_of(d, "common_per_year")), true}, {std::to_string(count_in(d, "calibrations")), true},
+    rows.push_back({{text_of(d, "serial")},
+                    {text_of(d, "label")},
+                    {fit::format_measurement(number_of(d, "per_year"), number_of(d, "U"),
+                                             unit.empty() ? "a year" : unit + " a year"),
+                     true},
+                    {page::two_digits(number_of(d, "common_per_year")), true},
+                    {std::to_string(count_in(d, "calibrations")), true},
                     {page::two_digits(number_of(d, "p_value")), true}});
   }
   std::string html = "<h2>Drifts</h2>\n";
   if (!rows.empty())
-    html += page::table({{"Lidar"}, {"Quantity"}, {"Drift, k = 2", true}, {"All lidars (median)", true}, {"Calibrations", true}, {"p-value", true}}, rows);
+    html += page::table({{"Lidar"},
+                         {"Quantity"},
+                         {"Drift, k = 2", true},
+                         {"All lidars (median)", true},
+                         {"Calibrations", true},
+                         {"p-value", true}},
+                        rows);
   return html + "<p class=\"sub\">" + counted(count_in(f, "drifts_looked_at"), "line") +
          " examined; of those listed, one in a hundred may be chance (Benjamini and Hochberg).</p>\n";
 }
@@ -99,16 +115,22 @@ std::string unknown_section(const json& f) {
   for (const json& shape : f.at("unknown")) {
     const CoordinateWords coordinate = coordinate_in_words(text_of(shape, "coordinate"));
     html += "<h3>" + escaped(text_of(shape, "form") + " along " + coordinate.name) + " <span class=\"sub\">" +
-            counted(count_in(shape, "lidars"), "lidar") + ", " + counted(shape.at("sessions").size(), "session") + "</span></h3>\n" +
-            page::box(text_of(shape, "describes") + " (" + observable_in_words(text_of(shape, "observable")) + ").") + "<p>Lidars: " +
-            escaped(listed_some(shape.at("serials"))) + "; typical session: " + escaped(text_of(shape, "typical")) + ".</p>\n";
+            counted(count_in(shape, "lidars"), "lidar") + ", " +
+            counted(shape.at("sessions").size(), "session") + "</span></h3>\n" +
+            page::box(text_of(shape, "describes") + " (" + observable_in_words(text_of(shape, "observable")) +
+                      ").") +
+            "<p>Lidars: " + escaped(listed_some(shape.at("serials"))) +
+            "; typical session: " + escaped(text_of(shape, "typical")) + ".</p>\n";
     if (shape.at("curve").empty()) continue;
     Plot plot;
     plot.height_px = 260;
     plot.x_label = coordinate.with_unit();
     plot.y_label = text_of(shape, "channel") == "range_mm" ? "range (mm)" : "angle (deg)";
-    plot.series.push_back({"mean of the sessions", Series::Style::line, shape.at("at").get<std::vector<double>>(),
-                           shape.at("curve").get<std::vector<double>>(), {}});
+    plot.series.push_back({"mean of the sessions",
+                           Series::Style::line,
+                           shape.at("at").get<std::vector<double>>(),
+                           shape.at("curve").get<std::vector<double>>(),
+                           {}});
     html += "<figure>" + to_svg(plot) + "</figure>\n";
   }
   return html;
@@ -118,18 +140,35 @@ std::string mechanisms_section(const json& f) {
   if (f.at("mechanisms").empty()) return "";
   std::vector<std::vector<Cell>> rows, sizes;
   for (const json& m : f.at("mechanisms")) {
-    rows.push_back({{text_of(m, "mechanism")}, {std::to_string(count_in(m, "sessions")), true}, {std::to_string(count_in(m, "lidars")), true},
-                    {figure(number_of(m, "least_probability")), true}, {listed_some(m.at("serials"))}});
+    rows.push_back({{text_of(m, "mechanism")},
+                    {std::to_string(count_in(m, "sessions")), true},
+                    {std::to_string(count_in(m, "lidars")), true},
+                    {figure(number_of(m, "least_probability")), true},
+                    {listed_some(m.at("serials"))}});
     for (const json& s : m.at("sizes"))
-      sizes.push_back({{text_of(m, "mechanism")}, {text_of(s, "parameter")}, {text_of(s, "model")},
-                       {std::to_string(s.at("age_years").get<int>()) + " to " + std::to_string(s.at("age_years").get<int>() + 1), true},
-                       {std::to_string(count_in(s, "sessions")), true}, {figure(number_of(s, "median")), true},
+      sizes.push_back({{text_of(m, "mechanism")},
+                       {text_of(s, "parameter")},
+                       {text_of(s, "model")},
+                       {std::to_string(s.at("age_years").get<int>()) + " to " +
+                            std::to_string(s.at("age_years").get<int>() + 1),
+                        true},
+                       {std::to_string(count_in(s, "sessions")), true},
+                       {figure(number_of(s, "median")), true},
                        {figure(number_of(s, "least")) + " to " + figure(number_of(s, "most")), true}});
   }
   return "<h2>Mechanisms named</h2>\n" +
-         page::table({{"Mechanism"}, {"Sessions", true}, {"Lidars", true}, {"Least probability", true}, {"Which"}}, rows) +
+         page::table(
+             {{"Mechanism"}, {"Sessions", true}, {"Lidars", true}, {"Least probability", true}, {"Which"}},
+             rows) +
          "<h3>Their sizes, by model and age</h3>\n" +
-         page::table({{"Mechanism"}, {"Parameter"}, {"Model"}, {"Age (years)", true}, {"Sessions", true}, {"Median", true}, {"Range", true}}, sizes, true) +
+         page::table({{"Mechanism"},
+                      {"Parameter"},
+                      {"Model"},
+                      {"Age (years)", true},
+                      {"Sessions", true},
+                      {"Median", true},
+                      {"Range", true}},
+                     sizes, true) +
          "<p class=\"sub\">Age: since the first calibration in the archive.</p>\n";
 }
 
@@ -137,20 +176,28 @@ std::string undecided_section(const json& f) {
   if (f.at("undecided").empty()) return "";
   std::vector<std::vector<Cell>> rows;
   for (const json& u : f.at("undecided"))
-    rows.push_back({{text_of(u, "between")}, {std::to_string(count_in(u, "sessions")), true}, {std::to_string(count_in(u, "lidars")), true},
+    rows.push_back({{text_of(u, "between")},
+                    {std::to_string(count_in(u, "sessions")), true},
+                    {std::to_string(count_in(u, "lidars")), true},
                     {listed_some(u.at("serials"))}});
-  return "<h2>Undecided</h2>\n" + page::table({{"One of"}, {"Sessions", true}, {"Lidars", true}, {"Which"}}, rows);
+  return "<h2>Undecided</h2>\n" +
+         page::table({{"One of"}, {"Sessions", true}, {"Lidars", true}, {"Which"}}, rows);
 }
 
 std::string repeatability_section(const json& f) {
   std::vector<std::vector<Cell>> rows;
   for (const json& r : f.at("repeatability"))
-    rows.push_back({{text_of(r, "model")}, {text_of(r, "quantity")}, {fit::format_uncertainty(number_of(r, "sigma")), true},
-                    {std::to_string(count_in(r, "differences")), true}, {r.value("enough", false) ? "" : "too few to be used"}});
+    rows.push_back({{text_of(r, "model")},
+                    {text_of(r, "quantity")},
+                    {fit::format_uncertainty(number_of(r, "sigma")), true},
+                    {std::to_string(count_in(r, "differences")), true},
+                    {r.value("enough", false) ? "" : "too few to be used"}});
   if (rows.empty()) return "";
   return "<h2>How well calibrations repeat</h2>\n" +
-         page::table({{"Model"}, {"Quantity"}, {"Standard deviation", true}, {"Pairs", true}, {""}}, rows, true) +
-         "<p class=\"sub\">From one calibration to the next of the same lidar: median moving range. Control limits and drifts rest on it.</p>\n";
+         page::table({{"Model"}, {"Quantity"}, {"Standard deviation", true}, {"Pairs", true}, {""}}, rows,
+                     true) +
+         "<p class=\"sub\">From one calibration to the next of the same lidar: median moving range. Control "
+         "limits and drifts rest on it.</p>\n";
 }
 
 }  // namespace

@@ -55,15 +55,20 @@ json chart_of(const QuantityHistory& h, const Repeatability* archive) {
   const std::size_t from = h.since_adjustment();
   const double centre = mean_since(h);
   std::vector<double> z;
-  for (std::size_t i = from; i < h.points.size(); ++i) z.push_back((h.points[i].value->value - centre) / width.sigma);
+  for (std::size_t i = from; i < h.points.size(); ++i)
+    z.push_back((h.points[i].value->value - centre) / width.sigma);
   json signals = json::array();
   for (const ChartSignal& signal : chart_signals(z)) {
     json at = json::array();
     for (const std::size_t i : signal.points) at.push_back(from + i);
     signals.push_back({{"rule", signal.rule}, {"points", at}});
   }
-  return {{"centre", centre}, {"sigma", width.sigma}, {"lower", centre - 3 * width.sigma}, {"upper", centre + 3 * width.sigma},
-          {"limits_from", width.from}, {"signals", signals}};
+  return {{"centre", centre},
+          {"sigma", width.sigma},
+          {"lower", centre - 3 * width.sigma},
+          {"upper", centre + 3 * width.sigma},
+          {"limits_from", width.from},
+          {"signals", signals}};
 }
 
 /// The narrowest requirement that the newest session states for the quantity.
@@ -78,11 +83,12 @@ std::pair<double, double> required(const QuantityHistory& h) {
 }
 
 std::string months_in_words(double months) {
-  return months < 1 ? "less than a month" : std::to_string(static_cast<int>(months)) + (months < 2 ? " month" : " months");
+  return months < 1 ? "less than a month"
+                    : std::to_string(static_cast<int>(months)) + (months < 2 ? " month" : " months");
 }
 
-/// When to calibrate again: before what is known of the drift may have used up the room to the requirement, or, without
-/// one, the uncertainty of the calibration; never more than twice the interval so far.
+/// When to calibrate again: before what is known of the drift may have used up the room to the requirement,
+/// or, without one, the uncertainty of the calibration; never more than twice the interval so far.
 json interval_of(const QuantityHistory& h, const Drift& drift) {
   std::vector<double> gaps;
   for (std::size_t i = 1; i < h.points.size(); ++i)
@@ -98,13 +104,16 @@ json interval_of(const QuantityHistory& h, const Drift& drift) {
   const double expanded = newest.value->expanded, value = newest.value->value;
   const auto [least, most] = required(h);
   const bool has_requirement = std::isfinite(least) || std::isfinite(most);
-  const double until = has_requirement
-                           ? years_until(most - value - expanded, value - expanded - least, drift.per_year, drift.expanded)
-                           : years_until(expanded, expanded, drift.per_year, drift.expanded);
+  const double until = has_requirement ? years_until(most - value - expanded, value - expanded - least,
+                                                     drift.per_year, drift.expanded)
+                                       : years_until(expanded, expanded, drift.per_year, drift.expanded);
   const double limit = std::min(longest_extension * present, longest_interval_years);
   const double months = std::floor(std::min(until, limit) * months_a_year + 1e-6);
-  std::string why = has_requirement ? "then the drift may have reached the requirement, with its uncertainty and that of the calibration"
-                                    : "then the drift may have moved the value by the expanded uncertainty of its calibration";
+  std::string why =
+      has_requirement
+          ? "then the drift may have reached the requirement, with its uncertainty and that of the "
+            "calibration"
+          : "then the drift may have moved the value by the expanded uncertainty of its calibration";
   if (until > limit)
     why = "no known drift requires less; at most twice the present interval (" +
           months_in_words(std::round(present * months_a_year)) + ") and five years";
@@ -115,17 +124,28 @@ json interval_of(const QuantityHistory& h, const Drift& drift) {
 json drift_json(const QuantityHistory& h, const Drift& drift) {
   if (drift.degrees_of_freedom <= 0) return nullptr;
   const double k = fit::coverage_factor(drift.degrees_of_freedom);
-  return {{"per_year", drift.per_year}, {"u", drift.u}, {"U", drift.expanded}, {"k", k},
-          {"degrees_of_freedom", drift.degrees_of_freedom}, {"p_value", drift.p_value}, {"at_first", drift.at_zero},
-          {"significant", drift.p_value < sure_of_drift}, {"calibrations", h.points.size() - h.since_adjustment()}};
+  return {{"per_year", drift.per_year},
+          {"u", drift.u},
+          {"U", drift.expanded},
+          {"k", k},
+          {"degrees_of_freedom", drift.degrees_of_freedom},
+          {"p_value", drift.p_value},
+          {"at_first", drift.at_zero},
+          {"significant", drift.p_value < sure_of_drift},
+          {"calibrations", h.points.size() - h.since_adjustment()}};
 }
 
 json points_json(const QuantityHistory& h) {
   json points = json::array();
   for (std::size_t i = 0; i < h.points.size(); ++i) {
     const HistoryPoint& p = h.points[i];
-    json point = {{"measured_utc", p.session->measured_utc}, {"years", p.years}, {"session", p.session->path},
-                  {"value", p.value->value}, {"u", p.value->u}, {"U", p.value->expanded}, {"item_state", p.session->item_state}};
+    json point = {{"measured_utc", p.session->measured_utc},
+                  {"years", p.years},
+                  {"session", p.session->path},
+                  {"value", p.value->value},
+                  {"u", p.value->u},
+                  {"U", p.value->expanded},
+                  {"item_state", p.session->item_state}};
     if (i > 0) {
       const ArchivedValue& before = *h.points[i - 1].value;
       point["change"] = p.value->value - before.value;
@@ -140,14 +160,21 @@ json quantity_json(const QuantityHistory& h, const std::map<std::string, Repeata
   // Years count from the lidar's own first calibration in the document.
   const Drift drift = drift_of(h, archive);
   const auto [least, most] = required(h);
-  return {{"quantity", h.quantity}, {"label", h.label}, {"unit", h.unit}, {"points", points_json(h)},
-          {"chart", chart_of(h, repeatability_in(archive, h))}, {"drift", drift_json(h, drift)}, {"interval", interval_of(h, drift)},
+  return {{"quantity", h.quantity},
+          {"label", h.label},
+          {"unit", h.unit},
+          {"points", points_json(h)},
+          {"chart", chart_of(h, repeatability_in(archive, h))},
+          {"drift", drift_json(h, drift)},
+          {"interval", interval_of(h, drift)},
           {"required", {{"min", number_or_null(least)}, {"max", number_or_null(most)}}}};
 }
 
 json session_json(const SessionRecord& r) {
-  json out = {{"measured_utc", r.measured_utc}, {"path", r.path}, {"procedure", r.procedure}, {"bench", r.bench},
-              {"item_state", r.item_state}, {"software", r.software}, {"sha256", r.content_sha256}, {"simulated", r.simulated}};
+  json out = {{"measured_utc", r.measured_utc}, {"path", r.path},
+              {"procedure", r.procedure},       {"bench", r.bench},
+              {"item_state", r.item_state},     {"software", r.software},
+              {"sha256", r.content_sha256},     {"simulated", r.simulated}};
   if (r.explanation) out["explanation"] = r.explanation->verdict;
   return out;
 }
@@ -191,13 +218,15 @@ std::map<std::string, Repeatability> repeatabilities_of(std::span<const Quantity
   for (const QuantityHistory& h : histories)
     for (std::size_t i = 1; i < h.points.size(); ++i)
       if (!h.points[i].is_adjusted)
-        differences[key_of(h.model, h.quantity)].push_back(h.points[i].value->value - h.points[i - 1].value->value);
+        differences[key_of(h.model, h.quantity)].push_back(h.points[i].value->value -
+                                                           h.points[i - 1].value->value);
   std::map<std::string, Repeatability> out;
   for (auto& [key, list] : differences) out[key] = repeatability_of(std::move(list));
   return out;
 }
 
-const Repeatability* repeatability_in(const std::map<std::string, Repeatability>& all, const QuantityHistory& h) {
+const Repeatability* repeatability_in(const std::map<std::string, Repeatability>& all,
+                                      const QuantityHistory& h) {
   const auto found = all.find(key_of(h.model, h.quantity));
   return found == all.end() ? nullptr : &found->second;
 }
@@ -230,10 +259,12 @@ json history_of(std::span<const SessionRecord> archive, const std::string& seria
     std::ranges::sort(serials);
     serials.erase(std::unique(serials.begin(), serials.end()), serials.end());
     throw UsageError("the archive has no session of a lidar '" + serial + "'" +
-                     fit::ending_with_guess(fit::nearest_word(serial, serials)) + " `rig archive list` shows them all.");
+                     fit::ending_with_guess(fit::nearest_word(serial, serials)) +
+                     " `rig archive list` shows them all.");
   }
   if (undated > 0)
-    notes.push_back(std::to_string(undated) + " of its sessions have no date and are left out of every chart.");
+    notes.push_back(std::to_string(undated) +
+                    " of its sessions have no date and are left out of every chart.");
   const auto histories = histories_of(archive);
   const auto repeat = repeatabilities_of(histories);
   for (const QuantityHistory& h : histories)
@@ -247,8 +278,10 @@ json history_of(std::span<const SessionRecord> archive, const std::string& seria
     months = interval.at("months");
     by = q.at("label");
   }
-  return {{"schema", "history/1"}, {"serial", serial}, {"model", model}, {"sessions", sessions}, {"quantities", quantities},
-          {"recommended", {{"months", months}, {"by", by}}}, {"notes", notes}};
+  return {
+      {"schema", "history/1"}, {"serial", serial},         {"model", model},
+      {"sessions", sessions},  {"quantities", quantities}, {"recommended", {{"months", months}, {"by", by}}},
+      {"notes", notes}};
 }
 
 json previous_calibration(std::span<const SessionRecord> archive, const SessionRecord& session) {
@@ -257,13 +290,14 @@ json previous_calibration(std::span<const SessionRecord> archive, const SessionR
   const auto shares = [&](const SessionRecord& r) {
     return std::ranges::any_of(r.values, [&](const ArchivedValue& v) {
       return v.expanded > 0 && std::ranges::any_of(session.values, [&](const ArchivedValue& own) {
-        return own.expanded > 0 && own.quantity() == v.quantity();
-      });
+               return own.expanded > 0 && own.quantity() == v.quantity();
+             });
     });
   };
   for (const SessionRecord& r : archive) {
     const auto when = seconds_of_utc(r.measured_utc);
-    if (r.serial.empty() || r.serial != session.serial || r.content_sha256 == session.content_sha256) continue;
+    if (r.serial.empty() || r.serial != session.serial || r.content_sha256 == session.content_sha256)
+      continue;
     if (!now || !when || *when >= *now || !shares(r)) continue;
     if (!previous || *when > *seconds_of_utc(previous->measured_utc)) previous = &r;
   }
@@ -272,11 +306,21 @@ json previous_calibration(std::span<const SessionRecord> archive, const SessionR
   for (const ArchivedValue& v : session.values)
     for (const ArchivedValue& before : previous->values)
       if (before.quantity() == v.quantity() && v.expanded > 0 && before.expanded > 0)
-        values.push_back({{"quantity", v.quantity()}, {"label", v.label}, {"unit", v.unit}, {"value", v.value}, {"U", v.expanded},
-                          {"previous", before.value}, {"previous_U", before.expanded}, {"change", v.value - before.value},
+        values.push_back({{"quantity", v.quantity()},
+                          {"label", v.label},
+                          {"unit", v.unit},
+                          {"value", v.value},
+                          {"U", v.expanded},
+                          {"previous", before.value},
+                          {"previous_U", before.expanded},
+                          {"change", v.value - before.value},
                           {"e_n", number_or_null(e_n(v.value, v.expanded, before.value, before.expanded))}});
-  return {{"schema", "previous/1"}, {"measured_utc", previous->measured_utc}, {"session", previous->path},
-          {"sha256", previous->content_sha256}, {"item_state", previous->item_state}, {"values", values}};
+  return {{"schema", "previous/1"},
+          {"measured_utc", previous->measured_utc},
+          {"session", previous->path},
+          {"sha256", previous->content_sha256},
+          {"item_state", previous->item_state},
+          {"values", values}};
 }
 
 }  // namespace rig

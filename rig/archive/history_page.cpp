@@ -52,7 +52,9 @@ std::string required_in_words(const json& q) {
   const double least = number_of(q.at("required"), "min"), most = number_of(q.at("required"), "max");
   std::string words;
   if (std::isfinite(least)) words = "at least " + fit::with_unit(fit::format_value(least, 0), unit_of(q));
-  if (std::isfinite(most)) words += (words.empty() ? "" : ", ") + ("at most " + fit::with_unit(fit::format_value(most, 0), unit_of(q)));
+  if (std::isfinite(most))
+    words +=
+        (words.empty() ? "" : ", ") + ("at most " + fit::with_unit(fit::format_value(most, 0), unit_of(q)));
   return words;
 }
 
@@ -80,9 +82,12 @@ Plot chart(const json& q) {
   plot.series.push_back(left);
   if (const json& c = q.at("chart"); c.is_object()) {
     level("centre line", number_of(c, "centre"));
-    plot.series.push_back({"control limits", Series::Style::line,
-                           {first - beside, last + beside, NAN, first - beside, last + beside},
-                           {number_of(c, "lower"), number_of(c, "lower"), NAN, number_of(c, "upper"), number_of(c, "upper")}, {}});
+    plot.series.push_back(
+        {"control limits",
+         Series::Style::line,
+         {first - beside, last + beside, NAN, first - beside, last + beside},
+         {number_of(c, "lower"), number_of(c, "lower"), NAN, number_of(c, "upper"), number_of(c, "upper")},
+         {}});
   }
   if (const json& d = q.at("drift"); drifts(q)) {
     const std::size_t from = q.at("points").size() - d.at("calibrations").get<std::size_t>();
@@ -96,8 +101,11 @@ Plot chart(const json& q) {
   }
   // Requirements far away would press everything else into one line; the text names them.
   const auto [low, high] = extent_of(q);
-  for (const auto& [key, name] : {std::pair{"min", "required, at least"}, std::pair{"max", "required, at most"}})
-    if (const double at = number_of(q.at("required"), key); at > low - (high - low) && at < high + (high - low)) level(name, at);
+  for (const auto& [key, name] :
+       {std::pair{"min", "required, at least"}, std::pair{"max", "required, at most"}})
+    if (const double at = number_of(q.at("required"), key);
+        at > low - (high - low) && at < high + (high - low))
+      level(name, at);
   return plot;
 }
 
@@ -113,30 +121,42 @@ std::string points_table(const json& q) {
                     {text_of(p, "item_state")},
                     {text_of(p, "session")}});
   }
-  return page::table({{"Date"}, {"Value", true}, {"U (k = 2)", true}, {"Change", true}, {"E_n", true}, {"State"}, {"Session"}}, rows, true);
+  return page::table({{"Date"},
+                      {"Value", true},
+                      {"U (k = 2)", true},
+                      {"Change", true},
+                      {"E_n", true},
+                      {"State"},
+                      {"Session"}},
+                     rows, true);
 }
 
 std::string quantity_section(const json& q) {
-  std::string html = "<h2>" + escaped(text_of(q, "label")) + " <span class=\"sub\">" + escaped(text_of(q, "quantity")) +
-                     "</span></h2>\n<figure>" + to_svg(chart(q)) + "</figure>\n";
+  std::string html = "<h2>" + escaped(text_of(q, "label")) + " <span class=\"sub\">" +
+                     escaped(text_of(q, "quantity")) + "</span></h2>\n<figure>" + to_svg(chart(q)) +
+                     "</figure>\n";
   if (const json& d = q.at("drift"); d.is_object())
-    html += page::box("Drift: " + drift_in_words(q) + " (k = " + page::fixed(number_of(d, "k"), 2) + ", p = " +
-                          page::two_digits(number_of(d, "p_value")) + (drifts(q) ? "): it drifts." : "): no drift is shown."),
+    html += page::box("Drift: " + drift_in_words(q) + " (k = " + page::fixed(number_of(d, "k"), 2) +
+                          ", p = " + page::two_digits(number_of(d, "p_value")) +
+                          (drifts(q) ? "): it drifts." : "): no drift is shown."),
                       drifts(q));
   if (const json& c = q.at("chart"); c.is_object()) {
     for (const json& signal : c.at("signals")) {
       std::string when;
       for (const json& i : signal.at("points"))
-        when += (when.empty() ? "" : ", ") + page::day(text_of(q.at("points").at(i.get<std::size_t>()), "measured_utc"));
+        when += (when.empty() ? "" : ", ") +
+                page::day(text_of(q.at("points").at(i.get<std::size_t>()), "measured_utc"));
       html += page::box(text_of(signal, "rule") + ": " + when + ".", true);
     }
     html += "<p class=\"sub\">Control limits: three standard deviations of " +
-            escaped(fit::with_unit(fit::format_uncertainty(number_of(c, "sigma")), unit_of(q))) + " about the mean; from " +
-            escaped(text_of(c, "limits_from")) + ".</p>\n";
+            escaped(fit::with_unit(fit::format_uncertainty(number_of(c, "sigma")), unit_of(q))) +
+            " about the mean; from " + escaped(text_of(c, "limits_from")) + ".</p>\n";
   }
   if (const json& interval = q.at("interval"); interval.is_object())
-    html += "<p>Next calibration after " + escaped(interval_in_words(interval)) + ": " + escaped(text_of(interval, "why")) + ".</p>\n";
-  if (const std::string words = required_in_words(q); !words.empty()) html += "<p>Required: " + escaped(words) + ".</p>\n";
+    html += "<p>Next calibration after " + escaped(interval_in_words(interval)) + ": " +
+            escaped(text_of(interval, "why")) + ".</p>\n";
+  if (const std::string words = required_in_words(q); !words.empty())
+    html += "<p>Required: " + escaped(words) + ".</p>\n";
   return html + points_table(q);
 }
 
@@ -147,7 +167,8 @@ std::string overview(const json& quantities) {
     const double expanded = number_of(newest, "U"), error = number_of(newest, "e_n");
     std::string signals;
     if (q.at("chart").is_object())
-      for (const json& s : q.at("chart").at("signals")) signals += (signals.empty() ? "" : ", ") + text_of(s, "rule").substr(0, text_of(s, "rule").find(':'));
+      for (const json& s : q.at("chart").at("signals"))
+        signals += (signals.empty() ? "" : ", ") + text_of(s, "rule").substr(0, text_of(s, "rule").find(':'));
     rows.push_back({{text_of(q, "label")},
                     {fit::format_measurement(number_of(newest, "value"), expanded, unit_of(q)), true},
                     {page::fixed(error, 2), true, std::abs(error) > 1},
@@ -155,8 +176,13 @@ std::string overview(const json& quantities) {
                     {signals, false, !signals.empty()},
                     {interval_in_words(q.at("interval")), true}});
   }
-  return page::table({{"Quantity"}, {"Newest value, k = 2", true}, {"E_n to the one before", true}, {"Drift, k = 2", true},
-                      {"Control chart"}, {"Calibrate again after", true}}, rows);
+  return page::table({{"Quantity"},
+                      {"Newest value, k = 2", true},
+                      {"E_n to the one before", true},
+                      {"Drift, k = 2", true},
+                      {"Control chart"},
+                      {"Calibrate again after", true}},
+                     rows);
 }
 
 }  // namespace
@@ -164,13 +190,17 @@ std::string overview(const json& quantities) {
 std::string history_html(const json& h) {
   const json& sessions = h.at("sessions");
   std::string html = page::head("History of the lidar " + text_of(h, "serial"));
-  const bool simulated = std::ranges::any_of(sessions, [](const json& s) { return s.value("simulated", false); });
-  html += "<p class=\"sub\">" + escaped(text_of(h, "model")) + " &middot; " + page::counted(sessions.size(), "session") +
-          ", " + page::day(text_of(sessions.front(), "measured_utc")) + " to " +
-          page::day(text_of(sessions.back(), "measured_utc")) + (simulated ? " &middot; of simulated devices" : "") +
+  const bool simulated =
+      std::ranges::any_of(sessions, [](const json& s) { return s.value("simulated", false); });
+  html += "<p class=\"sub\">" + escaped(text_of(h, "model")) + " &middot; " +
+          page::counted(sessions.size(), "session") + ", " +
+          page::day(text_of(sessions.front(), "measured_utc")) + " to " +
+          page::day(text_of(sessions.back(), "measured_utc")) +
+          (simulated ? " &middot; of simulated devices" : "") +
           " &middot; ± is the expanded uncertainty (k = 2)</p>\n";
   if (const json& r = h.at("recommended"); !r.at("months").is_null())
-    html += page::box("Calibrate again after " + interval_in_words(r) + ", as " + text_of(r, "by") + " asks for.");
+    html += page::box("Calibrate again after " + interval_in_words(r) + ", as " + text_of(r, "by") +
+                      " asks for.");
   for (const json& note : h.at("notes")) html += page::box(note.get<std::string>(), true);
   html += overview(h.at("quantities"));
   html +=
@@ -182,10 +212,16 @@ std::string history_html(const json& h) {
   html += "<h2>Sessions</h2>\n";
   std::vector<std::vector<Cell>> rows;
   for (const json& s : sessions)
-    rows.push_back({{page::day(text_of(s, "measured_utc"))}, {text_of(s, "procedure")}, {text_of(s, "bench")},
-                    {text_of(s, "item_state")}, {text_of(s, "explanation", "not explained")}, {text_of(s, "software")},
+    rows.push_back({{page::day(text_of(s, "measured_utc"))},
+                    {text_of(s, "procedure")},
+                    {text_of(s, "bench")},
+                    {text_of(s, "item_state")},
+                    {text_of(s, "explanation", "not explained")},
+                    {text_of(s, "software")},
                     {text_of(s, "path")}});
-  html += page::table({{"Date"}, {"Procedure"}, {"Bench"}, {"State"}, {"Explanation"}, {"Software"}, {"Session"}}, rows, true);
+  html +=
+      page::table({{"Date"}, {"Procedure"}, {"Bench"}, {"State"}, {"Explanation"}, {"Software"}, {"Session"}},
+                  rows, true);
   return html + page::end();
 }
 

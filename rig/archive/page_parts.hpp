@@ -13,14 +13,17 @@
 
 namespace rig::page {
 
-// What the pages of an archive are put together from. Every text that a session may hold passes through escaped().
+// What the pages of an archive are put together from. Every text that a session may hold passes through
+// escaped().
 
 inline std::string head(const std::string& title) {
   return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" "
          "content=\"width=device-width, initial-scale=1\"><title>" +
          escaped(title) + "</title><style>" + page_style() +
-         ".bad{color:#b02a00;font-weight:600}.small td,.small th{font-size:.85em}th{vertical-align:bottom}td{vertical-align:top}"
-         ".warn{border-left-color:#b02a00}.scroll{overflow-x:auto}td.n{white-space:nowrap}</style></head><body>\n<h1>" +
+         ".bad{color:#b02a00;font-weight:600}.small td,.small "
+         "th{font-size:.85em}th{vertical-align:bottom}td{vertical-align:top}"
+         ".warn{border-left-color:#b02a00}.scroll{overflow-x:auto}td.n{white-space:nowrap}</style></"
+         "head><body>\n<h1>" +
          escaped(title) + "</h1>\n";
 }
 
@@ -32,15 +35,19 @@ struct Cell {
   bool is_number = false, is_bad = false;
 };
 
-inline std::string table(const std::vector<Cell>& columns, const std::vector<std::vector<Cell>>& rows, bool is_small = false) {
-  std::string html = std::string("<div class=\"scroll\"><table") + (is_small ? " class=\"small\"" : "") + "><thead><tr>";
-  for (const Cell& c : columns) html += std::string(c.is_number ? "<th class=\"n\">" : "<th>") + escaped(c.text) + "</th>";
+inline std::string table(const std::vector<Cell>& columns, const std::vector<std::vector<Cell>>& rows,
+                         bool is_small = false) {
+  std::string html =
+      std::string("<div class=\"scroll\"><table") + (is_small ? " class=\"small\"" : "") + "><thead><tr>";
+  for (const Cell& c : columns)
+    html += std::string(c.is_number ? "<th class=\"n\">" : "<th>") + escaped(c.text) + "</th>";
   html += "</tr></thead><tbody>\n";
   for (const auto& row : rows) {
     html += "<tr>";
     for (const Cell& c : row)
-      html += std::string(c.is_number ? "<td class=\"n\">" : "<td>") + (c.is_bad ? "<span class=\"bad\">" : "") +
-              escaped(c.text) + (c.is_bad ? "</span>" : "") + "</td>";
+      html += std::string(c.is_number ? "<td class=\"n\">" : "<td>") +
+              (c.is_bad ? "<span class=\"bad\">" : "") + escaped(c.text) + (c.is_bad ? "</span>" : "") +
+              "</td>";
     html += "</tr>\n";
   }
   return html + "</tbody></table></div>\n";

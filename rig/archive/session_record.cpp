@@ -25,7 +25,8 @@ using nlohmann::json;
 constexpr std::size_t longest_text = 2000, most_entries = 2000;
 constexpr int deepest_nesting = 64;
 
-/// A document that a stranger may have written: nested so deeply that walking it would exhaust the stack, it is none.
+/// A document that a stranger may have written: nested so deeply that walking it would exhaust the stack, it
+/// is none.
 json document_in(const std::string& text) {
   int depth = 0;
   bool in_string = false;
@@ -84,7 +85,13 @@ void add_values(SessionRecord& record, const std::string& kind, const json& resu
   for (const json& value : list_of(result, "values")) {
     const double number = number_of(value, "value");
     if (!std::isfinite(number) || record.values.size() >= most_entries) continue;
-    ArchivedValue out{clean(kind), clean_at(value, "name"), clean_at(value, "label"), clean_at(value, "unit"), number, 0, 0};
+    ArchivedValue out{clean(kind),
+                      clean_at(value, "name"),
+                      clean_at(value, "label"),
+                      clean_at(value, "unit"),
+                      number,
+                      0,
+                      0};
     out.expanded = std::abs(finite_or_zero(expanded_of(value)));
     const double k = finite_or_zero(number_of(value, "k", 2));
     out.u = std::abs(finite_or_zero(number_of(value, "u", k > 0 ? out.expanded / k : out.expanded / 2)));
@@ -142,7 +149,8 @@ std::string sha256_of(const std::string& text) {
 void add_procedure(SessionRecord& record, const SessionStore& session) {
   record.kind = clean(session.get("kind").value_or(""));
   record.procedure = clean(session.get("procedure_name").value_or(session.get("kind").value_or("")));
-  if (const auto text = session.get("procedure"); text && !text->empty()) record.procedure_sha256 = sha256_of(*text);
+  if (const auto text = session.get("procedure"); text && !text->empty())
+    record.procedure_sha256 = sha256_of(*text);
 }
 
 void add_bench(SessionRecord& record, const SessionStore& session) {
@@ -169,7 +177,8 @@ std::optional<ArchivedExplanation> explanation_in(const std::string& text, const
   out.verdict = clean_at(document, "verdict");
   out.made_utc = clean(made_utc);
   for (const json& found : list_of(document, "mechanisms")) {
-    ArchivedMechanism mechanism{clean_at(found, "mechanism"), finite_or_zero(number_of(found, "probability")), {}};
+    ArchivedMechanism mechanism{
+        clean_at(found, "mechanism"), finite_or_zero(number_of(found, "probability")), {}};
     if (mechanism.mechanism.empty() || out.mechanisms.size() >= most_entries) continue;
     const json parameters = found.value("parameters", json::object());
     if (parameters.is_object())
@@ -197,12 +206,13 @@ SessionRecord read_session_record(const std::string& folder, const std::string& 
   record.bytes = stamp.bytes;
   record.modified_ns = stamp.modified_ns;
   record.file_sha256 = file_sha256(file);
-  const SessionStore session(file, SessionStore::Mode::look);
+  const SessionStore session(file, SessionStore::Mode::peek);
   record.content_sha256 = session.content_hash();
   record.measured_utc = clean(dates_of(session).measured_utc);
   record.software = clean(session.get("software").value_or(""));
   record.ended = clean(session.get("ended").value_or(""));
-  const std::string lidar_text = session.get("lidar").value_or(""), stage_text = session.get("stage").value_or("");
+  const std::string lidar_text = session.get("lidar").value_or(""),
+                    stage_text = session.get("stage").value_or("");
   const LidarIdentity lidar = lidar_in(document_in(lidar_text));
   record.model = clean(lidar.name());
   record.serial = clean(lidar.serial);
@@ -224,7 +234,8 @@ SessionRecord read_session_record(const std::string& folder, const std::string& 
     result.kind == "limits" ? add_limits(record, document) : add_values(record, result.kind, document);
   }
   if (file_stamp(file) != stamp)
-    throw MeasurementError(path + " changed while it was read: it is being written. Add it when its run has ended.");
+    throw MeasurementError(path +
+                           " changed while it was read: it is being written. Add it when its run has ended.");
   return record;
 }
 
@@ -249,10 +260,11 @@ FileStamp file_stamp(const std::string& path) {
 
 std::optional<double> seconds_of_utc(const std::string& utc) {
   std::tm t{};
-  if (std::sscanf(utc.c_str(), "%4d-%2d-%2dT%2d:%2d:%2d", &t.tm_year, &t.tm_mon, &t.tm_mday, &t.tm_hour, &t.tm_min,
-                  &t.tm_sec) != 6)
+  if (std::sscanf(utc.c_str(), "%4d-%2d-%2dT%2d:%2d:%2d", &t.tm_year, &t.tm_mon, &t.tm_mday, &t.tm_hour,
+                  &t.tm_min, &t.tm_sec) != 6)
     return std::nullopt;
-  if (t.tm_year < 1900 || t.tm_mon < 1 || t.tm_mon > 12 || t.tm_mday < 1 || t.tm_mday > 31) return std::nullopt;
+  if (t.tm_year < 1900 || t.tm_mon < 1 || t.tm_mon > 12 || t.tm_mday < 1 || t.tm_mday > 31)
+    return std::nullopt;
   t.tm_year -= 1900;
   t.tm_mon -= 1;
   return static_cast<double>(::timegm(&t));

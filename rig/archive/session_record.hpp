@@ -13,7 +13,7 @@ namespace rig {
 
 /// One value of a result, as the archive keeps it.
 struct ArchivedValue {
-  std::string kind, name, label, unit;  ///< kind.name is the quantity: "centre.centre_x_mm".
+  std::string kind, name, label, unit;    ///< kind.name is the quantity: "centre.centre_x_mm".
   double value = 0, u = 0, expanded = 0;  ///< u: k = 1; expanded: as the certificate has it. 0: not stated.
   [[nodiscard]] std::string quantity() const { return kind + "." + name; }
 };
@@ -43,7 +43,7 @@ struct ArchivedExplanation {
 
 /// What an archive knows of one session: all that `rig archive list`, `rig history` and `rig fleet` read.
 struct SessionRecord {
-  std::string path;            ///< From the archive's folder.
+  std::string path;  ///< From the archive's folder.
   std::int64_t bytes = 0, modified_ns = 0;
   std::string file_sha256;     ///< Of the file, byte for byte.
   std::string content_sha256;  ///< Of what was measured (SessionStore::content_hash): the session's identity.
@@ -57,14 +57,16 @@ struct SessionRecord {
   std::optional<ArchivedExplanation> explanation;
 };
 
-/// Reads a session as an archive does: nothing on the disk changes, and whatever the file holds ends in a record or
-/// in an error. `folder` / `path` is the file. Throws UsageError or MeasurementError.
+/// Reads a session as an archive does: nothing on the disk changes, and whatever the file holds ends in a
+/// record or in an error. `folder` / `path` is the file. Throws UsageError or MeasurementError.
 [[nodiscard]] SessionRecord read_session_record(const std::string& folder, const std::string& path);
 
 /// The explanation in a document (`explanation/1`); nothing if it is none.
-[[nodiscard]] std::optional<ArchivedExplanation> explanation_in(const std::string& json, const std::string& made_utc);
+[[nodiscard]] std::optional<ArchivedExplanation> explanation_in(const std::string& json,
+                                                                const std::string& made_utc);
 
-/// Text as an index holds it and a terminal may show it: UTF-8 without control characters, at most 2,000 bytes.
+/// Text as an index holds it and a terminal may show it: UTF-8 without control characters, at most 2,000
+/// bytes.
 [[nodiscard]] std::string clean_text(const std::string& text);
 /// Whether it is so already.
 [[nodiscard]] bool is_clean(const std::string& text);
@@ -72,7 +74,8 @@ struct SessionRecord {
 /// SHA-256 of a file's bytes, 64 hexadecimal digits. Throws UsageError if it cannot be read.
 [[nodiscard]] std::string file_sha256(const std::string& path);
 
-/// Size and time of the last change, by which an archive sees that a file may have changed. Throws UsageError.
+/// Size and time of the last change, by which an archive sees that a file may have changed. Throws
+/// UsageError.
 struct FileStamp {
   std::int64_t bytes = 0, modified_ns = 0;
   friend bool operator==(const FileStamp&, const FileStamp&) = default;

@@ -9,9 +9,9 @@
 namespace rig {
 namespace {
 
-constexpr double false_alarms = 1e-3;   // Over all sessions of an archive.
-constexpr double still_alike = 0.01;    // A lidar whose results are farther off by chance is not told.
-constexpr double far_nearer = 20;       // The other lidar must be e^10 times as likely as the own one.
+constexpr double false_alarms = 1e-3;  // Over all sessions of an archive.
+constexpr double still_alike = 0.01;   // A lidar whose results are farther off by chance is not reported.
+constexpr double far_nearer = 20;      // The other lidar must be e^10 times as likely as the own one.
 constexpr double tells_devices_apart = 2;
 constexpr double sure_of_line = 0.01;
 
@@ -31,7 +31,8 @@ double spread_of(const std::vector<double>& v) {
   return 1.4826 * median_of(away);
 }
 
-/// What a lidar's other calibrations say of one more, with the variance of that in units of the repeatability's.
+/// What a lidar's other calibrations say of one more, with the variance of that in units of the
+/// repeatability's.
 struct Expected {
   double value = 0, variance = 0;
   bool is_known = false;
@@ -42,7 +43,8 @@ struct Values {
   const QuantityHistory* history = nullptr;
   std::vector<double> all;
   /// Without one session, at a time: by their line if they drift beyond doubt, else their median.
-  [[nodiscard]] Expected without(const SessionRecord* left_out, double at_years, const Repeatability& repeat) const {
+  [[nodiscard]] Expected without(const SessionRecord* left_out, double at_years,
+                                 const Repeatability& repeat) const {
     constexpr double median_is_wider = 1.5708;  // The variance of a median over that of a mean: pi/2.
     std::vector<double> years, kept;
     for (const HistoryPoint& p : history->points)
@@ -53,11 +55,13 @@ struct Values {
     if (kept.size() < 2) return {};
     const auto n = static_cast<double>(kept.size());
     const Drift drift = drift_of(years, kept, repeat.sigma, repeat.degrees_of_freedom());
-    if (kept.size() < 4 || drift.p_value > sure_of_line) return {median_of(kept), 1 + median_is_wider / n, true};
+    if (kept.size() < 4 || drift.p_value > sure_of_line)
+      return {median_of(kept), 1 + median_is_wider / n, true};
     double mean = 0, tt = 0;
     for (const double t : years) mean += t / n;
     for (const double t : years) tt += (t - mean) * (t - mean);
-    return {drift.at_zero + drift.per_year * at_years, 1 + 1 / n + (at_years - mean) * (at_years - mean) / tt, true};
+    return {drift.at_zero + drift.per_year * at_years, 1 + 1 / n + (at_years - mean) * (at_years - mean) / tt,
+            true};
   }
 };
 
@@ -98,11 +102,13 @@ struct Distance {
   std::size_t quantities = 0;
   [[nodiscard]] double p_value() const {
     if (quantities == 0) return 1;
-    return boost::math::cdf(boost::math::complement(boost::math::chi_squared(static_cast<double>(quantities)), chi_squared));
+    return boost::math::cdf(
+        boost::math::complement(boost::math::chi_squared(static_cast<double>(quantities)), chi_squared));
   }
 };
 
-Distance distance_to(const Model& model, const SessionRecord& session, double at_years, const std::string& serial) {
+Distance distance_to(const Model& model, const SessionRecord& session, double at_years,
+                     const std::string& serial) {
   Distance out;
   for (const auto& [name, quantity] : model.quantities) {
     const auto values = quantity.of_serial.find(serial);
@@ -127,7 +133,8 @@ double years_of(std::span<const QuantityHistory> histories, const SessionRecord&
 
 }  // namespace
 
-std::vector<StrangeSession> strange_sessions(std::span<const SessionRecord> archive, std::span<const QuantityHistory> histories,
+std::vector<StrangeSession> strange_sessions(std::span<const SessionRecord> archive,
+                                             std::span<const QuantityHistory> histories,
                                              const std::map<std::string, Repeatability>& repeat) {
   const auto models = models_of(histories, repeat);
   std::vector<StrangeSession> out;
@@ -143,7 +150,8 @@ std::vector<StrangeSession> strange_sessions(std::span<const SessionRecord> arch
     for (const std::string& serial : model->second.serials) {
       if (serial == session.serial) continue;
       const Distance other = distance_to(model->second, session, at_years, serial);
-      if (other.quantities < own.quantities || other.p_value() < still_alike || own.chi_squared - other.chi_squared < far_nearer)
+      if (other.quantities < own.quantities || other.p_value() < still_alike ||
+          own.chi_squared - other.chi_squared < far_nearer)
         continue;
       ++alike;
       if (other.chi_squared >= strange.distance_to_other) continue;

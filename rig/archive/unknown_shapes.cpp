@@ -39,8 +39,9 @@ Words words_of(const std::string& describes) {
 
 /// The form in a word or two, for people.
 std::string form_name(const std::string& form) {
-  for (const auto& [part, name] : {std::pair{" waves ", "wave"}, std::pair{" has a bump ", "bump"}, std::pair{" steps ", "step"},
-                                   std::pair{" smooth function ", "smooth function"}})
+  for (const auto& [part, name] :
+       {std::pair{" waves ", "wave"}, std::pair{" has a bump ", "bump"}, std::pair{" steps ", "step"},
+        std::pair{" smooth function ", "smooth function"}})
     if (form.find(part) != std::string::npos) return name;
   return "other";
 }
@@ -58,11 +59,13 @@ double value_at(const std::vector<double>& at, const std::vector<double>& values
 struct Curve {
   std::vector<double> at, values;
   [[nodiscard]] bool usable() const {
-    return at.size() >= 3 && at.size() == values.size() && std::ranges::is_sorted(at) && at.back() > at.front();
+    return at.size() >= 3 && at.size() == values.size() && std::ranges::is_sorted(at) &&
+           at.back() > at.front();
   }
 };
 
-/// Both on the part of the coordinate that they share, without their means; empty if that is less than half of either.
+/// Both on the part of the coordinate that they share, without their means; empty if that is less than half
+/// of either.
 bool sample_both(const Curve& a, const Curve& b, std::vector<double>& x, std::vector<double>& y) {
   const double low = std::max(a.at.front(), b.at.front()), high = std::min(a.at.back(), b.at.back());
   const double longer = std::max(a.at.back() - a.at.front(), b.at.back() - b.at.front());
@@ -103,7 +106,9 @@ double size_of(const Curve& c) {
   double mean = 0, squares = 0;
   std::vector<double> values;
   for (std::size_t i = 0; i < grid_points; ++i)
-    values.push_back(value_at(c.at, c.values, c.at.front() + (c.at.back() - c.at.front()) * static_cast<double>(i) / (grid_points - 1)));
+    values.push_back(
+        value_at(c.at, c.values,
+                 c.at.front() + (c.at.back() - c.at.front()) * static_cast<double>(i) / (grid_points - 1)));
   for (const double v : values) mean += v / grid_points;
   for (const double v : values) squares += (v - mean) * (v - mean) / grid_points;
   return std::sqrt(squares);
@@ -176,8 +181,10 @@ std::vector<UnknownShape> unknown_shapes(std::span<const SessionRecord> archive)
   std::vector<Case> cases;
   for (const SessionRecord& r : archive)
     if (r.explanation && !r.explanation->unknown_describes.empty())
-      cases.push_back({&r, {r.explanation->curve_at, r.explanation->curve}, words_of(r.explanation->unknown_describes)});
-  // Whoever has the most that are like it is the middle of a group; what is left is put together in the same way.
+      cases.push_back(
+          {&r, {r.explanation->curve_at, r.explanation->curve}, words_of(r.explanation->unknown_describes)});
+  // Whoever has the most that are like it is the middle of a group; what is left is put together in the same
+  // way.
   std::vector<std::vector<std::size_t>> alike(cases.size());
   for (std::size_t i = 0; i < cases.size(); ++i)
     for (std::size_t k = 0; k < cases.size(); ++k)
@@ -188,7 +195,8 @@ std::vector<UnknownShape> unknown_shapes(std::span<const SessionRecord> archive)
     std::size_t middle = cases.size(), most = 0;
     for (std::size_t i = 0; i < cases.size(); ++i) {
       if (taken[i]) continue;
-      const auto free = static_cast<std::size_t>(std::ranges::count_if(alike[i], [&](std::size_t k) { return !taken[k]; }));
+      const auto free =
+          static_cast<std::size_t>(std::ranges::count_if(alike[i], [&](std::size_t k) { return !taken[k]; }));
       if (free > most) most = free, middle = i;
     }
     if (middle == cases.size()) break;

@@ -37,14 +37,21 @@ json json_of(const SessionRecord& r) {
               {"values", json::array()},
               {"explanation", nullptr}};
   for (const ArchivedValue& v : r.values)
-    out["values"].push_back({{"kind", v.kind}, {"name", v.name}, {"label", v.label}, {"unit", v.unit},
-                             {"value", v.value}, {"u", v.u}, {"U", v.expanded}});
+    out["values"].push_back({{"kind", v.kind},
+                             {"name", v.name},
+                             {"label", v.label},
+                             {"unit", v.unit},
+                             {"value", v.value},
+                             {"u", v.u},
+                             {"U", v.expanded}});
   if (!r.explanation) return out;
   json mechanisms = json::array();
   for (const ArchivedMechanism& m : r.explanation->mechanisms)
     mechanisms.push_back({{"mechanism", m.mechanism}, {"probability", m.probability}});
-  out["explanation"] = {{"verdict", r.explanation->verdict}, {"made_utc", r.explanation->made_utc},
-                        {"mechanisms", mechanisms}, {"undecided", r.explanation->undecided},
+  out["explanation"] = {{"verdict", r.explanation->verdict},
+                        {"made_utc", r.explanation->made_utc},
+                        {"mechanisms", mechanisms},
+                        {"undecided", r.explanation->undecided},
                         {"unknown", r.explanation->unknown_describes}};
   return out;
 }
@@ -62,7 +69,9 @@ class Archive : public Command {
     auto* command = root.add_subcommand("archive",
                                         "An index of many sessions: add indexes them, list shows them, "
                                         "verify finds damaged, changed and missing ones");
-    command->add_option("action", action_, "add, list or verify")->required()->check(CLI::IsMember({"add", "list", "verify"}));
+    command->add_option("action", action_, "add, list or verify")
+        ->required()
+        ->check(CLI::IsMember({"add", "list", "verify"}));
     command->add_option("folder", folder_, "Folder with the sessions (*.rig), in subfolders if you like")
         ->required();
     option_.declare_index(*command);
@@ -86,13 +95,14 @@ class Archive : public Command {
     const int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
     ArchiveIndex index(option_.location(folder_), adds);
     adding_.threads = threads;
-    const auto findings = adds ? add_to_archive(folder_, index, adding_) : verify_archive(folder_, index, threads);
+    const auto findings =
+        adds ? add_to_archive(folder_, index, adding_) : verify_archive(folder_, index, threads);
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
-    return tell(findings, adds ? index.files().size() : findings.size(), seconds);
+    return print(findings, adds ? index.files().size() : findings.size(), seconds);
   }
 
  private:
-  int tell(const std::vector<ArchiveFinding>& findings, std::size_t sessions, double seconds) const {
+  int print(const std::vector<ArchiveFinding>& findings, std::size_t sessions, double seconds) const {
     std::map<What, int> count;
     json list = json::array();
     bool is_bad = false;
@@ -104,12 +114,16 @@ class Archive : public Command {
                             (f.what == What::missing && adding_.forget_missing);
       is_bad |= f.is_fault() && !accepted;
       if (f.what > What::updated)
-        std::fprintf(stderr, "%-12s %s%s%s\n", name_of(f.what), clean_text(f.path).c_str(), f.says.empty() ? "" : ": ", f.says.c_str());
+        std::fprintf(stderr, "%-12s %s%s%s\n", name_of(f.what), clean_text(f.path).c_str(),
+                     f.says.empty() ? "" : ": ", f.says.c_str());
     }
     std::string counts;
-    for (const auto& [what, n] : count) counts += (counts.empty() ? "" : ", ") + std::to_string(n) + " " + name_of(what);
-    std::fprintf(stderr, "%zu sessions%s%s (%.1f s)\n", sessions, counts.empty() ? "" : ": ", counts.c_str(), seconds);
-    json_.write({{"schema", "archive-findings/1"}, {"sessions", sessions}, {"seconds", seconds}, {"findings", list}});
+    for (const auto& [what, n] : count)
+      counts += (counts.empty() ? "" : ", ") + std::to_string(n) + " " + name_of(what);
+    std::fprintf(stderr, "%zu sessions%s%s (%.1f s)\n", sessions, counts.empty() ? "" : ": ", counts.c_str(),
+                 seconds);
+    json_.write(
+        {{"schema", "archive-findings/1"}, {"sessions", sessions}, {"seconds", seconds}, {"findings", list}});
     if (!is_bad) return 0;
     throw MeasurementError(
         "not every session of the archive is as it was added; the list above says which, and what to do.");
@@ -121,12 +135,14 @@ class Archive : public Command {
       if (!serial_.empty() && r.serial != serial_) continue;
       sessions.push_back(json_of(r));
       if (json_.wanted()) continue;
-      std::fprintf(stderr, "%-20s %-12s %-12s %-24.24s %-28.28s %s\n", r.measured_utc.empty() ? "unknown date" : r.measured_utc.c_str(),
-                  r.serial.empty() ? "no serial" : r.serial.c_str(), r.model.c_str(), r.procedure.c_str(),
-                  explained_in_words(r).c_str(), r.path.c_str());
+      std::fprintf(stderr, "%-20s %-12s %-12s %-24.24s %-28.28s %s\n",
+                   r.measured_utc.empty() ? "unknown date" : r.measured_utc.c_str(),
+                   r.serial.empty() ? "no serial" : r.serial.c_str(), r.model.c_str(), r.procedure.c_str(),
+                   explained_in_words(r).c_str(), r.path.c_str());
     }
     if (sessions.empty())
-      std::fprintf(stderr, "no session%s\n", serial_.empty() ? " in this archive" : (" of the lidar " + serial_).c_str());
+      std::fprintf(stderr, "no session%s\n",
+                   serial_.empty() ? " in this archive" : (" of the lidar " + serial_).c_str());
     json_.write({{"schema", "archive-list/1"}, {"sessions", sessions}});
     return 0;
   }

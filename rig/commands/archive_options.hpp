@@ -16,7 +16,8 @@ class ArchiveOption {
   void declare(CLI::App& command, bool is_required = false) {
     if (const char* folder = std::getenv("RIG_ARCHIVE")) folder_ = folder;
     if (const char* index = std::getenv("RIG_ARCHIVE_INDEX")) index_ = index;
-    auto* option = command.add_option("--archive", folder_, "Folder of the archive (rig archive add); default: $RIG_ARCHIVE");
+    auto* option = command.add_option("--archive", folder_,
+                                      "Folder of the archive (rig archive add); default: $RIG_ARCHIVE");
     if (is_required && folder_.empty()) option->required();
     declare_index(command);
   }
@@ -28,9 +29,13 @@ class ArchiveOption {
   }
   [[nodiscard]] bool given() const { return !folder_.empty(); }
   [[nodiscard]] const std::string& folder() const { return folder_; }
-  [[nodiscard]] std::string location(const std::string& folder) const { return index_location(folder, index_); }
+  [[nodiscard]] std::string location(const std::string& folder) const {
+    return index_location(folder, index_);
+  }
   /// Every session of the archive, by serial number and date. Throws UsageError.
-  [[nodiscard]] std::vector<SessionRecord> sessions() const { return ArchiveIndex(location(folder_), false).sessions(); }
+  [[nodiscard]] std::vector<SessionRecord> sessions() const {
+    return ArchiveIndex(location(folder_), false).sessions();
+  }
 
  private:
   std::string folder_, index_;

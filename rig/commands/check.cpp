@@ -10,8 +10,8 @@
 
 #include "rig/commands/json_output.hpp"
 #include "rig/runner/bench_check.hpp"
-#include "rig/runner/device_lock.hpp"
 #include "rig/runner/bench_file.hpp"
+#include "rig/runner/device_lock.hpp"
 #include "rig/runner/operators.hpp"
 #include "rig/runner/scip_source.hpp"
 #include "rig/stage/stage_patience.hpp"
@@ -92,11 +92,11 @@ class Check : public Command {
     const auto stage = co_await open_stage_patiently(executor, stage_, options);
     std::exception_ptr failure;
     try {
-      const std::function<void(const CheckLine&)> tell = [this](const CheckLine& line) {
+      const std::function<void(const CheckLine&)> show = [this](const CheckLine& line) {
         print(line);
         lines_.push_back(line);
       };
-      co_await check_bench(bench, *lidar, *stage, *clock, stay_still_, tell);
+      co_await check_bench(bench, *lidar, *stage, *clock, stay_still_, show);
     } catch (...) {
       failure = std::current_exception();
     }

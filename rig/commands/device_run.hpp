@@ -133,12 +133,13 @@ class DeviceRun {
     command.add_flag("--accept-lidar", accept_lidar_,
                      "Measure even if model or serial number differ from the bench file, or the lidar "
                      "reports a fault; recorded in session and certificate");
-    command.add_option("--operator", operator_port, "HOST:PORT of a simulated bench that answers prompts itself");
+    command.add_option("--operator", operator_port,
+                       "HOST:PORT of a simulated bench that answers prompts itself");
     live_option_ = command.add_option("--live", live_.port, "Serve the live page; on PORT if given")
                        ->expected(0, 1)
                        ->default_str("0");
-    foxglove_option_ =
-        command.add_option("--foxglove", foxglove_.port, "Serve the run to Foxglove on PORT (0: any free one)");
+    foxglove_option_ = command.add_option("--foxglove", foxglove_.port,
+                                          "Serve the run to Foxglove on PORT (0: any free one)");
     command
         .add_option("--live-listen", live_.address,
                     "Address of the live page and of --foxglove; any other than loopback needs --live-token")
@@ -214,7 +215,8 @@ class DeviceRun {
       });
       io.run();
     }
-    if (stopped || (!failure && !opened_stage)) throw RunStopped("Stopped by the operator before anything moved.");
+    if (stopped || (!failure && !opened_stage))
+      throw RunStopped("Stopped by the operator before anything moved.");
     if (failure) std::rethrow_exception(failure);
     io.restart();
     const auto write = [](const std::string& file, const std::string& output) {
@@ -224,20 +226,23 @@ class DeviceRun {
     };
     remember_addresses(session);
     procedure_file_ = procedure.file;
-    RunnerParts parts{*source, *opened_stage, *clock, *person, fit_function(), write, accept_lidar_, doubts_bench, &locks};
+    RunnerParts parts{*source, *opened_stage, *clock,       *person, fit_function(),
+                      write,   accept_lidar_, doubts_bench, &locks};
     Runner runner(procedure, bench, session, parts);
     return conduct(io, runner, bench, session, started);
   }
 
   /// What `rig resume` goes on with.
   void remember_addresses(SessionStore& session) const {
-    session.set("devices", json{{"lidar", lidar}, {"stage", stage}, {"operator", operator_port}, {"yes", yes}}.dump());
+    session.set("devices",
+                json{{"lidar", lidar}, {"stage", stage}, {"operator", operator_port}, {"yes", yes}}.dump());
   }
 
   std::unique_ptr<Operator> make_operator(const asio::any_io_executor& executor) const {
     if (yes && !operator_port.empty()) throw UsageError("give either --yes or --operator.");
     if (yes) return make_absent_operator();
-    if (!operator_port.empty()) return make_bench_operator(executor, parse_endpoint(operator_port, "--operator", 0));
+    if (!operator_port.empty())
+      return make_bench_operator(executor, parse_endpoint(operator_port, "--operator", 0));
     return make_terminal_operator(executor, live_option_->count() > 0);
   }
 
@@ -256,15 +261,17 @@ class DeviceRun {
     std::vector<std::unique_ptr<RunView>> views;
     PageOutput page;
     if (page_) {
-      page = {[this](const json& state) { page_->publish(state); },
-              [this](const std::string& type, const std::string& bytes) { page_->show_picture(type, bytes); }};
+      page = {
+          [this](const json& state) { page_->publish(state); },
+          [this](const std::string& type, const std::string& bytes) { page_->show_picture(type, bytes); }};
       page_->obey(io.get_executor(), [&runner](const json& command) { runner.command(command); });
     } else if (live_option_->count() > 0) {
       live = std::make_unique<LiveServer>(io.get_executor(), live_,
                                           [&runner](const json& command) { runner.command(command); });
       std::fprintf(stderr, "live page: %s\n", live->url().c_str());
-      page = {[&live](const json& state) { live->publish(state); },
-              [&live](const std::string& type, const std::string& bytes) { live->show_picture(type, bytes); }};
+      page = {
+          [&live](const json& state) { live->publish(state); },
+          [&live](const std::string& type, const std::string& bytes) { live->show_picture(type, bytes); }};
     }
     // For `rig watch FOLDER`; a secret stays out of the file.
     session.set("live_page", live && live_.token.empty() ? live->url() : "");

@@ -31,7 +31,7 @@ class Fleet : public Command {
     check_outputs({{output_, "fleet.html"}, json_.output()});
     const std::vector<SessionRecord> sessions = archive_.sessions();
     const json fleet = fleet_of(sessions);
-    if (!json_.wanted()) tell(fleet);
+    if (!json_.wanted()) print(fleet);
     json_.write(fleet);
     if (output_.empty()) return 0;
     write_file_atomically(output_, fleet_html(fleet));
@@ -40,17 +40,19 @@ class Fleet : public Command {
   }
 
  private:
-  static void tell(const json& fleet) {
+  static void print(const json& fleet) {
     std::fprintf(stderr, "%zu sessions\n", fleet.at("sessions").get<std::size_t>());
     for (const json& m : fleet.at("mechanisms"))
-      std::fprintf(stderr, "  %-28s %zu sessions of %zu lidars\n", text_of(m, "mechanism").c_str(), m.at("sessions").get<std::size_t>(),
-                  m.at("lidars").get<std::size_t>());
+      std::fprintf(stderr, "  %-28s %zu sessions of %zu lidars\n", text_of(m, "mechanism").c_str(),
+                   m.at("sessions").get<std::size_t>(), m.at("lidars").get<std::size_t>());
     for (const json& u : fleet.at("unknown"))
-      std::fprintf(stderr, "  unknown: %s: %zu sessions of %zu lidars\n", text_of(u, "describes").c_str(), u.at("sessions").size(),
-                  u.at("lidars").get<std::size_t>());
+      std::fprintf(stderr, "  unknown: %s: %zu sessions of %zu lidars\n", text_of(u, "describes").c_str(),
+                   u.at("sessions").size(), u.at("lidars").get<std::size_t>());
     for (const json& d : fleet.at("drifts"))
-      std::fprintf(stderr, "  drift: %s, %s, %s\n", text_of(d, "serial").c_str(), text_of(d, "label").c_str(),
-                  fit::format_measurement(number_of(d, "per_year"), number_of(d, "U"), text_of(d, "unit") + " a year").c_str());
+      std::fprintf(
+          stderr, "  drift: %s, %s, %s\n", text_of(d, "serial").c_str(), text_of(d, "label").c_str(),
+          fit::format_measurement(number_of(d, "per_year"), number_of(d, "U"), text_of(d, "unit") + " a year")
+              .c_str());
     for (const json& c : fleet.at("common_drifts"))
       std::fprintf(stderr, "  all %s drift in %s by %s a year: check the bench\n",
                    text_of(c, "model").c_str(), text_of(c, "quantity").c_str(),

@@ -17,8 +17,10 @@ using nlohmann::json;
 class History : public Command {
  public:
   CLI::App* declare(CLI::App& root) override {
-    auto* command = root.add_subcommand("history", "One lidar over time: its results, control charts, drift, and when to "
-                                                   "calibrate it again");
+    auto* command =
+        root.add_subcommand("history",
+                            "One lidar over time: its results, control charts, drift, and when to "
+                            "calibrate it again");
     command->add_option("serial", serial_, "Serial number of the lidar")->required();
     archive_.declare(*command, true);
     command->add_option("-o,--output", output_, "Page to write (HTML)");
@@ -30,7 +32,7 @@ class History : public Command {
     check_outputs({{output_, serial_ + ".html"}, json_.output()});
     const std::vector<SessionRecord> sessions = archive_.sessions();
     const json history = history_of(sessions, serial_);
-    if (!json_.wanted()) tell(history);
+    if (!json_.wanted()) print(history);
     json_.write(history);
     if (output_.empty()) return 0;
     write_file_atomically(output_, history_html(history));
@@ -39,9 +41,10 @@ class History : public Command {
   }
 
  private:
-  static void tell(const json& history) {
-    std::fprintf(stderr, "%s %s, %zu sessions (± is the expanded uncertainty, k = 2):\n", text_of(history, "model").c_str(),
-                text_of(history, "serial").c_str(), history.at("sessions").size());
+  static void print(const json& history) {
+    std::fprintf(stderr, "%s %s, %zu sessions (± is the expanded uncertainty, k = 2):\n",
+                 text_of(history, "model").c_str(), text_of(history, "serial").c_str(),
+                 history.at("sessions").size());
     for (const json& q : history.at("quantities")) {
       const json& newest = q.at("points").back();
       const std::string unit = text_of(q, "unit");
@@ -58,7 +61,8 @@ class History : public Command {
           line += "; " + text_of(signal, "rule").substr(0, text_of(signal, "rule").find(':'));
       std::fprintf(stderr, "  %-44s %s\n", text_of(q, "label").c_str(), line.c_str());
     }
-    for (const json& note : history.at("notes")) std::fprintf(stderr, "note: %s\n", note.get<std::string>().c_str());
+    for (const json& note : history.at("notes"))
+      std::fprintf(stderr, "note: %s\n", note.get<std::string>().c_str());
     const json& recommended = history.at("recommended");
     if (recommended.at("months").is_number())
       std::fprintf(stderr, "Calibrate again after %g months, as %s requires.\n",

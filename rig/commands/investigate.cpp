@@ -43,7 +43,9 @@ class Investigate : public Command {
                         "The first session's procedure; default: a short recording from several angles");
     command->add_option("--bench", bench_, "Bench file");
     command->add_option("--out", options_.folder, "Folder for sessions, state and dossier")->required();
-    command->add_option("--budget-min", options_.budget_min, "Minutes that stage, scans and operator may take together")
+    command
+        ->add_option("--budget-min", options_.budget_min,
+                     "Minutes that stage, scans and operator may take together")
         ->check(CLI::PositiveNumber)
         ->capture_default_str();
     command->add_flag("--unattended", options_.unattended,
@@ -70,7 +72,9 @@ class Investigate : public Command {
     std::error_code ignored;
     if (bench_.empty() && options_.resume && std::filesystem::exists(kept, ignored)) bench_ = kept;
     if (bench_.empty())
-      throw UsageError("--bench is missing: the bench file says what stands where. `rig new bench FILE` writes a commented one.");
+      throw UsageError(
+          "--bench is missing: the bench file says what stands where. `rig new bench FILE` writes a "
+          "commented one.");
     const fit::Bench bench = read_bench_file(bench_);
     const FolderLock lock(options_.folder);
     const std::unique_ptr<LivePage> page = devices_.page_for_several();
@@ -84,7 +88,9 @@ class Investigate : public Command {
     actions.say = [this](const std::string& line) {
       std::fprintf(stderr, "investigate: %s\n", line.c_str());
       if (!devices_.logs_json()) return;
-      std::printf("%s\n", json{{"type", "investigation"}, {"text", line}}.dump(-1, ' ', false, json::error_handler_t::replace).c_str());
+      std::printf("%s\n", json{{"type", "investigation"}, {"text", line}}
+                              .dump(-1, ' ', false, json::error_handler_t::replace)
+                              .c_str());
       std::fflush(stdout);
     };
     if (page)

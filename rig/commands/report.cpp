@@ -19,10 +19,12 @@ class Report : public Command {
     auto* command =
         root.add_subcommand("report", "Writes a session's calibration certificate: HTML, PDF, JSON or DCC");
     command->add_option("session", session_, "Session file (*.rig)")->required();
-    command->add_option("-o,--output", output_,
-                        "FILE.html, FILE.pdf (PDF/A-3b), FILE.json or FILE.dcc.xml (PTB's Digital Calibration "
-                        "Certificate, 3.2.1); default: beside the session, .html");
-    command->add_flag("--no-store", no_store_, "Leave the session file as it is: later issues will not know of this one");
+    command->add_option(
+        "-o,--output", output_,
+        "FILE.html, FILE.pdf (PDF/A-3b), FILE.json or FILE.dcc.xml (PTB's Digital Calibration "
+        "Certificate, 3.2.1); default: beside the session, .html");
+    command->add_flag("--no-store", no_store_,
+                      "Leave the session file as it is: later issues will not know of this one");
     archive_.declare(*command);
     json_.declare(*command, "the certificate");
     return command;
@@ -52,8 +54,9 @@ class Report : public Command {
     const SessionRecord own = read_session_record(path.parent_path().string(), path.filename().string());
     nlohmann::json previous = previous_calibration(archive_.sessions(), own);
     if (previous.is_null())
-      std::fprintf(stderr, "rig: the archive has no earlier calibration of the lidar '%s' with a quantity in common\n",
-                   own.serial.c_str());
+      std::fprintf(
+          stderr, "rig: the archive has no earlier calibration of the lidar '%s' with a quantity in common\n",
+          own.serial.c_str());
     return previous;
   }
 

@@ -23,7 +23,8 @@ class Resume : public Command {
         root.add_subcommand("resume", "Continues an interrupted run; all that it needs is in its session");
     resume->add_option("session", session_, "Session file (*.rig)")->required();
     devices_.declare(*resume);
-    resume->add_flag("--attended", attended_, "A person answers prompts, though the run was begun with --yes");
+    resume->add_flag("--attended", attended_,
+                     "A person answers prompts, though the run was begun with --yes");
     resume->footer(
         "Procedure, bench, variables and addresses are the session's. An address given here replaces one "
         "that "
@@ -60,25 +61,27 @@ class Resume : public Command {
 
   /// Those of the command line, else the session's, else what a person types.
   void complete_addresses(const json& before) {
-    const auto told = [&](const char* key) {
+    const auto stored = [&](const char* key) {
       return before.is_object() && before.contains(key) && before[key].is_string()
                  ? before[key].get<std::string>()
                  : std::string();
     };
     const bool nobody = before.is_object() && before.value("yes", false);
     if (devices_.operator_port.empty() && !devices_.yes && !attended_) {
-      devices_.operator_port = told("operator");
+      devices_.operator_port = stored("operator");
       devices_.yes = nobody;
     }
-    if (devices_.lidar.empty()) devices_.lidar = told("lidar");
+    if (devices_.lidar.empty()) devices_.lidar = stored("lidar");
     if (devices_.lidar.empty())
-      devices_.lidar = asked("lidar", "--lidar tcp://HOST[:PORT]", "The session does not say where the lidar is.");
+      devices_.lidar =
+          asked("lidar", "--lidar tcp://HOST[:PORT]", "The session does not say where the lidar is.");
     if (devices_.stage.empty()) {
-      devices_.stage = told("stage");
+      devices_.stage = stored("stage");
       const std::string file = port_file(devices_.stage);
       std::error_code ignored;
       if (devices_.stage.empty())
-        devices_.stage = asked("stage", "--stage serial:PATH", "The session does not say where the stage is.");
+        devices_.stage =
+            asked("stage", "--stage serial:PATH", "The session does not say where the stage is.");
       else if (!file.empty() && !std::filesystem::exists(file, ignored))
         devices_.stage = asked("stage", "--stage serial:PATH",
                                "The stage was at " + devices_.stage + ", which is no longer there.");

@@ -39,7 +39,7 @@ asio::awaitable<void> follow(const SessionStore& session, LiveServer& live) {
 asio::awaitable<void> follow(BenchesState& benches, LiveServer& live) {
   asio::steady_timer timer(co_await asio::this_coro::executor);
   while (true) {
-    live.publish(benches.look(std::time(nullptr)));
+    live.publish(benches.observe(std::time(nullptr)));
     timer.expires_after(std::chrono::seconds(1));
     boost::system::error_code cancelled;
     co_await timer.async_wait(asio::redirect_error(asio::use_awaitable, cancelled));
@@ -78,7 +78,8 @@ class Watch : public Command {
   /// Until Ctrl-C.
   int serve(const char* page, const std::function<asio::awaitable<void>(LiveServer&)>& follow_it) const {
     asio::io_context io(1);
-    LiveServer live(io.get_executor(), options_, [](const nlohmann::json&) {}, page);
+    LiveServer live(
+        io.get_executor(), options_, [](const nlohmann::json&) {}, page);
     std::fprintf(stderr, "watching %s at %s   (Ctrl-C ends)\n", session_.c_str(), live.url().c_str());
     asio::signal_set signals(io, SIGINT, SIGTERM);
     signals.async_wait([&io](const boost::system::error_code&, int) { io.stop(); });

@@ -30,7 +30,8 @@ CorrectionExport read_for_export(const ExportSource& source) {
     const Standing standing = standing_of(*source.session);
     std::string reasons;
     for (const std::string& reason : standing.reasons) reasons += " " + reason;
-    if (!standing.certifies()) out.correction.notes.push_back("From a report, not from a certificate:" + reasons);
+    if (!standing.certifies())
+      out.correction.notes.push_back("From a report, not from a certificate:" + reasons);
   }
   return out;
 }
@@ -117,19 +118,26 @@ std::string measured_code(const Correction& c, const std::string& prefix) {
   const auto array = [&](const char* name, const std::vector<double>& values) {
     return "static const double " + prefix + name + "[" + n + "] = {" + list(values) + "};\n";
   };
-  return "/* The distances of the calibration, and which counts were near those of a surface measured there. */\n" +
+  return "/* The distances of the calibration, and which counts were near those of a surface measured there. "
+         "*/\n" +
          array("measured_mm", mm) + array("measured_from", from) + array("measured_to", to) +
          "\nstatic inline int " + prefix +
          "surface_measured(double mm, double counts) {\n"
          "  int i = 1;\n  double share = 0;\n"
-         "  if (mm <= " + prefix + "measured_mm[0] || " + n + " == 1)\n    return counts >= " + prefix +
-         "measured_from[0] && counts <= " + prefix + "measured_to[0];\n"
-         "  while (i < " + n + " - 1 && " + prefix + "measured_mm[i] < mm) ++i;\n"
-         "  share = (mm - " + prefix + "measured_mm[i - 1]) / (" + prefix + "measured_mm[i] - " + prefix +
+         "  if (mm <= " +
+         prefix + "measured_mm[0] || " + n + " == 1)\n    return counts >= " + prefix +
+         "measured_from[0] && counts <= " + prefix +
+         "measured_to[0];\n"
+         "  while (i < " +
+         n + " - 1 && " + prefix +
+         "measured_mm[i] < mm) ++i;\n"
+         "  share = (mm - " +
+         prefix + "measured_mm[i - 1]) / (" + prefix + "measured_mm[i] - " + prefix +
          "measured_mm[i - 1]);\n  if (share > 1) share = 1;\n"
-         "  return counts >= " + prefix + "measured_from[i - 1] + share * (" + prefix + "measured_from[i] - " + prefix +
-         "measured_from[i - 1]) &&\n         counts <= " + prefix + "measured_to[i - 1] + share * (" + prefix +
-         "measured_to[i] - " + prefix + "measured_to[i - 1]);\n}\n\n";
+         "  return counts >= " +
+         prefix + "measured_from[i - 1] + share * (" + prefix + "measured_from[i] - " + prefix +
+         "measured_from[i - 1]) &&\n         counts <= " + prefix + "measured_to[i - 1] + share * (" +
+         prefix + "measured_to[i] - " + prefix + "measured_to[i - 1]);\n}\n\n";
 }
 
 std::string zero_of(const CorrectionTerm& term) {

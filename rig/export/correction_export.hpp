@@ -44,7 +44,7 @@ class CorrectionFormat : public Exporter {
 [[nodiscard]] std::string with_array(const fit::CorrectionTerm& term, const std::string& expression,
                                      const std::string& array);
 /// C of the function PREFIXsurface_measured(mm, counts) and its tables, for Correction::surface_measured();
-/// empty where nothing was told, or the correction has a term of intensity instead.
+/// empty where nothing was stated, or the correction has a term of intensity instead.
 [[nodiscard]] std::string measured_code(const fit::Correction& correction, const std::string& prefix);
 /// The term's value where it counts from.
 [[nodiscard]] std::string zero_of(const fit::CorrectionTerm& term);

@@ -31,7 +31,8 @@ std::vector<std::string> check(const ApplyRequest& request) {
     throw UsageError(match.says + ". Calibrate that one, or give --any-lidar to use it all the same.");
   std::vector<std::string> warnings;
   if (!match.says.empty()) warnings.push_back(match.says + ".");
-  for (const std::string& note : request.correction.notes) warnings.push_back("the correction warns: " + note);
+  for (const std::string& note : request.correction.notes)
+    warnings.push_back("the correction warns: " + note);
   return warnings;
 }
 

@@ -10,7 +10,9 @@
 #include <vector>
 
 #include "fit/deskew.hpp"
+#include "fit/map_fusion.hpp"
 #include "fit/shape_at_rest.hpp"
+#include "fit/sweep_timing.hpp"
 #include "rig/fitting/deskewing.hpp"
 
 namespace rig {

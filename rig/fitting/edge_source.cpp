@@ -60,8 +60,9 @@ void compare_with_bench(EdgeSource& source) {
   if (std::ranges::all_of(source.crossings, far)) {
     const SourcedCrossing& best = source.crossings.front();
     source.contradictions.push_back("The captures contradict the bench file: the best edge seen is " +
-                           degrees(off_bench(best, *target)) + " deg away from the end of '" + source.target +
-                           "'. Measure the target's place again, or check the mount's yaw.");
+                                    degrees(off_bench(best, *target)) + " deg away from the end of '" +
+                                    source.target +
+                                    "'. Measure the target's place again, or check the mount's yaw.");
     return;
   }
   std::erase_if(source.crossings, far);

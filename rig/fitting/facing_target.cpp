@@ -16,14 +16,15 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// The flat piece that holds the beam square on the board: from where along the board to where, and how far what
-/// is seen beyond lies behind it (negative: in front); NaN where nothing is.
+/// The flat piece that holds the beam square on the board: from where along the board to where, and how far
+/// what is seen beyond lies behind it (negative: in front); NaN where nothing is.
 struct Face {
   double from_mm = 0, to_mm = 0, behind_left_mm = std::nan(""), behind_right_mm = std::nan("");
 };
 
-/// Medians of the depth over bins one beam wide, followed from the middle to both sides as long as they do not jump by
-/// more than twice the scatter of single samples, and never by less than 15 mm. None when nothing is seen there.
+/// Medians of the depth over bins one beam wide, followed from the middle to both sides as long as they do
+/// not jump by more than twice the scatter of single samples, and never by less than 15 mm. None when nothing
+/// is seen there.
 std::optional<Face> face_of(const std::vector<Vector2d>& seen, const FacingTarget& board, double bin_mm) {
   constexpr double least_step_mm = 15;
   const Vector2d along(-board.normal.y(), board.normal.x());
@@ -43,7 +44,8 @@ std::optional<Face> face_of(const std::vector<Vector2d>& seen, const FacingTarge
   if (profile.empty()) return std::nullopt;
   const double step_mm = std::max(least_step_mm, 2 * fit::median_of(scatter));
   const auto nearest = static_cast<std::size_t>(
-      std::ranges::min_element(profile, {}, [](const Bin& b) { return std::abs(b.at_mm); }) - profile.begin());
+      std::ranges::min_element(profile, {}, [](const Bin& b) { return std::abs(b.at_mm); }) -
+      profile.begin());
   if (std::abs(profile[nearest].at_mm) > 3 * bin_mm) return std::nullopt;
   // Against the median of the last five of the face: one bin between two surfaces does not hide a step.
   const auto follow = [&](std::ptrdiff_t direction, double& behind_mm) {
@@ -58,7 +60,8 @@ std::optional<Face> face_of(const std::vector<Vector2d>& seen, const FacingTarge
       const double jump = profile[static_cast<std::size_t>(i)].depth_mm - fit::median_of(recent);
       if (std::abs(jump) > step_mm) {
         // What lies well beyond the step, not the beam that sees both.
-        const std::ptrdiff_t beyond = std::clamp<std::ptrdiff_t>(i + 2 * direction, 0, std::ssize(profile) - 1);
+        const std::ptrdiff_t beyond =
+            std::clamp<std::ptrdiff_t>(i + 2 * direction, 0, std::ssize(profile) - 1);
         behind_mm = profile[static_cast<std::size_t>(beyond)].depth_mm - fit::median_of(recent);
         break;
       }
@@ -76,8 +79,9 @@ std::string step_in_target(const Face& face) {
   std::string said;
   const auto side = [&](double behind_mm, double at_mm, const char* where) {
     if (std::isfinite(behind_mm))
-      said += (said.empty() ? "" : "; ") + std::string("from ") + fit::format_fixed(std::abs(at_mm), 0) + " mm to the " + where +
-              " of the square beam on, it lies " + fit::format_fixed(std::abs(behind_mm), 0) + " mm " +
+      said += (said.empty() ? "" : "; ") + std::string("from ") + fit::format_fixed(std::abs(at_mm), 0) +
+              " mm to the " + where + " of the square beam on, it lies " +
+              fit::format_fixed(std::abs(behind_mm), 0) + " mm " +
               (behind_mm > 0 ? "farther away" : "nearer");
   };
   side(face.behind_left_mm, face.to_mm, "left");
@@ -93,7 +97,9 @@ constexpr std::size_t least_points = 50;
 /// A sample on the target, and the direction of its beam.
 struct Echo {
   double direction_rad, range_mm;
-  [[nodiscard]] Vector2d point() const { return range_mm * Vector2d(std::cos(direction_rad), std::sin(direction_rad)); }
+  [[nodiscard]] Vector2d point() const {
+    return range_mm * Vector2d(std::cos(direction_rad), std::sin(direction_rad));
+  }
 };
 
 /// Turns a plane's normal until it is square on the points. `slope` of depth against place along the target.
@@ -121,12 +127,15 @@ SeenNormal normal_of_plane(std::vector<Vector2d> seen, const FacingTarget& board
     }
     if (square <= 0) return {by_bench.rad, by_bench.u_rad, false, said};
     slope = product / square;
-    const auto off = [&](const Vector2d& p) { return board.normal.dot(p - mean) - slope * along.dot(p - mean); };
+    const auto off = [&](const Vector2d& p) {
+      return board.normal.dot(p - mean) - slope * along.dot(p - mean);
+    };
     for (const Vector2d& p : seen) residual += off(p) * off(p);
     sigma = std::sqrt(residual / n), spread = std::sqrt(square / n);
     std::erase_if(seen, [&](const Vector2d& p) { return std::abs(off(p)) > 3.5 * sigma + 0.5; });
   }
-  const double u = std::max(least_u_rad, sigma / spread / std::sqrt(static_cast<double>(seen.size()) / samples_in_one));
+  const double u =
+      std::max(least_u_rad, sigma / spread / std::sqrt(static_cast<double>(seen.size()) / samples_in_one));
   if (u >= by_bench.u_rad) return {by_bench.rad, by_bench.u_rad, false, said};
   return {board.normal_rad - std::atan(slope), u, true, said};
 }
@@ -136,10 +145,13 @@ SeenNormal bearing_of_circle(std::vector<Echo> seen, const FacingTarget& board) 
   const SeenNormal by_bench{board.normal_rad, board.u_normal_rad, false, {}};
   double bearing = board.normal_rad, u = by_bench.u_rad;
   for (int round = 0; round < 6; ++round) {
-    std::erase_if(seen, [&](const Echo& e) { return !std::isfinite(board.excess_mm(e.direction_rad - bearing)); });
+    std::erase_if(seen,
+                  [&](const Echo& e) { return !std::isfinite(board.excess_mm(e.direction_rad - bearing)); });
     if (seen.size() < least_points) return by_bench;
     const auto n = static_cast<double>(seen.size());
-    const auto left = [&](const Echo& e) { return e.range_mm - board.distance_mm - board.excess_mm(e.direction_rad - bearing); };
+    const auto left = [&](const Echo& e) {
+      return e.range_mm - board.distance_mm - board.excess_mm(e.direction_rad - bearing);
+    };
     const auto slope = [&](const Echo& e) { return -board.excess_per_rad(e.direction_rad - bearing); };
     double mean_left = 0, mean_slope = 0, square = 0, product = 0, residual = 0;
     for (const Echo& e : seen) mean_left += left(e) / n, mean_slope += slope(e) / n;
@@ -178,10 +190,12 @@ double FacingTarget::excess_mm(double off_rad) const {
 double FacingTarget::excess_per_rad(double off_rad) const {
   if (radius_mm <= 0) return distance_mm * std::sin(off_rad) / std::pow(std::cos(off_rad), 2);
   const double centre_mm = distance_mm + radius_mm, aside_mm = centre_mm * std::sin(off_rad);
-  return aside_mm * (centre_mm * std::cos(off_rad) / std::sqrt(radius_mm * radius_mm - aside_mm * aside_mm) - 1);
+  return aside_mm *
+         (centre_mm * std::cos(off_rad) / std::sqrt(radius_mm * radius_mm - aside_mm * aside_mm) - 1);
 }
 
-FacingTarget facing_target(const fit::Target& target, const fit::CaptureInfo& capture, const fit::Mount& mount) {
+FacingTarget facing_target(const fit::Target& target, const fit::CaptureInfo& capture,
+                           const fit::Mount& mount) {
   const double stage = capture.stage_readback_rad.value_or(capture.stage_rad);
   const Vector2d origin = Eigen::Rotation2Dd(stage) * Vector2d(mount.x_mm.value, mount.y_mm.value);
   const Eigen::Rotation2Dd to_lidar(-stage - mount.yaw_rad.value);
@@ -195,7 +209,8 @@ FacingTarget facing_target(const fit::Target& target, const fit::CaptureInfo& ca
     out.distance_mm = centre.norm() - out.radius_mm;
     const Vector2d across = out.radius_mm * Vector2d(-out.normal.y(), out.normal.x());
     out.from = out.distance_mm * out.normal - across, out.to = out.distance_mm * out.normal + across;
-    out.u_normal_rad = std::hypot(mount.yaw_rad.u, std::hypot(target.u_mm, mount.x_mm.u, mount.y_mm.u) / centre.norm());
+    out.u_normal_rad =
+        std::hypot(mount.yaw_rad.u, std::hypot(target.u_mm, mount.x_mm.u, mount.y_mm.u) / centre.norm());
   } else {
     out.from = to_lidar * (target.from_mm + shift - origin);
     out.to = to_lidar * (target.to_mm + shift - origin);
@@ -225,9 +240,9 @@ SeenNormal seen_normal(const fit::Recording& recording, std::size_t index, const
       const Echo echo{angles.at_rad(k), static_cast<double>(scan.range_mm[k])};
       if (echo.range_mm == 0 || echo.range_mm >= 65500 || !board.meets(echo.direction_rad)) continue;
       // Something else stands in front, or nothing: not the target.
-      const double off_mm = board.radius_mm > 0
-                                ? echo.range_mm - board.distance_mm - board.excess_mm(echo.direction_rad - board.normal_rad)
-                                : board.normal.dot(echo.point()) - board.distance_mm;
+      const double off_mm = board.radius_mm > 0 ? echo.range_mm - board.distance_mm -
+                                                      board.excess_mm(echo.direction_rad - board.normal_rad)
+                                                : board.normal.dot(echo.point()) - board.distance_mm;
       if (std::abs(off_mm) < 0.1 * board.distance_mm + 60) seen.push_back(echo);
     }
   });

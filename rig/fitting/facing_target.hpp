@@ -18,14 +18,16 @@ struct FacingTarget {
 
   /// Whether a beam in this direction meets the middle part.
   [[nodiscard]] bool meets(double direction_rad) const;
-  /// Range along a beam that is off the normal by so much, less the distance; NaN where it passes by. Of a plane
-  /// d (1 / cos off - 1); of a circle of radius R, D = d + R, D cos off - sqrt(R^2 - D^2 sin^2 off) - d.
+  /// Range along a beam that is off the normal by so much, less the distance; NaN where it passes by. Of a
+  /// plane d (1 / cos off - 1); of a circle of radius R, D = d + R, D cos off - sqrt(R^2 - D^2 sin^2 off) -
+  /// d.
   [[nodiscard]] double excess_mm(double off_rad) const;
   /// Its derivative, mm/rad.
   [[nodiscard]] double excess_per_rad(double off_rad) const;
 };
 
-[[nodiscard]] FacingTarget facing_target(const fit::Target& target, const fit::CaptureInfo& capture, const fit::Mount& mount);
+[[nodiscard]] FacingTarget facing_target(const fit::Target& target, const fit::CaptureInfo& capture,
+                                         const fit::Mount& mount);
 
 struct SeenNormal {
   double rad = 0, u_rad = 0;
@@ -34,6 +36,7 @@ struct SeenNormal {
 };
 
 /// Direction of the normal from what was seen of the target, if that is better than the bench file knows it.
-[[nodiscard]] SeenNormal seen_normal(const fit::Recording& recording, std::size_t capture, const FacingTarget& target);
+[[nodiscard]] SeenNormal seen_normal(const fit::Recording& recording, std::size_t capture,
+                                     const FacingTarget& target);
 
 }  // namespace rig

@@ -75,7 +75,7 @@ std::optional<FitValue> value_of(const FitOption& option, const json& value) {
       value.is_string() ? fit::nearest_word(value.get<std::string>(), option.choices) : "";
   throw UsageError("the option '" + option.name + "' of the calibration '" + kind + "' must be " +
                    expectation(option) + ", not " + value.dump() +
-                   (meant.empty() ? "; 'rig fit " + kind + " --help' tells what it does"
+                   (meant.empty() ? "; 'rig fit " + kind + " --help' says what it does"
                                   : "; did you mean '" + meant + "'?"));
 }
 

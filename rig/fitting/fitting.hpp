@@ -29,8 +29,8 @@ class Fitting {
   [[nodiscard]] virtual std::vector<FitOption> options() const { return {}; }
   /// True if files that are not sessions are welcome too.
   [[nodiscard]] virtual bool accepts_files() const { return false; }
-  /// True if it does not matter that of a cluster of steps the lidar sends the nearest range, which is shorter
-  /// than single beams' by about the noise.
+  /// True if it does not matter that of a cluster of steps the lidar sends the nearest range, which is
+  /// shorter than single beams' by about the noise.
   [[nodiscard]] virtual bool accepts_clusters() const { return false; }
   /// The result document (`result/1`, docs/reference/result.md). Throws MeasurementError when the data do not
   /// allow one.

@@ -8,7 +8,7 @@
 
 namespace rig {
 
-/// "UST-10LX H1234567", as the lidar told it; the bench's model where the session has none.
+/// "UST-10LX H1234567", as the lidar reports it; the bench's model where the session has none.
 [[nodiscard]] std::string lidar_in_words(const SessionStore& session);
 
 /// Throws UsageError, with both names and what to do, unless all sessions are of one lidar. Sessions that do

@@ -19,7 +19,8 @@ struct SquareBeam {
   double sum_rad = 0, sum_excess_mm = 0, sum_excess_per_rad = 0, step_rad = 0;
   long scans = 0;
 };
-SquareBeam square_beam(const fit::Recording& recording, std::size_t index, const FacingTarget& board, double normal_rad) {
+SquareBeam square_beam(const fit::Recording& recording, std::size_t index, const FacingTarget& board,
+                       double normal_rad) {
   const fit::CaptureInfo& capture = recording.captures()[index];
   SquareBeam out;
   recording.for_each_scan(index, [&](const fit::ScanView& scan) {
@@ -124,17 +125,18 @@ std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::s
     return std::nullopt;
   }
   if (!normal.said.empty())
-    source.notes.push_back(name + ": '" + target->name + "' is not one flat face as the bench file says: " + normal.said +
+    source.notes.push_back(name + ": '" + target->name +
+                           "' is not one flat face as the bench file says: " + normal.said +
                            ". Only the face of the square beam was used; correct the target's ends");
   const double off = std::abs(fit::wrap_angle(normal.rad - board.normal_rad));
   if (normal.from_data && off > 4 * board.u_normal_rad)
-    source.contradictions.push_back(name + ": '" + target->name + "' is turned by " +
-                           fit::format_fixed(off * fit::deg_per_rad, 1) +
-                           " deg from where the bench file says; correct its mount yaw or the target");
+    source.contradictions.push_back(
+        name + ": '" + target->name + "' is turned by " + fit::format_fixed(off * fit::deg_per_rad, 1) +
+        " deg from where the bench file says; correct its mount yaw or the target");
   if (std::abs(out.paper.mean_mm - out.true_mm) > 0.1 * out.true_mm + 60)
     source.contradictions.push_back(name + ": the beam sees " + fit::format_fixed(out.paper.mean_mm, 0) +
-                           " mm where the bench file puts '" + target->name + "' at " +
-                           fit::format_fixed(out.true_mm, 0) + " mm; check the true distance");
+                                    " mm where the bench file puts '" + target->name + "' at " +
+                                    fit::format_fixed(out.true_mm, 0) + " mm; check the true distance");
   return out;
 }
 

@@ -47,8 +47,8 @@ class UncertaintyBudget {
 };
 
 /// Two ways to one quantity, laid side by side: appends to `comparisons` of a result document whether they
-/// agree within the expanded uncertainty (k = 2) of their difference, and whether they are `far_apart`, by more
-/// than three standard uncertainties: then neither may be certified. Not finite: nothing is compared.
+/// agree within the expanded uncertainty (k = 2) of their difference, and whether they are `far_apart`, by
+/// more than three standard uncertainties: then neither may be certified. Not finite: nothing is compared.
 void compare_methods(nlohmann::json& result, const std::string& quantity, const std::string& first_method,
                      const fit::Estimate& first, const std::string& second_method,
                      const fit::Estimate& second, const std::string& unit);

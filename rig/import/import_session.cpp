@@ -127,25 +127,25 @@ std::vector<FirstScan> preview(const ImportRequest& request) {
   const bool wheels = std::ranges::any_of(previews, &FirstScan::has_wheels);
   const bool any_scans = std::ranges::any_of(previews, &FirstScan::found);
   for (std::size_t i = 0; i < previews.size(); ++i) {
-    const FirstScan& look = previews[i];
-    const bool joins = look.has_poses() && (any_scans || wheels) && request.options.scan_topic.empty();
-    if (look.found() || joins) continue;
+    const FirstScan& preview = previews[i];
+    const bool joins = preview.has_poses() && (any_scans || wheels) && request.options.scan_topic.empty();
+    if (preview.found() || joins) continue;
     std::string why;
-    for (const auto& note : look.notes()) why += " " + note;
+    for (const auto& note : preview.notes()) why += " " + note;
     throw MeasurementError(request.files[i] + " holds no scan, so there is nothing to import." + why +
                            " Check the recording, or name the topic with --topic.");
   }
   return previews;
 }
 
-fit::CaptureInfo capture_info(const FirstScan& look, const std::string& file, std::int64_t epoch_ns) {
+fit::CaptureInfo capture_info(const FirstScan& preview, const std::string& file, std::int64_t epoch_ns) {
   fit::CaptureInfo info;
   const fs::path path = fs::path(file).filename().empty() ? fs::path(file).parent_path() : fs::path(file);
   std::error_code ignored;
   info.step = fs::is_directory(path, ignored) ? path.filename().string() : path.stem().string();
-  info.started_us = (look.stamp_ns() - epoch_ns) / 1000;
+  info.started_us = (preview.stamp_ns() - epoch_ns) / 1000;
   info.first_step = 0;
-  info.last_step = static_cast<int>(look.beams()) - 1;
+  info.last_step = static_cast<int>(preview.beams()) - 1;
   return info;
 }
 
@@ -197,7 +197,7 @@ ImportReport import_into(const std::string& unfinished, const ImportRequest& req
     epoch_ns = std::min(epoch_ns, previews[i].stamp_ns());
   }
   if (with_scans.empty())
-    for (const auto& look : previews) epoch_ns = std::min(epoch_ns, look.first_pose_ns());
+    for (const auto& preview : previews) epoch_ns = std::min(epoch_ns, preview.first_pose_ns());
   const auto distances = true_distances(request, with_scans, report);
   std::optional<fit::Bench> bench;
   if (request.bench) bench = fit::parse_bench(*request.bench);

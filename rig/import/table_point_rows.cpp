@@ -20,7 +20,7 @@ class PointRows : public Rows {
         y_(table.find(Holds::y)),
         intensity_column_(table.find(Holds::intensity)) {
     cartesian_ = range_ < 0 || angle_ < 0;
-    length_told_ = table.column(cartesian_ ? x_ : range_).unit_known;
+    length_unit_known_ = table.column(cartesian_ ? x_ : range_).unit_known;
   }
 
   void row(const Cells& cells) override {
@@ -33,7 +33,7 @@ class PointRows : public Rows {
       return;
     }
     if (angle) largest_angle_ = std::max(largest_angle_, std::abs(*angle));
-    const double quarter = largest_angle_ > 6.3 ? 90 : fit::pi / 2;  // Degrees where the unit is not told.
+    const double quarter = largest_angle_ > 6.3 ? 90 : fit::pi / 2;  // Degrees where the unit is not stated.
     const bool back = angle && !angles_.empty() && !cartesian_ && scan_ < 0 && !time_.present() &&
                       std::abs(*angle - angles_.back()) > quarter;
     const bool other = scan_ >= 0 ? scan != last_scan_ || capture != last_capture_
@@ -69,7 +69,7 @@ class PointRows : public Rows {
   bool point(const Cells& cells, std::optional<double>& angle, std::optional<double>& range) {
     if (!cartesian_) {
       const auto raw = Table::cell(cells, range_);
-      if (raw && !length_told_) lengths_.check(*raw);
+      if (raw && !length_unit_known_) lengths_.check(*raw);
       angle = table_.scaled(cells, angle_);
       range = table_.scaled(cells, range_);
       return angle.has_value() && static_cast<std::size_t>(range_) < cells.size();
@@ -77,13 +77,13 @@ class PointRows : public Rows {
     const auto x = table_.scaled(cells, x_), y = table_.scaled(cells, y_);
     const bool there = std::max(x_, y_) < static_cast<int>(cells.size());
     if (!x || !y || (*x == 0 && *y == 0)) return there;  // "nan nan" and "0 0": no echo
-    if (!length_told_) lengths_.check(std::hypot(*x, *y));
+    if (!length_unit_known_) lengths_.check(std::hypot(*x, *y));
     angle = std::atan2(*y, *x);
     range = std::hypot(*x, *y);
     return true;
   }
 
-  /// Whether the angles are radians or degrees must be told where their size leaves it open.
+  /// Whether the angles are radians or degrees must be stated where their size leaves it open.
   void check_angles() {
     if (cartesian_ || table_.column(angle_).unit_known || angle_checked_) return;
     angle_checked_ = true;
@@ -97,7 +97,7 @@ class PointRows : public Rows {
   }
 
   void flush() {
-    if (!length_told_) lengths_.decide();
+    if (!length_unit_known_) lengths_.decide();
     if (points_ == 1) ++single_;
     if (angles_.size() >= 2) {
       check_angles();
@@ -144,7 +144,7 @@ class PointRows : public Rows {
   Times time_;
   Lengths lengths_;
   int scan_, capture_, angle_, range_, x_, y_, intensity_column_;
-  bool cartesian_ = false, length_told_ = false, angle_checked_ = false, in_degrees_ = false;
+  bool cartesian_ = false, length_unit_known_ = false, angle_checked_ = false, in_degrees_ = false;
   std::optional<double> last_scan_, last_stamp_, stamp_;
   double last_capture_ = 0, farthest_rad_ = 0, largest_angle_ = 0;
   std::uint64_t points_ = 0, scans_ = 0, single_ = 0, uneven_ = 0, faulty_ = 0;

@@ -28,10 +28,10 @@ class ScanRows : public Rows {
     range_mm_.clear(), intensity_.clear();
     for (const std::size_t i : ranges_) {
       const auto value = number_in(cells[i]);
-      if (!told_ && value) lengths_.check(*value);
+      if (!units_known_ && value) lengths_.check(*value);
       range_mm_.push_back(range_of(value ? std::optional(*value * table_.columns[i].scale) : std::nullopt));
     }
-    if (!told_) lengths_.decide();
+    if (!units_known_) lengths_.decide();
     for (const std::size_t i : intensities_)
       if (i < cells.size()) intensity_.push_back(intensity_of(number_in(cells[i])));
     if (intensity_.size() != range_mm_.size()) intensity_.clear();
@@ -60,7 +60,7 @@ class ScanRows : public Rows {
         continue;
       }
       ranges_.push_back(i);
-      told_ = told_ && columns[i].unit_known;
+      units_known_ = units_known_ && columns[i].unit_known;
     }
   }
 
@@ -120,7 +120,7 @@ class ScanRows : public Rows {
   Times time_;
   Lengths lengths_;
   std::vector<std::size_t> ranges_, intensities_;
-  bool several_ = false, told_ = true;
+  bool several_ = false, units_known_ = true;
   std::optional<fit::ScanGeometry> geometry_;
   std::uint64_t rows_ = 0, faulty_ = 0;
   std::vector<std::uint16_t> range_mm_, intensity_;

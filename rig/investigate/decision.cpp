@@ -36,9 +36,7 @@ std::optional<std::size_t> best_of(const std::vector<Possible>& list,
   return best;
 }
 
-std::string minutes_text(double minutes) {
-  return fit::rounded(minutes, minutes < 10 ? 2 : 3) + " min";
-}
+std::string minutes_text(double minutes) { return fit::rounded(minutes, minutes < 10 ? 2 : 3) + " min"; }
 
 Decision next(Decision::From from, std::size_t index, std::string why) {
   Decision d;
@@ -140,7 +138,8 @@ Decision decide(const Conclusions& conclusions, const std::vector<Possible>& exp
 bool gains(const Outcome& outcome) { return outcome.gain > 2 * outcome.u_gain; }
 
 Confirmation judge(const Outcome& o, bool claims) {
-  // Where intervals of 95 % may lie that were stated honestly: 92 to 98 %; means are few and have much in common.
+  // Where intervals of 95 % may lie that were stated honestly: 92 to 98 %; means are few and have much in
+  // common.
   constexpr double least = 0.92, most = 0.98, least_of_means = 0.85, worst_ratio = 1.5;
   Confirmation c;
   c.confirmed = true;
@@ -162,8 +161,9 @@ Confirmation judge(const Outcome& o, bool claims) {
            "an explanation of this recording alone names the same. It is of a kind that neither means nor "
            "variances show.");
   else if (claims)
-    demand(gains(o), "what was found makes the recording e^" + fit::rounded(o.gain, 3) + " times as likely (± " +
-                         fit::rounded(2 * o.u_gain, 2) + " in the exponent, k = 2).");
+    demand(gains(o), "what was found makes the recording e^" + fit::rounded(o.gain, 3) +
+                         " times as likely (± " + fit::rounded(2 * o.u_gain, 2) +
+                         " in the exponent, k = 2).");
   return c;
 }
 

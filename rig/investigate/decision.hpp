@@ -69,8 +69,8 @@ struct Outcome {
   double coverage_95 = 0, coverage_95_of_means = 0;
   double rms_of_means_mm = 0, expected_rms_of_means_mm = 0;
   double gain = 0, u_gain = 0;  ///< Log-likelihood of the recording, with what was found less without it.
-  /// The recording alone, explained, tells the same: for what no mean and no variance shows (lost echoes, coarse
-  /// steps, memory, light beside edges). Asked only where the gain does not tell.
+  /// The recording alone, explained, tells the same: for what no mean and no variance shows (lost echoes,
+  /// coarse steps, memory, light beside edges). Asked only where the gain does not tell.
   bool named_again = false;
 };
 /// Whether the gain tells that what was found is there.

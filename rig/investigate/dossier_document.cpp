@@ -16,11 +16,13 @@ std::string in_words(const std::string& id) {
   return id == fit::explain::unknown_physics ? "something outside the catalogue" : id;
 }
 
-/// Every answer with its probability. Members of a set are equally probable: the sessions do not tell them apart.
+/// Every answer with its probability. Members of a set are equally probable: the sessions do not tell them
+/// apart.
 json suspects_of(const json& explanation) {
   json list = json::array();
   for (const json& found : explanation.at("mechanisms"))
-    list.push_back({{"name", found.at("mechanism")}, {"probability", found.at("probability")}, {"set", false}});
+    list.push_back(
+        {{"name", found.at("mechanism")}, {"probability", found.at("probability")}, {"set", false}});
   for (const json& set : explanation.at("undecided_between"))
     for (const json& member : set)
       list.push_back({{"name", in_words(member.get<std::string>())},
@@ -55,8 +57,8 @@ bool is_confirmed(const State& state) {
   return state.comparison.is_object() && state.comparison.value("confirmed", false);
 }
 
-/// Predictions that failed before one came true belong to what that one is worth: every further try is another
-/// chance to be confirmed by luck.
+/// Predictions that failed before one came true belong to what that one is worth: every further try is
+/// another chance to be confirmed by luck.
 std::string tries_in_words(const State& state) {
   if (state.refuted == 0) return "";
   return state.refuted == 1 ? " This was the second prediction; the first did not come true."
@@ -103,7 +105,8 @@ json open_of(const State& state, const json& explanation) {
       for (const json& member : set) names.push_back(in_words(member.get<std::string>()));
       list.push_back("Which of these it is: " + fit::explain::listed(names, "or") + ".");
     }
-  if (state.ending && !state.ending->needs.empty()) list.push_back("To decide it would need " + state.ending->needs + ".");
+  if (state.ending && !state.ending->needs.empty())
+    list.push_back("To decide it would need " + state.ending->needs + ".");
   if (state.ending)
     for (const std::string& title : state.ending->not_examined)
       list.push_back("What this would show, which was not examined: " + title + ".");
@@ -128,8 +131,8 @@ json without_pictures(const json& explanation) {
 std::string conclusions_in_words(const json& explanation) {
   std::vector<std::string> words;
   for (const json& s : explanation.at("suspects"))
-    words.push_back(s.at("name").get<std::string>() + " " + fit::rounded(100 * s.at("probability").get<double>(), 3) +
-                    " %");
+    words.push_back(s.at("name").get<std::string>() + " " +
+                    fit::rounded(100 * s.at("probability").get<double>(), 3) + " %");
   return words.empty() ? explanation.at("verdict").get<std::string>() : fit::explain::listed(words);
 }
 
@@ -164,7 +167,8 @@ json dossier_document(const State& state, const fit::Bench& bench) {
               {"open", open_of(state, explanation)},
               {"twin", "twin.bench.json"}};
   if (state.ending)
-    out["end"] = {{"end", name_of(state.ending->end)}, {"why", state.ending->why}, {"needs", state.ending->needs}};
+    out["end"] = {
+        {"end", name_of(state.ending->end)}, {"why", state.ending->why}, {"needs", state.ending->needs}};
   if (state.last)
     out["last"] = {{"session", session_json(*state.last)},
                    {"prediction", "prediction.json"},
@@ -185,10 +189,15 @@ json for_live_page(const json& dossier) {
          {"suspects",
           round.at("explanation").is_object() ? round["explanation"].at("suspects") : json::array()}});
   }
-  json out = {{"rounds", rounds}, {"claim", dossier.at("claim")}, {"minutes", dossier.at("minutes")}, {"budget_min", dossier.at("budget_min")}};
+  json out = {{"rounds", rounds},
+              {"claim", dossier.at("claim")},
+              {"minutes", dossier.at("minutes")},
+              {"budget_min", dossier.at("budget_min")}};
   if (dossier.contains("last"))
     out["prediction"] = {{"sha256", dossier["last"].at("sha256")},
-                         {"confirmed", dossier["last"].at("comparison").is_object() ? dossier["last"]["comparison"].at("confirmed") : json(nullptr)}};
+                         {"confirmed", dossier["last"].at("comparison").is_object()
+                                           ? dossier["last"]["comparison"].at("confirmed")
+                                           : json(nullptr)}};
   return out;
 }
 

@@ -15,13 +15,13 @@
 #include "rig/investigate/dossier_document.hpp"
 #include "rig/investigate/one_clock.hpp"
 #include "rig/investigate/prediction_file.hpp"
+#include "rig/investigate/text_file.hpp"
 #include "rig/report/dossier_page.hpp"
 #include "rig/report/explain_procedure.hpp"
 #include "rig/report/pdf.hpp"
 #include "rig/runner/runner.hpp"
 #include "rig/session/session_store.hpp"
 #include "rig/session/sha256.hpp"
-#include "rig/investigate/text_file.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig::investigate {
@@ -112,7 +112,8 @@ Investigation::Investigation(const fit::Bench& bench, Options options, Actions a
       actions_(std::move(actions)) {
   const std::string state = file(state_file);
   std::error_code ignored;
-  for (const auto& each : fs::directory_iterator(options_.folder, ignored))  // What a killed program left half-written.
+  for (const auto& each :
+       fs::directory_iterator(options_.folder, ignored))  // What a killed program left half-written.
     if (each.path().filename().string().find(".part") != std::string::npos) fs::remove(each.path(), ignored);
   if (has_data(state)) {
     if (!options_.resume)
@@ -127,7 +128,8 @@ Investigation::Investigation(const fit::Bench& bench, Options options, Actions a
   std::error_code failed;
   fs::create_directories(options_.folder, failed);
   if (!fs::is_directory(options_.folder))
-    throw UsageError("cannot make the folder " + options_.folder + " (" + failed.message() + "). Name another one.");
+    throw UsageError("cannot make the folder " + options_.folder + " (" + failed.message() +
+                     "). Name another one.");
   state_.bench_sha256 = sha256_of(bench_text_);
   state_.budget_min = options_.budget_min;
   state_.unattended = options_.unattended;
@@ -156,7 +158,9 @@ json Investigation::run() {
   return document;
 }
 
-std::string Investigation::file(const std::string& name) const { return (fs::path(options_.folder) / name).string(); }
+std::string Investigation::file(const std::string& name) const {
+  return (fs::path(options_.folder) / name).string();
+}
 
 void Investigation::save() { write_file_atomically(file(state_file), text_of(to_json(state_))); }
 
@@ -194,7 +198,9 @@ void Investigation::begin() {
   save();
 }
 
-Procedure Investigation::procedure_of(const Session& session) const { return read_procedure(file(session.name + ".yaml")); }
+Procedure Investigation::procedure_of(const Session& session) const {
+  return read_procedure(file(session.name + ".yaml"));
+}
 
 void Investigation::record(Session& session) {
   if (session.recorded) return;
@@ -219,7 +225,8 @@ void Investigation::record(Session& session) {
   save();
 }
 
-std::unique_ptr<Investigation::Evidence> Investigation::evidence(const fit::Bench& bench, bool with_last) const {
+std::unique_ptr<Investigation::Evidence> Investigation::evidence(const fit::Bench& bench,
+                                                                 bool with_last) const {
   auto all = std::make_unique<Evidence>();
   std::vector<std::string> names;
   for (const Round& round : state_.rounds)
@@ -283,7 +290,8 @@ std::vector<Investigation::Candidate> Investigation::candidates(
       c.possible.done = std::ranges::any_of(
           state_.rounds, [&](const Round& round) { return round.session.title == plans[i].title; });
       list.push_back(std::move(c));
-    } catch (const ProcedureError&) {  // The bench forbids it: soft limits, beams that the lidar does not have.
+    } catch (
+        const ProcedureError&) {  // The bench forbids it: soft limits, beams that the lidar does not have.
     }
   }
   return list;
@@ -310,7 +318,8 @@ std::string Investigation::would_need(const Explanation& found) const {
   return "with mount and targets measured ten times better than the bench file states: " + best->title;
 }
 
-void Investigation::plan(const Candidate& candidate, const std::string& why, const std::vector<Candidate>& considered) {
+void Investigation::plan(const Candidate& candidate, const std::string& why,
+                         const std::vector<Candidate>& considered) {
   Round next;
   next.session.name = "round-" + std::to_string(state_.rounds.size() + 1);
   next.session.title = candidate.plan.title;
@@ -368,12 +377,19 @@ void Investigation::compare() {
   Outcome outcome;
   json comparison = {{"session", state_.last->name}};
   try {
-    if (!has_data(file(state_.last->name + ".rig"))) throw std::invalid_argument("it was not recorded: " + state_.last->failed);
+    if (!has_data(file(state_.last->name + ".rig")))
+      throw std::invalid_argument("it was not recorded: " + state_.last->failed);
     const WrittenPrediction written = read_prediction(text, file(prediction_file));
     const auto score = fit::explain::score(written.forecast, written.twin, *all->recordings.back());
     const auto prediction = fit::explain::predict_recording(found_->predictor, *all->recordings.back());
-    outcome = {score.samples, score.coverage_95, score.coverage_95_of_means, score.rms_of_means_mm,
-               score.expected_rms_of_means_mm, prediction.gain, prediction.u_gain, false};
+    outcome = {score.samples,
+               score.coverage_95,
+               score.coverage_95_of_means,
+               score.rms_of_means_mm,
+               score.expected_rms_of_means_mm,
+               prediction.gain,
+               prediction.u_gain,
+               false};
     const bool claims = found_->verdict != fit::explain::nothing_missing;
     if (claims && !gains(outcome))
       outcome.named_again = same(*found_, actions_.explain({all->recordings.back().get()}));

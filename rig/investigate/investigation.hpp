@@ -32,11 +32,11 @@ struct Actions {
   std::function<void(const nlohmann::json& dossier)> show;  ///< After every step; for whoever watches.
 };
 
-/// Rounds of recording, explaining everything together and choosing the next experiment, until there is an end;
-/// then a session whose outcome is written down before it is recorded, and the dossier.
+/// Rounds of recording, explaining everything together and choosing the next experiment, until there is an
+/// end; then a session whose outcome is written down before it is recorded, and the dossier.
 ///
-/// Every file appears whole or not at all, and `investigation.json`, which says how far it is, last: whatever kills
-/// the program, `resume` goes on where it was, and no session is recorded twice.
+/// Every file appears whole or not at all, and `investigation.json`, which says how far it is, last: whatever
+/// kills the program, `resume` goes on where it was, and no session is recorded twice.
 class Investigation {
  public:
   /// Throws UsageError when the folder holds another investigation, or none that could be resumed.

@@ -13,7 +13,8 @@ class Shifted final : public fit::Recording {
       : recording_(std::move(recording)), shift_us_(shift_us), captures_(recording_->captures()) {
     for (fit::CaptureInfo& c : captures_) {
       c.started_us += shift_us_;
-      if (!c.since_power_on_s && on_for_s) c.since_power_on_s = *on_for_s + static_cast<double>(c.started_us) * 1e-6;
+      if (!c.since_power_on_s && on_for_s)
+        c.since_power_on_s = *on_for_s + static_cast<double>(c.started_us) * 1e-6;
     }
     track_ = recording_->track();
     for (fit::TrackPose& pose : track_) pose.host_us += shift_us_;
@@ -21,7 +22,8 @@ class Shifted final : public fit::Recording {
   const fit::Bench& bench() const override { return recording_->bench(); }
   const std::vector<fit::CaptureInfo>& captures() const override { return captures_; }
   const std::vector<fit::TrackPose>& track() const override { return track_; }
-  void for_each_scan(std::size_t index, const std::function<void(const fit::ScanView&)>& visit) const override {
+  void for_each_scan(std::size_t index,
+                     const std::function<void(const fit::ScanView&)>& visit) const override {
     recording_->for_each_scan(index, [&](const fit::ScanView& scan) {
       fit::ScanView shifted = scan;
       shifted.host_us += shift_us_;
@@ -68,8 +70,9 @@ double passed_s(std::int64_t device_ms_before, std::int64_t device_ms_after, dou
   return device_s < longest_s && computer_s < 60 ? device_s : std::max(0.0, computer_s);
 }
 
-std::vector<std::unique_ptr<fit::Recording>> on_one_clock(const std::vector<std::unique_ptr<SessionStore>>& sessions,
-                                                          const fit::Bench& bench, std::optional<double> on_for_s) {
+std::vector<std::unique_ptr<fit::Recording>> on_one_clock(
+    const std::vector<std::unique_ptr<SessionStore>>& sessions, const fit::Bench& bench,
+    std::optional<double> on_for_s) {
   std::vector<std::unique_ptr<fit::Recording>> list;
   std::int64_t shift_us = 0;
   std::optional<Moment> before;  // The last scan so far; its session_us on the common clock.
@@ -82,7 +85,8 @@ std::vector<std::unique_ptr<fit::Recording>> on_one_clock(const std::vector<std:
       if (before) {
         const double computer_s = static_cast<double>(first.computer_us - before->computer_us) * 1e-6;
         const double gap_s = passed_s(before->device_ms, first.device_ms, computer_s);
-        shift_us = before->session_us + static_cast<std::int64_t>(std::llround(gap_s * 1e6)) - first.session_us;
+        shift_us =
+            before->session_us + static_cast<std::int64_t>(std::llround(gap_s * 1e6)) - first.session_us;
       }
       before = moment_of(*recording, count - 1, true, epoch);
       before->session_us += shift_us;

@@ -48,7 +48,8 @@ std::vector<fit::CaptureInfo> after(const std::vector<fit::CaptureInfo>& so_far,
 json prediction_document(const fit::explain::Explanation& found, const std::vector<fit::CaptureInfo>& planned,
                          const Forecast& forecast, const std::string& title) {
   json says = json::array();
-  for (const auto& mechanism : found.mechanisms) says.push_back(mechanism.mechanism->id + ": " + mechanism.says);
+  for (const auto& mechanism : found.mechanisms)
+    says.push_back(mechanism.mechanism->id + ": " + mechanism.says);
   for (const auto& set : found.undecided_between)
     says.push_back("One of " + fit::explain::listed(fit::explain::suspects_in_words(set), "or") + ".");
   if (found.unknown) says.push_back("Unknown physics: " + found.unknown->describes + ".");
@@ -91,8 +92,8 @@ WrittenPrediction read_prediction(const std::string& text, const std::string& fi
     for (const auto* list : {&beam, &incidence, &range, &u, &sd})
       if (list->size() != capture.size()) throw UsageError(file + " holds columns of different lengths.");
     for (std::size_t i = 0; i < capture.size(); ++i)
-      out.forecast.beams.push_back({capture[i], beam[i] * fit::rad_per_deg, incidence[i] * fit::rad_per_deg, range[i],
-                                    u[i], sd[i]});
+      out.forecast.beams.push_back(
+          {capture[i], beam[i] * fit::rad_per_deg, incidence[i] * fit::rad_per_deg, range[i], u[i], sd[i]});
     return out;
   } catch (const json::exception& error) {
     throw UsageError(file + " is not a prediction (" + error.what() +
@@ -117,14 +118,18 @@ json comparison_document(const fit::explain::ForecastScore& score, const fit::ex
     sum.weight += weight;
     const double place = std::floor((b.mean_minus_forecast_mm / b.u_mm + reach) / pull_width);
     const double last = static_cast<double>(pulls.size()) - 1;
-    pulls[static_cast<std::size_t>(std::clamp(place, 0.0, last))] += 1 / static_cast<double>(score.beams.size());
+    pulls[static_cast<std::size_t>(std::clamp(place, 0.0, last))] +=
+        1 / static_cast<double>(score.beams.size());
   }
   for (const auto& cell : gain.shown) {
     Sum& sum = bins[bin_of(cell.beam_deg)];
     sum.before += cell.mean_mm;
     sum.before_count += 1;
   }
-  json along = {{"beam_deg", json::array()}, {"off_mm", json::array()}, {"u_mm", json::array()}, {"before_mm", json::array()}};
+  json along = {{"beam_deg", json::array()},
+                {"off_mm", json::array()},
+                {"u_mm", json::array()},
+                {"before_mm", json::array()}};
   for (const auto& [bin, sum] : bins) {
     if (sum.weight <= 0 || sum.before_count < 1) continue;
     along["beam_deg"].push_back(width_deg * static_cast<double>(bin));
@@ -133,7 +138,8 @@ json comparison_document(const fit::explain::ForecastScore& score, const fit::ex
     along["before_mm"].push_back(thousandths(sum.before / sum.before_count));
   }
   json pulls_at = json::array();
-  for (std::size_t i = 0; i < pulls.size(); ++i) pulls_at.push_back(-reach + pull_width * (static_cast<double>(i) + 0.5));
+  for (std::size_t i = 0; i < pulls.size(); ++i)
+    pulls_at.push_back(-reach + pull_width * (static_cast<double>(i) + 0.5));
   return {{"confirmed", judged.confirmed},
           {"reasons", judged.reasons},
           {"samples", score.samples},

@@ -19,7 +19,8 @@ namespace rig::investigate {
 /// found, in words and as a bench file, and what every beam will show.
 [[nodiscard]] nlohmann::json prediction_document(const fit::explain::Explanation& found,
                                                  const std::vector<fit::CaptureInfo>& planned,
-                                                 const fit::explain::Forecast& forecast, const std::string& title);
+                                                 const fit::explain::Forecast& forecast,
+                                                 const std::string& title);
 
 struct WrittenPrediction {
   fit::explain::Forecast forecast;
@@ -30,6 +31,7 @@ struct WrittenPrediction {
 
 /// How it came out, with what pictures need.
 [[nodiscard]] nlohmann::json comparison_document(const fit::explain::ForecastScore& score,
-                                                 const fit::explain::Prediction& gain, const Confirmation& judged);
+                                                 const fit::explain::Prediction& gain,
+                                                 const Confirmation& judged);
 
 }  // namespace rig::investigate

@@ -75,14 +75,10 @@ json to_json(const State& s) {
                       {"explanation", round.explanation},
                       {"comparison", round.comparison}});
   }
-  json out = {{"schema", schema},
-              {"bench_sha256", s.bench_sha256},
-              {"budget_min", s.budget_min},
-              {"unattended", s.unattended},
-              {"rounds", rounds},
-              {"prediction_sha256", s.prediction_sha256},
-              {"comparison", s.comparison},
-              {"refuted", s.refuted}};
+  json out = {{"schema", schema},           {"bench_sha256", s.bench_sha256},
+              {"budget_min", s.budget_min}, {"unattended", s.unattended},
+              {"rounds", rounds},           {"prediction_sha256", s.prediction_sha256},
+              {"comparison", s.comparison}, {"refuted", s.refuted}};
   if (s.on_for_min) out["on_for_min"] = *s.on_for_min;
   if (s.ending)
     out["ending"] = {{"end", name_of(s.ending->end)},

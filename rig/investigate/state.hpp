@@ -25,7 +25,7 @@ struct Round {
   Session session;
   std::vector<Possible> considered;  ///< Beside what was chosen, with what they promised.
   nlohmann::json explanation;  ///< `explanation/1` without its curves and its bench; null: not yet explained.
-  nlohmann::json comparison;         ///< Of a session whose prediction did not come true; else null.
+  nlohmann::json comparison;   ///< Of a session whose prediction did not come true; else null.
 };
 
 /// Where an investigation stands: all that `--resume` needs beside the sessions (`investigation/2`).
@@ -42,10 +42,10 @@ struct State {
     std::vector<std::string> not_examined;  ///< Titles of looks that nobody took.
   };
   std::optional<Ending> ending;
-  std::optional<Session> last;      ///< The predicted session.
-  std::string prediction_sha256;    ///< Of prediction.json, before `last` was recorded.
-  nlohmann::json comparison;        ///< How it came out; null: not yet compared.
-  int refuted = 0;                  ///< Predictions that did not come true; their sessions became rounds.
+  std::optional<Session> last;    ///< The predicted session.
+  std::string prediction_sha256;  ///< Of prediction.json, before `last` was recorded.
+  nlohmann::json comparison;      ///< How it came out; null: not yet compared.
+  int refuted = 0;                ///< Predictions that did not come true; their sessions became rounds.
 
   [[nodiscard]] double minutes_spent() const;
   [[nodiscard]] double hand_minutes() const;

@@ -29,13 +29,15 @@ json common_of(const SessionStore& session) {
   const json plan = json::parse(session.get("steps").value_or("[]"), nullptr, false);
   const auto progress = session.progress();
   const auto is_recorded = [&](const json& step) { return progress.contains(text_of(step, "key")); };
-  json out = {{"procedure", session.get("procedure_name").value_or(session.get("kind").value_or("recording"))},
-              {"bench", text_of(parsed_object(session.get("bench")), "name")},
-              {"lidar", lidar.name() + (lidar.serial.empty() ? "" : " " + lidar.serial)},
-              {"captures", session.count_captures()}};
+  json out = {
+      {"procedure", session.get("procedure_name").value_or(session.get("kind").value_or("recording"))},
+      {"bench", text_of(parsed_object(session.get("bench")), "name")},
+      {"lidar", lidar.name() + (lidar.serial.empty() ? "" : " " + lidar.serial)},
+      {"captures", session.count_captures()}};
   if (!plan.is_array() || plan.empty()) return out;
   const auto next = std::ranges::find_if_not(plan, is_recorded);
-  out["step"] = {{"n", std::ranges::count_if(plan, is_recorded)}, {"of", plan.size()},
+  out["step"] = {{"n", std::ranges::count_if(plan, is_recorded)},
+                 {"of", plan.size()},
                  {"text", next == plan.end() ? "" : text_of(*next, "text")}};
   return out;
 }
@@ -74,7 +76,7 @@ json BenchesState::ended_session(const fs::path& file) {
   if (!known.says.is_null() && known.modified == modified) return known.says;
   known.modified = modified;
   try {
-    const SessionStore session(file.string(), SessionStore::Mode::look);
+    const SessionStore session(file.string(), SessionStore::Mode::peek);
     known.says = common_of(session);
     const std::string ended = session.get("ended").value_or("");
     known.says["phase"] = ended == "done" || ended.empty() ? "done" : "ended";
@@ -85,17 +87,19 @@ json BenchesState::ended_session(const fs::path& file) {
   return known.says;
 }
 
-json BenchesState::look(std::int64_t now_unix_s) {
+json BenchesState::observe(std::int64_t now_unix_s) {
   std::error_code failed;
   if (!fs::is_directory(folder_, failed))
     throw UsageError(folder_ + " is not a folder: give the one into which the benches write");
   std::vector<std::pair<fs::file_time_type, fs::path>> files;
-  for (auto entry = fs::recursive_directory_iterator(folder_, fs::directory_options::skip_permission_denied, failed);
+  for (auto entry =
+           fs::recursive_directory_iterator(folder_, fs::directory_options::skip_permission_denied, failed);
        entry != fs::end(entry); entry.increment(failed))
     if (entry->path().extension() == ".rig" && entry->is_regular_file(failed))
-      files.emplace_back(std::max(entry->last_write_time(failed), fs::exists(entry->path().string() + "-wal", failed)
-                                                                      ? fs::last_write_time(entry->path().string() + "-wal", failed)
-                                                                      : fs::file_time_type::min()),
+      files.emplace_back(std::max(entry->last_write_time(failed),
+                                  fs::exists(entry->path().string() + "-wal", failed)
+                                      ? fs::last_write_time(entry->path().string() + "-wal", failed)
+                                      : fs::file_time_type::min()),
                          entry->path());
   std::ranges::sort(files, std::greater{});
   json benches = json::array();
@@ -120,11 +124,14 @@ json BenchesState::look(std::int64_t now_unix_s) {
     benches.push_back(std::move(bench));
   }
   std::stable_sort(benches.begin(), benches.end(), [](const json& a, const json& b) {
-    const auto waiting = [](const json& bench) { return bench.contains("needs") ? number_of(bench["needs"], "waiting_s", 0) : 0; };
+    const auto waiting = [](const json& bench) {
+      return bench.contains("needs") ? number_of(bench["needs"], "waiting_s", 0) : 0;
+    };
     return rank_of(a) != rank_of(b) ? rank_of(a) < rank_of(b) : waiting(a) > waiting(b);
   });
   const auto count = [&](const char* phase) {
-    return std::count_if(benches.begin(), benches.end(), [&](const json& b) { return text_of(b, "phase") == phase; });
+    return std::count_if(benches.begin(), benches.end(),
+                         [&](const json& b) { return text_of(b, "phase") == phase; });
   };
   return {{"schema", "benches/1"},
           {"folder", fs::absolute(folder_).lexically_normal().string()},

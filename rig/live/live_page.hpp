@@ -15,8 +15,8 @@
 
 namespace rig {
 
-/// The live page of a program that runs one procedure after the other: in a thread of its own, so that it is there
-/// between them as well. All members may be called from any thread.
+/// The live page of a program that runs one procedure after the other: in a thread of its own, so that it is
+/// there between them as well. All members may be called from any thread.
 class LivePage {
  public:
   using OnCommand = LiveServer::OnCommand;

@@ -149,8 +149,8 @@ std::string dry_run_text(const Procedure& procedure, const fit::Bench& bench,
   char travel[40];
   std::snprintf(travel, sizeof travel, "%.1f", travel_deg);
   text += "\n" + std::to_string(plan.size()) + " steps, " + grouped(captures) + " captures, " +
-          grouped(scans) + " scans, travel " + travel + " deg, about " + duration_text(seconds) +
-          " at " + to_text(bench.lidar.scan_hz) + " scans/s.\n";
+          grouped(scans) + " scans, travel " + travel + " deg, about " + duration_text(seconds) + " at " +
+          to_text(bench.lidar.scan_hz) + " scans/s.\n";
   const StageLimits limits = stage_limits(bench);
   text += limits.min_deg > -1e8 ? "Soft limits of the stage: " + to_text(limits.min_deg) + " to " +
                                       to_text(limits.max_deg) + " deg; every known target lies within.\n"

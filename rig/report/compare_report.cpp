@@ -158,9 +158,10 @@ std::string comparison_html(const Comparison& c) {
     const Verdict v = judge(c, i);
     const auto cell = [](const std::vector<double>& values) {
       return "<td class=\"n\">" +
-             (values.empty() ? std::string("not seen")
-                             : four_digits(quantile(values, 0.5)) + " (" + four_digits(quantile(values, 0.05)) +
-                                   " to " + four_digits(quantile(values, 0.95)) + ")") +
+             (values.empty()
+                  ? std::string("not seen")
+                  : four_digits(quantile(values, 0.5)) + " (" + four_digits(quantile(values, 0.05)) + " to " +
+                        four_digits(quantile(values, 0.95)) + ")") +
              "</td>";
     };
     html += "<tr><td>" + escaped(with_unit(a.name, a.unit)) + "</td>" + cell(a.values) + cell(b.values) +

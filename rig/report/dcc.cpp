@@ -73,12 +73,14 @@ std::string d_si_unit(const std::string& unit) {
 std::string date_of(const std::string& utc) { return utc.size() >= 10 ? utc.substr(0, 10) : "1970-01-01"; }
 
 bool is_date(const std::string& text) {
-  return text.size() == 10 && text[4] == '-' && text[7] == '-' && std::isdigit(static_cast<unsigned char>(text[9]));
+  return text.size() == 10 && text[4] == '-' && text[7] == '-' &&
+         std::isdigit(static_cast<unsigned char>(text[9]));
 }
 
 std::string country_of(const json& laboratory) {
   const std::string stated = text_of(laboratory, "country");
-  return stated.size() == 2 && std::isupper(static_cast<unsigned char>(stated[0])) && std::isupper(static_cast<unsigned char>(stated[1]))
+  return stated.size() == 2 && std::isupper(static_cast<unsigned char>(stated[0])) &&
+                 std::isupper(static_cast<unsigned char>(stated[1]))
              ? stated
              : "ZZ";  // User-assigned in ISO 3166: not stated.
 }
@@ -121,8 +123,10 @@ void core_data(Xml& xml, const json& certificate, const json& laboratory) {
     xml.element("dcc:identifications", [&] {
       identification(xml, "calibrationLaboratory", text_of(certificate, "sha256"), "SHA-256 of the data");
     });
-    if (const std::string received = text_of(laboratory, "received"); is_date(received)) xml.leaf("dcc:receiptDate", received);
-    const std::string measured = date_of(text_of(certificate, "measured_utc", text_of(certificate, "created_utc")));
+    if (const std::string received = text_of(laboratory, "received"); is_date(received))
+      xml.leaf("dcc:receiptDate", received);
+    const std::string measured =
+        date_of(text_of(certificate, "measured_utc", text_of(certificate, "created_utc")));
     xml.leaf("dcc:beginPerformanceDate", measured);
     xml.leaf("dcc:endPerformanceDate", measured);
     xml.leaf("dcc:performanceLocation", "laboratory");
@@ -150,8 +154,10 @@ void statements(Xml& xml, const json& certificate) {
         if (reason.is_string()) why += " " + reason.get<std::string>();
       statement(xml, text_of(certificate, "title"), "This is a report, not a certificate:" + why);
     }
-    statement(xml, "Validity", "The results relate only to the item calibrated, at the time and under the conditions stated.");
-    statement(xml, "Reproduction", "Not to be reproduced except in full without the approval of the laboratory.");
+    statement(xml, "Validity",
+              "The results relate only to the item calibrated, at the time and under the conditions stated.");
+    statement(xml, "Reproduction",
+              "Not to be reproduced except in full without the approval of the laboratory.");
     statement(xml, "Adjustment", trimmed(text_of(certificate, "adjustment")));
     const json limits = certificate.value("limits", json::object());
     for (const json& check : list_of(limits, "checks"))
@@ -166,7 +172,8 @@ void statements(Xml& xml, const json& certificate) {
 }
 
 void administrative_data(Xml& xml, const json& certificate) {
-  const json laboratory = certificate.value("laboratory", json::object()), item = certificate.value("item", json::object());
+  const json laboratory = certificate.value("laboratory", json::object()),
+             item = certificate.value("item", json::object());
   xml.element("dcc:administrativeData", [&] {
     xml.element("dcc:dccSoftware", [&] { software(xml, text_of(certificate, "software")); });
     core_data(xml, certificate, laboratory);
@@ -181,11 +188,13 @@ void administrative_data(Xml& xml, const json& certificate) {
       });
     });
     xml.element("dcc:calibrationLaboratory", [&] {
-      contact(xml, "dcc:contact", text_of(laboratory, "laboratory"), text_of(laboratory, "address", text_of(laboratory, "place")));
+      contact(xml, "dcc:contact", text_of(laboratory, "laboratory"),
+              text_of(laboratory, "address", text_of(laboratory, "place")));
     });
     xml.element("dcc:respPersons", [&] {
       xml.element("dcc:respPerson", [&] {
-        xml.element("dcc:person", [&] { xml.words("dcc:name", trimmed(text_of(laboratory, "authorised_by"))); });
+        xml.element("dcc:person",
+                    [&] { xml.words("dcc:name", trimmed(text_of(laboratory, "authorised_by"))); });
         xml.leaf("dcc:mainSigner", "true");
       });
     });
@@ -195,8 +204,8 @@ void administrative_data(Xml& xml, const json& certificate) {
 }
 
 bool has_uncertainty(const json& value) {
-  return value.is_object() && std::isfinite(number_of(value, "value")) && std::isfinite(number_of(value, "U")) &&
-         number_of(value, "U") > 0;
+  return value.is_object() && std::isfinite(number_of(value, "value")) &&
+         std::isfinite(number_of(value, "U")) && number_of(value, "U") > 0;
 }
 
 void quantity(Xml& xml, const json& value) {
@@ -241,8 +250,10 @@ void equipment(Xml& xml, const json& certificate) {
     for (const json& item : all)
       xml.element("dcc:measuringEquipment", [&] {
         xml.words("dcc:name", trimmed(text_of(item, "name")));
-        xml.words("dcc:description", "Certificate " + trimmed(text_of(item, "certificate")) + ", due " + trimmed(text_of(item, "due")));
-        xml.element("dcc:identifications", [&] { identification(xml, "manufacturer", text_of(item, "serial"), "Serial number"); });
+        xml.words("dcc:description", "Certificate " + trimmed(text_of(item, "certificate")) + ", due " +
+                                         trimmed(text_of(item, "due")));
+        xml.element("dcc:identifications",
+                    [&] { identification(xml, "manufacturer", text_of(item, "serial"), "Serial number"); });
       });
   });
 }

@@ -16,24 +16,34 @@ namespace {
 
 using nlohmann::json;
 
-std::string short_number(double value, int digits = 3) { return std::isfinite(value) ? fit::rounded(value, digits) : "-"; }
+std::string short_number(double value, int digits = 3) {
+  return std::isfinite(value) ? fit::rounded(value, digits) : "-";
+}
 
 std::string minutes_of(const json& session) {
-  const double machine = number_of(session, "stage_and_scans_min", 0), hand = number_of(session, "hand_min", 0);
-  return short_number(machine + hand, 2) + " min" + (hand > 0 ? " (" + short_number(hand, 2) + " by hand)" : "");
+  const double machine = number_of(session, "stage_and_scans_min", 0),
+               hand = number_of(session, "hand_min", 0);
+  return short_number(machine + hand, 2) + " min" +
+         (hand > 0 ? " (" + short_number(hand, 2) + " by hand)" : "");
 }
 
 std::string dossier_style() {
-  return "body{font:14px/1.4 \"Source Sans 3\",\"DejaVu Sans\",sans-serif;color:#1a1a1a;max-width:54em;margin:1.5em auto;"
-         "padding:0 1.2em}h1{font-size:1.6em;margin:.2em 0}h2{font-size:1.15em;margin:1.4em 0 .4em;border-bottom:2px solid "
-         "#1a1a1a}h3{font-size:1em;margin:.9em 0 .2em}table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}"
-         "th,td{text-align:left;vertical-align:top;padding:.22em .6em .22em 0;border-bottom:1px solid #cfcfcf}"
+  return "body{font:14px/1.4 \"Source Sans 3\",\"DejaVu "
+         "Sans\",sans-serif;color:#1a1a1a;max-width:54em;margin:1.5em auto;"
+         "padding:0 1.2em}h1{font-size:1.6em;margin:.2em 0}h2{font-size:1.15em;margin:1.4em 0 "
+         ".4em;border-bottom:2px solid "
+         "#1a1a1a}h3{font-size:1em;margin:.9em 0 "
+         ".2em}table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}"
+         "th,td{text-align:left;vertical-align:top;padding:.22em .6em .22em 0;border-bottom:1px solid "
+         "#cfcfcf}"
          "td.n,th.n{text-align:right}p{margin:.3em 0}.sub{color:#5a5a5a;font-weight:400;font-size:.9em}"
-         ".box{border-left:.3em solid #006d4c;padding:.3em .9em;background:#f4f6f5;margin:.5em 0}.box.no{border-color:#b02a00}"
+         ".box{border-left:.3em solid #006d4c;padding:.3em .9em;background:#f4f6f5;margin:.5em "
+         "0}.box.no{border-color:#b02a00}"
          ".bar{font-size:.9em;line-height:1.3}.bar svg{vertical-align:baseline}th.wide{width:17em}"
          "figure{margin:.5em 0}figure svg{max-width:100%;height:auto}figcaption{color:#5a5a5a;"
          "font-size:.85em}code{font-size:.85em;word-break:break-all}.fresh{break-before:page}"
-         "@page{size:A4;margin:16mm 15mm}@media print{body{margin:0;padding:0;font-size:12px}figure,.box,tr{break-inside:avoid}}";
+         "@page{size:A4;margin:16mm 15mm}@media "
+         "print{body{margin:0;padding:0;font-size:12px}figure,.box,tr{break-inside:avoid}}";
 }
 
 std::string bars(const json& explanation) {
@@ -43,9 +53,11 @@ std::string bars(const json& explanation) {
     const bool in_set = s.value("set", false);
     const std::string width = short_number(0.9 * percent, 3);
     // The set's mark is not the colour alone.
-    html += "<div class=\"bar\"><svg width=\"90\" height=\"9\" viewBox=\"0 0 90 9\"><rect width=\"90\" height=\"9\" fill=\"#e6e9ec\"/><rect width=\"" +
-            width + "\" height=\"9\" fill=\"" + (in_set ? "#e69f00" : "#0072b2") + "\"/></svg> " + (in_set ? "one of: " : short_number(percent, 3) + " % ") +
-            escaped(text_of(s, "name")) + "</div>";
+    html +=
+        "<div class=\"bar\"><svg width=\"90\" height=\"9\" viewBox=\"0 0 90 9\"><rect width=\"90\" "
+        "height=\"9\" fill=\"#e6e9ec\"/><rect width=\"" +
+        width + "\" height=\"9\" fill=\"" + (in_set ? "#e69f00" : "#0072b2") + "\"/></svg> " +
+        (in_set ? "one of: " : short_number(percent, 3) + " % ") + escaped(text_of(s, "name")) + "</div>";
   }
   return html;
 }
@@ -75,9 +87,11 @@ std::string physics_section(const json& found) {
   std::string html;
   for (const json& m : list_of(found, "mechanisms"))
     html += "<h3>" + escaped(text_of(m, "mechanism")) + " <span class=\"sub\">probability " +
-            short_number(number_of(m, "probability")) + "</span></h3>\n<p>" + escaped(text_of(m, "says")) + "</p>\n";
+            short_number(number_of(m, "probability")) + "</span></h3>\n<p>" + escaped(text_of(m, "says")) +
+            "</p>\n";
   if (found.contains("unknown"))
-    html += "<h3>Outside the catalogue</h3>\n<p>" + escaped(text_of(found["unknown"], "describes")) + ".</p>\n";
+    html +=
+        "<h3>Outside the catalogue</h3>\n<p>" + escaped(text_of(found["unknown"], "describes")) + ".</p>\n";
   if (html.empty()) return "";
   return "<h2>The physics, in words</h2>\n" + html;
 }
@@ -104,14 +118,16 @@ std::string comparison_pictures(const json& comparison) {
   plot.x_label = "beam angle (deg)";
   plot.y_label = "difference (mm)";
   plot.width_px = 760, plot.height_px = 300;
-  plot.series.push_back({"by the bench file alone", Series::Style::points, beam, column_of(along, "before_mm"), {}});
+  plot.series.push_back(
+      {"by the bench file alone", Series::Style::points, beam, column_of(along, "before_mm"), {}});
   plot.series.push_back(
       {"as predicted", Series::Style::errorbars, beam, column_of(along, "off_mm"), column_of(along, "u_mm")});
   const json& pulls = comparison.at("pulls");
   // Every difference in its own uncertainty: a standard normal distribution if those are right.
   const auto at = column_of(pulls, "at");
   std::vector<double> normal;
-  for (const double v : at) normal.push_back(number_of(pulls, "width") * std::exp(-v * v / 2) / std::sqrt(2 * std::numbers::pi));
+  for (const double v : at)
+    normal.push_back(number_of(pulls, "width") * std::exp(-v * v / 2) / std::sqrt(2 * std::numbers::pi));
   Plot histogram;
   histogram.title = "Means of single beams: difference in its own standard uncertainty";
   histogram.x_label = "difference / standard uncertainty";
@@ -120,8 +136,10 @@ std::string comparison_pictures(const json& comparison) {
   histogram.series.push_back({"recorded", Series::Style::steps, at, column_of(pulls, "share"), {}});
   histogram.series.push_back({"if the uncertainties are right", Series::Style::line, at, normal, {}});
   return "<figure>" + to_svg(plot) +
-         "<figcaption>Against the prediction, to which nothing was fitted, and against the bench file alone, for which mount and targets were "
-         "fitted to this recording.</figcaption></figure>\n<figure>" + to_svg(histogram) + "</figure>\n";
+         "<figcaption>Against the prediction, to which nothing was fitted, and against the bench file alone, "
+         "for which mount and targets were "
+         "fitted to this recording.</figcaption></figure>\n<figure>" +
+         to_svg(histogram) + "</figure>\n";
 }
 
 std::string last_prediction_section(const json& last) {
@@ -137,7 +155,8 @@ std::string last_prediction_section(const json& last) {
   html += "<p class=\"box" + std::string(confirmed ? "" : " no") + "\"><strong>" +
           (confirmed ? "The prediction was confirmed." : "The prediction was not confirmed.") +
           "</strong></p>\n<ul>\n";
-  for (const json& reason : list_of(comparison, "reasons")) html += "<li>" + escaped(reason.get<std::string>()) + "</li>\n";
+  for (const json& reason : list_of(comparison, "reasons"))
+    html += "<li>" + escaped(reason.get<std::string>()) + "</li>\n";
   html += "</ul>\n";
   return comparison.contains("along_beam") ? html + comparison_pictures(comparison) : html;
 }
@@ -148,18 +167,22 @@ std::string details_section(const json& dossier) {
   for (const json& round : list_of(dossier, "rounds")) {
     const json& session = round.at("session");
     const std::string name = escaped(text_of(session, "name"));
-    html += "<h3>" + std::to_string(++n) + ". " + escaped(text_of(session, "title")) + "</h3>\n<p class=\"sub\">Files: " + name + ".yaml, " +
-            name + ".rig, " + name + ".explanation.json</p>\n";
+    html += "<h3>" + std::to_string(++n) + ". " + escaped(text_of(session, "title")) +
+            "</h3>\n<p class=\"sub\">Files: " + name + ".yaml, " + name + ".rig, " + name +
+            ".explanation.json</p>\n";
     if (!text_of(session, "failed").empty())
       html += "<p>It ended early: " + escaped(text_of(session, "failed")) + "</p>\n";
     if (round.contains("comparison") && round["comparison"].is_object()) {
       html += "<p>It differs from the prediction:</p>\n<ul>\n";
-      for (const json& reason : list_of(round["comparison"], "reasons")) html += "<li>" + escaped(reason.get<std::string>()) + "</li>\n";
+      for (const json& reason : list_of(round["comparison"], "reasons"))
+        html += "<li>" + escaped(reason.get<std::string>()) + "</li>\n";
       html += "</ul>\n";
     }
     if (const json considered = list_of(round, "considered"); !considered.empty()) {
-      html += "<table><thead><tr><th>Considered</th><th class=\"n\">expected (nats)</th><th class=\"n\">minutes</th><th class=\"n\">nats per "
-              "minute</th><th>by hand</th></tr></thead><tbody>\n";
+      html +=
+          "<table><thead><tr><th>Considered</th><th class=\"n\">expected (nats)</th><th "
+          "class=\"n\">minutes</th><th class=\"n\">nats per "
+          "minute</th><th>by hand</th></tr></thead><tbody>\n";
       for (const json& c : considered) {
         const double nats = number_of(c, "information", 0), minutes = number_of(c, "minutes", 0);
         html += "<tr><td>" + escaped(text_of(c, "title")) + "</td><td class=\"n\">" +
@@ -170,38 +193,50 @@ std::string details_section(const json& dossier) {
       html += "</tbody></table>\n";
     }
     for (const json& m : list_of(round.at("explanation"), "mechanisms"))
-      html += "<p><strong>" + escaped(text_of(m, "mechanism")) + "</strong>: " + escaped(text_of(m, "evidence")) + "</p>\n";
+      html += "<p><strong>" + escaped(text_of(m, "mechanism")) +
+              "</strong>: " + escaped(text_of(m, "evidence")) + "</p>\n";
     for (const json& note : list_of(round.at("explanation"), "notes"))
       html += "<p class=\"sub\">" + escaped(note.get<std::string>()) + "</p>\n";
   }
   const json& found = dossier.at("found");
   const json parameters = found.is_object() ? list_of(found, "mechanisms") : json::array();
   if (!parameters.empty()) {
-    html += "<h3>Sizes</h3>\n<table><thead><tr><th>Mechanism</th><th>Parameter</th><th class=\"n\">Value</th><th class=\"n\">Expanded uncertainty "
-            "(k = 2)</th></tr></thead><tbody>\n";
+    html +=
+        "<h3>Sizes</h3>\n<table><thead><tr><th>Mechanism</th><th>Parameter</th><th class=\"n\">Value</th><th "
+        "class=\"n\">Expanded uncertainty "
+        "(k = 2)</th></tr></thead><tbody>\n";
     for (const json& m : parameters)
       for (const auto& [name, p] : m.at("parameters").items())
-        html += "<tr><td>" + escaped(text_of(m, "mechanism")) + "</td><td>" + escaped(name) + "</td><td class=\"n\">" +
-                (p.is_object() ? short_number(number_of(p, "value"), 5) : escaped(p.is_string() ? p.get<std::string>() : p.dump())) +
-                "</td><td class=\"n\">" + (p.is_object() ? short_number(2 * number_of(p, "u"), 2) : "") + "</td></tr>\n";
+        html += "<tr><td>" + escaped(text_of(m, "mechanism")) + "</td><td>" + escaped(name) +
+                "</td><td class=\"n\">" +
+                (p.is_object() ? short_number(number_of(p, "value"), 5)
+                               : escaped(p.is_string() ? p.get<std::string>() : p.dump())) +
+                "</td><td class=\"n\">" + (p.is_object() ? short_number(2 * number_of(p, "u"), 2) : "") +
+                "</td></tr>\n";
     html += "</tbody></table>\n";
   }
-  return html + "<h3>Files</h3>\n<p>The bench with all that was found, for <code>rig-sim --bench</code>: <code>" + escaped(text_of(dossier, "twin")) +
+  return html +
+         "<h3>Files</h3>\n<p>The bench with all that was found, for <code>rig-sim --bench</code>: <code>" +
+         escaped(text_of(dossier, "twin")) +
          "</code>. The bench file as it was given: <code>bench.json</code>, SHA-256 of its contents <code>" +
-         escaped(text_of(dossier, "bench_sha256")) + "</code>. All of this for programs: <code>dossier.json</code>.</p>\n";
+         escaped(text_of(dossier, "bench_sha256")) +
+         "</code>. All of this for programs: <code>dossier.json</code>.</p>\n";
 }
 
 }  // namespace
 
 std::string dossier_page(const json& dossier) {
   const bool confirmed = dossier.value("confirmed", false);
-  std::string html = "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Dossier of an investigation</title><style>" +
-                     dossier_style() + "</style></head><body>\n<h1>What the bench file leaves out</h1>\n<p class=\"sub\">" +
-                     escaped(text_of(dossier, "lidar")) + " &middot; " + escaped(text_of(dossier, "software")) + " &middot; " +
-                     std::to_string(list_of(dossier, "rounds").size() + (dossier.contains("last") ? 1 : 0)) + " sessions, " +
-                     short_number(number_of(dossier, "minutes"), 3) + " min, of which an operator's " +
-                     short_number(number_of(dossier, "hand_minutes"), 3) + " &middot; ± is the expanded uncertainty (k = 2)</p>\n<p class=\"box" +
-                     (confirmed ? "" : " no") + "\"><strong>" + escaped(text_of(dossier, "claim")) + "</strong></p>\n";
+  std::string html =
+      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Dossier of an "
+      "investigation</title><style>" +
+      dossier_style() + "</style></head><body>\n<h1>What the bench file leaves out</h1>\n<p class=\"sub\">" +
+      escaped(text_of(dossier, "lidar")) + " &middot; " + escaped(text_of(dossier, "software")) +
+      " &middot; " + std::to_string(list_of(dossier, "rounds").size() + (dossier.contains("last") ? 1 : 0)) +
+      " sessions, " + short_number(number_of(dossier, "minutes"), 3) + " min, of which an operator's " +
+      short_number(number_of(dossier, "hand_minutes"), 3) +
+      " &middot; ± is the expanded uncertainty (k = 2)</p>\n<p class=\"box" + (confirmed ? "" : " no") +
+      "\"><strong>" + escaped(text_of(dossier, "claim")) + "</strong></p>\n";
   if (dossier.contains("end")) html += "<p>" + escaped(text_of(dossier["end"], "why")) + "</p>\n";
   html += physics_section(dossier.at("found")) + rounds_in_table(dossier) + open_section(dossier);
   if (dossier.contains("last")) html += last_prediction_section(dossier["last"]);

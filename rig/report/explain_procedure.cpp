@@ -73,7 +73,7 @@ std::string cold_step(const CaptureInfo& c) {
   const std::string t = temperature_of(c);
   return "  - prompt:\n      title: \"Cold start\"\n      text: " +
          yaml_quoted("Switch the lidar off for two hours, hold its housing at " + t +
-                " C, switch it on and confirm at once.") +
+                     " C, switch it on and confirm at once.") +
          "\n      place: {temperature_c: " + t + ", since_power_on_s: 0}\n";
 }
 
@@ -82,7 +82,7 @@ std::string steady_step(const CaptureInfo& c) {
   const std::string t = temperature_of(c), since_s = yaml_number(c.since_power_on_s.value_or(0));
   return "  - prompt:\n      title: \"The lidar warm\"\n      text: " +
          yaml_quoted("Let the lidar be on for " + yaml_number(c.since_power_on_s.value_or(0) / 60) +
-                " minutes with its housing held at " + t + " C, then confirm.") +
+                     " minutes with its housing held at " + t + " C, then confirm.") +
          "\n      place: {temperature_c: " + t + ", since_power_on_s: " + since_s + "}\n";
 }
 
@@ -112,8 +112,8 @@ std::string steps_text(const Experiment& e, const fit::LidarGeometry& lidar) {
     case Experiment::Kind::dark:
       for (const CaptureInfo& c : e.captures)
         if (e.by_hand)
-          steps +=
-              put_up_step(c) + "  - capture: {samples: " + samples + ", target: " + yaml_quoted(*c.target) + "}\n";
+          steps += put_up_step(c) + "  - capture: {samples: " + samples +
+                   ", target: " + yaml_quoted(*c.target) + "}\n";
       if (e.by_hand) break;
       steps += "  - move: {to_deg: 0}\n";
       for (const CaptureInfo& c : e.captures)

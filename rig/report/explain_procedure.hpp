@@ -15,7 +15,8 @@ namespace rig {
 [[nodiscard]] std::string procedure_text(const fit::explain::Experiment& experiment, const fit::Bench& bench);
 
 /// Its steps alone, as they stand below `steps:`; the stage is homed.
-[[nodiscard]] std::string steps_text(const fit::explain::Experiment& experiment, const fit::LidarGeometry& lidar);
+[[nodiscard]] std::string steps_text(const fit::explain::Experiment& experiment,
+                                     const fit::LidarGeometry& lidar);
 
 /// A text as a quoted YAML scalar.
 [[nodiscard]] std::string yaml_quoted(const std::string& text);

@@ -96,23 +96,22 @@ std::string prediction_section(const json& p) {
            figure_of(number_of(before, key), digits) + "</td><td class=\"n\">" +
            figure_of(number_of(after, key), digits) + "</td></tr>\n";
   };
-  std::string html = "<h2>Predicted, not fitted: " + escaped(p.value("session", "")) + "</h2>\n<p>" +
-                     std::to_string(p.value("samples", 0L)) +
-                     " samples of a recording that took no part in the fit. Before: the bench's geometry and "
-                     "the constant noise "
-                     "that suits the fitted recordings best; after: with what was found in them. In both, "
-                     "only where mount and "
-                     "targets of this recording stand was fitted to it.</p>\n<table><thead><tr><th></th><th "
-                     "class=\"n\">before</th><th class=\"n\">after</th></tr></thead><tbody>\n" +
-                     row("rms of the samples (mm)", "rms_mm", 4) +
-                     row("rms of the means (mm)", "rms_of_means_mm", 4) +
-                     row("log-likelihood of a sample", "log_likelihood", 4) +
-                     row("share within the predicted 95 % intervals", "coverage_95", 3) +
-                     "</tbody></table>\n<p>All samples "
-                     "together are e^" +
-                     figure_of(number_of(gain, "value"), 3) + " times as likely (± " +
-                     figure_of(2 * number_of(gain, "u"), 2) +
-                     " in the exponent, k = 2, as beams differ).</p>\n";
+  std::string html =
+      "<h2>Predicted, not fitted: " + escaped(p.value("session", "")) + "</h2>\n<p>" +
+      std::to_string(p.value("samples", 0L)) +
+      " samples of a recording that took no part in the fit. Before: the bench's geometry and "
+      "the constant noise "
+      "that suits the fitted recordings best; after: with what was found in them. In both, "
+      "only where mount and "
+      "targets of this recording stand was fitted to it.</p>\n<table><thead><tr><th></th><th "
+      "class=\"n\">before</th><th class=\"n\">after</th></tr></thead><tbody>\n" +
+      row("rms of the samples (mm)", "rms_mm", 4) + row("rms of the means (mm)", "rms_of_means_mm", 4) +
+      row("log-likelihood of a sample", "log_likelihood", 4) +
+      row("share within the predicted 95 % intervals", "coverage_95", 3) +
+      "</tbody></table>\n<p>All samples "
+      "together are e^" +
+      figure_of(number_of(gain, "value"), 3) + " times as likely (± " +
+      figure_of(2 * number_of(gain, "u"), 2) + " in the exponent, k = 2, as beams differ).</p>\n";
   if (!cells.contains("incidence_deg")) return html;
   const auto column = [&](const char* key) { return cells.at(key).get<std::vector<double>>(); };
   const auto x = column("incidence_deg");
@@ -139,7 +138,8 @@ std::string explanation_html(const json& e, const std::string& sessions) {
       "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Explanation</title><style>" +
       page_style() + "</style></head><body>\n<h1>What the simulation left out</h1>\n<p class=\"sub\">" +
       escaped(sessions) + " &middot; " + std::to_string(e.value("cells", 0L)) + " cells, " +
-      std::to_string(e.value("samples", 0L)) + " samples &middot; ± is the expanded uncertainty (k = 2)</p>\n<p class=\"box\"><strong>" +
+      std::to_string(e.value("samples", 0L)) +
+      " samples &middot; ± is the expanded uncertainty (k = 2)</p>\n<p class=\"box\"><strong>" +
       escaped(verdict_in_words(e.at("verdict").get<std::string>())) + "</strong></p>\n";
   if (!e.at("mechanisms").empty()) html += "<h2>Mechanisms</h2>\n";
   for (const json& m : e.at("mechanisms")) html += mechanism_section(m);

@@ -27,7 +27,8 @@ Issue issue_of(const SessionStore& session, const std::string& first_number, con
   Issue out{first_number, 0, "", hash.hex()};
   for (const json& earlier : issued(session)) {
     if (text_of(earlier, "digest") == out.digest)
-      return {text_of(earlier, "number"), earlier.value("amendment", 0), text_of(earlier, "replaces"), out.digest};
+      return {text_of(earlier, "number"), earlier.value("amendment", 0), text_of(earlier, "replaces"),
+              out.digest};
     out.replaces = text_of(earlier, "number");
     ++out.amendment;
   }

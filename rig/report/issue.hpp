@@ -26,8 +26,9 @@ struct Issue {
 [[nodiscard]] std::string register_with(const SessionStore& session, const nlohmann::json& certificate,
                                         const std::string& file);
 
-/// Where a certificate goes that was to go to `wanted`: there, if nothing is there or this very certificate was
-/// issued there before; else beside it, under a name with its number. Nothing is overwritten by another one.
+/// Where a certificate goes that was to go to `wanted`: there, if nothing is there or this very certificate
+/// was issued there before; else beside it, under a name with its number. Nothing is overwritten by another
+/// one.
 [[nodiscard]] std::string place_for(const SessionStore& session, const nlohmann::json& certificate,
                                     const std::string& wanted);
 

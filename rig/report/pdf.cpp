@@ -13,7 +13,8 @@ void write_pdf(const std::string& html, const std::string& output, std::chrono::
   write_beside(output, [&](const std::string& part) {
     const std::string page = part + ".html";
     write_file_atomically(page, html);
-    const auto printing = run_child({"weasyprint", "-q", "--pdf-variant", "pdf/a-3b", page, part}, longest).end;
+    const auto printing =
+        run_child({"weasyprint", "-q", "--pdf-variant", "pdf/a-3b", page, part}, longest).end;
     std::error_code ignored;
     std::filesystem::remove(page, ignored);
     if (printing == ChildResult::End::missing)

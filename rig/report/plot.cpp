@@ -150,8 +150,8 @@ std::string script_of(const Plot& plot, const std::vector<const Series*>& drawn)
   out.precision(12);
   out << "set terminal svg size " << plot.width_px << ',' << map.height_px
       << " noenhanced font 'sans-serif,13' background '#ffffff'\n"
-      << "set encoding utf8\nset title " << gnuplot_quoted(plot.title) << "\nset xlabel " << gnuplot_quoted(plot.x_label)
-      << "\nset ylabel " << gnuplot_quoted(plot.y_label)
+      << "set encoding utf8\nset title " << gnuplot_quoted(plot.title) << "\nset xlabel "
+      << gnuplot_quoted(plot.x_label) << "\nset ylabel " << gnuplot_quoted(plot.y_label)
       << "\nset grid linecolor '#dddddd'\nset border 3\nset tics nomirror\n"
       << "set key outside bottom center horizontal height 1.2\nset autoscale noextend\n"
       << "set offsets graph 0.02, graph 0.02, graph 0.05, graph 0.05\n"

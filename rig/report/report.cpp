@@ -25,7 +25,8 @@ std::string ending_of(const std::string& output) {
   return ending;
 }
 
-void write_certificate(const json& certificate, const std::string& output, std::chrono::milliseconds longest_pdf) {
+void write_certificate(const json& certificate, const std::string& output,
+                       std::chrono::milliseconds longest_pdf) {
   const std::string ending = ending_of(output);
   if (ending == ".json")
     return write_file_atomically(output,

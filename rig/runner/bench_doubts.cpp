@@ -33,10 +33,11 @@ void of_target(Doubts& doubts, const fit::Target& target) {
   const double away_mm = distance_mm(target), width_mm = (target.to_mm - target.from_mm).norm();
   const double corner_mm = std::max(target.from_mm.norm(), target.to_mm.norm());
   const std::string name = "Target '" + target.name + "' ";
-  doubts.unless(corner_mm >= usual_nearest_mm,
-                name + "lies within " + mm(corner_mm) + " of the stage's axis: are from_mm and to_mm in metres?");
-  doubts.unless(away_mm <= usual_farthest_mm, name + "stands " + mm(away_mm) +
-                                            " from the stage's axis, farther than such a lidar measures.");
+  doubts.unless(corner_mm >= usual_nearest_mm, name + "lies within " + mm(corner_mm) +
+                                                   " of the stage's axis: are from_mm and to_mm in metres?");
+  doubts.unless(
+      away_mm <= usual_farthest_mm,
+      name + "stands " + mm(away_mm) + " from the stage's axis, farther than such a lidar measures.");
   doubts.unless(width_mm >= narrowest_mm && width_mm <= widest_mm, name + "is " + mm(width_mm) + " wide.");
   doubts.unless(target.u_mm <= largest_u_mm,
                 name + "has u_mm " + to_text(target.u_mm) + ": its position is hardly known.");
@@ -68,14 +69,14 @@ void of_lidar(Doubts& doubts, const fit::Bench& bench) {
 void of_stage(Doubts& doubts, const fit::Bench& bench) {
   const StageLimits limits = stage_limits(bench);
   const double span_deg = limits.max_deg - limits.min_deg;
-  doubts.unless(span_deg >= narrowest_limits_deg, "stage.limits_deg leaves the stage " +
-                                                      rounded_text(span_deg, 2) +
-                                                      " deg to turn: is it in radians?");
+  doubts.unless(
+      span_deg >= narrowest_limits_deg,
+      "stage.limits_deg leaves the stage " + rounded_text(span_deg, 2) + " deg to turn: is it in radians?");
   doubts.unless(limits.speed_deg_s >= slowest_deg_s && limits.speed_deg_s <= fastest_deg_s,
                 "stage.speed_deg_s is " + to_text(limits.speed_deg_s) + ": 5 to 100 is usual.");
   const double resolution_deg = bench.stage_resolution_rad * fit::deg_per_rad;
-  doubts.unless(resolution_deg <= coarsest_deg, "stage.resolution_deg is " + rounded_text(resolution_deg, 3) +
-                                                    ": 0.001 to 0.1 is usual.");
+  doubts.unless(resolution_deg <= coarsest_deg,
+                "stage.resolution_deg is " + rounded_text(resolution_deg, 3) + ": 0.001 to 0.1 is usual.");
 }
 
 }  // namespace

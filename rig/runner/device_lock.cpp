@@ -22,7 +22,9 @@ std::string locks_folder() {
   if (const char* given = std::getenv("RIG_LOCKS")) return given;
   std::error_code ignored;
   const std::filesystem::path system = "/run/lock";
-  return ((::access(system.c_str(), W_OK) == 0 ? system : std::filesystem::temp_directory_path(ignored)) / "rig").string();
+  return ((::access(system.c_str(), W_OK) == 0 ? system : std::filesystem::temp_directory_path(ignored)) /
+          "rig")
+      .string();
 }
 
 /// A folder in which every user of the computer may lock, and nobody remove another's files.
@@ -30,7 +32,8 @@ void make_locks_folder(const std::string& folder) {
   if (::mkdir(folder.c_str(), 01777) == 0) ::chmod(folder.c_str(), 01777);
 }
 
-/// A name of letters, digits and dashes; what is left of an identity that is none of a file's stays distinct by its code.
+/// A name of letters, digits and dashes; what is left of an identity that is none of a file's stays distinct
+/// by its code.
 std::string file_name(const std::string& kind, const std::string& identity) {
   std::string name = kind + "-";
   for (const char c : identity.substr(0, 150)) {

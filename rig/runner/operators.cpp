@@ -148,8 +148,9 @@ class TerminalOperator final : public Operator {
     while (true) {
       const std::string line = co_await read_line();
       if (const auto answer = answer_in(line, prompt)) co_return *answer;
-      std::fprintf(stderr,
-                   "  Not understood. Enter: done; s: skip; r: repeat the last one; a or q: stop the run.\n> ");
+      std::fprintf(
+          stderr,
+          "  Not understood. Enter: done; s: skip; r: repeat the last one; a or q: stop the run.\n> ");
     }
   }
   bool unattended() const override { return false; }

@@ -31,7 +31,7 @@ class Operator {
   virtual ~Operator() = default;
   /// Answers one prompt; cancelled when the answer came from elsewhere (the live page).
   virtual boost::asio::awaitable<Answer> ask(Prompt prompt) = 0;
-  /// Nobody can mend a wrong placement: the run fails instead of asking for ever.
+  /// Nobody can correct a wrong placement: the run fails instead of asking for ever.
   [[nodiscard]] virtual bool unattended() const = 0;
 };
 
@@ -56,8 +56,8 @@ struct RunnerParts {
   /// The operator decided to measure with a lidar of another model or serial number than the bench file says,
   /// or with one that says it is not well.
   bool accepts_lidar = false;
-  /// Whether the bench file is right is what the run is to find out: a target that is not seen where the file says is a
-  /// warning, and at a prompt a second confirmation is enough.
+  /// Whether the bench file is right is what the run is to find out: a target that is not seen where the file
+  /// says is a warning, and at a prompt a second confirmation is enough.
   bool doubts_bench = false;
   /// Keeps other runs of this computer from the same devices; null: nobody else is there.
   DeviceLocks* locks = nullptr;
@@ -74,7 +74,8 @@ struct RunState {
   Phase phase = Phase::starting;
   std::string procedure, session;
   std::vector<std::pair<std::string, StepState>> steps;
-  std::vector<std::string> step_keys;  ///< Their numbers as in the file, with the turns of loops: "4.1[d=300]".
+  std::vector<std::string>
+      step_keys;                   ///< Their numbers as in the file, with the turns of loops: "4.1[d=300]".
   std::size_t step = 0;            ///< Index into steps.
   std::string activity;            ///< "capture", "moving to 12.34 deg" ...
   long done = 0, total = 0;        ///< Of the current activity.
@@ -91,9 +92,9 @@ struct RunState {
   std::uint64_t messages_total = 0;
   std::vector<std::uint16_t> beam_mm;  ///< What the middle beam of the latest scans saw, oldest first.
   int beam_step = 0;
-  std::string ended;         ///< Why the run ended, and how to go on; empty while it runs, and if all went well.
-  std::string report;        ///< The newest report's file.
-  std::string session_path;  ///< With its folder, for `rig resume`.
+  std::string ended;   ///< Why the run ended, and how to go on; empty while it runs, and if all went well.
+  std::string report;  ///< The newest report's file.
+  std::string session_path;        ///< With its folder, for `rig resume`.
   std::string checks_text = "[]";  ///< The limits checked so far, JSON as in docs/operate/certificate.md.
 };
 

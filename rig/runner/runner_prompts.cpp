@@ -1,34 +1,56 @@
 // SPDX-License-Identifier: MIT
-#include <boost/asio/experimental/awaitable_operators.hpp>
+#include <span>
 
 #include "fit/number_format.hpp"
+#include "rig/runner/bench_doubts.hpp"
 #include "rig/runner/runner_impl.hpp"
 
 namespace rig {
 namespace {
 
-using namespace asio::experimental::awaitable_operators;
+constexpr int attempts_of_nobody = 3;  // A simulated bench that placed it wrongly three times will not learn.
 
-constexpr int looks_of_nobody = 3;  // A simulated bench that placed it wrongly three times will not learn.
+/// Why an answer is none to the prompt's question; empty if it is one. What was not answered takes the
+/// question's own.
+std::string wrong_answer(const Prompt& prompt, Answer& answer) {
+  if (!prompt.question) return "";
+  const Question& question = *prompt.question;
+  if (!answer.value) answer.value = question.otherwise;
+  const auto* number = answer.value ? std::get_if<double>(&*answer.value) : nullptr;
+  const std::string wanted =
+      "a number" + (question.unit.empty() ? "" : " in " + question.unit) +
+      (question.min ? " of at least " + to_text(*question.min) : "") +
+      (question.max ? (question.min ? " and" : " of") + (" at most " + to_text(*question.max)) : "");
+  const std::string with_max =
+      question.max ? fit::with_unit(to_text(*question.max), question.unit) : std::string();
+  if (!number) return "the answer must be " + wanted + ".";
+  if ((question.min && *number < *question.min) || (question.max && *number > *question.max))
+    return fit::with_unit(to_text(*number), question.unit) +
+           (question.min && question.max ? " is outside " + to_text(*question.min) + " to " + with_max
+            : question.min ? " is below " + fit::with_unit(to_text(*question.min), question.unit)
+                           : " is above " + with_max) +
+           ".";
+  return "";
+}
 
 }  // namespace
 
 awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
-  const auto before = state.phase;
-  expect(prompt);
+  const auto before = state().phase;
+  observer.expect(prompt);
   for (int attempt = 1;; ++attempt) {
-    state.phase = RunState::Phase::prompt;
+    state().phase = RunState::Phase::prompt;
     prompt.number = ++prompts_asked;
-    state.prompt = prompt;
-    state.activity = "prompt: " + prompt.title;
+    state().prompt = prompt;
+    state().activity = "prompt: " + prompt.title;
     note("info", "asks: " + prompt.title);
     store_waiting_prompt(prompt);
     Answer answer = co_await ask_once(prompt);
     session.set("waiting", "");
-    state.prompt.reset();
-    state.phase = before;
-    aborted = aborted || answer.kind == Answer::Kind::abort;
-    stop_if_aborted();
+    state().prompt.reset();
+    state().phase = before;
+    if (answer.kind == Answer::Kind::abort) control.abort_at_prompt();
+    control.stop_if_aborted();
     if (answer.kind == Answer::Kind::skipped && prompt.skippable) {
       note("info", "skipped: " + prompt.title);
       co_return answer;
@@ -55,7 +77,7 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
       if (attempt > 1) co_return answer;
       prompt.refusal += " If it stands as requested, confirm again: the bench file may be wrong.";
     }
-    if (parts.operator_.unattended() && attempt >= looks_of_nobody)
+    if (parts.operator_.unattended() && attempt >= attempts_of_nobody)
       throw MeasurementError(
           "'" + prompt.title + "' is not as requested: " + prompt.refusal +
           " Unattended run: cannot be corrected. The stage has stopped; continue with rig resume.");
@@ -64,37 +86,35 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
 
 void Runner::Impl::store_waiting_prompt(const Prompt& prompt) {
   if (parts.operator_.unattended()) return;
-  session.set("waiting", json{{"title", prompt.title}, {"text", prompt.text}, {"since_unix_s", parts.clock.unix_us() / 1'000'000}}.dump(
-                             -1, ' ', false, json::error_handler_t::replace));
+  session.set("waiting", json{{"title", prompt.title},
+                              {"text", prompt.text},
+                              {"since_unix_s", parts.clock.unix_us() / 1'000'000}}
+                             .dump(-1, ' ', false, json::error_handler_t::replace));
 }
 
 awaitable<std::string> Runner::Impl::check_after(const Prompt& prompt) {
   if (!prompt.until) co_return "";
   const Expectation expected = *prompt.until;
-  if (expected.of_target && !can_see(*expected.target)) {
-    unchecked[expected.target->name] = expected;
+  if (expected.of_target && !observer.can_see(*expected.target)) {
+    observer.check_later(expected);
     note("info",
          "'" + expected.target->name + "' is not in view from here; it is checked before it is measured");
     co_return "";
   }
-  const Observation observed = co_await observe(expected);
+  const Observation observed = co_await observer.observe(expected);
   if (!observed.good) co_return observed.text;
   if (!expected.of_target) co_return "";
-  unchecked.erase(expected.target->name);
-  co_return wrong_surface(expected, observed);
+  observer.checked(expected.target->name);
+  co_return observer.wrong_surface(expected, observed);
 }
 
 awaitable<Answer> Runner::Impl::ask_once(Prompt prompt) {
-  answered.reset();
-  answer_gate.close();
-  auto asking = ask_operator(prompt);
-  auto elsewhere = answer_gate.wait();
-  auto late = prompt.timeout_s > 0 ? pause_for(prompt.timeout_s) : never();
-  auto watching = watch_bench(prompt.until);
-  co_await (std::move(asking) || std::move(elsewhere) || std::move(late) || std::move(watching));
-  co_await end_watch();
-  stop_if_aborted();
-  if (operator_failed) std::rethrow_exception(std::exchange(operator_failed, nullptr));
+  desk.open();
+  auto watching = watch.watch(prompt.until);
+  co_await desk.wait(prompt, std::move(watching));
+  co_await watch.end();
+  control.stop_if_aborted();
+  const std::optional<Answer> answered = desk.taken();
   if (!answered)
     throw RunStopped("Nobody answered '" + prompt.title + "' in " + duration_text(prompt.timeout_s) +
                      ". The stage has stopped, and what was captured is in " + session.path() +
@@ -102,50 +122,14 @@ awaitable<Answer> Runner::Impl::ask_once(Prompt prompt) {
   co_return *answered;
 }
 
-awaitable<void> Runner::Impl::ask_operator(Prompt prompt) {
-  try {
-    const Answer given = co_await parts.operator_.ask(prompt);
-    if (!answered) answered = given;
-  } catch (const boost::system::system_error& error) {
-    // Called off, because the answer came from elsewhere or none came in time, is no failure.
-    if (!answered && error.code() != asio::error::operation_aborted) operator_failed = std::current_exception();
-  } catch (...) {
-    if (!answered) operator_failed = std::current_exception();
-  }
-}
-
-std::string Runner::Impl::wrong_answer(const Prompt& prompt, Answer& answer) {
-  if (!prompt.question) return "";
-  const Question& question = *prompt.question;
-  if (!answer.value) answer.value = question.otherwise;
-  const auto* number = answer.value ? std::get_if<double>(&*answer.value) : nullptr;
-  const std::string wanted =
-      "a number" + (question.unit.empty() ? "" : " in " + question.unit) +
-      (question.min ? " of at least " + to_text(*question.min) : "") +
-      (question.max ? (question.min ? " and" : " of") + (" at most " + to_text(*question.max)) : "");
-  const std::string with_max =
-      question.max ? fit::with_unit(to_text(*question.max), question.unit) : std::string();
-  if (!number) return "the answer must be " + wanted + ".";
-  if ((question.min && *number < *question.min) || (question.max && *number > *question.max))
-    return fit::with_unit(to_text(*number), question.unit) +
-           (question.min && question.max ? " is outside " + to_text(*question.min) + " to " + with_max
-            : question.min ? " is below " + fit::with_unit(to_text(*question.min), question.unit)
-                           : " is above " + with_max) +
-           ".";
-  return "";
-}
-
 awaitable<void> Runner::Impl::apply(const Prompt& prompt) {
   if (!prompt.place) co_return;
   const Placement place = *prompt.place;
   placed.place(place, time.now_us());
-  record("scene", placed.placements_json());
+  progress.record("scene", placed.placements_json());
   if (!place.since_power_on_s) co_return;
-  record("power_on_us", *placed.power_on_us());
-  streaming = false;
-  power_cycle_announced = true;
-  note("info", "the lidar was switched off and on: the rig is reconnecting");
-  co_await connect_again(nullptr);
+  progress.record("power_on_us", *placed.power_on_us());
+  co_await lidar_link.reconnect_after_power_cycle();
 }
 
 awaitable<void> Runner::Impl::place_again() {
@@ -156,6 +140,47 @@ awaitable<void> Runner::Impl::place_again() {
     prompt.place = place;
     co_await parts.operator_.ask(prompt);
   }
+}
+
+awaitable<void> Runner::Impl::check_targets() {
+  for (const Expectation& expected : observer.to_check_here()) {
+    const Observation observed = co_await observer.observe(expected);
+    observer.checked(expected.target->name);
+    if (observed.good) continue;
+    note("warning", observed.text);
+    if (parts.doubts_bench) continue;
+    if (parts.operator_.unattended())
+      throw MeasurementError(
+          observed.text +
+          " Unattended run: cannot be corrected. Put it there, or correct from_mm and to_mm in "
+          "the bench file and begin a new session. The stage has stopped; continue with rig resume.");
+    Prompt prompt;
+    prompt.title = "Put '" + expected.target->name + "' in its place";
+    prompt.text =
+        "Its distance from the stage's axis is to be " + rounded_text(distance_mm(*expected.target), 1) +
+        " mm. If it stands as it should, stop the run and correct from_mm and to_mm in the bench file.";
+    prompt.check = observed.text;
+    prompt.until = expected;
+    prompt.skippable = prompt.repeatable = false;
+    co_await ask(prompt);
+  }
+}
+
+awaitable<void> Runner::Impl::ask_about_bench() {
+  if (session.get("bench_confirmed")) co_return;
+  const std::vector<std::string> doubts = doubts_about(known_bench);
+  if (doubts.empty()) co_return;
+  std::string text;
+  for (const std::string& doubt : doubts) text += (text.empty() ? "" : " ") + doubt;
+  if (parts.operator_.unattended())
+    throw UsageError("The bench file has implausible values. " + text +
+                     " Nothing was moved. Correct the bench file, or stay and confirm them (without --yes).");
+  Prompt prompt;
+  prompt.title = "The bench file has implausible values. Are they right?";
+  prompt.text = text + " Nothing has moved yet. Confirm them, or stop and correct the bench file.";
+  prompt.skippable = prompt.repeatable = false;
+  co_await ask(prompt);
+  session.set("bench_confirmed", text);
 }
 
 bool Runner::Impl::repeat_previous_turn() {
@@ -171,18 +196,7 @@ bool Runner::Impl::repeat_previous_turn() {
   const std::string turn = plan[*previous].turns.back();
   std::size_t first = *previous;
   while (first > 0 && !plan[first - 1].turns.empty() && plan[first - 1].turns.back() == turn) --first;
-  std::vector<std::string> parts_done;
-  std::vector<std::int64_t> captures;
-  for (std::size_t i = first; i < current; ++i)
-    for (const auto& [part, text] : progress)
-      if (part == plan[i].key || part.starts_with(plan[i].key + "/")) {
-        parts_done.push_back(part);
-        const json what = json::parse(text, nullptr, false);
-        if (what.is_object() && what.contains("capture"))
-          captures.push_back(what["capture"].get<std::int64_t>());
-      }
-  session.forget_progress(parts_done, captures);
-  for (const auto& part : parts_done) progress.erase(part);
+  progress.forget(std::span(plan).subspan(first, current - first));
   skipped_turns.erase(turn);
   jump = first;
   note("info", "repeats " + turn);

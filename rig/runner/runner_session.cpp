@@ -9,8 +9,6 @@
 namespace rig {
 namespace {
 
-constexpr std::size_t messages_kept = 100;
-
 /// "samples was 1000 and is 500 now, ..."; empty if nothing differs.
 std::string different_values(const json& before, const json& now) {
   std::string text;
@@ -19,7 +17,8 @@ std::string different_values(const json& before, const json& now) {
     if (!now.contains(name))
       add(name + " was " + to_text(rig::value_of(value)) + " and is missing now");
     else if (now[name] != value)
-      add(name + " was " + to_text(rig::value_of(value)) + " and is " + to_text(rig::value_of(now[name])) + " now");
+      add(name + " was " + to_text(rig::value_of(value)) + " and is " + to_text(rig::value_of(now[name])) +
+          " now");
   for (const auto& [name, value] : now.items())
     if (!before.contains(name)) add(name + " was not set and is " + to_text(rig::value_of(value)) + " now");
   return text;
@@ -83,7 +82,7 @@ std::string Runner::Impl::resumed_words() const {
   std::set<std::string> skipped;
   Variables known;
   for (const PlannedStep& step : plan) {
-    const json what = progress_of(step.key);
+    const json what = progress.of(step.key);
     const bool left_out =
         std::ranges::any_of(step.turns, [&](const auto& turn) { return skipped.count(turn) > 0; });
     if (!left_out) captures += step.captures;
@@ -99,7 +98,7 @@ std::string Runner::Impl::resumed_words() const {
   if (!next)
     return "resumed: all " + grouped(captures) + " captures and all " + std::to_string(plan.size()) +
            " steps are done already";
-  done += captures_begun(*next);
+  done += progress.captures_begun(*next);
   for (const auto& [name, value] : next->loop_variables) known[name] = value;
   std::string text = "resumed: " + grouped(done) + " of " + grouped(captures) +
                      " captures are done; next is step " + std::to_string(next - plan.data() + 1) + " of " +
@@ -109,159 +108,34 @@ std::string Runner::Impl::resumed_words() const {
   return text;
 }
 
-long Runner::Impl::captures_begun(const PlannedStep& step) const {
-  const auto whole = std::ranges::count_if(progress, [&](const auto& part) {
-    return part.first.starts_with(step.key + "/") && !part.first.ends_with("/short") &&
-           part.second.find("\"capture\"") != std::string::npos;
-  });
-  return std::min<long>(whole, step.captures);  // A search may have taken more than it was planned with.
-}
-
 json Runner::Impl::steps_json() const {
   json steps = json::array();
   for (const PlannedStep& step : plan) steps.push_back({{"key", step.key}, {"text", step.says}});
   return steps;
 }
 
-json Runner::Impl::progress_of(const std::string& part) const {
-  const auto found = progress.find(part);
-  if (found == progress.end()) return nullptr;
-  return json::parse(found->second, nullptr, false);
+void Runner::Impl::store_limits() {
+  if (procedure.limits.empty()) return;
+  const json checked = check_limits(procedure.limits, session);
+  session.add_result("limits", checked.dump());
+  state().checks_text = checked["checks"].dump();
 }
 
-void Runner::Impl::record(const std::string& part, const json& what) {
-  session.set_progress(part, what.dump());
-  progress[part] = what.dump();
+bool Runner::Impl::limits_met() const {
+  for (const json& check : json::parse(state().checks_text))
+    if (check.value("verdict", "") != "pass") return false;
+  return true;
 }
 
-awaitable<void> Runner::Impl::checkpoint(long done, long total) {
-  state.done = done;
-  state.total = total;
-  if (total > 0) state.unit = "stops";
-  changed();
-  stop_if_aborted();
-  if (!paused) co_return;
-  resume_gate.close();
-  note("info", "paused");
-  const auto before = state.phase;
-  state.phase = RunState::Phase::paused;
-  state.pausing = false;
-  changed();
-  const std::int64_t paused_us = parts.clock.host_us();
-  co_await resume_gate.wait();
-  step_paused_us += parts.clock.host_us() - paused_us;
-  state.phase = before;
-  stop_if_aborted();
-  note("info", "resumed by the operator");
-}
-
-void Runner::Impl::set(const std::string& variable, const Value& value) {
-  variables[variable] = value;
-  outputs[variable] = json_of(value);
-}
-
-void Runner::Impl::skip_rest_of_iteration() {
-  if (!plan[current].turns.empty()) skipped_turns.insert(plan[current].turns.back());
-}
-
-awaitable<json> Runner::Impl::fit(std::string kind, json options) {
-  if (!parts.fit) throw UsageError("this program cannot fit '" + kind + "' yet.");
-  state.activity = "fit " + kind;
-  changed();
-  session.demand_name();  // The worker opens the file by its name: a connection belongs to one thread.
-  auto computing_it = compute([fit = parts.fit, file = session.path(), kind, options = std::move(options)] {
-    const SessionStore recorded_so_far(file, SessionStore::Mode::read);
-    return fit(kind, recorded_so_far, options);
-  });
-  json result = co_await std::move(computing_it);
-  session.add_result(kind, result.dump(-1, ' ', false, json::error_handler_t::replace));
-  session.demand_name();
-  if (!procedure.limits.empty()) state.checks_text = check_limits(procedure.limits, session)["checks"].dump();
-  changed();
-  co_return result;
-}
-
-awaitable<void> Runner::Impl::report(std::string file) {
-  if (!parts.report) throw UsageError("this program cannot write reports yet.");
-  std::string target = report_target(file);
-  state.activity = "report to " + file;
-  store_limits();
-  changed();
-  session.demand_name();  // The report is made from the file.
-  auto writing = compute(
-      [report = parts.report, session_file = session.path(), target] { return report(session_file, target); });
-  const RunnerParts::Written written = co_await std::move(writing);
-  if (!written.certificates.empty()) session.set("certificates", written.certificates);
-  if (!written.file.empty() && written.file != target)
-    note("warning", target + " is another certificate and was kept");
-  note("info", "report written to " + (written.file.empty() ? target : written.file));
-  state.report = written.file.empty() ? target : written.file;
-}
-
-std::string Runner::Impl::report_target(const std::string& file) const {
-  const auto folder = std::filesystem::absolute(session.path()).parent_path();
-  const auto target = folder / file;
-  // Links are followed before it is judged where the report would go.
-  const auto inside = std::filesystem::weakly_canonical(folder),
-             really = std::filesystem::weakly_canonical(target);
-  const bool leaves = std::ranges::mismatch(inside, really).in1 != inside.end();
-  if (leaves || std::filesystem::is_symlink(target))
-    throw UsageError(
-        "the report '" + file + "' would be written to " + really.string() +
-        ", outside the session's folder " + inside.string() +
-        ". It was not written; what was measured is in the session. Remove the link, or use rig report.");
-  return target.string();
-}
-
-void Runner::Impl::for_each_scan(std::int64_t capture,
-                                 const std::function<void(const fit::ScanView&)>& visit) const {
-  session.for_each_scan(capture, visit);
-}
-
-TimeLeft::Running Runner::Impl::running_step() const {
-  TimeLeft::Running now;
-  now.step = current;
-  now.from = step_done_before;
-  now.done = state.total > 0 ? static_cast<double>(state.done) / static_cast<double>(state.total) : 0;
-  now.passed_s = static_cast<double>(parts.clock.host_us() - step_begun_us - step_paused_us) / 1e6;
-  return now;
-}
-
-void Runner::Impl::estimate_time_left() {
-  const TimeLeft::Running now = running_step();
-  // Between steps the last one is over already.
-  const bool runs = state.steps[current].second == RunState::StepState::running;
-  if (!runs) return;
-  state.overall = time_left.share(now);
-  state.left_s = time_left.left_s(now);
-}
-
-void Runner::Impl::changed() {
-  if (!plan.empty() && current < plan.size()) estimate_time_left();
-  state.stage_deg = position_deg;
-  state.scans_lost = parts.lidar.lost();
-  state.scans_rejected = parts.lidar.rejected();
-  for (const auto& observer : observers) observer(state);
-}
-
-void Runner::Impl::note(const std::string& level, const std::string& text) {
-  session.add_event(time.now_us(), level, text);
-  announce(level, text);
-}
-
-void Runner::Impl::announce(const std::string& level, const std::string& text) {
-  state.messages.push_back({time.now_us(), level, text});
-  ++state.messages_total;
-  if (state.messages.size() > messages_kept) state.messages.erase(state.messages.begin());
-  changed();
-}
-
-void Runner::Impl::stop_if_aborted() const {
-  if (aborted)
-    throw RunStopped("Stopped by the operator. The stage has stopped, the lidar's laser is off, and " +
-                     (session.progress().empty() ? "nothing was captured yet."
-                                                 : "what was captured is in " + session.path() +
-                                                       ". Continue with: rig resume " + session.path()));
+void Runner::Impl::finish_session() {
+  try {
+    session.finish();
+  } catch (const std::exception& error) {
+    if (!failure)
+      failure = std::current_exception();
+    else if (words_of(failure) != error.what())
+      status.announce("error", error.what());
+  }
 }
 
 }  // namespace rig

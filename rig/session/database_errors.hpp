@@ -11,7 +11,7 @@ namespace rig {
 /// MeasurementError.
 [[noreturn]] void rethrow_for_operator(const std::string& path, const SQLite::Exception& error);
 
-/// Runs `work` on the session file `path`; what the database complains of is told as above.
+/// Runs `work` on the session file `path`; what the database complains of is reported as above.
 template <class F>
 auto guarded(const std::string& path, F work) {
   try {

@@ -201,11 +201,13 @@ std::vector<fit::CaptureInfo> SessionStore::captures() const {
 }
 
 std::int64_t SessionStore::count_captures() const {
-  return guarded(impl_->path, [&] { return impl_->database->execAndGet("SELECT count(*) FROM capture").getInt64(); });
+  return guarded(impl_->path,
+                 [&] { return impl_->database->execAndGet("SELECT count(*) FROM capture").getInt64(); });
 }
 
 std::int64_t SessionStore::count_scans() const {
-  return guarded(impl_->path, [&] { return impl_->database->execAndGet("SELECT count(*) FROM scan").getInt64(); });
+  return guarded(impl_->path,
+                 [&] { return impl_->database->execAndGet("SELECT count(*) FROM scan").getInt64(); });
 }
 
 void SessionStore::for_each_scan(std::int64_t capture,

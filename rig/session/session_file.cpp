@@ -41,9 +41,10 @@ void demand_readable(const std::string& path) {
 
 /// A stranger's file may call a view by the name of a table, and reading that could take for ever.
 void demand_plain_tables(SQLite::Database& database, const std::string& path) {
-  SQLite::Statement row(database,
-                        "SELECT name FROM sqlite_schema WHERE name IN ('session', 'capture', 'scan', 'scan_geometry',"
-                        " 'pose', 'result', 'event', 'progress') AND (type <> 'table' OR sql NOT LIKE 'CREATE TABLE%')");
+  SQLite::Statement row(
+      database,
+      "SELECT name FROM sqlite_schema WHERE name IN ('session', 'capture', 'scan', 'scan_geometry',"
+      " 'pose', 'result', 'event', 'progress') AND (type <> 'table' OR sql NOT LIKE 'CREATE TABLE%')");
   if (row.executeStep())
     throw UsageError(path + " has something other than a plain table under the name '" +
                      row.getColumn(0).getString() + "': it is damaged or malicious, and is not read.");
@@ -91,7 +92,7 @@ void fold_log(const std::string& path) {
     if (database.execAndGet("PRAGMA user_version").getInt() < 0) return;
     database.exec("PRAGMA journal_mode = DELETE");
   } catch (const SQLite::Exception&) {
-    // Read as it is: a run goes on, or what is wrong with the file is told by the reader.
+    // Read as it is: a run goes on, or what is wrong with the file is reported by the reader.
   }
 }
 
@@ -124,8 +125,8 @@ std::unique_ptr<SQLite::Database> open_for_reading(const std::string& path) {
     if (code != SQLITE_CANTOPEN && code != SQLITE_READONLY && code != SQLITE_IOERR) throw;
     // Power that failed while the file was made leaves a journal that only a writer may roll back.
     if (has_data(path + "-journal") && ::access(path.c_str(), W_OK) == 0) {
-      SQLite::Database mended(path, SQLite::OPEN_READWRITE, 2000);
-      (void)mended.execAndGet("SELECT count(*) FROM sqlite_schema").getInt();
+      SQLite::Database repaired(path, SQLite::OPEN_READWRITE, 2000);
+      (void)repaired.execAndGet("SELECT count(*) FROM sqlite_schema").getInt();
       return std::make_unique<SQLite::Database>(path, SQLite::OPEN_READONLY, 2000);
     }
     // On read-only media the side files of the write-ahead log cannot be made. Without a log there is nothing
@@ -146,7 +147,8 @@ std::unique_ptr<SQLite::Database> open_untouched(const std::string& path) {
       throw UsageError(
           path + " has a log beside it (" + path + ending +
           "): it is being written, or its run was killed. Let it end, or continue with rig resume.");
-  auto database = std::make_unique<SQLite::Database>(immutable_uri(path), SQLite::OPEN_READONLY | SQLite::OPEN_URI, 2000);
+  auto database =
+      std::make_unique<SQLite::Database>(immutable_uri(path), SQLite::OPEN_READONLY | SQLite::OPEN_URI, 2000);
   sqlite3_limit(database->getHandle(), SQLITE_LIMIT_LENGTH, longest_value_bytes);
   sqlite3_limit(database->getHandle(), SQLITE_LIMIT_COLUMN, most_columns);
   database->exec("PRAGMA trusted_schema = OFF");
@@ -158,7 +160,8 @@ std::unique_ptr<SQLite::Database> open_untouched(const std::string& path) {
 bool is_being_written(const std::string& path) {
   struct stat named {};
   if (::stat(path.c_str(), &named) != 0) return false;
-  // By the file's number alone: a layered file system lists its locks under another device than it tells of a file.
+  // By the file's number alone: a layered file system lists its locks under another device than it tells of a
+  // file.
   const std::string wanted = ":" + std::to_string(named.st_ino) + " ";
   std::ifstream locks("/proc/locks");
   for (std::string line; std::getline(locks, line);)

@@ -9,7 +9,7 @@
 namespace rig {
 
 /// Holds an advisory lock for as long as the writer lives, so that a second `rig run` on the same file is
-/// told so (UsageError). SQLite's own locks are per transaction only.
+/// refused (UsageError). SQLite's own locks are per transaction only.
 class WriterLock {
  public:
   explicit WriterLock(const std::string& path);
@@ -42,8 +42,8 @@ void fold_log(const std::string& path);
 /// media too. Throws UsageError or SQLite::Exception.
 [[nodiscard]] std::unique_ptr<SQLite::Database> open_for_reading(const std::string& path);
 
-/// Opens a finished session, perhaps a stranger's, so that nothing on the disk changes. Throws UsageError (there is a
-/// log beside it; a table is none) or SQLite::Exception.
+/// Opens a finished session, perhaps a stranger's, so that nothing on the disk changes. Throws UsageError
+/// (there is a log beside it; a table is none) or SQLite::Exception.
 [[nodiscard]] std::unique_ptr<SQLite::Database> open_untouched(const std::string& path);
 
 /// Whether some program of this computer writes the session now, by the locks that the system lists.

@@ -103,8 +103,8 @@ void SessionStore::Impl::append() {
 }
 
 void SessionStore::Impl::make_durable() {
-  // EXTRA, and before the change of mode, which is made with a rollback journal: its removal must reach the disk. A
-  // journal that came back after a power failure would undo what the log has been copied over since.
+  // EXTRA, and before the change of mode, which is made with a rollback journal: its removal must reach the
+  // disk. A journal that came back after a power failure would undo what the log has been copied over since.
   database->exec("PRAGMA synchronous = EXTRA");
   database->exec("PRAGMA journal_mode = WAL");
   database->exec(
@@ -128,7 +128,8 @@ SessionStore::Impl::~Impl() {
 }
 
 void SessionStore::Impl::empty_log() {
-  // A reader that holds an older state prevents it for a while; a disk that is full ends the run while all is intact.
+  // A reader that holds an older state prevents it for a while; a disk that is full ends the run while all is
+  // intact.
   const int result =
       sqlite3_wal_checkpoint_v2(database->getHandle(), nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
   if (result != SQLITE_OK && result != SQLITE_BUSY && result != SQLITE_LOCKED)

@@ -25,10 +25,10 @@ class SessionStore {
  public:
   /// create: a new file, refused if one with data is there. append: an existing file, refused while another
   /// program writes it. read: never changes what is in it; works on read-only media and beside a writer. A
-  /// session whose writer was killed is made one file again by whoever opens it first. look: as read, but not a byte
-  /// of the file or beside it changes; a session with a log beside it, which is being written or whose writer was
-  /// killed, is refused, and so is a file that holds anything but plain tables under their names.
-  enum class Mode { create, append, read, look };
+  /// session whose writer was killed is made one file again by whoever opens it first. peek: as read, but not
+  /// a byte of the file or beside it changes; a session with a log beside it, which is being written or whose
+  /// writer was killed, is refused, and so is a file that holds anything but plain tables under their names.
+  enum class Mode { create, append, read, peek };
 
   SessionStore(const std::string& path, Mode mode);
   ~SessionStore();

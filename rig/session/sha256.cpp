@@ -59,12 +59,15 @@ bool has_sha_instructions() {
 
 __m128i load(const void* from) { return _mm_loadu_si128(static_cast<const __m128i*>(from)); }
 
-/// By the processor's own rounds: four of them take one vector of the schedule, which the next vectors are made from.
-__attribute__((target("sha,sse4.1"))) void digest_by_instructions(Sha256State& state, const std::uint8_t* blocks,
-                                                                   std::size_t count) {
+/// By the processor's own rounds: four of them take one vector of the schedule, which the next vectors are
+/// made from.
+__attribute__((target("sha,sse4.1"))) void digest_by_instructions(Sha256State& state,
+                                                                  const std::uint8_t* blocks,
+                                                                  std::size_t count) {
   const __m128i big_endian_words = _mm_set_epi64x(0x0c0d0e0f08090a0bLL, 0x0405060700010203LL);
   // The instructions keep the state as (a, b, e, f) and (c, d, g, h), the first letter in the highest lane.
-  const __m128i badc = _mm_shuffle_epi32(load(state.data()), 0xB1), hgfe = _mm_shuffle_epi32(load(state.data() + 4), 0x1B);
+  const __m128i badc = _mm_shuffle_epi32(load(state.data()), 0xB1),
+                hgfe = _mm_shuffle_epi32(load(state.data() + 4), 0x1B);
   __m128i abef = _mm_alignr_epi8(badc, hgfe, 8), cdgh = _mm_blend_epi16(hgfe, badc, 0xF0);
   for (; count > 0; --count, blocks += 64) {
     const __m128i abef_before = abef, cdgh_before = cdgh;

@@ -33,8 +33,10 @@ std::string not_stated(const SessionStore& session) {
 
 void judge_result(const json& result, std::vector<std::string>& reasons) {
   for (const json& value : list_of(result, "values"))
-    if (value.is_object() && value.contains("U") && (value["U"].is_null() || !value.contains("value") || value["value"].is_null()))
-      reasons.push_back("'" + text_of(value, "label", text_of(value, "name")) + "' has no finite value or uncertainty.");
+    if (value.is_object() && value.contains("U") &&
+        (value["U"].is_null() || !value.contains("value") || value["value"].is_null()))
+      reasons.push_back("'" + text_of(value, "label", text_of(value, "name")) +
+                        "' has no finite value or uncertainty.");
   for (const json& contradiction : list_of(result, "contradictions"))
     if (contradiction.is_string()) reasons.push_back(contradiction.get<std::string>());
   for (const json& comparison : list_of(result, "comparisons"))
@@ -46,26 +48,29 @@ void judge_result(const json& result, std::vector<std::string>& reasons) {
 
 bool says_simulated(const std::string& answers) {
   std::string lower = answers;
-  std::ranges::transform(lower, lower.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::ranges::transform(lower, lower.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return lower.find("simulat") != std::string::npos;
 }
 
 Standing standing_of(const SessionStore& session) {
   Standing out;
-  out.simulated = says_simulated(session.get("lidar").value_or("")) ||
-                  says_simulated(session.get("stage").value_or(""));
+  out.simulated =
+      says_simulated(session.get("lidar").value_or("")) || says_simulated(session.get("stage").value_or(""));
   if (out.simulated) out.reasons.emplace_back("The devices were simulated: no lidar was calibrated.");
   if (lidar_of(session).serial.empty())
     out.reasons.emplace_back("The lidar is not identified: the session has no serial number.");
   if (const std::string missing = not_stated(session); !missing.empty())
     out.reasons.push_back("The bench file does not state: " + missing + ".");
   const std::string ended = session.get("ended").value_or("");
-  if (!ended.empty() && ended != "done") out.reasons.push_back("The procedure ended before its last step: " + ended);
+  if (!ended.empty() && ended != "done")
+    out.reasons.push_back("The procedure ended before its last step: " + ended);
   for (const SessionStore::Result& result : session.latest_results()) {
     const json document = object_in(result.json);
     if (result.kind == "explanation") {
       if (text_of(document, "verdict") == "unknown-physics")
-        out.reasons.emplace_back("The recording shows an effect that neither the values nor their uncertainties contain.");
+        out.reasons.emplace_back(
+            "The recording shows an effect that neither the values nor their uncertainties contain.");
     } else if (result.kind != "limits") {
       judge_result(document, out.reasons);
     }

@@ -15,8 +15,8 @@ struct Standing {
   [[nodiscard]] bool certifies() const { return reasons.empty(); }
 };
 
-/// From the newest results (their values, `contradictions` and `comparisons`), the identification of lidar and
-/// laboratory, and how the run ended.
+/// From the newest results (their values, `contradictions` and `comparisons`), the identification of lidar
+/// and laboratory, and how the run ended.
 [[nodiscard]] Standing standing_of(const SessionStore& session);
 
 /// Whether a device says of itself that it is simulated: the word stands in an answer of its own.

@@ -23,8 +23,8 @@ using Clock = std::chrono::steady_clock;
 
 namespace {
 
-constexpr double first_look_s = 0.001,
-                 longest_look_s = 0.05;  // polled ever more slowly: short moves are noticed soon
+constexpr double first_poll_s = 0.001,
+                 longest_poll_s = 0.05;  // polled ever more slowly: short moves are noticed soon
 constexpr double no_progress_s = 5;      // says that it moves, but the position has not changed for so long
 constexpr double first_return_s = 0.3, longest_return_s = 2;  // how long a lost port may take to come back
 constexpr double longest_stop_s = 10;                         // from full speed at a gentle deceleration
@@ -341,10 +341,10 @@ awaitable<StageReading> StageDriver::wait_for_rest(const std::string& activity, 
                                                    std::size_t stops) {
   const auto end = Clock::now() + duration(longest_s);
   auto progressed = Clock::now();
-  double look_s = first_look_s;
+  double poll_s = first_poll_s;
   StageReading before;
   for (bool is_first = true;; is_first = false) {
-    // At least one look after the acknowledgement: it may say "idle" before the motion has begun.
+    // At least one poll after the acknowledgement: it may say "idle" before the motion has begun.
     StageReading reading = co_await read(stops);
     if (!reading.fault.empty() && (reading.moving || activity != stopping))
       throw StageError(activity + " failed: " + reading.fault + " (at " + in_deg(to_deg(reading.position)) +
@@ -363,8 +363,8 @@ awaitable<StageReading> StageDriver::wait_for_rest(const std::string& activity, 
                        "). Stop it, check that nothing blocks the stage, home it and resume.");
     }
     before = reading;
-    co_await pause(look_s);
-    look_s = std::min(1.5 * look_s, longest_look_s);
+    co_await pause(poll_s);
+    poll_s = std::min(1.5 * poll_s, longest_poll_s);
   }
 }
 

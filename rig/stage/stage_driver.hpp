@@ -28,9 +28,9 @@ class StageDriver : public Stage {
   awaitable<void> reopen() override;
 
  private:
-  struct Line;   ///< Who uses the line, and who waits for it.
+  struct Line;       ///< Who uses the line, and who waits for it.
   struct Heartbeat;  ///< Tells the guard that this program is alive while the stage moves.
-  class Turn;    ///< The right to use it.
+  class Turn;        ///< The right to use it.
 
   awaitable<Turn> take_turn(std::size_t stops);
   awaitable<void> stop_once();

@@ -252,8 +252,8 @@ StageOptions stage_options(const json& stage) {
 awaitable<std::unique_ptr<Stage>> open_stage(boost::asio::any_io_executor executor, std::string url,
                                              StageOptions options) {
   PortUrl port = parse_url(url, std::move(options));
-  const bool language_was_told = !port.options.language.empty();
-  if (!language_was_told) {
+  const bool language_given = !port.options.language.empty();
+  if (!language_given) {
     const StageProbe found = co_await find_speaker(executor, port);
     if (!found.identity)
       throw StageError("at " + port.path + " " + found.why_nobody() + " Nothing was moved.");
@@ -272,7 +272,7 @@ awaitable<std::unique_ptr<Stage>> open_stage(boost::asio::any_io_executor execut
   try {
     co_await stage->start();
   } catch (const StageLost& error) {
-    if (!language_was_told || !line.heard().empty()) throw;
+    if (!language_given || !line.heard().empty()) throw;
     throw StageLost(std::string(error.what()) + " It was asked in the language '" + port.options.language +
                     "' that the bench file or the stage's address names: without `language` the rig finds "
                     "out by asking in all of them, as `rig devices` does.");

@@ -32,7 +32,7 @@ struct StageOptions {
   double settle_s = 0.1;        ///< Waited after "done" before the position is read.
   double reply_s = 0.5;         ///< How long one reply may take.
   double home_s = 180;          ///< How long homing may take.
-  bool needs_homing = true;     ///< Refuse to move before home(); false: told otherwise by the operator.
+  bool needs_homing = true;     ///< Refuse to move before home(); false: decided otherwise by the operator.
   int baud = 0;
   int address = 1;  ///< On a shared line (Zaber).
   int axis = 1;

@@ -82,13 +82,13 @@ StageGuard::StageGuard(int port, const std::string& stop_bytes, double patience_
 
 StageGuard::~StageGuard() {
   if (pipe_ < 0) return;
-  tell('q');
+  report('q');
   ::close(pipe_);
   while (::waitpid(child_, nullptr, 0) < 0 && errno == EINTR) {
   }
 }
 
-void StageGuard::tell(char what) noexcept {
+void StageGuard::report(char what) noexcept {
   if (pipe_ >= 0)
     ::send(pipe_, &what, 1, MSG_NOSIGNAL);  // The child may have been killed: that is no reason to die.
 }

@@ -23,11 +23,11 @@ class StageGuard {
 
   [[nodiscard]] bool is_on() const { return pipe_ >= 0; }
   /// The stage moves, and this program is alive: to be repeated.
-  void moving() noexcept { tell('m'); }
-  void standing() noexcept { tell('s'); }
+  void moving() noexcept { report('m'); }
+  void standing() noexcept { report('s'); }
 
  private:
-  void tell(char what) noexcept;
+  void report(char what) noexcept;
   int pipe_ = -1;
   int child_ = -1;
 };

@@ -19,7 +19,6 @@ namespace {
 
 using namespace causal;
 
-
 /// The whole chain: stage, rotor, optics, receiver, counter, firmware.
 class CausalEngine : public Engine {
  public:
@@ -129,7 +128,7 @@ class CausalEngine : public Engine {
   void survey(std::size_t steps) {
     neighbours_.assign(steps, {});
     for (std::size_t step = 0; step < steps; ++step) {
-      optics_.look(beam(step), echoes_);
+      optics_.trace(beam(step), echoes_);
       Echo sum;
       for (const Echo& echo : echoes_) {
         sum.amplitude += echo.amplitude;
@@ -201,7 +200,7 @@ class CausalEngine : public Engine {
 
   void measure(std::size_t step, double scan_s, std::uint32_t& range_mm, std::uint32_t& intensity) {
     const Beam out = beam(step);
-    optics_.look(out, echoes_);
+    optics_.trace(out, echoes_);
     if (world_.receiver.stray > 0) add_stray(step);
     if (world_.air.dust_per_m > 0) add_dust();
     range_mm = no_echo;

@@ -46,7 +46,7 @@ double Optics::delay_ns(double range, double rise) const {
   return path * (1 + world_.air.index_error) / light_mm_per_ns;
 }
 
-void Optics::look(const Beam& beam, std::vector<Echo>& echoes) const {
+void Optics::trace(const Beam& beam, std::vector<Echo>& echoes) const {
   echoes.clear();
   const double half = width(beam.device) / 2, aperture = world_.beam.aperture_mm / 2;
   const Eigen::Vector2d ray(std::cos(beam.bearing), std::sin(beam.bearing));

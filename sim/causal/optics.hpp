@@ -31,7 +31,7 @@ class Optics {
   Optics(const World& world, const Scene& scene);
 
   /// Echoes of a beam, sorted by time; appends to `echoes` after clearing it.
-  void look(const Beam& beam, std::vector<Echo>& echoes) const;
+  void trace(const Beam& beam, std::vector<Echo>& echoes) const;
   /// Width of the footprint in the scan plane, rad, of a beam at that angle in the device.
   [[nodiscard]] double width(double device_angle) const;
 

@@ -12,7 +12,7 @@ class Turntable {
  public:
   explicit Turntable(const World::Stage& settings) : settings_(settings) {}
 
-  /// Tells where the drive stands. Gear play keeps what it was told: moves it never heard of did not happen.
+  /// Tells where the drive stands. Gear play keeps the moves that it learnt of: others did not happen.
   void drive(double time_s, double angle_rad, double rate_rad_s);
 
   /// Angle of the table for a drive angle at that time.

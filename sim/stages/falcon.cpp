@@ -105,7 +105,7 @@ std::string FalconStage::answer(std::string_view text, double now_s) {
   if (text.starts_with("DR:")) {
     const auto ms = decimal(text.substr(3));
     if (!ms || *ms < 0 || *ms > 10000) return "";
-    derotation_ms_ = static_cast<int>(*ms);  // It is told; the table is not turned by it.
+    derotation_ms_ = static_cast<int>(*ms);  // It is reported; the table is not turned by it.
     return std::string(text) + "\n";
   }
   return "";

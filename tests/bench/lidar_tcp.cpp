@@ -82,9 +82,15 @@ class Source {
     if (line.starts_with("VV")) {
       out = lidar::build_key_value_response(line, "00", KeyValues{{"PROD", "UST-10LX"}, {"SERI", "H1"}});
     } else if (line.starts_with("PP")) {
-      out = lidar::build_key_value_response(
-          line, "00", KeyValues{{"MODL", "UST-10LX"}, {"DMIN", "20"}, {"DMAX", "30000"}, {"ARES", "1440"},
-                               {"AMIN", "0"}, {"AMAX", "1080"}, {"AFRT", "540"}, {"SCAN", "2400"}});
+      out = lidar::build_key_value_response(line, "00",
+                                            KeyValues{{"MODL", "UST-10LX"},
+                                                      {"DMIN", "20"},
+                                                      {"DMAX", "30000"},
+                                                      {"ARES", "1440"},
+                                                      {"AMIN", "0"},
+                                                      {"AMAX", "1080"},
+                                                      {"AFRT", "540"},
+                                                      {"SCAN", "2400"}});
     } else if (line.starts_with("II")) {
       out = lidar::build_key_value_response(line, "00", KeyValues{{"LASR", "OFF"}});
     } else {

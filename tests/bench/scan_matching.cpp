@@ -4,6 +4,7 @@
 #include <benchmark/benchmark.h>
 
 #include "fit/deskew.hpp"
+#include "fit/map_fusion.hpp"
 #include "tests/support/moving_room.hpp"
 
 namespace {

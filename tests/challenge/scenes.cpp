@@ -127,7 +127,8 @@ void l_room(Session& session, Random& random) {
   const double e = random.uniform(2000, 4500), w = random.uniform(1500, 3000), s = random.uniform(1500, 3000);
   const double near_n = random.uniform(900, 2000), far_n = near_n + random.uniform(1200, 2800),
                corner = random.uniform(500, 0.6 * e);
-  add_outline(session, {{e, -s}, {e, near_n}, {corner, near_n}, {corner, far_n}, {-w, far_n}, {-w, -s}}, random);
+  add_outline(session, {{e, -s}, {e, near_n}, {corner, near_n}, {corner, far_n}, {-w, far_n}, {-w, -s}},
+              random);
   look_around(session, random);
 }
 
@@ -135,9 +136,10 @@ void l_room(Session& session, Random& random) {
 void corridor(Session& session, Random& random) {
   const double half = random.uniform(700, 1300), length = random.uniform(3500, 6500);
   session.walls.push_back(board("left", half, 90, random.uniform(-2, 2), length, random.uniform(0.3, 0.85)));
-  session.walls.push_back(board("right", half, -90, random.uniform(-2, 2), length, random.uniform(0.3, 0.85)));
   session.walls.push_back(
-      board("end", random.uniform(2500, 0.9 * length), 0, random.uniform(-20, 20), 0.6 * half, random.uniform(0.3, 0.85)));
+      board("right", half, -90, random.uniform(-2, 2), length, random.uniform(0.3, 0.85)));
+  session.walls.push_back(board("end", random.uniform(2500, 0.9 * length), 0, random.uniform(-20, 20),
+                                0.6 * half, random.uniform(0.3, 0.85)));
   look_around(session, random);
 }
 
@@ -342,15 +344,17 @@ void panels(Session& session, Random& random) {
   }
 }
 
-/// A bench on which most kinds can show, and the fixed procedure of one who suspects nothing in particular: from
-/// switching on, all round and in small steps from both sides, a board at many distances in three greys, a housing
-/// that is heated. The stage never turns while it records: a simulated bench at full speed cannot do that either.
+/// A bench on which most kinds can show, and the fixed procedure of one who suspects nothing in particular:
+/// from switching on, all round and in small steps from both sides, a board at many distances in three greys,
+/// a housing that is heated. The stage never turns while it records: a simulated bench at full speed cannot
+/// do that either.
 void whole_bench(Session& session, Random& random) {
   add_room(session, random, 2400, 4500);
+  session.walls.push_back(board("board", random.uniform(700, 1100), random.uniform(-12, 12),
+                                random.uniform(-4, 4), random.uniform(130, 220), 0.85));
   session.walls.push_back(
-      board("board", random.uniform(700, 1100), random.uniform(-12, 12), random.uniform(-4, 4), random.uniform(130, 220), 0.85));
-  session.walls.push_back(board("slanted board", random.uniform(1200, 1900), random.sign() * random.uniform(60, 110),
-                                random.sign() * random.uniform(35, 60), random.uniform(200, 400), random.uniform(0.3, 0.8)));
+      board("slanted board", random.uniform(1200, 1900), random.sign() * random.uniform(60, 110),
+            random.sign() * random.uniform(35, 60), random.uniform(200, 400), random.uniform(0.3, 0.8)));
   double time = 5;
   const auto add = [&](Capture capture, double pause_s) {
     capture.since_power_on_s = time;
@@ -358,16 +362,27 @@ void whole_bench(Session& session, Random& random) {
     session.captures.push_back(capture);
   };
   for (int i = 0; i < 20; ++i) add({.scans = 6}, 45);
-  for (int i = 0; i < 48; ++i) add({.stage_deg = i < 24 ? -170 + 14.5 * i : 163.5 - 14.5 * (i - 24), .scans = 10}, 8);
-  for (int i = 0; i < 44; ++i) add({.stage_deg = std::round(100 * (i < 22 ? -4 + 0.37 * i : 3.77 - 0.37 * (i - 22))) / 100, .scans = 20}, 5);
+  for (int i = 0; i < 48; ++i)
+    add({.stage_deg = i < 24 ? -170 + 14.5 * i : 163.5 - 14.5 * (i - 24), .scans = 10}, 8);
+  for (int i = 0; i < 44; ++i)
+    add({.stage_deg = std::round(100 * (i < 22 ? -4 + 0.37 * i : 3.77 - 0.37 * (i - 22))) / 100, .scans = 20},
+        5);
   const Wall& front = session.walls[session.walls.size() - 2];
   const Vector middle = (front.from + front.to) / 2;
-  const int centre = session.front_step + static_cast<int>(std::lround(std::atan2(middle.y(), middle.x()) / degree / session.step_deg));
+  const int centre =
+      session.front_step +
+      static_cast<int>(std::lround(std::atan2(middle.y(), middle.x()) / degree / session.step_deg));
   for (const double reflectance : {0.85, 0.4, 0.12})
     for (const double shift : {-350, -200, -50, 100, 300, 600, 950, 1250})
-      add({.target = static_cast<int>(session.walls.size()) - 2, .shift_mm = shift, .reflectance = reflectance,
-           .first_step = centre - 8, .last_step = centre + 8, .scans = 60}, 20);
-  for (const double celsius : {20.0, 26.0, 32.0, 38.0, 32.0, 26.0, 20.0}) add({.temperature_c = celsius, .scans = 40}, 60);
+      add({.target = static_cast<int>(session.walls.size()) - 2,
+           .shift_mm = shift,
+           .reflectance = reflectance,
+           .first_step = centre - 8,
+           .last_step = centre + 8,
+           .scans = 60},
+          20);
+  for (const double celsius : {20.0, 26.0, 32.0, 38.0, 32.0, 26.0, 20.0})
+    add({.temperature_c = celsius, .scans = 40}, 60);
   session.thermometer = true;
   set_approach(session);
 }
@@ -383,11 +398,11 @@ void settle(Session& session, Random& random) {
 namespace {
 const std::map<std::string, void (*)(Session&, Random&)>& table() {
   static const std::map<std::string, void (*)(Session&, Random&)> makers{
-      {"room", room},     {"few-angles", few_angles}, {"ladder", ladder},
-      {"edge", edge},     {"turning", turning},       {"one-grey-ladder", one_grey_ladder},
-      {"warmup", warmup}, {"heat-cycle", heat_cycle}, {"reflectance-ladder", grey_ladder},
-      {"boards", boards}, {"two-sided", two_sided},   {"settle", settle},
-      {"box", box},       {"panels", panels},         {"l-room", l_room},
+      {"room", room},         {"few-angles", few_angles}, {"ladder", ladder},
+      {"edge", edge},         {"turning", turning},       {"one-grey-ladder", one_grey_ladder},
+      {"warmup", warmup},     {"heat-cycle", heat_cycle}, {"reflectance-ladder", grey_ladder},
+      {"boards", boards},     {"two-sided", two_sided},   {"settle", settle},
+      {"box", box},           {"panels", panels},         {"l-room", l_room},
       {"corridor", corridor}, {"furnished", furnished},   {"whole-bench", whole_bench}};
   return makers;
 }

@@ -67,7 +67,8 @@ const std::vector<World::Segment>& World::standing(std::size_t capture_index) co
   return standing_;
 }
 
-/// The walls of a closed outline follow each other in the list: each ends where the lines of its neighbours cross it.
+/// The walls of a closed outline follow each other in the list: each ends where the lines of its neighbours
+/// cross it.
 void World::close_outline() const {
   std::vector<Segment*> outline;
   for (Segment& segment : standing_)

@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""How documents are written: no sentence above 25 words, and none of the words for which WORDS has a better one.
+"""How documents are written: no sentence above 25 words, no line of prose above 150 characters, and none of the words for which WORDS
+has a better one.
 
     prose_test.py     prints what is wrong, a line each; exit status 1 if anything is"""
 import os, re, sys
 
 from pages import ROOT, pages, read
 
-LONGEST = 25
+LONGEST, WIDEST = 25, 150
 WORDS = {  # What documents do not say, and what they say instead.
     r"\bpreviously\b|\bformerly\b|\bused to be\b|\bin earlier versions\b": "the present (what was is in CHANGELOG.md)",
     r"\bcolor\b|\bbehavior\b|\bcenter\b|\bcalibrater\b": "British spelling",
@@ -17,18 +18,22 @@ WORDS = {  # What documents do not say, and what they say instead.
     r"\bmends?\b": "correct, repair",
     r"\bconnects? anew\b": "reconnect",
 }
-# Pages of the explanation's method, whose sentences are long.
-LONG_SENTENCES = {os.path.join("docs", "operate", "explain.md"), os.path.join("docs", "method", "model.md"),
-                  os.path.join("docs", "method", "mechanisms.md")}
+LONG_SENTENCES = {os.path.join("docs", "method", "model.md")}  # Its sentences are definitions.
+
+
+def lines_of_prose(path, with_generated=True):
+    """Lines without code; empty ones in their place."""
+    text = re.sub(r"^```.*?^```$", "", read(path), flags=re.S | re.M)
+    if not with_generated:
+        text = re.sub(r"^<!-- (\S+).*?-->$.*?^<!-- /\1 -->$", "", text, flags=re.S | re.M)
+    text = re.sub(r"<!--.*?-->", "", text, flags=re.S)
+    return ["" if line.startswith("    ") else line for line in text.splitlines()]
 
 
 def prose(path):
-    """Paragraphs and items of lists, without code, tables, headings and generated parts."""
-    text = re.sub(r"^```.*?^```$", "", read(path), flags=re.S | re.M)
-    text = re.sub(r"^ {4}.*$", "", text, flags=re.M)
-    text = re.sub(r"<!--.*?-->", "", text, flags=re.S)
+    """Paragraphs and items of lists, without tables and headings."""
     paragraph = []
-    for line in text.splitlines() + [""]:
+    for line in lines_of_prose(path) + [""]:
         line = line.strip()
         item = re.match(r"([-*]|\d+\.) ", line)
         if (not line or line.startswith(("|", "#", "!")) or item) and paragraph:
@@ -50,6 +55,9 @@ def main():
         name = os.path.relpath(page, ROOT)
         if name == "CHANGELOG.md" or name.startswith(os.path.join("docs", "reference", "cli")):
             continue  # One tells what was, the other is the programs' own words.
+        for line in lines_of_prose(page, with_generated=False):
+            if len(line) > WIDEST and not line.startswith(("|", "#", "!")) and name not in LONG_SENTENCES:
+                wrong.append(f"{name}: a line of {len(line)} characters: {line[:80]}")
         for paragraph in prose(page):
             for sentence in sentences(paragraph):
                 count = sum(1 for word in sentence.split() if re.search(r"\w", word))

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// A stranger's session taken into an archive's index: it ends in a record that the pages can show, or in one of our errors, and
-// the file stays as it is. The input is a session file, or an explanation that lies beside one.
+// A stranger's session taken into an archive's index: it ends in a record that the pages can show, or in one
+// of our errors, and the file stays as it is. The input is a session file, or an explanation that lies beside
+// one.
 #include <unistd.h>
 
 #include <cstdint>
@@ -31,9 +32,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   static const std::string folder = "/tmp", name = "fuzz-archive-" + std::to_string(getpid()) + ".rig";
   const std::string path = folder + "/" + name;
   if (size > 0 && data[0] == '{') {
-    if (auto explanation = rig::explanation_in(std::string(reinterpret_cast<const char*>(data), size), "2026-01-01T00:00:00Z")) {
+    if (auto explanation = rig::explanation_in(std::string(reinterpret_cast<const char*>(data), size),
+                                               "2026-01-01T00:00:00Z")) {
       rig::SessionRecord record;
-      record.path = name, record.content_sha256 = "0", record.serial = "H1", record.explanation = std::move(explanation);
+      record.path = name, record.content_sha256 = "0", record.serial = "H1",
+      record.explanation = std::move(explanation);
       show(record);
     }
     return 0;
@@ -47,7 +50,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     try {
       show(rig::read_session_record(folder, name));
     } catch (const nlohmann::json::exception&) {
-      __builtin_trap();  // What a session says reached a page as it was.
+      __builtin_trap();                // What a session says reached a page as it was.
     } catch (const std::exception&) {  // any named error will do; crashes and leaks will not
     }
     if (rig::file_sha256(path) != before) __builtin_trap();

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Whatever a session holds is explained to the end, or refused with std::invalid_argument: no crash, no figure that is
-// not finite, and in bounded time (libFuzzer's -timeout).
-#include "fit/explain/explanation.hpp"
-
+// Whatever a session holds is explained to the end, or refused with std::invalid_argument: no crash, no
+// figure that is not finite, and in bounded time (libFuzzer's -timeout).
 #include <cstdint>
 #include <cstdlib>
 #include <span>
@@ -10,6 +8,7 @@
 
 #include "../support/finite.hpp"
 #include "../support/session_of_bytes.hpp"
+#include "fit/explain/explanation.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   try {

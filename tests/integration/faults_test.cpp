@@ -307,7 +307,7 @@ TEST_CASE("a scan that comes twice, or with a stamp of before, is delivered once
   CHECK(bench.client->statistics().bad == 0);
 }
 
-TEST_CASE("a lidar whose timer stands is told as that, and none of those scans is delivered") {
+TEST_CASE("a lidar whose timer stands is reported as that, and none of those scans is delivered") {
   Watched bench;
   bench.run(bench.stream(5));
   bench.faults->add("lidar clock-stands s=2");
@@ -361,7 +361,7 @@ TEST_CASE("a lidar that checks itself and goes on is waited for") {
   CHECK(bench.client->statistics().reconnects == 0);
 }
 
-TEST_CASE("a stream of another kind than was asked for is told as that, and the next is right") {
+TEST_CASE("a stream of another kind than was asked for is reported as that, and the next is right") {
   Watched bench;
   bench.faults->add("lidar wrong-mode");
   CHECK_THAT(bench.failure([&] { return bench.stream(10); }),
@@ -386,7 +386,7 @@ TEST_CASE("damage that ends with the connection is survived by connecting once m
   CHECK(bench.client->statistics().bad >= 3);
 }
 
-TEST_CASE("a refusal that passes is waited for; one that stays is told with how often it was asked") {
+TEST_CASE("a refusal that passes is waited for; one that stays is reported with how often it was asked") {
   Watched bench;
   bench.run(bench.stream(1));
   bench.faults->add("lidar refuse-time s=0.1");

@@ -127,7 +127,7 @@ TEST_CASE("a log loses none of its messages, whoever is slow, and none comes twi
   CHECK(std::get<2>(next_message(socket))["message"] == "5");
 }
 
-TEST_CASE("a client that sends anything else is told that a run is read only, and stays connected") {
+TEST_CASE("a client that sends anything else learns that a run is read only, and stays connected") {
   ServedToFoxglove served;
   asio::io_context io;
   ClientSocket socket(io);

@@ -13,8 +13,8 @@ namespace {
 
 using nlohmann::json;
 
-/// A room seen by a coarse lidar, and a board in it; `known`: what the file knows of physics. Edges are sharp: the
-/// simulator would mix them otherwise, which is physics that the file does not know.
+/// A room seen by a coarse lidar, and a board in it; `known`: what the file knows of physics. Edges are
+/// sharp: the simulator would mix them otherwise, which is physics that the file does not know.
 std::string bench_text(const std::string& known) {
   return R"({"schema": "bench/1",
     "lidar": {"model": "UST-10LX", "steps": 271, "front_step": 135, "step_deg": 1, "scan_hz": 40,
@@ -39,11 +39,13 @@ class InvestigatedBench {
   explicit InvestigatedBench(const std::string& hidden) {
     std::ofstream(folder_ / "bench.json") << bench_text("");
     std::ofstream(folder_ / "truth.json") << bench_text(hidden);
-    sim_.emplace(folder_, folder_ / "bench.json", std::vector<std::string>{"--truth", folder_ / "truth.json", "--seed", "5"});
+    sim_.emplace(folder_, folder_ / "bench.json",
+                 std::vector<std::string>{"--truth", folder_ / "truth.json", "--seed", "5"});
   }
   [[nodiscard]] std::vector<std::string> command(std::vector<std::string> more) const {
-    std::vector<std::string> words = {RIG_BIN_DIR "/rig", "investigate",  "--bench",     folder_ / "bench.json", "--lidar", sim_->lidar(),
-                                      "--stage",          sim_->stage(), "--out",       folder_ / "out"};
+    std::vector<std::string> words = {
+        RIG_BIN_DIR "/rig", "investigate", "--bench", folder_ / "bench.json", "--lidar", sim_->lidar(),
+        "--stage",          sim_->stage(), "--out",   folder_ / "out"};
     words.insert(words.end(), more.begin(), more.end());
     return words;
   }
@@ -93,8 +95,9 @@ TEST_CASE("hidden physics is named without an operator, and a recording that was
   rig::Sha256 hash;
   hash.feed(file_text(bench.out("prediction.json")));
   CHECK(dossier.at("last").at("sha256") == hash.hex());
-  const double found = dossier.at("found").at("mechanisms").at(0).at("parameters").at("amplitude_deg").at("value"),
-               u = dossier.at("found").at("mechanisms").at(0).at("parameters").at("amplitude_deg").at("u");
+  const double
+      found = dossier.at("found").at("mechanisms").at(0).at("parameters").at("amplitude_deg").at("value"),
+      u = dossier.at("found").at("mechanisms").at(0).at("parameters").at("amplitude_deg").at("u");
   CHECK(std::abs(found - 0.25) < 3 * u);
   // The twin serves as it stands, and a second investigation in the folder is refused.
   CHECK_NOTHROW(fit::parse_bench(file_text(bench.out("twin.bench.json"))));
@@ -103,13 +106,16 @@ TEST_CASE("hidden physics is named without an operator, and a recording that was
   CHECK(again.errors().find("--resume") != std::string::npos);
 }
 
-TEST_CASE("an investigation that is killed between any two of its steps, and within a session, goes on where it was") {
+TEST_CASE(
+    "an investigation that is killed between any two of its steps, and within a session, goes on where it "
+    "was") {
   const InvestigatedBench bench(eccentric);
   // It dies at its first word, at its second, ...; every third time within the recording that follows.
   int killed = 0;
   for (int life = 1;; ++life) {
     REQUIRE(life < 40);
-    Program rig(bench.command({"--unattended", "--budget-min", "10", "--json-log", "--resume"}), bench.folder());
+    Program rig(bench.command({"--unattended", "--budget-min", "10", "--json-log", "--resume"}),
+                bench.folder());
     bool ended = true;
     int words = 0, progress = 0;
     while (const auto line = rig.line(std::chrono::seconds(120))) {
@@ -142,7 +148,9 @@ TEST_CASE("a program that reads only a prompt's place is operator enough") {
   while (const auto line = rig.line(std::chrono::seconds(120))) {
     const json said = json::parse(*line);
     if (said.at("type") == "investigation") answered = 0;  // Every session counts anew.
-    if (said.at("type") != "progress" || !said.contains("prompt") || said.at("prompt").at("number") == answered) continue;
+    if (said.at("type") != "progress" || !said.contains("prompt") ||
+        said.at("prompt").at("number") == answered)
+      continue;
     answered = said.at("prompt").at("number");
     const json answer = bench.sim().ask({{"place", said.at("prompt").at("place")}});
     REQUIRE(answer.at("ok") == true);

@@ -129,7 +129,7 @@ TEST_CASE("damaged scans are dropped and counted, and the stream goes on") {
   for (const lidar::Scan& scan : scans) REQUIRE(std::abs(scan.range_mm[540] - 1000) < 30);
 }
 
-TEST_CASE("a lost connection is told, and reconnecting goes on with the same lidar") {
+TEST_CASE("a lost connection is reported, and reconnecting goes on with the same lidar") {
   Bench bench;
   lidar::Client client = bench.client();
   std::string told;
@@ -158,7 +158,7 @@ TEST_CASE("a lost connection is told, and reconnecting goes on with the same lid
   CHECK(client.statistics().reconnects == 1);
 }
 
-TEST_CASE("a lidar that falls silent is told within the limit") {
+TEST_CASE("a lidar that falls silent is reported within the limit") {
   Bench bench;
   bool silent = false;
   sim::ScipServer::Fault fault;
@@ -182,7 +182,7 @@ TEST_CASE("a lidar that falls silent is told within the limit") {
   CHECK_THAT(what, Contains("no scan for 100 ms"));
 }
 
-TEST_CASE("nothing at the address is told with what to check") {
+TEST_CASE("nothing at the address is reported with what to check") {
   Bench bench;
   const std::uint16_t port = bench.server.port();
   bench.server.stop();

@@ -202,7 +202,7 @@ TEST_CASE("another service on the lidar's port is told apart") {
   }
 }
 
-TEST_CASE("a lidar that is in another program's hands is told as that") {
+TEST_CASE("a lidar that is in another program's hands is reported as that") {
   Bench bench;
   lidar::Client first = bench.client(), second = bench.client(impatient());
   std::string what;
@@ -216,7 +216,7 @@ TEST_CASE("a lidar that is in another program's hands is told as that") {
   CHECK_THAT(what, Contains("process " + std::to_string(::getpid())));
 }
 
-TEST_CASE("an address that nobody has, and a name that nobody knows, are told in time") {
+TEST_CASE("an address that nobody has, and a name that nobody knows, are reported in time") {
   asio::io_context io{1};
   const std::vector<std::pair<const char*, Kind>> hosts = {
       {"192.0.2.1", Kind::cannot_connect},
@@ -239,7 +239,7 @@ TEST_CASE("an address that nobody has, and a name that nobody knows, are told in
   }
 }
 
-TEST_CASE("a lidar whose answers cannot be read is told as that") {
+TEST_CASE("a lidar whose answers cannot be read is reported as that") {
   Bench bench;
   sim::ScipServer::Fault fault;
   fault.to_host = [](std::string bytes, bool&) {
@@ -473,7 +473,7 @@ TEST_CASE("a lidar that does not know ME is asked once, is not lost, and measure
   CHECK(scan.intensity.empty());
 }
 
-TEST_CASE("a lidar that checks itself is waited for; one that is broken is told") {
+TEST_CASE("a lidar that checks itself is waited for; one that is broken is reported") {
   Bench bench;
   int seen = 0;
   const std::string passing = GENERATE("21", "0M");
@@ -540,7 +540,7 @@ TEST_CASE("a half-open connection ends in an error, and reconnecting in a stream
   CHECK(client.statistics().reconnects == 1);
 }
 
-TEST_CASE("a reset by the network is told as a lost connection") {
+TEST_CASE("a reset by the network is reported as a lost connection") {
   sim::UstDevice device = lidar_bench::device();
   Listener listener([&](tcp::socket& socket) -> awaitable<void> {
     const std::string line = co_await answer_until(socket, device, "ME");
@@ -687,7 +687,7 @@ TEST_CASE("another lidar in the first one's place is refused after reconnecting"
   CHECK_THAT(what, Contains("H2600002") && Contains("H2600001"));
 }
 
-TEST_CASE("a lidar that refuses to measure is told with its reason") {
+TEST_CASE("a lidar that refuses to measure is reported with its reason") {
   Bench bench;
   sim::ScipServer::Fault fault;
   fault.to_host = [](std::string bytes, bool&) {

@@ -221,12 +221,23 @@ TEST_CASE("a session that is resumed brings its own bench, and one without says 
 
 TEST_CASE("rig resume needs nothing but the session, and asks for what is no longer there") {
   Bench bench;
-  bench.write("p.yaml",
-              "procedure: test\nvariables: {samples: 20}\nsteps:\n  - home\n  - capture: {samples: '${samples}'}\n"
-              "  - prompt: {title: 'Ready?'}\n  - capture: {samples: '${samples}'}\n");
-  std::vector<std::string> command = {RIG_BIN_DIR "/rig",          "run",     bench.folder / "p.yaml", "--lidar",
-                                      bench.sim->lidar(),          "--stage", bench.sim->stage(),      "--bench",
-                                      bench.folder / "bench.json", "--out",   bench.folder / "out.rig", "--set", "samples=7"};
+  bench.write(
+      "p.yaml",
+      "procedure: test\nvariables: {samples: 20}\nsteps:\n  - home\n  - capture: {samples: '${samples}'}\n"
+      "  - prompt: {title: 'Ready?'}\n  - capture: {samples: '${samples}'}\n");
+  std::vector<std::string> command = {RIG_BIN_DIR "/rig",
+                                      "run",
+                                      bench.folder / "p.yaml",
+                                      "--lidar",
+                                      bench.sim->lidar(),
+                                      "--stage",
+                                      bench.sim->stage(),
+                                      "--bench",
+                                      bench.folder / "bench.json",
+                                      "--out",
+                                      bench.folder / "out.rig",
+                                      "--set",
+                                      "samples=7"};
   Program stopped(command, bench.folder);
   stopped.type("q\n");
   CHECK(stopped.exit_status() == 1);
@@ -358,7 +369,7 @@ std::optional<std::string> message_with(Program& rig, const std::string& words) 
 
 }  // namespace
 
-TEST_CASE("while nothing listens at the lidar's address it is waited for, as is told, until Ctrl-C") {
+TEST_CASE("while nothing listens at the lidar's address it is waited for, as is reported, until Ctrl-C") {
   Bench bench;
   bench.lidar = "tcp://127.0.0.3:1";
   bench.write("p.yaml", "procedure: test\nsteps:\n  - home\n");
@@ -448,7 +459,7 @@ TEST_CASE("a device that answers garbage ends the run, and endless garbage does 
   CHECK_THAT(bench.said, Contains("lidar") || Contains("SCIP"));
 }
 
-TEST_CASE("a serial port without permission is told with its remedy") {
+TEST_CASE("a serial port without permission is reported with its remedy") {
   Bench bench;
   if (::geteuid() == 0) {
     // Root may open everything, so the program runs as nobody, in a folder that nobody may write.
@@ -468,7 +479,7 @@ TEST_CASE("a serial port without permission is told with its remedy") {
   CHECK_THAT(bench.said, Contains("stage") && Contains("dialout"));
 }
 
-TEST_CASE("a serial port that is not there is told with its remedy") {
+TEST_CASE("a serial port that is not there is reported with its remedy") {
   Bench bench;
   Program rig(
       {RIG_BIN_DIR "/rig", "run", procedures + "demo.yaml", "--bench", bench.folder / "bench.json", "--lidar",
@@ -511,7 +522,7 @@ TEST_CASE("a stage that stalls again and again is stopped with a reason") {
   CHECK_THAT(bench.said, Contains("stall"));
 }
 
-TEST_CASE("a misspelt key of a procedure is told with its place and what was meant") {
+TEST_CASE("a misspelt key of a procedure is reported with its place and what was meant") {
   Bench bench;
   CHECK(bench.run("  - home\n  - capture: {sample: 5}\n") == 2);
   CHECK_THAT(bench.said, Contains("p.yaml:4:15") && Contains("samples"));
@@ -663,7 +674,7 @@ TEST_CASE("two runs do not share a stage") {
   CHECK_THAT(second.errors(), Contains("in use by another program"));
 }
 
-TEST_CASE("the bench is walked through and what is wrong with it is told") {
+TEST_CASE("the bench is walked through and what is wrong with it is reported") {
   Bench bench;
   const std::vector<std::string> devices = {"--lidar", bench.sim->lidar(), "--stage", bench.sim->stage()};
   std::vector<std::string> command = {RIG_BIN_DIR "/rig", "check", "--bench", bench.folder / "bench.json"};
@@ -727,7 +738,7 @@ TEST_CASE("what `rig new` writes runs as it stands") {
   CHECK(std::filesystem::exists(bench.folder / "starter.html"));
 }
 
-TEST_CASE("scans with wrong sums are never stored and those lost are told") {
+TEST_CASE("scans with wrong sums are never stored and those lost are reported") {
   Bench bench({"--fault", "every=0.3s lidar checksum", "--fault", "every=0.7s lidar flip"});
   REQUIRE(bench.run("  - home\n  - capture: {samples: 2000, beams_deg: [-3, 3], target: board}\n") == 0);
   CHECK_THAT(bench.said, Contains("lost") && Contains("discarded"));

@@ -26,12 +26,23 @@ constexpr const char* procedure_text =
     "  - capture: {samples: 20, beams_deg: [-5, 5]}\n";
 const std::string bench = std::string(RIG_SOURCE_DIR) + "/procedures/demo.bench.json";
 
-std::vector<std::string> run_words(const TestFolder& folder, const std::string& lidar, const std::string& stage,
-                                   const std::string& out) {
-  return {RIG_BIN_DIR "/rig", "run", folder / "look.yaml", "--bench", bench, "--lidar", lidar, "--stage", stage, "--out", out};
+std::vector<std::string> run_words(const TestFolder& folder, const std::string& lidar,
+                                   const std::string& stage, const std::string& out) {
+  return {RIG_BIN_DIR "/rig",
+          "run",
+          folder / "look.yaml",
+          "--bench",
+          bench,
+          "--lidar",
+          lidar,
+          "--stage",
+          stage,
+          "--out",
+          out};
 }
 
-http::response<http::string_body> get(std::uint16_t port, const std::string& target, const std::string& host) {
+http::response<http::string_body> get(std::uint16_t port, const std::string& target,
+                                      const std::string& host) {
   asio::io_context client;
   boost::beast::tcp_stream stream(client);
   stream.expires_after(std::chrono::seconds(20));
@@ -58,7 +69,9 @@ json state_when(Program& watch, std::uint16_t port, const std::function<bool(con
 
 }  // namespace
 
-TEST_CASE("a lidar that one run has is refused to the next before it is disturbed; another bench runs; one page shows who is needed") {
+TEST_CASE(
+    "a lidar that one run has is refused to the next before it is disturbed; another bench runs; one page "
+    "shows who is needed") {
   const TestFolder folder;
   ::setenv("RIG_LOCKS", (folder / "locks").c_str(), 1);
   folder.write("look.yaml", std::string_view(procedure_text));
@@ -70,7 +83,9 @@ TEST_CASE("a lidar that one run has is refused to the next before it is disturbe
   Program watch({RIG_BIN_DIR "/rig", "watch", folder.path(), "--live", "0"}, folder);
   std::smatch found;
   std::string said;
-  for (int i = 0; i < 200 && !std::regex_search(said = watch.errors(), found, std::regex(R"(http://127\.0\.0\.1:(\d+)/)")); ++i)
+  for (int i = 0; i < 200 && !std::regex_search(said = watch.errors(), found,
+                             std::regex(R"(http://127\.0\.0\.1:(\d+)/)"));
+       ++i)
     if (watch.ends_within(std::chrono::milliseconds(50))) break;
   REQUIRE(found.size() == 2);
   const auto port = static_cast<std::uint16_t>(std::stoi(found[1].str()));

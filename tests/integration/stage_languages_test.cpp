@@ -48,7 +48,7 @@ std::string why_failed(StageRig& rig, double target_deg, Disturb disturb) {
 
 }  // namespace
 
-TEST_CASE("a stage of any language homes, goes where it is told and reads back where it is") {
+TEST_CASE("a stage of any language homes, goes where it is sent and reads back where it is") {
   const std::string language = GENERATE("zaber", "shot", "gsc", "falcon");
   INFO(language);
   StageRig rig(language);

@@ -248,7 +248,7 @@ class UnknownZaber final : public sim::StageDevice {
 
 }  // namespace
 
-TEST_CASE("a Zaber that refuses one setting is told as that, not as another baud rate") {
+TEST_CASE("a Zaber that refuses one setting is reported as that, not as another baud rate") {
   StageRig rig;
   UnknownZaber device;
   const sim::PtyPort port(rig.io.get_executor(), device, rig.clock, {});

@@ -15,7 +15,8 @@ struct Calibration {
     double value = 0, u = 0;
     std::string unit = "mm";
   };
-  std::string serial = "H0001", model = "UST-10LX", measured_utc = "2026-01-04T10:00:00Z", kind = "range", item_state;
+  std::string serial = "H0001", model = "UST-10LX", measured_utc = "2026-01-04T10:00:00Z", kind = "range",
+              item_state;
   std::vector<Value> values;
   nlohmann::json limits = nullptr, explanation = nullptr;
   std::uint16_t range_mm = 1000;  ///< What it measured: sessions that differ in nothing are copies.
@@ -45,8 +46,13 @@ struct Calibration {
     store.commit_capture(capture);
     nlohmann::json result = {{"schema", "result/1"}, {"kind", kind}, {"values", nlohmann::json::array()}};
     for (const Value& v : values)
-      result["values"].push_back({{"name", v.name}, {"label", "Label of " + v.name}, {"value", v.value}, {"u", v.u},
-                                  {"U", 2 * v.u}, {"k", 2}, {"unit", v.unit}});
+      result["values"].push_back({{"name", v.name},
+                                  {"label", "Label of " + v.name},
+                                  {"value", v.value},
+                                  {"u", v.u},
+                                  {"U", 2 * v.u},
+                                  {"k", 2},
+                                  {"unit", v.unit}});
     store.add_result(kind, result.dump());
     if (!limits.is_null()) store.add_result("limits", limits.dump());
     if (!explanation.is_null()) store.add_result("explanation", explanation.dump());

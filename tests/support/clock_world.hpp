@@ -36,8 +36,8 @@ struct Scenario {
 struct Outcome {
   double rms_us = 0, worst_us = 0, mean_us = 0;
   double converged_rms_us = 0;  ///< Without the first two seconds.
-  double late_rms_us = 0;     ///< Without the first twenty.
-  double covered = 0;         ///< Share of scans within two stated standard uncertainties.
+  double late_rms_us = 0;       ///< Without the first twenty.
+  double covered = 0;           ///< Share of scans within two stated standard uncertainties.
   double stated_us = 0;
   bool in_order = true;  ///< Unwrapped stamps and host times always went up.
   lidar::ClockEstimate estimate;

@@ -58,24 +58,24 @@ struct ImaginedRoom {
     for (double& offset : truth.offset_mm) offset += 1.5 * normal(*random);
     truth.turn_rad[2] += third_wall_turned_deg * fit::rad_per_deg;
     const auto self = std::make_shared<const ImaginedRoom>(*this);
-    SyntheticRecording recording(
-        b, [=](const fit::CaptureInfo& info, std::int64_t seq, auto& range, auto& intensity) {
-          std::normal_distribution<double> noise(0, self->sigma_mm);
-          const double of_face =
-              self->face(std::llround(info.since_power_on_s.value_or(0) * b.lidar.scan_hz) + seq);
-          const fit::explain::Scene scene(b, truth, info);
-          for (std::size_t k = 0; k < range.size(); ++k) {
-            const double beam = b.lidar.beam_angle(info.first_step + static_cast<double>(k));
-            fit::Effect effect;
-            effect.beam_rad = self->bend(beam);
-            const double stage =
-                info.stage_rad + info.stage_rate_rad_s * static_cast<double>(seq) / b.lidar.scan_hz;
-            const auto sight = scene.look(stage, beam, effect);
-            const double more = self->stretch(beam, sight.range_mm, info.since_power_on_s.value_or(0));
-            range[k] = static_cast<std::uint16_t>(std::lround(sight.range_mm + more + of_face + noise(*random)));
-            intensity[k] = static_cast<std::uint16_t>(3e6 * std::cos(sight.incidence_rad) / sight.range_mm);
-          }
-        });
+    SyntheticRecording recording(b, [=](const fit::CaptureInfo& info, std::int64_t seq, auto& range,
+                                        auto& intensity) {
+      std::normal_distribution<double> noise(0, self->sigma_mm);
+      const double of_face =
+          self->face(std::llround(info.since_power_on_s.value_or(0) * b.lidar.scan_hz) + seq);
+      const fit::explain::Scene scene(b, truth, info);
+      for (std::size_t k = 0; k < range.size(); ++k) {
+        const double beam = b.lidar.beam_angle(info.first_step + static_cast<double>(k));
+        fit::Effect effect;
+        effect.beam_rad = self->bend(beam);
+        const double stage =
+            info.stage_rad + info.stage_rate_rad_s * static_cast<double>(seq) / b.lidar.scan_hz;
+        const auto sight = scene.look(stage, beam, effect);
+        const double more = self->stretch(beam, sight.range_mm, info.since_power_on_s.value_or(0));
+        range[k] = static_cast<std::uint16_t>(std::lround(sight.range_mm + more + of_face + noise(*random)));
+        intensity[k] = static_cast<std::uint16_t>(3e6 * std::cos(sight.incidence_rad) / sight.range_mm);
+      }
+    });
     for (int i = 0; i < captures; ++i) {
       fit::CaptureInfo info;
       const int turn = i < captures / 2 ? i : captures - 1 - i;

@@ -16,8 +16,8 @@
 #include "tests/support/test_folder.hpp"
 #include "tests/unit/fit/plain_bench.hpp"
 
-/// Benches whose stage, lidar and targets are off by what a bench file may not know, drawn anew for every seed
-/// from the usual sizes. Written in plane trigonometry alone, so that it can judge the calibrations.
+/// Benches whose stage, lidar and targets are off by what a bench file may not know, drawn anew for every
+/// seed from the usual sizes. Written in plane trigonometry alone, so that it can judge the calibrations.
 namespace imperfect {
 
 using plain_bench::degree;
@@ -33,7 +33,8 @@ struct Truth {
 
   /// True angle of the stage where it was commanded to `rad`, coming from below.
   [[nodiscard]] double stage(double rad) const {
-    return rad * (1 + stage_scale) + stage_sine_rad * std::sin(rad) + stage_cosine_rad * std::cos(rad) - backlash_rad / 2;
+    return rad * (1 + stage_scale) + stage_sine_rad * std::sin(rad) + stage_cosine_rad * std::cos(rad) -
+           backlash_rad / 2;
   }
   [[nodiscard]] double beam(double rad) const {
     return rad + beam_sine_rad * std::sin(rad) + beam_cosine_rad * std::cos(rad);
@@ -56,11 +57,14 @@ inline Truth draw(std::mt19937_64& random, const Expected& expected) {
   std::normal_distribution<double> normal;
   const auto of = [&](double u) { return u * normal(random); };
   Truth truth;
-  truth.mount = {expected.x_mm + of(expected.u_mm), expected.y_mm + of(expected.u_mm), of(expected.u_yaw_deg)};
+  truth.mount = {expected.x_mm + of(expected.u_mm), expected.y_mm + of(expected.u_mm),
+                 of(expected.u_yaw_deg)};
   truth.stage_scale = of(2e-3);
-  truth.stage_sine_rad = of(0.05 * degree / std::sqrt(2.0)), truth.stage_cosine_rad = of(0.05 * degree / std::sqrt(2.0));
+  truth.stage_sine_rad = of(0.05 * degree / std::sqrt(2.0)),
+  truth.stage_cosine_rad = of(0.05 * degree / std::sqrt(2.0));
   truth.backlash_rad = std::abs(of(0.1 * degree));
-  truth.beam_sine_rad = of(0.15 * degree / std::sqrt(2.0)), truth.beam_cosine_rad = of(0.15 * degree / std::sqrt(2.0));
+  truth.beam_sine_rad = of(0.15 * degree / std::sqrt(2.0)),
+  truth.beam_cosine_rad = of(0.15 * degree / std::sqrt(2.0));
   truth.offset_mm = of(12), truth.range_scale = of(3e-3), truth.walk_mm = of(25);
   truth.walk_counts = std::exp(std::uniform_real_distribution<double>(std::log(200), std::log(1200))(random));
   return truth;
@@ -74,8 +78,11 @@ class Bench {
     double reflectance = 0.85;
   };
 
-  Bench(const std::string& path, const std::string& bench_file, const Truth& truth, std::vector<Wall> walls, std::uint64_t seed)
-      : truth_(truth), walls_(std::move(walls)), random_(seed),
+  Bench(const std::string& path, const std::string& bench_file, const Truth& truth, std::vector<Wall> walls,
+        std::uint64_t seed)
+      : truth_(truth),
+        walls_(std::move(walls)),
+        random_(seed),
         store_(std::make_unique<rig::SessionStore>(path, rig::SessionStore::Mode::create)) {
     store_->set("bench", bench_file);
     store_->set("lidar", R"({"PROD":"UST-10LX","SERI":"H1"})");
@@ -84,13 +91,16 @@ class Bench {
   std::vector<Wall>& walls() { return walls_; }
 
   [[nodiscard]] double counts(const plain_bench::Met& met) const {
-    return 2400 * walls_[met.wall].reflectance * std::cos(met.incidence_rad) / (1 + std::pow(met.range_mm / 3000, 2));
+    return 2400 * walls_[met.wall].reflectance * std::cos(met.incidence_rad) /
+           (1 + std::pow(met.range_mm / 3000, 2));
   }
   /// What the beam `beam_rad` meets while the stage is commanded to `stage_rad`, its range without noise.
-  [[nodiscard]] std::optional<plain_bench::Met> look(double stage_rad, double beam_rad, double jitter_rad = 0) const {
+  [[nodiscard]] std::optional<plain_bench::Met> look(double stage_rad, double beam_rad,
+                                                     double jitter_rad = 0) const {
     std::vector<plain_bench::Wall> plain;
     for (const Wall& wall : walls_) plain.push_back(wall.at);
-    auto met = plain_bench::look(plain, truth_.mount, truth_.stage(stage_rad), truth_.beam(beam_rad) + jitter_rad);
+    auto met =
+        plain_bench::look(plain, truth_.mount, truth_.stage(stage_rad), truth_.beam(beam_rad) + jitter_rad);
     if (met) met->range_mm += truth_.range_error(met->range_mm, counts(*met));
     return met;
   }
@@ -104,12 +114,14 @@ class Bench {
     std::vector<std::array<Seen, 2>> seen(beams);  // At either end of the window in which a beam wavers.
     std::vector<double> share(beams, 1);           // Of the window, before the edge.
     for (std::size_t k = 0; k < beams; ++k) {
-      const double beam_rad = (info.first_step + static_cast<int>(k) - 540) * 0.25 * degree, half = truth_.window_rad / 2;
+      const double beam_rad = (info.first_step + static_cast<int>(k) - 540) * 0.25 * degree,
+                   half = truth_.window_rad / 2;
       const auto first = look(info.stage_rad, beam_rad, -half), last = look(info.stage_rad, beam_rad, half);
       const auto middle = look(info.stage_rad, beam_rad);
       const auto as_seen = [&](const auto& met) { return met ? Seen{met->range_mm, counts(*met)} : Seen{}; };
       const bool same = first.has_value() == last.has_value() && (!first || first->wall == last->wall);
-      seen[k] = same ? std::array{as_seen(middle), as_seen(middle)} : std::array{as_seen(first), as_seen(last)};
+      seen[k] =
+          same ? std::array{as_seen(middle), as_seen(middle)} : std::array{as_seen(first), as_seen(last)};
       if (same) continue;
       double low = -half, high = half;
       for (int i = 0; i < 40; ++i) {
@@ -127,8 +139,11 @@ class Bench {
     for (int seq = 0; seq < scans; ++seq) {
       for (std::size_t k = 0; k < beams; ++k) {
         const Seen& now = seen[k][share[k] >= 1 || even(random_) < share[k] ? 0 : 1];
-        range[k] = now.range > 0 ? static_cast<std::uint16_t>(std::lround(std::max(1.0, now.range + noise(random_)))) : 0;
-        intensity[k] = static_cast<std::uint16_t>(std::lround(now.counts * (1 + 0.01 * noise(random_) / sigma_mm)));
+        range[k] = now.range > 0
+                       ? static_cast<std::uint16_t>(std::lround(std::max(1.0, now.range + noise(random_))))
+                       : 0;
+        intensity[k] =
+            static_cast<std::uint16_t>(std::lround(now.counts * (1 + 0.01 * noise(random_) / sigma_mm)));
       }
       store_->add_scan(id, {seq, 25 * seq, 25000 * seq, range, intensity, {}});
     }

@@ -317,13 +317,13 @@ struct Rig {
     }
     return all;
   }
-  int times_told(const std::string& words) const {
+  int times_reported(const std::string& words) const {
     const rig::SessionStore session(file, rig::SessionStore::Mode::read);
     int times = 0;
     for (const auto& event : session.events()) times += event.text.find(words) != std::string::npos;
     return times;
   }
-  bool told(const std::string& words) const { return times_told(words) > 0; }
+  bool reported(const std::string& words) const { return times_reported(words) > 0; }
 };
 
 }  // namespace runner_rig

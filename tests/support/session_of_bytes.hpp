@@ -12,8 +12,9 @@
 #include "../unit/fit/synthetic_recording.hpp"
 #include "fit/bench.hpp"
 
-/// A small session whose bench, captures and scans are whatever these bytes say: walls and posts anywhere, with or
-/// without uncertainties, temperatures, times and intensities; ranges near what a wall would give, or anything.
+/// A small session whose bench, captures and scans are whatever these bytes say: walls and posts anywhere,
+/// with or without uncertainties, temperatures, times and intensities; ranges near what a wall would give, or
+/// anything.
 class SessionOfBytes {
  public:
   explicit SessionOfBytes(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
@@ -23,7 +24,8 @@ class SessionOfBytes {
     bench.lidar.steps = 8 + byte() % 64;
     bench.lidar.front_step = bench.lidar.steps / 2;
     bench.lidar.step_rad = (0.25 + byte() / 64.0) * fit::rad_per_deg;
-    bench.lidar.mount = {{0, uncertainty()}, {byte() / 16.0, uncertainty()}, {0, uncertainty() * fit::rad_per_deg}};
+    bench.lidar.mount = {
+        {0, uncertainty()}, {byte() / 16.0, uncertainty()}, {0, uncertainty() * fit::rad_per_deg}};
     for (int count = 1 + byte() % 5, i = 0; i < count; ++i) {
       fit::Target target;
       target.name = "t" + std::to_string(i);
@@ -39,18 +41,20 @@ class SessionOfBytes {
       }
       bench.targets.push_back(target);
     }
-    if (byte() % 2) bench.known.push_back({"range-noise", {{"sigma_mm", {1.0 * byte() / 8, uncertainty()}}}, {}});
+    if (byte() % 2)
+      bench.known.push_back({"range-noise", {{"sigma_mm", {1.0 * byte() / 8, uncertainty()}}}, {}});
     const bool is_lit = byte() % 2, is_wild = byte() % 8 == 0;
     std::vector<std::uint8_t> noise;
     for (int i = 0; i < 64; ++i) noise.push_back(byte());
-    SyntheticRecording made(bench, [=, n = std::size_t{0}](const fit::CaptureInfo& info, std::int64_t, auto& range,
-                                                           auto& intensity) mutable {
+    SyntheticRecording made(bench, [=, n = std::size_t{0}](const fit::CaptureInfo& info, std::int64_t,
+                                                           auto& range, auto& intensity) mutable {
       for (std::size_t k = 0; k < range.size(); ++k, ++n) {
         const int b = noise[n % noise.size()] ^ static_cast<int>((n * 2654435761U) >> 24 & 0xFF);
-        const double far = 500 + 40.0 * static_cast<double>(k) + 200 * std::cos(info.stage_rad) + info.target_shift_mm;
-        range[k] = is_wild          ? static_cast<std::uint16_t>(b * 257)
-                   : b % 61 == 0    ? std::uint16_t{0}
-                                    : static_cast<std::uint16_t>(std::max(0.0, far + b % 16));
+        const double far =
+            500 + 40.0 * static_cast<double>(k) + 200 * std::cos(info.stage_rad) + info.target_shift_mm;
+        range[k] = is_wild       ? static_cast<std::uint16_t>(b * 257)
+                   : b % 61 == 0 ? std::uint16_t{0}
+                                 : static_cast<std::uint16_t>(std::max(0.0, far + b % 16));
         if (is_lit) intensity[k] = static_cast<std::uint16_t>(b % 7 == 0 ? 0 : 100 + 9 * b);
       }
       if (!is_lit) intensity.clear();

@@ -53,8 +53,8 @@ void doubt_bench_file(const Findings& findings, Explanation& out) {
     const Freedom& freedom = freedoms[static_cast<std::size_t>(i)];
     out.notes.push_back(in_words(freedom, findings.reduced.bench) + " comes out " +
                         rounded(off * (freedom.is_angle() ? deg_per_rad : 1), 3) +
-                        (freedom.is_angle() ? " deg" : " mm") +
-                        " from what the bench file states, " + rounded(std::abs(off) / file.u[i], 2) +
+                        (freedom.is_angle() ? " deg" : " mm") + " from what the bench file states, " +
+                        rounded(std::abs(off) / file.u[i], 2) +
                         " times its uncertainty: check the bench file before looking for physics.");
   }
 }
@@ -70,7 +70,8 @@ void correct_bench(const Findings& findings, Bench& bench) {
     if (target.round) {
       RoundShape shape = *target.round;
       const Eigen::Vector2d outward = target.outward_normal();
-      shape.centre_mm += n.offset_mm[i] * outward + n.aside_mm[i] * Eigen::Vector2d(-outward.y(), outward.x());
+      shape.centre_mm +=
+          n.offset_mm[i] * outward + n.aside_mm[i] * Eigen::Vector2d(-outward.y(), outward.x());
       shape.radius_mm += n.thicker_mm[i];
       target.set_round(shape);
       continue;

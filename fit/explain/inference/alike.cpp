@@ -24,13 +24,15 @@ Eigen::VectorXd ranks_of(const std::vector<double>& values) {
   Eigen::VectorXd ranks(static_cast<Eigen::Index>(values.size()));
   for (std::size_t i = 0; i < values.size(); ++i) {
     const auto [first, last] = std::ranges::equal_range(sorted, values[i]);
-    const auto below = static_cast<double>(first - sorted.begin()), up_to = static_cast<double>(last - sorted.begin());
+    const auto below = static_cast<double>(first - sorted.begin()),
+               up_to = static_cast<double>(last - sorted.begin());
     ranks[static_cast<Eigen::Index>(i)] = (below + up_to) / static_cast<double>(values.size()) - 1;
   }
   return ranks;
 }
 
-/// Where one coordinate of the means goes with the other, up or down (Spearman's rank correlation), their functions look alike.
+/// Where one coordinate of the means goes with the other, up or down (Spearman's rank correlation), their
+/// functions look alike.
 bool confounded(const Session& session, Coordinate a, Coordinate b) {
   constexpr double all_but_one = 0.97;
   const auto& means = session.channels()[model::channel_of("mean")];
@@ -67,7 +69,8 @@ class MayBe {
   std::map<Coordinate, bool> known_;
 };
 
-/// In the place of a term of the best hypothesis, as well as the recording tells: what may be one of those mechanisms.
+/// In the place of a term of the best hypothesis, as well as the recording tells: what may be one of those
+/// mechanisms.
 std::vector<Member> rivals_of(const Session& session, const Fitted& best, const Term& term,
                               const std::vector<const Mechanism*>& mechanisms) {
   std::vector<MayBe> of_each;
@@ -100,7 +103,8 @@ std::vector<std::string> names_of_bench_file(const Term& term) {
 
 void join(const std::vector<Member>& rivals, Undecided& set) {
   for (const Member& rival : rivals)
-    if (std::ranges::none_of(set.members, [&](const Member& m) { return m.kind == rival.kind; })) set.members.push_back(rival);
+    if (std::ranges::none_of(set.members, [&](const Member& m) { return m.kind == rival.kind; }))
+      set.members.push_back(rival);
 }
 
 }  // namespace
@@ -108,7 +112,8 @@ void join(const std::vector<Member>& rivals, Undecided& set) {
 void join_what_looks_alike(const Session& session, const Fitted& best, Posterior& posterior) {
   std::vector<Named> alone;
   for (const Named& named : posterior.named) {
-    const std::vector<Member> rivals = rivals_of(session, best, named.term, {named.term.kind->mechanism.get()});
+    const std::vector<Member> rivals =
+        rivals_of(session, best, named.term, {named.term.kind->mechanism.get()});
     const std::vector<std::string> also = names_of_bench_file(named.term);
     if (rivals.empty() && also.empty()) {
       alone.push_back(named);

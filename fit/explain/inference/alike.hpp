@@ -5,9 +5,9 @@
 
 namespace fit::explain::inference {
 
-/// What is named makes a set with the catalogue's other names for it (Mechanism::looks_like), and with functions of a coordinate that
-/// goes with its own in this session, where they fit the recording as well: how much less a formula leaves open is no evidence
-/// between two names of one thing.
+/// What is named makes a set with the catalogue's other names for it (Mechanism::looks_like), and with
+/// functions of a coordinate that goes with its own in this session, where they fit the recording as well:
+/// how much less a formula leaves open is no evidence between two names of one thing.
 void join_what_looks_alike(const Session& session, const Fitted& best, Posterior& posterior);
 
 }  // namespace fit::explain::inference

@@ -60,7 +60,8 @@ Eigen::MatrixXd evidence_between(const Reduced& reduced, const std::vector<Suspe
   const Channels channels = channels_of(reduced);
   const auto count = static_cast<Index>(suspects.size());
   std::vector<model::Kind> kinds;
-  for (const Suspect& suspect : suspects) kinds.push_back(model::kind_of(*suspect.mechanism, suspect.target, channels));
+  for (const Suspect& suspect : suspects)
+    kinds.push_back(model::kind_of(*suspect.mechanism, suspect.target, channels));
   std::vector<model::Term> terms;
   for (std::size_t i = 0; i < suspects.size(); ++i) {
     terms.emplace_back();
@@ -70,7 +71,9 @@ Eigen::MatrixXd evidence_between(const Reduced& reduced, const std::vector<Suspe
   Eigen::MatrixXd evidence = Eigen::MatrixXd::Zero(count, count);
   for (Index i = 0; i < count; ++i)
     for (Index j = 0; j < count; ++j)
-      if (i != j) evidence(i, j) = left_by(channels, terms[static_cast<std::size_t>(i)], terms[static_cast<std::size_t>(j)]);
+      if (i != j)
+        evidence(i, j) =
+            left_by(channels, terms[static_cast<std::size_t>(i)], terms[static_cast<std::size_t>(j)]);
   return evidence;
 }
 

@@ -13,21 +13,24 @@ namespace {
 
 using Eigen::Index;
 
-/// How rows show what a term does: where on its coordinate, in which unit, and by how much of the statistic per unit.
+/// How rows show what a term does: where on its coordinate, in which unit, and by how much of the statistic
+/// per unit.
 struct View {
   Coordinate coordinate;
   std::string unit;
-  double every = 0;  ///< What repeats after so many is drawn once; 0: nothing does.
+  double every = 0;         ///< What repeats after so many is drawn once; 0: nothing does.
   bool since_move = false;  ///< Drawn along that time, an angle towards where the stage came from.
   Eigen::VectorXd per_unit;
 
   View(Coordinate along, const ChannelRows& rows, const model::ChannelKind& channel)
       : coordinate(along), unit(channel.unit), per_unit(Eigen::VectorXd::Ones(rows.rows())) {}
   View(const Term& term, const ChannelRows& rows, const model::ChannelKind& channel)
-      : coordinate(is_constant_noise(*term.kind->mechanism) ? Coordinate::beam : term.kind->mechanism->coordinate),
+      : coordinate(is_constant_noise(*term.kind->mechanism) ? Coordinate::beam
+                                                            : term.kind->mechanism->coordinate),
         unit(channel.unit),
         per_unit(Eigen::VectorXd::Ones(rows.rows())) {
-    if (const auto count = term.kind->mechanism->parameter_of(Parameter::Scale::count)) every = term.values[*count];
+    if (const auto count = term.kind->mechanism->parameter_of(Parameter::Scale::count))
+      every = term.values[*count];
     if (coordinate != Coordinate::scan_seq || channel.is_square) return;
     Effect all;
     for (Index i = 0; i < rows.rows(); ++i) {
@@ -110,7 +113,8 @@ std::vector<SpreadCurve> curves_of(const Session& session, const Fitted& nothing
     for (const Coordinate coordinate : model::channel_kinds()[c].always_drawn) {
       if (!session.channels()[c] || !drawn.insert({c, coordinate}).second) continue;
       const View view(coordinate, *session.channels()[c], model::channel_kinds()[c]);
-      SpreadCurve curve = curve_in(view, *session.channels()[c], model::channel_kinds()[c], nothing.optimum.eta[c], best.optimum.eta[c]);
+      SpreadCurve curve = curve_in(view, *session.channels()[c], model::channel_kinds()[c],
+                                   nothing.optimum.eta[c], best.optimum.eta[c]);
       if (curve.at.size() > 1) curves.push_back(std::move(curve));
     }
   return curves;

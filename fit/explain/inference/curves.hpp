@@ -10,7 +10,7 @@ namespace fit::explain::inference {
 
 /// Pictures of the channels beside the means, along the coordinates of what was found there: as recorded, as
 /// simulated when nothing was known, and as explained.
-[[nodiscard]] std::vector<SpreadCurve> curves_of(const Session& session, const Fitted& nothing, const Fitted& best,
-                                                 const Posterior& posterior);
+[[nodiscard]] std::vector<SpreadCurve> curves_of(const Session& session, const Fitted& nothing,
+                                                 const Fitted& best, const Posterior& posterior);
 
 }  // namespace fit::explain::inference

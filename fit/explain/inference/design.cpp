@@ -69,14 +69,15 @@ void add_term(const Session& session, const Term& term, Design& design) {
   block.sizes = design.mean.size() - block.first;
   for (Index k = 0; k < block.sizes; ++k)
     if (kind.coefficients[static_cast<std::size_t>(k)].sign > 0) design.lower[block.first + k] = 0;
-  const auto standard = [](Index count) { return Prior{Eigen::VectorXd::Zero(count), Eigen::VectorXd::Ones(count)}; };
+  const auto standard = [](Index count) {
+    return Prior{Eigen::VectorXd::Zero(count), Eigen::VectorXd::Ones(count)};
+  };
   std::vector<Eigen::MatrixXd> shapes(session.channels().size()), deviations(session.channels().size());
   for (std::size_t c = 0; c < session.channels().size(); ++c) {
     if (!kind.acts_in[c]) continue;
     const ChannelRows& rows = *session.channels()[c];
     add_columns(design, c, block.first, model::columns_of(rows, kind, term.values));
-    if (kind.acts_without_size)
-      design.parts[c].offset += model::effect_without_size(rows, kind, term.values);
+    if (kind.acts_without_size) design.parts[c].offset += model::effect_without_size(rows, kind, term.values);
     shapes[c] = model::shape_columns(rows, term);
     deviations[c] = model::deviation_columns(rows, term);
     block.shapes = std::max(block.shapes, shapes[c].cols());

@@ -45,7 +45,8 @@ double constant_noise_of(const Session& session, const Hypothesis& best) {
 /// Without a term, and without all other sizes of its mechanism that may be missing apart.
 Fitted without(const Session& session, const Hypothesis& h, const Kind& kind) {
   const auto is_of_it = [&](const Term& term) {
-    return term.kind == &kind || (kind.size && term.kind->mechanism == kind.mechanism && term.kind->target == kind.target);
+    return term.kind == &kind ||
+           (kind.size && term.kind->mechanism == kind.mechanism && term.kind->target == kind.target);
   };
   Hypothesis less;
   for (const Term& term : h.terms)
@@ -60,8 +61,10 @@ std::string name_of_target(const Session& session, const Kind& kind) {
 /// A channel's nuisances as a hypothesis has them.
 std::vector<Estimate> nuisances_of(const Session& session, const Fitted& f, std::size_t channel) {
   std::vector<Estimate> list;
-  const Index first = session.first_base(channel), count = session.channels()[channel]->base().prior.mean.size();
-  const Eigen::MatrixXd unit = Eigen::MatrixXd::Identity(f.design.mean.size(), f.design.mean.size()).middleCols(first, count),
+  const Index first = session.first_base(channel),
+              count = session.channels()[channel]->base().prior.mean.size();
+  const Eigen::MatrixXd unit = Eigen::MatrixXd::Identity(f.design.mean.size(), f.design.mean.size())
+                                   .middleCols(first, count),
                         covariance = f.optimum.factor.solve(unit).middleRows(first, count);
   for (Index k = 0; k < count; ++k)
     list.push_back({f.hypothesis.base[first + k], f.design.sigma[first + k] * std::sqrt(covariance(k, k))});
@@ -79,7 +82,8 @@ Unexplained described(const Session& session, const Term& term) {
   course.unit = model::channel_kinds()[c].unit.empty() ? "" : " " + model::channel_kinds()[c].unit;
   if (model::channel_kinds()[c].is_square) course.unit += "^2";
   const bool on_a_target = shape.coordinate == Coordinate::target && term.kind->target >= 0;
-  course.coordinate = on_a_target ? "the place along target '" + name_of_target(session, *term.kind) + "'" : name_of(shape.coordinate);
+  course.coordinate = on_a_target ? "the place along target '" + name_of_target(session, *term.kind) + "'"
+                                  : name_of(shape.coordinate);
   course.unit_of_coordinate = on_a_target ? " mm" : unit_of(shape.coordinate);
   course.low = course.least = 1e300;
   course.high = course.most = -1e300;
@@ -122,7 +126,8 @@ void measure(const Session& session, const Explored& explored, Inferred& out) {
   out.means.after = hold_out(session, explored.best);
   const double all = out.means.after.log_likelihood;
   // In absolute figures the means alone are told, to which the gain of all channels is added.
-  out.means.after.log_likelihood = out.means.before.log_likelihood + all - hold_out(session, nothing).log_likelihood;
+  out.means.after.log_likelihood =
+      out.means.before.log_likelihood + all - hold_out(session, nothing).log_likelihood;
   for (const auto* list : {&out.posterior.named, &out.posterior.forms})
     for (const Named& named : *list)
       out.gain.push_back(all - hold_out(session, without(session, best, *named.term.kind)).log_likelihood);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "fit/explain/answer/findings.hpp"
 #include "fit/empirical.hpp"
+#include "fit/explain/answer/findings.hpp"
 #include "fit/explain/inference/posterior.hpp"
 
 namespace fit::explain::inference {
@@ -12,17 +12,17 @@ struct Inferred {
   std::shared_ptr<const std::vector<Kind>> kinds;  ///< Which terms point to.
   Posterior posterior;
   MeanResult means;  ///< The best hypothesis' part in the means, with the held-out figures of all channels.
-  double sigma_mm = 0;       ///< Constant noise of one sample.
+  double sigma_mm = 0;                   ///< Constant noise of one sample.
   std::vector<SpreadCurve> curves = {};  ///< Of what is beside the means, where something was found.
-  std::vector<Unexplained> beside = {};   ///< Forms beside the means.
-  std::vector<Active> of_scans = {};      ///< What the best hypothesis says of scans of a capture.
-  std::vector<double> gain = {};  ///< Held out, of every named one, and then of every form.
-  std::vector<std::string> notes = {};  ///< Of channels, on how well they agree.
+  std::vector<Unexplained> beside = {};  ///< Forms beside the means.
+  std::vector<Active> of_scans = {};     ///< What the best hypothesis says of scans of a capture.
+  std::vector<double> gain = {};         ///< Held out, of every named one, and then of every form.
+  std::vector<std::string> notes = {};   ///< Of channels, on how well they agree.
   struct Restated {
     std::size_t channel;
     std::vector<Estimate> nuisances;
   };
-  std::vector<Restated> restated = {};  ///< What the bench file states and a channel knows better.
+  std::vector<Restated> restated = {};         ///< What the bench file states and a channel knows better.
   std::vector<EmpiricalFunction> tables = {};  ///< For the twin: what has no name beside the means.
 };
 

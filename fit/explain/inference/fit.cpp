@@ -52,14 +52,16 @@ Scored scored(const Session& session, const Design& design, Optimum& there, For 
     if (!session.channels()[c]) continue;
     const ChannelRows& rows = *session.channels()[c];
     const Eigen::VectorXd eta = raised ? rows.possible(there.eta[c]) : there.eta[c];
-    const Eigen::VectorXd at = raised ? rows.raised(eta) : what == For::steps ? rows.steady(eta) : rows.curved(eta);
+    const Eigen::VectorXd at = raised               ? rows.raised(eta)
+                               : what == For::steps ? rows.steady(eta)
+                                                    : rows.curved(eta);
     there.white[c] = rows.whitened(design.parts[c].columns, at);
     there.white_residual[c] = rows.white_residual(raised ? at : eta);
     if (raised)
       there.white_residual[c] += rows.whitened(at - eta, at);
     else if (at != eta)  // the same score over another root of the information
-      there.white_residual[c] =
-          there.white_residual[c].cwiseProduct(rows.information(eta).cwiseQuotient(rows.information(at)).cwiseSqrt());
+      there.white_residual[c] = there.white_residual[c].cwiseProduct(
+          rows.information(eta).cwiseQuotient(rows.information(at)).cwiseSqrt());
     const Eigen::VectorXd along = there.white[c].transpose() * there.white_residual[c];
     const Eigen::MatrixXd square = there.white[c].transpose() * there.white[c];
     const std::vector<Index>& index = design.parts[c].index;
@@ -76,7 +78,8 @@ Scored scored(const Session& session, const Design& design, Optimum& there, For 
 Eigen::VectorXd step_of(const Scored& s, const Design& design, const Eigen::VectorXd& x) {
   Scored free = s;
   for (Index k = 0; k < x.size(); ++k) {
-    const bool held = (x[k] <= design.lower[k] && s.gradient[k] <= 0) || (x[k] >= design.upper[k] && s.gradient[k] >= 0);
+    const bool held =
+        (x[k] <= design.lower[k] && s.gradient[k] <= 0) || (x[k] >= design.upper[k] && s.gradient[k] >= 0);
     if (!held) continue;
     free.information.row(k).setZero();
     free.information.col(k).setZero();
@@ -129,16 +132,19 @@ Optimum raised(const Session& session, const Design& design, const Optimum& opti
 namespace {
 
 /// What the likelihood says of a block of coefficients with all others integrated, which have their priors.
-Quadratic about(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& factor, const Design& design, Index first,
-                Index count) {
+Quadratic about(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& factor, const Design& design,
+                Index first, Index count) {
   const Index k = design.mean.size();
-  const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(k, k)).block(first, first, count, count);
+  const Eigen::MatrixXd covariance =
+      factor.solve(Eigen::MatrixXd::Identity(k, k)).block(first, first, count, count);
   Quadratic q;
   // Less the priors' own information, which is one in these units.
   const Eigen::MatrixXd information = covariance.inverse();
   const Eigen::VectorXd scale = design.sigma.segment(first, count).cwiseInverse();
-  q.square = scale.asDiagonal() * (information - Eigen::MatrixXd::Identity(count, count)) * scale.asDiagonal();
-  q.along = scale.cwiseProduct(information * optimum.x.segment(first, count) - design.mean.segment(first, count));
+  q.square =
+      scale.asDiagonal() * (information - Eigen::MatrixXd::Identity(count, count)) * scale.asDiagonal();
+  q.along =
+      scale.cwiseProduct(information * optimum.x.segment(first, count) - design.mean.segment(first, count));
   return q;
 }
 
@@ -155,8 +161,9 @@ Rescaled rescaled(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& fac
   return {over.factor, over.log_evidence - integrate(q, prior_of(*term.kind, term.factor)).log_evidence};
 }
 
-/// Laplace's approximation at the optimum; of shapes, a uniform prior instead of the normal one. Where a shape hardly matters, its
-/// derivative says that it never does: a peak is not wider than the grid of its starts says.
+/// Laplace's approximation at the optimum; of shapes, a uniform prior instead of the normal one. Where a
+/// shape hardly matters, its derivative says that it never does: a peak is not wider than the grid of its
+/// starts says.
 double log_evidence_of(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& held, const Design& design,
                        const Eigen::MatrixXd& covariance, const std::vector<Term>& terms) {
   double sum = optimum.log_posterior - 0.5 * log_determinant(held);
@@ -171,7 +178,8 @@ double log_evidence_of(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>
   return sum;
 }
 
-/// The term where its coefficients are; its shapes where a scoring step takes them, as far as the linear model can be trusted.
+/// The term where its coefficients are; its shapes where a scoring step takes them, as far as the linear
+/// model can be trusted.
 Term moved(const Term& term, const Optimum& optimum, const Eigen::VectorXd& stepped, const Design& design,
            const Design::Block& block, const Eigen::MatrixXd& covariance) {
   Term there = term;
@@ -207,7 +215,8 @@ Design with_shapes_held(Design design) {
   return design;
 }
 
-/// One round of a fit: everything linear at its best, and a step of the shapes, whose effect the likelihood does not count yet.
+/// One round of a fit: everything linear at its best, and a step of the shapes, whose effect the likelihood
+/// does not count yet.
 Fitted solved(const Session& session, std::vector<Term> terms) {
   Fitted result;
   result.design = design_of(session, terms);
@@ -229,8 +238,10 @@ Fitted solved(const Session& session, std::vector<Term> terms) {
   const Eigen::LLT<Eigen::MatrixXd> held(known);
   h.log_evidence = log_evidence_of(result.optimum, held, result.design, covariance, terms);
   for (std::size_t t = 0; t < terms.size(); ++t) {
-    h.terms.push_back(moved(terms[t], result.optimum, stepped, result.design, result.design.blocks[t], covariance));
-    h.terms.back().factor = rescaled(result.optimum, held, result.design, result.design.blocks[t], terms[t]).factor;
+    h.terms.push_back(
+        moved(terms[t], result.optimum, stepped, result.design, result.design.blocks[t], covariance));
+    h.terms.back().factor =
+        rescaled(result.optimum, held, result.design, result.design.blocks[t], terms[t]).factor;
   }
   return result;
 }
@@ -241,7 +252,8 @@ std::vector<Term> part_of_way(const std::vector<Term>& from, const std::vector<T
   for (std::size_t t = 0; t < list.size(); ++t)
     for (const std::size_t k : model::refined_shapes_of(*list[t].kind)) {
       const double a = from[t].values[k], b = to[t].values[k];
-      list[t].values[k] = list[t].kind->mechanism->parameters[k].logarithmic ? a * std::pow(b / a, share) : a + share * (b - a);
+      list[t].values[k] = list[t].kind->mechanism->parameters[k].logarithmic ? a * std::pow(b / a, share)
+                                                                             : a + share * (b - a);
     }
   return list;
 }

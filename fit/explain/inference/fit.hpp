@@ -24,7 +24,7 @@ struct Design {
   std::vector<Part> parts;  ///< By channel.
   Eigen::VectorXd mean, sigma;
   Eigen::VectorXd lower, upper;  ///< Bounds of the coefficients: signs of sizes, ends of shapes.
-  std::vector<Block> blocks;  ///< By term.
+  std::vector<Block> blocks;     ///< By term.
 };
 [[nodiscard]] Design design_of(const Session& session, const std::vector<Term>& terms);
 /// Shapes as if they were known: of that information, and of no other coefficient's.

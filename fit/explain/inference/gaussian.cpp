@@ -52,7 +52,8 @@ Integral integrate(const Quadratic& likelihood, const Prior& prior) {
 }
 
 std::vector<Factor> factors_of(const model::Kind& kind) {
-  const bool is_expected = std::ranges::any_of(kind.coefficients, [](const auto& c) { return c.expected != 0; });
+  const bool is_expected =
+      std::ranges::any_of(kind.coefficients, [](const auto& c) { return c.expected != 0; });
   if (is_expected || kind.coefficients.empty()) return {{1, 0}};
   std::vector<Factor> list;
   double sum = 0;
@@ -75,7 +76,8 @@ Prior prior_of(const model::Kind& kind, double factor) {
   return prior;
 }
 
-double log_possible(const model::Kind& kind, const Eigen::VectorXd& value, const Eigen::MatrixXd& covariance) {
+double log_possible(const model::Kind& kind, const Eigen::VectorXd& value,
+                    const Eigen::MatrixXd& covariance) {
   double sum = 0;
   for (std::size_t k = 0; k < kind.coefficients.size(); ++k) {
     const model::Coefficient& c = kind.coefficients[k];

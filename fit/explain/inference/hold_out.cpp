@@ -20,13 +20,15 @@ struct Blocks {
   bool few = false;
 
   explicit Blocks(std::size_t captures)
-      : count(captures < blocks_of_few ? blocks_of_few : static_cast<int>(std::min<std::size_t>(most_blocks, captures))),
+      : count(captures < blocks_of_few ? blocks_of_few
+                                       : static_cast<int>(std::min<std::size_t>(most_blocks, captures))),
         few(captures < blocks_of_few) {}
   [[nodiscard]] int of(const ChannelRows& rows, Index row) const {
     constexpr double sector_deg = 9;
     // What has no beam, such as whole scans, is left out capture by capture, be they few.
-    const int number =
-        few && has_beams(rows) ? static_cast<int>((rows.at(row).beam_rad + 4) * deg_per_rad / sector_deg) : rows.capture(row);
+    const int number = few && has_beams(rows)
+                           ? static_cast<int>((rows.at(row).beam_rad + 4) * deg_per_rad / sector_deg)
+                           : rows.capture(row);
     return number % count;
   }
 };
@@ -60,8 +62,8 @@ constexpr double as_all_have_them = 1e12;
 /// Predicts one block from all others and adds what comes of it.
 class Block {
  public:
-  Block(const Session& session, const Fitted& fitted, const Eigen::LLT<Eigen::MatrixXd>& all, const Blocks& blocks, int block,
-        bool only_means)
+  Block(const Session& session, const Fitted& fitted, const Eigen::LLT<Eigen::MatrixXd>& all,
+        const Blocks& blocks, int block, bool only_means)
       : session_(session), f_(fitted), all_(all), rest_(fitted.optimum.factor.reconstructedMatrix()) {
     score_ = Eigen::VectorXd::Zero(rest_.rows());
     for (std::size_t c = 0; c < session.channels().size(); ++c) {
@@ -85,8 +87,8 @@ class Block {
 
   void add_to(HeldOutFigures& sum) const {
     const Eigen::VectorXd without = f_.optimum.x - factor_.solve(score_);
-    sum.log_likelihood += 0.5 * (log_determinant(factor_) - log_determinant(all_)) -
-                          0.5 * score_.dot(factor_.solve(score_));
+    sum.log_likelihood +=
+        0.5 * (log_determinant(factor_) - log_determinant(all_)) - 0.5 * score_.dot(factor_.solve(score_));
     for (std::size_t c = 0; c < parts_.size(); ++c) {
       if (parts_[c].rows.empty()) continue;
       const Eigen::VectorXd logs = session_.channels()[c]->log_likelihoods(f_.optimum.eta[c]);

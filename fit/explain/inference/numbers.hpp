@@ -9,17 +9,19 @@ namespace fit::explain::numbers {
 constexpr double mechanisms_expected = 1;  ///< Missing of the catalogue, before the recording is seen.
 constexpr double forms_expected = 0.1;     ///< Missing outside of it.
 constexpr double size_factor_log = 1.15;   ///< Standard deviation of the logarithm of a prior size's factor.
-constexpr double free_curve_share = 0.5;   ///< By which a curve of which only the coordinate is certain bends.
-constexpr int smooth_deviations = 6;       ///< Cosines by which a formula may bend along its coordinate.
+constexpr double free_curve_share = 0.5;  ///< By which a curve of which only the coordinate is certain bends.
+constexpr int smooth_deviations = 6;      ///< Cosines by which a formula may bend along its coordinate.
 constexpr double named_at = 0.9, set_holds = 0.95;
-constexpr double window = 12;             ///< Log odds to the best within which a hypothesis counts.
-constexpr double worth_fitting = -3;      ///< Log odds by the score test.
-constexpr double contradicted_at = -3;   ///< Log odds that captures give against what was fitted to others.
-constexpr std::size_t most_terms = 5;     ///< Of a hypothesis.
-constexpr std::size_t tries = 6;          ///< Fitted of every ranking.
+constexpr double window = 12;              ///< Log odds to the best within which a hypothesis counts.
+constexpr double worth_fitting = -3;       ///< Log odds by the score test.
+constexpr double contradicted_at = -3;     ///< Log odds that captures give against what was fitted to others.
+constexpr std::size_t most_terms = 5;      ///< Of a hypothesis.
+constexpr std::size_t tries = 6;           ///< Fitted of every ranking.
 constexpr std::size_t search_rows = 4000;  ///< Of the mean channel; more are averaged with neighbours.
-constexpr double least_hazard = 1e-6;     ///< Of a lost or stray sample, where nothing is missing.
-constexpr double tail_hazard = 5e-5;       ///< Of a sample that noise of a real receiver puts beyond any normal one.
-constexpr double form_mm = 3, form_deg = 0.05, form_mm2 = 9, form_share = 0.01, form_log_intensity = 0.1;  ///< Typical sizes of forms.
+constexpr double least_hazard = 1e-6;      ///< Of a lost or stray sample, where nothing is missing.
+constexpr double tail_hazard =
+    5e-5;  ///< Of a sample that noise of a real receiver puts beyond any normal one.
+constexpr double form_mm = 3, form_deg = 0.05, form_mm2 = 9, form_share = 0.01,
+                 form_log_intensity = 0.1;  ///< Typical sizes of forms.
 
 }  // namespace fit::explain::numbers

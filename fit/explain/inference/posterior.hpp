@@ -19,7 +19,7 @@ struct Undecided {
     double probability = 0;
     Term term;
   };
-  std::vector<Member> members;  ///< The most probable first; together they hold 0.95.
+  std::vector<Member> members;         ///< The most probable first; together they hold 0.95.
   std::vector<std::string> also = {};  ///< What the bench file may have wrong instead.
 };
 

@@ -10,9 +10,9 @@
 #include <optional>
 
 #include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/inference/two_cores.hpp"
 #include "fit/explain/model/combs.hpp"
 #include "fit/explain/model/spans.hpp"
-#include "fit/explain/inference/two_cores.hpp"
 
 namespace fit::explain::inference {
 namespace {
@@ -99,8 +99,8 @@ class Question {
     std::vector<double> logs{over_grid_ - half};
     const double places = std::log(static_cast<double>(kind_->starts.size()));
     for (const Asked& always : std::vector(asked_)) {
-      const model::Spans spans = model::spans_in(
-          scores_along(Coordinate::time, [&](const ChannelRows& rows) { return effect_of_typical(rows, always.term); }));
+      const model::Spans spans = model::spans_in(scores_along(
+          Coordinate::time, [&](const ChannelRows& rows) { return effect_of_typical(rows, always.term); }));
       const double price = half + std::log(std::max<double>(1, static_cast<double>(spans.possible)));
       for (const model::Span& span : spans.likeliest) {
         Asked within{0, always.term, price};
@@ -126,15 +126,16 @@ class Question {
 
   /// Of what happens to every row of all channels, along a coordinate.
   template <class Happens>
-  [[nodiscard]] std::vector<model::RowScore> scores_along(Coordinate coordinate, const Happens& happens) const {
+  [[nodiscard]] std::vector<model::RowScore> scores_along(Coordinate coordinate,
+                                                          const Happens& happens) const {
     std::vector<model::RowScore> list;
     for (std::size_t c = 0; c < session_->channels().size(); ++c) {
       if (!kind_->acts_in[c]) continue;
       const ChannelRows& rows = *session_->channels()[c];
       const Eigen::VectorXd white = rows.whitened(happens(rows), around_->eta[c]);
       for (Index i = 0; i < rows.rows(); ++i)
-        list.push_back({model::coordinate_of(coordinate, rows.at(i)), white[i] * around_->white_residual[c][i],
-                        white[i] * white[i]});
+        list.push_back({model::coordinate_of(coordinate, rows.at(i)),
+                        white[i] * around_->white_residual[c][i], white[i] * white[i]});
     }
     return list;
   }
@@ -234,7 +235,8 @@ class Question {
       if (!kind_->acts_in[c]) continue;
       const ChannelRows& rows = *session_->channels()[c];
       const Eigen::MatrixXd sizes = model::columns_of(rows, *kind_, term.values),
-                            places = with_shapes ? model::shape_columns(rows, term) : Eigen::MatrixXd(rows.rows(), 0),
+                            places = with_shapes ? model::shape_columns(rows, term)
+                                                 : Eigen::MatrixXd(rows.rows(), 0),
                             deviations = model::deviation_columns(rows, term);
       shapes = places.cols();
       columns[c].resize(rows.rows(), sizes.cols() + places.cols() + deviations.cols());
@@ -262,14 +264,15 @@ class Question {
     for (std::size_t c = 0; c < session_->channels().size(); ++c) {
       if (!kind_->acts_in[c]) continue;
       const ChannelRows& rows = *session_->channels()[c];
-      const Eigen::MatrixXd white = rows.whitened(
-          model::shape_columns(rows, term),
-          fitted_->optimum.eta[c] + model::effect_of(rows, *kind_, term.values));
+      const Eigen::MatrixXd white =
+          rows.whitened(model::shape_columns(rows, term),
+                        fitted_->optimum.eta[c] + model::effect_of(rows, *kind_, term.values));
       if (square.size() == 0) square = Eigen::MatrixXd::Identity(white.cols(), white.cols());
       square += white.transpose() * white;
     }
     if (square.size() > 0)
-      sum = -0.5 * std::log(square.determinant()) + static_cast<double>(square.rows()) * 0.5 * std::log(2 * pi / 12);
+      sum = -0.5 * std::log(square.determinant()) +
+            static_cast<double>(square.rows()) * 0.5 * std::log(2 * pi / 12);
     return sum;
   }
 

@@ -25,7 +25,8 @@ Hypothesis without(const Hypothesis& h, std::size_t term) {
   return less;
 }
 
-/// Mechanisms and forms in turn, so that neither crowds out the other; those within so much of the best of their sort.
+/// Mechanisms and forms in turn, so that neither crowds out the other; those within so much of the best of
+/// their sort.
 std::vector<Candidate> best_of(const std::vector<Candidate>& list, std::size_t names, std::size_t forms,
                                double within = 2 * numbers::window) {
   std::vector<Candidate> chosen;
@@ -97,7 +98,8 @@ class Climber {
 
   bool take_if_better(std::optional<Fitted> other) {
     constexpr double hardly = 0.05;
-    if (!other || !(other->hypothesis.log_posterior() > best_.hypothesis.log_posterior() + hardly)) return false;
+    if (!other || !(other->hypothesis.log_posterior() > best_.hypothesis.log_posterior() + hardly))
+      return false;
     best_ = std::move(*other);
     return true;
   }
@@ -148,7 +150,8 @@ class Climber {
   }
 
   /// A term may look like two others together: those that do a good part of what it does, with one more.
-  bool exchange_for_two(const Fitted& less, const std::vector<Candidate>& list, const Kind& instead_of, double worth) {
+  bool exchange_for_two(const Fitted& less, const std::vector<Candidate>& list, const Kind& instead_of,
+                        double worth) {
     constexpr std::size_t most = 2;
     constexpr double good_part = 0.5;
     if (less.hypothesis.terms.size() + 2 > numbers::most_terms) return false;

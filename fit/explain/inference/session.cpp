@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "fit/explain/hypothesis.hpp"
-#include "fit/explain/model/scans.hpp"
 #include "fit/explain/model/autoregression.hpp"
+#include "fit/explain/model/scans.hpp"
 
 namespace fit::explain::inference {
 
@@ -87,7 +87,8 @@ const std::vector<Eigen::MatrixXf>& Session::columns_at(const Kind& kind, std::s
     for (const auto& values : kind.starts) {
       by_start.emplace_back(channels_.size());
       for (std::size_t c = 0; c < channels_.size(); ++c)
-        if (kind.acts_in[c]) by_start.back()[c] = model::columns_of(*channels_[c], kind, values).cast<float>();
+        if (kind.acts_in[c])
+          by_start.back()[c] = model::columns_of(*channels_[c], kind, values).cast<float>();
     }
   return by_start[start];
 }

@@ -16,7 +16,7 @@ using model::Term;
 /// One way to explain a session: what is missing, and how well that explains it.
 struct Hypothesis {
   std::vector<Term> terms;
-  Eigen::VectorXd base;      ///< Nuisances of all channels, one after the other.
+  Eigen::VectorXd base;  ///< Nuisances of all channels, one after the other.
   double log_evidence = -1e300, log_prior = 0;
   double log_likelihood = -1e300;
   std::vector<Eigen::VectorXd> eta;  ///< The fitted predictor of every channel.
@@ -58,7 +58,7 @@ class Session {
   void make_channels(const MeanNoise& noise);
 
   Reduced& reduced_;
-  std::vector<Active> known_;  ///< What the bench knows to be at work.
+  std::vector<Active> known_;        ///< What the bench knows to be at work.
   MeanNoise noise_, present_noise_;  ///< As given, and with what the hypothesis says of scans.
   std::vector<std::unique_ptr<ChannelRows>> channels_;
   std::vector<Eigen::VectorXd> offsets_;

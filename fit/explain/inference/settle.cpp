@@ -60,7 +60,8 @@ class Places {
   }
   /// Returns how many cells changed.
   int reassigned(bool may_leave_out) {
-    return reassign(reduced_, at_.nuisance, all_at_work(reduced_.bench, at_), noise_.footprint_rad, may_leave_out);
+    return reassign(reduced_, at_.nuisance, all_at_work(reduced_.bench, at_), noise_.footprint_rad,
+                    may_leave_out);
   }
   [[nodiscard]] const explain::Hypothesis& at() const { return at_; }
   void take(const Places& other) { at_ = other.at_; }

@@ -24,17 +24,21 @@ Eigen::VectorXd bend_of(const Fitted& f, std::size_t term, std::size_t channel) 
 }
 
 /// Means of what happens over stretches of the coordinate; never two places for one value of it.
-EmpiricalFunction tabulated(const Session& session, const Kind& kind, std::size_t channel, const Eigen::VectorXd& happens) {
+EmpiricalFunction tabulated(const Session& session, const Kind& kind, std::size_t channel,
+                            const Eigen::VectorXd& happens) {
   constexpr std::size_t places = 150;
   const ChannelRows& rows = *session.channels()[channel];
   const Coordinate coordinate = kind.mechanism->coordinate;
   const bool on_a_target = coordinate == Coordinate::target && kind.target >= 0;
-  EmpiricalFunction table{on_a_target ? "along_mm" : name_of(coordinate), model::channel_kinds()[channel].table, "", {}, {}};
-  if (kind.target >= 0) table.target = session.reduced().bench.targets[static_cast<std::size_t>(kind.target)].name;
+  EmpiricalFunction table{
+      on_a_target ? "along_mm" : name_of(coordinate), model::channel_kinds()[channel].table, "", {}, {}};
+  if (kind.target >= 0)
+    table.target = session.reduced().bench.targets[static_cast<std::size_t>(kind.target)].name;
   std::vector<std::pair<double, double>> list;
   for (Index i = 0; i < rows.rows(); ++i) {
     const double at = model::place_of(coordinate, kind.target, rows.at(i));
-    if (std::isfinite(at) && (kind.target < 0 || rows.at(i).target == kind.target)) list.emplace_back(at, happens[i]);
+    if (std::isfinite(at) && (kind.target < 0 || rows.at(i).target == kind.target))
+      list.emplace_back(at, happens[i]);
   }
   std::ranges::sort(list);
   const auto place_of = [&](std::size_t k) { return list[k].first; };
@@ -52,18 +56,21 @@ EmpiricalFunction tabulated(const Session& session, const Kind& kind, std::size_
 
 }  // namespace
 
-std::vector<EmpiricalFunction> tables_of(const Session& session, const Fitted& best, const Posterior& posterior) {
+std::vector<EmpiricalFunction> tables_of(const Session& session, const Fitted& best,
+                                         const Posterior& posterior) {
   std::vector<EmpiricalFunction> tables;
   const std::vector<Term>& terms = best.hypothesis.terms;
   for (std::size_t t = 0; t < terms.size(); ++t) {
     const Kind& kind = *terms[t].kind;
-    const bool has_name = std::ranges::any_of(posterior.named, [&](const Named& n) { return n.term.kind == &kind; });
+    const bool has_name =
+        std::ranges::any_of(posterior.named, [&](const Named& n) { return n.term.kind == &kind; });
     for (std::size_t c = 0; c < session.channels().size(); ++c) {
       if (!kind.acts_in[c] || model::channel_kinds()[c].table.empty()) continue;
       Eigen::VectorXd happens = bend_of(best, t, c);
       if (!has_name) happens += model::effect_of(*session.channels()[c], kind, terms[t].values);
       if (happens.cwiseAbs().maxCoeff() == 0) continue;
-      if (EmpiricalFunction table = tabulated(session, kind, c, happens); table.at.size() > 1) tables.push_back(std::move(table));
+      if (EmpiricalFunction table = tabulated(session, kind, c, happens); table.at.size() > 1)
+        tables.push_back(std::move(table));
     }
   }
   return tables;

@@ -4,9 +4,9 @@
 #include <iterator>
 #include <string>
 
+#include "fit/explain/explanation.hpp"
 #include "fit/explain/inference/explain.hpp"
 #include "fit/explain/inference/numbers.hpp"
-#include "fit/explain/explanation.hpp"
 #include "fit/explain/stated_noise.hpp"
 
 namespace fit::explain::inference {
@@ -17,10 +17,12 @@ bool is_of_the_means(const Kind& kind) { return moves_means(*kind.mechanism); }
 std::map<std::string, Estimate> parameters_of(const Term& term) {
   std::map<std::string, Estimate> map;
   for (std::size_t k = 0; k < term.values.size(); ++k) {
-    if (term.kind->size && k != *term.kind->size && term.kind->mechanism->parameters[k].role == Parameter::Role::size)
-      continue;  // another kind's
+    if (term.kind->size && k != *term.kind->size &&
+        term.kind->mechanism->parameters[k].role == Parameter::Role::size)
+      continue;                                     // another kind's
     if (std::abs(term.values[k]) >= 1e9) continue;  // says "always"
-    map[term.kind->mechanism->parameters[k].name] = {term.values[k], k < term.sigma.size() ? term.sigma[k] : 0.0};
+    map[term.kind->mechanism->parameters[k].name] = {term.values[k],
+                                                     k < term.sigma.size() ? term.sigma[k] : 0.0};
   }
   return map;
 }
@@ -36,7 +38,8 @@ Suspect as_suspect(const Term& term) {
 Finding finding_of(const Term& term, const Reduced& reduced) {
   Finding f;
   f.parameters = parameters_of(term);
-  if (term.kind->target >= 0) f.target = reduced.bench.targets[static_cast<std::size_t>(term.kind->target)].name;
+  if (term.kind->target >= 0)
+    f.target = reduced.bench.targets[static_cast<std::size_t>(term.kind->target)].name;
   for (const Cell& cell : reduced.cells) {
     if (!cell.smooth || (term.kind->target >= 0 && term.kind->target != cell.at.target)) continue;
     const double mm = cell.sight.shift(term.kind->mechanism->act(cell.at, term.values));
@@ -64,7 +67,8 @@ void tell_named(const Named& named, double gain, const Findings& findings, Expla
   found.probability = named.probability;
   found.parameters = finding.parameters;
   found.says = found.mechanism->says(finding);
-  found.evidence = "On captures that took no part in the fit it raises the log-likelihood by " + rounded(gain, 3) + ".";
+  found.evidence =
+      "On captures that took no part in the fit it raises the log-likelihood by " + rounded(gain, 3) + ".";
   found.log_likelihood_gain = gain;
   found.rms_before_mm = findings.means.before.rms_mm;
   found.rms_after_mm = findings.means.after.rms_mm;
@@ -86,7 +90,9 @@ void tell_named(const Named& named, double gain, const Findings& findings, Expla
 }
 
 std::string name_of(const Undecided::Member& member) {
-  return !member.kind ? nothing_missing : member.kind->is_form() ? unknown_physics : member.kind->mechanism->id;
+  return !member.kind             ? nothing_missing
+         : member.kind->is_form() ? unknown_physics
+                                  : member.kind->mechanism->id;
 }
 
 void tell_set(const Undecided& set, const Findings& findings, Explanation& out) {
@@ -97,15 +103,18 @@ void tell_set(const Undecided& set, const Findings& findings, Explanation& out) 
   std::ranges::copy(set.also, std::back_inserter(all));
   out.undecided_between.push_back(std::move(all));
   std::string odds;
-  const auto names = std::ranges::count_if(members, [](const auto& m) { return m.kind && !m.kind->is_form(); });
+  const auto names =
+      std::ranges::count_if(members, [](const auto& m) { return m.kind && !m.kind->is_form(); });
   for (const auto& member : members) {
     odds += (odds.empty() ? "" : ", ") + name_of(member) + " " + rounded(member.probability, 2);
     if (!member.kind) continue;
     if (member.kind->is_form()) {
       if (is_of_the_means(*member.kind))
-        out.unnamed_suspects.push_back(seen(as_shape(member.term), MeanModel(findings.reduced, findings.means.noise)));
+        out.unnamed_suspects.push_back(
+            seen(as_shape(member.term), MeanModel(findings.reduced, findings.means.noise)));
     } else if (is_of_the_means(*member.kind)) {
-      out.suspects.push_back({member.kind->mechanism.get(), member.kind->target, member.term.values, member.term.sigma});
+      out.suspects.push_back(
+          {member.kind->mechanism.get(), member.kind->target, member.term.values, member.term.sigma});
     } else if (names > 1) {  // else there is nobody to tell it from
       out.noise_suspects.push_back(as_suspect(member.term));
     }
@@ -118,11 +127,14 @@ Unexplained contradicted(const Term& term) {
   Unexplained u;
   u.observable = term.kind->mechanism->observable;
   u.coordinate = term.kind->mechanism->coordinate;
-  u.describes = "what looks like " + term.kind->mechanism->id + " is seen in some captures, and others contradict it";
+  u.describes =
+      "what looks like " + term.kind->mechanism->id + " is seen in some captures, and others contradict it";
   return u;
 }
 
-bool is_confirmed(const Inferred& inferred, std::size_t named) { return inferred.gain[named] > numbers::contradicted_at; }
+bool is_confirmed(const Inferred& inferred, std::size_t named) {
+  return inferred.gain[named] > numbers::contradicted_at;
+}
 
 }  // namespace
 
@@ -149,8 +161,10 @@ void add_to_spread(const Inferred& inferred, SpreadResult& spread) {
       spread.accepted.push_back(as_suspect(term));
   }
   for (const Undecided& set : inferred.posterior.undecided) {
-    const auto best = std::ranges::find_if(set.members, [](const auto& member) { return member.kind && !member.kind->is_form(); });
-    if (best != set.members.end() && !is_of_the_means(*best->kind)) spread.undecided.push_back(as_suspect(best->term));
+    const auto best = std::ranges::find_if(
+        set.members, [](const auto& member) { return member.kind && !member.kind->is_form(); });
+    if (best != set.members.end() && !is_of_the_means(*best->kind))
+      spread.undecided.push_back(as_suspect(best->term));
   }
   std::ranges::copy(inferred.beside, std::back_inserter(spread.unknown));
 }

@@ -39,8 +39,7 @@ Eigen::MatrixXd IndependentRows::whitened(Eigen::MatrixXd columns, const Eigen::
 
 Eigen::VectorXd IndependentRows::white_residual(const Eigen::VectorXd& eta) const {
   Eigen::VectorXd list(rows());
-  for (Index i = 0; i < rows(); ++i)
-    list[i] = score(of(i), eta[i]) / std::sqrt(information(of(i), eta[i]));
+  for (Index i = 0; i < rows(); ++i) list[i] = score(of(i), eta[i]) / std::sqrt(information(of(i), eta[i]));
   return list;
 }
 
@@ -48,9 +47,11 @@ std::vector<IndependentRows::Row> pooled_rows(
     const Reduced& reduced, int count,
     const std::function<bool(std::size_t cell, IndependentRows::Row& row)>& take, double enough) {
   // No more rows than a search has time for.
-  const double cells = static_cast<double>(reduced.cells.size()), most = static_cast<double>(numbers::search_rows);
+  const double cells = static_cast<double>(reduced.cells.size()),
+               most = static_cast<double>(numbers::search_rows);
   const double by_beams = cells / count, by_samples = static_cast<double>(reduced.samples) / enough;
-  const int times = static_cast<int>(std::ceil(std::max(1.0, std::max(by_beams, std::min(cells, by_samples)) / most)));
+  const int times =
+      static_cast<int>(std::ceil(std::max(1.0, std::max(by_beams, std::min(cells, by_samples)) / most)));
   if (times > 1) enough *= times;
   count = std::max(count, static_cast<int>(std::ceil(cells / most)));
   std::vector<IndependentRows::Row> list;

@@ -19,8 +19,8 @@ struct Columns {
   Prior prior;
 };
 
-/// The rows of one statistic. Their distribution depends on a linear predictor (eta): a sum over nuisances and
-/// terms.
+/// The rows of one statistic. Their distribution depends on a linear predictor (eta): a sum over nuisances
+/// and terms.
 class ChannelRows {
  public:
   virtual ~ChannelRows() = default;
@@ -49,12 +49,15 @@ class ChannelRows {
   [[nodiscard]] virtual Eigen::VectorXd raised(const Eigen::VectorXd& eta) const { return eta; }
   /// The predictor that the likelihood takes it for, where sums of terms may come to what cannot be.
   [[nodiscard]] virtual Eigen::VectorXd possible(Eigen::VectorXd eta) const { return eta; }
-  /// Where the information holds for steps of a usual size from there: at a bound it may be beyond all measure.
+  /// Where the information holds for steps of a usual size from there: at a bound it may be beyond all
+  /// measure.
   [[nodiscard]] virtual Eigen::VectorXd steady(Eigen::VectorXd eta) const { return eta; }
-  /// Where the information is the likelihood's curvature there: of what is rare and happened, the expected one is too small.
+  /// Where the information is the likelihood's curvature there: of what is rare and happened, the expected
+  /// one is too small.
   [[nodiscard]] virtual Eigen::VectorXd curved(Eigen::VectorXd eta) const { return steady(std::move(eta)); }
   /// Columns multiplied by a root of the Fisher information at eta.
-  [[nodiscard]] virtual Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd& eta) const = 0;
+  [[nodiscard]] virtual Eigen::MatrixXd whitened(Eigen::MatrixXd columns,
+                                                 const Eigen::VectorXd& eta) const = 0;
   /// What each row says of its predictor, as if it came alone.
   [[nodiscard]] virtual Eigen::VectorXd information(const Eigen::VectorXd& eta) const {
     return whitened(Eigen::VectorXd::Ones(rows()), eta).cwiseAbs2();
@@ -67,14 +70,16 @@ class ChannelRows {
 struct ChannelKind {
   std::string id;
   Observable observable = Observable::range_mean;
-  std::string shows, unit;  ///< What pictures of it show.
-  bool is_square = false;   ///< Pictures show its root.
+  std::string shows, unit;               ///< What pictures of it show.
+  bool is_square = false;                ///< Pictures show its root.
   std::vector<Coordinate> always_drawn;  ///< Along which pictures show it whatever was found.
-  std::string table;  ///< What tables of bench files add to, if they can tell what an unnamed function does here (fit/empirical.hpp).
+  std::string table;  ///< What tables of bench files add to, if they can tell what an unnamed function does
+                      ///< here (fit/empirical.hpp).
   /// Puts its nuisances as they were found into the bench, where that states them; empty: it does not.
   std::function<void(const Reduced&, const std::vector<Estimate>& nuisances, Bench&)> restate;
   /// How well its rows agree with their predictors before and after anything was found; empty: no word.
-  std::function<std::string(const ChannelRows&, const Eigen::VectorXd& before, const Eigen::VectorXd& after)> note;
+  std::function<std::string(const ChannelRows&, const Eigen::VectorXd& before, const Eigen::VectorXd& after)>
+      note;
   /// The rows of a session whose cells are predicted; null if it has none.
   std::function<std::unique_ptr<ChannelRows>(const Reduced&, const MeanNoise&)> rows;
 };
@@ -90,10 +95,11 @@ class IndependentRows : public ChannelRows {
   struct Row {
     Circumstances at;
     int capture = 0;
-    double lever2 = 0;     ///< Mean square of d range / d beam angle, (mm/rad)^2.
-    double y = 0;          ///< The statistic: a variance, or a count.
-    double n = 0;          ///< Degrees of freedom, or samples.
-    double expected = 0;   ///< Of a variance: what of it is predicted from scan to scan; of strays: the noise beside them, mm.
+    double lever2 = 0;    ///< Mean square of d range / d beam angle, (mm/rad)^2.
+    double y = 0;         ///< The statistic: a variance, or a count.
+    double n = 0;         ///< Degrees of freedom, or samples.
+    double expected = 0;  ///< Of a variance: what of it is predicted from scan to scan; of strays: the noise
+                          ///< beside them, mm.
   };
 
   [[nodiscard]] Eigen::Index rows() const override { return static_cast<Eigen::Index>(list_.size()); }
@@ -126,8 +132,8 @@ class IndependentRows : public ChannelRows {
   Columns base_;
 };
 
-/// Rows of neighbouring cells on the same target: `count` at most, and no more once the row's n is `enough`; `take` says of each cell whether it
-/// counts, and adds it to the row.
+/// Rows of neighbouring cells on the same target: `count` at most, and no more once the row's n is `enough`;
+/// `take` says of each cell whether it counts, and adds it to the row.
 [[nodiscard]] std::vector<IndependentRows::Row> pooled_rows(
     const Reduced& reduced, int count,
     const std::function<bool(std::size_t cell, IndependentRows::Row& row)>& take, double enough = 1e300);

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
+#include "fit/explain/model/combs.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <complex>
 #include <functional>
 #include <unsupported/Eigen/FFT>
 #include <utility>
-
-#include "fit/explain/model/combs.hpp"
 
 namespace fit::explain::model {
 namespace {
@@ -26,7 +26,8 @@ std::vector<Line> lines_of(const Scores& scores, const Parameter& bins) {
   while (static_cast<double>(size) * step < finer * (most - least) && size < longest_grid) size *= 2;
   std::vector<double> grid(size, 0.0);
   for (std::size_t i = 0; i < scores.place.size(); ++i)
-    grid[std::min(size - 1, static_cast<std::size_t>((scores.place[i] - least) / step + 0.5))] += scores.score[i];
+    grid[std::min(size - 1, static_cast<std::size_t>((scores.place[i] - least) / step + 0.5))] +=
+        scores.score[i];
   std::vector<std::complex<double>> spectrum;
   Eigen::FFT<double> transform;
   transform.fwd(spectrum, grid);

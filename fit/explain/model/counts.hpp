@@ -25,7 +25,9 @@ class Counts : public IndependentRows {
     return eta.cwiseMax(std::max(numbers::least_hazard, happened / all));
   }
 
-  [[nodiscard]] Eigen::VectorXd possible(Eigen::VectorXd eta) const override { return eta.cwiseMax(numbers::least_hazard); }
+  [[nodiscard]] Eigen::VectorXd possible(Eigen::VectorXd eta) const override {
+    return eta.cwiseMax(numbers::least_hazard);
+  }
   /// Where nothing happened, fewer than one event in all of a row's samples cannot be told from none.
   [[nodiscard]] Eigen::VectorXd steady(Eigen::VectorXd eta) const override {
     for (Eigen::Index i = 0; i < rows(); ++i)

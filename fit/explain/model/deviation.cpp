@@ -18,8 +18,9 @@ Eigen::VectorXd scaled(const ChannelRows& channel, Coordinate coordinate) {
   for (Index i = 0; i < x.size(); ++i) {
     const Circumstances& at = channel.at(i);
     x[i] = coordinate == Coordinate::target ? std::exp(-std::min(1e4, at.corner_mm) / reach_of_corners_mm)
-           : coordinate == Coordinate::intensity ? std::log(std::max(1.0, at.intensity))  // as pulses on a threshold have it
-                                                 : coordinate_of(coordinate, at);
+           : coordinate == Coordinate::intensity
+               ? std::log(std::max(1.0, at.intensity))  // as pulses on a threshold have it
+               : coordinate_of(coordinate, at);
     if (!std::isfinite(x[i])) continue;
     low = std::min(low, x[i]);
     high = std::max(high, x[i]);
@@ -51,12 +52,17 @@ struct Typical {
   }
 
  private:
-  static constexpr double Effect::* fields[] = {&Effect::range_mm,     &Effect::beam_rad,
-                                                &Effect::stage_rad,    &Effect::variance_mm2,
-                                                &Effect::scan_angle_variance_rad2,
-                                                &Effect::beam_angle_variance_rad2, &Effect::lost,
-                                                &Effect::stray, &Effect::late, &Effect::early,
-                                                &Effect::log_intensity};
+  static constexpr double Effect::*fields[] = {&Effect::range_mm,
+                                               &Effect::beam_rad,
+                                               &Effect::stage_rad,
+                                               &Effect::variance_mm2,
+                                               &Effect::scan_angle_variance_rad2,
+                                               &Effect::beam_angle_variance_rad2,
+                                               &Effect::lost,
+                                               &Effect::stray,
+                                               &Effect::late,
+                                               &Effect::early,
+                                               &Effect::log_intensity};
 };
 
 /// Before its first move a stage rests anywhere within its play.
@@ -72,7 +78,8 @@ Eigen::MatrixXd place_in_play(const ChannelRows& channel, const Term& term) {
 }
 
 /// A wave may swell and shift along its coordinate, and hold a second harmonic.
-Eigen::MatrixXd of_wave(const ChannelRows& channel, const Term& term, const Eigen::VectorXd& x, double share) {
+Eigen::MatrixXd of_wave(const ChannelRows& channel, const Term& term, const Eigen::VectorXd& x,
+                        double share) {
   const Typical typical(channel, term);
   Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(channel.rows(), 6);
   std::vector<double> ahead = term.values;
@@ -121,7 +128,8 @@ Eigen::MatrixXd deviation_columns(const ChannelRows& channel, const Term& term) 
   if (has_no_curve) return Eigen::MatrixXd(channel.rows(), 0);
   const Eigen::VectorXd x = scaled(channel, m.coordinate);
   const double share = any_curve ? numbers::free_curve_share : m.formula_error;
-  if (std::ranges::any_of(kind.coefficients, &Coefficient::has_phase)) return of_wave(channel, term, x, share);
+  if (std::ranges::any_of(kind.coefficients, &Coefficient::has_phase))
+    return of_wave(channel, term, x, share);
   const Typical typical(channel, term);
   const int cosines = (any_curve ? 2 : 1) * numbers::smooth_deviations;
   Eigen::MatrixXd columns(channel.rows(), cosines);
@@ -130,8 +138,7 @@ Eigen::MatrixXd deviation_columns(const ChannelRows& channel, const Term& term) 
     const bool acts = kind.target < 0 || at.target == kind.target;
     const double size = acts ? channel.response(i, typical.rms) : 0;
     columns(i, 0) = size * (any_curve ? 1 : share / 2);
-    for (int k = 1; k < cosines; ++k)
-      columns(i, k) = size * share / k * std::cos(k * pi * (x[i] + 1) / 2);
+    for (int k = 1; k < cosines; ++k) columns(i, k) = size * share / k * std::cos(k * pi * (x[i] + 1) / 2);
   }
   return columns;
 }

@@ -27,34 +27,51 @@ struct Way {
   Coordinate coordinate;
   Act on;
   int target = -1;  ///< Along this one, if it is one's.
-  [[nodiscard]] double place_of(const Circumstances& at) const { return model::place_of(coordinate, target, at); }
+  [[nodiscard]] double place_of(const Circumstances& at) const {
+    return model::place_of(coordinate, target, at);
+  }
 };
-constexpr Way ways[] = {{Coordinate::beam, Act::range},       {Coordinate::beam, Act::beam_angle},
-                        {Coordinate::stage, Act::range},      {Coordinate::stage, Act::stage_angle},
-                        {Coordinate::range, Act::range},      {Coordinate::intensity, Act::range},
-                        {Coordinate::incidence, Act::range},  {Coordinate::time, Act::range},
-                        {Coordinate::time, Act::stage_angle}, {Coordinate::temperature, Act::range},
-                        {Coordinate::beam, Act::variance},    {Coordinate::range, Act::variance},
-                        {Coordinate::intensity, Act::variance}, {Coordinate::time, Act::variance},
-                        {Coordinate::incidence, Act::variance}, {Coordinate::beam, Act::loss},
-                        {Coordinate::range, Act::loss},       {Coordinate::time, Act::loss},
-                        {Coordinate::beam, Act::stray},       {Coordinate::time, Act::stray},
-                        {Coordinate::scan_seq, Act::range},   {Coordinate::scan_seq, Act::scan_range},
-                        {Coordinate::stage, Act::variance},   {Coordinate::target, Act::loss},
-                        {Coordinate::target, Act::late},
-                        {Coordinate::target, Act::early},     {Coordinate::beam, Act::intensity},
-                        {Coordinate::stage, Act::intensity},  {Coordinate::incidence, Act::intensity},
-                        {Coordinate::time, Act::intensity}};  // Of range and brightness it would be another law, which has a name.
+constexpr Way ways[] = {
+    {Coordinate::beam, Act::range},
+    {Coordinate::beam, Act::beam_angle},
+    {Coordinate::stage, Act::range},
+    {Coordinate::stage, Act::stage_angle},
+    {Coordinate::range, Act::range},
+    {Coordinate::intensity, Act::range},
+    {Coordinate::incidence, Act::range},
+    {Coordinate::time, Act::range},
+    {Coordinate::time, Act::stage_angle},
+    {Coordinate::temperature, Act::range},
+    {Coordinate::beam, Act::variance},
+    {Coordinate::range, Act::variance},
+    {Coordinate::intensity, Act::variance},
+    {Coordinate::time, Act::variance},
+    {Coordinate::incidence, Act::variance},
+    {Coordinate::beam, Act::loss},
+    {Coordinate::range, Act::loss},
+    {Coordinate::time, Act::loss},
+    {Coordinate::beam, Act::stray},
+    {Coordinate::time, Act::stray},
+    {Coordinate::scan_seq, Act::range},
+    {Coordinate::scan_seq, Act::scan_range},
+    {Coordinate::stage, Act::variance},
+    {Coordinate::target, Act::loss},
+    {Coordinate::target, Act::late},
+    {Coordinate::target, Act::early},
+    {Coordinate::beam, Act::intensity},
+    {Coordinate::stage, Act::intensity},
+    {Coordinate::incidence, Act::intensity},
+    {Coordinate::time,
+     Act::intensity}};  // Of range and brightness it would be another law, which has a name.
 /// Along every target by itself: what a surface does at its place.
 constexpr Act along_targets[] = {Act::intensity};
 
 Observable observable_of(Act on) {
-  return on == Act::variance || on == Act::scan_range ? Observable::range_variance
-         : on == Act::loss   ? Observable::dropout
-         : on == Act::intensity ? Observable::intensity
-         : on == Act::stray || on == Act::late || on == Act::early
-             ? Observable::range_distribution
-                             : Observable::range_mean;
+  return on == Act::variance || on == Act::scan_range              ? Observable::range_variance
+         : on == Act::loss                                         ? Observable::dropout
+         : on == Act::intensity                                    ? Observable::intensity
+         : on == Act::stray || on == Act::late || on == Act::early ? Observable::range_distribution
+                                                                   : Observable::range_mean;
 }
 
 double typical_of(Act on) {
@@ -120,8 +137,8 @@ const char* in_words(Act on) {
   }
 }
 
-/// A coordinate as the rows of a channel sample it: half by value, half by rank, so that neither a crowd nor a
-/// lonely place takes all the room.
+/// A coordinate as the rows of a channel sample it: half by value, half by rank, so that neither a crowd nor
+/// a lonely place takes all the room.
 class Scale {
  public:
   explicit Scale(std::vector<double> values, bool uneven) : uneven_(uneven), sorted_(std::move(values)) {
@@ -192,7 +209,8 @@ std::shared_ptr<const Mechanism> mechanism_of(const Form& form, const Way& way, 
     const double x = form.scaled ? (*scale)(v) : v;
     double sum = 0;
     for (int k = 0; k < terms; ++k)
-      if (p[static_cast<std::size_t>(k)] != 0) sum += p[static_cast<std::size_t>(k)] * form.basis(shape, x, k);
+      if (p[static_cast<std::size_t>(k)] != 0)
+        sum += p[static_cast<std::size_t>(k)] * form.basis(shape, x, k);
     return effect_on(way.on, sum);
   };
   return m;
@@ -215,7 +233,8 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
   const bool uneven = way.coordinate == Coordinate::intensity || way.coordinate == Coordinate::range;
   const auto scale = std::make_shared<const Scale>(std::move(values), uneven);
   const Axis axis = axis_of_rows(*scale, way);
-  const bool varies = (way.coordinate != Coordinate::target || way.target >= 0) && axis.high - axis.low > 1e-6 && axis.values >= fewest_values;
+  const bool varies = (way.coordinate != Coordinate::target || way.target >= 0) &&
+                      axis.high - axis.low > 1e-6 && axis.values >= fewest_values;
   for (const Form& form : all_forms()) {
     if ((!varies && !form.is_constant) || (way.target >= 0 && form.is_constant)) continue;
     std::map<int, std::vector<Shape>> by_terms;
@@ -248,11 +267,13 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
 
 }  // namespace
 
-void add_forms(const std::vector<ChannelKind>& what, const std::vector<std::unique_ptr<ChannelRows>>& channels,
-               std::vector<Kind>& kinds) {
+void add_forms(const std::vector<ChannelKind>& what,
+               const std::vector<std::unique_ptr<ChannelRows>>& channels, std::vector<Kind>& kinds) {
   const std::size_t named = kinds.size();
   for (std::size_t c = 0; c < channels.size(); ++c) {
-    const auto acts_here = [&](Act on) { return channels[c] && what[c].observable == observable_of(on) && responds(*channels[c], on); };
+    const auto acts_here = [&](Act on) {
+      return channels[c] && what[c].observable == observable_of(on) && responds(*channels[c], on);
+    };
     for (const Way& way : ways)
       if (acts_here(way.on) && channels[c]->sees(way.coordinate)) add_forms_along(way, *channels[c], kinds);
     for (const Act on : along_targets) {
@@ -263,7 +284,8 @@ void add_forms(const std::vector<ChannelKind>& what, const std::vector<std::uniq
     }
   }
   const auto count = static_cast<double>(std::max<std::size_t>(1, kinds.size() - named));
-  for (std::size_t k = named; k < kinds.size(); ++k) kinds[k].log_prior = std::log(numbers::forms_expected / count);
+  for (std::size_t k = named; k < kinds.size(); ++k)
+    kinds[k].log_prior = std::log(numbers::forms_expected / count);
 }
 
 }  // namespace fit::explain::model

@@ -51,7 +51,8 @@ std::vector<std::vector<double>> grid_of(const Kind& kind) {
   std::vector<std::vector<double>> grid{first};
   for (const std::size_t k : shapes_of(kind)) {
     const Parameter& p = kind.mechanism->parameters[k];
-    const std::vector<double> places = k == kind.bins ? std::vector{std::sqrt(p.lower * p.upper)} : places_of_shape(p);
+    const std::vector<double> places =
+        k == kind.bins ? std::vector{std::sqrt(p.lower * p.upper)} : places_of_shape(p);
     if (grid.size() * places.size() > most_starts) return {};
     std::vector<std::vector<double>> finer;
     for (const auto& values : grid)
@@ -95,7 +96,8 @@ bool acts_in(const ChannelRows& channel, const Kind& kind) {
   return false;
 }
 
-/// Whether so much of its coordinate was recorded that what is local there can be told from what is everywhere.
+/// Whether so much of its coordinate was recorded that what is local there can be told from what is
+/// everywhere.
 bool can_be_local(const Mechanism& m, const ListOfChannels& channels) {
   const auto width = m.parameter_of(Parameter::Scale::width);
   if (!width) return true;
@@ -145,7 +147,8 @@ bool acts_without_size(const Kind& kind, const ListOfChannels& channels) {
 
 }  // namespace
 
-Kind kind_of(const Mechanism& m, int target, const ListOfChannels& channels, std::optional<std::size_t> size) {
+Kind kind_of(const Mechanism& m, int target, const ListOfChannels& channels,
+             std::optional<std::size_t> size) {
   Kind kind;
   kind.size = size;
   kind.mechanism = std::shared_ptr<const Mechanism>(&m, [](const Mechanism*) {});
@@ -170,15 +173,18 @@ std::vector<Kind> kinds_of(const Reduced& reduced, const ListOfChannels& channel
   for (const Mechanism& m : catalogue()) {
     std::vector<Kind> of_it;
     const int targets = static_cast<int>(reduced.bench.targets.size());
-    for (int target = m.one_target ? 0 : -1; target < (m.one_target || m.of_surfaces ? targets : 0); ++target) {
+    for (int target = m.one_target ? 0 : -1; target < (m.one_target || m.of_surfaces ? targets : 0);
+         ++target) {
       if (target >= 0 && reduced.same_as[static_cast<std::size_t>(target)] != target) continue;
       if (!m.corrects_a_statement && bench_knows(reduced.bench, m, target)) continue;
       if (!can_be_local(m, channels)) continue;
-      for (const std::optional<std::size_t> size : sizes_of(m)) of_it.push_back(kind_of(m, target, channels, size));
+      for (const std::optional<std::size_t> size : sizes_of(m))
+        of_it.push_back(kind_of(m, target, channels, size));
     }
     std::erase_if(of_it, [](const Kind& kind) { return kind.starts.empty(); });
     for (Kind& kind : of_it) {
-      kind.log_prior = std::log(numbers::mechanisms_expected / catalogued) - std::log(static_cast<double>(of_it.size()));
+      kind.log_prior =
+          std::log(numbers::mechanisms_expected / catalogued) - std::log(static_cast<double>(of_it.size()));
       kinds.push_back(std::move(kind));
     }
   }

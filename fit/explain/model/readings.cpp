@@ -15,7 +15,8 @@ namespace {
 constexpr double fewest_counts = 4;
 
 bool is_bright(const Cell& c) {
-  return c.smooth && c.n > 0 && c.stray == 0 && std::isfinite(c.counts) && c.counts >= fewest_counts && c.lost * 20 <= c.n;
+  return c.smooth && c.n > 0 && c.stray == 0 && std::isfinite(c.counts) && c.counts >= fewest_counts &&
+         c.lost * 20 <= c.n;
 }
 
 bool are_neighbours(const Cell& a, const Cell& b) { return a.group == b.group && a.at.target == b.at.target; }
@@ -28,8 +29,11 @@ class Scatter {
     constexpr double same_place_rad = 3 * rad_per_deg;
     std::vector<std::pair<double, double>> bends;  // counts, squared bend over its variance factor
     for (std::size_t k = 1; k + 1 < cells.size(); ++k) {
-      const Cell &a = reduced.cells[cells[k - 1]], &b = reduced.cells[cells[k]], &c = reduced.cells[cells[k + 1]];
-      if (!are_neighbours(a, b) || !are_neighbours(b, c) || std::abs(c.beam_rad - a.beam_rad) > same_place_rad) continue;
+      const Cell &a = reduced.cells[cells[k - 1]], &b = reduced.cells[cells[k]],
+                 &c = reduced.cells[cells[k + 1]];
+      if (!are_neighbours(a, b) || !are_neighbours(b, c) ||
+          std::abs(c.beam_rad - a.beam_rad) > same_place_rad)
+        continue;
       const double bend = std::log(b.counts) - 0.5 * std::log(a.counts * c.counts);
       bends.emplace_back(b.counts, bend * bend / 1.5);
     }
@@ -70,7 +74,9 @@ Reading reading_of(const Reduced& reduced, std::span<const std::size_t> cells, c
   reading.at = middle.at;
   reading.at.reflectance = reflectance_of(reduced, middle);
   reading.capture = reduced.groups[static_cast<std::size_t>(middle.group)].capture;
-  const auto by_law = [&](const Cell& c) { return law.log_counts(reading.at.reflectance, c.at.cos_incidence, c.at.range_mm); };
+  const auto by_law = [&](const Cell& c) {
+    return law.log_counts(reading.at.reflectance, c.at.cos_incidence, c.at.range_mm);
+  };
   double sum = 0, weight = 0;
   for (const std::size_t cell : cells) {
     const Cell& c = reduced.cells[cell];
@@ -84,7 +90,8 @@ Reading reading_of(const Reduced& reduced, std::span<const std::size_t> cells, c
   return reading;
 }
 
-/// By how much more than it should the mean of so many neighbours lies off the line through those beside it: what neighbours share.
+/// By how much more than it should the mean of so many neighbours lies off the line through those beside it:
+/// what neighbours share.
 double excess_of(const std::vector<Reading>& readings, std::size_t together) {
   struct Mean {
     int capture, surface;
@@ -94,19 +101,23 @@ double excess_of(const std::vector<Reading>& readings, std::size_t together) {
   for (std::size_t i = 0; i + together <= readings.size();) {
     double sum = 0, weight = 0;
     std::size_t k = i;
-    for (; k < i + together && readings[k].capture == readings[i].capture && readings[k].surface == readings[i].surface; ++k) {
+    for (; k < i + together && readings[k].capture == readings[i].capture &&
+           readings[k].surface == readings[i].surface;
+         ++k) {
       const double w = std::pow(readings[k].sigma, -2);
       sum += w * readings[k].off;
       weight += w;
     }
-    if (k == i + together) means.push_back({readings[i].capture, readings[i].surface, sum / weight, 1 / weight});
+    if (k == i + together)
+      means.push_back({readings[i].capture, readings[i].surface, sum / weight, 1 / weight});
     i = k;
   }
   std::vector<double> squares;
   for (std::size_t i = 1; i + 1 < means.size(); ++i) {
     const Mean &a = means[i - 1], &b = means[i], &c = means[i + 1];
     if (a.capture != c.capture || a.surface != c.surface || b.surface != c.surface) continue;
-    squares.push_back(std::pow(b.off - (a.off + c.off) / 2, 2) / (b.variance + (a.variance + c.variance) / 4));
+    squares.push_back(std::pow(b.off - (a.off + c.off) / 2, 2) /
+                      (b.variance + (a.variance + c.variance) / 4));
   }
   constexpr std::size_t enough = 8;
   return squares.size() < enough ? 1 : std::max(1.0, median_of(squares) / median_of_normal_squares);
@@ -126,7 +137,9 @@ std::vector<Reading> readings_of(const Reduced& reduced, const IntensityLaw& law
   std::vector<std::pair<int, double>> surfaces;
   for (std::size_t i = 0; i < good.size();) {
     std::size_t end = i + 1;
-    while (end < good.size() && end - i < together && are_neighbours(reduced.cells[good[i]], reduced.cells[good[end]])) ++end;
+    while (end < good.size() && end - i < together &&
+           are_neighbours(reduced.cells[good[i]], reduced.cells[good[end]]))
+      ++end;
     Reading reading = reading_of(reduced, std::span(good).subspan(i, end - i), scatter, law);
     const std::pair<int, double> surface(reading.at.target, reading.at.reflectance);
     const auto found = std::ranges::find(surfaces, surface);

@@ -37,8 +37,8 @@ struct OwnNoise {
 
 constexpr std::size_t most_faces = 8;
 
-/// Ways to number scans: in their capture, through the recording, and with the mirror through the time between
-/// captures as well.
+/// Ways to number scans: in their capture, through the recording, and with the mirror through the time
+/// between captures as well.
 std::array<std::vector<std::int64_t>, 3> numbers_of(const std::vector<Sector>& sectors) {
   std::array<std::vector<std::int64_t>, 3> numbers;
   std::int64_t counted = -1;
@@ -172,8 +172,8 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
     one.at.seq = number_of(faces.scan[static_cast<std::size_t>(part.first - reduced.sectors.data())]);
     one.in_capture = s.seq;
     const auto add = [&](bool of_angle, double lever, double mm, double variance) {
-      const auto [block, is_new] =
-          blocks.try_emplace({s.group, s.number * parts / sectors_of_scan, of_angle}, static_cast<int>(blocks.size()));
+      const auto [block, is_new] = blocks.try_emplace({s.group, s.number * parts / sectors_of_scan, of_angle},
+                                                      static_cast<int>(blocks.size()));
       one.block = block->second;
       one.of_angle = of_angle;
       one.lever_mm = lever;

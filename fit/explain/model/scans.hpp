@@ -13,14 +13,15 @@ namespace fit::explain::model {
 struct ScanPart {
   Circumstances at;
   int group = 0, capture = 0, scans = 0;
-  int in_capture = 0;      ///< Its number there; that in `at` is the mirror's.
-  int block = 0;           ///< Those of one block are deviations from their own mean.
+  int in_capture = 0;  ///< Its number there; that in `at` is the mirror's.
+  int block = 0;       ///< Those of one block are deviations from their own mean.
   bool of_angle = false;
-  double lever_mm = 0;     ///< d statistic / d stage angle, per rad; d statistic / d range is 1, or 0 of an angle.
-  double mm = 0;           ///< The statistic.
-  double rest_mm = 0;      ///< Less what repeats, from capture to capture or after a whole number of scans ...
-  double news = 1;         ///< ... and how much of an independent value that is.
-  double variance_mm2 = 0; ///< Of its samples' noise.
+  double lever_mm =
+      0;          ///< d statistic / d stage angle, per rad; d statistic / d range is 1, or 0 of an angle.
+  double mm = 0;  ///< The statistic.
+  double rest_mm = 0;  ///< Less what repeats, from capture to capture or after a whole number of scans ...
+  double news = 1;     ///< ... and how much of an independent value that is.
+  double variance_mm2 = 0;  ///< Of its samples' noise.
 };
 
 /// Scans of groups of at least so many, each in so many parts (1, 2, 4 or 8). Scans are numbered as mirror
@@ -28,8 +29,10 @@ struct ScanPart {
 /// recording shows more of.
 [[nodiscard]] std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int parts);
 
-/// The sectors less what these do from scan to scan, and less what else repeats from capture to capture or with the mirror's faces.
-[[nodiscard]] std::vector<Sector> without_what_repeats(const Reduced& reduced, const std::vector<Active>& at_work);
+/// The sectors less what these do from scan to scan, and less what else repeats from capture to capture or
+/// with the mirror's faces.
+[[nodiscard]] std::vector<Sector> without_what_repeats(const Reduced& reduced,
+                                                       const std::vector<Active>& at_work);
 
 /// Predicts what these do from scan to scan, for the cells that their scans are averaged in.
 void expect_from_scan_to_scan(Reduced& reduced, const std::vector<Active>& at_work);

@@ -62,8 +62,9 @@ Spans spans_in(std::vector<RowScore> rows) {
   for (std::size_t i = 0; i < borders.size(); ++i)
     for (std::size_t j = i + 1; j < borders.size(); ++j) {
       if (i == 0 && j + 1 == borders.size()) continue;
-      tried.push_back({gain_of(borders[j].score - borders[i].score, borders[j].information - borders[i].information),
-                       {borders[i].place, borders[j].place}});
+      tried.push_back(
+          {gain_of(borders[j].score - borders[i].score, borders[j].information - borders[i].information),
+           {borders[i].place, borders[j].place}});
     }
   spans.possible = tried.size();
   spans.likeliest = best_of(std::move(tried));

@@ -22,11 +22,12 @@ struct Spans {
   std::size_t possible = 0;     ///< All that there are.
 };
 
-/// Spans that begin and end between recorded places (of very many places, between groups of neighbours) and leave some
-/// of them out, the likeliest few by the score test of an effect within the span and none outside.
+/// Spans that begin and end between recorded places (of very many places, between groups of neighbours) and
+/// leave some of them out, the likeliest few by the score test of an effect within the span and none outside.
 [[nodiscard]] Spans spans_in(std::vector<RowScore> rows);
 
-/// Places between recorded ones below which, and above which not, an effect may be: the likeliest few by the same test.
+/// Places between recorded ones below which, and above which not, an effect may be: the likeliest few by the
+/// same test.
 [[nodiscard]] std::vector<double> thresholds_in(std::vector<RowScore> rows);
 
 }  // namespace fit::explain::model

@@ -28,7 +28,8 @@ Eigen::VectorXd response_to(const ChannelRows& channel, const Kind& kind, const 
 }
 
 /// Values with all sizes zero but one.
-std::vector<double> with_only(const Kind& kind, std::vector<double> values, const Coefficient& c, double size) {
+std::vector<double> with_only(const Kind& kind, std::vector<double> values, const Coefficient& c,
+                              double size) {
   const auto& parameters = kind.mechanism->parameters;
   for (std::size_t k = 0; k < parameters.size(); ++k)
     if (parameters[k].role != Role::shape) values[k] = 0;
@@ -107,8 +108,8 @@ void set_coefficients(Term& term, const Eigen::VectorXd& value, const Eigen::Mat
     if (c.quadrature) continue;
     if (c.has_phase) {
       size = std::hypot(value[k], value[k + 1]);
-      const Eigen::Vector2d out = size > 0 ? Eigen::Vector2d(value[k] / size, value[k + 1] / size)
-                                           : Eigen::Vector2d::UnitX();
+      const Eigen::Vector2d out =
+          size > 0 ? Eigen::Vector2d(value[k] / size, value[k + 1] / size) : Eigen::Vector2d::UnitX();
       const Eigen::Vector2d across(-out.y(), out.x());
       const Eigen::Matrix2d part = covariance.block<2, 2>(k, k);
       u = std::sqrt(std::max(0.0, out.dot(part * out)));
@@ -130,8 +131,8 @@ std::vector<std::size_t> shapes_of(const Kind& kind) {
   std::vector<std::size_t> list;
   const auto& parameters = kind.mechanism->parameters;
   for (std::size_t k = 0; k < parameters.size(); ++k)
-    if (parameters[k].role == Role::shape && parameters[k].upper > parameters[k].lower && parameters[k].starts > 0 &&
-        std::abs(parameters[k].expected) < 1e9)
+    if (parameters[k].role == Role::shape && parameters[k].upper > parameters[k].lower &&
+        parameters[k].starts > 0 && std::abs(parameters[k].expected) < 1e9)
       list.push_back(k);
   return list;
 }
@@ -182,7 +183,8 @@ Eigen::MatrixXd shape_columns(const ChannelRows& channel, const Term& term) {
     b = p.logarithmic ? b * std::exp(-step) : b - step * span;
     const double width = 2 * step * (p.logarithmic ? 1 : span), deviation = span / std::sqrt(12.0);
     columns.col(static_cast<Index>(j)) =
-        (response_to(channel, *term.kind, above) - response_to(channel, *term.kind, below)) / width * deviation;
+        (response_to(channel, *term.kind, above) - response_to(channel, *term.kind, below)) / width *
+        deviation;
   }
   return columns;
 }

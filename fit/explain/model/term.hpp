@@ -34,10 +34,10 @@ struct Kind {
   /// Values of all parameters to begin from: a grid over the shapes, sizes at their typical values.
   std::vector<std::vector<double>> starts;
   std::vector<Coefficient> coefficients;
-  std::vector<bool> acts_in;  ///< Each of the session's channels.
-  std::optional<std::size_t> bins;  ///< The shape of a comb: its starts are proposed by the recording.
+  std::vector<bool> acts_in;             ///< Each of the session's channels.
+  std::optional<std::size_t> bins;       ///< The shape of a comb: its starts are proposed by the recording.
   std::optional<std::size_t> threshold;  ///< The shape that is looked for between recorded places.
-  std::optional<std::size_t> begins;  ///< The shape at which it begins, before that at which it ends.
+  std::optional<std::size_t> begins;     ///< The shape at which it begins, before that at which it ends.
   bool acts_without_size = false;
   bool refines = true;  ///< Shapes between those of the grid make sense.
 
@@ -49,8 +49,8 @@ struct Term {
   const Kind* kind = nullptr;
   std::vector<double> values, sigma;
   double factor = 1;  ///< On the prior's sizes.
-  /// Log of the evidence of its shapes' places over what it would be if the best were known: at most so much, by the grid of
-  /// starts; and of all modes over the best one, with its prior.
+  /// Log of the evidence of its shapes' places over what it would be if the best were known: at most so much,
+  /// by the grid of starts; and of all modes over the best one, with its prior.
   double by_grid = 0, by_modes = 0;
 };
 
@@ -88,8 +88,8 @@ void set_coefficients(Term& term, const Eigen::VectorXd& value, const Eigen::Mat
 [[nodiscard]] std::vector<Kind> kinds_of(const Reduced& reduced,
                                          const std::vector<std::unique_ptr<ChannelRows>>& channels);
 /// Forms of every coordinate and every way to act.
-void add_forms(const std::vector<ChannelKind>& what, const std::vector<std::unique_ptr<ChannelRows>>& channels,
-               std::vector<Kind>& kinds);
+void add_forms(const std::vector<ChannelKind>& what,
+               const std::vector<std::unique_ptr<ChannelRows>>& channels, std::vector<Kind>& kinds);
 
 /// A coordinate of formats.md in its file unit; not finite where it has none.
 [[nodiscard]] double coordinate_of(Coordinate coordinate, const Circumstances& at);

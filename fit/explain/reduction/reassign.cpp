@@ -21,7 +21,7 @@ constexpr double doubt_left = 0.15 * reduction::doubt_of_mount;
 struct Met {
   Sight sight;
   Circumstances at;
-  double effect_mm = 0;  ///< On the range, of mechanisms at work.
+  double effect_mm = 0;                                       ///< On the range, of mechanisms at work.
   double joint_mm = std::numeric_limits<double>::infinity();  ///< To where another target begins.
 };
 
@@ -56,7 +56,9 @@ class Reassignment {
   [[nodiscard]] Met met_by(const Cell& cell, const Group& group, const Scene& scene,
                            const std::vector<Edge>& edges) const {
     const Effect effect = reduction::effect_there(reduced_, at_work_, cell.at);
-    Met met{.sight = scene.look(group.stage_rad, cell.beam_rad, effect), .at = cell.at, .effect_mm = effect.range_mm};
+    Met met{.sight = scene.look(group.stage_rad, cell.beam_rad, effect),
+            .at = cell.at,
+            .effect_mm = effect.range_mm};
     Circumstances& at = met.at;
     at.corner_mm = at.edge_rad = std::numeric_limits<double>::infinity();
     at.gap_mm = at.pull_mm = 0;
@@ -72,8 +74,7 @@ class Reassignment {
   /// A smooth cell that meets another target or a corner.
   bool leaves_out(Cell& cell, const Met& now) {
     // By geometry alone: how far a mean is off must not decide whether it counts.
-    if (now.sight.target == cell.sight.target && now.joint_mm >= corner_margin_mm(now.sight, 0))
-      return false;
+    if (now.sight.target == cell.sight.target && now.joint_mm >= corner_margin_mm(now.sight, 0)) return false;
     cell.smooth = false;
     cell.doubtful = true;
     ++reduced_.left_out;

@@ -80,7 +80,8 @@ class WholeScans {
       const int number = beam / width;
       if (session_.sectors.size() == first_sector || session_.sectors.back().number != number)
         session_.sectors.push_back(empty_sector(scan, number, width));
-      const double q = weight_in_scan(cell, group_, samples_.scans), v = cell.sight.stage_lever(), d = range - cell.mean_mm;
+      const double q = weight_in_scan(cell, group_, samples_.scans), v = cell.sight.stage_lever(),
+                   d = range - cell.mean_mm;
       add_beam(session_.sectors.back(), q, v, d);
       add_beam(whole, q, v, d);
       deviation_[b] = d;

@@ -39,8 +39,9 @@ std::vector<SeenBeside> beside_edges(const Reduced& reduced) {
   return list;
 }
 
-/// What the beams beside edges see. The place of an edge is a nuisance of each capture: whatever moves it (mount, target,
-/// stage, placement) shows as beams that see one surface or the other, never as a beam that sees both.
+/// What the beams beside edges see. The place of an edge is a nuisance of each capture: whatever moves it
+/// (mount, target, stage, placement) shows as beams that see one surface or the other, never as a beam that
+/// sees both.
 class BesideEdges {
  public:
   explicit BesideEdges(const std::vector<SeenBeside>& list) {

@@ -382,7 +382,8 @@ struct Ranges {
       : period_s(period_of(sectors)) {
     if (!(period_s > 0)) return;
     stretches = stretches_of(sectors, period_s, [&](const Sector& s) {
-      const double sigma = groups[static_cast<std::size_t>(s.group)].sigma_mm, variance = sigma * sigma + rounding_mm2;
+      const double sigma = groups[static_cast<std::size_t>(s.group)].sigma_mm,
+                   variance = sigma * sigma + rounding_mm2;
       return std::pair(s.w > 0 ? s.wd / s.w : 0, s.w / variance);
     });
   }
@@ -392,9 +393,11 @@ struct Ranges {
 
 }  // namespace
 
-std::optional<double> flicker(const Reduced& reduced, const std::vector<Active>& from_scan_to_scan, SpreadResult& result) {
+std::optional<double> flicker(const Reduced& reduced, const std::vector<Active>& from_scan_to_scan,
+                              SpreadResult& result) {
   // A wave of its own does not keep step with captures or mirror faces: what does is somebody else's.
-  const auto [period_s, rest] = Ranges(reduced.groups, model::without_what_repeats(reduced, from_scan_to_scan));
+  const auto [period_s, rest] =
+      Ranges(reduced.groups, model::without_what_repeats(reduced, from_scan_to_scan));
   const Spectrum spectrum(rest, period_s);
   const std::vector<Spectrum::Line> lines = spectrum.lines();
   if (lines.empty() || lines.front().evidence <= accept_rare_at) return {};
@@ -420,7 +423,8 @@ void take_off_flicker(double hz, Reduced& reduced) {
   const auto [period_s, ranges] = Ranges(reduced.groups, reduced.sectors);
   const double turn = 2 * pi * hz;
   for (const auto& [group, stretch] : ranges) {
-    const Eigen::Vector2d value = normal_of(stretch, hz, period_s).value() / shown_share(hz, duration_of(stretch));
+    const Eigen::Vector2d value =
+        normal_of(stretch, hz, period_s).value() / shown_share(hz, duration_of(stretch));
     // Means of the wave, and of its square's double frequency, over the scans, for a beam at time 0.
     Complex mean = 0, twice = 0;
     for (int k = 0; k < stretch.scans; ++k) {

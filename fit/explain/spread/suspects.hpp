@@ -5,7 +5,8 @@
 #include "fit/explain/spread.hpp"
 #include "fit/explain/spread/ids.hpp"
 
-/// What the questions about single samples have in common: when a suspect is accepted, and what its size costs.
+/// What the questions about single samples have in common: when a suspect is accepted, and what its size
+/// costs.
 namespace fit::explain::spread {
 
 constexpr double accept_rare_at = 5.5;  // log Bayes factor, where single samples decide

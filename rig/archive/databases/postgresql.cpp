@@ -20,7 +20,8 @@ class PostgresqlArchive final : public ArchiveDatabase {
     if (PQstatus(connection_.get()) != CONNECTION_OK)
       throw UsageError("the archive's index cannot be reached: " + words() +
                        ". Check --index (postgresql://USER@HOST/DATABASE) and that the server runs.");
-    PQsetNoticeProcessor(connection_.get(), [](void*, const char*) {}, nullptr);
+    PQsetNoticeProcessor(
+        connection_.get(), [](void*, const char*) {}, nullptr);
     // Nobody waits for ever: for another's lock, or for a server that is gone.
     run("SET lock_timeout = '10s'", {});
     run("SET statement_timeout = '120s'", {});
@@ -42,13 +43,15 @@ class PostgresqlArchive final : public ArchiveDatabase {
     std::vector<Row> rows(static_cast<std::size_t>(PQntuples(answer.get())));
     for (int i = 0; i < PQntuples(answer.get()); ++i)
       for (int k = 0; k < PQnfields(answer.get()); ++k)
-        rows[static_cast<std::size_t>(i)].push_back(PQgetisnull(answer.get(), i, k) ? Value()
-                                                                                   : Value(PQgetvalue(answer.get(), i, k)));
+        rows[static_cast<std::size_t>(i)].push_back(
+            PQgetisnull(answer.get(), i, k) ? Value() : Value(PQgetvalue(answer.get(), i, k)));
     return rows;
   }
 
   bool has_table(const std::string& name) override {
-    return !run("SELECT 1 FROM information_schema.tables WHERE table_schema = current_schema() AND table_name = $1", {name})
+    return !run("SELECT 1 FROM information_schema.tables WHERE table_schema = current_schema() AND "
+                "table_name = $1",
+                {name})
                 .empty();
   }
 
@@ -73,7 +76,8 @@ class PostgresqlArchive final : public ArchiveDatabase {
     std::string& name = prepared_[statement];
     if (!name.empty()) return name;
     const std::string made = "s" + std::to_string(prepared_.size());
-    const Answer answer(PQprepare(connection_.get(), made.c_str(), statement.c_str(), count, nullptr), &PQclear);
+    const Answer answer(PQprepare(connection_.get(), made.c_str(), statement.c_str(), count, nullptr),
+                        &PQclear);
     demand_success(answer.get());
     return name = made;
   }

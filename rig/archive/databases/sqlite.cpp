@@ -19,7 +19,8 @@ class SqliteArchive final : public ArchiveDatabase {
   SqliteArchive(const std::string& path, bool to_write) : path_(path) {
     try {
       if (to_write) {
-        database_ = std::make_unique<SQLite::Database>(path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE, patience_ms);
+        database_ = std::make_unique<SQLite::Database>(path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE,
+                                                       patience_ms);
       } else if (std::filesystem::is_regular_file(path)) {
         database_ = open_for_reading(path);
       } else {
@@ -64,7 +65,9 @@ class SqliteArchive final : public ArchiveDatabase {
   SQLite::Statement& prepared_statement(const std::string& text) {
     const auto known = prepared_.find(text);
     if (known != prepared_.end()) return known->second;
-    return prepared_.emplace(std::piecewise_construct, std::forward_as_tuple(text), std::forward_as_tuple(*database_, text))
+    return prepared_
+        .emplace(std::piecewise_construct, std::forward_as_tuple(text),
+                 std::forward_as_tuple(*database_, text))
         .first->second;
   }
 

@@ -57,11 +57,14 @@ std::string c_header(const CorrectionExport& what) {
     out += "  (void)x;\n";
   out += "  *corrected_mm = measured_mm - error;\n";
   if (!c.measured.empty() && !c.range)
-    out += "  if (!(*corrected_mm >= " + real(c.measured.front().range_mm * (1 - Correction::measured_distances)) +
+    out += "  if (!(*corrected_mm >= " +
+           real(c.measured.front().range_mm * (1 - Correction::measured_distances)) +
            " && *corrected_mm <= " + real(c.measured.back().range_mm * (1 + Correction::measured_distances)) +
            ")) state |= LIDAR_RANGE_OUTSIDE_DISTANCE;\n";
   if (!c.measured.empty() && !c.intensity)
-    out += "  if (!lidar_range_surface_measured(*corrected_mm, intensity)) state |= LIDAR_RANGE_OUTSIDE_INTENSITY;\n";
+    out +=
+        "  if (!lidar_range_surface_measured(*corrected_mm, intensity)) state |= "
+        "LIDAR_RANGE_OUTSIDE_INTENSITY;\n";
   out += "  return state;\n}\n\n";
   out += std::string("/* Rotation centre in the lidar's frame, mm") +
          (what.centre ? "" : ": not calibrated in this session; rig export --centre takes it from another") +

@@ -87,8 +87,9 @@ std::string cpp_correct(const Correction& c) {
          "  out.range_mm = measured_mm - error;\n  out.u_mm = std::sqrt(variance);\n";
   if (!c.measured.empty() && !c.range)
     out += "  out.range_outside = !(out.range_mm >= " +
-           real(c.measured.front().range_mm * (1 - Correction::measured_distances)) + " && out.range_mm <= " +
-           real(c.measured.back().range_mm * (1 + Correction::measured_distances)) + ");\n";
+           real(c.measured.front().range_mm * (1 - Correction::measured_distances)) +
+           " && out.range_mm <= " + real(c.measured.back().range_mm * (1 + Correction::measured_distances)) +
+           ");\n";
   if (!c.measured.empty() && !c.intensity)
     out += "  out.intensity_outside = !surface_measured(out.range_mm, intensity);\n";
   out += "  return out;\n}\n\n";

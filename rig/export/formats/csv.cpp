@@ -12,7 +12,7 @@
 namespace rig::exporters {
 namespace {
 
-/// A text file written in large pieces; any failure to write is told at close().
+/// A text file written in large pieces; any failure to write is reported at close().
 class Output {
  public:
   explicit Output(const std::string& path) : file_(std::fopen(path.c_str(), "wb")) {

@@ -117,7 +117,7 @@ class Hdf5 : public Exporter {
   }
 
   void write(const ExportSource& source, const std::string& output) const override {
-    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // failures are told by exceptions, not by the library
+    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // failures are reported by exceptions, not by the library
     const SessionStore& session = *source.session;
     const auto recording = session.recording();
     const Handle file(H5Fcreate(output.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), H5Fclose,

@@ -38,7 +38,8 @@ std::string ros2_parameters(const CorrectionExport& what) {
   term(c.range, "distance");
   if (!c.measured.empty()) {
     std::vector<double> mm, from, to;
-    for (const Correction::Measured& m : c.measured) mm.push_back(m.range_mm), from.push_back(m.from), to.push_back(m.to);
+    for (const Correction::Measured& m : c.measured)
+      mm.push_back(m.range_mm), from.push_back(m.from), to.push_back(m.to);
     out += "      measured_range_mm: [" + list(mm) + "]\n      measured_intensity_from: [" + list(from) +
            "]\n      measured_intensity_to: [" + list(to) + "]\n";
   }

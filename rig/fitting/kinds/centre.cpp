@@ -141,24 +141,38 @@ class Centre : public Fitting {
   static UncertaintyBudget budget_of(const fit::CentreFit& all, const std::vector<Position>& positions,
                                      const CommonEffects& common, const Eigen::Vector2d& along,
                                      const std::string& name, const std::string& label) {
-    const auto u = [&](const Eigen::Matrix2d& part) { return std::sqrt(std::max(0.0, along.dot(part * along))); };
+    const auto u = [&](const Eigen::Matrix2d& part) {
+      return std::sqrt(std::max(0.0, along.dot(part * along)));
+    };
     const auto share = [&](double Position::*part) { return u(share_of(all, positions, part)); };
     // Widened by the scatter of few positions, it is known no better than they tell it.
     const double freedom = all.inflation > 1 ? all.degrees_of_freedom : Contribution::many;
     double samples = 0;
     for (const Position& position : positions) samples += std::max(0.0, position.robust.effective - 1);
     UncertaintyBudget out(name, label, "mm");
-    out.add({.source = "range noise", .kind = 'A', .distribution = "normal", .u = u(all.from_range),
+    out.add({.source = "range noise",
+             .kind = 'A',
+             .distribution = "normal",
+             .u = u(all.from_range),
              .freedom = all.inflation > 1 ? freedom : std::max(1.0, samples)});
-    out.add({.source = "angle at which the edge is met", .kind = 'A', .distribution = "normal",
-             .u = share(&Position::u_edge_rad), .freedom = freedom});
-    out.add({.source = "resolution of the stage (bench file)", .distribution = "rectangular",
-             .u = share(&Position::u_resolution_rad), .freedom = freedom,
-             .input_u = positions.front().u_resolution_rad * fit::deg_per_rad, .input_unit = "deg"});
+    out.add({.source = "angle at which the edge is met",
+             .kind = 'A',
+             .distribution = "normal",
+             .u = share(&Position::u_edge_rad),
+             .freedom = freedom});
+    out.add({.source = "resolution of the stage (bench file)",
+             .distribution = "rectangular",
+             .u = share(&Position::u_resolution_rad),
+             .freedom = freedom,
+             .input_u = positions.front().u_resolution_rad * fit::deg_per_rad,
+             .input_unit = "deg"});
     if (positions.front().u_certificate_rad > 0)
-      out.add({.source = "single positions of the stage (bench file, or stage_u_deg)", .distribution = "normal",
-               .u = share(&Position::u_certificate_rad), .freedom = freedom,
-               .input_u = positions.front().u_certificate_rad * fit::deg_per_rad, .input_unit = "deg"});
+      out.add({.source = "single positions of the stage (bench file, or stage_u_deg)",
+               .distribution = "normal",
+               .u = share(&Position::u_certificate_rad),
+               .freedom = freedom,
+               .input_u = positions.front().u_certificate_rad * fit::deg_per_rad,
+               .input_unit = "deg"});
     // Sine and cosine, or several curves, of one deviation are one line.
     for (std::size_t k = 0; k < common.lines.size(); ++k) {
       double square = 0;
@@ -192,7 +206,8 @@ class Centre : public Fitting {
     add(Eigen::Vector2d::UnitY(), all.centre.y(), "centre_y_mm", "Rotation centre in the lidar's frame, y");
     const double distance = all.centre.norm();
     if (distance > 0)
-      add(all.centre / distance, distance, "centre_distance_mm", "Distance of the centre from the lidar's origin");
+      add(all.centre / distance, distance, "centre_distance_mm",
+          "Distance of the centre from the lidar's origin");
     out["values"].push_back(
         plain_value("positions", "Stage angles used", static_cast<double>(positions.size()), ""));
     out["covariance"] = {
@@ -288,9 +303,7 @@ class Centre : public Fitting {
     for (const Position& position : positions) {
       const std::vector<BoardPoint> seen = board_seen(position);
       if (seen.empty()) continue;
-      const auto bent = [&](const auto& bend) {
-        return line_through(seen, sourced_stage(position), bend);
-      };
+      const auto bent = [&](const auto& bend) { return line_through(seen, sourced_stage(position), bend); };
       const double u = accuracy.beam_eccentricity_rad.u / std::sqrt(2.0);
       lines.push_back(bent([](double) { return 0.0; }));
       const double distance = lines.back().distance_mm;
@@ -341,8 +354,8 @@ class Centre : public Fitting {
   static void add_remarks(json& out, const fit::CentreFit& all, const EdgeSource& source) {
     if (all.inflation > 1)
       out["notes"].push_back(
-          "The positions disagree by more than their uncertainties (chi-square " + fit::format_fixed(all.chi2, 1) +
-          " with " + std::to_string(all.degrees_of_freedom) +
+          "The positions disagree by more than their uncertainties (chi-square " +
+          fit::format_fixed(all.chi2, 1) + " with " + std::to_string(all.degrees_of_freedom) +
           " degrees of freedom); the uncertainty was widened by " + fit::format_fixed(all.inflation, 2) +
           ". Angle errors of lidar or stage are the usual cause: rig explain looks for it.");
     if (all.degrees_of_freedom < 1)
@@ -365,9 +378,10 @@ class Centre : public Fitting {
     const double ux = std::hypot(mount.x_mm.u, std::sqrt(all.covariance(0, 0)));
     const double uy = std::hypot(mount.y_mm.u, std::sqrt(all.covariance(1, 1)));
     if (mount.x_mm.u > 0 && mount.y_mm.u > 0 && (std::abs(off.x()) > 4 * ux || std::abs(off.y()) > 4 * uy))
-      out["contradictions"].push_back("The bench file's mount puts the centre at (" +
-                                      fit::format_fixed(expected.x(), 1) + ", " + fit::format_fixed(expected.y(), 1) +
-                                      ") mm, which these captures contradict; correct the bench file's mount.");
+      out["contradictions"].push_back(
+          "The bench file's mount puts the centre at (" + fit::format_fixed(expected.x(), 1) + ", " +
+          fit::format_fixed(expected.y(), 1) +
+          ") mm, which these captures contradict; correct the bench file's mount.");
   }
 };
 

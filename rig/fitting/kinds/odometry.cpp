@@ -168,7 +168,8 @@ class Odometry : public Fitting {
 
   static std::string runs_method(bool timed) {
     std::string text =
-        " Clocks: the offset at which wheels and matches agree best is taken where it is determined and differs "
+        " Clocks: the offset at which wheels and matches agree best is taken where it is determined and "
+        "differs "
         "from 0. ";
     if (timed)
       text +=

@@ -102,7 +102,8 @@ class Range : public Fitting {
     out["tables"].push_back(robust_table(source));
     out["tables"].push_back(selection_table(source));
     for (const std::string& note : source.notes) out["notes"].push_back(note);
-    for (const std::string& contradiction : source.contradictions) out["contradictions"].push_back(contradiction);
+    for (const std::string& contradiction : source.contradictions)
+      out["contradictions"].push_back(contradiction);
     for (const std::string& note : calibration.notes) out["notes"].push_back(note);
     if (!calibration.why_not.empty()) out["undetermined"].push_back("no correction: " + calibration.why_not);
     for (const std::string& sentence : calibration.identifiability) out["undetermined"].push_back(sentence);
@@ -139,8 +140,12 @@ class Range : public Fitting {
                   .distribution = "normal",
                   .u = p.u_mm,
                   .freedom = std::max(1.0, selected.effective - 1)});
-      budget.add({.source = "placement of the target (bench file)", .distribution = "normal", .u = c.u_placement_mm});
-      budget.add({.source = "lidar's place on the stage (bench file's mount)", .distribution = "normal", .u = c.u_mount_mm});
+      budget.add({.source = "placement of the target (bench file)",
+                  .distribution = "normal",
+                  .u = c.u_placement_mm});
+      budget.add({.source = "lidar's place on the stage (bench file's mount)",
+                  .distribution = "normal",
+                  .u = c.u_mount_mm});
       budget.publish(out, p.error_mm());
     }
     out["values"].push_back(plain_value("rms_error_before_mm", "RMS range error of the captures, uncorrected",
@@ -159,8 +164,8 @@ class Range : public Fitting {
     }
     const auto scatter = [&](long captures, double u, const std::string& experiment) {
       if (captures > 0)
-        out["values"].push_back(plain_value("scatter_" + experiment + "_mm",
-                                            "Scatter between captures, " + experiment, u, "mm"));
+        out["values"].push_back(
+            plain_value("scatter_" + experiment + "_mm", "Scatter between captures, " + experiment, u, "mm"));
     };
     scatter(calibration.points_intensity, calibration.scatter_intensity_mm, "intensity");
     scatter(calibration.points_distance, calibration.scatter_distance_mm, "distance");
@@ -179,7 +184,7 @@ class Range : public Fitting {
                       const std::string& selection) const {
     Correction& correction = *calibration.joint;
     describe(correction, sources, source, calibration);
-    say_what_is_not_told(out, correction);
+    note_what_is_not_stated(out, correction);
     const fit::RangePoint& middle = points[points.size() / 2];
     if (std::isfinite(correction.apply(middle.measured_mm, middle.intensity).range_mm))
       out["use"].push_back(how_to_use(correction, middle));
@@ -189,8 +194,11 @@ class Range : public Fitting {
                                    fit::format_fixed(correction.reference_mm, 0) + " mm, " +
                                    fit::format_fixed(correction.reference_intensity, 0) + " counts)",
                                "mm");
-      budget.add({.source = "fit of both curves", .kind = 'A', .distribution = "normal", .u = correction.zero_mm.u});
-      budget.add({.source = "true distances, common to all (bench file)", .distribution = "normal", .u = correction.common_u_mm});
+      budget.add(
+          {.source = "fit of both curves", .kind = 'A', .distribution = "normal", .u = correction.zero_mm.u});
+      budget.add({.source = "true distances, common to all (bench file)",
+                  .distribution = "normal",
+                  .u = correction.common_u_mm});
       budget.publish(out, correction.zero_mm.value);
     }
     flag_misplaced(out, source, points, correction);
@@ -225,9 +233,12 @@ class Range : public Fitting {
       out["undetermined"].push_back(
           "None of these families fits the error against " +
           std::string(table == &calibration.intensity_table ? "intensity" : "distance") +
-          ": the residuals have structure that the points' scatter does not explain (fit p below 0.01 for all). The "
-          "correction is the best of them, and its uncertainty is that of its own residuals. A target that steps "
-          "back, or a wrong distance, leaves such structure too; rig explain looks for the physics behind it.");
+          ": the residuals have structure that the points' scatter does not explain (fit p below 0.01 for "
+          "all). The "
+          "correction is the best of them, and its uncertainty is that of its own residuals. A target that "
+          "steps "
+          "back, or a wrong distance, leaves such structure too; rig explain looks for the physics behind "
+          "it.");
     }
   }
 
@@ -295,7 +306,8 @@ class Range : public Fitting {
       u2 += (c.paper.u_mm * c.paper.u_mm + c.robust.u_mm * c.robust.u_mm) / (captures * captures);
     }
     compare_methods(out, "Corrected range, mean over the captures", "all samples", {0, std::sqrt(u2 / 2)},
-                    "samples of the most frequent intensity", {mean, std::hypot(std::sqrt(u2 / 2), 0.1)}, "mm");
+                    "samples of the most frequent intensity", {mean, std::hypot(std::sqrt(u2 / 2), 0.1)},
+                    "mm");
     out["notes"].push_back(
         "The correction is made from the " +
         std::string(selection == "robust" ? "robust means of all samples"
@@ -309,8 +321,8 @@ class Range : public Fitting {
     // Over what was varied: at one distance only the echo's strength.
     const auto [nearest, farthest] = std::ranges::minmax(points, {}, &fit::RangePoint::true_mm);
     const bool one_distance = farthest.true_mm - nearest.true_mm < 0.02 * farthest.true_mm;
-    json plot = new_plot("Error left after the correction", one_distance ? "intensity (counts)" : "range (mm)",
-                         "error (mm)");
+    json plot = new_plot("Error left after the correction",
+                         one_distance ? "intensity (counts)" : "range (mm)", "error (mm)");
     std::vector<double> x, y, u;
     for (const fit::RangePoint& p : points) {
       x.push_back(one_distance ? p.intensity : p.true_mm), u.push_back(2 * p.u_mm);
@@ -335,7 +347,7 @@ class Range : public Fitting {
     return out;
   }
 
-  /// By distance, which echoes were seen there; nothing where the lidar told no intensities.
+  /// By distance, which echoes were seen there; nothing where the lidar sent no intensities.
   static std::vector<Correction::Measured> measured_by(const RangeSource& source) {
     constexpr double one_place_mm = 2;
     std::vector<Correction::Measured> out;
@@ -353,8 +365,8 @@ class Range : public Fitting {
     return joined;
   }
 
-  /// What a user of the correction must be told that the sessions do not tell.
-  static void say_what_is_not_told(json& out, const Correction& correction) {
+  /// What a user of the correction must know that the sessions do not say.
+  static void note_what_is_not_stated(json& out, const Correction& correction) {
     const auto say = [&](bool missing, const char* what) {
       if (missing) out["undetermined"].push_back(what);
     };

@@ -114,7 +114,8 @@ void add_stage_angle(UncertaintyBudget& budget, const fit::Bench& bench, double 
   const double deg = stage_rad * fit::deg_per_rad;
   for (const fit::AccuracyLine& line : fit::accuracy_in_words(fit::accuracy_of(bench))) {
     if (line.member == &DeviceAccuracy::stage_scale) budget.add(line, line.u * deg);
-    if (line.member == &DeviceAccuracy::stage_eccentricity_rad) budget.add(line, line.u / std::numbers::sqrt2);
+    if (line.member == &DeviceAccuracy::stage_eccentricity_rad)
+      budget.add(line, line.u / std::numbers::sqrt2);
     if (line.member == &DeviceAccuracy::stage_backlash_rad) budget.add(line, line.u / 2 * std::abs(approach));
     if (line.member == &DeviceAccuracy::stage_position_rad) budget.add(line, line.u);
   }
@@ -211,11 +212,13 @@ class Sensitivity : public Fitting {
       out["values"].push_back(result_value(
           "window_counted_deg", "Edge transition width by counting (Zhao et al.)",
           {counted * fit::deg_per_rad, best.step_rad / std::sqrt(6.0) * fit::deg_per_rad}, "deg"));
-      compare_methods(out, window_label, "by the share of samples", {window_deg, window.u()}, "by counting stops",
+      compare_methods(out, window_label, "by the share of samples", {window_deg, window.u()},
+                      "by counting stops",
                       {counted * fit::deg_per_rad, best.step_rad / std::sqrt(6.0) * fit::deg_per_rad}, "deg");
     } else {
       out["undetermined"].push_back(
-          "the edge transition width by counting (Zhao et al.): no edge was swept in even steps with a smooth stop "
+          "the edge transition width by counting (Zhao et al.): no edge was swept in even steps with a "
+          "smooth stop "
           "on "
           "both sides. Add a sweep of 0.01 deg steps through the edge.");
     }

@@ -9,97 +9,19 @@
 
 #include "fit/angle.hpp"
 #include "fit/range_calibration.hpp"
-#include "fit/selection.hpp"
 #include "fit/validation_measures.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/correction_source.hpp"
+#include "rig/fitting/flat_surface.hpp"
 #include "rig/fitting/one_lidar.hpp"
 #include "rig/fitting/result_document.hpp"
 #include "rig/session/lidar_identity.hpp"
-#include "rig/session/step_in_words.hpp"
 
 namespace rig::fittings {
 namespace {
 
 using Eigen::Vector2d;
 using nlohmann::json;
-
-/// One beam of a capture: mean range and intensity over all scans.
-struct Beam {
-  double direction_rad, range_mm, intensity;
-};
-
-struct Surface {
-  std::string label;
-  double stage_rad = 0;
-  std::optional<double> temperature_c;
-  Vector2d normal = Vector2d::UnitY();  ///< Of the target, in the lidar's frame, by the bench.
-  std::vector<Beam> beams;
-};
-
-Vector2d point_of(const Beam& beam, double range_mm) {
-  return {range_mm * std::cos(beam.direction_rad), range_mm * std::sin(beam.direction_rad)};
-}
-
-/// Beams that meet the target, by the bench's geometry and by what they saw.
-std::optional<Surface> surface_of(const fit::Recording& recording, std::size_t index,
-                                  const std::string& wanted, const fit::Mount& mount) {
-  const fit::CaptureInfo& capture = recording.captures()[index];
-  const fit::Bench& bench = recording.bench();
-  const std::string name = wanted.empty() ? capture.target.value_or("") : wanted;
-  const fit::Target* target = bench.target(name);
-  if (!target || fit::is_turning(capture) || (capture.target && *capture.target != name)) return std::nullopt;
-  const double stage = capture.stage_readback_rad.value_or(capture.stage_rad);
-  const Vector2d origin = Eigen::Rotation2Dd(stage) * Vector2d(mount.x_mm.value, mount.y_mm.value);
-  const Eigen::Rotation2Dd to_lidar(-stage - mount.yaw_rad.value);
-  const Vector2d shift = target->outward_normal() * capture.target_shift_mm;
-  const Vector2d from = to_lidar * (target->from_mm + shift - origin),
-                 to = to_lidar * (target->to_mm + shift - origin);
-  Surface out;
-  out.label = capture.step.empty() ? std::to_string(capture.id) : step_in_words(capture.step);
-  out.stage_rad = stage;
-  out.temperature_c = capture.temperature_c;
-  out.normal = to_lidar * target->outward_normal();
-  const double distance = out.normal.dot(from);
-  std::map<std::size_t, std::vector<fit::Sample>> samples;
-  recording.for_each_scan(index, [&](const fit::ScanView& scan) {
-    if (scan.geometry) return;
-    const fit::BeamAngles angles(bench.lidar, capture, scan.geometry);
-    for (std::size_t k = 0; k < scan.range_mm.size(); ++k) {
-      const double direction = angles.at_rad(k);
-      const Vector2d ray(std::cos(direction), std::sin(direction));
-      const double facing = ray.dot(out.normal);
-      if (facing < 0.1) continue;
-      const Vector2d at = ray * (distance / facing), along = to - from;
-      const double place = (at - from).dot(along) / along.squaredNorm();
-      if (place < 0.03 || place > 0.97) continue;
-      samples[k].push_back(
-          {scan.range_mm[k], k < scan.intensity.size() ? scan.intensity[k] : std::uint16_t{0}});
-    }
-  });
-  const std::optional<fit::ScanGeometry> none;  // Scans with a geometry of their own were left out.
-  const fit::BeamAngles angles(bench.lidar, capture, none);
-  for (const auto& [k, of_beam] : samples) {
-    const fit::SelectedMean mean = fit::select_robust(of_beam);
-    const double direction = angles.at_rad(k);
-    if (mean.kept < 1 ||
-        std::abs(point_of({direction, 0, 0}, mean.mean_mm).dot(out.normal) - distance) > 0.1 * distance + 60)
-      continue;
-    out.beams.push_back({direction, mean.mean_mm, mean.intensity});
-  }
-  return out.beams.empty() ? std::nullopt : std::optional(out);
-}
-
-std::vector<Vector2d> surface_points(const Surface& surface, const fit::Correction* correction) {
-  // The ordinate of the paper lies across the surface.
-  const Eigen::Rotation2Dd upright(fit::pi / 2 - std::atan2(surface.normal.y(), surface.normal.x()));
-  std::vector<Vector2d> out;
-  for (const Beam& beam : surface.beams)
-    out.push_back(upright * point_of(beam, correction
-                                               ? correction->apply(beam.range_mm, beam.intensity).range_mm
-                                               : beam.range_mm));
-  return out;
-}
 
 /// Per cent by which `after` is less than `before`. Their uncertainties are taken as independent, which they
 /// are not: it is at most so uncertain.
@@ -154,11 +76,11 @@ class Validation : public Fitting {
 
   json run(const std::vector<FitSource>& sources, const FitOptions& options) const override {
     const Centre centre = centre_for(sources, options);
-    std::vector<Surface> surfaces;
+    std::vector<FlatSurface> surfaces;
     for (const FitSource& source : sources) {
       const auto recording = source.session->recording();
-      const fit::Mount& told = recording->bench().lidar.mount;
-      const fit::Mount mount = centre.measured ? mount_about(centre.at_mm, told.yaw_rad) : told;
+      const fit::Mount& stated = recording->bench().lidar.mount;
+      const fit::Mount mount = centre.measured ? mount_about(centre.at_mm, stated.yaw_rad) : stated;
       for (std::size_t i = 0; i < recording->captures().size(); ++i)
         if (auto surface = surface_of(*recording, i, options.text("target"), mount))
           surfaces.push_back(std::move(*surface));
@@ -188,7 +110,7 @@ class Validation : public Fitting {
           "there is nothing to validate: no capture sees a flat target with enough neighbouring beams for "
           "differences, and no two see it from stage angles 5 deg or more apart. Run the procedure "
           "range-validation");
-    for (const Surface& surface : surfaces)
+    for (const FlatSurface& surface : surfaces)
       add_surface_plots(out, surface, correction ? &*correction : nullptr);
     if (correction) {
       warn_of_another_lidar(out, sources, *correction);
@@ -239,7 +161,7 @@ class Validation : public Fitting {
             "by the bench file's mount, as no session holds a measured one"};
   }
 
-  static void add_spreads(json& out, const std::vector<Surface>& surfaces,
+  static void add_spreads(json& out, const std::vector<FlatSurface>& surfaces,
                           const fit::Correction* correction) {
     json rows = json::array();
     for (const int lag : {20, 5}) {
@@ -249,7 +171,7 @@ class Validation : public Fitting {
         all.u = std::hypot(all.u, u_of_interval(spread.plane_low_mm, spread.plane_high_mm));
       };
       int count = 0;
-      for (const Surface& surface : surfaces) {
+      for (const FlatSurface& surface : surfaces) {
         const auto before = fit::difference_spread(surface_points(surface, nullptr), lag);
         if (!std::isfinite(before.sd_mm)) continue;
         const auto after = fit::difference_spread(surface_points(surface, correction), lag);
@@ -283,14 +205,15 @@ class Validation : public Fitting {
          {"rows", rows}});
   }
 
-  static void add_scene(json& out, const std::vector<Surface>& surfaces, const fit::Correction* correction,
-                        const Vector2d& centre) {
+  static void add_scene(json& out, const std::vector<FlatSurface>& surfaces,
+                        const fit::Correction* correction, const Vector2d& centre) {
     for (std::size_t i = surfaces.size() - 1; i > 0; --i) {
-      const Surface &a = surfaces[i - 1], &b = surfaces[i];
+      const FlatSurface &a = surfaces[i - 1], &b = surfaces[i];
       if (std::abs(fit::wrap_angle(a.stage_rad - b.stage_rad)) < 5 * fit::rad_per_deg) continue;
-      const auto placed = [&](const Surface& surface, const fit::Correction* with, const Vector2d& about) {
+      const auto placed = [&](const FlatSurface& surface, const fit::Correction* with,
+                              const Vector2d& about) {
         std::vector<Vector2d> points;
-        for (const Beam& beam : surface.beams)
+        for (const MeanBeam& beam : surface.beams)
           points.push_back(
               Eigen::Rotation2Dd(surface.stage_rad) *
               (point_of(beam, with ? with->apply(beam.range_mm, beam.intensity).range_mm : beam.range_mm) -
@@ -320,10 +243,10 @@ class Validation : public Fitting {
         "the scene from two stage angles (A6): all captures were taken at the same one");
   }
 
-  static void add_scene_plot(json& out, const std::string& title, const Surface& a, const Surface& b,
+  static void add_scene_plot(json& out, const std::string& title, const FlatSurface& a, const FlatSurface& b,
                              const std::vector<Vector2d>& points_a, const std::vector<Vector2d>& points_b) {
     json plot = new_plot(title, "x (mm)", "y (mm)");
-    const auto add = [&](const Surface& surface, const std::vector<Vector2d>& points) {
+    const auto add = [&](const FlatSurface& surface, const std::vector<Vector2d>& points) {
       std::vector<double> x, y;
       for (const Vector2d& p : points) x.push_back(p.x()), y.push_back(p.y());
       char name[48];
@@ -335,7 +258,7 @@ class Validation : public Fitting {
   }
 
   /// The sample as seen from above, and the differences whose spread the table has.
-  static void add_surface_plots(json& out, const Surface& surface, const fit::Correction* correction) {
+  static void add_surface_plots(json& out, const FlatSurface& surface, const fit::Correction* correction) {
     json above = new_plot("Experiment A3: " + surface.label + ", seen from above", "along the surface (mm)",
                           "ordinate (mm)");
     json plots = json::array();
@@ -381,15 +304,15 @@ class Validation : public Fitting {
   }
 
   /// Beams that the correction was not measured for, by each circumstance that it tells.
-  static void warn_of_use_outside(json& out, const std::vector<Surface>& surfaces,
+  static void warn_of_use_outside(json& out, const std::vector<FlatSurface>& surfaces,
                                   const fit::Correction& correction) {
     const fit::Validity& validity = correction.validity;
     long all = 0, by_range = 0, by_intensity = 0, by_beam = 0, by_temperature = 0;
     const auto outside = [](const std::optional<fit::Validity::Interval>& interval, double x) {
       return interval && !interval->holds(x);
     };
-    for (const Surface& surface : surfaces)
-      for (const Beam& beam : surface.beams) {
+    for (const FlatSurface& surface : surfaces)
+      for (const MeanBeam& beam : surface.beams) {
         const auto corrected = correction.apply(beam.range_mm, beam.intensity);
         ++all;
         by_range += corrected.range_outside || outside(validity.range_mm, corrected.range_mm);
@@ -409,7 +332,7 @@ class Validation : public Fitting {
     warn(by_intensity, "intensities", validity.intensity, "counts");
     warn(by_beam, "beam directions", validity.beam_deg, "deg");
     warn(by_temperature, "temperatures", validity.temperature_c, "deg C");
-    if (validity.temperature_c && std::ranges::none_of(surfaces, [](const Surface& surface) {
+    if (validity.temperature_c && std::ranges::none_of(surfaces, [](const FlatSurface& surface) {
           return surface.temperature_c.has_value();
         }))
       out["undetermined"].push_back(

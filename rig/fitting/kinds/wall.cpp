@@ -73,7 +73,8 @@ void add_self_check(json& out, const fit::WallFit& fit) {
                                          "Self-check: the stage turns farther than commanded by",
                                          {percent * effect.found.value, percent * effect.found.u}, "%"));
     if (std::abs(effect.found.value) > 3)
-      out["contradictions"].push_back("The stage's scale is off by more than the bench file's u_scale allows");
+      out["contradictions"].push_back(
+          "The stage's scale is off by more than the bench file's u_scale allows");
   }
 }
 
@@ -123,10 +124,11 @@ void add_values(json& out, const fit::WallFit& fit, const fit::Bench& bench) {
   const double angle_deg = fit.joint[0] * fit::deg_per_rad;
   angle.publish(out, angle_deg);
   mm(radial, fit.radius_mm.value, "radius_mm", "Distance of the lidar from the axis");
-  UncertaintyBudget direction = budget_of(fit, around, "direction_deg",
-                                          "Direction of that offset, at stage angle 0", "deg");
+  UncertaintyBudget direction =
+      budget_of(fit, around, "direction_deg", "Direction of that offset, at stage angle 0", "deg");
   angle_part(direction);
-  direction.add({.source = "orientation of the front board (bench file)", .distribution = "normal", .u = board_u});
+  direction.add(
+      {.source = "orientation of the front board (bench file)", .distribution = "normal", .u = board_u});
   direction.publish(out, fit.direction_rad.value * fit::deg_per_rad);
   for (const int axis : {0, 1}) {
     UncertaintyBudget place = budget_of(fit, slope_of(1 + axis, 1), axis == 0 ? "mount_x_mm" : "mount_y_mm",
@@ -147,7 +149,8 @@ void add_values(json& out, const fit::WallFit& fit, const fit::Bench& bench) {
   mm(slope_of(4, 1), fit.joint[4], "side_mm", "Distance of the side wall from the axis");
   const double corner =
       fit::wrap_angle(fit.walls[1].line.normal_rad - fit.walls[0].line.normal_rad) * fit::deg_per_rad;
-  budget_of(fit, slope_of(5, fit::deg_per_rad), "corner_deg", "Angle from the front wall to the side wall", "deg")
+  budget_of(fit, slope_of(5, fit::deg_per_rad), "corner_deg", "Angle from the front wall to the side wall",
+            "deg")
       .publish(out, corner + fit.joint[5] * fit::deg_per_rad);
   add_self_check(out, fit);
   out["values"].push_back(
@@ -163,12 +166,12 @@ void compare_simpler(json& out, const fit::WallFit& fit) {
   for (const fit::WallCircle& way : fit.ways)
     if (way.circle && way.way.starts_with("both walls") && way.way.ends_with("geometric circle"))
       // Positions of one capture share its errors.
-      compare_methods(out, "Distance of the lidar from the axis", "all beams together", fit.radius_mm,
-                      "circle through its positions",
-                      {way.radius_mm.value,
-                       std::hypot(way.radius_mm.u,
-                                  way.circle->rms / std::sqrt(static_cast<double>(fit.means.size())))},
-                      "mm");
+      compare_methods(
+          out, "Distance of the lidar from the axis", "all beams together", fit.radius_mm,
+          "circle through its positions",
+          {way.radius_mm.value,
+           std::hypot(way.radius_mm.u, way.circle->rms / std::sqrt(static_cast<double>(fit.means.size())))},
+          "mm");
 }
 
 /// A wall that does not stand where the bench file says.

@@ -161,11 +161,11 @@ class CarmenReader {
     if (!words.whole() || ranges.empty()) return;
     place(lidar, robot);
     track(time_s, robot);
-    const auto told = resolution_rad_.find(laser_of(kind));
+    const auto stated = resolution_rad_.find(laser_of(kind));
     double step = half_circle_step(ranges.size());
-    if (told != resolution_rad_.end() && told->second * static_cast<double>(ranges.size()) < 2 * fit::pi)
-      step = told->second;
-    const double first = told == resolution_rad_.end()
+    if (stated != resolution_rad_.end() && stated->second * static_cast<double>(ranges.size()) < 2 * fit::pi)
+      step = stated->second;
+    const double first = stated == resolution_rad_.end()
                              ? -fit::pi / 2
                              : -step * std::floor(static_cast<double>(ranges.size()) / 2);
     scan(time_s, kind, first, step, ranges, largest_range_m, {});

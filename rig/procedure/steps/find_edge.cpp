@@ -154,7 +154,7 @@ class Search {
     long jitter = board;
     while (std::abs(background - board) > 1 && jitter == board) {
       const long middle = std::midpoint(board, background);
-      const State state = co_await look(middle);
+      const State state = co_await observe(middle);
       if (state == State::board)
         board = middle, jitter = middle;
       else if (state == State::background)
@@ -170,8 +170,8 @@ class Search {
   StepContext::awaitable<long> boundary(long smooth, long jitter, State state) {
     while (std::abs(jitter - smooth) > 1) {
       const long middle = std::midpoint(smooth, jitter);
-      auto looking = look(middle);
-      if (co_await std::move(looking) == state)
+      auto observing = observe(middle);
+      if (co_await std::move(observing) == state)
         smooth = middle;
       else
         jitter = middle;
@@ -179,7 +179,7 @@ class Search {
     co_return smooth;
   }
 
-  StepContext::awaitable<State> look(long stop) {
+  StepContext::awaitable<State> observe(long stop) {
     const auto samples = co_await sample(stop);
     if (!leaves(followed(board_, samples, drift_mm()), samples)) co_return State::board;
     if (!leaves(followed(background_, samples, drift_mm()), samples)) co_return State::background;

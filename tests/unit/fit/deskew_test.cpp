@@ -5,6 +5,8 @@
 #include <catch2/catch.hpp>
 #include <random>
 
+#include "fit/map_fusion.hpp"
+#include "fit/sweep_timing.hpp"
 #include "synthetic_recording.hpp"
 #include "tests/support/moving_room.hpp"
 
@@ -139,7 +141,7 @@ TEST_CASE("after deskewing, a lidar turning at 40 deg/s is as sharp as one that 
        << ", fused " << fused.within_scan << " (map " << odometry.map << ", " << fused.map << ")");
 }
 
-TEST_CASE("fusion mends odometry that is 5 percent wrong") {
+TEST_CASE("fusion corrects odometry that is 5 percent wrong") {
   TurningStage stage;
   const auto sweeps = stage.sweeps(120, 3);
   const fit::Path wrong = stage.path(4, 1.05);
@@ -152,7 +154,7 @@ TEST_CASE("fusion mends odometry that is 5 percent wrong") {
                                                  << ", fused " << fused.within_scan << " map " << fused.map);
 }
 
-TEST_CASE("fusion mends odometry that comes 30 ms late, and its lateness is found") {
+TEST_CASE("fusion corrects odometry that comes 30 ms late, and its lateness is found") {
   TurningStage stage;
   stage.there_and_back = true;
   const auto sweeps = stage.sweeps(160, 4);

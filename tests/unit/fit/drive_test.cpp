@@ -33,7 +33,9 @@ struct Robot {
     for (int ms = 1; ms < 1000 * (seconds + 1); ++ms) {
       const double t = 1e-3 * ms;
       const bool rests = std::fmod(t, 20) > 16;
-      const double v = left_circle ? 150 : rests ? 0 : 170 * std::cos(0.35 * t),
+      const double v = left_circle ? 150
+                       : rests     ? 0
+                                   : 170 * std::cos(0.35 * t),
                    w = left_circle ? 0.4
                        : rests     ? 0
                                    : 0.45 * std::sin(0.9 * t) + 0.1 * std::cos(0.23 * t);

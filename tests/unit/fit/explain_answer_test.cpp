@@ -20,4 +20,3 @@ TEST_CASE("nothing missing, but held-out figures far beyond the noise: too few s
   CHECK_THAT(notes(11.2, 0).front(), Catch::Contains("Record more stage angles"));
   CHECK(notes(0.57, 0.95).empty());
 }
-

@@ -6,8 +6,8 @@
 #include <set>
 #include <vector>
 
+#include "noise_findings.hpp"
 #include "synthetic_recording.hpp"
-#include "told_noise.hpp"
 
 namespace {
 
@@ -16,7 +16,7 @@ double variance_at(double beam_deg) { return 25 + 9 * std::exp(-0.5 * std::pow((
 
 /// What is said of a wall, 1 m away, on which light falls around beam 20 deg in all five captures. `gain`: by
 /// which those samples are likelier under what was drawn than under the same noise everywhere.
-ToldNoise spread_of_lit_wall(unsigned seed, double& gain) {
+NoiseFindings spread_of_lit_wall(unsigned seed, double& gain) {
   const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 121, "front_step": 60,
     "step_deg": 1, "scan_hz": 40}, "targets": [{"name": "wall", "from_mm": [1000, -6000], "to_mm": [1000, 6000],
     "u_mm": 1}], "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 5, "u": 2}}}]})");
@@ -43,7 +43,7 @@ ToldNoise spread_of_lit_wall(unsigned seed, double& gain) {
     capture.since_power_on_s = 600 + 30 * i;
     wall.add(capture, scans);
   }
-  ToldNoise told(wall);
+  NoiseFindings told(wall);
   gain = squares;
   return told;
 }
@@ -67,7 +67,8 @@ TEST_CASE("light on a wall gains in captures that it was not fitted to what it i
 TEST_CASE("the scatter of samples is drawn as it was, and as it is explained") {
   double gain = 0;
   const auto result = spread_of_lit_wall(7, gain);
-  const auto drawn = std::ranges::find(result.curves, fit::Observable::range_variance, &fit::explain::SpreadCurve::observable);
+  const auto drawn = std::ranges::find(result.curves, fit::Observable::range_variance,
+                                       &fit::explain::SpreadCurve::observable);
   REQUIRE(drawn != result.curves.end());
   const fit::explain::SpreadCurve& curve = *drawn;
   CHECK(curve.coordinate == fit::Coordinate::beam);
@@ -84,4 +85,3 @@ TEST_CASE("the scatter of samples is drawn as it was, and as it is explained") {
   CHECK(of_after < points + 4 * std::sqrt(2 * points));
   CHECK(of_before > 2 * of_after);
 }
-

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What `rig explain` once told wrongly of sessions that others made: each is remade here by plane trigonometry.
+// What `rig explain` once told wrongly of sessions that others made: each is remade here by plane
+// trigonometry.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -40,7 +41,8 @@ bool names(const Explanation& e, const char* id) {
   return std::ranges::any_of(e.mechanisms, [&](const auto& m) { return m.mechanism->id == id; });
 }
 bool holds(const Explanation& e, const char* id) {
-  return std::ranges::any_of(e.undecided_between, [&](const auto& set) { return std::ranges::count(set, id) > 0; });
+  return std::ranges::any_of(e.undecided_between,
+                             [&](const auto& set) { return std::ranges::count(set, id) > 0; });
 }
 
 double strays_anywhere(const Sample& sample, std::mt19937& random) {
@@ -51,8 +53,8 @@ double strays_anywhere(const Sample& sample, std::mt19937& random) {
 }  // namespace
 
 TEST_CASE("samples anywhere between the lidar and its farthest range are outliers, in a room of any shape") {
-  const PlainScene scene = GENERATE(room_of(1), PlainScene{.walls = plain_bench::l_shaped, .steps = 271,
-                                                           .front_step = 135, .step_deg = 1});
+  const PlainScene scene = GENERATE(
+      room_of(1), PlainScene{.walls = plain_bench::l_shaped, .steps = 271, .front_step = 135, .step_deg = 1});
   const Explanation e = explained(scene, 11, nothing, strays_anywhere);
   INFO(to_text(e));
   REQUIRE(e.mechanisms.size() == 1);
@@ -63,7 +65,8 @@ TEST_CASE("samples anywhere between the lidar and its farthest range are outlier
 
 TEST_CASE("outliers beside an eccentricity are both named") {
   const Explanation e = explained(
-      room_of(1), 12, [](double beam, double, double) { return Deviation{.beam_rad = 0.2 * degree * std::sin(beam)}; },
+      room_of(1), 12,
+      [](double beam, double, double) { return Deviation{.beam_rad = 0.2 * degree * std::sin(beam)}; },
       strays_anywhere);
   INFO(to_text(e));
   CHECK(names(e, "outliers"));
@@ -72,15 +75,19 @@ TEST_CASE("outliers beside an eccentricity are both named") {
 }
 
 TEST_CASE("noise that grows as an exponential of a weakening echo is that of weak echoes") {
-  const Explanation e = explained(room_of(1), 13, nothing, [](const Sample& sample, std::mt19937& random) {
-    const double counts = 3e6 * std::cos(sample.incidence_rad) / sample.range_mm;
-    return sample.range_mm + std::normal_distribution<double>(0, 9 * std::exp(-counts / 500))(random);
-  }, 40);
+  const Explanation e = explained(
+      room_of(1), 13, nothing,
+      [](const Sample& sample, std::mt19937& random) {
+        const double counts = 3e6 * std::cos(sample.incidence_rad) / sample.range_mm;
+        return sample.range_mm + std::normal_distribution<double>(0, 9 * std::exp(-counts / 500))(random);
+      },
+      40);
   INFO(to_text(e));
   CHECK((names(e, "intensity-noise") || holds(e, "intensity-noise")));
 }
 
-TEST_CASE("noise at some angles that never changes and loses no echo is told as light only beside another cause") {
+TEST_CASE(
+    "noise at some angles that never changes and loses no echo is told as light only beside another cause") {
   const auto noisy = [](double lost) {
     return [=](const Sample& sample, std::mt19937& random) {
       const double away = (sample.beam_rad / degree - 30) / 12;
@@ -99,8 +106,13 @@ TEST_CASE("noise at some angles that never changes and loses no echo is told as 
 }
 
 TEST_CASE("a placement counts once in what is gained on captures that were not fitted to") {
-  PlainScene scene{.walls = {{{800, -500}, {800, 500}}}, .u_mm = 5, .u_deg = 0.5, .steps = 271, .front_step = 135,
-                   .step_deg = 1, .sigma_mm = 3};
+  PlainScene scene{.walls = {{{800, -500}, {800, 500}}},
+                   .u_mm = 5,
+                   .u_deg = 0.5,
+                   .steps = 271,
+                   .front_step = 135,
+                   .step_deg = 1,
+                   .sigma_mm = 3};
   const fit::Bench stated = plain_bench::bench_of(scene);
   std::string document = stated.document.json().dump();
   document.insert(document.find("\"name\""), "\"placed_anew\":true,");
@@ -108,7 +120,8 @@ TEST_CASE("a placement counts once in what is gained on captures that were not f
   std::mt19937 random(3);
   std::normal_distribution<double> normal;
   std::vector<double> off, turned;
-  for (int i = 0; i < 24; ++i) off.push_back(5 * normal(random)), turned.push_back(0.5 * degree * normal(random));
+  for (int i = 0; i < 24; ++i)
+    off.push_back(5 * normal(random)), turned.push_back(0.5 * degree * normal(random));
   SyntheticRecording recording(bench, [&](const fit::CaptureInfo& info, std::int64_t, auto& range, auto&) {
     const auto place = static_cast<std::size_t>(info.id - 1);
     const double away = 800 + info.target_shift_mm + off[place];
@@ -150,7 +163,8 @@ TEST_CASE("a recording without intensities is predicted by what was learnt with 
   class Dark : public Forwarded {
    public:
     using Forwarded::Forwarded;
-    void for_each_scan(std::size_t index, const std::function<void(const fit::ScanView&)>& visit) const override {
+    void for_each_scan(std::size_t index,
+                       const std::function<void(const fit::ScanView&)>& visit) const override {
       Forwarded::for_each_scan(index, [&](fit::ScanView scan) {
         scan.intensity = {};
         visit(scan);
@@ -159,8 +173,9 @@ TEST_CASE("a recording without intensities is predicted by what was learnt with 
   };
   const Dark dark(recording);
   const fit::explain::Prediction p = fit::explain::predict_recording(e.predictor, dark);
-  for (const double figure : {p.before.rms_mm, p.before.log_likelihood, p.after.rms_mm, p.after.rms_of_means_mm,
-                              p.after.log_likelihood, p.after.coverage_95, p.gain, p.u_gain})
+  for (const double figure :
+       {p.before.rms_mm, p.before.log_likelihood, p.after.rms_mm, p.after.rms_of_means_mm,
+        p.after.log_likelihood, p.after.coverage_95, p.gain, p.u_gain})
     CHECK(std::isfinite(figure));
 }
 
@@ -187,10 +202,13 @@ TEST_CASE("what a recording is worth between suspects of noise is told by the ch
 TEST_CASE("a flicker is found and taken off the samples' variance") {
   using namespace fit::explain;
   const PlainScene scene = room_of(2);
-  SyntheticRecording recording = plain_bench::recorded(scene, 18, nothing, [](const Sample& sample, std::mt19937&) {
-    const double since_s = 0.025 * static_cast<double>(sample.seq) + (sample.beam_rad / degree + 135) / 360 * 0.025;
-    return sample.range_mm + 8 * std::sin(2 * fit::pi * 100.7 * since_s + 40 * sample.stage_rad);  // out of step with captures
-  });
+  SyntheticRecording recording =
+      plain_bench::recorded(scene, 18, nothing, [](const Sample& sample, std::mt19937&) {
+        const double since_s =
+            0.025 * static_cast<double>(sample.seq) + (sample.beam_rad / degree + 135) / 360 * 0.025;
+        return sample.range_mm + 8 * std::sin(2 * fit::pi * 100.7 * since_s +
+                                              40 * sample.stage_rad);  // out of step with captures
+      });
   for (int i = 0; i < 14; ++i) {
     fit::CaptureInfo capture;
     capture.stage_rad = (41.3 * i - 140) * degree;
@@ -201,7 +219,8 @@ TEST_CASE("a flicker is found and taken off the samples' variance") {
   pool_variances(reduced);
   const auto mean_variance = [&] {
     double sum = 0;
-    for (const Cell& cell : reduced.cells) sum += cell.variance_mm2 / static_cast<double>(reduced.cells.size());
+    for (const Cell& cell : reduced.cells)
+      sum += cell.variance_mm2 / static_cast<double>(reduced.cells.size());
     return sum;
   };
   const double before = mean_variance();

@@ -6,7 +6,7 @@
 #include "fit/bench.hpp"
 #include "fit/explain/mean_model.hpp"
 #include "fit/recording.hpp"
-#include "told_noise.hpp"
+#include "noise_findings.hpp"
 #include "tests/support/rounds.hpp"
 
 namespace {
@@ -85,13 +85,13 @@ class RememberingWall : public fit::Recording {
   std::vector<fit::TrackPose> track_;
 };
 
-ToldNoise spread_of(std::vector<Part> parts, int scans, unsigned seed, std::size_t first = 99,
-                       double scan_mm = 0) {
+NoiseFindings spread_of(std::vector<Part> parts, int scans, unsigned seed, std::size_t first = 99,
+                        double scan_mm = 0) {
   const RememberingWall wall(std::move(parts), scans, seed, first, scan_mm);
-  return ToldNoise(wall);
+  return NoiseFindings(wall);
 }
 
-const Found* memory_in(const ToldNoise& result) {
+const Found* memory_in(const NoiseFindings& result) {
   for (const Found& s : result.accepted)
     if (s.mechanism->id == "correlated-noise") return &s;
   return nullptr;
@@ -103,7 +103,8 @@ TEST_CASE("noise that fades slowly is seen at shares that neighbouring scans har
   // It lasts 20 scans, and neighbours correlate by less than 0.009, or 0.02.
   int seen = 0, hardly_seen = 0, all = 0;
   for (unsigned seed = 1; seed <= rounds(10); ++seed, ++all) {
-    const ToldNoise weaker = spread_of({{0.009, 0.95}}, 150, seed), result = spread_of({{0.02, 0.95}}, 150, seed);
+    const NoiseFindings weaker = spread_of({{0.009, 0.95}}, 150, seed),
+                        result = spread_of({{0.02, 0.95}}, 150, seed);
     hardly_seen += memory_in(weaker) != nullptr;
     seen += memory_in(result) != nullptr;
     CHECK(weaker.accepted.size() <= 1);
@@ -116,7 +117,7 @@ TEST_CASE("noise that fades slowly is seen at shares that neighbouring scans har
 TEST_CASE("noise without memory is not said to have one", "[rounds]") {
   int accused = 0, all = 0;
   for (unsigned seed = 1; seed <= rounds(60); ++seed, ++all) {
-    const ToldNoise result = spread_of({}, seed % 2 == 0 ? 150 : 12, seed);
+    const NoiseFindings result = spread_of({}, seed % 2 == 0 ? 150 : 12, seed);
     accused += memory_in(result) != nullptr;
   }
   CHECK(all - accused >= least_successes(all, 0.995));
@@ -129,7 +130,7 @@ TEST_CASE("how much noise remembers, and for how long, lies within what is state
   int inside_rho = 0, inside_share = 0, all = 0;
   for (const Truth truth : {Truth{0.5, 0.3}, {0.8, 0.2}, {0.95, 0.3}, {0.3, 0.5}})
     for (unsigned seed = 1; seed <= rounds(20); ++seed) {
-      const ToldNoise result = spread_of({{truth.share, truth.rho}}, 150, seed);
+      const NoiseFindings result = spread_of({{truth.share, truth.rho}}, 150, seed);
       const Found* found = memory_in(result);
       REQUIRE(found);
       const fit::Estimate rho = found->parameters.at("rho"), share = found->parameters.at("share");
@@ -145,7 +146,7 @@ TEST_CASE("how much noise remembers, and for how long, lies within what is state
 
 TEST_CASE("what one capture remembers and the others do not is no correlated noise") {
   for (unsigned seed = 1; seed <= 5; ++seed) {
-    const ToldNoise result = spread_of({{0.8, 0.9}}, 150, seed, 1);
+    const NoiseFindings result = spread_of({{0.8, 0.9}}, 150, seed, 1);
     INFO(result.in_words());
     CHECK_FALSE(memory_in(result));
     REQUIRE(result.unknown.size() == 1);
@@ -154,7 +155,7 @@ TEST_CASE("what one capture remembers and the others do not is no correlated noi
 
 TEST_CASE("ranges that every scan draws anew for all its beams are not said to be remembered") {
   for (unsigned seed = 1; seed <= 5; ++seed) {
-    const ToldNoise result = spread_of({}, 150, seed, 99, 1.5);
+    const NoiseFindings result = spread_of({}, 150, seed, 99, 1.5);
     INFO(result.in_words());
     CHECK_FALSE(memory_in(result));
     REQUIRE(result.unknown.size() == 1);

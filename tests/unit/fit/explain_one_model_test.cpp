@@ -52,7 +52,8 @@ TEST_CASE("one model: a size of the wrong sign is no evidence, however far it is
 TEST_CASE("one model: a size a hundred times the catalogue's costs more than a typical one, but not all") {
   // Both are seen as clearly, ten standard uncertainties from zero.
   const auto seen = [](double size) {
-    return Quadratic{Eigen::MatrixXd::Constant(1, 1, 100 / (size * size)), Eigen::VectorXd::Constant(1, 100 / size)};
+    return Quadratic{Eigen::MatrixXd::Constant(1, 1, 100 / (size * size)),
+                     Eigen::VectorXd::Constant(1, 100 / size)};
   };
   const double typical = integrate_over_factors(seen(1), one_size(1, 0, 0)).log_evidence,
                huge = integrate_over_factors(seen(100), one_size(1, 0, 0)).log_evidence;
@@ -78,8 +79,10 @@ TEST_CASE("one model: every channel's score and information are the slopes of it
     const double at = kind.id == "variance" ? 30 : 0.3, step = 1e-4 * at;
     const Eigen::VectorXd eta = Eigen::VectorXd::Constant(rows->rows(), at);
     // No pattern that a channel takes off, as whole scans' does its mean.
-    const Eigen::VectorXd one = Eigen::VectorXd::NullaryExpr(rows->rows(), [](Eigen::Index i) { return 1 + 0.1 * (i % 7); });
-    const double slope = (rows->log_likelihood(eta + step * one) - rows->log_likelihood(eta - step * one)) / (2 * step);
+    const Eigen::VectorXd one =
+        Eigen::VectorXd::NullaryExpr(rows->rows(), [](Eigen::Index i) { return 1 + 0.1 * (i % 7); });
+    const double slope =
+        (rows->log_likelihood(eta + step * one) - rows->log_likelihood(eta - step * one)) / (2 * step);
     const Eigen::MatrixXd white = rows->whitened(one, eta);
     CHECK((white.transpose() * rows->white_residual(eta))(0, 0) == Approx(slope).epsilon(1e-4));
     CHECK(white.squaredNorm() > 0);
@@ -109,12 +112,15 @@ TEST_CASE("one model: a wrong scale of the range is named, and the bench's prior
   const fit::Bench stated = ImaginedRoom::bench();
   for (std::size_t i = 0; i < stated.targets.size(); ++i) {
     const Eigen::Vector2d moved = (e.bench.targets[i].from_mm + e.bench.targets[i].to_mm -
-                                   stated.targets[i].from_mm - stated.targets[i].to_mm) / 2;
+                                   stated.targets[i].from_mm - stated.targets[i].to_mm) /
+                                  2;
     CHECK(std::abs(moved.dot(stated.targets[i].outward_normal())) < 5);
   }
 }
 
-TEST_CASE("one model: means, variances and strays are one fit: what acts in two channels is found beside the other") {
+TEST_CASE(
+    "one model: means, variances and strays are one fit: what acts in two channels is found beside the "
+    "other") {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> share;
   ImaginedRoom room;

@@ -13,8 +13,8 @@ using plain_bench::degree;
 using plain_bench::PlainScene;
 using plain_bench::Point;
 
-/// A board of that width brought from 0.5 to so many metres, squarely before the lidar; ranges as `spoil` makes
-/// them.
+/// A board of that width brought from 0.5 to so many metres, squarely before the lidar; ranges as `spoil`
+/// makes them.
 Explanation explained_ladder(double width_mm, int rungs, double apart_mm, unsigned seed,
                              const std::function<double(double range_mm)>& spoil) {
   const PlainScene scene{.walls = {{{500, -width_mm / 2}, {500, width_mm / 2}}},
@@ -27,21 +27,21 @@ Explanation explained_ladder(double width_mm, int rungs, double apart_mm, unsign
   std::normal_distribution<double> normal;
   const PlainScene stands = plain_bench::drawn(scene, random);
   const plain_bench::Mount mount{3 * normal(random), 3 * normal(random), 0.3 * normal(random)};
-  SyntheticRecording recording(
-      plain_bench::bench_of(scene), [&](const fit::CaptureInfo& info, std::int64_t, auto& range, auto& intensity) {
-        PlainScene there = stands;
-        const Point shift(info.target_shift_mm, 0);
-        there.walls[0] = {there.walls[0].from + shift, there.walls[0].to + shift};
-        for (std::size_t k = 0; k < range.size(); ++k) {
-          const double beam = (info.first_step + static_cast<double>(k) - 540) * 0.25 * degree;
-          const auto met = plain_bench::look(there, mount, info.stage_rad, beam);
-          range[k] = intensity[k] = 0;
-          if (!met) continue;
-          range[k] =
-              static_cast<std::uint16_t>(std::lround(met->range_mm + spoil(met->range_mm) + 5 * normal(random)));
-          intensity[k] = static_cast<std::uint16_t>(3e6 / met->range_mm);
-        }
-      });
+  SyntheticRecording recording(plain_bench::bench_of(scene), [&](const fit::CaptureInfo& info, std::int64_t,
+                                                                 auto& range, auto& intensity) {
+    PlainScene there = stands;
+    const Point shift(info.target_shift_mm, 0);
+    there.walls[0] = {there.walls[0].from + shift, there.walls[0].to + shift};
+    for (std::size_t k = 0; k < range.size(); ++k) {
+      const double beam = (info.first_step + static_cast<double>(k) - 540) * 0.25 * degree;
+      const auto met = plain_bench::look(there, mount, info.stage_rad, beam);
+      range[k] = intensity[k] = 0;
+      if (!met) continue;
+      range[k] =
+          static_cast<std::uint16_t>(std::lround(met->range_mm + spoil(met->range_mm) + 5 * normal(random)));
+      intensity[k] = static_cast<std::uint16_t>(3e6 / met->range_mm);
+    }
+  });
   for (int i = 0; i < rungs; ++i) {
     fit::CaptureInfo capture;
     capture.target = "wall 1";

@@ -23,7 +23,8 @@ Explanation explained(const PlainScene& scene, unsigned seed, const plain_bench:
 
 const PlainScene l_room{.walls = plain_bench::l_shaped}, corridor{.walls = plain_bench::corridor},
     furnished{.walls = plain_bench::furnished},
-    with_posts{.walls = plain_bench::furnished, .posts = {{{-900, 500}, 80}, {{500, -1000}, 55}, {{300, 1200}, 40}}};
+    with_posts{.walls = plain_bench::furnished,
+               .posts = {{{-900, 500}, 80}, {{500, -1000}, 55}, {{300, 1200}, 40}}};
 
 /// Every second or fourth beam of the lidar.
 PlainScene at_spacing(PlainScene scene, double step_deg) {
@@ -42,21 +43,23 @@ bool names_or_holds(const Explanation& e, const char* id) {
 }  // namespace
 
 TEST_CASE("nothing is missing in scenes of any shape") {
-  const auto& [scene, what] = GENERATE(table<PlainScene, const char*>({{l_room, "an L-shaped room"},
-                                                                       {corridor, "a corridor"},
-                                                                       {furnished, "boards before walls"},
-                                                                       {with_posts, "round posts"},
-                                                                       {at_spacing(l_room, 1), "beams 1 deg apart"}}));
+  const auto& [scene, what] =
+      GENERATE(table<PlainScene, const char*>({{l_room, "an L-shaped room"},
+                                               {corridor, "a corridor"},
+                                               {furnished, "boards before walls"},
+                                               {with_posts, "round posts"},
+                                               {at_spacing(l_room, 1), "beams 1 deg apart"}}));
   const Explanation e = explained(scene, 3, nothing);
   INFO(what << "\n" << to_text(e));
   CHECK(e.verdict == "nothing-missing");
 }
 
 TEST_CASE("a code disk off its axis is found in scenes of any shape") {
-  const auto& [scene, what] = GENERATE(table<PlainScene, const char*>({{l_room, "an L-shaped room"},
-                                                                       {furnished, "boards before walls"},
-                                                                       {with_posts, "round posts"},
-                                                                       {at_spacing(l_room, 1), "beams 1 deg apart"}}));
+  const auto& [scene, what] =
+      GENERATE(table<PlainScene, const char*>({{l_room, "an L-shaped room"},
+                                               {furnished, "boards before walls"},
+                                               {with_posts, "round posts"},
+                                               {at_spacing(l_room, 1), "beams 1 deg apart"}}));
   const Explanation e = explained(scene, 4, [](double beam, double, double) {
     return Deviation{.beam_rad = 0.12 * degree * std::sin(beam + 0.7)};
   });

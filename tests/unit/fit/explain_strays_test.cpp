@@ -4,14 +4,14 @@
 #include <cmath>
 #include <random>
 
+#include "noise_findings.hpp"
 #include "synthetic_recording.hpp"
-#include "told_noise.hpp"
 #include "tests/support/rounds.hpp"
 
 namespace {
 
 /// What is said of a wall 1.5 m away whose samples are dust between lidar and wall now and then, or nothing.
-ToldNoise dusty_wall(double fraction, unsigned seed, double lost = 0) {
+NoiseFindings dusty_wall(double fraction, unsigned seed, double lost = 0) {
   const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 101, "front_step": 50,
     "step_deg": 0.5, "scan_hz": 40}, "targets": [{"name": "wall", "from_mm": [1500, -4000], "to_mm": [1500, 4000],
     "u_mm": 1}], "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 10, "u": 0.2}}}]})");
@@ -30,7 +30,7 @@ ToldNoise dusty_wall(double fraction, unsigned seed, double lost = 0) {
   fit::CaptureInfo capture;
   capture.last_step = 100;
   for (int i = 0; i < 3; ++i) wall.add(capture, 100);
-  return ToldNoise(wall);
+  return NoiseFindings(wall);
 }
 
 }  // namespace
@@ -40,7 +40,7 @@ TEST_CASE("the fraction of outliers counts those that noise hides, and its uncer
   int covered = 0, undecided = 0, all = 0;
   double sum = 0;
   for (unsigned seed = 1; seed <= rounds(60); ++seed, ++all) {
-    const ToldNoise result = dusty_wall(truth, seed);
+    const NoiseFindings result = dusty_wall(truth, seed);
     INFO("seed " << seed << ": " << result.in_words());
     if (result.accepted.empty()) {  // three of a hundred may look like a tail
       ++undecided;
@@ -63,12 +63,12 @@ TEST_CASE("the fraction of outliers counts those that noise hides, and its uncer
 
 TEST_CASE("dust from which nothing comes back is dust, and echoes that go without it are missing") {
   for (const unsigned seed : {1u, 2u, 3u}) {
-    const ToldNoise few = dusty_wall(0.05, seed, 0.001);
+    const NoiseFindings few = dusty_wall(0.05, seed, 0.001);
     INFO(few.in_words());
     REQUIRE(few.accepted.size() == 1);
     CHECK(few.accepted.front().mechanism->id == "outliers");
     CHECK(few.unknown.empty());
-    const ToldNoise many = dusty_wall(0.05, seed, 0.01);
+    const NoiseFindings many = dusty_wall(0.05, seed, 0.01);
     INFO(many.in_words());
     if (many.unknown.empty()) {
       REQUIRE(many.undecided.size() == 1);

@@ -8,11 +8,10 @@
 #include <string>
 
 #include "fit/bench.hpp"
+#include "noise_findings.hpp"
 #include "synthetic_recording.hpp"
-#include "told_noise.hpp"
 
 namespace {
-
 
 /// A comparator that fires where a Gaussian pulse crosses its threshold, with electronic noise on top.
 struct Receiver {
@@ -34,7 +33,7 @@ struct Receiver {
 };
 
 /// A wall 1.5 m ahead, seen from square on to far aside, where its echo is an eighth as strong.
-ToldNoise spread_of(Receiver receiver) {
+NoiseFindings spread_of(Receiver receiver) {
   constexpr int steps = 121;
   const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 121,
     "front_step": 60, "step_deg": 1, "scan_hz": 40}, "targets": [{"name": "wall", "from_mm": [1500, -4000],
@@ -54,11 +53,11 @@ ToldNoise spread_of(Receiver receiver) {
   fit::CaptureInfo capture;
   capture.last_step = steps - 1;
   for (int i = 0; i < 4; ++i) wall.add(capture, 150);
-  return ToldNoise(wall);
+  return NoiseFindings(wall);
 }
 
 /// A board that is moved from 0.3 to 8 m away, in two greys, seen nearly square on.
-ToldNoise spread_of_ladder(Receiver receiver) {
+NoiseFindings spread_of_ladder(Receiver receiver) {
   const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 1081,
     "front_step": 540, "step_deg": 0.25, "scan_hz": 40}, "targets": [{"name": "board", "from_mm": [300, -250],
     "to_mm": [300, 250], "u_mm": 1.5}],
@@ -86,10 +85,10 @@ ToldNoise spread_of_ladder(Receiver receiver) {
       capture.started_us = 20'000'000LL * i;
       ladder.add(capture, 60);
     }
-  return ToldNoise(ladder);
+  return NoiseFindings(ladder);
 }
 
-std::set<std::string> named(const ToldNoise& result) {
+std::set<std::string> named(const NoiseFindings& result) {
   std::set<std::string> names;
   for (const fit::explain::Found& s : result.accepted) names.insert(s.mechanism->id);
   return names;
@@ -98,7 +97,7 @@ std::set<std::string> named(const ToldNoise& result) {
 }  // namespace
 
 TEST_CASE("echoes that are about to be lost scatter more: that is no other physics than the loss") {
-  const ToldNoise result = spread_of({.threshold = 0.065, .noise = 0.001});
+  const NoiseFindings result = spread_of({.threshold = 0.065, .noise = 0.001});
   INFO(result.in_words());
   CHECK(named(result) == std::set<std::string>{"dropout"});
   CHECK(result.undecided.empty());
@@ -106,11 +105,10 @@ TEST_CASE("echoes that are about to be lost scatter more: that is no other physi
 }
 
 TEST_CASE("a receiver's noise shows more on weak echoes, and none is lost: that is no loss") {
-  const ToldNoise result = spread_of({.noise = 0.002, .of_the_peak = true});
+  const NoiseFindings result = spread_of({.noise = 0.002, .of_the_peak = true});
   // Before one wall, what is weak is also seen at a slant, where a loose mirror would show: a set, perhaps.
   std::set<std::string> suspected = named(result);
-  for (const auto& set : result.undecided)
-    suspected.insert(set.begin(), set.end());
+  for (const auto& set : result.undecided) suspected.insert(set.begin(), set.end());
   CHECK(suspected.contains("intensity-noise"));
   CHECK_FALSE(suspected.contains("dropout"));
 }
@@ -118,7 +116,7 @@ TEST_CASE("a receiver's noise shows more on weak echoes, and none is lost: that 
 TEST_CASE("noise near the threshold follows no power of the echo: the rest of it is no scatter of angles") {
   const double share = GENERATE(0.3, 0.5, 0.7, 0.8, 0.9), noise = GENERATE(0.02, 0.04, 0.08);
   constexpr double weakest = 0.4 / (7.65 * 7.65);
-  const ToldNoise result =
+  const NoiseFindings result =
       spread_of_ladder({.threshold = share * weakest, .noise = noise * share * weakest});
   INFO(share << " " << noise);
   CHECK_FALSE(named(result).contains("angle-jitter"));

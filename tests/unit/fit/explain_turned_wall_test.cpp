@@ -25,7 +25,8 @@ TEST_CASE("a wall of a room may be turned so far that its corners move by its ne
       for (std::size_t i = 0; i < bench.targets.size(); ++i) {
         const fit::Target& wall = bench.targets[i];
         const Eigen::Vector2d middle = (wall.from_mm + wall.to_mm) / 2;
-        const Eigen::Vector2d normal = Eigen::Rotation2D<double>(nuisance.turn_rad[i]) * wall.outward_normal();
+        const Eigen::Vector2d normal =
+            Eigen::Rotation2D<double>(nuisance.turn_rad[i]) * wall.outward_normal();
         const double far = normal.dot(middle) / normal.dot(ray);
         if (far > 0) nearest = std::min(nearest, far);
       }

@@ -6,15 +6,14 @@
 #include <cmath>
 #include <random>
 
+#include "noise_findings.hpp"
 #include "synthetic_recording.hpp"
-#include "told_noise.hpp"
 #include "tests/support/rounds.hpp"
 
 namespace {
 
-
 /// 40 captures of six scans; the stage's angle differs from scan to scan by `jitter_deg`.
-ToldNoise spread_of(double jitter_deg, unsigned seed) {
+NoiseFindings spread_of(double jitter_deg, unsigned seed) {
   const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 121, "front_step": 60,
     "step_deg": 1, "scan_hz": 40}, "targets": [{"name": "wall", "from_mm": [1000, -6000], "to_mm": [1000, 6000],
     "u_mm": 1}], "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 5, "u": 0.25}}}]})");
@@ -36,19 +35,20 @@ ToldNoise spread_of(double jitter_deg, unsigned seed) {
     capture.since_power_on_s = 600 + 30 * i;
     wall.add(capture, 6);
   }
-  return ToldNoise(wall);
+  return NoiseFindings(wall);
 }
 
-bool holds(const ToldNoise& result, const char* id) {
+bool holds(const NoiseFindings& result, const char* id) {
   return std::ranges::any_of(result.accepted, [&](const auto& s) { return s.mechanism->id == id; }) ||
-         std::ranges::any_of(result.undecided, [&](const auto& set) { return std::ranges::count(set, id) > 0; });
+         std::ranges::any_of(result.undecided,
+                             [&](const auto& set) { return std::ranges::count(set, id) > 0; });
 }
 
 }  // namespace
 
 TEST_CASE("noise that differs from beam to beam is nothing that whole scans have in common", "[rounds]") {
   for (unsigned seed = 1; seed <= rounds(20); ++seed) {
-    const ToldNoise result = spread_of(0, seed);
+    const NoiseFindings result = spread_of(0, seed);
     INFO("seed " << seed << ": " << result.in_words());
     CHECK_FALSE(holds(result, "angle-jitter"));
     CHECK_FALSE(holds(result, "correlated-noise"));
@@ -58,7 +58,7 @@ TEST_CASE("noise that differs from beam to beam is nothing that whole scans have
 TEST_CASE("beside such noise a stage that jitters is found", "[rounds]") {
   constexpr double jitter_deg = 0.1;
   for (unsigned seed = 1; seed <= rounds(10); ++seed) {
-    const ToldNoise result = spread_of(jitter_deg, seed);
+    const NoiseFindings result = spread_of(jitter_deg, seed);
     INFO("seed " << seed << ": " << result.in_words());
     const auto jitter = std::ranges::find_if(
         result.accepted, [](const auto& s) { return s.mechanism->id == std::string("angle-jitter"); });

@@ -5,20 +5,18 @@
 #include <random>
 #include <set>
 #include <string>
-#include <string>
 
+#include "noise_findings.hpp"
 #include "synthetic_recording.hpp"
-#include "told_noise.hpp"
 #include "tests/support/rounds.hpp"
 
 namespace {
-
 
 /// Where a sample falls beside its true range, mm.
 using Noise = std::function<double(double beam_rad, double range_mm, std::mt19937& random)>;
 
 /// What is said of a wall, 1 to 3 m away, seen by 121 beams, whose bench states 5 mm of noise.
-ToldNoise spread_of(const Noise& noise, unsigned seed) {
+NoiseFindings spread_of(const Noise& noise, unsigned seed) {
   const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 121, "front_step": 60,
     "step_deg": 1, "scan_hz": 40}, "targets": [{"name": "wall", "from_mm": [1000, -6000], "to_mm": [1000, 6000],
     "u_mm": 1}], "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 5, "u": 0.25}}}]})");
@@ -41,7 +39,7 @@ ToldNoise spread_of(const Noise& noise, unsigned seed) {
     capture.since_power_on_s = 600 + 30 * i;
     wall.add(capture, 120);
   }
-  return ToldNoise(wall);
+  return NoiseFindings(wall);
 }
 
 double normal(std::mt19937& random) { return std::normal_distribution<double>()(random); }
@@ -53,7 +51,7 @@ Noise with_more(const std::function<double(double beam_rad, double range_mm)>& s
   };
 }
 
-void check_unknown(const ToldNoise& result, fit::Observable observable, fit::Coordinate coordinate) {
+void check_unknown(const NoiseFindings& result, fit::Observable observable, fit::Coordinate coordinate) {
   INFO(result.in_words());
   CHECK(result.accepted.empty());
   REQUIRE(result.unknown.size() == 1);
@@ -78,7 +76,7 @@ TEST_CASE("noise of the catalogue keeps its name, strong as it may be and with a
   for (const double strength : {0.5, 3.0, 10.0}) {
     const auto light =
         with_more([&](double beam, double) { return strength / (1 + std::pow((beam - 0.3) / 0.25, 6)); });
-    const ToldNoise result = spread_of(light, 5);
+    const NoiseFindings result = spread_of(light, 5);
     INFO(result.in_words());
     CHECK(result.unknown.empty());
     // Light that neither comes and goes nor drowns echoes looks like noise local in the beam.
@@ -89,7 +87,7 @@ TEST_CASE("noise of the catalogue keeps its name, strong as it may be and with a
   for (const double strength : {1.0, 5.0}) {
     const auto weak = with_more(
         [&](double beam, double range) { return strength * std::pow(range / 3000 / std::cos(beam), 2); });
-    const ToldNoise result = spread_of(weak, 6);
+    const NoiseFindings result = spread_of(weak, 6);
     INFO(result.in_words());
     CHECK(result.unknown.empty());
     REQUIRE(result.accepted.size() == 1);
@@ -97,12 +95,13 @@ TEST_CASE("noise of the catalogue keeps its name, strong as it may be and with a
   }
 }
 
-TEST_CASE("constant noise, even with heavier tails than a normal distribution's, is no law of anything", "[rounds]") {
+TEST_CASE("constant noise, even with heavier tails than a normal distribution's, is no law of anything",
+          "[rounds]") {
   for (unsigned seed = 1; seed <= rounds(20); ++seed) {
-    const ToldNoise plain = spread_of(with_more([](double, double) { return 0; }), seed);
+    const NoiseFindings plain = spread_of(with_more([](double, double) { return 0; }), seed);
     CHECK(plain.unknown.empty());
     CHECK(plain.accepted.empty());
-    const ToldNoise tailed = spread_of(
+    const NoiseFindings tailed = spread_of(
         [](double, double, std::mt19937& random) {  // Student's t, 5 degrees of freedom, of variance 25
           return 5 * std::sqrt(0.6) * std::student_t_distribution<double>(5)(random);
         },
@@ -119,7 +118,7 @@ TEST_CASE("a tail of late samples is unknown, and a ghost at one range is not") 
     const double share = std::uniform_real_distribution<double>()(random);
     return 5 * normal(random) + (share < 0.02 ? std::exponential_distribution<double>(1 / 40.0)(random) : 0);
   };
-  const ToldNoise late = spread_of(tail, 7);
+  const NoiseFindings late = spread_of(tail, 7);
   INFO(late.in_words());
   REQUIRE(late.unknown.size() == 1);
   CHECK(late.unknown.front().observable == fit::Observable::range_distribution);
@@ -128,7 +127,7 @@ TEST_CASE("a tail of late samples is unknown, and a ghost at one range is not") 
     const double share = std::uniform_real_distribution<double>()(random);
     return share < 0.01 ? 400 - range + 5 * normal(random) : 5 * normal(random);
   };
-  const ToldNoise seen = spread_of(ghost, 8);
+  const NoiseFindings seen = spread_of(ghost, 8);
   CHECK(seen.unknown.empty());
   REQUIRE(seen.accepted.size() == 1);
   CHECK(seen.accepted.front().mechanism->id == "outliers");

@@ -65,7 +65,7 @@ bool is_located(const Explanation& e, fit::Coordinate coordinate, double from, d
 
 }  // namespace
 
-TEST_CASE("the sun that comes in for a few captures is told with its beams and its times") {
+TEST_CASE("the sun that comes in for a few captures is reported with its beams and its times") {
   // From -20 to 20 deg in the captures from 260 to 430 s.
   const Explanation e = explained([](double beam_deg, double time_s, double) {
     const bool shines = std::abs(beam_deg) < 20 && time_s > 255 && time_s < 435;
@@ -146,7 +146,7 @@ TEST_CASE("a lamp's flicker is unknown physics with its frequency, and nothing e
   CHECK(named <= 1);  // of eight, by chance
 }
 
-TEST_CASE("without light nothing is told") {
+TEST_CASE("without light nothing is reported") {
   for (const unsigned seed : {1u, 2u, 3u}) {
     const Explanation e = explained([](double, double, double) { return Light{}; }, seed == 3 ? 24 : 8, seed);
     INFO(to_text(e));

@@ -25,9 +25,17 @@ std::map<std::string, std::string> entries() {
 
 /// By what the name says.
 std::string unit_of(const std::string& name) {
-  static const std::pair<const char*, const char*> by_end[] = {
-      {"_mm_at_1000_counts", "mm"}, {"_mm_per_100_counts", "mm"}, {"_mm_per_k", "mm/K"}, {"_per_k", "1/K"},
-      {"_deg2", "deg²"}, {"_mm", "mm"}, {"_deg", "deg"}, {"_ms", "ms"}, {"_s", "s"}, {"_hz", "Hz"}, {"_counts", "counts"}};
+  static const std::pair<const char*, const char*> by_end[] = {{"_mm_at_1000_counts", "mm"},
+                                                               {"_mm_per_100_counts", "mm"},
+                                                               {"_mm_per_k", "mm/K"},
+                                                               {"_per_k", "1/K"},
+                                                               {"_deg2", "deg²"},
+                                                               {"_mm", "mm"},
+                                                               {"_deg", "deg"},
+                                                               {"_ms", "ms"},
+                                                               {"_s", "s"},
+                                                               {"_hz", "Hz"},
+                                                               {"_counts", "counts"}};
   for (const auto& [end, unit] : by_end)
     if (name.ends_with(end)) return unit;
   const bool in_counts = name == "intensity_scale" || name == "intensity_min" || name == "width";
@@ -36,7 +44,8 @@ std::string unit_of(const std::string& name) {
 
 }  // namespace
 
-TEST_CASE("the page of mechanisms has every mechanism with its parameters, units and usual sizes, and no other") {
+TEST_CASE(
+    "the page of mechanisms has every mechanism with its parameters, units and usual sizes, and no other") {
   const auto page = entries();
   CHECK(page.size() == fit::catalogue().size());
   for (const fit::Mechanism& m : fit::catalogue()) {
@@ -44,7 +53,8 @@ TEST_CASE("the page of mechanisms has every mechanism with its parameters, units
     REQUIRE(page.contains(m.id));
     const std::string& entry = page.at(m.id);
     std::size_t parameters = 0;
-    for (std::size_t at = entry.find("- Parameters: "); at < entry.find("- Literature: "); at = entry.find('`', at + 1))
+    for (std::size_t at = entry.find("- Parameters: "); at < entry.find("- Literature: ");
+         at = entry.find('`', at + 1))
       ++parameters;
     CHECK(parameters == 1 + 2 * m.parameters.size());  // two quotes each
     for (const fit::Parameter& p : m.parameters) {

@@ -215,10 +215,22 @@ std::vector<double> values_of(const fit::Mechanism& mechanism, const Equation& e
 
 /// All that an effect says, in one row.
 std::vector<double> told(const fit::Effect& e) {
-  return {e.range_mm,     e.beam_rad,      e.stage_rad,      e.origin_mm.x(), e.origin_mm.y(),
-          e.variance_mm2, e.memory_rho,    e.memory_share,   e.lost,          e.scan_angle_variance_rad2, e.beam_angle_variance_rad2,
+  return {e.range_mm,
+          e.beam_rad,
+          e.stage_rad,
+          e.origin_mm.x(),
+          e.origin_mm.y(),
+          e.variance_mm2,
+          e.memory_rho,
+          e.memory_share,
+          e.lost,
+          e.scan_angle_variance_rad2,
+          e.beam_angle_variance_rad2,
           e.scan_range_variance_mm2,
-          e.stray,        e.footprint_rad, e.output_step_mm, e.log_intensity};
+          e.stray,
+          e.footprint_rad,
+          e.output_step_mm,
+          e.log_intensity};
 }
 
 /// Beams that differ in all that anything may depend on.
@@ -309,7 +321,8 @@ TEST_CASE("every mechanism of the catalogue does what its equation in docs/metho
     CHECK(fit::find_mechanism(id) != nullptr);
   }
   for (const fit::Mechanism& mechanism : fit::catalogue()) {
-    INFO(mechanism.id << " needs an equation here, written from docs/method/mechanisms.md and not from its file");
+    INFO(mechanism.id
+         << " needs an equation here, written from docs/method/mechanisms.md and not from its file");
     const auto found = equations().find(mechanism.id);
     REQUIRE(found != equations().end());
     const std::vector<double> values = values_of(mechanism, found->second);

@@ -160,7 +160,8 @@ TEST_CASE("the clocks' offset is found for samples too, however large, and each 
   CHECK(std::abs(error_in_u(fit, 2, 201)) < 3);
 }
 
-TEST_CASE("an offset that the motion does not show, or that lies beyond the search, is not passed off as found") {
+TEST_CASE(
+    "an offset that the motion does not show, or that lies beyond the search, is not passed off as found") {
   std::vector<Run> runs(3);
   for (Run& run : runs) run.pose_u_mm = 0.3, run.pose_u_rad = 0.002, run.constant = true;
   const Truth truth;

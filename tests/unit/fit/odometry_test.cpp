@@ -112,7 +112,7 @@ TEST_CASE("samples of a slipping robot are dropped") {
     CHECK(std::abs(fit.robot.vector()[i] - truth.vector()[i]) < 4 * std::sqrt(fit.covariance(i, i)));
 }
 
-TEST_CASE("motion that leaves parameters unobservable is told in words") {
+TEST_CASE("motion that leaves parameters unobservable is reported in words") {
   const auto straight = fit::fit_odometry(drive({{6, 6}, {-5, -5}, {3, 3}}, 300, 4));
   REQUIRE(straight.undetermined.size() == 1);
   CHECK_THAT(straight.undetermined[0], Catch::Contains("only straight"));

@@ -39,22 +39,24 @@ inline std::string number(double value) { return std::to_string(value); }
 
 inline fit::Bench bench_of(const PlainScene& scene) {
   const auto point = [](Point p) { return "[" + number(p.real()) + "," + number(p.imag()) + "]"; };
-  std::string text = R"({"schema": "bench/1", "lidar": {"scan_hz": 40, "steps": )" + std::to_string(scene.steps) +
-                     R"(, "front_step": )" + std::to_string(scene.front_step) + R"(, "step_deg": )" +
-                     number(scene.step_deg) + R"(, "mount": {"x_mm": {"value": 0, "u": )" + number(scene.u_mount_mm) +
+  std::string text = R"({"schema": "bench/1", "lidar": {"scan_hz": 40, "steps": )" +
+                     std::to_string(scene.steps) + R"(, "front_step": )" + std::to_string(scene.front_step) +
+                     R"(, "step_deg": )" + number(scene.step_deg) +
+                     R"(, "mount": {"x_mm": {"value": 0, "u": )" + number(scene.u_mount_mm) +
                      R"(}, "y_mm": {"value": 0, "u": )" + number(scene.u_mount_mm) +
                      R"(}, "yaw_deg": {"value": 0, "u": )" + number(scene.u_yaw_deg) + R"(}}}, "targets": [)";
   std::string separator;
   for (std::size_t i = 0; i < scene.walls.size(); ++i, separator = ",")
-    text += separator + R"({"name": "wall )" + std::to_string(i + 1) + R"(", "from_mm": )" + point(scene.walls[i].from) +
-            R"(, "to_mm": )" + point(scene.walls[i].to) + R"(, "u_mm": )" + number(scene.u_mm) + R"(, "u_deg": )" +
-            number(scene.u_deg) + "}";
+    text += separator + R"({"name": "wall )" + std::to_string(i + 1) + R"(", "from_mm": )" +
+            point(scene.walls[i].from) + R"(, "to_mm": )" + point(scene.walls[i].to) + R"(, "u_mm": )" +
+            number(scene.u_mm) + R"(, "u_deg": )" + number(scene.u_deg) + "}";
   for (std::size_t i = 0; i < scene.posts.size(); ++i, separator = ",")
     text += separator + R"({"name": "post )" + std::to_string(i + 1) + R"(", "centre_mm": )" +
-            point(scene.posts[i].centre) + R"(, "radius_mm": )" + number(scene.posts[i].radius) + R"(, "u_mm": )" +
-            number(scene.u_mm) + R"(, "u_radius_mm": 0.3})";
-  return fit::parse_bench(text + R"(], "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": )" +
-                          number(scene.sigma_mm) + R"(, "u": )" + number(scene.u_sigma_mm) + "}}}]}");
+            point(scene.posts[i].centre) + R"(, "radius_mm": )" + number(scene.posts[i].radius) +
+            R"(, "u_mm": )" + number(scene.u_mm) + R"(, "u_radius_mm": 0.3})";
+  return fit::parse_bench(
+      text + R"(], "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": )" +
+      number(scene.sigma_mm) + R"(, "u": )" + number(scene.u_sigma_mm) + "}}}]}");
 }
 
 /// The scene as it really stands; corners stay corners.
@@ -63,7 +65,8 @@ inline PlainScene drawn(PlainScene scene, std::mt19937& random, bool walls = tru
   if (!walls) return scene;
   const std::vector<Wall> stated = scene.walls;
   for (Wall& wall : scene.walls) {
-    const Point along = (wall.to - wall.from) / std::abs(wall.to - wall.from), middle = (wall.from + wall.to) / 2.0;
+    const Point along = (wall.to - wall.from) / std::abs(wall.to - wall.from),
+                middle = (wall.from + wall.to) / 2.0;
     const Point shift = along * Point(0, scene.u_mm * normal(random));
     const Point turn = std::polar(1.0, scene.u_deg * degree * normal(random));
     const Point half = (wall.to - wall.from) / 2.0 * turn;
@@ -80,7 +83,8 @@ inline PlainScene drawn(PlainScene scene, std::mt19937& random, bool walls = tru
       if (i == j) continue;
       for (const auto own : {&Wall::from, &Wall::to})
         for (const auto other : {&Wall::from, &Wall::to})
-          if (std::abs(stated[i].*own - stated[j].*other) < 1) scene.walls[i].*own = crossed(moved[i], moved[j]);
+          if (std::abs(stated[i].*own - stated[j].*other) < 1)
+            scene.walls[i].*own = crossed(moved[i], moved[j]);
     }
   for (Post& post : scene.posts) post.centre += scene.u_mm * Point(normal(random), normal(random));
   return scene;
@@ -111,9 +115,11 @@ struct Sample {
   std::size_t target;
 };
 using Conceal = std::function<Deviation(double beam_rad, double stage_rad, double time_s)>;
-using Spoil = std::function<double(const Sample&, std::mt19937&)>;  ///< Another range (mm) of a sample; 0: none.
+using Spoil =
+    std::function<double(const Sample&, std::mt19937&)>;  ///< Another range (mm) of a sample; 0: none.
 
-/// The scene seen by a lidar whose mount is drawn from its uncertainties too; intensities by 1/r and the cosine.
+/// The scene seen by a lidar whose mount is drawn from its uncertainties too; intensities by 1/r and the
+/// cosine.
 inline SyntheticRecording recorded(const PlainScene& stated, unsigned seed, const Conceal& conceal,
                                    const Spoil& spoil = {}) {
   auto random = std::make_shared<std::mt19937>(seed);
@@ -122,27 +128,30 @@ inline SyntheticRecording recorded(const PlainScene& stated, unsigned seed, cons
   const Mount mount{stated.u_mount_mm * normal(*random), stated.u_mount_mm * normal(*random),
                     stated.u_yaw_deg * normal(*random)};
   const fit::Bench bench = bench_of(stated);
-  return {bench, [=](const fit::CaptureInfo& info, std::int64_t seq, auto& range, auto& intensity) {
-            std::normal_distribution<double> noise(0, scene.sigma_mm);
-            const double time_s = info.since_power_on_s.value_or(0) + 0.025 * static_cast<double>(seq);
-            for (std::size_t k = 0; k < range.size(); ++k) {
-              const double beam =
-                  (static_cast<double>(info.first_step) + static_cast<double>(k) - scene.front_step) * scene.step_deg * degree;
-              const auto met = look(scene, mount, info.stage_rad, beam, conceal(beam, info.stage_rad, time_s));
-              range[k] = intensity[k] = 0;
-              if (!met) continue;
-              double seen = met->range_mm + noise(*random);
-              if (spoil)
-                seen = spoil({beam, info.stage_rad, time_s, seen, met->incidence_rad, seq, met->wall}, *random);
-              if (seen < 30 || seen > 60000) continue;
-              range[k] = static_cast<std::uint16_t>(std::lround(seen));
-              intensity[k] = static_cast<std::uint16_t>(3e6 * std::cos(met->incidence_rad) / met->range_mm);
-            }
-          }};
+  return {
+      bench, [=](const fit::CaptureInfo& info, std::int64_t seq, auto& range, auto& intensity) {
+        std::normal_distribution<double> noise(0, scene.sigma_mm);
+        const double time_s = info.since_power_on_s.value_or(0) + 0.025 * static_cast<double>(seq);
+        for (std::size_t k = 0; k < range.size(); ++k) {
+          const double beam =
+              (static_cast<double>(info.first_step) + static_cast<double>(k) - scene.front_step) *
+              scene.step_deg * degree;
+          const auto met = look(scene, mount, info.stage_rad, beam, conceal(beam, info.stage_rad, time_s));
+          range[k] = intensity[k] = 0;
+          if (!met) continue;
+          double seen = met->range_mm + noise(*random);
+          if (spoil)
+            seen = spoil({beam, info.stage_rad, time_s, seen, met->incidence_rad, seq, met->wall}, *random);
+          if (seen < 30 || seen > 60000) continue;
+          range[k] = static_cast<std::uint16_t>(std::lround(seen));
+          intensity[k] = static_cast<std::uint16_t>(3e6 * std::cos(met->incidence_rad) / met->range_mm);
+        }
+      }};
 }
 
 /// Stops all round, up and back, so many scans each.
-inline void turn_round(SyntheticRecording& recording, const PlainScene& scene, int stops = 14, int scans = 10) {
+inline void turn_round(SyntheticRecording& recording, const PlainScene& scene, int stops = 14,
+                       int scans = 10) {
   for (int i = 0; i < stops; ++i) {
     fit::CaptureInfo capture;
     const int turn = i <= stops / 2 ? i : stops - i;
@@ -155,14 +164,14 @@ inline void turn_round(SyntheticRecording& recording, const PlainScene& scene, i
   }
 }
 
-inline const std::vector<Wall> l_shaped{{{3200, -2100}, {3200, 1400}}, {{3200, 1400}, {900, 1400}},
-                                        {{900, 1400}, {900, 4200}},    {{900, 4200}, {-2300, 4200}},
+inline const std::vector<Wall> l_shaped{{{3200, -2100}, {3200, 1400}},   {{3200, 1400}, {900, 1400}},
+                                        {{900, 1400}, {900, 4200}},      {{900, 4200}, {-2300, 4200}},
                                         {{-2300, 4200}, {-2300, -2100}}, {{-2300, -2100}, {3200, -2100}}};
 /// Two long walls, open at both ends, with a board across one of them.
-inline const std::vector<Wall> corridor{{{-5200, -900}, {5600, -950}}, {{5600, 1050}, {-5200, 1000}},
-                                        {{4700, -300}, {4600, 350}}};
+inline const std::vector<Wall> corridor{
+    {{-5200, -900}, {5600, -950}}, {{5600, 1050}, {-5200, 1000}}, {{4700, -300}, {4600, 350}}};
 /// A room with a free-standing board before a wall, and a wall that ends.
-inline const std::vector<Wall> furnished{{{2900, -2400}, {2900, 2600}}, {{2900, 2600}, {-2700, 2300}},
+inline const std::vector<Wall> furnished{{{2900, -2400}, {2900, 2600}},  {{2900, 2600}, {-2700, 2300}},
                                          {{-2700, 2300}, {-2700, -600}}, {{-2700, -2400}, {2900, -2400}},
                                          {{1500, -500}, {1400, 300}},    {{-900, -1500}, {-200, -1700}}};
 

@@ -63,7 +63,7 @@ TEST_CASE(
 }
 
 TEST_CASE(
-    "where no distance was measured between two far apart, the correction's uncertainty there is told") {
+    "where no distance was measured between two far apart, the correction's uncertainty there is reported") {
   std::mt19937_64 random(5);
   std::normal_distribution<double> normal;
   // Near the lidar the error rises steeply; beyond, hardly.

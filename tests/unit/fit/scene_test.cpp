@@ -17,11 +17,12 @@ using plain_bench::degree;
 using plain_bench::Point;
 using plain_bench::Wall;
 
-/// A room with a partition, an outward corner (between walls 2 and 3), a free board before a wall, and a slant.
-const std::vector<Wall> flat{{{3000, -2000}, {3000, 1000}},  {{3000, 1000}, {1200, 1000}},
-                             {{1200, 1000}, {1200, 3500}},   {{1200, 3500}, {-2200, 2900}},
-                             {{-2200, 2900}, {-2500, -2000}}, {{-2500, -2000}, {3000, -2000}},
-                             {{-2395.918, -300}, {-1100, -300}},  {{2000, -900}, {2100, -400}}};
+/// A room with a partition, an outward corner (between walls 2 and 3), a free board before a wall, and a
+/// slant.
+const std::vector<Wall> flat{{{3000, -2000}, {3000, 1000}},      {{3000, 1000}, {1200, 1000}},
+                             {{1200, 1000}, {1200, 3500}},       {{1200, 3500}, {-2200, 2900}},
+                             {{-2200, 2900}, {-2500, -2000}},    {{-2500, -2000}, {3000, -2000}},
+                             {{-2395.918, -300}, {-1100, -300}}, {{2000, -900}, {2100, -400}}};
 struct Post {
   Point centre;
   double radius;
@@ -32,12 +33,13 @@ fit::Bench bench_of_all() {
   std::string text = R"({"schema": "bench/1", "targets": [)";
   for (std::size_t i = 0; i < flat.size(); ++i)
     text += (i ? "," : "") + std::string(R"({"name": "w)") + std::to_string(i) + R"(", "from_mm": [)" +
-            std::to_string(flat[i].from.real()) + "," + std::to_string(flat[i].from.imag()) + R"(], "to_mm": [)" +
-            std::to_string(flat[i].to.real()) + "," + std::to_string(flat[i].to.imag()) + "]}";
+            std::to_string(flat[i].from.real()) + "," + std::to_string(flat[i].from.imag()) +
+            R"(], "to_mm": [)" + std::to_string(flat[i].to.real()) + "," + std::to_string(flat[i].to.imag()) +
+            "]}";
   for (std::size_t i = 0; i < posts.size(); ++i)
-    text += R"(,{"name": "p)" + std::to_string(i) + R"(", "centre_mm": [)" + std::to_string(posts[i].centre.real()) +
-            "," + std::to_string(posts[i].centre.imag()) + R"(], "radius_mm": )" + std::to_string(posts[i].radius) +
-            R"(, "u_mm": 2, "u_radius_mm": 0.5})";
+    text += R"(,{"name": "p)" + std::to_string(i) + R"(", "centre_mm": [)" +
+            std::to_string(posts[i].centre.real()) + "," + std::to_string(posts[i].centre.imag()) +
+            R"(], "radius_mm": )" + std::to_string(posts[i].radius) + R"(, "u_mm": 2, "u_radius_mm": 0.5})";
   return fit::parse_bench(text + "]}");
 }
 
@@ -137,7 +139,8 @@ TEST_CASE("edges are where the range jumps, and nowhere else") {
   }
 }
 
-TEST_CASE("an outward corner hides nothing of its other wall when one of them is moved, and is no inner corner") {
+TEST_CASE(
+    "an outward corner hides nothing of its other wall when one of them is moved, and is no inner corner") {
   const fit::Bench bench = bench_of_all();
   std::vector<fit::Stands> stands(bench.targets.size());
   stands[1].out_mm = 60;

@@ -109,7 +109,8 @@ TEST_CASE("no kernel takes a scan that the long way would not, whatever byte is 
   CHECK(rc::check([] {
     const ScanCommand command = any_command();
     std::string bytes = message(command, "r1");
-    const std::size_t first = build_line(lidar::Request(command, "r1")).size();  // the echo is told otherwise
+    const std::size_t first =
+        build_line(lidar::Request(command, "r1")).size();  // the echo is stated otherwise
     const int faults = *rc::gen::inRange(1, 4);
     for (int i = 0; i < faults; ++i) {
       const auto at = *rc::gen::inRange(first, bytes.size());

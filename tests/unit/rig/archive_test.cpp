@@ -25,12 +25,20 @@ Calibration with_everything() {
   Calibration c;
   c.item_state = "as found";
   c.values = {{"offset_mm", 1.25, 0.125}, {"scale", -0.001953125, 0.0009765625, ""}};
-  c.limits = {{"checks", {{{"name", "Offset"}, {"of", "range.offset_mm"}, {"min", -5}, {"max", 5}, {"verdict", "pass"}}}}};
-  c.explanation = {{"verdict", "unknown-physics"},
-                   {"mechanisms", {{{"mechanism", "range-walk"}, {"probability", 0.75}, {"parameters", {{"size_mm", {{"value", 3.5}, {"u", 0.25}}}}}}}},
-                   {"undecided_between", nlohmann::json::array({nlohmann::json::array({"zero-offset", "range-scale"})})},
-                   {"unknown", {{"coordinate", "beam_deg"}, {"observable", "range-mean"}, {"describes", "a wave; and more"}}},
-                   {"empirical_correction", {{{"coordinate", "beam_deg"}, {"at", {-90, 0, 90}}, {"range_mm", {0.5, -0.5, 0.25}}}}}};
+  c.limits = {
+      {"checks",
+       {{{"name", "Offset"}, {"of", "range.offset_mm"}, {"min", -5}, {"max", 5}, {"verdict", "pass"}}}}};
+  c.explanation = {
+      {"verdict", "unknown-physics"},
+      {"mechanisms",
+       {{{"mechanism", "range-walk"},
+         {"probability", 0.75},
+         {"parameters", {{"size_mm", {{"value", 3.5}, {"u", 0.25}}}}}}}},
+      {"undecided_between", nlohmann::json::array({nlohmann::json::array({"zero-offset", "range-scale"})})},
+      {"unknown",
+       {{"coordinate", "beam_deg"}, {"observable", "range-mean"}, {"describes", "a wave; and more"}}},
+      {"empirical_correction",
+       {{{"coordinate", "beam_deg"}, {"at", {-90, 0, 90}}, {"range_mm", {0.5, -0.5, 0.25}}}}}};
   return c;
 }
 
@@ -52,18 +60,21 @@ class Postgresql {
     const auto become = [uid = uid_, gid = user->pw_gid] {
       if (::getuid() == 0 && (::setgid(gid) != 0 || ::setuid(uid) != 0)) ::_exit(126);
     };
-    Program making({programs + "initdb", "-D", folder_ / "data", "-A", "trust", "-U", "rig", "--no-sync", "--locale=C", "-E", "UTF8"},
+    Program making({programs + "initdb", "-D", folder_ / "data", "-A", "trust", "-U", "rig", "--no-sync",
+                    "--locale=C", "-E", "UTF8"},
                    folder_, become);
     if (making.exit_status() != 0) throw std::runtime_error("initdb: " + making.errors());
-    server_ = std::make_unique<Program>(std::vector<std::string>{programs + "postgres", "-D", folder_ / "data", "-k", folder_.path(),
-                                                                 "-h", "", "-F", "-c", "log_destination=stderr"},
-                                        folder_, become);
+    server_ = std::make_unique<Program>(
+        std::vector<std::string>{programs + "postgres", "-D", folder_ / "data", "-k", folder_.path(), "-h",
+                                 "", "-F", "-c", "log_destination=stderr"},
+        folder_, become);
     location = "postgresql://rig@/postgres?host=" + folder_.path();
     // It answers when it is ready or refuses at once: asked until it does.
     for (int tries = 0; tries < 200; ++tries) {
       Program asking({programs + "pg_isready", "-q", "-h", folder_.path(), "-t", "5"}, folder_);
       if (asking.exit_status() == 0) return;
-      if (server_->ends_within(std::chrono::milliseconds(50))) throw std::runtime_error("postgres: " + server_->errors());
+      if (server_->ends_within(std::chrono::milliseconds(50)))
+        throw std::runtime_error("postgres: " + server_->errors());
     }
     throw std::runtime_error("PostgreSQL does not answer: " + server_->errors());
   }
@@ -82,11 +93,12 @@ class Postgresql {
 };
 
 void same_record(const rig::SessionRecord& a, const rig::SessionRecord& b) {
-  for (const auto member : {&rig::SessionRecord::path, &rig::SessionRecord::file_sha256, &rig::SessionRecord::content_sha256,
-                            &rig::SessionRecord::measured_utc, &rig::SessionRecord::software, &rig::SessionRecord::kind,
-                            &rig::SessionRecord::procedure, &rig::SessionRecord::procedure_sha256, &rig::SessionRecord::bench,
-                            &rig::SessionRecord::bench_sha256, &rig::SessionRecord::model, &rig::SessionRecord::serial,
-                            &rig::SessionRecord::firmware, &rig::SessionRecord::ended, &rig::SessionRecord::item_state})
+  for (const auto member :
+       {&rig::SessionRecord::path, &rig::SessionRecord::file_sha256, &rig::SessionRecord::content_sha256,
+        &rig::SessionRecord::measured_utc, &rig::SessionRecord::software, &rig::SessionRecord::kind,
+        &rig::SessionRecord::procedure, &rig::SessionRecord::procedure_sha256, &rig::SessionRecord::bench,
+        &rig::SessionRecord::bench_sha256, &rig::SessionRecord::model, &rig::SessionRecord::serial,
+        &rig::SessionRecord::firmware, &rig::SessionRecord::ended, &rig::SessionRecord::item_state})
     CHECK(a.*member == b.*member);
   CHECK(a.bytes == b.bytes);
   CHECK(a.captures == b.captures);
@@ -134,7 +146,8 @@ TEST_CASE("archive: an index gives back what the session says, whatever database
   }
   {
     rig::ArchiveIndex index(location, true);
-    CHECK(by_path(rig::add_to_archive(folder.path(), index)) == std::map<std::string, What>{{"2026/a.rig", What::added}});
+    CHECK(by_path(rig::add_to_archive(folder.path(), index)) ==
+          std::map<std::string, What>{{"2026/a.rig", What::added}});
     CHECK(rig::add_to_archive(folder.path(), index).empty());
   }
   rig::ArchiveIndex index(location, false);
@@ -144,7 +157,8 @@ TEST_CASE("archive: an index gives back what the session says, whatever database
   CHECK_THROWS_AS(index.forget_all(), rig::MeasurementError);  // It was opened to read.
   {
     rig::ArchiveIndex again(location, true);
-    CHECK(by_path(rig::add_to_archive(folder.path(), again, {.rebuild = true})).at("2026/a.rig") == What::added);
+    CHECK(by_path(rig::add_to_archive(folder.path(), again, {.rebuild = true})).at("2026/a.rig") ==
+          What::added);
     same_record(truth, again.sessions().at(0));
     std::filesystem::remove(folder / "2026/a.rig");
     CHECK(by_path(rig::add_to_archive(folder.path(), again)).at("2026/a.rig") == What::missing);
@@ -185,19 +199,32 @@ TEST_CASE("archive: damaged, changed, missing, moved and copied files are seen, 
   folder.write("g.rig", "no session");
 
   const auto verified = by_path(rig::verify_archive(folder.path(), index));
-  CHECK(verified == std::map<std::string, What>{{"a.rig", What::updated}, {"b.rig", What::changed}, {"c.rig", What::damaged},
-                                                {"d.rig", What::missing}, {"e.rig", What::missing}, {"e2.rig", What::copied},
-                                                {"f.rig", What::good}, {"f2.rig", What::copied}, {"g.rig", What::damaged}});
+  CHECK(verified == std::map<std::string, What>{{"a.rig", What::updated},
+                                                {"b.rig", What::changed},
+                                                {"c.rig", What::damaged},
+                                                {"d.rig", What::missing},
+                                                {"e.rig", What::missing},
+                                                {"e2.rig", What::copied},
+                                                {"f.rig", What::good},
+                                                {"f2.rig", What::copied},
+                                                {"g.rig", What::damaged}});
   const auto added = by_path(rig::add_to_archive(folder.path(), index));
-  CHECK(added == std::map<std::string, What>{{"a.rig", What::updated}, {"b.rig", What::changed}, {"c.rig", What::damaged},
-                                             {"d.rig", What::missing}, {"e2.rig", What::moved}, {"f2.rig", What::copied},
+  CHECK(added == std::map<std::string, What>{{"a.rig", What::updated},
+                                             {"b.rig", What::changed},
+                                             {"c.rig", What::damaged},
+                                             {"d.rig", What::missing},
+                                             {"e2.rig", What::moved},
+                                             {"f2.rig", What::copied},
                                              {"g.rig", What::damaged}});
   CHECK(index.sessions().size() == 6);  // Nothing is lost from the index by what happened to the files.
-  CHECK(by_path(rig::add_to_archive(folder.path(), index, {.accept_changes = true})).at("b.rig") == What::changed);
+  CHECK(by_path(rig::add_to_archive(folder.path(), index, {.accept_changes = true})).at("b.rig") ==
+        What::changed);
   CHECK(by_path(rig::verify_archive(folder.path(), index)).at("b.rig") == What::good);
 }
 
-TEST_CASE("archive: a session that is being written waits, and no session is changed by being taken in or looked at") {
+TEST_CASE(
+    "archive: a session that is being written waits, and no session is changed by being taken in or looked "
+    "at") {
   const TestFolder folder;
   with_everything().write(folder / "done.rig");
   const std::string before = file_text(folder / "done.rig");
@@ -208,7 +235,8 @@ TEST_CASE("archive: a session that is being written waits, and no session is cha
   std::filesystem::permissions(folder / "done.rig", std::filesystem::perms::owner_read);
   rig::ArchiveIndex index(folder / "index.sqlite", true);
   const auto findings = rig::add_to_archive(folder.path(), index);
-  CHECK(by_path(findings) == std::map<std::string, What>{{"done.rig", What::added}, {"running.rig", What::unfinished}});
+  CHECK(by_path(findings) ==
+        std::map<std::string, What>{{"done.rig", What::added}, {"running.rig", What::unfinished}});
   CHECK(findings.back().says == "it is being written");
   CHECK(file_text(folder / "done.rig") == before);
   const std::string index_before = file_text(folder / "index.sqlite");
@@ -230,7 +258,8 @@ TEST_CASE("archive: an explanation beside a session counts if it is newer than t
   (void)rig::add_to_archive(folder.path(), index);
   const std::string content = index.sessions().at(0).content_sha256;
   std::filesystem::create_directories(folder / "results/explain");
-  std::ofstream(rig::explanation_beside(folder.path(), content)) << R"({"verdict": "explained", "mechanisms": []})";
+  std::ofstream(rig::explanation_beside(folder.path(), content))
+      << R"({"verdict": "explained", "mechanisms": []})";
   CHECK(by_path(rig::add_to_archive(folder.path(), index)).at("a.rig") == What::updated);
   CHECK(index.sessions().at(0).explanation->verdict == "explained");
   CHECK(rig::add_to_archive(folder.path(), index).empty());
@@ -258,27 +287,31 @@ TEST_CASE("archive: an index that is none, or a stranger's, is refused or read w
   {
     SQLite::Database database(folder / "index.sqlite", SQLite::OPEN_READWRITE);
     database.exec("DROP TABLE mechanism");
-    database.exec("CREATE VIEW mechanism AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
-                  " SELECT '' AS session, i AS at, '' AS mechanism, 1 AS probability FROM n");
+    database.exec(
+        "CREATE VIEW mechanism AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
+        " SELECT '' AS session, i AS at, '' AS mechanism, 1 AS probability FROM n");
   }
   CHECK_THROWS_AS(rig::ArchiveIndex(folder / "index.sqlite", false), rig::UsageError);
 }
 
-TEST_CASE("archive: whatever a stranger's session holds ends in a record that any database takes, or in an error") {
+TEST_CASE(
+    "archive: whatever a stranger's session holds ends in a record that any database takes, or in an error") {
   const TestFolder folder;
   rig::ArchiveIndex index(folder / "index.sqlite", true);
   SECTION("a view that never ends in place of a table") {
     with_everything().write(folder / "a.rig");
     SQLite::Database database(folder / "a.rig", SQLite::OPEN_READWRITE);
     database.exec("DROP TABLE result");
-    database.exec("CREATE VIEW result AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
-                  " SELECT 'k' || i AS kind, '' AS created_utc, '{}' AS json FROM n");
+    database.exec(
+        "CREATE VIEW result AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
+        " SELECT 'k' || i AS kind, '' AS created_utc, '{}' AS json FROM n");
   }
   SECTION("documents nested a million deep") {
     with_everything().write(folder / "a.rig");
     rig::SessionStore store(folder / "a.rig", rig::SessionStore::Mode::append);
     const std::string deep = std::string(1'000'000, '[');
-    for (const char* kind : {"range", "limits", "explanation"}) store.add_result(kind, R"({"values": )" + deep);
+    for (const char* kind : {"range", "limits", "explanation"})
+      store.add_result(kind, R"({"values": )" + deep);
     store.set("lidar", deep);
     store.set("stage", R"({"model": )" + deep + std::string(1'000'000, ']') + "}");
     store.set("bench", deep);
@@ -289,7 +322,9 @@ TEST_CASE("archive: whatever a stranger's session holds ends in a record that an
     rig::SessionStore store(folder / "a.rig", rig::SessionStore::Mode::append);
     store.set("procedure_name", "\xff\xfe\x1b[31m red" + std::string(100'000, 'x'));
     store.set("ended", std::string("a\0b", 3));
-    store.add_result("range", R"({"values": [{"name": 7, "value": 1e999}, {"name": "a", "value": 3, "u": "x", "k": 0}, 5, null]})");
+    store.add_result(
+        "range",
+        R"({"values": [{"name": 7, "value": 1e999}, {"name": "a", "value": 3, "u": "x", "k": 0}, 5, null]})");
   }
   SECTION("a file cut off, at any place") {
     with_everything().write(folder / "whole.rig");
@@ -311,6 +346,7 @@ TEST_CASE("archive: whatever a stranger's session holds ends in a record that an
   const auto findings = rig::add_to_archive(folder.path(), index);
   CHECK_FALSE(findings.empty());
   for (const auto& record : index.sessions())
-    for (const std::string& text : {record.procedure, record.ended, record.serial, record.path}) CHECK(rig::is_clean(text));
+    for (const std::string& text : {record.procedure, record.ended, record.serial, record.path})
+      CHECK(rig::is_clean(text));
   for (const auto& f : findings) CHECK((f.what == What::added || !f.says.empty()));
 }

@@ -28,8 +28,10 @@ struct LocksFolder {
   ~LocksFolder() { ::unsetenv("RIG_LOCKS"); }
 };
 
-const json real_lidar = {{"VV", {{"VEND", "Hokuyo Automatic Co., Ltd."}, {"PROD", "UST-10LX"}, {"SERI", "H123"}}}};
-const json simulated_lidar = {{"VV", {{"VEND", "rig-sim: simulated"}, {"PROD", "UST-10LX"}, {"SERI", "H123"}}}};
+const json real_lidar = {
+    {"VV", {{"VEND", "Hokuyo Automatic Co., Ltd."}, {"PROD", "UST-10LX"}, {"SERI", "H123"}}}};
+const json simulated_lidar = {
+    {"VV", {{"VEND", "rig-sim: simulated"}, {"PROD", "UST-10LX"}, {"SERI", "H123"}}}};
 
 }  // namespace
 
@@ -42,7 +44,8 @@ TEST_CASE("device locks: one device has one run, by address and by serial number
     first.lock_lidar(real_lidar);
     first.lock_stage("X-RSW60A", "10234");
     rig::DeviceLocks second("session b.rig");
-    CHECK_THROWS_WITH(second.lock("lidar", "192.168.0.10:10940"), Contains("in use") && Contains("session a.rig"));
+    CHECK_THROWS_WITH(second.lock("lidar", "192.168.0.10:10940"),
+                      Contains("in use") && Contains("session a.rig"));
     CHECK_THROWS_AS(second.lock_lidar(real_lidar), rig::DeviceError);  // By another address.
     CHECK_THROWS_AS(second.lock_stage("X-RSW60A", "10234"), rig::DeviceError);
     CHECK_NOTHROW(second.lock("lidar", "192.168.0.11:10940"));
@@ -57,7 +60,8 @@ TEST_CASE("device locks: one device has one run, by address and by serial number
   CHECK_FALSE(std::filesystem::exists(locks.folder / "etc"));
 }
 
-TEST_CASE("device locks: a program that is killed leaves nothing locked; where nothing can be locked, runs go on") {
+TEST_CASE(
+    "device locks: a program that is killed leaves nothing locked; where nothing can be locked, runs go on") {
   const LocksFolder locks;
   int ready[2];
   REQUIRE(::pipe(ready) == 0);
@@ -72,7 +76,8 @@ TEST_CASE("device locks: a program that is killed leaves nothing locked; where n
   char byte = 0;
   REQUIRE(::read(ready[0], &byte, 1) == 1);
   rig::DeviceLocks mine("mine");
-  CHECK_THROWS_WITH(mine.lock("lidar", "one"), Contains("session of the child, process " + std::to_string(child)));
+  CHECK_THROWS_WITH(mine.lock("lidar", "one"),
+                    Contains("session of the child, process " + std::to_string(child)));
   ::kill(child, SIGKILL);
   ::waitpid(child, nullptr, 0);
   CHECK_NOTHROW(mine.lock("lidar", "one"));
@@ -81,7 +86,9 @@ TEST_CASE("device locks: a program that is killed leaves nothing locked; where n
   CHECK_NOTHROW(nowhere.lock("lidar", "one"));
 }
 
-TEST_CASE("benches: who waits for a person comes first, then what was killed, what runs, what ended; nothing is changed") {
+TEST_CASE(
+    "benches: who waits for a person comes first, then what was killed, what runs, what ended; nothing is "
+    "changed") {
   const TestFolder folder;
   Calibration done;
   done.write(folder / "old/done.rig");
@@ -102,9 +109,10 @@ TEST_CASE("benches: who waits for a person comes first, then what was killed, wh
   }
   const auto names = folder.names();
   rig::BenchesState benches(folder.path());
-  const json state = benches.look(1600);
+  const json state = benches.observe(1600);
   REQUIRE(state.at("benches").size() == 5);
-  const json &first = state.at("benches").at(0), &second = state.at("benches").at(1), &third = state.at("benches").at(2);
+  const json &first = state.at("benches").at(0), &second = state.at("benches").at(1),
+             &third = state.at("benches").at(2);
   CHECK(first.at("session") == "waiting.rig");
   CHECK(first.at("phase") == "needs an operator");
   CHECK(first.at("needs").at("title") == "Place the board");
@@ -120,6 +128,6 @@ TEST_CASE("benches: who waits for a person comes first, then what was killed, wh
   CHECK(state.at("running") == 2);
   CHECK(folder.names() == names);
   waiting.set("waiting", "");
-  CHECK(benches.look(1601).at("needed") == 0);
-  CHECK_THROWS_AS(rig::BenchesState(folder / "nowhere").look(0), rig::UsageError);
+  CHECK(benches.observe(1601).at("needed") == 0);
+  CHECK_THROWS_AS(rig::BenchesState(folder / "nowhere").observe(0), rig::UsageError);
 }

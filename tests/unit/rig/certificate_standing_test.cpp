@@ -15,7 +15,8 @@ namespace {
 
 using Catch::Contains;
 
-constexpr const char* whole_statement = R"("certificate":{"laboratory":"Lab & Co","address":"Street 1, 38116 Braunschweig",
+constexpr const char* whole_statement =
+    R"("certificate":{"laboratory":"Lab & Co","address":"Street 1, 38116 Braunschweig",
   "country":"DE","customer":"Robots Ltd","traceability":"gauge 7","authorised_by":"A. Person","received":"2026-05-01",
   "environment":{"temperature_c":23.1,"humidity_percent":"45"},
   "equipment":[{"name":"rail","serial":"R7","certificate":"PTB-1","due":"2027-01-01"}]})";
@@ -34,7 +35,8 @@ std::string certified(const TestFolder& folder, const std::string& name = "good.
   store.set("lidar", R"({"PROD":"UST-10LX","SERI":"H0001","FIRM":"1.0"})");
   store.set("created_utc", "2026-05-04T10:00:00Z");
   store.set("ended", "done");
-  store.set("procedure", "procedure: centre\nversion: 3\nvariables: {samples: 10000, beam_deg: 40}\nsteps: [home]\n");
+  store.set("procedure",
+            "procedure: centre\nversion: 3\nvariables: {samples: 10000, beam_deg: 40}\nsteps: [home]\n");
   store.set("procedure_name", "Rotation centre");
   store.set_progress("scene", R"([{"target":"board"}])");
   store.set_progress("prompt 1", R"({"set":{"illuminance_lux":310.0}})");
@@ -59,12 +61,14 @@ TEST_CASE("what is complete and consistent is a certificate, with what ISO/IEC 1
   const TestFolder folder;
   const std::string html = page_of(folder, certified(folder));
   for (const char* expected :
-       {"<h1>Calibration certificate</h1>", "Street 1", "Robots Ltd", "2026-05-01", "Rotation centre, version 3, SHA-256 ",
-        "samples = 100 (procedure: 10000)", "23.1 \u00b0C", "45 %", "310 lx", "PTB-1", "2027-01-01", "as left is as found",
-        "shall not be reproduced except in full", "Authorised by: A. Person", "Signature:", "combined; U = 0.12 mm with k = 2.00",
+       {"<h1>Calibration certificate</h1>", "Street 1", "Robots Ltd", "2026-05-01",
+        "Rotation centre, version 3, SHA-256 ", "samples = 100 (procedure: 10000)", "23.1 \u00b0C", "45 %",
+        "310 lx", "PTB-1", "2027-01-01", "as left is as found", "shall not be reproduced except in full",
+        "Authorised by: A. Person", "Signature:", "combined; U = 0.12 mm with k = 2.00",
         "End of certificate RIG-20260504-"})
     CHECK_THAT(html, Contains(expected));
-  CHECK_THAT(html, !Contains("beam_deg = ") && !Contains("SIMULATED") && !Contains("a report, not a certificate"));
+  CHECK_THAT(html,
+             !Contains("beam_deg = ") && !Contains("SIMULATED") && !Contains("a report, not a certificate"));
 }
 
 TEST_CASE("what cannot be certified is a report that says why on top") {
@@ -73,17 +77,23 @@ TEST_CASE("what cannot be certified is a report that says why on top") {
   std::string expected;
   SECTION("a value that is not finite") {
     with(session, [](auto& store) {
-      store.add_result("wall", R"({"values":[{"name":"front_mm","label":"Front wall","value":null,"u":null,"U":null,"unit":"mm"}]})");
+      store.add_result(
+          "wall",
+          R"({"values":[{"name":"front_mm","label":"Front wall","value":null,"u":null,"U":null,"unit":"mm"}]})");
     });
     expected = "has no finite value or uncertainty.";
   }
   SECTION("captures against the bench file") {
-    with(session, [](auto& store) { store.add_result("wall", R"({"values":[],"contradictions":["The board is elsewhere."]})"); });
+    with(session, [](auto& store) {
+      store.add_result("wall", R"({"values":[],"contradictions":["The board is elsewhere."]})");
+    });
     expected = "The board is elsewhere.";
   }
   SECTION("two methods far apart") {
     with(session, [](auto& store) {
-      store.add_result("wall", R"({"values":[],"comparisons":[{"agree":false,"far_apart":true,"says":"Radius: 1 and 2"}]})");
+      store.add_result(
+          "wall",
+          R"({"values":[],"comparisons":[{"agree":false,"far_apart":true,"says":"Radius: 1 and 2"}]})");
     });
     expected = "Two methods do not agree. Radius: 1 and 2.";
   }
@@ -92,7 +102,9 @@ TEST_CASE("what cannot be certified is a report that says why on top") {
     expected = "The lidar is not identified";
   }
   SECTION("a laboratory that says nothing of itself") {
-    with(session, [](auto& store) { store.set("bench", R"({"schema":"bench/1","certificate":{"laboratory":"Lab"}})"); });
+    with(session, [](auto& store) {
+      store.set("bench", R"({"schema":"bench/1","certificate":{"laboratory":"Lab"}})");
+    });
     expected = "does not state: its address, customer, traceability of the references, who authorises it";
   }
   SECTION("an unfinished procedure") {
@@ -100,7 +112,8 @@ TEST_CASE("what cannot be certified is a report that says why on top") {
     expected = "ended before its last step: stopped by the operator";
   }
   const std::string html = page_of(folder, session);
-  CHECK_THAT(html, Contains("<h1>Report</h1>") && Contains("This is a report, not a certificate:") && Contains(expected));
+  CHECK_THAT(html, Contains("<h1>Report</h1>") && Contains("This is a report, not a certificate:") &&
+                       Contains(expected));
   CHECK_FALSE(rig::standing_of(rig::SessionStore(session, rig::SessionStore::Mode::read)).certifies());
 }
 
@@ -108,13 +121,16 @@ TEST_CASE("a simulated device is named on every page") {
   const TestFolder folder;
   const std::string session = certified(folder);
   with(session, [](auto& store) {
-    store.set("lidar", R"({"VEND":"rig-sim: simulated, not a device of Hokuyo","PROD":"UST-10LX","SERI":"H0001"})");
+    store.set("lidar",
+              R"({"VEND":"rig-sim: simulated, not a device of Hokuyo","PROD":"UST-10LX","SERI":"H0001"})");
   });
   CHECK_THAT(page_of(folder, session), Contains("<h1>Report of a simulated calibration</h1>") &&
-                                           Contains("@top-center { content:\"SIMULATED") && Contains("<div class=\"mark\">SIMULATED"));
+                                           Contains("@top-center { content:\"SIMULATED") &&
+                                           Contains("<div class=\"mark\">SIMULATED"));
 }
 
-TEST_CASE("a new fit is an amendment with a number of its own, and no certificate is overwritten by another") {
+TEST_CASE(
+    "a new fit is an amendment with a number of its own, and no certificate is overwritten by another") {
   const TestFolder folder;
   const std::string session = certified(folder), page = folder / "centre.html";
   const auto issue = [&](const std::string& of) {
@@ -132,10 +148,13 @@ TEST_CASE("a new fit is an amendment with a number of its own, and no certificat
   });
   const std::string amended = issue(session);
   CHECK_THAT(amended, Contains("centre-RIG-20260504-") && Contains("-A1.html"));
-  CHECK_THAT(file_text(amended), Contains("<h1>Calibration certificate, amendment 1</h1>") && Contains("replaces RIG-20260504-"));
+  CHECK_THAT(file_text(amended),
+             Contains("<h1>Calibration certificate, amendment 1</h1>") && Contains("replaces RIG-20260504-"));
   CHECK(file_text(page).find("-1.63 mm") != std::string::npos);
   const std::string second = certified(folder, "second.rig");
-  with(second, [](auto& store) { store.set("bench", std::string(R"({"schema":"bench/1","lidar":{"steps":1000},)") + whole_statement + "}"); });
+  with(second, [](auto& store) {
+    store.set("bench", std::string(R"({"schema":"bench/1","lidar":{"steps":1000},)") + whole_statement + "}");
+  });
   const std::string beside = issue(second);
   CHECK(beside != page);
   CHECK_THAT(file_text(page), Contains("Calibration certificate"));
@@ -146,22 +165,28 @@ TEST_CASE("the Digital Calibration Certificate satisfies PTB's schema") {
   const TestFolder folder;
   const std::string session = certified(folder), file = folder / "c.dcc.xml";
   with(session, [](auto& store) {
-    store.add_result("limits", R"({"rule":"simple acceptance","checks":[{"name":"x","text":"-1.63 mm; allowed","verdict":"pass"}]})");
+    store.add_result(
+        "limits",
+        R"({"rule":"simple acceptance","checks":[{"name":"x","text":"-1.63 mm; allowed","verdict":"pass"}]})");
   });
   rig::write_report(session, rig::check_output({file}));
   const std::string xml = file_text(file);
   for (const char* expected :
-       {"schemaVersion=\"3.2.1\"", "Lab &amp; Co", "<si:value>-1.6342</si:value>", "<si:unit>\\milli\\metre</si:unit>",
-        "<si:uncertainty>0.1234</si:uncertainty>", "<dcc:receiptDate>2026-05-01</dcc:receiptDate>", "<dcc:conformity>pass</dcc:conformity>",
+       {"schemaVersion=\"3.2.1\"", "Lab &amp; Co", "<si:value>-1.6342</si:value>",
+        "<si:unit>\\milli\\metre</si:unit>", "<si:uncertainty>0.1234</si:uncertainty>",
+        "<dcc:receiptDate>2026-05-01</dcc:receiptDate>", "<dcc:conformity>pass</dcc:conformity>",
         "<dcc:countryCodeISO3166_1>DE</dcc:countryCodeISO3166_1>"})
     CHECK_THAT(xml, Contains(expected));
-  const std::filesystem::path schema = std::filesystem::path(RIG_SOURCE_DIR) / ".." / "shared" / "dcc" / "dcc.xsd";
+  const std::filesystem::path schema =
+      std::filesystem::path(RIG_SOURCE_DIR) / ".." / "shared" / "dcc" / "dcc.xsd";
   if (!std::filesystem::exists(schema) || std::system("xmllint --version 2>/dev/null") != 0) {
     WARN("skipped: PTB's schema or xmllint is not here (" << schema.string() << ")");
     return;
   }
   const auto valid = [&] {
-    return std::system(("xmllint --nonet --noout --schema " + schema.string() + " " + file + " 2>" + folder / "why").c_str()) == 0;
+    return std::system(
+               ("xmllint --nonet --noout --schema " + schema.string() + " " + file + " 2>" + folder / "why")
+                   .c_str()) == 0;
   };
   if (!valid()) FAIL(file_text(folder / "why"));
   // Whatever the bench file leaves out, and without any result.

@@ -47,7 +47,7 @@ class HangingProgram {
 
 }  // namespace
 
-TEST_CASE("a child's output comes whole, and how it ended is told") {
+TEST_CASE("a child's output comes whole, and how it ended is reported") {
   const auto much = shell("yes 1234567 | head -n 40000");
   CHECK(much.end == End::done);
   CHECK(much.output.size() == 320'000);

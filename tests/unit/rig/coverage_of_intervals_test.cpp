@@ -30,10 +30,12 @@ json value_named(const json& result, const std::string& name) {
   return json::object();
 }
 
-void judge(Tally& tally, const json& result, const std::string& procedure, const std::map<std::string, double>& truth) {
+void judge(Tally& tally, const json& result, const std::string& procedure,
+           const std::map<std::string, double>& truth) {
   ++tally.calibrations;
   bool declined = result.contains("contradictions");
-  for (const json& comparison : result.value("comparisons", json::array())) declined = declined || comparison.at("far_apart");
+  for (const json& comparison : result.value("comparisons", json::array()))
+    declined = declined || comparison.at("far_apart");
   if (declined) {
     ++tally.declined;
     if (std::getenv("RIG_COVERAGE_WHY"))
@@ -43,8 +45,8 @@ void judge(Tally& tally, const json& result, const std::string& procedure, const
   }
   if (std::getenv("RIG_COVERAGE_BUDGET"))
     for (const json& row : result.at("budget"))
-      std::printf("%-20s %-60s %.4g\n", row.at("quantity").get<std::string>().c_str(), row.at("source").get<std::string>().c_str(),
-                  row.at("u").get<double>());
+      std::printf("%-20s %-60s %.4g\n", row.at("quantity").get<std::string>().c_str(),
+                  row.at("source").get<std::string>().c_str(), row.at("u").get<double>());
   for (const auto& [name, is] : truth) {
     const json value = value_named(result, name);
     if (!value.contains("U") || !value["U"].is_number()) continue;
@@ -76,7 +78,8 @@ std::string board_bench() {
 }
 
 /// A wall from `from` to `to`, moved along its normal and turned about its middle.
-imperfect::Bench::Wall moved(imperfect::Point from, imperfect::Point to, double off_mm, double turn_rad, double reflectance) {
+imperfect::Bench::Wall moved(imperfect::Point from, imperfect::Point to, double off_mm, double turn_rad,
+                             double reflectance) {
   const imperfect::Point middle = (from + to) / 2.0, along = to - from;
   const imperfect::Point normal = along / std::abs(along) * imperfect::Point(0, -1);
   const auto placed = [&](imperfect::Point p) {
@@ -91,13 +94,15 @@ std::vector<imperfect::Bench::Wall> boards(std::mt19937_64& random) {
           moved({2200, -900}, {2200, 900}, 5 * normal(random), 0.5 * degree * normal(random), 0.6)};
 }
 
-/// Stops of 0.01 deg about the edge that the beam passes; returns the commanded angle of the last one on the board.
+/// Stops of 0.01 deg about the edge that the beam passes; returns the commanded angle of the last one on the
+/// board.
 double sweep_edge(imperfect::Bench& bench, int step, double half_deg, int samples, int spread) {
   const double beam = (step - 540) * 0.25 * degree;
   // The board's right end lies at -8 deg of the world: there the beam points at stage -8 deg - beam.
   const double about = -8.1 * degree - beam, edge = bench.edge(beam, about - 4 * degree, about + 4 * degree);
   double smooth = 0;
-  const int hundredths = static_cast<int>(std::lround(edge / degree * 100)), half = static_cast<int>(std::lround(half_deg * 100));
+  const int hundredths = static_cast<int>(std::lround(edge / degree * 100)),
+            half = static_cast<int>(std::lround(half_deg * 100));
   for (int stop = hundredths - half; stop <= hundredths + half; ++stop) {
     bench.capture(look_at(stop * 0.01 * degree, step - spread, step + spread, "board"), samples);
     smooth = stop * 0.01 * degree;
@@ -128,12 +133,14 @@ void sensitivity(Tally& tally, std::uint64_t seed) {
   const int step = 540 + 160;
   sweep_edge(bench, step, 0.15, 500, 1);
   const json result = fitted(bench, "sensitivity");
-  const double beam = (result.at("data").at("beam_step").get<int>() - 540) * 0.25 * degree, about = -8.1 * degree - beam;
+  const double beam = (result.at("data").at("beam_step").get<int>() - 540) * 0.25 * degree,
+               about = -8.1 * degree - beam;
   const double edge = bench.edge(beam, about - 4 * degree, about + 4 * degree);
   // The lidar is beside the axis: its bearing of the edge changes a little as it turns.
   const imperfect::Point end = bench.walls()[0].at.from;
   const auto aim = [&](double stage) {
-    return std::arg(end - imperfect::Point(truth.mount.x_mm, truth.mount.y_mm) * std::polar(1.0, stage)) - stage;
+    return std::arg(end - imperfect::Point(truth.mount.x_mm, truth.mount.y_mm) * std::polar(1.0, stage)) -
+           stage;
   };
   const double at = truth.stage(edge), slope = (aim(at + 1e-5) - aim(at - 1e-5)) / 2e-5;
   judge(tally, result, "sensitivity",
@@ -145,11 +152,13 @@ void wall(Tally& tally, std::uint64_t seed) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
   const imperfect::Truth truth = imperfect::draw(random, {.x_mm = 40, .u_mm = 15, .u_yaw_deg = 1});
-  const double off[] = {2 * normal(random), 2 * normal(random)}, turn[] = {0.1 * degree * normal(random), 0.1 * degree * normal(random)};
+  const double off[] = {2 * normal(random), 2 * normal(random)},
+               turn[] = {0.1 * degree * normal(random), 0.1 * degree * normal(random)};
   // Both as long as needed to meet whatever their turns.
   std::vector<imperfect::Bench::Wall> walls = {moved({1500, -1500}, {1500, 1500}, off[0], turn[0], 0.8),
                                                moved({1500, 1500}, {-1500, 1500}, off[1], turn[1], 0.8)};
-  const std::string file = std::string(R"({"schema":"bench/1",)") + lidar_text +
+  const std::string file =
+      std::string(R"({"schema":"bench/1",)") + lidar_text +
       R"({"x_mm":{"value":40,"u":15},"y_mm":{"value":0,"u":15},"yaw_deg":{"value":0,"u":1}}},
          "targets":[{"name":"front","from_mm":[1500,-1500],"to_mm":[1500,1500],"u_mm":2,"u_deg":0.1},
                     {"name":"side","from_mm":[1500,1500],"to_mm":[-1500,1500],"u_mm":2,"u_deg":0.1}]})";
@@ -179,7 +188,8 @@ void range(Tally& tally, std::uint64_t seed) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
   imperfect::Truth truth = imperfect::draw(random, {.u_mm = 0.2, .u_yaw_deg = 0.1});
-  const std::string file = std::string(R"({"schema":"bench/1",)") + lidar_text +
+  const std::string file =
+      std::string(R"({"schema":"bench/1",)") + lidar_text +
       R"({"x_mm":{"value":0,"u":0.2},"y_mm":{"value":0,"u":0.2},"yaw_deg":{"value":0,"u":0.1}}},
          "targets":[{"name":"sample","from_mm":[200,-100],"to_mm":[200,100],"u_mm":0.3,"u_deg":0.1}]})";
   imperfect::Bench bench(folder / "range.rig", file, truth, {{{{200, -100}, {200, 100}}, 0.85}}, seed + 1);
@@ -187,8 +197,18 @@ void range(Tally& tally, std::uint64_t seed) {
   struct Rung {
     double mm, reflectance;
   };
-  for (const Rung& rung : {Rung{200, 0.85}, {200, 0.5}, {200, 0.3}, {200, 0.2}, {200, 0.12}, {200, 0.07}, {350, 0.85},
-                           {350, 0.2}, {800, 0.85}, {2000, 0.85}, {2000, 0.2}, {5000, 0.85}}) {
+  for (const Rung& rung : {Rung{200, 0.85},
+                           {200, 0.5},
+                           {200, 0.3},
+                           {200, 0.2},
+                           {200, 0.12},
+                           {200, 0.07},
+                           {350, 0.85},
+                           {350, 0.2},
+                           {800, 0.85},
+                           {2000, 0.85},
+                           {2000, 0.2},
+                           {5000, 0.85}}) {
     // Every surface is placed by hand.
     const double at = rung.mm + 0.3 * normal(random), turn = 0.1 * degree * normal(random);
     bench.walls()[0] = moved({at, -100}, {at, 100}, 0, turn, rung.reflectance);
@@ -207,18 +227,20 @@ void judge_all(Tally& tally, int benches, std::uint64_t seed, const std::string&
   const std::map<std::string, void (*)(Tally&, std::uint64_t)> procedures = {
       {"centre", centre}, {"sensitivity", sensitivity}, {"wall", wall}, {"range", range}};
   for (const auto& [name, run] : procedures)
-    for (int i = 0; (only.empty() || only == name) && i < benches; ++i) run(tally, seed + 1000 * static_cast<std::uint64_t>(i));
+    for (int i = 0; (only.empty() || only == name) && i < benches; ++i)
+      run(tally, seed + 1000 * static_cast<std::uint64_t>(i));
 }
 
 std::string in_words(const Tally& tally) {
   std::string out;
   for (const auto& [name, counts] : tally.held) {
     char line[120];
-    std::snprintf(line, sizeof line, "%-36s %4d of %4d hold (%5.1f %%), largest error %.2f U\n", name.c_str(), counts.first,
-                  counts.second, 100.0 * counts.first / counts.second, tally.worst.at(name));
+    std::snprintf(line, sizeof line, "%-36s %4d of %4d hold (%5.1f %%), largest error %.2f U\n", name.c_str(),
+                  counts.first, counts.second, 100.0 * counts.first / counts.second, tally.worst.at(name));
     out += line;
   }
-  return out + std::to_string(tally.declined) + " of " + std::to_string(tally.calibrations) + " calibrations declined\n";
+  return out + std::to_string(tally.declined) + " of " + std::to_string(tally.calibrations) +
+         " calibrations declined\n";
 }
 
 int number_from(const char* variable, int otherwise) {
@@ -247,8 +269,8 @@ TEST_CASE("intervals hold on benches whose devices are not perfect (few benches)
 TEST_CASE("intervals hold on many benches whose devices are not perfect", "[.][coverage]") {
   Tally tally;
   const char* only = std::getenv("RIG_COVERAGE_ONLY");
-  judge_all(tally, number_from("RIG_COVERAGE_BENCHES", 200), static_cast<std::uint64_t>(number_from("RIG_COVERAGE_SEED", 1)),
-            only ? only : "");
+  judge_all(tally, number_from("RIG_COVERAGE_BENCHES", 200),
+            static_cast<std::uint64_t>(number_from("RIG_COVERAGE_SEED", 1)), only ? only : "");
   std::printf("%s", in_words(tally).c_str());
   CHECK(!tally.held.empty());
 }

@@ -31,7 +31,9 @@ std::string drive_session(const TestFolder& folder, bool deskewed) {
   {
     rig::SessionStore store(path, rig::SessionStore::Mode::create);
     store.set("created_utc", "2026-01-02T03:04:05Z");
-    store.set("bench", R"({"schema": "bench/1", "lidar": {"scan_hz": 10, "mount": {"x_mm": {"value": 200, "u": 1}}}})");
+    store.set(
+        "bench",
+        R"({"schema": "bench/1", "lidar": {"scan_hz": 10, "mount": {"x_mm": {"value": 200, "u": 1}}}})");
     fit::CaptureInfo info;
     info.step = "drive";
     info.first_step = 540, info.last_step = 543;

@@ -287,11 +287,14 @@ TEST_CASE(
   CHECK_THROWS_WITH(exported_with("c-header", session_of("H1", "")), Contains("holds no rotation centre"));
 }
 
-TEST_CASE("a correction from one surface is outside everywhere else, in every form, and its warnings go along") {
+TEST_CASE(
+    "a correction from one surface is outside everywhere else, in every form, and its warnings go along") {
   const TestFolder folder;
   fit::Correction correction;
-  correction.range = fit::CorrectionTerm{fit::CorrectionTerm::Argument::range, "line", {1, 0.002}, 200, 9800, {}};
-  correction.factor = Eigen::MatrixXd::Constant(static_cast<Eigen::Index>(correction.parameter_names().size()), 1, 1e-3);
+  correction.range =
+      fit::CorrectionTerm{fit::CorrectionTerm::Argument::range, "line", {1, 0.002}, 200, 9800, {}};
+  correction.factor =
+      Eigen::MatrixXd::Constant(static_cast<Eigen::Index>(correction.parameter_names().size()), 1, 1e-3);
   correction.measured = {{200, 2000, 2000}, {1000, 1800, 1800}, {9800, 170, 170}};
   correction.notes = {"only one surface was measured"};
   const fit::Correction read = fit::parse_correction(fit::to_json_text(correction));
@@ -300,7 +303,8 @@ TEST_CASE("a correction from one surface is outside everywhere else, in every fo
     double mm, counts;
     bool inside;
   };
-  const std::vector<Look> looks = {{1050, 1800, true}, {1050, 200, false}, {250, 2100, true}, {9900, 170, false}, {5000, 1000, true}, {5000, 1400, false}};
+  const std::vector<Look> looks = {{1050, 1800, true}, {1050, 200, false}, {250, 2100, true},
+                                   {9900, 170, false}, {5000, 1000, true}, {5000, 1400, false}};
   for (const Look& look : looks) {
     INFO(look.mm << " mm, " << look.counts);
     CHECK(read.apply(look.mm, look.counts).inside() == look.inside);
@@ -310,12 +314,16 @@ TEST_CASE("a correction from one surface is outside everywhere else, in every fo
     rig::run_export(format, {folder / "c.json", nullptr}, rig::check_output({folder / format}));
     CHECK_THAT(file_text(folder / format), Contains("only one surface was measured"));
   }
-  CHECK_THAT(file_text(folder / "ros2-parameters"), Contains("measured_intensity_to: [2000.0, 1800.0, 170.0]"));
-  std::string program = "#include \"correction.hpp\"\nextern \"C\" {\n#include \"correction.h\"\n}\nint main() {\n  double mm;\n";
+  CHECK_THAT(file_text(folder / "ros2-parameters"),
+             Contains("measured_intensity_to: [2000.0, 1800.0, 170.0]"));
+  std::string program =
+      "#include \"correction.hpp\"\nextern \"C\" {\n#include \"correction.h\"\n}\nint main() {\n  double "
+      "mm;\n";
   for (const Look& look : looks) {
     const std::string arguments = std::to_string(look.mm) + ", " + std::to_string(look.counts);
-    program += "  if (lidar_range::correct(" + arguments + ").inside() != " + (look.inside ? "true" : "false") +
-               " || (lidar_range_correct(" + arguments + ", &mm) == 0) != " + (look.inside ? "true" : "false") + ") return 1;\n";
+    program += "  if (lidar_range::correct(" + arguments +
+               ").inside() != " + (look.inside ? "true" : "false") + " || (lidar_range_correct(" + arguments +
+               ", &mm) == 0) != " + (look.inside ? "true" : "false") + ") return 1;\n";
   }
   std::filesystem::rename(folder / "c-header", folder / "correction.h");
   std::filesystem::rename(folder / "cpp-header", folder / "correction.hpp");
@@ -325,7 +333,8 @@ TEST_CASE("a correction from one surface is outside everywhere else, in every fo
   // Without a term of distance, only the measured one.
   fit::Correction near = correction;
   near.range.reset();
-  near.intensity = fit::CorrectionTerm{fit::CorrectionTerm::Argument::intensity, "line", {1, 0.002}, 100, 2400, {}};
+  near.intensity =
+      fit::CorrectionTerm{fit::CorrectionTerm::Argument::intensity, "line", {1, 0.002}, 100, 2400, {}};
   near.factor = Eigen::MatrixXd::Constant(static_cast<Eigen::Index>(near.parameter_names().size()), 1, 1e-3);
   near.measured = {{200, 100, 2400}};
   CHECK(near.apply(203, 500).inside());

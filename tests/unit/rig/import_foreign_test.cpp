@@ -363,7 +363,7 @@ TEST_CASE("a rate that the recording does not tell is taken from its stamps") {
   CHECK(import_named("new.log").bench.lidar.scan_hz == Approx(10));
 }
 
-TEST_CASE("a file that another command reads is told so") {
+TEST_CASE("a file that another command reads is reported so") {
   const TestFolder folder;
   std::ofstream(folder / "a.tuple") << R"({"T": 0.8, "phi_l": 0.4, "phi_r": -0.5, "sm": [0, 0, 0]})"
                                     << "\n";

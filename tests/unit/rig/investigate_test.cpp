@@ -65,15 +65,18 @@ TEST_CASE("an unattended investigation does nothing that needs a hand, and says 
   CHECK(d.needs == "an operator, for 40 min: a ladder");
 }
 
-TEST_CASE("what takes longer than there is time left ends an investigation, and how much it takes is told") {
-  const Decision d = decide({Verdict::undecided, 1}, {possible("a cold start", 1.0, 190, true)}, {}, {60, false, 5});
+TEST_CASE(
+    "what takes longer than there is time left ends an investigation, and how much it takes is reported") {
+  const Decision d =
+      decide({Verdict::undecided, 1}, {possible("a cold start", 1.0, 190, true)}, {}, {60, false, 5});
   CHECK_FALSE(d.next);
   CHECK(d.end == End::budget_spent);
   CHECK(d.needs == "190 min: a cold start");
 }
 
 TEST_CASE("where nothing is in doubt the investigation looks where it has not looked, the quickest first") {
-  const std::vector<Possible> surveys = {possible("all round", 0, 4), possible("turning", 0, 1), possible("by hand", 0, 0.5, true)};
+  const std::vector<Possible> surveys = {possible("all round", 0, 4), possible("turning", 0, 1),
+                                         possible("by hand", 0, 0.5, true)};
   for (const Verdict verdict : {Verdict::nothing_missing, Verdict::explained}) {
     const Decision d = decide({verdict, 1}, {}, surveys, {480, true, 5});
     REQUIRE(d.next);
@@ -109,7 +112,8 @@ TEST_CASE("a prediction is confirmed by coverage, by residuals, and by a gain wh
   CHECK_FALSE(judge(worse, true).confirmed);
 }
 
-TEST_CASE("the first look of an attended investigation moves a board only where it can be seen, and puts it back") {
+TEST_CASE(
+    "the first look of an attended investigation moves a board only where it can be seen, and puts it back") {
   const fit::Bench bench = room();
   const SessionPlan alone = first_plan(bench, {}, false), attended = first_plan(bench, {}, true);
   CHECK_FALSE(needs_operator(planned(procedure_text("alone", alone, bench))));
@@ -168,7 +172,9 @@ TEST_CASE("a board that was moved is back in its place before anything else is l
   CHECK_FALSE(away);
 }
 
-TEST_CASE("nobody has looked for a drift before a quarter of an hour has passed, nor for warmth at one temperature") {
+TEST_CASE(
+    "nobody has looked for a drift before a quarter of an hour has passed, nor for warmth at one "
+    "temperature") {
   const fit::Bench bench = room();
   auto so_far = first_plan(bench, {}, false).captures();
   const auto titles = [&] {
@@ -194,17 +200,19 @@ TEST_CASE("walking to a target costs minutes, covering it fewer, a cold start ho
   const char* begin = "procedure: test\ntitle: t\nsteps:\n  - home\n";
   const auto cost = [&](const std::string& steps) { return cost_of(planned(begin + steps), {}); };
   CHECK(cost("  - capture: {samples: 100}\n").hand == 0);
-  const std::string placed = "  - prompt: {title: a, place: {target: board, shift_mm: 200, reflectance: 0.8}}\n";
+  const std::string placed =
+      "  - prompt: {title: a, place: {target: board, shift_mm: 200, reflectance: 0.8}}\n";
   CHECK(cost(placed).hand == Approx(move_min + cover_min));
-  CHECK(cost(placed + "  - prompt: {title: b, place: {target: board, shift_mm: 200, reflectance: 0.1}}\n").hand == Approx(move_min + 2 * cover_min));
+  CHECK(cost(placed + "  - prompt: {title: b, place: {target: board, shift_mm: 200, reflectance: 0.1}}\n")
+            .hand == Approx(move_min + 2 * cover_min));
   CHECK(cost("  - prompt: {title: c, place: {temperature_c: 25, since_power_on_s: 0}}\n").hand > 120);
 }
 
 TEST_CASE("between sessions the lidar's clock counts, through its wrap, unless it was switched off") {
   CHECK(passed_s(1000, 61000, 60.2) == Approx(60));
   CHECK(passed_s((1 << 24) - 5000, 5000, 10) == Approx(10));
-  CHECK(passed_s(1000, 301000, 0.4) == Approx(300));          // a simulation at full speed
-  CHECK(passed_s(1000000, 2000, 7200) == Approx(7200));       // it began anew meanwhile
+  CHECK(passed_s(1000, 301000, 0.4) == Approx(300));     // a simulation at full speed
+  CHECK(passed_s(1000000, 2000, 7200) == Approx(7200));  // it began anew meanwhile
 }
 
 TEST_CASE("the state of an investigation is read as it was written") {

@@ -64,7 +64,7 @@ TEST_CASE("expressions that cannot be calculated say why") {
   CHECK_THROWS_WITH(evaluate(("${" + std::string(1000, '(') + "}").c_str()), Contains("too deeply"));
 }
 
-TEST_CASE("a wrong procedure is told by file, line, column and remedy") {
+TEST_CASE("a wrong procedure is reported by file, line, column and remedy") {
   const auto refuse = [](const std::string& text) {
     try {
       (void)parse_procedure(text, "p.yaml");
@@ -170,7 +170,7 @@ TEST_CASE("command-line variables replace the file's and nothing else") {
   CHECK_THROWS_WITH(parse_procedure(text, "p.yaml", {{"sample", 5.0}}), Contains("did you mean 'samples'?"));
 }
 
-TEST_CASE("a variable given on the command line is told with its value and what is expected") {
+TEST_CASE("a variable given on the command line is reported with its value and what is expected") {
   const std::string text =
       "procedure: x\nvariables: {samples: 10000, dark: false, board: b}\nsteps:\n"
       "  - capture: {samples: '${samples}'}\n";
@@ -188,7 +188,7 @@ TEST_CASE("a variable given on the command line is told with its value and what 
                                                  Contains("--set"));
 }
 
-TEST_CASE("numbers are told without a zero's sign and without digits that mean nothing") {
+TEST_CASE("numbers are reported without a zero's sign and without digits that mean nothing") {
   CHECK(rig::to_text(-0.0) == "0");
   CHECK(rig::rounded_text(-0.00001, 4) == "0");
   CHECK(rig::rounded_text(10.0000651041667, 4) == "10.0001");

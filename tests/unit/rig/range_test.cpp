@@ -178,7 +178,7 @@ TEST_CASE("where the lidar sits on its stage is part of a range error's uncertai
   CHECK_THAT(result.at("notes").dump(), Catch::Contains("calibrate it first"));
 }
 
-TEST_CASE("a target that steps back beside the square beam is told, and its face alone is used") {
+TEST_CASE("a target that steps back beside the square beam is reported, and its face alone is used") {
   const TestFolder place;
   const std::string file = place / "stepped.rig";
   {
@@ -211,7 +211,8 @@ TEST_CASE("a target that steps back beside the square beam is told, and its face
   }
   const rig::SessionStore session(file, rig::SessionStore::Mode::read);
   const nlohmann::json result = rig::run_fit("range", {{file, &session}}, nlohmann::json::object());
-  CHECK_THAT(result.at("notes").dump(), Catch::Contains("is not one flat face") && Catch::Contains("to the left") &&
+  CHECK_THAT(result.at("notes").dump(), Catch::Contains("is not one flat face") &&
+                                            Catch::Contains("to the left") &&
                                             Catch::Contains("mm farther away"));
   // As one wall its normal would be turned by 3 deg and more.
   for (const auto& table : result.at("tables"))
@@ -220,7 +221,8 @@ TEST_CASE("a target that steps back beside the square beam is told, and its face
 }
 
 TEST_CASE("a round post is a target for range errors: its nearest point, found by its own echoes") {
-  // By the tangent from a point to a circle, as on paper: the post stands a little beside where the bench file says.
+  // By the tangent from a point to a circle, as on paper: the post stands a little beside where the bench
+  // file says.
   constexpr double error_mm = 8, radius_mm = 60, aside_mm = 1.5, mount_x_mm = 12, pi = 3.14159265358979;
   const TestFolder place;
   const std::string file = place / "post.rig";

@@ -13,7 +13,7 @@ TEST_CASE("a lidar that is lost in the middle of a capture comes back and the ca
   rig.run();
   CHECK(rig.captures()[0].stamps.size() == 50);
   CHECK(rig.lidar.connects == 2);
-  CHECK(rig.told("lidar is back"));
+  CHECK(rig.reported("lidar is back"));
 }
 
 TEST_CASE("scans that were lost are counted once: of a capture, of the run, and on the page") {
@@ -26,22 +26,22 @@ TEST_CASE("scans that were lost are counted once: of a capture, of the run, and 
     runner.observe([&](const rig::RunState& state) { shown = state.scans_lost; });
   };
   rig.run();
-  CHECK(rig.told(": 2 scans were lost on the way"));
-  CHECK(rig.told(": 3 scans were lost on the way"));
-  CHECK(rig.times_told("were lost on the way") == 2);
+  CHECK(rig.reported(": 2 scans were lost on the way"));
+  CHECK(rig.reported(": 3 scans were lost on the way"));
+  CHECK(rig.times_reported("were lost on the way") == 2);
   CHECK(shown == 5);
 }
 
-TEST_CASE("a lidar that is not there yet is waited for when a run begins, for as long as is told") {
+TEST_CASE("a lidar that is not there yet is waited for when a run begins, for as long as is reported") {
   Rig rig("  - home\n  - capture: {samples: 5}\n");
   rig.lidar.when_connecting = [&] {
     if (rig.lidar.connects <= 4) throw rig::LidarAbsent("nobody is there");
   };
   CHECK(rig.run());
   CHECK(rig.lidar.connects == 5);
-  CHECK(rig.told("waiting for the lidar: nobody is there. The rig keeps trying for 30 s; Ctrl-C stops."));
-  CHECK(rig.told("still waiting for the lidar, for another 24 s; Ctrl-C stops."));
-  CHECK(rig.times_told("nobody is there") == 1);
+  CHECK(rig.reported("waiting for the lidar: nobody is there. The rig keeps trying for 30 s; Ctrl-C stops."));
+  CHECK(rig.reported("still waiting for the lidar, for another 24 s; Ctrl-C stops."));
+  CHECK(rig.times_reported("nobody is there") == 1);
 
   Rig never("  - home\n");
   never.lidar.when_connecting = [] { throw rig::LidarAbsent("nobody is there"); };
@@ -119,7 +119,7 @@ TEST_CASE("a wait lasts as long by the host's clock whatever the lidar's stamps 
   CHECK(rig.world.clock.now_us - begun_us < 63'000'000);
 }
 
-TEST_CASE("a wait begins again when the lidar restarts in it, is told, and does not do so for ever") {
+TEST_CASE("a wait begins again when the lidar restarts in it, is reported, and does not do so for ever") {
   Rig rig("  - home\n  - wait: {seconds: 60}\n  - capture: {samples: 5}\n");
   rig.lidar.before_scan = [&](std::uint64_t number) {
     if (number != 72) return;  // 15 s of the wait have passed.
@@ -130,8 +130,8 @@ TEST_CASE("a wait begins again when the lidar restarts in it, is told, and does 
   CHECK(rig.run());
   CHECK(rig.world.clock.now_us - begun_us > 74'000'000);
   CHECK(rig.world.clock.now_us - begun_us < 79'000'000);
-  CHECK(rig.told("the lidar's clock started again"));
-  CHECK(rig.times_told("the wait of 60 s begins again") == 1);
+  CHECK(rig.reported("the lidar's clock started again"));
+  CHECK(rig.times_reported("the wait of 60 s begins again") == 1);
   const json restarts =
       json::parse(rig::SessionStore(rig.file, rig::SessionStore::Mode::read).get("lidar_restarts").value());
   REQUIRE(restarts.size() == 1);
@@ -144,20 +144,20 @@ TEST_CASE("a wait begins again when the lidar restarts in it, is told, and does 
   CHECK_THROWS_WITH(shaky.run(), Contains("restarted 4 times") && Contains("supply"));
 }
 
-TEST_CASE("a restart that a prompt asked for is no cause for concern, any other is told as one") {
+TEST_CASE("a restart that a prompt asked for is no cause for concern, any other is reported as one") {
   Rig asked(
       "  - home\n  - prompt: {title: Switch it off and on, place: {since_power_on_s: 30}}\n"
       "  - capture: {samples: 5}\n");
   asked.lidar.when_connecting = [&] { asked.lidar.restarts = asked.lidar.connects - 1; };
   CHECK(asked.run());
-  CHECK(asked.told("the lidar's clock started again"));
-  CHECK_FALSE(asked.told("its power was cut"));
+  CHECK(asked.reported("the lidar's clock started again"));
+  CHECK_FALSE(asked.reported("its power was cut"));
   Rig unasked("  - home\n  - capture: {samples: 50}\n");
   unasked.lidar.before_scan = [&](std::uint64_t number) {
     if (number == 40) unasked.lidar.restarts = 1;
   };
   CHECK(unasked.run());
-  CHECK(unasked.times_told("its power was cut") == 1);
+  CHECK(unasked.times_reported("its power was cut") == 1);
 }
 
 TEST_CASE("the session's epoch is the moment from which its host times count") {
@@ -249,7 +249,7 @@ TEST_CASE(
   ill.accepts_lidar = true;
   CHECK(ill.run());
   CHECK(ill.captures().size() == 1);
-  CHECK(ill.times_told("by the operator's decision") == 1);
+  CHECK(ill.times_reported("by the operator's decision") == 1);
   CHECK_THAT(rig::SessionStore(ill.file, rig::SessionStore::Mode::read).get("lidar_accepted").value(),
              Contains("Window is dirty"));
 }

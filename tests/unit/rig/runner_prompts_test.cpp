@@ -59,7 +59,8 @@ TEST_CASE("an unattended run ends where a target is not in place, without having
 }
 
 TEST_CASE(
-    "where the bench file is in question, what is not seen in its place is told and measured all the same") {
+    "where the bench file is in question, what is not seen in its place is reported and measured all the "
+    "same") {
   Rig standing("  - home\n  - capture: {samples: 5, target: board}\n");
   standing.doubts_bench = true;
   standing.world.board_mm = 1800;
@@ -107,7 +108,7 @@ TEST_CASE("a target that stood in its place before an interruption is looked at 
 }
 
 TEST_CASE(
-    "a surface whose echo does not follow its stated reflectance is told, unless the procedure says "
+    "a surface whose echo does not follow its stated reflectance is reported, unless the procedure says "
     "otherwise") {
   const auto steps = [](const std::string& until) {
     return "  - home\n  - for-each: {r: [0.9, 0.2]}\n    steps:\n"
@@ -142,7 +143,7 @@ TEST_CASE("a or q at a prompt stops the run") {
   CHECK(rig.run());
 }
 
-TEST_CASE("an answer out of its range is told with the range") {
+TEST_CASE("an answer out of its range is reported with the range") {
   Rig rig("  - home\n  - prompt: {title: Measure it, ask: {name: rail, unit: mm, min: 150, max: 400}}\n");
   std::vector<std::string> refused;
   rig.person.nobody = false;
@@ -164,7 +165,7 @@ TEST_CASE("captures know how long the lidar has been on once a prompt has said s
   rig.lidar.before_scan = [&](std::uint64_t number) { rig.lidar.dead = number >= 60; };
   CHECK_THROWS(rig.run());
   CHECK(rig.lidar.connects >= 2);  // Who was switched off is connected to anew, and that is no fault.
-  CHECK(rig.told("the lidar was switched off and on"));
+  CHECK(rig.reported("the lidar was switched off and on"));
   rig.lidar.dead = false;
   rig.lidar.before_scan = [](std::uint64_t) {};
   CHECK(rig.run());
@@ -210,8 +211,8 @@ TEST_CASE(
   CHECK(rig.run());
   REQUIRE_FALSE(wrong.empty());
   CHECK(wrong.front() == "the rig sees 1400 mm, expected 1450 to 1550 mm.");
-  CHECK(rig.told("lidar lost"));
-  CHECK(rig.told("lidar is back"));
+  CHECK(rig.reported("lidar lost"));
+  CHECK(rig.reported("lidar is back"));
   REQUIRE(rig.captures().size() == 1);
   CHECK(rig.captures()[0].range == 1500);
   CHECK(rig.captures()[0].stamps.size() == 5);

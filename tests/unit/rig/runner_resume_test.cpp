@@ -52,10 +52,10 @@ TEST_CASE("a resumed run says how many captures are done, which step is next and
   rig.lidar.dead = false;
   rig.lidar.before_scan = [](std::uint64_t) {};
   CHECK(rig.run());
-  CHECK(rig.told("resumed: 4 of 6 captures are done; next is step 5 of 5, sweep"));
-  CHECK(rig.told(", with d = 2, rail = 7.5"));
+  CHECK(rig.reported("resumed: 4 of 6 captures are done; next is step 5 of 5, sweep"));
+  CHECK(rig.reported(", with d = 2, rail = 7.5"));
   CHECK(rig.run());
-  CHECK(rig.told("resumed: all 6 captures and all 5 steps are done already"));
+  CHECK(rig.reported("resumed: all 6 captures and all 5 steps are done already"));
 }
 
 TEST_CASE("a resumed run refuses another procedure") {
@@ -65,7 +65,7 @@ TEST_CASE("a resumed run refuses another procedure") {
   CHECK_THROWS_WITH(rig.run(), Contains("differs from the procedure"));
 }
 
-TEST_CASE("a resumed run with other variables is refused, and which differ is told") {
+TEST_CASE("a resumed run with other variables is refused, and which differ is reported") {
   Rig rig("  - home\n  - capture: {samples: '${samples}'}\n", "variables: {samples: 5, far: 2}\n");
   rig.run();
   {

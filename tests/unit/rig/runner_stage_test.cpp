@@ -63,7 +63,7 @@ TEST_CASE("a turn during which the lidar is lost for a while is begun anew and i
   CHECK_THAT(captures[0].step, !Contains("short"));
   CHECK(captures[0].stamps.size() == 60);
   CHECK(rig.lidar.connects == 2);
-  CHECK(rig.told("repeated from its start"));
+  CHECK(rig.reported("repeated from its start"));
 }
 
 TEST_CASE("a turn during which the stage falls silent is begun anew, homed if it has to be") {
@@ -142,5 +142,5 @@ TEST_CASE("a stage that is found moving is stopped before anything else") {
   Rig rig("  - home\n  - capture: {samples: 5}\n");
   rig.stage.moving = true;
   rig.run();
-  CHECK(rig.told("found moving"));
+  CHECK(rig.reported("found moving"));
 }

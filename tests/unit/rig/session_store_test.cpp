@@ -196,7 +196,9 @@ TEST_CASE("a writer that is killed in a capture loses that capture and nothing b
   CHECK(store.recording(plain_bench())->captures().size() == 2);
 }
 
-TEST_CASE("a session whose writer was killed is one file again for whoever opens it, and a copy without its log lacks little") {
+TEST_CASE(
+    "a session whose writer was killed is one file again for whoever opens it, and a copy without its log "
+    "lacks little") {
   const TestFolder folder;
   const std::string file = folder / "run.rig";
   const pid_t child = fork();
@@ -251,7 +253,7 @@ TEST_CASE("a session is never overwritten and never written by two at once") {
   CHECK_THROWS_WITH(SessionStore(folder / "run.rig", Mode::append), Contains("another program"));
 }
 
-TEST_CASE("a session that is removed while it is written is saved under another name, and that is told") {
+TEST_CASE("a session that is removed while it is written is saved under another name, and that is reported") {
   const TestFolder folder;
   {
     SessionStore store(folder / "run.rig", Mode::create);

@@ -66,7 +66,8 @@ TEST_CASE("a target that stands where it was asked for is seen there, from any s
   }
 }
 
-TEST_CASE("a target that was not moved, is 0.4 m off, turned, covered or gone is told with what is seen") {
+TEST_CASE(
+    "a target that was not moved, is 0.4 m off, turned, covered or gone is reported with what is seen") {
   const fit::Bench bench = one_board();
   const fit::Target& board = bench.targets[0];
   const auto detect = [&](const std::vector<fit::Target>& really) {

@@ -66,7 +66,7 @@ TEST_CASE("what an earlier run had done is no experience, and is not ahead") {
   CHECK(left.left_s(at(1, 0.5, 0.75, 50)) == Approx(50 + 200));
 }
 
-TEST_CASE("durations are told in their two largest units") {
+TEST_CASE("durations are reported in their two largest units") {
   CHECK(rig::duration_text(0) == "0 s");
   CHECK(rig::duration_text(-3) == "0 s");
   CHECK(rig::duration_text(59.4) == "59 s");

@@ -56,7 +56,8 @@ TEST_CASE("every fault of messages changes the message that it waits for") {
   CHECK_FALSE(sim::concerns(sim::MessageFault::Of::parameters, bed.scan));
 }
 
-TEST_CASE("a scan with too few values or a short line is told by its count or its lines, not by its sums") {
+TEST_CASE(
+    "a scan with too few values or a short line is reported by its count or its lines, not by its sums") {
   Bed bed;
   CHECK(Bed::decoded(bed.after("short-scan", bed.scan)).error() == lidar::DataError::wrong_count);
   const auto error = Bed::decoded(bed.after("short-line", bed.scan)).error();

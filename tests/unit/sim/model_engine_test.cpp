@@ -73,7 +73,7 @@ TEST_CASE("a mechanism of one target leaves the others alone") {
   CHECK(recording.at(-5).mean() * std::cos(5 * fit::rad_per_deg) == Approx(2000).margin(0.3));
 }
 
-TEST_CASE("a twin's noise has the size, the memory and the common angle it is told") {
+TEST_CASE("a twin's noise has the size, the memory and the common angle that are stated") {
   const auto jittery = twin(bench_of(slant, {known("angle-jitter", {{"sigma_deg", 0.1}})}), 3000);
   const double slope = (wall_range(0.001) - wall_range(-0.001)) / 0.002;
   CHECK(jittery.at(0).sd() ==

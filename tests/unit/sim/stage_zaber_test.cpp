@@ -89,7 +89,7 @@ TEST_CASE("a Zaber accepts a motion before it ends, tells when it stands, and no
   CHECK(zaber.device->poll(zaber.now_s).starts_with("!01 1 IDLE "));
 }
 
-TEST_CASE("a Zaber that lost its power has no reference, and a stall is told until the next motion") {
+TEST_CASE("a Zaber that lost its power has no reference, and a stall is reported until the next motion") {
   Zaber zaber(true);
   zaber.say("/1 1 move abs 100000");
   zaber.now_s += 0.5;

@@ -6,15 +6,15 @@
 
 #include "fit/explain/explanation.hpp"
 
-/// What `explain` tells of a recording's noise: names, sets of names, what nobody knows.
-struct ToldNoise {
+/// What `explain` finds in a recording's noise: names, sets of names, what nobody knows.
+struct NoiseFindings {
   std::vector<fit::explain::Found> accepted;
   std::vector<std::vector<std::string>> undecided;
   std::vector<fit::explain::Unexplained> unknown;
   std::vector<fit::explain::SpreadCurve> curves;
   double gain = 0;  ///< Of the log-likelihood of captures that took no part.
 
-  explicit ToldNoise(const fit::Recording& recording) {
+  explicit NoiseFindings(const fit::Recording& recording) {
     const fit::explain::Explanation e = fit::explain::explain({&recording}, {});
     accepted = e.mechanisms;
     undecided = e.undecided_between;

@@ -69,7 +69,8 @@ json ghost_json(const fit::Target& target, const fit::Bench& bench, double stage
 /// PASS, FAIL or nothing where no limit was checked.
 std::string verdict_of(const json& checks) {
   if (checks.empty()) return "";
-  const bool pass = std::ranges::all_of(checks, [](const json& check) { return check.value("verdict", "") == "pass"; });
+  const bool pass =
+      std::ranges::all_of(checks, [](const json& check) { return check.value("verdict", "") == "pass"; });
   return pass ? "PASS" : "FAIL";
 }
 
@@ -116,8 +117,11 @@ json to_json(const Placement& place) {
 }
 
 json to_json(const Prompt& prompt) {
-  json result = {
-      {"number", prompt.number}, {"title", prompt.title}, {"text", prompt.text}, {"can_skip", prompt.skippable}, {"can_repeat", prompt.repeatable}};
+  json result = {{"number", prompt.number},
+                 {"title", prompt.title},
+                 {"text", prompt.text},
+                 {"can_skip", prompt.skippable},
+                 {"can_repeat", prompt.repeatable}};
   if (!prompt.picture.empty()) result["picture"] = prompt.picture;
   if (!prompt.refusal.empty()) result["refusal"] = prompt.refusal;
   if (prompt.to_go_mm) result["to_go_mm"] = std::round(*prompt.to_go_mm);
@@ -133,19 +137,17 @@ json to_json(const Prompt& prompt) {
 }
 
 json to_json(const RunState& state, const fit::Bench& bench) {
-  json document = {{"schema", "live/1"},
-                   {"phase", phase_word(state.phase)},
-                   {"procedure", state.procedure},
-                   {"session", state.session},
-                   {"steps", steps_json(state)},
-                   {"stage_deg", state.stage_deg},
-                   {"pausing", state.pausing},
-                   {"results", results_json(state.checks_text)},
-                   {"progress",
-                    {{"done", state.done},
-                     {"total", state.total},
-                     {"unit", state.unit},
-                     {"overall", state.overall}}}};
+  json document = {
+      {"schema", "live/1"},
+      {"phase", phase_word(state.phase)},
+      {"procedure", state.procedure},
+      {"session", state.session},
+      {"steps", steps_json(state)},
+      {"stage_deg", state.stage_deg},
+      {"pausing", state.pausing},
+      {"results", results_json(state.checks_text)},
+      {"progress",
+       {{"done", state.done}, {"total", state.total}, {"unit", state.unit}, {"overall", state.overall}}}};
   // Nobody knows how long a person takes.
   const bool waits = state.phase == RunState::Phase::prompt || state.phase == RunState::Phase::paused;
   if (!waits) document["progress"]["left_s"] = state.left_s;

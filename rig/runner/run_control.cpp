@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: MIT
+#include "rig/runner/run_control.hpp"
+
+#include "rig/runner/runner.hpp"
+
+namespace rig {
+
+void RunControl::abort() {
+  aborted_ = true;
+  abort_.open();
+  resume_.open();
+}
+
+void RunControl::pause() {
+  paused_ = true;
+  resume_.close();
+}
+
+void RunControl::resume() {
+  paused_ = false;
+  resume_.open();
+}
+
+void RunControl::stop_if_aborted() const {
+  if (aborted_)
+    throw RunStopped("Stopped by the operator. The stage has stopped, the lidar's laser is off, and " +
+                     (session_.progress().empty() ? "nothing was captured yet."
+                                                  : "what was captured is in " + session_.path() +
+                                                        ". Continue with: rig resume " + session_.path()));
+}
+
+boost::asio::awaitable<void> RunControl::until_aborted() { co_await abort_.wait(); }
+
+boost::asio::awaitable<void> RunControl::until_resumed() { co_await resume_.wait(); }
+
+}  // namespace rig
