@@ -144,8 +144,8 @@ struct Finding {
   [[nodiscard]] Estimate at(const std::string& name) const;
 };
 
-/// A stretch of a coordinate, in its file unit.
-struct Stretch {
+/// Part of a coordinate, in its file unit.
+struct Interval {
   Coordinate coordinate = Coordinate::beam;
   double from = 0, to = 0;
 };
@@ -191,7 +191,7 @@ struct Mechanism {
   /// signs of their own, only sizes could tell them apart, and sizes are a prior, not evidence.
   std::vector<std::string> looks_like;
   /// Where most of the effect is, of what was recorded; empty: wherever something was.
-  std::function<std::vector<Stretch>(const Finding&, const Recorded&)> shows;
+  std::function<std::vector<Interval>(const Finding&, const Recorded&)> shows;
   std::function<std::string(const Finding&)> says;
   /// What separates it from its rivals: one clause for the operator.
   std::string separate;

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "fit/explain/model/counts.hpp"
-#include "fit/explain/model/sure_hits.hpp"
+#include "fit/explain/model/near_edges.hpp"
 
 namespace fit::explain::channels {
 namespace {

@@ -102,9 +102,7 @@ void add(Columns& all, const Columns& more) {
   const Eigen::Index had = all.columns_mm.cols(), plus = more.columns_mm.cols();
   if (plus == 0) return;
   if (had == 0) {
-    const double price = all.price + more.price;
     all = more;
-    all.price = price;
     return;
   }
   all.columns_mm.conservativeResize(Eigen::NoChange, had + plus);
@@ -113,7 +111,6 @@ void add(Columns& all, const Columns& more) {
   all.prior.mean.tail(plus) = more.prior.mean;
   all.prior.sigma.conservativeResize(had + plus);
   all.prior.sigma.tail(plus) = more.prior.sigma;
-  all.price += more.price;
 }
 
 std::vector<double> linear_coefficients(const Term& term) {

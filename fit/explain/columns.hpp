@@ -32,7 +32,6 @@ enum class Channel { range, beam_angle, stage_angle };
 struct Columns {
   Eigen::MatrixXd columns_mm;
   Prior prior;
-  double price = 0;  ///< Log of what their search costs beyond the prior.
 };
 
 /// What a term does to every mean to first order, mm; 0 where it says nothing.

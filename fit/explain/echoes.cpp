@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "fit/empirical.hpp"
-#include "fit/explain/stretches.hpp"
+#include "fit/explain/runs.hpp"
 #include "fit/explain/twin.hpp"
 #include "fit/median.hpp"
 #include "fit/radiometer.hpp"
@@ -195,7 +195,7 @@ class Description {
     const std::size_t each = std::max<std::size_t>(20, order.size() / places);
     EmpiricalFunction f{coordinate, "log_intensity", "", {}, {}};
     const auto place_of = [&](std::size_t k) { return order[k].first; };
-    for (const auto& [from, to] : stretches(order.size(), each, place_of)) {
+    for (const auto& [from, to] : runs_of(order.size(), each, place_of)) {
       double x = 0, y = 0, w = 0;
       for (std::size_t k = from; k < to; ++k) {
         const double weight = std::pow(echoes_[static_cast<std::size_t>(order[k].second)].sigma, -2);

@@ -87,7 +87,7 @@ Searched search(Reduced reduced, const Progress& progress) {
 }
 
 /// The findings in words, chapter by chapter.
-Explanation told(Searched& found) {
+Explanation reported(Searched& found) {
   Findings& findings = found.findings;
   Explanation out;
   out.before = findings.means.before;
@@ -97,15 +97,15 @@ Explanation told(Searched& found) {
   out.cells = findings.reduced.cells.size();
   out.left_out = findings.reduced.left_out;
   out.bench = findings.reduced.bench;
-  inference::tell(found.inferred, findings, out);
-  answer::tell_stray_light(findings, out);
-  answer::tell_spread(findings, out);
+  inference::report(found.inferred, findings, out);
+  answer::report_stray_light(findings, out);
+  answer::report_spread(findings, out);
   std::ranges::copy(found.inferred.curves, std::back_inserter(out.spread_curves));
   inference::add_to_spread(found.inferred, findings.spread);
   if (!found.inferred.posterior.forms.empty() || !findings.spread.unknown.empty())
-    answer::tell_unknown(findings, out);
-  answer::tell_where(findings, out);
-  answer::tell_doubts(findings, out);
+    answer::report_unknown(findings, out);
+  answer::report_where(findings, out);
+  answer::report_doubts(findings, out);
   answer::doubt_bench_file(findings, out);
   answer::correct_bench(findings, out.bench);
   out.verdict = verdict_of(out);
@@ -132,7 +132,7 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
   reduction::steady_echoes(reduced);
   Searched found = search(std::move(reduced), progress);
   Findings& findings = found.findings;
-  Explanation explanation = told(found);
+  Explanation explanation = reported(found);
   complete_twin(findings.reduced, findings.means, explanation);
   explanation.predictor = predictor_of(findings.reduced, findings.means, findings.spread);
   explanation.several_places = together.in_several_places();

@@ -118,12 +118,12 @@ Carried carried(const Recording& recording) {
 
 FittedRoom::FittedRoom(const Recording& own) : own_(own), bench_(own.bench()), moved_(carried(own).moved()) {
   std::vector<std::vector<std::string>> names;
-  for (const Stretch& stretch : stretches()) {
-    std::vector<Target> walls = walls_of(stretch);
+  for (const Standstill& standstill : standstills()) {
+    std::vector<Target> walls = walls_of(standstill);
     if (walls.empty()) continue;
-    CaptureInfo info = own.captures()[stretch.capture];
-    info.started_us = stretch.first_us;
-    stretches_.push_back(stretch);
+    CaptureInfo info = own.captures()[standstill.capture];
+    info.started_us = standstill.first_us;
+    standstills_.push_back(standstill);
     captures_.push_back(info);
     names.emplace_back();
     for (Target& wall : walls) {
@@ -146,9 +146,9 @@ FittedRoom::FittedRoom(const Recording& own) : own_(own), bench_(own.bench()), m
   }
 }
 
-std::vector<FittedRoom::Stretch> FittedRoom::stretches() const {
+std::vector<FittedRoom::Standstill> FittedRoom::standstills() const {
   const std::vector<TrackPose> track = in_order(own_.track());
-  std::vector<Stretch> list;
+  std::vector<Standstill> list;
   for (std::size_t c = 0; c < own_.captures().size(); ++c) {
     if (is_turning(own_.captures()[c])) continue;
     bool resting = false;
@@ -161,23 +161,23 @@ std::vector<FittedRoom::Stretch> FittedRoom::stretches() const {
       ++list.back().scans;
     });
   }
-  std::erase_if(list, [](const Stretch& s) { return s.scans < scans_at_rest; });
+  std::erase_if(list, [](const Standstill& s) { return s.scans < scans_at_rest; });
   return list;
 }
 
-void FittedRoom::walk(const Stretch& stretch, const std::function<void(const ScanView&)>& visit) const {
-  own_.for_each_scan(stretch.capture, [&](const ScanView& scan) {
-    if (scan.host_us >= stretch.first_us && scan.host_us <= stretch.last_us) visit(scan);
+void FittedRoom::walk(const Standstill& standstill, const std::function<void(const ScanView&)>& visit) const {
+  own_.for_each_scan(standstill.capture, [&](const ScanView& scan) {
+    if (scan.host_us >= standstill.first_us && scan.host_us <= standstill.last_us) visit(scan);
   });
 }
 
-std::vector<Target> FittedRoom::walls_of(const Stretch& stretch) const {
-  const CaptureInfo& info = own_.captures()[stretch.capture];
+std::vector<Target> FittedRoom::walls_of(const Standstill& standstill) const {
+  const CaptureInfo& info = own_.captures()[standstill.capture];
   const LidarGeometry& lidar = bench_.lidar;
   // Median range of every direction.
   std::vector<std::vector<float>> ranges;
   double spacing = lidar.step_rad * info.cluster;
-  walk(stretch, [&](const ScanView& scan) {
+  walk(standstill, [&](const ScanView& scan) {
     if (ranges.empty()) {
       if (scan.geometry) spacing = std::abs(scan.geometry->step_rad);
       ranges.resize(static_cast<std::size_t>(std::clamp(std::lround(2 * pi / spacing), 8L, 20000L)));
@@ -204,13 +204,13 @@ std::vector<Target> FittedRoom::walls_of(const Stretch& stretch) const {
   };
   // Twice around from a gap, so that a wall where the circle is cut is seen whole once.
   std::size_t gap = 0;
-  while (gap < ranges.size() && static_cast<int>(ranges[gap].size()) * 2 >= stretch.scans) ++gap;
+  while (gap < ranges.size() && static_cast<int>(ranges[gap].size()) * 2 >= standstill.scans) ++gap;
   for (std::size_t step = 0; step < ranges.size(); ++step) {
     const std::size_t i = (gap + step) % ranges.size();
-    if (static_cast<int>(ranges[i].size()) * 2 < stretch.scans) {
+    if (static_cast<int>(ranges[i].size()) * 2 < standstill.scans) {
       // One lost direction does not end a wall, a sector does.
       const std::size_t next = (i + 1) % ranges.size();
-      if (static_cast<int>(ranges[next].size()) * 2 < stretch.scans) finish();
+      if (static_cast<int>(ranges[next].size()) * 2 < standstill.scans) finish();
       continue;
     }
     auto& values = ranges[i];
@@ -242,15 +242,15 @@ std::vector<Target> FittedRoom::walls_of(const Stretch& stretch) const {
 }
 
 void FittedRoom::for_each_scan(std::size_t index, const std::function<void(const ScanView&)>& visit) const {
-  walk(stretches_[index], visit);
+  walk(standstills_[index], visit);
 }
 
 std::string FittedRoom::note() const {
   int scans = 0;
-  for (const Stretch& stretch : stretches_) scans += stretch.scans;
+  for (const Standstill& standstill : standstills_) scans += standstill.scans;
   return "The bench has no targets: " + std::to_string(bench_.targets.size()) +
          " flat walls were fitted to the recording itself" +
-         (moved_ ? ", to " + std::to_string(scans) + " scans in " + std::to_string(stretches_.size()) +
+         (moved_ ? ", to " + std::to_string(scans) + " scans in " + std::to_string(standstills_.size()) +
                        " stretches at rest; what was recorded on the move is not used"
                  : std::string()) +
          ". Noise, echoes and memory are explained; an error that all walls share moves the walls instead "

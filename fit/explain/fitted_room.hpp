@@ -17,8 +17,8 @@ struct Carried {
 };
 [[nodiscard]] Carried carried(const Recording& recording);
 
-/// A recording whose bench knows no targets, before the flat walls that its own scans show: every stretch at
-/// rest is a capture of its own with its own walls; scans while the lidar was carried are left out. Walls
+/// A recording whose bench knows no targets, before the flat walls that its own scans show: every standstill
+/// at rest is a capture of its own with its own walls; scans while the lidar was carried are left out. Walls
 /// that were fitted to the recording take up what bends all of it alike: noise, echoes and memory remain to
 /// be explained, and what differs along a wall.
 class FittedRoom : public Recording {
@@ -35,18 +35,18 @@ class FittedRoom : public Recording {
   [[nodiscard]] std::string note() const;
 
  private:
-  struct Stretch {
+  struct Standstill {
     std::size_t capture = 0;
     std::int64_t first_us = 0, last_us = 0;
     int scans = 0;
   };
-  [[nodiscard]] std::vector<Stretch> stretches() const;
-  [[nodiscard]] std::vector<Target> walls_of(const Stretch& stretch) const;
-  void walk(const Stretch& stretch, const std::function<void(const ScanView&)>& visit) const;
+  [[nodiscard]] std::vector<Standstill> standstills() const;
+  [[nodiscard]] std::vector<Target> walls_of(const Standstill& standstill) const;
+  void walk(const Standstill& standstill, const std::function<void(const ScanView&)>& visit) const;
 
   const Recording& own_;
   Bench bench_;
-  std::vector<Stretch> stretches_;
+  std::vector<Standstill> standstills_;
   std::vector<CaptureInfo> captures_;
   std::vector<std::set<std::string>> absent_;
   std::vector<TrackPose> nothing_;

@@ -100,14 +100,14 @@ Base base_columns(const MeanModel& model, const Hypothesis& h) {
   for (const Term& term : h.terms) {
     Columns c = linear_columns(model, term);
     const std::vector<double> now = linear_coefficients(term);
-    double ratio = least_stretch(c.prior);
+    // A coefficient that is expected to be something does not become certain by being just that.
+    double ratio = c.prior.mean.isZero() ? 1e-4 : 1;
     for (std::size_t k = 0; k < now.size(); ++k) {
       const auto i = static_cast<Eigen::Index>(k);
       ratio = std::max(ratio, 1.2 * std::abs(now[k] - c.prior.mean[i]) / c.prior.sigma[i]);
     }
     for (std::size_t k = 0; k < now.size(); ++k) c.prior.mean[static_cast<Eigen::Index>(k)] -= now[k];
     c.prior.sigma *= ratio;
-    c.price = price_of_scale(ratio, static_cast<double>(now.size()));
     add(c, shape_columns(model, term));
     base.term_first.push_back(base.all.columns_mm.cols());
     base.term_count.push_back(c.columns_mm.cols());

@@ -25,12 +25,6 @@ double own_variance(const Cell& cell, const MeanNoise& noise) {
 
 }  // namespace
 
-double price_of_scale(double ratio, double coefficients) {
-  return 2 + (ratio > 1 ? 0.5 * coefficients * std::log(ratio) : 0);
-}
-
-double least_stretch(const Prior& prior) { return prior.mean.isZero() ? 1e-4 : 1; }
-
 void pool_variances(Reduced& reduced, const MeanNoise& noise) {
   // What a handful of samples is helped by: their own scans, or the whole session.
   struct Sum {
@@ -184,49 +178,8 @@ void MeanModel::set_base(Eigen::MatrixXd columns, const Prior& prior) {
   along_ = base_.transpose() * centred_;
 }
 
-MeanModel::Fit MeanModel::solve(const Products& p, const Prior& prior, bool stretch) {
-  const Eigen::Index k = p.along.size();
-  Prior wide = prior;
-  Fit fit;
-  double ratio = 1, used = 1;
-  for (int pass = 0; pass < (stretch ? 3 : 1); ++pass) {
-    // In units of the prior's sigma: (S A S + I) x = S (b - A m).
-    const Eigen::VectorXd b = p.along - p.square * wide.mean;
-    Eigen::MatrixXd normal = wide.sigma.asDiagonal() * p.square * wide.sigma.asDiagonal();
-    normal.diagonal().array() += 1;
-    const Eigen::LLT<Eigen::MatrixXd> factor(normal);
-    const Eigen::VectorXd rhs = wide.sigma.cwiseProduct(b), x = factor.solve(rhs);
-    const double shifted = p.along.dot(wide.mean) - 0.5 * wide.mean.dot(p.square * wide.mean);
-    double log_det = 0;
-    for (Eigen::Index i = 0; i < k; ++i) log_det += std::log(factor.matrixL()(i, i));
-    fit.value = wide.mean + wide.sigma.cwiseProduct(x);
-    const Eigen::MatrixXd inverse = factor.solve(Eigen::MatrixXd::Identity(k, k));
-    fit.sigma = (inverse.diagonal().cwiseSqrt()).cwiseProduct(wide.sigma);
-    fit.evidence = shifted + 0.5 * rhs.dot(x) - log_det;
-    fit.gain = fit.value.dot(p.along) - 0.5 * fit.value.dot(p.square * fit.value);
-    if (!stretch) break;
-    ratio = least_stretch(prior);
-    for (Eigen::Index i = 0; i < k; ++i)
-      ratio = std::max(ratio, 1.2 * std::abs(fit.value[i] - prior.mean[i]) / prior.sigma[i]);
-    ratio = std::min(ratio, 1000.0);
-    if (pass < 2) wide.sigma = prior.sigma * ratio;
-    used = pass < 2 ? used : ratio;
-  }
-  if (stretch) fit.evidence -= price_of_scale(used, static_cast<double>(k));
-  return fit;
-}
-
-MeanModel::Posterior MeanModel::posterior() const {
-  Posterior result;
-  const Eigen::VectorXd x = factor_.solve(along_);
-  const Eigen::Index k = base_.cols();
-  result.value = base_mean_ + base_sigma_.cwiseProduct(x);
-  result.covariance =
-      base_sigma_.asDiagonal() * factor_.solve(Eigen::MatrixXd::Identity(k, k)) * base_sigma_.asDiagonal();
-  double log_det = 0;
-  for (Eigen::Index i = 0; i < k; ++i) log_det += std::log(factor_.matrixL()(i, i));
-  result.log_evidence = -0.5 * centred_.squaredNorm() + 0.5 * along_.dot(x) - log_det;
-  return result;
+Eigen::VectorXd MeanModel::posterior_mean() const {
+  return base_mean_ + base_sigma_.cwiseProduct(factor_.solve(along_));
 }
 
 Eigen::VectorXd MeanModel::residual() const {

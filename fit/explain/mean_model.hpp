@@ -56,27 +56,8 @@ class MeanModel {
   /// `columns` in mm; coefficients are relative to those in the prediction.
   void set_base(Eigen::MatrixXd columns_mm, const Prior& prior);
 
-  struct Fit {
-    double evidence = 0;  ///< Log of the Bayes factor against the base alone.
-    double gain = 0;      ///< Of the log-likelihood at the best coefficients, priors apart.
-    Eigen::VectorXd value, sigma;
-  };
-  /// Columns given by their products with the residual and among themselves.
-  struct Products {
-    Eigen::MatrixXd square;
-    Eigen::VectorXd along;
-  };
-  /// `stretch`: the prior takes the scale of the value found (empirical Bayes), at a price, because sizes in
-  /// the catalogue are orders of magnitude.
-  [[nodiscard]] static Fit solve(const Products& products, const Prior& prior, bool stretch);
-
-  /// Posterior of the base.
-  struct Posterior {
-    Eigen::VectorXd value;
-    Eigen::MatrixXd covariance;
-    double log_evidence = 0;  ///< Up to a constant of the data and their noise.
-  };
-  [[nodiscard]] Posterior posterior() const;
+  /// Of the base's coefficients.
+  [[nodiscard]] Eigen::VectorXd posterior_mean() const;
   /// What the base cannot take up of an effect, mm; its priors resist.
   [[nodiscard]] Eigen::VectorXd remainder(const Eigen::VectorXd& column_mm) const;
   /// Residual means less the base's best fit, mm.
@@ -105,14 +86,6 @@ class MeanModel {
   Eigen::LLT<Eigen::MatrixXd> factor_;
   Eigen::VectorXd centred_;
 };
-
-/// Log of what it costs to choose the scale of a prior: about seven e-folds are possible below the
-/// catalogue's size; above it, the less likely the farther.
-[[nodiscard]] double price_of_scale(double ratio, double coefficients);
-
-/// Least scale that a prior may take: sizes may come out as small as they like, but a coefficient that is
-/// expected to be something may not become certain by being just that.
-[[nodiscard]] double least_stretch(const Prior& prior);
 
 /// Sets every cell's variance of one sample, pooled over its neighbours on the same target. Needed before any
 /// MeanModel is made. What a scan's cells have in common is taken off: it is counted once for all of them.

@@ -108,7 +108,7 @@ void place_and_predict(Reduced& reduced, const Predictor& what, bool found) {
     prior.mean = Nuisance(reduced.bench).as_vector() - h.nuisance.as_vector();
     prior.sigma = Nuisance::prior_sigma(reduced.bench);
     model.set_base(model.nuisance_columns(), prior);
-    h.nuisance.set(h.nuisance.as_vector() + model.posterior().value);
+    h.nuisance.set(h.nuisance.as_vector() + model.posterior_mean());
   }
   at_present();
 }
@@ -190,7 +190,7 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadRe
     predict_at(reduced, nothing);
     const MeanModel model = model_of(reduced, means.noise, nothing);
     const Eigen::VectorXd now = nothing.nuisance.as_vector();
-    nothing.nuisance.set(now + model.posterior().value.head(now.size()));
+    nothing.nuisance.set(now + model.posterior_mean().head(now.size()));
   }
   predict_at(reduced, nothing);
   p.constant_before_mm = best_constant(reduced, {});

@@ -24,7 +24,7 @@ std::vector<Beside> places_of(const std::vector<Beside>& beams) {
 }
 
 /// Where the farther surface takes over: the middle of the places that are as likely as the best.
-void settle(SeenEdge& edge) {
+void place(SeenEdge& edge) {
   const auto [low, high] = std::ranges::minmax_element(edge.beams, {}, &Beside::far_share);
   if (edge.beams.size() < 4 || low->far_share > 0.1 || high->far_share < 0.9) return;
   const std::vector<Beside> beams = places_of(edge.beams);
@@ -104,7 +104,7 @@ std::map<int, SeenEdge> seen_edges(const Reduced& reduced, const Nuisance& fitte
       seen.beams.push_back(beside);
     }
   }
-  for (auto& [id, edge] : edges) settle(edge);
+  for (auto& [id, edge] : edges) place(edge);
   return edges;
 }
 

@@ -24,7 +24,7 @@ constexpr double one_echo_mm = 500;  // farther apart they are two, and only the
 constexpr double halo_deg = 0.7, halo_ends_deg = 1.01;  // as fit/mechanisms/crosstalk.cpp and Scene::pull
 // Logarithms of odds. Of 22 recordings with panels and nothing missing none came nearer than 4.6 to
 // acceptance.
-constexpr double accept_at = 1.5, told_apart_at = 3.5;
+constexpr double accept_at = 1.5, separated_at = 3.5;
 constexpr std::size_t fewest = 40;                   // rows of which anything is said
 constexpr double doubt_beside_edges = 3;             // edges may be elsewhere by a part of a beam
 constexpr double price = odds::against_any + 2 + 1;  // its size, and the forms of its halo that are tried
@@ -361,9 +361,9 @@ std::optional<StrayLight> beside_edges(const Reduced& reduced, const MeanResult&
     const Beside beside(std::move(clear), reduced.bench.targets.size());
     if (beside.shows(accept_at)) {
       const double rival = beside.rival();
-      if (rival > beside.best() + told_apart_at) return {};
+      if (rival > beside.best() + separated_at) return {};
       StrayLight light = beside.said(odds_for(beside, rival));
-      light.or_mixed_pixel = rival > beside.best() - told_apart_at;
+      light.or_mixed_pixel = rival > beside.best() - separated_at;
       light.width_deg = beside.width_deg();
       return light;
     }

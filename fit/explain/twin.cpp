@@ -6,9 +6,9 @@
 #include <optional>
 
 #include "fit/empirical.hpp"
+#include "fit/explain/runs.hpp"
 #include "fit/explain/spread/ids.hpp"
 #include "fit/explain/stray_light.hpp"
-#include "fit/explain/stretches.hpp"
 #include "fit/radiometer.hpp"
 
 namespace fit::explain {
@@ -117,7 +117,7 @@ EmpiricalFunction table_of(const MeanModel& model, const VectorXd& effect_mm, co
   // As many rows in every place, but never two places for one value of the coordinate.
   const std::size_t each = std::max<std::size_t>(1, order.size() / places_of_twin);
   const auto place_of = [&](std::size_t k) { return a.at[order[k]]; };
-  for (const auto& [from, to] : stretches(order.size(), each, place_of)) {
+  for (const auto& [from, to] : runs_of(order.size(), each, place_of)) {
     double x = 0, y = 0, w = 0;
     for (std::size_t k = from; k < to; ++k) {
       const double lever = lever_of(a.channel, model.cell(order[k]).sight);
@@ -134,13 +134,13 @@ EmpiricalFunction table_of(const MeanModel& model, const VectorXd& effect_mm, co
   return table;
 }
 
-VectorXd told_by(const MeanModel& model, const EmpiricalFunction& table, const Along& a) {
-  VectorXd told = VectorXd::Zero(model.rows());
+VectorXd explained_by(const MeanModel& model, const EmpiricalFunction& table, const Along& a) {
+  VectorXd explained = VectorXd::Zero(model.rows());
   const double scale = a.channel == Channel::range ? 1 : rad_per_deg;
   for (Eigen::Index i = 0; i < model.rows(); ++i)
     if (std::isfinite(a.at[i]))
-      told[i] = scale * table.value_at(a.at[i]) * lever_of(a.channel, model.cell(i).sight);
-  return told;
+      explained[i] = scale * table.value_at(a.at[i]) * lever_of(a.channel, model.cell(i).sight);
+  return explained;
 }
 
 /// An effect of any kind, as tables that add up to it, the one that tells most of it first.
@@ -152,7 +152,7 @@ void tabulate(const MeanModel& model, VectorXd effect_mm, Bench& bench) {
     VectorXd rest;
     for (const Along& a : ways) {
       const EmpiricalFunction table = table_of(model, effect_mm, a);
-      const VectorXd left = effect_mm - told_by(model, table, a);
+      const VectorXd left = effect_mm - explained_by(model, table, a);
       if (left.squaredNorm() >= least) continue;
       least = left.squaredNorm();
       best = table;
@@ -189,7 +189,7 @@ void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& out) 
   MeanModel model(reduced, means.noise);
   const Base base = base_columns(model, means.best);
   model.set_base(base.all.columns_mm, base.all.prior);
-  const VectorXd x = model.posterior().value;
+  const VectorXd x = model.posterior_mean();
   const auto named = [&](const Term& term) {
     return std::ranges::any_of(out.mechanisms, [&](const Found& f) {
       return f.mechanism == term.mechanism &&

@@ -25,8 +25,8 @@ Mechanism make_angle_jitter() {
                   .beam_angle_variance_rad2 = variance * p[1]};
   };
   m.shows = [](const Finding&, const Recorded& r) {  // where the range changes with the angle
-    return std::vector<Stretch>{{Coordinate::range_rate, r.from, r.from / 2},
-                                {Coordinate::range_rate, r.to / 2, r.to}};
+    return std::vector<Interval>{{Coordinate::range_rate, r.from, r.from / 2},
+                                 {Coordinate::range_rate, r.to / 2, r.to}};
   };
   m.says = [](const Finding& f) {
     return "Beam angles scatter by " + with_uncertainty(f.at("sigma_deg"), "deg") +

@@ -30,7 +30,7 @@ Mechanism make_dropout() {
   };
   m.shows = [](const Finding& f, const Recorded& r) {
     const double hardly_any = f.at("intensity_min").value + 2 * f.at("width").value;
-    return std::vector<Stretch>{{Coordinate::intensity, r.from, std::clamp(hardly_any, r.from, r.to)}};
+    return std::vector<Interval>{{Coordinate::intensity, r.from, std::clamp(hardly_any, r.from, r.to)}};
   };
   m.says = [](const Finding& f) {
     return "Weak echoes are lost: half of them at " + with_uncertainty(f.at("intensity_min"), "counts") + ".";

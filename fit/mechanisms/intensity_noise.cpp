@@ -25,7 +25,7 @@ Mechanism make_intensity_noise() {
   };
   m.shows = [](const Finding& f, const Recorded& r) {  // down to a quarter of the largest variance
     const double top = r.from * std::pow(4.0, 1 / std::max(1.0, f.at("exponent").value));
-    return std::vector<Stretch>{
+    return std::vector<Interval>{
         {Coordinate::intensity, r.from, std::min(r.to, std::max(top, r.from + (r.to - r.from) / 30))}};
   };
   m.says = [](const Finding& f) {

@@ -38,7 +38,7 @@ Mechanism make_local_noise() {
   m.looks_like = {"sunlight"};  // that neither comes and goes nor drowns an echo
   m.shows = [](const Finding& f, const Recorded&) {
     const double centre = f.at("centre_deg").value, reach = 1.2 * f.at("width_deg").value;
-    return std::vector<Stretch>{{Coordinate::beam, centre - reach, centre + reach}};
+    return std::vector<Interval>{{Coordinate::beam, centre - reach, centre + reach}};
   };
   m.says = [](const Finding& f) {
     return "Around " + with_uncertainty(f.at("centre_deg"), "deg") + " (within " +

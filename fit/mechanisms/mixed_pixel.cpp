@@ -20,7 +20,7 @@ Mechanism make_mixed_pixel() {
   };
   m.shows = [](const Finding& f, const Recorded&) {
     const double reach = std::max(0.03, 1.5 * f.at("width_deg").value);
-    return std::vector<Stretch>{{Coordinate::edge_distance, -reach, reach}};
+    return std::vector<Interval>{{Coordinate::edge_distance, -reach, reach}};
   };
   m.says = [](const Finding& f) {
     return "At edges echoes come from the front, from the back or from between: the beam's standard half "

@@ -34,7 +34,7 @@ Mechanism make_settling() {
   };
   m.shows = [](const Finding& f, const Recorded& r) {  // until half of it has faded
     const double half = std::log(2.0) * f.at("tau_s").value * r.scan_hz;
-    return std::vector<Stretch>{{Coordinate::scan_seq, r.from, std::clamp(half, r.from + 1, r.to)}};
+    return std::vector<Interval>{{Coordinate::scan_seq, r.from, std::clamp(half, r.from + 1, r.to)}};
   };
   m.says = [](const Finding& f) {
     return "After a move the stage still swings by " + with_uncertainty(f.at("amplitude_deg"), "deg") +

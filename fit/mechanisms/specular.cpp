@@ -20,7 +20,7 @@ Mechanism make_specular() {
   };
   m.shows = [](const Finding& f, const Recorded& r) {
     const double reach = 1.5 * f.at("width_deg").value;
-    return std::vector<Stretch>{{Coordinate::incidence, std::max(r.from, -reach), std::min(r.to, reach)}};
+    return std::vector<Interval>{{Coordinate::incidence, std::max(r.from, -reach), std::min(r.to, reach)}};
   };
   m.says = [](const Finding& f) {
     const Estimate gain = f.at("gain");

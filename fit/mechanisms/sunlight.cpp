@@ -50,7 +50,7 @@ Mechanism make_sunlight() {
   };
   m.shows = [](const Finding& f, const Recorded&) {
     const double centre = f.at("centre_deg").value, reach = 1.2 * f.at("width_deg").value;
-    std::vector<Stretch> places{{Coordinate::beam, centre - reach, centre + reach}};
+    std::vector<Interval> places{{Coordinate::beam, centre - reach, centre + reach}};
     if (f.parameters.contains("from_s"))
       places.push_back({Coordinate::time, f.at("from_s").value, f.at("to_s").value});
     return places;

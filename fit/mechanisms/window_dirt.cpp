@@ -25,7 +25,7 @@ Mechanism make_window_dirt() {
   };
   m.shows = [](const Finding& f, const Recorded& r) {
     const double middle = f.at("centre_deg").value, reach = 1.5 * f.at("width_deg").value;
-    return std::vector<Stretch>{
+    return std::vector<Interval>{
         {Coordinate::beam, std::max(r.from, middle - reach), std::min(r.to, middle + reach)}};
   };
   m.says = [](const Finding& f) {

@@ -9,19 +9,19 @@
 namespace fit::explain::answer {
 
 /// Stray light beside edges.
-void tell_stray_light(const Findings& findings, Explanation& out);
+void report_stray_light(const Findings& findings, Explanation& out);
 
 /// What the model has no rows for: coarse steps, wide beams.
-void tell_spread(const Findings& findings, Explanation& out);
+void report_spread(const Findings& findings, Explanation& out);
 
 /// What no mechanism of the catalogue explains.
-void tell_unknown(const Findings& findings, Explanation& out);
+void report_unknown(const Findings& findings, Explanation& out);
 
 /// Where all that shows, and curves of it. Leaves the findings predicted as they were.
-void tell_where(Findings& findings, Explanation& out);
+void report_where(Findings& findings, Explanation& out);
 
 /// What to know before any of it is believed.
-void tell_doubts(const Findings& findings, Explanation& out);
+void report_doubts(const Findings& findings, Explanation& out);
 
 /// Mount and targets that come out far from where the bench file has them: a wrong bench file, not physics.
 void doubt_bench_file(const Findings& findings, Explanation& out);

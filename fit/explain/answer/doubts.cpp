@@ -53,7 +53,7 @@ std::string on_rounded_angles(double grid_deg) {
 
 }  // namespace
 
-void tell_doubts(const Findings& findings, Explanation& out) {
+void report_doubts(const Findings& findings, Explanation& out) {
   const Reduced& reduced = findings.reduced;
   const MeanResult& means = findings.means;
   const auto note = [&](std::string text) { out.notes.push_back(std::move(text)); };

@@ -33,7 +33,7 @@ Found found_noise(const Findings& findings, const Suspect& suspect) {
 
 }  // namespace
 
-void tell_spread(const Findings& findings, Explanation& out) {
+void report_spread(const Findings& findings, Explanation& out) {
   for (const Suspect& suspect : findings.spread.accepted) {
     if (findings.reduced.bench.knows(suspect.mechanism->id)) continue;
     out.add_beside_means(found_noise(findings, suspect));

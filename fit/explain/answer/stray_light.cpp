@@ -44,7 +44,7 @@ bool knows_wide_beam(const Findings& findings) {
 
 }  // namespace
 
-void tell_stray_light(const Findings& findings, Explanation& out) {
+void report_stray_light(const Findings& findings, Explanation& out) {
   if (!findings.light) return;
   const StrayLight& light = *findings.light;
   if (light.or_mixed_pixel && knows_wide_beam(findings)) return;

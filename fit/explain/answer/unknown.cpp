@@ -26,7 +26,7 @@ Unexplained of_shapes(const Findings& findings) {
 
 }  // namespace
 
-void tell_unknown(const Findings& findings, Explanation& out) {
+void report_unknown(const Findings& findings, Explanation& out) {
   std::vector<Unexplained> all = findings.spread.unknown;
   if (!findings.means.best.shapes.empty()) all.insert(all.begin(), of_shapes(findings));
   if (all.empty()) return;

@@ -37,10 +37,10 @@ std::vector<Located> located(const Suspect& suspect, const Reduced& reduced) {
   if (!there) return {};
   Finding finding;
   finding.parameters = suspect.parameters;
-  const std::vector<Stretch> stretches =
-      m.shows ? m.shows(finding, *there) : std::vector<Stretch>{{m.coordinate, there->from, there->to}};
+  const std::vector<Interval> intervals =
+      m.shows ? m.shows(finding, *there) : std::vector<Interval>{{m.coordinate, there->from, there->to}};
   std::vector<Located> list;
-  for (const Stretch& s : stretches)
+  for (const Interval& s : intervals)
     list.push_back({s.coordinate, s.from, s.to, m.observable, std::max(1e-300, p_value(suspect.gain))});
   return list;
 }
@@ -94,7 +94,7 @@ std::vector<Curve> curves(const MeanModel& before, const MeanModel& after, const
 
 }  // namespace
 
-void tell_where(Findings& findings, Explanation& out) {
+void report_where(Findings& findings, Explanation& out) {
   auto& [reduced, spread, means, light] = findings;
   Hypothesis nothing(reduced.bench);
   nothing.nuisance = means.best.nuisance;

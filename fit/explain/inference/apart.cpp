@@ -18,7 +18,7 @@ Channels channels_of(const Reduced& reduced) {
 }
 
 /// The predictor where nothing is missing.
-Eigen::VectorXd nothing_missing(const model::ChannelRows& rows) {
+Eigen::VectorXd base_predictor(const model::ChannelRows& rows) {
   Eigen::VectorXd eta(rows.rows());
   for (Index i = 0; i < eta.size(); ++i) eta[i] = rows.offset(i);
   return eta + rows.base().columns * rows.base().prior.mean;
@@ -44,7 +44,7 @@ double left_by(const Channels& channels, const model::Term& truth, const model::
     if (!channels[c] || !truth.kind->acts_in[c]) continue;
     const model::ChannelRows& rows = *channels[c];
     const Eigen::VectorXd effect = model::effect_of(rows, *truth.kind, truth.values),
-                          eta = nothing_missing(rows) + effect, white = rows.whitened(effect, eta);
+                          eta = base_predictor(rows) + effect, white = rows.whitened(effect, eta);
     const Eigen::MatrixXd columns = rows.whitened(all_that(rows, rival, rival.kind->acts_in[c]), eta);
     Eigen::MatrixXd square = columns.transpose() * columns;
     square.diagonal().array() += 1;

@@ -8,7 +8,7 @@
 #include "fit/explain/inference/curves.hpp"
 #include "fit/explain/inference/hold_out.hpp"
 #include "fit/explain/inference/numbers.hpp"
-#include "fit/explain/inference/settle.hpp"
+#include "fit/explain/inference/placement.hpp"
 #include "fit/explain/inference/tables.hpp"
 #include "fit/explain/stated_noise.hpp"
 
@@ -161,7 +161,7 @@ Shape as_shape(const Term& term) {
 
 Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progress) {
   Inferred out{.kinds = nullptr, .posterior = {}, .means = MeanResult(reduced.bench)};
-  out.means.excess = settle(reduced, noise);
+  out.means.excess = fit_placements(reduced, noise);
   out.means.noise = noise;
   out.means.noise.factor *= out.means.excess;
   Session session(reduced, out.means.noise);

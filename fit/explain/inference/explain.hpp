@@ -33,7 +33,7 @@ struct Inferred {
 [[nodiscard]] Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progress);
 
 /// Tells it: mechanisms, undecided sets, what nobody knows.
-void tell(const Inferred& inferred, const Findings& findings, Explanation& out);
+void report(const Inferred& inferred, const Findings& findings, Explanation& out);
 
 /// What of it is told beside the means, for those that draw and predict with it.
 void add_to_spread(const Inferred& inferred, SpreadResult& spread);

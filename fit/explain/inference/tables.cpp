@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fit/explain/stretches.hpp"
+#include "fit/explain/runs.hpp"
 
 namespace fit::explain::inference {
 namespace {
@@ -42,7 +42,7 @@ EmpiricalFunction tabulated(const Session& session, const Kind& kind, std::size_
   }
   std::ranges::sort(list);
   const auto place_of = [&](std::size_t k) { return list[k].first; };
-  for (const auto& [from, to] : stretches(list.size(), 1 + list.size() / places, place_of)) {
+  for (const auto& [from, to] : runs_of(list.size(), 1 + list.size() / places, place_of)) {
     double x = 0, y = 0;
     for (std::size_t k = from; k < to; ++k) {
       x += list[k].first;

@@ -50,7 +50,7 @@ Returned returned_to(const Cell& cell, const Setting& setting, const Beams& beam
   return all;
 }
 
-void tell_intensity(const Returned& all, Cell& cell) {
+void summarise_intensity(const Returned& all, Cell& cell) {
   cell.at.intensity = cell.counts = all.intensity / all.lit;
   if (all.lit < 2) return;
   const double squares = all.intensity_squares - all.intensity * all.intensity / all.lit;
@@ -58,7 +58,7 @@ void tell_intensity(const Returned& all, Cell& cell) {
 }
 
 /// Near an edge: where between the two surfaces the samples lie.
-void tell_place_at_edge(const std::vector<double>& ranges_mm, double sigma_mm, Cell& cell) {
+void note_place_at_edge(const std::vector<double>& ranges_mm, double sigma_mm, Cell& cell) {
   if (!(cell.other_mm > 0)) return;
   const bool on_near = cell.at.edge_rad > 0;
   const double near = on_near ? cell.nominal_mm : cell.other_mm,
@@ -187,7 +187,7 @@ void summarise(const Setting& setting, const Beams& beams, bool keep_samples, Ce
   cell.lost = all.lost;
   session.samples += static_cast<long>(all.ranges_mm.size());
   if (all.lit > 0) {
-    tell_intensity(all, cell);
+    summarise_intensity(all, cell);
     session.has_intensity = true;
   }
   if (all.ranges_mm.empty()) {
@@ -195,7 +195,7 @@ void summarise(const Setting& setting, const Beams& beams, bool keep_samples, Ce
     return;
   }
   const bool in_clear = cell.smooth && !cell.doubtful;
-  tell_place_at_edge(all.ranges_mm, sigma_mm, cell);
+  note_place_at_edge(all.ranges_mm, sigma_mm, cell);
   const Core core = core_of(all.ranges_mm);
   const double reach_mm = reach_of(core, all.ranges_mm.size(), sigma_mm, turning);
   average(all.ranges_mm, core.middle_mm, reach_mm, sigma_mm, keep_samples, cell, session);

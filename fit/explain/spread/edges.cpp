@@ -54,7 +54,7 @@ class BesideEdges {
     }
   }
 
-  [[nodiscard]] bool tell() const { return !by_edge_.empty() && mixed_ >= 2; }
+  [[nodiscard]] bool suffice() const { return !by_edge_.empty() && mixed_ >= 2; }
   /// Samples on neither surface.
   [[nodiscard]] int between() const { return between_; }
   /// Whether most samples of mixed beams lie between the surfaces.
@@ -150,7 +150,7 @@ double gain_of_edges(const BesideEdges& beams, double width_deg) {
 void edges(const Reduced& reduced, SpreadResult& result) {
   const std::vector<SeenBeside> list = beside_edges(reduced);
   const BesideEdges beams(list);
-  if (!beams.tell()) return;
+  if (!beams.suffice()) return;
   const double width = best_width(beams), best = beams.likelihood(width);
   const auto reach = [&](double step) {  // to where the likelihood has fallen by a half
     double w = width;

@@ -32,12 +32,12 @@ struct Track {
 };
 
 /// A group's scans: the wave's phase in it is not known from others.
-struct Stretch {
+struct Segment {
   std::vector<Track> tracks;
   int scans = 0;
 };
 
-/// A wave's sine and cosine in one stretch, or what is known of them.
+/// A wave's sine and cosine in one segment, or what is known of them.
 struct Normal {
   Eigen::Matrix2d square = Eigen::Matrix2d::Zero();
   Eigen::Vector2d along = Eigen::Vector2d::Zero();
@@ -73,9 +73,9 @@ double period_of(const std::vector<Sector>& sectors) {
 
 /// What sectors say, as tracks: `value_of` one, and what it is worth.
 template <class Value>
-std::map<int, Stretch> stretches_of(const std::vector<Sector>& sectors, double period_s,
-                                    const Value& value_of) {
-  std::map<int, Stretch> stretches;
+std::map<int, Segment> segments_of(const std::vector<Sector>& sectors, double period_s,
+                                   const Value& value_of) {
+  std::map<int, Segment> segments;
   std::map<std::pair<int, int>, Track> tracks;
   std::map<int, int> first;
   for (const Sector& s : sectors) {
@@ -97,17 +97,17 @@ std::map<int, Stretch> stretches_of(const std::vector<Sector>& sectors, double p
     for (double& v : track.value) v -= mean;
     track.information /= n;
     track.offset_s /= n;
-    Stretch& stretch = stretches[key.first];
-    stretch.scans = std::max(stretch.scans, track.scan.back() + 1);
-    stretch.tracks.push_back(std::move(track));
+    Segment& segment = segments[key.first];
+    segment.scans = std::max(segment.scans, track.scan.back() + 1);
+    segment.tracks.push_back(std::move(track));
   }
-  return stretches;
+  return segments;
 }
 
-/// What one stretch says of a wave of that frequency.
-Normal normal_of(const Stretch& stretch, double hz, double period_s) {
+/// What one segment says of a wave of that frequency.
+Normal normal_of(const Segment& segment, double hz, double period_s) {
   Normal sum;
-  for (const Track& track : stretch.tracks) {
+  for (const Track& track : segment.tracks) {
     Eigen::Vector2d mean = Eigen::Vector2d::Zero();
     const auto n = static_cast<double>(track.scan.size());
     for (std::size_t i = 0; i < track.scan.size(); ++i) {
@@ -125,18 +125,18 @@ Normal normal_of(const Stretch& stretch, double hz, double period_s) {
 /// What frequencies explain, on a grid that divides the scans' repetition alike.
 class Spectrum {
  public:
-  Spectrum(const std::map<int, Stretch>& stretches, double period_s) : period_s_(period_s) {
-    // A few dozen stretches say whether there is a wave; a session of hours has thousands.
+  Spectrum(const std::map<int, Segment>& segments, double period_s) : period_s_(period_s) {
+    // A few dozen segments say whether there is a wave; a session of hours has thousands.
     constexpr std::size_t enough = 40;
-    const std::size_t each = std::max<std::size_t>(1, stretches.size() / enough);
+    const std::size_t each = std::max<std::size_t>(1, segments.size() / enough);
     std::size_t i = 0;
-    for (const auto& [group, stretch] : stretches)
+    for (const auto& [group, segment] : segments)
       if (i++ % each == 0) {
-        stretches_.push_back(&stretch);
-        longest_ = std::max(longest_, stretch.scans);
+        segments_.push_back(&segment);
+        longest_ = std::max(longest_, segment.scans);
       }
     points_ = 4 * longest_;
-    for (const Stretch* stretch : stretches_) transform(*stretch);
+    for (const Segment* segment : segments_) transform(*segment);
   }
 
   struct Line {
@@ -146,7 +146,7 @@ class Spectrum {
 
   /// The most evident line and those that look nearly the same, that one first.
   [[nodiscard]] std::vector<Line> lines() const {
-    if (stretches_.empty()) return {};
+    if (segments_.empty()) return {};
     Line best;
     double top = -1;
     std::vector<double> inflates;
@@ -159,12 +159,12 @@ class Spectrum {
         of_noise.push_back(gain);
       }
       // What whole scans have in common, or remember, is a continuum: a line stands out from it.
-      constexpr double median_of_chi2 = 0.69;  // of one stretch's; of many, nearly their number
-      const auto count = static_cast<double>(stretches_.size());
+      constexpr double median_of_chi2 = 0.69;  // of one segment's; of many, nearly their number
+      const auto count = static_cast<double>(segments_.size());
       const double usual = count > 1 ? count - 1.0 / 3 : median_of_chi2;
       inflates.push_back(std::max(1.0, median_of(of_noise) / usual));
       for (int point = 1; point < points_; ++point) {
-        if (!can_be_told(order, point)) continue;
+        if (!is_resolved(order, point)) continue;
         const double gain = gains[static_cast<std::size_t>(point)] / inflates.back();
         if (gain <= top) continue;
         top = gain;
@@ -178,7 +178,7 @@ class Spectrum {
       for (const int middle : {best.point, points_ - best.point}) {
         Line other;
         for (int point = middle - 2; point <= middle + 2; ++point) {
-          if (point < 1 || point >= points_ || !can_be_told(order, point)) continue;
+          if (point < 1 || point >= points_ || !is_resolved(order, point)) continue;
           Line line{hz_of(order, point), -1e300, 0, inflates[static_cast<std::size_t>(order)], order, point};
           line.evidence = evidence_of(line);
           if (line.evidence > other.evidence) other = line;
@@ -202,18 +202,18 @@ class Spectrum {
     return (order + static_cast<double>(point) / points_) / period_s_;
   }
   /// Between the bounds, and not so near a multiple of the scans' repetition that it stands nearly still.
-  [[nodiscard]] bool can_be_told(int order, int point) const {
+  [[nodiscard]] bool is_resolved(int order, int point) const {
     const double hz = hz_of(order, point);
     const int nearest = std::min(point, points_ - point);
     return hz >= least_hz && hz <= most_hz && nearest >= 2 * points_ / longest_;
   }
 
-  void transform(const Stretch& stretch) {
+  void transform(const Segment& segment) {
     const auto n = static_cast<std::size_t>(points_);
     std::vector<Complex> turn(n);
     for (std::size_t j = 0; j < n; ++j) turn[j] = std::polar(1.0, 2 * pi * static_cast<double>(j) / points_);
     auto& sums = sums_.emplace_back();
-    for (const Track& track : stretch.tracks) {
+    for (const Track& track : segment.tracks) {
       Sums s{std::vector<Complex>(n), std::vector<Complex>(n), std::vector<Complex>(n)};
       for (std::size_t i = 0; i < track.scan.size(); ++i) {
         const auto k = static_cast<std::size_t>(track.scan[i]);
@@ -228,13 +228,13 @@ class Spectrum {
   }
 
   /// The same as `normal_of`, from the sums over scans.
-  [[nodiscard]] Normal normal_at(std::size_t stretch, int order, int point) const {
+  [[nodiscard]] Normal normal_at(std::size_t segment, int order, int point) const {
     Normal normal;
     const auto j = static_cast<std::size_t>(point);
     const double hz = hz_of(order, point);
-    for (std::size_t t = 0; t < sums_[stretch].size(); ++t) {
-      const Track& track = stretches_[stretch]->tracks[t];
-      const Sums& s = sums_[stretch][t];
+    for (std::size_t t = 0; t < sums_[segment].size(); ++t) {
+      const Track& track = segments_[segment]->tracks[t];
+      const Sums& s = sums_[segment][t];
       const Complex begin = std::polar(1.0, 2 * pi * hz * track.offset_s);
       const Complex along = begin * s.values[j], mean = begin * s.ones[j],
                     twice = begin * begin * s.doubled[j];
@@ -251,14 +251,14 @@ class Spectrum {
 
   [[nodiscard]] double gain_of(int order, int point) const {
     double sum = 0;
-    for (std::size_t i = 0; i < stretches_.size(); ++i) sum += normal_at(i, order, point).gain();
+    for (std::size_t i = 0; i < segments_.size(); ++i) sum += normal_at(i, order, point).gain();
     return sum;
   }
 
   [[nodiscard]] double evidence_of(const Line& line) const {
     constexpr double price_of_scale = 2;
     std::vector<Normal> normals;
-    for (std::size_t i = 0; i < stretches_.size(); ++i)
+    for (std::size_t i = 0; i < segments_.size(); ++i)
       normals.push_back(normal_at(i, line.order, line.point));
     double best = -1e300;
     for (double size = 0.01; size < 10; size *= 2) {
@@ -273,16 +273,16 @@ class Spectrum {
     std::vector<Complex> values, ones, doubled;
   };
   double period_s_;
-  std::vector<const Stretch*> stretches_;
-  std::vector<std::vector<Sums>> sums_;  ///< By stretch and track, over the points.
+  std::vector<const Segment*> segments_;
+  std::vector<std::vector<Sums>> sums_;  ///< By segment and track, over the points.
   int longest_ = 0, points_ = 0;
 };
 
 /// Seconds that a sector's beams take.
-double duration_of(const Stretch& stretch) {
+double duration_of(const Segment& segment) {
   double least = 1e9;
-  for (std::size_t t = 1; t < stretch.tracks.size(); ++t)
-    least = std::min(least, stretch.tracks[t].offset_s - stretch.tracks[t - 1].offset_s);
+  for (std::size_t t = 1; t < segment.tracks.size(); ++t)
+    least = std::min(least, segment.tracks[t].offset_s - segment.tracks[t - 1].offset_s);
   return least < 1e9 ? least : 0;
 }
 
@@ -293,15 +293,14 @@ double shown_share(double hz, double duration_s) {
 }
 
 /// Mean square amplitude, what noise alone would show taken off.
-double square_amplitude(const std::map<int, Stretch>& stretches, const Spectrum::Line& line,
-                        double period_s) {
+double square_amplitude(const std::map<int, Segment>& segments, const Spectrum::Line& line, double period_s) {
   double sum = 0, weight = 0;
-  for (const auto& [group, stretch] : stretches) {
-    const Normal normal = normal_of(stretch, line.hz, period_s);
+  for (const auto& [group, segment] : segments) {
+    const Normal normal = normal_of(segment, line.hz, period_s);
     const double information = normal.square.trace() / 2;
     if (!(normal.square.determinant() > 0.01 * information * information)) continue;
     const double of_noise = line.inflate * normal.square.inverse().trace();
-    const double share = shown_share(line.hz, duration_of(stretch));
+    const double share = shown_share(line.hz, duration_of(segment));
     sum += information * (normal.value().squaredNorm() - of_noise) / (share * share);
     weight += information;
   }
@@ -338,21 +337,21 @@ Unexplained in_words(const std::vector<Spectrum::Line>& lines, double amplitude_
   return u;
 }
 
-void take_off(const std::map<int, Stretch>& stretches, double hz, double period_s,
+void take_off(const std::map<int, Segment>& segments, double hz, double period_s,
               std::vector<Sector>& sectors) {
   std::map<int, Eigen::Vector2d> value;
   std::map<int, int> first;
-  for (const auto& [group, stretch] : stretches) value[group] = normal_of(stretch, hz, period_s).value();
+  for (const auto& [group, segment] : segments) value[group] = normal_of(segment, hz, period_s).value();
   std::map<std::pair<int, int>, std::pair<double, double>> means;  // sum, number
   const auto wave = [&](const Sector& s) {
     const int k = s.seq - first.try_emplace(s.group, s.seq).first->second;
     const auto found = value.find(s.group);
     if (found == value.end()) return 0.0;
-    const auto& tracks = stretches.at(s.group).tracks;
+    const auto& tracks = segments.at(s.group).tracks;
     // Of its own track, whose stamps are averaged.
     double offset = s.since_move_s - k * period_s;
     for (const Track& track : tracks)
-      if (std::abs(track.offset_s - offset) < duration_of(stretches.at(s.group)) / 2) offset = track.offset_s;
+      if (std::abs(track.offset_s - offset) < duration_of(segments.at(s.group)) / 2) offset = track.offset_s;
     const double at = 2 * pi * hz * (offset + k * period_s);
     return found->second.dot(Eigen::Vector2d(std::cos(at), std::sin(at)));
   };
@@ -381,14 +380,14 @@ struct Ranges {
   Ranges(const std::vector<Group>& groups, const std::vector<Sector>& sectors)
       : period_s(period_of(sectors)) {
     if (!(period_s > 0)) return;
-    stretches = stretches_of(sectors, period_s, [&](const Sector& s) {
+    segments = segments_of(sectors, period_s, [&](const Sector& s) {
       const double sigma = groups[static_cast<std::size_t>(s.group)].sigma_mm,
                    variance = sigma * sigma + rounding_mm2;
       return std::pair(s.w > 0 ? s.wd / s.w : 0, s.w / variance);
     });
   }
   double period_s;
-  std::map<int, Stretch> stretches;
+  std::map<int, Segment> segments;
 };
 
 }  // namespace
@@ -402,7 +401,7 @@ std::optional<double> flicker(const Reduced& reduced, const std::vector<Active>&
   const std::vector<Spectrum::Line> lines = spectrum.lines();
   if (lines.empty() || lines.front().evidence <= accept_rare_at) return {};
   const Ranges ranges(reduced.groups, reduced.sectors);
-  const double amplitude_mm = std::sqrt(square_amplitude(ranges.stretches, lines.front(), period_s));
+  const double amplitude_mm = std::sqrt(square_amplitude(ranges.segments, lines.front(), period_s));
   result.unknown.push_back(
       in_words(lines, amplitude_mm, reduced.groups, spectrum.uncertainty_hz(lines.front()), period_s));
   return lines.front().hz;
@@ -422,14 +421,14 @@ void take_off_flicker(double hz, Reduced& reduced) {
   reduced.wave_hz = hz;
   const auto [period_s, ranges] = Ranges(reduced.groups, reduced.sectors);
   const double turn = 2 * pi * hz;
-  for (const auto& [group, stretch] : ranges) {
+  for (const auto& [group, segment] : ranges) {
     const Eigen::Vector2d value =
-        normal_of(stretch, hz, period_s).value() / shown_share(hz, duration_of(stretch));
+        normal_of(segment, hz, period_s).value() / shown_share(hz, duration_of(segment));
     // Means of the wave, and of its square's double frequency, over the scans, for a beam at time 0.
     Complex mean = 0, twice = 0;
-    for (int k = 0; k < stretch.scans; ++k) {
-      mean += std::polar(1.0 / stretch.scans, turn * k * period_s);
-      twice += std::polar(1.0 / stretch.scans, 2 * turn * k * period_s);
+    for (int k = 0; k < segment.scans; ++k) {
+      mean += std::polar(1.0 / segment.scans, turn * k * period_s);
+      twice += std::polar(1.0 / segment.scans, 2 * turn * k * period_s);
     }
     const Complex wave(value[0], -value[1]);  // its real part with e^(i turn t)
     const Group& of = reduced.groups[static_cast<std::size_t>(group)];

@@ -13,7 +13,7 @@ TEST_CASE("nothing missing, but held-out figures far beyond the noise: too few s
     findings.means.noise_floor_mm = 0.6;
     findings.means.after.rms_mm = rms_mm, findings.means.after.coverage = coverage;
     fit::explain::Explanation out;
-    fit::explain::answer::tell_doubts(findings, out);
+    fit::explain::answer::report_doubts(findings, out);
     return out.notes;
   };
   REQUIRE(notes(11.2, 0).size() == 1);

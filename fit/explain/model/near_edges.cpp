@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/model/sure_hits.hpp"
+#include "fit/explain/model/near_edges.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -59,7 +59,7 @@ void add_size(const Found& more, Found& found) {
   found.says = found.mechanism->says(all);
 }
 
-void tell_named(const Named& named, double gain, const Findings& findings, Explanation& out) {
+void report_named(const Named& named, double gain, const Findings& findings, Explanation& out) {
   const Finding finding = finding_of(named.term, findings.reduced);
   Found found;
   found.mechanism = named.term.kind->mechanism.get();
@@ -95,7 +95,7 @@ std::string name_of(const Undecided::Member& member) {
                                   : member.kind->mechanism->id;
 }
 
-void tell_set(const Undecided& set, const Findings& findings, Explanation& out) {
+void report_set(const Undecided& set, const Findings& findings, Explanation& out) {
   const std::vector<Undecided::Member>& members = set.members;
   std::vector<std::string> all;
   for (const auto& member : members)
@@ -138,13 +138,13 @@ bool is_confirmed(const Inferred& inferred, std::size_t named) {
 
 }  // namespace
 
-void tell(const Inferred& inferred, const Findings& findings, Explanation& out) {
+void report(const Inferred& inferred, const Findings& findings, Explanation& out) {
   const Posterior& posterior = inferred.posterior;
   for (std::size_t i = 0; i < posterior.named.size(); ++i) {
     const Named& named = posterior.named[i];
-    if (is_confirmed(inferred, i)) tell_named(named, inferred.gain[i], findings, out);
+    if (is_confirmed(inferred, i)) report_named(named, inferred.gain[i], findings, out);
   }
-  for (const Undecided& set : posterior.undecided) tell_set(set, findings, out);
+  for (const Undecided& set : posterior.undecided) report_set(set, findings, out);
   std::ranges::copy(inferred.notes, std::back_inserter(out.notes));
   for (const EmpiricalFunction& table : inferred.tables) add_empirical(out.bench, table);
   for (const auto& [channel, nuisances] : inferred.restated)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/inference/settle.hpp"
+#include "fit/explain/inference/placement.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -29,7 +29,7 @@ class Places {
     for (int pass = 0; pass < passes; ++pass) {
       predict_at(reduced_, at_);
       const Eigen::VectorXd now = at_.nuisance.as_vector();
-      at_.nuisance.set(now + model_of(reduced_, noise_, at_).posterior().value.head(now.size()));
+      at_.nuisance.set(now + model_of(reduced_, noise_, at_).posterior_mean().head(now.size()));
     }
     predict_at(reduced_, at_);
   }
@@ -84,7 +84,7 @@ class Places {
 
 }  // namespace
 
-double settle(Reduced& reduced, const MeanNoise& noise) {
+double fit_placements(Reduced& reduced, const MeanNoise& noise) {
   constexpr int most_passes = 4;
   pool_variances(reduced, noise);
   predict_at(reduced, explain::Hypothesis(reduced.bench), true);

@@ -8,11 +8,11 @@
 
 namespace fit::explain {
 
-/// Cuts sorted places (`place_of(0)`, ... `place_of(count - 1)`) into stretches of `each`, longer where the
+/// Cuts sorted places (`place_of(0)`, ... `place_of(count - 1)`) into runs of `each`, longer where the
 /// cut would part places that are the same: the first of each, and one past its last.
 template <typename PlaceOf>
-[[nodiscard]] std::vector<std::pair<std::size_t, std::size_t>> stretches(std::size_t count, std::size_t each,
-                                                                         const PlaceOf& place_of) {
+[[nodiscard]] std::vector<std::pair<std::size_t, std::size_t>> runs_of(std::size_t count, std::size_t each,
+                                                                       const PlaceOf& place_of) {
   std::vector<std::pair<std::size_t, std::size_t>> list;
   for (std::size_t from = 0; from < count;) {
     std::size_t to = std::min(count, from + each);
