@@ -1,0 +1,56 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""Names in code are the field's: no identifier is made with a word for which docs/develop/glossary.md has a better one. Names of the
+rooms in OPEN are counted, not refused.
+
+    names_test.py     prints what is wrong, a line each, and how many are left in OPEN; exit status 1 if anything is wrong"""
+import os, re, sys
+
+from pages import ROOT, read
+
+TOP = ("fit", "lidar", "rig", "sim", "tests", "docs/examples")
+OPEN = ("fit/explain", "fit/channels", "fit/mechanisms", "fit/forms", "tests/unit/fit/explain")
+WORDS = {  # Parts of names, between underlines and capitals, and what they are instead.
+    "told": "reported, stated", "tell": "report, say", "tells": "reports, says", "foretold": "predicted", "foretell": "predict",
+    "mend": "correct, repair", "mends": "corrects, repairs", "mended": "corrected, repaired",
+}
+APART = re.compile(r"tells?(_\w+)?_apart")  # To tell two things apart is English.
+
+
+def code(text):
+    """Without comments and texts."""
+    text = re.sub(r"//[^\n]*", "", text)
+    text = re.sub(r'R"(\w*)\(.*?\)\1"', '""', text, flags=re.S)
+    return re.sub(r'"(\\.|[^"\\\n])*"', '""', text)
+
+
+def names():
+    """(file, identifier), each once a file."""
+    for top in TOP:
+        for folder, _, files in os.walk(os.path.join(ROOT, top)):
+            for file in sorted(files):
+                if file.endswith((".cpp", ".hpp")):
+                    path = os.path.join(folder, file)
+                    where = os.path.relpath(path, ROOT)
+                    for name in sorted(set(re.findall(r"\b[A-Za-z_]\w*\b", code(read(path)))) | {file.rsplit(".", 1)[0]}):
+                        yield where, name
+
+
+def main():
+    wrong, left = [], 0
+    for where, name in names():
+        parts = re.findall(r"[A-Z]?[a-z]+", name)
+        found = [part.lower() for part in parts if part.lower() in WORDS]
+        if not found or APART.search(name):
+            continue
+        if where.startswith(OPEN):
+            left += 1
+        else:
+            wrong.append(f"{where}: {name}: better {WORDS[found[0]]}")
+    print(f"private words left in {', '.join(OPEN)}: {left}")
+    if wrong:
+        sys.exit("\n".join(wrong))
+
+
+if __name__ == "__main__":
+    main()
