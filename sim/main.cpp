@@ -57,23 +57,41 @@ std::string stage_url(const std::string& path, const Options& options, bool at_m
   return url;
 }
 
+sim::UstIdentity identity_of(const fit::LidarGeometry& lidar, const Options& options) {
+  sim::UstIdentity identity;
+  identity.model = lidar.model;
+  if (!lidar.serial.empty()) identity.serial = lidar.serial;
+  identity.clock_ppm = options.clock_ppm;
+  identity.scan_period_s = options.scan_period_ms / 1e3;
+  return identity;
+}
+
+/// The one line on standard output: where everything is served.
+void announce(const Options& options, std::uint16_t lidar_port, const std::string& stage_path,
+              std::uint16_t operator_port, bool at_maximum_speed) {
+  const nlohmann::ordered_json ready = {
+      {"lidar_port", lidar_port},
+      {"lidar", "tcp://" + options.listen + ":" + std::to_string(lidar_port)},
+      {"stage_port", stage_path},
+      {"stage", stage_url(stage_path, options, at_maximum_speed)},
+      {"operator_port", operator_port},
+      {"operator", options.listen + ":" + std::to_string(operator_port)}};
+  std::printf("%s\n", ready.dump().c_str());
+  std::fflush(stdout);
+}
+
 int serve(const Options& options) {
   const sim::SimulatedBench simulated = sim::make_simulated_bench(options.choice);
   const fit::Bench& scene = simulated.scene;
   const std::shared_ptr<sim::Engine> engine = simulated.engine;
   boost::asio::io_context io(1);
   sim::SimClock clock(speed_factor(options.speed));
-  sim::UstIdentity identity;
-  identity.model = scene.lidar.model;
-  if (!scene.lidar.serial.empty()) identity.serial = scene.lidar.serial;
-  identity.clock_ppm = options.clock_ppm;
-  identity.scan_period_s = options.scan_period_ms / 1e3;
   const auto stage = sim::make_stage_device(sim::stage_device_options(scene, options.stage_language));
   const sim::StageFrame frame = sim::stage_frame(scene, options.stage_language);
   const auto stage_at = [&stage, frame](double time_s) {
     return frame.on_bench(stage->mechanics().truth(time_s));
   };
-  sim::UstDevice device(scene.lidar, identity, engine, stage_at);
+  sim::UstDevice device(scene.lidar, identity_of(scene.lidar, options), engine, stage_at);
   sim::ScipServer::Options server_options;
   server_options.address = options.listen;
   server_options.port = options.lidar_port;
@@ -112,15 +130,7 @@ int serve(const Options& options) {
                           {"faults", faults.count()}};
   };
   sim::OperatorPort operator_port(io.get_executor(), operator_options, std::move(at_the_bench));
-  const nlohmann::ordered_json ready = {
-      {"lidar_port", server.port()},
-      {"lidar", "tcp://" + options.listen + ":" + std::to_string(server.port())},
-      {"stage_port", stage_path},
-      {"stage", stage_url(stage_path, options, clock.is_max())},
-      {"operator_port", operator_port.port()},
-      {"operator", options.listen + ":" + std::to_string(operator_port.port())}};
-  std::printf("%s\n", ready.dump().c_str());
-  std::fflush(stdout);
+  announce(options, server.port(), stage_path, operator_port.port(), clock.is_max());
   boost::asio::signal_set signals(io, SIGINT, SIGTERM);
   signals.async_wait([&](const boost::system::error_code&, int) {
     server.stop();

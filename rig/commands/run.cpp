@@ -8,11 +8,11 @@
 namespace rig::commands {
 namespace {
 
-void check_fit_at(const FilePosition& place, const std::string& kind, const json& options) {
+void check_fit_at(const FilePosition& position, const std::string& kind, const json& options) {
   try {
     check_fit(kind, options);
   } catch (const UsageError& error) {
-    throw ProcedureError(place, error.what());
+    throw ProcedureError(position, error.what());
   }
 }
 
@@ -36,11 +36,11 @@ void check_fits(const std::vector<Step>& steps, const Variables& variables) {
     check_fits(step.steps, variables);
     const Node* kind = step.kind->calibration(step.options);
     if (!kind || has_expression(kind->scalar)) continue;
-    check_fit_at(kind->place, kind->scalar, nullptr);
+    check_fit_at(kind->position, kind->scalar, nullptr);
     const Node* options = step.options.find("options");
     if (!options) continue;
     for (const auto& [name, value] : options->members)
-      check_fit_at(value.place, kind->scalar, {{name.scalar, value_before_run(value, variables)}});
+      check_fit_at(value.position, kind->scalar, {{name.scalar, value_before_run(value, variables)}});
   }
 }
 

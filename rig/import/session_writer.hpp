@@ -23,14 +23,14 @@
 namespace rig {
 
 /// Where `child` sits on the robot: the chain of transforms up to `wanted`, or as far as it goes.
-struct Placement {
+struct FrameInParent {
   std::string parent;
   Eigen::Isometry3d child_in_parent = Eigen::Isometry3d::Identity();
 };
 
-inline std::optional<Placement> placement(const std::map<std::string, ImportedTransform>& by_child,
-                                          const std::string& child, const std::string& wanted) {
-  Placement result;
+inline std::optional<FrameInParent> frame_in_parent(const std::map<std::string, ImportedTransform>& by_child,
+                                                    const std::string& child, const std::string& wanted) {
+  FrameInParent result;
   std::string at = child;
   for (std::size_t hops = 0; hops <= by_child.size() && at != wanted; ++hops) {
     const auto up = by_child.find(at);
@@ -156,8 +156,8 @@ class SessionWriter : public ImportSink {
   [[nodiscard]] ImportReport& report() { return report_; }
 
   /// The lidar on the part of the robot that odometry tracks.
-  [[nodiscard]] std::optional<Placement> lidar_on_robot() const {
-    return placement(transforms_, frame_, tracked_.empty() ? "base_link" : tracked_);
+  [[nodiscard]] std::optional<FrameInParent> lidar_on_robot() const {
+    return frame_in_parent(transforms_, frame_, tracked_.empty() ? "base_link" : tracked_);
   }
   [[nodiscard]] nlohmann::json transforms() const {
     nlohmann::json list = nlohmann::json::array();

@@ -15,7 +15,7 @@ namespace {
 constexpr std::array<std::pair<End, const char*>, 5> ends = {{{End::named, "named"},
                                                               {End::nothing_missing, "nothing-missing"},
                                                               {End::unknown_physics, "unknown-physics"},
-                                                              {End::cannot_tell, "cannot-tell"},
+                                                              {End::undecidable, "cannot-tell"},
                                                               {End::budget_spent, "budget-spent"}}};
 
 constexpr double least_information = 0.05;  // nats; less is not worth a session
@@ -79,11 +79,11 @@ Decision stopped(const std::vector<Possible>& experiments, const Means& means) {
       experiments, [](const Possible& p) { return !p.done && p.information >= least_information; },
       [](const Possible& one, const Possible& other) { return rate(one) > rate(other); });
   if (!most)
-    return ending(End::cannot_tell, "No experiment that this bench can do distinguishes the suspects.");
+    return ending(End::undecidable, "No experiment that this bench can do distinguishes the suspects.");
   const Possible& p = experiments[*most];
   const bool hand = p.needs_operator && means.unattended, time = p.minutes > means.minutes_left;
   Decision d =
-      ending(hand ? End::cannot_tell : End::budget_spent,
+      ending(hand ? End::undecidable : End::budget_spent,
              hand ? "What would distinguish the suspects needs an operator, and this run is unattended."
                   : "What would distinguish the suspects takes longer than the time that is left.");
   d.needs = (hand ? std::string("an operator") + (time ? ", and " : ", for ") : std::string()) +

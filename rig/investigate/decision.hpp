@@ -12,7 +12,7 @@ enum class End {
   named,            ///< The physics has a name, and what remains is noise.
   nothing_missing,  ///< The bench file explains everything that was examined.
   unknown_physics,  ///< Something is there that no mechanism of the catalogue makes.
-  cannot_tell,      ///< No experiment within the bench's means tells the suspects apart.
+  undecidable,      ///< No experiment within the bench's means tells the suspects apart.
   budget_spent,     ///< Experiments that would tell more need more time than there is.
 };
 [[nodiscard]] const char* name_of(End end);
@@ -50,7 +50,7 @@ struct Decision {
   };
   std::optional<Next> next;
   std::string why;  ///< A sentence for the operator.
-  End end = End::cannot_tell;
+  End end = End::undecidable;
   std::string needs;  ///< What would tell more, if it is known: "an operator, and 40 min: TITLE".
 };
 

@@ -87,7 +87,7 @@ std::string claim_of(const State& state, const json& explanation) {
       return "Physics is missing that no mechanism of the catalogue produces. Described as a table, it "
              "predicted a new recording." +
              tries_in_words(state);
-    case End::cannot_tell:
+    case End::undecidable:
     case End::budget_spent:
       return "Physics is missing, and the sessions do not determine which of several causes it is. Only the "
              "best fitting one was tried on a new recording, which it predicted; others may predict it too." +

@@ -266,7 +266,7 @@ void Investigation::explain_and_decide() {
     return;
   }
   std::string needs = decision.needs;
-  if (needs.empty() && decision.end == End::cannot_tell) needs = would_need(*found_);
+  if (needs.empty() && decision.end == End::undecidable) needs = would_need(*found_);
   state_.ending = {decision.end, decision.why, needs, {}};
   for (const Candidate& c : survey)
     if (!c.possible.done) state_.ending->not_examined.push_back(c.possible.title);

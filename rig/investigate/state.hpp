@@ -37,7 +37,7 @@ struct State {
   std::vector<Round> rounds;
 
   struct Ending {
-    End end = End::cannot_tell;
+    End end = End::undecidable;
     std::string why, needs;
     std::vector<std::string> not_examined;  ///< Titles of looks that nobody took.
   };

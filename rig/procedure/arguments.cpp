@@ -36,7 +36,7 @@ std::optional<double> Arguments::maybe_number(const std::string& name) const {
 
 double Arguments::number(const std::string& name) const {
   const auto found = maybe_number(name);
-  if (!found) throw ProcedureError(place(), "'" + name + "' is missing.");
+  if (!found) throw ProcedureError(position(), "'" + name + "' is missing.");
   return *found;
 }
 
@@ -47,7 +47,7 @@ double Arguments::number_or(const std::string& name, double otherwise) const {
 int Arguments::integer_or(const std::string& name, int otherwise) const {
   const auto found = maybe_number(name);
   if (!found || std::isnan(*found)) return otherwise;
-  if (std::abs(*found) > 2e9) throw ProcedureError(place_of(name), "'" + name + "' is too large.");
+  if (std::abs(*found) > 2e9) throw ProcedureError(position_of(name), "'" + name + "' is too large.");
   return static_cast<int>(*found);
 }
 
@@ -71,8 +71,8 @@ std::optional<std::pair<double, double>> Arguments::interval(const std::string& 
   if (!node || node->items.size() != 2) return std::nullopt;
   const double low = checked_number(node->items[0], name), high = checked_number(node->items[1], name);
   if (low > high)
-    throw ProcedureError(node->place, "'" + name + "' must ascend: [" + to_text(low) + ", " + to_text(high) +
-                                          "] is the wrong way round.");
+    throw ProcedureError(node->position, "'" + name + "' must ascend: [" + to_text(low) + ", " +
+                                             to_text(high) + "] is the wrong way round.");
   return std::pair(low, high);
 }
 
@@ -87,9 +87,9 @@ Arguments Arguments::map(const std::string& name) const {
   return Arguments(node ? *node : empty, known ? known->members : *known_, *variables_);
 }
 
-const FilePosition& Arguments::place_of(const std::string& name) const {
+const FilePosition& Arguments::position_of(const std::string& name) const {
   const Node* node = options_->find(name);
-  return node ? node->place : options_->place;
+  return node ? node->position : options_->position;
 }
 
 namespace {

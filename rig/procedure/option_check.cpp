@@ -33,7 +33,7 @@ std::string expected(const Option& option) {
       return "a map {key: value}";
     case Type::choice:
       return "one of " + listed(option.choices);
-    case Type::place:
+    case Type::path:
       return "a file name";
   }
   return "";
@@ -56,14 +56,14 @@ std::string listed(const std::vector<std::string>& words) {
 
 void refuse_key(const Node& key, const std::string& of, const std::vector<std::string>& known) {
   const std::string meant = did_you_mean(key.scalar, known);
-  throw ProcedureError(
-      key.place, of + " has no option '" + key.scalar + "'; " +
-                     (meant.empty() ? "it takes " + listed(known) + "." : "did you mean '" + meant + "'?"));
+  throw ProcedureError(key.position, of + " has no option '" + key.scalar + "'; " +
+                                         (meant.empty() ? "it takes " + listed(known) + "."
+                                                        : "did you mean '" + meant + "'?"));
 }
 
 void refuse_value(const Node& node, const Option& option, const std::string& got) {
-  throw ProcedureError(node.place, "'" + option.name + "' must be " + expected(option) + ", not '" + got +
-                                       "'." + origin_of(node));
+  throw ProcedureError(node.position, "'" + option.name + "' must be " + expected(option) + ", not '" + got +
+                                          "'." + origin_of(node));
 }
 
 void check_in_range(const Node& node, const Option& option, double number) {
@@ -78,9 +78,9 @@ Value evaluated(const Node& node, const Variables& variables) {
   try {
     return evaluate_text(node.scalar, variables);
   } catch (const ExpressionError& error) {
-    FilePosition place = node.place;
-    if (node.scalar.find('\n') == std::string::npos) place.column += static_cast<int>(error.offset);
-    throw ProcedureError(place, std::string(error.what()) + ".");
+    FilePosition position = node.position;
+    if (node.scalar.find('\n') == std::string::npos) position.column += static_cast<int>(error.offset);
+    throw ProcedureError(position, std::string(error.what()) + ".");
   }
 }
 
@@ -92,9 +92,9 @@ void check_output_name(const Node& node, const Option& option, const std::string
   bool leaves = name.empty() || path.is_absolute();
   for (const auto& part : path) leaves |= part == "..";
   if (leaves)
-    throw ProcedureError(node.place, "'" + option.name +
-                                         "' must name a file inside the output folder, not '" + name +
-                                         "'. Give a relative name without '..'.");
+    throw ProcedureError(node.position, "'" + option.name +
+                                            "' must name a file inside the output folder, not '" + name +
+                                            "'. Give a relative name without '..'.");
 }
 
 void check_scalar(const Node& node, const Option& option, const Variables& variables) {
@@ -112,12 +112,12 @@ void check_scalar(const Node& node, const Option& option, const Variables& varia
     case Type::choice:
       if (std::ranges::find(option.choices, to_text(value)) == option.choices.end()) {
         const std::string meant = did_you_mean(to_text(value), option.choices);
-        throw ProcedureError(node.place, "'" + option.name + "' must be " + expected(option) + ", not '" +
-                                             to_text(value) + "'." +
-                                             (meant.empty() ? "" : " Did you mean '" + meant + "'?"));
+        throw ProcedureError(node.position, "'" + option.name + "' must be " + expected(option) + ", not '" +
+                                                to_text(value) + "'." +
+                                                (meant.empty() ? "" : " Did you mean '" + meant + "'?"));
       }
       return;
-    case Type::place:
+    case Type::path:
       return check_output_name(node, option, to_text(value));
     default:
       return;
@@ -162,7 +162,7 @@ void check_map(const Node& node, const std::vector<Option>& known, const std::st
   }
   for (const auto& option : known)
     if (option.required && !node.find(option.name))
-      throw ProcedureError(node.place, of + " needs '" + option.name + "': " + option.about + ".");
+      throw ProcedureError(node.position, of + " needs '" + option.name + "': " + option.about + ".");
 }
 
 }  // namespace rig

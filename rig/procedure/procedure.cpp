@@ -15,16 +15,18 @@ namespace {
 Procedure procedure_of(const Node& root, const Variables& overrides) {
   Procedure procedure;
   if (root.kind != Node::Kind::map)
-    throw ProcedureError(root.place, "a procedure file is a map with the keys " + listed(top_keys()) + ".");
+    throw ProcedureError(root.position,
+                         "a procedure file is a map with the keys " + listed(top_keys()) + ".");
   for (const auto& [key, value] : root.members)
     if (std::ranges::find(top_keys(), key.scalar) == top_keys().end())
       refuse_key(key, "a procedure file", top_keys());
   const auto text = [&](const char* key, bool required) -> std::string {
     const Node* node = root.find(key);
     if (!node && required)
-      throw ProcedureError(root.place, std::string("'") + key + "' is missing: give the procedure a name.");
+      throw ProcedureError(root.position,
+                           std::string("'") + key + "' is missing: give the procedure a name.");
     if (node && node->kind != Node::Kind::scalar)
-      throw ProcedureError(node->place, std::string("'") + key + "' must be a text.");
+      throw ProcedureError(node->position, std::string("'") + key + "' must be a text.");
     return node ? node->scalar : "";
   };
   procedure.name = text("procedure", true);
@@ -33,19 +35,19 @@ Procedure procedure_of(const Node& root, const Variables& overrides) {
   procedure.source = text("source", false);
   if (procedure.title.empty()) procedure.title = procedure.name;
   Node nothing;
-  nothing.place = root.place;
+  nothing.position = root.position;
   const Node* variables = root.find("variables");
   if (variables && variables->kind != Node::Kind::map && variables->kind != Node::Kind::nothing)
-    throw ProcedureError(variables->place, "'variables' must be a map {name: value}.");
+    throw ProcedureError(variables->position, "'variables' must be a map {name: value}.");
   procedure.variables = read_variables(variables ? *variables : nothing, overrides);
   if (const Node* stage = root.find("stage")) procedure.stage = read_stage(*stage, procedure.variables);
   if (const Node* limits = root.find("limits")) {
-    if (limits->kind != Node::Kind::list) throw ProcedureError(limits->place, "'limits' must be a list.");
+    if (limits->kind != Node::Kind::list) throw ProcedureError(limits->position, "'limits' must be a list.");
     for (const Node& limit : limits->items)
       procedure.limits.push_back(read_limit(limit, procedure.variables));
   }
   const Node* steps = root.find("steps");
-  if (!steps) throw ProcedureError(root.place, "'steps' is missing: a procedure needs at least one step.");
+  if (!steps) throw ProcedureError(root.position, "'steps' is missing: a procedure needs at least one step.");
   procedure.steps = read_steps(*steps, procedure.variables);
   return procedure;
 }

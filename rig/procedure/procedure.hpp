@@ -24,15 +24,15 @@ struct FilePosition {
 /// A procedure file that cannot be used: "FILE:LINE:COLUMN: what is wrong; what was expected; what to do".
 class ProcedureError : public UsageError {
  public:
-  ProcedureError(const FilePosition& place, const std::string& what)
-      : UsageError(place.text() + ": " + what) {}
+  ProcedureError(const FilePosition& position, const std::string& what)
+      : UsageError(position.text() + ": " + what) {}
 };
 
-/// One value of a procedure file with its place: text, list or map (in the file's order).
+/// One value of a procedure file with its position: text, list or map (in the file's order).
 struct Node {
   enum class Kind { nothing, scalar, list, map };
   Kind kind = Kind::nothing;
-  FilePosition place;
+  FilePosition position;
   std::string scalar;
   std::vector<Node> items;
   struct Member;
@@ -48,7 +48,7 @@ struct Node::Member {
 /// One option of a step: what it is called, what it takes, and what a person needs to know. From these come
 /// the checks, the schema and the documentation.
 struct Option {
-  enum class Type { number, integer, text, flag, numbers, map, choice, place };
+  enum class Type { number, integer, text, flag, numbers, map, choice, path };
   std::string name = {};
   Type type = Type::number;
   std::string about = {};
@@ -78,8 +78,8 @@ class Arguments {
   [[nodiscard]] Arguments map(const std::string& name) const;
   /// Any value as JSON with its expressions evaluated.
   [[nodiscard]] nlohmann::json json(const std::string& name) const;
-  [[nodiscard]] const FilePosition& place() const { return options_->place; }
-  [[nodiscard]] const FilePosition& place_of(const std::string& name) const;
+  [[nodiscard]] const FilePosition& position() const { return options_->position; }
+  [[nodiscard]] const FilePosition& position_of(const std::string& name) const;
   [[nodiscard]] const Node& node() const { return *options_; }
   [[nodiscard]] const Variables& variables() const { return *variables_; }
   [[nodiscard]] Value value(const Node& scalar) const;
@@ -96,7 +96,7 @@ class Arguments {
 /// One step as written. `steps` are those of a for-each.
 struct Step {
   const StepKind* kind = nullptr;
-  FilePosition place;
+  FilePosition position;
   std::string name;     ///< As written, may hold expressions; empty if none was given.
   std::string ordinal;  ///< Its place in the file's order: "3", "4.1".
   Node options;

@@ -12,7 +12,7 @@ constexpr std::size_t most_nodes =
     20'000;  // Aliases of aliases grow without bound; no procedure needs this many.
 constexpr int deepest_document = 40;
 
-FilePosition place_of(const YAML::Mark& mark, const std::string& file) {
+FilePosition position_of(const YAML::Mark& mark, const std::string& file) {
   return {file, mark.line + 1, mark.column + 1};
 }
 
@@ -23,9 +23,9 @@ class Copier {
 
   Node copy(const YAML::Node& from, int depth = 0) {
     Node node;
-    node.place = place_of(from.Mark(), file_);
+    node.position = position_of(from.Mark(), file_);
     if (++nodes_ > most_nodes || depth > deepest_document)
-      throw ProcedureError(node.place,
+      throw ProcedureError(node.position,
                            "the file is nested too deeply or repeats itself through aliases; write it out "
                            "in fewer levels.");
     if (from.IsScalar()) {
@@ -46,9 +46,9 @@ class Copier {
     std::set<std::string> seen;
     for (const auto& member : from) {
       Node key = copy(member.first, depth + 1);
-      if (key.kind != Node::Kind::scalar) throw ProcedureError(key.place, "a key must be a plain word.");
+      if (key.kind != Node::Kind::scalar) throw ProcedureError(key.position, "a key must be a plain word.");
       if (!seen.insert(key.scalar).second)
-        throw ProcedureError(key.place, "'" + key.scalar + "' is given twice; remove one.");
+        throw ProcedureError(key.position, "'" + key.scalar + "' is given twice; remove one.");
       node.members.push_back({std::move(key), copy(member.second, depth + 1)});
     }
   }
@@ -77,11 +77,11 @@ Node read_document(const std::string& text, const std::string& file) {
     root = Copier(file).copy(YAML::Load(text));
   } catch (const YAML::Exception& error) {
     throw ProcedureError(
-        place_of(error.mark, file),
+        position_of(error.mark, file),
         "this is not YAML: " + error.msg + ". Check indentation, colons and brackets here and just above.");
   }
-  root.place.file = file;
-  if (root.place.line < 1) root.place.line = root.place.column = 1;
+  root.position.file = file;
+  if (root.position.line < 1) root.position.line = root.position.column = 1;
   return root;
 }
 

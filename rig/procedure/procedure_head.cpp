@@ -61,7 +61,7 @@ StageRules read_stage(const Node& node, const Variables& variables) {
 
 Limit read_limit(const Node& node, const Variables& variables) {
   if (node.kind != Node::Kind::map)
-    throw ProcedureError(node.place, "a limit must be a map {name: ..., of: ...}.");
+    throw ProcedureError(node.position, "a limit must be a map {name: ..., of: ...}.");
   check_map(node, limit_options(), "a limit", variables);
   const Arguments arguments(node, limit_options(), variables);
   Limit limit;
@@ -69,7 +69,7 @@ Limit read_limit(const Node& node, const Variables& variables) {
   const std::string of = arguments.text_or("of", "");
   const auto dot = of.find('.');
   if (dot == std::string::npos || dot == 0 || dot + 1 == of.size())
-    throw ProcedureError(arguments.place_of("of"),
+    throw ProcedureError(arguments.position_of("of"),
                          "'of' must be KIND.VALUE, as in centre.x_mm, not '" + of + "'.");
   limit.kind = of.substr(0, dot);
   limit.value = of.substr(dot + 1);
@@ -77,14 +77,14 @@ Limit read_limit(const Node& node, const Variables& variables) {
   limit.max = arguments.maybe_number("max");
   limit.max_expanded = arguments.maybe_number("max_expanded");
   if (!limit.min && !limit.max && !limit.max_expanded)
-    throw ProcedureError(node.place,
+    throw ProcedureError(node.position,
                          "the limit '" + limit.name + "' limits nothing; give min, max or max_expanded.");
   const Value guard = value_of_text(arguments.text_or("guard_band", "0"));
   limit.guarded = to_text(guard) == "expanded";
   if (const auto* width = std::get_if<double>(&guard); width && *width >= 0)
     limit.guard_band = *width;
   else if (!limit.guarded)
-    throw ProcedureError(arguments.place_of("guard_band"),
+    throw ProcedureError(arguments.position_of("guard_band"),
                          "'guard_band' must be 'expanded' or a width, not '" + to_text(guard) + "'.");
   return limit;
 }
@@ -113,10 +113,10 @@ Variables read_variables(const Node& node, const Variables& overrides) {
   Variables variables;
   for (const auto& [key, value] : node.members) {
     if (!is_variable_name(key.scalar))
-      throw ProcedureError(key.place,
+      throw ProcedureError(key.position,
                            "'" + key.scalar + "' cannot be a variable's name; use letters, digits and _.");
     if (value.kind != Node::Kind::scalar)
-      throw ProcedureError(value.place,
+      throw ProcedureError(value.position,
                            "a variable holds one number, text or true/false; lists stand in for-each.");
     const Value own = evaluated(value, variables);
     const auto given = overrides.find(key.scalar);
@@ -127,7 +127,7 @@ Variables read_variables(const Node& node, const Variables& overrides) {
       std::vector<std::string> names;
       for (const auto& [known, each] : variables) names.push_back(known);
       const std::string meant = did_you_mean(name, names);
-      throw UsageError("--set " + name + "=" + to_text(value) + ": " + node.place.file +
+      throw UsageError("--set " + name + "=" + to_text(value) + ": " + node.position.file +
                        " has no variable '" + name + "'" +
                        (meant.empty() ? (names.empty() ? "." : "; it has " + listed(names) + ".")
                                       : "; did you mean '" + meant + "'?"));

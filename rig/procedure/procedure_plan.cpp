@@ -54,7 +54,7 @@ class Unroller {
   void add(const Step& step, const Variables& loop, const std::string& turn,
            const std::vector<std::string>& turns) {
     if (planned_.size() >= most_steps)
-      throw ProcedureError(step.place, "the procedure has more than 200,000 steps; shorten its loops.");
+      throw ProcedureError(step.position, "the procedure has more than 200,000 steps; shorten its loops.");
     PlannedStep planned;
     planned.step = &step;
     planned.key = step.ordinal + turn;
@@ -144,7 +144,8 @@ std::string dry_run_text(const Procedure& procedure, const fit::Bench& bench,
     seconds += step.seconds, travel_deg += step.travel_deg, captures += step.captures, scans += step.scans;
     char line[64];
     std::snprintf(line, sizeof line, "%4zu  %-12s ", i + 1, duration_text(step.seconds).c_str());
-    text += line + step.says + "   [" + step.key + ", line " + std::to_string(step.step->place.line) + "]\n";
+    text +=
+        line + step.says + "   [" + step.key + ", line " + std::to_string(step.step->position.line) + "]\n";
   }
   char travel[40];
   std::snprintf(travel, sizeof travel, "%.1f", travel_deg);

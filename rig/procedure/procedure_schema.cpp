@@ -28,7 +28,7 @@ ordered option_schema(const Option& option) {
       schema = or_expression(schema);
       break;
     case Type::text:
-    case Type::place:
+    case Type::path:
       schema["type"] = {"string", "number"};
       break;
     case Type::flag:

@@ -23,19 +23,19 @@ std::vector<Value> range_of(const Node& node, const Variables& variables) {
       {.name = "step", .about = "difference between values", .required = true}};
   for (const auto& [key, value] : node.members)
     if (std::ranges::find(options, key.scalar, &Option::name) == options.end())
-      throw ProcedureError(key.place, "a range has no '" + key.scalar + "'; it takes from, to, step.");
+      throw ProcedureError(key.position, "a range has no '" + key.scalar + "'; it takes from, to, step.");
   const Arguments arguments(node, options, variables);
   const double from = arguments.number("from"), to = arguments.number("to"), step = arguments.number("step");
   if (std::isnan(from) || std::isnan(to) || std::isnan(step))
-    throw ProcedureError(node.place,
+    throw ProcedureError(node.position,
                          "a range must be known before the run; answers and found edges cannot make one.");
   const double count = std::floor((to - from) / step + 1e-9);
   if (step == 0 || count < 0)
-    throw ProcedureError(node.place, "the range from " + to_text(from) + " to " + to_text(to) +
-                                         " in steps of " + to_text(step) +
-                                         " is empty; correct the step's sign or size.");
+    throw ProcedureError(node.position, "the range from " + to_text(from) + " to " + to_text(to) +
+                                            " in steps of " + to_text(step) +
+                                            " is empty; correct the step's sign or size.");
   if (count >= static_cast<double>(most_turns))
-    throw ProcedureError(node.place, "the range has more than 100,000 values; make the step larger.");
+    throw ProcedureError(node.position, "the range has more than 100,000 values; make the step larger.");
   std::vector<Value> values;
   // Counted, not added up: 36,000 additions of 0.01 miss 360.
   for (int i = 0; i <= static_cast<int>(count); ++i)
@@ -45,17 +45,18 @@ std::vector<Value> range_of(const Node& node, const Variables& variables) {
 
 Value value_of(const Node& item, const Variables& variables) {
   if (item.kind != Node::Kind::scalar)
-    throw ProcedureError(item.place, "a for-each value must be a number or a text.");
+    throw ProcedureError(item.position, "a for-each value must be a number or a text.");
   const Value value = Arguments(item, {}, variables).value(item);
   if (std::holds_alternative<Unknown>(value))
-    throw ProcedureError(item.place, "a for-each value must be known before the run.");
+    throw ProcedureError(item.position, "a for-each value must be known before the run.");
   return value;
 }
 
 std::vector<Value> values_of(const Node& node, const Variables& variables) {
   if (node.kind == Node::Kind::map) return range_of(node, variables);
   if (node.kind != Node::Kind::list || node.items.empty())
-    throw ProcedureError(node.place, "for-each needs a list [1, 2, 3] or a range {from: 1, to: 3, step: 1}.");
+    throw ProcedureError(node.position,
+                         "for-each needs a list [1, 2, 3] or a range {from: 1, to: 3, step: 1}.");
   std::vector<Value> values;
   for (const Node& item : node.items) values.push_back(value_of(item, variables));
   return values;
@@ -66,20 +67,21 @@ std::vector<Variables> listed_turns(const Node& list, const Variables& variables
   std::vector<Variables> turns;
   for (const Node& item : list.items) {
     if (item.kind != Node::Kind::map || item.members.empty())
-      throw ProcedureError(item.place, "an entry of a for-each is written {name: value, ...}.");
+      throw ProcedureError(item.position, "an entry of a for-each is written {name: value, ...}.");
     Variables turn;
     for (const auto& [key, value] : item.members) {
       if (!turns.empty() && !turns.front().contains(key.scalar))
-        throw ProcedureError(key.place, "the first entry has no '" + key.scalar +
-                                            "'; all entries of a for-each have the same variables.");
+        throw ProcedureError(key.position, "the first entry has no '" + key.scalar +
+                                               "'; all entries of a for-each have the same variables.");
       turn[key.scalar] = value_of(value, variables);
     }
     if (!turns.empty())
       for (const auto& [name, value] : turns.front())
         if (!turn.contains(name))
           throw ProcedureError(
-              item.place, "this entry lacks '" + name +
-                              "', which the first has; all entries of a for-each have the same variables.");
+              item.position,
+              "this entry lacks '" + name +
+                  "', which the first has; all entries of a for-each have the same variables.");
     turns.push_back(std::move(turn));
   }
   return turns;
@@ -97,14 +99,14 @@ std::vector<std::string> StepKind::defines(const Node&) const { return {}; }
 std::vector<Variables> iterations(const Node& options, const Variables& variables) {
   if (options.kind == Node::Kind::list && !options.items.empty()) return listed_turns(options, variables);
   if (options.members.empty())
-    throw ProcedureError(options.place,
+    throw ProcedureError(options.position,
                          "for-each needs a variable: {name: [values]}, or a list of entries: [{name: value}, "
                          "...].");
   std::vector<Variables> turns = {{}};
   for (const auto& [key, node] : options.members) {
     const auto values = values_of(node, variables);
     if (turns.size() * values.size() > most_turns)
-      throw ProcedureError(node.place, "more than 100,000 repetitions; make the lists shorter.");
+      throw ProcedureError(node.position, "more than 100,000 repetitions; make the lists shorter.");
     std::vector<Variables> longer;
     for (const auto& turn : turns)
       for (const auto& value : values) {
@@ -116,9 +118,9 @@ std::vector<Variables> iterations(const Node& options, const Variables& variable
   return turns;
 }
 
-void Plan::move_to(double target_deg, const FilePosition& place, int approach) {
+void Plan::move_to(double target_deg, const FilePosition& written_at, int approach) {
   if (!homed && !rules.unhomed)
-    throw ProcedureError(place,
+    throw ProcedureError(written_at,
                          "the stage would move before it is homed; put a '- home' step before this one, or "
                          "allow it with 'stage: {unhomed: true}'.");
   if (std::isnan(target_deg)) {
@@ -126,9 +128,10 @@ void Plan::move_to(double target_deg, const FilePosition& place, int approach) {
     return;
   }
   if (target_deg < limits.min_deg - 1e-9 || target_deg > limits.max_deg + 1e-9)
-    throw ProcedureError(place, "the stage would go to " + to_text(target_deg) +
-                                    " deg, beyond its soft limits " + to_text(limits.min_deg) + " to " +
-                                    to_text(limits.max_deg) + " deg (stage.limits_deg in the bench file).");
+    throw ProcedureError(written_at, "the stage would go to " + to_text(target_deg) +
+                                         " deg, beyond its soft limits " + to_text(limits.min_deg) + " to " +
+                                         to_text(limits.max_deg) +
+                                         " deg (stage.limits_deg in the bench file).");
   double path = std::isnan(stage_deg) ? 2 : std::abs(target_deg - stage_deg);
   const bool against = approach != 0 && (target_deg - stage_deg) * approach < 0;
   if (against) path += 2 * rules.margin_deg, seconds += move_overhead_s;
@@ -173,7 +176,7 @@ CaptureRequest capture_request(const Arguments& arguments, const fit::Bench& ben
       return static_cast<int>(std::lround(lidar.front_step + deg / step_deg));
     };
     if (step(beams->first) < lidar.first_step || step(beams->second) >= lidar.steps)
-      throw ProcedureError(arguments.place_of("beams_deg"),
+      throw ProcedureError(arguments.position_of("beams_deg"),
                            "the lidar sees from " +
                                to_text((lidar.first_step - lidar.front_step) * step_deg) + " to " +
                                to_text((lidar.steps - 1 - lidar.front_step) * step_deg) + " deg only.");
@@ -191,7 +194,7 @@ CaptureRequest capture_request(const Arguments& arguments, const fit::Bench& ben
       for (const auto& target : bench.targets) names.push_back(target.name), list += " " + target.name;
       const std::string meant = did_you_mean(*request.target, names);
       throw ProcedureError(
-          arguments.place_of("target"),
+          arguments.position_of("target"),
           "the bench has no target '" + *request.target + "'" +
               (meant.empty() ? "; it has:" + list + "." : "; did you mean '" + meant + "'?"));
     }

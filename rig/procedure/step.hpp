@@ -44,9 +44,9 @@ struct Plan {
   long captures = 0, scans = 0;
   std::string says;  ///< One line for the dry run.
 
-  /// Accounts for a move; throws ProcedureError at `place` when it breaks a soft limit or homing was
+  /// Accounts for a move; throws ProcedureError at `written_at` when it breaks a soft limit or homing was
   /// forgotten.
-  void move_to(double target_deg, const FilePosition& place, int approach);
+  void move_to(double target_deg, const FilePosition& written_at, int approach);
   void capture(long samples, double spacing_s);
 };
 
@@ -117,7 +117,7 @@ class StepContext {
   virtual awaitable<void> home(bool again) = 0;
   /// Moves so that the last move has the sign `approach` (0: the shortest way), judges the read-back and
   /// returns it. Cheap if the stage stands there already.
-  virtual awaitable<double> move_to(double target_deg, int approach, const FilePosition& place) = 0;
+  virtual awaitable<double> move_to(double target_deg, int approach, const FilePosition& written_at) = 0;
   [[nodiscard]] virtual double stage_deg() const = 0;
 
   /// Captures, commits, and returns the capture's id; at once if its key is recorded already.
@@ -125,7 +125,7 @@ class StepContext {
   /// Captures while the stage turns from `from_deg` on at the rate of `request`, and stops it. A turn during
   /// which a device was lost for a while is started again.
   virtual awaitable<std::int64_t> capture_turning(CaptureRequest request, double from_deg,
-                                                  const FilePosition& place) = 0;
+                                                  const FilePosition& written_at) = 0;
   [[nodiscard]] virtual bool recorded(const std::string& key) const = 0;
   /// Reads a committed capture back, scan by scan.
   virtual void for_each_scan(std::int64_t capture,

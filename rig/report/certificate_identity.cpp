@@ -114,12 +114,13 @@ json identification(const SessionStore& session, const json& bench, const std::s
   add_row(rows, "Customer",
           join_nonempty({text_of(stated, "customer"), text_of(stated, "customer_address")}, ", "));
   // The device that was there; what the bench file calls it may be of another time.
-  const std::string told = lidar.product == lidar.model
-                               ? lidar.model
-                               : join_nonempty({lidar.product, lidar.model}, ", model "),
+  const std::string stated_model = lidar.product == lidar.model
+                                       ? lidar.model
+                                       : join_nonempty({lidar.product, lidar.model}, ", model "),
                     item = text_of(stated, "item");
-  add_row(rows, "Item calibrated", told.empty() ? item : told);
-  if (!told.empty() && !item.empty() && item != told) add_row(rows, "Item as the bench file calls it", item);
+  add_row(rows, "Item calibrated", stated_model.empty() ? item : stated_model);
+  if (!stated_model.empty() && !item.empty() && item != stated_model)
+    add_row(rows, "Item as the bench file calls it", item);
   add_row(rows, "Serial number", lidar.serial);
   add_row(rows, "Firmware", lidar.firmware);
   add_row(rows, "Received, condition",

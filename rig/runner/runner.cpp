@@ -90,9 +90,9 @@ awaitable<void> Runner::Impl::return_to_place() {
     co_await home(false);
   }
   if (where.value("moved", false)) {
-    const FilePosition place{procedure.file, plan[current].step->place.line,
-                             plan[current].step->place.column};
-    co_await move_to(where["stage_deg"].get<double>(), where.value("approach", 0), place);
+    const FilePosition position{procedure.file, plan[current].step->position.line,
+                                plan[current].step->position.column};
+    co_await move_to(where["stage_deg"].get<double>(), where.value("approach", 0), position);
   }
 }
 

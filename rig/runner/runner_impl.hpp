@@ -123,7 +123,7 @@ struct Runner::Impl final : StepContext {
   void for_each_scan(std::int64_t capture,
                      const std::function<void(const fit::ScanView&)>& visit) const override;
   awaitable<void> home(bool again) override;
-  awaitable<double> move_to(double target_deg, int approach, const FilePosition& place) override;
+  awaitable<double> move_to(double target_deg, int approach, const FilePosition& written_at) override;
   awaitable<void> wait(double seconds) override;
 
   // Captures (runner_capture.cpp)
@@ -140,7 +140,7 @@ struct Runner::Impl final : StepContext {
   // Captures while the stage turns (runner_turning.cpp)
 
   awaitable<std::int64_t> capture_turning(CaptureRequest request, double from_deg,
-                                          const FilePosition& place) override;
+                                          const FilePosition& written_at) override;
   /// Scans of a turn wait in memory until the stage's track during them is known: the angle at the start
   /// comes from a line through the positions that the stage reported meanwhile.
   awaitable<void> fill_turning(const CaptureRequest& request, TurningScans& turned);

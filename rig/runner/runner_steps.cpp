@@ -100,8 +100,8 @@ void Runner::Impl::for_each_scan(std::int64_t capture,
 
 awaitable<void> Runner::Impl::home(bool again) { co_await stage.home(again); }
 
-awaitable<double> Runner::Impl::move_to(double target_deg, int approach, const FilePosition& place) {
-  co_return co_await stage.move_to(target_deg, approach, place);
+awaitable<double> Runner::Impl::move_to(double target_deg, int approach, const FilePosition& written_at) {
+  co_return co_await stage.move_to(target_deg, approach, written_at);
 }
 
 awaitable<void> Runner::Impl::wait(double seconds) {

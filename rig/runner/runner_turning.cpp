@@ -15,12 +15,12 @@ constexpr double turn_run_up_s = 0.5;
 }  // namespace
 
 awaitable<std::int64_t> Runner::Impl::capture_turning(CaptureRequest request, double from_deg,
-                                                      const FilePosition& place) {
+                                                      const FilePosition& written_at) {
   if (recorded(request.key)) co_return progress.of(request.key).value("capture", std::int64_t{0});
   const double rate_deg_s = *request.rate_deg_s;
   TurningScans turned;
   for (int attempt = 1;; ++attempt) {
-    auto going = move_to(from_deg, rate_deg_s > 0 ? 1 : -1, place);
+    auto going = move_to(from_deg, rate_deg_s > 0 ? 1 : -1, written_at);
     co_await std::move(going);
     co_await check_targets();
     std::exception_ptr why;

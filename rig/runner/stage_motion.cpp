@@ -68,16 +68,17 @@ awaitable<void> StageMotion::home_once(bool again) {
   settled_us_ = clock_.host_us();
 }
 
-void StageMotion::check_soft_limits(double target_deg, const FilePosition& place) const {
+void StageMotion::check_soft_limits(double target_deg, const FilePosition& written_at) const {
   if (target_deg < limits_.min_deg - 1e-9 || target_deg > limits_.max_deg + 1e-9 ||
       !std::isfinite(target_deg))
-    throw ProcedureError(place, "the stage would go to " + in_deg(target_deg) + ", beyond its soft limits " +
-                                    to_text(limits_.min_deg) + " to " + to_text(limits_.max_deg) +
-                                    " deg (stage.limits_deg in the bench file). Nothing was moved.");
+    throw ProcedureError(written_at, "the stage would go to " + in_deg(target_deg) +
+                                         ", beyond its soft limits " + to_text(limits_.min_deg) + " to " +
+                                         to_text(limits_.max_deg) +
+                                         " deg (stage.limits_deg in the bench file). Nothing was moved.");
 }
 
-awaitable<double> StageMotion::move_to(double target_deg, int approach, const FilePosition& place) {
-  check_soft_limits(target_deg, place);
+awaitable<double> StageMotion::move_to(double target_deg, int approach, const FilePosition& written_at) {
+  check_soft_limits(target_deg, written_at);
   control_.stop_if_aborted();
   const bool stands_there =
       target_deg == position_deg_ && settled_us_ != 0 && (approach == 0 || approach_ == approach);

@@ -43,7 +43,7 @@ class StageMotion {
   boost::asio::awaitable<void> find();
   boost::asio::awaitable<void> home(bool again);
   /// As StepContext::move_to.
-  boost::asio::awaitable<double> move_to(double target_deg, int approach, const FilePosition& place);
+  boost::asio::awaitable<double> move_to(double target_deg, int approach, const FilePosition& written_at);
   boost::asio::awaitable<void> turn(double rate_deg_s);
   /// While it turns: where it is. Throws MeasurementError beyond the soft limits.
   boost::asio::awaitable<double> turned_to();
@@ -53,7 +53,7 @@ class StageMotion {
   boost::asio::awaitable<void> recover(int attempt, bool link_lost);
 
  private:
-  void check_soft_limits(double target_deg, const FilePosition& place) const;
+  void check_soft_limits(double target_deg, const FilePosition& written_at) const;
   boost::asio::awaitable<void> home_once(bool again);
   boost::asio::awaitable<void> stop_turning_once();
   /// One move, tried again when the link or the stage failed in a way that it recovers from.

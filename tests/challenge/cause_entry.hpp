@@ -22,7 +22,21 @@ std::shared_ptr<Cause> make() {
   return std::make_shared<T>();
 }
 
+/// Acts on one target, which is drawn.
+struct OnOneTarget : Cause {
+  int wall = 0;
+  std::string name;
+  void draw(Session& session, Random& random) override {
+    wall = random.integer(0, static_cast<int>(session.walls.size()) - 1);
+    name = session.walls[static_cast<std::size_t>(wall)].name;
+  }
+};
+
 using Entries = std::vector<std::pair<std::string, Entry>>;
+// Causes of the catalogue's mechanisms, in its order.
+[[nodiscard]] const Entries& causes_of_range();
+[[nodiscard]] const Entries& causes_of_geometry();
+[[nodiscard]] const Entries& causes_of_noise();
 /// Effects outside the catalogue; their names begin with "unknown-".
 [[nodiscard]] const Entries& outside_the_catalogue();
 

@@ -46,9 +46,9 @@ void draw_claim(Session& session, Random& random) {
       for (double p = low; p < 1.01 * high; p *= std::pow(high / low, 0.05)) {
         // Gain and bend work on each other: three rounds of solving for the gain.
         double gain = 1000;
-        const double told = session.radiometer.counts(p);
+        const double stated = session.radiometer.counts(p);
         for (int i = 0; i < 6; ++i)
-          gain = told * std::hypot(1, gain * std::pow(p, power) / full) / std::pow(p, power);
+          gain = stated * std::hypot(1, gain * std::pow(p, power) / full) / std::pow(p, power);
         left.push_back(std::log(gain));
         sum += left.back();
         count += 1;

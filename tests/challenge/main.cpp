@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Makes a session in which some physics is concealed from the bench file it carries, and a separate file with
-// the truth. Two programs are built from it: rig-conceal, whose effects are written in causes.cpp and which
+// the truth. Two programs are built from it: rig-conceal, whose effects are written in causes*.cpp and which
 // links nothing of rig/, sim/ and fit/, and rig-conceal-world, which records the causal engine of sim/.
 #include <SQLiteCpp/SQLiteCpp.h>
 
@@ -149,7 +149,7 @@ void write_session(const std::filesystem::path& path, const Session& session, co
 
 /// Catalogue mechanisms that, whatever their size and with some shape, would leave less than SNR 3 of the
 /// concealed effect: the session cannot tell them from the truth.
-std::vector<std::string> cannot_be_told_from(const Session& session, const std::shared_ptr<Cause>& cause) {
+std::vector<std::string> alternatives_to(const Session& session, const std::shared_ptr<Cause>& cause) {
   const Oracle oracle(session, {cause}, 6000);
   std::vector<std::string> names;
   std::vector<Causes> rivals;
@@ -234,7 +234,7 @@ void conceal(const Wanted& wanted) {
     }
     const bool shifts_means = verdict.mean > 0.5 * verdict.snr * verdict.snr;
     rivals[kind] =
-        wanted.rivals && shifts_means ? cannot_be_told_from(session, cause) : std::vector<std::string>{};
+        wanted.rivals && shifts_means ? alternatives_to(session, cause) : std::vector<std::string>{};
     parameters[kind] = cause->parameters();
     outside = outside || kind.starts_with("unknown-");
     causes.push_back(cause);

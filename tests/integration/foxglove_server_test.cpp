@@ -76,7 +76,7 @@ std::tuple<std::uint32_t, std::uint64_t, json> next_message(ClientSocket& socket
   return {subscription, time_ns, json::parse(frame.substr(13))};
 }
 
-void tell(ClientSocket& socket, const json& message) {
+void send(ClientSocket& socket, const json& message) {
   socket.text(true);
   socket.write(asio::buffer(message.dump()));
 }
@@ -97,7 +97,7 @@ TEST_CASE("Foxglove gets the channels at once, and of a topic what was published
   std::size_t stage = 0;
   for (const json& channel : advertised["channels"])
     if (channel["topic"] == "/stage") stage = channel["id"];
-  tell(socket, {{"op", "subscribe"}, {"subscriptions", {{{"id", 77}, {"channelId", stage}}}}});
+  send(socket, {{"op", "subscribe"}, {"subscriptions", {{{"id", 77}, {"channelId", stage}}}}});
   const auto [subscription, time_ns, body] = next_message(socket);
   CHECK(subscription == 77);
   CHECK(time_ns == 1'700'000'000'000'000'123);
@@ -120,7 +120,7 @@ TEST_CASE("a log loses none of its messages, whoever is slow, and none comes twi
   ClientSocket socket(io);
   REQUIRE_FALSE(served.connect(socket, protocol));
   next(socket), next(socket);
-  tell(socket, {{"op", "subscribe"}, {"subscriptions", {{{"id", 1}, {"channelId", 3}}}}});
+  send(socket, {{"op", "subscribe"}, {"subscriptions", {{{"id", 1}, {"channelId", 3}}}}});
   for (int i = 0; i < 5; ++i) CHECK(std::get<2>(next_message(socket))["message"] == std::to_string(i));
   served.publish(state_of(1, 5));
   served.publish(state_of(2, 6));
@@ -139,7 +139,7 @@ TEST_CASE("a client that sends anything else learns that a run is read only, and
     socket.write(asio::buffer(std::string(text)));
   }
   for (int i = 0; i < 4; ++i) CHECK(json::parse(next(socket))["op"] == "status");
-  tell(socket, {{"op", "subscribe"}, {"subscriptions", {{{"id", 2}, {"channelId", 6}}}}});
+  send(socket, {{"op", "subscribe"}, {"subscriptions", {{{"id", 2}, {"channelId", 6}}}}});
   served.publish({{"phase", "paused"}});
   CHECK(std::get<2>(next_message(socket))["phase"] == "paused");
 }

@@ -132,7 +132,7 @@ TEST_CASE("damaged scans are dropped and counted, and the stream goes on") {
 TEST_CASE("a lost connection is reported, and reconnecting goes on with the same lidar") {
   Bench bench;
   lidar::Client client = bench.client();
-  std::string told;
+  std::string message;
   auto session = [&]() -> awaitable<void> {
     co_await client.connect();
     lidar::StreamRequest all;

@@ -105,13 +105,13 @@ TEST_CASE("a stage of any language that is found moving is stopped when it is op
   rig.open();
   CHECK_FALSE(rig.device->mechanics().moving(rig.clock.now_s()));
   CHECK(rig.device->mechanics().position_units(rig.clock.now_s()) < target);
-  const auto told = [&] {
+  const auto reported = [&] {
     const rig::StageStatus status = rig.run(rig.stage->status());
     return std::ranges::any_of(status.warnings,
                                [](const auto& w) { return w.starts_with("it was found moving"); });
   };
-  CHECK(told());
-  CHECK_FALSE(told());
+  CHECK(reported());
+  CHECK_FALSE(reported());
 }
 
 TEST_CASE("stop goes before a waiting move in any language") {

@@ -117,7 +117,7 @@ class McapWriter : public BagSink {
   }
 
  private:
-  struct FilePosition {
+  struct IndexEntry {
     std::uint64_t time_ns, offset;
   };
 
@@ -151,13 +151,13 @@ class McapWriter : public BagSink {
   void index_chunk(std::uint64_t chunk_start, std::uint64_t packed) {
     const std::uint64_t chunk_length = at_ - chunk_start, indexes_start = at_;
     Bytes offsets;
-    for (const auto& [channel, places] : index_) {
+    for (const auto& [channel, entries_of_channel] : index_) {
       put(offsets, channel);
       put(offsets, at_);
       Bytes entries, index;
-      for (const FilePosition& place : places) {
-        put(entries, place.time_ns);
-        put(entries, place.offset);
+      for (const IndexEntry& entry : entries_of_channel) {
+        put(entries, entry.time_ns);
+        put(entries, entry.offset);
       }
       put(index, channel);
       put_text(index, entries);
@@ -202,7 +202,7 @@ class McapWriter : public BagSink {
   std::uint16_t channels_ = 0;
   std::uint32_t chunks_ = 0;
   Bytes chunk_, descriptions_, chunk_indexes_;
-  std::map<std::uint16_t, std::vector<FilePosition>> index_;
+  std::map<std::uint16_t, std::vector<IndexEntry>> index_;
   std::map<std::uint16_t, std::uint64_t> counts_;
   std::uint64_t first_ = ~std::uint64_t{0}, last_ = 0, chunk_first_ = ~std::uint64_t{0}, chunk_last_ = 0;
 };

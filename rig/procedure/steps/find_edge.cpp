@@ -109,11 +109,12 @@ Settings settings_of(const Arguments& arguments, const fit::Bench& bench, int ap
   settings.beam =
       static_cast<int>(std::lround(lidar.front_step + beam_deg * fit::rad_per_deg / lidar.step_rad));
   if (!std::isnan(beam_deg) && (settings.beam < lidar.first_step || settings.beam >= lidar.steps))
-    throw ProcedureError(arguments.place_of("beam_deg"),
+    throw ProcedureError(arguments.position_of("beam_deg"),
                          "the lidar has no beam at " + to_text(beam_deg) + " deg.");
   const fit::Target* target = bench.target(settings.target);
   if (!target)
-    throw ProcedureError(arguments.place_of("target"), "the bench has no target '" + settings.target + "'.");
+    throw ProcedureError(arguments.position_of("target"),
+                         "the bench has no target '" + settings.target + "'.");
   double expected_deg =
       stage_angle_of(edge_of(*target, settings.right), lidar.beam_angle(settings.beam), lidar.mount) *
       fit::deg_per_rad;
@@ -127,8 +128,8 @@ Settings settings_of(const Arguments& arguments, const fit::Bench& bench, int ap
 /// The search itself. Stops are counted in whole steps from settings.from_deg, so that no rounding adds up.
 class Search {
  public:
-  Search(const Settings& settings, StepContext& context, const FilePosition& place)
-      : settings_(settings), context_(context), place_(place) {}
+  Search(const Settings& settings, StepContext& context, const FilePosition& position)
+      : settings_(settings), context_(context), position_(position) {}
 
   StepContext::awaitable<void> run() {
     const long last = std::lround((settings_.to_deg - settings_.from_deg) / settings_.step_deg);
@@ -205,7 +206,7 @@ class Search {
     request.last_step = std::min(context_.bench().lidar.steps - 1, settings_.beam + settings_.spread);
     request.target = settings_.target;
     if (!context_.recorded(request.key))
-      co_await context_.move_to(angle_deg(stop), settings_.approach, place_);
+      co_await context_.move_to(angle_deg(stop), settings_.approach, position_);
     const std::int64_t id = co_await context_.capture(request);
     std::vector<double> samples;
     const auto followed = static_cast<std::size_t>(settings_.beam - request.first_step);
@@ -247,7 +248,7 @@ class Search {
 
   const Settings& settings_;
   StepContext& context_;
-  const FilePosition& place_;
+  const FilePosition& position_;
   Level board_, background_;
   long board_end_ = 0, background_end_ = 0;
   int stops_ = 0;
@@ -294,7 +295,7 @@ class FindEdge final : public StepKind {
   void plan(const Arguments& arguments, Plan& plan) const override {
     const Settings settings = settings_of(arguments, *plan.bench, plan.rules.approach);
     for (const double angle : {settings.to_deg, settings.from_deg})
-      plan.move_to(angle, arguments.place(), settings.approach);
+      plan.move_to(angle, arguments.position(), settings.approach);
     constexpr int usual_stops = 16;
     for (int i = 0; i < usual_stops; ++i) {
       plan.capture(settings.samples, 0);
@@ -309,7 +310,7 @@ class FindEdge final : public StepKind {
   }
   awaitable<void> run(const Arguments& arguments, StepContext& context) const override {
     const Settings settings = settings_of(arguments, context.bench(), context.rules().approach);
-    Search search(settings, context, arguments.place());
+    Search search(settings, context, arguments.position());
     co_await search.run();
   }
 };

@@ -36,7 +36,7 @@ class Home final : public StepKind {
     const StageLimits limits = stage_limits(context.bench());
     const bool may_stand_at_zero = limits.min_deg <= 0 && limits.max_deg >= 0;
     if (may_stand_at_zero && std::abs(context.stage_deg()) > at_zero_deg)
-      co_await context.move_to(0, 0, arguments.place());
+      co_await context.move_to(0, 0, arguments.position());
   }
 };
 

@@ -16,16 +16,16 @@ class Move final : public StepKind {
   }
   void plan(const Arguments& arguments, Plan& plan) const override {
     if (arguments.has("to_deg") == arguments.has("by_deg"))
-      throw ProcedureError(arguments.place(), "'move' needs one of to_deg and by_deg.");
+      throw ProcedureError(arguments.position(), "'move' needs one of to_deg and by_deg.");
     const double target = target_deg(arguments, plan.stage_deg);
-    plan.move_to(target, arguments.place(), approach_of(arguments, plan.rules.approach));
+    plan.move_to(target, arguments.position(), approach_of(arguments, plan.rules.approach));
     plan.says = "move to " + (target == target ? rounded_text(target, 4) : "?") + " deg";
   }
   awaitable<void> run(const Arguments& arguments, StepContext& context) const override {
     // Relative moves are turned into absolute targets: repeated rounded steps drift (2.8 deg a turn on a
     // 4266.67/deg stage, measured).
     const double target = target_deg(arguments, context.stage_deg());
-    co_await context.move_to(target, approach_of(arguments, context.rules().approach), arguments.place());
+    co_await context.move_to(target, approach_of(arguments, context.rules().approach), arguments.position());
   }
 
  private:

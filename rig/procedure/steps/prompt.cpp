@@ -70,21 +70,21 @@ Placement placement(const Arguments& place, const fit::Bench& bench) {
   const auto at_mm = place.maybe_number("at_mm");
   if (result.target.empty()) {
     if (result.shift_mm || at_mm || result.reflectance)
-      throw ProcedureError(place.place(), "'place' needs 'target': which one is changed.");
+      throw ProcedureError(place.position(), "'place' needs 'target': which one is changed.");
     return result;
   }
   const fit::Target* target = bench.target(result.target);
   if (!target) {
     std::vector<std::string> names;
     for (const auto& each : bench.targets) names.push_back(each.name);
-    throw ProcedureError(place.place_of("target"),
+    throw ProcedureError(place.position_of("target"),
                          "the bench has no target '" + result.target + "'" +
                              fit::ending_with_guess(did_you_mean(result.target, names)));
   }
   if (at_mm && result.shift_mm)
-    throw ProcedureError(place.place(), "'place' takes one of at_mm and shift_mm.");
+    throw ProcedureError(place.position(), "'place' takes one of at_mm and shift_mm.");
   if (at_mm && *at_mm < nearest_mm)
-    throw ProcedureError(place.place_of("at_mm"),
+    throw ProcedureError(place.position_of("at_mm"),
                          to_text(*at_mm) + " mm from the stage's axis is nearer than any lidar measures (" +
                              to_text(nearest_mm) + " mm). Lengths are in millimetres; were metres meant?");
   if (at_mm) result.shift_mm = *at_mm - distance_mm(*target);
@@ -180,14 +180,14 @@ class PromptStep final : public StepKind {
     const auto beams = until.interval("beams_deg");
     if (!beams) {
       if (!places_target || until.has("within_mm") || until.has("flat_within_mm"))
-        throw ProcedureError(until.place(),
+        throw ProcedureError(until.position(),
                              "'until' needs 'beams_deg', the beams that check it; only a target that 'place' "
                              "names is checked without them.");
       result.of_target = true;
       return result;
     }
     if (result.tolerance_mm)
-      throw ProcedureError(until.place_of("tolerance_mm"),
+      throw ProcedureError(until.position_of("tolerance_mm"),
                            "'until' takes one of tolerance_mm, about a target's place, and beams_deg.");
     result.from_deg = beams->first;
     result.to_deg = beams->second;

@@ -25,7 +25,7 @@ class Report final : public StepKind {
   const std::vector<Option>& options() const override {
     static const std::vector<Option> options = {
         {.name = "file",
-         .type = Option::Type::place,
+         .type = Option::Type::path,
          .about = "name ending in .html, .pdf, .json or .dcc.xml, inside the output folder",
          .required = true}};
     return options;
@@ -34,7 +34,7 @@ class Report final : public StepKind {
     const std::string file = arguments.text_or("file", "report.html");
     // Found now, and not after the hours of captures before it.
     if (const std::string fault = fault_of(file); !fault.empty())
-      throw ProcedureError(arguments.place_of("file"), "the report '" + file + "' " + fault);
+      throw ProcedureError(arguments.position_of("file"), "the report '" + file + "' " + fault);
     plan.seconds += 1;
     plan.says = "report to " + arguments.text_or("file", "");
   }

@@ -45,7 +45,7 @@ class Sweep final : public StepKind {
     const Stops stops = stops_of(arguments);
     const int approach = approach_of(arguments, plan.rules.approach);
     for (long i = 0; i < stops.count; ++i) {
-      plan.move_to(stops.at(i), arguments.place(), approach);
+      plan.move_to(stops.at(i), arguments.position(), approach);
       plan.capture(request.samples, request.spacing_s);
     }
     plan.says =
@@ -66,7 +66,7 @@ class Sweep final : public StepKind {
       request.name = context.name();
       request.key = context.key() + "/" + std::to_string(i);
       if (context.recorded(request.key)) continue;
-      co_await context.move_to(stops.at(i), approach, arguments.place());
+      co_await context.move_to(stops.at(i), approach, arguments.position());
       co_await context.capture(request);
     }
   }
@@ -83,7 +83,7 @@ class Sweep final : public StepKind {
     }
     const double count = std::floor((to - stops.from_deg) / stops.step_deg + 1e-6) + 1;
     if (count > 100'000)
-      throw ProcedureError(arguments.place(), "the sweep has more than 100,000 stops; make it shorter.");
+      throw ProcedureError(arguments.position(), "the sweep has more than 100,000 stops; make it shorter.");
     stops.count = static_cast<long>(count);
     return stops;
   }

@@ -36,17 +36,17 @@ class Turn final : public StepKind {
   void plan(const Arguments& arguments, Plan& plan) const override {
     const double rate = arguments.number("rate_deg_s"), from = arguments.number("from_deg");
     if (rate == 0)
-      throw ProcedureError(arguments.place_of("rate_deg_s"), "a rate of 0 is a 'capture', not a 'turn'.");
+      throw ProcedureError(arguments.position_of("rate_deg_s"), "a rate of 0 is a 'capture', not a 'turn'.");
     const int samples = arguments.integer_or("samples", 1);
     (void)capture_request(arguments, *plan.bench, samples);
-    plan.move_to(from, arguments.place_of("from_deg"), rate > 0 ? 1 : -1);
+    plan.move_to(from, arguments.position_of("from_deg"), rate > 0 ? 1 : -1);
     const double end = from + rate * (samples / plan.bench->lidar.scan_hz + 1);
     if (end < plan.limits.min_deg || end > plan.limits.max_deg)
-      throw ProcedureError(arguments.place(), "turning would end near " + to_text(std::round(end)) +
-                                                  " deg, beyond the stage's soft limits " +
-                                                  to_text(plan.limits.min_deg) + " to " +
-                                                  to_text(plan.limits.max_deg) +
-                                                  " deg; take fewer samples, a lower rate or another start.");
+      throw ProcedureError(arguments.position(),
+                           "turning would end near " + to_text(std::round(end)) +
+                               " deg, beyond the stage's soft limits " + to_text(plan.limits.min_deg) +
+                               " to " + to_text(plan.limits.max_deg) +
+                               " deg; take fewer samples, a lower rate or another start.");
     plan.capture(samples, 0);
     plan.seconds += 1;
     plan.travel_deg += std::abs(end - from);
@@ -59,7 +59,8 @@ class Turn final : public StepKind {
     request.name = context.name();
     request.key = context.key() + "/capture";
     request.rate_deg_s = arguments.number("rate_deg_s");
-    co_await context.capture_turning(request, arguments.number("from_deg"), arguments.place_of("from_deg"));
+    co_await context.capture_turning(request, arguments.number("from_deg"),
+                                     arguments.position_of("from_deg"));
   }
 };
 

@@ -19,7 +19,7 @@ class Wait final : public StepKind {
   }
   void plan(const Arguments& arguments, Plan& plan) const override {
     if (arguments.has("seconds") == arguments.has("minutes"))
-      throw ProcedureError(arguments.place(), "'wait' needs one of seconds and minutes.");
+      throw ProcedureError(arguments.position(), "'wait' needs one of seconds and minutes.");
     plan.seconds += seconds(arguments);
     plan.says = "wait " + to_text(seconds(arguments)) + " s";
   }

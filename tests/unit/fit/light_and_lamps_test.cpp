@@ -140,8 +140,8 @@ TEST_CASE("a lamp's flicker is unknown physics with its frequency, and nothing e
       CHECK(e.unknown->coordinate == fit::Coordinate::time);
       CHECK_THAT(e.unknown->describes, Catch::Contains("from scan to scan looks like"));
       CHECK_THAT(e.unknown->describes, Catch::Contains("ranges swing by 2."));
-      const double told = std::stod(e.unknown->describes.substr(e.unknown->describes.find(" at ") + 4));
-      CHECK(told == Approx(hz).margin(scans == 24 ? 0.5 : 1.5));
+      const double found_hz = std::stod(e.unknown->describes.substr(e.unknown->describes.find(" at ") + 4));
+      CHECK(found_hz == Approx(hz).margin(scans == 24 ? 0.5 : 1.5));
     }
   CHECK(named <= 1);  // of eight, by chance
 }

@@ -214,7 +214,7 @@ std::vector<double> values_of(const fit::Mechanism& mechanism, const Equation& e
 }
 
 /// All that an effect says, in one row.
-std::vector<double> told(const fit::Effect& e) {
+std::vector<double> changes_of(const fit::Effect& e) {
   return {e.range_mm,
           e.beam_rad,
           e.stage_rad,
@@ -328,8 +328,8 @@ TEST_CASE("every mechanism of the catalogue does what its equation in docs/metho
     const std::vector<double> values = values_of(mechanism, found->second);
     bool changes = false;
     for (const Beam& x : all_sorts()) {
-      const std::vector<double> is = told(mechanism.act(x.circumstances(), values)),
-                                should = told(found->second.effect(x)), none = told({});
+      const std::vector<double> is = changes_of(mechanism.act(x.circumstances(), values)),
+                                should = changes_of(found->second.effect(x)), none = changes_of({});
       // The fitter's tilt is of second order in the angle: of the next one a ten-thousandth is left.
       const double order = mechanism.id == "scan-plane-tilt" ? 3e-4 : 1e-9;
       for (std::size_t k = 0; k < is.size(); ++k) {

@@ -61,7 +61,7 @@ TEST_CASE("an unattended investigation does nothing that needs a hand, and says 
   CHECK(decide({Verdict::undecided, 1}, experiments, {}, {480, false, 5}).next);
   const Decision d = decide({Verdict::undecided, 1}, experiments, {}, {480, true, 5});
   CHECK_FALSE(d.next);
-  CHECK(d.end == End::cannot_tell);
+  CHECK(d.end == End::undecidable);
   CHECK(d.needs == "an operator, for 40 min: a ladder");
 }
 
@@ -91,8 +91,8 @@ TEST_CASE("where nothing is in doubt the investigation looks where it has not lo
 }
 
 TEST_CASE("a name of which the sessions are not sure is no end by that name") {
-  CHECK(decide({Verdict::explained, 0.7}, {}, {}, {480, false, 5}).end == End::cannot_tell);
-  CHECK(decide({Verdict::undecided, 1}, {}, {}, {480, false, 5}).end == End::cannot_tell);
+  CHECK(decide({Verdict::explained, 0.7}, {}, {}, {480, false, 5}).end == End::undecidable);
+  CHECK(decide({Verdict::undecided, 1}, {}, {}, {480, false, 5}).end == End::undecidable);
 }
 
 TEST_CASE("a prediction is confirmed by coverage, by residuals, and by a gain where something is claimed") {

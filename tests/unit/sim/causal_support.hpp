@@ -122,4 +122,35 @@ inline double lag_one(const std::vector<double>& x) {
   return top / bottom;
 }
 
+inline constexpr double half_light = 149.896229;  // mm per ns, there and back
+
+/// Echo of a board square on: inverse square and overlap.
+inline double echo(const sim::World& world, double range, double reflectance) {
+  const double near = world.receiver.overlap_mm;
+  const double overlap = std::pow(range * range / (range * range + near * near), 2);
+  return reflectance * overlap * 1e6 / (range * range);
+}
+
+inline double bias(sim::World world, double distance, int scans = 300) {
+  return record(narrow(std::move(world), 1), scans).at(0).mean() - distance;
+}
+
+inline double correlation(const std::vector<double>& x, const std::vector<double>& y) {
+  double mx = 0, my = 0, xy = 0, xx = 0, yy = 0;
+  const auto n = static_cast<double>(x.size());
+  for (std::size_t i = 0; i < x.size(); ++i) mx += x[i] / n, my += y[i] / n;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    xy += (x[i] - mx) * (y[i] - my);
+    xx += (x[i] - mx) * (x[i] - mx);
+    yy += (y[i] - my) * (y[i] - my);
+  }
+  return xy / std::sqrt(xx * yy);
+}
+
+/// Range at which a beam of that bearing meets the line of a wall seen at `incidence_deg` at 0.
+inline double along_slant(double distance, double incidence_deg, double bearing_rad) {
+  const double i = incidence_deg * fit::rad_per_deg;
+  return distance * std::cos(i) / std::cos(i + bearing_rad);
+}
+
 }  // namespace causal_test
