@@ -132,7 +132,7 @@ std::string comparison_pictures(const json& comparison) {
   histogram.title = "Means of single beams: difference in its own standard uncertainty";
   histogram.x_label = "difference / standard uncertainty";
   histogram.y_label = "share of the beams";
-  histogram.width_px = 760, histogram.height_px = 240;
+  histogram.width_px = 760, histogram.height_px = 300;
   histogram.series.push_back({"recorded", Series::Style::steps, at, column_of(pulls, "share"), {}});
   histogram.series.push_back({"if the uncertainties are right", Series::Style::line, at, normal, {}});
   return "<figure>" + to_svg(plot) +
