@@ -5,7 +5,9 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <numbers>
 
+#include "fit/accuracy.hpp"
 #include "fit/distributions.hpp"
 
 namespace fit {
@@ -239,40 +241,105 @@ double bracket(const EdgeCrossing& crossing) {
   return back - front;
 }
 
-double log_likelihood(const std::vector<EdgeStop>& stops, bool rising, double edge, double window, bool ramp,
-                      double stray) {
-  double sum = 0;
-  for (const EdgeStop& stop : stops) {
-    const double along = (rising ? 1 : -1) * (stop.stage_rad - edge) / window;
+constexpr std::array<double, 4> strays = {1e-6, 1e-4, 1e-3, 1e-2};
+/// How much of what its maker allows a stage errs at its stops.
+constexpr std::array<double, 3> stop_shares = {0, 0.5, 1};
+
+/// One shape that the response may have.
+struct Shape {
+  double edge = 0, window = 0;
+  bool ramp = true;
+  /// Share of clean samples that see behind, at an angle in the direction in which it grows.
+  [[nodiscard]] double seen(double along_rad) const {
+    const double x = (along_rad - edge) / window;
     // The Gaussian's standard deviation is the window over 4.653: from 1 % to 99 %.
-    const double seen =
-        ramp ? std::clamp(0.5 + along, 0.0, 1.0) : std::erfc(-along * 4.652696 / std::numbers::sqrt2) / 2;
-    const double share = stray + (1 - 2 * stray) * seen;
-    sum += static_cast<double>(stop.back) * std::log(share) +
-           static_cast<double>(stop.n - stop.back) * std::log1p(-share);
+    return ramp ? std::clamp(0.5 + x, 0.0, 1.0) : std::erfc(-x * 4.652696 / std::numbers::sqrt2) / 2;
   }
-  return sum;
+};
+
+/// Mean and variance of the share seen at a stop that is off by `u_rad`, by Gauss and Hermite's three points.
+struct SeenShare {
+  double mean = 0, variance = 0;
+};
+SeenShare seen_share(const Shape& shape, double along_rad, double u_rad) {
+  const double middle = shape.seen(along_rad);
+  if (u_rad <= 0) return {middle, 0};
+  const double low = shape.seen(along_rad - std::numbers::sqrt3 * u_rad),
+               high = shape.seen(along_rad + std::numbers::sqrt3 * u_rad);
+  const double mean = (low + 4 * middle + high) / 6;
+  return {mean, std::max(0.0, (low * low + 4 * middle * middle + high * high) / 6 - mean * mean)};
 }
 
-constexpr std::array<double, 4> strays = {1e-6, 1e-4, 1e-3, 1e-2};
+/// What was counted at a stop; what does not depend on the response is computed once.
+struct Count {
+  double along_rad, n, back, log_choose;
+
+  /// Variance of `back` by the stop's angle.
+  [[nodiscard]] double variance_of_angle(const SeenShare& seen, double stray) const {
+    return n * (n - 1) * std::pow(1 - 2 * stray, 2) * seen.variance;
+  }
+  /// Log probability: binomial, or normal with the variance of both where the stop's angle matters.
+  [[nodiscard]] double log_probability(const SeenShare& seen, double stray) const {
+    constexpr double least_count = 3, matters = 0.01;
+    const double share = stray + (1 - 2 * stray) * seen.mean, chance = n * share * (1 - share),
+                 of_angle = seen.variance > 0 ? variance_of_angle(seen, stray) : 0;
+    if (of_angle <= matters * chance || n * std::min(share, 1 - share) < least_count)
+      return log_choose + back * std::log(share) + (n - back) * std::log1p(-share);
+    const double variance = chance + of_angle;
+    return -0.5 * (std::pow(back - n * share, 2) / variance + std::log(2 * std::numbers::pi * variance));
+  }
+};
+
+std::vector<Count> counts_of(const std::vector<EdgeStop>& stops, bool rising) {
+  std::vector<Count> counts;
+  for (const EdgeStop& stop : stops) {
+    const auto n = static_cast<double>(stop.n), back = static_cast<double>(stop.back);
+    counts.push_back({rising ? stop.stage_rad : -stop.stage_rad, n, back,
+                      std::lgamma(n + 1) - std::lgamma(back + 1) - std::lgamma(n - back + 1)});
+  }
+  return counts;
+}
+
+/// Log likelihood of a shape for every share of stray samples.
+std::array<double, strays.size()> log_likelihoods(const std::vector<Count>& counts, const Shape& shape,
+                                                  double u_stop_rad) {
+  constexpr double nothing = 1e-9;  // Below the least share of stray samples.
+  std::array<double, strays.size()> sums{};
+  double all_front = 0, back_in_front = 0, all_back = 0, front_in_back = 0, constant = 0;
+  for (const Count& count : counts) {
+    const SeenShare seen = seen_share(shape, count.along_rad, u_stop_rad);
+    if (seen.mean < nothing) {
+      all_front += count.n, back_in_front += count.back, constant += count.log_choose;
+    } else if (seen.mean > 1 - nothing) {
+      all_back += count.n, front_in_back += count.n - count.back, constant += count.log_choose;
+    } else {
+      for (std::size_t k = 0; k < strays.size(); ++k) sums[k] += count.log_probability(seen, strays[k]);
+    }
+  }
+  const double strayed = back_in_front + front_in_back;
+  for (std::size_t k = 0; k < strays.size(); ++k)
+    sums[k] +=
+        constant + strayed * std::log(strays[k]) + (all_front + all_back - strayed) * std::log1p(-strays[k]);
+  return sums;
+}
 
 struct Posterior {
   double edge = 0, window = 0, u_edge = 0, u_window = 0, ramp = 0.5;
-  double best_edge = 0, best_window = 0, best_stray = 0;
-  bool best_ramp = true;
+  Shape best;
+  double best_stray = 0, best_u_stop_rad = 0;
 };
 
+/// Of edges in the direction in which the share grows.
 struct Box {
   double edge_from, edge_to, window_from, window_to;
 };
 
 /// One pass over a grid; shrinks the box to where the posterior is.
-Posterior sum_over(const std::vector<EdgeStop>& stops, bool rising, Box& box, double dispersion) {
+Posterior sum_over(const std::vector<Count>& counts, Box& box, double u_stop_rad, double dispersion) {
   constexpr int cells = 41;
   struct Cell {
     double edge, window, value;
     bool ramp;
-    double stray;
   };
   std::vector<Cell> grid;
   double best = -1e300;
@@ -280,27 +347,31 @@ Posterior sum_over(const std::vector<EdgeStop>& stops, bool rising, Box& box, do
   for (int i = 0; i < cells; ++i)
     for (int j = 0; j < cells; ++j)
       for (const bool ramp : {true, false})
-        for (const double stray : strays) {
-          const double edge = box.edge_from + (i + 0.5) / cells * (box.edge_to - box.edge_from);
-          const double window = box.window_from + (j + 0.5) / cells * (box.window_to - box.window_from);
-          const double value = log_likelihood(stops, rising, edge, window, ramp, stray) / dispersion;
-          grid.push_back({edge, window, value, ramp, stray});
-          if (value <= best) continue;
-          best = value;
-          out.best_edge = edge, out.best_window = window, out.best_stray = stray, out.best_ramp = ramp;
+        for (const double stop_share : stop_shares) {
+          if (u_stop_rad <= 0 && stop_share > 0) continue;
+          const Shape shape{box.edge_from + (i + 0.5) / cells * (box.edge_to - box.edge_from),
+                            box.window_from + (j + 0.5) / cells * (box.window_to - box.window_from), ramp};
+          const auto likelihoods = log_likelihoods(counts, shape, stop_share * u_stop_rad);
+          for (std::size_t k = 0; k < strays.size(); ++k) {
+            const double value = likelihoods[k] / dispersion;
+            grid.push_back({shape.edge, shape.window, value, ramp});
+            if (value <= best) continue;
+            best = value;
+            out.best = shape, out.best_stray = strays[k], out.best_u_stop_rad = stop_share * u_stop_rad;
+          }
         }
   double total = 0, edge = 0, window = 0, edge2 = 0, window2 = 0, ramp = 0;
   Box kept{1e9, -1e9, 1e9, -1e9};
   for (const Cell& cell : grid) {
     if (cell.value < best - 18) continue;
-    const double weight = std::exp(cell.value - best), e = cell.edge - out.best_edge;
+    const double weight = std::exp(cell.value - best), e = cell.edge - out.best.edge;
     total += weight, edge += weight * e, edge2 += weight * e * e;
     window += weight * cell.window, window2 += weight * cell.window * cell.window;
     ramp += cell.ramp ? weight : 0;
     kept = {std::min(kept.edge_from, cell.edge), std::max(kept.edge_to, cell.edge),
             std::min(kept.window_from, cell.window), std::max(kept.window_to, cell.window)};
   }
-  out.edge = out.best_edge + edge / total;
+  out.edge = out.best.edge + edge / total;
   out.u_edge = std::sqrt(std::max(0.0, edge2 / total - edge / total * (edge / total)));
   out.window = window / total;
   out.u_window = std::sqrt(std::max(0.0, window2 / total - out.window * out.window));
@@ -312,28 +383,27 @@ Posterior sum_over(const std::vector<EdgeStop>& stops, bool rising, Box& box, do
   return out;
 }
 
-Posterior zoom(const std::vector<EdgeStop>& stops, bool rising, Box box, double dispersion) {
-  Posterior posterior = sum_over(stops, rising, box, dispersion);
+Posterior zoom(const std::vector<Count>& counts, Box box, double u_stop_rad, double dispersion) {
+  Posterior posterior = sum_over(counts, box, u_stop_rad, dispersion);
   for (int round = 0; round < 6; ++round) {
     const double width = box.edge_to - box.edge_from, height = box.window_to - box.window_from;
-    posterior = sum_over(stops, rising, box, dispersion);
+    posterior = sum_over(counts, box, u_stop_rad, dispersion);
     if (box.edge_to - box.edge_from > 0.8 * width && box.window_to - box.window_from > 0.8 * height) break;
   }
   return posterior;
 }
 
 /// Pearson's chi-square per degree of freedom at the best response, if chance alone would not make it (1 %).
-double dispersion_at(const std::vector<EdgeStop>& stops, bool rising, const Posterior& at) {
+double dispersion_at(const std::vector<Count>& counts, const Posterior& at) {
   double chi2 = 0;
   int informative = 0;
-  for (const EdgeStop& stop : stops) {
-    const double along = (rising ? 1 : -1) * (stop.stage_rad - at.best_edge) / at.best_window;
-    const double seen = at.best_ramp ? std::clamp(0.5 + along, 0.0, 1.0)
-                                     : std::erfc(-along * 4.652696 / std::numbers::sqrt2) / 2;
-    const double n = static_cast<double>(stop.n), p = at.best_stray + (1 - 2 * at.best_stray) * seen;
-    if (n * p < 3 || n * (1 - p) < 3) continue;
+  for (const Count& count : counts) {
+    const SeenShare seen = seen_share(at.best, count.along_rad, at.best_u_stop_rad);
+    const double p = at.best_stray + (1 - 2 * at.best_stray) * seen.mean;
+    if (count.n * p < 3 || count.n * (1 - p) < 3) continue;
     ++informative;
-    chi2 += std::pow(static_cast<double>(stop.back) - n * p, 2) / (n * p * (1 - p));
+    chi2 += std::pow(count.back - count.n * p, 2) /
+            (count.n * p * (1 - p) + count.variance_of_angle(seen, at.best_stray));
   }
   const int freedom = informative - 2;
   if (freedom < 1) return 1;
@@ -342,7 +412,7 @@ double dispersion_at(const std::vector<EdgeStop>& stops, bool rising, const Post
 
 }  // namespace
 
-EdgeResponse fit_edge_response(const std::vector<EdgeStop>& stops, bool rising) {
+EdgeResponse fit_edge_response(const std::vector<EdgeStop>& stops, bool rising, double u_stop_rad) {
   double front = -1e9, back = 1e9;
   int inside = 0;
   for (const EdgeStop& stop : stops) {
@@ -354,12 +424,13 @@ EdgeResponse fit_edge_response(const std::vector<EdgeStop>& stops, bool rising) 
   const double width = std::max(back - front, 1e-5);
   // The likelihood decides; the box only has to hold it: a wide Gaussian's tails reach over smooth stops.
   const double low = std::min(front, back) - width, high = std::max(front, back) + width;
-  const Box box{rising ? low : -high, rising ? high : -low, width / 500, 3 * width};
-  Posterior posterior = zoom(stops, rising, box, 1);
+  const Box box{low, high, width / 500, 3 * width};
+  const std::vector<Count> counts = counts_of(stops, rising);
+  Posterior posterior = zoom(counts, box, u_stop_rad, 1);
   EdgeResponse response;
-  response.dispersion = dispersion_at(stops, rising, posterior);
-  if (response.dispersion > 1) posterior = zoom(stops, rising, box, response.dispersion);
-  response.edge_rad = {posterior.edge, posterior.u_edge};
+  response.dispersion = dispersion_at(counts, posterior);
+  if (response.dispersion > 1) posterior = zoom(counts, box, u_stop_rad, response.dispersion);
+  response.edge_rad = {rising ? posterior.edge : -posterior.edge, posterior.u_edge};
   response.window_rad = {posterior.window, posterior.u_window};
   response.ramp_probability = posterior.ramp;
   response.stops_inside = inside;
@@ -368,6 +439,9 @@ EdgeResponse fit_edge_response(const std::vector<EdgeStop>& stops, bool rising) 
 
 std::vector<EdgeCrossing> find_edge_crossings(const Recording& recording, const EdgeOptions& options) {
   std::vector<EdgeCrossing> crossings;
+  const Bench& bench = recording.bench();
+  const double u_stop_rad =
+      std::hypot(bench.stage_resolution_rad / std::sqrt(12.0), accuracy_of(bench).stage_position_rad.u);
   for (const auto& [key, stops] : collect(recording, options)) {
     const std::vector<std::size_t> calm = calm_stops(stops);
     for (std::size_t c = 0; c + 1 < calm.size(); ++c) {
@@ -378,12 +452,12 @@ std::vector<EdgeCrossing> find_edge_crossings(const Recording& recording, const 
       widen(passage, options.reach_rad);
       EdgeCrossing crossing = crossing_of(passage, options);
       crossing.step = key.first;
-      crossing.beam_rad = recording.bench().lidar.beam_angle(key.first);
+      crossing.beam_rad = bench.lidar.beam_angle(key.first);
       crossing.approach = key.second;
       trim(crossing, options);
       const double width = bracket(crossing);
       if (width > options.least_gap_rad || width < 0) continue;
-      crossing.response = fit_edge_response(crossing.stops, passage.rising());
+      crossing.response = fit_edge_response(crossing.stops, passage.rising(), u_stop_rad);
       crossings.push_back(std::move(crossing));
     }
   }

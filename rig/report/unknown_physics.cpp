@@ -59,7 +59,7 @@ json unknown_physics(const json& explanation) {
     add_row(rows, "Size", size);
   return {{"rows", rows},
           {"says",
-           "The recording shows an effect that no mechanism of the catalogue makes. The calibration does not "
+           "The recording shows an effect that no mechanism of the catalogue produces. The calibration does not "
            "contain it: neither its values nor their uncertainties allow for it."}};
 }
 

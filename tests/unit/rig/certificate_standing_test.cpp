@@ -63,9 +63,9 @@ TEST_CASE("what is complete and consistent is a certificate, with what ISO/IEC 1
   for (const char* expected :
        {"<h1>Calibration certificate</h1>", "Street 1", "Robots Ltd", "2026-05-01",
         "Rotation centre, version 3, SHA-256 ", "samples = 100 (procedure: 10000)", "23.1 \u00b0C", "45 %",
-        "310 lx", "PTB-1", "2027-01-01", "as left is as found", "shall not be reproduced except in full",
-        "Authorised by: A. Person", "Signature:", "combined; U = 0.12 mm with k = 2.00",
-        "End of certificate RIG-20260504-"})
+        "310 lx", "PTB-1", "2027-01-01", "as found and as left are the same",
+        "shall not be reproduced except in full", "Authorised by: A. Person",
+        "Signature:", "combined; U = 0.12 mm with k = 2.00", "End of certificate RIG-20260504-"})
     CHECK_THAT(html, Contains(expected));
   CHECK_THAT(html,
              !Contains("beam_deg = ") && !Contains("SIMULATED") && !Contains("a report, not a certificate"));

@@ -191,7 +191,7 @@ void range(Tally& tally, std::uint64_t seed) {
   const std::string file =
       std::string(R"({"schema":"bench/1",)") + lidar_text +
       R"({"x_mm":{"value":0,"u":0.2},"y_mm":{"value":0,"u":0.2},"yaw_deg":{"value":0,"u":0.1}}},
-         "targets":[{"name":"sample","from_mm":[200,-100],"to_mm":[200,100],"u_mm":0.3,"u_deg":0.1}]})";
+         "targets":[{"name":"sample","from_mm":[200,-100],"to_mm":[200,100],"u_mm":0.3,"u_deg":0.1,"placed_anew":true}]})";
   imperfect::Bench bench(folder / "range.rig", file, truth, {{{{200, -100}, {200, 100}}, 0.85}}, seed + 1);
   std::map<std::string, double> is;
   struct Rung {
