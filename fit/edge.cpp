@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numbers>
 
@@ -244,89 +245,110 @@ double bracket(const EdgeCrossing& crossing) {
 constexpr std::array<double, 4> strays = {1e-6, 1e-4, 1e-3, 1e-2};
 /// How much of what its maker allows a stage errs at its stops.
 constexpr std::array<double, 3> stop_shares = {0, 0.5, 1};
+/// The Gaussian's standard deviation is the window over this: from 1 % to 99 %.
+constexpr double sigmas_of_window = 4.652696;
 
-/// One shape that the response may have.
+/// One shape that the response may have; angles in the direction in which the share grows.
 struct Shape {
   double edge = 0, window = 0;
   bool ramp = true;
-  /// Share of clean samples that see behind, at an angle in the direction in which it grows.
+  /// Share of clean samples that see behind.
   [[nodiscard]] double seen(double along_rad) const {
     const double x = (along_rad - edge) / window;
-    // The Gaussian's standard deviation is the window over 4.653: from 1 % to 99 %.
-    return ramp ? std::clamp(0.5 + x, 0.0, 1.0) : std::erfc(-x * 4.652696 / std::numbers::sqrt2) / 2;
+    return ramp ? std::clamp(0.5 + x, 0.0, 1.0) : std::erfc(-x * sigmas_of_window / std::numbers::sqrt2) / 2;
   }
 };
 
-/// Mean and variance of the share seen at a stop that is off by `u_rad`, by Gauss and Hermite's three points.
-struct SeenShare {
-  double mean = 0, variance = 0;
+/// Normal quantile and density for a share.
+struct NormalPlace {
+  explicit NormalPlace(double share)
+      : z(student_quantile(std::numeric_limits<double>::infinity(), share)),  // Normal.
+        density(std::exp(-z * z / 2) / std::sqrt(2 * std::numbers::pi)) {}
+  double z, density;
 };
-SeenShare seen_share(const Shape& shape, double along_rad, double u_rad) {
-  const double middle = shape.seen(along_rad);
-  if (u_rad <= 0) return {middle, 0};
-  const double low = shape.seen(along_rad - std::numbers::sqrt3 * u_rad),
-               high = shape.seen(along_rad + std::numbers::sqrt3 * u_rad);
-  const double mean = (low + 4 * middle + high) / 6;
-  return {mean, std::max(0.0, (low * low + 4 * middle * middle + high * high) / 6 - mean * mean)};
-}
 
 /// What was counted at a stop; what does not depend on the response is computed once.
-struct Count {
-  double along_rad, n, back, log_choose;
+class Count {
+ public:
+  Count(double along_rad, double n, double back)
+      : along_rad_(along_rad),
+        n_(n),
+        back_(back),
+        log_choose_(std::lgamma(n + 1) - std::lgamma(back + 1) - std::lgamma(n - back + 1)),
+        share_((back + 0.5) / (n + 1)),
+        u_share_(std::sqrt(share_ * (1 - share_) / n)),
+        at_(share_),
+        first_(least_mean / n) {
+    for (std::size_t k = 0; k < strays.size(); ++k) {
+      in_front_[k] = std::exp(log_binomial(strays[k]));
+      behind_[k] = std::exp(log_binomial(1 - strays[k]));
+    }
+  }
 
-  /// Variance of `back` by the stop's angle.
-  [[nodiscard]] double variance_of_angle(const SeenShare& seen, double stray) const {
-    return n * (n - 1) * std::pow(1 - 2 * stray, 2) * seen.variance;
+  /// Adds the log probabilities for every share of stray samples, of a stop whose angle is exact.
+  void add_exact(const Shape& shape, std::array<double, strays.size()>& sums) const {
+    const double seen = shape.seen(along_rad_);
+    for (std::size_t k = 0; k < strays.size(); ++k)
+      sums[k] += log_binomial(strays[k] + (1 - 2 * strays[k]) * seen);
   }
-  /// Log probability: binomial, or normal with the variance of both where the stop's angle matters.
-  [[nodiscard]] double log_probability(const SeenShare& seen, double stray) const {
-    constexpr double least_count = 3, matters = 0.01;
-    const double share = stray + (1 - 2 * stray) * seen.mean, chance = n * share * (1 - share),
-                 of_angle = seen.variance > 0 ? variance_of_angle(seen, stray) : 0;
-    if (of_angle <= matters * chance || n * std::min(share, 1 - share) < least_count)
-      return log_choose + back * std::log(share) + (n - back) * std::log1p(-share);
-    const double variance = chance + of_angle;
-    return -0.5 * (std::pow(back - n * share, 2) / variance + std::log(2 * std::numbers::pi * variance));
+  /// The same of a stop whose angle is anywhere within `half_rad`: the integral of the binomial probability
+  /// over it. Where the response is between its ends, the likelihood of the share is taken as normal.
+  void add_within(const Shape& shape, double half_rad, std::array<double, strays.size()>& sums) const {
+    const double sigma = shape.window / sigmas_of_window, from = along_rad_ - half_rad,
+                 to = along_rad_ + half_rad;
+    const double place = shape.edge + (shape.ramp ? shape.window * (share_ - 0.5) : sigma * at_.z);
+    const double per_share = shape.ramp ? shape.window : sigma / at_.density;
+    const double scale = std::numbers::sqrt2 * u_share_ * per_share;
+    const double inside = per_share / (n_ + 1) *
+                          (std::erf((to - place) / scale) - std::erf((from - place) / scale)) /
+                          (4 * half_rad);
+    const double end = shape.ramp ? shape.window * (0.5 - least_mean / n_) : -sigma * first_.z;
+    const auto part = [&](double rad) { return std::clamp(rad / (2 * half_rad), 0.0, 1.0); };
+    const double front = part(shape.edge - end - from), behind = part(to - shape.edge - end);
+    for (std::size_t k = 0; k < strays.size(); ++k)
+      sums[k] += std::log(std::max(inside + front * in_front_[k] + behind * behind_[k], 1e-300));
   }
+  /// Its part of Pearson's chi-square at that response; nothing for a stop that says nothing of it.
+  [[nodiscard]] std::optional<double> pearson(const Shape& shape, double stray, double half_rad) const {
+    const double seen = shape.seen(along_rad_), p = stray + (1 - 2 * stray) * seen;
+    if (n_ * p < 3 || n_ * (1 - p) < 3) return std::nullopt;
+    const double of_angle =
+        n_ * (shape.seen(along_rad_ + half_rad) - shape.seen(along_rad_ - half_rad)) / std::sqrt(12.0);
+    return std::pow(back_ - n_ * p, 2) / (n_ * p * (1 - p) + of_angle * of_angle);
+  }
+
+ private:
+  static constexpr double least_mean =
+      0.7;  ///< Samples of the other surface at which it is as likely as not that one is seen.
+  [[nodiscard]] double log_binomial(double share) const {
+    return log_choose_ + back_ * std::log(share) + (n_ - back_) * std::log1p(-share);
+  }
+  double along_rad_, n_, back_, log_choose_, share_, u_share_;
+  NormalPlace at_, first_;
+  std::array<double, strays.size()> in_front_{}, behind_{};
 };
 
 std::vector<Count> counts_of(const std::vector<EdgeStop>& stops, bool rising) {
   std::vector<Count> counts;
-  for (const EdgeStop& stop : stops) {
-    const auto n = static_cast<double>(stop.n), back = static_cast<double>(stop.back);
-    counts.push_back({rising ? stop.stage_rad : -stop.stage_rad, n, back,
-                      std::lgamma(n + 1) - std::lgamma(back + 1) - std::lgamma(n - back + 1)});
-  }
+  for (const EdgeStop& stop : stops)
+    counts.emplace_back(rising ? stop.stage_rad : -stop.stage_rad, static_cast<double>(stop.n),
+                        static_cast<double>(stop.back));
   return counts;
 }
 
 /// Log likelihood of a shape for every share of stray samples.
 std::array<double, strays.size()> log_likelihoods(const std::vector<Count>& counts, const Shape& shape,
-                                                  double u_stop_rad) {
-  constexpr double nothing = 1e-9;  // Below the least share of stray samples.
+                                                  double half_rad) {
   std::array<double, strays.size()> sums{};
-  double all_front = 0, back_in_front = 0, all_back = 0, front_in_back = 0, constant = 0;
-  for (const Count& count : counts) {
-    const SeenShare seen = seen_share(shape, count.along_rad, u_stop_rad);
-    if (seen.mean < nothing) {
-      all_front += count.n, back_in_front += count.back, constant += count.log_choose;
-    } else if (seen.mean > 1 - nothing) {
-      all_back += count.n, front_in_back += count.n - count.back, constant += count.log_choose;
-    } else {
-      for (std::size_t k = 0; k < strays.size(); ++k) sums[k] += count.log_probability(seen, strays[k]);
-    }
-  }
-  const double strayed = back_in_front + front_in_back;
-  for (std::size_t k = 0; k < strays.size(); ++k)
-    sums[k] +=
-        constant + strayed * std::log(strays[k]) + (all_front + all_back - strayed) * std::log1p(-strays[k]);
+  for (const Count& count : counts)
+    half_rad > 0 ? count.add_within(shape, half_rad, sums) : count.add_exact(shape, sums);
   return sums;
 }
 
 struct Posterior {
   double edge = 0, window = 0, u_edge = 0, u_window = 0, ramp = 0.5;
   Shape best;
-  double best_stray = 0, best_u_stop_rad = 0;
+  double best_stray = 0, best_half_rad = 0;
 };
 
 /// Of edges in the direction in which the share grows.
@@ -349,15 +371,16 @@ Posterior sum_over(const std::vector<Count>& counts, Box& box, double u_stop_rad
       for (const bool ramp : {true, false})
         for (const double stop_share : stop_shares) {
           if (u_stop_rad <= 0 && stop_share > 0) continue;
+          const double half_rad = std::numbers::sqrt3 * stop_share * u_stop_rad;
           const Shape shape{box.edge_from + (i + 0.5) / cells * (box.edge_to - box.edge_from),
                             box.window_from + (j + 0.5) / cells * (box.window_to - box.window_from), ramp};
-          const auto likelihoods = log_likelihoods(counts, shape, stop_share * u_stop_rad);
+          const auto likelihoods = log_likelihoods(counts, shape, half_rad);
           for (std::size_t k = 0; k < strays.size(); ++k) {
             const double value = likelihoods[k] / dispersion;
             grid.push_back({shape.edge, shape.window, value, ramp});
             if (value <= best) continue;
             best = value;
-            out.best = shape, out.best_stray = strays[k], out.best_u_stop_rad = stop_share * u_stop_rad;
+            out.best = shape, out.best_stray = strays[k], out.best_half_rad = half_rad;
           }
         }
   double total = 0, edge = 0, window = 0, edge2 = 0, window2 = 0, ramp = 0;
@@ -398,12 +421,10 @@ double dispersion_at(const std::vector<Count>& counts, const Posterior& at) {
   double chi2 = 0;
   int informative = 0;
   for (const Count& count : counts) {
-    const SeenShare seen = seen_share(at.best, count.along_rad, at.best_u_stop_rad);
-    const double p = at.best_stray + (1 - 2 * at.best_stray) * seen.mean;
-    if (count.n * p < 3 || count.n * (1 - p) < 3) continue;
+    const auto part = count.pearson(at.best, at.best_stray, at.best_half_rad);
+    if (!part) continue;
     ++informative;
-    chi2 += std::pow(count.back - count.n * p, 2) /
-            (count.n * p * (1 - p) + count.variance_of_angle(seen, at.best_stray));
+    chi2 += *part;
   }
   const int freedom = informative - 2;
   if (freedom < 1) return 1;
