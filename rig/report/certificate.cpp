@@ -145,8 +145,11 @@ std::string title_of(const json& certificate, const Standing& standing) {
 
 /// Number and amendment: the same contents keep theirs.
 void add_issue(json& certificate, const SessionStore& session, const std::string& date) {
+  json identification = json::array();  // Whatever the session's file is called.
+  for (const json& row : certificate["identification"])
+    if (text_of(row, "name") != session_row) identification.push_back(row);
   json contents = {{"sha256", certificate["sha256"]},
-                   {"identification", certificate["identification"]},
+                   {"identification", identification},
                    {"laboratory", certificate["laboratory"]},
                    {"results", as_found(certificate["results"])},
                    {"limits", certificate.value("limits", json())},

@@ -141,6 +141,8 @@ TEST_CASE(
   CHECK(issue(session) == page);
   const std::string first = file_text(page);
   CHECK(issue(session) == page);  // The same again.
+  std::filesystem::copy_file(session, folder / "renamed.rig");
+  CHECK(issue(folder / "renamed.rig") == page);
   with(session, [](auto& store) {
     std::string other = result;
     other.replace(other.find("-1.6342"), 7, "-1.7342");
