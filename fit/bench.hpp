@@ -52,8 +52,6 @@ struct Target {
   double u_rad = 0;  ///< Standard uncertainty of the orientation.
   std::optional<double> reflectance;
   std::optional<RoundShape> round;
-  bool placed_anew =
-      false;  ///< Put up by hand for every shift: u_mm and u_rad hold for each placement on its own.
 
   /// Makes it round; `from_mm` and `to_mm` follow.
   void set_round(const RoundShape& shape);

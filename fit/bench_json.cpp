@@ -188,11 +188,9 @@ Target read_target(const Reader& reader) {
   if (reader.has("u_deg")) target.u_rad = reader.at("u_deg").number_from(0, 360) * rad_per_deg;
   if (reader.has("reflectance") && !reader.at("reflectance").value().is_null())
     target.reflectance = reader.at("reflectance").number_from(0, 1000);
-  if (reader.has("placed_anew")) {
-    if (!reader.at("placed_anew").value().is_boolean())
-      reader.at("placed_anew").refuse("must be true or false");
-    target.placed_anew = reader.at("placed_anew").value().get<bool>();
-  }
+  // Stays in the document: only those who compare placements ask for it.
+  if (reader.has("placed_anew") && !reader.at("placed_anew").value().is_boolean())
+    reader.at("placed_anew").refuse("must be true or false");
   return target;
 }
 
