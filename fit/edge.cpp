@@ -243,8 +243,6 @@ double bracket(const EdgeCrossing& crossing) {
 }
 
 constexpr std::array<double, 4> strays = {1e-6, 1e-4, 1e-3, 1e-2};
-/// How much of what its maker allows a stage errs at its stops.
-constexpr std::array<double, 3> stop_shares = {0, 0.5, 1};
 /// The Gaussian's standard deviation is the window over this: from 1 % to 99 %.
 constexpr double sigmas_of_window = 4.652696;
 
@@ -348,7 +346,7 @@ std::array<double, strays.size()> log_likelihoods(const std::vector<Count>& coun
 struct Posterior {
   double edge = 0, window = 0, u_edge = 0, u_window = 0, ramp = 0.5;
   Shape best;
-  double best_stray = 0, best_half_rad = 0;
+  double best_stray = 0;
 };
 
 /// Of edges in the direction in which the share grows.
@@ -357,7 +355,7 @@ struct Box {
 };
 
 /// One pass over a grid; shrinks the box to where the posterior is.
-Posterior sum_over(const std::vector<Count>& counts, Box& box, double u_stop_rad, double dispersion) {
+Posterior sum_over(const std::vector<Count>& counts, Box& box, double half_rad, double dispersion) {
   constexpr int cells = 41;
   struct Cell {
     double edge, window, value;
@@ -368,21 +366,18 @@ Posterior sum_over(const std::vector<Count>& counts, Box& box, double u_stop_rad
   Posterior out;
   for (int i = 0; i < cells; ++i)
     for (int j = 0; j < cells; ++j)
-      for (const bool ramp : {true, false})
-        for (const double stop_share : stop_shares) {
-          if (u_stop_rad <= 0 && stop_share > 0) continue;
-          const double half_rad = std::numbers::sqrt3 * stop_share * u_stop_rad;
-          const Shape shape{box.edge_from + (i + 0.5) / cells * (box.edge_to - box.edge_from),
-                            box.window_from + (j + 0.5) / cells * (box.window_to - box.window_from), ramp};
-          const auto likelihoods = log_likelihoods(counts, shape, half_rad);
-          for (std::size_t k = 0; k < strays.size(); ++k) {
-            const double value = likelihoods[k] / dispersion;
-            grid.push_back({shape.edge, shape.window, value, ramp});
-            if (value <= best) continue;
-            best = value;
-            out.best = shape, out.best_stray = strays[k], out.best_half_rad = half_rad;
-          }
+      for (const bool ramp : {true, false}) {
+        const Shape shape{box.edge_from + (i + 0.5) / cells * (box.edge_to - box.edge_from),
+                          box.window_from + (j + 0.5) / cells * (box.window_to - box.window_from), ramp};
+        const auto likelihoods = log_likelihoods(counts, shape, half_rad);
+        for (std::size_t k = 0; k < strays.size(); ++k) {
+          const double value = likelihoods[k] / dispersion;
+          grid.push_back({shape.edge, shape.window, value, ramp});
+          if (value <= best) continue;
+          best = value;
+          out.best = shape, out.best_stray = strays[k];
         }
+      }
   double total = 0, edge = 0, window = 0, edge2 = 0, window2 = 0, ramp = 0;
   Box kept{1e9, -1e9, 1e9, -1e9};
   for (const Cell& cell : grid) {
@@ -406,22 +401,22 @@ Posterior sum_over(const std::vector<Count>& counts, Box& box, double u_stop_rad
   return out;
 }
 
-Posterior zoom(const std::vector<Count>& counts, Box box, double u_stop_rad, double dispersion) {
-  Posterior posterior = sum_over(counts, box, u_stop_rad, dispersion);
+Posterior zoom(const std::vector<Count>& counts, Box box, double half_rad, double dispersion) {
+  Posterior posterior = sum_over(counts, box, half_rad, dispersion);
   for (int round = 0; round < 6; ++round) {
     const double width = box.edge_to - box.edge_from, height = box.window_to - box.window_from;
-    posterior = sum_over(counts, box, u_stop_rad, dispersion);
+    posterior = sum_over(counts, box, half_rad, dispersion);
     if (box.edge_to - box.edge_from > 0.8 * width && box.window_to - box.window_from > 0.8 * height) break;
   }
   return posterior;
 }
 
 /// Pearson's chi-square per degree of freedom at the best response, if chance alone would not make it (1 %).
-double dispersion_at(const std::vector<Count>& counts, const Posterior& at) {
+double dispersion_at(const std::vector<Count>& counts, const Posterior& at, double half_rad) {
   double chi2 = 0;
   int informative = 0;
   for (const Count& count : counts) {
-    const auto part = count.pearson(at.best, at.best_stray, at.best_half_rad);
+    const auto part = count.pearson(at.best, at.best_stray, half_rad);
     if (!part) continue;
     ++informative;
     chi2 += *part;
@@ -447,10 +442,11 @@ EdgeResponse fit_edge_response(const std::vector<EdgeStop>& stops, bool rising, 
   const double low = std::min(front, back) - width, high = std::max(front, back) + width;
   const Box box{low, high, width / 500, 3 * width};
   const std::vector<Count> counts = counts_of(stops, rising);
-  Posterior posterior = zoom(counts, box, u_stop_rad, 1);
+  const double half_rad = std::numbers::sqrt3 * u_stop_rad;
+  Posterior posterior = zoom(counts, box, half_rad, 1);
   EdgeResponse response;
-  response.dispersion = dispersion_at(counts, posterior);
-  if (response.dispersion > 1) posterior = zoom(counts, box, u_stop_rad, response.dispersion);
+  response.dispersion = dispersion_at(counts, posterior, half_rad);
+  if (response.dispersion > 1) posterior = zoom(counts, box, half_rad, response.dispersion);
   response.edge_rad = {rising ? posterior.edge : -posterior.edge, posterior.u_edge};
   response.window_rad = {posterior.window, posterior.u_window};
   response.ramp_probability = posterior.ramp;
