@@ -79,7 +79,7 @@ Eigen::Vector2d centre_from_pair(const Eigen::Vector2d& before, const Eigen::Vec
                                  double turn_rad) {
   if (std::abs(std::sin(turn_rad / 2)) < 1e-9)
     throw std::invalid_argument(
-        "the lidar did not turn between the two sights: they say nothing of its axis");
+        "the lidar did not turn between the two sights: they do not determine its axis");
   const double q = 0.5 / std::tan(turn_rad / 2);
   return {(before.x() + after.x()) / 2 - q * (before.y() - after.y()),
           (before.y() + after.y()) / 2 + q * (before.x() - after.x())};
@@ -117,7 +117,7 @@ CentreFit fit_centre(const std::vector<CentrePoint>& points, const std::vector<C
   CentreFit fit;
   fit.condition = condition_of(weighed);
   if (fit.condition > 1e7)
-    throw std::invalid_argument("the lidar hardly turned between the sights: they say nothing of its axis");
+    throw std::invalid_argument("the lidar barely turned between the sights: they do not determine its axis");
   Eigen::MatrixXd shifts(2 * n, static_cast<Eigen::Index>(effects.size()));
   for (std::size_t k = 0; k < effects.size(); ++k)
     for (Eigen::Index i = 0; i < n; ++i)
@@ -160,7 +160,7 @@ CentreFit fit_centre_from_lines(const std::vector<BoardLine>& lines, const std::
   const Eigen::MatrixXd weighed = sigma.cwiseInverse().asDiagonal() * design;
   fit.condition = condition_of(weighed);
   if (!weighed.allFinite() || fit.condition > 1e7)
-    throw std::invalid_argument("the lidar hardly turned between the sights of the board");
+    throw std::invalid_argument("the lidar barely turned between the sights of the board");
   Eigen::MatrixXd shifts(n, static_cast<Eigen::Index>(effects.size()));
   for (std::size_t k = 0; k < effects.size(); ++k)
     for (Eigen::Index i = 0; i < n; ++i)

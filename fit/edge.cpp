@@ -4,8 +4,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
+#include <numbers>
 
+#include "fit/accuracy.hpp"
 #include "fit/distributions.hpp"
 
 namespace fit {
@@ -239,68 +242,154 @@ double bracket(const EdgeCrossing& crossing) {
   return back - front;
 }
 
-double log_likelihood(const std::vector<EdgeStop>& stops, bool rising, double edge, double window, bool ramp,
-                      double stray) {
-  double sum = 0;
-  for (const EdgeStop& stop : stops) {
-    const double along = (rising ? 1 : -1) * (stop.stage_rad - edge) / window;
-    // The Gaussian's standard deviation is the window over 4.653: from 1 % to 99 %.
-    const double seen =
-        ramp ? std::clamp(0.5 + along, 0.0, 1.0) : std::erfc(-along * 4.652696 / std::numbers::sqrt2) / 2;
-    const double share = stray + (1 - 2 * stray) * seen;
-    sum += static_cast<double>(stop.back) * std::log(share) +
-           static_cast<double>(stop.n - stop.back) * std::log1p(-share);
+constexpr std::array<double, 4> strays = {1e-6, 1e-4, 1e-3, 1e-2};
+/// The Gaussian's standard deviation is the window over this: from 1 % to 99 %.
+constexpr double sigmas_of_window = 4.652696;
+
+/// One shape that the response may have; angles in the direction in which the share grows.
+struct Shape {
+  double edge = 0, window = 0;
+  bool ramp = true;
+  /// Share of clean samples that see behind.
+  [[nodiscard]] double seen(double along_rad) const {
+    const double x = (along_rad - edge) / window;
+    return ramp ? std::clamp(0.5 + x, 0.0, 1.0) : std::erfc(-x * sigmas_of_window / std::numbers::sqrt2) / 2;
   }
-  return sum;
+};
+
+/// Normal quantile and density for a share.
+struct NormalPlace {
+  explicit NormalPlace(double share)
+      : z(student_quantile(std::numeric_limits<double>::infinity(), share)),  // Normal.
+        density(std::exp(-z * z / 2) / std::sqrt(2 * std::numbers::pi)) {}
+  double z, density;
+};
+
+/// What was counted at a stop; what does not depend on the response is computed once.
+class Count {
+ public:
+  Count(double along_rad, double n, double back)
+      : along_rad_(along_rad),
+        n_(n),
+        back_(back),
+        log_choose_(std::lgamma(n + 1) - std::lgamma(back + 1) - std::lgamma(n - back + 1)),
+        share_((back + 0.5) / (n + 1)),
+        u_share_(std::sqrt(share_ * (1 - share_) / n)),
+        at_(share_),
+        first_(least_mean / n) {
+    for (std::size_t k = 0; k < strays.size(); ++k) {
+      in_front_[k] = std::exp(log_binomial(strays[k]));
+      behind_[k] = std::exp(log_binomial(1 - strays[k]));
+    }
+  }
+
+  /// Adds the log probabilities for every share of stray samples, of a stop whose angle is exact.
+  void add_exact(const Shape& shape, std::array<double, strays.size()>& sums) const {
+    const double seen = shape.seen(along_rad_);
+    for (std::size_t k = 0; k < strays.size(); ++k)
+      sums[k] += log_binomial(strays[k] + (1 - 2 * strays[k]) * seen);
+  }
+  /// The same of a stop whose angle is anywhere within `half_rad`: the integral of the binomial probability
+  /// over it. Where the response is between its ends, the likelihood of the share is taken as normal.
+  void add_within(const Shape& shape, double half_rad, std::array<double, strays.size()>& sums) const {
+    const double sigma = shape.window / sigmas_of_window, from = along_rad_ - half_rad,
+                 to = along_rad_ + half_rad;
+    const double place = shape.edge + (shape.ramp ? shape.window * (share_ - 0.5) : sigma * at_.z);
+    const double per_share = shape.ramp ? shape.window : sigma / at_.density;
+    const double scale = std::numbers::sqrt2 * u_share_ * per_share;
+    const double inside = per_share / (n_ + 1) *
+                          (std::erf((to - place) / scale) - std::erf((from - place) / scale)) /
+                          (4 * half_rad);
+    const double end = shape.ramp ? shape.window * (0.5 - least_mean / n_) : -sigma * first_.z;
+    const auto part = [&](double rad) { return std::clamp(rad / (2 * half_rad), 0.0, 1.0); };
+    const double front = part(shape.edge - end - from), behind = part(to - shape.edge - end);
+    for (std::size_t k = 0; k < strays.size(); ++k)
+      sums[k] += std::log(std::max(inside + front * in_front_[k] + behind * behind_[k], 1e-300));
+  }
+  /// Its part of Pearson's chi-square at that response; nothing for a stop that says nothing of it.
+  [[nodiscard]] std::optional<double> pearson(const Shape& shape, double stray, double half_rad) const {
+    const double seen = shape.seen(along_rad_), p = stray + (1 - 2 * stray) * seen;
+    if (n_ * p < 3 || n_ * (1 - p) < 3) return std::nullopt;
+    const double of_angle =
+        n_ * (shape.seen(along_rad_ + half_rad) - shape.seen(along_rad_ - half_rad)) / std::sqrt(12.0);
+    return std::pow(back_ - n_ * p, 2) / (n_ * p * (1 - p) + of_angle * of_angle);
+  }
+
+ private:
+  static constexpr double least_mean =
+      0.7;  ///< Samples of the other surface at which it is as likely as not that one is seen.
+  [[nodiscard]] double log_binomial(double share) const {
+    return log_choose_ + back_ * std::log(share) + (n_ - back_) * std::log1p(-share);
+  }
+  double along_rad_, n_, back_, log_choose_, share_, u_share_;
+  NormalPlace at_, first_;
+  std::array<double, strays.size()> in_front_{}, behind_{};
+};
+
+std::vector<Count> counts_of(const std::vector<EdgeStop>& stops, bool rising) {
+  std::vector<Count> counts;
+  for (const EdgeStop& stop : stops)
+    counts.emplace_back(rising ? stop.stage_rad : -stop.stage_rad, static_cast<double>(stop.n),
+                        static_cast<double>(stop.back));
+  return counts;
 }
 
-constexpr std::array<double, 4> strays = {1e-6, 1e-4, 1e-3, 1e-2};
+/// Log likelihood of a shape for every share of stray samples.
+std::array<double, strays.size()> log_likelihoods(const std::vector<Count>& counts, const Shape& shape,
+                                                  double half_rad) {
+  std::array<double, strays.size()> sums{};
+  for (const Count& count : counts)
+    half_rad > 0 ? count.add_within(shape, half_rad, sums) : count.add_exact(shape, sums);
+  return sums;
+}
 
 struct Posterior {
   double edge = 0, window = 0, u_edge = 0, u_window = 0, ramp = 0.5;
-  double best_edge = 0, best_window = 0, best_stray = 0;
-  bool best_ramp = true;
+  Shape best;
+  double best_stray = 0;
 };
 
+/// Of edges in the direction in which the share grows.
 struct Box {
   double edge_from, edge_to, window_from, window_to;
 };
 
 /// One pass over a grid; shrinks the box to where the posterior is.
-Posterior sum_over(const std::vector<EdgeStop>& stops, bool rising, Box& box, double dispersion) {
+Posterior sum_over(const std::vector<Count>& counts, Box& box, double half_rad, double dispersion) {
   constexpr int cells = 41;
   struct Cell {
     double edge, window, value;
     bool ramp;
-    double stray;
   };
   std::vector<Cell> grid;
   double best = -1e300;
   Posterior out;
   for (int i = 0; i < cells; ++i)
     for (int j = 0; j < cells; ++j)
-      for (const bool ramp : {true, false})
-        for (const double stray : strays) {
-          const double edge = box.edge_from + (i + 0.5) / cells * (box.edge_to - box.edge_from);
-          const double window = box.window_from + (j + 0.5) / cells * (box.window_to - box.window_from);
-          const double value = log_likelihood(stops, rising, edge, window, ramp, stray) / dispersion;
-          grid.push_back({edge, window, value, ramp, stray});
+      for (const bool ramp : {true, false}) {
+        const Shape shape{box.edge_from + (i + 0.5) / cells * (box.edge_to - box.edge_from),
+                          box.window_from + (j + 0.5) / cells * (box.window_to - box.window_from), ramp};
+        const auto likelihoods = log_likelihoods(counts, shape, half_rad);
+        for (std::size_t k = 0; k < strays.size(); ++k) {
+          const double value = likelihoods[k] / dispersion;
+          grid.push_back({shape.edge, shape.window, value, ramp});
           if (value <= best) continue;
           best = value;
-          out.best_edge = edge, out.best_window = window, out.best_stray = stray, out.best_ramp = ramp;
+          out.best = shape, out.best_stray = strays[k];
         }
+      }
   double total = 0, edge = 0, window = 0, edge2 = 0, window2 = 0, ramp = 0;
   Box kept{1e9, -1e9, 1e9, -1e9};
   for (const Cell& cell : grid) {
     if (cell.value < best - 18) continue;
-    const double weight = std::exp(cell.value - best), e = cell.edge - out.best_edge;
+    const double weight = std::exp(cell.value - best), e = cell.edge - out.best.edge;
     total += weight, edge += weight * e, edge2 += weight * e * e;
     window += weight * cell.window, window2 += weight * cell.window * cell.window;
     ramp += cell.ramp ? weight : 0;
     kept = {std::min(kept.edge_from, cell.edge), std::max(kept.edge_to, cell.edge),
             std::min(kept.window_from, cell.window), std::max(kept.window_to, cell.window)};
   }
-  out.edge = out.best_edge + edge / total;
+  out.edge = out.best.edge + edge / total;
   out.u_edge = std::sqrt(std::max(0.0, edge2 / total - edge / total * (edge / total)));
   out.window = window / total;
   out.u_window = std::sqrt(std::max(0.0, window2 / total - out.window * out.window));
@@ -312,28 +401,25 @@ Posterior sum_over(const std::vector<EdgeStop>& stops, bool rising, Box& box, do
   return out;
 }
 
-Posterior zoom(const std::vector<EdgeStop>& stops, bool rising, Box box, double dispersion) {
-  Posterior posterior = sum_over(stops, rising, box, dispersion);
+Posterior zoom(const std::vector<Count>& counts, Box box, double half_rad, double dispersion) {
+  Posterior posterior = sum_over(counts, box, half_rad, dispersion);
   for (int round = 0; round < 6; ++round) {
     const double width = box.edge_to - box.edge_from, height = box.window_to - box.window_from;
-    posterior = sum_over(stops, rising, box, dispersion);
+    posterior = sum_over(counts, box, half_rad, dispersion);
     if (box.edge_to - box.edge_from > 0.8 * width && box.window_to - box.window_from > 0.8 * height) break;
   }
   return posterior;
 }
 
 /// Pearson's chi-square per degree of freedom at the best response, if chance alone would not make it (1 %).
-double dispersion_at(const std::vector<EdgeStop>& stops, bool rising, const Posterior& at) {
+double dispersion_at(const std::vector<Count>& counts, const Posterior& at, double half_rad) {
   double chi2 = 0;
   int informative = 0;
-  for (const EdgeStop& stop : stops) {
-    const double along = (rising ? 1 : -1) * (stop.stage_rad - at.best_edge) / at.best_window;
-    const double seen = at.best_ramp ? std::clamp(0.5 + along, 0.0, 1.0)
-                                     : std::erfc(-along * 4.652696 / std::numbers::sqrt2) / 2;
-    const double n = static_cast<double>(stop.n), p = at.best_stray + (1 - 2 * at.best_stray) * seen;
-    if (n * p < 3 || n * (1 - p) < 3) continue;
+  for (const Count& count : counts) {
+    const auto part = count.pearson(at.best, at.best_stray, half_rad);
+    if (!part) continue;
     ++informative;
-    chi2 += std::pow(static_cast<double>(stop.back) - n * p, 2) / (n * p * (1 - p));
+    chi2 += *part;
   }
   const int freedom = informative - 2;
   if (freedom < 1) return 1;
@@ -342,7 +428,7 @@ double dispersion_at(const std::vector<EdgeStop>& stops, bool rising, const Post
 
 }  // namespace
 
-EdgeResponse fit_edge_response(const std::vector<EdgeStop>& stops, bool rising) {
+EdgeResponse fit_edge_response(const std::vector<EdgeStop>& stops, bool rising, double u_stop_rad) {
   double front = -1e9, back = 1e9;
   int inside = 0;
   for (const EdgeStop& stop : stops) {
@@ -354,12 +440,14 @@ EdgeResponse fit_edge_response(const std::vector<EdgeStop>& stops, bool rising) 
   const double width = std::max(back - front, 1e-5);
   // The likelihood decides; the box only has to hold it: a wide Gaussian's tails reach over smooth stops.
   const double low = std::min(front, back) - width, high = std::max(front, back) + width;
-  const Box box{rising ? low : -high, rising ? high : -low, width / 500, 3 * width};
-  Posterior posterior = zoom(stops, rising, box, 1);
+  const Box box{low, high, width / 500, 3 * width};
+  const std::vector<Count> counts = counts_of(stops, rising);
+  const double half_rad = std::numbers::sqrt3 * u_stop_rad;
+  Posterior posterior = zoom(counts, box, half_rad, 1);
   EdgeResponse response;
-  response.dispersion = dispersion_at(stops, rising, posterior);
-  if (response.dispersion > 1) posterior = zoom(stops, rising, box, response.dispersion);
-  response.edge_rad = {posterior.edge, posterior.u_edge};
+  response.dispersion = dispersion_at(counts, posterior, half_rad);
+  if (response.dispersion > 1) posterior = zoom(counts, box, half_rad, response.dispersion);
+  response.edge_rad = {rising ? posterior.edge : -posterior.edge, posterior.u_edge};
   response.window_rad = {posterior.window, posterior.u_window};
   response.ramp_probability = posterior.ramp;
   response.stops_inside = inside;
@@ -368,6 +456,9 @@ EdgeResponse fit_edge_response(const std::vector<EdgeStop>& stops, bool rising) 
 
 std::vector<EdgeCrossing> find_edge_crossings(const Recording& recording, const EdgeOptions& options) {
   std::vector<EdgeCrossing> crossings;
+  const Bench& bench = recording.bench();
+  const double u_stop_rad =
+      std::hypot(bench.stage_resolution_rad / std::sqrt(12.0), accuracy_of(bench).stage_position_rad.u);
   for (const auto& [key, stops] : collect(recording, options)) {
     const std::vector<std::size_t> calm = calm_stops(stops);
     for (std::size_t c = 0; c + 1 < calm.size(); ++c) {
@@ -378,12 +469,12 @@ std::vector<EdgeCrossing> find_edge_crossings(const Recording& recording, const 
       widen(passage, options.reach_rad);
       EdgeCrossing crossing = crossing_of(passage, options);
       crossing.step = key.first;
-      crossing.beam_rad = recording.bench().lidar.beam_angle(key.first);
+      crossing.beam_rad = bench.lidar.beam_angle(key.first);
       crossing.approach = key.second;
       trim(crossing, options);
       const double width = bracket(crossing);
       if (width > options.least_gap_rad || width < 0) continue;
-      crossing.response = fit_edge_response(crossing.stops, passage.rising());
+      crossing.response = fit_edge_response(crossing.stops, passage.rising(), u_stop_rad);
       crossings.push_back(std::move(crossing));
     }
   }

@@ -60,9 +60,11 @@ struct EdgeOptions {
 [[nodiscard]] std::vector<EdgeCrossing> find_edge_crossings(const Recording& recording,
                                                             const EdgeOptions& options = {});
 
-/// Posterior mean and standard deviation of edge and window, by summing the binomial likelihood over edge,
-/// window, shape of the response (ramp, Gaussian) and share of stray samples; flat priors. `rising`: the
-/// share of samples behind grows with the stage angle. Needs a stop at each side of the edge.
-[[nodiscard]] EdgeResponse fit_edge_response(const std::vector<EdgeStop>& stops, bool rising);
+/// Posterior mean and standard deviation of edge and window, by summing the likelihood over edge, window,
+/// shape of the response (ramp, Gaussian) and share of stray samples; flat priors. Every stop is off by an
+/// angle of its own, with equal probability within sqrt(3) `u_stop_rad` (0: exact). `rising`: the share of
+/// samples behind grows with the stage angle. Needs a stop at each side of the edge.
+[[nodiscard]] EdgeResponse fit_edge_response(const std::vector<EdgeStop>& stops, bool rising,
+                                             double u_stop_rad = 0);
 
 }  // namespace fit

@@ -233,12 +233,13 @@ MotionShares judge_motion(const std::vector<WheelSample>& samples, const Indices
 }
 
 std::string remedy(const MotionShares& motion) {
-  if (motion.still > 0.9) return "The robot hardly moved: drive it.";
+  if (motion.still > 0.9) return "The robot barely moved: drive it.";
   if (motion.straight > 0.9 * (1 - motion.still))
     return "The robot drove only straight: then the lidar's position and how the wheels turn the robot leave "
            "no trace. Add curves and turns on the spot, both ways.";
   if (motion.on_the_spot > 0.9 * (1 - motion.still))
-    return "The robot only turned on the spot. Wheel size and separation cannot be told apart then, nor the "
+    return "The robot only turned on the spot. Wheel size and separation cannot be distinguished then, nor "
+           "the "
            "lidar's yaw from the direction of its offset. Add straight stretches.";
   return "Drive longer, with straight stretches and turns both ways, in a scene that is not a bare corridor.";
 }

@@ -291,7 +291,7 @@ RangeCalibration calibrate_range(std::vector<RangePoint> points, const RangeOpti
     if (!*correction) continue;
     (*correction)->reference_mm = families.reference_mm;
     (*correction)->reference_intensity = families.reference_counts;
-    (*correction)->common_u_mm = std::max(options.placement_u_mm, options.common_u_mm);
+    (*correction)->common_u_mm = options.common_u_mm;
     set_ranges(**correction, points);
   }
   if (out.joint) out.rms_after_mm = rms_of(points, &*out.joint);

@@ -31,7 +31,7 @@ struct RangeOptions {
   std::string intensity_family, distance_family;  ///< Empty: what predicts best.
   double reference_intensity = 0;                 ///< 0: the largest of A1.
   double placement_u_mm = 0;  ///< Used as scatter where there are too few points to see it.
-  double common_u_mm = 0;  ///< Of the true distances, the same error in all of them; never below placement.
+  double common_u_mm = 0;     ///< Of the true distances, the same error in all of them.
 };
 
 /// Errors of echo strength and of distance, from the points of one selection of samples.

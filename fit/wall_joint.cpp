@@ -212,7 +212,7 @@ void check_turned(const std::vector<Station>& stations) {
       widest = std::max(widest, std::abs(wrap_angle(a.stage_rad - b.stage_rad)));
   if (widest < 5 * rad_per_deg)
     throw std::invalid_argument(
-        "The captures do not tell the lidar's offset from the distances of the walls: the stage hardly "
+        "The captures cannot separate the lidar's offset from the distances of the walls: the stage hardly "
         "turned "
         "between them. Capture at stage angles at least 20 deg apart, better over the whole turn");
 }

@@ -52,7 +52,7 @@ Family make_confluent_exponential() {
   f.remarks = [](const ArgumentScale&, const Eigen::VectorXd& beta, SeparableFit::End) {
     std::vector<std::string> out;
     if (std::abs(beta[0]) < 0.05)
-      out.emplace_back("it hardly decays over the range: a straight line says the same");
+      out.emplace_back("it barely decays over the range: a straight line fits as well");
     return out;
   };
   return f;

@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "rig/commands/device_run.hpp"
+#include "rig/commands/json_output.hpp"
 #include "rig/investigate/dossier_document.hpp"
 #include "rig/investigate/investigation.hpp"
 
@@ -56,6 +57,7 @@ class Investigate : public Command {
             "--on-for-min", options_.on_for_min,
             "How long the lidar has been on when the first session begins; drifts are compared by that")
         ->check(CLI::NonNegativeNumber);
+    json_.declare(*command, "the dossier");
     devices_.declare(*command);
     command->footer(
         "Ctrl-C stops the stage and keeps all data; --resume continues. The dossier says what a predicted "
@@ -68,6 +70,10 @@ class Investigate : public Command {
       throw UsageError(
           "--yes would confirm prompts that nobody carries out. Give --unattended instead: experiments then "
           "need no operator.");
+    if (json_.to_standard_output() && devices_.logs_json())
+      throw UsageError(
+          "--json - and --json-log would both write to standard output. Give --json the name of a file.");
+    (void)check_outputs({json_.output()}, {options_.procedure, bench_});
     const std::string kept = (std::filesystem::path(options_.folder) / "bench.json").string();
     std::error_code ignored;
     if (bench_.empty() && options_.resume && std::filesystem::exists(kept, ignored)) bench_ = kept;
@@ -102,6 +108,7 @@ class Investigate : public Command {
     // Whatever is asked all the same has nobody to wait for.
     devices_.yes = investigation.unattended() && devices_.operator_port.empty();
     const json dossier = investigation.run();
+    json_.write(dossier);
     std::fprintf(stderr, "%s\ndossier: %s\n", dossier.at("claim").get<std::string>().c_str(),
                  (std::filesystem::absolute(options_.folder) / "dossier.html").c_str());
     return 0;
@@ -110,6 +117,7 @@ class Investigate : public Command {
  private:
   std::string bench_;
   investigate::Options options_;
+  JsonOutput json_;
   DeviceRun devices_;
 };
 

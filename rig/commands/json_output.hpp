@@ -21,6 +21,7 @@ class JsonOutput {
     command.add_option("--json", path_, "Write " + what + " as JSON to FILE, or '-' for standard output");
   }
   [[nodiscard]] bool wanted() const { return !path_.empty(); }
+  [[nodiscard]] bool to_standard_output() const { return path_ == "-"; }
   /// For check_outputs(), before anything is computed.
   [[nodiscard]] Output output() const { return {path_, "result.json", true}; }
 

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "fit/number_format.hpp"
+#include "fit/placed_anew.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/facing_target.hpp"
 #include "rig/session/step_in_words.hpp"
@@ -114,6 +115,7 @@ std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::s
   out.u_placement_mm = std::hypot(target->u_mm, target->round ? target->round->u_radius_mm : 0,
                                   beam.sum_excess_per_rad / n * normal.u_rad);
   out.u_mount_mm = board.u_mount_mm;
+  out.placed_anew = fit::is_placed_anew(bench, target->name);
   out.temperature_c = capture.temperature_c;
   out.beam_step_deg = beam.step_rad * fit::deg_per_rad;
   out.reflectance = capture.reflectance ? capture.reflectance : target->reflectance;

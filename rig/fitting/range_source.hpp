@@ -23,12 +23,15 @@ struct RangeCapture {
   double oblique_mm = 0;      ///< Range along that beam less the distance along the normal.
   double u_placement_mm = 0;  ///< Of the target along its normal, radius and the normal's direction included.
   double u_mount_mm = 0;      ///< Of the lidar's place on the stage, along that normal.
+  bool placed_anew = false;   ///< Its placement's error is its own.
   std::optional<double> reflectance, temperature_c;
   double beam_step_deg = 0;  ///< From one beam to the next.
   fit::SelectedMean paper, robust;
   long scans = 0;
   /// Standard uncertainty of the true distance.
   [[nodiscard]] double u_true_mm() const { return std::hypot(u_placement_mm, u_mount_mm); }
+  /// Of what is the same in the true distances of all captures.
+  [[nodiscard]] double u_common_mm() const { return placed_anew ? u_mount_mm : u_true_mm(); }
   [[nodiscard]] fit::RangePoint point(const fit::SelectedMean& mean) const {
     fit::RangePoint out;
     out.true_mm = true_mm, out.measured_mm = mean.mean_mm - oblique_mm;

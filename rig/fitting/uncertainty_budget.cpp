@@ -59,28 +59,30 @@ void UncertaintyBudget::publish(json& result, double value) const {
   result["budget"].push_back(std::move(combined));
 }
 
-void compare_methods(json& result, const std::string& quantity, const std::string& first_method,
-                     const fit::Estimate& first, const std::string& second_method,
-                     const fit::Estimate& second, const std::string& unit) {
-  const double difference = second.value - first.value, expanded = 2 * std::hypot(first.u, second.u);
+void compare_methods(json& result, const std::string& quantity, const MethodValue& first,
+                     const MethodValue& second, const std::string& unit) {
+  const auto expanded_of = [](const MethodValue& way) { return way.k * way.estimate.u; };
+  const double difference = second.estimate.value - first.estimate.value,
+               expanded = std::hypot(expanded_of(first), expanded_of(second));
   if (!std::isfinite(difference) || !std::isfinite(expanded)) return;
   const bool agree = std::abs(difference) <= expanded;
-  const auto figure = [&](const fit::Estimate& estimate) {
-    return fit::format_measurement(estimate.value, 2 * estimate.u, unit);
+  const auto figure = [&](const MethodValue& way) {
+    return way.method + ": " + fit::format_measurement(way.estimate.value, expanded_of(way), unit);
+  };
+  const auto document = [](const MethodValue& way) {
+    return json{{"method", way.method}, {"value", way.estimate.value}, {"u", way.estimate.u}, {"k", way.k}};
   };
   result["comparisons"].push_back(
       {{"quantity", quantity},
-       {"first", {{"method", first_method}, {"value", first.value}, {"u", first.u}}},
-       {"second", {{"method", second_method}, {"value", second.value}, {"u", second.u}}},
+       {"first", document(first)},
+       {"second", document(second)},
        {"unit", unit},
        {"difference", difference},
        {"U", expanded},
        {"agree", agree},
        {"far_apart", std::abs(difference) > 1.5 * expanded},
-       {"says", quantity + ": " + first_method + " " + figure(first) + ", " + second_method + " " +
-                    figure(second) + (agree ? "; they agree" : "; they do not agree") + " (difference " +
-                    fit::format_value(difference, expanded) + ", U " +
-                    fit::with_unit(fit::format_uncertainty(expanded), unit) + ")"}});
+       {"says", quantity + ", " + figure(first) + "; " + figure(second) +
+                    "; difference: " + fit::format_measurement(difference, expanded, unit)}});
 }
 
 }  // namespace rig

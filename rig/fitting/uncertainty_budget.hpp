@@ -46,11 +46,17 @@ class UncertaintyBudget {
   std::vector<Contribution> contributions_;
 };
 
+/// What one method gives for a quantity. `method` reads behind the quantity's name ("by counting stops").
+struct MethodValue {
+  std::string method;
+  fit::Estimate estimate;
+  double k = 2;  ///< Coverage factor of its expanded uncertainty.
+};
+
 /// Two ways to one quantity, laid side by side: appends to `comparisons` of a result document whether they
-/// agree within the expanded uncertainty (k = 2) of their difference, and whether they are `far_apart`, by
-/// more than three standard uncertainties: then neither may be certified. Not finite: nothing is compared.
-void compare_methods(nlohmann::json& result, const std::string& quantity, const std::string& first_method,
-                     const fit::Estimate& first, const std::string& second_method,
-                     const fit::Estimate& second, const std::string& unit);
+/// agree within the expanded uncertainty of their difference, and whether they are `far_apart`, by more
+/// than one and a half of it: then neither may be certified. Not finite: nothing is compared.
+void compare_methods(nlohmann::json& result, const std::string& quantity, const MethodValue& first,
+                     const MethodValue& second, const std::string& unit);
 
 }  // namespace rig

@@ -132,6 +132,10 @@ std::vector<FirstScan> preview(const ImportRequest& request) {
     if (preview.found() || joins) continue;
     std::string why;
     for (const auto& note : preview.notes()) why += " " + note;
+    if (preview.has_poses() && request.options.scan_topic.empty())
+      throw MeasurementError(request.files[i] +
+                             " holds poses and no scan, so there is nothing to import alone." + why +
+                             " Give the file with the scans too.");
     throw MeasurementError(request.files[i] + " holds no scan, so there is nothing to import." + why +
                            " Check the recording, or name the topic with --topic.");
   }

@@ -176,8 +176,8 @@ class Reader {
   void damaged(const std::string& why, bool cut) {
     if (cut) return;
     ++summary_.bad_chunks;
-    if (summary_.notes.size() < 20)
-      summary_.notes.push_back("A chunk of messages was left out because " + why + "; the others were kept.");
+    const std::string note = "A chunk of messages was left out because " + why + "; the others were kept.";
+    if (std::ranges::find(summary_.notes, note) == summary_.notes.end()) summary_.notes.push_back(note);
   }
 
   /// The records within a chunk.

@@ -181,9 +181,9 @@ class BagReader {
 
   void damaged(const std::string& why) {
     ++summary_.bad_chunks;
-    if (summary_.notes.size() < 20)
-      summary_.notes.push_back("A chunk of messages is damaged (" + why +
-                               "): its intact part and the other chunks were kept.");
+    const std::string note =
+        "A chunk of messages is damaged (" + why + "): its intact part and the other chunks were kept.";
+    if (std::ranges::find(summary_.notes, note) == summary_.notes.end()) summary_.notes.push_back(note);
   }
 
   /// The records within a chunk.

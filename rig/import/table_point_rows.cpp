@@ -33,11 +33,8 @@ class PointRows : public Rows {
       return;
     }
     if (angle) largest_angle_ = std::max(largest_angle_, std::abs(*angle));
-    const double quarter = largest_angle_ > 6.3 ? 90 : fit::pi / 2;  // Degrees where the unit is not stated.
-    const bool back = angle && !angles_.empty() && !cartesian_ && scan_ < 0 && !time_.present() &&
-                      std::abs(*angle - angles_.back()) > quarter;
     const bool other = scan_ >= 0 ? scan != last_scan_ || capture != last_capture_
-                                  : (time_.present() && stamp != last_stamp_) || back;
+                                  : (time_.present() && stamp != last_stamp_) || (angle && goes_back(*angle));
     if (other) flush();
     if (points_ == 0) stamp_ = stamp;
     ++points_;
@@ -65,6 +62,16 @@ class PointRows : public Rows {
   }
 
  private:
+  /// Whether another scan begins at this angle, where nothing but the angles tells: it is more than a quarter
+  /// turn from the one before, or back by more than half of the scan.
+  [[nodiscard]] bool goes_back(double angle) const {
+    constexpr std::size_t least_points = 10;
+    if (angles_.empty() || cartesian_ || time_.present()) return false;
+    const double quarter = largest_angle_ > 6.3 ? 90 : fit::pi / 2;  // Degrees where the unit is not stated.
+    const double step = angle - angles_.back(), scan = angles_.back() - angles_.front();
+    return std::abs(step) > quarter ||
+           (angles_.size() >= least_points && step * scan < 0 && std::abs(step) > std::abs(scan) / 2);
+  }
   /// False for a row that is none; an angle of nothing for a point without an echo.
   bool point(const Cells& cells, std::optional<double>& angle, std::optional<double>& range) {
     if (!cartesian_) {

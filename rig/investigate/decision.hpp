@@ -11,7 +11,7 @@ namespace rig::investigate {
 enum class End {
   named,            ///< The physics has a name, and what remains is noise.
   nothing_missing,  ///< The bench file explains everything that was examined.
-  unknown_physics,  ///< Something is there that no mechanism of the catalogue makes.
+  unknown_physics,  ///< Something is there that no mechanism of the catalogue produces.
   undecidable,      ///< No experiment within the bench's means tells the suspects apart.
   budget_spent,     ///< Experiments that would tell more need more time than there is.
 };

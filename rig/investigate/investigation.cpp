@@ -399,9 +399,10 @@ void Investigation::compare() {
     comparison["confirmed"] = false;
     comparison["reasons"] = {std::string("It could not be compared: ") + error.what()};
   }
-  actions_.say(std::string("prediction ") +
-               (comparison["confirmed"] == true ? "confirmed" : "not confirmed") + ": " +
-               fit::explain::listed(comparison["reasons"].get<std::vector<std::string>>()));
+  std::string told =
+      comparison["confirmed"] == true ? "The prediction was confirmed." : "The prediction was not confirmed.";
+  for (const json& reason : comparison["reasons"]) told += " " + reason.get<std::string>();
+  actions_.say(told);
   const bool again = comparison["confirmed"] == false && state_.refuted < most_refuted &&
                      has_data(file(state_.last->name + ".rig")) && minutes_left() > last_session_min &&
                      static_cast<int>(state_.rounds.size()) < most_rounds;

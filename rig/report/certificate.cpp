@@ -92,13 +92,13 @@ json as_found(const json& results) {
 std::string state_of_item(json& certificate, const std::string& stated) {
   if (stated == "as found") {
     certificate["as_left"] = json::array();
-    return "as found: before an adjustment; the results as left are a calibration of their own";
+    return "results as found, before an adjustment; those as left are a calibration of their own";
   }
   if (stated == "as left") {
     certificate["as_found"] = json::array();
-    return "as left: after an adjustment; the results as found are a calibration of their own";
+    return "results as left, after an adjustment; those as found are a calibration of their own";
   }
-  return "none: the item was not adjusted, as left is as found";
+  return "not adjusted: results as found and as left are the same";
 }
 
 json noteworthy_events(const SessionStore& session) {
@@ -145,8 +145,11 @@ std::string title_of(const json& certificate, const Standing& standing) {
 
 /// Number and amendment: the same contents keep theirs.
 void add_issue(json& certificate, const SessionStore& session, const std::string& date) {
+  json identification = json::array();  // Whatever the session's file is called.
+  for (const json& row : certificate["identification"])
+    if (text_of(row, "name") != session_row) identification.push_back(row);
   json contents = {{"sha256", certificate["sha256"]},
-                   {"identification", certificate["identification"]},
+                   {"identification", identification},
                    {"laboratory", certificate["laboratory"]},
                    {"results", as_found(certificate["results"])},
                    {"limits", certificate.value("limits", json())},

@@ -138,7 +138,7 @@ json identification(const SessionStore& session, const json& bench, const std::s
   if (const std::string changed = changed_variables(session); !changed.empty())
     add_row(rows, "Variables changed", changed);
   add_row(rows, "Traceability", text_of(stated, "traceability"));
-  add_row(rows, "Session", std::filesystem::path(session_file).filename().string());
+  add_row(rows, session_row, std::filesystem::path(session_file).filename().string());
   return rows;
 }
 

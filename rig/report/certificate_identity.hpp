@@ -13,6 +13,9 @@ namespace rig {
 /// Name, version and hash of the procedure: what was done can be looked up, and that it was this.
 [[nodiscard]] std::string procedure_in_words(const SessionStore& session);
 
+/// The row that names the session's file.
+inline constexpr const char* session_row = "Session";
+
 /// Laboratory, customer, device, stage, bench and procedure: rows {"name", "text"}. `bench`: the session's
 /// bench file.
 [[nodiscard]] nlohmann::json identification(const SessionStore& session, const nlohmann::json& bench,

@@ -7,9 +7,11 @@
 #include <numbers>
 
 #include "fit/mechanism.hpp"
+#include "fit/number_format.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/report/html_text.hpp"
 #include "rig/report/plot.hpp"
+#include "rig/text_lines.hpp"
 
 namespace rig {
 namespace {
@@ -23,8 +25,8 @@ std::string short_number(double value, int digits = 3) {
 std::string minutes_of(const json& session) {
   const double machine = number_of(session, "stage_and_scans_min", 0),
                hand = number_of(session, "hand_min", 0);
-  return short_number(machine + hand, 2) + " min" +
-         (hand > 0 ? " (" + short_number(hand, 2) + " by hand)" : "");
+  return duration_text(60 * (machine + hand)) +
+         (hand > 0 ? " (" + duration_text(60 * hand) + " by hand)" : "");
 }
 
 std::string dossier_style() {
@@ -132,7 +134,7 @@ std::string comparison_pictures(const json& comparison) {
   histogram.title = "Means of single beams: difference in its own standard uncertainty";
   histogram.x_label = "difference / standard uncertainty";
   histogram.y_label = "share of the beams";
-  histogram.width_px = 760, histogram.height_px = 240;
+  histogram.width_px = 760, histogram.height_px = 300;
   histogram.series.push_back({"recorded", Series::Style::steps, at, column_of(pulls, "share"), {}});
   histogram.series.push_back({"if the uncertainties are right", Series::Style::line, at, normal, {}});
   return "<figure>" + to_svg(plot) +
@@ -209,10 +211,10 @@ std::string details_section(const json& dossier) {
       for (const auto& [name, p] : m.at("parameters").items())
         html += "<tr><td>" + escaped(text_of(m, "mechanism")) + "</td><td>" + escaped(name) +
                 "</td><td class=\"n\">" +
-                (p.is_object() ? short_number(number_of(p, "value"), 5)
+                (p.is_object() ? fit::format_value(number_of(p, "value"), 2 * number_of(p, "u", 0))
                                : escaped(p.is_string() ? p.get<std::string>() : p.dump())) +
-                "</td><td class=\"n\">" + (p.is_object() ? short_number(2 * number_of(p, "u"), 2) : "") +
-                "</td></tr>\n";
+                "</td><td class=\"n\">" +
+                (p.is_object() ? fit::format_uncertainty(2 * number_of(p, "u", 0)) : "") + "</td></tr>\n";
     html += "</tbody></table>\n";
   }
   return html +
@@ -233,8 +235,8 @@ std::string dossier_page(const json& dossier) {
       dossier_style() + "</style></head><body>\n<h1>What the bench file leaves out</h1>\n<p class=\"sub\">" +
       escaped(text_of(dossier, "lidar")) + " &middot; " + escaped(text_of(dossier, "software")) +
       " &middot; " + std::to_string(list_of(dossier, "rounds").size() + (dossier.contains("last") ? 1 : 0)) +
-      " sessions, " + short_number(number_of(dossier, "minutes"), 3) + " min, of which an operator's " +
-      short_number(number_of(dossier, "hand_minutes"), 3) +
+      " sessions, " + duration_text(60 * number_of(dossier, "minutes", 0)) + ", of which by an operator " +
+      duration_text(60 * number_of(dossier, "hand_minutes", 0)) +
       " &middot; ± is the expanded uncertainty (k = 2)</p>\n<p class=\"box" + (confirmed ? "" : " no") +
       "\"><strong>" + escaped(text_of(dossier, "claim")) + "</strong></p>\n";
   if (dossier.contains("end")) html += "<p>" + escaped(text_of(dossier["end"], "why")) + "</p>\n";

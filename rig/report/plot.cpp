@@ -121,6 +121,26 @@ double round_step(double least) {
   return 10 * decade;
 }
 
+/// Between the middles of two figures on the y axis.
+constexpr int between_tics_px = 24;
+
+/// The y axis has figures as far apart as they are readable: gnuplot's own choice overlaps in a low picture.
+/// 0: as gnuplot likes, where nothing varies or the axis is logarithmic.
+double y_tics(const Plot& plot, const std::vector<const Series*>& drawn) {
+  Extent y;
+  for (const Series* series : drawn)
+    for (std::size_t i = 0; i < std::min(series->x.size(), series->y.size()); ++i) {
+      const double u = i < series->u.size() && std::isfinite(series->u[i]) ? series->u[i] : 0;
+      if (std::isfinite(series->x[i]) && std::isfinite(series->y[i]))
+        y.include(series->y[i] - u), y.include(series->y[i] + u);
+    }
+  // What differs by rounding only does not vary.
+  if (plot.log_y || !(y.length() > 1e-9 * std::max(std::abs(y.low), std::abs(y.high)))) return 0;
+  constexpr int around_field_px = 170;  // Title, figures of the x axis, its label, key.
+  return round_step(between_tics_px * y.length() /
+                    std::max(plot.height_px - around_field_px, between_tics_px));
+}
+
 /// A map has one scale for both axes: marks are apart enough for their figures, and the picture is as high as
 /// the scene asks for.
 struct MapScale {
@@ -129,7 +149,7 @@ struct MapScale {
 };
 
 MapScale map_scale(const Plot& plot, const std::vector<const Series*>& drawn) {
-  constexpr int margins_px = 150, least_px = 260, beside_px = 70, above_px = 24;
+  constexpr int margins_px = 150, least_px = 260, beside_px = 70;
   Extent x, y;
   for (const Series* series : drawn)
     for (std::size_t i = 0; i < std::min(series->x.size(), series->y.size()); ++i)
@@ -141,12 +161,13 @@ MapScale map_scale(const Plot& plot, const std::vector<const Series*>& drawn) {
   const double wanted_px = width_px * y.length() / x.length() + margins_px;
   const int height_px = static_cast<int>(std::clamp<double>(wanted_px, least_px, plot.height_px));
   const double scale = std::max(x.length() / width_px, y.length() / (height_px - margins_px));
-  return {round_step(beside_px * scale), round_step(above_px * scale), height_px};
+  return {round_step(beside_px * scale), round_step(between_tics_px * scale), height_px};
 }
 
 std::string script_of(const Plot& plot, const std::vector<const Series*>& drawn) {
   std::ostringstream out;
-  const MapScale map = plot.equal_axes ? map_scale(plot, drawn) : MapScale{0, 0, plot.height_px};
+  const MapScale map =
+      plot.equal_axes ? map_scale(plot, drawn) : MapScale{0, y_tics(plot, drawn), plot.height_px};
   out.precision(12);
   out << "set terminal svg size " << plot.width_px << ',' << map.height_px
       << " noenhanced font 'sans-serif,13' background '#ffffff'\n"
@@ -157,7 +178,8 @@ std::string script_of(const Plot& plot, const std::vector<const Series*>& drawn)
       << "set offsets graph 0.02, graph 0.02, graph 0.05, graph 0.05\n"
       << "set bars small\nset style fill solid 0.3 noborder\n";
   if (plot.equal_axes) out << "set size ratio -1\n";
-  if (map.x_tics > 0) out << "set xtics " << map.x_tics << "\nset ytics " << map.y_tics << '\n';
+  if (map.x_tics > 0) out << "set xtics " << map.x_tics << '\n';
+  if (map.y_tics > 0) out << "set ytics " << map.y_tics << '\n';
   if (plot.log_y) out << "set logscale y\n";
   out << "plot ";
   for (std::size_t i = 0; i < drawn.size(); ++i) {

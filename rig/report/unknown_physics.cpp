@@ -57,10 +57,11 @@ json unknown_physics(const json& explanation) {
   add_row(rows, "Where", where);
   if (const std::string size = size_along(explanation, coordinate); !size.empty())
     add_row(rows, "Size", size);
-  return {{"rows", rows},
-          {"says",
-           "The recording shows an effect that no mechanism of the catalogue makes. The calibration does not "
-           "contain it: neither its values nor their uncertainties allow for it."}};
+  return {
+      {"rows", rows},
+      {"says",
+       "The recording shows an effect that no mechanism of the catalogue produces. The calibration does not "
+       "contain it: neither its values nor their uncertainties allow for it."}};
 }
 
 }  // namespace rig

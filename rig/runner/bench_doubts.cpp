@@ -40,10 +40,10 @@ void of_target(Doubts& doubts, const fit::Target& target) {
       name + "stands " + mm(away_mm) + " from the stage's axis, farther than such a lidar measures.");
   doubts.unless(width_mm >= narrowest_mm && width_mm <= widest_mm, name + "is " + mm(width_mm) + " wide.");
   doubts.unless(target.u_mm <= largest_u_mm,
-                name + "has u_mm " + to_text(target.u_mm) + ": its position is hardly known.");
+                name + "has u_mm " + to_text(target.u_mm) + ": its position is practically unknown.");
   doubts.unless(target.u_rad * fit::deg_per_rad <= largest_u_deg,
                 name + "has u_deg " + rounded_text(target.u_rad * fit::deg_per_rad, 1) +
-                    ": its orientation is hardly known.");
+                    ": its orientation is practically unknown.");
   doubts.unless(target.reflectance.value_or(0) <= largest_reflectance,
                 name + "has reflectance " + to_text(target.reflectance.value_or(0)) +
                     ": 1 is white; is it in per cent?");
@@ -56,7 +56,7 @@ void of_lidar(Doubts& doubts, const fit::Bench& bench) {
                 "lidar.mount puts the lidar " + mm(from_axis_mm) + " from the stage's axis.");
   doubts.unless(std::max(lidar.mount.x_mm.u, lidar.mount.y_mm.u) <= largest_u_mm,
                 "lidar.mount has an uncertainty of " + mm(std::max(lidar.mount.x_mm.u, lidar.mount.y_mm.u)) +
-                    ": its position is hardly known.");
+                    ": its position is practically unknown.");
   doubts.unless(lidar.scan_hz >= slowest_hz && lidar.scan_hz <= fastest_hz,
                 "lidar.scan_hz is " + to_text(lidar.scan_hz) + " scans a second; 10 to 50 is usual.");
   const double field_deg = (lidar.steps - 1) * lidar.step_rad * fit::deg_per_rad;

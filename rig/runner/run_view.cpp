@@ -197,20 +197,36 @@ std::string padded(std::string text, std::size_t width) {
   return text;
 }
 
-void add_values(std::string& text, const std::string& kind, const json& result) {
+/// A line of the summary: what, its name, its value.
+struct SummaryLine {
+  std::string first, name, value;
+};
+
+/// Lines below each other, names as wide as the longest.
+std::string in_columns(const std::vector<SummaryLine>& lines) {
+  std::size_t width = 0;
+  for (const SummaryLine& line : lines) width = std::max(width, shown_width(line.name));
+  std::string text;
+  for (const SummaryLine& line : lines)
+    text += "  " + padded(line.first, 12) + " " + padded(line.name, width) + "  " + line.value + "\n";
+  return text;
+}
+
+void add_values(std::vector<SummaryLine>& lines, const std::string& kind, const json& result) {
   for (const json& value : list_of(result, "values")) {
-    const double number = number_of(value, "value");
+    const double number = number_of(value, "value"), k = number_of(value, "k", 2);
     if (std::isnan(number)) continue;
-    text += "  " + padded(kind, 12) + " " + padded(text_of(value, "label", text_of(value, "name")), 44) +
-            " " + fit::format_measurement(number, expanded_of(value, 0), text_of(value, "unit")) + "\n";
+    std::string text = fit::format_measurement(number, expanded_of(value, 0), text_of(value, "unit"));
+    if (std::abs(k - 2) > 0.05) text += " (k = " + fit::format_fixed(k, 2) + ")";
+    lines.push_back({kind, text_of(value, "label", text_of(value, "name")), std::move(text)});
   }
 }
 
-void add_limits(std::string& text, const json& checks) {
-  for (const json& check : checks) {
-    text += "  " + padded(check.value("verdict", ""), 12) + " " + padded(check.value("name", ""), 44) + " " +
-            check.value("text", "") + "\n";
-  }
+std::vector<SummaryLine> lines_of_limits(const json& checks) {
+  std::vector<SummaryLine> lines;
+  for (const json& check : checks)
+    lines.push_back({check.value("verdict", ""), check.value("name", ""), check.value("text", "")});
+  return lines;
 }
 
 }  // namespace
@@ -224,15 +240,13 @@ std::string summary_text(const RunState& state, const SessionStore& session, dou
                      duration_text(seconds) + "; scans lost: " + std::to_string(state.scans_lost) +
                      ", refused: " + std::to_string(state.scans_rejected) +
                      ", reconnections: " + std::to_string(state.reconnects) + "\n";
-  std::string values;
+  std::vector<SummaryLine> values;
   for (const auto& result : session.latest_results())
     if (result.kind != "limits") add_values(values, result.kind, json::parse(result.json, nullptr, false));
-  if (!values.empty()) text += "Results (± is the expanded uncertainty, k = 2):\n" + values;
+  if (!values.empty())
+    text += "Results (± is the expanded uncertainty; k = 2 unless stated):\n" + in_columns(values);
   const json checks = json::parse(state.checks_text, nullptr, false);
-  if (checks.is_array() && !checks.empty()) {
-    text += "Limits:\n";
-    add_limits(text, checks);
-  }
+  if (checks.is_array() && !checks.empty()) text += "Limits:\n" + in_columns(lines_of_limits(checks));
   // A session whose first step was not done is not kept.
   return session.progress().empty() ? text : text + "Session: " + session.path() + "\n";
 }

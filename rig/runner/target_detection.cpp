@@ -75,7 +75,7 @@ double turn_of_bias_rad(std::vector<Eigen::Vector2d> points, double bias_mm, dou
   return std::remainder(direction_of(points).rad - rad, fit::pi);
 }
 
-std::string in_mm(double mm) { return rounded_text(mm, std::abs(mm) < 100 ? 1 : 0) + " mm"; }
+std::string in_mm(double mm) { return rounded_text(mm, std::abs(mm) < 10 ? 1 : 0) + " mm"; }
 
 /// "it is seen 390 mm farther away than asked, at 1790 mm instead of 1400 mm (46 mm allowed)".
 std::string words_of_distance(const TargetDetection& detection, double asked_mm) {

@@ -83,11 +83,14 @@ void require_each_capture_once(const InvestigatedBench& bench) {
 
 TEST_CASE("hidden physics is named without an operator, and a recording that was predicted confirms it") {
   const InvestigatedBench bench(eccentric);
-  Program rig(bench.command({"--unattended", "--budget-min", "10"}), bench.folder());
+  Program rig(bench.command({"--unattended", "--budget-min", "10", "--json", "-"}), bench.folder());
+  std::string printed;
+  while (const auto line = rig.line(std::chrono::seconds(250))) printed += *line + "\n";
   const int status = rig.exit_status(std::chrono::seconds(250));
   INFO(rig.errors());
   REQUIRE(status == 0);
   const json dossier = bench.dossier();
+  CHECK(json::parse(printed) == dossier);  // Nothing else is on standard output.
   CHECK(named_in(dossier) == std::vector<std::string>{"encoder-eccentricity"});
   CHECK(dossier.at("end").at("end") == "named");
   CHECK(dossier.at("hand_minutes") == 0);
@@ -99,11 +102,30 @@ TEST_CASE("hidden physics is named without an operator, and a recording that was
       found = dossier.at("found").at("mechanisms").at(0).at("parameters").at("amplitude_deg").at("value"),
       u = dossier.at("found").at("mechanisms").at(0).at("parameters").at("amplitude_deg").at("u");
   CHECK(std::abs(found - 0.25) < 3 * u);
+  // The campaign's table reads the dossier as it is written today.
+  Program table({RIG_SOURCE_DIR "/scripts/challenge", "--dossier", bench.out("dossier.json"), "--hidden",
+                 "encoder-eccentricity"},
+                bench.folder());
+  const auto line = table.line();
+  INFO(table.errors());
+  REQUIRE(line);
+  CHECK(line->find("encoder-eccentricity: right (encoder-eccentricity (") != std::string::npos);
+  CHECK(line->find("prediction confirmed") != std::string::npos);
   // The twin serves as it stands, and a second investigation in the folder is refused.
   CHECK_NOTHROW(fit::parse_bench(file_text(bench.out("twin.bench.json"))));
   Program again(bench.command({"--unattended"}), bench.folder());
   CHECK(again.exit_status() == 2);
   CHECK(again.errors().find("--resume") != std::string::npos);
+}
+
+TEST_CASE("the dossier and the lines for programs do not share standard output") {
+  const TestFolder folder;
+  Program rig({RIG_BIN_DIR "/rig", "investigate", "--out", folder / "out", "--unattended", "--json", "-",
+               "--json-log"},
+              folder);
+  CHECK(rig.exit_status() == 2);
+  CHECK(rig.errors().find("--json-log would both write to standard output") != std::string::npos);
+  CHECK_FALSE(std::filesystem::exists(folder / "out"));
 }
 
 TEST_CASE(

@@ -73,6 +73,7 @@ inline Truth draw(std::mt19937_64& random, const Expected& expected) {
 /// A session recorded on such a bench.
 class Bench {
  public:
+  static constexpr double resolution_rad = 0.01 * degree;  ///< Of the stage, as its bench file says.
   struct Wall {
     plain_bench::Wall at;
     double reflectance = 0.85;
@@ -113,11 +114,14 @@ class Bench {
     };
     std::vector<std::array<Seen, 2>> seen(beams);  // At either end of the window in which a beam wavers.
     std::vector<double> share(beams, 1);           // Of the window, before the edge.
+    // A stage stops within half of its resolution.
+    std::uniform_real_distribution<double> within(-resolution_rad / 2, resolution_rad / 2);
+    const double stage_rad = info.stage_rad + within(random_);
     for (std::size_t k = 0; k < beams; ++k) {
       const double beam_rad = (info.first_step + static_cast<int>(k) - 540) * 0.25 * degree,
                    half = truth_.window_rad / 2;
-      const auto first = look(info.stage_rad, beam_rad, -half), last = look(info.stage_rad, beam_rad, half);
-      const auto middle = look(info.stage_rad, beam_rad);
+      const auto first = look(stage_rad, beam_rad, -half), last = look(stage_rad, beam_rad, half);
+      const auto middle = look(stage_rad, beam_rad);
       const auto as_seen = [&](const auto& met) { return met ? Seen{met->range_mm, counts(*met)} : Seen{}; };
       const bool same = first.has_value() == last.has_value() && (!first || first->wall == last->wall);
       seen[k] =
@@ -126,7 +130,7 @@ class Bench {
       double low = -half, high = half;
       for (int i = 0; i < 40; ++i) {
         const double at = (low + high) / 2;
-        const auto met = look(info.stage_rad, beam_rad, at);
+        const auto met = look(stage_rad, beam_rad, at);
         const bool like_first = met.has_value() == first.has_value() && (!met || met->wall == first->wall);
         (like_first ? low : high) = at;
       }

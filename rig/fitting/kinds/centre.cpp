@@ -332,9 +332,9 @@ class Centre : public Fitting {
 
   static void compare(json& out, const fit::CentreFit& all, const fit::CentreFit& lines) {
     for (const int i : {0, 1})
-      compare_methods(out, i == 0 ? "Rotation centre, x" : "Rotation centre, y", "by the target's edge",
-                      {all.centre(i), u_of(all.covariance, i)}, "by the target's line",
-                      {lines.centre(i), u_of(lines.covariance, i)}, "mm");
+      compare_methods(out, i == 0 ? "Rotation centre, x" : "Rotation centre, y",
+                      {"by the target's edge", {all.centre(i), u_of(all.covariance, i)}},
+                      {"by the target's line", {lines.centre(i), u_of(lines.covariance, i)}}, "mm");
   }
 
   static void add_plot(json& out, const fit::CentreFit& all, const std::vector<fit::CentrePair>& pairs,

@@ -12,6 +12,7 @@
 #include "rig/errors.hpp"
 #include "rig/fitting/one_lidar.hpp"
 #include "rig/fitting/result_document.hpp"
+#include "rig/fitting/uncertainty_budget.hpp"
 #include "rig/session/step_in_words.hpp"
 
 namespace rig::fittings {
@@ -231,14 +232,17 @@ class Noise : public Fitting {
     const auto samples = static_cast<double>(sampled.values), lost = samples - ranges;
     const double share = sampled.values ? lost / samples : 0.0;
     const double u_share = std::sqrt((lost + 1) * (samples - lost + 1) / (samples + 3)) / (samples + 2);
-    out["values"] = {
-        result_value("noise_median_mm", "Standard deviation, median beam", {sigma, u_sigma}, "mm"),
-        result_value(
-            "scan_correlation", "Correlation of neighbouring scans, median beam",
-            {median_of(sampled.correlation), u_of_median(sampled.correlation, 1 / std::sqrt(ranges))}, ""),
-        result_value("dropout_share", "Share of samples without echo", {share, u_share}, "")};
-    out["budget"].push_back(
-        budget_line("beams: samples of each, and differences between them", "A", u_sigma, "mm"));
+    UncertaintyBudget budget("noise_median_mm", "Standard deviation, median beam", "mm");
+    budget.add({.source = "samples of each beam, and differences between beams",
+                .kind = 'A',
+                .distribution = "normal",
+                .u = u_sigma});
+    budget.publish(out, sigma);
+    out["values"].push_back(result_value(
+        "scan_correlation", "Correlation of neighbouring scans, median beam",
+        {median_of(sampled.correlation), u_of_median(sampled.correlation, 1 / std::sqrt(ranges))}, ""));
+    out["values"].push_back(
+        result_value("dropout_share", "Share of samples without echo", {share, u_share}, ""));
   }
 
   static json captures_table(const Sampled& sampled) {

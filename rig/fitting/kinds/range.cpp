@@ -83,7 +83,7 @@ class Range : public Fitting {
     how.reference_intensity = options.maybe_number("reference_intensity").value_or(0);
     for (const RangeCapture& c : source.captures) {
       how.placement_u_mm = std::max(how.placement_u_mm, c.u_placement_mm);
-      how.common_u_mm = std::max(how.common_u_mm, c.u_true_mm());
+      how.common_u_mm = std::max(how.common_u_mm, c.u_common_mm());
     }
     auto points = points_of(source, selection == "robust");
     fit::RangeCalibration calibration = fit::calibrate_range(points, how);
@@ -305,9 +305,11 @@ class Range : public Fitting {
               captures;
       u2 += (c.paper.u_mm * c.paper.u_mm + c.robust.u_mm * c.robust.u_mm) / (captures * captures);
     }
-    compare_methods(out, "Corrected range, mean over the captures", "all samples", {0, std::sqrt(u2 / 2)},
-                    "samples of the most frequent intensity", {mean, std::hypot(std::sqrt(u2 / 2), 0.1)},
-                    "mm");
+    compare_methods(
+        out, "Corrected range against its mean over the captures",
+        {"from all samples", {0, std::sqrt(u2 / 2)}},
+        {"from the samples of the most frequent intensity", {mean, std::hypot(std::sqrt(u2 / 2), 0.1)}},
+        "mm");
     out["notes"].push_back(
         "The correction is made from the " +
         std::string(selection == "robust" ? "robust means of all samples"

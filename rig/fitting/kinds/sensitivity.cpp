@@ -212,9 +212,12 @@ class Sensitivity : public Fitting {
       out["values"].push_back(result_value(
           "window_counted_deg", "Edge transition width by counting (Zhao et al.)",
           {counted * fit::deg_per_rad, best.step_rad / std::sqrt(6.0) * fit::deg_per_rad}, "deg"));
-      compare_methods(out, window_label, "by the share of samples", {window_deg, window.u()},
-                      "by counting stops",
-                      {counted * fit::deg_per_rad, best.step_rad / std::sqrt(6.0) * fit::deg_per_rad}, "deg");
+      compare_methods(
+          out, window_label,
+          {"by the share of samples", {window_deg, window.u()}, fit::coverage_factor(window.freedom())},
+          {"by counting stops",
+           {counted * fit::deg_per_rad, best.step_rad / std::sqrt(6.0) * fit::deg_per_rad}},
+          "deg");
     } else {
       out["undetermined"].push_back(
           "the edge transition width by counting (Zhao et al.): no edge was swept in even steps with a "

@@ -161,16 +161,17 @@ void add_values(json& out, const fit::WallFit& fit, const fit::Bench& bench) {
 /// Simpler methods beside the joint fit, whose deviations were taken off before.
 void compare_simpler(json& out, const fit::WallFit& fit) {
   if (fit.repeats >= 3)
-    compare_methods(out, "Mounting angle", "all beams together", degrees(joint(fit, 0)),
-                    "slope of the front wall at stage angle 0", degrees(fit.patent_angle_rad), "deg");
+    compare_methods(out, "Mounting angle", {"from all beams together", degrees(joint(fit, 0))},
+                    {"from the slope of the front wall at stage angle 0", degrees(fit.patent_angle_rad)},
+                    "deg");
   for (const fit::WallCircle& way : fit.ways)
     if (way.circle && way.way.starts_with("both walls") && way.way.ends_with("geometric circle"))
       // Positions of one capture share its errors.
       compare_methods(
-          out, "Distance of the lidar from the axis", "all beams together", fit.radius_mm,
-          "circle through its positions",
-          {way.radius_mm.value,
-           std::hypot(way.radius_mm.u, way.circle->rms / std::sqrt(static_cast<double>(fit.means.size())))},
+          out, "Distance of the lidar from the axis", {"from all beams together", fit.radius_mm},
+          {"from a circle through its positions",
+           {way.radius_mm.value,
+            std::hypot(way.radius_mm.u, way.circle->rms / std::sqrt(static_cast<double>(fit.means.size())))}},
           "mm");
 }
 

@@ -25,8 +25,15 @@ char separator_of(std::string_view line) {
 Cells cells_of(std::string_view line, char separator) {
   if (separator != ' ') return split(line, separator);
   Cells cells;
-  for (const std::string_view cell : split(trimmed(line), ' '))
-    if (!cell.empty()) cells.push_back(cell);
+  for (const std::string_view cell : split(trimmed(line), ' ')) {
+    if (cell.empty()) continue;
+    // "angle (deg) range (mm)" are two names.
+    if (!cells.empty() && (cell.front() == '(' || cell.front() == '['))
+      cells.back() = std::string_view(
+          cells.back().data(), static_cast<std::size_t>(cell.data() + cell.size() - cells.back().data()));
+    else
+      cells.push_back(cell);
+  }
   return cells;
 }
 
@@ -139,7 +146,9 @@ class Csv : public Importer {
 
   bool recognises(const std::string& path, std::span<const std::uint8_t> first_bytes) const override {
     const std::string_view text(reinterpret_cast<const char*>(first_bytes.data()), first_bytes.size());
-    if (text.empty() || text.find('\0') != text.npos || text.starts_with("[")) return false;
+    // A damaged text has a zero here and there, a binary file or UTF-16 has many.
+    const auto zeros = static_cast<std::size_t>(std::ranges::count(text, '\0'));
+    if (text.empty() || zeros > text.size() / 100 || text.starts_with("[")) return false;
     return std::ranges::any_of(std::initializer_list<const char*>{".csv", ".CSV", ".tsv", ".txt", ".dat"},
                                [&](const char* ending) { return path.ends_with(ending); });
   }

@@ -19,7 +19,8 @@ class Move final : public StepKind {
       throw ProcedureError(arguments.position(), "'move' needs one of to_deg and by_deg.");
     const double target = target_deg(arguments, plan.stage_deg);
     plan.move_to(target, arguments.position(), approach_of(arguments, plan.rules.approach));
-    plan.says = "move to " + (target == target ? rounded_text(target, 4) : "?") + " deg";
+    plan.says = target == target ? "move to " + rounded_text(target, 4) + " deg"
+                                 : "move to an angle found in an earlier step";
   }
   awaitable<void> run(const Arguments& arguments, StepContext& context) const override {
     // Relative moves are turned into absolute targets: repeated rounded steps drift (2.8 deg a turn on a

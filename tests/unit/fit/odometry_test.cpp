@@ -123,7 +123,7 @@ TEST_CASE("motion that leaves parameters unobservable is reported in words") {
   CHECK_THAT(turning.undetermined[0], Catch::Contains("wheel separation"));
   const auto still = fit::fit_odometry(drive({{0, 0}, {0.001, 0}}, 300, 6));
   REQUIRE(still.undetermined.size() == 1);
-  CHECK_THAT(still.undetermined[0], Catch::Contains("hardly moved"));
+  CHECK_THAT(still.undetermined[0], Catch::Contains("barely moved"));
 }
 
 TEST_CASE("the published calibrations of a Khepera robot are found again") {

@@ -301,7 +301,7 @@ TEST_CASE(
   const std::string page = file_text(folder / "now.html");
   CHECK_THAT(page, Contains("Previous calibration") && Contains("1.00 ± 0.20 mm") &&
                        Contains("2.50 ± 0.20 mm") && Contains("5.30"));
-  CHECK_THAT(page, Contains("as found: before an adjustment"));
+  CHECK_THAT(page, Contains("results as found, before an adjustment"));
   (void)rig::issue_report(folder / "now.rig", folder / "plain.html");
   CHECK_THAT(file_text(folder / "plain.html"), !Contains("Previous calibration"));
 }

@@ -63,9 +63,9 @@ TEST_CASE("what is complete and consistent is a certificate, with what ISO/IEC 1
   for (const char* expected :
        {"<h1>Calibration certificate</h1>", "Street 1", "Robots Ltd", "2026-05-01",
         "Rotation centre, version 3, SHA-256 ", "samples = 100 (procedure: 10000)", "23.1 \u00b0C", "45 %",
-        "310 lx", "PTB-1", "2027-01-01", "as left is as found", "shall not be reproduced except in full",
-        "Authorised by: A. Person", "Signature:", "combined; U = 0.12 mm with k = 2.00",
-        "End of certificate RIG-20260504-"})
+        "310 lx", "PTB-1", "2027-01-01", "as found and as left are the same",
+        "shall not be reproduced except in full", "Authorised by: A. Person",
+        "Signature:", "combined; U = 0.12 mm with k = 2.00", "End of certificate RIG-20260504-"})
     CHECK_THAT(html, Contains(expected));
   CHECK_THAT(html,
              !Contains("beam_deg = ") && !Contains("SIMULATED") && !Contains("a report, not a certificate"));
@@ -117,6 +117,42 @@ TEST_CASE("what cannot be certified is a report that says why on top") {
   CHECK_FALSE(rig::standing_of(rig::SessionStore(session, rig::SessionStore::Mode::read)).certifies());
 }
 
+TEST_CASE("two pages are for the reader, whatever the annexes hold") {
+  if (std::system("command -v weasyprint >/dev/null 2>&1 && command -v pdftotext >/dev/null 2>&1") != 0) {
+    WARN("skipped: WeasyPrint or pdftotext is not installed");
+    return;
+  }
+  const TestFolder folder;
+  const std::string session = certified(folder), pdf = folder / "page.pdf", text = folder / "pages.txt";
+  with(session, [](auto& store) {
+    // As many values as a right-angled corner has, and a limit for some.
+    nlohmann::json wall = {{"schema", "result/1"}, {"kind", "wall"}, {"values", nlohmann::json::array()}};
+    for (int i = 0; i < 12; ++i)
+      wall["values"].push_back(
+          {{"name", "value_" + std::to_string(i) + "_mm"},
+           {"label", "A quantity whose name is as long as the longest are, number " + std::to_string(i)},
+           {"value", 1500.0 + i},
+           {"u", 0.1},
+           {"U", 0.2},
+           {"k", 2},
+           {"unit", "mm"}});
+    store.add_result("wall", wall.dump());
+    nlohmann::json limits = {
+        {"schema", "limits/1"}, {"rule", "simple acceptance"}, {"checks", nlohmann::json::array()}};
+    for (int i = 0; i < 3; ++i)
+      limits["checks"].push_back(
+          {{"name", "Limit"}, {"value", 1}, {"U", 0.1}, {"unit", "mm"}, {"max", 2}, {"verdict", "pass"}});
+    store.add_result("limits", limits.dump());
+  });
+  rig::write_report(session, rig::check_output({pdf}));
+  const auto pages = [&](const std::string& which) {
+    REQUIRE(std::system(("pdftotext " + which + " " + pdf + " " + text).c_str()) == 0);
+    return file_text(text);
+  };
+  CHECK_THAT(pages("-l 2"), Contains("Signature:") && !Contains("Annex: results in detail"));
+  CHECK_THAT(pages("-f 3 -l 3"), Contains("Annex: results in detail"));
+}
+
 TEST_CASE("a simulated device is named on every page") {
   const TestFolder folder;
   const std::string session = certified(folder);
@@ -141,6 +177,8 @@ TEST_CASE(
   CHECK(issue(session) == page);
   const std::string first = file_text(page);
   CHECK(issue(session) == page);  // The same again.
+  std::filesystem::copy_file(session, folder / "renamed.rig");
+  CHECK(issue(folder / "renamed.rig") == page);
   with(session, [](auto& store) {
     std::string other = result;
     other.replace(other.find("-1.6342"), 7, "-1.7342");

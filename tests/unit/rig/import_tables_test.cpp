@@ -168,6 +168,42 @@ TEST_CASE("a row of a table that ends before its time is left out") {
   CHECK_THAT(in.notes, Contains("1 rows or scans were truncated"));
 }
 
+TEST_CASE("names with their units in brackets are one name each, separated by blanks too") {
+  const TestFolder folder;
+  std::string text = "# angle (deg) range (mm)\n";
+  for (int scan = 0; scan < 3; ++scan)
+    for (int beam = -45; beam <= 45; ++beam)
+      text += std::to_string(beam) + " " + std::to_string(1000 + beam) + "\n";
+  const auto imported = import(folder, folder.write("points.txt", text));
+  REQUIRE(imported.scans.size() == 3);
+  REQUIRE(imported.scans[0].range_mm.size() == 91);
+  CHECK(imported.scans[0].range_mm[0] == 955);
+  CHECK(imported.scans[2].range_mm[90] == 1045);
+  CHECK(imported.scans[0].geometry.first_rad == Approx(-fit::pi / 4));
+}
+
+TEST_CASE("zeros that damage a table cost the rows they stand in") {
+  const TestFolder folder;
+  std::string text = "scan,angle_deg,range_mm\n";
+  for (int scan = 0; scan < 4; ++scan)
+    for (int beam = 0; beam < 30; ++beam)
+      text += std::to_string(scan) + "," + std::to_string(beam) + "," + std::to_string(1000 + beam) + "\n";
+  text[text.find("0,7,1007") + 2] = '\0';
+  const auto imported = import(folder, folder.write("points.csv", text));
+  CHECK(imported.scans.size() == 4);
+  CHECK_THAT(imported.notes, Contains("1 rows or scans were truncated or implausible"));
+  CHECK_THROWS_WITH(import(folder, folder.write("binary.csv", std::string(400, '\0') + text)),
+                    Contains("does not read"));
+}
+
+TEST_CASE("poses alone are refused, and what is missing is said") {
+  const TestFolder folder;
+  const std::string file =
+      folder.write("poses.csv", "time_s,x_m,y_m,heading_rad\n0,0,0,0\n1,0.1,0,0\n2,0.2,0,0\n");
+  CHECK_THROWS_WITH(import(folder, file),
+                    Contains("holds poses and no scan") && Contains("Give the file with the scans too"));
+}
+
 TEST_CASE("tables that are none are refused in words") {
   const TestFolder folder;
   CHECK_THROWS_AS(import(folder, folder.write("words.csv", "hello,world\nand,more\n")), std::exception);

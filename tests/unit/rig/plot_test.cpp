@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 using rig::Plot;
 using rig::Series;
@@ -75,6 +77,38 @@ TEST_CASE("axes end near the data: a share is not drawn below nought") {
   CHECK(svg.find("-0.2</text>") == std::string::npos);
   CHECK(svg.find("> 1.2</text>") == std::string::npos);
   CHECK(svg.find("> 0.8</text>") != std::string::npos);
+}
+
+TEST_CASE("the figures of the y axis do not overlap in a low picture") {
+  if (std::system("command -v gnuplot >/dev/null 2>&1") != 0) {
+    WARN("skipped: gnuplot is not installed");
+    return;
+  }
+  constexpr double font_px = 13;
+  Plot plot{"Low",
+            "difference / standard uncertainty",
+            "share",
+            {{"a", Series::Style::line, {-4, 0, 4}, {0, 0.134, 0}, {}}}};
+  for (const int height_px : {220, 240, 300, 400}) {
+    plot.height_px = height_px;
+    const std::string svg = rig::to_svg(plot);
+    // Figures of the y axis end at one place beside it; the key's text ends elsewhere.
+    std::vector<double> at_px;
+    std::string column;
+    for (std::size_t at = 0; (at = svg.find("<g transform=\"translate(", at)) != std::string::npos; ++at) {
+      const std::string tag = svg.substr(at, svg.find('>', at) - at);
+      if (tag.find("text-anchor=\"end\"") == std::string::npos) continue;
+      const std::string place = tag.substr(tag.find('(') + 1);
+      if (column.empty()) column = place.substr(0, place.find(','));
+      if (place.starts_with(column + ",")) at_px.push_back(std::atof(place.c_str() + column.size() + 1));
+    }
+    INFO(height_px);
+    REQUIRE(at_px.size() >= 2);
+    for (std::size_t i = 1; i < at_px.size(); ++i) CHECK(at_px[i - 1] - at_px[i] > 1.2 * font_px);
+  }
+  // Rounding alone is no reason for figures.
+  plot.series[0].y = {5, 5 + 1e-12, 5};
+  CHECK(rig::to_svg(plot).find("</svg>") != std::string::npos);
 }
 
 TEST_CASE("points are drawn in the colour of their series") {
