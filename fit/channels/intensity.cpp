@@ -60,7 +60,7 @@ class Echoes final : public model::ChannelRows {
       add([&](const Reading& r) { return slope(claim.law, k, r.at); }, u);
     }
     add_surfaces();
-    add_what_no_law_tells(claim);
+    add_open_forms(claim);
   }
 
   [[nodiscard]] Index rows() const override { return static_cast<Index>(readings_.size()); }
@@ -149,7 +149,7 @@ class Echoes final : public model::ChannelRows {
     for (int s = 0; s < surfaces; ++s)
       add([&](const Reading& r) { return r.surface == s ? 1.0 : 0.0; }, reflectance_doubt);
   }
-  void add_what_no_law_tells(const IntensityClaim& claim) {
+  void add_open_forms(const IntensityClaim& claim) {
     const auto smooth = [&](const VectorXd& x, double least, double length, double sigma) {
       if (x.maxCoeff() - x.minCoeff() > least) add(bells(x, length), sigma);
     };

@@ -197,14 +197,14 @@ ForecastScore score(const Forecast& forecast, const Bench& twin, const Recording
   const Known known(twin);
   const SeenByTwin seen(twin, recorded);
   const Reduced reduced = reduced_by(twin, known, seen, true);
-  std::map<long, const Foreseen*> foretold;
-  for (const Foreseen& beam : forecast.beams) foretold[place_of(beam.capture, beam.beam_rad)] = &beam;
+  std::map<long, const Foreseen*> predicted_at;
+  for (const Foreseen& beam : forecast.beams) predicted_at[place_of(beam.capture, beam.beam_rad)] = &beam;
   ForecastScore out;
   double squares = 0, means = 0, expected = 0, within = 0, means_within = 0;
   for (const Cell& cell : reduced.cells) {
     const int capture = reduced.groups[static_cast<std::size_t>(cell.group)].capture;
-    const auto found = foretold.find(place_of(capture, cell.beam_rad));
-    if (found == foretold.end() || cell.n < 1 || !cell.smooth) continue;
+    const auto found = predicted_at.find(place_of(capture, cell.beam_rad));
+    if (found == predicted_at.end() || cell.n < 1 || !cell.smooth) continue;
     const Foreseen& beam = *found->second;
     const double u_sample = std::hypot(beam.u_mm, beam.sd_mm);
     const double u_mean = std::hypot(beam.u_mm, beam.sd_mm / std::sqrt(static_cast<double>(cell.n)));
@@ -221,7 +221,7 @@ ForecastScore score(const Forecast& forecast, const Bench& twin, const Recording
     out.samples += cell.n;
     out.beams.push_back({beam.beam_rad * deg_per_rad, beam.range_mm, off, u_mean});
   }
-  if (out.beams.empty()) throw std::invalid_argument("nothing of what was foretold was recorded");
+  if (out.beams.empty()) throw std::invalid_argument("nothing of what was predicted was recorded");
   const auto n = static_cast<double>(out.samples), beams = static_cast<double>(out.beams.size());
   out.coverage_95 = within / n;
   out.coverage_95_of_means = means_within / beams;

@@ -19,7 +19,7 @@ using Eigen::VectorXd;
 constexpr std::size_t places_of_twin = 150;
 constexpr double worth_a_table_mm = 0.02;  // root mean square of what it does
 constexpr int most_tables = 4;
-constexpr double tells_enough = 0.2;  // share of an effect's squares that one more table must tell
+constexpr double worth_a_table_share = 0.2;  // share of an effect's squares that one more table must tell
 
 const char* acts_on(Channel channel) {
   return channel == Channel::range        ? "range_mm"
@@ -147,7 +147,7 @@ VectorXd explained_by(const MeanModel& model, const EmpiricalFunction& table, co
 void tabulate(const MeanModel& model, VectorXd effect_mm, Bench& bench) {
   const std::vector<Along> ways = all_ways(model);
   for (int count = 0; count < most_tables; ++count) {
-    double least = effect_mm.squaredNorm() * (1 - tells_enough);
+    double least = effect_mm.squaredNorm() * (1 - worth_a_table_share);
     EmpiricalFunction best;
     VectorXd rest;
     for (const Along& a : ways) {

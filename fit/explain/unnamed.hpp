@@ -54,9 +54,9 @@ struct Described {
 /// One kind of unnamed function: a sum of basis functions with a normal prior each.
 struct Form {
   std::string id;
-  bool tells_a_place = true;  ///< A place or period tells people more than a curve.
-  bool is_constant = false;   ///< Needs no coordinate that varies.
-  bool scaled = false;        ///< Its functions are of the coordinate scaled to -1 .. 1 over the recording.
+  bool has_a_place = true;   ///< A place or period tells people more than a curve.
+  bool is_constant = false;  ///< Needs no coordinate that varies.
+  bool scaled = false;       ///< Its functions are of the coordinate scaled to -1 .. 1 over the recording.
   std::function<int(const Shape&)> terms = [](const Shape&) { return 1; };
   std::function<double(const Shape&, double x, int term)> basis;
   /// Standard sizes of the coefficients where the whole has that of 1; empty: all 1.

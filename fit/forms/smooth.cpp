@@ -11,7 +11,7 @@ namespace fit::explain::forms {
 Form make_smooth() {
   Form f;
   f.id = "smooth";
-  f.tells_a_place = false;
+  f.has_a_place = false;
   f.scaled = true;
   f.terms = [](const Shape& s) { return std::clamp(static_cast<int>(2.2 / s.length), 4, 30); };
   f.basis = [](const Shape&, double x, int term) { return std::cos((term + 1) * pi * (x + 1) / 2); };

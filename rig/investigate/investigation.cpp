@@ -399,10 +399,10 @@ void Investigation::compare() {
     comparison["confirmed"] = false;
     comparison["reasons"] = {std::string("It could not be compared: ") + error.what()};
   }
-  std::string told =
+  std::string summary =
       comparison["confirmed"] == true ? "The prediction was confirmed." : "The prediction was not confirmed.";
-  for (const json& reason : comparison["reasons"]) told += " " + reason.get<std::string>();
-  actions_.say(told);
+  for (const json& reason : comparison["reasons"]) summary += " " + reason.get<std::string>();
+  actions_.say(summary);
   const bool again = comparison["confirmed"] == false && state_.refuted < most_refuted &&
                      has_data(file(state_.last->name + ".rig")) && minutes_left() > last_session_min &&
                      static_cast<int>(state_.rounds.size()) < most_rounds;

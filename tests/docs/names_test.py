@@ -1,16 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """Names in code. No two types of one namespace have one name, which a linker would take for one (the rule of one definition). And
-names are the field's: no identifier is made with a word for which docs/develop/glossary.md has a better one. Names of the rooms in OPEN
-are counted, not refused.
+names are the field's: no identifier is made with a word for which docs/develop/glossary.md has a better one.
 
-    names_test.py     prints what is wrong, a line each, and how many are left in OPEN; exit status 1 if anything is wrong"""
+    names_test.py     prints what is wrong, a line each; exit status 1 if anything is wrong"""
 import os, re, sys
 
 from pages import ROOT, read
 
 TOP = ("fit", "lidar", "rig", "sim", "tests", "docs/examples")
-OPEN = ("fit/explain", "fit/channels", "fit/mechanisms", "fit/forms", "tests/unit/fit/explain")
 WORDS = {  # Parts of names, between underlines and capitals, and what they are instead.
     "told": "reported, stated", "tell": "report, say", "tells": "reports, says", "foretold": "predicted", "foretell": "predict",
     "mend": "correct, repair", "mends": "corrects, repairs", "mended": "corrected, repaired",
@@ -65,17 +63,14 @@ def twice():
 
 
 def main():
-    wrong, left = twice(), 0
+    wrong = twice()
     for where, name in names():
         parts = re.findall(r"[A-Z]?[a-z]+", name)
         found = [part.lower() for part in parts if part.lower() in WORDS]
         if not found or APART.search(name):
             continue
-        if where.startswith(OPEN):
-            left += 1
-        else:
-            wrong.append(f"{where}: {name}: better {WORDS[found[0]]}")
-    print(f"private words left in {', '.join(OPEN)}: {left}")
+        wrong.append(f"{where}: {name}: better {WORDS[found[0]]}")
+  
     if wrong:
         sys.exit("\n".join(wrong))
 

@@ -51,7 +51,7 @@ Located located(const Unexplained& u) {
 
 /// `before`: the means before anything was explained.
 void locate(const MeanModel& before, const Findings& findings, std::vector<Located>& out,
-            bool tells_unknown) {
+            bool reports_unknown) {
   const Hypothesis& best = findings.means.best;
   const auto add = [&](const std::vector<Located>& list) {
     std::ranges::copy(list, std::back_inserter(out));
@@ -64,7 +64,7 @@ void locate(const MeanModel& before, const Findings& findings, std::vector<Locat
     if (taken.insert(shape.coordinate).second)
       add(locate_effect(before, effect_of(before, shape), shape.coordinate));
   for (const Suspect& suspect : findings.spread.accepted) add(located(suspect, findings.reduced));
-  if (tells_unknown && best.shapes.empty())
+  if (reports_unknown && best.shapes.empty())
     for (const Unexplained& u : findings.spread.unknown) out.push_back(located(u));
   if (!best.terms.empty() || !best.shapes.empty())
     for (const Located& l : locate_residuals(before, 0.01))

@@ -96,11 +96,11 @@ Posterior posterior_of(const Explored& explored) {
   const Hypothesis& best = explored.best.hypothesis;
   Posterior result;
   result.nothing = weighed.probability_of_nothing();
-  std::vector<const void*> told;
+  std::vector<const void*> listed_sorts;
   for (const Term& term : best.terms) {
     const void* sort = sort_of(*term.kind);
-    const bool again = std::ranges::count(told, sort) > 0;
-    told.push_back(sort);
+    const bool again = std::ranges::count(listed_sorts, sort) > 0;
+    listed_sorts.push_back(sort);
     const double probability = weighed.probability_of(sort);
     if (probability >= numbers::named_at) {
       (term.kind->is_form() ? result.forms : result.named).push_back({term, probability});

@@ -23,7 +23,7 @@ struct OwnNoise {
     double weight = 0, lever = 0;
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       const Cell& cell = reduced.cells[i];
-      if (!reduction::tells_of_scans(cell) || cell.n < 2) continue;
+      if (!reduction::is_informative(cell) || cell.n < 2) continue;
       const double q = reduction::weight_in_scan(cell, group, group.scans), v = cell.sight.stage_lever();
       weight += q;
       lever += q * v * v;

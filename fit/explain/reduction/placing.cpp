@@ -48,8 +48,8 @@ void judge_place(const Mount& mount, const Setting& setting, const Beams& beams,
   cell.doubt_mm = doubt_at_edge_mm(cell.sight, from_edge, c.gap_mm);
   // What passes an edge with nothing behind gives no echo. Before another surface a part of the spot weakens
   // the echo, and a weak echo reads otherwise: such a beam tells of edges, and its mean of no range.
-  const bool tells = from_edge > beside_rad && c.gap_mm == 0;
-  if (cell.doubtful && near_edge && !near_corner && tells) cell.smooth = true;
+  const bool is_of_edge = from_edge > beside_rad && c.gap_mm == 0;
+  if (cell.doubtful && near_edge && !near_corner && is_of_edge) cell.smooth = true;
   if (beams.count == 1) return;
   const Sight left = setting.scene.look(stage_rad, beams.from(samples.beam_rad)),
               right = setting.scene.look(stage_rad, beams.to(samples.beam_rad));

@@ -21,9 +21,9 @@ std::int64_t TurnCounter::at(std::int64_t device_ms) {
 
 /// The motor's own period, once a few seconds tell it better than what the bench states.
 double TurnCounter::period_ms() const {
-  constexpr std::int64_t tells_ms = 2000;
-  return counted_ms_ > tells_ms ? static_cast<double>(counted_ms_) / static_cast<double>(counted_)
-                                : stated_ms_;
+  constexpr std::int64_t resolves_ms = 2000;
+  return counted_ms_ > resolves_ms ? static_cast<double>(counted_ms_) / static_cast<double>(counted_)
+                                   : stated_ms_;
 }
 
 }  // namespace fit::explain::reduction

@@ -76,7 +76,7 @@ class WholeScans {
       if (cell_of_beam_[b] < 0) continue;
       const Cell& cell = cell_of(b);
       const double range = samples_.at(scan, beam);
-      if (!tells_of_scans(cell) || !is_echo(range)) continue;
+      if (!is_informative(cell) || !is_echo(range)) continue;
       const int number = beam / width;
       if (session_.sectors.size() == first_sector || session_.sectors.back().number != number)
         session_.sectors.push_back(empty_sector(scan, number, width));
@@ -120,14 +120,14 @@ double weight_in_scan(const Cell& cell, const Group& group, int scans) {
   return std::clamp(group.sigma_mm * group.sigma_mm / std::max(rounding_mm2, cell.variance_mm2), 0.01, 4.0);
 }
 
-bool tells_of_scans(const Cell& cell) { return cell.smooth && cell.stray == 0; }
+bool is_informative(const Cell& cell) { return cell.smooth && cell.stray == 0; }
 
 void look_at_scans(const Samples& samples, const std::vector<int>& cell_of_beam, Group& group,
                    Reduced& session) {
   WholeScans scans(samples, cell_of_beam, group, session);
   for (int scan = 0; scan < samples.scans; ++scan) scans.look_at(scan);
   for (std::size_t i = group.first_cell; i < group.last_cell; ++i)
-    if (tells_of_scans(session.cells[i])) ++group.cells;
+    if (is_informative(session.cells[i])) ++group.cells;
 }
 
 }  // namespace fit::explain::reduction

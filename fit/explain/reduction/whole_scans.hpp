@@ -12,7 +12,7 @@ namespace fit::explain::reduction {
 [[nodiscard]] double weight_in_scan(const Cell& cell, const Group& group, int scans);
 
 /// Whether a cell's samples say what their scans have in common.
-[[nodiscard]] bool tells_of_scans(const Cell& cell);
+[[nodiscard]] bool is_informative(const Cell& cell);
 
 /// What all beams of a scan have in common, as sectors of the session, and how noise remembers the scans
 /// before, in the group, which is the session's next. `cell_of_beam`: index of the cell that is in that

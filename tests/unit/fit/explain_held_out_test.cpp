@@ -43,9 +43,9 @@ NoiseFindings spread_of_lit_wall(unsigned seed, double& gain) {
     capture.since_power_on_s = 600 + 30 * i;
     wall.add(capture, scans);
   }
-  NoiseFindings told(wall);
+  NoiseFindings findings(wall);
   gain = squares;
-  return told;
+  return findings;
 }
 
 }  // namespace

@@ -53,7 +53,7 @@ double crossing_mm(double echo, double pulse_mm) {
 }  // namespace
 
 TEST_CASE("the walk of a pulse that no formula of ours describes is told as a walk") {
-  const auto told = [](double pulse_mm, unsigned seed) {
+  const auto explained = [](double pulse_mm, unsigned seed) {
     return explanation_of_wall(
         [pulse_mm](double echo) { return crossing_mm(echo, pulse_mm) - crossing_mm(1, pulse_mm); }, seed);
   };
@@ -63,7 +63,7 @@ TEST_CASE("the walk of a pulse that no formula of ours describes is told as a wa
   };
   int named = 0;
   for (unsigned seed = 1; seed <= 6; ++seed) {  // Hardly seen: named, or in the set.
-    const Explanation e = told(0.6, seed);
+    const Explanation e = explained(0.6, seed);
     INFO("seed " << seed << ": " << to_text(e));
     if (is_named(e)) {
       ++named;
@@ -74,7 +74,7 @@ TEST_CASE("the walk of a pulse that no formula of ours describes is told as a wa
   }
   CHECK(named >= 3);
   for (const unsigned seed : {1u, 2u}) {  // So that any formula's fault is.
-    const Explanation e = told(30, seed);
+    const Explanation e = explained(30, seed);
     INFO("seed " << seed << ": " << to_text(e));
     CHECK(is_named(e));
     for (const auto& set : e.undecided_between) CHECK(std::ranges::count(set, "nothing-missing") == 1);
