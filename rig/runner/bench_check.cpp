@@ -129,8 +129,9 @@ class Checker {
   awaitable<void> check_stage(bool stay_still) {
     const StageIdentity who = co_await stage_.identify();
     say(Verdict::good, "stage",
-        who.model + " (language " + who.language + ")" + (who.serial.empty() ? "" : ", serial " + who.serial) + ", " +
-            rounded(who.units_per_deg, 2) + " units/deg");
+        who.model + " (language " + who.language + ")" +
+            (who.serial.empty() ? "" : ", serial " + who.serial) + ", " + rounded(who.units_per_deg, 2) +
+            " units/deg");
     const StageStatus status = co_await stage_.status();
     for (const auto& warning : status.warnings)
       if (status.homed)
