@@ -14,17 +14,26 @@ constexpr double deg = fit::rad_per_deg;
 enum class Shape { ramp, gaussian };
 
 /// A board at 1.5 m square to the view, its right edge at bearing `edge_deg`, a background 0.8 m behind;
-/// beams see behind with a probability that rises across the window.
+/// beams see behind with a probability that rises across the window. The stage stops exactly, or, with a
+/// `resolution_deg`, anywhere within it.
 SyntheticRecording edge_bench(double edge_deg, double window_deg, Shape shape, unsigned seed,
-                              double drift_mm_per_deg = 0, bool background = true) {
+                              double drift_mm_per_deg = 0, bool background = true,
+                              double resolution_deg = 0) {
   auto random = std::make_shared<std::mt19937_64>(seed);
-  return {fit::Bench{}, [=](const fit::CaptureInfo& capture, std::int64_t, auto& range, auto& intensity) {
+  fit::Bench bench;
+  bench.stage_resolution_rad = resolution_deg * deg;
+  return {bench, [=](const fit::CaptureInfo& capture, std::int64_t, auto& range, auto& intensity) {
             std::normal_distribution<double> noise(0, 4);
             std::uniform_real_distribution<double> chance;
             const fit::LidarGeometry lidar;
+            // The same for every scan of a stop.
+            std::mt19937_64 of_stop(
+                seed + static_cast<std::uint64_t>(std::lround(1e6 + 1e4 * capture.stage_rad / deg)));
+            const double off_deg = resolution_deg * (std::uniform_real_distribution<double>()(of_stop) - 0.5);
             for (std::size_t k = 0; k < range.size(); ++k) {
               const double bearing =
-                  (capture.stage_rad + lidar.beam_angle(capture.first_step + static_cast<double>(k))) / deg;
+                  (capture.stage_rad + lidar.beam_angle(capture.first_step + static_cast<double>(k))) / deg +
+                  off_deg;
               const double along = (edge_deg - bearing) / window_deg;
               const double behind = shape == Shape::ramp ? std::clamp(0.5 + along, 0.0, 1.0)
                                                          : std::erfc(-along * 4.6527 / std::sqrt(2.0)) / 2;
@@ -73,6 +82,28 @@ TEST_CASE("a sweep over a board's edge gives its angle and the window of jitter 
   CHECK(crossing.jitter_rad->first / deg == Approx(40.00));
   CHECK(crossing.jitter_rad->second / deg == Approx(40.04));
   CHECK(crossing.step_rad / deg == Approx(0.01));
+}
+
+TEST_CASE("where the stage stops within its resolution, edge and window are as uncertain as that") {
+  constexpr int sweeps = 60;
+  int edge_inside = 0, window_inside = 0;
+  double worst = 0;
+  for (unsigned seed = 0; seed < sweeps; ++seed) {
+    auto recording = edge_bench(40.023, 0.05, Shape::ramp, 1000 * seed + 3, 0, true, 0.01);
+    sweep(recording, 39.9, 40.15, 0.01, 1000);
+    const auto crossings = fit::find_edge_crossings(recording);
+    const fit::EdgeResponse& found = front_beam(crossings).response;
+    const auto pull = [](const fit::Estimate& estimate, double truth_deg) {
+      return std::abs(estimate.value / deg - truth_deg) / (estimate.u / deg);
+    };
+    edge_inside += pull(found.edge_rad, 40.023) < 2;
+    window_inside += pull(found.window_rad, 0.05) < 2;
+    worst = std::max({worst, pull(found.edge_rad, 40.023), pull(found.window_rad, 0.05)});
+  }
+  // 95 % of them; three standard deviations of the count below.
+  CHECK(edge_inside >= 52);
+  CHECK(window_inside >= 52);
+  CHECK(worst < 4);
 }
 
 TEST_CASE("an edge with nothing behind it is found as well") {
