@@ -118,7 +118,9 @@ TEST_CASE(
   const fit::Estimate window = value_of(result, "window_deg");
   CHECK(std::abs(window.value - 0.05) < 0.01);
   CHECK(std::abs(window.value - 0.05) < 3 * window.u);
-  CHECK(window.u < 0.003);
+  // Each of some five stops within the window is off by the stage's resolution, 0.003 deg of standard
+  // deviation.
+  CHECK(window.u < 0.006);
   CHECK(value_of(result, "window_counted_deg").value == Approx(0.05).margin(0.0101));
   CHECK(result.at("tables").at(0).at("rows").size() >= 10);
   session.store().add_result("sensitivity", result.dump());
