@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <set>
 #include <stdexcept>
 
 #include "fit/explain/fitted_room.hpp"
+#include "fit/placed_anew.hpp"
 
 namespace fit::explain {
 
@@ -84,14 +84,6 @@ void note_unknown_warmth(const std::vector<const Recording*>& recordings, std::v
 
 bool stands_alike(const Target& a, const Target& b) {
   return a.name == b.name && (a.from_mm - b.from_mm).norm() < 1e-6 && (a.to_mm - b.to_mm).norm() < 1e-6;
-}
-
-bool is_placed_anew(const Bench& bench, const std::string& target) {
-  const auto& document = bench.document.json();
-  if (!document.contains("targets") || !document["targets"].is_array()) return false;
-  return std::ranges::any_of(document["targets"], [&](const nlohmann::json& entry) {
-    return entry.is_object() && entry.value("name", "") == target && entry.value("placed_anew", false);
-  });
 }
 
 std::string unused_name(const Bench& bench, const std::string& wanted) {
