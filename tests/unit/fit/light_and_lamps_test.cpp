@@ -7,6 +7,7 @@
 
 #include "fit/explain/explanation.hpp"
 #include "plain_room.hpp"
+#include "tests/support/rounds.hpp"
 
 namespace {
 
@@ -120,10 +121,11 @@ TEST_CASE("echoes that light hides for a while are sunlight at these beams and t
   CHECK(is_located(e, fit::Coordinate::time, 255, 435, 25));
 }
 
-TEST_CASE("a lamp's flicker is unknown physics with its frequency, and nothing else is named for it") {
+TEST_CASE("a lamp's flicker is unknown physics with its frequency, and nothing else is named for it",
+          "[rounds]") {
   int named = 0;
   for (const double hz : {100.0, 50.0, 133.0, 172.0})
-    for (const unsigned seed : {1u, 2u}) {
+    for (unsigned seed = 1; seed <= rounds(2); ++seed) {
       const int scans = hz == 100 ? 24 : 10;
       const Explanation e = explained(
           [hz](double, double time_s, double beam_time_s) {
