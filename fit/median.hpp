@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -18,6 +19,11 @@ namespace fit {
 
 /// The same of values that nobody else needs.
 [[nodiscard]] inline double median_of(std::vector<double>&& values) { return median_of(std::span(values)); }
+
+/// The same; not a number of nothing.
+[[nodiscard]] inline double median_or_nan(std::vector<double> values) {
+  return values.empty() ? std::numeric_limits<double>::quiet_NaN() : median_of(std::span(values));
+}
 
 /// Of the squares of standard normal numbers: by this a median of squares becomes a variance.
 constexpr double median_of_normal_squares = 0.4549;

@@ -18,8 +18,6 @@ constexpr double no_echo_below_mm = 22, no_echo_above_mm = 65000;
 
 bool echo(double r) { return r >= no_echo_below_mm && r < no_echo_above_mm; }
 
-double median(std::vector<double> v) { return v.empty() ? std::nan("") : median_of(std::move(v)); }
-
 /// What one sector of beams of one capture collects.
 struct Sector {
   std::vector<double> bend_mm, light, light_bend;
@@ -91,7 +89,7 @@ class Collector {
       lost.u.push_back(100 * std::sqrt(share * (1 - share) / static_cast<double>(std::max(1L, step.all))));
       if (step.light.size() < fewest) continue;
       light.range_mm.push_back(at);
-      light.value.push_back(median(step.light));
+      light.value.push_back(median_or_nan(step.light));
       light.u.push_back(1.25 * spread_about(step.light, light.value.back()) /
                         std::sqrt(static_cast<double>(step.light.size())));
     }
@@ -104,7 +102,7 @@ class Collector {
     std::vector<double> sizes;
     for (const double b : bends) sizes.push_back(std::abs(b));
     // Whole millimetres make the plain median coarse: the mean of those within reach is finer.
-    const double rough = std::max(0.3, 1.4826 * median(sizes));
+    const double rough = std::max(0.3, 1.4826 * median_or_nan(sizes));
     double sum = 0, count = 0;
     for (const double s : sizes)
       if (s < 3 * rough) {
@@ -116,7 +114,7 @@ class Collector {
   static double spread_about(const std::vector<double>& v, double middle) {
     std::vector<double> sizes;
     for (const double x : v) sizes.push_back(std::abs(x - middle));
-    return 1.4826 * median(sizes);
+    return 1.4826 * median_or_nan(sizes);
   }
 
   void add_scan(const ScanView& scan, const CaptureInfo& info, const Bench& bench) {
@@ -188,7 +186,7 @@ class Collector {
   void finish(Sector& s) {
     if (s.all >= fewest) lost_.push_back(100.0 * static_cast<double>(s.lost) / static_cast<double>(s.all));
     if (s.bend_mm.size() < fewest) return;
-    const double middle = median(s.bend_mm);  // a curved wall bends every time alike
+    const double middle = median_or_nan(s.bend_mm);  // a curved wall bends every time alike
     for (double& b : s.bend_mm) b -= middle;
     const double sigma = spread(s.bend_mm);
     noise_.push_back(sigma);
@@ -208,7 +206,7 @@ class Collector {
       if (variance > 1e-9) memory_.push_back(std::clamp((s.memory / n - mean * mean) / variance, -1.0, 1.0));
     }
     if (s.light.size() < fewest) return;
-    light_.push_back(median(s.light));
+    light_.push_back(median_or_nan(s.light));
     double squares = 0;
     for (const double b : s.light_bend) squares += b * b;
     light_noise_.push_back(

@@ -22,10 +22,6 @@ constexpr int scans_of_rate = 40, scans_of_medians = 20;
 constexpr double stage_tolerance_deg = 0.02;
 constexpr double weak_intensity = 200;
 
-double median(const std::vector<double>& values) {
-  return values.empty() ? std::numeric_limits<double>::quiet_NaN() : fit::median_of(std::vector(values));
-}
-
 std::string rounded(double value, int digits = 0) { return rounded_text(value, digits); }
 
 class Checker {
@@ -182,8 +178,9 @@ class Checker {
     BeamMedians seen;
     for (std::size_t k = 0; k < beams; ++k) {
       const bool sure = ranges[k].size() * 2 > scans_of_medians;
-      seen.range_mm.push_back(sure ? median(ranges[k]) : std::numeric_limits<double>::quiet_NaN());
-      seen.intensity.push_back(sure && !levels[k].empty() ? median(levels[k])
+      seen.range_mm.push_back(sure ? fit::median_or_nan(ranges[k])
+                                   : std::numeric_limits<double>::quiet_NaN());
+      seen.intensity.push_back(sure && !levels[k].empty() ? fit::median_or_nan(levels[k])
                                                           : std::numeric_limits<double>::quiet_NaN());
     }
     co_return seen;
@@ -204,7 +201,7 @@ class Checker {
     if (near > 0)
       say(Verdict::note, "something close", std::to_string(near) + " beams see less than 60 mm",
           "Take cables and hands away from the window, and clean it.");
-    const double level = median(levels);
+    const double level = fit::median_or_nan(levels);
     say(level >= weak_intensity ? Verdict::good : Verdict::note, "intensity",
         levels.empty() ? "none" : "median " + rounded(level),
         "Echoes are weak: clean the window, use lighter targets, or go nearer.");

@@ -20,18 +20,14 @@ namespace {
 
 using nlohmann::json;
 
-double median_of(std::vector<double> values) {
-  return values.empty() ? std::nan("") : fit::median_of(std::move(values));
-}
-
 /// Standard uncertainty of the median of normal numbers, from their own spread; of a few, whose spread says
 /// little, `of_few`.
 double u_of_median(const std::vector<double>& values, double of_few) {
   if (values.size() < 8) return of_few;
-  const double middle = median_of(values);
+  const double middle = fit::median_or_nan(values);
   std::vector<double> off;
   for (const double value : values) off.push_back(std::abs(value - middle));
-  const double spread = std::sqrt(1 / fit::median_of_normal_squares) * median_of(std::move(off));
+  const double spread = std::sqrt(1 / fit::median_of_normal_squares) * fit::median_or_nan(std::move(off));
   return std::sqrt(fit::pi / 2) * spread / std::sqrt(static_cast<double>(values.size()));
 }
 
@@ -155,7 +151,7 @@ struct Sampled {
       sigma_mm.push_back(of_capture.back());
       correlation.push_back(beams.correlation(k));
     }
-    return median_of(std::move(of_capture));
+    return fit::median_or_nan(std::move(of_capture));
   }
 
   void add_step(const fit::CaptureInfo& capture, long scans, double sigma) {
@@ -211,7 +207,7 @@ class Noise : public Fitting {
     json plot = new_plot("Noise against range", "mean range (mm)", "standard deviation (mm)");
     add_series(plot, "beams", "points", sampled.range_mm, sampled.sigma_mm);
     out["plots"].push_back(std::move(plot));
-    if (std::abs(median_of(sampled.correlation)) > 0.1)
+    if (std::abs(fit::median_or_nan(sampled.correlation)) > 0.1)
       out["notes"].push_back(
           "Neighbouring scans are correlated: means are less certain than their number of samples suggests.");
     if (sampled.moving > 0)
@@ -226,7 +222,7 @@ class Noise : public Fitting {
 
   static void add_values(json& out, const Sampled& sampled) {
     const auto ranges = static_cast<double>(sampled.ranges);
-    const double sigma = median_of(sampled.sigma_mm),
+    const double sigma = fit::median_or_nan(sampled.sigma_mm),
                  u_sigma = u_of_median(sampled.sigma_mm, sigma / std::sqrt(2 * ranges));
     // The share of lost samples: mean and standard deviation of its beta posterior with a flat prior.
     const auto samples = static_cast<double>(sampled.values), lost = samples - ranges;
@@ -240,7 +236,8 @@ class Noise : public Fitting {
     budget.publish(out, sigma);
     out["values"].push_back(result_value(
         "scan_correlation", "Correlation of neighbouring scans, median beam",
-        {median_of(sampled.correlation), u_of_median(sampled.correlation, 1 / std::sqrt(ranges))}, ""));
+        {fit::median_or_nan(sampled.correlation), u_of_median(sampled.correlation, 1 / std::sqrt(ranges))},
+        ""));
     out["values"].push_back(
         result_value("dropout_share", "Share of samples without echo", {share, u_share}, ""));
   }
@@ -249,7 +246,7 @@ class Noise : public Fitting {
     json rows = json::array();
     for (const StepCaptures& step : sampled.steps)
       rows.push_back({step_in_words(step.step), step.count, step.least_deg, step.most_deg, step.scans,
-                      step.beams, number_or_null(median_of(step.sigma_mm))});
+                      step.beams, number_or_null(fit::median_or_nan(step.sigma_mm))});
     return {{"title", "Captures"},
             {"columns",
              {"step",
