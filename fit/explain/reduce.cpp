@@ -76,7 +76,7 @@ class Reducer {
     const bool turning = is_turning(info);
     const std::vector<int> cell_of_beam = add_cells(setting, turning ? turning_beams : 1);
     group.last_cell = out_.cells.size();
-    if (!turning && block.scans > 2) look_at_scans(block, cell_of_beam, group, out_);
+    if (!turning && block.scans > 2) summarise_scans(block, cell_of_beam, group, out_);
     count_remainders(block);
     out_.groups.push_back(group);
   }

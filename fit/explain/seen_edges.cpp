@@ -31,7 +31,7 @@ void place(SeenEdge& edge) {
   double best = -1e300;
   for (const double width : {0.01, 0.03, 0.06, 0.12, 0.25}) {
     double first = 0, last = 0, top = -1e300;
-    const auto look = [&](double from, double to, double step) {
+    const auto try_shifts = [&](double from, double to, double step) {
       top = -1e300;
       for (double shift = from; shift <= to; shift += step) {
         const double l = likelihood_of_edge(beams, shift, width);
@@ -40,8 +40,8 @@ void place(SeenEdge& edge) {
         top = std::max(top, l);
       }
     };
-    look(-edge_reach_deg, edge_reach_deg, 0.04);
-    look(first - 0.05, last + 0.05, 0.005);
+    try_shifts(-edge_reach_deg, edge_reach_deg, 0.04);
+    try_shifts(first - 0.05, last + 0.05, 0.005);
     if (top <= best + 0.5) continue;
     best = top;
     edge.shift_deg = (first + last) / 2;

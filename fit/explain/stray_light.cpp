@@ -44,7 +44,7 @@ class Edges {
   Edges(const Reduced& reduced, const MeanResult& means)
       : reduced_(reduced), means_(means), at_work_(all_at_work(reduced.bench, means.best)) {
     for (const Group& group : reduced.groups)
-      if (group.scans > 2) look(group);
+      if (group.scans > 2) collect(group);
   }
   [[nodiscard]] const std::vector<Row>& rows() const { return rows_; }
 
@@ -57,7 +57,7 @@ class Edges {
     bool on_near;
   };
 
-  void look(const Group& group) {
+  void collect(const Group& group) {
     const CaptureInfo& info = reduced_.capture_of(group);
     if (is_turning(info)) return;
     const Scene scene = reduced_.scene_of(group, displaced(reduced_, means_.best.nuisance, at_work_));

@@ -27,7 +27,7 @@ class Question {
       : session_(&session), fitted_(&fitted), around_(&around), kind_(&kind) {}
 
   /// On the grid of its starts.
-  void look() {
+  void ask_starts() {
     std::vector<double> logs;
     const std::vector<std::vector<double>> starts = kind_->bins ? proposed() : kind_->starts;
     for (std::size_t i = 0; i < starts.size(); ++i) {
@@ -43,15 +43,15 @@ class Question {
     const std::size_t kept = std::min(modes_refined, asked_.size());
     std::ranges::partial_sort(asked_, asked_.begin() + static_cast<std::ptrdiff_t>(kept), better);
     asked_.resize(kept);
-    if (kind_->begins) look_within_times();
-    if (kind_->threshold) look_at_thresholds();
+    if (kind_->begins) add_spans();
+    if (kind_->threshold) add_thresholds();
     best_.term = asked_.front().term;
     best_.term.by_grid = over_grid_ - asked_.front().log_evidence - asked_.front().price;
     best_.log_evidence = over_grid_;
   }
 
   /// Between its starts, with what its formula leaves open.
-  void look_closely() {
+  void refine_best() {
     if (kind_->is_form()) return;
     const bool refines = !model::refined_shapes_of(*kind_).empty();
     const double first = asked_.front().log_evidence;
@@ -93,7 +93,7 @@ class Question {
   };
 
   /// Half of the prior is for always, the other for all spans of time alike.
-  void look_within_times() {
+  void add_spans() {
     const double half = std::log(2.0);
     for (Asked& one : asked_) one = {one.log_evidence - half, std::move(one.term), half};
     std::vector<double> logs{over_grid_ - half};
@@ -141,7 +141,7 @@ class Question {
   }
 
   /// Thresholds at which the most would happen, each with every other shape of the grid.
-  void look_at_thresholds() {
+  void add_thresholds() {
     const std::size_t k = *kind_->threshold;
     const auto all = [&](const ChannelRows& rows) {  // as if every row were below
       std::vector<double> values = kind_->starts.front();
@@ -349,12 +349,12 @@ std::vector<Candidate> screen(const Session& session, const Fitted& fitted, cons
   std::vector<Question> questions;
   const Optimum around = raised(session, fitted.design, fitted.optimum);
   for (const Kind* kind : asked) questions.emplace_back(session, fitted, around, *kind);
-  on_two_cores(questions.size(), [&](std::size_t i) { questions[i].look(); });
+  on_two_cores(questions.size(), [&](std::size_t i) { questions[i].ask_starts(); });
   std::ranges::sort(questions, std::greater<>(), &Question::promise);
   std::vector<Question*> promising;
   for (Question& q : questions)
     if (!q.is_form() && promising.size() < 2 * numbers::tries) promising.push_back(&q);
-  on_two_cores(promising.size(), [&](std::size_t i) { promising[i]->look_closely(); });
+  on_two_cores(promising.size(), [&](std::size_t i) { promising[i]->refine_best(); });
   std::vector<Candidate> list;
   for (const Question& q : questions) list.push_back(q.answer());
   std::ranges::sort(list, std::greater<>(), &Candidate::log_posterior);

@@ -46,7 +46,7 @@ class WholeScans {
         deviation_(static_cast<std::size_t>(samples.beams)),
         good_(static_cast<std::size_t>(samples.beams)) {}
 
-  void look_at(int scan) {
+  void add_scan(int scan) {
     const Sector whole = sum_up(scan);
     // Common range and common angle of the scan are taken off before the memory of single beams is judged.
     const auto [range_mm, angle_rad] = common_of(whole);
@@ -122,10 +122,10 @@ double weight_in_scan(const Cell& cell, const Group& group, int scans) {
 
 bool is_informative(const Cell& cell) { return cell.smooth && cell.stray == 0; }
 
-void look_at_scans(const Samples& samples, const std::vector<int>& cell_of_beam, Group& group,
+void summarise_scans(const Samples& samples, const std::vector<int>& cell_of_beam, Group& group,
                    Reduced& session) {
   WholeScans scans(samples, cell_of_beam, group, session);
-  for (int scan = 0; scan < samples.scans; ++scan) scans.look_at(scan);
+  for (int scan = 0; scan < samples.scans; ++scan) scans.add_scan(scan);
   for (std::size_t i = group.first_cell; i < group.last_cell; ++i)
     if (is_informative(session.cells[i])) ++group.cells;
 }

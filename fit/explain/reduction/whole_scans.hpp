@@ -17,7 +17,7 @@ namespace fit::explain::reduction {
 /// What all beams of a scan have in common, as sectors of the session, and how noise remembers the scans
 /// before, in the group, which is the session's next. `cell_of_beam`: index of the cell that is in that
 /// column, -1 where there is none.
-void look_at_scans(const Samples& samples, const std::vector<int>& cell_of_beam, Group& group,
+void summarise_scans(const Samples& samples, const std::vector<int>& cell_of_beam, Group& group,
                    Reduced& session);
 
 }  // namespace fit::explain::reduction

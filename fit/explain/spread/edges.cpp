@@ -128,14 +128,14 @@ constexpr double hard_deg = 0.004, finer = 1.03;
 double best_width(const BesideEdges& beams) {
   constexpr double coarse = 1.25;
   double best = beams.likelihood(hard_deg), width = hard_deg;
-  const auto look = [&](double w) {
+  const auto try_width = [&](double w) {
     const double l = beams.likelihood(w);
     if (l <= best) return;
     best = l;
     width = w;
   };
-  for (double w = 0.008; w < 0.6; w *= coarse) look(w);
-  for (double w = width / coarse, from = width; w < coarse * from; w *= finer) look(w);
+  for (double w = 0.008; w < 0.6; w *= coarse) try_width(w);
+  for (double w = width / coarse, from = width; w < coarse * from; w *= finer) try_width(w);
   return width;
 }
 
