@@ -26,7 +26,7 @@ def fill(page, name, text, note=""):
     """Puts `text`, Markdown, between the marks of `name` in the file `page`, below its stamp. Raises ValueError: no such marks."""
     path = pathlib.Path(page)
     before = path.read_text(encoding="utf-8")
-    body = f"Measured {stamp()}{'. Of ' + note if note else ''}.\n\n{text.strip()}\n"
+    body = f"Measured {stamp()}{', ' + note if note else ''}.\n\n{text.strip()}\n"
     after, count = re.subn(rf"(<!-- {re.escape(name)} -->\n).*?(<!-- /{re.escape(name)} -->)", lambda m: m.group(1) + body + m.group(2), before, flags=re.S)
     if count != 1:
         raise ValueError(f"{page} has no place for the table: <!-- {name} --> ... <!-- /{name} -->")
