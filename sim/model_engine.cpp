@@ -99,6 +99,11 @@ class ModelEngine : public Engine {
     if (claim_) {
       relative_noise_ = claim_->relative_noise.value_or(relative_noise_);
     }
+    // A law that is stated without corrections acts by its claim alone.
+    std::erase_if(active_, [](const Active& one) {
+      return one.mechanism->corrects_a_statement &&
+             std::ranges::all_of(one.values, [](double value) { return value == 0; });
+    });
     const auto dims = [](const Active& one) {
       return one.mechanism->observable == fit::Observable::intensity;
     };

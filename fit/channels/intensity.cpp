@@ -47,13 +47,11 @@ MatrixXd bells(const VectorXd& x, double length) {
 class Echoes final : public model::ChannelRows {
  public:
   Echoes(std::vector<Reading> readings, const IntensityClaim& claim) : readings_(std::move(readings)) {
-    weight_.resize(rows());
+    off_ = column([](const Reading& r) { return r.off; });
+    weight_ = column([](const Reading& r) { return 1 / r.sigma; });
     std::map<std::pair<int, int>, std::vector<Index>> blocks;
-    for (Index i = 0; i < rows(); ++i) {
-      weight_[i] = 1 / of(i).sigma;
-      blocks[{of(i).capture, of(i).surface}].push_back(i);
-    }
-    for (auto& [block, list] : blocks) blocks_.push_back(std::move(list));
+    for (Index i = 0; i < rows(); ++i) blocks[{of(i).capture, of(i).surface}].push_back(i);
+    for (auto& [block, list] : blocks) blocks_.push_back(block_of(std::move(list)));
     for (int k = 0; k < L::size; ++k) {
       const auto c = static_cast<std::size_t>(k);
       const double u = claim.stated[c] ? claim.u[c] : open[c];
@@ -72,11 +70,11 @@ class Echoes final : public model::ChannelRows {
   [[nodiscard]] double statistic(Index row) const override { return of(row).off; }
   [[nodiscard]] double log_likelihood(const VectorXd& eta) const override {
     double logs = (weight_.array() / std::sqrt(2 * pi)).log().sum();
-    for (const std::vector<Index>& block : blocks_) logs -= 0.5 * std::log1p(shared(block));
+    for (const Block& block : blocks_) logs -= 0.5 * std::log1p(block.shared);
     return logs - 0.5 * white_residual(eta).squaredNorm();
   }
   [[nodiscard]] VectorXd log_likelihoods(const VectorXd& eta) const override {
-    const VectorXd off = residual(eta);
+    const VectorXd off = off_ - eta;
     VectorXd logs(rows());
     for (Index i = 0; i < rows(); ++i) {
       const double u = std::hypot(of(i).sigma, capture_doubt);
@@ -87,31 +85,31 @@ class Echoes final : public model::ChannelRows {
   /// A root of the inverse of diag(sigma^2) + capture_doubt^2 within every block.
   [[nodiscard]] MatrixXd whitened(MatrixXd columns, const VectorXd&) const override {
     columns.array().colwise() *= weight_.array();
-    for (const std::vector<Index>& block : blocks_) {
-      const double share = shared(block),
-                   less = (1 - 1 / std::sqrt(1 + share)) * capture_doubt * capture_doubt / share;
+    for (const Block& block : blocks_)
       for (Index k = 0; k < columns.cols(); ++k) {
         double along = 0;
-        for (const Index i : block) along += weight_[i] * columns(i, k);
-        for (const Index i : block) columns(i, k) -= less * along * weight_[i];
+        for (const Index i : block.rows) along += weight_[i] * columns(i, k);
+        for (const Index i : block.rows) columns(i, k) -= block.less * along * weight_[i];
       }
-    }
     return columns;
   }
   [[nodiscard]] VectorXd information(const VectorXd&) const override { return weight_.cwiseAbs2(); }
   [[nodiscard]] VectorXd white_residual(const VectorXd& eta) const override {
-    return whitened(residual(eta), eta);
+    return whitened(off_ - eta, eta);
   }
 
  private:
-  [[nodiscard]] VectorXd residual(const VectorXd& eta) const {
-    return column([](const Reading& r) { return r.off; }) - eta;
-  }
-  /// The shared error's square in units of the block's own uncertainty.
-  [[nodiscard]] double shared(const std::vector<Index>& block) const {
+  /// Readings of one surface in one capture.
+  struct Block {
+    std::vector<Index> rows;
+    double shared;  ///< The shared error's square in units of the block's own uncertainty.
+    double less;    ///< Of what lies along the block's weights, the part that it takes off.
+  };
+  [[nodiscard]] Block block_of(std::vector<Index> rows) const {
     double sum = 0;
-    for (const Index i : block) sum += weight_[i] * weight_[i];
-    return capture_doubt * capture_doubt * sum;
+    for (const Index i : rows) sum += weight_[i] * weight_[i];
+    const double square = capture_doubt * capture_doubt, shared = square * sum;
+    return {std::move(rows), shared, (1 - 1 / std::sqrt(1 + shared)) * square / shared};
   }
   [[nodiscard]] const Reading& of(Index row) const { return readings_[static_cast<std::size_t>(row)]; }
 
@@ -167,8 +165,8 @@ class Echoes final : public model::ChannelRows {
   }
 
   std::vector<Reading> readings_;
-  VectorXd weight_;
-  std::vector<std::vector<Index>> blocks_;  ///< Readings of one surface in one capture.
+  VectorXd off_, weight_;
+  std::vector<Block> blocks_;
   model::Columns base_;
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/mechanism.hpp"
+#include "fit/beam_sector.hpp"
 
 namespace fit::mechanisms {
 
@@ -13,12 +13,7 @@ Mechanism make_local_noise() {
   m.coordinate = Coordinate::beam;
   m.formula_error = 0.25;
   m.parameters = {{.name = "sigma_mm", .typical = 6, .sign = 1},
-                  {.name = "centre_deg",
-                   .role = Parameter::Role::shape,
-                   .lower = -135,
-                   .upper = 135,
-                   .starts = 37,
-                   .logarithmic = false},
+                  centre_of_sector(),
                   {.name = "width_deg",
                    .role = Parameter::Role::shape,
                    .scale = Parameter::Scale::width,
@@ -32,14 +27,11 @@ Mechanism make_local_noise() {
                    .upper = 8,
                    .starts = 2}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    const double away = wrap_angle(c.beam_rad - p[1] * rad_per_deg) * deg_per_rad / p[2];
+    const double away = widths_from_centre(c, p[1], p[2]);
     return Effect{.variance_mm2 = p[0] * p[0] * std::exp(-std::pow(std::abs(away), p[3]) / 2)};
   };
   m.looks_like = {"sunlight"};  // that neither comes and goes nor drowns an echo
-  m.shows = [](const Finding& f, const Recorded&) {
-    const double centre = f.at("centre_deg").value, reach = 1.2 * f.at("width_deg").value;
-    return std::vector<Interval>{{Coordinate::beam, centre - reach, centre + reach}};
-  };
+  m.shows = [](const Finding& f, const Recorded&) { return std::vector<Interval>{sector_of(f, 1.2)}; };
   m.says = [](const Finding& f) {
     return "Around " + with_uncertainty(f.at("centre_deg"), "deg") + " (within " +
            rounded(f.at("width_deg").value, 2) + " deg) the range scatters by " +

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/mechanism.hpp"
+#include "fit/beam_sector.hpp"
 
 namespace fit::mechanisms {
 namespace {
@@ -23,12 +23,7 @@ Mechanism make_sunlight() {
   m.coordinate = Coordinate::beam;
   m.formula_error = 0.25;
   m.parameters = {{.name = "sigma_mm", .typical = 6, .sign = 1},
-                  {.name = "centre_deg",
-                   .role = Parameter::Role::shape,
-                   .lower = -135,
-                   .upper = 135,
-                   .starts = 37,
-                   .logarithmic = false},
+                  centre_of_sector(),
                   {.name = "width_deg",
                    .role = Parameter::Role::shape,
                    .scale = Parameter::Scale::width,
@@ -44,13 +39,12 @@ Mechanism make_sunlight() {
                   {.name = "lost", .typical = 0.01, .largest = 1, .sign = 1}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (c.time_s < p[3] || c.time_s > p[4]) return Effect{};
-    const double away = wrap_angle(c.beam_rad - p[1] * rad_per_deg) * deg_per_rad / p[2];
+    const double away = widths_from_centre(c, p[1], p[2]);
     const double light = std::exp(-away * away / 2);
     return Effect{.variance_mm2 = p[0] * p[0] * light, .lost = p[5] * light};
   };
   m.shows = [](const Finding& f, const Recorded&) {
-    const double centre = f.at("centre_deg").value, reach = 1.2 * f.at("width_deg").value;
-    std::vector<Interval> places{{Coordinate::beam, centre - reach, centre + reach}};
+    std::vector<Interval> places{sector_of(f, 1.2)};
     if (f.parameters.contains("from_s"))
       places.push_back({Coordinate::time, f.at("from_s").value, f.at("to_s").value});
     return places;

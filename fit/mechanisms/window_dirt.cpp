@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/mechanism.hpp"
+#include "fit/beam_sector.hpp"
 
 namespace fit::mechanisms {
 
@@ -12,21 +12,15 @@ Mechanism make_window_dirt() {
   m.coordinate = Coordinate::beam;
   m.parameters = {
       {.name = "loss", .typical = 0.3, .sign = 1},
-      {.name = "centre_deg",
-       .role = Parameter::Role::shape,
-       .lower = -135,
-       .upper = 135,
-       .starts = 37,
-       .logarithmic = false},
+      centre_of_sector(),
       {.name = "width_deg", .role = Parameter::Role::shape, .lower = 2, .upper = 40, .starts = 4}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    const double away = wrap_angle(c.beam_rad - p[1] * rad_per_deg) * deg_per_rad / p[2];
+    const double away = widths_from_centre(c, p[1], p[2]);
     return Effect{.log_intensity = std::log(std::max(0.02, 1 - p[0] * std::exp(-away * away / 2)))};
   };
   m.shows = [](const Finding& f, const Recorded& r) {
-    const double middle = f.at("centre_deg").value, reach = 1.5 * f.at("width_deg").value;
-    return std::vector<Interval>{
-        {Coordinate::beam, std::max(r.from, middle - reach), std::min(r.to, middle + reach)}};
+    const Interval dirty = sector_of(f, 1.5);
+    return std::vector<Interval>{{dirty.coordinate, std::max(r.from, dirty.from), std::min(r.to, dirty.to)}};
   };
   m.says = [](const Finding& f) {
     return "Echoes are dimmer by " + with_uncertainty({100 * f.at("loss").value, 100 * f.at("loss").u}, "%") +

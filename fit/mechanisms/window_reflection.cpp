@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/mechanism.hpp"
+#include "fit/beam_sector.hpp"
 
 namespace fit::mechanisms {
 
@@ -18,12 +18,7 @@ Mechanism make_window_reflection() {
        .lower = 100,
        .upper = 500,
        .starts = 3},
-      {.name = "centre_deg",
-       .role = Parameter::Role::shape,
-       .lower = -135,
-       .upper = 135,
-       .starts = 28,
-       .logarithmic = false},
+      centre_of_sector(28),
       {.name = "width_deg", .role = Parameter::Role::shape, .lower = 4, .upper = 40, .starts = 3}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double away = (c.beam_rad * deg_per_rad - p[2]) / p[3];

@@ -99,24 +99,20 @@ std::vector<SpreadCurve> curves_of(const Session& session, const Fitted& nothing
   std::vector<SpreadCurve> curves;
   const std::size_t means = model::channel_of("mean");
   std::set<std::pair<std::size_t, Coordinate>> drawn;
+  const auto draw = [&](std::size_t c, const auto& what) {  // a term, or a coordinate
+    const ChannelRows& rows = *session.channels()[c];
+    const model::ChannelKind& channel = model::channel_kinds()[c];
+    const View view(what, rows, channel);
+    if (!drawn.insert({c, view.coordinate}).second) return;
+    SpreadCurve curve = curve_in(view, rows, channel, nothing.optimum.eta[c], best.optimum.eta[c]);
+    if (curve.at.size() > 1) curves.push_back(std::move(curve));
+  };
   for (const Term* term : found)
-    for (std::size_t c = 0; c < session.channels().size(); ++c) {
-      if (c == means || !term->kind->acts_in[c]) continue;
-      const ChannelRows& rows = *session.channels()[c];
-      const View view(*term, rows, model::channel_kinds()[c]);
-      if (!drawn.insert({c, view.coordinate}).second) continue;
-      SpreadCurve curve =
-          curve_in(view, rows, model::channel_kinds()[c], nothing.optimum.eta[c], best.optimum.eta[c]);
-      if (curve.at.size() > 1) curves.push_back(std::move(curve));
-    }
+    for (std::size_t c = 0; c < session.channels().size(); ++c)
+      if (c != means && term->kind->acts_in[c]) draw(c, *term);
   for (std::size_t c = 0; c < session.channels().size(); ++c)
-    for (const Coordinate coordinate : model::channel_kinds()[c].always_drawn) {
-      if (!session.channels()[c] || !drawn.insert({c, coordinate}).second) continue;
-      const View view(coordinate, *session.channels()[c], model::channel_kinds()[c]);
-      SpreadCurve curve = curve_in(view, *session.channels()[c], model::channel_kinds()[c],
-                                   nothing.optimum.eta[c], best.optimum.eta[c]);
-      if (curve.at.size() > 1) curves.push_back(std::move(curve));
-    }
+    for (const Coordinate coordinate : model::channel_kinds()[c].always_drawn)
+      if (session.channels()[c]) draw(c, coordinate);
   return curves;
 }
 

@@ -118,9 +118,8 @@ void restate(const Session& session, const Fitted& nothing, const Fitted& best, 
   out.tables = tables_of(session, best, out.posterior);
 }
 
-void measure(const Session& session, const Explored& explored, Inferred& out) {
+void measure(const Session& session, const Fitted& nothing, const Explored& explored, Inferred& out) {
   const Hypothesis& best = explored.best.hypothesis;
-  const Fitted nothing = fit(session, {});
   out.means.before = hold_out(session, nothing, true);
   out.curves = curves_of(session, nothing, explored.best, out.posterior);
   out.means.after = hold_out(session, explored.best);
@@ -171,8 +170,9 @@ Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progres
   join_what_looks_alike(session, explored.best, out.posterior);
   out.means.noise = session.noise();
   take_means(session, explored.best.hypothesis, out.means);
-  measure(session, explored, out);
-  restate(session, fit(session, {}), explored.best, out);
+  const Fitted nothing = fit(session, {});
+  measure(session, nothing, explored, out);
+  restate(session, nothing, explored.best, out);
   for (const Term& term : explored.best.hypothesis.terms)
     if (term.kind->mechanism->coordinate == Coordinate::scan_seq)
       out.of_scans.push_back({term.kind->mechanism.get(), term.values, -1});

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "fit/mechanism.hpp"
+
+/// What mechanisms share that act in a sector of beams: its middle, the parameter `centre_deg`, and its
+/// standard width, `width_deg`.
+namespace fit {
+
+/// Looked for at so many places around the lidar.
+[[nodiscard]] inline Parameter centre_of_sector(int starts = 37) {
+  return {.name = "centre_deg",
+          .role = Parameter::Role::shape,
+          .lower = -135,
+          .upper = 135,
+          .starts = starts,
+          .logarithmic = false};
+}
+
+/// How far a beam lies from the middle, in widths of the sector.
+[[nodiscard]] inline double widths_from_centre(const Circumstances& c, double centre_deg, double width_deg) {
+  return wrap_angle(c.beam_rad - centre_deg * rad_per_deg) * deg_per_rad / width_deg;
+}
+
+/// The beams that lie within so many widths of the middle.
+[[nodiscard]] inline Interval sector_of(const Finding& f, double widths) {
+  const double centre = f.at("centre_deg").value, reach = widths * f.at("width_deg").value;
+  return {Coordinate::beam, centre - reach, centre + reach};
+}
+
+}  // namespace fit
