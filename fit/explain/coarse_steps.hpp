@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "fit/explain/reduce.hpp"
 #include "fit/explain/spread.hpp"
 
 namespace fit::explain {
 
-/// If ranges come in coarse steps, adds to the empirical mechanisms what these do to means.
-void add_bias_of_coarse_steps(const SpreadResult& spread, Reduced& reduced);
+/// Do ranges come in coarse steps? Then adds `rounding` to the result, and to the session what such steps do
+/// to means and variances. `sigma_mm`: the noise of one sample.
+void find_coarse_steps(Reduced& reduced, double sigma_mm, SpreadResult& result);
 
 }  // namespace fit::explain

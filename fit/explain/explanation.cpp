@@ -2,6 +2,7 @@
 #include "fit/explain/explanation.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <stdexcept>
 #include <utility>
@@ -9,10 +10,10 @@
 #include "fit/explain/answer/chapters.hpp"
 #include "fit/explain/coarse_steps.hpp"
 #include "fit/explain/inference/explain.hpp"
+#include "fit/explain/model/transitions.hpp"
 #include "fit/explain/reduction/steady_echoes.hpp"
 #include "fit/explain/single_beams.hpp"
 #include "fit/explain/spread/flicker.hpp"
-#include "fit/explain/spread/questions.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/explain/twin.hpp"
 #include "fit/median.hpp"
@@ -51,14 +52,16 @@ void refuse_nothing_to_compare(const Reduced& reduced) {
         "the scans");
 }
 
-/// What the model has no rows for: coarse steps and edges.
-SpreadResult beside_the_model(Reduced& reduced) {
+/// What the model takes as known: the noise, how wide beams are at edges, and coarse steps.
+SpreadResult before_the_model(Reduced& reduced) {
   SpreadResult result;
-  spread::output_steps(reduced, result);
-  spread::edges(reduced, result);
+  const double wide_deg2 = model::pooled_deg2(model::transitions(reduced));
+  if (wide_deg2 > model::Transition::hard_deg2)
+    result.noise.footprint_rad = std::sqrt(wide_deg2) * rad_per_deg;
   std::vector<double> sigmas;
   for (const Group& group : reduced.groups) sigmas.push_back(group.sigma_mm);
   result.sigma_mm = median_of(sigmas);
+  find_coarse_steps(reduced, result.sigma_mm, result);
   return result;
 }
 
@@ -69,8 +72,7 @@ struct Searched {
 };
 
 Searched search(Reduced reduced, const Progress& progress) {
-  SpreadResult spread = beside_the_model(reduced);
-  add_bias_of_coarse_steps(spread, reduced);
+  SpreadResult spread = before_the_model(reduced);
   inference::Inferred inferred = inference::infer(reduced, spread.noise, progress);
   // A lamp keeps no step with captures: whatever does is known by now.
   if (const auto hz = spread::flicker(reduced, inferred.of_scans, spread)) {

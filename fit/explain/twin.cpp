@@ -7,7 +7,6 @@
 
 #include "fit/empirical.hpp"
 #include "fit/explain/runs.hpp"
-#include "fit/explain/spread/ids.hpp"
 #include "fit/explain/stray_light.hpp"
 #include "fit/radiometer.hpp"
 
@@ -164,9 +163,11 @@ void tabulate(const MeanModel& model, VectorXd effect_mm, Bench& bench) {
   }
 }
 
+constexpr const char* outliers = "outliers";
+
 /// Where samples lie that have nothing to do with the target: dust before it, or a ghost at its own range.
 void describe_strays(const Reduced& reduced, Bench& bench) {
-  if (!bench.knows(spread::ids::outliers) || described_strays(bench) || reduced.strays_mm.size() < 20) return;
+  if (!bench.knows(outliers) || described_strays(bench) || reduced.strays_mm.size() < 20) return;
   StrayPlaces strays;
   std::vector<float> list = reduced.strays_of_target;
   std::ranges::sort(list);

@@ -36,18 +36,12 @@ Found found_light(const Findings& findings, const Suspect& suspect) {
   return found;
 }
 
-bool knows_wide_beam(const Findings& findings) {
-  return findings.reduced.bench.knows(wide_beam) ||
-         std::ranges::any_of(findings.spread.accepted,
-                             [](const Suspect& s) { return s.mechanism->id == wide_beam; });
-}
-
 }  // namespace
 
 void report_stray_light(const Findings& findings, Explanation& out) {
   if (!findings.light) return;
   const StrayLight& light = *findings.light;
-  if (light.or_mixed_pixel && knows_wide_beam(findings)) return;
+  if (light.or_mixed_pixel && out.bench.knows(wide_beam)) return;
   std::ranges::copy(light.located, std::back_inserter(out.located));
   if (light.or_mixed_pixel) {
     out.undecided_between.push_back({crosstalk, wide_beam});

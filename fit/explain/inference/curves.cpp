@@ -103,8 +103,10 @@ std::vector<SpreadCurve> curves_of(const Session& session, const Fitted& nothing
     const ChannelRows& rows = *session.channels()[c];
     const model::ChannelKind& channel = model::channel_kinds()[c];
     const View view(what, rows, channel);
-    if (!drawn.insert({c, view.coordinate}).second) return;
-    SpreadCurve curve = curve_in(view, rows, channel, nothing.optimum.eta[c], best.optimum.eta[c]);
+    if (!drawn.insert({c, channel.picture ? Coordinate::beam : view.coordinate}).second) return;
+    const Eigen::VectorXd &before = nothing.optimum.eta[c], &after = best.optimum.eta[c];
+    SpreadCurve curve =
+        channel.picture ? channel.picture(rows, before, after) : curve_in(view, rows, channel, before, after);
     if (curve.at.size() > 1) curves.push_back(std::move(curve));
   };
   for (const Term* term : found)

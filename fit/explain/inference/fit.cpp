@@ -99,8 +99,12 @@ Optimum optimum_of(const Session& session, const Design& design, const Eigen::Ve
   constexpr int most_steps = 12;
   constexpr double settled = 0.01;
   Optimum now;
-  now.x = within_bounds(design, start);
+  now.x = within_bounds(design, design.mean);
   judge_there(session, design, now);
+  Optimum nearer;
+  nearer.x = within_bounds(design, start);
+  judge_there(session, design, nearer);
+  if (nearer.log_posterior > now.log_posterior) now = std::move(nearer);
   Scored s = scored(session, design, now);
   for (int step = 0; step < most_steps; ++step) {
     const Eigen::VectorXd whole = step_of(s, design, now.x);
@@ -215,12 +219,24 @@ Design with_shapes_held(Design design) {
   return design;
 }
 
+/// Sizes as the terms have them, everything else as its prior expects.
+Eigen::VectorXd start_of(const Design& design, const std::vector<Term>& terms) {
+  Eigen::VectorXd x = design.mean;
+  for (std::size_t t = 0; t < terms.size(); ++t) {
+    const Design::Block& block = design.blocks[t];
+    if (!terms[t].sigma.empty())  // else nobody has asked for its size
+      x.segment(block.first, block.sizes) =
+          model::coefficients(terms[t]).cwiseQuotient(design.sigma.segment(block.first, block.sizes));
+  }
+  return x;
+}
+
 /// One round of a fit: everything linear at its best, and a step of the shapes, whose effect the likelihood
 /// does not count yet.
 Fitted solved(const Session& session, std::vector<Term> terms) {
   Fitted result;
   result.design = design_of(session, terms);
-  result.optimum = optimum_of(session, with_shapes_held(result.design), result.design.mean);
+  result.optimum = optimum_of(session, with_shapes_held(result.design), start_of(result.design, terms));
   const Scored there = scored(session, result.design, result.optimum, For::evidence);
   result.optimum.factor.compute(there.information);
   const Eigen::VectorXd stepped =
@@ -261,9 +277,11 @@ std::vector<Term> part_of_way(const std::vector<Term>& from, const std::vector<T
 }  // namespace
 
 Fitted fit(const Session& session, const Hypothesis& hypothesis) {
-  constexpr int most_rounds = 4;
+  constexpr int most_rounds = 12;
   constexpr double settled = 0.1, shortest = 0.1;
   std::vector<Term> at = hypothesis.terms;
+  for (Term& term : at)
+    term.factor = std::max(1.0, term.factor);  // a narrow prior would hold sizes where they are
   Fitted best = solved(session, at);
   if (at.empty()) return best;
   // Deviations and factors suit the sizes only now.

@@ -57,9 +57,10 @@ std::vector<Factor> factors_of(const model::Kind& kind) {
   if (is_expected || kind.coefficients.empty()) return {{1, 0}};
   std::vector<Factor> list;
   double sum = 0;
-  for (double z = -3.5; z < 4; z += 1) {
-    list.push_back({std::exp(z * numbers::size_factor_log), -0.5 * z * z});
-    sum += std::exp(-0.5 * z * z);
+  for (double z = -4.5; z < 4; z += 1) {
+    const double log_density = -1.5 * std::log1p(z * z / 2);  // Student's t of two degrees of freedom
+    list.push_back({std::exp(z * numbers::size_factor_log), log_density});
+    sum += std::exp(log_density);
   }
   for (Factor& f : list) f.log_weight -= std::log(sum);
   return list;

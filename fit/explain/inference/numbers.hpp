@@ -8,7 +8,7 @@ namespace fit::explain::numbers {
 
 constexpr double mechanisms_expected = 1;  ///< Missing of the catalogue, before the recording is seen.
 constexpr double forms_expected = 0.1;     ///< Missing outside of it.
-constexpr double size_factor_log = 1.15;   ///< Standard deviation of the logarithm of a prior size's factor.
+constexpr double size_factor_log = 1.15;   ///< Scale of the logarithm of a prior size's factor.
 constexpr double free_curve_share = 0.5;  ///< By which a curve of which only the coordinate is certain bends.
 constexpr int smooth_deviations = 6;      ///< Cosines by which a formula may bend along its coordinate.
 constexpr double named_at = 0.9, set_holds = 0.95;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "fit/explain/mean_model.hpp"
+#include "fit/explain/spread.hpp"
 
 /// The statistical model of docs/method/model.md: rows in channels, and what acts on them.
 namespace fit::explain::model {
@@ -80,6 +81,9 @@ struct ChannelKind {
   /// How well its rows agree with their predictors before and after anything was found; empty: no word.
   std::function<std::string(const ChannelRows&, const Eigen::VectorXd& before, const Eigen::VectorXd& after)>
       note;
+  /// How pictures show it, where not as its rows along a coordinate; empty: as those.
+  std::function<SpreadCurve(const ChannelRows&, const Eigen::VectorXd& before, const Eigen::VectorXd& after)>
+      picture;
   /// The rows of a session whose cells are predicted; null if it has none.
   std::function<std::unique_ptr<ChannelRows>(const Reduced&, const MeanNoise&)> rows;
 };

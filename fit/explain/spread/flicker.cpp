@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "fit/explain/model/scans.hpp"
-#include "fit/explain/spread/suspects.hpp"
 #include "fit/median.hpp"
 
 /// Mains-lit lamps, dimmers and switching supplies add a wave of 25 to 200 Hz. Beams of one scan follow each
@@ -394,12 +393,13 @@ struct Ranges {
 
 std::optional<double> flicker(const Reduced& reduced, const std::vector<Active>& from_scan_to_scan,
                               SpreadResult& result) {
+  constexpr double improbable_by_chance = 5.5;  // log Bayes factor
   // A wave of its own does not keep step with captures or mirror faces: what does is somebody else's.
   const auto [period_s, rest] =
       Ranges(reduced.groups, model::without_what_repeats(reduced, from_scan_to_scan));
   const Spectrum spectrum(rest, period_s);
   const std::vector<Spectrum::Line> lines = spectrum.lines();
-  if (lines.empty() || lines.front().evidence <= accept_rare_at) return {};
+  if (lines.empty() || lines.front().evidence <= improbable_by_chance) return {};
   const Ranges ranges(reduced.groups, reduced.sectors);
   const double amplitude_mm = std::sqrt(square_amplitude(ranges.segments, lines.front(), period_s));
   result.unknown.push_back(

@@ -8,7 +8,6 @@
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/inference/apart.hpp"
 #include "fit/explain/spread/flicker.hpp"
-#include "fit/explain/spread/suspects.hpp"
 #include "plain_room.hpp"
 #include "plain_scenes.hpp"
 
@@ -186,8 +185,10 @@ TEST_CASE("what a recording is worth between suspects of noise is told by the ch
   plain_bench::turn_round(recording, scene);
   Reduced reduced = reduce(recording, {});
   pool_variances(reduced);
-  Suspect memory = spread::suspected("correlated-noise"), jitter = spread::suspected("angle-jitter"),
-          edges = spread::suspected("mixed-pixel");
+  Suspect memory, jitter, edges;
+  memory.mechanism = fit::find_mechanism("correlated-noise");
+  jitter.mechanism = fit::find_mechanism("angle-jitter");
+  edges.mechanism = fit::find_mechanism("mixed-pixel");
   memory.parameters = {{"rho", {0.5, 0.1}}, {"share", {0.5, 0.1}}};
   jitter.parameters = {{"sigma_deg", {0.1, 0.01}}};
   edges.parameters = {{"width_deg", {0.1, 0.01}}};

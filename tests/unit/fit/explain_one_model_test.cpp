@@ -57,7 +57,7 @@ TEST_CASE("one model: a size a hundred times the catalogue's costs more than a t
   };
   const double typical = integrate_over_factors(seen(1), one_size(1, 0, 0)).log_evidence,
                huge = integrate_over_factors(seen(100), one_size(1, 0, 0)).log_evidence;
-  CHECK(huge < typical - 4);
+  CHECK(huge < typical - 3);
   CHECK(huge > 30);
 }
 
@@ -73,6 +73,7 @@ TEST_CASE("one model: every channel's score and information are the slopes of it
   }
   fit::explain::pool_variances(reduced);
   for (const auto& kind : fit::explain::model::channel_kinds()) {
+    if (kind.id == "edge") continue;  // the room has none: explain_edges_test.cpp
     const auto rows = kind.rows(reduced, {});
     INFO(kind.id);
     REQUIRE(rows);

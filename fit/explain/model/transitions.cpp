@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/model/transitions.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+namespace fit::explain::model {
+namespace {
+
+constexpr std::size_t knots = 37;
+const double first_log = std::log(Transition::hard_deg2);
+constexpr double apart = 0.3;  // of the variance's logarithm: the widest beam is 0.9 deg
+
+double variance_of(std::size_t knot) { return std::exp(first_log + apart * static_cast<double>(knot)); }
+
+/// Between two knots, as a share of their distance.
+struct Between {
+  std::size_t knot = 0;
+  double share = 0;
+};
+Between place_among_knots(double variance_deg2) {
+  const double at = (std::log(std::max(Transition::hard_deg2, variance_deg2)) - first_log) / apart;
+  const double last = static_cast<double>(knots - 1), within = std::clamp(at, 0.0, last - 1e-9);
+  return {static_cast<std::size_t>(within), within - std::floor(within)};
+}
+
+/// The most likely place of an edge, and how likely it is there.
+struct Place {
+  double shift_deg = 0, log_likelihood = -1e300;
+};
+Place best_place(const std::vector<Beside>& beams, double width_deg) {
+  Place best;
+  const double step = std::clamp(width_deg / 3, 0.01, 0.05);
+  for (double shift = -edge_reach_deg; shift <= edge_reach_deg; shift += step) {
+    const double likelihood = likelihood_of_edge(beams, shift, width_deg);
+    if (likelihood > best.log_likelihood) best = {shift, likelihood};
+  }
+  return best;
+}
+
+/// Share of the farther surface; none or all where noise and the places of both surfaces leave that open.
+double share_of(const Cell& cell, double sigma_mm) {
+  constexpr double misplaced_mm = 8;
+  const double doubt = (2 * sigma_mm + misplaced_mm) / cell.at.gap_mm;
+  return cell.far_share < doubt ? 0 : cell.far_share > 1 - doubt ? 1 : cell.far_share;
+}
+
+}  // namespace
+
+Transition::Transition(int capture, const Circumstances& at, std::vector<Beside> beams)
+    : capture_(capture), at_(at), beams_(std::move(beams)) {
+  for (std::size_t k = 0; k < knots; ++k)
+    likelihood_.push_back(best_place(beams_, std::sqrt(variance_of(k))).log_likelihood);
+  for (std::size_t k = 0; k < knots; ++k) {
+    const std::size_t below = k == 0 ? 0 : k - 1, above = std::min(knots - 1, k + 1);
+    slope_.push_back((likelihood_[above] - likelihood_[below]) / static_cast<double>(above - below));
+  }
+}
+
+// Hermite's cubics, which have no corners for a scoring step to stumble over.
+double Transition::log_likelihood(double variance_deg2) const {
+  const auto [k, s] = place_among_knots(variance_deg2);
+  const double t = 1 - s;
+  return t * t * ((1 + 2 * s) * likelihood_[k] + s * slope_[k]) +
+         s * s * ((1 + 2 * t) * likelihood_[k + 1] - t * slope_[k + 1]);
+}
+
+double Transition::score(double variance_deg2) const {
+  const auto [k, s] = place_among_knots(variance_deg2);
+  const double t = 1 - s, by_knot = 6 * s * t * (likelihood_[k + 1] - likelihood_[k]) +
+                                    t * (1 - 3 * s) * slope_[k] + s * (1 - 3 * t) * slope_[k + 1];
+  return variance_deg2 < hard_deg2 ? 0 : by_knot / apart / variance_deg2;
+}
+
+double Transition::information(double variance_deg2) const {
+  constexpr double hardly_any = 1e-4;
+  const double v = std::max(hard_deg2, variance_deg2);
+  const std::size_t k = std::clamp<std::size_t>(place_among_knots(v).knot, 1, knots - 3);
+  // Over three knots: a profile is a little uneven.
+  const double curvature =
+      (likelihood_[k] + likelihood_[k + 1] - likelihood_[k - 1] - likelihood_[k + 2]) / 2 / (apart * apart);
+  const double slope = score(v) * v, height = std::ranges::max(likelihood_) - log_likelihood(v);
+  return std::max({hardly_any, curvature, slope * slope / (2 * std::max(0.0, height) + 1)}) / (v * v);
+}
+
+double Transition::best_deg2() const {
+  const double most = std::ranges::max(likelihood_);
+  const auto first = std::ranges::find_if(likelihood_, [&](double l) { return l > most - 0.1; });
+  return variance_of(static_cast<std::size_t>(first - likelihood_.begin()));
+}
+
+double Transition::place_deg(double variance_deg2) const {
+  return best_place(beams_, std::sqrt(variance_deg2)).shift_deg;
+}
+
+std::vector<Transition> transitions(const Reduced& reduced) {
+  constexpr double most_samples = 20;  // of one beam, with what its neighbours have in common
+  struct Beams {
+    Circumstances at;
+    std::vector<Beside> list;
+    double least = 1, most = 0;
+  };
+  std::map<std::pair<int, int>, Beams> by_edge;
+  for (const Cell& cell : reduced.cells) {
+    const int n = cell.n + cell.stray;
+    if (cell.far_share < 0 || cell.edge < 0 || n < 2) continue;
+    Beams& beams = by_edge[{reduced.groups[static_cast<std::size_t>(cell.group)].capture, cell.edge}];
+    if (!(std::abs(beams.at.edge_rad) < std::abs(cell.at.edge_rad))) beams.at = cell.at;
+    const double share = share_of(cell, reduced.groups[static_cast<std::size_t>(cell.group)].sigma_mm);
+    beams.list.push_back({cell.at.edge_rad * deg_per_rad, share, std::min(most_samples, 1.0 * n)});
+    beams.least = std::min(beams.least, share);
+    beams.most = std::max(beams.most, share);
+  }
+  std::vector<Transition> all;
+  for (auto& [key, beams] : by_edge)
+    if (beams.least < 0.5 && beams.most > 0.5) all.emplace_back(key.first, beams.at, std::move(beams.list));
+  return all;
+}
+
+double pooled_deg2(const std::vector<Transition>& all) {
+  double best = Transition::hard_deg2, most = -1e300;
+  for (std::size_t k = 0; k < knots; ++k) {
+    double sum = 0;
+    for (const Transition& one : all) sum += one.log_likelihood(variance_of(k));
+    if (sum <= most + 0.1) continue;
+    most = sum;
+    best = variance_of(k);
+  }
+  return best;
+}
+
+SpreadCurve shares_along(const std::vector<Transition>& all, const Eigen::VectorXd& before_deg2,
+                         const Eigen::VectorXd& after_deg2) {
+  constexpr int points = 25;
+  constexpr double reach = 5;
+  struct Sums {
+    double beams = 0, inside = 0, samples = 0, far = 0, expected = 0, simulated = 0;
+  };
+  std::vector<Sums> sums(points);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const auto row = static_cast<Eigen::Index>(i);
+    const double width_deg = std::sqrt(after_deg2[row]), stated_deg = std::sqrt(before_deg2[row]),
+                 edge_deg = all[i].place_deg(after_deg2[row]);
+    const auto share = [](double inside_deg, double width) {
+      return 0.5 * std::erfc(inside_deg / width / std::sqrt(2.0));
+    };
+    for (const Beside& b : all[i].beams()) {
+      const double inside = b.inside_deg - edge_deg, at = (inside / width_deg / reach + 1) / 2;
+      if (at < 0 || at >= 1) continue;
+      Sums& s = sums[static_cast<std::size_t>(at * points)];
+      s.beams += 1;
+      s.inside += inside;
+      s.samples += b.n;
+      s.far += b.n * b.far_share;
+      s.expected += b.n * share(inside, width_deg);
+      s.simulated += b.n * share(inside, stated_deg);
+    }
+  }
+  SpreadCurve curve;
+  curve.shows = "share of the farther surface";
+  curve.observable = Observable::range_distribution;
+  curve.coordinate = Coordinate::edge_distance;
+  for (const Sums& s : sums) {
+    if (s.samples <= 0) continue;
+    const double share = s.far / s.samples, least = 0.5 / s.samples,
+                 u = std::sqrt(std::max(least, share * (1 - share)) / s.samples);
+    curve.add(s.inside / s.beams, {share, u}, s.simulated / s.samples, s.expected / s.samples);
+  }
+  return curve;
+}
+
+}  // namespace fit::explain::model

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: MIT
+// Edges before a surface farther off: a wide beam and angles that scatter look alike there, and nowhere else.
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <random>
+#include <string>
+
+#include "fit/explain/explanation.hpp"
+#include "fit/explain/model/channel.hpp"
+#include "plain_scenes.hpp"
+
+namespace {
+
+using fit::explain::Explanation;
+using plain_bench::degree;
+using plain_bench::Deviation;
+using plain_bench::PlainScene;
+
+const fit::explain::Found* found(const Explanation& e, const std::string& id) {
+  const auto is_it = [&](const fit::explain::Found& f) { return f.mechanism->id == id; };
+  const auto at = std::ranges::find_if(e.mechanisms, is_it);
+  return at == e.mechanisms.end() ? nullptr : &*at;
+}
+
+PlainScene boards() {
+  return {.walls = plain_bench::furnished, .steps = 1081, .front_step = 540, .step_deg = 0.25};
+}
+
+Explanation explained(const PlainScene& scene, unsigned seed, const plain_bench::Conceal& conceal) {
+  SyntheticRecording recording = plain_bench::recorded(scene, seed, conceal);
+  plain_bench::turn_round(recording, scene, 8, 30);
+  return fit::explain::explain({&recording}, {});
+}
+
+TEST_CASE("angles drawn anew for every scan widen edges, and are no wide beam") {
+  const auto jitter = [](double, double, double time_s) {
+    std::mt19937 of_scan(static_cast<unsigned>(std::lround(time_s * 40)));
+    return Deviation{.beam_rad = 0.15 * degree * std::normal_distribution<double>()(of_scan)};
+  };
+  const Explanation e = explained(boards(), 5, jitter);
+  INFO(to_text(e));
+  const auto* angles = found(e, "angle-jitter");
+  REQUIRE(angles);
+  CHECK(angles->parameters.at("sigma_deg").value == Approx(0.15).epsilon(0.15));
+  CHECK_FALSE(found(e, "mixed-pixel"));
+}
+
+TEST_CASE("a beam that meets either surface beside an edge, and no noisier wall, is a wide one") {
+  PlainScene scene = boards();
+  scene.u_mm = scene.u_mount_mm = 0.1;  // what is a wide beam here is one where the scene really stands
+  scene.u_deg = scene.u_yaw_deg = 0.01;
+  std::mt19937 random(7);
+  const auto wide = [&](double beam_rad, double stage_rad, double) {
+    const Deviation aside{.beam_rad = 0.2 * degree * std::normal_distribution<double>()(random)};
+    const auto middle = look(scene, {}, stage_rad, beam_rad),
+               there = look(scene, {}, stage_rad, beam_rad, aside);
+    const bool at_edge = middle && there && std::abs(middle->range_mm - there->range_mm) > 200;
+    return at_edge ? aside : Deviation{};
+  };
+  const Explanation e = explained(scene, 6, wide);
+  INFO(to_text(e));
+  const auto* beam = found(e, "mixed-pixel");
+  REQUIRE(beam);
+  const fit::Estimate width = beam->parameters.at("width_deg");
+  CHECK(std::abs(width.value - 0.2) < 2 * width.u);
+  CHECK(width.value == Approx(0.2).epsilon(0.3));
+  CHECK_FALSE(found(e, "angle-jitter"));
+  const auto shares = std::ranges::find(e.spread_curves, fit::Coordinate::edge_distance,
+                                        &fit::explain::SpreadCurve::coordinate);
+  REQUIRE(shares != e.spread_curves.end());
+  CHECK(shares->recorded.front() > 0.9);
+  CHECK(shares->recorded.back() < 0.1);
+}
+
+TEST_CASE("edges of a narrow beam that stand elsewhere than stated are hard") {
+  PlainScene scene = boards();
+  scene.u_mm = 8;
+  const Explanation e = explained(scene, 8, [](double, double, double) { return Deviation{}; });
+  INFO(to_text(e));
+  CHECK(e.verdict == fit::explain::nothing_missing);
+}
+
+TEST_CASE("the score of an edge's width is the slope of its likelihood, and hard edges have none") {
+  SyntheticRecording recording =
+      plain_bench::recorded(boards(), 9, [](double, double, double) { return Deviation{}; });
+  plain_bench::turn_round(recording, boards(), 4, 10);
+  const fit::explain::Reduced reduced = fit::explain::reduce(recording, {});
+  const auto rows =
+      fit::explain::model::channel_kinds()[fit::explain::model::channel_of("edge")].rows(reduced, {});
+  REQUIRE(rows);
+  REQUIRE(rows->rows() > 6);
+  for (const double at : {0.0003, 0.01, 0.3}) {
+    const Eigen::VectorXd eta = Eigen::VectorXd::Constant(rows->rows(), at),
+                          one = Eigen::VectorXd::Ones(rows->rows());
+    const double step = 1e-4 * at,
+                 slope = (rows->log_likelihood(eta + step * one) - rows->log_likelihood(eta - step * one)) /
+                         (2 * step);
+    CHECK(rows->whitened(one, eta).col(0).dot(rows->white_residual(eta)) == Approx(slope).epsilon(1e-3));
+    CHECK(slope <= 0);
+  }
+}
+
+}  // namespace
