@@ -62,8 +62,7 @@ void report_doubts(const Findings& findings, Explanation& out) {
   if (means.excess > 1) note(on_excess(means.excess));
   const double grid_deg = reduced.bench.lidar.step_rad * deg_per_rad;
   for (const Suspect& suspect : findings.spread.accepted)
-    if (suspect.mechanism->id == "angle-jitter" &&
-        is_rounding(suspect.parameters.at("sigma_deg"), grid_deg))
+    if (suspect.mechanism->id == "angle-jitter" && is_rounding(suspect.parameters.at("sigma_deg"), grid_deg))
       note(on_rounded_angles(grid_deg));
 }
 
