@@ -128,7 +128,10 @@ struct Parameter {
   double typical = 1;   ///< Size: standard deviation of the prior around `expected`.
   double expected = 0;  ///< Shape: what a bench file that leaves it out means; 0: the lower bound.
   double largest = std::numeric_limits<double>::infinity();  ///< Size: what physics allows at most.
-  int sign = 0;                 ///< Size: +1 or -1 when physics allows only one sign.
+  int sign = 0;  ///< Size: +1 or -1 when physics allows only one sign.
+  /// Size: how far what shows may be from what the parameter means, as a share of it, from device to device.
+  /// Part of its stated uncertainty.
+  double own_affair = 0;
   bool any_curve = false;       ///< Size that may be missing apart: as of Mechanism, for what it does alone.
   double lower = 0, upper = 1;  ///< Shape: bounds.
   int starts = 8;  ///< Shape: points of the first search, spread by the logarithm if `logarithmic`.

@@ -92,6 +92,7 @@ model::ChannelKind make_edge() {
   model::ChannelKind kind;
   kind.id = "edge";
   kind.observable = Observable::range_distribution;
+  kind.has_forms = false;
   kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
     std::vector<Transition> list = model::transitions(reduced);
     if (list.empty()) return nullptr;

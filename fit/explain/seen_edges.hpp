@@ -17,6 +17,7 @@ struct Beside {
   double inside_deg = 0;  ///< From where the bench has the edge; positive on the nearer surface.
   double far_share = 0, n = 0;
   bool between = false;
+  double on_neither = 0;  ///< Samples between the two surfaces.
   /// Place of the mean between the planes of the two surfaces, not cut off at them, and its noise.
   double place = 0, u_place = 0;
 };

@@ -15,8 +15,7 @@ Mechanism make_mixed_pixel() {
   m.coordinate = Coordinate::edge_distance;
   m.geometric = true;
   // A receiver that favours the stronger of two echoes changes over in less than the beam's width.
-  m.formula_error = 0.3;
-  m.parameters = {{.name = "width_deg", .typical = 0.2, .sign = 1}};
+  m.parameters = {{.name = "width_deg", .typical = 0.2, .sign = 1, .own_affair = 1.5}};
   m.act = [](const Circumstances&, std::span<const double> p) {
     return Effect{.footprint_rad = p[0] * rad_per_deg};
   };

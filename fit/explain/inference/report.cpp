@@ -17,12 +17,12 @@ bool is_of_the_means(const Kind& kind) { return moves_means(*kind.mechanism); }
 std::map<std::string, Estimate> parameters_of(const Term& term) {
   std::map<std::string, Estimate> map;
   for (std::size_t k = 0; k < term.values.size(); ++k) {
-    if (term.kind->size && k != *term.kind->size &&
-        term.kind->mechanism->parameters[k].role == Parameter::Role::size)
+    const Parameter& p = term.kind->mechanism->parameters[k];
+    if (term.kind->size && k != *term.kind->size && p.role == Parameter::Role::size)
       continue;                                     // another kind's
     if (std::abs(term.values[k]) >= 1e9) continue;  // says "always"
-    map[term.kind->mechanism->parameters[k].name] = {term.values[k],
-                                                     k < term.sigma.size() ? term.sigma[k] : 0.0};
+    const double u = k < term.sigma.size() ? term.sigma[k] : 0.0;
+    map[p.name] = {term.values[k], std::hypot(u, p.own_affair * term.values[k])};
   }
   return map;
 }

@@ -74,6 +74,7 @@ struct ChannelKind {
   std::string shows, unit;               ///< What pictures of it show.
   bool is_square = false;                ///< Pictures show its root.
   std::vector<Coordinate> always_drawn;  ///< Along which pictures show it whatever was found.
+  bool has_forms = true;                 ///< Whether unnamed functions are asked for here.
   std::string table;  ///< What tables of bench files add to, if they can tell what an unnamed function does
                       ///< here (fit/empirical.hpp).
   /// Puts its nuisances as they were found into the bench, where that states them; empty: it does not.

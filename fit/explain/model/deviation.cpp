@@ -60,7 +60,6 @@ struct Typical {
                                                &Effect::beam_angle_variance_rad2,
                                                &Effect::lost,
                                                &Effect::stray,
-                                               &Effect::footprint_rad,
                                                &Effect::late,
                                                &Effect::early,
                                                &Effect::log_intensity};

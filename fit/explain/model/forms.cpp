@@ -272,7 +272,8 @@ void add_forms(const std::vector<ChannelKind>& what,
   const std::size_t named = kinds.size();
   for (std::size_t c = 0; c < channels.size(); ++c) {
     const auto acts_here = [&](Act on) {
-      return channels[c] && what[c].observable == observable_of(on) && responds(*channels[c], on);
+      return channels[c] && what[c].has_forms && what[c].observable == observable_of(on) &&
+             responds(*channels[c], on);
     };
     for (const Way& way : ways)
       if (acts_here(way.on) && channels[c]->sees(way.coordinate)) add_forms_along(way, *channels[c], kinds);

@@ -91,6 +91,15 @@ double Transition::best_deg2() const {
   return variance_of(static_cast<std::size_t>(first - likelihood_.begin()));
 }
 
+double Transition::between() const {
+  constexpr double least_deg = 0.3;
+  const double reach_deg = std::max(least_deg, 3 * std::sqrt(best_deg2())), edge_deg = place_deg(best_deg2());
+  double sum = 0;
+  for (const Beside& b : beams_)
+    if (std::abs(b.inside_deg - edge_deg) < reach_deg) sum += b.on_neither;
+  return sum;
+}
+
 double Transition::place_deg(double variance_deg2) const {
   return best_place(beams_, std::sqrt(variance_deg2)).shift_deg;
 }
@@ -109,7 +118,12 @@ std::vector<Transition> transitions(const Reduced& reduced) {
     Beams& beams = by_edge[{reduced.groups[static_cast<std::size_t>(cell.group)].capture, cell.edge}];
     if (!(std::abs(beams.at.edge_rad) < std::abs(cell.at.edge_rad))) beams.at = cell.at;
     const double share = share_of(cell, reduced.groups[static_cast<std::size_t>(cell.group)].sigma_mm);
-    beams.list.push_back({cell.at.edge_rad * deg_per_rad, share, std::min(most_samples, 1.0 * n)});
+    Beside beside;
+    beside.inside_deg = cell.at.edge_rad * deg_per_rad;
+    beside.far_share = share;
+    beside.n = std::min(most_samples, 1.0 * n);
+    beside.on_neither = std::min(most_samples, 1.0 * cell.between);
+    beams.list.push_back(beside);
     beams.least = std::min(beams.least, share);
     beams.most = std::max(beams.most, share);
   }

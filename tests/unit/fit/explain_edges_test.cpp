@@ -64,13 +64,34 @@ TEST_CASE("a beam that meets either surface beside an edge, and no noisier wall,
   REQUIRE(beam);
   const fit::Estimate width = beam->parameters.at("width_deg");
   CHECK(std::abs(width.value - 0.2) < 2 * width.u);
-  CHECK(width.value == Approx(0.2).epsilon(0.3));
+  CHECK(width.value == Approx(0.2).epsilon(0.15));
   CHECK_FALSE(found(e, "angle-jitter"));
   const auto shares = std::ranges::find(e.spread_curves, fit::Coordinate::edge_distance,
                                         &fit::explain::SpreadCurve::coordinate);
   REQUIRE(shares != e.spread_curves.end());
   CHECK(shares->recorded.front() > 0.9);
   CHECK(shares->recorded.back() < 0.1);
+}
+
+TEST_CASE("few samples between two surfaces are a wide beam's, and neither outliers nor loose angles") {
+  PlainScene scene = boards();
+  scene.u_mm = scene.u_mount_mm = 0.1;
+  scene.u_deg = scene.u_yaw_deg = 0.01;
+  const auto blended = [&](const plain_bench::Sample& sample, std::mt19937&) {
+    const auto seen_at = [&](double aside) {
+      return look(scene, {}, sample.stage_rad, sample.beam_rad + aside * degree);
+    };
+    const auto left = seen_at(-0.12), right = seen_at(0.12);
+    const bool at_edge = left && right && std::abs(left->range_mm - right->range_mm) > 200;
+    return at_edge ? (left->range_mm + right->range_mm) / 2 : sample.range_mm;
+  };
+  SyntheticRecording recording = plain_bench::recorded(
+      scene, 12, [](double, double, double) { return Deviation{}; }, blended);
+  plain_bench::turn_round(recording, scene, 6, 6);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  CHECK(e.mechanisms.front().mechanism->id == "mixed-pixel");
 }
 
 TEST_CASE("edges of a narrow beam that stand elsewhere than stated are hard") {
