@@ -20,6 +20,7 @@ Mechanism make_air_index() {
     const double warmer_k = std::isfinite(c.temperature_k) ? c.temperature_k : 0;
     return Effect{.range_mm = (p[0] + p[1] * warmer_k) * c.range_mm};
   };
+  m.looks_like = {"range-scale"};  // that is small
   m.says = [](const Finding& f) {
     const auto ppm = [&](const char* name) { return Estimate{1e6 * f.at(name).value, 1e6 * f.at(name).u}; };
     return "Distances are in proportion off by " + with_uncertainty(ppm("index_error"), "ppm") + " and by " +

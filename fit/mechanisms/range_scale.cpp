@@ -15,6 +15,7 @@ Mechanism make_range_scale() {
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = p[0] * c.range_mm};
   };
+  m.looks_like = {"air-index"};  // which is never more than 0.03 %
   m.says = [](const Finding& f) {
     return "Distances read in proportion too " + std::string(f.at("scale").value > 0 ? "long" : "short") +
            " by " + with_uncertainty({f.at("scale").value * 1000, f.at("scale").u * 1000}, "mm per metre") +
