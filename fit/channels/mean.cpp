@@ -41,6 +41,7 @@ class Means final : public model::ChannelRows {
       list[i] = log_weights_[i] - 0.5 * list[i] * list[i] / model_.variance_of_mean(i);
     return list;
   }
+  [[nodiscard]] bool has_fixed_information() const override { return true; }
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
     return model_.whitened(std::move(columns));
   }

@@ -59,6 +59,7 @@ class Memory final : public model::ChannelRows {
   [[nodiscard]] Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const override {
     return -0.5 * white_residual(eta).cwiseAbs2();
   }
+  [[nodiscard]] bool has_fixed_information() const override { return true; }
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
     Index first = 0;
     for (const Block& b : blocks_) {

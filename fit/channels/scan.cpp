@@ -49,6 +49,7 @@ class Scans final : public model::ChannelRows {
     return -0.5 * white_residual(eta).cwiseAbs2();
   }
   /// Less the mean of their block, which the cells' means have taken.
+  [[nodiscard]] bool has_fixed_information() const override { return true; }
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
     for (Index k = 0; k < columns.cols(); ++k)
       for (const std::vector<Index>& block : blocks_) {

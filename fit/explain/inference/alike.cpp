@@ -88,7 +88,7 @@ std::vector<Member> rivals_of(const Session& session, const Fitted& best, const 
     Hypothesis other = less;
     other.terms.push_back(candidate.term);
     const Hypothesis fitted = fit(session, other).hypothesis;
-    if (fitted.log_likelihood < best.hypothesis.log_likelihood + numbers::contradicted_at) continue;
+    if (fitted.log_fit < best.hypothesis.log_fit + numbers::contradicted_at) continue;
     rivals.push_back({candidate.term.kind, std::exp(fitted.log_posterior() - best.hypothesis.log_posterior()),
                       fitted.terms.back()});
   }

@@ -63,7 +63,9 @@ Scored scored(const Session& session, const Design& design, Optimum& there, For 
       there.white_residual[c] = there.white_residual[c].cwiseProduct(
           rows.information(eta).cwiseQuotient(rows.information(at)).cwiseSqrt());
     const Eigen::VectorXd along = there.white[c].transpose() * there.white_residual[c];
-    const Eigen::MatrixXd square = there.white[c].transpose() * there.white[c];
+    Eigen::MatrixXd square = Eigen::MatrixXd::Zero(there.white[c].cols(), there.white[c].cols());
+    square.selfadjointView<Eigen::Lower>().rankUpdate(there.white[c].transpose());
+    square.triangularView<Eigen::StrictlyUpper>() = square.transpose();
     const std::vector<Index>& index = design.parts[c].index;
     for (std::size_t i = 0; i < index.size(); ++i) {
       s.gradient[index[i]] += along[static_cast<Index>(i)];
@@ -128,8 +130,13 @@ Optimum optimum_of(const Session& session, const Design& design, const Eigen::Ve
 Optimum raised(const Session& session, const Design& design, const Optimum& optimum) {
   Optimum there = optimum;
   there.factor.compute(scored(session, design, there, For::new_terms).information);
-  for (std::size_t c = 0; c < there.eta.size(); ++c)
-    if (session.channels()[c]) there.eta[c] = session.channels()[c]->raised(there.eta[c]);
+  there.root.resize(there.eta.size());
+  for (std::size_t c = 0; c < there.eta.size(); ++c) {
+    if (!session.channels()[c]) continue;
+    const ChannelRows& rows = *session.channels()[c];
+    there.eta[c] = rows.raised(there.eta[c]);
+    if (!rows.has_fixed_information()) there.root[c] = rows.information(there.eta[c]).cwiseSqrt();
+  }
   return there;
 }
 
@@ -243,9 +250,10 @@ Fitted solved(const Session& session, std::vector<Term> terms) {
       within_bounds(result.design, result.optimum.x + step_of(there, result.design, result.optimum.x));
   Hypothesis& h = result.hypothesis;
   for (const Term& term : terms) h.log_prior += term.kind->log_prior;
-  h.log_likelihood = result.optimum.log_likelihood;
   h.eta = result.optimum.eta;
   const Index base = session.count_base();
+  const Eigen::VectorXd strain = result.optimum.x.head(base) - result.design.mean.head(base);
+  h.log_fit = result.optimum.log_likelihood - 0.5 * strain.squaredNorm();
   h.base = result.design.sigma.head(base).cwiseProduct(result.optimum.x.head(base));
   const Index k = result.design.mean.size();
   const Eigen::MatrixXd covariance = result.optimum.factor.solve(Eigen::MatrixXd::Identity(k, k));

@@ -36,6 +36,7 @@ struct Optimum {
   std::vector<Eigen::VectorXd> eta;
   std::vector<Eigen::MatrixXd> white;  ///< Columns of every channel, whitened there.
   std::vector<Eigen::VectorXd> white_residual;
+  std::vector<Eigen::VectorXd> root;   ///< Of the information of independent rows; only where `raised`.
   Eigen::LLT<Eigen::MatrixXd> factor;  ///< Of the information with the priors'.
   double log_likelihood = 0, log_posterior = -1e300;
 };

@@ -190,7 +190,26 @@ class Question {
     return term;
   }
 
-  /// With the base and present terms integrated out.
+  [[nodiscard]] std::vector<Eigen::MatrixXd> whitened(std::vector<Eigen::MatrixXd> columns) const {
+    for (std::size_t c = 0; c < columns.size(); ++c)
+      if (columns[c].cols() > 0)
+        columns[c] = session_->channels()[c]->whitened(std::move(columns[c]), around_->eta[c]);
+    return columns;
+  }
+
+  /// At one of its starts.
+  [[nodiscard]] std::vector<Eigen::MatrixXd> whitened_at(std::size_t start) const {
+    const std::vector<Eigen::MatrixXf>& columns = session_->columns_at(*kind_, start);
+    std::vector<Eigen::MatrixXd> white(columns.size());
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      white[c] = columns[c].cast<double>();
+      if (white[c].cols() > 0 && around_->root[c].size() > 0)
+        white[c] = around_->root[c].asDiagonal() * white[c];
+    }
+    return white;
+  }
+
+  /// Of whitened columns, with the base and present terms integrated out.
   [[nodiscard]] Quadratic projected(const std::vector<Eigen::MatrixXd>& columns) const {
     Index k = 0;
     for (const auto& c : columns) k = std::max(k, c.cols());
@@ -198,7 +217,7 @@ class Question {
     Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(fitted_->design.mean.size(), k);
     for (std::size_t c = 0; c < columns.size(); ++c) {
       if (columns[c].cols() == 0) continue;
-      const Eigen::MatrixXd white = session_->channels()[c]->whitened(columns[c], around_->eta[c]);
+      const Eigen::MatrixXd& white = columns[c];
       q.square += white.transpose() * white;
       q.along += white.transpose() * around_->white_residual[c];
       const Eigen::MatrixXd with = around_->white[c].transpose() * white;
@@ -209,16 +228,19 @@ class Question {
     return q;
   }
 
+  [[nodiscard]] std::vector<Eigen::MatrixXd> columns_of(const Term& term) const {
+    std::vector<Eigen::MatrixXd> columns(session_->channels().size());
+    for (std::size_t c = 0; c < columns.size(); ++c)
+      if (kind_->acts_in[c]) columns[c] = model::columns_of(*session_->channels()[c], *kind_, term.values);
+    return columns;
+  }
+
   /// At those shapes, over all sizes; the term gets the best.
   double with_sizes(Term& term, std::optional<std::size_t> start = {}) const {
     const double without_size = kind_->acts_without_size ? gain_of_offset(term) : 0;
     if (kind_->coefficients.empty()) return without_size;
-    std::vector<Eigen::MatrixXd> columns(session_->channels().size());
-    for (std::size_t c = 0; c < columns.size(); ++c)
-      if (kind_->acts_in[c])
-        columns[c] = start ? Eigen::MatrixXd(session_->columns_at(*kind_, *start)[c].cast<double>())
-                           : model::columns_of(*session_->channels()[c], *kind_, term.values);
-    const OverFactors over = integrate_over_factors(projected(columns), *kind_);
+    const OverFactors over =
+        integrate_over_factors(projected(start ? whitened_at(*start) : whitened(columns_of(term))), *kind_);
     if (!over.best.value.allFinite()) return -1e300;
     model::set_coefficients(term, over.best.value, over.best.covariance);
     term.factor = over.factor;
@@ -242,7 +264,8 @@ class Question {
       columns[c].resize(rows.rows(), sizes.cols() + places.cols() + deviations.cols());
       columns[c] << sizes, places, deviations;
     }
-    return without_size + integrate_over_factors(projected(columns), *kind_).log_evidence +
+    return without_size +
+           integrate_over_factors(projected(whitened(std::move(columns))), *kind_).log_evidence +
            static_cast<double>(shapes) * 0.5 * std::log(2 * pi / 12);
   }
 

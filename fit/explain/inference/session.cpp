@@ -87,8 +87,11 @@ const std::vector<Eigen::MatrixXf>& Session::columns_at(const Kind& kind, std::s
     for (const auto& values : kind.starts) {
       by_start.emplace_back(channels_.size());
       for (std::size_t c = 0; c < channels_.size(); ++c)
-        if (kind.acts_in[c])
-          by_start.back()[c] = model::columns_of(*channels_[c], kind, values).cast<float>();
+        if (kind.acts_in[c]) {
+          Eigen::MatrixXd columns = model::columns_of(*channels_[c], kind, values);
+          if (channels_[c]->has_fixed_information()) columns = channels_[c]->whitened(std::move(columns), {});
+          by_start.back()[c] = columns.cast<float>();
+        }
     }
   return by_start[start];
 }

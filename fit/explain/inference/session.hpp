@@ -18,7 +18,7 @@ struct Hypothesis {
   std::vector<Term> terms;
   Eigen::VectorXd base;  ///< Nuisances of all channels, one after the other.
   double log_evidence = -1e300, log_prior = 0;
-  double log_likelihood = -1e300;
+  double log_fit = -1e300;           ///< Log-likelihood, with what the bench file says of the nuisances.
   std::vector<Eigen::VectorXd> eta;  ///< The fitted predictor of every channel.
 
   [[nodiscard]] double log_posterior() const { return log_evidence + log_prior; }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/term.hpp"
@@ -138,7 +139,16 @@ Eigen::MatrixXd deviation_columns(const ChannelRows& channel, const Term& term) 
     const bool acts = kind.target < 0 || at.target == kind.target;
     const double size = acts ? channel.response(i, typical.rms) : 0;
     columns(i, 0) = size * (any_curve ? 1 : share / 2);
-    for (int k = 1; k < cosines; ++k) columns(i, k) = size * share / k * std::cos(k * pi * (x[i] + 1) / 2);
+    if (size == 0) {
+      columns.row(i).setZero();
+      continue;
+    }
+    const double first = std::cos(pi * (x[i] + 1) / 2);  // the others by Chebyshev's recurrence
+    double before = 1, now = first;
+    for (int k = 1; k < cosines; ++k) {
+      columns(i, k) = size * share / k * now;
+      before = std::exchange(now, 2 * first * now - before);
+    }
   }
   return columns;
 }
