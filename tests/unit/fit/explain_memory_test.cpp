@@ -144,8 +144,8 @@ TEST_CASE("how much noise remembers, and for how long, lies within what is state
   CHECK(inside_share >= least_successes(all, 0.95));
 }
 
-TEST_CASE("what one capture remembers and the others do not is no correlated noise") {
-  for (unsigned seed = 1; seed <= 5; ++seed) {
+TEST_CASE("what one capture remembers and the others do not is no correlated noise", "[rounds]") {
+  for (unsigned seed = 1; seed <= rounds(5); ++seed) {
     const NoiseFindings result = spread_of({{0.8, 0.9}}, 150, seed, 1);
     INFO(result.in_words());
     CHECK_FALSE(memory_in(result));

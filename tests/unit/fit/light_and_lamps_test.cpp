@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <functional>
@@ -156,8 +157,10 @@ TEST_CASE("without light nothing is reported") {
   }
 }
 
-TEST_CASE("coarse steps of the range make no noise of a few beams, and hide none that is clear") {
-  const int step_mm = GENERATE(3, 7, 10, 16);
+TEST_CASE("coarse steps of the range make no noise of a few beams, and hide none that is clear", "[rounds]") {
+  const unsigned round = GENERATE(0U, 1U, 2U, 3U);
+  if (round >= rounds(8)) return;  // two in the suite
+  const int step_mm = std::array{7, 16, 3, 10}[round];
   const auto shines = GENERATE(false, true);
   const Explanation e = explained(
       [shines](double beam_deg, double, double) {
