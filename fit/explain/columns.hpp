@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "fit/explain/mean_model.hpp"
+#include "fit/explain/model/coefficient.hpp"
 
 namespace fit::explain {
 
@@ -37,26 +38,18 @@ struct Columns {
 /// What a term does to every mean to first order, mm; 0 where it says nothing.
 [[nodiscard]] Eigen::VectorXd effect_of(const MeanModel& model, const Term& term);
 
-/// Linear coefficients of a term: sizes as they are, a size with a phase as its sine and cosine part.
-[[nodiscard]] std::vector<double> linear_coefficients(const Term& term);
-/// Puts linear coefficients back, with their covariance (for uncertainties), shape parameters after them.
-void set_coefficients(Term& term, const Eigen::VectorXd& values, const Eigen::MatrixXd& covariance);
+/// A term's columns: of its sizes, with the catalogue's priors; of its shapes, in units of their priors; and
+/// of how real causes deviate from its formula.
+struct TermColumns {
+  std::vector<model::Coefficient> sizes_of;  ///< What each column of `sizes` is.
+  Eigen::VectorXd at;                        ///< Their present values.
+  Columns sizes, shapes, deviations;
+};
+[[nodiscard]] TermColumns columns_of(const MeanModel& model, const Term& term);
 
-/// Columns of the linear coefficients at the term's shape values, and their prior around zero.
-[[nodiscard]] Columns linear_columns(const MeanModel& model, const Term& term);
-/// Whether a term cuts ranges into bins: its effect jumps, and neighbouring beams differ.
-[[nodiscard]] bool is_comb(const Mechanism& mechanism);
-/// Whether a size is the amplitude of a wave, its phase being the next parameter.
-[[nodiscard]] bool has_phase(const Mechanism& mechanism, std::size_t size);
-/// Derivatives by the shape parameters, in the unit in which they are searched (logarithm or value).
-[[nodiscard]] Columns shape_columns(const MeanModel& model, const Term& term);
-/// A smooth correction of a few per cent on the term's own coordinate: real causes only resemble formulas.
-/// Of play, where in it the stage stood before its first move.
-[[nodiscard]] Columns freedom_columns(const MeanModel& model, const Term& term);
 /// A row's coordinate, file unit; not finite where it has none.
 [[nodiscard]] double coordinate_at(const MeanModel& model, Coordinate coordinate, Eigen::Index row);
-/// The coordinate of every row, scaled to -1 .. 1 over the recording; where its values are very uneven,
-/// partly by rank.
+/// The coordinate of every row, scaled to -1 .. 1 over the recording (model/scale.hpp).
 [[nodiscard]] Eigen::VectorXd scaled_coordinate(const MeanModel& model, Coordinate coordinate);
 
 /// Joins columns side by side.

@@ -9,11 +9,11 @@
 
 #include "fit/explain/answer/chapters.hpp"
 #include "fit/explain/coarse_steps.hpp"
+#include "fit/explain/flicker.hpp"
 #include "fit/explain/inference/explain.hpp"
 #include "fit/explain/model/transitions.hpp"
 #include "fit/explain/reduction/steady_echoes.hpp"
 #include "fit/explain/single_beams.hpp"
-#include "fit/explain/spread/flicker.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/explain/twin.hpp"
 #include "fit/median.hpp"
@@ -75,8 +75,8 @@ Searched search(Reduced reduced, const Progress& progress) {
   SpreadResult spread = before_the_model(reduced);
   inference::Inferred inferred = inference::infer(reduced, spread.noise, progress);
   // A lamp keeps no step with captures: whatever does is known by now.
-  if (const auto hz = spread::flicker(reduced, inferred.of_scans, spread)) {
-    spread::take_off_flicker(*hz, reduced);
+  if (const auto hz = mains::flicker(reduced, inferred.of_scans, spread)) {
+    mains::take_off_flicker(*hz, reduced);
     inferred = inference::infer(reduced, spread.noise, progress);
   }
   std::optional<StrayLight> light = stray_light(reduced, inferred.means);

@@ -9,8 +9,6 @@
 
 namespace fit::explain {
 
-using Role = Parameter::Role;
-
 bool moves_means(const Mechanism& m) {
   return m.observable == Observable::range_mean && m.coordinate != Coordinate::scan_seq;
 }
@@ -82,37 +80,32 @@ Base base_columns(const MeanModel& model, const Hypothesis& h) {
   base.all.prior.mean = stated.as_vector() - h.nuisance.as_vector();
   base.all.prior.sigma = h.bench_u;
   for (const Term& term : known_terms(bench)) {
-    Columns c = linear_columns(model, term);
-    std::size_t k = 0;
-    for (std::size_t p = 0; p < term.values.size(); ++p) {
-      if (term.mechanism->parameters[p].role != Role::size) continue;
-      const bool phased = has_phase(*term.mechanism, p);
-      const double u = phased ? std::hypot(term.sigma[p], term.values[p] * term.sigma[p + 1] * rad_per_deg)
-                              : term.sigma[p];
-      for (int copy = 0; copy < (phased ? 2 : 1); ++copy, ++k) {
-        c.prior.mean[static_cast<Eigen::Index>(k)] = 0;
-        c.prior.sigma[static_cast<Eigen::Index>(k)] = std::max(1e-12, 1.5 * u);
-      }
+    TermColumns c = columns_of(model, term);
+    for (std::size_t k = 0; k < c.sizes_of.size(); ++k) {
+      const std::size_t p = c.sizes_of[k].parameter;
+      const double u = c.sizes_of[k].has_phase
+                           ? std::hypot(term.sigma[p], term.values[p] * term.sigma[p + 1] * rad_per_deg)
+                           : term.sigma[p];
+      c.sizes.prior.mean[static_cast<Eigen::Index>(k)] = 0;
+      c.sizes.prior.sigma[static_cast<Eigen::Index>(k)] = std::max(1e-12, 1.5 * u);
     }
-    add(base.all, c);
-    add(base.all, freedom_columns(model, term));
+    add(base.all, c.sizes);
+    add(base.all, c.deviations);
   }
   for (const Term& term : h.terms) {
-    Columns c = linear_columns(model, term);
-    const std::vector<double> now = linear_coefficients(term);
+    TermColumns c = columns_of(model, term);
+    Prior& prior = c.sizes.prior;
     // A coefficient that is expected to be something does not become certain by being just that.
-    double ratio = c.prior.mean.isZero() ? 1e-4 : 1;
-    for (std::size_t k = 0; k < now.size(); ++k) {
-      const auto i = static_cast<Eigen::Index>(k);
-      ratio = std::max(ratio, 1.2 * std::abs(now[k] - c.prior.mean[i]) / c.prior.sigma[i]);
-    }
-    for (std::size_t k = 0; k < now.size(); ++k) c.prior.mean[static_cast<Eigen::Index>(k)] -= now[k];
-    c.prior.sigma *= ratio;
-    add(c, shape_columns(model, term));
+    double ratio = prior.mean.isZero() ? 1e-4 : 1;
+    for (Eigen::Index k = 0; k < c.at.size(); ++k)
+      ratio = std::max(ratio, 1.2 * std::abs(c.at[k] - prior.mean[k]) / prior.sigma[k]);
+    prior.mean -= c.at;
+    prior.sigma *= ratio;
     base.term_first.push_back(base.all.columns_mm.cols());
-    base.term_count.push_back(c.columns_mm.cols());
-    add(base.all, c);
-    add(base.all, freedom_columns(model, term));
+    base.term_count.push_back(c.sizes.columns_mm.cols() + c.shapes.columns_mm.cols());
+    add(base.all, c.sizes);
+    add(base.all, c.shapes);
+    add(base.all, c.deviations);
   }
   for (const Shape& shape : h.shapes) {
     base.shape_first.push_back(base.all.columns_mm.cols());

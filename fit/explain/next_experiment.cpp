@@ -148,12 +148,12 @@ struct Suspected {
 Suspected suspected(const Term& term) {
   return {term.mechanism->id, [&term](const MeanModel& model) { return effect_of(model, term); },
           [&term](const MeanModel& model) {
-            Columns c = linear_columns(model, term);
-            c.prior.mean.setZero();
-            c.prior.sigma *= 10;
-            add(c, shape_columns(model, term));
-            add(c, freedom_columns(model, term));
-            return c;
+            TermColumns c = columns_of(model, term);
+            c.sizes.prior.mean.setZero();
+            c.sizes.prior.sigma *= 10;
+            add(c.sizes, c.shapes);
+            add(c.sizes, c.deviations);
+            return c.sizes;
           }};
 }
 
@@ -235,7 +235,7 @@ void judge(Experiment& e, const Eigen::MatrixXd& apart, const std::vector<std::s
 }
 
 bool better(const Experiment& a, const Experiment& b) {
-  constexpr double same_information = 0.05, same_odds = 1, beyond_doubt = 10;
+  constexpr double same_information = 0.05, same_odds = 1, beyond_doubt = 4.6;  // a hundred to one
   if (std::abs(a.information - b.information) > same_information) return a.information > b.information;
   const double odds_a = std::min(a.expected, beyond_doubt), odds_b = std::min(b.expected, beyond_doubt);
   if (std::abs(odds_a - odds_b) > same_odds) return odds_a > odds_b;

@@ -20,20 +20,26 @@ struct Columns {
   Prior prior;
 };
 
-/// The rows of one statistic. Their distribution depends on a linear predictor (eta): a sum over nuisances
-/// and terms.
-class ChannelRows {
+/// Rows with a predictor to which effects add, each in circumstances of its own.
+class Rows {
  public:
-  virtual ~ChannelRows() = default;
+  virtual ~Rows() = default;
 
   [[nodiscard]] virtual Eigen::Index rows() const = 0;
-  /// What the row's samples met, and of which capture they are.
+  /// What the row's samples met.
   [[nodiscard]] virtual const Circumstances& at(Eigen::Index row) const = 0;
+  /// What an effect adds to the row's predictor.
+  [[nodiscard]] virtual double response(Eigen::Index row, const Effect& effect) const = 0;
+};
+
+/// The rows of one statistic. Their distribution depends on a linear predictor (eta): a sum over nuisances
+/// and terms.
+class ChannelRows : public Rows {
+ public:
+  /// Of which capture the row's samples are.
   [[nodiscard]] virtual int capture(Eigen::Index row) const = 0;
   /// Whether what changes along that coordinate is for these rows: from scan to scan, or from cell to cell.
   [[nodiscard]] virtual bool sees(Coordinate coordinate) const { return coordinate != Coordinate::scan_seq; }
-  /// What an effect adds to the row's predictor.
-  [[nodiscard]] virtual double response(Eigen::Index row, const Effect& effect) const = 0;
   /// Nuisances that every hypothesis has.
   [[nodiscard]] virtual const Columns& base() const = 0;
   /// Of the predictor where all coefficients are zero.

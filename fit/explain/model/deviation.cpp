@@ -12,7 +12,7 @@ namespace {
 using Eigen::Index;
 
 /// A coordinate scaled to -1 .. 1 over the rows; along a target, by the distance to its corner.
-Eigen::VectorXd scaled(const ChannelRows& channel, Coordinate coordinate) {
+Eigen::VectorXd scaled(const Rows& channel, Coordinate coordinate) {
   constexpr double reach_of_corners_mm = 300;
   Eigen::VectorXd x(channel.rows());
   double low = 1e300, high = -1e300;
@@ -34,7 +34,7 @@ Eigen::VectorXd scaled(const ChannelRows& channel, Coordinate coordinate) {
 struct Typical {
   Effect rms;
 
-  Typical(const ChannelRows& channel, const Term& term) {
+  Typical(const Rows& channel, const Term& term) {
     double count = 0;
     for (Index i = 0; i < channel.rows(); ++i) {
       const Circumstances& at = channel.at(i);
@@ -67,7 +67,7 @@ struct Typical {
 };
 
 /// Before its first move a stage rests anywhere within its play.
-Eigen::MatrixXd place_in_play(const ChannelRows& channel, const Term& term) {
+Eigen::MatrixXd place_in_play(const Rows& channel, const Term& term) {
   Eigen::MatrixXd column = Eigen::MatrixXd::Zero(channel.rows(), 1);
   for (Index i = 0; i < channel.rows(); ++i) {
     Circumstances at = channel.at(i);
@@ -79,8 +79,7 @@ Eigen::MatrixXd place_in_play(const ChannelRows& channel, const Term& term) {
 }
 
 /// A wave may swell and shift along its coordinate, and hold a second harmonic.
-Eigen::MatrixXd of_wave(const ChannelRows& channel, const Term& term, const Eigen::VectorXd& x,
-                        double share) {
+Eigen::MatrixXd of_wave(const Rows& channel, const Term& term, const Eigen::VectorXd& x, double share) {
   const Typical typical(channel, term);
   Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(channel.rows(), 6);
   std::vector<double> ahead = term.values;
@@ -98,7 +97,7 @@ Eigen::MatrixXd of_wave(const ChannelRows& channel, const Term& term, const Eige
 }
 
 /// Whatever repeats after a whole number of scans: the harmonics of its wave.
-Eigen::MatrixXd harmonics(const ChannelRows& channel, const Term& term) {
+Eigen::MatrixXd harmonics(const Rows& channel, const Term& term) {
   constexpr int last = 4;
   std::vector<double> ahead = term.values;
   const auto& parameters = term.kind->mechanism->parameters;
@@ -117,7 +116,7 @@ Eigen::MatrixXd harmonics(const ChannelRows& channel, const Term& term) {
 
 }  // namespace
 
-Eigen::MatrixXd deviation_columns(const ChannelRows& channel, const Term& term) {
+Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term) {
   const Kind& kind = *term.kind;
   const Mechanism& m = *kind.mechanism;
   if (m.coordinate == Coordinate::approach) return place_in_play(channel, term);

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/model/scale.hpp"
 #include "fit/explain/model/term.hpp"
 
 namespace fit::explain::model {
@@ -137,29 +138,6 @@ const char* in_words(Act on) {
   }
 }
 
-/// A coordinate as the rows of a channel sample it: half by value, half by rank, so that neither a crowd nor
-/// a lonely place takes all the room.
-class Scale {
- public:
-  explicit Scale(std::vector<double> values, bool uneven) : uneven_(uneven), sorted_(std::move(values)) {
-    std::ranges::sort(sorted_);
-    const std::size_t step = std::max<std::size_t>(1, sorted_.size() / 400);
-    for (std::size_t i = 0; i < sorted_.size(); i += step) knots_.push_back(sorted_[i]);
-  }
-  [[nodiscard]] double operator()(double v) const {
-    const double low = sorted_.front(), high = sorted_.back(), by_value = 2 * (v - low) / (high - low) - 1;
-    if (!uneven_) return std::clamp(by_value, -1.0, 1.0);
-    const auto next = std::ranges::upper_bound(knots_, v);
-    const double rank = static_cast<double>(next - knots_.begin()) / static_cast<double>(knots_.size());
-    return std::clamp((by_value + 2 * rank - 1) / 2, -1.0, 1.0);
-  }
-  [[nodiscard]] const std::vector<double>& sorted() const { return sorted_; }
-
- private:
-  bool uneven_;
-  std::vector<double> sorted_, knots_;
-};
-
 Axis axis_of_rows(const Scale& scale, const Way& way) {
   constexpr std::size_t most = 400, parts = 40;
   Axis axis;
@@ -230,8 +208,7 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
   for (Index i = 0; i < rows.rows(); ++i)
     if (const double v = way.place_of(rows.at(i)); std::isfinite(v)) values.push_back(v);
   if (values.empty()) return;
-  const bool uneven = way.coordinate == Coordinate::intensity || way.coordinate == Coordinate::range;
-  const auto scale = std::make_shared<const Scale>(std::move(values), uneven);
+  const auto scale = std::make_shared<const Scale>(std::move(values), Scale::may_crowd(way.coordinate));
   const Axis axis = axis_of_rows(*scale, way);
   const bool varies = (way.coordinate != Coordinate::target || way.target >= 0) &&
                       axis.high - axis.low > 1e-6 && axis.values >= fewest_values;

@@ -16,7 +16,7 @@ bool acts_there(const Kind& kind, const Circumstances& at) {
 }
 
 /// The response of every row to a mechanism at values; empty if there is none.
-Eigen::VectorXd response_to(const ChannelRows& channel, const Kind& kind, const std::vector<double>& values) {
+Eigen::VectorXd response_to(const Rows& channel, const Kind& kind, const std::vector<double>& values) {
   Eigen::VectorXd column = Eigen::VectorXd::Zero(channel.rows());
   for (Index i = 0; i < channel.rows(); ++i) {
     const Circumstances& at = channel.at(i);
@@ -52,7 +52,7 @@ double size_at(const Coefficient& c, double now) {
 }
 
 /// Of the logarithm of a bin, before its comb is another one: a quarter of a bin over the ranges seen.
-double step_of_comb(const ChannelRows& channel, double bin_mm) {
+double step_of_comb(const Rows& channel, double bin_mm) {
   double low = 1e300, high = -1e300;
   for (Index i = 0; i < channel.rows(); ++i) {
     low = std::min(low, channel.at(i).range_mm);
@@ -141,7 +141,7 @@ std::vector<std::size_t> refined_shapes_of(const Kind& kind) {
   return kind.refines ? shapes_of(kind) : std::vector<std::size_t>();
 }
 
-Eigen::MatrixXd columns_of(const ChannelRows& channel, const Kind& kind, const std::vector<double>& values) {
+Eigen::MatrixXd columns_of(const Rows& channel, const Kind& kind, const std::vector<double>& values) {
   Eigen::MatrixXd columns(channel.rows(), static_cast<Index>(kind.coefficients.size()));
   for (std::size_t k = 0; k < kind.coefficients.size(); ++k) {
     const Coefficient& c = kind.coefficients[k];
@@ -161,16 +161,16 @@ Eigen::MatrixXd columns_of(const ChannelRows& channel, const Kind& kind, const s
   return columns;
 }
 
-Eigen::VectorXd effect_without_size(const ChannelRows& channel, const Kind& kind,
+Eigen::VectorXd effect_without_size(const Rows& channel, const Kind& kind,
                                     const std::vector<double>& values) {
   return response_to(channel, kind, without_size(kind, values));
 }
 
-Eigen::VectorXd effect_of(const ChannelRows& channel, const Kind& kind, const std::vector<double>& values) {
+Eigen::VectorXd effect_of(const Rows& channel, const Kind& kind, const std::vector<double>& values) {
   return response_to(channel, kind, values);
 }
 
-Eigen::MatrixXd shape_columns(const ChannelRows& channel, const Term& term) {
+Eigen::MatrixXd shape_columns(const Rows& channel, const Term& term) {
   const std::vector<std::size_t> shapes = refined_shapes_of(*term.kind);
   Eigen::MatrixXd columns(channel.rows(), static_cast<Index>(shapes.size()));
   for (std::size_t j = 0; j < shapes.size(); ++j) {

@@ -6,20 +6,10 @@
 #include <vector>
 
 #include "fit/explain/model/channel.hpp"
+#include "fit/explain/model/coefficient.hpp"
 #include "fit/explain/unnamed.hpp"
 
 namespace fit::explain::model {
-
-/// One linear coefficient of a term: a size, or the sine or cosine part of one with a phase.
-struct Coefficient {
-  std::size_t parameter = 0;
-  bool has_phase = false;
-  int quadrature = 0;  ///< 1: the part a quarter of a turn ahead.
-  double expected = 0, typical = 1;
-  double largest = std::numeric_limits<double>::infinity();
-  int sign = 0;
-  int power = 1;  ///< The effect goes with this power of the size, and so do all of these.
-};
 
 /// Something that may be missing: a mechanism of the catalogue, for one target if it acts on one, or a form,
 /// which is a mechanism without a name.
@@ -67,18 +57,18 @@ void set_coefficients(Term& term, const Eigen::VectorXd& value, const Eigen::Mat
 [[nodiscard]] std::vector<std::size_t> refined_shapes_of(const Kind& kind);
 
 /// What a term at values does to a channel, per coefficient; no columns if it does not act there.
-[[nodiscard]] Eigen::MatrixXd columns_of(const ChannelRows& channel, const Kind& kind,
+[[nodiscard]] Eigen::MatrixXd columns_of(const Rows& channel, const Kind& kind,
                                          const std::vector<double>& values);
 /// What it does there whatever its sizes are.
-[[nodiscard]] Eigen::VectorXd effect_without_size(const ChannelRows& channel, const Kind& kind,
+[[nodiscard]] Eigen::VectorXd effect_without_size(const Rows& channel, const Kind& kind,
                                                   const std::vector<double>& values);
 /// What it does in all.
-[[nodiscard]] Eigen::VectorXd effect_of(const ChannelRows& channel, const Kind& kind,
+[[nodiscard]] Eigen::VectorXd effect_of(const Rows& channel, const Kind& kind,
                                         const std::vector<double>& values);
 /// Derivatives by the shapes, each scaled to the standard deviation of its uniform prior.
-[[nodiscard]] Eigen::MatrixXd shape_columns(const ChannelRows& channel, const Term& term);
+[[nodiscard]] Eigen::MatrixXd shape_columns(const Rows& channel, const Term& term);
 /// Ways in which the real cause may deviate from the formula, each with a standard normal coefficient.
-[[nodiscard]] Eigen::MatrixXd deviation_columns(const ChannelRows& channel, const Term& term);
+[[nodiscard]] Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term);
 
 /// A mechanism of the catalogue before a session; no starts if it has too many shapes to be looked for.
 [[nodiscard]] Kind kind_of(const Mechanism& mechanism, int target,

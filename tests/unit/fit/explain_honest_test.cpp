@@ -7,7 +7,7 @@
 
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/inference/apart.hpp"
-#include "fit/explain/spread/flicker.hpp"
+#include "fit/explain/flicker.hpp"
 #include "plain_room.hpp"
 #include "plain_scenes.hpp"
 
@@ -226,10 +226,10 @@ TEST_CASE("a flicker is found and taken off the samples' variance") {
   };
   const double before = mean_variance();
   SpreadResult result;
-  const auto hz = spread::flicker(reduced, {}, result);
+  const auto hz = mains::flicker(reduced, {}, result);
   REQUIRE(hz);
   CHECK(*hz == Approx(100.7).margin(0.3));
   CHECK(result.unknown.size() == 1);
-  spread::take_off_flicker(*hz, reduced);
+  mains::take_off_flicker(*hz, reduced);
   CHECK(before - mean_variance() == Approx(8 * 8 / 2.0).margin(3));
 }

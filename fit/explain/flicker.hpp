@@ -7,7 +7,7 @@
 #include "fit/explain/reduce.hpp"
 #include "fit/explain/spread.hpp"
 
-namespace fit::explain::spread {
+namespace fit::explain::mains {
 
 /// Does the range swing at the frequency of a lamp or a supply, beside what is known to happen from scan to
 /// scan? Adds it as unknown. The frequency, Hz.
@@ -19,4 +19,4 @@ namespace fit::explain::spread {
 /// from scan to scan it looks like mirror faces, a swinging stage or memory.
 void take_off_flicker(double hz, Reduced& reduced);
 
-}  // namespace fit::explain::spread
+}  // namespace fit::explain::mains

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/spread/flicker.hpp"
+#include "fit/explain/flicker.hpp"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -15,7 +15,7 @@
 
 /// Mains-lit lamps, dimmers and switching supplies add a wave of 25 to 200 Hz. Beams of one scan follow each
 /// other within a period, so that it is told from its aliases by the scans' repetition.
-namespace fit::explain::spread {
+namespace fit::explain::mains {
 namespace {
 
 using Complex = std::complex<double>;
@@ -443,4 +443,4 @@ void take_off_flicker(double hz, Reduced& reduced) {
   take_off(ranges, hz, period_s, reduced.sectors);
 }
 
-}  // namespace fit::explain::spread
+}  // namespace fit::explain::mains
