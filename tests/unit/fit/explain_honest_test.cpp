@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "fit/explain/explanation.hpp"
-#include "fit/explain/inference/apart.hpp"
 #include "fit/explain/flicker.hpp"
+#include "fit/explain/inference/apart.hpp"
 #include "plain_room.hpp"
 #include "plain_scenes.hpp"
 
