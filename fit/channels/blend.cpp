@@ -1,8 +1,5 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
-#include <cmath>
-#include <map>
-#include <utility>
 
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/counts.hpp"
@@ -33,6 +30,8 @@ model::ChannelKind make_blend() {
   kind.has_forms = false;
   kind.shows = "share of samples between two surfaces, where there are any";
   kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
+    if (std::ranges::none_of(reduced.cells, [](const Cell& cell) { return cell.between > 0; }))
+      return nullptr;
     std::vector<model::IndependentRows::Row> rows;
     for (const model::Transition& edge : model::transitions(reduced)) {
       const double between = edge.between();

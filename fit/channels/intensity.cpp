@@ -82,8 +82,8 @@ class Echoes final : public model::ChannelRows {
     }
     return logs;
   }
-  /// A root of the inverse of diag(sigma^2) + capture_doubt^2 within every block.
   [[nodiscard]] bool has_fixed_information() const override { return true; }
+  /// A root of the inverse of diag(sigma^2) + capture_doubt^2 within every block.
   [[nodiscard]] MatrixXd whitened(MatrixXd columns, const VectorXd&) const override {
     columns.array().colwise() *= weight_.array();
     for (const Block& block : blocks_)

@@ -48,8 +48,8 @@ class Scans final : public model::ChannelRows {
   [[nodiscard]] Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const override {
     return -0.5 * white_residual(eta).cwiseAbs2();
   }
-  /// Less the mean of their block, which the cells' means have taken.
   [[nodiscard]] bool has_fixed_information() const override { return true; }
+  /// Less the mean of their block, which the cells' means have taken.
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
     for (Index k = 0; k < columns.cols(); ++k)
       for (const std::vector<Index>& block : blocks_) {

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/columns.hpp"
 
-#include <algorithm>
 #include <cmath>
-#include <memory>
 #include <utility>
 #include <vector>
 
@@ -41,14 +39,8 @@ double lever_of(Channel channel, const Sight& sight) {
 }
 
 Eigen::VectorXd effect_of(const MeanModel& model, const Term& term) {
-  Eigen::VectorXd effect = Eigen::VectorXd::Zero(model.rows());
-  for (Eigen::Index i = 0; i < model.rows(); ++i) {
-    const Circumstances& at = model.cell(i).at;
-    if (term.target >= 0 && at.target != term.target) continue;
-    const double mm = model.shift(i, term.mechanism->act(at, term.values));
-    if (std::isfinite(mm)) effect[i] = mm;
-  }
-  return effect;
+  return model::effect_of(Means(model), model::kind_without_channels(*term.mechanism, term.target),
+                          term.values);
 }
 
 double coordinate_at(const MeanModel& model, Coordinate coordinate, Eigen::Index row) {
@@ -84,13 +76,8 @@ void add(Columns& all, const Columns& more) {
 }
 
 TermColumns columns_of(const MeanModel& model, const Term& term) {
-  const Mechanism& m = *term.mechanism;
-  model::Kind kind;
-  kind.mechanism = std::shared_ptr<const Mechanism>(&m, [](const Mechanism*) {});
-  kind.target = term.target;
-  kind.bins = m.parameter_of(Parameter::Scale::bin);
-  kind.refines = !m.parameter_of(Parameter::Scale::count);
-  kind.coefficients = model::coefficients_of(m, [](std::size_t) { return 1; });
+  model::Kind kind = model::kind_without_channels(*term.mechanism, term.target);
+  kind.coefficients = model::coefficients_of(*term.mechanism, [](std::size_t) { return 1; });
   model::Term there;
   there.kind = &kind;
   there.values = term.values;

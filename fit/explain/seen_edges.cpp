@@ -53,11 +53,19 @@ void place(SeenEdge& edge) {
 }  // namespace
 
 double likelihood_of_edge(const std::vector<Beside>& beams, double shift_deg, double width_deg) {
+  // Single samples may lie anywhere: no share is less than that, and beams farther off have it or all but it.
+  constexpr double least = 0.004, all_widths = 2.66;
+  static const double log_least = std::log(least), log_most = std::log(1 - least);
   double sum = 0;
   for (const Beside& b : beams) {
-    const double far =
-        std::clamp(0.5 * std::erfc((b.inside_deg - shift_deg) / width_deg / std::sqrt(2.0)), 0.004, 0.996);
-    sum += b.n * (b.far_share * std::log(far) + (1 - b.far_share) * std::log(1 - far));
+    const double widths = (b.inside_deg - shift_deg) / width_deg;
+    double log_far = widths > 0 ? log_least : log_most, log_near = widths > 0 ? log_most : log_least;
+    if (std::abs(widths) < all_widths) {
+      const double far = std::clamp(0.5 * std::erfc(widths / std::sqrt(2.0)), least, 1 - least);
+      log_far = std::log(far);
+      log_near = std::log(1 - far);
+    }
+    sum += b.n * (b.far_share * log_far + (1 - b.far_share) * log_near);
   }
   return sum;
 }

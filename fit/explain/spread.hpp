@@ -2,7 +2,6 @@
 #pragma once
 
 #include <map>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,8 +16,6 @@ struct Suspect {
   int target = -1;      ///< The only one on which it acts; -1: all.
   double gain = 0;      ///< Of the log-likelihood.
   double evidence = 0;  ///< Log Bayes factor.
-  /// Of the log-likelihood of captures that it was not fitted to; not known of a single one.
-  std::optional<double> held_out_gain;
 };
 
 /// Something that no mechanism of the catalogue explains.

@@ -17,15 +17,11 @@ Found found_noise(const Findings& findings, const Suspect& suspect) {
   found.parameters = suspect.parameters;
   found.probability = std::min(0.999, 1 / (1 + std::exp(odds::against_any - suspect.evidence)));
   found.says = suspect.mechanism->says(finding);
-  // Where no other capture says it: what Akaike expects of others.
-  found.log_likelihood_gain =
-      suspect.held_out_gain.value_or(suspect.gain - static_cast<double>(suspect.parameters.size()));
-  found.gain_is_expected = !suspect.held_out_gain;
+  // What Akaike expects of other captures.
+  found.log_likelihood_gain = suspect.gain - static_cast<double>(suspect.parameters.size());
+  found.gain_is_expected = true;
   found.evidence = "Its log-likelihood is higher by " + rounded(suspect.gain, 3) + ", of which " +
-                   rounded(suspect.gain - suspect.evidence, 2) + " would be chance" +
-                   (suspect.held_out_gain ? "; in captures that it was not fitted to, by " +
-                                                rounded(*suspect.held_out_gain, 3) + "."
-                                          : std::string("."));
+                   rounded(suspect.gain - suspect.evidence, 2) + " would be chance.";
   found.rms_before_mm = findings.means.after.rms_mm;
   found.rms_after_mm = findings.means.after.rms_mm;
   return found;

@@ -103,10 +103,12 @@ Optimum optimum_of(const Session& session, const Design& design, const Eigen::Ve
   Optimum now;
   now.x = within_bounds(design, design.mean);
   judge_there(session, design, now);
-  Optimum nearer;
-  nearer.x = within_bounds(design, start);
-  judge_there(session, design, nearer);
-  if (nearer.log_posterior > now.log_posterior) now = std::move(nearer);
+  if (start != design.mean) {
+    Optimum nearer;
+    nearer.x = within_bounds(design, start);
+    judge_there(session, design, nearer);
+    if (nearer.log_posterior > now.log_posterior) now = std::move(nearer);
+  }
   Scored s = scored(session, design, now);
   for (int step = 0; step < most_steps; ++step) {
     const Eigen::VectorXd whole = step_of(s, design, now.x);

@@ -147,10 +147,8 @@ bool acts_without_size(const Kind& kind, const ListOfChannels& channels) {
 
 }  // namespace
 
-Kind kind_of(const Mechanism& m, int target, const ListOfChannels& channels,
-             std::optional<std::size_t> size) {
+Kind kind_without_channels(const Mechanism& m, int target) {
   Kind kind;
-  kind.size = size;
   kind.mechanism = std::shared_ptr<const Mechanism>(&m, [](const Mechanism*) {});
   kind.target = target;
   kind.observable = m.observable;
@@ -158,6 +156,13 @@ Kind kind_of(const Mechanism& m, int target, const ListOfChannels& channels,
   kind.threshold = m.parameter_of(Parameter::Scale::threshold);
   kind.begins = m.parameter_of(Parameter::Scale::from);
   kind.refines = !m.parameter_of(Parameter::Scale::count);
+  return kind;
+}
+
+Kind kind_of(const Mechanism& m, int target, const ListOfChannels& channels,
+             std::optional<std::size_t> size) {
+  Kind kind = kind_without_channels(m, target);
+  kind.size = size;
   kind.starts = grid_of(kind);
   if (kind.starts.empty()) return kind;
   kind.coefficients = coefficients_of(m, [&](std::size_t k) { return power_of(kind, k, channels); });

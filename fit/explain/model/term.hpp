@@ -70,6 +70,8 @@ void set_coefficients(Term& term, const Eigen::VectorXd& value, const Eigen::Mat
 /// Ways in which the real cause may deviate from the formula, each with a standard normal coefficient.
 [[nodiscard]] Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term);
 
+/// What a mechanism of the catalogue is by itself: no starts, no coefficients.
+[[nodiscard]] Kind kind_without_channels(const Mechanism& mechanism, int target);
 /// A mechanism of the catalogue before a session; no starts if it has too many shapes to be looked for.
 [[nodiscard]] Kind kind_of(const Mechanism& mechanism, int target,
                            const std::vector<std::unique_ptr<ChannelRows>>& channels,

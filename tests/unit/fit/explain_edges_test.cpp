@@ -27,6 +27,14 @@ PlainScene boards() {
   return {.walls = plain_bench::furnished, .steps = 1081, .front_step = 540, .step_deg = 0.25};
 }
 
+/// Where the bench file says, so that edges can be found there by what conceals something at them.
+PlainScene boards_in_place() {
+  PlainScene scene = boards();
+  scene.u_mm = scene.u_mount_mm = 0.1;
+  scene.u_deg = scene.u_yaw_deg = 0.01;
+  return scene;
+}
+
 Explanation explained(const PlainScene& scene, unsigned seed, const plain_bench::Conceal& conceal) {
   SyntheticRecording recording = plain_bench::recorded(scene, seed, conceal);
   plain_bench::turn_round(recording, scene, 8, 30);
@@ -47,9 +55,7 @@ TEST_CASE("angles drawn anew for every scan widen edges, and are no wide beam") 
 }
 
 TEST_CASE("a beam that meets either surface beside an edge, and no noisier wall, is a wide one") {
-  PlainScene scene = boards();
-  scene.u_mm = scene.u_mount_mm = 0.1;  // what is a wide beam here is one where the scene really stands
-  scene.u_deg = scene.u_yaw_deg = 0.01;
+  const PlainScene scene = boards_in_place();
   std::mt19937 random(7);
   const auto wide = [&](double beam_rad, double stage_rad, double) {
     const Deviation aside{.beam_rad = 0.2 * degree * std::normal_distribution<double>()(random)};
@@ -74,9 +80,7 @@ TEST_CASE("a beam that meets either surface beside an edge, and no noisier wall,
 }
 
 TEST_CASE("few samples between two surfaces are a wide beam's, and neither outliers nor loose angles") {
-  PlainScene scene = boards();
-  scene.u_mm = scene.u_mount_mm = 0.1;
-  scene.u_deg = scene.u_yaw_deg = 0.01;
+  const PlainScene scene = boards_in_place();
   const auto blended = [&](const plain_bench::Sample& sample, std::mt19937&) {
     const auto seen_at = [&](double aside) {
       return look(scene, {}, sample.stage_rad, sample.beam_rad + aside * degree);
