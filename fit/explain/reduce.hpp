@@ -150,6 +150,20 @@ void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
 int reassign(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
              double footprint_rad, bool may_leave_out);
 
+/// How a search takes a large session, so that about `rows` of its cells remain: that many neighbours
+/// together. Where that would be too wide for the middle one to stand for them all, of an even choice of the
+/// groups.
+class SearchRows {
+ public:
+  SearchRows(const Reduced& reduced, std::size_t cells, std::size_t rows, std::size_t at_least = 1);
+  [[nodiscard]] bool take(std::size_t group) const;
+
+  std::size_t together = 1;
+
+ private:
+  double share_ = 1;
+};
+
 /// The session with neighbouring smooth cells on one target taken together, so that about `rows` of them
 /// remain: what a search of smooth functions needs. Their deviations from the present prediction are averaged
 /// with their weights and stand at the place of the middle one. Variances must be pooled.

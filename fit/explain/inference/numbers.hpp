@@ -3,6 +3,8 @@
 
 #include <cstddef>
 
+#include "fit/angle.hpp"
+
 /// Every number by which `rig explain` decides, each with its reason in docs/method/model.md.
 namespace fit::explain::numbers {
 
@@ -17,8 +19,9 @@ constexpr double worth_fitting = -3;       ///< Log odds by the score test.
 constexpr double contradicted_at = -3;     ///< Log odds that captures give against what was fitted to others.
 constexpr std::size_t most_terms = 5;      ///< Of a hypothesis.
 constexpr std::size_t tries = 6;           ///< Fitted of every ranking.
-constexpr std::size_t search_rows = 4000;  ///< Of the mean channel; more are averaged with neighbours.
-constexpr double least_hazard = 1e-6;      ///< Of a lost or stray sample, where nothing is missing.
+constexpr std::size_t search_rows = 4000;  ///< Of the mean channel; more are averaged with neighbours ...
+constexpr double merged_rad = 4 * rad_per_deg;  ///< ... in so many degrees; beyond that, fewer groups count.
+constexpr double least_hazard = 1e-6;           ///< Of a lost or stray sample, where nothing is missing.
 constexpr double tail_hazard =
     5e-5;  ///< Of a sample that noise of a real receiver puts beyond any normal one.
 constexpr double form_mm = 3, form_deg = 0.05, form_mm2 = 9, form_share = 0.01,

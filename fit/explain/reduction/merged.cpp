@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
+#include <cmath>
 
+#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/reduce.hpp"
 
 namespace fit::explain {
@@ -24,8 +26,21 @@ Cell middle_of(const std::vector<const Cell*>& run) {
 
 }  // namespace
 
+SearchRows::SearchRows(const Reduced& reduced, std::size_t cells, std::size_t rows, std::size_t at_least) {
+  const auto widest = static_cast<std::size_t>(numbers::merged_rad / reduced.bench.lidar.step_rad);
+  const std::size_t needed = (cells + rows - 1) / rows;
+  together = std::max({std::size_t{1}, at_least, std::min(needed, widest)});
+  share_ = static_cast<double>(together) / static_cast<double>(std::max<std::size_t>(1, needed));
+}
+
+bool SearchRows::take(std::size_t group) const {
+  constexpr double golden = 0.6180339887498949;  // meets no period that stage or mirror may have
+  double whole;
+  return std::modf(static_cast<double>(group) * golden, &whole) < share_;
+}
+
 Reduced merged(const Reduced& reduced, std::size_t rows) {
-  const std::size_t together = std::max<std::size_t>(1, (reduced.smooth_cells() + rows - 1) / rows);
+  const SearchRows of(reduced, reduced.smooth_cells(), rows);
   Reduced out;
   out.bench = reduced.bench;
   out.captures = reduced.captures;
@@ -36,7 +51,8 @@ Reduced merged(const Reduced& reduced, std::size_t rows) {
   out.has_temperature = reduced.has_temperature;
   out.empirical = reduced.empirical;
   std::vector<const Cell*> run;
-  for (Group group : reduced.groups) {
+  for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
+    Group group = reduced.groups[g];
     const std::size_t first = out.cells.size();
     const auto close = [&] {
       if (!run.empty()) out.cells.push_back(middle_of(run));
@@ -44,8 +60,9 @@ Reduced merged(const Reduced& reduced, std::size_t rows) {
     };
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       const Cell& cell = reduced.cells[i];
-      if (!cell.smooth) continue;
-      if (!run.empty() && (run.size() == together || run.back()->sight.target != cell.sight.target)) close();
+      if (!cell.smooth || !of.take(g)) continue;
+      if (!run.empty() && (run.size() == of.together || run.back()->sight.target != cell.sight.target))
+        close();
       run.push_back(&cell);
     }
     close();
