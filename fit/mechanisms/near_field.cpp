@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/housing_light.hpp"
+#include "fit/mechanism.hpp"
 
 namespace fit::mechanisms {
 
@@ -16,10 +16,9 @@ Mechanism make_near_field() {
                    .scale = Parameter::Scale::decay,
                    .lower = 60,
                    .upper = 500,
-                   .starts = 6},
-                  power_of_housing_light(3)};
+                   .starts = 6}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    return Effect{.range_mm = p[0] * share_of_housing_light(c, p[1], p[2])};
+    return Effect{.range_mm = p[0] * std::exp(-c.range_mm / p[1])};
   };
   m.says = [](const Finding& f) {
     return "Near targets read " + std::string(f.at("amplitude_mm").value > 0 ? "long" : "short") + ", by " +
