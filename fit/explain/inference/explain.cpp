@@ -160,10 +160,11 @@ Shape as_shape(const Term& term) {
 
 Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progress) {
   Inferred out{.kinds = nullptr, .posterior = {}, .means = MeanResult(reduced.bench)};
-  out.means.excess = fit_placements(reduced, noise);
+  const Placed placed = fit_placements(reduced, noise);
+  out.means.excess = placed.excess;
   out.means.noise = noise;
   out.means.noise.factor *= out.means.excess;
-  Session session(reduced, out.means.noise);
+  Session session(reduced, out.means.noise, placed.there);
   out.kinds = session.shared_kinds();
   const Explored explored = explore(session, progress);
   out.posterior = posterior_of(explored);

@@ -84,7 +84,7 @@ class Places {
 
 }  // namespace
 
-double fit_placements(Reduced& reduced, const MeanNoise& noise) {
+Placed fit_placements(Reduced& reduced, const MeanNoise& noise) {
   constexpr int most_passes = 4;
   pool_variances(reduced, noise);
   predict_at(reduced, explain::Hypothesis(reduced.bench), true);
@@ -95,7 +95,7 @@ double fit_placements(Reduced& reduced, const MeanNoise& noise) {
   places.fit();
   bool most = places.fits_most();
   if (!most) {
-    Places trimmed = places;
+    Places trimmed(reduced, wider);  // from where the bench file has them
     trimmed.fit_trimmed();
     if (trimmed.fits_most()) {
       places.take(trimmed);
@@ -108,7 +108,7 @@ double fit_placements(Reduced& reduced, const MeanNoise& noise) {
     places.fit();
     most = places.fits_most();
   }
-  return excess;
+  return {excess, most ? places.at().nuisance : Nuisance(reduced.bench)};
 }
 
 }  // namespace fit::explain::inference

@@ -5,9 +5,13 @@
 
 namespace fit::explain::inference {
 
+struct Placed {
+  double excess = 1;  ///< Variance of means by how neighbouring cells scatter, over what their samples say.
+  Nuisance there;     ///< Where most beams agree that mount and targets are; as stated if they do not.
+};
+
 /// Decides which cells may be compared, once mount and targets are known a little better than the bench file
-/// knows them, and how well: the factor on the variance of means by which neighbouring cells scatter more
-/// than their samples say. The cells are left predicted there, their variances pooled.
-[[nodiscard]] double fit_placements(Reduced& reduced, const MeanNoise& noise);
+/// knows them. The cells' variances are left pooled.
+[[nodiscard]] Placed fit_placements(Reduced& reduced, const MeanNoise& noise);
 
 }  // namespace fit::explain::inference

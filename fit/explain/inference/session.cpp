@@ -55,11 +55,15 @@ MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Ac
 
 }  // namespace
 
-Session::Session(Reduced& reduced, MeanNoise noise)
+Session::Session(Reduced& reduced, MeanNoise noise, const Nuisance& there)
     : reduced_(reduced), known_(known_effects(reduced.bench)), noise_(std::move(noise)) {
   Hypothesis nothing;
   make_channels(noise_);
   nothing.base = Eigen::VectorXd::Zero(count_base());
+  if (channels_[mean_channel()]) {
+    const Eigen::VectorXd moved = there.as_vector() - Nuisance(reduced.bench).as_vector();
+    nothing.base.segment(first_base(mean_channel()), moved.size()) = moved;
+  }
   linearise(nothing);
   kinds_ = std::make_shared<const std::vector<Kind>>(model::kinds_of(reduced_, channels_));
   columns_.assign(kinds_->size(), {});

@@ -29,7 +29,8 @@ struct Hypothesis {
 /// A session as rows of all channels, its means linearised where a hypothesis predicts.
 class Session {
  public:
-  Session(Reduced& reduced, MeanNoise noise);
+  /// First linearised there.
+  Session(Reduced& reduced, MeanNoise noise, const Nuisance& there);
 
   /// Predicts there; all hypotheses that are compared must be fitted after the same call.
   void linearise(const Hypothesis& at);
