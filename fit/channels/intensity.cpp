@@ -23,6 +23,8 @@ constexpr double reflectance_doubt = 0.08;
 /// By how much a surface's echo differs from one capture to the next, whatever its law: speckle, and where
 /// the beams meet it.
 constexpr double capture_doubt = 0.002;
+/// Whole counts are rounded by some lidars and cut off by others: up to half a count, all alike.
+constexpr double cut_off_counts = 0.29;
 /// What no law of intensity gets right to better: receivers bend, surfaces are not quite Lambertian.
 constexpr double response_doubt = 0.02, incidence_doubt = 0.03;
 /// Where the bench file leaves parts of the law open, its form is open as well.
@@ -58,6 +60,7 @@ class Echoes final : public model::ChannelRows {
       add([&](const Reading& r) { return slope(claim.law, k, r.at); }, u);
     }
     add_surfaces();
+    add([](const Reading& r) { return 1 / r.at.intensity; }, cut_off_counts);
     add_open_forms(claim);
   }
 
