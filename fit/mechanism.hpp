@@ -68,7 +68,8 @@ struct Effect {
   double late = 0, early = 0;  ///< Probability of a range somewhat beyond, or before, what noise makes.
   double footprint_rad = 0;    ///< Standard width of the beam: an edge mixes front and back.
   double output_step_mm = 0;   ///< Results are multiples of this.
-  double log_intensity = 0;    ///< Added to the logarithm of the intensity.
+  double log_echo = 0;         ///< Added to the logarithm of the echo, before the receiver ...
+  double log_intensity = 0;    ///< ... and of the intensity, behind it.
 
   Effect& operator+=(const Effect& other);
 };

@@ -65,6 +65,16 @@ double IntensityLaw::counts(double reflectance, double cos_incidence, double ran
   return std::exp(log_counts(reflectance, cos_incidence, range_mm));
 }
 
+double IntensityLaw::receiver_slope(double counts) const {
+  constexpr double least = 1e-3;  // at full scale
+  return std::max(least, 1 - std::exp(2 * (std::log(std::max(1e-9, counts)) - value[full])));
+}
+
+double IntensityLaw::stronger(double counts, double log_echo) const {
+  const double log_raw = std::log(std::max(1e-9, counts)) - 0.5 * std::log(receiver_slope(counts)) + log_echo;
+  return std::exp(log_raw - 0.5 * std::log1p(std::exp(2 * (log_raw - value[full]))));
+}
+
 std::optional<IntensityClaim> claimed_intensity(const Bench& bench) {
   const KnownMechanism* known = bench.knows(law_of_intensity);
   if (!known) return std::nullopt;

@@ -26,6 +26,10 @@ struct IntensityLaw {
 
   [[nodiscard]] double log_counts(double reflectance, double cos_incidence, double range_mm) const;
   [[nodiscard]] double counts(double reflectance, double cos_incidence, double range_mm) const;
+  /// Counts of an echo that is stronger by the exponential of that than one of so many.
+  [[nodiscard]] double stronger(double counts, double log_echo) const;
+  /// d ln(counts) / d ln(echo): one but where the receiver compresses.
+  [[nodiscard]] double receiver_slope(double counts) const;
 };
 
 /// The mechanism by which bench files state the law, and which a wrong law is called.

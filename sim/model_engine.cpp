@@ -156,6 +156,12 @@ class ModelEngine : public Engine {
     return options_.intensity_at_reference * std::min(1.0, rho * facing * reference / falloff);
   }
 
+  /// Counts of an echo and of a receiver that are changed, instead of so many.
+  [[nodiscard]] double dimmed(double counts, const fit::Effect& e) const {
+    const double stronger = claim_ ? claim_->law.stronger(counts, e.log_echo) : counts * std::exp(e.log_echo);
+    return stronger * std::exp(e.log_intensity);
+  }
+
   /// What does not change from scan to scan while the stage stands.
   void prepare(double stage_rad) {
     if (stage_rad == seen_from_) return;
@@ -247,11 +253,11 @@ class ModelEngine : public Engine {
     c.stage_rate_rad_s = stage.rate_rad_s;
     c.seq = static_cast<int>(scans_ % 27720);  // whatever the number of facets
     // What dims an echo makes it walk, scatter and get lost as well.
-    double dimmed = 1;
+    fit::Effect dims;
     if (!dimming_.empty()) {
       c.intensity = lawful_[step];
-      dimmed = std::exp(effect(dimming_, c).log_intensity);
-      c.intensity *= dimmed;
+      dims = effect(dimming_, c);
+      c.intensity = dimmed(c.intensity, dims);
     }
     const fit::Effect e = effect(active_, c);
     if (e.lost > 0 && random_.uniform() < e.lost) return;
@@ -271,7 +277,7 @@ class ModelEngine : public Engine {
     if (range > options_.max_range_mm) return;
     const double unit = e.output_step_mm > 1 ? e.output_step_mm : 1;
     range_mm = static_cast<std::uint32_t>(std::lround(unit * std::floor(range / unit + 0.5)));
-    const double strength = counts(hit) * dimmed;
+    const double strength = dimmed(counts(hit), dims);
     intensity = static_cast<std::uint32_t>(
         std::clamp(std::lround(strength * (1 + relative_noise_ * random_.normal())), 1L, 65000L));
   }

@@ -67,7 +67,9 @@ class Echoes final : public model::ChannelRows {
   [[nodiscard]] Index rows() const override { return static_cast<Index>(readings_.size()); }
   [[nodiscard]] const Circumstances& at(Index row) const override { return of(row).at; }
   [[nodiscard]] int capture(Index row) const override { return of(row).capture; }
-  [[nodiscard]] double response(Index, const Effect& effect) const override { return effect.log_intensity; }
+  [[nodiscard]] double response(Index row, const Effect& effect) const override {
+    return of(row).per_echo * effect.log_echo + effect.log_intensity;
+  }
   [[nodiscard]] const model::Columns& base() const override { return base_; }
   [[nodiscard]] double offset(Index) const override { return 0; }
   [[nodiscard]] double statistic(Index row) const override { return of(row).off; }

@@ -29,11 +29,11 @@ Mechanism make_radiometry() {
     const double r = std::max(1.0, c.range_mm) / 1000, cosine = std::log(std::max(0.02, c.cos_incidence)),
                  grey = std::log(std::max(1e-3, c.reflectance));
     const auto fewer = [](double by) { return std::log1p(std::max(-0.9, by)); };
-    return Effect{.log_intensity =
-                      p[0] - p[1] * std::log(r) + p[2] * (grey + cosine - 2 * std::log(r)) + p[3] * cosine +
-                      p[4] * grey - (p[5] == 0 ? 0 : fewer(p[5] * 0.25 / (r * r))) -
-                      (p[6] == 0 ? 0 : 0.5 * fewer(p[6] * std::pow(c.intensity / 1000, 2))) +
-                      (p[7] == 0 ? 0 : p[7] * std::pow(std::log(std::max(1.0, c.intensity) / 300), 2))};
+    return Effect{
+        .log_echo = p[0] - p[1] * std::log(r) + p[2] * (grey + cosine - 2 * std::log(r)) + p[3] * cosine +
+                    p[4] * grey - (p[5] == 0 ? 0 : fewer(p[5] * 0.25 / (r * r))),
+        .log_intensity = -(p[6] == 0 ? 0 : 0.5 * fewer(p[6] * std::pow(c.intensity / 1000, 2))) +
+                         (p[7] == 0 ? 0 : p[7] * std::pow(std::log(std::max(1.0, c.intensity) / 300), 2))};
   };
   m.says = [](const Finding& f) {
     const std::pair<const char*, const char*> changes[] = {

@@ -16,7 +16,7 @@ Mechanism make_specular() {
       {.name = "width_deg", .role = Parameter::Role::shape, .lower = 0.5, .upper = 15, .starts = 6}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double away = c.incidence_rad * deg_per_rad / p[1];
-    return Effect{.log_intensity = std::log1p(std::max(-0.9, p[0]) * std::exp(-away * away))};
+    return Effect{.log_echo = std::log1p(std::max(-0.9, p[0]) * std::exp(-away * away))};
   };
   m.shows = [](const Finding& f, const Recorded& r) {
     const double reach = 1.5 * f.at("width_deg").value;

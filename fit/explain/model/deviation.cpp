@@ -33,20 +33,17 @@ Eigen::VectorXd scaled(const Rows& channel, Coordinate coordinate) {
 /// Of an effect in each of its ways, over the rows.
 struct Typical {
   Effect rms;
-  Eigen::VectorXd sizes;  ///< Of each row's, in units of what is typical.
 
-  Typical(const Rows& channel, const Term& term) : sizes(channel.rows()) {
-    std::vector<Effect> effects(static_cast<std::size_t>(channel.rows()));
+  Typical(const Rows& channel, const Term& term) {
     double count = 0;
     for (Index i = 0; i < channel.rows(); ++i) {
       const Circumstances& at = channel.at(i);
       if (term.kind->target >= 0 && at.target != term.kind->target) continue;
-      const Effect e = effects[static_cast<std::size_t>(i)] = term.kind->mechanism->act(at, term.values);
+      const Effect e = term.kind->mechanism->act(at, term.values);
       for (const auto field : fields) rms.*field += e.*field * e.*field;
       count += 1;
     }
     for (const auto field : fields) rms.*field = std::sqrt(rms.*field / std::max(1.0, count));
-    for (Index i = 0; i < sizes.size(); ++i) sizes[i] = std::abs(ratio(effects[static_cast<std::size_t>(i)]));
   }
   /// An effect there in units of its typical size.
   [[nodiscard]] double ratio(const Effect& e) const {
@@ -66,29 +63,9 @@ struct Typical {
                                                &Effect::stray,
                                                &Effect::late,
                                                &Effect::early,
+                                               &Effect::log_echo,
                                                &Effect::log_intensity};
 };
-
-/// A coordinate from -1 to 1, stretched where the effect is: one half of its length is the coordinate's, the
-/// other goes with the size of the effect. What acts in a part of the coordinate may bend there.
-Eigen::VectorXd stretched(const Eigen::VectorXd& x, const Eigen::VectorXd& sizes) {
-  constexpr Index bins = 64;
-  Eigen::VectorXd sum = Eigen::VectorXd::Zero(bins), count = Eigen::VectorXd::Zero(bins);
-  const auto place = [](double v) { return (v + 1) / 2 * bins; };
-  const auto bin_of = [&](double v) { return std::clamp<Index>(static_cast<Index>(place(v)), 0, bins - 1); };
-  for (Index i = 0; i < x.size(); ++i) {
-    sum[bin_of(x[i])] += sizes[i];
-    count[bin_of(x[i])] += 1;
-  }
-  Eigen::VectorXd until = Eigen::VectorXd::Zero(bins + 1);
-  for (Index b = 0; b < bins; ++b) until[b + 1] = until[b] + (count[b] > 0 ? sum[b] / count[b] : 0);
-  if (until[bins] <= 0) return x;
-  return x.unaryExpr([&](double v) {
-    const Index b = bin_of(v);
-    const double effect = until[b] + (place(v) - static_cast<double>(b)) * (until[b + 1] - until[b]);
-    return v / 2 + effect / until[bins] - 0.5;
-  });
-}
 
 /// Before its first move a stage rests anywhere within its play.
 Eigen::MatrixXd place_in_play(const Rows& channel, const Term& term) {
@@ -155,7 +132,6 @@ Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term) {
   if (std::ranges::any_of(kind.coefficients, &Coefficient::has_phase))
     return of_wave(channel, term, x, share);
   const Typical typical(channel, term);
-  const Eigen::VectorXd along = stretched(x, typical.sizes);
   const int cosines = (any_curve ? 2 : 1) * numbers::smooth_deviations;
   Eigen::MatrixXd columns(channel.rows(), cosines);
   for (Index i = 0; i < channel.rows(); ++i) {
@@ -167,7 +143,7 @@ Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term) {
       columns.row(i).setZero();
       continue;
     }
-    const double first = std::cos(pi * (along[i] + 1) / 2);  // the others by Chebyshev's recurrence
+    const double first = std::cos(pi * (x[i] + 1) / 2);  // the others by Chebyshev's recurrence
     double before = 1, now = first;
     for (int k = 1; k < cosines; ++k) {
       columns(i, k) = size * share / k * now;

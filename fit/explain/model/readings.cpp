@@ -85,6 +85,7 @@ Reading reading_of(const Reduced& reduced, std::span<const std::size_t> cells, c
     weight += w;
   }
   reading.at.intensity = std::exp(by_law(middle));
+  reading.per_echo = law.receiver_slope(reading.at.intensity);
   reading.off = sum / weight;
   reading.sigma = 1 / std::sqrt(weight);
   return reading;

@@ -16,6 +16,7 @@ struct Reading {
   int surface = 0;      ///< Target and grey: what shares one nominal reflectance.
   double off = 0;       ///< Logarithm of the counts over the law's.
   double sigma = 0.01;  ///< Its standard uncertainty.
+  double per_echo = 1;  ///< d ln(counts) / d ln(echo) of the law's receiver there.
 };
 
 /// `most` at most; none where too few cells came back bright enough. Their uncertainties are by how

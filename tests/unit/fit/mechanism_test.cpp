@@ -186,19 +186,19 @@ const std::map<std::string, Equation>& equations() {
           {"reflectance_exponent", 0.25}, {"overlap", 0.4}, {"compression", 0.5}, {"curvature", 0.02}},
         [](const Beam& x) {
           const double r = x.r / 1000, cosine = std::cos(x.i), grey = 0.5;
-          const double counts = std::exp(0.3) / std::pow(r, 0.2) * std::pow(grey * cosine / (r * r), 0.1) * std::pow(cosine, 0.15) *
-                                std::pow(grey, 0.25) / (1 + 0.4 * std::pow(0.5 / r, 2)) /
-                                std::sqrt(1 + 0.5 * std::pow(x.I / 1000, 2)) *
-                                std::exp(0.02 * std::pow(std::log(x.I / 300), 2));
-          return fit::Effect{.log_intensity = std::log(counts)};
+          const double echo = std::exp(0.3) / std::pow(r, 0.2) * std::pow(grey * cosine / (r * r), 0.1) * std::pow(cosine, 0.15) *
+                                std::pow(grey, 0.25) / (1 + 0.4 * std::pow(0.5 / r, 2)),
+                       counts = std::exp(0.02 * std::pow(std::log(x.I / 300), 2)) /
+                                std::sqrt(1 + 0.5 * std::pow(x.I / 1000, 2));
+          return fit::Effect{.log_echo = std::log(echo), .log_intensity = std::log(counts)};
         }}},
       {"window-dirt", {{{"loss", 0.3}, {"centre_deg", 20}, {"width_deg", 15}},
         [](const Beam& x) {
-          return fit::Effect{.log_intensity = std::log(1 - 0.3 * bell(x.a / degree - 20, 15))};
+          return fit::Effect{.log_echo = std::log(1 - 0.3 * bell(x.a / degree - 20, 15))};
         }}},
       {"specular", {{{"gain", 3}, {"width_deg", 10}},
         [](const Beam& x) {
-          return fit::Effect{.log_intensity = std::log(1 + 3 * std::exp(-std::pow(x.i / degree / 10, 2)))};
+          return fit::Effect{.log_echo = std::log(1 + 3 * std::exp(-std::pow(x.i / degree / 10, 2)))};
         }}},
   };
   return list;
@@ -230,6 +230,7 @@ std::vector<double> changes_of(const fit::Effect& e) {
           e.stray,
           e.footprint_rad,
           e.output_step_mm,
+          e.log_echo,
           e.log_intensity};
 }
 
