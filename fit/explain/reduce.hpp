@@ -30,6 +30,7 @@ struct Cell {
   double far_share =
       -1;               ///< Mean place between the two surfaces of a near edge (0 near, 1 far); -1: no edge.
   double other_mm = 0;  ///< Range of the plane on the other side of that edge, along this very beam.
+  double misplaced_mm = 0;  ///< Standard uncertainty of both ranges there, by the bench file.
   int between = 0;      ///< Samples on neither of them.
   /// Standard uncertainty of the mean beyond its samples' noise: part of the beam may miss its surface.
   double doubt_mm = 0;

@@ -122,7 +122,6 @@ void Session::linearise(const Hypothesis& at) {
   for (const Term& term : at.terms)
     if (moves_the_means(*term.kind))
       at_work.push_back({term.kind->mechanism.get(), term.values, term.kind->target});
-  for (auto& kept : columns_) kept.clear();
   std::vector<Active> from_scan_to_scan;
   for (const Active& known : known_)
     if (known.mechanism->coordinate == Coordinate::scan_seq) from_scan_to_scan.push_back(known);
@@ -132,7 +131,10 @@ void Session::linearise(const Hypothesis& at) {
   const Nuisance there = nuisance(at);
   model::expect_from_scan_to_scan(reduced_, from_scan_to_scan);
   predict(reduced_, there, at_work, false);
-  present_noise_ = noise_by(reduced_, noise_, known_, at.terms);
+  MeanNoise noise = noise_by(reduced_, noise_, known_, at.terms);
+  if (noise != present_noise_)  // otherwise they change by less than a screen asks for
+    for (auto& kept : columns_) kept.clear();
+  present_noise_ = std::move(noise);
   pool_variances(reduced_, present_noise_);
   make_channels(present_noise_);
   const std::size_t mean = mean_channel();

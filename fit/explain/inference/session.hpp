@@ -47,8 +47,8 @@ class Session {
   /// Terms point to these.
   [[nodiscard]] std::shared_ptr<const std::vector<Kind>> shared_kinds() const { return kinds_; }
   /// What a kind does to every channel at one of its starts, per coefficient; whitened where the channel's
-  /// information is fixed. Kept until the next call of
-  /// `linearise`; one kind must not be asked for by two threads at once.
+  /// information is fixed. Of the first linearisation with this noise; one kind must not be asked for by two
+  /// threads at once.
   [[nodiscard]] const std::vector<Eigen::MatrixXf>& columns_at(const Kind& kind, std::size_t start) const;
   /// Mount and targets as the coefficients have them.
   [[nodiscard]] Nuisance nuisance(const Hypothesis& h) const;

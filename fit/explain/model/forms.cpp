@@ -160,6 +160,20 @@ Axis axis_of_rows(const Scale& scale, const Way& way) {
   return axis;
 }
 
+/// The functions of a form like that one, where it has a place; values: coefficients, place and length.
+template <class See>
+void for_each_function(const Form& form, const Way& way, const Shape& like, const Scale& scale,
+                       const Circumstances& at, std::span<const double> values, const See& see) {
+  const double v = way.place_of(at);
+  if (!std::isfinite(v)) return;
+  const std::size_t terms = values.size() - 2;
+  Shape shape = like;
+  shape.at = values[terms];
+  shape.length = values[terms + 1];
+  const double x = form.scaled ? scale(v) : v;
+  for (std::size_t k = 0; k < terms; ++k) see(static_cast<int>(k), form.basis(shape, x, static_cast<int>(k)));
+}
+
 /// A form with so many coefficients as a mechanism: these, its place and its length.
 std::shared_ptr<const Mechanism> mechanism_of(const Form& form, const Way& way, const Shape& like,
                                               const std::shared_ptr<const Scale>& scale) {
@@ -178,20 +192,22 @@ std::shared_ptr<const Mechanism> mechanism_of(const Form& form, const Way& way, 
                              .sign = only_more ? 1 : 0});
   for (const char* name : {"at", "length"})
     m->parameters.push_back({.name = name, .role = Parameter::Role::shape, .lower = 0, .upper = 0});
-  m->act = [&form, way, like, scale, terms](const Circumstances& at, std::span<const double> p) {
-    const double v = way.place_of(at);
-    if (!std::isfinite(v)) return Effect{};
-    Shape shape = like;
-    shape.at = p[static_cast<std::size_t>(terms)];
-    shape.length = p[static_cast<std::size_t>(terms) + 1];
-    const double x = form.scaled ? (*scale)(v) : v;
+  m->act = [&form, way, like, scale](const Circumstances& at, std::span<const double> p) {
     double sum = 0;
-    for (int k = 0; k < terms; ++k)
-      if (p[static_cast<std::size_t>(k)] != 0)
-        sum += p[static_cast<std::size_t>(k)] * form.basis(shape, x, k);
+    for_each_function(form, way, like, *scale, at, p,
+                      [&](int k, double value) { sum += p[static_cast<std::size_t>(k)] * value; });
     return effect_on(way.on, sum);
   };
   return m;
+}
+
+Kind::Functions functions_of(const Form& form, const Way& way, const Shape& like,
+                             const std::shared_ptr<const Scale>& scale) {
+  const auto at = [&form, way, like, scale](const Circumstances& c, const std::vector<double>& values,
+                                            Eigen::VectorXd& each) {
+    for_each_function(form, way, like, *scale, c, values, [&](int k, double value) { each[k] = value; });
+  };
+  return {effect_on(way.on, typical_of(way.on)), typical_of(way.on), at};
 }
 
 bool responds(const ChannelRows& rows, Act on) {
@@ -227,6 +243,7 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
       kind.target = way.target;
       kind.observable = observable_of(way.on);
       kind.mechanism = mechanism_of(form, way, shapes.front(), scale);
+      kind.functions = functions_of(form, way, shapes.front(), scale);
       kind.refines = false;
       kind.acts_on = in_words(way.on);
       kind.coefficients = coefficients_of(*kind.mechanism, [](std::size_t) { return 1; });

@@ -27,6 +27,24 @@ Eigen::VectorXd response_to(const Rows& channel, const Kind& kind, const std::ve
   return column;
 }
 
+/// The functions of a form; linear in what they change, as far as they go.
+Eigen::MatrixXd columns_of_form(const Rows& channel, const Kind& kind, const std::vector<double>& values) {
+  const Kind::Functions& functions = *kind.functions;
+  Eigen::MatrixXd columns =
+      Eigen::MatrixXd::Zero(channel.rows(), static_cast<Index>(kind.coefficients.size()));
+  Eigen::VectorXd each(columns.cols());
+  for (Index i = 0; i < channel.rows(); ++i) {
+    const Circumstances& at = channel.at(i);
+    if (!acts_there(kind, at)) continue;
+    const double response = channel.response(i, functions.unit) / functions.size;
+    if (!std::isfinite(response) || response == 0) continue;
+    each.setZero();
+    functions.at(at, values, each);
+    columns.row(i) = response * each;
+  }
+  return columns;
+}
+
 /// Values with all sizes zero but one.
 std::vector<double> with_only(const Kind& kind, std::vector<double> values, const Coefficient& c,
                               double size) {
@@ -142,6 +160,7 @@ std::vector<std::size_t> refined_shapes_of(const Kind& kind) {
 }
 
 Eigen::MatrixXd columns_of(const Rows& channel, const Kind& kind, const std::vector<double>& values) {
+  if (kind.functions) return columns_of_form(channel, kind, values);
   Eigen::MatrixXd columns(channel.rows(), static_cast<Index>(kind.coefficients.size()));
   for (std::size_t k = 0; k < kind.coefficients.size(); ++k) {
     const Coefficient& c = kind.coefficients[k];

@@ -14,13 +14,21 @@ namespace fit::explain::model {
 /// Something that may be missing: a mechanism of the catalogue, for one target if it acts on one, or a form,
 /// which is a mechanism without a name.
 struct Kind {
+  /// A form's functions at a row, and what one of so much does: the same as its `act`, many times as quick.
+  struct Functions {
+    Effect unit;
+    double size = 1;
+    std::function<void(const Circumstances&, const std::vector<double>& values, Eigen::VectorXd& each)> at;
+  };
+
   std::shared_ptr<const Mechanism> mechanism;
   int target = -1;
   std::optional<std::size_t> size;  ///< Of a mechanism whose sizes may be missing apart: the only one.
   std::optional<Shape> form;  ///< What a form is called and drawn by; its place and length are shape values.
   Observable observable = Observable::range_mean;  ///< Of a form: where it acts ...
   std::string acts_on;                             ///< ... in words.
-  double log_prior = 0;                            ///< Log of its prior odds.
+  std::optional<Functions> functions;
+  double log_prior = 0;  ///< Log of its prior odds.
   /// Values of all parameters to begin from: a grid over the shapes, sizes at their typical values.
   std::vector<std::vector<double>> starts;
   std::vector<Coefficient> coefficients;

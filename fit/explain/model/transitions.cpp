@@ -42,8 +42,7 @@ Place best_place(const std::vector<Beside>& beams, double width_deg) {
 
 /// Share of the farther surface; none or all where noise and the places of both surfaces leave that open.
 double share_of(const Cell& cell, double sigma_mm) {
-  constexpr double misplaced_mm = 8;
-  const double doubt = (2 * sigma_mm + misplaced_mm) / cell.at.gap_mm;
+  const double doubt = (2 * sigma_mm + std::max(8.0, 3 * cell.misplaced_mm)) / cell.at.gap_mm;
   return cell.far_share < doubt ? 0 : cell.far_share > 1 - doubt ? 1 : cell.far_share;
 }
 

@@ -9,6 +9,13 @@ double sway_mm(const Mount& mount, double range_mm, double uncertainties) {
   return uncertainties * (mount.yaw_rad.u * range_mm + std::hypot(mount.x_mm.u, mount.y_mm.u));
 }
 
+double misplaced_mm(const Bench& bench, const Sight& sight) {
+  const Mount& mount = bench.lidar.mount;
+  const Target& target = bench.targets[static_cast<std::size_t>(sight.target)];
+  const double across_mm = std::hypot(mount.x_mm.u, mount.y_mm.u, target.u_mm) / sight.cos_incidence();
+  return std::hypot(across_mm, sight.beam_lever() * std::hypot(mount.yaw_rad.u, target.u_rad));
+}
+
 double corner_margin_mm(const Sight& sight, double sway_mm) {
   return 8 + 0.003 * sight.range_mm + sway_mm / sight.cos_incidence();
 }

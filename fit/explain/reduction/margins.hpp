@@ -16,6 +16,9 @@ constexpr double doubt_of_mount = 3;
 /// How near (mm) to a corner of its target a beam that sways so far may come for its mean to be compared.
 [[nodiscard]] double corner_margin_mm(const Sight& sight, double sway_mm);
 
+/// Standard uncertainty of the range at which a beam meets a target, by what the bench file says of both, mm.
+[[nodiscard]] double misplaced_mm(const Bench& bench, const Sight& sight);
+
 /// Within this of an edge, part of a beam of usual width passes it.
 inline constexpr double beside_rad = 0.5 * rad_per_deg;
 

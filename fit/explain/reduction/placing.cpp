@@ -57,7 +57,7 @@ void judge_place(const Mount& mount, const Setting& setting, const Beams& beams,
 }
 
 /// The edge within reach, and the surface on its other side.
-void find_edge(const Setting& setting, Cell& cell) {
+void find_edge(const Bench& bench, const Setting& setting, Cell& cell) {
   const Edge* nearest = nearest_edge(setting.edges, cell.sight.bearing_rad);
   if (!nearest) return;
   cell.edge = nearest->id;
@@ -66,8 +66,11 @@ void find_edge(const Setting& setting, Cell& cell) {
   const bool on_near = cell.at.edge_rad > 0;
   if (cell.sight.target != (on_near ? nearest->near_target : nearest->far_target)) return;
   const int other = on_near ? nearest->far_target : nearest->near_target;
-  if (other >= 0)
-    cell.other_mm = setting.scene.look_at(other, setting.group.stage_rad, cell.beam_rad, {}).range_mm;
+  if (other < 0) return;
+  const Sight there = setting.scene.look_at(other, setting.group.stage_rad, cell.beam_rad, {});
+  cell.other_mm = there.range_mm;
+  if (there.target == other)
+    cell.misplaced_mm = std::max(misplaced_mm(bench, cell.sight), misplaced_mm(bench, there));
 }
 
 }  // namespace
@@ -81,7 +84,7 @@ Cell placed(const Reduced& session, const Setting& setting, const Beams& beams) 
   cell.at = circumstances(session, setting, cell, beams.midway(setting.samples.beam_s));
   judge_place(mount, setting, beams, cell);
   cell.nominal_mm = cell.sight.range_mm;
-  find_edge(setting, cell);
+  find_edge(session.bench, setting, cell);
   return cell;
 }
 

@@ -63,8 +63,9 @@ void note_place_at_edge(const std::vector<double>& ranges_mm, double sigma_mm, C
   const bool on_near = cell.at.edge_rad > 0;
   const double near = on_near ? cell.nominal_mm : cell.other_mm,
                gap = (on_near ? cell.other_mm : cell.nominal_mm) - near;
-  if (gap < 12 * sigma_mm + 30) return;
-  const double margin = (6 * sigma_mm + 15) / gap;
+  const double off_mm = 6 * sigma_mm + std::max(15.0, 3 * cell.misplaced_mm);
+  if (gap < 2 * off_mm) return;
+  const double margin = off_mm / gap;
   double sum = 0;
   for (const double range : ranges_mm) {
     const double place = (range - near) / gap;

@@ -123,7 +123,7 @@ double weight_in_scan(const Cell& cell, const Group& group, int scans) {
 bool is_informative(const Cell& cell) { return cell.smooth && cell.stray == 0; }
 
 void summarise_scans(const Samples& samples, const std::vector<int>& cell_of_beam, Group& group,
-                   Reduced& session) {
+                     Reduced& session) {
   WholeScans scans(samples, cell_of_beam, group, session);
   for (int scan = 0; scan < samples.scans; ++scan) scans.add_scan(scan);
   for (std::size_t i = group.first_cell; i < group.last_cell; ++i)
