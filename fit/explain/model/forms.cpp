@@ -92,29 +92,35 @@ double typical_of(Act on) {
   }
 }
 
-Effect effect_on(Act on, double value) {
+double Effect::*changed_by(Act on) {
   switch (on) {
     case Act::range:
-      return {.range_mm = value};
+      return &Effect::range_mm;
     case Act::beam_angle:
-      return {.beam_rad = value};
+      return &Effect::beam_rad;
     case Act::stage_angle:
-      return {.stage_rad = value};
+      return &Effect::stage_rad;
     case Act::variance:
-      return {.variance_mm2 = value};
+      return &Effect::variance_mm2;
     case Act::scan_range:
-      return {.scan_range_variance_mm2 = value};
+      return &Effect::scan_range_variance_mm2;
     case Act::loss:
-      return {.lost = value};
+      return &Effect::lost;
     case Act::late:
-      return {.late = value};
+      return &Effect::late;
     case Act::early:
-      return {.early = value};
+      return &Effect::early;
     case Act::intensity:
-      return {.log_intensity = value};
+      return &Effect::log_intensity;
     default:
-      return {.stray = value};
+      return &Effect::stray;
   }
+}
+
+Effect effect_on(Act on, double value) {
+  Effect effect;
+  effect.*changed_by(on) = value;
+  return effect;
 }
 
 const char* in_words(Act on) {
@@ -207,7 +213,7 @@ Kind::Functions functions_of(const Form& form, const Way& way, const Shape& like
                                             Eigen::VectorXd& each) {
     for_each_function(form, way, like, *scale, c, values, [&](int k, double value) { each[k] = value; });
   };
-  return {effect_on(way.on, typical_of(way.on)), typical_of(way.on), at};
+  return {changed_by(way.on), at};
 }
 
 bool responds(const ChannelRows& rows, Act on) {

@@ -27,24 +27,6 @@ Eigen::VectorXd response_to(const Rows& channel, const Kind& kind, const std::ve
   return column;
 }
 
-/// The functions of a form; linear in what they change, as far as they go.
-Eigen::MatrixXd columns_of_form(const Rows& channel, const Kind& kind, const std::vector<double>& values) {
-  const Kind::Functions& functions = *kind.functions;
-  Eigen::MatrixXd columns =
-      Eigen::MatrixXd::Zero(channel.rows(), static_cast<Index>(kind.coefficients.size()));
-  Eigen::VectorXd each(columns.cols());
-  for (Index i = 0; i < channel.rows(); ++i) {
-    const Circumstances& at = channel.at(i);
-    if (!acts_there(kind, at)) continue;
-    const double response = channel.response(i, functions.unit) / functions.size;
-    if (!std::isfinite(response) || response == 0) continue;
-    each.setZero();
-    functions.at(at, values, each);
-    columns.row(i) = response * each;
-  }
-  return columns;
-}
-
 /// Values with all sizes zero but one.
 std::vector<double> with_only(const Kind& kind, std::vector<double> values, const Coefficient& c,
                               double size) {
@@ -67,6 +49,26 @@ double size_at(const Coefficient& c, double now) {
   constexpr double hardly_any = 0.02;
   const double least = hardly_any * std::pow(c.typical, 1.0 / c.power);
   return std::abs(now) > least ? now : least;
+}
+
+Eigen::MatrixXd columns_of_form(const Rows& channel, const Kind& kind, const std::vector<double>& values) {
+  const auto count = static_cast<Index>(kind.coefficients.size());
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(channel.rows(), count);
+  Eigen::VectorXd each(count), size(count);
+  for (Index k = 0; k < count; ++k)
+    size[k] = size_at(kind.coefficients[static_cast<std::size_t>(k)], values[static_cast<std::size_t>(k)]);
+  for (Index i = 0; i < channel.rows(); ++i) {
+    if (!acts_there(kind, channel.at(i))) continue;
+    each.setZero();
+    kind.functions->at(channel.at(i), values, each);
+    for (Index k = 0; k < count; ++k) {
+      Effect effect;
+      effect.*kind.functions->changes = size[k] * each[k];
+      const double response = channel.response(i, effect);
+      if (std::isfinite(response)) columns(i, k) = response / size[k];
+    }
+  }
+  return columns;
 }
 
 /// Of the logarithm of a bin, before its comb is another one: a quarter of a bin over the ranges seen.

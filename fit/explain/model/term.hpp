@@ -14,10 +14,9 @@ namespace fit::explain::model {
 /// Something that may be missing: a mechanism of the catalogue, for one target if it acts on one, or a form,
 /// which is a mechanism without a name.
 struct Kind {
-  /// A form's functions at a row, and what one of so much does: the same as its `act`, many times as quick.
+  /// What a form's functions change, and what they are at a row: the same as its `act`, all at once.
   struct Functions {
-    Effect unit;
-    double size = 1;
+    double Effect::*changes = nullptr;
     std::function<void(const Circumstances&, const std::vector<double>& values, Eigen::VectorXd& each)> at;
   };
 
