@@ -150,8 +150,11 @@ void average(const std::vector<double>& ranges_mm, double middle_mm, double reac
 /// Whether samples so spread and so many may be compared with a surface.
 void judge_samples(const Core& core, int echoes, double sigma_mm, bool turning, Cell& cell) {
   if (turning && cell.stray > 0) cell.smooth = false;  // which of three is wrong nobody knows
+  // A robust spread of few samples scatters by 1.17 / sqrt(n) of itself; what chance does is left in, or what
+  // is left would be less noisy than the others.
+  const double wider = std::max(1.6, 1 + 4 * 1.17 / std::sqrt(std::max(1, echoes)));
   const bool mixed =
-      core.spread_mm > 1.6 * sigma_mm + 1 || cell.stray > 0 || cell.lost > 0 || cell.between > 0;
+      core.spread_mm > wider * sigma_mm + 1 || cell.stray > 0 || cell.lost > 0 || cell.between > 0;
   if (cell.smooth && cell.doubtful) {  // beside an edge: all samples, or none, met that surface
     cell.smooth = !mixed && std::abs(cell.mean_mm - cell.nominal_mm) < 60 + 5 * sigma_mm;
     cell.doubtful = !cell.smooth;
