@@ -182,11 +182,15 @@ std::vector<Suspected> suspects_of(const Explanation& explanation) {
 /// Evidence that the effect of one (row) leaves when another (column) tries to take it up.
 Eigen::MatrixXd evidence_between(const Reduced& all, const std::vector<Suspected>& suspects) {
   constexpr std::size_t enough = 12000;
-  const std::optional<Reduced> few =
-      all.cells.size() > enough ? std::optional(merged(all, enough)) : std::nullopt;
+  const std::optional<Reduced> few = all.cells.size() > enough ? std::optional(merged(all)) : std::nullopt;
   MeanModel model(few ? *few : all, {});
-  const double share =
-      static_cast<double>(all.cells.size()) / std::max<double>(1, static_cast<double>(model.rows()));
+  const auto samples_of = [](const Reduced& reduced) {
+    double sum = 1;
+    for (const Cell& cell : reduced.cells)
+      if (cell.smooth) sum += cell.n;
+    return sum;
+  };
+  const double share = few ? samples_of(all) / samples_of(*few) : 1;
   const auto count = static_cast<Eigen::Index>(suspects.size());
   Eigen::MatrixXd evidence = Eigen::MatrixXd::Zero(count, count);
   for (Eigen::Index rival = 0; rival < count; ++rival) {

@@ -31,7 +31,7 @@ struct Cell {
       -1;               ///< Mean place between the two surfaces of a near edge (0 near, 1 far); -1: no edge.
   double other_mm = 0;  ///< Range of the plane on the other side of that edge, along this very beam.
   double misplaced_mm = 0;  ///< Standard uncertainty of both ranges there, by the bench file.
-  int between = 0;      ///< Samples on neither of them.
+  int between = 0;          ///< Samples on neither of them.
   /// Standard uncertainty of the mean beyond its samples' noise: part of the beam may miss its surface.
   double doubt_mm = 0;
   bool smooth = false;  ///< The mean may be compared with a surface: no edge near, not grazing, one echo.
@@ -151,24 +151,26 @@ void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
 int reassign(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
              double footprint_rad, bool may_leave_out);
 
-/// How a search takes a large session, so that about `rows` of its cells remain: that many neighbours
-/// together. Where that would be too wide for the middle one to stand for them all, of an even choice of the
-/// groups.
+/// How a search takes a large session, so that about numbers::search_rows rows remain: as many of every
+/// group, or all that it has. So many neighbouring cells come together; where that would be too wide for the
+/// middle one to stand for them all, an even choice of the groups with as many cells counts.
 class SearchRows {
  public:
-  SearchRows(const Reduced& reduced, std::size_t cells, std::size_t rows, std::size_t at_least = 1);
+  /// at_least: cells of a row, however few there are.
+  SearchRows(const Reduced& reduced, bool only_smooth, std::size_t at_least = 1);
+  [[nodiscard]] std::size_t together(std::size_t group) const;
   [[nodiscard]] bool take(std::size_t group) const;
 
-  std::size_t together = 1;
-
  private:
-  double share_ = 1;
+  std::vector<double> cells_;  ///< Of every group.
+  std::size_t at_least_;
+  double widest_, quota_ = 1e300;  ///< Cells together, and rows of a group, at most.
 };
 
-/// The session with neighbouring smooth cells on one target taken together, so that about `rows` of them
-/// remain: what a search of smooth functions needs. Their deviations from the present prediction are averaged
+/// The session with neighbouring smooth cells on one target taken together, as a search of
+/// smooth functions needs them. Their deviations from the present prediction are averaged
 /// with their weights and stand at the place of the middle one. Variances must be pooled.
-[[nodiscard]] Reduced merged(const Reduced& reduced, std::size_t rows);
+[[nodiscard]] Reduced merged(const Reduced& reduced);
 
 /// Joins the cells of another session on the same bench.
 void append(Reduced& reduced, const Reduced& other);

@@ -65,9 +65,8 @@ struct Sunlight : Cause {  // background light through part of the field of view
     const double excess = strength * light(moment);
     return 0.02 * excess * excess / (1 + excess * excess);
   }
-  json parameters() const override {
-    return {{"centre_deg", centre / degree}, {"width_deg", width / degree}};
-  }
+  // Its width is no bell's standard width.
+  json parameters() const override { return {{"centre_deg", centre / degree}}; }
 };
 
 struct CorrelatedNoise : Cause {

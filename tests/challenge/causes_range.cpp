@@ -137,7 +137,7 @@ struct WindowReflection : NearField {  // the same from a glint of the housing a
     return late(std::min(0.45, strength * undershoot * glint * std::exp(-sight.range_mm / reach_mm)));
   }
   json parameters() const override {
-    return {{"reach_mm", reach_mm}, {"centre_deg", centre / degree}, {"width_deg", width / degree}};
+    return {{"reach_mm", reach_mm}, {"centre_deg", centre / degree}};  // the width is no bell's
   }
 };
 

@@ -53,8 +53,7 @@ std::vector<IndependentRows::Row> pooled_rows(
   const int times =
       static_cast<int>(std::ceil(std::max(1.0, std::max(by_beams, std::min(cells, by_samples)) / most)));
   if (times > 1) enough *= times;
-  const SearchRows search(reduced, reduced.cells.size(), numbers::search_rows,
-                          static_cast<std::size_t>(count));
+  const SearchRows search(reduced, false, static_cast<std::size_t>(count));
   std::vector<IndependentRows::Row> list;
   for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
     if (!search.take(g)) continue;
@@ -77,7 +76,7 @@ std::vector<IndependentRows::Row> pooled_rows(
     };
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       const Cell& cell = reduced.cells[i];
-      if (!taken.empty() && (taken.size() == search.together || row.n >= enough ||
+      if (!taken.empty() && (taken.size() == search.together(g) || row.n >= enough ||
                              cell.at.target != reduced.cells[taken.back()].at.target))
         close();
       if (!take(i, row)) continue;

@@ -26,21 +26,42 @@ Cell middle_of(const std::vector<const Cell*>& run) {
 
 }  // namespace
 
-SearchRows::SearchRows(const Reduced& reduced, std::size_t cells, std::size_t rows, std::size_t at_least) {
-  const auto widest = static_cast<std::size_t>(numbers::merged_rad / reduced.bench.lidar.step_rad);
-  const std::size_t needed = (cells + rows - 1) / rows;
-  together = std::max({std::size_t{1}, at_least, std::min(needed, widest)});
-  share_ = static_cast<double>(together) / static_cast<double>(std::max<std::size_t>(1, needed));
+SearchRows::SearchRows(const Reduced& reduced, bool only_smooth, std::size_t at_least)
+    : at_least_(at_least),
+      widest_(std::max(static_cast<double>(at_least), numbers::merged_rad / reduced.bench.lidar.step_rad)) {
+  for (const Group& group : reduced.groups) {
+    double count = 0;
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i)
+      count += !only_smooth || reduced.cells[i].smooth;
+    cells_.push_back(count);
+  }
+  // As many rows for every group, but no more than it has.
+  std::vector<double> rows = cells_;
+  for (double& count : rows) count = std::ceil(count / static_cast<double>(at_least_));
+  std::ranges::sort(rows);
+  auto left = static_cast<double>(numbers::search_rows);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    quota_ = left / static_cast<double>(rows.size() - i);
+    if (rows[i] > quota_) return;
+    left -= rows[i];
+  }
+  quota_ = 1e300;
+}
+
+std::size_t SearchRows::together(std::size_t group) const {
+  const double needed = std::ceil(cells_[group] / quota_);
+  return static_cast<std::size_t>(std::clamp(needed, static_cast<double>(at_least_), widest_));
 }
 
 bool SearchRows::take(std::size_t group) const {
   constexpr double golden = 0.6180339887498949;  // meets no period that stage or mirror may have
   double whole;
-  return std::modf(static_cast<double>(group) * golden, &whole) < share_;
+  return std::modf(static_cast<double>(group) * golden, &whole) * cells_[group] <
+         quota_ * static_cast<double>(together(group));
 }
 
-Reduced merged(const Reduced& reduced, std::size_t rows) {
-  const SearchRows of(reduced, reduced.smooth_cells(), rows);
+Reduced merged(const Reduced& reduced) {
+  const SearchRows search(reduced, true);
   Reduced out;
   out.bench = reduced.bench;
   out.captures = reduced.captures;
@@ -53,6 +74,7 @@ Reduced merged(const Reduced& reduced, std::size_t rows) {
   std::vector<const Cell*> run;
   for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
     Group group = reduced.groups[g];
+    const std::size_t together = search.together(g);
     const std::size_t first = out.cells.size();
     const auto close = [&] {
       if (!run.empty()) out.cells.push_back(middle_of(run));
@@ -60,9 +82,8 @@ Reduced merged(const Reduced& reduced, std::size_t rows) {
     };
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       const Cell& cell = reduced.cells[i];
-      if (!cell.smooth || !of.take(g)) continue;
-      if (!run.empty() && (run.size() == of.together || run.back()->sight.target != cell.sight.target))
-        close();
+      if (!cell.smooth || !search.take(g)) continue;
+      if (!run.empty() && (run.size() == together || run.back()->sight.target != cell.sight.target)) close();
       run.push_back(&cell);
     }
     close();
