@@ -14,7 +14,7 @@ using Eigen::Index;
 class Means final : public model::ChannelRows {
  public:
   Means(const Reduced& reduced, const MeanNoise& noise)
-      : own_(merged(reduced)), model_(own_, noise) {
+      : own_(merged(reduced, numbers::search_rows)), model_(own_, noise) {
     log_weights_.resize(model_.rows());
     for (Index i = 0; i < model_.rows(); ++i)
       log_weights_[i] = -std::log(std::sqrt(2 * pi * model_.variance_of_mean(i)));

@@ -182,7 +182,8 @@ std::vector<Suspected> suspects_of(const Explanation& explanation) {
 /// Evidence that the effect of one (row) leaves when another (column) tries to take it up.
 Eigen::MatrixXd evidence_between(const Reduced& all, const std::vector<Suspected>& suspects) {
   constexpr std::size_t enough = 12000;
-  const std::optional<Reduced> few = all.cells.size() > enough ? std::optional(merged(all)) : std::nullopt;
+  const std::optional<Reduced> few =
+      all.cells.size() > enough ? std::optional(merged(all, enough)) : std::nullopt;
   MeanModel model(few ? *few : all, {});
   const auto samples_of = [](const Reduced& reduced) {
     double sum = 1;

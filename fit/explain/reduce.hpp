@@ -151,13 +151,13 @@ void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
 int reassign(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
              double footprint_rad, bool may_leave_out);
 
-/// How a search takes a large session, so that about numbers::search_rows rows remain: as many of every
+/// How a search takes a large session, so that about so many rows remain: as many of every
 /// group, or all that it has. So many neighbouring cells come together; where that would be too wide for the
 /// middle one to stand for them all, an even choice of the groups with as many cells counts.
 class SearchRows {
  public:
   /// at_least: cells of a row, however few there are.
-  SearchRows(const Reduced& reduced, bool only_smooth, std::size_t at_least = 1);
+  SearchRows(const Reduced& reduced, bool only_smooth, std::size_t rows, std::size_t at_least = 1);
   [[nodiscard]] std::size_t together(std::size_t group) const;
   [[nodiscard]] bool take(std::size_t group) const;
 
@@ -170,7 +170,7 @@ class SearchRows {
 /// The session with neighbouring smooth cells on one target taken together, as a search of
 /// smooth functions needs them. Their deviations from the present prediction are averaged
 /// with their weights and stand at the place of the middle one. Variances must be pooled.
-[[nodiscard]] Reduced merged(const Reduced& reduced);
+[[nodiscard]] Reduced merged(const Reduced& reduced, std::size_t rows);
 
 /// Joins the cells of another session on the same bench.
 void append(Reduced& reduced, const Reduced& other);

@@ -25,7 +25,7 @@ explain::Term as_term(const Term& term) {
 }
 
 double noise_floor(const Reduced& reduced, const MeanNoise& noise) {
-  const Reduced rows = merged(reduced);  // as the channel has them
+  const Reduced rows = merged(reduced, numbers::search_rows);  // as the channel has them
   const MeanModel model(rows, noise);
   double sum = 0;
   for (Index i = 0; i < model.rows(); ++i) sum += model.variance_of_mean(i);

@@ -53,7 +53,7 @@ std::vector<IndependentRows::Row> pooled_rows(
   const int times =
       static_cast<int>(std::ceil(std::max(1.0, std::max(by_beams, std::min(cells, by_samples)) / most)));
   if (times > 1) enough *= times;
-  const SearchRows search(reduced, false, static_cast<std::size_t>(count));
+  const SearchRows search(reduced, false, numbers::search_rows, static_cast<std::size_t>(count));
   std::vector<IndependentRows::Row> list;
   for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
     if (!search.take(g)) continue;

@@ -26,7 +26,8 @@ Cell middle_of(const std::vector<const Cell*>& run) {
 
 }  // namespace
 
-SearchRows::SearchRows(const Reduced& reduced, bool only_smooth, std::size_t at_least)
+SearchRows::SearchRows(const Reduced& reduced, bool only_smooth, std::size_t rows_in_all,
+                       std::size_t at_least)
     : at_least_(at_least),
       widest_(std::max(static_cast<double>(at_least), numbers::merged_rad / reduced.bench.lidar.step_rad)) {
   for (const Group& group : reduced.groups) {
@@ -39,7 +40,7 @@ SearchRows::SearchRows(const Reduced& reduced, bool only_smooth, std::size_t at_
   std::vector<double> rows = cells_;
   for (double& count : rows) count = std::ceil(count / static_cast<double>(at_least_));
   std::ranges::sort(rows);
-  auto left = static_cast<double>(numbers::search_rows);
+  auto left = static_cast<double>(rows_in_all);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     quota_ = left / static_cast<double>(rows.size() - i);
     if (rows[i] > quota_) return;
@@ -60,8 +61,8 @@ bool SearchRows::take(std::size_t group) const {
          quota_ * static_cast<double>(together(group));
 }
 
-Reduced merged(const Reduced& reduced) {
-  const SearchRows search(reduced, true);
+Reduced merged(const Reduced& reduced, std::size_t rows) {
+  const SearchRows search(reduced, true, rows);
   Reduced out;
   out.bench = reduced.bench;
   out.captures = reduced.captures;
