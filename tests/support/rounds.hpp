@@ -5,9 +5,9 @@
 #include <cmath>
 #include <cstdlib>
 
-/// Rounds of a test with one seed each: a quarter of them in the suite, all where RIG_ALL_ROUNDS is set
+/// Rounds of a test with one seed each: a fifth of them in the suite, all where RIG_ALL_ROUNDS is set
 /// (scripts/test --long). Tests with such rounds have the tag [rounds].
-inline unsigned rounds(unsigned all) { return std::getenv("RIG_ALL_ROUNDS") ? all : (all + 3) / 4; }
+inline unsigned rounds(unsigned all) { return std::getenv("RIG_ALL_ROUNDS") ? all : (all + 4) / 5; }
 
 /// Of so many tries that succeed with that probability, fewer succeed once in a hundred times.
 inline int least_successes(int tries, double probability) {

@@ -188,7 +188,8 @@ double log_evidence_of(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>
     const double width = n == 0 ? 0 : 0.5 * std::log(covariance.block(first, first, n, n).determinant());
     sum += std::min(terms[t].by_grid, width + static_cast<double>(n) * of_uniform + terms[t].by_modes);
   }
-  return sum;
+  // An average of likelihoods: where the quadratic promises more than the best of them, it does not hold.
+  return std::min(sum, optimum.log_likelihood);
 }
 
 /// The term where its coefficients are; its shapes where a scoring step takes them, as far as the linear
