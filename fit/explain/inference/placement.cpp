@@ -33,6 +33,22 @@ class Places {
     }
     predict_at(reduced_, at_);
   }
+  /// Turns the mount to where most beams agree: it may be stated wrong by much more than its uncertainty.
+  void turn() {
+    constexpr std::size_t rows = 1500;
+    constexpr double farthest_rad = 20 * rad_per_deg, step_rad = rad_per_deg;
+    Reduced few = merged(reduced_, rows);
+    Places there(few, noise_);
+    const double stated = at_.nuisance.yaw_rad;
+    double least = 1e300;
+    for (double by = -farthest_rad; by <= farthest_rad; by += step_rad) {
+      there.at_.nuisance.yaw_rad = stated + by;
+      const double off = median_of(there.deviations());
+      if (off >= least) continue;
+      least = off;
+      at_.nuisance.yaw_rad = stated + by;
+    }
+  }
   /// Mount and targets fitted to the beams that agree with each other: what lies far off, such as beams that
   /// meet another wall than the bench file says, has no say.
   void fit_trimmed() {
@@ -96,6 +112,7 @@ Placed fit_placements(Reduced& reduced, const MeanNoise& noise) {
   bool most = places.fits_most();
   if (!most) {
     Places trimmed(reduced, wider);  // from where the bench file has them
+    trimmed.turn();
     trimmed.fit_trimmed();
     if (trimmed.fits_most()) {
       places.take(trimmed);

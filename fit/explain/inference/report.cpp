@@ -122,18 +122,29 @@ void report_set(const Undecided& set, const Findings& findings, Explanation& out
   out.notes.push_back("Probabilities of what cannot be told apart: " + odds + ".");
 }
 
-/// A mechanism that captures contradict to which it was not fitted is no explanation.
-Unexplained contradicted(const Term& term) {
+/// Whether what was found describes where most of the beams meet the scene.
+bool describes(const Inferred& inferred) {
+  const HeldOutFigures& after = inferred.means.after;
+  return after.cells == 0 || after.coverage >= numbers::describes_at;
+}
+
+bool is_confirmed(const Inferred& inferred, std::size_t named) {
+  return inferred.gain[named] > numbers::contradicted_at &&
+         (describes(inferred) || !is_of_the_means(*inferred.posterior.named[named].term.kind));
+}
+
+/// A mechanism that captures contradict to which it was not fitted is no explanation, nor is any where the
+/// scene is another one.
+Unexplained contradicted(const Inferred& inferred, const Term& term) {
   Unexplained u;
   u.observable = term.kind->mechanism->observable;
   u.coordinate = term.kind->mechanism->coordinate;
   u.describes =
-      "what looks like " + term.kind->mechanism->id + " is seen in some captures, and others contradict it";
+      "what looks like " + term.kind->mechanism->id +
+      (describes(inferred) ? " is seen in some captures, and others contradict it"
+                           : " leaves most means outside of their intervals: scene, mount or stage are not "
+                             "as the bench file says");
   return u;
-}
-
-bool is_confirmed(const Inferred& inferred, std::size_t named) {
-  return inferred.gain[named] > numbers::contradicted_at;
 }
 
 }  // namespace
@@ -156,7 +167,7 @@ void add_to_spread(const Inferred& inferred, SpreadResult& spread) {
   for (std::size_t i = 0; i < inferred.posterior.named.size(); ++i) {
     const Term& term = inferred.posterior.named[i].term;
     if (!is_confirmed(inferred, i))
-      spread.unknown.push_back(contradicted(term));
+      spread.unknown.push_back(contradicted(inferred, term));
     else if (!is_of_the_means(*term.kind))
       spread.accepted.push_back(as_suspect(term));
   }
