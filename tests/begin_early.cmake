@@ -7,7 +7,6 @@ foreach(name IN ITEMS
     "another service at the lidar's port is told from a lidar"
     "an investigation that is killed between any two of its steps, and within a session, goes on where it was"
     "range procedures run unattended on the simulated bench and lead to a correction that validates"
-    "in the middle of a long move the stage is stopped by Ctrl-C, and when the run is killed or hangs"
-    "lost and late answers and lost commands do not lead a stage astray in any language")
+    "in the middle of a long move the stage is stopped by Ctrl-C, and when the run is killed or hangs")
   set_tests_properties("integration:${name}" PROPERTIES COST 20)
 endforeach()
