@@ -58,7 +58,11 @@ double IntensityLaw::log_counts(double reflectance, double cos_incidence, double
   const double raw = value[gain] + value[reflectance_power] * std::log(std::max(1e-3, reflectance)) +
                      value[incidence_power] * std::log(std::max(0.02, cos_incidence)) -
                      value[range_power] * (std::log(r / 1000) + std::log1p(o * o / (r * r)));
-  return raw - 0.5 * std::log1p(std::exp(2 * (raw - value[full])));
+  return compressed(raw);
+}
+
+double IntensityLaw::compressed(double log_raw) const {
+  return log_raw - 0.5 * std::log1p(std::exp(2 * (log_raw - value[full])));
 }
 
 double IntensityLaw::counts(double reflectance, double cos_incidence, double range_mm) const {
@@ -72,7 +76,7 @@ double IntensityLaw::receiver_slope(double counts) const {
 
 double IntensityLaw::stronger(double counts, double log_echo) const {
   const double log_raw = std::log(std::max(1e-9, counts)) - 0.5 * std::log(receiver_slope(counts)) + log_echo;
-  return std::exp(log_raw - 0.5 * std::log1p(std::exp(2 * (log_raw - value[full]))));
+  return std::exp(compressed(log_raw));
 }
 
 std::optional<IntensityClaim> claimed_intensity(const Bench& bench) {

@@ -30,6 +30,10 @@ struct IntensityLaw {
   [[nodiscard]] double stronger(double counts, double log_echo) const;
   /// d ln(counts) / d ln(echo): one but where the receiver compresses.
   [[nodiscard]] double receiver_slope(double counts) const;
+
+ private:
+  /// ln(counts) by the logarithm of what they would be without compression.
+  [[nodiscard]] double compressed(double log_raw) const;
 };
 
 /// The mechanism by which bench files state the law, and which a wrong law is called.

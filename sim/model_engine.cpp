@@ -158,6 +158,7 @@ class ModelEngine : public Engine {
 
   /// Counts of an echo and of a receiver that are changed, instead of so many.
   [[nodiscard]] double dimmed(double counts, const fit::Effect& e) const {
+    if (dimming_.empty()) return counts;
     const double stronger = claim_ ? claim_->law.stronger(counts, e.log_echo) : counts * std::exp(e.log_echo);
     return stronger * std::exp(e.log_intensity);
   }

@@ -58,6 +58,7 @@ std::vector<IndependentRows::Row> pooled_rows(
   for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
     if (!search.take(g)) continue;
     const Group& group = reduced.groups[g];
+    const std::size_t together = search.together(g);
     IndependentRows::Row row;
     std::vector<std::size_t> taken;
     double echoes = 0, lit = 0;
@@ -76,7 +77,7 @@ std::vector<IndependentRows::Row> pooled_rows(
     };
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       const Cell& cell = reduced.cells[i];
-      if (!taken.empty() && (taken.size() == search.together(g) || row.n >= enough ||
+      if (!taken.empty() && (taken.size() == together || row.n >= enough ||
                              cell.at.target != reduced.cells[taken.back()].at.target))
         close();
       if (!take(i, row)) continue;

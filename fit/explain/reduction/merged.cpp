@@ -76,14 +76,15 @@ Reduced merged(const Reduced& reduced, std::size_t rows) {
   for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
     Group group = reduced.groups[g];
     const std::size_t together = search.together(g);
+    const bool counts = search.take(g);
     const std::size_t first = out.cells.size();
     const auto close = [&] {
       if (!run.empty()) out.cells.push_back(middle_of(run));
       run.clear();
     };
-    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+    for (std::size_t i = group.first_cell; counts && i < group.last_cell; ++i) {
       const Cell& cell = reduced.cells[i];
-      if (!cell.smooth || !search.take(g)) continue;
+      if (!cell.smooth) continue;
       if (!run.empty() && (run.size() == together || run.back()->sight.target != cell.sight.target)) close();
       run.push_back(&cell);
     }

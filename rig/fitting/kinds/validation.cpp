@@ -227,9 +227,9 @@ class Validation : public Fitting {
       out["values"].push_back(result_value("scene_before_mm", "Same scene from two stage angles, uncorrected",
                                            {before.mean_mm, before.u_mm}, "mm"));
       const std::string corrected =
-          correction ? "the same, range and centre corrected" : "the same, about the centre that was found";
+          correction ? "range and centre corrected" : "about the centre that was found";
       out["values"].push_back(
-          result_value("scene_after_mm", "T" + corrected.substr(1), {after.mean_mm, after.u_mm}, "mm"));
+          result_value("scene_after_mm", "The same, " + corrected, {after.mean_mm, after.u_mm}, "mm"));
       out["values"].push_back(
           result_value("scene_improvement_percent", "Improvement",
                        improvement({before.mean_mm, before.u_mm}, {after.mean_mm, after.u_mm}), "%"));
@@ -237,7 +237,7 @@ class Validation : public Fitting {
           budget_line("same scene: distances differ from point to point", "A", after.u_mm, "mm"));
       add_scene_plot(out, "Experiment A6: one scene from two stage angles, uncorrected", a, b,
                      placed(a, nullptr, Vector2d::Zero()), placed(b, nullptr, Vector2d::Zero()));
-      add_scene_plot(out, "Experiment A6: " + corrected, a, b, placed(a, correction, centre),
+      add_scene_plot(out, "Experiment A6: the same, " + corrected, a, b, placed(a, correction, centre),
                      placed(b, correction, centre));
       return;
     }
