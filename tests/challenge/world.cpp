@@ -6,6 +6,45 @@
 
 namespace challenge {
 
+std::vector<Segment> standing_walls(const Session& session, const Nuisance& nuisance,
+                                    const std::vector<Displacement>& displaced) {
+  std::vector<Segment> walls;
+  for (std::size_t i = 0; i < session.walls.size(); ++i) {
+    const Wall& wall = session.walls[i];
+    const Vector stated = (wall.to - wall.from).normalized();
+    Vector outward(stated.y(), -stated.x());
+    if (outward.dot(wall.from) < 0) outward = -outward;
+    const Displacement moved = displaced.empty() ? Displacement{} : displaced[i];
+    const double angle = nuisance.tilt_rad[i] + moved.turned_rad;
+    const Vector along(stated.x() * std::cos(angle) - stated.y() * std::sin(angle),
+                       stated.x() * std::sin(angle) + stated.y() * std::cos(angle));
+    const Vector middle = (wall.from + wall.to) / 2 + (nuisance.offset_mm[i] + moved.away_mm) * outward;
+    const double length = (wall.to - wall.from).norm();
+    Segment segment{middle - along * length / 2,
+                    middle + along * length / 2,
+                    along,
+                    Vector(-along.y(), along.x()),
+                    outward,
+                    length,
+                    wall.reflectance,
+                    wall.closed};
+    segment.last_mm = length;
+    walls.push_back(segment);
+  }
+  std::vector<Segment*> outline;
+  for (Segment& segment : walls)
+    if (segment.closed) outline.push_back(&segment);
+  for (std::size_t i = 0; i < outline.size(); ++i) {
+    Segment& own = *outline[i];
+    const auto crossed_by = [&](const Segment& other) {
+      return other.normal.dot(other.from - own.from) / other.normal.dot(own.along);
+    };
+    own.first_mm = crossed_by(*outline[(i + outline.size() - 1) % outline.size()]);
+    own.last_mm = crossed_by(*outline[(i + 1) % outline.size()]);
+  }
+  return walls;
+}
+
 World::World(const Session& session, Causes causes, Nuisance nuisance)
     : session_(session), causes_(std::move(causes)), nuisance_(std::move(nuisance)) {
   for (const auto& cause : causes_) footprint_ = std::max(footprint_, cause->footprint());
@@ -24,7 +63,7 @@ Moment World::moment(std::size_t capture, int seq, int step) const {
   return moment;
 }
 
-const std::vector<World::Segment>& World::standing(std::size_t capture_index) const {
+const std::vector<Segment>& World::standing(std::size_t capture_index) const {
   std::vector<Displacement> displaced(session_.walls.size());
   double moved_in_all = 0;  // a cause's strength may have changed since
   for (std::size_t i = 0; i < displaced.size(); ++i) {
@@ -38,49 +77,13 @@ const std::vector<World::Segment>& World::standing(std::size_t capture_index) co
   if (standing_capture_ == capture_index && standing_moved_ == moved_in_all) return standing_;
   standing_capture_ = capture_index;
   standing_moved_ = moved_in_all;
-  standing_.clear();
   const Capture& capture = session_.captures[capture_index];
-  for (std::size_t i = 0; i < session_.walls.size(); ++i) {
-    const Wall& wall = session_.walls[i];
-    const Vector stated = (wall.to - wall.from).normalized();
-    Vector outward(stated.y(), -stated.x());
-    if (outward.dot(wall.from) < 0) outward = -outward;
-    const bool moved = capture.target == static_cast<int>(i);
-    const double shift = nuisance_.offset_mm[i] + displaced[i].away_mm + (moved ? capture.shift_mm : 0);
-    const double angle = nuisance_.tilt_rad[i] + displaced[i].turned_rad;
-    const Vector along(stated.x() * std::cos(angle) - stated.y() * std::sin(angle),
-                       stated.x() * std::sin(angle) + stated.y() * std::cos(angle));
-    const Vector middle = (wall.from + wall.to) / 2 + shift * outward;
-    const double length = (wall.to - wall.from).norm();
-    Segment segment{middle - along * length / 2,
-                    middle + along * length / 2,
-                    along,
-                    Vector(-along.y(), along.x()),
-                    length,
-                    wall.reflectance,
-                    wall.closed};
-    if (moved && capture.reflectance >= 0) segment.reflectance = capture.reflectance;
-    segment.last_mm = length;
-    standing_.push_back(segment);
-  }
-  close_outline();
+  const auto moved = static_cast<std::size_t>(capture.target);  // beyond all walls if there is none
+  if (moved < displaced.size()) displaced[moved].away_mm += capture.shift_mm;
+  standing_ = standing_walls(session_, nuisance_, displaced);
+  if (moved < standing_.size() && capture.reflectance >= 0)
+    standing_[moved].reflectance = capture.reflectance;
   return standing_;
-}
-
-/// The walls of a closed outline follow each other in the list: each ends where the lines of its neighbours
-/// cross it.
-void World::close_outline() const {
-  std::vector<Segment*> outline;
-  for (Segment& segment : standing_)
-    if (segment.closed) outline.push_back(&segment);
-  for (std::size_t i = 0; i < outline.size(); ++i) {
-    Segment& own = *outline[i];
-    const auto crossed_by = [&](const Segment& other) {
-      return other.normal.dot(other.from - own.from) / other.normal.dot(own.along);
-    };
-    own.first_mm = crossed_by(*outline[(i + outline.size() - 1) % outline.size()]);
-    own.last_mm = crossed_by(*outline[(i + 1) % outline.size()]);
-  }
 }
 
 Sight World::look(const Moment& moment, double extra_angle) const {

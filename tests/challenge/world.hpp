@@ -102,6 +102,18 @@ struct Expectation {
 };
 
 /// The scene with everything where it really is, and causes acting in it.
+/// A wall as it stands.
+struct Segment {
+  Vector from, to, along, normal, outward;
+  double length, reflectance;
+  bool closed;
+  double first_mm = 0, last_mm = 0;  ///< Where it ends, from `from`.
+};
+/// All walls of a session with those nuisances, displaced by so much (none: not at all). Those of a closed
+/// outline follow each other in the list, and end where the lines of their neighbours cross them.
+[[nodiscard]] std::vector<Segment> standing_walls(const Session& session, const Nuisance& nuisance,
+                                                  const std::vector<Displacement>& displaced = {});
+
 class World {
  public:
   World(const Session& session, Causes causes, Nuisance nuisance);
@@ -120,13 +132,6 @@ class World {
             std::vector<std::uint16_t>& intensity) const;
 
  private:
-  struct Segment {
-    Vector from, to, along, normal;
-    double length, reflectance;
-    bool closed;
-    double first_mm = 0, last_mm = 0;  ///< Where it ends, from `from`.
-  };
-  void close_outline() const;
   [[nodiscard]] const std::vector<Segment>& standing(std::size_t capture) const;
   [[nodiscard]] Expectation mixed(const Moment& moment, double extra_angle, const Sight& centre) const;
   [[nodiscard]] double add_causes(const Moment& moment, const Sight& sight) const;

@@ -24,27 +24,6 @@ static json pair_of(const Vector& v) { return {v.x(), v.y()}; }
 
 namespace {
 
-/// A wall as it stands: from its middle along its line.
-struct Stands {
-  Vector middle, along, stated, left, outward;
-  double half_mm, turn_rad, offset_mm;
-
-  Stands(const Session& session, std::size_t i)
-      : turn_rad(session.truth.tilt_rad[i]), offset_mm(session.truth.offset_mm[i]) {
-    const Wall& wall = session.walls[i];
-    stated = (wall.to - wall.from).normalized();
-    half_mm = (wall.to - wall.from).norm() / 2;
-    left = Vector(-stated.y(), stated.x());
-    outward = left.dot(wall.from) < 0 ? Vector(-left) : left;
-    along = std::cos(turn_rad) * stated + std::sin(turn_rad) * left;
-    middle = (wall.from + wall.to) / 2 + offset_mm * outward;
-  }
-  [[nodiscard]] double crossed_by(const Stands& other) const {
-    const Vector normal(-other.along.y(), other.along.x());
-    return normal.dot(other.middle - middle) / normal.dot(along);
-  }
-};
-
 double cross(const Vector& a, const Vector& b) { return a.x() * b.y() - a.y() * b.x(); }
 
 /// A wall's ends, and its offset, so that turned about its new middle it lies on the same line.
@@ -55,25 +34,29 @@ struct Drawn {
 
 /// Walls of a closed room meet wherever they really stand. Past an inner corner what sticks out is hidden
 /// behind the next one; at an outward corner it would be seen.
-Drawn drawn(const Session& session, std::size_t i, const std::vector<std::size_t>& outline, bool ccw) {
+Drawn drawn(const Session& session, const std::vector<Segment>& walls, std::size_t i,
+            const std::vector<std::size_t>& outline, bool ccw) {
   constexpr double beyond_mm = 60;
-  const Stands own(session, i);
-  double first = -own.half_mm, last = own.half_mm;
-  const auto place = std::ranges::find(outline, i) - outline.begin();
-  if (session.walls[i].closed) {
-    const std::size_t n = outline.size(), k = static_cast<std::size_t>(place);
-    const Stands before(session, outline[(k + n - 1) % n]), after(session, outline[(k + 1) % n]);
-    const auto is_inner = [&](const Stands& a, const Stands& b) {
-      return (cross(a.stated, b.stated) > 0) == ccw;
+  const auto stated = [&](std::size_t k) {
+    return Vector((session.walls[k].to - session.walls[k].from).normalized());
+  };
+  const Segment& own = walls[i];
+  double first = 0, last = own.length;
+  if (own.closed) {
+    const auto k = static_cast<std::size_t>(std::ranges::find(outline, i) - outline.begin());
+    const std::size_t n = outline.size(), before = outline[(k + n - 1) % n], after = outline[(k + 1) % n];
+    const auto is_inner = [&](std::size_t a, std::size_t b) {
+      return (cross(stated(a), stated(b)) > 0) == ccw;
     };
-    first = is_inner(before, own) ? first - beyond_mm : own.crossed_by(before);
-    last = is_inner(own, after) ? last + beyond_mm : own.crossed_by(after);
+    first = is_inner(before, i) ? -beyond_mm : own.first_mm;
+    last = is_inner(i, after) ? own.length + beyond_mm : own.last_mm;
   }
-  const double middle = (first + last) / 2, half = (last - first) / 2;
-  const Vector stated =
-      (session.walls[i].from + session.walls[i].to) / 2 + middle * std::cos(own.turn_rad) * own.stated;
-  return {stated - half * own.stated, stated + half * own.stated,
-          own.offset_mm + middle * std::sin(own.turn_rad) * own.left.dot(own.outward)};
+  const double middle = (first + last - own.length) / 2, half = (last - first) / 2,
+               turn_rad = session.truth.tilt_rad[i];
+  const Vector along = stated(i), left(-along.y(), along.x()),
+               at = (session.walls[i].from + session.walls[i].to) / 2 + middle * std::cos(turn_rad) * along;
+  return {at - half * along, at + half * along,
+          session.truth.offset_mm[i] + middle * std::sin(turn_rad) * left.dot(own.outward)};
 }
 
 }  // namespace
@@ -81,6 +64,7 @@ Drawn drawn(const Session& session, std::size_t i, const std::vector<std::size_t
 json plain_world(const Session& session) {
   const Window window = window_of(session);
   json targets = json::array(), truth = json::object();
+  const std::vector<Segment> standing = standing_walls(session, session.truth);
   std::vector<std::size_t> outline;
   double area = 0;
   for (std::size_t i = 0; i < session.walls.size(); ++i) {
@@ -90,7 +74,7 @@ json plain_world(const Session& session) {
   }
   for (std::size_t i = 0; i < session.walls.size(); ++i) {
     const Wall& wall = session.walls[i];
-    const Drawn ends = drawn(session, i, outline, area > 0);
+    const Drawn ends = drawn(session, standing, i, outline, area > 0);
     targets.push_back({{"name", wall.name},
                        {"from_mm", pair_of(ends.from)},
                        {"to_mm", pair_of(ends.to)},
