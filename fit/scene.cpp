@@ -146,53 +146,50 @@ bool Scene::begins_there(int other, int one, double at_mm) const {
   });
 }
 
-bool Scene::meet_flat(const Surface& s, const Vector2d& origin, const Vector2d& ray, Hit& hit) {
-  Vector2d normal = s.outward;
-  double facing = normal.dot(ray);
-  if (std::abs(facing) < 1e-4) return false;
-  const double range = normal.dot(s.middle - origin) / facing;
-  if (range <= nearest_echo_mm) return false;
-  if (facing < 0) normal = -normal;
-  hit.range_mm = range;
-  hit.along_mm = s.along.dot(origin + range * ray - s.middle);
-  hit.along_sign = quarter_turned(normal).dot(s.along) >= 0 ? 1 : -1;
-  set_normal(normal, ray, hit);
-  hit.per_out = normal.dot(s.outward) / hit.cosine;
-  hit.per_turn = hit.along_mm * normal.dot(quarter_turned(s.along)) / hit.cosine;
-  hit.per_aside = hit.per_thicker = 0;
-  return true;
-}
-
-bool Scene::meet_round(const Surface& s, const Vector2d& origin, const Vector2d& ray, bool anyway, Hit& hit) {
+bool Scene::crosses(const Surface& s, const Vector2d& origin, const Vector2d& ray, bool anyway, Hit& hit) {
+  if (!s.is_round()) {
+    const double facing = s.outward.dot(ray);
+    if (std::abs(facing) < 1e-4) return false;
+    hit.range_mm = s.outward.dot(s.middle - origin) / facing;
+    if (hit.range_mm <= nearest_echo_mm) return false;
+    hit.along_mm = s.along.dot(origin + hit.range_mm * ray - s.middle);
+    return anyway || (hit.along_mm >= s.from_mm - leak_mm && hit.along_mm <= s.to_mm + leak_mm);
+  }
   const Vector2d way = s.middle - origin;
   const double nearest = way.dot(ray),
                left2 = nearest * nearest - way.squaredNorm() + s.radius_mm * s.radius_mm;
   if (nearest <= nearest_echo_mm || way.norm() <= s.radius_mm || (left2 < 0 && !anyway)) return false;
-  const double range = nearest - std::sqrt(std::max(0.0, left2));
-  const Vector2d normal = (way - range * ray).normalized();
-  hit.range_mm = range;
-  hit.along_mm = -s.radius_mm * std::atan2(cross(s.outward, normal), s.outward.dot(normal));
-  hit.along_sign = 1;
-  set_normal(normal, ray, hit);
-  hit.per_out = normal.dot(s.outward) / hit.cosine;
-  hit.per_aside = normal.dot(s.along) / hit.cosine;
-  hit.per_thicker = -1 / hit.cosine;
-  hit.per_turn = 0;
+  hit.range_mm = nearest - std::sqrt(std::max(0.0, left2));
   return true;
+}
+
+void Scene::fill_in(const Surface& s, const Vector2d& origin, const Vector2d& ray, Hit& hit) {
+  if (s.is_round()) {
+    const Vector2d normal = (s.middle - origin - hit.range_mm * ray).normalized();
+    hit.along_mm = -s.radius_mm * std::atan2(cross(s.outward, normal), s.outward.dot(normal));
+    set_normal(normal, ray, hit);
+    hit.per_aside = normal.dot(s.along) / hit.cosine;
+    hit.per_thicker = -1 / hit.cosine;
+  } else {
+    const Vector2d normal = s.outward.dot(ray) < 0 ? Vector2d(-s.outward) : s.outward;
+    hit.along_sign = quarter_turned(normal).dot(s.along) >= 0 ? 1 : -1;
+    set_normal(normal, ray, hit);
+    hit.per_turn = hit.along_mm * normal.dot(quarter_turned(s.along)) / hit.cosine;
+  }
+  hit.per_out = hit.normal.dot(s.outward) / hit.cosine;
 }
 
 Hit Scene::look(const Vector2d& origin, double bearing) const {
   const Vector2d ray = ray_of(bearing);
   Hit nearest, hit;
   for (std::size_t i = 0; i < surfaces_.size(); ++i) {
-    const Surface& s = surfaces_[i];
-    if (s.absent) continue;
-    if (s.is_round() ? !meet_round(s, origin, ray, false, hit) : !meet_flat(s, origin, ray, hit)) continue;
+    if (surfaces_[i].absent || !crosses(surfaces_[i], origin, ray, false, hit)) continue;
     if (nearest.target >= 0 && hit.range_mm >= nearest.range_mm) continue;
-    if (!s.is_round() && (hit.along_mm < s.from_mm - leak_mm || hit.along_mm > s.to_mm + leak_mm)) continue;
-    nearest = hit;
+    nearest.range_mm = hit.range_mm;
+    nearest.along_mm = hit.along_mm;
     nearest.target = static_cast<int>(i);
   }
+  if (nearest.target >= 0) fill_in(of(nearest.target), origin, ray, nearest);
   return nearest;
 }
 
@@ -200,8 +197,9 @@ Hit Scene::look_at(int target, const Vector2d& origin, double bearing) const {
   const Surface& s = of(target);
   const Vector2d ray = ray_of(bearing);
   Hit hit;
-  if (s.is_round() ? meet_round(s, origin, ray, true, hit) : meet_flat(s, origin, ray, hit))
-    hit.target = target;
+  if (!crosses(s, origin, ray, true, hit)) return hit;
+  hit.target = target;
+  fill_in(s, origin, ray, hit);
   return hit;
 }
 

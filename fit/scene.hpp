@@ -91,10 +91,11 @@ class Scene {
   void join(const Bench& bench, const std::vector<Stands>& stands);
   /// Whether the other begins where that one has that place, along from its middle.
   [[nodiscard]] bool begins_there(int other, int one, double at_mm) const;
-  [[nodiscard]] static bool meet_flat(const Surface& s, const Eigen::Vector2d& origin,
-                                      const Eigen::Vector2d& ray, Hit& hit);
-  [[nodiscard]] static bool meet_round(const Surface& s, const Eigen::Vector2d& origin,
-                                       const Eigen::Vector2d& ray, bool anyway, Hit& hit);
+  /// Range, and along a flat one the place, where a ray meets it; `anyway`: beyond its ends too.
+  [[nodiscard]] static bool crosses(const Surface& s, const Eigen::Vector2d& origin,
+                                    const Eigen::Vector2d& ray, bool anyway, Hit& hit);
+  /// All else about it.
+  static void fill_in(const Surface& s, const Eigen::Vector2d& origin, const Eigen::Vector2d& ray, Hit& hit);
   [[nodiscard]] double power(const Hit& hit) const;
   [[nodiscard]] double pull(const Eigen::Vector2d& origin, double bearing, const Hit& own) const;
 

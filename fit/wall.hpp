@@ -59,8 +59,10 @@ struct WallFit {
   /// distances of front and side wall from the axis, and deviation of the corner from the bench's.
   Eigen::Matrix<double, 6, 1> joint = Eigen::Matrix<double, 6, 1>::Zero();
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  Eigen::Matrix<double, 6, 6> from_noise =
+      Eigen::Matrix<double, 6, 6>::Zero();  ///< Of `joint` by the noise of single ranges.
   Eigen::Matrix<double, 6, 6> from_ranges =
-      Eigen::Matrix<double, 6, 6>::Zero();  ///< Part of the covariance that the samples' scatter makes.
+      Eigen::Matrix<double, 6, 6>::Zero();  ///< The same, with the scatter between captures.
   std::vector<WallEffect> effects;          ///< Those that were allowed for, in parts (sine and cosine ...).
   double capture_freedom = 0;               ///< Captures beyond the parameters, where their scatter counts.
   Estimate radius_mm, direction_rad;

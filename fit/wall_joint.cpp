@@ -248,6 +248,7 @@ void fit_joint(std::vector<Station>& stations, double yaw, const Mount& mount, c
   with_expected(sums, variance);
   const JointMatrix inverse = dense::inverse(sums.information);
   JointMatrix from_ranges = variance * inverse * seen * inverse;
+  fit.from_noise = from_ranges.topLeftCorner<6, 6>();
   if (sums.captures >= 8) {
     // Stage errors and the beams' own errors are common to a capture: where captures scatter more than their
     // beams allow, that scatter counts.

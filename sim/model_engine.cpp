@@ -146,7 +146,7 @@ class ModelEngine : public Engine {
 
   [[nodiscard]] double counts(const fit::Hit& hit) const {
     const int target = hit.target;
-    const double facing = std::cos(hit.incidence_rad), range = hit.range_mm, rho = scene_.reflectance(target);
+    const double facing = hit.cosine, range = hit.range_mm, rho = scene_.reflectance(target);
     if (claim_) return claim_->law.counts(rho, facing, range);
     if (described_)
       return described_->law.counts(rho, facing, range) *

@@ -171,6 +171,8 @@ class SearchRows {
 /// smooth functions needs them. Their deviations from the present prediction are averaged
 /// with their weights and stand at the place of the middle one. Variances must be pooled.
 [[nodiscard]] Reduced merged(const Reduced& reduced, std::size_t rows);
+/// Of more, neighbours come together in a bin of any picture or table anyway.
+constexpr std::size_t rows_for_tables = 100'000;
 
 /// Joins the cells of another session on the same bench.
 void append(Reduced& reduced, const Reduced& other);

@@ -187,7 +187,8 @@ void describe_strays(const Reduced& reduced, Bench& bench) {
 
 void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& out) {
   predict_at(reduced, means.best);
-  MeanModel model(reduced, means.noise);
+  const Reduced rows = merged(reduced, rows_for_tables);
+  MeanModel model(rows, means.noise);
   const Base base = base_columns(model, means.best);
   model.set_base(base.all.columns_mm, base.all.prior);
   const VectorXd x = model.posterior_mean();

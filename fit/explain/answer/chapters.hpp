@@ -18,7 +18,7 @@ void report_spread(const Findings& findings, Explanation& out);
 void report_unknown(const Findings& findings, Explanation& out);
 
 /// Where all that shows, and curves of it. Leaves the findings predicted as they were.
-void report_where(Findings& findings, Explanation& out);
+void report_where(const Findings& findings, Explanation& out);
 
 /// What to know before any of it is believed.
 void report_doubts(const Findings& findings, Explanation& out);

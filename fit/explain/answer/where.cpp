@@ -94,18 +94,18 @@ std::vector<Curve> curves(const MeanModel& before, const MeanModel& after, const
 
 }  // namespace
 
-void report_where(Findings& findings, Explanation& out) {
-  auto& [reduced, spread, means, light] = findings;
+void report_where(const Findings& findings, Explanation& out) {
+  const auto& [reduced, spread, means, light] = findings;
   Hypothesis nothing(reduced.bench);
   nothing.nuisance = means.best.nuisance;
-  predict_at(reduced, nothing);
-  const MeanModel before = model_of(reduced, means.noise, nothing);
+  Reduced rows = merged(reduced, rows_for_tables);
+  predict_at(rows, nothing);
+  const MeanModel before = model_of(rows, means.noise, nothing);
   locate(before, findings, out.located, out.unknown.has_value());
-  predict_at(reduced, means.best);
-  const MeanModel after = model_of(reduced, means.noise, means.best);
-  predict_at(reduced, nothing);
+  Reduced explained = rows;
+  predict_at(explained, means.best);
+  const MeanModel after = model_of(explained, means.noise, means.best);
   out.curves = curves(before, after, means.best);
-  predict_at(reduced, means.best);
 }
 
 }  // namespace fit::explain::answer

@@ -40,12 +40,19 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 UncertaintyBudget budget_of(const fit::WallFit& fit, const Vector6& slope, const std::string& name,
                             const std::string& label, const std::string& unit) {
   UncertaintyBudget out(name, label, unit);
-  const bool scattered = fit.capture_inflation > 1 && fit.capture_freedom > 0;
-  out.add({.source = scattered ? "ranges, with the scatter between captures" : "ranges",
+  const double noise = std::max(0.0, slope.dot(fit.from_noise * slope));
+  out.add({.source = "noise of the ranges",
            .kind = 'A',
-           .distribution = scattered ? "Student" : "normal",
-           .u = std::sqrt(std::max(0.0, slope.dot(fit.from_ranges * slope))),
-           .freedom = scattered ? fit.capture_freedom : std::max(1.0, static_cast<double>(fit.beams) - 6)});
+           .distribution = "normal",
+           .u = std::sqrt(noise),
+           .freedom = std::max(1.0, static_cast<double>(fit.beams) - 6)});
+  // A line of its own: few captures say how much they scatter, and many beams how noisy they are.
+  if (const double more = slope.dot(fit.from_ranges * slope) - noise; more > 0)
+    out.add({.source = "scatter between captures beyond that",
+             .kind = 'A',
+             .distribution = "Student",
+             .u = std::sqrt(more),
+             .freedom = fit.capture_freedom});
   // Sine and cosine, or several curves, of one deviation are one line.
   for (std::size_t k = 0; k < fit.effects.size(); ++k) {
     double square = 0;
