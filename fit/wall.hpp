@@ -64,7 +64,7 @@ struct WallFit {
   Eigen::Matrix<double, 6, 6> from_ranges =
       Eigen::Matrix<double, 6, 6>::Zero();  ///< The same, with the scatter between captures.
   std::vector<WallEffect> effects;          ///< Those that were allowed for, in parts (sine and cosine ...).
-  double capture_freedom = 0;               ///< Captures beyond the parameters, where their scatter counts.
+  double capture_freedom = 0;               ///< Degrees of freedom of the scatter between captures.
   Estimate radius_mm, direction_rad;
   double range_noise_mm = 0;  ///< Standard deviation of one range, from the scatter of the beams' means.
   double capture_inflation =

@@ -251,9 +251,10 @@ void fit_joint(std::vector<Station>& stations, double yaw, const Mount& mount, c
   fit.from_noise = from_ranges.topLeftCorner<6, 6>();
   if (sums.captures >= 8) {
     // Stage errors and the beams' own errors are common to a capture: where captures scatter more than their
-    // beams allow, that scatter counts.
+    // beams allow, that scatter counts: the sandwich over clusters, each parameter's sum of which misses one
+    // (Cameron & Miller, J. Human Resources 50 (2015) 317).
     const auto captures = static_cast<double>(sums.captures);
-    fit.capture_freedom = std::max(1.0, captures - 6);
+    fit.capture_freedom = captures - 1;
     const JointMatrix between = inverse * sums.scatter * inverse * captures / fit.capture_freedom;
     const JointVector widen =
         between.diagonal().cwiseQuotient(from_ranges.diagonal()).cwiseMax(1).cwiseSqrt();
