@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: MIT
 """docs/develop/architecture.md. A newcomer's questions: twenty or more, and in each file that answers one stands what the page says to
 look for. Usual changes: ten or more, each with the number of files that it names, in folders that hold such files.
+docs/develop/why-an-answer.md. Ten questions or more, each with files in which stands what the page says to look for.
 
     architecture_test.py     prints what is wrong, a line each; exit status 1 if anything is"""
 import os, re, sys
@@ -30,21 +31,44 @@ def wrong_changes(text):
                 yield f"{what.strip()}: there is no {path}"
 
 
+def without_symbol(rows):
+    """What is wrong with rows of (what it is about, file, symbol): a symbol stands in its file as a whole word."""
+    for what, file, symbol in rows:
+        path = os.path.join(ROOT, file)
+        if not os.path.isfile(path):
+            yield f"{what} There is no {file}"
+            continue
+        with open(path, encoding="utf-8") as source:
+            if not re.search(r"(?<!\w)" + re.escape(symbol) + r"(?!\w)", source.read()):
+                yield f"{what} {file} has no '{symbol}'"
+
+
+def wrong_answers(text):
+    """What is wrong with the questions about an answer: each has a table of what is decided where."""
+    _, *questions = re.split(r"^## ", text, flags=re.M)
+    if len(questions) < 10:
+        yield f"the page has {len(questions)} questions about an answer"
+    for question in questions:
+        title, _, rest = question.partition("\n")
+        rows = re.findall(r"^\| ([^|]+) \| `([^`|]+)` \| `([^`|]+)` \|$", rest, re.M)
+        if not rows or len(rows) != len(re.findall(r"^\|", rest, re.M)) - 2:
+            yield f"{title} Its rows are not: | what it decides | `file` | `what to look for` |"
+        yield from without_symbol((title, file, symbol) for _, file, symbol in rows)
+
+
+def page(name):
+    with open(os.path.join(ROOT, "docs", "develop", name), encoding="utf-8") as text:
+        return text.read()
+
+
 def main():
-    with open(os.path.join(ROOT, "docs", "develop", "architecture.md"), encoding="utf-8") as page:
-        changes, text = page.read().split("## Twenty questions of a newcomer")
+    changes, text = page("architecture.md").split("## Twenty questions of a newcomer")
     rows = re.findall(r"^\| (.+?\?) \| [^|]*?`([^`|]+)`[^|]* \| `([^|]+)` \|$", text, re.M)
     wrong = [] if len(rows) >= 20 else [f"the page answers {len(rows)} questions"]
     if len(rows) != len(re.findall(r"^\|", text, re.M)) - 2:
         wrong.append("a row is not as the others: | question? | `file` | `what to look for` |")
-    for question, file, symbol in rows:
-        path = os.path.join(ROOT, file)
-        if not os.path.isfile(path):
-            wrong.append(f"{question} There is no {file}")
-            continue
-        with open(path, encoding="utf-8") as source:
-            if symbol not in source.read():
-                wrong.append(f"{question} {file} has no '{symbol}'")
+    wrong += without_symbol(rows)
+    wrong += wrong_answers(page("why-an-answer.md"))
     wrong += wrong_changes(changes.split("## Ten changes, and the files they touch")[1])
     if wrong:
         sys.exit("\n".join(wrong))
