@@ -25,9 +25,6 @@ struct Located {
   double p_value = 1;
 };
 
-/// Probability below which a mechanism is no part of an explanation.
-constexpr double worth_telling = 0.3;
-
 /// One mechanism that is part of the explanation.
 struct Found {
   const Mechanism* mechanism = nullptr;

@@ -112,8 +112,6 @@ struct Reduced {
   int astray = 0;                 ///< Of these, those more than `astray_mm` off their target.
 
   [[nodiscard]] std::size_t smooth_cells() const;
-  /// Whether targets were put up in different places for the captures.
-  [[nodiscard]] bool in_several_places() const;
   [[nodiscard]] const CaptureInfo& capture_of(const Group& group) const {
     return captures[static_cast<std::size_t>(group.capture)];
   }

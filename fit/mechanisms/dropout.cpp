@@ -14,17 +14,19 @@ Mechanism make_dropout() {
   m.cause = "weak echoes stay below the receiver's threshold";
   m.observable = Observable::dropout;
   m.coordinate = Coordinate::intensity;
-  m.parameters = {{.name = "intensity_min",
-                   .role = Parameter::Role::shape,
-                   .scale = Parameter::Scale::threshold,
-                   .lower = 5,
-                   .upper = 1500,
-                   .starts = 20},
-                  {.name = "width", .role = Parameter::Role::shape, .lower = 0.5, .upper = 300, .starts = 9},
-                  {.name = "scatter_mm", .typical = 2, .sign = 1}};
+  m.formula_error = 0.3;  // of the distance from the threshold: counts are a power of the echo, 0.4 to 1
+  m.parameters = {
+      {.name = "intensity_min",
+       .role = Parameter::Role::shape,
+       .scale = Parameter::Scale::threshold,
+       .lower = 5,
+       .upper = 1500,
+       .starts = 20},
+      {.name = "width", .role = Parameter::Role::shape, .lower = 0.05, .upper = 300, .starts = 12},
+      {.name = "scatter_mm", .typical = 2, .sign = 1}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (!std::isfinite(c.intensity)) return Effect{};
-    const double above = std::max(std::log(std::max(1.0, c.intensity / p[0])), 0.5 * p[1] / p[0]);
+    const double above = std::max(std::log(std::max(1.0, c.intensity / p[0])), 1.9 * p[1] / p[0]);
     return Effect{.variance_mm2 = p[2] * p[2] / above,
                   .lost = 0.5 * std::erfc((c.intensity - p[0]) / p[1] / std::sqrt(2.0))};
   };

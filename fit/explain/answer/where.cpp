@@ -45,8 +45,14 @@ std::vector<Located> located(const Suspect& suspect, const Reduced& reduced) {
   return list;
 }
 
-Located located(const Unexplained& u) {
-  return {u.coordinate, u.from, u.to, u.observable, p_value(u.evidence)};
+/// Where it acts, or if it does not say so, wherever there is a recording.
+Located located(const Unexplained& u, const Reduced& reduced) {
+  Located l{u.coordinate, u.from, u.to, u.observable, std::max(1e-300, p_value(u.gain))};
+  if (const auto there = recorded(reduced, u.coordinate); there && !(u.to > u.from)) {
+    l.from = there->from;
+    l.to = there->to;
+  }
+  return l;
 }
 
 /// `before`: the means before anything was explained.
@@ -65,7 +71,7 @@ void locate(const MeanModel& before, const Findings& findings, std::vector<Locat
       add(locate_effect(before, effect_of(before, shape), shape.coordinate));
   for (const Suspect& suspect : findings.spread.accepted) add(located(suspect, findings.reduced));
   if (reports_unknown && best.shapes.empty())
-    for (const Unexplained& u : findings.spread.unknown) out.push_back(located(u));
+    for (const Unexplained& u : findings.spread.unknown) out.push_back(located(u, findings.reduced));
   if (!best.terms.empty() || !best.shapes.empty())
     for (const Located& l : locate_residuals(before, 0.01))
       if (!taken.contains(l.coordinate)) out.push_back(l);

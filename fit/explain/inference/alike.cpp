@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <map>
+#include <numeric>
 
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/inference/screen.hpp"
@@ -34,7 +36,6 @@ Eigen::VectorXd ranks_of(const std::vector<double>& values) {
 /// Where one coordinate of the means goes with the other, up or down (Spearman's rank correlation), their
 /// functions look alike.
 bool confounded(const Session& session, Coordinate a, Coordinate b) {
-  constexpr double all_but_one = 0.97;
   const auto& means = session.channels()[model::channel_of("mean")];
   if (a == b || !means) return false;
   std::vector<double> of_a, of_b;
@@ -47,7 +48,7 @@ bool confounded(const Session& session, Coordinate a, Coordinate b) {
   if (of_a.empty()) return false;
   const Eigen::VectorXd x = ranks_of(of_a), y = ranks_of(of_b);
   const double scale = x.norm() * y.norm();
-  return scale > 0 && std::abs(x.dot(y)) > all_but_one * scale;
+  return scale > 0 && std::abs(x.dot(y)) > numbers::goes_with * scale;
 }
 
 /// Whether a mechanism may be what looks like that term in this session.
@@ -72,7 +73,7 @@ class MayBe {
 /// In the place of a term of the best hypothesis, as well as the recording tells: what may be one of those
 /// mechanisms.
 std::vector<Member> rivals_of(const Session& session, const Fitted& best, const Term& term,
-                              const std::vector<const Mechanism*>& mechanisms) {
+                              double probability, const std::vector<const Mechanism*>& mechanisms) {
   std::vector<MayBe> of_each;
   for (const Mechanism* m : mechanisms) of_each.emplace_back(session, *m);
   const auto may_be = [&](const Mechanism& m) {
@@ -88,9 +89,9 @@ std::vector<Member> rivals_of(const Session& session, const Fitted& best, const 
     Hypothesis other = less;
     other.terms.push_back(candidate.term);
     const Hypothesis fitted = fit(session, other).hypothesis;
-    if (fitted.log_fit < best.hypothesis.log_fit + numbers::contradicted_at) continue;
-    rivals.push_back({candidate.term.kind, std::exp(fitted.log_posterior() - best.hypothesis.log_posterior()),
-                      fitted.terms.back()});
+    if (fitted.log_fit < best.hypothesis.log_fit - numbers::fits_as_well) continue;
+    const double odds = std::exp(fitted.log_posterior() - best.hypothesis.log_posterior());
+    rivals.push_back({candidate.term.kind, odds * probability, fitted.terms.back()});
   }
   return rivals;
 }
@@ -101,10 +102,18 @@ std::vector<std::string> names_of_bench_file(const Term& term) {
   return names;
 }
 
+/// They have a part of what the set holds.
 void join(const std::vector<Member>& rivals, Undecided& set) {
+  const auto held = [&] {
+    return std::transform_reduce(set.members.begin(), set.members.end(), 0.0, std::plus(),
+                                 [](const Member& member) { return member.probability; });
+  };
+  const double before = held();
   for (const Member& rival : rivals)
     if (std::ranges::none_of(set.members, [&](const Member& m) { return m.kind == rival.kind; }))
       set.members.push_back(rival);
+  const double share = before / held();
+  for (Member& member : set.members) member.probability *= share;
 }
 
 }  // namespace
@@ -113,7 +122,7 @@ void join_what_looks_alike(const Session& session, const Fitted& best, Posterior
   std::vector<Named> alone;
   for (const Named& named : posterior.named) {
     const std::vector<Member> rivals =
-        rivals_of(session, best, named.term, {named.term.kind->mechanism.get()});
+        rivals_of(session, best, named.term, named.probability, {named.term.kind->mechanism.get()});
     const std::vector<std::string> also = names_of_bench_file(named.term);
     if (rivals.empty() && also.empty()) {
       alone.push_back(named);
@@ -121,9 +130,6 @@ void join_what_looks_alike(const Session& session, const Fitted& best, Posterior
     }
     Undecided set{{{named.term.kind, named.probability, named.term}}, also};
     join(rivals, set);
-    double sum = 0;  // Of what was named, each has its part.
-    for (const Member& member : set.members) sum += member.probability;
-    for (Member& member : set.members) member.probability *= named.probability / sum;
     posterior.undecided.push_back(std::move(set));
   }
   posterior.named = std::move(alone);
@@ -133,7 +139,8 @@ void join_what_looks_alike(const Session& session, const Fitted& best, Posterior
       if (member.kind && !member.kind->is_form()) mechanisms.push_back(member.kind->mechanism.get());
     for (const Member& member : std::vector(set.members)) {
       if (!member.kind) continue;
-      if (best.hypothesis.has(*member.kind)) join(rivals_of(session, best, member.term, mechanisms), set);
+      if (best.hypothesis.has(*member.kind))
+        join(rivals_of(session, best, member.term, member.probability, mechanisms), set);
       if (member.kind->is_form()) continue;
       for (const std::string& name : names_of_bench_file(member.term))
         if (!std::ranges::count(set.also, name)) set.also.push_back(name);

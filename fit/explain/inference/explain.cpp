@@ -72,7 +72,7 @@ std::vector<Estimate> nuisances_of(const Session& session, const Fitted& f, std:
 }
 
 /// What a form does beside the means, in words.
-Unexplained described(const Session& session, const Term& term) {
+Unexplained described(const Session& session, const Term& term, double gain) {
   const Shape shape = as_shape(term);
   std::size_t c = 0;
   while (!term.kind->acts_in[c]) ++c;
@@ -100,6 +100,7 @@ Unexplained described(const Session& session, const Term& term) {
   Unexplained u;
   u.observable = term.kind->observable;
   u.coordinate = shape.coordinate;
+  u.gain = gain;
   u.describes = says.text;
   u.from = on_a_target ? term.kind->target : says.from;
   u.to = on_a_target ? term.kind->target : says.to;
@@ -127,11 +128,13 @@ void measure(const Session& session, const Fitted& nothing, const Explored& expl
   // In absolute figures the means alone are told, to which the gain of all channels is added.
   out.means.after.log_likelihood =
       out.means.before.log_likelihood + all - hold_out(session, nothing).log_likelihood;
-  for (const auto* list : {&out.posterior.named, &out.posterior.forms})
-    for (const Named& named : *list)
-      out.gain.push_back(all - hold_out(session, without(session, best, *named.term.kind)).log_likelihood);
+  const auto gain_of = [&](const Term& term) {
+    return all - hold_out(session, without(session, best, *term.kind)).log_likelihood;
+  };
+  for (const Named& named : out.posterior.named) out.gain.push_back(gain_of(named.term));
   for (const Named& form : out.posterior.forms)
-    if (!is_of_means(*form.term.kind)) out.beside.push_back(described(session, form.term));
+    if (!is_of_means(*form.term.kind))
+      out.beside.push_back(described(session, form.term, gain_of(form.term)));
 }
 
 /// The best hypothesis as far as means go; of undecided sets, the best member.

@@ -16,7 +16,7 @@ struct Inferred {
   std::vector<SpreadCurve> curves = {};  ///< Of what is beside the means, where something was found.
   std::vector<Unexplained> beside = {};  ///< Forms beside the means.
   std::vector<Active> of_scans = {};     ///< What the best hypothesis says of scans of a capture.
-  std::vector<double> gain = {};         ///< Held out, of every named one, and then of every form.
+  std::vector<double> gain = {};         ///< Held out, of every named one.
   std::vector<std::string> notes = {};   ///< Of channels, on how well they agree.
   struct Restated {
     std::size_t channel;

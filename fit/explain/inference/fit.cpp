@@ -76,9 +76,15 @@ Scored scored(const Session& session, const Design& design, Optimum& there, For 
   return s;
 }
 
-/// A scoring step of all coefficients that are not held at their bound.
-Eigen::VectorXd step_of(const Scored& s, const Design& design, const Eigen::VectorXd& x) {
+/// A scoring step of all coefficients that are not held at their bound, shortened by a damping (Levenberg and
+/// Marquardt); and by how much the quadratic approximation says that it gains.
+struct Step {
+  Eigen::VectorXd by;
+  double promises = 0;
+};
+Step step_of(const Scored& s, const Design& design, const Eigen::VectorXd& x, double damping = 0) {
   Scored free = s;
+  free.information.diagonal() *= 1 + damping;
   for (Index k = 0; k < x.size(); ++k) {
     const bool held =
         (x[k] <= design.lower[k] && s.gradient[k] <= 0) || (x[k] >= design.upper[k] && s.gradient[k] >= 0);
@@ -88,7 +94,8 @@ Eigen::VectorXd step_of(const Scored& s, const Design& design, const Eigen::Vect
     free.information(k, k) = 1;
     free.gradient[k] = 0;
   }
-  return free.information.llt().solve(free.gradient);
+  const Eigen::VectorXd by = free.information.llt().solve(free.gradient);
+  return {by, 0.5 * by.dot(free.gradient)};
 }
 
 Eigen::VectorXd within_bounds(const Design& design, const Eigen::VectorXd& x) {
@@ -98,8 +105,8 @@ Eigen::VectorXd within_bounds(const Design& design, const Eigen::VectorXd& x) {
 }  // namespace
 
 Optimum optimum_of(const Session& session, const Design& design, const Eigen::VectorXd& start) {
-  constexpr int most_steps = 12;
-  constexpr double settled = 0.01;
+  constexpr int most_steps = 16;
+  constexpr double settled = 0.01, first_damping = 0.3, most_damping = 1e4;
   Optimum now;
   now.x = within_bounds(design, design.mean);
   judge_there(session, design, now);
@@ -110,20 +117,23 @@ Optimum optimum_of(const Session& session, const Design& design, const Eigen::Ve
     if (nearer.log_posterior > now.log_posterior) now = std::move(nearer);
   }
   Scored s = scored(session, design, now);
+  double damping = 0;
   for (int step = 0; step < most_steps; ++step) {
-    const Eigen::VectorXd whole = step_of(s, design, now.x);
+    Step whole = step_of(s, design, now.x, damping);
+    if (whole.promises < settled) break;
     Optimum next;
-    double share = 1;
-    do {
-      next.x = within_bounds(design, now.x + share * whole);
+    next.x = within_bounds(design, now.x + whole.by);
+    judge_there(session, design, next);
+    while (next.log_posterior < now.log_posterior && damping < most_damping) {
+      damping = std::max(first_damping, 8 * damping);
+      whole = step_of(s, design, now.x, damping);
+      next.x = within_bounds(design, now.x + whole.by);
       judge_there(session, design, next);
-      share /= 2;
-    } while (next.log_posterior < now.log_posterior - settled / 10 && share > 0.02);
-    const double gain = next.log_posterior - now.log_posterior;
-    if (gain < -settled / 10) break;
+    }
+    if (next.log_posterior < now.log_posterior) break;
+    damping = damping > first_damping ? damping / 8 : 0;
     now = std::move(next);
     s = scored(session, design, now);
-    if (gain < settled) break;
   }
   now.factor.compute(s.information);
   return now;
@@ -250,7 +260,7 @@ Fitted solved(const Session& session, std::vector<Term> terms) {
   const Scored there = scored(session, result.design, result.optimum, For::evidence);
   result.optimum.factor.compute(there.information);
   const Eigen::VectorXd stepped =
-      within_bounds(result.design, result.optimum.x + step_of(there, result.design, result.optimum.x));
+      within_bounds(result.design, result.optimum.x + step_of(there, result.design, result.optimum.x).by);
   Hypothesis& h = result.hypothesis;
   for (const Term& term : terms) h.log_prior += term.kind->log_prior;
   h.eta = result.optimum.eta;

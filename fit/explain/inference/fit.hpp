@@ -20,6 +20,7 @@ struct Design {
     Eigen::Index first = 0, sizes = 0, shapes = 0, deviations = 0;
     [[nodiscard]] Eigen::Index count() const { return sizes + shapes + deviations; }
     [[nodiscard]] Eigen::Index first_shape() const { return first + sizes; }
+    [[nodiscard]] Eigen::Index first_deviation() const { return first_shape() + shapes; }
   };
   std::vector<Part> parts;  ///< By channel.
   Eigen::VectorXd mean, sigma;

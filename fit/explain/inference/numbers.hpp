@@ -17,6 +17,8 @@ constexpr double named_at = 0.9, set_holds = 0.95;
 constexpr double window = 12;              ///< Log odds to the best within which a hypothesis counts.
 constexpr double worth_fitting = -3;       ///< Log odds by the score test.
 constexpr double contradicted_at = -3;     ///< Log odds that captures give against what was fitted to others.
+constexpr double goes_with = 0.97;         ///< Rank correlation of coordinates that a session confounds.
+constexpr double fits_as_well = 3;         ///< Log-likelihood by which another name for it may fit worse.
 constexpr double describes_at = 0.5;       ///< Share of held-out means that 95 % intervals hold.
 constexpr std::size_t most_terms = 5;      ///< Of a hypothesis.
 constexpr std::size_t tries = 6;           ///< Fitted of every ranking.

@@ -40,24 +40,20 @@ class Weighed {
       if (holds(*h, sort)) sum += p;
     return sum;
   }
-  [[nodiscard]] double probability_of_nothing() const {
-    double sum = 0;
-    for (const auto& [h, p] : list_)
-      if (h->terms.empty()) sum += p;
-    return sum;
-  }
 
   /// What stands in the place of a term of `best` in hypotheses without it.
   [[nodiscard]] Undecided alternatives(const Hypothesis& best, const Term& term) const {
     std::map<const void*, Undecided::Member> members;
+    std::map<const void*, double> most;
     for (const auto& [h, p] : list_) {
       const Term* instead = in_place_of(*h, best, term);
-      auto& member = members[instead ? sort_of(*instead->kind) : nullptr];
+      const void* sort = instead ? sort_of(*instead->kind) : nullptr;
+      auto& member = members[sort];
       member.probability += p;
-      if (instead && !member.kind) {
-        member.kind = instead->kind;
-        member.term = *instead;
-      }
+      if (!instead || p <= most[sort]) continue;
+      most[sort] = p;
+      member.kind = instead->kind;
+      member.term = *instead;
     }
     return smallest_set(members);
   }
@@ -95,7 +91,6 @@ Posterior posterior_of(const Explored& explored) {
   const Weighed weighed(explored);
   const Hypothesis& best = explored.best.hypothesis;
   Posterior result;
-  result.nothing = weighed.probability_of_nothing();
   std::vector<const void*> listed_sorts;
   for (const Term& term : best.terms) {
     const void* sort = sort_of(*term.kind);
@@ -108,10 +103,11 @@ Posterior posterior_of(const Explored& explored) {
     }
     if (again) continue;
     Undecided set = weighed.alternatives(best, term);
-    if (set.members.size() == 1)
-      (term.kind->is_form() ? result.forms : result.named).push_back({term, probability});
-    else
+    const Undecided::Member& first = set.members.front();
+    if (set.members.size() > 1)
       result.undecided.push_back(std::move(set));
+    else if (first.kind)  // Many others together outweigh the best.
+      (first.kind->is_form() ? result.forms : result.named).push_back({first.term, first.probability});
   }
   return result;
 }

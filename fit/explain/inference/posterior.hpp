@@ -27,7 +27,6 @@ struct Posterior {
   std::vector<Named> named;
   std::vector<Undecided> undecided;
   std::vector<Named> forms;  ///< What the catalogue does not know.
-  double nothing = 0;        ///< Probability that nothing is missing.
 };
 
 /// What the visited hypotheses come to.

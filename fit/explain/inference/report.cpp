@@ -27,8 +27,9 @@ std::map<std::string, Estimate> parameters_of(const Term& term) {
   return map;
 }
 
-Suspect as_suspect(const Term& term) {
+Suspect as_suspect(const Term& term, double gain = 0) {
   Suspect suspect;
+  suspect.gain = gain;
   suspect.mechanism = term.kind->mechanism.get();
   suspect.target = term.kind->target;
   suspect.parameters = parameters_of(term);
@@ -135,8 +136,9 @@ bool is_confirmed(const Inferred& inferred, std::size_t named) {
 
 /// A mechanism that captures contradict to which it was not fitted is no explanation, nor is any where the
 /// scene is another one.
-Unexplained contradicted(const Inferred& inferred, const Term& term) {
+Unexplained contradicted(const Inferred& inferred, const Term& term, double gain) {
   Unexplained u;
+  u.gain = std::abs(gain);
   u.observable = term.kind->mechanism->observable;
   u.coordinate = term.kind->mechanism->coordinate;
   u.describes =
@@ -167,9 +169,9 @@ void add_to_spread(const Inferred& inferred, SpreadResult& spread) {
   for (std::size_t i = 0; i < inferred.posterior.named.size(); ++i) {
     const Term& term = inferred.posterior.named[i].term;
     if (!is_confirmed(inferred, i))
-      spread.unknown.push_back(contradicted(inferred, term));
+      spread.unknown.push_back(contradicted(inferred, term, inferred.gain[i]));
     else if (!is_of_the_means(*term.kind))
-      spread.accepted.push_back(as_suspect(term));
+      spread.accepted.push_back(as_suspect(term, inferred.gain[i]));
   }
   for (const Undecided& set : inferred.posterior.undecided) {
     const auto best = std::ranges::find_if(

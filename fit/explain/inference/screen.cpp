@@ -158,6 +158,10 @@ class Question {
         one.log_evidence = with_sizes(one.term);
         more.push_back(std::move(one));
       }
+    if (more.empty()) return;
+    // A peak between the starts is no wider than the distance from one to the next.
+    const double highest = std::ranges::max(more, {}, &Asked::log_evidence).log_evidence;
+    over_grid_ = log_sum({over_grid_, highest - std::log(static_cast<double>(kind_->starts.size()))});
     std::ranges::move(more, std::back_inserter(asked_));
     std::ranges::sort(asked_, std::greater<>(), &Asked::log_evidence);
     asked_.resize(std::min(modes_refined, asked_.size()));

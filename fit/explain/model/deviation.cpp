@@ -115,6 +115,20 @@ Eigen::MatrixXd harmonics(const Rows& channel, const Term& term) {
   return columns;
 }
 
+/// What a row's distance from a threshold does, were it wrong in proportion: the response's derivative by the
+/// logarithm of that distance.
+double by_distance(const Rows& channel, Index row, const Term& term, std::size_t threshold) {
+  constexpr double by = 0.01;
+  Circumstances above = channel.at(row), below = above;
+  const double distance = above.intensity - term.values[threshold];
+  above.intensity += by * distance;
+  below.intensity -= by * distance;
+  const Mechanism& m = *term.kind->mechanism;
+  return (channel.response(row, m.act(above, term.values)) -
+          channel.response(row, m.act(below, term.values))) /
+         (2 * by);
+}
+
 }  // namespace
 
 Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term) {
@@ -132,12 +146,15 @@ Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term) {
   if (std::ranges::any_of(kind.coefficients, &Coefficient::has_phase))
     return of_wave(channel, term, x, share);
   const Typical typical(channel, term);
+  const std::optional<std::size_t> threshold = m.parameter_of(Parameter::Scale::threshold);
   const int cosines = (any_curve ? 2 : 1) * numbers::smooth_deviations;
   Eigen::MatrixXd columns(channel.rows(), cosines);
   for (Index i = 0; i < channel.rows(); ++i) {
     const Circumstances& at = channel.at(i);
     const bool acts = kind.target < 0 || at.target == kind.target;
-    const double size = acts ? channel.response(i, typical.rms) : 0;
+    const double size = !acts       ? 0
+                        : threshold ? by_distance(channel, i, term, *threshold)
+                                    : channel.response(i, typical.rms);
     columns(i, 0) = size * (any_curve ? 1 : share / 2);
     if (size == 0) {
       columns.row(i).setZero();
@@ -146,7 +163,7 @@ Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term) {
     const double first = std::cos(pi * (x[i] + 1) / 2);  // the others by Chebyshev's recurrence
     double before = 1, now = first;
     for (int k = 1; k < cosines; ++k) {
-      columns(i, k) = size * share / k * now;
+      columns(i, k) = size * share / (k * k) * now;
       before = std::exchange(now, 2 * first * now - before);
     }
   }

@@ -114,34 +114,36 @@ bool can_be_local(const Mechanism& m, const ListOfChannels& channels) {
 
 /// The power of a size that the effect goes with: variances go with the square of a deviation.
 int power_of(const Kind& kind, std::size_t k, const ListOfChannels& channels) {
-  int power = 1;
-  std::vector<double> small = kind.starts[kind.starts.size() / 2], twice;
-  for (std::size_t other = 0; other < small.size(); ++other)
-    if (other != k && kind.mechanism->parameters[other].role == Role::size) small[other] = 0;
-  twice = small;
-  const double scale = kind.mechanism->parameters[k].typical;
-  small[k] = scale;
-  twice[k] = 2 * scale;
-  for (const auto& channel : channels)
-    if (channel && channel->sees(kind.mechanism->coordinate))
-      any_row(*channel, kind, [&](Index i) {
-        const double one = channel->response(i, kind.mechanism->act(channel->at(i), small)),
-                     two = channel->response(i, kind.mechanism->act(channel->at(i), twice));
-        if (!(std::abs(one) > 1e-12)) return false;
-        if (two / one > 3) power = 2;
-        return true;
-      });
-  return power;
+  for (std::vector<double> small : kind.starts) {
+    for (std::size_t other = 0; other < small.size(); ++other)
+      if (other != k && kind.mechanism->parameters[other].role == Role::size) small[other] = 0;
+    std::vector<double> twice = small;
+    small[k] = kind.mechanism->parameters[k].typical;
+    twice[k] = 2 * small[k];
+    double ratio = 0;
+    for (const auto& channel : channels)
+      if (channel && channel->sees(kind.mechanism->coordinate))
+        any_row(*channel, kind, [&](Index i) {
+          const double one = channel->response(i, kind.mechanism->act(channel->at(i), small)),
+                       two = channel->response(i, kind.mechanism->act(channel->at(i), twice));
+          if (std::abs(one) > 1e-12) ratio = std::max(ratio, two / one);
+          return std::abs(one) > 1e-12;
+        });
+    if (ratio > 0) return ratio > 3 ? 2 : 1;
+  }
+  return 1;
 }
 
+/// From any of its starts: a threshold may lie below every echo.
 bool acts_without_size(const Kind& kind, const ListOfChannels& channels) {
-  std::vector<double> values = kind.starts[kind.starts.size() / 2];
-  for (std::size_t k = 0; k < values.size(); ++k)
-    if (kind.mechanism->parameters[k].role == Role::size) values[k] = 0;
-  return std::ranges::any_of(channels, [&](const auto& channel) {
-    return channel && any_row(*channel, kind, [&](Index i) {
-             return std::abs(channel->response(i, kind.mechanism->act(channel->at(i), values))) > 1e-12;
-           });
+  return std::ranges::any_of(kind.starts, [&](std::vector<double> values) {
+    for (std::size_t k = 0; k < values.size(); ++k)
+      if (kind.mechanism->parameters[k].role == Role::size) values[k] = 0;
+    return std::ranges::any_of(channels, [&](const auto& channel) {
+      return channel && any_row(*channel, kind, [&](Index i) {
+               return std::abs(channel->response(i, kind.mechanism->act(channel->at(i), values))) > 1e-12;
+             });
+    });
   });
 }
 

@@ -9,10 +9,6 @@ std::size_t Reduced::smooth_cells() const {
   return static_cast<std::size_t>(std::ranges::count_if(cells, &Cell::smooth));
 }
 
-bool Reduced::in_several_places() const {
-  return std::ranges::any_of(absent, [](const Absent& targets) { return !targets.empty(); });
-}
-
 Scene Reduced::scene_of(const Group& group, const Nuisance& nuisance) const {
   return {bench, nuisance, capture_of(group), absent[static_cast<std::size_t>(group.capture)]};
 }

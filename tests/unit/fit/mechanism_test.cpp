@@ -178,8 +178,8 @@ const std::map<std::string, Equation>& equations() {
           return fit::Effect{.lost = 0.05 * share, .stray = share};
         }}},
       {"dropout", {{{"intensity_min", 300}, {"width", 50}, {"scatter_mm", 2}},
-        [](const Beam& x) {  // twice as strong as the threshold: 2 mm / sqrt(ln 2); nearer than half a width: as there
-          const double above = std::max(std::log(x.I / 300), 25.0 / 300);
+        [](const Beam& x) {  // twice as strong as the threshold: 2 mm / sqrt(ln 2); within 1.9 widths: as there
+          const double above = std::max(std::log(x.I / 300), 95.0 / 300);
           return fit::Effect{.variance_mm2 = 4 / above, .lost = 1 - 0.5 * (1 + std::erf((x.I - 300) / 50 / std::sqrt(2.0)))};
         }}},
       {"radiometry", {{{"log_gain", 0.3}, {"range_exponent", 0.2}, {"response_exponent", 0.1}, {"incidence_exponent", 0.15},
