@@ -7,6 +7,7 @@
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/channel.hpp"
 #include "fit/explain/model/scans.hpp"
+#include "fit/explain/model/shared_errors.hpp"
 
 namespace fit::explain::channels {
 namespace {
@@ -14,22 +15,37 @@ namespace {
 using Eigen::Index;
 using model::ScanPart;
 
+/// Standard deviations of what all beams of a scan have in common by chance: a range, and an angle of the
+/// stage.
+struct Common {
+  double range_mm = 0, angle_rad = 0;
+};
+
 /// What scans have in common, against the mean of their capture: normal around what changes from scan to
 /// scan.
 class Scans final : public model::ChannelRows {
  public:
-  Scans(std::vector<ScanPart> parts, double of_range, double of_angle, std::optional<double> wave_hz)
+  Scans(std::vector<ScanPart> parts, const Common& common, std::optional<double> wave_hz)
       : parts_(std::move(parts)) {
     base_.columns.resize(rows(), 0);
     if (wave_hz) expect_wave(*wave_hz);
     weight_.resize(rows());
     std::map<int, std::vector<Index>> blocks;
     for (Index i = 0; i < rows(); ++i) {
-      const ScanPart& p = parts_[static_cast<std::size_t>(i)];
-      weight_[i] = 1 / std::sqrt(p.variance_mm2 * (p.of_angle ? of_angle : of_range));
-      blocks[p.block].push_back(i);
+      weight_[i] = 1 / std::sqrt(part(i).variance_mm2);
+      blocks[part(i).block].push_back(i);
     }
     for (auto& [block, list] : blocks) blocks_.push_back(std::move(list));
+    for (Index first = 0, last = 0; first < rows(); first = last) {
+      while (last < rows() && part(last).group == part(first).group &&
+             part(last).in_capture == part(first).in_capture)
+        ++last;
+      Eigen::MatrixXd z(last - first, 2);
+      for (Index i = first; i < last; ++i)
+        z.row(i - first) = weight_[i] * Eigen::RowVector2d(part(i).of_angle ? 0 : common.range_mm,
+                                                           part(i).lever_mm * common.angle_rad);
+      shared_.emplace_back(first, std::move(z));
+    }
   }
 
   [[nodiscard]] Index rows() const override { return static_cast<Index>(parts_.size()); }
@@ -60,6 +76,7 @@ class Scans final : public model::ChannelRows {
         }
         for (const Index i : block) columns(i, k) = weight_[i] * (columns(i, k) - sum / weight);
       }
+    for (const model::SharedErrors& errors : shared_) errors.whiten(columns);
     return columns;
   }
   [[nodiscard]] Eigen::VectorXd information(const Eigen::VectorXd&) const override {
@@ -93,6 +110,7 @@ class Scans final : public model::ChannelRows {
   model::Columns base_;
   Eigen::VectorXd weight_;
   std::vector<std::vector<Index>> blocks_;
+  std::vector<model::SharedErrors> shared_;  ///< Of every scan.
 };
 
 /// By how much whole scans scatter more than their samples say, beside what repeats; more if neighbours in
@@ -118,6 +136,22 @@ double dispersion(const std::vector<ScanPart>& scans, bool of_angle) {
   return std::max(1.0, mean) * (1 + believed) / (1 - believed);
 }
 
+/// What makes whole scans scatter so much more than their samples.
+Common common_of(const std::vector<ScanPart>& whole) {
+  Common common;
+  for (const bool of_angle : {false, true}) {
+    double variance = 0, count = 0;
+    for (const ScanPart& p : whole) {
+      if (p.of_angle != of_angle) continue;
+      variance += p.variance_mm2 / (of_angle ? p.lever_mm * p.lever_mm : 1);
+      count += 1;
+    }
+    const double more = (dispersion(whole, of_angle) - 1) * variance / std::max(1.0, count);
+    (of_angle ? common.angle_rad : common.range_mm) = std::sqrt(std::max(0.0, more));
+  }
+  return common;
+}
+
 }  // namespace
 
 model::ChannelKind make_scan() {
@@ -134,7 +168,7 @@ model::ChannelKind make_scan() {
     while (parts < 8 && 2 * static_cast<std::size_t>(parts) * whole.size() <= 3 * numbers::search_rows)
       parts *= 2;
     return std::make_unique<Scans>(parts == 1 ? whole : model::scan_parts(reduced, fewest_scans, parts),
-                                   dispersion(whole, false), dispersion(whole, true), reduced.wave_hz);
+                                   common_of(whole), reduced.wave_hz);
   };
   return kind;
 }

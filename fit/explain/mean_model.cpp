@@ -94,22 +94,13 @@ MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise) : reduced_(
   }
   weight_ = Eigen::Map<Eigen::VectorXd>(weights.data(), static_cast<Eigen::Index>(weights.size()));
   residual_ = Eigen::Map<Eigen::VectorXd>(residuals.data(), static_cast<Eigen::Index>(residuals.size()));
-  if (has_common_) {
-    for (std::size_t g = 0; g < group_rows_.size(); ++g) {
-      Eigen::Matrix2d square = Eigen::Matrix2d::Zero();
-      for (Eigen::Index i = group_rows_[g].first; i < group_rows_[g].second; ++i) {
-        const Eigen::Vector2d z(weight_[i] * common_[g].range_sigma,
-                                weight_[i] * cell(i).sight.stage_lever() * common_[g].angle_sigma);
-        square += z * z.transpose();
-      }
-      const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(square);
-      Eigen::Vector2d shrink;
-      for (int k = 0; k < 2; ++k) {
-        const double lambda = std::max(0.0, eigen.eigenvalues()[k]);
-        shrink[k] = lambda > 1e-12 ? (1 - 1 / std::sqrt(1 + lambda)) / lambda : 0;
-      }
-      common_[g].shrink = eigen.eigenvectors() * shrink.asDiagonal() * eigen.eigenvectors().transpose();
-    }
+  for (std::size_t g = 0; has_common_ && g < group_rows_.size(); ++g) {
+    const auto [first, last] = group_rows_[g];
+    Eigen::MatrixXd z(last - first, 2);
+    for (Eigen::Index i = first; i < last; ++i)
+      z.row(i - first) << weight_[i] * common_[g].range_sigma,
+          weight_[i] * cell(i).sight.stage_lever() * common_[g].angle_sigma;
+    if (first < last) shared_.emplace_back(first, std::move(z));
   }
   white_ = whitened(residual_);
   set_base(Eigen::MatrixXd(rows(), 0), {});
@@ -117,18 +108,7 @@ MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise) : reduced_(
 
 Eigen::MatrixXd MeanModel::whitened(Eigen::MatrixXd white) const {
   white.array().colwise() *= weight_.array();
-  if (!has_common_) return white;
-  for (std::size_t g = 0; g < group_rows_.size(); ++g) {
-    const auto [first, last] = group_rows_[g];
-    if (first == last) continue;
-    Eigen::MatrixXd z(last - first, 2);
-    for (Eigen::Index i = first; i < last; ++i) {
-      z(i - first, 0) = weight_[i] * common_[g].range_sigma;
-      z(i - first, 1) = weight_[i] * cell(i).sight.stage_lever() * common_[g].angle_sigma;
-    }
-    auto block = white.middleRows(first, last - first);
-    block -= z * (common_[g].shrink * (z.transpose() * block).eval());
-  }
+  for (const model::SharedErrors& errors : shared_) errors.whiten(white);
   return white;
 }
 

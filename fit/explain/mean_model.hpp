@@ -4,6 +4,7 @@
 #include <Eigen/Dense>
 #include <vector>
 
+#include "fit/explain/model/shared_errors.hpp"
 #include "fit/explain/reduce.hpp"
 
 namespace fit::explain {
@@ -77,10 +78,10 @@ class MeanModel {
   std::vector<std::pair<Eigen::Index, Eigen::Index>> group_rows_;
   Eigen::VectorXd weight_, residual_, white_;
   struct Common {
-    Eigen::Matrix2d shrink = Eigen::Matrix2d::Zero();
     double range_sigma = 0, angle_sigma = 0;
   };
   std::vector<Common> common_;
+  std::vector<model::SharedErrors> shared_;
   bool has_common_ = false;
   Eigen::MatrixXd base_;  ///< Whitened, scaled by the priors' sigmas.
   Eigen::VectorXd base_sigma_, base_mean_, along_;
