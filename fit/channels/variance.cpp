@@ -64,7 +64,7 @@ std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced) {
     if (!cell.smooth || cell.n < 3) return false;
     const double f = cell.n - 1;
     row.y = (row.y * row.n + f * cell.variance_mm2) / (row.n + f);
-    row.expected = (row.expected * row.n + f * cell.of_scans_mm2) / (row.n + f);
+    row.expected = (row.expected * row.n + f * (cell.of_scans_mm2 + cell.of_joining_mm2())) / (row.n + f);
     row.n += f;
     kurtosis += f * cell.kurtosis;
     freedom += f;

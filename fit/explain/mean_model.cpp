@@ -20,7 +20,8 @@ double rounding_variance(double sigma_mm) { return std::exp(-4 * pi * pi * sigma
 /// Of one sample about what its scan has in common.
 double own_variance(const Cell& cell, const MeanNoise& noise) {
   const double common = noise.scan_range_mm2 + noise.scan_angle_rad2 * std::pow(cell.sight.stage_lever(), 2);
-  return std::max(0.1 * cell.variance_mm2, cell.variance_mm2 - common - cell.of_scans_mm2);
+  return std::max(0.1 * cell.variance_mm2,
+                  cell.variance_mm2 - common - cell.of_scans_mm2 - cell.of_joining_mm2());
 }
 
 }  // namespace

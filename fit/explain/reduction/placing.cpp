@@ -84,6 +84,10 @@ Cell placed(const Reduced& session, const Setting& setting, const Beams& beams) 
   cell.at = circumstances(session, setting, cell, beams.midway(setting.samples.beam_s));
   judge_place(mount, setting, beams, cell);
   cell.nominal_mm = cell.sight.range_mm;
+  if (beams.count > 1) {
+    cell.joined_rad = beams.spread(setting.samples.beam_rad);
+    cell.joined_lever_mm = cell.sight.beam_lever();
+  }
   find_edge(session.bench, setting, cell);
   return cell;
 }

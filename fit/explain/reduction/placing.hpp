@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "fit/explain/reduce.hpp"
@@ -30,6 +32,11 @@ struct Beams {
   }
   [[nodiscard]] double midway(const std::vector<double>& by_column) const {
     return (from(by_column) + to(by_column)) / 2;
+  }
+  /// Standard deviation of values that lie as far apart as their columns.
+  [[nodiscard]] double spread(const std::vector<double>& by_column) const {
+    const double n = count, apart = (to(by_column) - from(by_column)) / std::max(1.0, n - 1);
+    return apart * std::sqrt(n * (n + 1) / 12);
   }
 };
 
