@@ -154,3 +154,37 @@ TEST_CASE("one model: of tens of thousands of combs the one in the recording is 
   REQUIRE_FALSE(proposed.empty());
   CHECK(proposed.front() == Approx(7.3).epsilon(2e-4));
 }
+
+TEST_CASE("beams of a turning stage taken together do not scatter by what the mount is off") {
+  const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 241,
+    "front_step": 120, "step_deg": 0.25, "scan_hz": 40, "mount": {"yaw_deg": {"value": 0, "u": 1}}},
+    "targets": [{"name": "wall", "from_mm": [1500, 6000], "to_mm": [1500, -6000], "u_mm": 3}]})");
+  const double yaw = 1.5 * fit::rad_per_deg;
+  SyntheticRecording turning(bench, [yaw](const fit::CaptureInfo& info, std::int64_t seq,
+                                          std::vector<std::uint16_t>& range, std::vector<std::uint16_t>&) {
+    const double stage = info.stage_rad + info.stage_rate_rad_s * 0.025 * static_cast<double>(seq);
+    for (std::size_t i = 0; i < range.size(); ++i) {
+      const double bearing = stage + yaw + (static_cast<double>(i) - 120) * 0.25 * fit::rad_per_deg;
+      range[i] = static_cast<std::uint16_t>(std::lround(1500 / std::cos(bearing)));
+    }
+  });
+  fit::CaptureInfo capture;
+  capture.last_step = 240;
+  capture.stage_rad = 30 * fit::rad_per_deg;
+  capture.stage_rate_rad_s = 1e-6;
+  turning.add(capture, 40);
+  fit::explain::Reduced reduced = fit::explain::reduce(turning, {});
+  fit::explain::Nuisance there(bench);
+  there.yaw_rad = yaw;
+  predict(reduced, there, {}, false);
+  double seen = 0, of_joining = 0, cells = 0;
+  for (const fit::explain::Cell& cell : reduced.cells) {
+    if (!cell.smooth) continue;
+    seen += cell.variance_mm2;
+    of_joining += cell.of_joining_mm2();
+    cells += 1;
+  }
+  REQUIRE(cells > 500);
+  CHECK(of_joining / cells > 0.3);  // as much as a beam angle that scatters
+  CHECK(seen / cells - of_joining / cells == Approx(fit::explain::rounding_mm2).margin(0.02));
+}
