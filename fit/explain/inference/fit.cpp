@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "fit/explain/inference/numbers.hpp"
 
@@ -22,11 +23,13 @@ Eigen::VectorXd predictor(const Design::Part& part, const Eigen::VectorXd& x) {
 /// Log of the posterior density there, up to a constant of the priors.
 void judge_there(const Session& session, const Design& design, Optimum& there) {
   there.eta.clear();
-  there.log_likelihood = 0;
+  there.of_channel.clear();
   for (std::size_t c = 0; c < design.parts.size(); ++c) {
-    there.eta.push_back(session.channels()[c] ? predictor(design.parts[c], there.x) : Eigen::VectorXd());
-    if (session.channels()[c]) there.log_likelihood += session.channels()[c]->log_likelihood(there.eta[c]);
+    const auto& rows = session.channels()[c];
+    there.eta.push_back(rows ? predictor(design.parts[c], there.x) : Eigen::VectorXd());
+    there.of_channel.push_back(rows ? rows->log_likelihood(there.eta[c]) : 0);
   }
+  there.log_likelihood = std::accumulate(there.of_channel.begin(), there.of_channel.end(), 0.0);
   there.log_posterior = there.log_likelihood - 0.5 * (there.x - design.mean).squaredNorm();
 }
 

@@ -40,6 +40,7 @@ struct Optimum {
   std::vector<Eigen::VectorXd> root;   ///< Of the information of independent rows; only where `raised`.
   Eigen::LLT<Eigen::MatrixXd> factor;  ///< Of the information with the priors'.
   double log_likelihood = 0, log_posterior = -1e300;
+  std::vector<double> of_channel;  ///< The parts of the log-likelihood.
 };
 [[nodiscard]] Optimum optimum_of(const Session& session, const Design& design, const Eigen::VectorXd& start);
 

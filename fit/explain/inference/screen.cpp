@@ -278,9 +278,9 @@ class Question {
     for (std::size_t c = 0; c < session_->channels().size(); ++c) {
       if (!kind_->acts_in[c]) continue;
       const ChannelRows& rows = *session_->channels()[c];
-      const Eigen::VectorXd& eta = fitted_->optimum.eta[c];
-      sum += rows.log_likelihood(eta + model::effect_without_size(rows, *kind_, term.values)) -
-             rows.log_likelihood(eta);
+      const Eigen::VectorXd offset = model::effect_without_size(rows, *kind_, term.values);
+      if (!offset.isZero(0))
+        sum += rows.log_likelihood(fitted_->optimum.eta[c] + offset) - fitted_->optimum.of_channel[c];
     }
     return sum;
   }
