@@ -241,7 +241,7 @@ class Question {
 
   /// At those shapes, over all sizes; the term gets the best.
   double with_sizes(Term& term, std::optional<std::size_t> start = {}) const {
-    const double without_size = kind_->acts_without_size ? gain_of_offset(term) : 0;
+    const double without_size = kind_->acts_without_size ? gain_of_offset(term, start) : 0;
     if (kind_->coefficients.empty()) return without_size;
     const OverFactors over =
         integrate_over_factors(projected(start ? whitened_at(*start) : whitened(columns_of(term))), *kind_);
@@ -273,13 +273,15 @@ class Question {
            static_cast<double>(shapes) * 0.5 * std::log(2 * pi / 12);
   }
 
-  [[nodiscard]] double gain_of_offset(const Term& term) const {
+  [[nodiscard]] double gain_of_offset(const Term& term, std::optional<std::size_t> start = {}) const {
     double sum = 0;
     for (std::size_t c = 0; c < session_->channels().size(); ++c) {
       if (!kind_->acts_in[c]) continue;
       const ChannelRows& rows = *session_->channels()[c];
-      const Eigen::VectorXd offset = model::effect_without_size(rows, *kind_, term.values);
-      if (!offset.isZero(0))
+      const Eigen::VectorXd offset = start
+                                         ? session_->without_size_at(*kind_, *start)[c].cast<double>().eval()
+                                         : model::effect_without_size(rows, *kind_, term.values);
+      if (offset.size() > 0 && !offset.isZero(0))
         sum += rows.log_likelihood(fitted_->optimum.eta[c] + offset) - fitted_->optimum.of_channel[c];
     }
     return sum;

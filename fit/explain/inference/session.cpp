@@ -85,17 +85,22 @@ void Session::make_channels(const MeanNoise& noise) {
   }
 }
 
-const std::vector<Eigen::MatrixXf>& Session::columns_at(const Kind& kind, std::size_t start) const {
+const Session::AtStart& Session::at_start(const Kind& kind, std::size_t start) const {
   auto& by_start = columns_[static_cast<std::size_t>(&kind - kinds_->data())];
   if (by_start.empty())
     for (const auto& values : kind.starts) {
-      by_start.emplace_back(channels_.size());
-      for (std::size_t c = 0; c < channels_.size(); ++c)
-        if (kind.acts_in[c]) {
-          Eigen::MatrixXd columns = model::columns_of(*channels_[c], kind, values);
-          if (channels_[c]->has_fixed_information()) columns = channels_[c]->whitened(std::move(columns), {});
-          by_start.back()[c] = columns.cast<float>();
-        }
+      AtStart& at = by_start.emplace_back();
+      at.columns.resize(channels_.size());
+      at.without_size.resize(channels_.size());
+      for (std::size_t c = 0; c < channels_.size(); ++c) {
+        if (!kind.acts_in[c]) continue;
+        Eigen::MatrixXd columns = model::columns_of(*channels_[c], kind, values);
+        if (channels_[c]->has_fixed_information()) columns = channels_[c]->whitened(std::move(columns), {});
+        at.columns[c] = columns.cast<float>();
+        if (!kind.acts_without_size) continue;
+        const Eigen::VectorXd effect = model::effect_without_size(*channels_[c], kind, values);
+        if (!effect.isZero(0)) at.without_size[c] = effect.cast<float>();
+      }
     }
   return by_start[start];
 }

@@ -49,7 +49,14 @@ class Session {
   /// What a kind does to every channel at one of its starts, per coefficient; whitened where the channel's
   /// information is fixed. Of the first linearisation with this noise; one kind must not be asked for by two
   /// threads at once.
-  [[nodiscard]] const std::vector<Eigen::MatrixXf>& columns_at(const Kind& kind, std::size_t start) const;
+  [[nodiscard]] const std::vector<Eigen::MatrixXf>& columns_at(const Kind& kind, std::size_t start) const {
+    return at_start(kind, start).columns;
+  }
+  /// And what it does there whatever its sizes are; empty where that is nothing.
+  [[nodiscard]] const std::vector<Eigen::VectorXf>& without_size_at(const Kind& kind,
+                                                                    std::size_t start) const {
+    return at_start(kind, start).without_size;
+  }
   /// Mount and targets as the coefficients have them.
   [[nodiscard]] Nuisance nuisance(const Hypothesis& h) const;
   /// First of a channel's base coefficients among those of all.
@@ -65,7 +72,13 @@ class Session {
   std::vector<std::unique_ptr<ChannelRows>> channels_;
   std::vector<Eigen::VectorXd> offsets_;
   std::shared_ptr<const std::vector<Kind>> kinds_;
-  mutable std::vector<std::vector<std::vector<Eigen::MatrixXf>>> columns_;  ///< By kind, start, channel.
+  /// By channel.
+  struct AtStart {
+    std::vector<Eigen::MatrixXf> columns;
+    std::vector<Eigen::VectorXf> without_size;
+  };
+  [[nodiscard]] const AtStart& at_start(const Kind& kind, std::size_t start) const;
+  mutable std::vector<std::vector<AtStart>> columns_;  ///< By kind and start.
 };
 
 }  // namespace fit::explain::inference
