@@ -36,16 +36,7 @@ class Scans final : public model::ChannelRows {
       blocks[part(i).block].push_back(i);
     }
     for (auto& [block, list] : blocks) blocks_.push_back(std::move(list));
-    for (Index first = 0, last = 0; first < rows(); first = last) {
-      while (last < rows() && part(last).group == part(first).group &&
-             part(last).in_capture == part(first).in_capture)
-        ++last;
-      Eigen::MatrixXd z(last - first, 2);
-      for (Index i = first; i < last; ++i)
-        z.row(i - first) = weight_[i] * Eigen::RowVector2d(part(i).of_angle ? 0 : common.range_mm,
-                                                           part(i).lever_mm * common.angle_rad);
-      shared_.emplace_back(first, std::move(z));
-    }
+    if (common.range_mm > 0 || common.angle_rad > 0) share_errors(common);
   }
 
   [[nodiscard]] Index rows() const override { return static_cast<Index>(parts_.size()); }
@@ -103,6 +94,19 @@ class Scans final : public model::ChannelRows {
     }
     base_.prior = {Eigen::VectorXd::Zero(base_.columns.cols()),
                    Eigen::VectorXd::Constant(base_.columns.cols(), numbers::form_mm)};
+  }
+  /// All parts of a scan, one after the other, share them.
+  void share_errors(const Common& common) {
+    for (Index first = 0, last = 0; first < rows(); first = last) {
+      while (last < rows() && part(last).group == part(first).group &&
+             part(last).in_capture == part(first).in_capture)
+        ++last;
+      Eigen::MatrixXd z(last - first, 2);
+      for (Index i = first; i < last; ++i)
+        z.row(i - first) = weight_[i] * Eigen::RowVector2d(part(i).of_angle ? 0 : common.range_mm,
+                                                           part(i).lever_mm * common.angle_rad);
+      shared_.emplace_back(first, std::move(z));
+    }
   }
   [[nodiscard]] const ScanPart& part(Index row) const { return parts_[static_cast<std::size_t>(row)]; }
 

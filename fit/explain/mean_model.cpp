@@ -71,6 +71,8 @@ void pool_variances(Reduced& reduced, const MeanNoise& noise) {
 
 MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise) : reduced_(&reduced) {
   std::vector<double> weights, residuals;
+  std::vector<std::pair<Eigen::Index, Eigen::Index>> group_rows;
+  bool has_common = false;
   for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
     const Group& group = reduced.groups[g];
     const auto first = static_cast<Eigen::Index>(row_.size());
@@ -86,17 +88,17 @@ MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise) : reduced_(
                                       never_mm * never_mm + cell.doubt_mm * cell.doubt_mm));
       residuals.push_back(cell.mean_mm - cell.nominal_mm);
     }
-    group_rows_.emplace_back(first, static_cast<Eigen::Index>(row_.size()));
+    group_rows.emplace_back(first, static_cast<Eigen::Index>(row_.size()));
     Common common;
     if (!noise.range_mm2.empty()) common.range_sigma = std::sqrt(noise.range_mm2[g]);
     if (!noise.angle_rad2.empty()) common.angle_sigma = std::sqrt(noise.angle_rad2[g]);
-    has_common_ = has_common_ || common.range_sigma > 0 || common.angle_sigma > 0;
+    has_common = has_common || common.range_sigma > 0 || common.angle_sigma > 0;
     common_.push_back(common);
   }
   weight_ = Eigen::Map<Eigen::VectorXd>(weights.data(), static_cast<Eigen::Index>(weights.size()));
   residual_ = Eigen::Map<Eigen::VectorXd>(residuals.data(), static_cast<Eigen::Index>(residuals.size()));
-  for (std::size_t g = 0; has_common_ && g < group_rows_.size(); ++g) {
-    const auto [first, last] = group_rows_[g];
+  for (std::size_t g = 0; has_common && g < group_rows.size(); ++g) {
+    const auto [first, last] = group_rows[g];
     Eigen::MatrixXd z(last - first, 2);
     for (Eigen::Index i = first; i < last; ++i)
       z.row(i - first) << weight_[i] * common_[g].range_sigma,

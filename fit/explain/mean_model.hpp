@@ -75,14 +75,12 @@ class MeanModel {
     double x = 0, y = 0;               ///< - d range / d place of the optical centre.
   };
   std::vector<Levers> levers_;
-  std::vector<std::pair<Eigen::Index, Eigen::Index>> group_rows_;
   Eigen::VectorXd weight_, residual_, white_;
   struct Common {
     double range_sigma = 0, angle_sigma = 0;
   };
   std::vector<Common> common_;
   std::vector<model::SharedErrors> shared_;
-  bool has_common_ = false;
   Eigen::MatrixXd base_;  ///< Whitened, scaled by the priors' sigmas.
   Eigen::VectorXd base_sigma_, base_mean_, along_;
   Eigen::LLT<Eigen::MatrixXd> factor_;

@@ -17,7 +17,7 @@ void report_spread(const Findings& findings, Explanation& out);
 /// What no mechanism of the catalogue explains.
 void report_unknown(const Findings& findings, Explanation& out);
 
-/// Where all that shows, and curves of it. Leaves the findings predicted as they were.
+/// Where all that shows, and curves of it.
 void report_where(const Findings& findings, Explanation& out);
 
 /// What to know before any of it is believed.

@@ -12,7 +12,7 @@
 namespace fit::explain::answer {
 namespace {
 
-double p_value(double evidence) { return std::exp(-std::min(600.0, evidence)); }
+double p_value(double evidence) { return std::exp(-std::clamp(evidence, 0.0, 600.0)); }
 
 /// What was recorded of a coordinate, if anything.
 std::optional<Recorded> recorded(const Reduced& reduced, Coordinate coordinate) {
@@ -41,13 +41,13 @@ std::vector<Located> located(const Suspect& suspect, const Reduced& reduced) {
       m.shows ? m.shows(finding, *there) : std::vector<Interval>{{m.coordinate, there->from, there->to}};
   std::vector<Located> list;
   for (const Interval& s : intervals)
-    list.push_back({s.coordinate, s.from, s.to, m.observable, std::max(1e-300, p_value(suspect.gain))});
+    list.push_back({s.coordinate, s.from, s.to, m.observable, p_value(suspect.gain)});
   return list;
 }
 
 /// Where it acts, or if it does not say so, wherever there is a recording.
 Located located(const Unexplained& u, const Reduced& reduced) {
-  Located l{u.coordinate, u.from, u.to, u.observable, std::max(1e-300, p_value(u.gain))};
+  Located l{u.coordinate, u.from, u.to, u.observable, p_value(u.gain)};
   if (const auto there = recorded(reduced, u.coordinate); there && !(u.to > u.from)) {
     l.from = there->from;
     l.to = there->to;

@@ -110,28 +110,26 @@ Eigen::VectorXd within_bounds(const Design& design, const Eigen::VectorXd& x) {
 Optimum optimum_of(const Session& session, const Design& design, const Eigen::VectorXd& start) {
   constexpr int most_steps = 16;
   constexpr double settled = 0.01, first_damping = 0.3, most_damping = 1e4;
-  Optimum now;
-  now.x = within_bounds(design, design.mean);
-  judge_there(session, design, now);
+  const auto at = [&](const Eigen::VectorXd& x) {
+    Optimum there;
+    there.x = within_bounds(design, x);
+    judge_there(session, design, there);
+    return there;
+  };
+  Optimum now = at(design.mean);
   if (start != design.mean) {
-    Optimum nearer;
-    nearer.x = within_bounds(design, start);
-    judge_there(session, design, nearer);
+    Optimum nearer = at(start);
     if (nearer.log_posterior > now.log_posterior) now = std::move(nearer);
   }
   Scored s = scored(session, design, now);
   double damping = 0;
   for (int step = 0; step < most_steps; ++step) {
-    Step whole = step_of(s, design, now.x, damping);
+    const Step whole = step_of(s, design, now.x, damping);
     if (whole.promises < settled) break;
-    Optimum next;
-    next.x = within_bounds(design, now.x + whole.by);
-    judge_there(session, design, next);
+    Optimum next = at(now.x + whole.by);
     while (next.log_posterior < now.log_posterior && damping < most_damping) {
       damping = std::max(first_damping, 8 * damping);
-      whole = step_of(s, design, now.x, damping);
-      next.x = within_bounds(design, now.x + whole.by);
-      judge_there(session, design, next);
+      next = at(now.x + step_of(s, design, now.x, damping).by);
     }
     if (next.log_posterior < now.log_posterior) break;
     damping = damping > first_damping ? damping / 8 : 0;

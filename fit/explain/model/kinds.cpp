@@ -75,6 +75,15 @@ bool any_row(const ChannelRows& channel, const Kind& kind, const Ask& ask) {
   return false;
 }
 
+/// A dozen of its starts: at one alone a threshold may lie below every echo.
+template <class Ask>
+bool any_start(const Kind& kind, const Ask& ask) {
+  const std::size_t step = std::max<std::size_t>(1, kind.starts.size() / 12);
+  for (std::size_t s = 0; s < kind.starts.size(); s += step)
+    if (ask(kind.starts[s])) return true;
+  return false;
+}
+
 /// Each size by itself where it may be missing without the others; else none: all of them.
 std::vector<std::optional<std::size_t>> sizes_of(const Mechanism& m) {
   std::vector<std::optional<std::size_t>> list;
@@ -85,15 +94,12 @@ std::vector<std::optional<std::size_t>> sizes_of(const Mechanism& m) {
 }
 
 bool acts_in(const ChannelRows& channel, const Kind& kind) {
-  if (!channel.sees(kind.mechanism->coordinate)) return false;
-  const std::size_t step = std::max<std::size_t>(1, kind.starts.size() / 12);
-  for (std::size_t s = 0; s < kind.starts.size(); s += step)
-    if (any_row(channel, kind, [&](Index i) {
-          const double r = channel.response(i, kind.mechanism->act(channel.at(i), kind.starts[s]));
-          return std::isfinite(r) && std::abs(r) > 1e-9;
-        }))
-      return true;
-  return false;
+  return channel.sees(kind.mechanism->coordinate) && any_start(kind, [&](const std::vector<double>& values) {
+           return any_row(channel, kind, [&](Index i) {
+             const double r = channel.response(i, kind.mechanism->act(channel.at(i), values));
+             return std::isfinite(r) && std::abs(r) > 1e-9;
+           });
+         });
 }
 
 /// Whether so much of its coordinate was recorded that what is local there can be told from what is
@@ -114,10 +120,8 @@ bool can_be_local(const Mechanism& m, const ListOfChannels& channels) {
 
 /// The power of a size that the effect goes with: variances go with the square of a deviation.
 int power_of(const Kind& kind, std::size_t k, const ListOfChannels& channels) {
-  for (std::vector<double> small : kind.starts) {
-    for (std::size_t other = 0; other < small.size(); ++other)
-      if (other != k && kind.mechanism->parameters[other].role == Role::size) small[other] = 0;
-    std::vector<double> twice = small;
+  for (const std::vector<double>& start : kind.starts) {
+    std::vector<double> small = without_size(kind, start), twice = small;
     small[k] = kind.mechanism->parameters[k].typical;
     twice[k] = 2 * small[k];
     double ratio = 0;
@@ -134,20 +138,15 @@ int power_of(const Kind& kind, std::size_t k, const ListOfChannels& channels) {
   return 1;
 }
 
-/// From one of a dozen of its starts: a threshold may lie below every echo.
 bool acts_without_size(const Kind& kind, const ListOfChannels& channels) {
-  const std::size_t step = std::max<std::size_t>(1, kind.starts.size() / 12);
-  for (std::size_t s = 0; s < kind.starts.size(); s += step) {
-    std::vector<double> values = kind.starts[s];
-    for (std::size_t k = 0; k < values.size(); ++k)
-      if (kind.mechanism->parameters[k].role == Role::size) values[k] = 0;
-    for (const auto& channel : channels)
-      if (channel && any_row(*channel, kind, [&](Index i) {
-            return std::abs(channel->response(i, kind.mechanism->act(channel->at(i), values))) > 1e-12;
-          }))
-        return true;
-  }
-  return false;
+  return any_start(kind, [&](const std::vector<double>& start) {
+    const std::vector<double> values = without_size(kind, start);
+    return std::ranges::any_of(channels, [&](const auto& channel) {
+      return channel && any_row(*channel, kind, [&](Index i) {
+               return std::abs(channel->response(i, kind.mechanism->act(channel->at(i), values))) > 1e-12;
+             });
+    });
+  });
 }
 
 }  // namespace

@@ -38,12 +38,6 @@ std::vector<double> with_only(const Kind& kind, std::vector<double> values, cons
   return values;
 }
 
-std::vector<double> without_size(const Kind& kind, std::vector<double> values) {
-  for (std::size_t k = 0; k < values.size(); ++k)
-    if (kind.mechanism->parameters[k].role == Role::size) values[k] = 0;
-  return values;
-}
-
 /// A size to differentiate at: the present one, where there is one.
 double size_at(const Coefficient& c, double now) {
   constexpr double hardly_any = 0.02;
@@ -180,6 +174,12 @@ Eigen::MatrixXd columns_of(const Rows& channel, const Kind& kind, const std::vec
     }
   }
   return columns;
+}
+
+std::vector<double> without_size(const Kind& kind, std::vector<double> values) {
+  for (std::size_t k = 0; k < values.size(); ++k)
+    if (kind.mechanism->parameters[k].role == Role::size) values[k] = 0;
+  return values;
 }
 
 Eigen::VectorXd effect_without_size(const Rows& channel, const Kind& kind,

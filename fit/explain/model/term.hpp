@@ -67,6 +67,7 @@ void set_coefficients(Term& term, const Eigen::VectorXd& value, const Eigen::Mat
 [[nodiscard]] Eigen::MatrixXd columns_of(const Rows& channel, const Kind& kind,
                                          const std::vector<double>& values);
 /// What it does there whatever its sizes are.
+[[nodiscard]] std::vector<double> without_size(const Kind& kind, std::vector<double> values);
 [[nodiscard]] Eigen::VectorXd effect_without_size(const Rows& channel, const Kind& kind,
                                                   const std::vector<double>& values);
 /// What it does in all.
