@@ -86,8 +86,9 @@ class Drive {
       match_at_lengths(out);
     } else {
       mark_segments(out.samples);
-      const auto grouped = grouped_covariance(out.samples, group_samples(out.samples), options_.fit);
-      out.jackknife_u = grouped.covariance.diagonal().cwiseSqrt();
+      out.segments = find_slipped(out.samples, out.odometry.robot);
+      out.jackknife_u =
+          jackknife(without_each_segment(out.samples, out.segments, out.odometry)).diagonal().cwiseSqrt();
       widen_to(out.odometry.covariance, out.jackknife_u);
     }
     return out;
@@ -344,9 +345,8 @@ class Drive {
       if (multiple != 1) collect(at, multiple);
       mark_segments(at.samples);
       if (at.samples.size() < 60) break;
-      if (samples.empty()) {
-        leave_out_slipped_runs(at.samples, options_.fit, out.segments);
-      }
+      if (samples.empty())
+        out.segments = find_slipped(at.samples, fit_odometry(at.samples, options_.fit).robot);
       std::erase_if(at.samples, [&](const WheelSample& sample) {
         return std::ranges::any_of(out.segments, [&](const RunVerdict& segment) {
           return segment.left_out && segment.run == sample.run;

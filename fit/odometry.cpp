@@ -121,27 +121,6 @@ Eigen::Vector3d residual_rms(const std::vector<WheelSample>& samples, const Indi
   return (sum / static_cast<double>(used.size())).cwiseSqrt();
 }
 
-/// d(lidar motion)/d(parameters), by central differences with steps that suit the parameters.
-Eigen::Matrix<double, 3, 6> motion_jacobian(const RobotGeometry& robot, const WheelSample& sample) {
-  Eigen::Matrix<double, 3, 6> jacobian;
-  const Vector6 at = robot.vector();
-  const Pose2 wheels = wheel_motion(robot, sample);
-  for (int i = 0; i < 6; ++i) {
-    const double step = i < 5 ? 1e-4 : 1e-6;
-    // The lidar's place does not change what the wheels do.
-    const auto moved = [&](double by) {
-      Vector6 v = at;
-      v[i] += by;
-      const RobotGeometry other = RobotGeometry::from(v, robot.steering);
-      return other.lidar.inverse() * (i < 3 ? wheel_motion(other, sample) : wheels) * other.lidar;
-    };
-    const Pose2 a = moved(step), b = moved(-step);
-    jacobian.col(i) =
-        Eigen::Vector3d(a.x_mm - b.x_mm, a.y_mm - b.y_mm, a.heading_rad - b.heading_rad) / (2 * step);
-  }
-  return jacobian;
-}
-
 struct NormalEquations {
   Matrix6 information = Matrix6::Zero();
   Vector6 gradient = Vector6::Zero();
@@ -244,35 +223,6 @@ std::string remedy(const MotionShares& motion) {
   return "Drive longer, with straight stretches and turns both ways, in a scene that is not a bare corridor.";
 }
 
-/// Names what the information does not reach.
-std::vector<std::string> find_undetermined(const OdometryFit& fit, const TurnGains& gains) {
-  std::vector<std::string> names;
-  for (const Steering::Parameter& p : steering_of(fit.robot.steering).parameters) {
-    names.push_back(p.label);
-    names.back()[0] = static_cast<char>(std::tolower(static_cast<unsigned char>(names.back()[0])));
-  }
-  names.insert(names.end(), {"lidar's x", "lidar's y", "lidar's yaw"});
-  const Vector6 limit = worthless(fit.robot);
-  std::string weak;
-  const auto add = [&](const std::string& what) { weak += (weak.empty() ? "" : ", ") + what; };
-  const double turn_u = fit.noise[2] * std::sqrt(gains.cofactor.diagonal().maxCoeff());
-  const bool turns_unknown =
-      !(gains.cofactor.diagonal().minCoeff() > 0) || turn_u > 0.1 * gains.gain.cwiseAbs().maxCoeff();
-  for (int i = 0; i < 6; ++i) {
-    const double u = std::sqrt(fit.covariance(i, i));
-    if (!(u < limit[i]) || (turns_unknown && i < 3)) add(names[static_cast<std::size_t>(i)]);
-  }
-  bool impossible = false;
-  for (int i = 0; i < 3; ++i)
-    impossible =
-        impossible || (steering_of(fit.robot.steering).parameters[static_cast<std::size_t>(i)].unit == "mm" &&
-                       !(fit.robot.vector()[i] > 0));
-  if (weak.empty() && impossible)
-    return {"The fit gives a wheel of negative size: left and right wheel are swapped, or a sign is."};
-  if (weak.empty()) return {};
-  return {"These samples do not determine: " + weak + ". " + remedy(fit.motion)};
-}
-
 Indices without_worst(const std::vector<WheelSample>& samples, const Indices& used,
                       const OdometryRound& round, double share) {
   std::vector<std::pair<double, std::size_t>> chi;
@@ -290,6 +240,12 @@ Indices without_worst(const std::vector<WheelSample>& samples, const Indices& us
 }
 
 }  // namespace
+
+Eigen::Vector3d residual_rms(const std::vector<WheelSample>& samples, const RobotGeometry& robot) {
+  Indices all(samples.size());
+  std::iota(all.begin(), all.end(), 0);
+  return residual_rms(samples, all, robot);
+}
 
 Eigen::Matrix<double, 6, 1> RobotGeometry::vector() const {
   Vector6 v;
@@ -325,6 +281,55 @@ Eigen::Vector3d odometry_residual(const RobotGeometry& robot, const WheelSample&
           wrap_angle(sample.match.heading_rad - predicted.heading_rad)};
 }
 
+Eigen::Matrix<double, 3, 6> motion_jacobian(const RobotGeometry& robot, const WheelSample& sample) {
+  Eigen::Matrix<double, 3, 6> jacobian;
+  const Vector6 at = robot.vector();
+  const Pose2 wheels = wheel_motion(robot, sample);
+  for (int i = 0; i < 6; ++i) {
+    const double step = i < 5 ? 1e-4 : 1e-6;
+    // The lidar's place does not change what the wheels do.
+    const auto moved = [&](double by) {
+      Vector6 v = at;
+      v[i] += by;
+      const RobotGeometry other = RobotGeometry::from(v, robot.steering);
+      return other.lidar.inverse() * (i < 3 ? wheel_motion(other, sample) : wheels) * other.lidar;
+    };
+    const Pose2 a = moved(step), b = moved(-step);
+    jacobian.col(i) =
+        Eigen::Vector3d(a.x_mm - b.x_mm, a.y_mm - b.y_mm, a.heading_rad - b.heading_rad) / (2 * step);
+  }
+  return jacobian;
+}
+
+Matrix6 covariance_of_robot(const Matrix6& information, const RobotGeometry& robot) {
+  return inverse_information(information, worthless(robot));
+}
+
+std::vector<std::string> find_undetermined(const OdometryFit& fit, bool turns_unknown) {
+  std::vector<std::string> names;
+  for (const Steering::Parameter& p : steering_of(fit.robot.steering).parameters) {
+    names.push_back(p.label);
+    names.back()[0] = static_cast<char>(std::tolower(static_cast<unsigned char>(names.back()[0])));
+  }
+  names.insert(names.end(), {"lidar's x", "lidar's y", "lidar's yaw"});
+  const Vector6 limit = worthless(fit.robot);
+  std::string weak;
+  const auto add = [&](const std::string& what) { weak += (weak.empty() ? "" : ", ") + what; };
+  for (int i = 0; i < 6; ++i) {
+    const double u = std::sqrt(fit.covariance(i, i));
+    if (!(u < limit[i]) || (turns_unknown && i < 3)) add(names[static_cast<std::size_t>(i)]);
+  }
+  bool impossible = false;
+  for (int i = 0; i < 3; ++i)
+    impossible =
+        impossible || (steering_of(fit.robot.steering).parameters[static_cast<std::size_t>(i)].unit == "mm" &&
+                       !(fit.robot.vector()[i] > 0));
+  if (weak.empty() && impossible)
+    return {"The fit gives a wheel of negative size: left and right wheel are swapped, or a sign is."};
+  if (weak.empty()) return {};
+  return {"These samples do not determine: " + weak + ". " + remedy(fit.motion)};
+}
+
 OdometryFit fit_odometry(const std::vector<WheelSample>& samples, const OdometryOptions& options) {
   if (samples.size() < 20)
     throw std::invalid_argument("at least 20 samples are needed, not " + std::to_string(samples.size()));
@@ -349,16 +354,18 @@ OdometryFit fit_odometry(const std::vector<WheelSample>& samples, const Odometry
   fit.robot = fit.rounds.back().robot;
   const double kept = static_cast<double>(used.size()) / static_cast<double>(samples.size());
   fit.noise = fit.rounds.back().residual_rms.cwiseMax(1e-9) / std::sqrt(trimmed_variance(kept));
-  const Vector6 scale = worthless(fit.robot);
-  fit.covariance = inverse_information(linearise(samples, used, fit.robot, fit.noise).information, scale);
+  fit.covariance = covariance_of_robot(linearise(samples, used, fit.robot, fit.noise).information, fit.robot);
   const Eigen::Vector3d early =
       residual_rms(samples, after_first, fit.rounds[fit.rounds.size() > 1 ? 1 : 0].robot);
   fit.first_round_covariance =
-      inverse_information(linearise(samples, used, fit.robot, early.cwiseMax(1e-9)).information, scale);
+      covariance_of_robot(linearise(samples, used, fit.robot, early.cwiseMax(1e-9)).information, fit.robot);
   fit.used.assign(samples.size(), false);
   for (const std::size_t k : used) fit.used[k] = true;
   fit.motion = judge_motion(samples, used, fit.robot, fit.noise);
-  fit.undetermined = find_undetermined(fit, fit_turn_gains(samples, used, steering));
+  const TurnGains turns = fit_turn_gains(samples, used, steering);
+  const double turn_u = fit.noise[2] * std::sqrt(turns.cofactor.diagonal().maxCoeff());
+  fit.undetermined = find_undetermined(
+      fit, !(turns.cofactor.diagonal().minCoeff() > 0) || turn_u > 0.1 * turns.gain.cwiseAbs().maxCoeff());
   return fit;
 }
 

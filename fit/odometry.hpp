@@ -87,4 +87,18 @@ OdometryFit fit_odometry(const std::vector<WheelSample>& samples, const Odometry
 /// Each sample's difference between measured and predicted lidar motion: x mm, y mm, heading rad.
 Eigen::Vector3d odometry_residual(const RobotGeometry& robot, const WheelSample& sample);
 
+/// Their root mean squares.
+Eigen::Vector3d residual_rms(const std::vector<WheelSample>& samples, const RobotGeometry& robot);
+
+/// d(lidar_motion)/d(parameters): mm and rad, by central differences.
+Eigen::Matrix<double, 3, 6> motion_jacobian(const RobotGeometry& robot, const WheelSample& sample);
+
+/// Inverse of an information of the parameters; large, but finite, where there is none.
+Eigen::Matrix<double, 6, 6> covariance_of_robot(const Eigen::Matrix<double, 6, 6>& information,
+                                                const RobotGeometry& robot);
+
+/// Names, in a sentence, what the fit's covariance leaves open, and how to drive to determine it; empty when
+/// it is all determined. `turns_unknown`: how the wheels turn the robot left no trace.
+std::vector<std::string> find_undetermined(const OdometryFit& fit, bool turns_unknown);
+
 }  // namespace fit

@@ -7,6 +7,7 @@
 #include <map>
 #include <stdexcept>
 
+#include "fit/dense.hpp"
 #include "fit/median.hpp"
 #include "fit/number_format.hpp"
 #include "fit/odometry_offset.hpp"
@@ -15,9 +16,7 @@
 namespace fit {
 
 using odometry_parts::offsets_of_runs;
-using odometry_parts::robust_noise;
 using odometry_parts::shifted_by_run;
-using odometry_parts::squared_misfit;
 
 namespace {
 
@@ -29,23 +28,6 @@ std::map<std::size_t, std::size_t> samples_of_runs(const std::vector<WheelSample
   std::map<std::size_t, std::size_t> count;
   for (const WheelSample& sample : samples) ++count[sample.run];
   return count;
-}
-
-/// Mean squared misfit of every run.
-std::map<std::size_t, double> misfit_of_runs(const std::vector<WheelSample>& samples,
-                                             const RobotGeometry& robot, const Eigen::Vector3d& noise) {
-  std::map<std::size_t, double> sum;
-  auto count = samples_of_runs(samples);
-  for (const WheelSample& sample : samples) sum[sample.run] += squared_misfit(sample, robot, noise);
-  for (auto& [run, value] : sum) value /= static_cast<double>(count[run]);
-  return sum;
-}
-
-std::vector<WheelSample> without_run(const std::vector<WheelSample>& samples, std::size_t run) {
-  std::vector<WheelSample> rest;
-  for (const WheelSample& sample : samples)
-    if (sample.run != run) rest.push_back(sample);
-  return rest;
 }
 
 }  // namespace
@@ -82,23 +64,6 @@ Matrix6 jackknife(const std::vector<Vector6>& without) {
   return t * t * (n - 1) / n * covariance;
 }
 
-GroupedCovariance grouped_covariance(const std::vector<WheelSample>& samples,
-                                     const std::vector<std::size_t>& groups, const OdometryOptions& options) {
-  GroupedCovariance out;
-  if (samples.empty()) return out;
-  const std::size_t count = *std::ranges::max_element(groups) + 1;
-  for (std::size_t group = 0; group < count; ++group) {
-    std::vector<WheelSample> rest;
-    for (std::size_t k = 0; k < samples.size(); ++k)
-      if (groups[k] != group) rest.push_back(samples[k]);
-    if (rest.size() == samples.size() || rest.size() < 20) continue;
-    out.without.push_back(fit_odometry(rest, options).robot.vector());
-  }
-  out.groups = out.without.size();
-  out.covariance = jackknife(out.without);
-  return out;
-}
-
 void widen_to(Matrix6& covariance, const Vector6& u) {
   const Vector6 now = covariance.diagonal().cwiseSqrt();
   Vector6 factor;
@@ -107,100 +72,97 @@ void widen_to(Matrix6& covariance, const Vector6& u) {
   covariance = (factor.asDiagonal() * covariance * factor.asDiagonal()).eval();
 }
 
-std::vector<WheelSample> leave_out_slipped_runs(const std::vector<WheelSample>& samples,
-                                                const OdometryOptions& options,
-                                                std::vector<RunVerdict>& verdicts) {
-  constexpr double beyond = 4.5;
-  constexpr double least_scatter =
-      0.4;  // Of the logarithm of mean squares: runs differ so much without slip.
-  std::vector<WheelSample> kept = samples;
-  const auto runs = samples_of_runs(samples);
-  std::vector<std::size_t> out;
-  RobotGeometry robot = fit_odometry(kept, options).robot;
-  while (runs.size() >= 4 && out.size() < runs.size() / 3) {
-    // The run that fits worst is judged by a fit without it: it has drawn the common one to itself.
-    const auto misfits = misfit_of_runs(kept, robot, robust_noise(kept, robot));
-    const auto worst = std::ranges::max_element(misfits, {}, [](const auto& m) { return m.second; })->first;
-    auto rest = without_run(kept, worst);
-    if (rest.size() < 20) break;
-    const RobotGeometry other = fit_odometry(rest, options).robot;
-    const Eigen::Vector3d noise = robust_noise(rest, other);
-    std::vector<double> logs;
-    for (const auto& [run, value] : misfit_of_runs(rest, other, noise)) logs.push_back(std::log(value));
-    const double middle = median_of(logs);
-    std::vector<double> off;
-    for (const double value : logs) off.push_back(std::abs(value - middle));
-    const double scatter = std::max(least_scatter, 1.4826 * median_of(off));
-    const double its = std::log(misfit_of_runs(kept, other, noise).at(worst));
-    if (its < middle + beyond * scatter) break;
-    out.push_back(worst);
-    kept = std::move(rest);
-    robot = other;
+namespace {
+
+MotionEquations sum_of(const std::vector<MotionEquations>& groups, const std::vector<RunVerdict>& verdicts) {
+  MotionEquations sum;
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    if (verdicts[g].left_out) continue;
+    sum.samples += groups[g].samples;
+    sum.information += groups[g].information;
+    sum.gradient += groups[g].gradient;
   }
-  verdicts.clear();
-  for (const auto& [run, value] : misfit_of_runs(samples, robot, robust_noise(kept, robot)))
-    verdicts.push_back({run, runs.at(run), 0, 1, std::sqrt(value), std::ranges::count(out, run) > 0});
-  return kept;
+  return sum;
+}
+
+/// Twice what the best parameters of some equations gain in log-likelihood, and how many directions they
+/// have. `unit`: of the parameters.
+struct OwnGain {
+  double chi2 = 0;
+  int directions = 0;
+};
+OwnGain own_gain(const MotionEquations& equations, const Vector6& unit) {
+  const auto eigen = dense::symmetric_eigen(unit.asDiagonal() * equations.information * unit.asDiagonal());
+  OwnGain gain;
+  for (int i = 0; i < 6; ++i) {
+    if (eigen.values[i] < 1e-9 * eigen.values[5]) continue;
+    const double along = eigen.vectors.col(i).dot(unit.cwiseProduct(equations.gradient));
+    gain.chi2 += along * along / eigen.values[i];
+    ++gain.directions;
+  }
+  return gain;
+}
+
+/// Of each group kept: how much worse it and the others are described by common parameters than each by its
+/// own (a chi-square), for each direction that both determine.
+std::vector<double> disagreements(const std::vector<MotionEquations>& groups,
+                                  const std::vector<RunVerdict>& verdicts) {
+  const MotionEquations all = sum_of(groups, verdicts);
+  const Vector6 unit = all.information.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
+  const OwnGain of_all = own_gain(all, unit);
+  std::vector<double> out(groups.size(), 0.0);
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    if (verdicts[g].left_out) continue;
+    MotionEquations others = all;
+    others.information -= groups[g].information, others.gradient -= groups[g].gradient;
+    const OwnGain its = own_gain(groups[g], unit), theirs = own_gain(others, unit);
+    const int common = its.directions + theirs.directions - of_all.directions;
+    out[g] = std::max(1e-6, its.chi2 + theirs.chi2 - of_all.chi2) / std::max(1, common);
+  }
+  return out;
+}
+
+}  // namespace
+
+std::vector<RunVerdict> find_slipped(const std::vector<MotionEquations>& groups) {
+  // The logarithm of a chi-square of six degrees of freedom has a standard deviation of 0.63; 4.5 of them.
+  constexpr double beyond = 17;
+  std::vector<RunVerdict> verdicts(groups.size());
+  for (std::size_t g = 0; g < groups.size(); ++g)
+    verdicts[g].run = g, verdicts[g].samples = groups[g].samples;
+  for (std::size_t out = 0; groups.size() >= 4; ++out) {
+    const auto now = disagreements(groups, verdicts);
+    for (std::size_t g = 0; g < groups.size(); ++g)
+      if (!verdicts[g].left_out) verdicts[g].misfit = std::sqrt(now[g]);
+    if (out >= groups.size() / 3) break;
+    // The group that fits worst is judged by the others without it: it has drawn the common parameters to
+    // itself.
+    const auto worst = static_cast<std::size_t>(std::ranges::max_element(now) - now.begin());
+    verdicts[worst].left_out = true;
+    const auto without = disagreements(groups, verdicts);
+    std::vector<double> others;
+    for (std::size_t g = 0; g < groups.size(); ++g)
+      if (!verdicts[g].left_out) others.push_back(without[g]);
+    if (now[worst] > beyond * median_of(others)) continue;
+    verdicts[worst].left_out = false;
+    break;
+  }
+  return verdicts;
+}
+
+std::vector<RunVerdict> find_slipped(const std::vector<WheelSample>& samples, const RobotGeometry& robot) {
+  MotionLikelihood likelihood(samples, false);
+  likelihood.linearise(robot);
+  likelihood.estimate_noise();
+  likelihood.estimate_noise();  // Outliers are judged by the noise that was found before.
+  std::vector<std::size_t> runs;
+  for (const WheelSample& sample : samples) runs.push_back(sample.run);
+  return find_slipped(likelihood.equations(runs));
 }
 
 // --- all together -----------------------------------------------------------------------------------------
 
 namespace {
-
-double median_way(const std::vector<WheelSample>& samples) {
-  std::vector<double> ways;
-  for (const WheelSample& sample : samples) ways.push_back(sample.match.position().norm());
-  return median_of(ways);
-}
-
-double median_interval(const std::vector<WheelSample>& samples) {
-  std::vector<double> all;
-  for (const WheelSample& sample : samples) all.push_back(sample.interval_s);
-  return median_of(all);
-}
-
-std::vector<WheelSample> at_length(const std::vector<WheelSample>& samples, std::size_t count) {
-  return joined(samples, count, std::max<std::size_t>(1, count / 4));
-}
-
-/// The samples put together to the length at which a second of driving tells most.
-std::vector<LengthFit> compare_lengths(const std::vector<WheelSample>& samples, const RunsOptions& options) {
-  constexpr std::size_t least_samples = 24, least_apart = 12;
-  bool enough = true;
-  std::vector<LengthFit> lengths;
-  const auto runs = samples_of_runs(samples);
-  for (std::size_t count = 1;; count *= 2) {
-    const auto some = count == 1 ? samples : at_length(samples, count);
-    std::size_t apart = 0, whole = 0;  // Those that do not overlap, and those that are whole runs.
-    for (const auto& [run, size] : runs)
-      apart += std::max<std::size_t>(1, size / count), whole += size <= count;
-    // One length more than can be taken shows the drift.
-    if (!enough || some.size() < 20) break;
-    enough =
-        count == 1 || (some.size() >= least_samples && apart >= least_apart && whole <= runs.size() * 2 / 3);
-    OdometryOptions how = options.fit;
-    how.refine = how.refine || count > 1;
-    const OdometryFit fit = fit_odometry(some, how);
-    LengthFit length;
-    length.joined = count, length.samples = some.size();
-    length.interval_s = median_interval(some), length.way_mm = median_way(some);
-    length.values = fit.robot.vector();
-    length.noise = robust_noise(some, fit.robot);
-    // Signals grow with the length, their number falls with it.
-    for (int i = 0; i < 3; ++i)
-      length.worth += std::log(length.interval_s / (length.noise[i] * length.noise[i])) / 3;
-    length.enough = enough;
-    lengths.push_back(length);
-    if (!options.timed) break;
-  }
-  double most = -1e300;
-  for (const LengthFit& length : lengths)
-    if (length.enough) most = std::max(most, length.worth);
-  for (LengthFit& length : lengths) length.worth = std::exp(length.worth - most);
-  // Of those that tell about as much the shortest: it has most samples.
-  std::ranges::find_if(lengths, [](const LengthFit& l) { return l.enough && l.worth > 0.9; })->taken = true;
-  return lengths;
-}
 
 /// The time offset that is used; false where it is not determined, or does not differ from 0, and none was
 /// given.
@@ -214,59 +176,81 @@ bool choose_offset(RunsFit& out, const TimedSamples& timed, const RunsOptions& o
   return out.offset.determined && std::abs(offset.value) > 2 * offset.u;
 }
 
-/// Groups take the place of the runs: slip is left out, and uncertainty counted, group by group. Returns the
-/// groups that were left out.
-std::vector<std::size_t> leave_out_slipped_groups(RunsFit& out, const OdometryOptions& how) {
+Vector6 solution(const MotionEquations& equations, const RobotGeometry& robot) {
+  return covariance_of_robot(equations.information, robot) * equations.gradient;
+}
+
+/// Fits `out.samples`; returns what each group says at the robot found.
+std::vector<MotionEquations> fit_samples(RunsFit& out, const std::vector<std::size_t>& groups,
+                                         const RunsOptions& options) {
+  constexpr int passes = 4;
+  out.odometry = fit_odometry(out.samples, options.fit);
+  MotionLikelihood likelihood(out.samples, options.timed);
+  likelihood.take_noise(out.noise);
+  RobotGeometry& robot = out.odometry.robot;
+  std::vector<MotionEquations> equations;
+  for (int pass = 0; pass <= passes; ++pass) {
+    likelihood.linearise(robot);
+    likelihood.estimate_noise();
+    equations = likelihood.equations(groups);
+    if (!options.timed) continue;
+    const MotionEquations all = sum_of(equations, std::vector<RunVerdict>(equations.size()));
+    out.odometry.covariance = covariance_of_robot(all.information, robot);
+    if (pass < passes) robot = RobotGeometry::from(robot.vector() + solution(all, robot), robot.steering);
+  }
+  out.noise = likelihood.noise();
+  if (options.timed) {
+    out.odometry.rounds.push_back({out.samples.size(), robot, residual_rms(out.samples, robot)});
+    out.odometry.used.assign(out.samples.size(), true);
+  }
+  return equations;
+}
+
+/// Groups take the place of the runs: those that slipped are left out, and the fit is made again without.
+std::vector<MotionEquations> fit_kept_groups(RunsFit& out, const RunsOptions& options) {
   const auto groups = group_samples(out.samples);
-  std::map<std::size_t, std::size_t> run_of, first_of;
-  for (std::size_t k = 0; k < groups.size(); ++k) {
-    run_of[groups[k]] = out.samples[k].run;
-    const auto [first, is_new] = first_of.try_emplace(out.samples[k].run, groups[k]);
-    if (!is_new) first->second = std::min(first->second, groups[k]);
-    out.samples[k].run = groups[k];
+  const auto equations = fit_samples(out, groups, options);
+  out.runs = find_slipped(equations);
+  std::vector<std::size_t> kept_as(equations.size()), of_kept;
+  std::vector<WheelSample> kept;
+  std::map<std::size_t, std::size_t> segments;
+  for (std::size_t k = 0, before = equations.size(); k < groups.size(); ++k) {
+    if (groups[k] == before) continue;
+    before = groups[k];
+    out.runs[before].run = out.samples[k].run;
+    out.runs[before].segment = segments[out.samples[k].run]++;
   }
-  out.samples = leave_out_slipped_runs(out.samples, how, out.runs);
-  std::vector<std::size_t> left_out;
-  for (RunVerdict& verdict : out.runs) {
-    const std::size_t group = verdict.run;
-    if (verdict.left_out) left_out.push_back(group);
-    verdict.run = run_of.at(group);
-    verdict.segment = group - first_of.at(verdict.run);
-    verdict.segments = static_cast<std::size_t>(
-        std::ranges::count_if(run_of, [&](const auto& entry) { return entry.second == verdict.run; }));
+  std::size_t count = 0;
+  for (std::size_t group = 0; group < equations.size(); ++group) {
+    RunVerdict& verdict = out.runs[group];
+    verdict.segments = segments[verdict.run];
+    kept_as[group] = count;
+    if (!verdict.left_out) ++count;
   }
-  return left_out;
+  if (count == equations.size()) return equations;
+  for (std::size_t k = 0; k < groups.size(); ++k)
+    if (!out.runs[groups[k]].left_out) {
+      kept.push_back(out.samples[k]);
+      of_kept.push_back(kept_as[groups[k]]);
+    }
+  out.samples = std::move(kept);
+  return fit_samples(out, of_kept, options);
 }
 
 /// Change of the values for one standard uncertainty of the offset.
-Vector6 offset_uncertainty(const RunsFit& out, const TimedSamples& timed, const OdometryOptions& how,
-                           std::size_t count) {
-  OdometryOptions quick = how;
-  quick.rounds = 0;
-  const auto values = [&](double by_s) {
+Vector6 offset_uncertainty(const RunsFit& out, const TimedSamples& timed, const RunsOptions& options) {
+  const auto values = [&](double by_s) -> Vector6 {
     std::vector<double> offsets = out.run_offsets_s;
     for (double& offset : offsets) offset += by_s;
-    const auto some = shifted_by_run(timed, offsets);
-    return fit_odometry(count > 1 ? at_length(some, count) : some, quick).robot.vector();
+    const auto samples = shifted_by_run(timed, offsets);
+    MotionLikelihood likelihood(samples, options.timed);
+    likelihood.take_noise(out.noise);
+    likelihood.linearise(out.odometry.robot);
+    return solution(likelihood.equations(std::vector<std::size_t>(samples.size(), 0)).front(),
+                    out.odometry.robot);
   };
   const double u = out.offset.offset_s.u;
   return 0.5 * (values(u) - values(-u)).cwiseAbs();
-}
-
-/// Change of the values at twice the length, of the same runs or segments, with their own offsets.
-Vector6 drift_at_twice(const RunsFit& out, const std::vector<WheelSample>& samples,
-                       const OdometryOptions& how, std::size_t count,
-                       const std::vector<std::size_t>& left_out) {
-  Vector6 drift = Vector6::Zero();
-  std::vector<WheelSample> twice = at_length(samples, 2 * count);
-  const auto groups = group_samples(twice);
-  for (std::size_t k = 0; k < twice.size(); ++k) twice[k].run = groups[k];
-  std::erase_if(twice, [&](const WheelSample& sample) {
-    return std::ranges::any_of(left_out, [&](std::size_t group) { return group == sample.run; });
-  });
-  if (twice.size() >= 20) drift = fit_odometry(twice, how).robot.vector() - out.odometry.robot.vector();
-  drift[5] = wrap_angle(drift[5]);
-  return drift;
 }
 
 }  // namespace
@@ -275,35 +259,33 @@ RunsFit fit_runs(const std::vector<WheelSample>& given, const RunsOptions& optio
   if (given.size() < 20)
     throw std::invalid_argument("at least 20 samples are needed, not " + std::to_string(given.size()));
   RunsFit out;
+  out.timed = options.timed;
   const TimedSamples timed(given, options.timed, steering_in(options.fit));
   const std::size_t runs =
       1 + std::ranges::max_element(given, {}, [](const WheelSample& s) { return s.run; })->run;
   const bool shifted = choose_offset(out, timed, options);
-  std::vector<WheelSample> samples = shifted ? timed.shifted(out.offset.offset_s.value) : given;
   out.run_offsets_s.assign(runs, shifted ? out.offset.offset_s.value : 0);
-
-  OdometryOptions how = options.fit;
-  std::size_t count = 1;
-  std::vector<std::size_t> left_out;  // Groups.
+  out.samples = shifted ? timed.shifted(out.offset.offset_s.value) : given;
+  std::vector<MotionEquations> groups;
   for (int round = 0;; ++round) {
-    if (round == 0) out.lengths = compare_lengths(samples, options);
-    count = std::ranges::find_if(out.lengths, &LengthFit::taken)->joined;
-    how.refine = options.fit.refine || count > 1;
-    out.samples = count > 1 ? at_length(samples, count) : samples;
-    left_out = leave_out_slipped_groups(out, how);
-    out.odometry = fit_odometry(out.samples, how);
+    groups = fit_kept_groups(out, options);
     if (round == 2 || !options.timed || options.known_offset_s || runs < 2) break;
     out.run_offsets_s = offsets_of_runs(timed, out.odometry.robot, out.run_offsets_s);
-    samples = shifted_by_run(timed, out.run_offsets_s);
+    out.samples = shifted_by_run(timed, out.run_offsets_s);
   }
-  out.grouped = grouped_covariance(out.samples, group_samples(out.samples), how);
-  if (shifted && !options.known_offset_s) out.offset_u = offset_uncertainty(out, timed, how, count);
-  if (std::ranges::any_of(out.lengths, [&](const LengthFit& l) { return l.joined == 2 * count; }))
-    out.drift = drift_at_twice(out, samples, how, count, left_out);
-  // A drift counts as the half-width of what is equally likely.
-  const Vector6 u =
-      (out.grouped.covariance.diagonal() + out.offset_u.cwiseAbs2() + out.drift.cwiseAbs2() / 3).cwiseSqrt();
-  widen_to(out.odometry.covariance, u);
+  // One step from the common robot leads to that of all groups but one.
+  out.groups = groups.size();
+  const MotionEquations all = sum_of(groups, std::vector<RunVerdict>(groups.size()));
+  std::vector<Vector6> without;
+  for (const MotionEquations& group : groups) {
+    MotionEquations others = all;
+    others.information -= group.information, others.gradient -= group.gradient;
+    without.emplace_back(solution(others, out.odometry.robot));
+  }
+  out.grouped_u = jackknife(without).diagonal().cwiseSqrt();
+  if (shifted && !options.known_offset_s) out.offset_u = offset_uncertainty(out, timed, options);
+  widen_to(out.odometry.covariance, (out.grouped_u.cwiseAbs2() + out.offset_u.cwiseAbs2()).cwiseSqrt());
+  if (options.timed) out.odometry.undetermined = find_undetermined(out.odometry, false);
   return out;
 }
 

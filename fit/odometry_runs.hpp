@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "fit/estimate.hpp"
+#include "fit/motion_likelihood.hpp"
 #include "fit/odometry.hpp"
 
 namespace fit {
@@ -17,16 +18,8 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 /// each is cut into segments, so that there are twelve or more.
 std::vector<std::size_t> group_samples(const std::vector<WheelSample>& samples);
 
-/// Covariance of the fit by leaving out one group after the other (delete-group jackknife, Wu 1986), widened
-/// by Student's factor for so few groups, so that k = 2 covers 95 %.
-struct GroupedCovariance {
-  Matrix6 covariance = Matrix6::Zero();
-  std::vector<Vector6> without;  ///< The result without each group.
-  std::size_t groups = 0;
-};
-GroupedCovariance grouped_covariance(const std::vector<WheelSample>& samples,
-                                     const std::vector<std::size_t>& groups, const OdometryOptions& options);
-/// The covariance from results that were each found without one group.
+/// The covariance from results that were each found without one group (delete-group jackknife, Wu 1986),
+/// widened by Student's factor for so few groups, so that k = 2 covers 95 %.
 Matrix6 jackknife(const std::vector<Vector6>& without);
 /// What brings the standard uncertainty from so many groups to where k = 2 covers 95 %.
 double student_widening(std::size_t groups);
@@ -38,16 +31,19 @@ void widen_to(Matrix6& covariance, const Vector6& u);
 struct RunVerdict {
   std::size_t run = 0, samples = 0;
   std::size_t segment = 0, segments = 1;  ///< Which of how many, if runs were cut.
-  double misfit = 0;                      ///< RMS of its residuals in units of the noise of the runs kept.
+  /// Distance of what it says of the robot from what the others say, in standard deviations, RMS over the
+  /// directions that both determine.
+  double misfit = 0;
   bool left_out = false;  ///< Slipped, or moved by hand: its misfit is beyond the scatter of the others.
 };
 
-/// Leaves out, one after the other, runs whose residuals are larger than those of the other runs beyond
-/// their scatter (4.5 robust standard deviations of the logarithm of their mean squares); at most a third of
-/// them, and none of fewer than four. Returns the samples kept.
-std::vector<WheelSample> leave_out_slipped_runs(const std::vector<WheelSample>& samples,
-                                                const OdometryOptions& options,
-                                                std::vector<RunVerdict>& verdicts);
+/// Leaves out, one after the other, groups whose squared misfit is 17 times the median of the others'; at
+/// most a third of them, and none of fewer than four. Returns one verdict for each group, `run` being its
+/// index.
+std::vector<RunVerdict> find_slipped(const std::vector<MotionEquations>& groups);
+
+/// The same for samples by their `run`, each with noise of its own (matches of scans), at this robot.
+std::vector<RunVerdict> find_slipped(const std::vector<WheelSample>& samples, const RobotGeometry& robot);
 
 /// Time of the wheels minus time of the matches.
 struct OffsetSearch {
@@ -72,41 +68,30 @@ OffsetSearch find_offset(const TimedSamples& samples, const OdometryOptions& opt
 
 struct RunsOptions {
   OdometryOptions fit;
-  /// The samples' begin_s are measured: neighbours may be joined, and each run has an offset of its own.
+  /// The samples' begin_s are measured: neighbours share a watched pose, and each run has an offset of its
+  /// own.
   bool timed = false;
   std::optional<double> known_offset_s;  ///< Without it, estimated.
   OffsetOptions offset;
 };
 
-/// The fit to samples of one length.
-struct LengthFit {
-  std::size_t joined = 1;  ///< Neighbouring samples in one.
-  std::size_t samples = 0;
-  double interval_s = 0, way_mm = 0;  ///< Medians.
-  Vector6 values = Vector6::Zero();
-  Eigen::Vector3d noise = Eigen::Vector3d::Zero();  ///< Robust: mm, mm, rad.
-  double worth = 0;    ///< What a second of driving tells, by the noise: relative.
-  bool enough = true;  ///< Samples to be taken; else only the drift to this length is of use.
-  bool taken = false;
-};
-
 struct RunsFit {
-  OdometryFit odometry;              ///< Its covariance contains groups, offset and drift with length.
-  std::vector<WheelSample> samples;  ///< That `odometry` was made of.
-  GroupedCovariance grouped;
-  std::vector<RunVerdict> runs;       ///< Or their segments, as group_samples() makes them.
-  OffsetSearch offset;                ///< Common to all runs.
-  std::vector<double> run_offsets_s;  ///< Taken for each run: recordings are started one by one.
-  std::vector<LengthFit> lengths;
-  Vector6 offset_u = Vector6::Zero();  ///< Of the parameters, by the offset's uncertainty.
-  Vector6 drift = Vector6::Zero();     ///< From the length taken to twice that.
+  OdometryFit odometry;                 ///< Its covariance contains groups and offset.
+  std::vector<WheelSample> samples;     ///< That `odometry` was made of.
+  MotionNoise noise;                    ///< Of them.
+  bool timed = false;                   ///< As it was given.
+  std::size_t groups = 0;               ///< Kept: runs, or their segments, as group_samples() makes them.
+  Vector6 grouped_u = Vector6::Zero();  ///< By leaving out one group after the other.
+  std::vector<RunVerdict> runs;         ///< Of all groups.
+  OffsetSearch offset;                  ///< Common to all runs.
+  std::vector<double> run_offsets_s;    ///< Taken for each run: recordings are started one by one.
+  Vector6 offset_u = Vector6::Zero();   ///< Of the parameters, by the offset's uncertainty.
 };
 
 /// Calibrates a robot from samples of one or more runs. Beyond fit_odometry(): the clocks' offset is
-/// estimated, of all and then of every run, neighbouring samples are joined to the length at which they tell
-/// most (poses with noise of their own tell more from far apart, noise that adds up on the way does not),
-/// groups that slipped are left out, and the covariance is that of groups of samples. Throws
-/// std::invalid_argument for fewer than 20 samples.
+/// estimated, of all and then of every run; where times are measured the likelihood has noise of poses and
+/// noise that adds up on the way (MotionLikelihood), both estimated; groups that slipped are left out, and
+/// the covariance is that of groups of samples. Throws std::invalid_argument for fewer than 20 samples.
 RunsFit fit_runs(const std::vector<WheelSample>& samples, const RunsOptions& options = {});
 
 }  // namespace fit

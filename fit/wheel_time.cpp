@@ -3,17 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <span>
 
 namespace fit {
-namespace {
 
 std::vector<Eigen::Vector2d> pieces_of(const WheelSample& sample) {
   if (!sample.pieces.empty()) return sample.pieces;
   return {Eigen::Vector2d(sample.left_rad_s, sample.right_rad_s) * sample.interval_s};
 }
-
-}  // namespace
 
 void WheelTime::add(double begin_s, double end_s, const Eigen::Vector2d& piece) {
   if (end_s > begin_s) known_.push_back({begin_s, end_s, piece});
@@ -84,44 +80,9 @@ double TimedSamples::shortest_run_s() const {
   return shortest;
 }
 
-namespace {
-
 bool follows(const WheelSample& before, const WheelSample& next) {
   return next.run == before.run && std::abs(next.begin_s - before.begin_s - before.interval_s) <
                                        0.25 * std::min(before.interval_s, next.interval_s);
-}
-
-WheelSample sum_of(std::span<const WheelSample> samples) {
-  WheelSample sum = samples.front();
-  sum.pieces = pieces_of(sum);
-  for (const WheelSample& next : samples.subspan(1)) {
-    sum.match = sum.match * next.match;
-    const auto more = pieces_of(next);
-    sum.pieces.insert(sum.pieces.end(), more.begin(), more.end());
-    sum.interval_s += next.interval_s;
-  }
-  Eigen::Vector2d turned = Eigen::Vector2d::Zero();
-  for (const Eigen::Vector2d& piece : sum.pieces) turned += piece;
-  sum.left_rad_s = turned.x() / sum.interval_s;
-  sum.right_rad_s = turned.y() / sum.interval_s;
-  return sum;
-}
-
-}  // namespace
-
-std::vector<WheelSample> joined(const std::vector<WheelSample>& samples, std::size_t count,
-                                std::size_t stride) {
-  std::vector<WheelSample> out;
-  const std::span<const WheelSample> all(samples);
-  for (std::size_t begin = 0; begin < all.size();) {
-    std::size_t end = begin + 1;
-    while (end < all.size() && follows(all[end - 1], all[end])) ++end;
-    const std::size_t each = std::min(count, end - begin);
-    for (std::size_t first = begin; first + each <= end; first += stride)
-      out.push_back(sum_of(all.subspan(first, each)));
-    begin = end;
-  }
-  return out;
 }
 
 }  // namespace fit

@@ -53,10 +53,10 @@ class TimedSamples {
   const Steering* steering_;
 };
 
-/// Neighbouring samples of a run put together, `count` to one, a new one beginning at every `stride`-th:
-/// wheels one after the other, matches multiplied. Across a gap in time nothing is joined; what lies between
-/// two gaps and has fewer becomes one.
-std::vector<WheelSample> joined(const std::vector<WheelSample>& samples, std::size_t count,
-                                std::size_t stride);
+/// What the wheels did in a sample, piece by piece.
+[[nodiscard]] std::vector<Eigen::Vector2d> pieces_of(const WheelSample& sample);
+
+/// Whether a sample of the same run begins where the one before it ends.
+[[nodiscard]] bool follows(const WheelSample& before, const WheelSample& next);
 
 }  // namespace fit

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "fit/number_format.hpp"
 #include "rig/fitting/result_document.hpp"
@@ -276,9 +277,10 @@ void say_slipped_runs(json& out, const std::vector<fit::RunVerdict>& runs,
                       const std::vector<std::string>& names) {
   for (const fit::RunVerdict& run : runs)
     if (run.left_out)
-      out["notes"].push_back(name_of(run, names) + " was left out: its residuals are " +
+      out["notes"].push_back(name_of(run, names) + " was left out: what it says of the robot is " +
                              fit::format_fixed(run.misfit, 1) +
-                             " times the noise of the others. The wheels slipped, or the robot was touched.");
+                             " standard deviations from the others. The wheels slipped, or the robot was "
+                             "touched.");
 }
 
 json runs_table(const fit::RunsFit& fit, const std::vector<std::string>& names) {
@@ -286,9 +288,10 @@ json runs_table(const fit::RunsFit& fit, const std::vector<std::string>& names) 
   for (const fit::RunVerdict& run : fit.runs)
     rows.push_back({name_of(run, names), run.samples, number_or_null(1e3 * fit.run_offsets_s.at(run.run)),
                     number_or_null(run.misfit), run.left_out ? "yes" : "no"});
-  return {{"title", "Runs or their segments: RMS of the residuals in units of the noise of those kept"},
-          {"columns", {"run", "samples", {{"name", "time offset"}, {"unit", "ms"}}, "residuals", "left out"}},
-          {"rows", rows}};
+  return {
+      {"title", "Runs or their segments: distance from what the others say, in standard deviations (RMS)"},
+      {"columns", {"run", "samples", {{"name", "time offset"}, {"unit", "ms"}}, "distance", "left out"}},
+      {"rows", rows}};
 }
 
 json tuple_uncertainty_table(const fit::RunsFit& fit) {
@@ -296,15 +299,12 @@ json tuple_uncertainty_table(const fit::RunsFit& fit) {
   json rows = json::array();
   for (int i = 0; i < 6; ++i) {
     const auto& p = parameters[static_cast<std::size_t>(i)];
-    rows.push_back(
-        {p.label + ", " + p.unit, number_or_null(p.scale * std::sqrt(fit.odometry.covariance(i, i))),
-         number_or_null(p.scale * std::sqrt(fit.grouped.covariance(i, i))),
-         number_or_null(p.scale * fit.offset_u[i]), number_or_null(p.scale * std::abs(fit.drift[i]))});
+    rows.push_back({p.label + ", " + p.unit,
+                    number_or_null(p.scale * std::sqrt(fit.odometry.covariance(i, i))),
+                    number_or_null(p.scale * fit.grouped_u[i]), number_or_null(p.scale * fit.offset_u[i])});
   }
-  return {{"title", "Standard uncertainties (" + std::to_string(fit.grouped.groups) + " groups)"},
-          {"columns",
-           {"parameter", "given", "leaving out one group after the other", "by the time offset",
-            "change at twice the length"}},
+  return {{"title", "Standard uncertainties (" + std::to_string(fit.groups) + " groups)"},
+          {"columns", {"parameter", "given", "leaving out one group after the other", "by the time offset"}},
           {"rows", rows}};
 }
 
@@ -313,31 +313,31 @@ json segments_table(const fit::DriveFit& drive) {
   for (const fit::RunVerdict& segment : drive.segments)
     rows.push_back(
         {segment.run + 1, segment.samples, number_or_null(segment.misfit), segment.left_out ? "yes" : "no"});
-  return {{"title", "Segments of the drive: RMS of the residuals in units of the noise of those kept"},
-          {"columns", {"segment", "pairs", "residuals", "left out"}},
+  return {{"title", "Segments of the drive: distance from what the others say, in standard deviations (RMS)"},
+          {"columns", {"segment", "pairs", "distance", "left out"}},
           {"rows", rows}};
 }
 
-json lengths_table(const fit::RunsFit& fit) {
-  const Parameters parameters = parameters_of(steering_of(fit.odometry.robot));
-  json rows = json::array();
-  for (const fit::LengthFit& length : fit.lengths) {
-    json row = {length.joined, length.samples, number_or_null(length.interval_s),
-                number_or_null(length.way_mm)};
-    for (int k = 0; k < 6; ++k)
-      row.push_back(number_or_null(parameters[static_cast<std::size_t>(k)].scale * length.values[k]));
-    row.push_back(number_or_null(length.worth));
-    row.push_back(length.taken ? "yes" : "no");
-    rows.push_back(row);
+json noise_table(const fit::RunsFit& fit) {
+  using Component = fit::MotionNoise::Component;
+  const auto row = [&](const std::string& what, double Component::*part, double times) {
+    json cells = {what};
+    for (std::size_t c = 0; c < 3; ++c)
+      cells.push_back(
+          number_or_null(std::sqrt(times * (fit.noise.of[c].*part)) * (c == 2 ? fit::deg_per_rad : 1)));
+    return cells;
+  };
+  json rows = json::array({row("of every sample by itself", &Component::sample, 1)});
+  if (fit.timed) {
+    rows.push_back(row("of every watched pose", &Component::pose, 1));
+    rows.push_back(row("that adds up while a wheel turns once", &Component::walk, 2 * std::numbers::pi));
   }
-  json columns = {
-      "joined", "samples", {{"name", "interval"}, {"unit", "s"}}, {{"name", "way"}, {"unit", "mm"}}};
-  for (const auto& p : parameters) columns.push_back({{"name", p.label}, {"unit", p.unit}});
-  columns.push_back("worth");
-  columns.push_back("taken");
-  return {{"title",
-           "Tuples joined into longer segments, and the information in a second of driving (largest: 1)"},
-          {"columns", columns},
+  return {{"title", "Noise of the watched motion, standard deviations"},
+          {"columns",
+           {"noise",
+            {{"name", "x"}, {"unit", "mm"}},
+            {{"name", "y"}, {"unit", "mm"}},
+            {{"name", "heading"}, {"unit", "deg"}}}},
           {"rows", rows}};
 }
 

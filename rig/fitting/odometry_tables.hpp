@@ -39,6 +39,6 @@ void say_slipped_runs(nlohmann::json& out, const std::vector<fit::RunVerdict>& r
 nlohmann::json runs_table(const fit::RunsFit& fit, const std::vector<std::string>& names);
 nlohmann::json tuple_uncertainty_table(const fit::RunsFit& fit);
 nlohmann::json segments_table(const fit::DriveFit& drive);
-nlohmann::json lengths_table(const fit::RunsFit& fit);
+nlohmann::json noise_table(const fit::RunsFit& fit);
 
 }  // namespace rig::odometry_parts

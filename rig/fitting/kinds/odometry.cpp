@@ -146,10 +146,10 @@ class Odometry : public Fitting {
     if (!tuples.timed)
       out["notes"].push_back(
           "The tuples do not say when they began (t, s): each was taken to begin when the one before ended, "
-          "and neighbours were not joined into longer segments.");
+          "and noise of the watched poses was not told from noise of the motion.");
     say_offset(out, fit.offset, runs.known_offset_s);
     say_slipped_runs(out, fit.runs, tuples.runs);
-    out["tables"].insert(out["tables"].begin(), {tuple_uncertainty_table(fit), lengths_table(fit)});
+    out["tables"].insert(out["tables"].begin(), {tuple_uncertainty_table(fit), noise_table(fit)});
     out["tables"].push_back(runs_table(fit, tuples.runs));
     const Nominal nominal = nominal_of(sources.front(), options);
     if (nominal.values[0] || nominal.values[2])
@@ -173,14 +173,12 @@ class Odometry : public Fitting {
         "from 0. ";
     if (timed)
       text +=
-          "Neighbouring tuples are joined to the length that gives the most information per second of "
-          "driving, and all six "
-          "parameters fitted at once. ";
+          "All six parameters are then fitted by maximum likelihood, with noise of every watched pose, noise "
+          "that adds up on the way, and noise of every tuple by itself, each estimated. ";
     return text +
-           "Runs that fit worse than the others beyond their scatter are left out. The uncertainty given is "
-           "the "
-           "larger of that and of leaving out one run (of few runs, one segment) after the other, with "
-           "Student's factor, with the offset's uncertainty and the change at twice the length.";
+           "Runs that disagree with the others beyond their scatter are left out. The uncertainty given is "
+           "the larger of that and of leaving out one run (of few runs, one segment) after the other, with "
+           "Student's factor, with the offset's uncertainty.";
   }
 
   static json from_drive(const FitSource& source, const fit::OdometryOptions& how,
