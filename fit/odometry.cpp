@@ -189,7 +189,13 @@ MotionShares judge_motion(const std::vector<WheelSample>& samples, const Indices
   const Steering& steering = steering_of(robot.steering);
   MotionShares shares;
   const double one = 1.0 / static_cast<double>(used.size());
-  const double r = std::max(1e-9, std::abs(robot.left_radius_mm));
+  // Where the fit finds no wheel, the matches tell how far one rolls.
+  double way = 0, rolled = 0;
+  for (const std::size_t k : used) {
+    way += samples[k].match.position().norm();
+    for_each_piece(samples[k], [&](const Eigen::Vector2d& piece) { rolled += steering.turned(piece); });
+  }
+  const double r = std::max(std::abs(robot.left_radius_mm), rolled > 0 ? way / rolled : 0);
   for (const std::size_t k : used) {
     // The wheels tell how the robot moved even where its geometry is not known: by the ratio of their speeds.
     const WheelSample& s = samples[k];
@@ -305,7 +311,13 @@ Matrix6 covariance_of_robot(const Matrix6& information, const RobotGeometry& rob
   return inverse_information(information, worthless(robot));
 }
 
-std::vector<std::string> find_undetermined(const OdometryFit& fit, bool turns_unknown) {
+Vector6 damped_step(const Matrix6& information, const Vector6& gradient, const RobotGeometry& robot) {
+  const Vector6 least = worthless(robot).cwiseAbs2().cwiseInverse();
+  const Matrix6 damped = information + Matrix6(least.asDiagonal());
+  return dense::solve_symmetric(damped, gradient);
+}
+
+void judge_determined(OdometryFit& fit, bool turns_unknown) {
   std::vector<std::string> names;
   for (const Steering::Parameter& p : steering_of(fit.robot.steering).parameters) {
     names.push_back(p.label);
@@ -314,20 +326,22 @@ std::vector<std::string> find_undetermined(const OdometryFit& fit, bool turns_un
   names.insert(names.end(), {"lidar's x", "lidar's y", "lidar's yaw"});
   const Vector6 limit = worthless(fit.robot);
   std::string weak;
-  const auto add = [&](const std::string& what) { weak += (weak.empty() ? "" : ", ") + what; };
-  for (int i = 0; i < 6; ++i) {
-    const double u = std::sqrt(fit.covariance(i, i));
-    if (!(u < limit[i]) || (turns_unknown && i < 3)) add(names[static_cast<std::size_t>(i)]);
+  for (std::size_t i = 0; i < 6; ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    fit.determined[i] = std::sqrt(fit.covariance(k, k)) < limit[k] && !(turns_unknown && i < 3);
+    if (!fit.determined[i]) weak += (weak.empty() ? "" : ", ") + names[i];
   }
   bool impossible = false;
   for (int i = 0; i < 3; ++i)
     impossible =
         impossible || (steering_of(fit.robot.steering).parameters[static_cast<std::size_t>(i)].unit == "mm" &&
                        !(fit.robot.vector()[i] > 0));
-  if (weak.empty() && impossible)
-    return {"The fit gives a wheel of negative size: left and right wheel are swapped, or a sign is."};
-  if (weak.empty()) return {};
-  return {"These samples do not determine: " + weak + ". " + remedy(fit.motion)};
+  fit.undetermined.clear();
+  if (!weak.empty())
+    fit.undetermined = {"These samples do not determine: " + weak + ". " + remedy(fit.motion)};
+  else if (impossible)
+    fit.undetermined = {
+        "The fit gives a wheel of negative size: left and right wheel are swapped, or a sign is."};
 }
 
 OdometryFit fit_odometry(const std::vector<WheelSample>& samples, const OdometryOptions& options) {
@@ -364,7 +378,7 @@ OdometryFit fit_odometry(const std::vector<WheelSample>& samples, const Odometry
   fit.motion = judge_motion(samples, used, fit.robot, fit.noise);
   const TurnGains turns = fit_turn_gains(samples, used, steering);
   const double turn_u = fit.noise[2] * std::sqrt(turns.cofactor.diagonal().maxCoeff());
-  fit.undetermined = find_undetermined(
+  judge_determined(
       fit, !(turns.cofactor.diagonal().minCoeff() > 0) || turn_u > 0.1 * turns.gain.cwiseAbs().maxCoeff());
   return fit;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <string>
 #include <vector>
 
@@ -74,6 +75,7 @@ struct OdometryFit {
   std::vector<OdometryRound> rounds;                ///< The last is the final fit.
   std::vector<bool> used;                           ///< For every sample given.
   MotionShares motion;
+  std::array<bool, 6> determined{};       ///< Each parameter.
   std::vector<std::string> undetermined;  ///< Sentences; empty when all six parameters are determined.
 };
 
@@ -97,8 +99,13 @@ Eigen::Matrix<double, 3, 6> motion_jacobian(const RobotGeometry& robot, const Wh
 Eigen::Matrix<double, 6, 6> covariance_of_robot(const Eigen::Matrix<double, 6, 6>& information,
                                                 const RobotGeometry& robot);
 
-/// Names, in a sentence, what the fit's covariance leaves open, and how to drive to determine it; empty when
-/// it is all determined. `turns_unknown`: how the wheels turn the robot left no trace.
-std::vector<std::string> find_undetermined(const OdometryFit& fit, bool turns_unknown);
+/// Gauss-Newton's step, short where there is next to no information.
+Eigen::Matrix<double, 6, 1> damped_step(const Eigen::Matrix<double, 6, 6>& information,
+                                        const Eigen::Matrix<double, 6, 1>& gradient,
+                                        const RobotGeometry& robot);
+
+/// Sets `determined` and `undetermined` by the fit's covariance and motion. `turns_unknown`: how the wheels
+/// turn the robot left no trace.
+void judge_determined(OdometryFit& fit, bool turns_unknown);
 
 }  // namespace fit

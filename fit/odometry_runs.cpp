@@ -196,7 +196,9 @@ std::vector<MotionEquations> fit_samples(RunsFit& out, const std::vector<std::si
     if (!options.timed) continue;
     const MotionEquations all = sum_of(equations, std::vector<RunVerdict>(equations.size()));
     out.odometry.covariance = covariance_of_robot(all.information, robot);
-    if (pass < passes) robot = RobotGeometry::from(robot.vector() + solution(all, robot), robot.steering);
+    if (pass == passes) break;
+    const Vector6 step = damped_step(all.information, all.gradient, robot);
+    if (step.allFinite()) robot = RobotGeometry::from(robot.vector() + step, robot.steering);
   }
   out.noise = likelihood.noise();
   if (options.timed) {
@@ -285,7 +287,7 @@ RunsFit fit_runs(const std::vector<WheelSample>& given, const RunsOptions& optio
   out.grouped_u = jackknife(without).diagonal().cwiseSqrt();
   if (shifted && !options.known_offset_s) out.offset_u = offset_uncertainty(out, timed, options);
   widen_to(out.odometry.covariance, (out.grouped_u.cwiseAbs2() + out.offset_u.cwiseAbs2()).cwiseSqrt());
-  if (options.timed) out.odometry.undetermined = find_undetermined(out.odometry, false);
+  if (options.timed) judge_determined(out.odometry, false);
   return out;
 }
 

@@ -99,7 +99,8 @@ std::string to_text(const nlohmann::json& result) {
   for (const auto& value : result.value("values", nlohmann::json::array())) {
     const double expanded = expanded_of(value, 0);
     out << "  " << padded(value.value("label", value.value("name", "")), width)
-        << fit::format_value(number_of(value, "value"), expanded) << ' ' << value.value("unit", "");
+        << fit::format_value(number_of(value, "value"), expanded);
+    if (std::isfinite(number_of(value, "value"))) out << ' ' << value.value("unit", "");
     if (expanded > 0)
       out << "   U = " << fit::format_uncertainty(expanded) << ' ' << value.value("unit", "")
           << " (k = " << fit::format_value(value.value("k", 2.0), 0) << ")";

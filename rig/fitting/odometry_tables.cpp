@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
@@ -50,8 +51,11 @@ json values_of(const fit::OdometryFit& fit) {
   json values = json::array();
   for (int i = 0; i < 6; ++i) {
     const auto& p = parameters[static_cast<std::size_t>(i)];
-    const double u = p.scale * std::sqrt(fit.covariance(i, i));
-    values.push_back(result_value(p.name, p.label, {p.scale * fit.robot.vector()[i], u}, p.unit));
+    const double unknown = std::numeric_limits<double>::quiet_NaN();
+    const bool known = fit.determined[static_cast<std::size_t>(i)];
+    const double value = known ? p.scale * fit.robot.vector()[i] : unknown;
+    const double u = known ? p.scale * std::sqrt(fit.covariance(i, i)) : unknown;
+    values.push_back(result_value(p.name, p.label, {value, u}, p.unit));
   }
   return values;
 }

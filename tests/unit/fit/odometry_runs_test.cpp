@@ -23,8 +23,9 @@ struct Run {
   double turn_share = 0;                 ///< By which the robot turns less than its wheels say: slip.
   double radius_share = 0;               ///< By which both wheels are larger on this run.
   bool constant = false;                 ///< The same speeds all the time.
-  double clock_s = 0;                    ///< By which the watching clock wanders (standard deviation).
-  double heading_walk_rad = 0;           ///< Of the heading, in a second of driving.
+  bool always_left = false;
+  double clock_s = 0;           ///< By which the watching clock wanders (standard deviation).
+  double heading_walk_rad = 0;  ///< Of the heading, in a second of driving.
 };
 
 /// The robot that is sought; rolled in steps of a millisecond, without any formula of the product.
@@ -35,6 +36,7 @@ struct Truth {
 
   /// What its wheels do at a time: rad/s and rad/s, or rad/s and rad.
   [[nodiscard]] static Eigen::Vector2d wheels(const Run& run, double t, bool steered) {
+    if (run.always_left) return {4 + std::sin(0.9 * t), 6 + 2 * std::cos(1.3 * t)};
     if (run.constant) return steered ? Eigen::Vector2d(6, 0.2) : Eigen::Vector2d(4, 5);
     if (steered) return {5 + 2 * std::sin(0.7 * t), 0.6 * std::sin(1.1 * t)};
     return {4 + 3 * std::sin(0.9 * t), 4 + 3 * std::cos(1.3 * t)};
@@ -228,6 +230,21 @@ TEST_CASE(
   for (Run& run : runs) run.constant = false, run.wheels_late_s = 7, run.seconds = 12;
   const auto beyond = fit::fit_runs(all_of(truth, runs, 5), timed());
   CHECK_FALSE(beyond.offset.determined);
+}
+
+TEST_CASE("motion to one side is enough where its curves differ, and one circle is declined") {
+  std::vector<Run> runs(3);
+  for (Run& run : runs) run.pose_u_mm = 0.3, run.pose_u_rad = 0.003, run.always_left = true;
+  const Truth truth;
+  const auto left = fit::fit_runs(all_of(truth, runs, 10), timed());
+  CHECK(left.odometry.undetermined.empty());
+  const double expected[6] = {42, 41.8, 201, -5, 3, 0.02};
+  for (int i = 0; i < 6; ++i) CHECK(std::abs(error_in_u(left, i, expected[i])) < 3);
+  for (Run& run : runs) run.always_left = false, run.constant = true;
+  const auto circle = fit::fit_runs(all_of(truth, runs, 11), timed());
+  REQUIRE(circle.odometry.undetermined.size() == 1);
+  CHECK_THAT(circle.odometry.undetermined.front(), Catch::Contains("straight stretches"));
+  CHECK(std::ranges::none_of(circle.odometry.determined, [](bool known) { return known; }));
 }
 
 TEST_CASE("a tricycle's wheel, wheelbase and steering zero are found") {
