@@ -189,13 +189,6 @@ MotionShares judge_motion(const std::vector<WheelSample>& samples, const Indices
   const Steering& steering = steering_of(robot.steering);
   MotionShares shares;
   const double one = 1.0 / static_cast<double>(used.size());
-  // Where the fit finds no wheel, the matches tell how far one rolls.
-  double way = 0, rolled = 0;
-  for (const std::size_t k : used) {
-    way += samples[k].match.position().norm();
-    for_each_piece(samples[k], [&](const Eigen::Vector2d& piece) { rolled += steering.turned(piece); });
-  }
-  const double r = std::max(std::abs(robot.left_radius_mm), rolled > 0 ? way / rolled : 0);
   for (const std::size_t k : used) {
     // The wheels tell how the robot moved even where its geometry is not known: by the ratio of their speeds.
     const WheelSample& s = samples[k];
@@ -205,7 +198,8 @@ MotionShares judge_motion(const std::vector<WheelSample>& samples, const Indices
       curving += steering.turned(piece) * steering.curving(piece);
     });
     curving = turned > 0 ? curving / turned : 0;
-    if (turned * r < 2 * std::max(noise[0], noise[1]) && std::abs(s.match.heading_rad) < 3 * noise[2])
+    if (s.match.position().norm() < 3 * std::max(noise[0], noise[1]) &&
+        std::abs(s.match.heading_rad) < 3 * noise[2])
       shares.still += one;
     else if (curving < 0.05)
       shares.straight += one;

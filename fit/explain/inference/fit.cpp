@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "fit/dense.hpp"
 #include "fit/explain/inference/numbers.hpp"
 
 namespace fit::explain::inference {
@@ -161,14 +162,21 @@ Quadratic about(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& facto
   const Index k = design.mean.size();
   const Eigen::MatrixXd covariance =
       factor.solve(Eigen::MatrixXd::Identity(k, k)).block(first, first, count, count);
+  // Less the priors' own information, which is one in these units. Where counts bend the likelihood up, they
+  // say nothing of a scale.
+  const dense::SymmetricEigen own =
+      dense::symmetric_eigen(covariance.inverse() - Eigen::MatrixXd::Identity(count, count));
+  const Eigen::VectorXd known = own.values.cwiseMax(0.0);
+  const Eigen::MatrixXd square = own.vectors * known.asDiagonal() * own.vectors.transpose();
+  const Eigen::VectorXd x = optimum.x.segment(first, count), mean = design.mean.segment(first, count),
+                        along =
+                            square * x + own.vectors * (own.values.array() > 0)
+                                                           .select(own.vectors.transpose() * (x - mean), 0.0)
+                                                           .matrix(),
+                        scale = design.sigma.segment(first, count).cwiseInverse();
   Quadratic q;
-  // Less the priors' own information, which is one in these units.
-  const Eigen::MatrixXd information = covariance.inverse();
-  const Eigen::VectorXd scale = design.sigma.segment(first, count).cwiseInverse();
-  q.square =
-      scale.asDiagonal() * (information - Eigen::MatrixXd::Identity(count, count)) * scale.asDiagonal();
-  q.along =
-      scale.cwiseProduct(information * optimum.x.segment(first, count) - design.mean.segment(first, count));
+  q.square = scale.asDiagonal() * square * scale.asDiagonal();
+  q.along = scale.cwiseProduct(along);
   return q;
 }
 
@@ -240,9 +248,10 @@ Design with_shapes_held(Design design) {
   return design;
 }
 
-/// Sizes as the terms have them, everything else as its prior expects.
-Eigen::VectorXd start_of(const Design& design, const std::vector<Term>& terms) {
+/// Nuisances and sizes as they are known from fits before, everything else as its prior expects.
+Eigen::VectorXd start_of(const Design& design, const std::vector<Term>& terms, const Eigen::VectorXd& base) {
   Eigen::VectorXd x = design.mean;
+  x.head(base.size()) = base.cwiseQuotient(design.sigma.head(base.size()));
   for (std::size_t t = 0; t < terms.size(); ++t) {
     const Design::Block& block = design.blocks[t];
     if (!terms[t].sigma.empty())  // else nobody has asked for its size
@@ -254,10 +263,10 @@ Eigen::VectorXd start_of(const Design& design, const std::vector<Term>& terms) {
 
 /// One round of a fit: everything linear at its best, and a step of the shapes, whose effect the likelihood
 /// does not count yet.
-Fitted solved(const Session& session, std::vector<Term> terms) {
+Fitted solved(const Session& session, std::vector<Term> terms, const Eigen::VectorXd& from) {
   Fitted result;
   result.design = design_of(session, terms);
-  result.optimum = optimum_of(session, with_shapes_held(result.design), start_of(result.design, terms));
+  result.optimum = optimum_of(session, with_shapes_held(result.design), start_of(result.design, terms, from));
   const Scored there = scored(session, result.design, result.optimum, For::evidence);
   result.optimum.factor.compute(there.information);
   const Eigen::VectorXd stepped =
@@ -304,19 +313,19 @@ Fitted fit(const Session& session, const Hypothesis& hypothesis) {
   std::vector<Term> at = hypothesis.terms;
   for (Term& term : at)
     term.factor = std::max(1.0, term.factor);  // a narrow prior would hold sizes where they are
-  Fitted best = solved(session, at);
+  Fitted best = solved(session, at, hypothesis.base);
   if (at.empty()) return best;
   // Deviations and factors suit the sizes only now.
   at = part_of_way(at, best.hypothesis.terms, 0);
-  best = solved(session, at);
+  best = solved(session, at, best.hypothesis.base);
   for (int round = 1; round < most_rounds; ++round) {
     double share = 1;
     std::vector<Term> there = part_of_way(at, best.hypothesis.terms, share);
-    Fitted next = solved(session, there);
+    Fitted next = solved(session, there, best.hypothesis.base);
     while (next.hypothesis.log_evidence < best.hypothesis.log_evidence - settled && share > shortest) {
       share /= 3;
       there = part_of_way(at, best.hypothesis.terms, share);
-      next = solved(session, there);
+      next = solved(session, there, best.hypothesis.base);
     }
     const double gain = next.hypothesis.log_evidence - best.hypothesis.log_evidence;
     if (gain < -settled) {  // No step from here: they stay.

@@ -69,6 +69,7 @@ class Question {
       price = one.price;
       best_.term = there;
     }
+    if (best_.always && refines) best_.always = refined(*best_.always);
     double all = log_sum(modes);
     if (!kind_->refines) all -= std::log(static_cast<double>(kind_->starts.size()));
     const bool grid_says = refines && !kind_->bins;
@@ -112,8 +113,10 @@ class Question {
       }
     }
     over_grid_ = log_sum(logs);
+    const Term always = asked_.front().term;
     std::ranges::sort(asked_, std::greater<>(), &Asked::log_evidence);
     asked_.resize(std::min(modes_refined, asked_.size()));
+    if (asked_.front().price > half) best_.always = always;
   }
 
   /// With sizes as the catalogue has them.

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <optional>
+
 #include "fit/explain/inference/fit.hpp"
 
 namespace fit::explain::inference {
@@ -9,6 +11,8 @@ namespace fit::explain::inference {
 struct Candidate {
   Term term;
   double log_evidence = -1e300;  ///< Against the hypothesis without it.
+  /// At all times, where the term acts for a while: few lost echoes within a short while promise too much.
+  std::optional<Term> always;
   [[nodiscard]] double log_posterior() const { return log_evidence + term.kind->log_prior; }
 };
 

@@ -20,9 +20,16 @@ std::vector<const Kind*> with(const Hypothesis& h, const Kind& kind) {
 
 Hypothesis without(const Hypothesis& h, std::size_t term) {
   Hypothesis less;
-  less.terms = h.terms;
+  less.terms = h.terms, less.base = h.base;
   less.terms.erase(less.terms.begin() + static_cast<std::ptrdiff_t>(term));
   return less;
+}
+
+Hypothesis with_term(const Hypothesis& h, const Term& term) {
+  Hypothesis more;
+  more.terms = h.terms, more.base = h.base;
+  more.terms.push_back(term);
+  return more;
 }
 
 /// Mechanisms and forms in turn, so that neither crowds out the other; those within so much of the best of
@@ -109,9 +116,8 @@ class Climber {
     std::vector<Hypothesis> list;
     for (const Candidate& candidate : candidates) {
       if (visited_.contains(with(h, *candidate.term.kind))) continue;
-      list.push_back({});
-      list.back().terms = h.terms;
-      list.back().terms.push_back(candidate.term);
+      list.push_back(with_term(h, candidate.term));
+      if (candidate.always) list.push_back(with_term(h, *candidate.always));
     }
     return fit_all(list);
   }
@@ -161,10 +167,7 @@ class Climber {
       if (asked == most) break;
       if (candidate.term.kind->is_form() || candidate.log_evidence < good_part * worth) continue;
       ++asked;
-      Hypothesis one;
-      one.terms = less.hypothesis.terms;
-      one.terms.push_back(candidate.term);
-      const Fitted first = fitted(one);
+      const Fitted first = fitted(with_term(less.hypothesis, candidate.term));
       const auto more = best_of(screen(session_, first, &instead_of), most, 1);
       better = take_if_better(fit_each(first.hypothesis, more)) || better;
     }

@@ -30,42 +30,27 @@ Eigen::VectorXd scaled(const Rows& channel, Coordinate coordinate) {
   return x;
 }
 
-/// Of an effect in each of its ways, over the rows.
-struct Typical {
+/// Root mean square of an effect in each of its ways, over the rows.
+Effect typical_of(const Rows& channel, const Term& term) {
   Effect rms;
-
-  Typical(const Rows& channel, const Term& term) {
-    double count = 0;
-    for (Index i = 0; i < channel.rows(); ++i) {
-      const Circumstances& at = channel.at(i);
-      if (term.kind->target >= 0 && at.target != term.kind->target) continue;
-      const Effect e = term.kind->mechanism->act(at, term.values);
-      for (const auto field : fields) rms.*field += e.*field * e.*field;
-      count += 1;
-    }
-    for (const auto field : fields) rms.*field = std::sqrt(rms.*field / std::max(1.0, count));
+  double count = 0;
+  for (Index i = 0; i < channel.rows(); ++i) {
+    const Circumstances& at = channel.at(i);
+    if (term.kind->target >= 0 && at.target != term.kind->target) continue;
+    const Effect e = term.kind->mechanism->act(at, term.values);
+    for (const auto way : ways_to_act()) rms.*way += e.*way * e.*way;
+    count += 1;
   }
-  /// An effect there in units of its typical size.
-  [[nodiscard]] double ratio(const Effect& e) const {
-    for (const auto field : fields)
-      if (rms.*field > 0) return e.*field / (rms.*field);
-    return 0;
-  }
+  for (const auto way : ways_to_act()) rms.*way = std::sqrt(rms.*way / std::max(1.0, count));
+  return rms;
+}
 
- private:
-  static constexpr double Effect::*fields[] = {&Effect::range_mm,
-                                               &Effect::beam_rad,
-                                               &Effect::stage_rad,
-                                               &Effect::variance_mm2,
-                                               &Effect::scan_angle_variance_rad2,
-                                               &Effect::beam_angle_variance_rad2,
-                                               &Effect::lost,
-                                               &Effect::stray,
-                                               &Effect::late,
-                                               &Effect::early,
-                                               &Effect::log_echo,
-                                               &Effect::log_intensity};
-};
+/// An effect in units of its typical size.
+double ratio(const Effect& e, const Effect& typical) {
+  for (const auto way : ways_to_act())
+    if (typical.*way > 0) return e.*way / (typical.*way);
+  return 0;
+}
 
 /// Before its first move a stage rests anywhere within its play.
 Eigen::MatrixXd place_in_play(const Rows& channel, const Term& term) {
@@ -81,7 +66,7 @@ Eigen::MatrixXd place_in_play(const Rows& channel, const Term& term) {
 
 /// A wave may swell and shift along its coordinate, and hold a second harmonic.
 Eigen::MatrixXd of_wave(const Rows& channel, const Term& term, const Eigen::VectorXd& x, double share) {
-  const Typical typical(channel, term);
+  const Effect typical = typical_of(channel, term);
   Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(channel.rows(), 6);
   std::vector<double> ahead = term.values;
   const auto& parameters = term.kind->mechanism->parameters;
@@ -90,7 +75,7 @@ Eigen::MatrixXd of_wave(const Rows& channel, const Term& term, const Eigen::Vect
   for (Index i = 0; i < channel.rows(); ++i) {
     const Circumstances& at = channel.at(i);
     const Effect e = term.kind->mechanism->act(at, term.values), q = term.kind->mechanism->act(at, ahead);
-    const double along = channel.response(i, e), across = channel.response(i, q), g = typical.ratio(e);
+    const double along = channel.response(i, e), across = channel.response(i, q), g = ratio(e, typical);
     columns.row(i) << along * x[i], along * x[i] * x[i], across * x[i], across * x[i] * x[i], along * g,
         across * g;
   }
@@ -145,26 +130,27 @@ Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term) {
   const double share = any_curve ? numbers::free_curve_share : m.formula_error;
   if (std::ranges::any_of(kind.coefficients, &Coefficient::has_phase))
     return of_wave(channel, term, x, share);
-  const Typical typical(channel, term);
+  const Effect typical = typical_of(channel, term);
   const std::optional<std::size_t> threshold = m.parameter_of(Parameter::Scale::threshold);
+  // Each way to act has a formula of its own; a distance from a threshold is one.
+  std::vector<Effect> wrong(threshold ? 1 : kind.ways.size());
+  for (std::size_t w = 0; !threshold && w < wrong.size(); ++w) wrong[w].*kind.ways[w] = typical.*kind.ways[w];
   const int cosines = (any_curve ? 2 : 1) * numbers::smooth_deviations;
-  Eigen::MatrixXd columns(channel.rows(), cosines);
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(channel.rows(), static_cast<Index>(wrong.size()) * cosines);
   for (Index i = 0; i < channel.rows(); ++i) {
-    const Circumstances& at = channel.at(i);
-    const bool acts = kind.target < 0 || at.target == kind.target;
-    const double size = !acts       ? 0
-                        : threshold ? by_distance(channel, i, term, *threshold)
-                                    : channel.response(i, typical.rms);
-    columns(i, 0) = size * (any_curve ? 1 : share / 2);
-    if (size == 0) {
-      columns.row(i).setZero();
-      continue;
-    }
+    if (kind.target >= 0 && channel.at(i).target != kind.target) continue;
     const double first = std::cos(pi * (x[i] + 1) / 2);  // the others by Chebyshev's recurrence
-    double before = 1, now = first;
-    for (int k = 1; k < cosines; ++k) {
-      columns(i, k) = size * share / (k * k) * now;
-      before = std::exchange(now, 2 * first * now - before);
+    for (std::size_t w = 0; w < wrong.size(); ++w) {
+      const double size =
+          threshold ? by_distance(channel, i, term, *threshold) : channel.response(i, wrong[w]);
+      if (size == 0) continue;
+      const auto at = static_cast<Index>(w) * cosines;
+      columns(i, at) = size * (any_curve ? 1 : share / 2);
+      double before = 1, now = first;
+      for (int k = 1; k < cosines; ++k) {
+        columns(i, at + k) = size * share / (k * k) * now;
+        before = std::exchange(now, 2 * first * now - before);
+      }
     }
   }
   return columns;

@@ -149,7 +149,38 @@ bool acts_without_size(const Kind& kind, const ListOfChannels& channels) {
   });
 }
 
+/// Ways in which it acts at one of its starts.
+std::vector<double Effect::*> ways_of(const Kind& kind, const ListOfChannels& channels) {
+  std::vector<double Effect::*> list;
+  for (const auto way : ways_to_act())
+    if (any_start(kind, [&](const std::vector<double>& values) {
+          return std::ranges::any_of(channels, [&](const auto& channel) {
+            return channel && any_row(*channel, kind, [&](Index i) {
+                     return kind.mechanism->act(channel->at(i), values).*way != 0;
+                   });
+          });
+        }))
+      list.push_back(way);
+  return list;
+}
+
 }  // namespace
+
+std::span<double Effect::*const> ways_to_act() {
+  static constexpr double Effect::*all[] = {&Effect::range_mm,
+                                            &Effect::beam_rad,
+                                            &Effect::stage_rad,
+                                            &Effect::variance_mm2,
+                                            &Effect::scan_angle_variance_rad2,
+                                            &Effect::beam_angle_variance_rad2,
+                                            &Effect::lost,
+                                            &Effect::stray,
+                                            &Effect::late,
+                                            &Effect::early,
+                                            &Effect::log_echo,
+                                            &Effect::log_intensity};
+  return all;
+}
 
 Kind kind_without_channels(const Mechanism& m, int target) {
   Kind kind;
@@ -173,6 +204,8 @@ Kind kind_of(const Mechanism& m, int target, const ListOfChannels& channels,
   if (size) std::erase_if(kind.coefficients, [&](const Coefficient& c) { return c.parameter != *size; });
   kind.acts_without_size = acts_without_size(kind, channels);
   for (const auto& channel : channels) kind.acts_in.push_back(channel && acts_in(*channel, kind));
+  if (m.formula_error > 0 || m.any_curve || (size && m.parameters[*size].any_curve))
+    kind.ways = ways_of(kind, channels);
   return kind;
 }
 

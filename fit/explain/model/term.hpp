@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "fit/explain/model/channel.hpp"
@@ -32,6 +33,7 @@ struct Kind {
   std::vector<std::vector<double>> starts;
   std::vector<Coefficient> coefficients;
   std::vector<bool> acts_in;             ///< Each of the session's channels.
+  std::vector<double Effect::*> ways;    ///< In which it acts there.
   std::optional<std::size_t> bins;       ///< The shape of a comb: its starts are proposed by the recording.
   std::optional<std::size_t> threshold;  ///< The shape that is looked for between recorded places.
   std::optional<std::size_t> begins;     ///< The shape at which it begins, before that at which it ends.
@@ -50,6 +52,9 @@ struct Term {
   /// by the grid of starts; and of all modes over the best one, with its prior.
   double by_grid = 0, by_modes = 0;
 };
+
+/// All ways in which an effect may deviate from its formula.
+[[nodiscard]] std::span<double Effect::*const> ways_to_act();
 
 /// The linear coefficients of a mechanism, whose effect goes with that power of every size.
 [[nodiscard]] std::vector<Coefficient> coefficients_of(const Mechanism& mechanism,
