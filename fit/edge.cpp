@@ -7,6 +7,7 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <span>
 
 #include "fit/accuracy.hpp"
 #include "fit/distributions.hpp"
@@ -354,12 +355,33 @@ struct Box {
   double edge_from, edge_to, window_from, window_to;
 };
 
+/// Half the distance from its mean within which 95.45 % of a quantity lie, as two standard deviations of a
+/// normal one do: where stops are few their angles' rectangles show, and two standard deviations hold more.
+/// `weights`: of values at even steps, the first at the middle of the first step.
+double half_of_95_percent(std::span<const double> weights, double from, double step, double mean) {
+  double total = 0, most = 0;
+  for (const double weight : weights) total += weight;
+  const auto within = [&](double reach) {
+    double sum = 0;
+    for (std::size_t j = 0; j < weights.size(); ++j) {
+      const double low = from + static_cast<double>(j) * step;
+      const double part = std::min(low + step, mean + reach) - std::max(low, mean - reach);
+      sum += weights[j] * std::clamp(part / step, 0.0, 1.0);
+    }
+    return sum / total;
+  };
+  for (double half = 0.5 * static_cast<double>(weights.size()) * step; half > 1e-4 * step; half /= 2)
+    if (within(most + half) < 0.9545) most += half;
+  return most / 2;
+}
+
 /// One pass over a grid; shrinks the box to where the posterior is.
 Posterior sum_over(const std::vector<Count>& counts, Box& box, double half_rad, double dispersion) {
   constexpr int cells = 41;
   struct Cell {
     double edge, window, value;
     bool ramp;
+    int at_window;
   };
   std::vector<Cell> grid;
   double best = -1e300;
@@ -372,19 +394,21 @@ Posterior sum_over(const std::vector<Count>& counts, Box& box, double half_rad, 
         const auto likelihoods = log_likelihoods(counts, shape, half_rad);
         for (std::size_t k = 0; k < strays.size(); ++k) {
           const double value = likelihoods[k] / dispersion;
-          grid.push_back({shape.edge, shape.window, value, ramp});
+          grid.push_back({shape.edge, shape.window, value, ramp, j});
           if (value <= best) continue;
           best = value;
           out.best = shape, out.best_stray = strays[k];
         }
       }
-  double total = 0, edge = 0, window = 0, edge2 = 0, window2 = 0, ramp = 0;
+  double total = 0, edge = 0, window = 0, edge2 = 0, ramp = 0;
+  std::array<double, cells> of_window{};
   Box kept{1e9, -1e9, 1e9, -1e9};
   for (const Cell& cell : grid) {
     if (cell.value < best - 18) continue;
     const double weight = std::exp(cell.value - best), e = cell.edge - out.best.edge;
     total += weight, edge += weight * e, edge2 += weight * e * e;
-    window += weight * cell.window, window2 += weight * cell.window * cell.window;
+    window += weight * cell.window;
+    of_window[static_cast<std::size_t>(cell.at_window)] += weight;
     ramp += cell.ramp ? weight : 0;
     kept = {std::min(kept.edge_from, cell.edge), std::max(kept.edge_to, cell.edge),
             std::min(kept.window_from, cell.window), std::max(kept.window_to, cell.window)};
@@ -392,7 +416,8 @@ Posterior sum_over(const std::vector<Count>& counts, Box& box, double half_rad, 
   out.edge = out.best.edge + edge / total;
   out.u_edge = std::sqrt(std::max(0.0, edge2 / total - edge / total * (edge / total)));
   out.window = window / total;
-  out.u_window = std::sqrt(std::max(0.0, window2 / total - out.window * out.window));
+  out.u_window =
+      half_of_95_percent(of_window, box.window_from, (box.window_to - box.window_from) / cells, out.window);
   out.ramp = ramp / total;
   const double dx = 1.5 * (box.edge_to - box.edge_from) / cells,
                dw = 1.5 * (box.window_to - box.window_from) / cells;
