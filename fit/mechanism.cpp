@@ -83,7 +83,7 @@ std::vector<double> Mechanism::values(const std::map<std::string, Estimate>& giv
       list.push_back(found->second.value);
     else
       list.push_back(parameter.role == Parameter::Role::shape && parameter.expected == 0
-                         ? parameter.lower
+                         ? std::clamp(0.0, parameter.lower, parameter.upper)
                          : parameter.expected);
   }
   return list;

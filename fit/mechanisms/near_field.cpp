@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/mechanism.hpp"
+#include "fit/parasitic_light.hpp"
 
 namespace fit::mechanisms {
 
@@ -16,9 +16,10 @@ Mechanism make_near_field() {
                    .scale = Parameter::Scale::decay,
                    .lower = 60,
                    .upper = 500,
-                   .starts = 6}};
+                   .starts = 6},
+                  by_echo()};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    return Effect{.range_mm = p[0] * std::exp(-c.range_mm / p[1])};
+    return Effect{.range_mm = p[0] * std::exp(-c.range_mm / p[1]) * beside_echo(c, p[2])};
   };
   m.says = [](const Finding& f) {
     return "Near targets read " + std::string(f.at("amplitude_mm").value > 0 ? "long" : "short") + ", by " +

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "fit/beam_sector.hpp"
+#include "fit/parasitic_light.hpp"
 
 namespace fit::mechanisms {
 
@@ -10,19 +11,19 @@ Mechanism make_window_reflection() {
   m.cause = "the housing's window reflects part of the pulse at certain beam angles";
   m.coordinate = Coordinate::beam;
   m.formula_error = 0.25;
-  m.parameters = {
-      {.name = "amplitude_mm", .typical = 20, .largest = 100},
-      {.name = "reach_mm",
-       .role = Parameter::Role::shape,
-       .scale = Parameter::Scale::decay,
-       .lower = 100,
-       .upper = 500,
-       .starts = 3},
-      centre_of_sector(28),
-      {.name = "width_deg", .role = Parameter::Role::shape, .lower = 4, .upper = 40, .starts = 3}};
+  m.parameters = {{.name = "amplitude_mm", .typical = 20, .largest = 100},
+                  {.name = "reach_mm",
+                   .role = Parameter::Role::shape,
+                   .scale = Parameter::Scale::decay,
+                   .lower = 100,
+                   .upper = 500,
+                   .starts = 3},
+                  centre_of_sector(28),
+                  {.name = "width_deg", .role = Parameter::Role::shape, .lower = 4, .upper = 40, .starts = 3},
+                  by_echo()};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double away = widths_from_centre(c, p[2], p[3]);
-    return Effect{.range_mm = p[0] * std::exp(-c.range_mm / p[1] - away * away / 2)};
+    return Effect{.range_mm = p[0] * std::exp(-c.range_mm / p[1] - away * away / 2) * beside_echo(c, p[4])};
   };
   m.says = [](const Finding& f) {
     return "Near targets read up to " + rounded(std::abs(f.largest_mm), 2) + " mm " +

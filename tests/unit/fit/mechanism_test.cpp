@@ -94,11 +94,13 @@ const std::map<std::string, Equation>& equations() {
                         [](const Beam& x) { return range(6 * std::sin((360 * x.r / 700 + 25) * degree)); }}},
       {"time-quantisation", {{{"share", 1}, {"bin_mm", 10}},
                              [](const Beam& x) { return range(10 * std::floor(x.r / 10 + 0.5) - x.r); }}},
-      {"near-field", {{{"amplitude_mm", 15}, {"reach_mm", 300}},
-                      [](const Beam& x) { return range(15 * std::exp(-x.r / 300)); }}},
+      {"near-field", {{{"amplitude_mm", 15}, {"reach_mm", 300}, {"by_echo", 0.5}},
+                      [](const Beam& x) { return range(15 * std::exp(-x.r / 300) * std::sqrt(x.I / 1000)); }}},
       {"window-reflection",
-       {{{"amplitude_mm", 30}, {"reach_mm", 500}, {"centre_deg", 20}, {"width_deg", 15}},
-        [](const Beam& x) { return range(30 * std::exp(-x.r / 500) * bell(x.a / degree - 20, 15)); }}},
+       {{{"amplitude_mm", 30}, {"reach_mm", 500}, {"centre_deg", 20}, {"width_deg", 15}, {"by_echo", -1}},
+        [](const Beam& x) {
+          return range(30 * std::exp(-x.r / 500) * bell(x.a / degree - 20, 15) * 1000 / x.I);
+        }}},
       {"incidence-bias", {{{"amplitude_mm", 4}, {"divergence", 0.3}, {"width_at_side", 0.2}, {"stretch", 0.4}},
         [](const Beam& x) {  // pulse 1, spot sqrt(0.4) deep at 45 deg: 4 mm are half of that squared
           const double wide2 = (0.7 + 0.3 * x.r / 2000 * x.r / 2000) *
