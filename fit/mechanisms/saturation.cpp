@@ -1,26 +1,37 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+
 #include "fit/mechanism.hpp"
 
 namespace fit::mechanisms {
 
 // The receiver clips, the trigger moves (Pesci & Teza, IJRS 2008): a kink at the top of the intensity axis.
+// Where the counts clip as well they near a ceiling while the trigger moves on: by -ln of what is left below
+// it.
 Mechanism make_saturation() {
   Mechanism m;
   m.id = "saturation";
   m.cause = "bright echoes clip in the receiver and trigger early";
   m.coordinate = Coordinate::intensity;
   m.formula_error = 0.3;
-  m.parameters = {{.name = "slope_mm_per_100_counts", .typical = 4},
-                  {.name = "threshold_counts",
-                   .role = Parameter::Role::shape,
-                   .lower = 700,
-                   .upper = 3500,
-                   .starts = 12}};
+  m.parameters = {
+      {.name = "slope_mm_per_100_counts", .typical = 4},
+      {.name = "threshold_counts", .role = Parameter::Role::shape, .lower = 200, .upper = 3500, .starts = 16},
+      {.name = "room_counts",  // from there to the ceiling
+       .role = Parameter::Role::shape,
+       .expected = 100'000,
+       .lower = 20,
+       .upper = 100'000,
+       .starts = 14}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     constexpr double width = 60;  // counts over which clipping sets in
     const double over = (c.intensity - p[1]) / width;
-    const double soft = over > 30 ? over : std::log1p(std::exp(over));
-    return Effect{.range_mm = std::isfinite(c.intensity) ? -p[0] / 100 * width * soft : 0};
+    const double above = width * (over > 30 ? over : std::log1p(std::exp(over))),
+                 left = std::max(1.0, p[2] - above),  // counts are whole, and none is beyond the ceiling
+        beyond = std::max(0.0, above - (p[2] - 1));
+    return Effect{.range_mm =
+                      std::isfinite(c.intensity) ? -p[0] / 100 * p[2] * (std::log(p[2] / left) + beyond) : 0};
   };
   m.says = [](const Finding& f) {
     return "Echoes above " + rounded(f.at("threshold_counts").value, 3) + " counts read " +

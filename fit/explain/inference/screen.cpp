@@ -40,7 +40,9 @@ class Question {
         kind_->bins ? kind_->mechanism->parameters[*kind_->bins].starts : static_cast<double>(logs.size());
     over_grid_ = log_sum(logs) - std::log(places);
     const auto better = [](const Asked& a, const Asked& b) { return a.log_evidence > b.log_evidence; };
-    const std::size_t kept = std::min(modes_refined, asked_.size());
+    // Of a whole number each is asked: the harmonics of one may be the larger part of its effect.
+    const bool whole = !kind_->refines && !is_form();
+    const std::size_t kept = whole ? asked_.size() : std::min(modes_refined, asked_.size());
     std::ranges::partial_sort(asked_, asked_.begin() + static_cast<std::ptrdiff_t>(kept), better);
     asked_.resize(kept);
     if (kind_->begins) add_spans();
@@ -58,7 +60,7 @@ class Question {
     std::vector<double> modes;
     double most = -1e300, peak = -1e300, price = 0;
     for (const Asked& one : asked_) {
-      if (one.log_evidence < first - another_mode) continue;
+      if (kind_->refines && one.log_evidence < first - another_mode) continue;
       const Term there = refines ? refined(one.term) : one.term;
       const double known = with_everything(there, false),
                    width = refines ? std::min(0.0, with_everything(there, true) - known) : 0;
