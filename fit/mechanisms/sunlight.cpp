@@ -14,8 +14,7 @@ std::string times(const Finding& f) {
 }  // namespace
 
 // Shot noise of background light over part of the field of view, at all times or from one to another (since
-// power-on): more variance, and echoes that drown in it. Light through a window ends sharply, that of a wall
-// softly.
+// power-on): more variance, and echoes that drown in it.
 Mechanism make_sunlight() {
   Mechanism m;
   m.id = "sunlight";
@@ -37,23 +36,12 @@ Mechanism make_sunlight() {
                    .expected = -ever_s,
                    .logarithmic = false},
                   {.name = "to_s", .role = Parameter::Role::shape, .expected = ever_s, .logarithmic = false},
-                  {.name = "lost", .typical = 0.01, .largest = 1, .sign = 1},
-                  {.name = "exponent",
-                   .role = Parameter::Role::shape,
-                   .expected = 2,
-                   .lower = 1.5,
-                   .upper = 8,
-                   .starts = 2},
-                  {.name = "drowning",  // how much faster than the noise losses grow with the light
-                   .role = Parameter::Role::shape,
-                   .expected = 1,
-                   .lower = 0.4,
-                   .upper = 4,
-                   .starts = 2}};
+                  {.name = "lost", .typical = 0.01, .largest = 1, .sign = 1}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (c.time_s < p[3] || c.time_s > p[4]) return Effect{};
-    const double light = share_in_sector(c, p[1], p[2], p[6]);
-    return Effect{.variance_mm2 = p[0] * p[0] * light, .lost = p[5] * std::pow(light, p[7])};
+    const double away = widths_from_centre(c, p[1], p[2]);
+    const double light = std::exp(-away * away / 2);
+    return Effect{.variance_mm2 = p[0] * p[0] * light, .lost = p[5] * light};
   };
   m.shows = [](const Finding& f, const Recorded&) {
     std::vector<Interval> places{sector_of(f, 1.2)};

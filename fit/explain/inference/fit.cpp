@@ -157,27 +157,26 @@ Optimum raised(const Session& session, const Design& design, const Optimum& opti
 namespace {
 
 /// What the likelihood says of a block of coefficients with all others integrated, which have their priors.
-/// `x`: where the posterior is highest.
-Quadratic about(const Eigen::VectorXd& x, const Eigen::LLT<Eigen::MatrixXd>& factor, const Design& design,
+Quadratic about(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& factor, const Design& design,
                 Index first, Index count) {
-  // With less information than this an estimate is its prior's mean. Where counts bend the likelihood up, it
-  // is below zero.
-  constexpr double least = 1e-9;
   const Index k = design.mean.size();
   const Eigen::MatrixXd covariance =
       factor.solve(Eigen::MatrixXd::Identity(k, k)).block(first, first, count, count);
-  // Less the priors' own information, which is one in these units.
+  // Less the priors' own information, which is one in these units. Where counts bend the likelihood up, they
+  // say nothing of a scale.
   const dense::SymmetricEigen own =
       dense::symmetric_eigen(covariance.inverse() - Eigen::MatrixXd::Identity(count, count));
-  const Eigen::VectorXd known = (own.values.array() > least).select(own.values, 0.0),
-                        at = own.vectors.transpose() * x.segment(first, count),
-                        off = at - own.vectors.transpose() * design.mean.segment(first, count),
-                        along = (known.array() > 0).select(known.cwiseProduct(at) + off, 0.0),
+  const Eigen::VectorXd known = own.values.cwiseMax(0.0);
+  const Eigen::MatrixXd square = own.vectors * known.asDiagonal() * own.vectors.transpose();
+  const Eigen::VectorXd x = optimum.x.segment(first, count), mean = design.mean.segment(first, count),
+                        along =
+                            square * x + own.vectors * (own.values.array() > 0)
+                                                           .select(own.vectors.transpose() * (x - mean), 0.0)
+                                                           .matrix(),
                         scale = design.sigma.segment(first, count).cwiseInverse();
   Quadratic q;
-  q.square =
-      scale.asDiagonal() * (own.vectors * known.asDiagonal() * own.vectors.transpose()) * scale.asDiagonal();
-  q.along = scale.cwiseProduct(own.vectors * along);
+  q.square = scale.asDiagonal() * square * scale.asDiagonal();
+  q.along = scale.cwiseProduct(along);
   return q;
 }
 
@@ -186,10 +185,10 @@ Quadratic about(const Eigen::VectorXd& x, const Eigen::LLT<Eigen::MatrixXd>& fac
 struct Rescaled {
   double factor = 1, added = 0;
 };
-Rescaled rescaled(const Eigen::VectorXd& x, const Eigen::LLT<Eigen::MatrixXd>& factor, const Design& design,
+Rescaled rescaled(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& factor, const Design& design,
                   const Design::Block& block, const Term& term) {
   if (block.sizes == 0) return {};
-  const Quadratic q = about(x, factor, design, block.first, block.sizes);
+  const Quadratic q = about(optimum, factor, design, block.first, block.sizes);
   const OverFactors over = integrate_over_factors(q, *term.kind);
   return {over.factor, over.log_evidence - integrate(q, prior_of(*term.kind, term.factor)).log_evidence};
 }
@@ -197,14 +196,13 @@ Rescaled rescaled(const Eigen::VectorXd& x, const Eigen::LLT<Eigen::MatrixXd>& f
 /// Laplace's approximation at the optimum; of shapes, a uniform prior instead of the normal one. Where a
 /// shape hardly matters, its derivative says that it never does: a peak is not wider than the grid of its
 /// starts says.
-double log_evidence_of(const Optimum& optimum, const Eigen::VectorXd& settled,
-                       const Eigen::LLT<Eigen::MatrixXd>& held, const Design& design,
+double log_evidence_of(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& held, const Design& design,
                        const Eigen::MatrixXd& covariance, const std::vector<Term>& terms) {
   double sum = optimum.log_posterior - 0.5 * log_determinant(held);
   const double of_uniform = 0.5 * std::log(2 * pi / 12);
   for (std::size_t t = 0; t < terms.size(); ++t) {
     const Design::Block& block = design.blocks[t];
-    sum += rescaled(settled, held, design, block, terms[t]).added;
+    sum += rescaled(optimum, held, design, block, terms[t]).added;
     const Index n = block.shapes, first = block.first_shape();
     const double width = n == 0 ? 0 : 0.5 * std::log(covariance.block(first, first, n, n).determinant());
     sum += std::min(terms[t].by_grid, width + static_cast<double>(n) * of_uniform + terms[t].by_modes);
@@ -285,18 +283,12 @@ Fitted solved(const Session& session, std::vector<Term> terms, const Eigen::Vect
   Eigen::MatrixXd known = result.optimum.factor.reconstructedMatrix();
   hold_shapes(result.design, 1, known);
   const Eigen::LLT<Eigen::MatrixXd> held(known);
-  // Steps end where they promise little; of what is hardly known, that is far from the prior's mean still.
-  Scored with_shapes_known = there;
-  hold_shapes(result.design, 1, with_shapes_known.information);
-  for (const Design::Block& block : result.design.blocks)
-    with_shapes_known.gradient.segment(block.first_shape(), block.shapes).setZero();
-  const Eigen::VectorXd settled = within_bounds(
-      result.design, result.optimum.x + step_of(with_shapes_known, result.design, result.optimum.x).by);
-  h.log_evidence = log_evidence_of(result.optimum, settled, held, result.design, covariance, terms);
+  h.log_evidence = log_evidence_of(result.optimum, held, result.design, covariance, terms);
   for (std::size_t t = 0; t < terms.size(); ++t) {
     h.terms.push_back(
         moved(terms[t], result.optimum, stepped, result.design, result.design.blocks[t], covariance));
-    h.terms.back().factor = rescaled(settled, held, result.design, result.design.blocks[t], terms[t]).factor;
+    h.terms.back().factor =
+        rescaled(result.optimum, held, result.design, result.design.blocks[t], terms[t]).factor;
   }
   return result;
 }
