@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include <cmath>
-
 #include "fit/mechanism.hpp"
 
 /// What mechanisms share that act in a sector of beams: its middle, the parameter `centre_deg`, and its
@@ -22,12 +20,6 @@ namespace fit {
 /// How far a beam lies from the middle, in widths of the sector.
 [[nodiscard]] inline double widths_from_centre(const Circumstances& c, double centre_deg, double width_deg) {
   return wrap_angle(c.beam_rad - centre_deg * rad_per_deg) * deg_per_rad / width_deg;
-}
-
-/// 1 in the middle; a bell for an exponent of 2, with sharper ends for a larger one.
-[[nodiscard]] inline double share_in_sector(const Circumstances& c, double centre_deg, double width_deg,
-                                            double exponent) {
-  return std::exp(-std::pow(std::abs(widths_from_centre(c, centre_deg, width_deg)), exponent) / 2);
 }
 
 /// The beams that lie within so many widths of the middle.

@@ -21,7 +21,7 @@ MotionLikelihood::MotionLikelihood(const std::vector<WheelSample>& samples, bool
 }
 
 void MotionLikelihood::linearise(const RobotGeometry& robot) {
-  const Steering& steering = robot.steering ? *robot.steering : differential();
+  const Steering& steering = steering_of(robot.steering);
   turned_.clear();
   for (std::size_t k = 0; k < samples_->size(); ++k) {
     const WheelSample& sample = (*samples_)[k];

@@ -24,8 +24,6 @@ std::pair<double, double> arc_factors(double a) {
   return {std::sin(a) / a, (1 - std::cos(a)) / a};
 }
 
-const Steering& steering_of(const Steering* given) { return given ? *given : differential(); }
-
 /// The wheels' motion over a sample, piece by piece.
 template <class Visit>
 void for_each_piece(const WheelSample& sample, Visit visit) {

@@ -10,8 +10,9 @@
 #include "fit/odometry_runs.hpp"
 
 namespace fit {
-namespace odometry_parts {
+namespace {
 
+/// Robust standard deviation of each component: mm, mm, rad.
 Eigen::Vector3d robust_noise(const std::vector<WheelSample>& samples, const RobotGeometry& robot) {
   Eigen::Vector3d noise;
   for (int i = 0; i < 3; ++i) {
@@ -25,16 +26,10 @@ Eigen::Vector3d robust_noise(const std::vector<WheelSample>& samples, const Robo
   return noise;
 }
 
+/// Mean over the components, in units of the noise.
 double squared_misfit(const WheelSample& sample, const RobotGeometry& robot, const Eigen::Vector3d& noise) {
   return odometry_residual(robot, sample).cwiseQuotient(noise).squaredNorm() / 3;
 }
-
-}  // namespace odometry_parts
-
-using odometry_parts::robust_noise;
-using odometry_parts::squared_misfit;
-
-namespace {
 
 /// Some of the samples: enough to see an offset by.
 std::vector<std::size_t> thinned(std::size_t count) {

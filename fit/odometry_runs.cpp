@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 #include <stdexcept>
+#include <utility>
 
 #include "fit/dense.hpp"
 #include "fit/median.hpp"
@@ -19,10 +20,6 @@ using odometry_parts::offsets_of_runs;
 using odometry_parts::shifted_by_run;
 
 namespace {
-
-const Steering& steering_in(const OdometryOptions& options) {
-  return options.steering ? *options.steering : differential();
-}
 
 std::map<std::size_t, std::size_t> samples_of_runs(const std::vector<WheelSample>& samples) {
   std::map<std::size_t, std::size_t> count;
@@ -38,10 +35,13 @@ std::vector<std::size_t> group_samples(const std::vector<WheelSample>& samples) 
   const std::size_t each =
       runs.size() >= enough_runs ? 1 : (segments + runs.size() - 1) / std::max<std::size_t>(1, runs.size());
   std::map<std::size_t, std::size_t> first_group, seen;
-  for (const auto& [run, count] : runs) first_group[run] = each * first_group.size();
+  std::size_t next = 0;
+  for (const auto& [run, count] : runs) first_group[run] = std::exchange(next, next + std::min(each, count));
   std::vector<std::size_t> groups;
-  for (const WheelSample& sample : samples)
-    groups.push_back(first_group[sample.run] + seen[sample.run]++ * each / runs.at(sample.run));
+  for (const WheelSample& sample : samples) {
+    const std::size_t count = runs.at(sample.run);
+    groups.push_back(first_group[sample.run] + seen[sample.run]++ * std::min(each, count) / count);
+  }
   return groups;
 }
 
@@ -74,15 +74,24 @@ void widen_to(Matrix6& covariance, const Vector6& u) {
 
 namespace {
 
-MotionEquations sum_of(const std::vector<MotionEquations>& groups, const std::vector<RunVerdict>& verdicts) {
+/// Of the groups that no verdict leaves out.
+MotionEquations sum_of(const std::vector<MotionEquations>& groups,
+                       const std::vector<RunVerdict>& verdicts = {}) {
   MotionEquations sum;
   for (std::size_t g = 0; g < groups.size(); ++g) {
-    if (verdicts[g].left_out) continue;
+    if (!verdicts.empty() && verdicts[g].left_out) continue;
     sum.samples += groups[g].samples;
     sum.information += groups[g].information;
     sum.gradient += groups[g].gradient;
   }
   return sum;
+}
+
+MotionEquations without(MotionEquations all, const MotionEquations& group) {
+  all.samples -= group.samples;
+  all.information -= group.information;
+  all.gradient -= group.gradient;
+  return all;
 }
 
 /// Twice what the best parameters of some equations gain in log-likelihood, and how many directions they
@@ -113,9 +122,7 @@ std::vector<double> disagreements(const std::vector<MotionEquations>& groups,
   std::vector<double> out(groups.size(), 0.0);
   for (std::size_t g = 0; g < groups.size(); ++g) {
     if (verdicts[g].left_out) continue;
-    MotionEquations others = all;
-    others.information -= groups[g].information, others.gradient -= groups[g].gradient;
-    const OwnGain its = own_gain(groups[g], unit), theirs = own_gain(others, unit);
+    const OwnGain its = own_gain(groups[g], unit), theirs = own_gain(without(all, groups[g]), unit);
     const int common = its.directions + theirs.directions - of_all.directions;
     out[g] = std::max(1e-6, its.chi2 + theirs.chi2 - of_all.chi2) / std::max(1, common);
   }
@@ -139,10 +146,10 @@ std::vector<RunVerdict> find_slipped(const std::vector<MotionEquations>& groups)
     // itself.
     const auto worst = static_cast<std::size_t>(std::ranges::max_element(now) - now.begin());
     verdicts[worst].left_out = true;
-    const auto without = disagreements(groups, verdicts);
+    const auto then = disagreements(groups, verdicts);
     std::vector<double> others;
     for (std::size_t g = 0; g < groups.size(); ++g)
-      if (!verdicts[g].left_out) others.push_back(without[g]);
+      if (!verdicts[g].left_out) others.push_back(then[g]);
     if (now[worst] > beyond * median_of(others)) continue;
     verdicts[worst].left_out = false;
     break;
@@ -190,11 +197,11 @@ std::vector<MotionEquations> fit_samples(RunsFit& out, const std::vector<std::si
   RobotGeometry& robot = out.odometry.robot;
   std::vector<MotionEquations> equations;
   for (int pass = 0; pass <= passes; ++pass) {
-    likelihood.linearise(robot);
+    if (pass == 0 || options.timed) likelihood.linearise(robot);
     likelihood.estimate_noise();
     equations = likelihood.equations(groups);
-    if (!options.timed) continue;
-    const MotionEquations all = sum_of(equations, std::vector<RunVerdict>(equations.size()));
+    if (!options.timed) continue;  // The robot stays; outliers are judged by the noise found before.
+    const MotionEquations all = sum_of(equations);
     out.odometry.covariance = covariance_of_robot(all.information, robot);
     if (pass == passes) break;
     const Vector6 step = damped_step(all.information, all.gradient, robot);
@@ -211,10 +218,8 @@ std::vector<MotionEquations> fit_samples(RunsFit& out, const std::vector<std::si
 /// Groups take the place of the runs: those that slipped are left out, and the fit is made again without.
 std::vector<MotionEquations> fit_kept_groups(RunsFit& out, const RunsOptions& options) {
   const auto groups = group_samples(out.samples);
-  const auto equations = fit_samples(out, groups, options);
+  auto equations = fit_samples(out, groups, options);
   out.runs = find_slipped(equations);
-  std::vector<std::size_t> kept_as(equations.size()), of_kept;
-  std::vector<WheelSample> kept;
   std::map<std::size_t, std::size_t> segments;
   for (std::size_t k = 0, before = equations.size(); k < groups.size(); ++k) {
     if (groups[k] == before) continue;
@@ -222,21 +227,19 @@ std::vector<MotionEquations> fit_kept_groups(RunsFit& out, const RunsOptions& op
     out.runs[before].run = out.samples[k].run;
     out.runs[before].segment = segments[out.samples[k].run]++;
   }
-  std::size_t count = 0;
-  for (std::size_t group = 0; group < equations.size(); ++group) {
-    RunVerdict& verdict = out.runs[group];
-    verdict.segments = segments[verdict.run];
-    kept_as[group] = count;
-    if (!verdict.left_out) ++count;
-  }
-  if (count == equations.size()) return equations;
+  for (RunVerdict& verdict : out.runs) verdict.segments = segments[verdict.run];
+  if (std::ranges::none_of(out.runs, &RunVerdict::left_out)) return equations;
+  std::vector<WheelSample> kept;
+  std::vector<std::size_t> of_kept;
   for (std::size_t k = 0; k < groups.size(); ++k)
     if (!out.runs[groups[k]].left_out) {
       kept.push_back(out.samples[k]);
-      of_kept.push_back(kept_as[groups[k]]);
+      of_kept.push_back(groups[k]);
     }
   out.samples = std::move(kept);
-  return fit_samples(out, of_kept, options);
+  equations = fit_samples(out, of_kept, options);
+  std::erase_if(equations, [](const MotionEquations& group) { return group.samples == 0; });
+  return equations;
 }
 
 /// Change of the values for one standard uncertainty of the offset.
@@ -261,8 +264,7 @@ RunsFit fit_runs(const std::vector<WheelSample>& given, const RunsOptions& optio
   if (given.size() < 20)
     throw std::invalid_argument("at least 20 samples are needed, not " + std::to_string(given.size()));
   RunsFit out;
-  out.timed = options.timed;
-  const TimedSamples timed(given, options.timed, steering_in(options.fit));
+  const TimedSamples timed(given, options.timed, steering_of(options.fit.steering));
   const std::size_t runs =
       1 + std::ranges::max_element(given, {}, [](const WheelSample& s) { return s.run; })->run;
   const bool shifted = choose_offset(out, timed, options);
@@ -277,14 +279,11 @@ RunsFit fit_runs(const std::vector<WheelSample>& given, const RunsOptions& optio
   }
   // One step from the common robot leads to that of all groups but one.
   out.groups = groups.size();
-  const MotionEquations all = sum_of(groups, std::vector<RunVerdict>(groups.size()));
-  std::vector<Vector6> without;
-  for (const MotionEquations& group : groups) {
-    MotionEquations others = all;
-    others.information -= group.information, others.gradient -= group.gradient;
-    without.emplace_back(solution(others, out.odometry.robot));
-  }
-  out.grouped_u = jackknife(without).diagonal().cwiseSqrt();
+  const MotionEquations all = sum_of(groups);
+  std::vector<Vector6> steps;
+  for (const MotionEquations& group : groups)
+    steps.emplace_back(solution(without(all, group), out.odometry.robot));
+  out.grouped_u = jackknife(steps).diagonal().cwiseSqrt();
   if (shifted && !options.known_offset_s) out.offset_u = offset_uncertainty(out, timed, options);
   widen_to(out.odometry.covariance, (out.grouped_u.cwiseAbs2() + out.offset_u.cwiseAbs2()).cwiseSqrt());
   if (options.timed) judge_determined(out.odometry, false);

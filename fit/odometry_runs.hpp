@@ -79,7 +79,6 @@ struct RunsFit {
   OdometryFit odometry;                 ///< Its covariance contains groups and offset.
   std::vector<WheelSample> samples;     ///< That `odometry` was made of.
   MotionNoise noise;                    ///< Of them.
-  bool timed = false;                   ///< As it was given.
   std::size_t groups = 0;               ///< Kept: runs, or their segments, as group_samples() makes them.
   Vector6 grouped_u = Vector6::Zero();  ///< By leaving out one group after the other.
   std::vector<RunVerdict> runs;         ///< Of all groups.

@@ -39,5 +39,9 @@ struct Steering {
 [[nodiscard]] const Steering* find_steering(const std::string& id);
 /// Two driven wheels, side by side.
 [[nodiscard]] const Steering& differential();
+/// Null means two driven wheels.
+[[nodiscard]] inline const Steering& steering_of(const Steering* given) {
+  return given ? *given : differential();
+}
 
 }  // namespace fit

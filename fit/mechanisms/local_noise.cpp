@@ -27,7 +27,8 @@ Mechanism make_local_noise() {
                    .upper = 8,
                    .starts = 2}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    return Effect{.variance_mm2 = p[0] * p[0] * share_in_sector(c, p[1], p[2], p[3])};
+    const double away = widths_from_centre(c, p[1], p[2]);
+    return Effect{.variance_mm2 = p[0] * p[0] * std::exp(-std::pow(std::abs(away), p[3]) / 2)};
   };
   m.looks_like = {"sunlight"};  // that neither comes and goes nor drowns an echo
   m.shows = [](const Finding& f, const Recorded&) { return std::vector<Interval>{sector_of(f, 1.2)}; };

@@ -42,9 +42,7 @@ Parameters parameters_of(const fit::Steering& steering) {
           {"lidar_yaw_deg", "Lidar on the robot, yaw", "deg", fit::deg_per_rad}};
 }
 
-const fit::Steering& steering_of(const fit::RobotGeometry& robot) {
-  return robot.steering ? *robot.steering : fit::differential();
-}
+const fit::Steering& steering_of(const fit::RobotGeometry& robot) { return fit::steering_of(robot.steering); }
 
 json values_of(const fit::OdometryFit& fit) {
   const Parameters parameters = parameters_of(steering_of(fit.robot));
@@ -332,7 +330,7 @@ json noise_table(const fit::RunsFit& fit) {
     return cells;
   };
   json rows = json::array({row("of every sample by itself", &Component::sample, 1)});
-  if (fit.timed) {
+  if (fit.noise.of[0].pose > 0) {  // else no times were given
     rows.push_back(row("of every watched pose", &Component::pose, 1));
     rows.push_back(row("that adds up while a wheel turns once", &Component::walk, 2 * std::numbers::pi));
   }

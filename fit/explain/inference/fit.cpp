@@ -166,17 +166,15 @@ Quadratic about(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& facto
   // say nothing of a scale.
   const dense::SymmetricEigen own =
       dense::symmetric_eigen(covariance.inverse() - Eigen::MatrixXd::Identity(count, count));
-  const Eigen::VectorXd known = own.values.cwiseMax(0.0);
-  const Eigen::MatrixXd square = own.vectors * known.asDiagonal() * own.vectors.transpose();
-  const Eigen::VectorXd x = optimum.x.segment(first, count), mean = design.mean.segment(first, count),
-                        along =
-                            square * x + own.vectors * (own.values.array() > 0)
-                                                           .select(own.vectors.transpose() * (x - mean), 0.0)
-                                                           .matrix(),
+  const Eigen::VectorXd known = own.values.cwiseMax(0.0),
+                        at = own.vectors.transpose() * optimum.x.segment(first, count),
+                        off = at - own.vectors.transpose() * design.mean.segment(first, count),
+                        along = known.cwiseProduct(at) + (known.array() > 0).select(off, 0.0).matrix(),
                         scale = design.sigma.segment(first, count).cwiseInverse();
   Quadratic q;
-  q.square = scale.asDiagonal() * square * scale.asDiagonal();
-  q.along = scale.cwiseProduct(along);
+  q.square =
+      scale.asDiagonal() * (own.vectors * known.asDiagonal() * own.vectors.transpose()) * scale.asDiagonal();
+  q.along = scale.cwiseProduct(own.vectors * along);
   return q;
 }
 

@@ -130,8 +130,8 @@ Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term) {
   const double share = any_curve ? numbers::free_curve_share : m.formula_error;
   if (std::ranges::any_of(kind.coefficients, &Coefficient::has_phase))
     return of_wave(channel, term, x, share);
-  const Effect typical = typical_of(channel, term);
   const std::optional<std::size_t> threshold = m.parameter_of(Parameter::Scale::threshold);
+  const Effect typical = threshold ? Effect{} : typical_of(channel, term);
   // Each way to act has a formula of its own; a distance from a threshold is one.
   std::vector<Effect> wrong(threshold ? 1 : kind.ways.size());
   for (std::size_t w = 0; !threshold && w < wrong.size(); ++w) wrong[w].*kind.ways[w] = typical.*kind.ways[w];

@@ -151,16 +151,20 @@ bool acts_without_size(const Kind& kind, const ListOfChannels& channels) {
 
 /// Ways in which it acts at one of its starts.
 std::vector<double Effect::*> ways_of(const Kind& kind, const ListOfChannels& channels) {
-  std::vector<double Effect::*> list;
-  for (const auto way : ways_to_act())
-    if (any_start(kind, [&](const std::vector<double>& values) {
-          return std::ranges::any_of(channels, [&](const auto& channel) {
-            return channel && any_row(*channel, kind, [&](Index i) {
-                     return kind.mechanism->act(channel->at(i), values).*way != 0;
-                   });
-          });
-        }))
-      list.push_back(way);
+  std::vector<double Effect::*> unseen(ways_to_act().begin(), ways_to_act().end()), list;
+  const auto take_seen = [&](const Effect& e) {
+    std::erase_if(unseen, [&](const auto way) { return e.*way != 0; });
+    return unseen.empty();
+  };
+  any_start(kind, [&](const std::vector<double>& values) {
+    return std::ranges::any_of(channels, [&](const auto& channel) {
+      return channel && any_row(*channel, kind, [&](Index i) {
+               return take_seen(kind.mechanism->act(channel->at(i), values));
+             });
+    });
+  });
+  std::ranges::copy_if(ways_to_act(), std::back_inserter(list),
+                       [&](const auto way) { return !std::ranges::count(unseen, way); });
   return list;
 }
 

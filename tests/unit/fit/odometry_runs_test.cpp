@@ -207,6 +207,21 @@ TEST_CASE("a run that slipped is left out, and named") {
   CHECK(std::abs(error_in_u(fit, 2, 201)) < 3);
 }
 
+TEST_CASE("a run of three samples beside a long one makes three groups, and none is empty") {
+  std::vector<Run> runs(2);
+  for (Run& run : runs) run.pose_u_mm = 0.3, run.pose_u_rad = 0.002;
+  runs[1].seconds = 3 * step_s;
+  auto options = timed();
+  options.known_offset_s = 0;  // a shift would leave out the sample at the end
+  const auto fit = fit::fit_runs(all_of(Truth{}, runs, 12), options);
+  CHECK(fit.groups == 9);
+  for (const fit::RunVerdict& group : fit.runs) {
+    CHECK(group.samples > 0);
+    CHECK(group.run < 2);
+    CHECK(group.segments == (group.run == 0 ? 6 : 3));
+  }
+}
+
 TEST_CASE("the clocks' offset is found for samples too, however large, and each run's own") {
   const double late = GENERATE(-0.43, 0.95);
   std::vector<Run> runs(3);
