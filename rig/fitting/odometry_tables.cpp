@@ -327,19 +327,24 @@ json noise_table(const fit::RunsFit& fit) {
     for (std::size_t c = 0; c < 3; ++c)
       cells.push_back(
           number_or_null(std::sqrt(times * (fit.noise.of[c].*part)) * (c == 2 ? fit::deg_per_rad : 1)));
+    cells.push_back(nullptr);
     return cells;
   };
   json rows = json::array({row("of every sample by itself", &Component::sample, 1)});
   if (fit.noise.of[0].pose > 0) {  // else no times were given
     rows.push_back(row("of every watched pose", &Component::pose, 1));
     rows.push_back(row("that adds up while a wheel turns once", &Component::walk, 2 * std::numbers::pi));
+    rows.push_back({"of the clock between wheels and poses, which lasts " +
+                        fit::format_fixed(fit.noise.time_lasts_s, 2) + " s",
+                    nullptr, nullptr, nullptr, number_or_null(1e3 * std::sqrt(fit.noise.time))});
   }
   return {{"title", "Noise of the watched motion, standard deviations"},
           {"columns",
            {"noise",
             {{"name", "x"}, {"unit", "mm"}},
             {{"name", "y"}, {"unit", "mm"}},
-            {{"name", "heading"}, {"unit", "deg"}}}},
+            {{"name", "heading"}, {"unit", "deg"}},
+            {{"name", "time"}, {"unit", "ms"}}}},
           {"rows", rows}};
 }
 

@@ -108,29 +108,28 @@ Eigen::VectorXd within_bounds(const Design& design, const Eigen::VectorXd& x) {
 
 }  // namespace
 
-Optimum optimum_of(const Session& session, const Design& design, const Eigen::VectorXd& start) {
+namespace {
+
+Optimum judged_at(const Session& session, const Design& design, const Eigen::VectorXd& x) {
+  Optimum there;
+  there.x = within_bounds(design, x);
+  judge_there(session, design, there);
+  return there;
+}
+
+/// Uphill from there by scoring steps.
+Optimum climbed(const Session& session, const Design& design, Optimum now) {
   constexpr int most_steps = 16;
   constexpr double settled = 0.01, first_damping = 0.3, most_damping = 1e4;
-  const auto at = [&](const Eigen::VectorXd& x) {
-    Optimum there;
-    there.x = within_bounds(design, x);
-    judge_there(session, design, there);
-    return there;
-  };
-  Optimum now = at(design.mean);
-  if (start != design.mean) {
-    Optimum nearer = at(start);
-    if (nearer.log_posterior > now.log_posterior) now = std::move(nearer);
-  }
   Scored s = scored(session, design, now);
   double damping = 0;
   for (int step = 0; step < most_steps; ++step) {
     const Step whole = step_of(s, design, now.x, damping);
     if (whole.promises < settled) break;
-    Optimum next = at(now.x + whole.by);
+    Optimum next = judged_at(session, design, now.x + whole.by);
     while (next.log_posterior < now.log_posterior && damping < most_damping) {
       damping = std::max(first_damping, 8 * damping);
-      next = at(now.x + step_of(s, design, now.x, damping).by);
+      next = judged_at(session, design, now.x + step_of(s, design, now.x, damping).by);
     }
     if (next.log_posterior < now.log_posterior) break;
     damping = damping > first_damping ? damping / 8 : 0;
@@ -138,6 +137,48 @@ Optimum optimum_of(const Session& session, const Design& design, const Eigen::Ve
     s = scored(session, design, now);
   }
   now.factor.compute(s.information);
+  return now;
+}
+
+/// Sizes that have a sign (variances, hazards) and act where the information depends on where it is: there a
+/// likelihood may be flat and rise again farther on.
+std::vector<Index> uneven_sizes(const Session& session, const Design& design) {
+  std::vector<Index> list;
+  for (const Design::Block& block : design.blocks)
+    for (Index k = block.first; k < block.first_shape(); ++k) {
+      bool uneven = false;
+      for (std::size_t c = 0; c < design.parts.size() && design.lower[k] == 0; ++c) {
+        const auto& rows = session.channels()[c];
+        if (!rows || rows->has_fixed_information()) continue;
+        const std::vector<Index>& index = design.parts[c].index;
+        const auto at = std::ranges::find(index, k);
+        uneven = uneven || (at != index.end() && !design.parts[c].columns.col(at - index.begin()).isZero());
+      }
+      if (uneven) list.push_back(k);
+    }
+  return list;
+}
+
+}  // namespace
+
+Optimum optimum_of(const Session& session, const Design& design, const Eigen::VectorXd& start) {
+  Optimum now = judged_at(session, design, design.mean);
+  if (start != design.mean) {
+    Optimum nearer = judged_at(session, design, start);
+    if (nearer.log_posterior > now.log_posterior) now = std::move(nearer);
+  }
+  now = climbed(session, design, std::move(now));
+  constexpr double times[] = {0.25, 0.5, 2, 4, 8, 16}, worth_it = 1;
+  for (const Index k : uneven_sizes(session, design)) {
+    std::optional<Optimum> higher;
+    for (const double t : times) {
+      Eigen::VectorXd x = now.x;
+      x[k] *= t;
+      Optimum there = judged_at(session, design, x);
+      if (there.log_posterior > (higher ? *higher : now).log_posterior + worth_it) higher = std::move(there);
+    }
+    if (higher) now = climbed(session, design, std::move(*higher));
+  }
   return now;
 }
 

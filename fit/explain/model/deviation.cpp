@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "fit/explain/inference/numbers.hpp"
@@ -82,6 +83,29 @@ Eigen::MatrixXd of_wave(const Rows& channel, const Term& term, const Eigen::Vect
   return share * columns;
 }
 
+/// Every corner sends back another share of the light, and along all of them it may fade in another way: both
+/// in proportion to the effect.
+Eigen::MatrixXd of_corners(const Rows& channel, const Term& term, const Eigen::VectorXd& x) {
+  const Mechanism& m = *term.kind->mechanism;
+  std::map<std::pair<int, bool>, Index> corners;
+  for (Index i = 0; i < channel.rows(); ++i) {
+    const Circumstances& at = channel.at(i);
+    if (std::isfinite(at.corner_mm)) corners.try_emplace({at.target, at.along_mm > 0}, std::ssize(corners));
+  }
+  constexpr int cosines = 2;
+  const Index shares = std::ssize(corners);
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(channel.rows(), shares + cosines);
+  for (Index i = 0; i < channel.rows(); ++i) {
+    const Circumstances& at = channel.at(i);
+    if (!std::isfinite(at.corner_mm)) continue;
+    const double size = m.formula_error * channel.response(i, m.act(at, term.values));
+    columns(i, corners.at({at.target, at.along_mm > 0})) = size;
+    for (int k = 1; k <= cosines; ++k)
+      columns(i, shares + k - 1) = size / (k * k) * std::cos(k * pi * (x[i] + 1) / 2);
+  }
+  return columns;
+}
+
 /// Whatever repeats after a whole number of scans: the harmonics of its wave.
 Eigen::MatrixXd harmonics(const Rows& channel, const Term& term) {
   constexpr int last = 4;
@@ -127,6 +151,7 @@ Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term) {
   if (m.parameter_of(Parameter::Scale::count)) return harmonics(channel, term);
   if (has_no_curve) return Eigen::MatrixXd(channel.rows(), 0);
   const Eigen::VectorXd x = scaled(channel, m.coordinate);
+  if (m.coordinate == Coordinate::target && m.geometric) return of_corners(channel, term, x);
   const double share = any_curve ? numbers::free_curve_share : m.formula_error;
   if (std::ranges::any_of(kind.coefficients, &Coefficient::has_phase))
     return of_wave(channel, term, x, share);

@@ -26,14 +26,29 @@ Between place_among_knots(double variance_deg2) {
   return {static_cast<std::size_t>(within), within - std::floor(within)};
 }
 
+/// Where the fewest samples are of the wrong surface: mount and target may stand aside.
+double crossing_deg(std::vector<Beside> beams) {
+  std::ranges::sort(beams, {}, &Beside::inside_deg);
+  double wrong = 0;
+  for (const Beside& b : beams) wrong += b.n * b.far_share;  // were the edge before all of them
+  double least = wrong, at = beams.front().inside_deg;
+  for (std::size_t i = 0; i + 1 < beams.size(); ++i) {
+    wrong += beams[i].n * (1 - 2 * beams[i].far_share);
+    if (wrong >= least) continue;
+    least = wrong;
+    at = (beams[i].inside_deg + beams[i + 1].inside_deg) / 2;
+  }
+  return at;
+}
+
 /// The most likely place of an edge, and how likely it is there.
 struct Place {
   double shift_deg = 0, log_likelihood = -1e300;
 };
 Place best_place(const std::vector<Beside>& beams, double width_deg) {
   Place best;
-  const double step = std::clamp(width_deg / 3, 0.01, 0.05);
-  for (double shift = -edge_reach_deg; shift <= edge_reach_deg; shift += step) {
+  const double step = std::clamp(width_deg / 3, 0.01, 0.05), middle = crossing_deg(beams);
+  for (double shift = middle - edge_reach_deg; shift <= middle + edge_reach_deg; shift += step) {
     const double likelihood = likelihood_of_edge(beams, shift, width_deg);
     if (likelihood > best.log_likelihood) best = {shift, likelihood};
   }

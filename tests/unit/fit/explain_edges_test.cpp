@@ -106,6 +106,44 @@ TEST_CASE("edges of a narrow beam that stand elsewhere than stated are hard") {
   CHECK(e.verdict == fit::explain::nothing_missing);
 }
 
+TEST_CASE("edges of a lidar that stands turned by more than an edge is looked for are hard") {
+  PlainScene scene = boards();
+  scene.u_yaw_deg = 3;
+  const double turned = 1.8 * degree;
+  const Explanation e =
+      explained(scene, 13, [&](double, double, double) { return Deviation{.beam_rad = turned}; });
+  INFO(to_text(e));
+  CHECK_FALSE(found(e, "mixed-pixel"));
+  CHECK_FALSE(found(e, "angle-jitter"));
+  CHECK_FALSE(e.unknown);
+}
+
+TEST_CASE("a few samples between two surfaces do not hide how wide a beam is") {
+  const PlainScene scene = boards_in_place();
+  std::mt19937 random(3);
+  const auto wide = [&](double beam_rad, double stage_rad, double) {
+    const Deviation aside{.beam_rad = 0.08 * degree * std::normal_distribution<double>()(random)};
+    const auto middle = look(scene, {}, stage_rad, beam_rad),
+               there = look(scene, {}, stage_rad, beam_rad, aside);
+    const bool at_edge = middle && there && std::abs(middle->range_mm - there->range_mm) > 200;
+    return at_edge ? aside : Deviation{};
+  };
+  const auto blended = [&](const plain_bench::Sample& sample, std::mt19937& draw) {
+    const auto left = look(scene, {}, sample.stage_rad, sample.beam_rad - 0.05 * degree),
+               right = look(scene, {}, sample.stage_rad, sample.beam_rad + 0.05 * degree);
+    const bool at_edge = left && right && std::abs(left->range_mm - right->range_mm) > 200;
+    const bool both = std::uniform_real_distribution<double>()(draw) < 0.3;
+    return at_edge && both ? (left->range_mm + right->range_mm) / 2 : sample.range_mm;
+  };
+  SyntheticRecording recording = plain_bench::recorded(scene, 14, wide, blended);
+  plain_bench::turn_round(recording, scene, 60, 20);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  CHECK(e.mechanisms.front().mechanism->id == "mixed-pixel");
+  CHECK(e.mechanisms.front().parameters.at("width_deg").value == Approx(0.08).epsilon(0.25));
+}
+
 TEST_CASE("the score of an edge's width is the slope of its likelihood, and hard edges have none") {
   SyntheticRecording recording =
       plain_bench::recorded(boards(), 9, [](double, double, double) { return Deviation{}; });

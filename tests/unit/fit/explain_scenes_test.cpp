@@ -83,3 +83,23 @@ TEST_CASE("play of the stage is found in an L-shaped room") {
   CHECK(names_or_holds(e, "backlash"));
   CHECK(e.mechanisms.size() <= 1);
 }
+
+TEST_CASE("light over a corner's other wall is told as such, be every corner another one") {
+  const PlainScene room{.walls = {{{2600, -1900}, {2600, 3100}},
+                                  {{2600, 3100}, {-1700, 3100}},
+                                  {{-1700, 3100}, {-1700, -1900}},
+                                  {{-1700, -1900}, {2600, -1900}}}};
+  const auto light = [&](double beam_rad, double stage_rad, double) {
+    constexpr double at_end_mm[] = {9, 2, 5, 1}, at_begin_mm[] = {1, 7, 2, 4};
+    const auto met = look(room, {}, stage_rad, beam_rad);
+    if (!met) return Deviation{};
+    const double half = std::abs(room.walls[met->wall].to - room.walls[met->wall].from) / 2;
+    const double most = (met->along_mm > 0 ? at_end_mm : at_begin_mm)[met->wall];
+    return Deviation{.range_mm = most * std::exp(-(half - std::abs(met->along_mm)) / 180)};
+  };
+  const Explanation e = explained(room, 21, light);
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  CHECK(e.mechanisms.front().mechanism->id == "multipath");
+  CHECK_FALSE(e.unknown);
+}
