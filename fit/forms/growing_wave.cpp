@@ -9,6 +9,7 @@ namespace fit::explain::forms {
 Form make_growing_wave() {
   Form f;
   f.id = "growing wave";
+  f.whole_places = true;
   f.terms = [](const Shape&) { return 4; };
   f.basis = [](const Shape& s, double x, int term) {
     const double phase = 2 * pi * x / s.at;

@@ -54,7 +54,6 @@ class Question {
 
   /// Between its starts, with what its formula leaves open.
   void refine_best() {
-    if (kind_->is_form()) return;
     const bool refines = !model::refined_shapes_of(*kind_).empty();
     const double first = asked_.front().log_evidence;
     std::vector<double> modes;
@@ -80,6 +79,35 @@ class Question {
     best_.log_evidence = std::min(all, peak + best_.term.by_grid);
   }
 
+  /// A form's place and extent between those of its list: the best of it and its neighbours lies up to half a
+  /// distance away, and of many samples that costs more than a wrong name gains.
+  void refine_places() {
+    if (kind_->form->form->whole_places) return;
+    constexpr int most_halvings = 5;
+    Asked& best = asked_.front();
+    const double listed = best.log_evidence;
+    const std::size_t at = best.term.values.size() - 2, length = at + 1;
+    for (int halving = 1; halving <= most_halvings; ++halving)
+      for (const std::size_t k : {at, length}) {
+        const double step = to_next_start(best.term, k) / (1 << halving);
+        if (step == 0) continue;
+        for (const double by : {-step, step}) {
+          Asked other{0, best.term, 0};
+          other.term.values[k] += by;
+          other.log_evidence = with_sizes(other.term);
+          if (other.log_evidence <= best.log_evidence) continue;
+          best = std::move(other);
+          break;
+        }
+      }
+    if (best.log_evidence <= listed) return;
+    const auto places = static_cast<double>(kind_->starts.size());
+    over_grid_ = log_sum({over_grid_, best.log_evidence - std::log(places)});
+    best_.term = best.term;
+    best_.term.by_grid = over_grid_ - best.log_evidence;
+    best_.log_evidence = over_grid_;
+  }
+
   /// The most that it may come to: where a peak is narrow, the grid's mean says little.
   [[nodiscard]] double promise() const { return asked_.front().log_evidence + kind_->log_prior; }
   [[nodiscard]] bool is_form() const { return kind_->is_form(); }
@@ -94,6 +122,19 @@ class Question {
     Term term;
     double price = 0;  ///< Minus the log of its times' prior probability.
   };
+
+  /// Distance of the starts between which a shape is; 0: there is one only.
+  [[nodiscard]] double to_next_start(const Term& there, std::size_t shape) const {
+    std::vector<double> places;
+    for (const auto& start : kind_->starts) places.push_back(start[shape]);
+    std::ranges::sort(places);
+    const auto doubled = std::ranges::unique(places);
+    places.erase(doubled.begin(), doubled.end());
+    if (places.size() < 2) return 0;
+    const auto above = std::ranges::upper_bound(places, there.values[shape]);
+    const auto next = std::clamp<std::ptrdiff_t>(above - places.begin(), 1, std::ssize(places) - 1);
+    return places[static_cast<std::size_t>(next)] - places[static_cast<std::size_t>(next - 1)];
+  }
 
   /// Half of the prior is for always, the other for all spans of time alike.
   void add_spans() {
@@ -386,9 +427,16 @@ std::vector<Candidate> screen(const Session& session, const Fitted& fitted, cons
   on_two_cores(questions.size(), [&](std::size_t i) { questions[i].ask_starts(); });
   std::ranges::sort(questions, std::greater<>(), &Question::promise);
   std::vector<Question*> promising;
-  for (Question& q : questions)
-    if (!q.is_form() && promising.size() < 2 * numbers::tries) promising.push_back(&q);
-  on_two_cores(promising.size(), [&](std::size_t i) { promising[i]->refine_best(); });
+  std::size_t names = 2 * numbers::tries, forms = numbers::tries;
+  for (Question& q : questions) {
+    std::size_t& left = q.is_form() ? forms : names;
+    if (left == 0) continue;
+    --left;
+    promising.push_back(&q);
+  }
+  on_two_cores(promising.size(), [&](std::size_t i) {
+    promising[i]->is_form() ? promising[i]->refine_places() : promising[i]->refine_best();
+  });
   std::vector<Candidate> list;
   for (const Question& q : questions) list.push_back(q.answer());
   std::ranges::sort(list, std::greater<>(), &Candidate::log_posterior);
