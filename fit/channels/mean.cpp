@@ -15,6 +15,13 @@ class Means final : public model::ChannelRows {
  public:
   Means(const Reduced& reduced, const MeanNoise& noise)
       : own_(merged(reduced, numbers::search_rows)), model_(own_, noise) {
+    const SearchRows search(reduced, true, numbers::search_rows);
+    for (std::size_t g = 0; g < reduced.groups.size(); ++g)
+      for (const auto& run : taken_together(reduced, search, g)) {
+        first_range_.push_back(ranges_mm_.size());
+        for (const Cell* cell : run) ranges_mm_.push_back(cell->at.range_mm);
+      }
+    first_range_.push_back(ranges_mm_.size());
     log_weights_.resize(model_.rows());
     for (Index i = 0; i < model_.rows(); ++i)
       log_weights_[i] = -std::log(std::sqrt(2 * pi * model_.variance_of_mean(i)));
@@ -28,6 +35,10 @@ class Means final : public model::ChannelRows {
   [[nodiscard]] double response(Index row, const Effect& effect) const override {
     const double mm = model_.shift(row, effect);
     return std::isfinite(mm) ? mm : 0;
+  }
+  [[nodiscard]] std::span<const double> ranges_mm(Index row) const override {
+    const auto i = static_cast<std::size_t>(row);
+    return {ranges_mm_.data() + first_range_[i], first_range_[i + 1] - first_range_[i]};
   }
   [[nodiscard]] const model::Columns& base() const override { return base_; }
   [[nodiscard]] double offset(Index) const override { return 0; }
@@ -52,6 +63,8 @@ class Means final : public model::ChannelRows {
  private:
   Reduced own_;  ///< Neighbouring cells of a large session together.
   MeanModel model_;
+  std::vector<double> ranges_mm_;  ///< Of the cells of all rows.
+  std::vector<std::size_t> first_range_;
   Eigen::VectorXd log_weights_;
   model::Columns base_;
 };
@@ -62,6 +75,7 @@ model::ChannelKind make_mean() {
   model::ChannelKind kind;
   kind.id = "mean";
   kind.observable = Observable::range_mean;
+  kind.of_predicted = true;
   kind.rows = [](const Reduced& reduced, const MeanNoise& noise) -> std::unique_ptr<model::ChannelRows> {
     if (reduced.smooth_cells() == 0) return nullptr;
     return std::make_unique<Means>(reduced, noise);

@@ -69,6 +69,12 @@ void pool_variances(Reduced& reduced, const MeanNoise& noise) {
   }
 }
 
+double variance_of_mean(const Cell& cell, const MeanNoise& noise) {
+  const double v = cell.pooled_mm2;
+  return noise.factor * v / cell.n + rounding_variance(std::sqrt(v)) + never_mm * never_mm +
+         cell.doubt_mm * cell.doubt_mm;
+}
+
 MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise) : reduced_(&reduced) {
   std::vector<double> weights, residuals;
   std::vector<std::pair<Eigen::Index, Eigen::Index>> group_rows;
@@ -83,9 +89,7 @@ MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise) : reduced_(
       const Sight& sight = cell.sight;
       levers_.push_back({sight.beam_lever(), sight.stage_lever(), sight.normal.x() / sight.cos_incidence(),
                          sight.normal.y() / sight.cos_incidence()});
-      const double v = cell.pooled_mm2;
-      weights.push_back(1 / std::sqrt(noise.factor * v / cell.n + rounding_variance(std::sqrt(v)) +
-                                      never_mm * never_mm + cell.doubt_mm * cell.doubt_mm));
+      weights.push_back(1 / std::sqrt(explain::variance_of_mean(cell, noise)));
       residuals.push_back(cell.mean_mm - cell.nominal_mm);
     }
     group_rows.emplace_back(first, static_cast<Eigen::Index>(row_.size()));

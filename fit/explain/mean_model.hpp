@@ -27,6 +27,9 @@ struct Prior {
   Eigen::VectorXd mean, sigma;
 };
 
+/// Of a cell's mean by itself, mm^2, without what its group has in common.
+[[nodiscard]] double variance_of_mean(const Cell& cell, const MeanNoise& noise);
+
 /// Linear Gaussian model of the cells' means around the last prediction. The base (nuisance parameters,
 /// accepted mechanisms) is marginalised, so that nothing is blamed on a suspect which they explain.
 class MeanModel {

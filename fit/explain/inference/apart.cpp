@@ -13,7 +13,7 @@ using Channels = std::vector<std::unique_ptr<model::ChannelRows>>;
 Channels channels_of(const Reduced& reduced) {
   Channels channels;
   for (const model::ChannelKind& kind : model::channel_kinds())
-    channels.push_back(kind.id == "mean" ? nullptr : kind.rows(reduced, {}));
+    channels.push_back(kind.of_predicted ? nullptr : kind.rows(reduced, {}));
   return channels;
 }
 

@@ -97,7 +97,6 @@ std::vector<SpreadCurve> curves_of(const Session& session, const Fitted& nothing
     for (const auto& member : set.members)
       if (member.kind) found.push_back(&member.term);
   std::vector<SpreadCurve> curves;
-  const std::size_t means = model::channel_of("mean");
   std::set<std::pair<std::size_t, Coordinate>> drawn;
   const auto draw = [&](std::size_t c, const auto& what) {  // a term, or a coordinate
     const ChannelRows& rows = *session.channels()[c];
@@ -111,7 +110,7 @@ std::vector<SpreadCurve> curves_of(const Session& session, const Fitted& nothing
   };
   for (const Term* term : found)
     for (std::size_t c = 0; c < session.channels().size(); ++c)
-      if (c != means && term->kind->acts_in[c]) draw(c, *term);
+      if (!model::channel_kinds()[c].of_predicted && term->kind->acts_in[c]) draw(c, *term);
   for (std::size_t c = 0; c < session.channels().size(); ++c)
     for (const Coordinate coordinate : model::channel_kinds()[c].always_drawn)
       if (session.channels()[c]) draw(c, coordinate);

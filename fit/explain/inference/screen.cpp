@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/inference/screen.hpp"
 
-#include <nlopt.h>
-
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -10,6 +8,7 @@
 #include <optional>
 
 #include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/inference/peak.hpp"
 #include "fit/explain/inference/two_cores.hpp"
 #include "fit/explain/model/combs.hpp"
 #include "fit/explain/model/spans.hpp"
@@ -79,32 +78,25 @@ class Question {
     best_.log_evidence = std::min(all, peak + best_.term.by_grid);
   }
 
-  /// A form's place and extent between those of its list: the best of it and its neighbours lies up to half a
-  /// distance away, and of many samples that costs more than a wrong name gains.
+  /// A form's place and extent between those of its list.
   void refine_places() {
     if (kind_->form->form->whole_places) return;
-    constexpr int most_halvings = 5;
-    Asked& best = asked_.front();
-    const double listed = best.log_evidence;
-    const std::size_t at = best.term.values.size() - 2, length = at + 1;
-    for (int halving = 1; halving <= most_halvings; ++halving)
-      for (const std::size_t k : {at, length}) {
-        const double step = to_next_start(best.term, k) / (1 << halving);
-        if (step == 0) continue;
-        for (const double by : {-step, step}) {
-          Asked other{0, best.term, 0};
-          other.term.values[k] += by;
-          other.log_evidence = with_sizes(other.term);
-          if (other.log_evidence <= best.log_evidence) continue;
-          best = std::move(other);
-          break;
-        }
-      }
-    if (best.log_evidence <= listed) return;
-    const auto places = static_cast<double>(kind_->starts.size());
-    over_grid_ = log_sum({over_grid_, best.log_evidence - std::log(places)});
-    best_.term = best.term;
-    best_.term.by_grid = over_grid_ - best.log_evidence;
+    const Asked listed = asked_.front();
+    const std::size_t extent = listed.term.values.size() - 1;
+    Term there = listed.term;
+    const Peak peak =
+        peak_between(kind_->starts, {extent - 1, extent}, {listed.term.values, listed.log_evidence},
+                     [&](const std::vector<double>& values) {
+                       there = listed.term;
+                       there.values = values;
+                       return with_sizes(there);
+                     });
+    if (peak.log_evidence <= listed.log_evidence) return;
+    best_.term = listed.term;
+    best_.term.values = peak.values;
+    const double most = with_sizes(best_.term), places = static_cast<double>(kind_->starts.size());
+    over_grid_ = log_sum({over_grid_, most + peak.log_share - std::log(places)});
+    best_.term.by_grid = over_grid_ - most;
     best_.log_evidence = over_grid_;
   }
 
@@ -122,19 +114,6 @@ class Question {
     Term term;
     double price = 0;  ///< Minus the log of its times' prior probability.
   };
-
-  /// Distance of the starts between which a shape is; 0: there is one only.
-  [[nodiscard]] double to_next_start(const Term& there, std::size_t shape) const {
-    std::vector<double> places;
-    for (const auto& start : kind_->starts) places.push_back(start[shape]);
-    std::ranges::sort(places);
-    const auto doubled = std::ranges::unique(places);
-    places.erase(doubled.begin(), doubled.end());
-    if (places.size() < 2) return 0;
-    const auto above = std::ranges::upper_bound(places, there.values[shape]);
-    const auto next = std::clamp<std::ptrdiff_t>(above - places.begin(), 1, std::ssize(places) - 1);
-    return places[static_cast<std::size_t>(next)] - places[static_cast<std::size_t>(next - 1)];
-  }
 
   /// Half of the prior is for always, the other for all spans of time alike.
   void add_spans() {
@@ -218,12 +197,11 @@ class Question {
     std::size_t c = 0;
     while (!kind_->acts_in[c]) ++c;
     const ChannelRows& rows = *session_->channels()[c];
-    const Eigen::VectorXd& eta = around_->eta[c];
-    const Eigen::VectorXd weight = rows.whitened(Eigen::VectorXd::Ones(rows.rows()), eta);
+    const Eigen::VectorXd score = rows.score(around_->eta[c]);
     model::Scores scores;
     for (Index i = 0; i < rows.rows(); ++i) {
       scores.place.push_back(model::coordinate_of(kind_->mechanism->coordinate, rows.at(i)));
-      scores.score.push_back(weight[i] * around_->white_residual[c][i]);
+      scores.score.push_back(score[i]);
     }
     std::vector<std::vector<double>> starts;
     for (const double bin : model::bins_in(scores, kind_->mechanism->parameters[*kind_->bins])) {
@@ -355,54 +333,27 @@ class Question {
   [[nodiscard]] Term refined(const Term& start) const {
     const std::vector<std::size_t> shapes = model::refined_shapes_of(*kind_);
     const auto& parameters = kind_->mechanism->parameters;
-    struct Context {
-      const Question& question;
-      const std::vector<std::size_t>& shapes;
-      Term at, best;
-      double most;
-    } context{*this, shapes, start, start, -1e300};
-    std::vector<double> x, lower, upper, first;
+    std::vector<Free> free;
     for (const std::size_t k : shapes) {
       const Parameter& p = parameters[k];
       const auto in = [&](double v) { return p.logarithmic ? std::log(v) : v; };
-      lower.push_back(in(p.lower));
-      upper.push_back(in(p.upper));
-      x.push_back(std::clamp(in(start.values[k]), lower.back(), upper.back()));
-      first.push_back((upper.back() - lower.back()) / std::max(2, p.starts) / 2);
+      const double lower = in(p.lower), upper = in(p.upper);
+      free.push_back({std::clamp(in(start.values[k]), lower, upper), lower, upper,
+                      (upper - lower) / std::max(2, p.starts) / 2});
     }
-    const auto count = static_cast<unsigned>(shapes.size());
-    nlopt_opt optimiser = nlopt_create(NLOPT_LN_NELDERMEAD, count);
-    nlopt_set_lower_bounds(optimiser, lower.data());
-    nlopt_set_upper_bounds(optimiser, upper.data());
-    nlopt_set_initial_step(optimiser, first.data());
-    nlopt_set_maxeval(optimiser, 15 + 15 * static_cast<int>(count));
-    nlopt_set_ftol_abs(optimiser, 0.02);
-    nlopt_set_max_objective(
-        optimiser,
-        [](unsigned size, const double* at, double*, void* data) {
-          auto& c = *static_cast<Context*>(data);
-          for (unsigned i = 0; i < size; ++i)
-            c.at.values[c.shapes[i]] =
-                c.question.kind_->mechanism->parameters[c.shapes[i]].logarithmic ? std::exp(at[i]) : at[i];
-          const double log_evidence = c.question.with_sizes(c.at);
-          if (log_evidence > c.most) {
-            c.most = log_evidence;
-            c.best = c.at;
-          }
-          return log_evidence;
-        },
-        &context);
-    double value = 0, before = with_sizes(context.at);
-    constexpr int most_runs = 4;
-    for (int run = 0; run < most_runs; ++run) {  // A simplex that got somewhere may have been cut short.
-      nlopt_optimize(optimiser, x.data(), &value);
-      if (!(context.most > before + 1)) break;
-      before = context.most;
-      for (double& step : first) step /= 2;
-      nlopt_set_initial_step(optimiser, first.data());
-    }
-    nlopt_destroy(optimiser);
-    return context.best;
+    Term at = start, best = start;
+    double most = -1e300;
+    climb(free, with_sizes(at), [&](const double* x) {
+      for (std::size_t j = 0; j < shapes.size(); ++j)
+        at.values[shapes[j]] = parameters[shapes[j]].logarithmic ? std::exp(x[j]) : x[j];
+      const double log_evidence = with_sizes(at);
+      if (log_evidence > most) {
+        most = log_evidence;
+        best = at;
+      }
+      return log_evidence;
+    });
+    return best;
   }
 
   const Session* session_;

@@ -76,7 +76,7 @@ void Session::make_channels(const MeanNoise& noise) {
     channels_.push_back(kind.rows(reduced_, noise));
     Eigen::VectorXd offset(channels_.back() ? channels_.back()->rows() : 0);
     for (Index i = 0; i < offset.size(); ++i) offset[i] = channels_.back()->offset(i);
-    if (kind.id != "mean")  // whose predictions have it
+    if (!kind.of_predicted)  // else the predictions have it
       for (Index i = 0; i < offset.size(); ++i) {
         const double known = channels_.back()->response(i, effect_of(known_, channels_.back()->at(i)));
         if (std::isfinite(known)) offset[i] += known;
@@ -142,15 +142,15 @@ void Session::linearise(const Hypothesis& at) {
   present_noise_ = std::move(noise);
   pool_variances(reduced_, present_noise_);
   make_channels(present_noise_);
-  const std::size_t mean = mean_channel();
-  if (!channels_[mean]) return;
   // Coefficients count from the bench file, not from where the prediction is.
+  const std::size_t mean = mean_channel();
   const Eigen::VectorXd moved = there.as_vector() - Nuisance(reduced_.bench).as_vector();
-  offsets_[mean] -= channels_[mean]->base().columns.leftCols(moved.size()) * moved;
-  for (const Term& term : at.terms)
-    if (moves_the_means(*term.kind) && !term.kind->coefficients.empty())
-      offsets_[mean] -=
-          model::columns_of(*channels_[mean], *term.kind, term.values) * model::coefficients(term);
+  if (channels_[mean]) offsets_[mean] -= channels_[mean]->base().columns.leftCols(moved.size()) * moved;
+  for (std::size_t c = 0; c < channels_.size(); ++c)
+    for (const Term& term : at.terms)
+      if (model::channel_kinds()[c].of_predicted && channels_[c] && moves_the_means(*term.kind) &&
+          !term.kind->coefficients.empty() && (c == mean || term.kind->acts_in[c]))
+        offsets_[c] -= model::columns_of(*channels_[c], *term.kind, term.values) * model::coefficients(term);
 }
 
 }  // namespace fit::explain::inference

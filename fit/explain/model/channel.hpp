@@ -4,6 +4,7 @@
 #include <Eigen/Dense>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,6 +31,8 @@ class Rows {
   [[nodiscard]] virtual const Circumstances& at(Eigen::Index row) const = 0;
   /// What an effect adds to the row's predictor.
   [[nodiscard]] virtual double response(Eigen::Index row, const Effect& effect) const = 0;
+  /// Ranges of the cells that were taken together in the row, where a comb may have other teeth; empty: one.
+  [[nodiscard]] virtual std::span<const double> ranges_mm(Eigen::Index) const { return {}; }
 };
 
 /// The rows of one statistic. Their distribution depends on a linear predictor (eta): a sum over nuisances
@@ -40,6 +43,8 @@ class ChannelRows : public Rows {
   [[nodiscard]] virtual int capture(Eigen::Index row) const = 0;
   /// Whether what changes along that coordinate is for these rows: from scan to scan, or from cell to cell.
   [[nodiscard]] virtual bool sees(Coordinate coordinate) const { return coordinate != Coordinate::scan_seq; }
+  /// Whether nothing but a comb of ranges changes as finely as these rows tell.
+  [[nodiscard]] virtual bool sees_only_combs() const { return false; }
   /// Nuisances that every hypothesis has.
   [[nodiscard]] virtual const Columns& base() const = 0;
   /// Of the predictor where all coefficients are zero.
@@ -71,6 +76,10 @@ class ChannelRows : public Rows {
   [[nodiscard]] virtual Eigen::VectorXd information(const Eigen::VectorXd& eta) const {
     return whitened(Eigen::VectorXd::Ones(rows()), eta).cwiseAbs2();
   }
+  /// Derivative of the log-likelihood by the predictor of every row.
+  [[nodiscard]] virtual Eigen::VectorXd score(const Eigen::VectorXd& eta) const {
+    return whitened(Eigen::VectorXd::Ones(rows()), eta).col(0).cwiseProduct(white_residual(eta));
+  }
   /// The score divided by that root: what a scoring step is fitted to.
   [[nodiscard]] virtual Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const = 0;
 };
@@ -82,6 +91,7 @@ struct ChannelKind {
   std::string shows, unit;               ///< What pictures of it show.
   bool is_square = false;                ///< Pictures show its root.
   std::vector<Coordinate> always_drawn;  ///< Along which pictures show it whatever was found.
+  bool of_predicted = false;             ///< Its rows are deviations of means from what was predicted.
   bool has_forms = true;                 ///< Whether unnamed functions are asked for here.
   std::string table;  ///< What tables of bench files add to, if they can tell what an unnamed function does
                       ///< here (fit/empirical.hpp).

@@ -94,6 +94,7 @@ std::vector<std::optional<std::size_t>> sizes_of(const Mechanism& m) {
 }
 
 bool acts_in(const ChannelRows& channel, const Kind& kind) {
+  if (channel.sees_only_combs() && !kind.bins) return false;
   return channel.sees(kind.mechanism->coordinate) && any_start(kind, [&](const std::vector<double>& values) {
            return any_row(channel, kind, [&](Index i) {
              const double r = channel.response(i, kind.mechanism->act(channel.at(i), values));

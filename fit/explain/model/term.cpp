@@ -15,13 +15,27 @@ bool acts_there(const Kind& kind, const Circumstances& at) {
   return kind.target < 0 || at.target == kind.target;
 }
 
+/// What a mechanism does at a row; of a comb, on average over the cells that are taken together in it.
+double response_at(const Rows& channel, Index row, const Kind& kind, const std::vector<double>& values) {
+  const std::span<const double> ranges_mm = channel.ranges_mm(row);
+  if (!kind.bins || ranges_mm.empty())
+    return channel.response(row, kind.mechanism->act(channel.at(row), values));
+  double sum = 0;
+  for (const double range_mm : ranges_mm) {
+    Circumstances at = channel.at(row);
+    at.range_mm = range_mm;
+    sum += channel.response(row, kind.mechanism->act(at, values));
+  }
+  return sum / static_cast<double>(ranges_mm.size());
+}
+
 /// The response of every row to a mechanism at values; empty if there is none.
 Eigen::VectorXd response_to(const Rows& channel, const Kind& kind, const std::vector<double>& values) {
   Eigen::VectorXd column = Eigen::VectorXd::Zero(channel.rows());
   for (Index i = 0; i < channel.rows(); ++i) {
     const Circumstances& at = channel.at(i);
     if (!acts_there(kind, at)) continue;
-    const double response = channel.response(i, kind.mechanism->act(at, values));
+    const double response = response_at(channel, i, kind, values);
     if (std::isfinite(response)) column[i] = response;
   }
   return column;

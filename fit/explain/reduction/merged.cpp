@@ -61,6 +61,23 @@ bool SearchRows::take(std::size_t group) const {
          quota_ * static_cast<double>(together(group));
 }
 
+std::vector<std::vector<const Cell*>> taken_together(const Reduced& reduced, const SearchRows& search,
+                                                     std::size_t group) {
+  std::vector<std::vector<const Cell*>> runs;
+  if (!search.take(group)) return runs;
+  const Group& all = reduced.groups[group];
+  const std::size_t together = search.together(group);
+  for (std::size_t i = all.first_cell; i < all.last_cell; ++i) {
+    const Cell& cell = reduced.cells[i];
+    if (!cell.smooth) continue;
+    if (runs.empty() || runs.back().size() == together ||
+        runs.back().back()->sight.target != cell.sight.target)
+      runs.emplace_back();
+    runs.back().push_back(&cell);
+  }
+  return runs;
+}
+
 Reduced merged(const Reduced& reduced, std::size_t rows) {
   const SearchRows search(reduced, true, rows);
   Reduced out;
@@ -72,23 +89,10 @@ Reduced merged(const Reduced& reduced, std::size_t rows) {
   out.has_intensity = reduced.has_intensity;
   out.has_temperature = reduced.has_temperature;
   out.empirical = reduced.empirical;
-  std::vector<const Cell*> run;
   for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
     Group group = reduced.groups[g];
-    const std::size_t together = search.together(g);
-    const bool counts = search.take(g);
     const std::size_t first = out.cells.size();
-    const auto close = [&] {
-      if (!run.empty()) out.cells.push_back(middle_of(run));
-      run.clear();
-    };
-    for (std::size_t i = group.first_cell; counts && i < group.last_cell; ++i) {
-      const Cell& cell = reduced.cells[i];
-      if (!cell.smooth) continue;
-      if (!run.empty() && (run.size() == together || run.back()->sight.target != cell.sight.target)) close();
-      run.push_back(&cell);
-    }
-    close();
+    for (const auto& run : taken_together(reduced, search, g)) out.cells.push_back(middle_of(run));
     group.first_cell = first;
     group.last_cell = out.cells.size();
     out.groups.push_back(group);

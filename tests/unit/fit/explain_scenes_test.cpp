@@ -119,3 +119,21 @@ TEST_CASE("angles that step at one beam are a step there, however many samples")
   CHECK_THAT(e.unknown->describes, Catch::StartsWith("the beam angle steps by 0.1"));
   CHECK((e.unknown->from + e.unknown->to) / 2 == Approx(at_deg).margin(1));
 }
+
+TEST_CASE("bins of the flight time are found on slanted walls, where neighbours fall into others") {
+  PlainScene scene = at_spacing(l_room, 0.25);
+  scene.u_mm = scene.u_mount_mm = 0.001;
+  scene.u_deg = scene.u_yaw_deg = 0.0001;
+  constexpr double bin_mm = 2.3;
+  const auto counted = [&](double beam_rad, double stage_rad, double) {
+    const auto met = look(scene, {}, stage_rad, beam_rad);
+    const double range = met ? met->range_mm : 0;
+    return Deviation{.range_mm = bin_mm * std::round(range / bin_mm) - range};
+  };
+  const Explanation e = explained(scene, 23, counted);
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  CHECK(e.mechanisms.front().mechanism->id == "time-quantisation");
+  CHECK(e.mechanisms.front().parameters.at("bin_mm").value == Approx(bin_mm).margin(0.001));
+  CHECK_FALSE(e.unknown);
+}

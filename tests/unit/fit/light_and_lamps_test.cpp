@@ -170,12 +170,16 @@ TEST_CASE("coarse steps of the range make no noise of a few beams, and hide none
   INFO(step_mm << " mm: " << to_text(e));
   REQUIRE(e.mechanisms.size() == 1);
   CHECK(e.mechanisms.front().mechanism->id == "rounding");
-  // Light that neither comes and goes nor drowns echoes may be noise local in the beam: a set.
-  const std::vector<std::string> light = {"local-noise", "sunlight"};
-  const bool found = e.undecided_between == std::vector<std::vector<std::string>>{light};
+  // Light that neither comes and goes nor drowns echoes may be noise local in the beam: a set. So is a bump
+  // of the same shape outside the catalogue, if less probable.
+  const auto is_light = [](const std::vector<std::string>& set) {
+    return set.size() >= 2 && set[0] == "local-noise" && set[1] == "sunlight" &&
+           (set.size() == 2 || (set.size() == 3 && set[2] == "unknown-physics"));
+  };
+  const bool found = e.undecided_between.size() == 1 && is_light(e.undecided_between.front());
   // In steps of more than twice the noise, a variance says little.
   if (step_mm < 10) CHECK(found == shines);
   CHECK((shines || !found));
   for (const auto& set : e.undecided_between)
-    CHECK((set == light || std::ranges::count(set, "nothing-missing") == 1));
+    CHECK((is_light(set) || std::ranges::count(set, "nothing-missing") == 1));
 }
