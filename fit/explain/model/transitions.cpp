@@ -108,9 +108,21 @@ double Transition::best_deg2() const {
 double Transition::between() const {
   constexpr double least_deg = 0.3;
   const double reach_deg = std::max(least_deg, 3 * std::sqrt(best_deg2())), edge_deg = place_deg(best_deg2());
+  struct Side {
+    double beside = 0;     ///< Between the surfaces, of beams that may meet both ...
+    double away = 0;       ///< ... and of others, ...
+    bool is_seen = false;  ///< ... if there are any.
+  } sides[2];
+  for (const Beside& b : beams_) {
+    Side& side = sides[b.inside_deg > edge_deg];
+    const bool is_beside = std::abs(b.inside_deg - edge_deg) < reach_deg;
+    (is_beside ? side.beside : side.away) += b.on_neither;
+    side.is_seen = side.is_seen || !is_beside;
+  }
+  // Where beams that see one surface are on neither, it stands elsewhere, and nothing is between.
   double sum = 0;
-  for (const Beside& b : beams_)
-    if (std::abs(b.inside_deg - edge_deg) < reach_deg) sum += b.on_neither;
+  for (const Side& side : sides)
+    if (side.is_seen && side.away == 0) sum += side.beside;
   return sum;
 }
 

@@ -30,7 +30,8 @@ class Transition {
   [[nodiscard]] double information(double variance_deg2) const;
   /// The least variance among the most likely ones.
   [[nodiscard]] double best_deg2() const;
-  /// Samples between the two surfaces, of beams that may meet both.
+  /// Samples between the two surfaces, of beams that may meet both; none beside a surface that stands
+  /// elsewhere than predicted.
   [[nodiscard]] double between() const;
   /// Where beams that wide have the edge, from where the bench has it.
   [[nodiscard]] double place_deg(double variance_deg2) const;

@@ -118,6 +118,17 @@ TEST_CASE("edges of a lidar that stands turned by more than an edge is looked fo
   CHECK_FALSE(e.unknown);
 }
 
+TEST_CASE("surfaces that stand elsewhere because all angles are off are no wide beam") {
+  PlainScene scene = boards();
+  scene.u_yaw_deg = 0.2;
+  const double turned = 1.7 * degree;
+  const Explanation e =
+      explained(scene, 15, [&](double, double, double) { return Deviation{.beam_rad = turned}; });
+  INFO(to_text(e));
+  CHECK_FALSE(found(e, "mixed-pixel"));
+  CHECK_FALSE(e.unknown);
+}
+
 TEST_CASE("a few samples between two surfaces do not hide how wide a beam is") {
   const PlainScene scene = boards_in_place();
   std::mt19937 random(3);
