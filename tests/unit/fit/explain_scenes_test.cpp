@@ -105,12 +105,12 @@ TEST_CASE("light over a corner's other wall is told as such, be every corner ano
 }
 
 TEST_CASE("angles that step at one beam are a step there, however many samples") {
-  const double at_deg = GENERATE(37.3, -61.9);
-  const auto step = [&](double beam_rad, double, double) {
+  constexpr double at_deg = -61.9;
+  const auto step = [](double beam_rad, double, double) {
     return Deviation{.beam_rad = beam_rad > at_deg * degree ? 0.12 * degree : 0};
   };
   SyntheticRecording recording = plain_bench::recorded(l_room, 22, step);
-  plain_bench::turn_round(recording, l_room, 14, 60);
+  plain_bench::turn_round(recording, l_room, 14, 40);
   const Explanation e = fit::explain::explain({&recording}, {});
   INFO(to_text(e));
   CHECK(e.mechanisms.empty());
