@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/model/block_means.hpp"
 #include "fit/explain/model/channel.hpp"
 
 namespace fit::explain::channels {
@@ -13,20 +14,19 @@ using Eigen::Index;
 /// independent but for that mean. Smooth effects are the same in all of them.
 class Fine final : public model::ChannelRows {
  public:
-  struct Run {
-    std::vector<const Cell*> cells;
-    int capture = 0;
-  };
-  Fine(const std::vector<Run>& runs, const MeanNoise& noise) {
-    for (const Run& run : runs) {
-      for (const Cell* cell : run.cells) {
+  Fine(const Reduced& reduced, const std::vector<std::vector<const Cell*>>& runs, const MeanNoise& noise) {
+    std::vector<double> weight;
+    for (const auto& run : runs) {
+      std::vector<Index>& block = means_.blocks.emplace_back();
+      for (const Cell* cell : run) {
+        block.push_back(rows());
         at_.push_back(cell->at);
-        capture_.push_back(run.capture);
+        capture_.push_back(reduced.groups[static_cast<std::size_t>(cell->group)].capture);
         off_.push_back(cell->mean_mm - cell->nominal_mm);
-        root_.push_back(1 / std::sqrt(variance_of_mean(*cell, noise)));
+        weight.push_back(1 / std::sqrt(variance_of_mean(*cell, noise)));
       }
-      ends_.push_back(at_.size());
     }
+    means_.weight = Eigen::Map<const Eigen::VectorXd>(weight.data(), rows());
     base_.columns.resize(rows(), 0);
     white_ = whitened(Eigen::Map<const Eigen::VectorXd>(off_.data(), rows()), {});
   }
@@ -47,27 +47,14 @@ class Fine final : public model::ChannelRows {
   }
   [[nodiscard]] bool has_fixed_information() const override { return true; }
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
-    for (Index k = 0; k < columns.cols(); ++k) {
-      std::size_t i = 0;
-      for (const std::size_t end : ends_) {
-        double sum = 0, weight = 0;
-        for (std::size_t j = i; j < end; ++j) {
-          sum += root_[j] * root_[j] * columns(static_cast<Index>(j), k);
-          weight += root_[j] * root_[j];
-        }
-        for (; i < end; ++i) {
-          double& value = columns(static_cast<Index>(i), k);
-          value = root_[i] * (value - sum / weight);
-        }
-      }
-    }
+    means_.whiten(columns);
     return columns;
   }
   [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override {
     return eta.isZero(0) ? white_ : Eigen::VectorXd(white_ - whitened(eta, eta));
   }
   [[nodiscard]] Eigen::VectorXd score(const Eigen::VectorXd& eta) const override {
-    return white_residual(eta).cwiseProduct(Eigen::Map<const Eigen::VectorXd>(root_.data(), rows()));
+    return white_residual(eta).cwiseProduct(means_.weight);
   }
 
  private:
@@ -75,8 +62,8 @@ class Fine final : public model::ChannelRows {
 
   std::vector<Circumstances> at_;
   std::vector<int> capture_;
-  std::vector<double> off_, root_;  ///< Deviation, and one over its standard deviation.
-  std::vector<std::size_t> ends_;   ///< Of the runs.
+  std::vector<double> off_;
+  model::BlockMeans means_;  ///< Of the rows of the means.
   Eigen::VectorXd white_;
   model::Columns base_;
 };
@@ -92,20 +79,15 @@ model::ChannelKind make_fine() {
   kind.rows = [](const Reduced& reduced, const MeanNoise& noise) -> std::unique_ptr<model::ChannelRows> {
     constexpr std::size_t most_cells = 50'000;
     if (reduced.output_step_mm > 1) return nullptr;  // coarse steps are a comb of their own
-    const SearchRows search(reduced, true, numbers::search_rows);
-    std::vector<Fine::Run> runs;
-    std::size_t cells = 0;
-    for (std::size_t g = 0; g < reduced.groups.size(); ++g)
-      for (auto& run : taken_together(reduced, search, g)) {
-        if (run.size() < 2) continue;
-        cells += run.size();
-        runs.push_back({std::move(run), reduced.groups[g].capture});
-      }
+    std::vector<std::vector<const Cell*>> runs = taken_together(reduced, numbers::search_rows);
+    std::erase_if(runs, [](const auto& run) { return run.size() < 2; });
     if (runs.empty()) return nullptr;
+    std::size_t cells = 0;
+    for (const auto& run : runs) cells += run.size();
     const std::size_t every = (cells + most_cells - 1) / most_cells;
-    std::vector<Fine::Run> kept;
+    std::vector<std::vector<const Cell*>> kept;
     for (std::size_t i = 0; i < runs.size(); i += every) kept.push_back(std::move(runs[i]));
-    return std::make_unique<Fine>(kept, noise);
+    return std::make_unique<Fine>(reduced, kept, noise);
   };
   return kind;
 }

@@ -15,12 +15,10 @@ class Means final : public model::ChannelRows {
  public:
   Means(const Reduced& reduced, const MeanNoise& noise)
       : own_(merged(reduced, numbers::search_rows)), model_(own_, noise) {
-    const SearchRows search(reduced, true, numbers::search_rows);
-    for (std::size_t g = 0; g < reduced.groups.size(); ++g)
-      for (const auto& run : taken_together(reduced, search, g)) {
-        first_range_.push_back(ranges_mm_.size());
-        for (const Cell* cell : run) ranges_mm_.push_back(cell->at.range_mm);
-      }
+    for (const auto& run : taken_together(reduced, numbers::search_rows)) {
+      first_range_.push_back(ranges_mm_.size());
+      for (const Cell* cell : run) ranges_mm_.push_back(cell->at.range_mm);
+    }
     first_range_.push_back(ranges_mm_.size());
     log_weights_.resize(model_.rows());
     for (Index i = 0; i < model_.rows(); ++i)

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/model/block_means.hpp"
 #include "fit/explain/model/channel.hpp"
 #include "fit/explain/model/scans.hpp"
 #include "fit/explain/model/shared_errors.hpp"
@@ -29,13 +30,13 @@ class Scans final : public model::ChannelRows {
       : parts_(std::move(parts)) {
     base_.columns.resize(rows(), 0);
     if (wave_hz) expect_wave(*wave_hz);
-    weight_.resize(rows());
+    means_.weight.resize(rows());
     std::map<int, std::vector<Index>> blocks;
     for (Index i = 0; i < rows(); ++i) {
-      weight_[i] = 1 / std::sqrt(part(i).variance_mm2);
+      means_.weight[i] = 1 / std::sqrt(part(i).variance_mm2);
       blocks[part(i).block].push_back(i);
     }
-    for (auto& [block, list] : blocks) blocks_.push_back(std::move(list));
+    for (auto& [block, list] : blocks) means_.blocks.push_back(std::move(list));
     if (common.range_mm > 0 || common.angle_rad > 0) share_errors(common);
   }
 
@@ -58,20 +59,12 @@ class Scans final : public model::ChannelRows {
   [[nodiscard]] bool has_fixed_information() const override { return true; }
   /// Less the mean of their block, which the cells' means have taken.
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
-    for (Index k = 0; k < columns.cols(); ++k)
-      for (const std::vector<Index>& block : blocks_) {
-        double sum = 0, weight = 0;
-        for (const Index i : block) {
-          sum += weight_[i] * weight_[i] * columns(i, k);
-          weight += weight_[i] * weight_[i];
-        }
-        for (const Index i : block) columns(i, k) = weight_[i] * (columns(i, k) - sum / weight);
-      }
+    means_.whiten(columns);
     for (const model::SharedErrors& errors : shared_) errors.whiten(columns);
     return columns;
   }
   [[nodiscard]] Eigen::VectorXd information(const Eigen::VectorXd&) const override {
-    return weight_.cwiseAbs2();
+    return means_.weight.cwiseAbs2();
   }
   [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override {
     Eigen::VectorXd left(rows());
@@ -103,8 +96,8 @@ class Scans final : public model::ChannelRows {
         ++last;
       Eigen::MatrixXd z(last - first, 2);
       for (Index i = first; i < last; ++i)
-        z.row(i - first) = weight_[i] * Eigen::RowVector2d(part(i).of_angle ? 0 : common.range_mm,
-                                                           part(i).lever_mm * common.angle_rad);
+        z.row(i - first) = means_.weight[i] * Eigen::RowVector2d(part(i).of_angle ? 0 : common.range_mm,
+                                                                 part(i).lever_mm * common.angle_rad);
       shared_.emplace_back(first, std::move(z));
     }
   }
@@ -112,8 +105,7 @@ class Scans final : public model::ChannelRows {
 
   std::vector<ScanPart> parts_;
   model::Columns base_;
-  Eigen::VectorXd weight_;
-  std::vector<std::vector<Index>> blocks_;
+  model::BlockMeans means_;
   std::vector<model::SharedErrors> shared_;  ///< Of every scan.
 };
 

@@ -177,10 +177,8 @@ class SearchRows {
 /// smooth functions needs them. Their deviations from the present prediction are averaged
 /// with their weights and stand at the place of the middle one. Variances must be pooled.
 [[nodiscard]] Reduced merged(const Reduced& reduced, std::size_t rows);
-/// The cells of one group that are taken together, in the order of the rows.
-[[nodiscard]] std::vector<std::vector<const Cell*>> taken_together(const Reduced& reduced,
-                                                                   const SearchRows& search,
-                                                                   std::size_t group);
+/// The cells that are taken together in each of its rows, in their order.
+[[nodiscard]] std::vector<std::vector<const Cell*>> taken_together(const Reduced& reduced, std::size_t rows);
 /// Of more, neighbours come together in a bin of any picture or table anyway.
 constexpr std::size_t rows_for_tables = 100'000;
 

@@ -106,10 +106,6 @@ Eigen::VectorXd within_bounds(const Design& design, const Eigen::VectorXd& x) {
   return x.cwiseMax(design.lower).cwiseMin(design.upper);
 }
 
-}  // namespace
-
-namespace {
-
 Optimum judged_at(const Session& session, const Design& design, const Eigen::VectorXd& x) {
   Optimum there;
   there.x = within_bounds(design, x);

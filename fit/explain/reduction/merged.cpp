@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/reduce.hpp"
@@ -22,6 +23,24 @@ Cell middle_of(const std::vector<const Cell*>& run) {
   cell.mean_mm = cell.nominal_mm + off / weight;
   cell.pooled_mm2 = cell.n / weight;
   return cell;
+}
+
+/// The cells of one group that are taken together, row by row.
+std::vector<std::vector<const Cell*>> rows_of(const Reduced& reduced, const SearchRows& search,
+                                              std::size_t group) {
+  std::vector<std::vector<const Cell*>> runs;
+  if (!search.take(group)) return runs;
+  const Group& all = reduced.groups[group];
+  const std::size_t together = search.together(group);
+  for (std::size_t i = all.first_cell; i < all.last_cell; ++i) {
+    const Cell& cell = reduced.cells[i];
+    if (!cell.smooth) continue;
+    if (runs.empty() || runs.back().size() == together ||
+        runs.back().back()->sight.target != cell.sight.target)
+      runs.emplace_back();
+    runs.back().push_back(&cell);
+  }
+  return runs;
 }
 
 }  // namespace
@@ -61,21 +80,12 @@ bool SearchRows::take(std::size_t group) const {
          quota_ * static_cast<double>(together(group));
 }
 
-std::vector<std::vector<const Cell*>> taken_together(const Reduced& reduced, const SearchRows& search,
-                                                     std::size_t group) {
-  std::vector<std::vector<const Cell*>> runs;
-  if (!search.take(group)) return runs;
-  const Group& all = reduced.groups[group];
-  const std::size_t together = search.together(group);
-  for (std::size_t i = all.first_cell; i < all.last_cell; ++i) {
-    const Cell& cell = reduced.cells[i];
-    if (!cell.smooth) continue;
-    if (runs.empty() || runs.back().size() == together ||
-        runs.back().back()->sight.target != cell.sight.target)
-      runs.emplace_back();
-    runs.back().push_back(&cell);
-  }
-  return runs;
+std::vector<std::vector<const Cell*>> taken_together(const Reduced& reduced, std::size_t rows) {
+  const SearchRows search(reduced, true, rows);
+  std::vector<std::vector<const Cell*>> all;
+  for (std::size_t g = 0; g < reduced.groups.size(); ++g)
+    std::ranges::move(rows_of(reduced, search, g), std::back_inserter(all));
+  return all;
 }
 
 Reduced merged(const Reduced& reduced, std::size_t rows) {
@@ -92,7 +102,7 @@ Reduced merged(const Reduced& reduced, std::size_t rows) {
   for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
     Group group = reduced.groups[g];
     const std::size_t first = out.cells.size();
-    for (const auto& run : taken_together(reduced, search, g)) out.cells.push_back(middle_of(run));
+    for (const auto& run : rows_of(reduced, search, g)) out.cells.push_back(middle_of(run));
     group.first_cell = first;
     group.last_cell = out.cells.size();
     out.groups.push_back(group);
