@@ -25,7 +25,7 @@ struct Circumstances {
   double stage_rad = 0;      ///< Commanded.
   double bearing_rad = 0;    ///< Of the beam in the world frame.
   double time_s = 0;         ///< Since power-on.
-  double temperature_k = 0;  ///< Minus the session's first temperature; NaN when there was no thermometer.
+  double temperature_k = 0;  ///< Minus the session's reference temperature; NaN without a thermometer.
   double since_move_s = 0;   ///< From the end of the stage's last move to this scan.
   double beam_time_s = 0;    ///< From the scan's time stamp to this beam.
   double stage_rate_rad_s = 0;

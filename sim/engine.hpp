@@ -19,6 +19,7 @@ struct SceneState {
   double target_shift_mm = 0;  ///< Along its normal, away from the axis.
   double reflectance = -1;     ///< Negative: as the bench says.
   double temperature_c = 25;
+  double held_s = 0;  ///< For so long the operator held it there before confirming.
 };
 
 /// Where the bench is at one moment of simulated time.

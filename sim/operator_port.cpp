@@ -136,6 +136,8 @@ void OperatorPort::Impl::place(const json& what) {
   scene.target = target;
   if (what.contains("shift_mm")) scene.target_shift_mm = number(what, "shift_mm");
   if (what.contains("reflectance")) scene.reflectance = number(what, "reflectance");
+  constexpr double as_prompts_ask_s = 600;
+  scene.held_s = what.contains("temperature_c") ? as_prompts_ask_s : 0;
   if (what.contains("temperature_c")) temperature_c = number(what, "temperature_c");
   scene.temperature_c = temperature_c;
   const bool switched = what.contains("since_power_on_s");

@@ -4,12 +4,10 @@
 #include <string>
 #include <vector>
 
+#include "fit/explain/reduction/temperature.hpp"
 #include "fit/recording.hpp"
 
 namespace fit::explain {
-
-/// At which a lidar's housing is held, degrees Celsius.
-constexpr double steady_c = 25;
 
 /// What the bench can do to separate suspects: a list of captures and what the operator changes between them.
 struct Experiment {

@@ -111,7 +111,7 @@ struct Reduced {
   /// to the target.
   std::vector<float> strays_mm, strays_of_target;
   long samples = 0;
-  double first_temperature_c = 0;
+  double reference_temperature_c = 0;
   bool has_intensity = false, has_temperature = false;
   double output_step_mm = 1;      ///< In which ranges come.
   std::optional<double> wave_hz;  ///< What a lamp or a supply does at that frequency was taken off.

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "fit/explain/fitted_room.hpp"
+#include "fit/explain/reduction/temperature.hpp"
 #include "fit/placed_anew.hpp"
 
 namespace fit::explain {
@@ -78,8 +79,8 @@ void note_unknown_warmth(const std::vector<const Recording*>& recordings, std::v
         "when the session began.");
   if (warm > 0 && warm < all)
     notes.push_back(
-        "Not every session says how warm the lidar's housing was; where none does, it counts as warm as at "
-        "the beginning of the others.");
+        "Not every session says how warm the lidar's housing was; where none does, it counts as " +
+        rounded(steady_c, 2) + " \u00b1 " + rounded(2 * u_unread_k, 2) + " deg C.");
 }
 
 bool stands_alike(const Target& a, const Target& b) {

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+
 #include "fit/beam_sector.hpp"
 
 namespace fit::mechanisms {
@@ -11,10 +14,18 @@ std::string times(const Finding& f) {
   return ", from " + rounded(f.at("from_s").value) + " to " + rounded(f.at("to_s").value) + " s";
 }
 
+std::string on_weak_echoes(const Finding& f) {
+  if (!f.parameters.contains("exponent") || f.at("exponent").value < 0.5) return "";
+  return " at 1000 counts (its variance grows with the power " + rounded(f.at("exponent").value, 2) +
+         " of one over the intensity)";
+}
+
 }  // namespace
 
 // Shot noise of background light over part of the field of view, at all times or from one to another (since
-// power-on): more variance, and echoes that drown in it.
+// power-on): more variance, and echoes that drown in it. What makes the signal noisy makes its crossing of a
+// threshold uncertain by noise over slope (Kilpelae, Pennala and Kostamovaara 2001): least on strong echoes,
+// whose counts may be any root of the signal.
 Mechanism make_sunlight() {
   Mechanism m;
   m.id = "sunlight";
@@ -36,12 +47,19 @@ Mechanism make_sunlight() {
                    .expected = -ever_s,
                    .logarithmic = false},
                   {.name = "to_s", .role = Parameter::Role::shape, .expected = ever_s, .logarithmic = false},
-                  {.name = "lost", .typical = 0.01, .largest = 1, .sign = 1}};
+                  {.name = "lost", .typical = 0.01, .largest = 1, .sign = 1},
+                  {.name = "exponent",  // of one over the intensity, in the variance
+                   .role = Parameter::Role::shape,
+                   .lower = 0,
+                   .upper = 4,
+                   .starts = 2,
+                   .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (c.time_s < p[3] || c.time_s > p[4]) return Effect{};
     const double away = widths_from_centre(c, p[1], p[2]);
-    const double light = std::exp(-away * away / 2);
-    return Effect{.variance_mm2 = p[0] * p[0] * light, .lost = p[5] * light};
+    const double light = std::exp(-away * away / 2),
+                 weak = std::isfinite(c.intensity) ? std::pow(1000 / std::max(20.0, c.intensity), p[6]) : 1;
+    return Effect{.variance_mm2 = p[0] * p[0] * light * weak, .lost = p[5] * light};
   };
   m.shows = [](const Finding& f, const Recorded&) {
     std::vector<Interval> places{sector_of(f, 1.2)};
@@ -52,7 +70,8 @@ Mechanism make_sunlight() {
   m.says = [](const Finding& f) {
     return "Around " + with_uncertainty(f.at("centre_deg"), "deg") + " (within " +
            rounded(f.at("width_deg").value, 2) + " deg) the range scatters by " +
-           with_uncertainty(f.at("sigma_mm"), "mm") + " more" + times(f) + ": light falls in there.";
+           with_uncertainty(f.at("sigma_mm"), "mm") + " more" + on_weak_echoes(f) + times(f) +
+           ": light falls in there.";
   };
   m.separate = "close the blinds; turn the stage and see whether the noise stays in the room";
   return m;

@@ -29,11 +29,14 @@ CaptureInfo whole_scene_at(const Bench& bench, double stage_deg, int approach) {
   return c;
 }
 
+/// A second of scans is little beside a move of the stage, and five are little beside an operator's minutes.
+constexpr int scans_a_stop = 40, scans_by_hand = 200;
+
 /// Visited in that order, each come to from where the one before was.
-Experiment turns(const Bench& bench, const std::vector<double>& angles_deg, int scans) {
+Experiment turns(const Bench& bench, const std::vector<double>& angles_deg) {
   Experiment e;
   e.kind = Experiment::Kind::all_round;
-  e.scans = scans;
+  e.scans = scans_a_stop;
   double before = 0;
   for (const double angle : angles_deg) {
     e.captures.push_back(whole_scene_at(bench, angle, angle > before ? 1 : angle < before ? -1 : 0));
@@ -61,10 +64,10 @@ CaptureInfo placed(const Bench& bench, const fit::Target& target, double shift_m
   return c;
 }
 
-Experiment placements(std::vector<CaptureInfo> captures, int scans) {
+Experiment placements(std::vector<CaptureInfo> captures) {
   Experiment e;
   e.kind = Experiment::Kind::ladder;
-  e.scans = scans;
+  e.scans = scans_by_hand;
   e.captures = std::move(captures);
   return e;
 }
@@ -82,7 +85,7 @@ Experiment few_placements(const Bench& bench) {
     for (const double away_mm : {500, 1100, 2400})
       for (const double reflectance : {0.85, 0.12})
         list.push_back(placed(bench, target, away_mm - distance_mm(target), reflectance));
-    Experiment e = placements(std::move(list), 60);
+    Experiment e = placements(std::move(list));
     fit::explain::leave_out_hidden(e, bench);
     if (e.captures.size() > best.captures.size()) best = std::move(e);
   }
@@ -158,7 +161,7 @@ Experiment fresh_placements(const Bench& bench, const std::vector<CaptureInfo>& 
     list.push_back(placed(bench, *moved, new_shifts[i],
                           new_greys.empty() ? moved->reflectance.value_or(usual_reflectance)
                                             : std::exp(new_greys[i % new_greys.size()])));
-  Experiment e = placements(std::move(list), 60);
+  Experiment e = placements(std::move(list));
   fit::explain::leave_out_hidden(e, bench);
   return e;
 }
@@ -194,7 +197,7 @@ std::vector<double> temperatures_of(const std::vector<CaptureInfo>& so_far) {
 Experiment at_temperatures(const Bench& bench, const std::vector<double>& celsius) {
   Experiment e;
   e.kind = Experiment::Kind::heat;
-  e.scans = 40;
+  e.scans = scans_by_hand;
   for (const double t : celsius) {
     CaptureInfo c = whole_scene_at(bench, 0, 0);
     c.temperature_c = std::round(t);
@@ -290,7 +293,7 @@ SessionPlan first_plan(const Bench& bench, const StageLimits& limits, bool with_
                    "What does the bench show that its file does not predict?",
                    {},
                    ""};
-  plan.parts.push_back(turns(bench, up_and_down(std::move(angles)), 20));
+  plan.parts.push_back(turns(bench, up_and_down(std::move(angles))));
   if (!with_hand) return plan;
   Experiment by_hand = few_placements(bench);
   if (by_hand.captures.empty()) return plan;
@@ -325,7 +328,7 @@ std::vector<SessionPlan> surveys(const Bench& bench, const StageLimits& limits,
   const auto add_turned = [&](Experiment::Kind kind, const char* title, const char* words) {
     Experiment e = known_experiment(bench, travel, kind);
     if (e.captures.empty()) return;
-    e.scans = 10;
+    e.scans = scans_a_stop / 2;
     turned.title +=
         (turned.parts.empty() ? "" : ", and ") + std::string(turned.parts.empty() ? title : words);
     turned.about += (turned.parts.empty() ? "" : ", nor ") + std::string(words);
@@ -360,10 +363,9 @@ SessionPlan fresh_plan(const Bench& bench, const StageLimits& limits, bool with_
     if (is_turn(c)) used.push_back(c.stage_rad * fit::deg_per_rad);
   SessionPlan plan{
       "From stage angles of no earlier session", "What it will show was written down beforehand.", {}, ""};
-  plan.parts.push_back(turns(bench,
-                             up_and_down(farthest_from(std::move(used), travel.from_rad * fit::deg_per_rad,
-                                                       travel.to_rad * fit::deg_per_rad, stops)),
-                             20));
+  plan.parts.push_back(
+      turns(bench, up_and_down(farthest_from(std::move(used), travel.from_rad * fit::deg_per_rad,
+                                             travel.to_rad * fit::deg_per_rad, stops))));
   std::vector<Experiment> more = {fresh_turning(bench, travel, so_far)};
   if (with_hand) {
     more.push_back(fresh_placements(bench, so_far));

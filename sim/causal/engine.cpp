@@ -62,6 +62,7 @@ class CausalEngine : public Engine {
   void set_scene(const SceneState& state) override {
     scene_.set(state);
     room_c_ = state.temperature_c;
+    heat_.hold(room_c_, state.held_s);
   }
 
   void switched_on(double time_s) override {

@@ -21,4 +21,8 @@ void Heat::advance(double time_s, double room_c) {
   room_ += (room_c - room_) * slow;
 }
 
+void Heat::hold(double room_c, double for_s) {
+  if (started_) room_ += (room_c - room_) * (1 - std::exp(-for_s / settings_.slow_s));
+}
+
 }  // namespace sim::causal

@@ -15,6 +15,9 @@ class Heat {
   /// Brings the state to `time_s` since power-on; the room has been at `room_c` since the last call.
   void advance(double time_s, double room_c);
 
+  /// Somebody kept the room at `room_c` for a while that the scans' clock does not count.
+  void hold(double room_c, double for_s);
+
   /// Temperature of the electronics, degrees Celsius.
   [[nodiscard]] double electronics_c() const { return room_ + fast_ + slow_; }
   /// ns by which every echo is late.

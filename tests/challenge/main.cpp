@@ -12,6 +12,7 @@
 #include <iostream>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "concealed.hpp"
 #include "oracle.hpp"
@@ -217,6 +218,7 @@ void conceal(const Wanted& wanted) {
   ordered_json located = ordered_json::array(), rivals = ordered_json::object();
   ordered_json free_snr = ordered_json::object(), given = ordered_json::object();
   bool outside = false;
+  std::set<std::string> also;
   for (const std::string& kind : wanted.kinds) {
     auto cause = make_concealed(kind);
     cause->draw(session, random);
@@ -236,6 +238,7 @@ void conceal(const Wanted& wanted) {
     rivals[kind] =
         wanted.rivals && shifts_means ? alternatives_to(session, cause) : std::vector<std::string>{};
     parameters[kind] = cause->parameters();
+    for (const std::string& other : cause->also_makes()) also.insert(other);
     outside = outside || kind.starts_with("unknown-");
     causes.push_back(cause);
   }
@@ -258,6 +261,7 @@ void conceal(const Wanted& wanted) {
   const ordered_json truth{{"kinds", wanted.kinds},
                            {"scene", session.scene},
                            {"seed", wanted.seed},
+                           {"also_made", also},
                            {"outside_catalogue", outside},
                            {"snr", snr},
                            {"snr_with_free_nuisances", free_snr},

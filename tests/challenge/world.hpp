@@ -82,6 +82,7 @@ class Cause {
   /// What the device reports as intensity there, if another receiver than the effects' own makes it.
   virtual std::optional<double> counts(const Moment&) const { return {}; }
   virtual nlohmann::json parameters() const { return nlohmann::json::object(); }
+  virtual std::vector<std::string> also_makes() const { return {}; }  ///< Other effects of the catalogue.
 };
 
 using Causes = std::vector<std::shared_ptr<Cause>>;

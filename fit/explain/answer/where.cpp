@@ -77,8 +77,8 @@ void locate(const MeanModel& before, const Findings& findings, std::vector<Locat
       if (!taken.contains(l.coordinate)) out.push_back(l);
   for (Located& l : out) {
     if (l.coordinate != Coordinate::temperature) continue;
-    l.from += findings.reduced.first_temperature_c;
-    l.to += findings.reduced.first_temperature_c;
+    l.from += findings.reduced.reference_temperature_c;
+    l.to += findings.reduced.reference_temperature_c;
   }
 }
 

@@ -6,6 +6,7 @@
 
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/term.hpp"
+#include "fit/explain/reduction/temperature.hpp"
 
 namespace fit::explain::model {
 namespace {
@@ -63,6 +64,29 @@ Eigen::MatrixXd place_in_play(const Rows& channel, const Term& term) {
     column(i, 0) = channel.response(i, term.kind->mechanism->act(at, term.values)) / std::sqrt(3.0);
   }
   return column;
+}
+
+/// How warm a housing was that nobody read: what the others are compared with may lie aside.
+Eigen::MatrixXd of_unread(const Rows& channel, const Term& term, Eigen::MatrixXd columns) {
+  const Mechanism& m = *term.kind->mechanism;
+  Eigen::VectorXd aside(channel.rows());
+  bool is_known = true;
+  for (Index i = 0; i < channel.rows(); ++i) {
+    Circumstances at = channel.at(i);
+    if (std::isfinite(at.temperature_k)) {
+      const double here = channel.response(i, m.act(at, term.values));
+      at.temperature_k += u_unread_k;
+      aside[i] = channel.response(i, m.act(at, term.values)) - here;
+      continue;
+    }
+    aside[i] = 0;
+    columns.row(i).setZero();
+    is_known = false;
+  }
+  if (is_known) return columns;
+  columns.conservativeResize(Eigen::NoChange, columns.cols() + 1);
+  columns.rightCols(1) = aside;
+  return columns;
 }
 
 /// A wave may swell and shift along its coordinate, and hold a second harmonic.
@@ -178,7 +202,7 @@ Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term) {
       }
     }
   }
-  return columns;
+  return m.coordinate == Coordinate::temperature ? of_unread(channel, term, std::move(columns)) : columns;
 }
 
 }  // namespace fit::explain::model

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <cmath>
 
 #include "fit/explain/reduce.hpp"
@@ -6,18 +7,17 @@
 
 namespace fit::explain {
 
-using reduction::first_temperature, reduction::steady_within_k;
+using reduction::reference_temperature, reduction::steady_within_k;
 
 void append(Reduced& reduced, const Reduced& other) {
-  // Temperatures count from the first that anybody read.
-  const bool mine = first_temperature(reduced.captures).has_value(),
-             theirs = first_temperature(other.captures).has_value();
-  if (!mine && theirs) reduced.first_temperature_c = other.first_temperature_c;
-  const double warmer_k = mine && theirs ? other.first_temperature_c - reduced.first_temperature_c : 0;
   const auto captures = static_cast<int>(reduced.captures.size()),
              groups = static_cast<int>(reduced.groups.size());
   const std::size_t cells = reduced.cells.size();
   reduced.captures.insert(reduced.captures.end(), other.captures.begin(), other.captures.end());
+  const double mine_c = reduced.reference_temperature_c;
+  reduced.reference_temperature_c = reference_temperature(reduced.captures).value_or(0);
+  for (Cell& cell : reduced.cells) cell.at.temperature_k += mine_c - reduced.reference_temperature_c;
+  const double warmer_k = other.reference_temperature_c - reduced.reference_temperature_c;
   reduced.absent.insert(reduced.absent.end(), other.absent.begin(), other.absent.end());
   for (Group group : other.groups) {
     group.capture += captures;
@@ -40,8 +40,10 @@ void append(Reduced& reduced, const Reduced& other) {
                                   other.strays_of_target.end());
   reduced.samples += other.samples;
   reduced.has_intensity = reduced.has_intensity || other.has_intensity;
-  reduced.has_temperature =
-      reduced.has_temperature || other.has_temperature || std::abs(warmer_k) > steady_within_k;
+  reduced.has_temperature = std::ranges::any_of(reduced.captures, [&](const CaptureInfo& capture) {
+    return capture.temperature_c &&
+           std::abs(*capture.temperature_c - reduced.reference_temperature_c) > steady_within_k;
+  });
   reduced.left_out += other.left_out;
   reduced.in_clear += other.in_clear;
   reduced.astray += other.astray;

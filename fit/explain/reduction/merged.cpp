@@ -95,7 +95,7 @@ Reduced merged(const Reduced& reduced, std::size_t rows) {
   out.captures = reduced.captures;
   out.absent = reduced.absent;
   out.same_as = reduced.same_as;
-  out.first_temperature_c = reduced.first_temperature_c;
+  out.reference_temperature_c = reduced.reference_temperature_c;
   out.has_intensity = reduced.has_intensity;
   out.has_temperature = reduced.has_temperature;
   out.empirical = reduced.empirical;

@@ -23,7 +23,8 @@ Circumstances circumstances(const Reduced& session, const Setting& setting, cons
   c.beam_rad = cell.beam_rad;
   c.stage_rad = group.stage_rad;
   c.time_s = group.time_s;
-  c.temperature_k = capture.temperature_c ? *capture.temperature_c - session.first_temperature_c : unknown;
+  c.temperature_k =
+      capture.temperature_c ? *capture.temperature_c - session.reference_temperature_c : unknown;
   c.beam_time_s = beam_s;
   c.since_move_s = samples.since_start_s.front() + c.beam_time_s;
   c.stage_rate_rad_s = capture.stage_rate_rad_s;

@@ -6,12 +6,22 @@
 
 #include "fit/recording.hpp"
 
+namespace fit::explain {
+
+/// At which a lidar's housing is held, and taken to be where nobody read it, deg C.
+constexpr double steady_c = 25;
+/// Standard uncertainty of the latter: rooms and what lidars warm themselves by differ so much.
+constexpr double u_unread_k = 10;
+
+}  // namespace fit::explain
+
 namespace fit::explain::reduction {
 
 /// A thermometer that shows no more than that shows nothing.
 constexpr double steady_within_k = 0.2;
 
-/// The first temperature that anybody read, deg C.
-[[nodiscard]] std::optional<double> first_temperature(const std::vector<CaptureInfo>& captures);
+/// From which temperatures count, deg C: the first that anybody read; where nobody did in some of the
+/// captures, that of a housing that is not heated. Empty without any thermometer.
+[[nodiscard]] std::optional<double> reference_temperature(const std::vector<CaptureInfo>& captures);
 
 }  // namespace fit::explain::reduction

@@ -23,6 +23,7 @@ class WorldCause : public Cause {
   double largest_strength() const override { return kind_.largest; }
   bool differs_within_capture() const override { return kind_.each_scan; }
   json parameters() const override { return kind_.parameters(*session_, shape_, strength); }
+  std::vector<std::string> also_makes() const override { return kind_.also_makes; }
   [[nodiscard]] json keys() const { return kind_.keys(*session_, shape_, strength); }
   [[nodiscard]] json add_to(json world) const;
 

@@ -30,7 +30,8 @@ struct Kind {
   double largest = 100;  ///< Strength beyond which no device would be.
   bool sized = true;
   bool each_scan = false;
-  bool shifts = true;  ///< Shows in means, which the engine tells.
+  bool shifts = true;                        ///< Shows in means, which the engine tells.
+  std::vector<std::string> also_makes = {};  ///< Other effects of the catalogue that come of the same keys.
 };
 
 // The kinds, a file a part of the device.

@@ -403,19 +403,25 @@ TEST_CASE("a warm-up whose thermometer follows it is answered with both suspects
   CHECK(next->captures.back().started_us < 3600'000'000LL);
 }
 
-TEST_CASE("temperatures of several sessions count from the first that was read") {
+namespace {
+
+/// The room at one temperature of the housing, read or not, where every range is longer by so much.
+std::unique_ptr<SyntheticRecording> at_temperature(std::optional<double> celsius, double more_mm) {
   ImaginedRoom room;
-  const auto at = [&](double celsius, double more_mm) {
-    room.stretch = [=](double, double, double) { return more_mm; };
-    const SyntheticRecording source = room.record();
-    auto recording = std::make_unique<SyntheticRecording>(source.bench(), source.maker());
-    for (fit::CaptureInfo info : source.captures()) {
-      info.temperature_c = celsius;
-      recording->add(info, room.scans);
-    }
-    return recording;
-  };
-  const auto cool = at(20, 0), warm = at(32, 6);
+  room.stretch = [=](double, double, double) { return more_mm; };
+  const SyntheticRecording source = room.record();
+  auto recording = std::make_unique<SyntheticRecording>(source.bench(), source.maker());
+  for (fit::CaptureInfo info : source.captures()) {
+    info.temperature_c = celsius;
+    recording->add(info, room.scans);
+  }
+  return recording;
+}
+
+}  // namespace
+
+TEST_CASE("temperatures of several sessions count from the first that was read") {
+  const auto cool = at_temperature(20, 0), warm = at_temperature(32, 6);
   // Neither alone shows a temperature; together they tell its slope.
   CHECK_FALSE(fit::explain::reduce(*warm, {}).has_temperature);
   auto all = fit::explain::reduce(*cool, {});
@@ -428,6 +434,39 @@ TEST_CASE("temperatures of several sessions count from the first that was read")
   REQUIRE(names(e) == std::vector<std::string>{"temperature"});
   const auto& slope = e.mechanisms.front().parameters.at("slope_mm_per_k");
   CHECK(std::abs(slope.value - 0.5) < 4 * slope.u);
+}
+
+TEST_CASE("captures of which nobody read the temperature may have been as warm as rooms are") {
+  constexpr double slope_mm_per_k = 0.4, unread_c = 33;
+  ImaginedRoom room;
+  const auto celsius_of = [](long capture) { return std::array{18.0, unread_c, 38.0}[capture % 3]; };
+  room.stretch = [&](double, double, double time_s) {
+    return slope_mm_per_k * (celsius_of(std::lround((time_s - 30) / room.pause_s)) - unread_c);
+  };
+  const SyntheticRecording source = room.record();
+  SyntheticRecording recording(source.bench(), source.maker());
+  for (long i = 0; i < std::ssize(source.captures()); ++i) {
+    fit::CaptureInfo info = source.captures()[static_cast<std::size_t>(i)];
+    if (i % 3 != 1) info.temperature_c = celsius_of(i);
+    recording.add(info, room.scans);
+  }
+  CHECK(fit::explain::reduce(recording, {}).cells.front().at.temperature_k == 18 - fit::explain::steady_c);
+  const Explanation e = explain({&recording}, {});
+  INFO(to_text(e));
+  CHECK_FALSE(e.unknown);
+  REQUIRE(names(e) == std::vector<std::string>{"temperature"});
+  const auto& slope = e.mechanisms.front().parameters.at("slope_mm_per_k");
+  CHECK(std::abs(slope.value - slope_mm_per_k) < 4 * slope.u);
+}
+
+TEST_CASE("temperatures of sessions count from a housing that is not heated where one of them has none") {
+  const auto cool = at_temperature(18, 0), unread = at_temperature({}, 0), hot = at_temperature(38, 0);
+  auto all = fit::explain::reduce(*cool, {});
+  CHECK(all.cells.front().at.temperature_k == 0);
+  append(all, fit::explain::reduce(*unread, {}));
+  append(all, fit::explain::reduce(*hot, {}));
+  CHECK(all.cells.front().at.temperature_k == 18 - fit::explain::steady_c);
+  CHECK(all.cells.back().at.temperature_k == 38 - fit::explain::steady_c);
 }
 
 TEST_CASE("the bench file of another room is told as that, first of all") {

@@ -173,8 +173,8 @@ TEST_CASE("coarse steps of the range make no noise of a few beams, and hide none
   // Light that neither comes and goes nor drowns echoes may be noise local in the beam: a set. So is a bump
   // of the same shape outside the catalogue, if less probable.
   const auto is_light = [](const std::vector<std::string>& set) {
-    return set.size() >= 2 && set[0] == "local-noise" && set[1] == "sunlight" &&
-           (set.size() == 2 || (set.size() == 3 && set[2] == "unknown-physics"));
+    return set.front() == "local-noise" && std::ranges::count(set, "sunlight") == 1 &&
+           std::ranges::count(set, "unknown-physics") == std::ssize(set) - 2;
   };
   const bool found = e.undecided_between.size() == 1 && is_light(e.undecided_between.front());
   // In steps of more than twice the noise, a variance says little.

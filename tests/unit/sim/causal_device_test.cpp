@@ -131,6 +131,11 @@ TEST_CASE("in a warmer room the device follows slowly") {
   const double half = at(world.heat.slow_s), full = at(20 * world.heat.slow_s);
   CHECK(full - before == Approx(15).margin(0.5));
   CHECK(half - before == Approx(15 * (1 - std::exp(-1))).margin(0.5));
+  // An operator who holds it there waits; the scans' clock does not.
+  hot.temperature_c = 25;
+  hot.held_s = 20 * world.heat.slow_s;
+  engine->set_scene(hot);
+  CHECK(at(20 * world.heat.slow_s + 1) == Approx(before).margin(0.5));
 }
 
 TEST_CASE("a code disk off its axis bends angles by its offset, once a turn") {

@@ -32,6 +32,8 @@ TEST_CASE("the operator port places targets, keeps what is not mentioned and ref
   CHECK(seen[1].reflectance == 0.2);
   CHECK(seen[2].temperature_c == 31);
   CHECK(seen[2].reflectance < 0);
+  CHECK(seen[1].held_s > 0);  // Whoever is asked for a temperature holds it.
+  CHECK(seen[2].held_s == 0);
   CHECK(say(R"({"place": {"temperature_c": 25, "since_power_on_s": 0}})")["ok"] == true);
   CHECK(switched_on == std::vector<double>{0});
   CHECK(seen.back().temperature_c == 25);

@@ -43,7 +43,10 @@ std::vector<Kind> kinds_of_targets() {
              return json{{"width_deg", (8 + 8 * d.a) / 4e3 / degree}};
            },
            1,
-           false}};
+           false,
+           false,
+           true,
+           {"incidence-bias"}}};  // on slanted walls a wide footprint is deep, and stretches the pulse
 }
 
 }  // namespace challenge
