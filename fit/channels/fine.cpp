@@ -12,7 +12,7 @@ using Eigen::Index;
 
 /// Deviations of single cells from the mean of those that are taken together in one row of the means: normal,
 /// independent but for that mean. Smooth effects are the same in all of them.
-class Fine final : public model::ChannelRows {
+class Fine final : public model::NormalRows {
  public:
   Fine(const Reduced& reduced, const std::vector<std::vector<const Cell*>>& runs, const MeanNoise& noise) {
     std::vector<double> weight;
@@ -27,7 +27,7 @@ class Fine final : public model::ChannelRows {
       }
     }
     means_.weight = Eigen::Map<const Eigen::VectorXd>(weight.data(), rows());
-    base_.columns.resize(rows(), 0);
+    nuisances().columns.resize(rows(), 0);
     white_ = whitened(Eigen::Map<const Eigen::VectorXd>(off_.data(), rows()), {});
   }
 
@@ -36,16 +36,7 @@ class Fine final : public model::ChannelRows {
   [[nodiscard]] int capture(Index row) const override { return capture_[place(row)]; }
   [[nodiscard]] double response(Index, const Effect& effect) const override { return effect.range_mm; }
   [[nodiscard]] bool sees_only_combs() const override { return true; }
-  [[nodiscard]] const model::Columns& base() const override { return base_; }
-  [[nodiscard]] double offset(Index) const override { return 0; }
   [[nodiscard]] double statistic(Index row) const override { return off_[place(row)]; }
-  [[nodiscard]] double log_likelihood(const Eigen::VectorXd& eta) const override {
-    return -0.5 * white_residual(eta).squaredNorm();
-  }
-  [[nodiscard]] Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const override {
-    return -0.5 * white_residual(eta).cwiseAbs2();
-  }
-  [[nodiscard]] bool has_fixed_information() const override { return true; }
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
     means_.whiten(columns);
     return columns;
@@ -65,7 +56,6 @@ class Fine final : public model::ChannelRows {
   std::vector<double> off_;
   model::BlockMeans means_;  ///< Of the rows of the means.
   Eigen::VectorXd white_;
-  model::Columns base_;
 };
 
 }  // namespace

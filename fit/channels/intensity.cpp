@@ -46,14 +46,19 @@ MatrixXd bells(const VectorXd& x, double length) {
 
 /// Logarithms of mean counts against the law that the bench file states: normal around what effects add. A
 /// surface's readings in one capture share an error.
-class Echoes final : public model::ChannelRows {
+class Echoes final : public model::NormalRows {
  public:
   Echoes(std::vector<Reading> readings, const IntensityClaim& claim) : readings_(std::move(readings)) {
     off_ = column([](const Reading& r) { return r.off; });
     weight_ = column([](const Reading& r) { return 1 / r.sigma; });
     std::map<std::pair<int, int>, std::vector<Index>> blocks;
     for (Index i = 0; i < rows(); ++i) blocks[{of(i).capture, of(i).surface}].push_back(i);
-    for (auto& [block, list] : blocks) blocks_.push_back(block_of(std::move(list)));
+    double log_scale = (weight_.array() / std::sqrt(2 * pi)).log().sum();
+    for (auto& [block, list] : blocks) {
+      blocks_.push_back(block_of(std::move(list)));
+      log_scale -= 0.5 * std::log1p(blocks_.back().shared);
+    }
+    set_log_scale(log_scale);
     for (int k = 0; k < L::size; ++k) {
       const auto c = static_cast<std::size_t>(k);
       const double u = claim.stated[c] ? claim.u[c] : open[c];
@@ -70,14 +75,7 @@ class Echoes final : public model::ChannelRows {
   [[nodiscard]] double response(Index row, const Effect& effect) const override {
     return of(row).per_echo * effect.log_echo + effect.log_intensity;
   }
-  [[nodiscard]] const model::Columns& base() const override { return base_; }
-  [[nodiscard]] double offset(Index) const override { return 0; }
   [[nodiscard]] double statistic(Index row) const override { return of(row).off; }
-  [[nodiscard]] double log_likelihood(const VectorXd& eta) const override {
-    double logs = (weight_.array() / std::sqrt(2 * pi)).log().sum();
-    for (const Block& block : blocks_) logs -= 0.5 * std::log1p(block.shared);
-    return logs - 0.5 * white_residual(eta).squaredNorm();
-  }
   [[nodiscard]] VectorXd log_likelihoods(const VectorXd& eta) const override {
     const VectorXd off = off_ - eta;
     VectorXd logs(rows());
@@ -87,7 +85,6 @@ class Echoes final : public model::ChannelRows {
     }
     return logs;
   }
-  [[nodiscard]] bool has_fixed_information() const override { return true; }
   /// A root of the inverse of diag(sigma^2) + capture_doubt^2 within every block.
   [[nodiscard]] MatrixXd whitened(MatrixXd columns, const VectorXd&) const override {
     columns.array().colwise() *= weight_.array();
@@ -100,9 +97,6 @@ class Echoes final : public model::ChannelRows {
     return columns;
   }
   [[nodiscard]] VectorXd information(const VectorXd&) const override { return weight_.cwiseAbs2(); }
-  [[nodiscard]] VectorXd white_residual(const VectorXd& eta) const override {
-    return whitened(off_ - eta, eta);
-  }
 
  private:
   /// Readings of one surface in one capture.
@@ -135,13 +129,14 @@ class Echoes final : public model::ChannelRows {
     return values;
   }
   void add(const MatrixXd& columns, double sigma) {
-    const Index had = base_.columns.cols(), more = columns.cols();
-    base_.columns.conservativeResize(rows(), had + more);
-    base_.columns.rightCols(more) = columns;
-    base_.prior.mean.conservativeResize(had + more);
-    base_.prior.sigma.conservativeResize(had + more);
-    base_.prior.mean.tail(more).setZero();
-    base_.prior.sigma.tail(more).setConstant(std::max(1e-9, sigma));
+    model::Columns& base = nuisances();
+    const Index had = base.columns.cols(), more = columns.cols();
+    base.columns.conservativeResize(rows(), had + more);
+    base.columns.rightCols(more) = columns;
+    base.prior.mean.conservativeResize(had + more);
+    base.prior.sigma.conservativeResize(had + more);
+    base.prior.mean.tail(more).setZero();
+    base.prior.sigma.tail(more).setConstant(std::max(1e-9, sigma));
   }
   void add(const std::function<double(const Reading&)>& of_reading, double sigma) {
     add(MatrixXd(column(of_reading)), sigma);
@@ -173,7 +168,6 @@ class Echoes final : public model::ChannelRows {
   std::vector<Reading> readings_;
   VectorXd off_, weight_;
   std::vector<Block> blocks_;
-  model::Columns base_;
 };
 
 /// A gain that is not stated is the recording's.

@@ -11,7 +11,7 @@ namespace {
 using Eigen::Index;
 
 /// Means of cells: normal around the predicted range, what a group has in common included.
-class Means final : public model::ChannelRows {
+class Means final : public model::NormalRows {
  public:
   Means(const Reduced& reduced, const MeanNoise& noise)
       : own_(merged(reduced, numbers::search_rows)), model_(own_, noise) {
@@ -24,7 +24,8 @@ class Means final : public model::ChannelRows {
     for (Index i = 0; i < model_.rows(); ++i)
       log_weights_[i] = -std::log(std::sqrt(2 * pi * model_.variance_of_mean(i)));
     explain::Columns base = base_columns(model_, Hypothesis(own_.bench)).all;
-    base_ = {std::move(base.columns_mm), std::move(base.prior)};
+    nuisances() = {std::move(base.columns_mm), std::move(base.prior)};
+    set_log_scale(log_weights_.sum());
   }
 
   [[nodiscard]] Index rows() const override { return model_.rows(); }
@@ -38,19 +39,13 @@ class Means final : public model::ChannelRows {
     const auto i = static_cast<std::size_t>(row);
     return {ranges_mm_.data() + first_range_[i], first_range_[i + 1] - first_range_[i]};
   }
-  [[nodiscard]] const model::Columns& base() const override { return base_; }
-  [[nodiscard]] double offset(Index) const override { return 0; }
   [[nodiscard]] double statistic(Index row) const override { return model_.raw_residual()[row]; }
-  [[nodiscard]] double log_likelihood(const Eigen::VectorXd& eta) const override {
-    return log_weights_.sum() - 0.5 * white_residual(eta).squaredNorm();
-  }
   [[nodiscard]] Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const override {
     Eigen::VectorXd list = model_.raw_residual() - eta;
     for (Index i = 0; i < list.size(); ++i)
       list[i] = log_weights_[i] - 0.5 * list[i] * list[i] / model_.variance_of_mean(i);
     return list;
   }
-  [[nodiscard]] bool has_fixed_information() const override { return true; }
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
     return model_.whitened(std::move(columns));
   }
@@ -64,7 +59,6 @@ class Means final : public model::ChannelRows {
   std::vector<double> ranges_mm_;  ///< Of the cells of all rows.
   std::vector<std::size_t> first_range_;
   Eigen::VectorXd log_weights_;
-  model::Columns base_;
 };
 
 }  // namespace

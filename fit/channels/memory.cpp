@@ -27,19 +27,17 @@ struct Block {
 
 /// Sums of products of deviations so many scans apart over the sum of their squares, less what white noise
 /// about its own mean has: normal around that of noise with memory.
-class Memory final : public model::ChannelRows {
+class Memory final : public model::NormalRows {
  public:
   explicit Memory(std::vector<Block> blocks) : blocks_(std::move(blocks)) {
     for (std::size_t b = 0; b < blocks_.size(); ++b)
       for (std::size_t k = 0; k < blocks_[b].bands.size(); ++k) rows_.push_back({b, k});
-    base_.columns.resize(rows(), 0);
+    nuisances().columns.resize(rows(), 0);
   }
 
   [[nodiscard]] Index rows() const override { return static_cast<Index>(rows_.size()); }
   [[nodiscard]] const Circumstances& at(Index) const override { return anywhere_; }
   [[nodiscard]] int capture(Index row) const override { return block(row).capture; }
-  [[nodiscard]] const model::Columns& base() const override { return base_; }
-  [[nodiscard]] double offset(Index) const override { return 0; }
   [[nodiscard]] double statistic(Index row) const override {
     return block(row).value[static_cast<Index>(place(row).band)];
   }
@@ -53,13 +51,6 @@ class Memory final : public model::ChannelRows {
     };
     return mixed(band) / mixed(0) - white[band] / white[0];
   }
-  [[nodiscard]] double log_likelihood(const Eigen::VectorXd& eta) const override {
-    return log_likelihoods(eta).sum();
-  }
-  [[nodiscard]] Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const override {
-    return -0.5 * white_residual(eta).cwiseAbs2();
-  }
-  [[nodiscard]] bool has_fixed_information() const override { return true; }
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
     Index first = 0;
     for (const Block& b : blocks_) {
@@ -68,11 +59,6 @@ class Memory final : public model::ChannelRows {
       first += count;
     }
     return columns;
-  }
-  [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override {
-    Eigen::VectorXd left(rows());
-    for (Index i = 0; i < rows(); ++i) left[i] = statistic(i) - eta[i];
-    return whitened(std::move(left), eta);
   }
 
  private:
@@ -85,7 +71,6 @@ class Memory final : public model::ChannelRows {
   std::vector<Block> blocks_;
   std::vector<Place> rows_;
   Circumstances anywhere_;
-  model::Columns base_;
 };
 
 std::map<std::pair<int, int>, Summed> by_capture_and_length(const Reduced& reduced) {

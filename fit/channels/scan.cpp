@@ -24,11 +24,11 @@ struct Common {
 
 /// What scans have in common, against the mean of their capture: normal around what changes from scan to
 /// scan.
-class Scans final : public model::ChannelRows {
+class Scans final : public model::NormalRows {
  public:
   Scans(std::vector<ScanPart> parts, const Common& common, std::optional<double> wave_hz)
       : parts_(std::move(parts)) {
-    base_.columns.resize(rows(), 0);
+    nuisances().columns.resize(rows(), 0);
     if (wave_hz) expect_wave(*wave_hz);
     means_.weight.resize(rows());
     std::map<int, std::vector<Index>> blocks;
@@ -47,16 +47,7 @@ class Scans final : public model::ChannelRows {
   [[nodiscard]] double response(Index row, const Effect& effect) const override {
     return (part(row).of_angle ? 0 : effect.range_mm) + part(row).lever_mm * effect.stage_rad;
   }
-  [[nodiscard]] const model::Columns& base() const override { return base_; }
-  [[nodiscard]] double offset(Index) const override { return 0; }
   [[nodiscard]] double statistic(Index row) const override { return part(row).mm; }
-  [[nodiscard]] double log_likelihood(const Eigen::VectorXd& eta) const override {
-    return -0.5 * white_residual(eta).squaredNorm();
-  }
-  [[nodiscard]] Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const override {
-    return -0.5 * white_residual(eta).cwiseAbs2();
-  }
-  [[nodiscard]] bool has_fixed_information() const override { return true; }
   /// Less the mean of their block, which the cells' means have taken.
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
     means_.whiten(columns);
@@ -66,11 +57,6 @@ class Scans final : public model::ChannelRows {
   [[nodiscard]] Eigen::VectorXd information(const Eigen::VectorXd&) const override {
     return means_.weight.cwiseAbs2();
   }
-  [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override {
-    Eigen::VectorXd left(rows());
-    for (Index i = 0; i < rows(); ++i) left[i] = part(i).mm - eta[i];
-    return whitened(std::move(left), eta);
-  }
 
  private:
   /// A wave of that frequency, in no step with captures, was taken off: what it leaves has a phase of its own
@@ -78,15 +64,16 @@ class Scans final : public model::ChannelRows {
   void expect_wave(double hz) {
     std::map<int, Index> of_group;
     for (const ScanPart& p : parts_) of_group.try_emplace(p.group, static_cast<Index>(of_group.size()));
-    base_.columns.setZero(rows(), 4 * static_cast<Index>(of_group.size()));
+    Eigen::MatrixXd waves = Eigen::MatrixXd::Zero(rows(), 4 * static_cast<Index>(of_group.size()));
     for (Index i = 0; i < rows(); ++i) {
       const double turn = 2 * pi * hz * part(i).at.since_move_s;
       const Index k = 4 * of_group.at(part(i).group) + (part(i).of_angle ? 2 : 0);
-      base_.columns(i, k) = std::cos(turn);
-      base_.columns(i, k + 1) = std::sin(turn);
+      waves(i, k) = std::cos(turn);
+      waves(i, k + 1) = std::sin(turn);
     }
-    base_.prior = {Eigen::VectorXd::Zero(base_.columns.cols()),
-                   Eigen::VectorXd::Constant(base_.columns.cols(), numbers::form_mm)};
+    const Index count = waves.cols();
+    nuisances() = {std::move(waves),
+                   {Eigen::VectorXd::Zero(count), Eigen::VectorXd::Constant(count, numbers::form_mm)}};
   }
   /// All parts of a scan, one after the other, share them.
   void share_errors(const Common& common) {
@@ -104,7 +91,6 @@ class Scans final : public model::ChannelRows {
   [[nodiscard]] const ScanPart& part(Index row) const { return parts_[static_cast<std::size_t>(row)]; }
 
   std::vector<ScanPart> parts_;
-  model::Columns base_;
   model::BlockMeans means_;
   std::vector<model::SharedErrors> shared_;  ///< Of every scan.
 };

@@ -24,6 +24,12 @@ std::size_t channel_of(const std::string& id) {
   return static_cast<std::size_t>(std::ranges::find(kinds, id, &ChannelKind::id) - kinds.begin());
 }
 
+Eigen::VectorXd NormalRows::white_residual(const Eigen::VectorXd& eta) const {
+  Eigen::VectorXd left(rows());
+  for (Eigen::Index i = 0; i < left.size(); ++i) left[i] = statistic(i) - eta[i];
+  return whitened(std::move(left), eta);
+}
+
 Eigen::VectorXd IndependentRows::log_likelihoods(const Eigen::VectorXd& eta) const {
   Eigen::VectorXd list(rows());
   for (Index i = 0; i < rows(); ++i) list[i] = log_likelihood(of(i), eta[i]);

@@ -84,6 +84,30 @@ class ChannelRows : public Rows {
   [[nodiscard]] virtual Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const = 0;
 };
 
+/// A channel whose rows are normal around the predictor, with the same information whatever that is.
+class NormalRows : public ChannelRows {
+ public:
+  [[nodiscard]] const Columns& base() const override { return base_; }
+  [[nodiscard]] double offset(Eigen::Index) const override { return 0; }
+  [[nodiscard]] double log_likelihood(const Eigen::VectorXd& eta) const override {
+    return log_scale_ - 0.5 * white_residual(eta).squaredNorm();
+  }
+  [[nodiscard]] Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const override {
+    return -0.5 * white_residual(eta).cwiseAbs2();
+  }
+  [[nodiscard]] bool has_fixed_information() const override { return true; }
+  [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override;
+
+ protected:
+  [[nodiscard]] Columns& nuisances() { return base_; }
+  /// Log of the density where nothing is left over.
+  void set_log_scale(double log_scale) { log_scale_ = log_scale; }
+
+ private:
+  Columns base_;
+  double log_scale_ = 0;
+};
+
 /// One kind of statistic. A new one is one new file fit/channels/NAME.cpp with a function make_NAME().
 struct ChannelKind {
   std::string id;

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <span>
 #include <utility>
 
 #include "fit/median.hpp"
@@ -67,9 +66,9 @@ class Scatter {
 };
 
 /// Neighbouring cells as one reading at their middle; its surface is left open.
-Reading reading_of(const Reduced& reduced, std::span<const std::size_t> cells, const Scatter& scatter,
+Reading reading_of(const Reduced& reduced, const std::vector<const Cell*>& cells, const Scatter& scatter,
                    const IntensityLaw& law) {
-  const Cell& middle = reduced.cells[cells[(cells.size() - 1) / 2]];
+  const Cell& middle = *cells[(cells.size() - 1) / 2];
   Reading reading;
   reading.at = middle.at;
   reading.at.reflectance = reflectance_of(reduced, middle);
@@ -78,10 +77,9 @@ Reading reading_of(const Reduced& reduced, std::span<const std::size_t> cells, c
     return law.log_counts(reading.at.reflectance, c.at.cos_incidence, c.at.range_mm);
   };
   double sum = 0, weight = 0;
-  for (const std::size_t cell : cells) {
-    const Cell& c = reduced.cells[cell];
-    const double w = std::pow(scatter.at(c.counts), -2);
-    sum += w * (std::log(c.counts) - by_law(c));
+  for (const Cell* c : cells) {
+    const double w = std::pow(scatter.at(c->counts), -2);
+    sum += w * (std::log(c->counts) - by_law(*c));
     weight += w;
   }
   reading.at.intensity = std::exp(by_law(middle));
@@ -134,23 +132,21 @@ std::vector<Reading> readings_of(const Reduced& reduced, const IntensityLaw& law
   std::vector<Reading> readings;
   if (good.size() < fewest_cells) return readings;
   const Scatter scatter(reduced, good);
-  const std::size_t together = (good.size() + most - 1) / most;
   std::vector<std::pair<int, double>> surfaces;
-  for (std::size_t i = 0; i < good.size();) {
-    std::size_t end = i + 1;
-    while (end < good.size() && end - i < together &&
-           are_neighbours(reduced.cells[good[i]], reduced.cells[good[end]]))
-      ++end;
-    Reading reading = reading_of(reduced, std::span(good).subspan(i, end - i), scatter, law);
+  for (std::vector<const Cell*>& run : taken_together(reduced, most)) {
+    std::erase_if(run, [](const Cell* cell) { return !is_bright(*cell); });
+    if (run.empty()) continue;
+    Reading reading = reading_of(reduced, run, scatter, law);
     const std::pair<int, double> surface(reading.at.target, reading.at.reflectance);
     const auto found = std::ranges::find(surfaces, surface);
     reading.surface = static_cast<int>(found - surfaces.begin());
     if (found == surfaces.end()) surfaces.push_back(surface);
     readings.push_back(reading);
-    i = end;
   }
   constexpr std::size_t dozen = 12;
-  const double excess = std::sqrt(excess_of(readings, std::max<std::size_t>(1, dozen / together)));
+  const std::size_t together = good.size() / std::max<std::size_t>(1, readings.size());
+  const double excess =
+      std::sqrt(excess_of(readings, std::max<std::size_t>(1, dozen / std::max<std::size_t>(1, together))));
   for (Reading& reading : readings) reading.sigma *= excess;
   return readings;
 }

@@ -19,8 +19,8 @@ struct Reading {
   double per_echo = 1;  ///< d ln(counts) / d ln(echo) of the law's receiver there.
 };
 
-/// `most` at most; none where too few cells came back bright enough. Their uncertainties are by how
-/// neighbours scatter, one by one and a dozen together.
+/// About `most` of them, as many of every capture as of any other; none where too few cells came back bright
+/// enough. Their uncertainties are by how neighbours scatter, one by one and a dozen together.
 [[nodiscard]] std::vector<Reading> readings_of(const Reduced& reduced, const IntensityLaw& law,
                                                std::size_t most);
 
