@@ -37,6 +37,7 @@ class Variances final : public IndependentRows {
     return eta * std::max(1.0, ratio / all);
   }
   [[nodiscard]] double offset(Eigen::Index row) const override { return of(row).expected; }
+  [[nodiscard]] model::Draws draws(Eigen::Index row) const override { return of(row).draws; }
 
  protected:
   [[nodiscard]] double log_likelihood(const Row& row, double eta) const override {

@@ -136,6 +136,9 @@ class Spectrum {
       }
     points_ = 4 * longest_;
     for (const Segment* segment : segments_) transform(*segment);
+    orders_ = static_cast<int>(std::ceil(most_hz * period_s_));
+    for (int order = 0; order <= orders_ && !segments_.empty(); ++order)
+      continua_.push_back(continuum_of(order));
   }
 
   struct Line {
@@ -148,37 +151,23 @@ class Spectrum {
     if (segments_.empty()) return {};
     Line best;
     double top = -1;
-    std::vector<double> inflates;
-    const int orders = static_cast<int>(std::ceil(most_hz * period_s_));
-    for (int order = 0; order <= orders; ++order) {
-      std::vector<double> gains(static_cast<std::size_t>(points_), 0.0), of_noise;
-      for (int point = 1; point < points_; ++point) {
-        const double gain = gain_of(order, point);
-        gains[static_cast<std::size_t>(point)] = gain;
-        of_noise.push_back(gain);
-      }
-      // What whole scans have in common, or remember, is a continuum: a line stands out from it.
-      constexpr double median_of_chi2 = 0.69;  // of one segment's; of many, nearly their number
-      const auto count = static_cast<double>(segments_.size());
-      const double usual = count > 1 ? count - 1.0 / 3 : median_of_chi2;
-      inflates.push_back(std::max(1.0, median_of(of_noise) / usual));
+    for (int order = 0; order <= orders_; ++order)
       for (int point = 1; point < points_; ++point) {
         if (!is_resolved(order, point)) continue;
-        const double gain = gains[static_cast<std::size_t>(point)] / inflates.back();
+        const double gain = gain_of(order, point);
         if (gain <= top) continue;
         top = gain;
-        best = {hz_of(order, point), -1e300, gain, inflates.back(), order, point};
+        best = {hz_of(order, point), -1e300, gain, continuum(order).of_all, order, point};
       }
-    }
     if (top < 0) return {};
     best.evidence = evidence_of(best);
     std::vector<Line> list{best};
-    for (int order = 0; order <= orders; ++order)
+    for (int order = 0; order <= orders_; ++order)
       for (const int middle : {best.point, points_ - best.point}) {
         Line other;
         for (int point = middle - 2; point <= middle + 2; ++point) {
           if (point < 1 || point >= points_ || !is_resolved(order, point)) continue;
-          Line line{hz_of(order, point), -1e300, 0, inflates[static_cast<std::size_t>(order)], order, point};
+          Line line{hz_of(order, point), -1e300, 0, continuum(order).of_all, order, point};
           line.evidence = evidence_of(line);
           if (line.evidence > other.evidence) other = line;
         }
@@ -248,9 +237,40 @@ class Spectrum {
     return normal;
   }
 
+  /// What whole scans have in common, or remember, is a continuum: a line stands out from it. An angle that
+  /// is drawn for every scan moves much where walls are slanted, and nothing elsewhere: every segment has its
+  /// own.
+  struct Continuum {
+    double of_all = 1;
+    std::vector<double> of_segment;
+  };
+  [[nodiscard]] const Continuum& continuum(int order) const {
+    return continua_[static_cast<std::size_t>(order)];
+  }
+  [[nodiscard]] Continuum continuum_of(int order) const {
+    constexpr double median_of_chi2 = 0.69;  // of one segment's; of many, nearly their number
+    const auto count = static_cast<double>(segments_.size());
+    const double usual = count > 1 ? count - 1.0 / 3 : median_of_chi2;
+    std::vector<double> all(static_cast<std::size_t>(points_ - 1), 0.0);
+    std::vector<double> medians;
+    for (std::size_t i = 0; i < segments_.size(); ++i) {
+      std::vector<double> own;
+      for (int point = 1; point < points_; ++point) {
+        own.push_back(normal_at(i, order, point).gain());
+        all[static_cast<std::size_t>(point - 1)] += own.back();
+      }
+      medians.push_back(median_of(own) / median_of_chi2);
+    }
+    Continuum result;
+    result.of_all = std::max(1.0, median_of(all) / usual);
+    for (const double median : medians) result.of_segment.push_back(std::max(result.of_all, median));
+    return result;
+  }
+
   [[nodiscard]] double gain_of(int order, int point) const {
     double sum = 0;
-    for (std::size_t i = 0; i < segments_.size(); ++i) sum += normal_at(i, order, point).gain();
+    for (std::size_t i = 0; i < segments_.size(); ++i)
+      sum += normal_at(i, order, point).gain() / continuum(order).of_segment[i];
     return sum;
   }
 
@@ -262,7 +282,8 @@ class Spectrum {
     double best = -1e300;
     for (double size = 0.01; size < 10; size *= 2) {
       double sum = 0;
-      for (const Normal& normal : normals) sum += normal.evidence(size, line.inflate);
+      for (std::size_t i = 0; i < normals.size(); ++i)
+        sum += normals[i].evidence(size, continuum(line.order).of_segment[i]);
       best = std::max(best, sum);
     }
     return best - price_of_scale - std::log(places());
@@ -274,7 +295,8 @@ class Spectrum {
   double period_s_;
   std::vector<const Segment*> segments_;
   std::vector<std::vector<Sums>> sums_;  ///< By segment and track, over the points.
-  int longest_ = 0, points_ = 0;
+  std::vector<Continuum> continua_;      ///< By order.
+  int longest_ = 0, points_ = 0, orders_ = 0;
 };
 
 /// Seconds that a sector's beams take.

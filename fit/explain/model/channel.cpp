@@ -74,6 +74,7 @@ std::vector<IndependentRows::Row> pooled_rows(
         row.at = middle.at;
         if (lit > 0) row.at.intensity = echoes / lit;
         row.capture = group.capture;
+        row.draws = {g, group.scans};
         row.lever2 /= static_cast<double>(taken.size());
         list.push_back(row);
       }

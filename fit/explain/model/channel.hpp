@@ -21,6 +21,12 @@ struct Columns {
   Prior prior;
 };
 
+/// Scans whose random angles and ranges all beams share.
+struct Draws {
+  std::size_t group = 0;
+  int scans = 0;
+};
+
 /// Rows with a predictor to which effects add, each in circumstances of its own.
 class Rows {
  public:
@@ -33,6 +39,9 @@ class Rows {
   [[nodiscard]] virtual double response(Eigen::Index row, const Effect& effect) const = 0;
   /// Ranges of the cells that were taken together in the row, where a comb may have other teeth; empty: one.
   [[nodiscard]] virtual std::span<const double> ranges_mm(Eigen::Index) const { return {}; }
+  /// Of a row that shows how much differs from scan to scan: those that it saw. None: it shows something
+  /// else.
+  [[nodiscard]] virtual Draws draws(Eigen::Index) const { return {}; }
 };
 
 /// The rows of one statistic. Their distribution depends on a linear predictor (eta): a sum over nuisances
@@ -142,6 +151,7 @@ class IndependentRows : public ChannelRows {
   struct Row {
     Circumstances at;
     int capture = 0;
+    Draws draws;
     double lever2 = 0;    ///< Mean square of d range / d beam angle, (mm/rad)^2.
     double y = 0;         ///< The statistic: a variance, or a count.
     double n = 0;         ///< Degrees of freedom, or samples.

@@ -162,9 +162,31 @@ double by_distance(const Rows& channel, Index row, const Term& term, std::size_t
          (2 * by);
 }
 
-}  // namespace
+/// What is drawn once for a scan scatters by chance in so few scans, and for all their beams alike: a
+/// variance of n draws is known to sqrt(2 / (n - 1)) of itself.
+Eigen::MatrixXd of_draws(const Rows& channel, const Term& term) {
+  constexpr std::size_t most = 100;  // of more groups, neighbours count as one
+  std::size_t groups = 0;
+  for (Index i = 0; i < channel.rows(); ++i) groups = std::max(groups, channel.draws(i).group + 1);
+  const std::size_t together = (groups + most - 1) / most;
+  Eigen::MatrixXd columns(channel.rows(), 0);
+  for (Index i = 0; i < channel.rows(); ++i) {
+    const auto [group, scans] = channel.draws(i);
+    if (scans < 2) continue;
+    const Effect e = term.kind->mechanism->act(channel.at(i), term.values);
+    const double size = channel.response(i, {.scan_angle_variance_rad2 = e.scan_angle_variance_rad2,
+                                             .scan_range_variance_mm2 = e.scan_range_variance_mm2});
+    if (!(size > 0)) continue;
+    if (columns.cols() == 0)
+      columns.setZero(channel.rows(), static_cast<Index>((groups + together - 1) / together));
+    columns(i, static_cast<Index>(group / together)) =
+        size * std::sqrt(2 / (static_cast<double>(together) * scans - 1));
+  }
+  return columns;
+}
 
-Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term) {
+/// The formula's own deviations.
+Eigen::MatrixXd of_formula(const Rows& channel, const Term& term) {
   const Kind& kind = *term.kind;
   const Mechanism& m = *kind.mechanism;
   if (m.coordinate == Coordinate::approach) return place_in_play(channel, term);
@@ -203,6 +225,16 @@ Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term) {
     }
   }
   return m.coordinate == Coordinate::temperature ? of_unread(channel, term, std::move(columns)) : columns;
+}
+
+}  // namespace
+
+Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term) {
+  const Eigen::MatrixXd formula = of_formula(channel, term), draws = of_draws(channel, term);
+  if (draws.cols() == 0) return formula;
+  Eigen::MatrixXd columns(channel.rows(), formula.cols() + draws.cols());
+  columns << formula, draws;
+  return columns;
 }
 
 }  // namespace fit::explain::model

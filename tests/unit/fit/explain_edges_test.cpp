@@ -54,6 +54,24 @@ TEST_CASE("angles drawn anew for every scan widen edges, and are no wide beam") 
   CHECK_FALSE(found(e, "mixed-pixel"));
 }
 
+TEST_CASE("how much angles happen to scatter in a few scans is no course of the noise") {
+  const PlainScene scene{.walls = plain_bench::furnished, .steps = 271, .front_step = 135, .step_deg = 1};
+  SyntheticRecording recording = plain_bench::recorded(scene, 8, [](double, double, double time_s) {
+    std::mt19937 of_scan(static_cast<unsigned>(std::lround(time_s * 40)));
+    return Deviation{.beam_rad = 0.4 * degree * std::normal_distribution<double>()(of_scan)};
+  });
+  plain_bench::turn_round(recording, scene, 24, 8);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  const auto* angles = found(e, "angle-jitter");
+  REQUIRE(angles);
+  CHECK(e.mechanisms.size() == 1);
+  CHECK_FALSE(e.unknown);
+  const auto& sigma = angles->parameters.at("sigma_deg");
+  CHECK(std::abs(sigma.value - 0.4) < 3 * sigma.u);
+  CHECK(sigma.u > 0.4 / std::sqrt(2.0 * 24 * 7) / 2);  // of so many scans, however many beams
+}
+
 TEST_CASE("a beam that meets either surface beside an edge, and no noisier wall, is a wide one") {
   const PlainScene scene = boards_in_place();
   std::mt19937 random(7);
