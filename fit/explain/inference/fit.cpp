@@ -231,8 +231,10 @@ Rescaled rescaled(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& fac
 /// Laplace's approximation at the optimum; of shapes, a uniform prior instead of the normal one. Where a
 /// shape hardly matters, its derivative says that it never does: a peak is not wider than the grid of its
 /// starts says.
+/// `log_fit`: at the optimum, with the priors of the first `base` coefficients, which are nuisances.
 double log_evidence_of(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& held, const Design& design,
-                       const Eigen::MatrixXd& covariance, const std::vector<Term>& terms) {
+                       const Eigen::MatrixXd& covariance, const std::vector<Term>& terms, double log_fit,
+                       Index base) {
   double sum = optimum.log_posterior - 0.5 * log_determinant(held);
   const double of_uniform = 0.5 * std::log(2 * pi / 12);
   for (std::size_t t = 0; t < terms.size(); ++t) {
@@ -242,8 +244,10 @@ double log_evidence_of(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>
     const double width = n == 0 ? 0 : 0.5 * std::log(covariance.block(first, first, n, n).determinant());
     sum += std::min(terms[t].by_grid, width + static_cast<double>(n) * of_uniform + terms[t].by_modes);
   }
-  // An average of likelihoods: where the quadratic promises more than the best of them, it does not hold.
-  return std::min(sum, optimum.log_likelihood);
+  // An average over what terms may come to: where the quadratic promises more than the best of it has with
+  // all nuisances integrated out, it does not hold.
+  const double best = log_fit - held.matrixLLT().diagonal().head(base).array().log().sum();
+  return std::min(sum, best);
 }
 
 /// The term where its coefficients are; its shapes where a scoring step takes them, as far as the linear
@@ -318,7 +322,7 @@ Fitted solved(const Session& session, std::vector<Term> terms, const Eigen::Vect
   Eigen::MatrixXd known = result.optimum.factor.reconstructedMatrix();
   hold_shapes(result.design, 1, known);
   const Eigen::LLT<Eigen::MatrixXd> held(known);
-  h.log_evidence = log_evidence_of(result.optimum, held, result.design, covariance, terms);
+  h.log_evidence = log_evidence_of(result.optimum, held, result.design, covariance, terms, h.log_fit, base);
   for (std::size_t t = 0; t < terms.size(); ++t) {
     h.terms.push_back(
         moved(terms[t], result.optimum, stepped, result.design, result.design.blocks[t], covariance));

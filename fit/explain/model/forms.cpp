@@ -267,13 +267,20 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
 
 }  // namespace
 
+/// Of losses and strays of which there is none nothing has a course.
+static bool shows_anything(const ChannelRows& rows) {
+  for (Index i = 0; i < rows.rows(); ++i)
+    if (rows.statistic(i) != 0) return true;
+  return false;
+}
+
 void add_forms(const std::vector<ChannelKind>& what,
                const std::vector<std::unique_ptr<ChannelRows>>& channels, std::vector<Kind>& kinds) {
   const std::size_t named = kinds.size();
   for (std::size_t c = 0; c < channels.size(); ++c) {
     const auto acts_here = [&](Act on) {
       return channels[c] && what[c].has_forms && what[c].observable == observable_of(on) &&
-             responds(*channels[c], on);
+             responds(*channels[c], on) && shows_anything(*channels[c]);
     };
     for (const Way& way : ways)
       if (acts_here(way.on) && channels[c]->sees(way.coordinate)) add_forms_along(way, *channels[c], kinds);
