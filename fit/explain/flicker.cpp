@@ -154,7 +154,7 @@ class Spectrum {
     for (int order = 0; order <= orders_; ++order)
       for (int point = 1; point < points_; ++point) {
         if (!is_resolved(order, point)) continue;
-        const double gain = gain_of(order, point);
+        const double gain = continuum(order).gain[static_cast<std::size_t>(point - 1)];
         if (gain <= top) continue;
         top = gain;
         best = {hz_of(order, point), -1e300, gain, continuum(order).of_all, order, point};
@@ -243,6 +243,7 @@ class Spectrum {
   struct Continuum {
     double of_all = 1;
     std::vector<double> of_segment;
+    std::vector<double> gain;  ///< Of every point but the first, over the continua.
   };
   [[nodiscard]] const Continuum& continuum(int order) const {
     return continua_[static_cast<std::size_t>(order)];
@@ -252,26 +253,22 @@ class Spectrum {
     const auto count = static_cast<double>(segments_.size());
     const double usual = count > 1 ? count - 1.0 / 3 : median_of_chi2;
     std::vector<double> all(static_cast<std::size_t>(points_ - 1), 0.0);
-    std::vector<double> medians;
+    std::vector<std::vector<double>> gains;
     for (std::size_t i = 0; i < segments_.size(); ++i) {
-      std::vector<double> own;
+      std::vector<double>& own = gains.emplace_back();
       for (int point = 1; point < points_; ++point) {
         own.push_back(normal_at(i, order, point).gain());
         all[static_cast<std::size_t>(point - 1)] += own.back();
       }
-      medians.push_back(median_of(own) / median_of_chi2);
     }
     Continuum result;
     result.of_all = std::max(1.0, median_of(all) / usual);
-    for (const double median : medians) result.of_segment.push_back(std::max(result.of_all, median));
+    result.gain.assign(all.size(), 0.0);
+    for (const std::vector<double>& own : gains) {
+      result.of_segment.push_back(std::max(result.of_all, median_of(std::vector(own)) / median_of_chi2));
+      for (std::size_t j = 0; j < own.size(); ++j) result.gain[j] += own[j] / result.of_segment.back();
+    }
     return result;
-  }
-
-  [[nodiscard]] double gain_of(int order, int point) const {
-    double sum = 0;
-    for (std::size_t i = 0; i < segments_.size(); ++i)
-      sum += normal_at(i, order, point).gain() / continuum(order).of_segment[i];
-    return sum;
   }
 
   [[nodiscard]] double evidence_of(const Line& line) const {

@@ -32,10 +32,7 @@ Reduced unread(const Recording& recording, const Standing& standing) {
     out.same_as.push_back(static_cast<int>(t));
   out.remainder.assign(25 * 25, 0);
   out.reference_temperature_c = reference_temperature(out.captures).value_or(0);
-  out.has_temperature = std::ranges::any_of(out.captures, [&](const CaptureInfo& capture) {
-    return capture.temperature_c &&
-           std::abs(*capture.temperature_c - out.reference_temperature_c) > steady_within_k;
-  });
+  out.has_temperature = temperature_varies(out.captures, out.reference_temperature_c);
   return out;
 }
 

@@ -265,14 +265,14 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
   }
 }
 
-}  // namespace
-
 /// Of losses and strays of which there is none nothing has a course.
-static bool shows_anything(const ChannelRows& rows) {
+bool shows_anything(const ChannelRows& rows) {
   for (Index i = 0; i < rows.rows(); ++i)
     if (rows.statistic(i) != 0) return true;
   return false;
 }
+
+}  // namespace
 
 void add_forms(const std::vector<ChannelKind>& what,
                const std::vector<std::unique_ptr<ChannelRows>>& channels, std::vector<Kind>& kinds) {

@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: MIT
-#include <algorithm>
-#include <cmath>
-
 #include "fit/explain/reduce.hpp"
 #include "fit/explain/reduction/temperature.hpp"
 
 namespace fit::explain {
 
-using reduction::reference_temperature, reduction::steady_within_k;
+using reduction::reference_temperature, reduction::temperature_varies;
 
 void append(Reduced& reduced, const Reduced& other) {
   const auto captures = static_cast<int>(reduced.captures.size()),
@@ -40,10 +37,7 @@ void append(Reduced& reduced, const Reduced& other) {
                                   other.strays_of_target.end());
   reduced.samples += other.samples;
   reduced.has_intensity = reduced.has_intensity || other.has_intensity;
-  reduced.has_temperature = std::ranges::any_of(reduced.captures, [&](const CaptureInfo& capture) {
-    return capture.temperature_c &&
-           std::abs(*capture.temperature_c - reduced.reference_temperature_c) > steady_within_k;
-  });
+  reduced.has_temperature = temperature_varies(reduced.captures, reduced.reference_temperature_c);
   reduced.left_out += other.left_out;
   reduced.in_clear += other.in_clear;
   reduced.astray += other.astray;

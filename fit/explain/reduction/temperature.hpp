@@ -17,11 +17,10 @@ constexpr double u_unread_k = 10;
 
 namespace fit::explain::reduction {
 
-/// A thermometer that shows no more than that shows nothing.
-constexpr double steady_within_k = 0.2;
-
 /// From which temperatures count, deg C: the first that anybody read; where nobody did in some of the
 /// captures, that of a housing that is not heated. Empty without any thermometer.
 [[nodiscard]] std::optional<double> reference_temperature(const std::vector<CaptureInfo>& captures);
+/// Whether any thermometer showed more than it does by chance.
+[[nodiscard]] bool temperature_varies(const std::vector<CaptureInfo>& captures, double reference_c);
 
 }  // namespace fit::explain::reduction

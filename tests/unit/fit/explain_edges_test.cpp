@@ -41,12 +41,16 @@ Explanation explained(const PlainScene& scene, unsigned seed, const plain_bench:
   return fit::explain::explain({&recording}, {});
 }
 
-TEST_CASE("angles drawn anew for every scan widen edges, and are no wide beam") {
-  const auto jitter = [](double, double, double time_s) {
+/// All angles of a scan are off by the same, drawn anew for every scan.
+plain_bench::Conceal jitter(double sigma_deg) {
+  return [sigma_deg](double, double, double time_s) {
     std::mt19937 of_scan(static_cast<unsigned>(std::lround(time_s * 40)));
-    return Deviation{.beam_rad = 0.15 * degree * std::normal_distribution<double>()(of_scan)};
+    return Deviation{.beam_rad = sigma_deg * degree * std::normal_distribution<double>()(of_scan)};
   };
-  const Explanation e = explained(boards(), 5, jitter);
+}
+
+TEST_CASE("angles drawn anew for every scan widen edges, and are no wide beam") {
+  const Explanation e = explained(boards(), 5, jitter(0.15));
   INFO(to_text(e));
   const auto* angles = found(e, "angle-jitter");
   REQUIRE(angles);
@@ -56,10 +60,7 @@ TEST_CASE("angles drawn anew for every scan widen edges, and are no wide beam") 
 
 TEST_CASE("how much angles happen to scatter in a few scans is no course of the noise") {
   const PlainScene scene{.walls = plain_bench::furnished, .steps = 271, .front_step = 135, .step_deg = 1};
-  SyntheticRecording recording = plain_bench::recorded(scene, 8, [](double, double, double time_s) {
-    std::mt19937 of_scan(static_cast<unsigned>(std::lround(time_s * 40)));
-    return Deviation{.beam_rad = 0.4 * degree * std::normal_distribution<double>()(of_scan)};
-  });
+  SyntheticRecording recording = plain_bench::recorded(scene, 8, jitter(0.4));
   plain_bench::turn_round(recording, scene, 24, 8);
   const Explanation e = fit::explain::explain({&recording}, {});
   INFO(to_text(e));
