@@ -34,6 +34,10 @@ class Resume : public Command {
 
   int run() override {
     const SessionStore stored(session_, SessionStore::Mode::read);
+    if (stored.get("ended") == "done") {
+      std::fprintf(stderr, "rig: all steps of %s are done: nothing is left to resume.\n", session_.c_str());
+      return 0;
+    }
     const std::string text = needed(stored, "procedure");
     const std::string name = session_ + " (its procedure)";
     Variables variables;

@@ -9,6 +9,7 @@
 #include "rig/session/lidar_identity.hpp"
 #include "rig/session/session_file.hpp"
 #include "rig/session/session_store.hpp"
+#include "rig/session/standing.hpp"
 
 namespace rig {
 namespace {
@@ -61,6 +62,8 @@ json running_session(const std::string& file, std::int64_t now_unix_s) {
   return out;
 }
 
+std::string killed_words(const std::string& file) { return "its run was killed: rig resume " + file; }
+
 /// Who is needed comes first, the longest first; then what stopped, what runs, what ended.
 int rank_of(const json& bench) {
   const std::string phase = text_of(bench, "phase");
@@ -79,8 +82,9 @@ json BenchesState::ended_session(const fs::path& file) {
     const SessionStore session(file.string(), SessionStore::Mode::peek);
     known.says = common_of(session);
     const std::string ended = session.get("ended").value_or("");
-    known.says["phase"] = ended == "done" || ended.empty() ? "done" : "ended";
-    known.says["says"] = ended;
+    const bool killed = ended.empty() ? !unfinished(session).empty() : ended == ended_but_for_reports;
+    known.says["phase"] = killed ? "stopped" : unfinished(session).empty() ? "done" : "ended";
+    known.says["says"] = killed ? killed_words(file.string()) : ended;
   } catch (const std::exception& error) {
     known.says = {{"phase", "ended"}, {"says", error.what()}};
   }
@@ -111,7 +115,7 @@ json BenchesState::observe(std::int64_t now_unix_s) {
       if (is_being_written(file)) {
         bench = running_session(file, now_unix_s);
       } else if (has_data(file + "-wal")) {
-        bench = {{"phase", "stopped"}, {"says", "its run was killed: rig resume " + file}};
+        bench = {{"phase", "stopped"}, {"says", killed_words(file)}};
       } else if (ended++ < most_ended) {
         bench = ended_session(files[i].second);
       } else {

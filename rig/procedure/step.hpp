@@ -168,6 +168,8 @@ class StepKind {
   [[nodiscard]] virtual bool turns_stage() const { return false; }
   /// The stage is homed once this ran.
   [[nodiscard]] virtual bool homes_stage() const { return false; }
+  /// Adds nothing to what a certificate says.
+  [[nodiscard]] virtual bool only_reports() const { return false; }
   /// How long it takes is up to a person.
   [[nodiscard]] virtual bool asks_a_person() const { return false; }
   /// The map that says what a person changes on the bench; null if nothing.

@@ -204,8 +204,7 @@ json make_certificate(const SessionStore& session, const std::string& session_fi
   if (!previous.is_null()) certificate["previous"] = previous;
   add_issue(certificate, session, dates.measured());
   certificate["title"] = title_of(certificate, standing);
-  const std::string ended = session.get("ended").value_or("");
-  if (!ended.empty() && ended != "done") certificate["unfinished"] = ended;
+  if (const std::string how = unfinished(session); !how.empty()) certificate["unfinished"] = how;
   const ScenePicture picture = scene_picture(*recording);
   if (!picture.plot.series.empty())
     certificate["scan_picture"] = {{"svg", to_svg(picture.plot)}, {"caption", picture.caption}};

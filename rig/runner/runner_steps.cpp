@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "rig/runner/runner_impl.hpp"
+#include "rig/session/standing.hpp"
 
 namespace rig {
 namespace {
@@ -65,6 +66,9 @@ awaitable<void> Runner::Impl::report(std::string file) {
   std::string target = report_target(file);
   state().activity = "report to " + file;
   store_limits();
+  if (std::all_of(plan.begin() + static_cast<std::ptrdiff_t>(current), plan.end(),
+                  [](const PlannedStep& step) { return step.step->kind->only_reports(); }))
+    session.set("ended", ended_but_for_reports);
   status.changed();
   session.demand_name();  // The report is made from the file.
   auto writing = worker.compute([report = parts.report, session_file = session.path(), target] {

@@ -53,6 +53,22 @@ bool says_simulated(const std::string& answers) {
   return lower.find("simulat") != std::string::npos;
 }
 
+std::string unfinished(const SessionStore& session) {
+  const std::string ended = session.get("ended").value_or("");
+  if (ended == "done" || ended == ended_but_for_reports) return "";
+  if (!ended.empty()) return ended;
+  const auto steps = session.get("steps");
+  if (!steps && !session.get("ended")) return "";  // No procedure made it.
+  std::string words = "it was killed, or still runs";
+  if (const json plan = json::parse(steps.value_or(""), nullptr, false); plan.is_array() && !plan.empty()) {
+    const auto progress = session.progress();
+    const auto done = std::ranges::count_if(
+        plan, [&](const json& step) { return progress.contains(text_of(step, "key")); });
+    words += "; " + std::to_string(done) + " of " + std::to_string(plan.size()) + " steps are done";
+  }
+  return words;
+}
+
 Standing standing_of(const SessionStore& session) {
   Standing out;
   out.simulated =
@@ -62,9 +78,8 @@ Standing standing_of(const SessionStore& session) {
     out.reasons.emplace_back("The lidar is not identified: the session has no serial number.");
   if (const std::string missing = not_stated(session); !missing.empty())
     out.reasons.push_back("The bench file does not state: " + missing + ".");
-  const std::string ended = session.get("ended").value_or("");
-  if (!ended.empty() && ended != "done")
-    out.reasons.push_back("The procedure ended before its last step: " + ended);
+  if (const std::string how = unfinished(session); !how.empty())
+    out.reasons.push_back("The procedure ended before its last step: " + how);
   for (const SessionStore::Result& result : session.latest_results()) {
     const json document = object_in(result.json);
     if (result.kind == "explanation") {

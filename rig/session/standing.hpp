@@ -15,6 +15,13 @@ struct Standing {
   [[nodiscard]] bool certifies() const { return reasons.empty(); }
 };
 
+/// How the procedure ended before its last step, or that nothing says that it ended; empty if all that it
+/// measures and computes is there, or no procedure made the session.
+[[nodiscard]] std::string unfinished(const SessionStore& session);
+
+/// What the key `ended` says while nothing but reports is left to do.
+inline constexpr const char* ended_but_for_reports = "all but its reports";
+
 /// From the newest results (their values, `contradictions` and `comparisons`), the identification of lidar
 /// and laboratory, and how the run ended.
 [[nodiscard]] Standing standing_of(const SessionStore& session);

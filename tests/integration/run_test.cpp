@@ -191,6 +191,9 @@ TEST_CASE("rig resume needs nothing but the session, and asks for what is no lon
   long scans = 0;
   recording->for_each_scan(1, [&](const fit::ScanView&) { ++scans; });
   CHECK(scans == 7);
+  Program finished({RIG_BIN_DIR "/rig", "resume", bench.folder / "out.rig"}, bench.folder);
+  CHECK(finished.exit_status() == 0);
+  CHECK_THAT(finished.errors(), Contains("nothing is left to resume"));
 }
 
 TEST_CASE("a run that is killed at any moment and resumed ends as an undisturbed one") {

@@ -246,6 +246,8 @@ struct Rig {
   nlohmann::json fitted = {{"values", nlohmann::json::array()}};
   std::function<nlohmann::json(const std::string&, const rig::SessionStore&, const nlohmann::json&)> fit =
       [this](const std::string&, const rig::SessionStore&, const nlohmann::json&) { return fitted; };
+  std::function<rig::RunnerParts::Written(const std::string&, const std::string&)> report =
+      [](const std::string&, const std::string&) { return rig::RunnerParts::Written{}; };
   boost::asio::io_context io{1};
   bool accepts_lidar = false, doubts_bench = false;
   fit::Bench bench = small_bench();
@@ -266,11 +268,7 @@ struct Rig {
     const bool again = std::filesystem::exists(file);
     rig::SessionStore session(file,
                               again ? rig::SessionStore::Mode::append : rig::SessionStore::Mode::create);
-    rig::RunnerParts parts{
-        lidar,         stage,
-        world.clock,   person,
-        fit,           [](const std::string&, const std::string&) { return rig::RunnerParts::Written{}; },
-        accepts_lidar, doubts_bench};
+    rig::RunnerParts parts{lidar, stage, world.clock, person, fit, report, accepts_lidar, doubts_bench};
     rig::Runner runner(rig::parse_procedure(text, "test.yaml"), bench, session, parts);
     prepare(runner);
     std::exception_ptr why;

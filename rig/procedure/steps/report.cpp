@@ -30,6 +30,7 @@ class Report final : public StepKind {
          .required = true}};
     return options;
   }
+  bool only_reports() const override { return true; }
   void plan(const Arguments& arguments, Plan& plan) const override {
     const std::string file = arguments.text_or("file", "report.html");
     // Found now, and not after the hours of captures before it.

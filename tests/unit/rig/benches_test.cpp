@@ -13,6 +13,7 @@
 #include "rig/live/benches_state.hpp"
 #include "rig/runner/device_lock.hpp"
 #include "rig/session/session_store.hpp"
+#include "rig/session/standing.hpp"
 #include "tests/support/calibrations.hpp"
 #include "tests/support/test_folder.hpp"
 
@@ -107,23 +108,34 @@ TEST_CASE(
     std::filesystem::copy(folder / "was.rig", folder / "killed.rig");
     std::filesystem::copy(folder / "was.rig-wal", folder / "killed.rig-wal");
   }
+  {
+    // Killed, and made one file again by whoever opened it since.
+    rig::SessionStore opened(folder / "opened.rig", rig::SessionStore::Mode::create);
+    opened.set("ended", "");
+    rig::SessionStore reporting(folder / "reporting.rig", rig::SessionStore::Mode::create);
+    reporting.set("ended", rig::ended_but_for_reports);
+  }
   const auto names = folder.names();
   rig::BenchesState benches(folder.path());
   const json state = benches.observe(1600);
-  REQUIRE(state.at("benches").size() == 5);
-  const json &first = state.at("benches").at(0), &second = state.at("benches").at(1),
-             &third = state.at("benches").at(2);
+  REQUIRE(state.at("benches").size() == 7);
+  const json &first = state.at("benches").at(0), &fifth = state.at("benches").at(4);
   CHECK(first.at("session") == "waiting.rig");
   CHECK(first.at("phase") == "needs an operator");
   CHECK(first.at("needs").at("title") == "Place the board");
   CHECK(first.at("needs").at("waiting_s") == 600);
   CHECK(first.at("lidar") == "UST-10LX H9");
-  CHECK(second.at("session") == "killed.rig");
-  CHECK(second.at("phase") == "stopped");
-  CHECK(third.at("session") == "running.rig");
-  CHECK(third.at("step") == json{{"n", 1}, {"of", 2}, {"text", "capture"}});
-  CHECK(third.at("live_page") == "http://127.0.0.1:8080/");
-  CHECK(state.at("benches").at(3).at("phase") == "done");
+  CHECK(fifth.at("session") == "running.rig");
+  CHECK(fifth.at("step") == json{{"n", 1}, {"of", 2}, {"text", "capture"}});
+  CHECK(fifth.at("live_page") == "http://127.0.0.1:8080/");
+  for (const json& bench : state.at("benches")) {
+    INFO(bench);
+    const std::string file = bench.at("session");
+    const bool killed = file == "opened.rig" || file == "reporting.rig" || file == "killed.rig";
+    CHECK((bench.at("phase") == "stopped") == killed);
+    CHECK((bench.at("phase") == "done") == (file == "old/done.rig" || file == "was.rig"));
+    if (killed) CHECK_THAT(bench.at("says"), Contains("rig resume"));
+  }
   CHECK(state.at("needed") == 1);
   CHECK(state.at("running") == 2);
   CHECK(folder.names() == names);

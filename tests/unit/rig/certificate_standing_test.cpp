@@ -111,6 +111,14 @@ TEST_CASE("what cannot be certified is a report that says why on top") {
     with(session, [](auto& store) { store.set("ended", "stopped by the operator"); });
     expected = "ended before its last step: stopped by the operator";
   }
+  SECTION("a run that was killed, or still runs") {
+    with(session, [](auto& store) {
+      store.set("ended", "");
+      store.set("steps", R"([{"key":"1","text":"home"},{"key":"2","text":"capture"}])");
+      store.set_progress("1", "{}");
+    });
+    expected = "ended before its last step: it was killed, or still runs; 1 of 2 steps are done";
+  }
   const std::string html = page_of(folder, session);
   CHECK_THAT(html, Contains("<h1>Report</h1>") && Contains("This is a report, not a certificate:") &&
                        Contains(expected));

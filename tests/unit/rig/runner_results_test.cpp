@@ -2,6 +2,7 @@
 #include <future>
 
 #include "rig/live/session_state.hpp"
+#include "rig/session/standing.hpp"
 #include "tests/support/runner_rig.hpp"
 
 using Catch::Matchers::Contains;
@@ -188,6 +189,20 @@ TEST_CASE("a session that is removed after the last capture is saved before the 
   std::filesystem::rename(rig.file.string() + ".rescued", rig.file);
   CHECK(rig.run());
   CHECK(rig.captures().size() == 1);
+}
+
+TEST_CASE("a report made while anything else is left to do is one of an unfinished procedure") {
+  Rig rig(
+      "  - home\n  - report: {file: a.html}\n  - capture: {samples: 5}\n"
+      "  - report: {file: b.html}\n  - report: {file: c.html}\n");
+  std::vector<std::string> said;
+  rig.report = [&](const std::string& file, const std::string&) {
+    said.push_back(rig::unfinished(rig::SessionStore(file, rig::SessionStore::Mode::read)));
+    return rig::RunnerParts::Written{};
+  };
+  CHECK(rig.run());
+  CHECK(said == std::vector<std::string>{"it was killed, or still runs; 1 of 5 steps are done", "", ""});
+  CHECK(rig::SessionStore(rig.file, rig::SessionStore::Mode::read).get("ended") == "done");
 }
 
 TEST_CASE("a report cannot leave the session's folder, and is refused before anything moves") {
