@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
+#include <csignal>
 #include <cstdio>
 #include <exception>
 #include <string>
@@ -76,6 +77,7 @@ int main(int argc, char** argv) {
   app.footer(
       "Exit status: 0 done; 1 the measurement or fit failed; 2 wrong usage or an unreadable file; "
       "3 a device failed or was lost.");
+  std::signal(SIGXFSZ, SIG_IGN);  // A file that may not grow is a full disk, told in words.
   auto commands = rig::commands::all();
   std::vector<CLI::App*> declared;
   for (const auto& command : commands) declared.push_back(command->declare(app));

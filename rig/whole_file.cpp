@@ -2,13 +2,31 @@
 #include "rig/whole_file.hpp"
 
 #include <cerrno>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <system_error>
 
 #include "rig/errors.hpp"
 #include "rig/output_place.hpp"
 
 namespace rig {
+namespace {
+
+void write_named(const std::string& path, const std::string& part,
+                 const std::function<void(const std::string& part)>& write) {
+  try {
+    write(part);
+  } catch (const std::system_error& failure) {
+    throw UsageError("cannot write " + path + ": " + why_not_written(path, failure.code().value()));
+  } catch (const DiskFailure& failure) {
+    throw MeasurementError("cannot write " + path + ": " + failure.what() +
+                           ". Is the disk full? Nothing is left of it. Free some space, or choose a folder "
+                           "on another disk.");
+  }
+}
+
+}  // namespace
 
 void write_beside(const std::string& path, const std::function<void(const std::string& part)>& write) {
   demand_plain_file(path);
@@ -16,7 +34,7 @@ void write_beside(const std::string& path, const std::function<void(const std::s
   const std::string place = end_of_link(path), part = part_of(place);
   std::error_code failed, ignored;
   try {
-    write(part);
+    write_named(path, part, write);
   } catch (...) {
     std::filesystem::remove(part, ignored);
     throw;
@@ -30,18 +48,18 @@ void write_beside(const std::string& path, const std::function<void(const std::s
   throw UsageError("cannot write " + path + ": " + why_not_written(path, failed.value()));
 }
 
+void write_text(const std::string& part, const std::string& text) {
+  errno = 0;
+  std::ofstream out(part, std::ios::binary);
+  if (!out) throw std::system_error(errno ? errno : EIO, std::generic_category());
+  out << text;
+  out.flush();
+  if (!out) throw DiskFailure(std::strerror(errno ? errno : EIO));
+}
+
 void write_file_atomically(const std::string& path, const std::string& text) {
-  const auto write = [&](const std::string& to) {
-    errno = 0;
-    std::ofstream out(to, std::ios::binary);
-    if (out) out << text;
-    out.flush();
-    if (!out) throw UsageError("cannot write " + path + ": " + why_not_written(path, errno ? errno : EIO));
-  };
-  if (is_no_plain_file(path))
-    write(path);
-  else
-    write_beside(path, write);
+  const auto write = [&](const std::string& to) { write_text(to, text); };
+  is_no_plain_file(path) ? write_named(path, path, write) : write_beside(path, write);
 }
 
 }  // namespace rig

@@ -166,7 +166,6 @@ class DeviceRun {
       throw UsageError("--lidar is missing: give tcp://HOST:PORT (`rig devices` looks for it).");
     if (stage.empty())
       throw UsageError("--stage is missing: give serial:PATH (`rig devices` lists the ports).");
-    std::signal(SIGXFSZ, SIG_IGN);  // A file that may not grow is a full disk, told in words.
     std::signal(SIGPIPE, SIG_IGN);
     const Endpoint lidar_address = parse_endpoint(lidar, "--lidar", scip_port);
     const StageOptions known_stage = bench_stage_options(bench);

@@ -37,7 +37,7 @@ CorrectionExport read_for_export(const ExportSource& source) {
 }
 
 void CorrectionFormat::write(const ExportSource& source, const std::string& output) const {
-  write_file_atomically(output, text_of(read_for_export(source)));
+  write_text(output, text_of(read_for_export(source)));
 }
 
 std::string real(double value) {

@@ -70,7 +70,7 @@ OdometryExport read_odometry(const ExportSource& source) {
 }
 
 void OdometryFormat::write(const ExportSource& source, const std::string& output) const {
-  write_file_atomically(output, text_of(read_odometry(source)));
+  write_text(output, text_of(read_odometry(source)));
 }
 
 std::string in_metres(const OdometryExport::Value& mm) {

@@ -6,8 +6,6 @@
 #include <algorithm>
 #include <fstream>
 
-#include "rig/errors.hpp"
-
 namespace rig {
 namespace {
 
@@ -28,9 +26,9 @@ bool is_text(const std::string& path) {
 void rethrow_for_operator(const std::string& path, const SQLite::Exception& error) {
   switch (error.getErrorCode()) {
     case SQLITE_FULL:
-      throw MeasurementError("The disk is full: " + path +
-                             " cannot grow. What was captured before is intact. Free some space, then "
-                             "continue with rig resume.");
+      throw SessionDiskError("The disk is full: " + path +
+                             " cannot grow. What it held before is intact. Free some space and try again; a "
+                             "run continues with rig resume.");
     case SQLITE_NOTADB:
       if (is_text(path))
         throw UsageError(path +
@@ -48,9 +46,9 @@ void rethrow_for_operator(const std::string& path, const SQLite::Exception& erro
     case SQLITE_CANTOPEN:
       throw UsageError(path + " cannot be opened or made. Choose another folder or correct its permissions.");
     case SQLITE_IOERR:
-      throw MeasurementError(
-          "Reading or writing " + path + " failed (" + error.what() +
-          "). What was captured before is intact. Check the disk, then continue with rig resume.");
+      throw SessionDiskError("Reading or writing " + path + " failed (" + error.what() +
+                             "). What it held before is intact. Check the disk and try again; a run "
+                             "continues with rig resume.");
     default:
       throw MeasurementError(path + ": " + error.what());
   }

@@ -5,7 +5,14 @@
 
 #include <string>
 
+#include "rig/errors.hpp"
+
 namespace rig {
+
+/// The disk of a session is full or fails.
+class SessionDiskError : public MeasurementError {
+  using MeasurementError::MeasurementError;
+};
 
 /// Turns the database's words about the session file `path` into the operator's. Throws UsageError or
 /// MeasurementError.

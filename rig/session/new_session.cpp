@@ -2,7 +2,6 @@
 #include "rig/session/new_session.hpp"
 
 #include <fcntl.h>
-#include <sqlite3.h>
 #include <stdio.h>
 #include <unistd.h>
 
@@ -39,21 +38,6 @@ void sync_file(const std::string& path) {
   if (failed) throw MeasurementError("cannot write " + path + ": " + why_not_written(path, error));
 }
 
-/// The database's words to one who makes a session: there is nothing to resume.
-[[noreturn]] void rethrow_for_maker(const std::string& path, const SQLite::Exception& error) {
-  switch (error.getErrorCode()) {
-    case SQLITE_FULL:
-      throw MeasurementError("cannot write " + path +
-                             ": the disk is full. Nothing is left of it; free some " +
-                             "space and try again.");
-    case SQLITE_IOERR:
-      throw MeasurementError("cannot write " + path + ": reading or writing failed (" + error.what() +
-                             "). Nothing is left of it; check the disk and try again.");
-    default:
-      rethrow_for_operator(path, error);
-  }
-}
-
 /// Gives the file its name unless another has it. Returns 0 or the system's error number.
 int take_name(const std::string& unfinished, const std::string& path) {
   const auto rename = [&](unsigned flags) {
@@ -76,11 +60,13 @@ void make_session(const OutputPlace& place, const std::function<void(const std::
   const std::string unfinished = path + ".unfinished-" + std::to_string(::getpid());
   remove_database(unfinished);  // Of a program that was killed and had the same number.
   try {
-    make(unfinished);
+    guarded(path, [&] { make(unfinished); });
     sync_file(unfinished);
-  } catch (const SQLite::Exception& error) {
+  } catch (const SessionDiskError&) {  // Its words are for one who has something to resume.
     remove_database(unfinished);
-    rethrow_for_maker(path, error);
+    throw MeasurementError("cannot write " + path +
+                           ": the disk is full or fails. Nothing is left of it. Free some space, or choose a "
+                           "folder on another disk.");
   } catch (...) {
     remove_database(unfinished);
     throw;

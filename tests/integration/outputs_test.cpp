@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: MIT
+#include <sys/resource.h>
+
 #include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <random>
 
 #include "rig/session/session_store.hpp"
 #include "tests/support/programs.hpp"
@@ -61,6 +64,36 @@ TEST_CASE("no command replaces a recording, nor what it reads") {
   CHECK(program.exit_status() == 2);
   CHECK_THAT(program.errors(), Catch::Contains("what this command reads"));
   CHECK(file_text(bench) == bench_before);
+}
+
+TEST_CASE("a full disk is told alike by whatever writes a file, and leaves nothing of it") {
+  const TestFolder folder;
+  const std::string input = folder / "in.rig";
+  {
+    rig::SessionStore store(input, rig::SessionStore::Mode::create);
+    store.set("bench", R"({"schema": "bench/1"})");
+    fit::CaptureInfo info;
+    info.last_step = 999;
+    const auto capture = store.begin_capture(info);
+    std::vector<std::uint16_t> ranges(1000);
+    std::minstd_rand random;
+    for (auto& range : ranges) range = static_cast<std::uint16_t>(random() % 10'000);
+    fit::ScanView scan;
+    scan.range_mm = ranges;
+    for (; scan.seq < 100; ++scan.seq) store.add_scan(capture, scan);
+    store.commit_capture(capture);
+  }
+  for (const std::string format : {"hdf5", "csv", "mcap", "db3"}) {
+    CAPTURE(format);
+    const std::string output = folder / "out";
+    Program program(rig_command({"export", input, "--format", format, "-o", output}), folder, [] {
+      const rlimit limit{2000, RLIM_INFINITY};
+      ::setrlimit(RLIMIT_FSIZE, &limit);
+    });
+    CHECK(program.exit_status() == 1);
+    CHECK_THAT(program.errors(), Catch::Contains("cannot write " + output) && Catch::Contains("disk"));
+    CHECK(!fs::exists(output));
+  }
 }
 
 TEST_CASE("with --json - standard output holds the document alone") {

@@ -8,6 +8,7 @@
 #include "rig/errors.hpp"
 #include "rig/export/exporter.hpp"
 #include "rig/session/deskewed_scans.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig::exporters {
 namespace {
@@ -34,7 +35,7 @@ class Output {
   }
 
  private:
-  [[noreturn]] static void failed() { throw MeasurementError("writing failed: is the disk full?"); }
+  [[noreturn]] static void failed() { throw DiskFailure("the table is cut"); }
   std::FILE* file_;
 };
 

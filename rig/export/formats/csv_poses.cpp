@@ -42,7 +42,7 @@ class CsvPoses : public Exporter {
         append_cell(row, value);
       out += row + '\n';
     }
-    write_file_atomically(output, out);
+    write_text(output, out);
   }
 };
 

@@ -5,9 +5,9 @@
 #include <optional>
 #include <string>
 
-#include "rig/errors.hpp"
 #include "rig/export/bag_messages.hpp"
 #include "rig/export/exporter.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig::exporters {
 namespace {
@@ -37,21 +37,25 @@ class Db3Writer : public BagSink {
   }
 
   std::uint16_t add_channel(const Channel& channel) override {
-    SQLite::Statement row(database_, "INSERT INTO topics VALUES(?, ?, ?, 'cdr', ?)");
-    row.bind(1, ++channels_);
-    row.bind(2, channel.topic);
-    row.bind(3, channel.type);
-    row.bind(4, channel.latched ? latched_profile : "");
-    row.exec();
+    passed_on([&] {
+      SQLite::Statement row(database_, "INSERT INTO topics VALUES(?, ?, ?, 'cdr', ?)");
+      row.bind(1, ++channels_);
+      row.bind(2, channel.topic);
+      row.bind(3, channel.type);
+      row.bind(4, channel.latched ? latched_profile : "");
+      row.exec();
+    });
     return static_cast<std::uint16_t>(channels_);
   }
 
   void add_message(std::uint16_t channel, std::uint64_t time_ns, const std::string& cdr) override {
-    insert_->reset();
-    insert_->bind(1, static_cast<int>(channel));
-    insert_->bind(2, static_cast<std::int64_t>(time_ns));
-    insert_->bindNoCopy(3, cdr.data(), static_cast<int>(cdr.size()));
-    insert_->exec();
+    passed_on([&] {
+      insert_->reset();
+      insert_->bind(1, static_cast<int>(channel));
+      insert_->bind(2, static_cast<std::int64_t>(time_ns));
+      insert_->bindNoCopy(3, cdr.data(), static_cast<int>(cdr.size()));
+      insert_->exec();
+    });
   }
 
   void close() {
@@ -61,6 +65,15 @@ class Db3Writer : public BagSink {
   }
 
  private:
+  /// What this database complains of is not the session's, which is being read meanwhile.
+  static void passed_on(const auto& work) {
+    try {
+      work();
+    } catch (const SQLite::Exception& error) {
+      throw DiskFailure(error.what());
+    }
+  }
+
   SQLite::Database database_;
   std::optional<SQLite::Transaction> transaction_;
   std::optional<SQLite::Statement> insert_;
@@ -79,7 +92,7 @@ class Db3 : public Exporter {
       write_bag(*source.session, out);
       out.close();
     } catch (const SQLite::Exception& error) {
-      throw MeasurementError("cannot write the bag (" + std::string(error.what()) + "): is the disk full?");
+      throw DiskFailure(error.what());
     }
   }
 };

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "fit/angle.hpp"
-#include "rig/errors.hpp"
 #include "rig/export/exporter.hpp"
 #include "rig/session/deskewed_scans.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig::exporters {
 namespace {
@@ -21,7 +21,7 @@ constexpr hsize_t scans_in_a_chunk = 256;
 class Handle {
  public:
   Handle(hid_t id, herr_t (*close)(hid_t), const char* what) : id_(id), close_(close) {
-    if (id < 0) throw MeasurementError(std::string("HDF5 cannot ") + what + ": is the disk full?");
+    if (id < 0) throw DiskFailure(std::string("HDF5 cannot ") + what);
   }
   ~Handle() { close_(id_); }
   Handle(const Handle&) = delete;
@@ -34,7 +34,7 @@ class Handle {
 };
 
 void check(herr_t status, const char* what) {
-  if (status < 0) throw MeasurementError(std::string("HDF5 cannot ") + what + ": is the disk full?");
+  if (status < 0) throw DiskFailure(std::string("HDF5 cannot ") + what);
 }
 
 void set_text(hid_t where, const char* name, const std::string& text) {
@@ -117,6 +117,9 @@ class Hdf5 : public Exporter {
   }
 
   void write(const ExportSource& source, const std::string& output) const override {
+    // A file that could not be flushed stays half open inside the library, which then crashes at exit;
+    // and all handles close themselves.
+    [[maybe_unused]] static const herr_t once = H5dont_atexit();
     H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // failures are reported by exceptions, not by the library
     const SessionStore& session = *source.session;
     const auto recording = session.recording();

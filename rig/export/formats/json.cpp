@@ -42,7 +42,7 @@ class Json : public Exporter {
     out["results"] = json::object();
     for (const SessionStore::Result& result : session.latest_results())
       out["results"][result.kind] = parsed_or_text(result.json);
-    write_file_atomically(output, out.dump(1) + "\n");
+    write_text(output, out.dump(1) + "\n");
   }
 
  private:

@@ -12,6 +12,7 @@
 #include "rig/errors.hpp"
 #include "rig/export/bag_messages.hpp"
 #include "rig/export/exporter.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig::exporters {
 namespace {
@@ -113,7 +114,7 @@ class McapWriter : public BagSink {
     emit(record(0x02, footer));
     emit(Bytes("\x89MCAP0\r\n", 8));
     out_.close();
-    if (!out_) throw MeasurementError("writing failed: is the disk full?");
+    if (!out_) throw DiskFailure("the bag is cut");
   }
 
  private:

@@ -37,6 +37,10 @@ TEST_CASE("a file that could not be made leaves nothing behind and harms nothing
                     Catch::Contains("the file that was prepared for it has disappeared"));
   CHECK_THROWS_WITH(rig::write_file_atomically(folder / "none/made.txt", "text"),
                     Catch::Contains("none/made.txt: there is no folder " + folder / "none"));
+  CHECK_THROWS_WITH(
+      rig::write_beside(path, [](const std::string&) { throw rig::DiskFailure("it cannot grow"); }),
+      Catch::Contains("cannot write " + path + ": it cannot grow. Is the disk full?"));
+  CHECK_THROWS_AS(rig::write_file_atomically("/dev/full", "text"), rig::MeasurementError);
   fs::create_directory(folder / "taken");
   CHECK_THROWS_AS(rig::write_file_atomically(folder / "taken", "text"), rig::UsageError);
   CHECK(folder.names().size() == 2);
