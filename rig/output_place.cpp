@@ -4,11 +4,13 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "rig/errors.hpp"
 
@@ -30,6 +32,23 @@ bool has_the_mark(const std::string& path) {
   std::uint32_t id = 0;
   for (std::size_t i = 0; i < 4; ++i) id = id << 8 | static_cast<std::uint8_t>(head[application_id_at + i]);
   return id == session_application_id;
+}
+
+/// How pages begin that say what they are.
+constexpr std::string_view page_mark = "<meta name=\"generator\" content=\"rig ";
+
+/// The name in "NAME/1", a JSON document's own key `schema`; empty if it is none or has none. Nothing below
+/// that is kept.
+std::string schema_of(std::istream& file) {
+  using nlohmann::json;
+  using Event = json::parse_event_t;
+  const auto outermost = [](int depth, Event event, json&) {
+    return depth == 0 || (event != Event::object_start && event != Event::array_start);
+  };
+  const json document = json::parse(file, outermost, false, true);
+  if (!document.is_object() || !document.contains("schema") || !document["schema"].is_string()) return "";
+  const std::string schema = document["schema"];
+  return schema.substr(0, schema.find('/'));
 }
 
 std::string folder_of(const std::string& path) {
@@ -80,6 +99,37 @@ void try_place(const std::string& path) {
 }
 
 }  // namespace
+
+std::string kind_of_file(const std::string& path) {
+  constexpr std::size_t head_bytes = 4096, enough = 24;
+  std::error_code ignored;
+  if (!fs::is_regular_file(path, ignored)) return "";
+  std::ifstream file(path, std::ios::binary);
+  std::string head(head_bytes, '\0');
+  file.read(head.data(), static_cast<std::streamsize>(head.size()));
+  head.resize(static_cast<std::size_t>(file.gcount()));
+  if (head.starts_with("<?xml")) head.erase(0, std::min(head.size(), head.find("?>") + 2));
+  head.erase(0, head.find_first_not_of(" \t\r\n"));
+  if (head.starts_with('{') || head.starts_with('/')) {  // Bench files may begin with a comment.
+    file.clear();
+    file.seekg(0);
+    if (const std::string schema = schema_of(file); !schema.empty()) return schema;
+  }
+  if (const auto at = head.find(page_mark); at != std::string::npos) {
+    const auto from = at + page_mark.size();
+    return head.substr(from, head.find('"', from) - from);
+  }
+  return head.substr(0, std::min(enough, head.find_first_of("\r\n")));
+}
+
+void refuse_other_kind(const std::string& path, const std::string& kind) {
+  const std::string there = kind_of_file(path);
+  if (there.empty() || there == kind) return;
+  const bool is_word = std::ranges::all_of(there, [](char c) { return (c >= 'a' && c <= 'z') || c == '-'; });
+  refuse(path, "what is there" + (is_word ? " (" + there + ")" : "") +
+                   " is of another kind than this output, and only its like is replaced. Give the output "
+                   "another name, or remove that file first.");
+}
 
 bool is_recording(const std::string& path) {
   if (has_the_mark(path)) return true;
@@ -162,6 +212,7 @@ std::vector<OutputPlace> check_outputs(const std::vector<Output>& outputs,
         refuse(path, (path == input ? "it is" : "it is the same file as " + input + ",") +
                          std::string(" what this command reads. Give the output another name."));
     refuse_recording(path);
+    if (!output.kind.empty()) refuse_other_kind(path, output.kind);
     for (const std::string& other : others)
       if (!is_no_plain_file(path) && same_file(path, other))
         refuse(path, "it is to receive " +

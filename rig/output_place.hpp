@@ -23,6 +23,8 @@ struct Output {
   std::string path;
   std::string example = "result";  ///< What such a file could be called, for those who name a folder.
   bool or_standard_output = false;
+  /// What it will hold, as kind_of_file() has it: known before anything is computed. Empty: found at the end.
+  std::string kind = {};
 };
 
 /// A place that check_outputs() found fit to be written, which is asked once: who takes one relies on that
@@ -40,9 +42,9 @@ class OutputPlace {
 };
 
 /// The rules of every output, to be asked before anything is computed: it can be written where it is to go;
-/// it replaces no recording and nothing of what the command reads, by whatever name or link; no two outputs
-/// are one file. Nothing is left there. Returns the places in the outputs' order. Throws UsageError, which
-/// says what is in the way and what to do.
+/// it replaces no recording, no other kind of file, and nothing of what the command reads, by whatever name
+/// or link; no two outputs are one file. Nothing is left there. Returns the places in the outputs' order.
+/// Throws UsageError, which says what is in the way and what to do.
 std::vector<OutputPlace> check_outputs(const std::vector<Output>& outputs,
                                        const std::vector<std::string>& inputs = {});
 /// The same for one.
@@ -52,6 +54,12 @@ std::vector<OutputPlace> check_outputs(const std::vector<Output>& outputs,
 void refuse_recording(const std::string& path);
 /// Refuses a device, a pipe and a folder, which no file may replace. Throws UsageError.
 void demand_plain_file(const std::string& path);
+
+/// What a file holds: the schema of a document ("certificate"), what a page of rig's says of itself, else how
+/// it begins. Empty if nothing is there that could be lost.
+[[nodiscard]] std::string kind_of_file(const std::string& path);
+/// An output takes the place of its like only: certificates, benches and procedures stay. Throws UsageError.
+void refuse_other_kind(const std::string& path, const std::string& kind);
 
 /// Where a file of that name really lies: the end of a link, so that a file takes the place of another and
 /// never of a link to it.

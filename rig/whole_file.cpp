@@ -35,13 +35,14 @@ void write_beside(const std::string& path, const std::function<void(const std::s
   std::error_code failed, ignored;
   try {
     write_named(path, part, write);
+    if (!std::filesystem::exists(part, ignored))
+      throw UsageError("cannot write " + path +
+                       ": the file that was prepared for it has disappeared. Try again.");
+    refuse_other_kind(place, kind_of_file(part));
   } catch (...) {
     std::filesystem::remove(part, ignored);
     throw;
   }
-  if (!std::filesystem::exists(part, ignored))
-    throw UsageError("cannot write " + path +
-                     ": the file that was prepared for it has disappeared. Try again.");
   std::filesystem::rename(part, place, failed);
   if (!failed) return;
   std::filesystem::remove(part, ignored);

@@ -15,7 +15,7 @@ struct DiskFailure : std::runtime_error {
 
 /// Has `write` write a part beside `path`, which takes its place when it is whole: a reader never sees half
 /// of it. If that fails, nothing is left of it. Throws what `write` throws, and UsageError if `path` cannot
-/// be written, is not a regular file, or is a recording (output_place.hpp).
+/// be written, is not a regular file, or is a recording or another kind of file (output_place.hpp).
 void write_beside(const std::string& path, const std::function<void(const std::string& part)>& write);
 
 /// Writes `text` into a part. Throws DiskFailure, or std::system_error if the file cannot be made.

@@ -203,9 +203,9 @@ std::string repeatability_section(const json& f) {
 }  // namespace
 
 std::string fleet_html(const json& f) {
-  return page::head("The fleet") + summary(f) + "<h2>Findings</h2>\n" + findings(f) + drifts_section(f) +
-         unknown_section(f) + mechanisms_section(f) + undecided_section(f) + repeatability_section(f) +
-         page::end();
+  return page::head("fleet", "The fleet") + summary(f) + "<h2>Findings</h2>\n" + findings(f) +
+         drifts_section(f) + unknown_section(f) + mechanisms_section(f) + undecided_section(f) +
+         repeatability_section(f) + page::end();
 }
 
 }  // namespace rig

@@ -189,7 +189,7 @@ std::string overview(const json& quantities) {
 
 std::string history_html(const json& h) {
   const json& sessions = h.at("sessions");
-  std::string html = page::head("History of the lidar " + text_of(h, "serial"));
+  std::string html = page::head("history", "History of the lidar " + text_of(h, "serial"));
   const bool simulated =
       std::ranges::any_of(sessions, [](const json& s) { return s.value("simulated", false); });
   html += "<p class=\"sub\">" + escaped(text_of(h, "model")) + " &middot; " +

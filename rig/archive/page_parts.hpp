@@ -16,10 +16,10 @@ namespace rig::page {
 // What the pages of an archive are put together from. Every text that a session may hold passes through
 // escaped().
 
-inline std::string head(const std::string& title) {
+inline std::string head(const std::string& kind, const std::string& title) {
   return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" "
-         "content=\"width=device-width, initial-scale=1\"><title>" +
-         escaped(title) + "</title><style>" + page_style() +
+         "content=\"width=device-width, initial-scale=1\"><meta name=\"generator\" content=\"rig " +
+         kind + "\"><title>" + escaped(title) + "</title><style>" + page_style() +
          ".bad{color:#b02a00;font-weight:600}.small td,.small "
          "th{font-size:.85em}th{vertical-align:bottom}td{vertical-align:top}"
          ".warn{border-left-color:#b02a00}.scroll{overflow-x:auto}td.n{white-space:nowrap}</style></"

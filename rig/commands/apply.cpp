@@ -30,7 +30,7 @@ class Apply : public Command {
         ->capture_default_str();
     command->add_flag("--any-lidar", request_.any_lidar,
                       "Also for a lidar other than the calibrated one, even of another model");
-    json_.declare(*command, "what was done");
+    json_.declare(*command, "what was done", "apply");
     return command;
   }
 

@@ -81,7 +81,7 @@ class Archive : public Command {
     command->add_flag("--forget-missing", adding_.forget_missing,
                       "add: remove missing sessions from the index");
     command->add_option("--serial", serial_, "list: of this lidar only");
-    json_.declare(*command, "what was found");
+    json_.declare(*command, "what was found", "");
     return command;
   }
 

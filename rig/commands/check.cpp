@@ -48,7 +48,7 @@ class Check : public Command {
     check->add_option("--stage", stage_, "serial:PATH[?language=zaber&baud=...]")->required();
     check->add_option("--bench", bench_, "Bench file")->required();
     check->add_flag("--stay-still", stay_still_, "Do not home or move the stage");
-    json_.declare(*check, "what was found");
+    json_.declare(*check, "what was found", "check");
     return check;
   }
 

@@ -36,7 +36,7 @@ class Compare : public Command {
     command->add_option("recorded", recorded_, "Session files (*.rig) of the first device")->required();
     command->add_option("--with", other_, "Session files of the second device")->required();
     command->add_option("-o,--output", output_, "Page to write (HTML)");
-    json_.declare(*command, "the distances");
+    json_.declare(*command, "the distances", "comparison");
     command->add_option("--beams", beams_, "Beams that count for noise and intensity, degrees: FROM TO")
         ->expected(2);
     command->add_option("--names", names_, "Names of the two devices")->expected(2)->capture_default_str();
@@ -47,7 +47,7 @@ class Compare : public Command {
     if (output_.empty() && !json_.wanted()) throw UsageError("name the output: -o PAGE.html, or --json FILE");
     std::vector<std::string> inputs = recorded_;
     inputs.insert(inputs.end(), other_.begin(), other_.end());
-    check_outputs({{output_, "comparison.html"}, json_.output()}, inputs);
+    check_outputs({{output_, "comparison.html", false, "comparison"}, json_.output()}, inputs);
     const Sessions recorded(recorded_), other(other_);
     fit::StatisticsOptions options;
     if (beams_.size() == 2) {

@@ -29,7 +29,7 @@ class Deskew : public Command {
     command->add_option("--reference", reference_,
                         "Compare the scans with a session of the same scene at rest, or with the part of the "
                         "recording in which the carrier stood near X_MM,Y_MM,HEADING_DEG");
-    json_.declare(*command, "the result");
+    json_.declare(*command, "the result", "result");
     return command;
   }
 

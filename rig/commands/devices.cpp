@@ -30,7 +30,7 @@ class Devices : public Command {
         std::string("Address to ask, tcp://HOST[:PORT]; may be repeated; default: ") + factory_address);
     devices->add_option("--stage", stages_, "Another port to ask, serial:PATH[?baud=RATE]; may be repeated");
     devices->add_flag("--no-probe", no_probe_, "List the serial ports and query none");
-    json_.declare(*devices, "what was found");
+    json_.declare(*devices, "what was found", "devices");
     return devices;
   }
 

@@ -50,7 +50,7 @@ class Explain : public Command {
                      "Session files (*.rig) of one bench; several are explained together")
         ->required();
     command->add_option("--bench", bench_, "Bench file; default: the one in the session");
-    json_.declare(*command, "the explanation");
+    json_.declare(*command, "the explanation", "explanation");
     command->add_option("--report", report_,
                         "Write the explanation as one HTML page with pictures to FILE.html");
     command->add_option(
@@ -63,7 +63,8 @@ class Explain : public Command {
   }
 
   int run() override {
-    check_outputs({json_.output(), {report_, "explanation.html"}, {next_, "next.yaml"}}, inputs());
+    check_outputs({json_.output(), {report_, "explanation.html", false, "explanation"}, {next_, "next.yaml"}},
+                  inputs());
     demand_different_sessions(fitted_and_predicted());
     std::optional<fit::Bench> bench;
     if (!bench_.empty()) bench = read_bench_file(bench_);

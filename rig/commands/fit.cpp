@@ -31,7 +31,7 @@ class Fit : public Command {
     command->add_option("kind", kind_, "Calibration to compute")->required();
     command->add_option("session", sessions_, "Session files")->required();
     command->add_option("--option", options_, "NAME=VALUE; 'rig fit KIND --help' lists them");
-    json_.declare(*command, "the result");
+    json_.declare(*command, "the result", "result");
     command->add_flag("--no-store", no_store_, "Leave the session file as it is");
     command->footer([this] { return help(); });
     return command;

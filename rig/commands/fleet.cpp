@@ -23,12 +23,12 @@ class Fleet : public Command {
                             "unknown shapes they share, which sessions belong to another lidar");
     archive_.declare(*command, true);
     command->add_option("-o,--output", output_, "Page to write (HTML)");
-    json_.declare(*command, "the fleet");
+    json_.declare(*command, "the fleet", "fleet");
     return command;
   }
 
   int run() override {
-    check_outputs({{output_, "fleet.html"}, json_.output()});
+    check_outputs({{output_, "fleet.html", false, "fleet"}, json_.output()});
     const std::vector<SessionRecord> sessions = archive_.sessions();
     const json fleet = fleet_of(sessions);
     if (!json_.wanted()) print(fleet);

@@ -24,12 +24,12 @@ class History : public Command {
     command->add_option("serial", serial_, "Serial number of the lidar")->required();
     archive_.declare(*command, true);
     command->add_option("-o,--output", output_, "Page to write (HTML)");
-    json_.declare(*command, "the history");
+    json_.declare(*command, "the history", "history");
     return command;
   }
 
   int run() override {
-    check_outputs({{output_, serial_ + ".html"}, json_.output()});
+    check_outputs({{output_, serial_ + ".html", false, "history"}, json_.output()});
     const std::vector<SessionRecord> sessions = archive_.sessions();
     const json history = history_of(sessions, serial_);
     if (!json_.wanted()) print(history);

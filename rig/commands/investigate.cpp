@@ -57,7 +57,7 @@ class Investigate : public Command {
             "--on-for-min", options_.on_for_min,
             "How long the lidar has been on when the first session begins; drifts are compared by that")
         ->check(CLI::NonNegativeNumber);
-    json_.declare(*command, "the dossier");
+    json_.declare(*command, "the dossier", "dossier");
     devices_.declare(*command);
     command->footer(
         "Ctrl-C stops the stage and keeps all data; --resume continues. The dossier says what a predicted "

@@ -16,14 +16,15 @@ namespace rig::commands {
 /// may go then: what is meant for people goes to standard error in every command.
 class JsonOutput {
  public:
-  /// `what` stands in the help: "Write WHAT to FILE, ...".
-  void declare(CLI::App& command, const std::string& what) {
+  /// `what` stands in the help: "Write WHAT to FILE, ..."; `kind`: its schema, without the version.
+  void declare(CLI::App& command, const std::string& what, const std::string& kind) {
+    kind_ = kind;
     command.add_option("--json", path_, "Write " + what + " as JSON to FILE, or '-' for standard output");
   }
   [[nodiscard]] bool wanted() const { return !path_.empty(); }
   [[nodiscard]] bool to_standard_output() const { return path_ == "-"; }
   /// For check_outputs(), before anything is computed.
-  [[nodiscard]] Output output() const { return {path_, "result.json", true}; }
+  [[nodiscard]] Output output() const { return {path_, "result.json", true, kind_}; }
 
   /// Writes the document if it is wanted. Throws UsageError or MeasurementError.
   void write(const nlohmann::json& document) const {
@@ -35,7 +36,7 @@ class JsonOutput {
   }
 
  private:
-  std::string path_;
+  std::string path_, kind_;
 };
 
 }  // namespace rig::commands

@@ -8,6 +8,7 @@
 #include "rig/commands/archive_options.hpp"
 #include "rig/commands/json_output.hpp"
 #include "rig/report/certificate.hpp"
+#include "rig/report/issue.hpp"
 #include "rig/session/session_store.hpp"
 
 namespace rig::commands {
@@ -26,7 +27,7 @@ class Report : public Command {
     command->add_flag("--no-store", no_store_,
                       "Leave the session file as it is: later issues will not know of this one");
     archive_.declare(*command);
-    json_.declare(*command, "the certificate");
+    json_.declare(*command, "the certificate", "certificate");
     return command;
   }
 
@@ -36,8 +37,12 @@ class Report : public Command {
     const OutputPlace output =
         check_outputs({{output_, page.filename().string()}, json_.output()}, {session_}).front();
     const nlohmann::json previous = archive_.given() ? previous_in_archive() : nullptr;
-    if (json_.wanted())
-      json_.write(make_certificate(SessionStore(session_, SessionStore::Mode::read), session_, previous));
+    if (json_.wanted()) {
+      const nlohmann::json certificate =
+          make_certificate(SessionStore(session_, SessionStore::Mode::read), session_, previous);
+      refuse_other_certificate(json_.output().path, certificate);
+      json_.write(certificate);
+    }
     if (output_.empty()) return 0;
     const IssuedReport issued = issue_report(session_, output.path(), previous);
     if (std::filesystem::path(issued.file).filename() != std::filesystem::path(output.path()).filename())

@@ -142,7 +142,8 @@ json comparison_json(const Comparison& c) {
 
 std::string comparison_html(const Comparison& c) {
   std::string html =
-      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Two devices "
+      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"generator\" "
+      "content=\"rig comparison\"><title>Two devices "
       "compared</title><style>" +
       compare_style() + "</style></head><body>\n<h1>Two devices compared</h1>\n<p class=\"sub\">" +
       escaped(c.name) + " (" + std::to_string(c.recorded.scans) + " scans, " +

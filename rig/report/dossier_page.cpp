@@ -230,7 +230,8 @@ std::string details_section(const json& dossier) {
 std::string dossier_page(const json& dossier) {
   const bool confirmed = dossier.value("confirmed", false);
   std::string html =
-      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Dossier of an "
+      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"generator\" "
+      "content=\"rig dossier\"><title>Dossier of an "
       "investigation</title><style>" +
       dossier_style() + "</style></head><body>\n<h1>What the bench file leaves out</h1>\n<p class=\"sub\">" +
       escaped(text_of(dossier, "lidar")) + " &middot; " + escaped(text_of(dossier, "software")) +

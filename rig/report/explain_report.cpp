@@ -135,7 +135,8 @@ std::string prediction_section(const json& p) {
 
 std::string explanation_html(const json& e, const std::string& sessions) {
   std::string html =
-      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Explanation</title><style>" +
+      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"generator\" "
+      "content=\"rig explanation\"><title>Explanation</title><style>" +
       page_style() + "</style></head><body>\n<h1>What the simulation left out</h1>\n<p class=\"sub\">" +
       escaped(sessions) + " &middot; " + std::to_string(e.value("cells", 0L)) + " cells, " +
       std::to_string(e.value("samples", 0L)) +

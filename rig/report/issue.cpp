@@ -2,9 +2,12 @@
 #include "rig/report/issue.hpp"
 
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "rig/errors.hpp"
 #include "rig/json_fields.hpp"
+#include "rig/output_place.hpp"
 #include "rig/session/sha256.hpp"
 
 namespace rig {
@@ -53,6 +56,16 @@ std::string register_with(const SessionStore& session, const json& certificate, 
                  {"issued_utc", text_of(certificate, "issued_utc")},
                  {"files", {name}}});
   return all.dump();
+}
+
+void refuse_other_certificate(const std::string& path, const json& certificate) {
+  if (path == "-" || kind_of_file(path) != "certificate") return;
+  std::ifstream file(path);
+  const json there = json::parse(file, nullptr, false);
+  const std::string number = text_of(there, "number");
+  if (number != text_of(certificate, "number"))
+    throw UsageError("cannot write " + path + ": it is the certificate " + number +
+                     ", and no other replaces one. Give the output another name.");
 }
 
 std::string place_for(const SessionStore& session, const json& certificate, const std::string& wanted) {

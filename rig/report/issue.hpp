@@ -32,4 +32,7 @@ struct Issue {
 [[nodiscard]] std::string place_for(const SessionStore& session, const nlohmann::json& certificate,
                                     const std::string& wanted);
 
+/// Throws UsageError if `path` holds another certificate as JSON.
+void refuse_other_certificate(const std::string& path, const nlohmann::json& certificate);
+
 }  // namespace rig

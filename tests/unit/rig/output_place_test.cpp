@@ -158,3 +158,35 @@ TEST_CASE("two outputs are not one file") {
   std::ofstream(folder / "a") << "x";
   CHECK_THROWS_WITH(rig::check_outputs({{folder / "a"}, {folder / "b"}}), Contains("Give each its own name"));
 }
+
+TEST_CASE("an output replaces its like only: what a person wrote or what was issued stays") {
+  const TestFolder folder;
+  const std::vector<std::pair<std::string, std::string>> kinds = {
+      {"certificate", "{\"explanation\": {\"schema\": \"explanation/1\"}, \"schema\": \"certificate/1\"}"},
+      {"bench", "// mine\n{\"schema\": \"bench/1\"}"},
+      {"explanation", "<!doctype html>\n<meta name=\"generator\" content=\"rig explanation\"><title>"},
+      {"procedure: rotation-cent", "procedure: rotation-centre\nsteps: [home]\n"},
+      {"<dcc:digitalCalibration>", "<?xml version=\"1.0\"?>\n<dcc:digitalCalibration>\n"},
+      {"%PDF-1.7", "%PDF-1.7\n"},
+      {"", ""}};
+  for (const auto& [kind, text] : kinds) {
+    CAPTURE(kind);
+    const std::string file = folder / "file";
+    fs::remove(file);
+    std::ofstream(file) << text;
+    CHECK(rig::kind_of_file(file) == kind);
+    for (const auto& [other, its_text] : kinds) {
+      CAPTURE(other);
+      if (other == kind || kind.empty()) {
+        CHECK_NOTHROW(rig::check_output({file, "result", false, other}));
+      } else if (!other.empty()) {
+        CHECK_THROWS_WITH(rig::check_output({file, "result", false, other}),
+                          Contains("of another kind") && Contains("remove that file first"));
+        CHECK_THROWS_AS(rig::write_file_atomically(file, its_text), rig::UsageError);
+      }
+    }
+    CHECK(file_text(file) == text);
+    CHECK_NOTHROW(rig::write_file_atomically(file, text));
+  }
+  CHECK(folder.names().size() == 1);
+}

@@ -13,25 +13,25 @@ namespace fs = std::filesystem;
 TEST_CASE("a file takes its place when it is whole, and the old one stands until then") {
   const TestFolder folder;
   const std::string path = folder / "made.txt";
-  rig::write_file_atomically(path, "old");
+  rig::write_file_atomically(path, "text\nold");
   rig::write_beside(path, [&](const std::string& part) {
-    std::ofstream(part) << "new";
-    CHECK(file_text(path) == "old");
+    std::ofstream(part) << "text\nnew";
+    CHECK(file_text(path) == "text\nold");
   });
-  CHECK(file_text(path) == "new");
+  CHECK(file_text(path) == "text\nnew");
   CHECK(folder.names().size() == 1);
 }
 
 TEST_CASE("a file that could not be made leaves nothing behind and harms nothing") {
   const TestFolder folder;
   const std::string path = folder / "made.txt";
-  rig::write_file_atomically(path, "old");
+  rig::write_file_atomically(path, "text\nold");
   const auto half = [](const std::string& part) {
     std::ofstream(part) << "half";
     throw rig::MeasurementError("no more");
   };
   CHECK_THROWS_WITH(rig::write_beside(path, half), "no more");
-  CHECK(file_text(path) == "old");
+  CHECK(file_text(path) == "text\nold");
   CHECK(folder.names().size() == 1);
   CHECK_THROWS_WITH(rig::write_beside(path, [](const std::string&) {}),
                     Catch::Contains("the file that was prepared for it has disappeared"));
@@ -57,10 +57,10 @@ TEST_CASE("what is not a regular file is written into, never replaced") {
 
 TEST_CASE("a file takes the place of the one that a link leads to, and the link stays") {
   const TestFolder folder;
-  rig::write_file_atomically(folder / "old.txt", "old");
+  rig::write_file_atomically(folder / "old.txt", "text\nold");
   fs::create_symlink("old.txt", folder / "latest");
-  rig::write_file_atomically(folder / "latest", "new");
+  rig::write_file_atomically(folder / "latest", "text\nnew");
   CHECK(fs::is_symlink(folder / "latest"));
-  CHECK(file_text(folder / "old.txt") == "new");
+  CHECK(file_text(folder / "old.txt") == "text\nnew");
   CHECK(folder.names().size() == 2);
 }
