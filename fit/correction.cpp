@@ -28,7 +28,7 @@ struct Held {
 /// Outside its calibrated range, a term keeps the value of the border.
 Held hold(const CorrectionTerm& term, double x) {
   const double at = std::clamp(std::isfinite(x) ? x : term.from, term.from, term.to);
-  return {at, !(x >= term.from && x <= term.to)};
+  return {at, !(x >= term.lowest() && x <= term.highest())};
 }
 
 json matrix_json(const Eigen::MatrixXd& m) {
@@ -52,6 +52,8 @@ json term_json(const CorrectionTerm& term) {
           {"coefficients", coefficients},
           {"from", term.from},
           {"to", term.to},
+          {"sample_from", term.lowest()},
+          {"sample_to", term.highest()},
           {"zero_at", term.zero_at ? json(*term.zero_at) : json(nullptr)}};
 }
 
@@ -164,6 +166,11 @@ CorrectionTerm read_term(const CorrectionReader& reader) {
   term.to = reader.number("to");
   if (!(term.from <= term.to)) reader.fail("to", "must not be below 'from'");
   if (family->positive_argument && term.from <= 0) reader.fail("from", "must be above 0 for " + term.family);
+  for (const auto& [key, border] :
+       {std::pair{"sample_from", &term.sample_from}, {"sample_to", &term.sample_to}})
+    if (reader.has(key)) *border = reader.number(key);
+  if (term.lowest() > term.from) reader.fail("sample_from", "must not be above 'from'");
+  if (term.highest() < term.to) reader.fail("sample_to", "must not be below 'to'");
   if (reader.has("zero_at")) term.zero_at = reader.number("zero_at");
   if (term.zero_at && family->positive_argument && *term.zero_at <= 0)
     reader.fail("zero_at", "must be above 0");

@@ -17,8 +17,13 @@ struct CorrectionTerm {
   Argument argument = Argument::range;
   std::string family;
   std::vector<double> coefficients;
-  double from = 0, to = 0;        ///< Where it was calibrated.
+  double from = 0, to = 0;        ///< Where it was calibrated: the means that it was fitted to.
   std::optional<double> zero_at;  ///< The curve counts from its value here; none: as it is.
+  /// Where single samples of those means lie, noise included: at the border, half of them would be outside
+  /// `from` and `to`, and those that remain would be wrong on one side. None: `from` and `to`.
+  std::optional<double> sample_from, sample_to;
+  [[nodiscard]] double lowest() const { return sample_from.value_or(from); }
+  [[nodiscard]] double highest() const { return sample_to.value_or(to); }
 
   [[nodiscard]] double value(double x) const;
   /// With respect to the coefficients; same errors as value().

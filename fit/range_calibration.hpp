@@ -16,8 +16,9 @@ struct RangePoint {
   double measured_mm = 0;
   double u_mm = 1;  ///< Of the measured mean.
   double intensity = 0;
-  bool for_intensity = false;  ///< Taken at the distance at which surfaces were changed (experiment A1).
-  bool for_distance = false;   ///< One of the same surface at many distances (A2).
+  double sd_mm = 0, sd_counts = 0;  ///< Of one sample.
+  bool for_intensity = false;       ///< Taken at the distance at which surfaces were changed (experiment A1).
+  bool for_distance = false;        ///< One of the same surface at many distances (A2).
   [[nodiscard]] double error_mm() const { return measured_mm - true_mm; }
 };
 

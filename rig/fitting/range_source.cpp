@@ -52,6 +52,13 @@ SquareBeam square_beam(const fit::Recording& recording, std::size_t index, const
   return out;
 }
 
+double sd_of_counts(const std::vector<fit::Sample>& samples) {
+  double n = 0, sum = 0, squares = 0;
+  for (const fit::Sample& sample : samples)
+    if (sample.range_mm > 0) ++n, sum += sample.intensity, squares += std::pow(sample.intensity, 2);
+  return n > 1 ? std::sqrt(std::max(0.0, (squares - sum * sum / n) / (n - 1))) : 0;
+}
+
 /// The target a capture is about; without a name, the nearest one that the capture's beams meet squarely.
 const fit::Target* target_of(const fit::Bench& bench, const fit::CaptureInfo& capture) {
   if (capture.target) return bench.target(*capture.target);
@@ -121,6 +128,7 @@ std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::s
   out.reflectance = capture.reflectance ? capture.reflectance : target->reflectance;
   out.paper = fit::select_most_frequent(beam.samples);
   out.robust = fit::select_robust(beam.samples);
+  out.sd_counts = sd_of_counts(beam.samples);
   out.scans = beam.scans;
   if (out.paper.kept < 1) {
     leave_out(left_out, name, "no valid sample");

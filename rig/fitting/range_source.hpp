@@ -27,6 +27,7 @@ struct RangeCapture {
   std::optional<double> reflectance, temperature_c;
   double beam_step_deg = 0;  ///< From one beam to the next.
   fit::SelectedMean paper, robust;
+  double sd_counts = 0;  ///< Of one sample's intensity.
   long scans = 0;
   /// Standard uncertainty of the true distance.
   [[nodiscard]] double u_true_mm() const { return std::hypot(u_placement_mm, u_mount_mm); }
@@ -36,6 +37,7 @@ struct RangeCapture {
     fit::RangePoint out;
     out.true_mm = true_mm, out.measured_mm = mean.mean_mm - oblique_mm;
     out.u_mm = mean.u_mm, out.intensity = mean.intensity;
+    out.sd_mm = robust.sd_mm, out.sd_counts = sd_counts;
     return out;
   }
 };

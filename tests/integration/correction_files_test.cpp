@@ -41,10 +41,16 @@ fit::Correction example(const std::string& intensity, const std::string& range) 
       {"rational-33", {12, -20000, 3e6, 7e9, -1000, 900000, 6e8}}};
   fit::Correction c;
   c.zero_mm = {1.0 / 3, 0.05};
-  c.intensity = fit::CorrectionTerm{
-      fit::CorrectionTerm::Argument::intensity, intensity, coefficients.at(intensity), 200, 2400, 2399.5};
+  c.intensity = fit::CorrectionTerm{fit::CorrectionTerm::Argument::intensity,
+                                    intensity,
+                                    coefficients.at(intensity),
+                                    200,
+                                    2400,
+                                    2399.5,
+                                    {},
+                                    {}};
   c.range = fit::CorrectionTerm{
-      fit::CorrectionTerm::Argument::range, range, coefficients.at(range), 210.5, 9700, {}};
+      fit::CorrectionTerm::Argument::range, range, coefficients.at(range), 210.5, 9700, {}, {}, {}};
   const auto n = static_cast<Eigen::Index>(c.parameter_names().size());
   std::mt19937_64 random(5);
   std::normal_distribution<double> normal;

@@ -44,14 +44,17 @@ std::string c_header(const CorrectionExport& what) {
   if (c.intensity) {
     const std::string bounds = real(c.intensity->from) + ", " + real(c.intensity->to);
     out += "  x = lidar_range_hold(intensity, " + bounds +
-           ");\n  if (x != intensity) state |= LIDAR_RANGE_OUTSIDE_INTENSITY;\n" +
-           "  error += lidar_range_intensity_term(x);\n";
+           ");\n  if (!(intensity >= " + real(c.intensity->lowest()) +
+           " && intensity <= " + real(c.intensity->highest()) +
+           ")) state |= LIDAR_RANGE_OUTSIDE_INTENSITY;\n" + "  error += lidar_range_intensity_term(x);\n";
   } else {
     out += "  (void)intensity;\n";
   }
   if (c.range)
     out += "  x = lidar_range_hold(measured_mm - error, " + real(c.range->from) + ", " + real(c.range->to) +
-           ");\n  if (x != measured_mm - error) state |= LIDAR_RANGE_OUTSIDE_DISTANCE;\n"
+           ");\n  if (!(measured_mm - error >= " + real(c.range->lowest()) +
+           " && measured_mm - error <= " + real(c.range->highest()) +
+           ")) state |= LIDAR_RANGE_OUTSIDE_DISTANCE;\n"
            "  error += lidar_range_distance_term(x);\n";
   else
     out += "  (void)x;\n";

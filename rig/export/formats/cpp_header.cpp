@@ -68,7 +68,8 @@ std::string cpp_correct(const Correction& c) {
   std::size_t first = 1;
   if (c.intensity) {
     out += "  x = hold(intensity, " + real(c.intensity->from) + ", " + real(c.intensity->to) + ");\n" +
-           "  out.intensity_outside = x != intensity;\n  error += intensity_term(x);\n" +
+           "  out.intensity_outside = !(intensity >= " + real(c.intensity->lowest()) +
+           " && intensity <= " + real(c.intensity->highest()) + ");\n  error += intensity_term(x);\n" +
            cpp_gradient(*c.intensity, "intensity", first);
     first += c.intensity->coefficients.size();
   } else {
@@ -76,8 +77,9 @@ std::string cpp_correct(const Correction& c) {
   }
   if (c.range)
     out += "  x = hold(measured_mm - error, " + real(c.range->from) + ", " + real(c.range->to) + ");\n" +
-           "  out.range_outside = x != measured_mm - error;\n" + cpp_gradient(*c.range, "distance", first) +
-           "  error += distance_term(x);\n";
+           "  out.range_outside = !(measured_mm - error >= " + real(c.range->lowest()) +
+           " && measured_mm - error <= " + real(c.range->highest()) + ");\n" +
+           cpp_gradient(*c.range, "distance", first) + "  error += distance_term(x);\n";
   else
     out += "  (void)x;\n";
   out += "  double variance = " + real(c.common_u_mm) + " * " + real(c.common_u_mm) +

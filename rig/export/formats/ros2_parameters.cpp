@@ -31,7 +31,9 @@ std::string ros2_parameters(const CorrectionExport& what) {
     out += std::string("      ") + name + ":\n        family: " + quoted(t->family) +
            "\n        equation: " + quoted(family_of(*t).equation) + "\n        names: [" + names +
            "]\n        coefficients: [" + list(t->coefficients) + "]\n        from: " + real(t->from) +
-           "\n        to: " + real(t->to) + "\n        has_zero: " + (t->zero_at ? "true" : "false") +
+           "\n        to: " + real(t->to) + "\n        sample_from: " + real(t->lowest()) +
+           "\n        sample_to: " + real(t->highest()) +
+           "\n        has_zero: " + (t->zero_at ? "true" : "false") +
            "\n        zero_at: " + real(t->zero_at.value_or(0)) + "\n";
   };
   term(c.intensity, "intensity");

@@ -85,6 +85,27 @@ TEST_CASE(
   CHECK_THAT(said_of(dense), !Catch::Contains("no distance was measured"));
 }
 
+TEST_CASE(
+    "samples of the nearest distance belong to a correction on both sides, and their mean stays right") {
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> noise(0, 10);
+  std::vector<fit::RangePoint> points;
+  for (const double mm : {200.0, 500.0, 1000.0, 2000.0, 3000.0, 4000.0})
+    points.push_back({.true_mm = mm, .measured_mm = mm + 2, .u_mm = 0.3, .intensity = 1000, .sd_mm = 10});
+  const fit::Correction correction = *fit::calibrate_range(points).joint;
+  CHECK(correction.range->lowest() == Approx(170));
+  CHECK(correction.range->highest() == Approx(4030).margin(5));
+  const fit::Correction read = fit::parse_correction(fit::to_json_text(correction));
+  double sum = 0, inside = 0;
+  for (int i = 0; i < 20'000; ++i) {
+    const auto corrected = read.apply(202 + noise(random), 1000);
+    if (!corrected.range_outside) sum += corrected.range_mm, ++inside;
+  }
+  CHECK(inside > 0.995 * 20'000);
+  CHECK(sum / inside == Approx(200).margin(0.5));
+  CHECK(read.apply(150, 1000).range_outside);
+}
+
 TEST_CASE("A3 on simulated samples improves by more than the paper's 30 to 60 %, A6 by more than its 28 %") {
   std::mt19937_64 random(8);
   std::uniform_real_distribution<double> grey(0.05, 0.95);

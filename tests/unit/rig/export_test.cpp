@@ -256,7 +256,7 @@ TEST_CASE(
   const TestFolder folder;
   fit::Correction correction;
   correction.range =
-      fit::CorrectionTerm{fit::CorrectionTerm::Argument::range, "line", {1, 0.002}, 200, 9800, {}};
+      fit::CorrectionTerm{fit::CorrectionTerm::Argument::range, "line", {1, 0.002}, 200, 9800, {}, {}, {}};
   correction.factor =
       Eigen::MatrixXd::Constant(static_cast<Eigen::Index>(correction.parameter_names().size()), 1, 1e-3);
   correction.lidar_model = "UST-10LX", correction.lidar_serial = "H1";
@@ -292,7 +292,7 @@ TEST_CASE(
   const TestFolder folder;
   fit::Correction correction;
   correction.range =
-      fit::CorrectionTerm{fit::CorrectionTerm::Argument::range, "line", {1, 0.002}, 200, 9800, {}};
+      fit::CorrectionTerm{fit::CorrectionTerm::Argument::range, "line", {1, 0.002}, 200, 9800, {}, {}, {}};
   correction.factor =
       Eigen::MatrixXd::Constant(static_cast<Eigen::Index>(correction.parameter_names().size()), 1, 1e-3);
   correction.measured = {{200, 2000, 2000}, {1000, 1800, 1800}, {9800, 170, 170}};
@@ -333,8 +333,8 @@ TEST_CASE(
   // Without a term of distance, only the measured one.
   fit::Correction near = correction;
   near.range.reset();
-  near.intensity =
-      fit::CorrectionTerm{fit::CorrectionTerm::Argument::intensity, "line", {1, 0.002}, 100, 2400, {}};
+  near.intensity = fit::CorrectionTerm{
+      fit::CorrectionTerm::Argument::intensity, "line", {1, 0.002}, 100, 2400, {}, {}, {}};
   near.factor = Eigen::MatrixXd::Constant(static_cast<Eigen::Index>(near.parameter_names().size()), 1, 1e-3);
   near.measured = {{200, 100, 2400}};
   CHECK(near.apply(203, 500).inside());

@@ -77,8 +77,8 @@ TEST_CASE("the ROS 2 filter of the examples corrects as rig does, by the equatio
     for (std::size_t i = 0; i < family.coefficients.size(); ++i)
       coefficients.push_back(0.3 + 0.01 * static_cast<double>(i));
     // x from 0.2 to 4: where every family is tame with these coefficients.
-    const auto correction =
-        correction_with({}, fit::CorrectionTerm{Argument::range, family.id, coefficients, 0.2, 4, 1.0});
+    const auto correction = correction_with(
+        {}, fit::CorrectionTerm{Argument::range, family.id, coefficients, 0.2, 4, 1.0, {}, {}});
     RangeCorrectionFilter node(options_for(correction));
     Scan scan;
     for (const float range_mm : {2.5F, 3.0F, 4.5F, 6.0F, 50.0F}) scan.ranges.push_back(range_mm / 1000);
@@ -94,9 +94,9 @@ TEST_CASE("the ROS 2 filter of the examples corrects as rig does, by the equatio
 TEST_CASE(
     "the ROS 2 filter uses intensities, leaves what saw nothing, and says when intensities are missing") {
   using Argument = fit::CorrectionTerm::Argument;
-  const auto correction =
-      correction_with(fit::CorrectionTerm{Argument::intensity, "line", {20, -0.008}, 100, 2400, 2400.0},
-                      fit::CorrectionTerm{Argument::range, "line", {1, 0.002}, 200, 9800, {}});
+  const auto correction = correction_with(
+      fit::CorrectionTerm{Argument::intensity, "line", {20, -0.008}, 100, 2400, 2400.0, {}, {}},
+      fit::CorrectionTerm{Argument::range, "line", {1, 0.002}, 200, 9800, {}, {}, {}});
   rclcpp::NodeOptions options = options_for(correction);
   RangeCorrectionFilter node(options);
   Scan scan;

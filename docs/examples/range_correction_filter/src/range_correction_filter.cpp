@@ -70,8 +70,11 @@ class RangeCorrectionFilter : public rclcpp::Node {
     const Equation equation(parameter<std::string>(name + ".equation"),
                             parameter<std::vector<std::string>>(name + ".names"),
                             parameter<std::vector<double>>(name + ".coefficients"));
-    return Term(equation, parameter<double>(name + ".from"), parameter<double>(name + ".to"),
-                parameter<bool>(name + ".has_zero"), parameter<double>(name + ".zero_at"));
+    Term out(equation, parameter<double>(name + ".from"), parameter<double>(name + ".to"),
+             parameter<bool>(name + ".has_zero"), parameter<double>(name + ".zero_at"));
+    out.sample_from = parameter<double>(name + ".sample_from");
+    out.sample_to = parameter<double>(name + ".sample_to");
+    return out;
   }
 
   RangeCorrection correction_;

@@ -126,13 +126,19 @@ class Equation {
 struct Term {
   Equation equation;
   double from = 0, to = 0, zero = 0;
+  double sample_from = 0, sample_to = 0;  ///< Where single samples belong to what was calibrated.
 
   Term() = default;
   Term(Equation equation_, double from_, double to_, bool has_zero, double zero_at)
-      : equation(std::move(equation_)), from(from_), to(to_), zero(has_zero ? equation(zero_at) : 0) {}
+      : equation(std::move(equation_)),
+        from(from_),
+        to(to_),
+        zero(has_zero ? equation(zero_at) : 0),
+        sample_from(from_),
+        sample_to(to_) {}
   double error(double value, bool& outside) const {
     const double held = value < from ? from : value > to ? to : value;
-    outside = outside || held != value;
+    outside = outside || value < sample_from || value > sample_to;
     return equation(held) - zero;
   }
 };
