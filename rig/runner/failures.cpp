@@ -2,6 +2,7 @@
 #include "rig/runner/failures.hpp"
 
 #include "rig/errors.hpp"
+#include "rig/runner/runner.hpp"
 #include "rig/stage/stage.hpp"
 
 namespace rig {
@@ -20,6 +21,17 @@ std::string sentence(const std::exception_ptr& why) {
   std::string words = words_of(why);
   if (!words.empty() && std::string(".!?").find(words.back()) == std::string::npos) words += '.';
   return words;
+}
+
+std::exception_ptr with_more_words(const std::exception_ptr& why, const std::string& words) {
+  if (words.empty()) return why;
+  const std::string text = sentence(why) + " " + words;
+  if (is_a<RunStopped>(why)) return std::make_exception_ptr(RunStopped(text));
+  if (is_a<StageLost>(why)) return std::make_exception_ptr(StageLost(text));
+  if (is_a<StageError>(why)) return std::make_exception_ptr(StageError(text));
+  if (is_a<DeviceError>(why)) return std::make_exception_ptr(DeviceError(text));
+  if (is_a<MeasurementError>(why)) return std::make_exception_ptr(MeasurementError(text));
+  return why;
 }
 
 bool is_stage_error(const std::exception_ptr& why) { return is_a<StageError>(why); }

@@ -12,6 +12,9 @@ std::string words_of(const std::exception_ptr& why);
 /// The same with a full stop at its end: another sentence may follow.
 std::string sentence(const std::exception_ptr& why);
 
+/// The same failure with words more, if it is one after which the operator goes on.
+std::exception_ptr with_more_words(const std::exception_ptr& why, const std::string& words);
+
 /// Whether it is of that class or one derived from it.
 template <typename Error>
 bool is_a(const std::exception_ptr& why) {

@@ -225,7 +225,7 @@ awaitable<void> LidarLink::connect_again(std::exception_ptr why) {
   }
   control_.stop_if_aborted();
   throw DeviceError("The lidar was lost and did not come back: " + sentence(why) +
-                    " The stage has stopped, and what was captured is in " + session_.path() +
+                    " What was captured is in " + session_.path() +
                     ". Check the lidar's power and cable, then continue with rig resume.");
 }
 

@@ -21,11 +21,11 @@ void RunControl::resume() {
   resume_.open();
 }
 
-void RunControl::stop_if_aborted() const {
+void RunControl::stop_if_aborted(const std::string& made_safe) const {
   if (aborted_)
-    throw RunStopped("Stopped by the operator. The stage has stopped, the lidar's laser is off, and " +
-                     (session_.progress().empty() ? "nothing was captured yet."
-                                                  : "what was captured is in " + session_.path() +
+    throw RunStopped("Stopped by the operator. " + made_safe + (made_safe.empty() ? "" : " ") +
+                     (session_.progress().empty() ? "Nothing was captured yet."
+                                                  : "What was captured is in " + session_.path() +
                                                         ". Continue with: rig resume " + session_.path()));
 }
 

@@ -22,8 +22,8 @@ class RunControl {
 
   [[nodiscard]] bool aborted() const { return aborted_; }
   [[nodiscard]] bool paused() const { return paused_; }
-  /// Throws RunStopped, which says how to go on.
-  void stop_if_aborted() const;
+  /// Throws RunStopped, which says how to go on; `made_safe`: what the end of the run gave.
+  void stop_if_aborted(const std::string& made_safe = "") const;
 
   boost::asio::awaitable<void> until_aborted();
   /// Until resume() or abort().

@@ -177,12 +177,16 @@ awaitable<void> Runner::Impl::stop_stage_when_aborted() {
 awaitable<void> Runner::Impl::make_safe() {
   try {
     co_await parts.stage.stop();
+    made_safe = "The stage has stopped.";
   } catch (const std::exception&) {
     safe_problems += "The stage could not be stopped: check it.";
   }
   if (!lidar_link.connected()) co_return;
   try {
     co_await parts.lidar.stop();
+    if (failure && is_lidar_lost(failure)) co_return;  // Nothing was sent to it.
+    made_safe += made_safe.empty() ? "" : " ";
+    made_safe += "The lidar's laser is off.";
   } catch (const std::exception&) {
     safe_problems += safe_problems.empty() ? "" : " ";
     safe_problems += "The lidar could not be stopped: its laser may be on.";
@@ -209,8 +213,9 @@ void Runner::Impl::conclude() {
     // The session cannot be written any more; the failure that follows says why.
   }
   finish_session();
+  if (failure) failure = with_more_words(failure, made_safe);
   if (failure || control.aborted())
-    state().ended = control.aborted() ? "Stopped by the operator." : words_of(failure);
+    state().ended = control.aborted() ? "Stopped by the operator. " + made_safe : words_of(failure);
   state().phase = stopped   ? RunState::Phase::aborted
                   : failure ? RunState::Phase::failed
                             : RunState::Phase::done;
@@ -229,7 +234,7 @@ awaitable<bool> Runner::run() {
   co_await asio::this_coro::reset_cancellation_state(asio::disable_cancellation());
   co_await impl.make_safe();
   impl.conclude();
-  if (!impl.failure) impl.control.stop_if_aborted();
+  if (!impl.failure) impl.control.stop_if_aborted(impl.made_safe);
   if (impl.failure) std::rethrow_exception(impl.failure);
   co_return impl.limits_met();
 }

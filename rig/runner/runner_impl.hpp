@@ -85,7 +85,7 @@ struct Runner::Impl final : StepContext {
   json resume_at;  // Where the stage stood after the last recorded step, and from which side it came.
   bool homed = false, moved = false;
   std::exception_ptr failure;
-  std::string safe_problems;
+  std::string made_safe, safe_problems;  // What the end of the run gave, in words.
 
   /// Both devices connected, and the stage found standing.
   awaitable<void> prepare();

@@ -78,9 +78,8 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
       prompt.refusal += " If it stands as requested, confirm again: the bench file may be wrong.";
     }
     if (parts.operator_.unattended() && attempt >= attempts_of_nobody)
-      throw MeasurementError(
-          "'" + prompt.title + "' is not as requested: " + prompt.refusal +
-          " Unattended run: cannot be corrected. The stage has stopped; continue with rig resume.");
+      throw MeasurementError("'" + prompt.title + "' is not as requested: " + prompt.refusal +
+                             " Unattended run: cannot be corrected. Continue with rig resume.");
   }
 }
 
@@ -117,8 +116,7 @@ awaitable<Answer> Runner::Impl::ask_once(Prompt prompt) {
   const std::optional<Answer> answered = desk.taken();
   if (!answered)
     throw RunStopped("Nobody answered '" + prompt.title + "' in " + duration_text(prompt.timeout_s) +
-                     ". The stage has stopped, and what was captured is in " + session.path() +
-                     ". Continue with rig resume.");
+                     ". What was captured is in " + session.path() + ". Continue with rig resume.");
   co_return *answered;
 }
 
@@ -153,7 +151,7 @@ awaitable<void> Runner::Impl::check_targets() {
       throw MeasurementError(
           observed.text +
           " Unattended run: cannot be corrected. Put it there, or correct from_mm and to_mm in "
-          "the bench file and begin a new session. The stage has stopped; continue with rig resume.");
+          "the bench file and begin a new session. Continue with rig resume.");
     Prompt prompt;
     prompt.title = "Put '" + expected.target->name + "' in its place";
     prompt.text =

@@ -42,7 +42,7 @@ TEST_CASE("while nothing listens at the lidar's address it is waited for, as is 
              Contains("nothing listens at 127.0.0.3:1 (") && Contains("Check") && Contains("Ctrl-C"));
   rig.signal(SIGINT);
   CHECK(rig.exit_status(std::chrono::seconds(10)) == 1);
-  CHECK_THAT(rig.errors(), Contains("Stopped by the operator") && Contains("nothing was captured yet") &&
+  CHECK_THAT(rig.errors(), Contains("Stopped by the operator") && Contains("Nothing was captured yet") &&
                                !Contains("rig resume") && !Contains("Session:"));
 }
 

@@ -193,9 +193,11 @@ class FakeStage final : public rig::Stage {
   }
   boost::asio::awaitable<void> stop() override {
     ++stops;
-    moving = false;
     co_await yield();
+    if (lost_for_good) throw rig::StageLost("the stage does not answer.");
+    moving = false;
   }
+  bool lost_for_good = false;
   boost::asio::awaitable<void> reopen() override {
     ++reopens;
     co_await yield();

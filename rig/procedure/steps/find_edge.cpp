@@ -227,12 +227,11 @@ class Search {
         board_.echo != background_.echo ||
         (board_.echo && background_.median_mm - board_.median_mm > board_.gate_mm + background_.gate_mm);
     if (apart && board_.echo) return;
-    throw MeasurementError(
-        "find-edge: no edge of '" + settings_.target + "' between stage angles " +
-        rounded_text(settings_.from_deg, 4) + " and " + rounded_text(settings_.to_deg, 4) +
-        " deg: the beam sees " + seen(settings_.right ? background_ : board_) + " and " +
-        seen(settings_.right ? board_ : background_) +
-        ". The stage has stopped. Compare the target's place with the bench file, or widen search_deg.");
+    throw MeasurementError("find-edge: no edge of '" + settings_.target + "' between stage angles " +
+                           rounded_text(settings_.from_deg, 4) + " and " + rounded_text(settings_.to_deg, 4) +
+                           " deg: the beam sees " + seen(settings_.right ? background_ : board_) + " and " +
+                           seen(settings_.right ? board_ : background_) +
+                           ". Compare the target's place with the bench file, or widen search_deg.");
   }
 
   void save() {

@@ -103,7 +103,7 @@ TEST_CASE("a stop is for good and ends a pause; a pause that was resumed before 
   CHECK(resumed);
   CHECK(ends(io, control.until_aborted()));
   control.resume();
-  CHECK_THROWS_WITH(control.stop_if_aborted(), Contains("nothing was captured yet"));
+  CHECK_THROWS_WITH(control.stop_if_aborted(), Contains("Nothing was captured yet"));
 }
 
 TEST_CASE("the first answer counts, wherever it comes from") {

@@ -54,7 +54,7 @@ TEST_CASE("a lidar that is not there yet is waited for when a run begins, for as
 TEST_CASE("a lidar that does answer, and not as it should, is not waited for when a run begins") {
   Rig refused("  - home\n");
   refused.lidar.when_connecting = [] { throw rig::DeviceError("this is a printer."); };
-  CHECK_THROWS_WITH(refused.run(), "this is a printer.");
+  CHECK_THROWS_WITH(refused.run(), Contains("this is a printer."));
   CHECK(refused.lidar.connects == 1);
 
   Rig other("  - home\n");
@@ -77,9 +77,19 @@ TEST_CASE("a capture that was whole stays whole when the lidar is lost at its en
   Rig gone("  - home\n  - capture: {samples: 50}\n  - capture: {samples: 5}\n");
   gone.lidar.fails_at_stop = 2;
   gone.lidar.before_scan = [&](std::uint64_t number) { gone.lidar.dead_once_stopped = number > 40; };
-  CHECK_THROWS_WITH(gone.run(), Contains("did not come back"));
+  CHECK_THROWS_WITH(gone.run(), Contains("did not come back") && Contains("The stage has stopped."));
   REQUIRE(gone.captures().size() == 1);
   CHECK_THAT(gone.captures()[0].step, !Contains("short"));
+}
+
+TEST_CASE("a run that loses both devices does not say that the stage has stopped") {
+  Rig rig("  - home\n  - capture: {samples: 50}\n");
+  rig.lidar.fails_at_stop = 2;
+  rig.lidar.before_scan = [&](std::uint64_t number) {
+    rig.lidar.dead_once_stopped = rig.stage.lost_for_good = number > 40;
+  };
+  CHECK_THROWS_WITH(rig.run(), Contains("did not come back") && !Contains("has stopped"));
+  CHECK(rig.reported("The stage could not be stopped: check it."));
 }
 
 TEST_CASE("a lidar that is lost while the rig looks at what was placed, or waits, comes back") {
