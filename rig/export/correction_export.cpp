@@ -6,7 +6,6 @@
 
 #include "fit/number_format.hpp"
 #include "rig/fitting/correction_source.hpp"
-#include "rig/session/standing.hpp"
 #include "rig/whole_file.hpp"
 
 namespace rig {
@@ -25,13 +24,6 @@ CorrectionExport read_for_export(const ExportSource& source) {
     out.centre = load_centre(source.centre->path(), *source.centre);
   } else if (source.session) {
     out.centre = centre_of(*source.session);
-  }
-  if (source.session) {
-    const Standing standing = standing_of(*source.session);
-    std::string reasons;
-    for (const std::string& reason : standing.reasons) reasons += " " + reason;
-    if (!standing.certifies())
-      out.correction.notes.push_back("From a report, not from a certificate:" + reasons);
   }
   return out;
 }

@@ -8,6 +8,7 @@
 
 #include "rig/errors.hpp"
 #include "rig/json_fields.hpp"
+#include "rig/session/standing.hpp"
 
 namespace rig {
 
@@ -20,7 +21,12 @@ fit::Correction load_correction(const std::string& path, const SessionStore& ses
         path + " holds no range correction: run 'rig fit range " + path +
         "' first, on captures at three distances or more, or of four surfaces at one distance");
   try {
-    return fit::parse_correction(document.at("data").at("correction").dump(), path);
+    fit::Correction correction = fit::parse_correction(document.at("data").at("correction").dump(), path);
+    const Standing standing = standing_of(session);
+    std::string reasons;
+    for (const std::string& reason : standing.reasons) reasons += " " + reason;
+    if (!standing.certifies()) correction.notes.push_back("From a report, not from a certificate:" + reasons);
+    return correction;
   } catch (const std::invalid_argument& error) {
     throw UsageError(error.what());
   }

@@ -10,8 +10,9 @@
 
 namespace rig {
 
-/// The correction in a file (`correction/1`) or in the newest range calibration of a session. Throws
-/// UsageError (unreadable, not a correction) or MeasurementError (a session without one).
+/// The correction in a file (`correction/1`) or in the newest range calibration of a session, with a note if
+/// that is no certificate. Throws UsageError (unreadable, not a correction) or MeasurementError (a session
+/// without one).
 [[nodiscard]] fit::Correction load_correction(const std::string& path);
 [[nodiscard]] fit::Correction load_correction(const std::string& path, const SessionStore& session);
 

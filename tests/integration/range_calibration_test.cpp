@@ -95,6 +95,8 @@ TEST_CASE(
   request.correction_name = "a2.rig", request.input = a2.path(),
   request.output = rig::check_output({place / "corrected.rig"});
   const auto report = rig::apply_to_session(request);
+  REQUIRE_FALSE(report.warnings.empty());
+  CHECK_THAT(report.warnings.back(), Catch::Contains("From a report, not from a certificate"));
   CHECK(report.samples == 97 * 1000);
   CHECK(report.outside_range < 0.002 * 97000);  // Of two borders, a thousandth each lies beyond.
   const rig::SessionStore corrected(request.output.path(), rig::SessionStore::Mode::read);
