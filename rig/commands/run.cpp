@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rig/commands/device_run.hpp"
+#include "rig/runner/bench_doubts.hpp"
 
 namespace rig::commands {
 namespace {
@@ -64,13 +65,14 @@ class Run : public Command {
     const Procedure procedure = read_procedure(find_procedure(procedure_), overrides());
     check_fits(procedure.steps, procedure.variables);
     if (out_.empty()) out_ = procedure.name + ".rig";
+    demand_place_of_reports(procedure.steps);
     demand_place_to_write();
     const fit::Bench bench = known_bench();
     const auto plan =
         unroll(procedure, bench);  // What the bench forbids is found before anything is touched.
     if (dry_run_) {
       std::fputs(dry_run_text(procedure, bench, plan).c_str(), stdout);
-      return 0;
+      return list_doubts(bench);
     }
     return devices_.run(procedure, bench, out_, continues());
   }
@@ -90,6 +92,32 @@ class Run : public Command {
         throw UsageError("--set " + name + " is given twice, last as " + to_text(value) + ". Leave one out.");
     }
     return values;
+  }
+
+  /// Its step would refuse a report in the session's place too, after all that was measured for it.
+  void demand_place_of_reports(const std::vector<Step>& steps) const {
+    for (const Step& step : steps) {
+      demand_place_of_reports(step.steps);
+      const Node* file = step.kind->only_reports() ? step.options.find("file") : nullptr;
+      if (!file || has_expression(file->scalar)) continue;
+      const auto report = std::filesystem::absolute(out_).parent_path() / file->scalar;
+      if (std::filesystem::weakly_canonical(report) == std::filesystem::weakly_canonical(out_))
+        throw ProcedureError(file->position,
+                             "the report would be written over the session " + out_ +
+                                 ". Give --out another name, such as " +
+                                 std::filesystem::path(out_).replace_extension(".rig").string() + ".");
+    }
+  }
+
+  /// What a run would ask a person to confirm, before anything moves.
+  int list_doubts(const fit::Bench& bench) const {
+    const std::vector<std::string> doubts = doubts_about(bench);
+    if (doubts.empty()) return 0;
+    std::fputs("Implausible values of the bench file, which a run asks to confirm and --yes refuses:\n",
+               stdout);
+    for (const std::string& doubt : doubts) std::fprintf(stdout, "  %s\n", doubt.c_str());
+    if (!devices_.yes) return 0;
+    throw UsageError("with --yes this run would be refused. Correct the bench file, or leave --yes out.");
   }
 
   /// Found before the devices are touched. A file that is there is resumed, or refused by the session itself.

@@ -8,6 +8,7 @@
 
 #include "fit/median.hpp"
 #include "rig/procedure/procedure_plan.hpp"
+#include "rig/runner/bench_doubts.hpp"
 #include "rig/runner/lidar_doubts.hpp"
 #include "rig/runner/scan_gate.hpp"
 #include "rig/runner/target_detection.hpp"
@@ -36,6 +37,9 @@ class Checker {
         limits_(stage_limits(bench)) {}
 
   awaitable<std::vector<CheckLine>> run(bool stay_still) {
+    for (const std::string& doubt : doubts_about(bench_))
+      say(Verdict::bad, "bench file", doubt,
+          "Correct it. If it is right, confirm it when a run asks; a run with --yes refuses it.");
     const bool beams_fit = co_await greet();
     if (beams_fit) {
       co_await check_rate();

@@ -153,3 +153,30 @@ TEST_CASE(
     CHECK_THAT(program.errors(), Catch::Contains(expected));
   }
 }
+
+TEST_CASE("before a run, a report in the session's place is refused, and what is implausible is listed") {
+  const TestFolder folder;
+  const std::string procedure = folder / "p.yaml", bench = folder / "a.bench.json";
+  std::ofstream(procedure) << "procedure: test\nsteps:\n  - home\n  - report: {file: page.html}\n";
+  std::ofstream(bench) << R"({"schema": "bench/1", "targets": [{"name": "board", "from_mm": [1400, -200],
+    "to_mm": [1400, 200], "reflectance": 85}], "stage": {"limits_deg": [-2.96, 2.96]}})";
+  const auto run = [&](Words more) {
+    Words words = {"run", procedure, "--bench", bench};
+    words.insert(words.end(), more.begin(), more.end());
+    return std::make_unique<Program>(rig_command(words), folder);
+  };
+  for (const Words& more :
+       {Words{"--dry-run"}, Words{"--lidar", "tcp://127.0.0.1:1", "--stage", "serial:none"}}) {
+    Words words = more;
+    words.insert(words.end(), {"--out", folder / "page.html"});
+    const auto program = run(words);
+    CHECK(program->exit_status() == 2);
+    CHECK_THAT(program->errors(), Catch::Contains("p.yaml:4:") && Catch::Contains("over the session"));
+  }
+  const auto listing = run({"--dry-run"});
+  std::string said;
+  while (const auto line = listing->line()) said += *line + "\n";
+  CHECK(listing->exit_status() == 0);
+  CHECK_THAT(said, Catch::Contains("is it in per cent?") && Catch::Contains("is it in radians?"));
+  CHECK(run({"--dry-run", "--yes"})->exit_status() == 2);
+}
