@@ -5,11 +5,10 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
-#include <set>
 #include <stdexcept>
 
 #include "fit/empirical.hpp"
-#include "fit/json_position.hpp"
+#include "fit/known_mechanisms.hpp"
 #include "fit/mechanism.hpp"
 #include "fit/radiometer.hpp"
 #include "fit/scene.hpp"
@@ -30,38 +29,11 @@ struct Active {
   int target = -1;  ///< The only one it acts on; -1: all.
 };
 
-/// A parameter by a wrong name would leave the right one at its default: another bench than its file says.
-void demand_parameters(const fit::KnownMechanism& known, const fit::Mechanism& mechanism) {
-  // What else a radiometry says is read by fit::claimed_intensity.
-  if (mechanism.id == "radiometry") return;
-  std::set<std::string> names;
-  for (const fit::Parameter& parameter : mechanism.parameters) names.insert(parameter.name);
-  const bool all_given =
-      std::ranges::all_of(names, [&](const std::string& name) { return known.parameters.contains(name); });
-  if (all_given) return;
-  for (const auto& [name, value] : known.parameters) {
-    if (names.contains(name)) continue;
-    std::string list;
-    for (const fit::Parameter& parameter : mechanism.parameters)
-      list += (list.empty() ? "" : ", ") + parameter.name;
-    throw std::invalid_argument("the bench's " + known.mechanism + " has a parameter \"" + name +
-                                "\", which this mechanism does not have; it has " + list);
-  }
-}
-
 std::vector<Active> active_mechanisms(const fit::Bench& bench) {
+  fit::demand_catalogued(bench);
   std::vector<Active> active;
   for (const fit::KnownMechanism& known : bench.known) {
     const fit::Mechanism* mechanism = fit::find_mechanism(known.mechanism);
-    if (!mechanism) {
-      std::set<std::string> ids;
-      for (const fit::Mechanism& one : fit::catalogue()) ids.insert(one.id);
-      const std::string meant = fit::nearest_word(known.mechanism, ids);
-      throw std::invalid_argument("the bench knows the mechanism \"" + known.mechanism +
-                                  "\", which the catalogue does not have" +
-                                  (meant.empty() ? "" : "; did you mean \"" + meant + "\"?"));
-    }
-    demand_parameters(known, *mechanism);
     Active one{mechanism, mechanism->values(known.parameters), -1};
     if (const auto text = known.texts.find("target"); text != known.texts.end()) {
       const auto found = std::ranges::find(bench.targets, text->second, &fit::Target::name);

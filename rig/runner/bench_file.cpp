@@ -6,6 +6,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "fit/known_mechanisms.hpp"
 #include "rig/errors.hpp"
 #include "rig/output_place.hpp"
 #include "rig/procedure/procedure_value.hpp"
@@ -45,6 +46,11 @@ fit::Bench read_bench_file(const std::string& path) {
                      " is larger than 16 MB, which no bench file is. Check that it is the right file.");
   fit::Bench bench = read_bench_text(text, path);
   demand_millimetres(bench, path);
+  try {
+    fit::demand_catalogued(bench);
+  } catch (const std::invalid_argument& error) {
+    throw UsageError(path + ": " + error.what());
+  }
   return bench;
 }
 

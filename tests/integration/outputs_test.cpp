@@ -154,6 +154,27 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("a mechanism or a parameter by a wrong name in a bench file is refused by whoever reads the file") {
+  const TestFolder folder;
+  const std::string procedure = folder / "p.yaml", bench = folder / "a.bench.json",
+                    session = recording_in(folder, "in.rig");
+  std::ofstream(procedure) << "procedure: test\nsteps:\n  - home\n";
+  const Words check = {"check", "--lidar", "tcp://127.0.0.5:1", "--stage", "serial:none", "--bench", bench};
+  for (const auto& [known, expected] : std::vector<std::pair<std::string, std::string>>{
+           {R"({"mechanism": "range-nois", "parameters": {"sigma_mm": 8}})", "did you mean 'range-noise'?"},
+           {R"({"mechanism": "range-noise", "parameters": {"sigma_m": 8}})", "it has sigma_mm"}}) {
+    std::ofstream(bench) << R"({"schema": "bench/1", "known": [)" << known << "]}";
+    for (const Words& words : std::vector<Words>{{"run", procedure, "--dry-run", "--bench", bench},
+                                                 {"explain", session, "--bench", bench},
+                                                 check}) {
+      CAPTURE(words);
+      Program program(rig_command(words), folder);
+      CHECK(program.exit_status() == 2);
+      CHECK_THAT(program.errors(), Catch::Contains("a.bench.json") && Catch::Contains(expected));
+    }
+  }
+}
+
 TEST_CASE("before a run, a report in the session's place is refused, and what is implausible is listed") {
   const TestFolder folder;
   const std::string procedure = folder / "p.yaml", bench = folder / "a.bench.json";
