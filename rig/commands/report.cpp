@@ -46,7 +46,8 @@ class Report : public Command {
     if (output_.empty()) return 0;
     const IssuedReport issued = issue_report(session_, output.path(), previous);
     if (std::filesystem::path(issued.file).filename() != std::filesystem::path(output.path()).filename())
-      std::fprintf(stderr, "rig: %s is another certificate and was kept\n", output.path().c_str());
+      std::fprintf(stderr, "rig: %s was there already and is kept: the report is %s\n", output.path().c_str(),
+                   issued.file.c_str());
     if (!no_store_) remember(issued.certificates);
     std::fprintf(stderr, "report: %s\n", std::filesystem::absolute(issued.file).c_str());
     return 0;

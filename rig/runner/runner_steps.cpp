@@ -77,7 +77,7 @@ awaitable<void> Runner::Impl::report(std::string file) {
   const RunnerParts::Written written = co_await std::move(writing);
   if (!written.certificates.empty()) session.set("certificates", written.certificates);
   if (!written.file.empty() && written.file != target)
-    note("warning", target + " is another certificate and was kept");
+    note("warning", target + " was there already and is kept: the report is " + written.file);
   note("info", "report written to " + (written.file.empty() ? target : written.file));
   state().report = written.file.empty() ? target : written.file;
 }
