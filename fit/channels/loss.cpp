@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/counts.hpp"
 #include "fit/explain/model/near_edges.hpp"
 
@@ -12,7 +13,10 @@ namespace {
 
 class Losses final : public model::Counts {
  public:
-  explicit Losses(std::vector<Row> rows) : Counts(std::move(rows)) {}
+  explicit Losses(std::vector<Row> rows) : Counts(std::move(rows)) {
+    set_base({Eigen::MatrixXd::Ones(this->Losses::rows(), 1),
+              {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Constant(1, numbers::hazard_of_losses)}});
+  }
   [[nodiscard]] double response(Eigen::Index, const Effect& effect) const override {
     return hazard(effect.lost);
   }

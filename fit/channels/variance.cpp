@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include <cmath>
+#include <map>
 
+#include "fit/explain/model/autoregression.hpp"
 #include "fit/explain/model/channel.hpp"
 #include "fit/explain/stated_noise.hpp"
 
@@ -57,14 +59,23 @@ class Variances final : public IndependentRows {
   static double possible(double variance_mm2) { return std::max(rounding_mm2 / 2, variance_mm2); }
 };
 
-std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced) {
+std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced, const MeanNoise& noise) {
   constexpr int beams = 8;
+  constexpr double least_share = 0.05;
   double kurtosis = 0, freedom = 0;
+  std::map<int, double> shares;  // of the variance that the sample variance of so many shows
+  const auto share_of = [&](int n) {
+    const auto [at, is_new] = shares.try_emplace(n, 0);
+    if (is_new)
+      at->second =
+          std::max(least_share, model::share_in_sample_variance(n, noise.memory_rho, noise.memory_share));
+    return at->second;
+  };
   auto rows = model::pooled_rows(reduced, beams, [&](std::size_t i, IndependentRows::Row& row) {
     const Cell& cell = reduced.cells[i];
     if (!cell.smooth || cell.n < 3) return false;
     const double f = cell.n - 1;
-    row.y = (row.y * row.n + f * cell.variance_mm2) / (row.n + f);
+    row.y = (row.y * row.n + f * cell.variance_mm2 / share_of(cell.n)) / (row.n + f);
     row.expected = (row.expected * row.n + f * (cell.of_scans_mm2 + cell.of_joining_mm2())) / (row.n + f);
     row.n += f;
     kurtosis += f * cell.kurtosis;
@@ -73,9 +84,10 @@ std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced) {
   });
   // Ranges come in whole millimetres, or in coarser steps.
   for (auto& row : rows) row.expected += rounding_mm2 * reduced.output_step_mm * reduced.output_step_mm;
-  // Samples with tails say less of their variance.
-  const double scatter = freedom > 0 ? std::max(1.0, (kurtosis / freedom - 1) / 2) : 1;
-  for (auto& row : rows) row.n /= scatter;
+  // Samples with tails say less of their variance, and so do those that remember each other.
+  const double scatter = freedom > 0 ? std::max(1.0, (kurtosis / freedom - 1) / 2) : 1,
+               worth = model::worth_for_variance(noise.memory_rho, noise.memory_share);
+  for (auto& row : rows) row.n *= worth / scatter;
   return rows;
 }
 
@@ -88,8 +100,8 @@ model::ChannelKind make_variance() {
   kind.shows = "standard deviation of a sample";
   kind.unit = "mm";
   kind.is_square = true;
-  kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
-    auto rows = variance_rows(reduced);
+  kind.rows = [](const Reduced& reduced, const MeanNoise& noise) -> std::unique_ptr<model::ChannelRows> {
+    auto rows = variance_rows(reduced, noise);
     if (rows.size() < 3) return nullptr;
     return std::make_unique<Variances>(std::move(rows), reduced.bench);
   };

@@ -43,15 +43,21 @@ Eigen::VectorXd effect_of(const MeanModel& model, const Term& term) {
                           term.values);
 }
 
-double coordinate_at(const MeanModel& model, Coordinate coordinate, Eigen::Index row) {
-  return value_of(coordinate, model.cell(row), model.group(row));
+double coordinate_at(const MeanModel& model, Coordinate coordinate, Eigen::Index row, int target) {
+  return target < 0 ? value_of(coordinate, model.cell(row), model.group(row))
+                    : model::place_of(coordinate, target, model.cell(row).at);
 }
 
-Eigen::VectorXd scaled_coordinate(const MeanModel& model, Coordinate coordinate) {
+std::string place_along(const Bench& bench, int target) {
+  if (target == all_targets) return "the place along it";
+  return "the place along target '" + bench.targets[static_cast<std::size_t>(target)].name + "'";
+}
+
+Eigen::VectorXd scaled_coordinate(const MeanModel& model, Coordinate coordinate, int target) {
   Eigen::VectorXd x(model.rows());
   std::vector<double> values;
   for (Eigen::Index i = 0; i < x.size(); ++i) {
-    x[i] = coordinate_at(model, coordinate, i);
+    x[i] = coordinate_at(model, coordinate, i, target);
     if (std::isfinite(x[i])) values.push_back(x[i]);
   }
   if (values.empty()) return Eigen::VectorXd::Zero(x.size());

@@ -23,6 +23,9 @@ struct Term {
   }
 };
 
+/// In the place of a target's number: one after the other, side by side.
+constexpr int all_targets = -2;
+
 /// Where an unnamed function acts.
 enum class Channel { range, beam_angle, stage_angle };
 
@@ -47,10 +50,15 @@ struct TermColumns {
 };
 [[nodiscard]] TermColumns columns_of(const MeanModel& model, const Term& term);
 
-/// A row's coordinate, file unit; not finite where it has none.
-[[nodiscard]] double coordinate_at(const MeanModel& model, Coordinate coordinate, Eigen::Index row);
-/// The coordinate of every row, scaled to -1 .. 1 over the recording (model/scale.hpp).
-[[nodiscard]] Eigen::VectorXd scaled_coordinate(const MeanModel& model, Coordinate coordinate);
+/// A row's coordinate, file unit, or its place along a target (model::place_of); not finite where it has
+/// none.
+[[nodiscard]] double coordinate_at(const MeanModel& model, Coordinate coordinate, Eigen::Index row,
+                                   int target = -1);
+/// The same of every row, scaled to -1 .. 1 over the recording (model/scale.hpp).
+[[nodiscard]] Eigen::VectorXd scaled_coordinate(const MeanModel& model, Coordinate coordinate,
+                                                int target = -1);
+/// What a place along a target is called.
+[[nodiscard]] std::string place_along(const Bench& bench, int target);
 
 /// Joins columns side by side.
 void add(Columns& all, const Columns& more);

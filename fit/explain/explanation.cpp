@@ -75,7 +75,7 @@ Searched search(Reduced reduced, const Progress& progress) {
   SpreadResult spread = before_the_model(reduced);
   inference::Inferred inferred = inference::infer(reduced, spread.noise, progress);
   // A lamp keeps no step with captures: whatever does is known by now.
-  if (const auto hz = mains::flicker(reduced, inferred.of_scans, spread)) {
+  if (const auto hz = mains::flicker(reduced, inferred.means.noise, inferred.of_scans, spread)) {
     mains::take_off_flicker(*hz, reduced);
     inferred = inference::infer(reduced, spread.noise, progress);
   }

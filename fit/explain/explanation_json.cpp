@@ -57,12 +57,14 @@ json correction_json(const EmpiricalCorrection& c) {
   std::vector<double> value = c.value;
   if (c.channel != Channel::range)
     for (double& v : value) v *= deg_per_rad;
-  return {{"coordinate", name_of(c.coordinate)},
-          {"at", c.at},
-          {c.channel == Channel::range        ? "range_mm"
-           : c.channel == Channel::beam_angle ? "beam_angle_deg"
-                                              : "stage_angle_deg",
-           value}};
+  json out = {{"coordinate", c.target.empty() ? name_of(c.coordinate) : "along_mm"},
+              {"at", c.at},
+              {c.channel == Channel::range        ? "range_mm"
+               : c.channel == Channel::beam_angle ? "beam_angle_deg"
+                                                  : "stage_angle_deg",
+               value}};
+  if (!c.target.empty()) out["target"] = c.target;
+  return out;
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "fit/explain/model/autoregression.hpp"
 #include "fit/explain/model/scans.hpp"
 #include "fit/median.hpp"
 
@@ -124,7 +125,9 @@ Normal normal_of(const Segment& segment, double hz, double period_s) {
 /// What frequencies explain, on a grid that divides the scans' repetition alike.
 class Spectrum {
  public:
-  Spectrum(const std::map<int, Segment>& segments, double period_s) : period_s_(period_s) {
+  /// `noise`: what of it beams remember from scan to scan is no wave.
+  Spectrum(const std::map<int, Segment>& segments, double period_s, const MeanNoise& noise)
+      : period_s_(period_s), noise_(&noise) {
     // A few dozen segments say whether there is a wave; a session of hours has thousands.
     constexpr std::size_t enough = 40;
     const std::size_t each = std::max<std::size_t>(1, segments.size() / enough);
@@ -234,7 +237,9 @@ class Spectrum {
       normal.square(0, 1) += cross;
       normal.square(1, 0) += cross;
     }
-    return normal;
+    const double expected =
+        model::spectral_density(2 * pi * point / points_, noise_->memory_rho, noise_->memory_share);
+    return {normal.square / expected, normal.along / expected};
   }
 
   /// What whole scans have in common, or remember, is a continuum: a line stands out from it. An angle that
@@ -290,6 +295,7 @@ class Spectrum {
     std::vector<Complex> values, ones, doubled;
   };
   double period_s_;
+  const MeanNoise* noise_;
   std::vector<const Segment*> segments_;
   std::vector<std::vector<Sums>> sums_;  ///< By segment and track, over the points.
   std::vector<Continuum> continua_;      ///< By order.
@@ -410,13 +416,13 @@ struct Ranges {
 
 }  // namespace
 
-std::optional<double> flicker(const Reduced& reduced, const std::vector<Active>& from_scan_to_scan,
-                              SpreadResult& result) {
+std::optional<double> flicker(const Reduced& reduced, const MeanNoise& noise,
+                              const std::vector<Active>& from_scan_to_scan, SpreadResult& result) {
   constexpr double improbable_by_chance = 5.5;  // log Bayes factor
   // A wave of its own does not keep step with captures or mirror faces: what does is somebody else's.
   const auto [period_s, rest] =
       Ranges(reduced.groups, model::without_what_repeats(reduced, from_scan_to_scan));
-  const Spectrum spectrum(rest, period_s);
+  const Spectrum spectrum(rest, period_s, noise);
   const std::vector<Spectrum::Line> lines = spectrum.lines();
   if (lines.empty() || lines.front().evidence <= improbable_by_chance) return {};
   const Ranges ranges(reduced.groups, reduced.sectors);

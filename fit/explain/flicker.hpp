@@ -4,14 +4,14 @@
 #include <optional>
 #include <vector>
 
-#include "fit/explain/reduce.hpp"
+#include "fit/explain/mean_model.hpp"
 #include "fit/explain/spread.hpp"
 
 namespace fit::explain::mains {
 
 /// Does the range swing at the frequency of a lamp or a supply, beside what is known to happen from scan to
 /// scan? Adds it as unknown. The frequency, Hz.
-[[nodiscard]] std::optional<double> flicker(const Reduced& reduced,
+[[nodiscard]] std::optional<double> flicker(const Reduced& reduced, const MeanNoise& noise,
                                             const std::vector<Active>& from_scan_to_scan,
                                             SpreadResult& result);
 

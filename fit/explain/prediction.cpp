@@ -16,13 +16,24 @@ namespace {
 constexpr int places_of_table = 60;
 constexpr double widest_gap = 0.1;  // of the span: nothing is known in between
 
-double empirical_mm(const std::vector<EmpiricalCorrection>& list, const Cell& cell, const Group& group) {
+/// What tables do to the mean of a cell, mm.
+double empirical_mm(const std::vector<EmpiricalCorrection>& list, const Reduced& reduced, const Cell& cell,
+                    const Group& group) {
   double sum = 0;
   for (const EmpiricalCorrection& c : list) {
-    const double v = value_of(c.coordinate, cell, group);
+    const bool along_it = !c.target.empty();
+    if (along_it && c.target != reduced.bench.targets[static_cast<std::size_t>(cell.at.target)].name)
+      continue;
+    const double v = along_it ? cell.at.along_mm : value_of(c.coordinate, cell, group);
     if (std::isfinite(v)) sum += c.value_at(v) * lever_of(c.channel, cell.sight);
   }
   return sum;
+}
+
+void add_empirical_mm(const std::vector<EmpiricalCorrection>& list, Reduced& reduced) {
+  for (const Group& group : reduced.groups)
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i)
+      reduced.cells[i].nominal_mm += empirical_mm(list, reduced, reduced.cells[i], group);
 }
 
 /// Variance of one sample of that cell, mm^2.
@@ -93,10 +104,7 @@ void place_and_predict(Reduced& reduced, const Predictor& what, bool found) {
     }
   const auto at_present = [&] {
     predict(reduced, h.nuisance, at_work, false);
-    if (!found) return;
-    for (const Group& group : reduced.groups)
-      for (std::size_t i = group.first_cell; i < group.last_cell; ++i)
-        reduced.cells[i].nominal_mm += empirical_mm(what.empirical, reduced.cells[i], group);
+    if (found) add_empirical_mm(what.empirical, reduced);
   };
   for (int pass = 0; pass < 4; ++pass) {
     at_present();
@@ -130,25 +138,16 @@ Score score(const Reduced& reduced, const Cell& cell, double variance) {
   return sum;
 }
 
-}  // namespace
-
-double EmpiricalCorrection::value_at(double v) const {
-  if (at.empty() || v < at.front() || v > at.back()) return 0;
-  const auto next = std::ranges::upper_bound(at, v);
-  if (next == at.end()) return value.back();
-  const auto i = static_cast<std::size_t>(next - at.begin());
-  if (at[i] - at[i - 1] > widest_gap * (at.back() - at.front())) return 0;
-  return linear_in(at, value, v);
-}
-
-EmpiricalCorrection tabulated(const Shape& shape, const MeanModel& model) {
+/// An unnamed function as it came out, along that target if it is one's.
+EmpiricalCorrection tabulated(const Shape& shape, const MeanModel& model, int target) {
   EmpiricalCorrection table;
   table.coordinate = shape.coordinate;
   table.channel = shape.channel;
+  if (target >= 0) table.target = model.bench().targets[static_cast<std::size_t>(target)].name;
   const Columns columns = columns_of(model, shape);
   std::map<double, std::pair<double, double>> places;  // coordinate: value times weight, weight
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
-    const double v = coordinate_at(model, shape.coordinate, i);
+    const double v = coordinate_at(model, shape.coordinate, i, target);
     const double lever = lever_of(shape.channel, model.cell(i).sight);
     if (!std::isfinite(v) || std::abs(lever) < 1e-3) continue;
     double y = 0;
@@ -174,6 +173,17 @@ EmpiricalCorrection tabulated(const Shape& shape, const MeanModel& model) {
   return table;
 }
 
+}  // namespace
+
+double EmpiricalCorrection::value_at(double v) const {
+  if (at.empty() || v < at.front() || v > at.back()) return 0;
+  const auto next = std::ranges::upper_bound(at, v);
+  if (next == at.end()) return value.back();
+  const auto i = static_cast<std::size_t>(next - at.begin());
+  if (at[i] - at[i - 1] > widest_gap * (at.back() - at.front())) return 0;
+  return linear_in(at, value, v);
+}
+
 Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadResult& spread) {
   Predictor p;
   for (const Term& term : means.best.terms)
@@ -196,10 +206,11 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadRe
   p.constant_before_mm = best_constant(reduced, {});
   predict_at(reduced, means.best);
   const MeanModel model(reduced, means.noise);
-  for (const Shape& shape : means.best.shapes) p.empirical.push_back(tabulated(shape, model));
-  for (const Group& group : reduced.groups)
-    for (std::size_t i = group.first_cell; i < group.last_cell; ++i)
-      reduced.cells[i].nominal_mm += empirical_mm(p.empirical, reduced.cells[i], group);
+  for (const Shape& shape : means.best.shapes)
+    for (const int target : along_targets(shape, model.bench()))
+      if (EmpiricalCorrection table = tabulated(shape, model, target); !table.at.empty())
+        p.empirical.push_back(std::move(table));
+  add_empirical_mm(p.empirical, reduced);
   p.constant_after_mm = best_constant(reduced, p.noise);
   predict_at(reduced, means.best);
   return p;

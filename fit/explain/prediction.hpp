@@ -9,17 +9,16 @@
 
 namespace fit::explain {
 
-/// An unnamed function as a table: what it does to the range or to an angle along its coordinate (file unit).
-/// Outside of what was seen, and in its gaps, it does nothing.
+/// An unnamed function as a table: what it does to the range or to an angle along its coordinate (file unit),
+/// or along the target of that name (mm). Outside of what was seen, and in its gaps, it does nothing.
 struct EmpiricalCorrection {
   Coordinate coordinate = Coordinate::beam;
   Channel channel = Channel::range;
+  std::string target;
   std::vector<double> at, value;  ///< mm or rad.
 
   [[nodiscard]] double value_at(double coordinate_value) const;
 };
-
-[[nodiscard]] EmpiricalCorrection tabulated(const Shape& shape, const MeanModel& model);
 
 /// What a set of recordings taught, in a form that predicts another one.
 struct Predictor {

@@ -212,7 +212,10 @@ void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& out) 
     const Eigen::Index from = base.shape_first[s], count = base.shape_first[s + 1] - from;
     const VectorXd effect = base.all.columns_mm.middleCols(from, count) * x.segment(from, count);
     const Shape& shape = means.best.shapes[s];
-    add_empirical(out.bench, table_of(model, effect, along(model, shape.coordinate, shape.channel)));
+    for (const int target : along_targets(shape, out.bench))
+      add_empirical(out.bench, table_of(model, effect,
+                                        target < 0 ? along(model, shape.coordinate, shape.channel)
+                                                   : along(model, "along_mm", place_of, target)));
   }
   const bool mixed =
       std::ranges::any_of(out.mechanisms, [](const Found& f) { return f.mechanism->id == wide_beam; });

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 
 #include "fit/find_by_id.hpp"
 #include "fit/linear_table.hpp"
@@ -22,13 +23,14 @@ Course course_of(const Shape& shape, const MeanModel& model) {
                                                        : "stage angle";
   course.unit = angle ? " deg" : " mm";
   course.scale = angle ? deg_per_rad : 1;
-  course.coordinate = name_of(shape.coordinate);
-  course.unit_of_coordinate = unit_of(shape.coordinate);
+  course.coordinate =
+      shape.target == -1 ? name_of(shape.coordinate) : place_along(model.bench(), shape.target);
+  course.unit_of_coordinate = shape.target < 0 ? unit_of(shape.coordinate) : " mm";
   course.low = course.least = 1e300;
   course.high = course.most = -1e300;
   const Eigen::VectorXd effect = effect_of(model, shape);
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
-    const double v = coordinate_at(model, shape.coordinate, i);
+    const double v = coordinate_at(model, shape.coordinate, i, shape.target);
     if (!std::isfinite(v)) continue;
     course.low = std::min(course.low, v);
     course.high = std::max(course.high, v);
@@ -50,15 +52,22 @@ const std::vector<Form>& all_forms() {
 
 const Form* find_form(const std::string& id) { return find_by_id(all_forms(), id); }
 
+std::vector<int> along_targets(const Shape& shape, const Bench& bench) {
+  if (shape.target != all_targets) return {shape.target};
+  std::vector<int> all(bench.targets.size());
+  std::iota(all.begin(), all.end(), 0);
+  return all;
+}
+
 Columns columns_of(const MeanModel& model, const Shape& shape) {
   const Form& form = *shape.form;
   const Eigen::Index n = model.rows(), terms = form.terms(shape);
   Eigen::VectorXd x;
-  if (form.scaled) x = scaled_coordinate(model, shape.coordinate);
+  if (form.scaled) x = scaled_coordinate(model, shape.coordinate, shape.target);
   Columns c;
   c.columns_mm.resize(n, terms);
   for (Eigen::Index i = 0; i < n; ++i) {
-    const double v = coordinate_at(model, shape.coordinate, i),
+    const double v = coordinate_at(model, shape.coordinate, i, shape.target),
                  lever = lever_of(shape.channel, model.cell(i).sight);
     for (Eigen::Index k = 0; k < terms; ++k)
       c.columns_mm(i, k) =
@@ -82,10 +91,10 @@ Eigen::VectorXd effect_of(const MeanModel& model, const Shape& shape) {
 SeenShape seen(const Shape& shape, const MeanModel& model) {
   SeenShape seen{shape, {}, {}};
   if (!shape.form->scaled) return seen;
-  const Eigen::VectorXd scaled = scaled_coordinate(model, shape.coordinate);
+  const Eigen::VectorXd scaled = scaled_coordinate(model, shape.coordinate, shape.target);
   std::map<double, double> curve;
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
-    const double at = coordinate_at(model, shape.coordinate, i);
+    const double at = coordinate_at(model, shape.coordinate, i, shape.target);
     if (!std::isfinite(at) || curve.contains(at)) continue;
     double& value = curve[at];
     for (std::size_t k = 0; k < shape.values.size(); ++k)
@@ -102,7 +111,8 @@ Eigen::VectorXd effect_of(const MeanModel& model, const SeenShape& seen) {
   if (seen.at.empty()) return effect_of(model, seen.shape);
   Eigen::VectorXd effect = Eigen::VectorXd::Zero(model.rows());
   for (Eigen::Index i = 0; i < model.rows(); ++i)
-    if (const double at = coordinate_at(model, seen.shape.coordinate, i); std::isfinite(at))
+    if (const double at = coordinate_at(model, seen.shape.coordinate, i, seen.shape.target);
+        std::isfinite(at))
       effect[i] = lever_of(seen.shape.channel, model.cell(i).sight) * linear_in(seen.at, seen.value, at);
   return effect;
 }
@@ -113,7 +123,7 @@ Columns columns_of(const MeanModel& model, const SeenShape& seen) {
     const double then = seen.at.back() - seen.at.front();
     double low = seen.at.front(), high = seen.at.back();
     for (Eigen::Index i = 0; i < model.rows(); ++i) {
-      const double at = coordinate_at(model, shape.coordinate, i);
+      const double at = coordinate_at(model, shape.coordinate, i, shape.target);
       if (!std::isfinite(at)) continue;
       low = std::min(low, at);
       high = std::max(high, at);

@@ -16,7 +16,9 @@ struct Shape {
   const Form* form = nullptr;
   Coordinate coordinate = Coordinate::beam;
   Channel channel = Channel::range;
-  double at = 0;                    ///< Place or period, file unit of the coordinate.
+  int target =
+      -1;         ///< Along this one: the coordinate is the place on it from its middle, mm. Or all of them.
+  double at = 0;  ///< Place or period, file unit of the coordinate.
   double length = 0;                ///< Extent, as its form has it.
   double size = 1;                  ///< Standard size of the prior: mm or rad.
   std::vector<double> values = {};  ///< Coefficients, after a fit.
@@ -54,9 +56,10 @@ struct Described {
 /// One kind of unnamed function: a sum of basis functions with a normal prior each.
 struct Form {
   std::string id;
-  bool has_a_place = true;   ///< A place or period tells people more than a curve.
-  bool is_constant = false;  ///< Needs no coordinate that varies.
-  bool scaled = false;       ///< Its functions are of the coordinate scaled to -1 .. 1 over the recording.
+  bool has_a_place = true;      ///< A place or period tells people more than a curve.
+  bool is_constant = false;     ///< Needs no coordinate that varies.
+  bool scaled = false;          ///< Its functions are of the coordinate scaled to -1 .. 1 over the recording.
+  bool of_all_targets = false;  ///< Of the place along every target, a function for each.
   std::function<int(const Shape&)> terms = [](const Shape&) { return 1; };
   std::function<double(const Shape&, double x, int term)> basis;
   /// Standard sizes of the coefficients where the whole has that of 1; empty: all 1.
@@ -71,6 +74,8 @@ struct Form {
 [[nodiscard]] const std::vector<Form>& all_forms();
 [[nodiscard]] const Form* find_form(const std::string& id);
 
+/// The targets along which it acts, one by one; -1 where it is of no target's place.
+[[nodiscard]] std::vector<int> along_targets(const Shape& shape, const Bench& bench);
 /// Columns of the basis functions, mm, and their prior around zero.
 [[nodiscard]] Columns columns_of(const MeanModel& model, const Shape& shape);
 /// What a fitted one does to every mean, mm.

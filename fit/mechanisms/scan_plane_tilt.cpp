@@ -4,8 +4,8 @@
 namespace fit::mechanisms {
 
 // Mirror or mount leans: rays climb by tilt * cos(a - axis), so upright walls are met at r / cos(climb):
-// second order. Seen from above the leaning circle is an ellipse, which bends beams by tilt^2/4 sin 2(a -
-// axis).
+// second order. Where the mount leans, the circle seen from above is an ellipse, which bends beams by
+// tilt^2/4 sin 2(a - axis); a mirror alone bends none of them.
 Mechanism make_scan_plane_tilt() {
   Mechanism m;
   m.id = "scan-plane-tilt";
@@ -18,11 +18,18 @@ Mechanism make_scan_plane_tilt() {
                    .lower = -90,
                    .upper = 90,
                    .starts = 12,
+                   .logarithmic = false},
+                  {.name = "share_of_mount",
+                   .role = Parameter::Role::shape,
+                   .expected = 1,
+                   .lower = 0,
+                   .upper = 1,
+                   .starts = 2,
                    .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double x = c.beam_rad - p[1] * rad_per_deg, tilt2 = p[0] * rad_per_deg * rad_per_deg;
     return Effect{.range_mm = c.range_mm / 2 * tilt2 * std::cos(x) * std::cos(x),
-                  .beam_rad = tilt2 / 4 * std::sin(2 * x)};
+                  .beam_rad = p[2] * tilt2 / 4 * std::sin(2 * x)};
   };
   m.says = [](const Finding& f) {
     const double tilt = std::sqrt(std::max(0.0, f.at("tilt_squared_deg2").value));

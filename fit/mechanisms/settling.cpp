@@ -5,7 +5,8 @@
 
 namespace fit::mechanisms {
 
-// A table on a springy shaft rings after a move.
+// A table on a springy shaft rings after a move: towards where it came from, or, where a load pulls it,
+// always to the same side.
 Mechanism make_settling() {
   Mechanism m;
   m.id = "settling";
@@ -25,12 +26,19 @@ Mechanism make_settling() {
                    .lower = 0,
                    .upper = 19,
                    .starts = 39,
+                   .logarithmic = false},
+                  {.name = "share_of_direction",
+                   .role = Parameter::Role::shape,
+                   .expected = 1,
+                   .lower = 0,
+                   .upper = 1,
+                   .starts = 2,
                    .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (c.approach == 0) return Effect{};
     const double at = 2 * pi * p[3] * c.since_move_s + pi / 2 + p[1] * rad_per_deg;
-    return Effect{.stage_rad =
-                      p[0] * rad_per_deg * c.approach * std::exp(-c.since_move_s / p[2]) * std::sin(at)};
+    const double side = 1 + p[4] * (c.approach - 1);
+    return Effect{.stage_rad = p[0] * rad_per_deg * side * std::exp(-c.since_move_s / p[2]) * std::sin(at)};
   };
   m.shows = [](const Finding& f, const Recorded& r) {  // until half of it has faded
     const double half = std::log(2.0) * f.at("tau_s").value * r.scan_hz;

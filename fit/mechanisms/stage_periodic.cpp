@@ -18,7 +18,7 @@ Mechanism make_stage_periodic() {
                    .scale = Parameter::Scale::gear,
                    .lower = 1.5,
                    .upper = 360,
-                   .starts = 40}};
+                   .starts = 240}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.stage_rad = p[0] * rad_per_deg *
                                std::sin(2 * pi * c.stage_rad * deg_per_rad / p[2] + p[1] * rad_per_deg)};

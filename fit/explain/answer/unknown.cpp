@@ -16,8 +16,8 @@ Unexplained of_shapes(const Findings& findings) {
   u.observable = Observable::range_mean;
   u.coordinate = shape.coordinate;
   u.describes = first.text;
-  u.from = first.from;
-  u.to = first.to;
+  u.from = shape.target < 0 ? first.from : shape.target;
+  u.to = shape.target < 0 ? first.to : shape.target;
   for (std::size_t i = 1; i < means.best.shapes.size(); ++i)
     u.describes += "; and " + describe(means.best.shapes[i], model).text;
   u.evidence = means.after.log_likelihood - means.before.log_likelihood;

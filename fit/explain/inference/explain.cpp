@@ -54,10 +54,6 @@ Fitted without(const Session& session, const Hypothesis& h, const Kind& kind) {
   return fit(session, less);
 }
 
-std::string name_of_target(const Session& session, const Kind& kind) {
-  return session.reduced().bench.targets[static_cast<std::size_t>(kind.target)].name;
-}
-
 /// A channel's nuisances as a hypothesis has them.
 std::vector<Estimate> nuisances_of(const Session& session, const Fitted& f, std::size_t channel) {
   std::vector<Estimate> list;
@@ -81,14 +77,14 @@ Unexplained described(const Session& session, const Term& term, double gain) {
   course.what = term.kind->acts_on;
   course.unit = model::channel_kinds()[c].unit.empty() ? "" : " " + model::channel_kinds()[c].unit;
   if (model::channel_kinds()[c].is_square) course.unit += "^2";
-  const bool on_a_target = shape.coordinate == Coordinate::target && term.kind->target >= 0;
-  course.coordinate = on_a_target ? "the place along target '" + name_of_target(session, *term.kind) + "'"
-                                  : name_of(shape.coordinate);
+  const bool on_a_target = shape.target >= 0;
+  course.coordinate =
+      on_a_target ? place_along(session.reduced().bench, shape.target) : name_of(shape.coordinate);
   course.unit_of_coordinate = on_a_target ? " mm" : unit_of(shape.coordinate);
   course.low = course.least = 1e300;
   course.high = course.most = -1e300;
   for (Index i = 0; i < rows.rows(); ++i) {
-    const double at = model::place_of(shape.coordinate, term.kind->target, rows.at(i)),
+    const double at = model::place_of(shape.coordinate, shape.target, rows.at(i)),
                  y = rows.response(i, term.kind->mechanism->act(rows.at(i), term.values));
     if (!std::isfinite(at)) continue;
     course.low = std::min(course.low, at);
@@ -102,8 +98,8 @@ Unexplained described(const Session& session, const Term& term, double gain) {
   u.coordinate = shape.coordinate;
   u.gain = gain;
   u.describes = says.text;
-  u.from = on_a_target ? term.kind->target : says.from;
-  u.to = on_a_target ? term.kind->target : says.to;
+  u.from = on_a_target ? shape.target : says.from;
+  u.to = on_a_target ? shape.target : says.to;
   return u;
 }
 
@@ -158,6 +154,7 @@ Shape as_shape(const Term& term) {
   shape.values.assign(term.values.begin(), term.values.begin() + static_cast<std::ptrdiff_t>(count));
   shape.at = term.values[count];
   shape.length = term.values[count + 1];
+  shape.size *= term.factor;
   return shape;
 }
 

@@ -237,7 +237,8 @@ class Question {
     return white;
   }
 
-  /// Of whitened columns, with the base and present terms integrated out.
+  /// Of whitened columns, with the base and present terms integrated out. Channels may have different numbers
+  /// of them: the first ones are the same coefficients in all.
   [[nodiscard]] Quadratic projected(const std::vector<Eigen::MatrixXd>& columns) const {
     Index k = 0;
     for (const auto& c : columns) k = std::max(k, c.cols());
@@ -246,11 +247,13 @@ class Question {
     for (std::size_t c = 0; c < columns.size(); ++c) {
       if (columns[c].cols() == 0) continue;
       const Eigen::MatrixXd& white = columns[c];
-      q.square += white.transpose() * white;
-      q.along += white.transpose() * around_->white_residual[c];
+      const Index n = white.cols();
+      q.square.topLeftCorner(n, n).noalias() += white.transpose() * white;
+      q.along.head(n).noalias() += white.transpose() * around_->white_residual[c];
       const Eigen::MatrixXd with = around_->white[c].transpose() * white;
       const auto& index = fitted_->design.parts[c].index;
-      for (std::size_t i = 0; i < index.size(); ++i) cross.row(index[i]) += with.row(static_cast<Index>(i));
+      for (std::size_t i = 0; i < index.size(); ++i)
+        cross.row(index[i]).head(n) += with.row(static_cast<Index>(i));
     }
     q.square -= cross.transpose() * around_->factor.solve(cross);
     return q;
@@ -292,9 +295,10 @@ class Question {
       columns[c].resize(rows.rows(), sizes.cols() + places.cols() + deviations.cols());
       columns[c] << sizes, places, deviations;
     }
-    return without_size +
-           integrate_over_factors(projected(whitened(std::move(columns))), *kind_).log_evidence +
-           static_cast<double>(shapes) * 0.5 * std::log(2 * pi / 12);
+    const double all = without_size +
+                       integrate_over_factors(projected(whitened(std::move(columns))), *kind_).log_evidence +
+                       static_cast<double>(shapes) * 0.5 * std::log(2 * pi / 12);
+    return std::isfinite(all) ? all : -1e300;
   }
 
   [[nodiscard]] double gain_of_offset(const Term& term, std::optional<std::size_t> start = {}) const {

@@ -46,6 +46,18 @@ LagCovariance covariance_of_lagged(int n, double rho, double share) {
   return sum;
 }
 
+double worth_for_variance(double rho, double share) {
+  return 1 / (1 + 2 * share * share * rho * rho / (1 - rho * rho));
+}
+
+double share_in_sample_variance(int n, double rho, double share) {
+  return n > 1 ? 1 - share * added_to_mean(n, rho) / (n - 1) : 1;
+}
+
+double spectral_density(double phase_rad, double rho, double share) {
+  return 1 - share + share * (1 - rho * rho) / (1 - 2 * rho * std::cos(phase_rad) + rho * rho);
+}
+
 double added_to_mean(int n, double rho) {
   double sum = 0;
   for (int lag = 1; lag < n; ++lag) sum += 2 * (1 - static_cast<double>(lag) / n) * std::pow(rho, lag);

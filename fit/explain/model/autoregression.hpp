@@ -21,6 +21,14 @@ using LagCovariance = Eigen::Matrix<double, lag_bands.size(), lag_bands.size()>;
 /// the number of pairs).
 [[nodiscard]] LagCovariance covariance_of_lagged(int n, double rho, double share);
 
+/// How many values without memory say as much of the variance as one of such noise does: the square of its
+/// correlations, summed over all lags, is what makes squares scatter more (Bartlett 1946).
+[[nodiscard]] double worth_for_variance(double rho, double share);
+/// By which the expected sample variance of n values falls short of theirs: they follow their own mean.
+[[nodiscard]] double share_in_sample_variance(int n, double rho, double share);
+/// Spectral density of such noise of variance one at a phase from value to value; of white noise it is one.
+[[nodiscard]] double spectral_density(double phase_rad, double rho, double share);
+
 /// What the correlation of n values adds to the variance of their mean, in units of that which n values
 /// without memory have.
 [[nodiscard]] double added_to_mean(int n, double rho);

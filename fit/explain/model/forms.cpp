@@ -27,7 +27,7 @@ explain::Channel channel_of(Act on) {
 struct Way {
   Coordinate coordinate;
   Act on;
-  int target = -1;  ///< Along this one, if it is one's.
+  int target = -1;  ///< Along this one, if it is one's; or all of them.
   [[nodiscard]] double place_of(const Circumstances& at) const {
     return model::place_of(coordinate, target, at);
   }
@@ -65,7 +65,7 @@ constexpr Way ways[] = {
     {Coordinate::time,
      Act::intensity}};  // Of range and brightness it would be another law, which has a name.
 /// Along every target by itself: what a surface does at its place.
-constexpr Act along_targets[] = {Act::intensity};
+constexpr Act along_targets[] = {Act::intensity, Act::range};
 
 Observable observable_of(Act on) {
   return on == Act::variance || on == Act::scan_range              ? Observable::range_variance
@@ -232,21 +232,24 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
   if (values.empty()) return;
   const auto scale = std::make_shared<const Scale>(std::move(values), Scale::may_crowd(way.coordinate));
   const Axis axis = axis_of_rows(*scale, way);
-  const bool varies = (way.coordinate != Coordinate::target || way.target >= 0) &&
+  const bool varies = (way.coordinate != Coordinate::target || way.target != -1) &&
                       axis.high - axis.low > 1e-6 && axis.values >= fewest_values;
   for (const Form& form : all_forms()) {
-    if ((!varies && !form.is_constant) || (way.target >= 0 && form.is_constant)) continue;
+    if ((!varies && !form.is_constant) || (way.target != -1 && form.is_constant)) continue;
+    if (form.of_all_targets != (way.target == all_targets)) continue;
     std::map<int, std::vector<Shape>> by_terms;
     for (Shape& shape : form.along(axis)) {
       shape.form = &form;
       shape.coordinate = way.coordinate;
       shape.channel = channel_of(way.on);
+      shape.target = way.target;
+      shape.size = typical_of(way.on);
       by_terms[form.terms(shape)].push_back(shape);
     }
     for (const auto& [terms, shapes] : by_terms) {
       Kind kind;
       kind.form = shapes.front();
-      kind.target = way.target;
+      kind.target = std::max(-1, way.target);
       kind.observable = observable_of(way.on);
       kind.mechanism = mechanism_of(form, way, shapes.front(), scale);
       kind.functions = functions_of(form, way, shapes.front(), scale);
@@ -286,14 +289,19 @@ void add_forms(const std::vector<ChannelKind>& what,
       if (acts_here(way.on) && channels[c]->sees(way.coordinate)) add_forms_along(way, *channels[c], kinds);
     for (const Act on : along_targets) {
       if (!acts_here(on)) continue;
-      std::set<int> targets;
+      std::set<int> targets;  // which share the prior of one
       for (Index i = 0; i < channels[c]->rows(); ++i) targets.insert(channels[c]->at(i).target);
+      const std::size_t before = kinds.size();
       for (const int target : targets) add_forms_along({Coordinate::target, on, target}, *channels[c], kinds);
+      for (std::size_t k = before; k < kinds.size(); ++k)
+        kinds[k].log_prior = -std::log(static_cast<double>(targets.size()));
+      if (on == Act::range) add_forms_along({Coordinate::target, on, all_targets}, *channels[c], kinds);
     }
   }
-  const auto count = static_cast<double>(std::max<std::size_t>(1, kinds.size() - named));
+  double count = 0;
+  for (std::size_t k = named; k < kinds.size(); ++k) count += std::exp(kinds[k].log_prior);
   for (std::size_t k = named; k < kinds.size(); ++k)
-    kinds[k].log_prior = std::log(numbers::forms_expected / count);
+    kinds[k].log_prior += std::log(numbers::forms_expected / count);
 }
 
 }  // namespace fit::explain::model

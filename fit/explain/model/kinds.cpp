@@ -31,6 +31,11 @@ std::vector<double> places_of_shape(const Parameter& p) {
     for (double n = p.lower; n <= p.upper; ++n) whole.push_back(n);
     return whole;
   }
+  if (p.scale == Parameter::Scale::gear) {
+    std::vector<double> turns;
+    for (int teeth = 1; 360.0 / teeth >= p.lower; ++teeth) turns.push_back(360.0 / teeth);
+    return turns;
+  }
   const int count = std::max(2, p.starts);
   std::vector<double> list;
   for (int i = 0; i < count; ++i) {

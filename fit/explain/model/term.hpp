@@ -98,7 +98,8 @@ void add_forms(const std::vector<ChannelKind>& what,
 
 /// A coordinate of formats.md in its file unit; not finite where it has none.
 [[nodiscard]] double coordinate_of(Coordinate coordinate, const Circumstances& at);
-/// The same, but along a target, if it is of one: the place on it from its middle, mm; not finite off it.
+/// The same, but along a target, if it is of one: the place on it from its middle, mm; not finite off it. Of
+/// all targets: their number plus the share of the way from one end to the other.
 [[nodiscard]] double place_of(Coordinate coordinate, int target, const Circumstances& at);
 
 }  // namespace fit::explain::model

@@ -226,7 +226,7 @@ TEST_CASE("a flicker is found and taken off the samples' variance") {
   };
   const double before = mean_variance();
   SpreadResult result;
-  const auto hz = mains::flicker(reduced, {}, result);
+  const auto hz = mains::flicker(reduced, {}, {}, result);
   REQUIRE(hz);
   CHECK(*hz == Approx(100.7).margin(0.3));
   CHECK(result.unknown.size() == 1);
