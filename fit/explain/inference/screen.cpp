@@ -5,6 +5,7 @@
 #include <cmath>
 #include <functional>
 #include <iterator>
+#include <map>
 #include <optional>
 
 #include "fit/explain/inference/numbers.hpp"
@@ -35,6 +36,7 @@ class Question {
       logs.push_back(log_evidence);
       asked_.push_back({log_evidence, std::move(term)});
     }
+    if (kind_->mechanism->any_curve) keep_places();
     const double places =
         kind_->bins ? kind_->mechanism->parameters[*kind_->bins].starts : static_cast<double>(logs.size());
     over_grid_ = log_sum(logs) - std::log(places);
@@ -68,6 +70,16 @@ class Question {
       peak = known;
       price = one.price;
       best_.term = there;
+    }
+    // A formula that may bend at will says little of where it is: with its bends another start may be better.
+    for (const Asked& one : places_) {
+      const double known = with_everything(one.term, false),
+                   width = std::min(0.0, with_everything(one.term, true) - known);
+      if (known + width <= most) continue;
+      modes.push_back(most = known + width);
+      peak = known;
+      price = one.price;
+      best_.term = one.term;
     }
     if (best_.always && refines) best_.always = refined(*best_.always);
     double all = log_sum(modes);
@@ -114,6 +126,18 @@ class Question {
     Term term;
     double price = 0;  ///< Minus the log of its times' prior probability.
   };
+
+  /// The best start at every place of the first shape.
+  void keep_places() {
+    const std::vector<std::size_t> shapes = model::refined_shapes_of(*kind_);
+    if (shapes.empty()) return;
+    std::map<double, const Asked*> best;
+    for (const Asked& one : asked_) {
+      const Asked*& there = best[one.term.values[shapes.front()]];
+      if (!there || one.log_evidence > there->log_evidence) there = &one;
+    }
+    for (const auto& [place, one] : best) places_.push_back(*one);
+  }
 
   /// Half of the prior is for always, the other for all spans of time alike.
   void add_spans() {
@@ -365,6 +389,8 @@ class Question {
   const Optimum* around_;
   const Kind* kind_;
   std::vector<Asked> asked_;  ///< The best of the grid.
+  std::vector<Asked>
+      places_;  ///< Where the formula bends at will: the best at every place of its first shape.
   double over_grid_ = -1e300;
   Candidate best_;
 };

@@ -59,6 +59,27 @@ class Climber {
       if (!add() && !drop() && !exchange()) return;
   }
 
+  /// A form may stand where two mechanisms belong, of which neither shows by itself: from what is named, on
+  /// with mechanisms alone.
+  void climb_without_forms() {
+    constexpr int most_moves = 4;
+    const Fitted with_forms = best_;
+    Hypothesis named = with_forms.hypothesis;
+    std::erase_if(named.terms, [](const Term& term) { return term.kind->is_form(); });
+    if (named.terms.size() == with_forms.hypothesis.terms.size()) return;
+    best_ = fitted(named);
+    const double from = best_.hypothesis.log_posterior(), to = with_forms.hypothesis.log_posterior();
+    asks_forms_ = false;
+    for (int move = 0; move < most_moves; ++move) {
+      const double here = best_.hypothesis.log_posterior();
+      const bool is_far =
+          move > 1 && to - here > here - from;  // as each move brings less, it will not get there
+      if (is_far || (!add() && !drop() && !exchange())) break;
+    }
+    asks_forms_ = true;
+    if (best_.hypothesis.log_posterior() < to) best_ = with_forms;
+  }
+
   /// Nothing is missing, and the session is linearised there.
   [[nodiscard]] bool is_where_it_began() const { return best_.hypothesis.terms.empty() && !moved_; }
 
@@ -125,11 +146,11 @@ class Climber {
   bool add() {
     if (best_.hypothesis.terms.size() >= numbers::most_terms) return false;
     const std::vector<Candidate> list = screen(session_, best_);
-    if (take_if_better(fit_each(best_.hypothesis, best_of(list, tries, tries / 2)))) return true;
+    if (take_if_better(fit_each(best_.hypothesis, best_of(list, tries, forms(tries / 2))))) return true;
     // The approximation promised too much of the best; others stood in its shadow.
     if (list.empty() || list.front().log_posterior() < numbers::window) return false;
     constexpr double any = 1e300;
-    return take_if_better(fit_each(best_.hypothesis, best_of(list, 2 * tries, tries, any)));
+    return take_if_better(fit_each(best_.hypothesis, best_of(list, 2 * tries, forms(tries), any)));
   }
 
   bool drop() {
@@ -147,7 +168,7 @@ class Climber {
     bool better = false;
     for (std::size_t t = 0; t < whole.terms.size(); ++t) {
       const Fitted less = fitted(without(whole, t));
-      const auto list = best_of(screen(session_, less, whole.terms[t].kind), tries, tries / 2);
+      const auto list = best_of(screen(session_, less, whole.terms[t].kind), tries, forms(tries / 2));
       const double worth = whole.log_evidence - less.hypothesis.log_evidence;
       better = take_if_better(fit_each(less.hypothesis, list)) || better;
       better = exchange_for_two(less, list, *whole.terms[t].kind, worth) || better;
@@ -168,15 +189,18 @@ class Climber {
       if (candidate.term.kind->is_form() || candidate.log_evidence < good_part * worth) continue;
       ++asked;
       const Fitted first = fitted(with_term(less.hypothesis, candidate.term));
-      const auto more = best_of(screen(session_, first, &instead_of), most, 1);
+      const auto more = best_of(screen(session_, first, &instead_of), most, forms(1));
       better = take_if_better(fit_each(first.hypothesis, more)) || better;
     }
     return better;
   }
 
+  [[nodiscard]] std::size_t forms(std::size_t count) const { return asks_forms_ ? count : 0; }
+
   Session& session_;
   std::map<std::vector<const Kind*>, Hypothesis> visited_;
   Fitted best_;
+  bool asks_forms_ = true;
   bool moved_ = false;
 };
 
@@ -187,6 +211,10 @@ Explored explore(Session& session, const Progress& progress) {
   Climber climber(session);
   for (int pass = 0; pass < most_linearisations; ++pass) {
     climber.climb();
+    if (pass == 0) {
+      climber.climb_without_forms();
+      climber.climb();
+    }
     if (climber.is_where_it_began()) break;
     if (progress) progress(0.5 + 0.1 * pass, "comparing mechanisms");
     if (!climber.fit_again() && pass > 0) break;
