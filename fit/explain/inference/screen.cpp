@@ -8,6 +8,7 @@
 #include <map>
 #include <optional>
 
+#include "fit/explain/inference/approximation.hpp"
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/inference/peak.hpp"
 #include "fit/explain/inference/two_cores.hpp"
@@ -19,12 +20,10 @@ namespace {
 
 using Eigen::Index;
 
-/// Asks what one kind would add, by the quadratic approximation at the fitted hypothesis.
-class Question {
+/// Asks what one kind would add, at all its starts and between the best of them.
+class Question : Approximation {
  public:
-  /// `around`: the fitted likelihood, raised.
-  Question(const Session& session, const Fitted& fitted, const Optimum& around, const Kind& kind)
-      : session_(&session), fitted_(&fitted), around_(&around), kind_(&kind) {}
+  using Approximation::Approximation;
 
   /// On the grid of its starts.
   void ask_starts() {
@@ -173,22 +172,6 @@ class Question {
     return model::effect_of(rows, *kind_, values);
   }
 
-  /// Of what happens to every row of all channels, along a coordinate.
-  template <class Happens>
-  [[nodiscard]] std::vector<model::RowScore> scores_along(Coordinate coordinate,
-                                                          const Happens& happens) const {
-    std::vector<model::RowScore> list;
-    for (std::size_t c = 0; c < session_->channels().size(); ++c) {
-      if (!kind_->acts_in[c]) continue;
-      const ChannelRows& rows = *session_->channels()[c];
-      const Eigen::VectorXd white = rows.whitened(happens(rows), around_->eta[c]);
-      for (Index i = 0; i < rows.rows(); ++i)
-        list.push_back({model::coordinate_of(coordinate, rows.at(i)),
-                        white[i] * around_->white_residual[c][i], white[i] * white[i]});
-    }
-    return list;
-  }
-
   /// Thresholds at which the most would happen, each with every other shape of the grid.
   void add_thresholds() {
     const std::size_t k = *kind_->threshold;
@@ -242,121 +225,6 @@ class Question {
     return term;
   }
 
-  [[nodiscard]] std::vector<Eigen::MatrixXd> whitened(std::vector<Eigen::MatrixXd> columns) const {
-    for (std::size_t c = 0; c < columns.size(); ++c)
-      if (columns[c].cols() > 0)
-        columns[c] = session_->channels()[c]->whitened(std::move(columns[c]), around_->eta[c]);
-    return columns;
-  }
-
-  /// At one of its starts.
-  [[nodiscard]] std::vector<Eigen::MatrixXd> whitened_at(std::size_t start) const {
-    const std::vector<Eigen::MatrixXf>& columns = session_->columns_at(*kind_, start);
-    std::vector<Eigen::MatrixXd> white(columns.size());
-    for (std::size_t c = 0; c < columns.size(); ++c) {
-      white[c] = columns[c].cast<double>();
-      if (white[c].cols() > 0 && around_->root[c].size() > 0)
-        white[c] = around_->root[c].asDiagonal() * white[c];
-    }
-    return white;
-  }
-
-  /// Of whitened columns, with the base and present terms integrated out. Channels may have different numbers
-  /// of them: the first ones are the same coefficients in all.
-  [[nodiscard]] Quadratic projected(const std::vector<Eigen::MatrixXd>& columns) const {
-    Index k = 0;
-    for (const auto& c : columns) k = std::max(k, c.cols());
-    Quadratic q{Eigen::MatrixXd::Zero(k, k), Eigen::VectorXd::Zero(k)};
-    Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(fitted_->design.mean.size(), k);
-    for (std::size_t c = 0; c < columns.size(); ++c) {
-      if (columns[c].cols() == 0) continue;
-      const Eigen::MatrixXd& white = columns[c];
-      const Index n = white.cols();
-      q.square.topLeftCorner(n, n).noalias() += white.transpose() * white;
-      q.along.head(n).noalias() += white.transpose() * around_->white_residual[c];
-      const Eigen::MatrixXd with = around_->white[c].transpose() * white;
-      const auto& index = fitted_->design.parts[c].index;
-      for (std::size_t i = 0; i < index.size(); ++i)
-        cross.row(index[i]).head(n) += with.row(static_cast<Index>(i));
-    }
-    q.square -= cross.transpose() * around_->factor.solve(cross);
-    return q;
-  }
-
-  [[nodiscard]] std::vector<Eigen::MatrixXd> columns_of(const Term& term) const {
-    std::vector<Eigen::MatrixXd> columns(session_->channels().size());
-    for (std::size_t c = 0; c < columns.size(); ++c)
-      if (kind_->acts_in[c]) columns[c] = model::columns_of(*session_->channels()[c], *kind_, term.values);
-    return columns;
-  }
-
-  /// At those shapes, over all sizes; the term gets the best.
-  double with_sizes(Term& term, std::optional<std::size_t> start = {}) const {
-    const double without_size = kind_->acts_without_size ? gain_of_offset(term, start) : 0;
-    if (kind_->coefficients.empty()) return without_size;
-    const OverFactors over =
-        integrate_over_factors(projected(start ? whitened_at(*start) : whitened(columns_of(term))), *kind_);
-    if (!over.best.value.allFinite()) return -1e300;
-    model::set_coefficients(term, over.best.value, over.best.covariance);
-    term.factor = over.factor;
-    return without_size + over.log_evidence;
-  }
-
-  /// With the deviations that the formula allows, and the width of its shapes.
-  [[nodiscard]] double with_everything(const Term& term, bool with_shapes) const {
-    const double without_size = kind_->acts_without_size ? gain_of_offset(term) : 0;
-    if (kind_->coefficients.empty()) return without_size + (with_shapes ? width_without_sizes(term) : 0);
-    std::vector<Eigen::MatrixXd> columns(session_->channels().size());
-    Index shapes = 0;
-    for (std::size_t c = 0; c < columns.size(); ++c) {
-      if (!kind_->acts_in[c]) continue;
-      const ChannelRows& rows = *session_->channels()[c];
-      const Eigen::MatrixXd sizes = model::columns_of(rows, *kind_, term.values),
-                            places = with_shapes ? model::shape_columns(rows, term)
-                                                 : Eigen::MatrixXd(rows.rows(), 0),
-                            deviations = model::deviation_columns(rows, term);
-      shapes = places.cols();
-      columns[c].resize(rows.rows(), sizes.cols() + places.cols() + deviations.cols());
-      columns[c] << sizes, places, deviations;
-    }
-    const double all = without_size +
-                       integrate_over_factors(projected(whitened(std::move(columns))), *kind_).log_evidence +
-                       static_cast<double>(shapes) * 0.5 * std::log(2 * pi / 12);
-    return std::isfinite(all) ? all : -1e300;
-  }
-
-  [[nodiscard]] double gain_of_offset(const Term& term, std::optional<std::size_t> start = {}) const {
-    double sum = 0;
-    for (std::size_t c = 0; c < session_->channels().size(); ++c) {
-      if (!kind_->acts_in[c]) continue;
-      const ChannelRows& rows = *session_->channels()[c];
-      const Eigen::VectorXd offset = start
-                                         ? session_->without_size_at(*kind_, *start)[c].cast<double>().eval()
-                                         : model::effect_without_size(rows, *kind_, term.values);
-      if (offset.size() > 0 && !offset.isZero(0))
-        sum += rows.log_likelihood(fitted_->optimum.eta[c] + offset) - fitted_->optimum.of_channel[c];
-    }
-    return sum;
-  }
-
-  [[nodiscard]] double width_without_sizes(const Term& term) const {
-    double sum = 0;
-    Eigen::MatrixXd square;
-    for (std::size_t c = 0; c < session_->channels().size(); ++c) {
-      if (!kind_->acts_in[c]) continue;
-      const ChannelRows& rows = *session_->channels()[c];
-      const Eigen::MatrixXd white =
-          rows.whitened(model::shape_columns(rows, term),
-                        fitted_->optimum.eta[c] + model::effect_of(rows, *kind_, term.values));
-      if (square.size() == 0) square = Eigen::MatrixXd::Identity(white.cols(), white.cols());
-      square += white.transpose() * white;
-    }
-    if (square.size() > 0)
-      sum = -0.5 * std::log(square.determinant()) +
-            static_cast<double>(square.rows()) * 0.5 * std::log(2 * pi / 12);
-    return sum;
-  }
-
   /// Shapes between those of the grid.
   [[nodiscard]] Term refined(const Term& start) const {
     const std::vector<std::size_t> shapes = model::refined_shapes_of(*kind_);
@@ -384,10 +252,6 @@ class Question {
     return best;
   }
 
-  const Session* session_;
-  const Fitted* fitted_;
-  const Optimum* around_;
-  const Kind* kind_;
   std::vector<Asked> asked_;  ///< The best of the grid.
   std::vector<Asked>
       places_;  ///< Where the formula bends at will: the best at every place of its first shape.

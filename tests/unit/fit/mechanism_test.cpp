@@ -133,7 +133,7 @@ const std::map<std::string, Equation>& equations() {
         }}},
       {"lidar-arm", {{{"x_mm", 12}, {"y_mm", -5}},
         [](const Beam& x) { return origin(Point(12, -5) * std::exp(at_once * x.th)); }}},
-      {"scan-plane-tilt", {{{"tilt_squared_deg2", 1}, {"axis_deg", 30}},
+      {"scan-plane-tilt", {{{"tilt_squared_deg2", 1}, {"axis_deg", 30}, {"share_of_mount", 1}},
         [](const Beam& x) { return leaning(x, 1 * degree, 30 * degree); }}},
       {"facet-wobble", {{{"amplitude_mm", 3}, {"phase_deg", 20}, {"facets", 3}},
         [](const Beam& x) { return range(3 * std::sin((120 * (x.seq % 3) + 20) * degree)); }}},
@@ -145,7 +145,7 @@ const std::map<std::string, Equation>& equations() {
           return origin(2.0 * Point(std::cos(x.th + 40 * degree), std::sin(x.th + 40 * degree)));
         }}},
       {"backlash", {{{"width_deg", 0.1}}, [](const Beam& x) { return stage(-0.05 * degree * x.approach); }}},
-      {"settling", {{{"amplitude_deg", 0.06}, {"phase_deg", 0}, {"tau_s", 0.2}, {"frequency_hz", 4}},
+      {"settling", {{{"amplitude_deg", 0.06}, {"phase_deg", 0}, {"tau_s", 0.2}, {"frequency_hz", 4}, {"share_of_direction", 1}},
         [](const Beam& x) {  // from the side that the stage came from
           return stage(0.06 * degree * x.approach * std::exp(-x.since_move / 0.2) *
                        std::cos(360 * degree * 4 * x.since_move));

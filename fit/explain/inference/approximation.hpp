@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "fit/explain/inference/fit.hpp"
+#include "fit/explain/model/spans.hpp"
+
+namespace fit::explain::inference {
+
+/// What one kind would add to a fitted hypothesis, by the quadratic approximation of all channels there.
+class Approximation {
+ public:
+  /// `around`: the fitted likelihood, raised.
+  Approximation(const Session& session, const Fitted& fitted, const Optimum& around, const Kind& kind)
+      : session_(&session), fitted_(&fitted), around_(&around), kind_(&kind) {}
+
+ protected:
+  /// Log evidence at those shapes, over all sizes; the term gets the best. `start`: the one that it stands
+  /// at.
+  double with_sizes(Term& term, std::optional<std::size_t> start = {}) const;
+  /// With the deviations that the formula allows, and the width of its shapes.
+  [[nodiscard]] double with_everything(const Term& term, bool with_shapes) const;
+
+  /// Of what happens to every row of all channels, along a coordinate.
+  template <class Happens>
+  [[nodiscard]] std::vector<model::RowScore> scores_along(Coordinate coordinate,
+                                                          const Happens& happens) const {
+    std::vector<model::RowScore> list;
+    for (std::size_t c = 0; c < session_->channels().size(); ++c) {
+      if (!kind_->acts_in[c]) continue;
+      const ChannelRows& rows = *session_->channels()[c];
+      const Eigen::VectorXd white = rows.whitened(happens(rows), around_->eta[c]);
+      for (Eigen::Index i = 0; i < rows.rows(); ++i)
+        list.push_back({model::coordinate_of(coordinate, rows.at(i)),
+                        white[i] * around_->white_residual[c][i], white[i] * white[i]});
+    }
+    return list;
+  }
+
+  const Session* session_;
+  const Fitted* fitted_;
+  const Optimum* around_;
+  const Kind* kind_;
+
+ private:
+  [[nodiscard]] std::vector<Eigen::MatrixXd> whitened(std::vector<Eigen::MatrixXd> columns) const;
+  /// At one of its starts.
+  [[nodiscard]] std::vector<Eigen::MatrixXd> whitened_at(std::size_t start) const;
+  /// Of whitened columns, with the base and present terms integrated out. Channels may have different numbers
+  /// of them: the first ones are the same coefficients in all.
+  [[nodiscard]] Quadratic projected(const std::vector<Eigen::MatrixXd>& columns) const;
+  [[nodiscard]] std::vector<Eigen::MatrixXd> columns_of(const Term& term) const;
+  [[nodiscard]] double gain_of_offset(const Term& term, std::optional<std::size_t> start = {}) const;
+  [[nodiscard]] double width_without_sizes(const Term& term) const;
+};
+
+}  // namespace fit::explain::inference
