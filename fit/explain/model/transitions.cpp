@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <tuple>
 #include <utility>
 
 namespace fit::explain::model {
@@ -136,14 +137,20 @@ std::vector<Transition> transitions(const Reduced& reduced) {
     Circumstances at;
     std::vector<Beside> list;
     double least = 1, most = 0;
+    int capture = 0;
   };
-  std::map<std::pair<int, int>, Beams> by_edge;
+  // Of a turning stage every scan by itself: beams that meet an edge meet it at other times, and angles, in
+  // the next one.
+  std::map<std::tuple<bool, int, int>, Beams> by_edge;
   for (const Cell& cell : reduced.cells) {
     const int n = cell.n + cell.stray;
     if (cell.far_share < 0 || cell.edge < 0 || n < 2) continue;
-    Beams& beams = by_edge[{reduced.groups[static_cast<std::size_t>(cell.group)].capture, cell.edge}];
+    const Group& group = reduced.groups[static_cast<std::size_t>(cell.group)];
+    const bool turns = reduced.capture_of(group).stage_rate_rad_s != 0;
+    Beams& beams = by_edge[{turns, turns ? cell.group : group.capture, cell.edge}];
+    beams.capture = group.capture;
     if (!(std::abs(beams.at.edge_rad) < std::abs(cell.at.edge_rad))) beams.at = cell.at;
-    const double share = share_of(cell, reduced.groups[static_cast<std::size_t>(cell.group)].sigma_mm);
+    const double share = share_of(cell, group.sigma_mm);
     Beside beside;
     beside.inside_deg = cell.at.edge_rad * deg_per_rad;
     beside.far_share = share;
@@ -155,7 +162,8 @@ std::vector<Transition> transitions(const Reduced& reduced) {
   }
   std::vector<Transition> all;
   for (auto& [key, beams] : by_edge)
-    if (beams.least < 0.5 && beams.most > 0.5) all.emplace_back(key.first, beams.at, std::move(beams.list));
+    if (beams.least < 0.5 && beams.most > 0.5)
+      all.emplace_back(beams.capture, beams.at, std::move(beams.list));
   return all;
 }
 
