@@ -71,8 +71,9 @@ class Question : Approximation {
       best_.term = there;
     }
     // A formula that may bend at will says little of where it is: with its bends another start may be better.
+    std::vector<double> bent;
     for (const Asked& one : places_) {
-      const double known = with_everything(one.term, false),
+      const double known = bent.emplace_back(with_everything(one.term, false)),
                    width = std::min(0.0, with_everything(one.term, true) - known);
       if (known + width <= most) continue;
       modes.push_back(most = known + width);
@@ -84,7 +85,10 @@ class Question : Approximation {
     double all = log_sum(modes);
     if (!kind_->refines) all -= std::log(static_cast<double>(kind_->starts.size()));
     const bool grid_says = refines && !kind_->bins;
-    best_.term.by_grid = grid_says ? over_grid_ - first - asked_.front().price : 1e300;
+    const double by_grid =
+        bent.empty() ? over_grid_ - first
+                     : log_sum(bent) - std::log(static_cast<double>(bent.size())) - std::ranges::max(bent);
+    best_.term.by_grid = grid_says ? by_grid - asked_.front().price : 1e300;
     best_.term.by_modes = all - most - price;
     best_.log_evidence = std::min(all, peak + best_.term.by_grid);
   }
