@@ -25,6 +25,18 @@ class Means final : public model::Rows {
   const MeanModel& model_;
 };
 
+/// In which of the ways that move means it acts here.
+std::vector<double Effect::*> ways_of(const MeanModel& model, const Term& term) {
+  std::vector<double Effect::*> list;
+  for (const auto way : {&Effect::range_mm, &Effect::beam_rad, &Effect::stage_rad})
+    for (Eigen::Index i = 0; i < model.rows(); ++i)
+      if (term.mechanism->act(model.cell(i).at, term.values).*way != 0) {
+        list.push_back(way);
+        break;
+      }
+  return list;
+}
+
 Columns with_standard_prior(Eigen::MatrixXd columns_mm) {
   const Eigen::Index count = columns_mm.cols();
   return {std::move(columns_mm), {Eigen::VectorXd::Zero(count), Eigen::VectorXd::Ones(count)}};
@@ -84,6 +96,7 @@ void add(Columns& all, const Columns& more) {
 TermColumns columns_of(const MeanModel& model, const Term& term) {
   model::Kind kind = model::kind_without_channels(*term.mechanism, term.target);
   kind.coefficients = model::coefficients_of(*term.mechanism, [](std::size_t) { return 1; });
+  kind.ways = ways_of(model, term);
   model::Term there;
   there.kind = &kind;
   there.values = term.values;

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: MIT
+// Rooms, stages and lidars as they are: walls that are not flat, worms of many teeth, noise that remembers,
+// echoes that are lost now and then.
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <functional>
+#include <random>
+#include <string>
+
+#include "fit/explain/explanation.hpp"
+#include "plain_room.hpp"
+
+namespace {
+
+using fit::explain::Explanation;
+using plain_bench::degree;
+using plain_bench::Deviation;
+
+struct Device {
+  std::function<double(double x_mm, double y_mm)> wall_mm = [](double, double) { return 0.0; };
+  std::function<double(double stage_rad)> stage_rad = [](double) { return 0.0; };
+  double rho = 0;   ///< Of its noise, from scan to scan.
+  double lost = 0;  ///< Share of echoes.
+};
+
+/// The room from 16 stage angles that keep no step.
+Explanation explained(const Device& device, long scans) {
+  constexpr double sigma_mm = 3;
+  const fit::Bench bench = plain_bench::bench_of_room(R"("steps": 271, "front_step": 135, "step_deg": 1)",
+                                                      R"({"value": 3, "u": 0.3})");
+  std::mt19937 random(11);
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> share(0, 1);
+  std::vector<double> noise(271, 0.0);
+  SyntheticRecording recording(
+      bench, [&](const fit::CaptureInfo& capture, std::int64_t seq, auto& range, auto&) {
+        for (std::size_t k = 0; k < range.size(); ++k) {
+          const double beam = (static_cast<double>(k) - 135) * degree, rho = seq == 0 ? 0 : device.rho;
+          noise[k] = rho * noise[k] + std::sqrt(1 - rho * rho) * sigma_mm * normal(random);
+          const auto met = plain_bench::look(plain_bench::room, {}, capture.stage_rad, beam,
+                                             {.stage_rad = device.stage_rad(capture.stage_rad)});
+          const double bearing = capture.stage_rad + beam,
+                       wall = device.wall_mm(met->range_mm * std::cos(bearing),
+                                             met->range_mm * std::sin(bearing));
+          range[k] = share(random) < device.lost
+                         ? std::uint16_t{0}
+                         : static_cast<std::uint16_t>(std::lround(met->range_mm + wall + noise[k]));
+        }
+      });
+  for (int i = 0; i < 16; ++i) {
+    fit::CaptureInfo capture;
+    capture.stage_rad = std::remainder(138.7 * i + 37 * std::sin(5.0 * i), 360) * degree;
+    capture.approach = 1;
+    capture.last_step = 270;
+    capture.since_power_on_s = 100 + 20 * i;
+    recording.add(capture, scans);
+  }
+  return fit::explain::explain({&recording}, {});
+}
+
+}  // namespace
+
+TEST_CASE("a wall that is not flat is told by its place on it, and nothing is named instead") {
+  const Explanation e = explained(
+      {.wall_mm = [](double x,
+                     double y) { return y > 3000 ? 5 * std::exp(-0.5 * std::pow((x + 300) / 250, 2)) : 0; }},
+      12);
+  INFO(to_text(e));
+  CHECK(e.mechanisms.empty());
+  REQUIRE(e.unknown);
+  CHECK(e.unknown->coordinate == fit::Coordinate::target);
+  CHECK_THAT(e.unknown->describes, Catch::Contains("along target 'north'"));
+}
+
+TEST_CASE("walls that are all a little uneven are told as just that") {
+  const Explanation e = explained(
+      {.wall_mm = [](double x, double y) { return 2 * std::sin(x / 410) + 2 * std::cos(y / 530); }}, 12);
+  INFO(to_text(e));
+  CHECK(e.mechanisms.empty());
+  REQUIRE(e.unknown);
+  CHECK(e.unknown->coordinate == fit::Coordinate::target);
+}
+
+TEST_CASE("a worm of many teeth is found by stops that are far apart") {
+  const double period_deg = GENERATE(3.0, 2.0);
+  const Explanation e =
+      explained({.stage_rad =
+                     [&](double stage) {
+                       return 0.05 * degree * std::sin(2 * fit::pi * stage / degree / period_deg + 1);
+                     }},
+                12);
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  REQUIRE(e.mechanisms.front().mechanism->id == "stage-periodic");
+  CHECK(e.mechanisms.front().parameters.at("period_deg").value == Approx(period_deg).margin(0.01));
+  CHECK(!e.unknown);
+}
+
+TEST_CASE("noise that remembers much is nothing else besides") {
+  const Explanation e = explained({.rho = 0.8}, 60);
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  CHECK(e.mechanisms.front().mechanism->id == "correlated-noise");
+  CHECK(!e.unknown);
+  CHECK(e.undecided_between.empty());
+}
+
+TEST_CASE("one echo in a thousand may be lost without anything missing, one in twenty may not") {
+  const Explanation few = explained({.lost = 0.001}, 40), many = explained({.lost = 0.05}, 40);
+  INFO(to_text(few) << to_text(many));
+  CHECK(few.verdict == fit::explain::nothing_missing);
+  CHECK(many.unknown);
+}
