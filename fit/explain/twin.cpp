@@ -163,6 +163,18 @@ void tabulate(const MeanModel& model, VectorXd effect_mm, Bench& bench) {
   }
 }
 
+/// The bench states placements, sizes and shapes as they were found: only how causes bend, and what has no
+/// name, is left to be told.
+void hold_what_is_stated(Base& base) {
+  constexpr double hardly_free = 1e-6;
+  const auto hold = [&](Eigen::Index first, Eigen::Index count) {
+    base.all.prior.mean.segment(first, count).setZero();
+    base.all.prior.sigma.segment(first, count).setConstant(hardly_free);
+  };
+  hold(0, base.term_first.empty() ? base.shape_first.front() : base.term_first.front());
+  for (std::size_t t = 0; t < base.term_first.size(); ++t) hold(base.term_first[t], base.term_count[t]);
+}
+
 constexpr const char* outliers = "outliers";
 
 /// Where samples lie that have nothing to do with the target: dust before it, or a ghost at its own range.
@@ -189,7 +201,8 @@ void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& out) 
   predict_at(reduced, means.best);
   const Reduced rows = merged(reduced, rows_for_tables);
   MeanModel model(rows, means.noise);
-  const Base base = base_columns(model, means.best);
+  Base base = base_columns(model, means.best);
+  hold_what_is_stated(base);
   model.set_base(base.all.columns_mm, base.all.prior);
   const VectorXd x = model.posterior_mean();
   const auto named = [&](const Term& term) {
