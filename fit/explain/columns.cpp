@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/columns.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <iterator>
 #include <utility>
 #include <vector>
 
@@ -27,13 +30,14 @@ class Means final : public model::Rows {
 
 /// In which of the ways that move means it acts here.
 std::vector<double Effect::*> ways_of(const MeanModel& model, const Term& term) {
+  constexpr std::array all{&Effect::range_mm, &Effect::beam_rad, &Effect::stage_rad};
   std::vector<double Effect::*> list;
-  for (const auto way : {&Effect::range_mm, &Effect::beam_rad, &Effect::stage_rad})
-    for (Eigen::Index i = 0; i < model.rows(); ++i)
-      if (term.mechanism->act(model.cell(i).at, term.values).*way != 0) {
-        list.push_back(way);
-        break;
-      }
+  Effect most;
+  for (Eigen::Index i = 0; i < model.rows(); ++i) {
+    const Effect effect = term.mechanism->act(model.cell(i).at, term.values);
+    for (const auto way : all) most.*way = std::max(most.*way, std::abs(effect.*way));
+  }
+  std::ranges::copy_if(all, std::back_inserter(list), [&](const auto way) { return most.*way > 0; });
   return list;
 }
 

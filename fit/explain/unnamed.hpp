@@ -16,11 +16,10 @@ struct Shape {
   const Form* form = nullptr;
   Coordinate coordinate = Coordinate::beam;
   Channel channel = Channel::range;
-  int target =
-      -1;         ///< Along this one: the coordinate is the place on it from its middle, mm. Or all of them.
-  double at = 0;  ///< Place or period, file unit of the coordinate.
-  double length = 0;                ///< Extent, as its form has it.
-  double size = 1;                  ///< Standard size of the prior: mm or rad.
+  int target = -1;    ///< Along this one: the coordinate is the place on it, mm from its middle; or all.
+  double at = 0;      ///< Place or period, file unit of the coordinate.
+  double length = 0;  ///< Extent, as its form has it.
+  double size = 1;    ///< Standard size of the prior: mm or rad.
   std::vector<double> values = {};  ///< Coefficients, after a fit.
 };
 

@@ -61,9 +61,8 @@ class Question : Approximation {
     for (const Asked& one : asked_) {
       if (kind_->refines && one.log_evidence < first - another_mode) continue;
       const Term there = refines ? refined(one.term) : one.term;
-      const double known = with_everything(there, false),
-                   width = refines ? std::min(0.0, with_everything(there, true) - known) : 0;
-      modes.push_back(known + width - one.price);
+      const double known = with_everything(there, false);
+      modes.push_back(known + (refines ? width_at(there, known) : 0) - one.price);
       if (modes.back() <= most) continue;
       most = modes.back();
       peak = known;
@@ -73,10 +72,11 @@ class Question : Approximation {
     // A formula that may bend at will says little of where it is: with its bends another start may be better.
     std::vector<double> bent;
     for (const Asked& one : places_) {
-      const double known = bent.emplace_back(with_everything(one.term, false)),
-                   width = std::min(0.0, with_everything(one.term, true) - known);
-      if (known + width <= most) continue;
-      modes.push_back(most = known + width);
+      const double known = bent.emplace_back(with_everything(one.term, false));
+      if (known <= most) continue;  // a width only takes off
+      const double with_width = known + width_at(one.term, known);
+      if (with_width <= most) continue;
+      modes.push_back(most = with_width);
       peak = known;
       price = one.price;
       best_.term = one.term;
@@ -129,6 +129,11 @@ class Question : Approximation {
     Term term;
     double price = 0;  ///< Minus the log of its times' prior probability.
   };
+
+  /// What the shapes' width takes off the evidence with everything else.
+  [[nodiscard]] double width_at(const Term& term, double known) const {
+    return std::min(0.0, with_everything(term, true) - known);
+  }
 
   /// The best start at every place of the first shape.
   void keep_places() {
