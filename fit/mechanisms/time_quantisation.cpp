@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+#include <cstdint>
+
 #include "fit/mechanism.hpp"
 
 namespace fit::mechanisms {
@@ -20,7 +22,8 @@ Mechanism make_time_quantisation() {
                    .upper = 40,
                    .starts = 80000}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    return Effect{.range_mm = p[0] * (p[1] * std::round(c.range_mm / p[1]) - c.range_mm)};
+    const auto bins = static_cast<double>(static_cast<std::int64_t>(c.range_mm / p[1] + 0.5));
+    return Effect{.range_mm = p[0] * (p[1] * bins - c.range_mm)};
   };
   m.says = [](const Finding& f) {
     return "Distances come in bins of " + with_uncertainty(f.at("bin_mm"), "mm") +

@@ -49,6 +49,7 @@ class Counts : public IndependentRows {
   }
   [[nodiscard]] double log_likelihood(const Row& row, double eta) const override {
     const double h = hazard_of(eta);
+    if (row.y == 0) return -row.n * h;
     return row.y * std::log(-std::expm1(-h)) - (row.n - row.y) * h;
   }
   [[nodiscard]] double score(const Row& row, double eta) const override {

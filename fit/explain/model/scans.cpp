@@ -111,7 +111,7 @@ void take_off_mean(std::vector<ScanPart>& parts, double fewest, const Key& key) 
     const Sums& s = sums.at(key(p));
     if (s.number < fewest) continue;
     p.rest_mm -= s.mm / s.weight;
-    p.news *= 1 - 1 / s.number;
+    p.news *= std::max(0.0, 1 - 1 / (p.variance_mm2 * s.weight));
   }
 }
 

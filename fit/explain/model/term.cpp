@@ -20,13 +20,14 @@ double response_at(const Rows& channel, Index row, const Kind& kind, const std::
   const std::span<const double> ranges_mm = channel.ranges_mm(row);
   if (!kind.bins || ranges_mm.empty())
     return channel.response(row, kind.mechanism->act(channel.at(row), values));
-  double sum = 0;
+  Circumstances at = channel.at(row);
+  Effect mean;  // a comb changes nothing but ranges
   for (const double range_mm : ranges_mm) {
-    Circumstances at = channel.at(row);
     at.range_mm = range_mm;
-    sum += channel.response(row, kind.mechanism->act(at, values));
+    mean.range_mm += kind.mechanism->act(at, values).range_mm;
   }
-  return sum / static_cast<double>(ranges_mm.size());
+  mean.range_mm /= static_cast<double>(ranges_mm.size());
+  return channel.response(row, mean);
 }
 
 /// The response of every row to a mechanism at values; empty if there is none.
