@@ -160,15 +160,23 @@ EmpiricalCorrection tabulated(const Shape& shape, const MeanModel& model, int ta
   const std::size_t each = std::max<std::size_t>(1, places.size() / places_of_table);
   double v_sum = 0, y_sum = 0, w_sum = 0;
   std::size_t count = 0;
-  for (const auto& [v, entry] : places) {
-    v_sum += v;
-    y_sum += entry.first;
-    w_sum += entry.second;
-    if (++count < each) continue;
+  const auto close_run = [&] {
+    if (count == 0) return;
     table.at.push_back(v_sum / static_cast<double>(count));
     table.value.push_back(y_sum / w_sum);
     v_sum = y_sum = w_sum = 0;
     count = 0;
+  };
+  for (const auto& [v, entry] : places) {
+    v_sum += v;
+    y_sum += entry.first;
+    w_sum += entry.second;
+    if (++count == each) close_run();
+  }
+  close_run();
+  if (table.at.size() > 1) {  // the outermost runs hold to the ends of what was recorded
+    table.at.front() = places.begin()->first;
+    table.at.back() = places.rbegin()->first;
   }
   return table;
 }

@@ -11,7 +11,6 @@
 namespace fit::explain {
 namespace {
 
-// how far from its place in the bench an edge is looked for
 constexpr std::size_t knots_at_most = 600;
 constexpr double finest_deg = 0.002;
 
@@ -74,17 +73,21 @@ void describe_edges(const Reduced& reduced, const MeanResult& means, bool mixed,
   const std::size_t each = 1 + count / knots_at_most;
   double x = 0, y = 0, w = 0;
   std::size_t taken = 0;
+  const auto close_run = [&] {
+    if (!(w > 0)) return;
+    curve.at.push_back(x / w);
+    curve.value.push_back(std::clamp(y / w, 0.0, 1.0));
+    x = y = w = 0;
+    taken = 0;
+  };
   for (const auto& [place, entry] : places) {
     if (!within(place)) continue;
     x += static_cast<double>(place) * finest_deg * entry.second;
     y += entry.first;
     w += entry.second;
-    if (++taken < each) continue;
-    curve.at.push_back(x / w);
-    curve.value.push_back(std::clamp(y / w, 0.0, 1.0));
-    x = y = w = 0;
-    taken = 0;
+    if (++taken == each) close_run();
   }
+  close_run();
   if (curve.at.size() < 4) return;
   add_empirical(bench, curve);
   if (merged_mm > 0)

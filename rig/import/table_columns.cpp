@@ -22,7 +22,7 @@ struct Unit {
   Dimension dimension;
   double scale;
 };
-constexpr std::array<Unit, 11> units{{{"ns", Dimension::time, 1},
+constexpr std::array<Unit, 13> units{{{"ns", Dimension::time, 1},
                                       {"us", Dimension::time, 1e3},
                                       {"ms", Dimension::time, 1e6},
                                       {"sec", Dimension::time, 1e9},
@@ -30,6 +30,8 @@ constexpr std::array<Unit, 11> units{{{"ns", Dimension::time, 1},
                                       {"mm", Dimension::length, 1},
                                       {"cm", Dimension::length, 10},
                                       {"m", Dimension::length, 1000},
+                                      {"ft", Dimension::length, 304.8},
+                                      {"feet", Dimension::length, 304.8},
                                       {"rad", Dimension::angle, 1},
                                       {"deg", Dimension::angle, fit::rad_per_deg},
                                       {"degrees", Dimension::angle, fit::rad_per_deg}}};
@@ -202,7 +204,7 @@ std::vector<TableColumn> columns_of(const std::vector<std::string>& names, std::
           "left, "
           "right, left_ticks, right_ticks (and, of those since the row before, left_increment_ticks ...), "
           "'-' "
-          "for one to pass over; units at the end: _s _ms _us _ns, _m _cm _mm, _rad _deg");
+          "for one to pass over; units at the end: _s _ms _us _ns, _m _cm _mm _ft, _rad _deg");
     if (count > 1) column.numbered = true;
     columns.insert(columns.end(), count, column);
   }

@@ -13,13 +13,11 @@ namespace {
 
 using namespace table_rows;
 
-/// The separator that a line has most of; a blank where it has none.
+/// Where there is a semicolon or a tabulator, a comma stands in numbers; a blank where there is none of them.
 char separator_of(std::string_view line) {
-  char best = ' ';
-  std::ptrdiff_t most = 0;
-  for (const char c : {',', ';', '\t'})
-    if (const auto count = std::ranges::count(line, c); count > most) best = c, most = count;
-  return best;
+  for (const char c : {';', '\t', ','})
+    if (line.find(c) != std::string_view::npos) return c;
+  return ' ';
 }
 
 Cells cells_of(std::string_view line, char separator) {
@@ -66,6 +64,9 @@ class TableReader {
         if (!rows_ && !line.empty()) comment_ = line;
         continue;
       }
+      if (first_) separator_ = separator_of(line);
+      if (separator_ == ';' || separator_ == '\t') std::ranges::replace(line, ',', '.');
+      if (rows_ && line == header_) continue;  // of the next of several files, one after the other
       take(line);
     }
     if (too_long)
@@ -76,12 +77,12 @@ class TableReader {
 
  private:
   void take(const std::string& line) {
-    if (first_) separator_ = separator_of(line);
     const Cells cells = cells_of(line, separator_);
     if (cells.empty()) return;
     const bool number = number_in(cells.front()).has_value() || trimmed(cells.front()) == "nan";
     if (first_ && !number) {
       table_.with_header = true;
+      header_ = line;
       if (table_.options.columns.empty())
         for (const auto& cell : cells) table_.columns.push_back(column_of(cell));
     } else if (!first_ && !number && !rows_ && table_.with_header && cells.size() > 1) {
@@ -132,7 +133,7 @@ class TableReader {
   Table table_;
   char separator_ = ',';
   bool first_ = true;
-  std::string comment_;
+  std::string comment_, header_;
   std::unique_ptr<Rows> rows_;
 };
 

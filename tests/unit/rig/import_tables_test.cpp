@@ -155,6 +155,22 @@ TEST_CASE("a table with one row a value is read, as rig export writes it") {
   CHECK(in.scans[0].geometry.step_rad * fit::deg_per_rad == Approx(0.25));
 }
 
+TEST_CASE("decimal commas, feet and the header of a second file are read as what they are") {
+  const TestFolder folder;
+  std::string text;
+  for (int scan = 0; scan < 3; ++scan) {
+    if (scan < 2) text += "angle_deg;range_ft\n";
+    for (int beam = 0; beam < 90; ++beam)
+      text += std::to_string(beam) + ",5;" + std::to_string(10 + beam % 4) + ",5\n";
+  }
+  const auto in = import(folder, folder.write("feet.csv", text));
+  REQUIRE(in.scans.size() == 3);
+  REQUIRE(in.scans[2].range_mm.size() == 90);
+  CHECK(in.scans[2].range_mm[0] == 3200);
+  CHECK(in.scans[2].range_mm[89] == 3505);
+  CHECK(in.scans[0].geometry.first_rad * fit::deg_per_rad == Approx(0.5));
+}
+
 TEST_CASE("a row of a table that ends before its time is left out") {
   const TestFolder folder;
   rig::ImportOptions options;
