@@ -61,6 +61,7 @@ struct Effect {
   double scan_angle_variance_rad2 = 0;                  ///< One angle for a whole scan.
   double beam_angle_variance_rad2 = 0;                  ///< One angle for every beam of every scan.
   double scan_range_variance_mm2 = 0;                   ///< One range for a whole scan.
+  double own_range_variance_mm2 = 0;                    ///< One range for every beam, in all scans alike.
   double memory_rho = 0;                                ///< The noise remembers: AR(1) from scan to scan ...
   double memory_share = 0;                              ///< ... for this share of the variance.
   double lost = 0;                                      ///< Probability of no echo.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <map>
 
-#include "fit/explain/model/channel.hpp"
+#include "fit/explain/model/gamma.hpp"
 #include "fit/explain/model/scans.hpp"
 
 namespace fit::explain::channels {
@@ -12,11 +12,11 @@ using model::IndependentRows;
 /// By how much whole scans of a capture scatter beside what repeats, in range and in angle: a gamma
 /// distribution around the variance that their samples' noise leaves them, to which ranges and angles add
 /// that every scan draws anew.
-class CommonOfScans final : public IndependentRows {
+class CommonOfScans final : public model::GammaRows {
  public:
   CommonOfScans(std::vector<Row> rows, std::vector<double> of_samples, std::vector<bool> of_angle,
                 bool had_a_wave)
-      : IndependentRows(std::move(rows)), of_samples_(std::move(of_samples)), of_angle_(std::move(of_angle)) {
+      : GammaRows(std::move(rows), 1e-6), of_samples_(std::move(of_samples)), of_angle_(std::move(of_angle)) {
     constexpr double independent = 0.05;  // to which beams side by side are
     model::Columns base;
     base.columns = Eigen::Map<const Eigen::VectorXd>(of_samples_.data(), this->CommonOfScans::rows());
@@ -31,25 +31,6 @@ class CommonOfScans final : public IndependentRows {
   }
   [[nodiscard]] double offset(Eigen::Index row) const override {
     return of_samples_[static_cast<std::size_t>(row)];
-  }
-  [[nodiscard]] Eigen::VectorXd raised(const Eigen::VectorXd& eta) const override {
-    double ratio = 0, all = 0;
-    for (Eigen::Index i = 0; i < rows(); ++i) {
-      ratio += of(i).n * of(i).y / eta[i];
-      all += of(i).n;
-    }
-    return eta * std::max(1.0, ratio / all);
-  }
-
- protected:
-  [[nodiscard]] double log_likelihood(const Row& row, double eta) const override {
-    return -row.n / 2 * (std::log(possible(eta)) + row.y / possible(eta));
-  }
-  [[nodiscard]] double score(const Row& row, double eta) const override {
-    return row.n / 2 * (row.y - possible(eta)) / (possible(eta) * possible(eta));
-  }
-  [[nodiscard]] double information(const Row& row, double eta) const override {
-    return row.n / (2 * possible(eta) * possible(eta));
   }
 
  private:
@@ -66,7 +47,6 @@ class CommonOfScans final : public IndependentRows {
     base.prior.sigma.tail(2).setConstant(typical_mm2);
   }
 
-  static double possible(double variance_mm2) { return std::max(1e-6, variance_mm2); }
   std::vector<double> of_samples_;  ///< What their noise leaves a whole scan, mm^2.
   std::vector<bool> of_angle_;
 };

@@ -3,7 +3,7 @@
 #include <map>
 
 #include "fit/explain/model/autoregression.hpp"
-#include "fit/explain/model/channel.hpp"
+#include "fit/explain/model/gamma.hpp"
 #include "fit/explain/stated_noise.hpp"
 
 namespace fit::explain::channels {
@@ -13,9 +13,9 @@ using model::IndependentRows;
 
 /// Sample variances: a gamma distribution of shape f/2 around the variance of one sample (mm^2), to which
 /// independent causes add.
-class Variances final : public IndependentRows {
+class Variances final : public model::GammaRows {
  public:
-  Variances(std::vector<Row> rows, const Bench& bench) : IndependentRows(std::move(rows)) {
+  Variances(std::vector<Row> rows, const Bench& bench) : GammaRows(std::move(rows), rounding_mm2 / 2) {
     constexpr double best_known = 0.02;  // no noise is constant to better than that share
     const Estimate stated = stated_noise(bench);
     model::Columns base;
@@ -30,33 +30,8 @@ class Variances final : public IndependentRows {
     return effect.variance_mm2 +
            of(row).lever2 * (effect.scan_angle_variance_rad2 + effect.beam_angle_variance_rad2);
   }
-  [[nodiscard]] Eigen::VectorXd raised(const Eigen::VectorXd& eta) const override {
-    double ratio = 0, all = 0;
-    for (Eigen::Index i = 0; i < rows(); ++i) {
-      ratio += of(i).n * of(i).y / possible(eta[i]);
-      all += of(i).n;
-    }
-    return eta * std::max(1.0, ratio / all);
-  }
   [[nodiscard]] double offset(Eigen::Index row) const override { return of(row).expected; }
   [[nodiscard]] model::Draws draws(Eigen::Index row) const override { return of(row).draws; }
-
- protected:
-  [[nodiscard]] double log_likelihood(const Row& row, double eta) const override {
-    const double v = possible(eta);
-    return -row.n / 2 * (std::log(v) + row.y / v);
-  }
-  [[nodiscard]] double score(const Row& row, double eta) const override {
-    const double v = possible(eta);
-    return row.n / 2 * (row.y - v) / (v * v);
-  }
-  [[nodiscard]] double information(const Row& row, double eta) const override {
-    const double v = possible(eta);
-    return row.n / (2 * v * v);
-  }
-
- private:
-  static double possible(double variance_mm2) { return std::max(rounding_mm2 / 2, variance_mm2); }
 };
 
 std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced, const MeanNoise& noise) {

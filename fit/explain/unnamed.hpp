@@ -34,9 +34,10 @@ struct SeenShape {
 struct Axis {
   Coordinate coordinate = Coordinate::beam;
   Channel channel = Channel::range;
-  double low = 0, high = 0;     ///< File unit.
-  std::size_t values = 0;       ///< Different ones, counted to a few hundred.
-  std::vector<double> between;  ///< Places that halve, quarter, ... its cells; between two values each.
+  bool expects_nothing = false;  ///< Of what is there: to be the same everywhere is something, too.
+  double low = 0, high = 0;      ///< File unit.
+  std::size_t values = 0;        ///< Different ones, counted to a few hundred.
+  std::vector<double> between;   ///< Places that halve, quarter, ... its cells; between two values each.
 };
 
 /// What a fitted function does over the coordinate, for people; `what` is "range" or an angle.

@@ -10,9 +10,7 @@ Form make_constant() {
   f.is_constant = true;
   f.basis = [](const Shape&, double, int) { return 1.0; };
   f.along = [](const Axis& axis) {
-    const bool nothing_expected =
-        axis.coordinate == Coordinate::scan_seq || axis.coordinate == Coordinate::target;
-    return nothing_expected ? std::vector<Shape>(1) : std::vector<Shape>();
+    return axis.expects_nothing ? std::vector<Shape>(1) : std::vector<Shape>();
   };
   f.says = [](const Shape& s, const Course& c) {
     return Described{"the " + c.what + " is " + rounded(s.values.front() * c.scale, 3) + c.unit, c.low,

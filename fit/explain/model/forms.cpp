@@ -14,7 +14,19 @@ namespace {
 using Eigen::Index;
 
 /// What a form changes.
-enum class Act { range, beam_angle, stage_angle, variance, scan_range, loss, stray, late, early, intensity };
+enum class Act {
+  range,
+  beam_angle,
+  stage_angle,
+  variance,
+  scan_range,
+  own_range,
+  loss,
+  stray,
+  late,
+  early,
+  intensity
+};
 
 /// As the rooms that draw forms of means know it.
 explain::Channel channel_of(Act on) {
@@ -32,47 +44,34 @@ struct Way {
     return model::place_of(coordinate, target, at);
   }
 };
+// Of range and brightness another intensity would be another law, which has a name.
 constexpr Way ways[] = {
-    {Coordinate::beam, Act::range},
-    {Coordinate::beam, Act::beam_angle},
-    {Coordinate::stage, Act::range},
-    {Coordinate::stage, Act::stage_angle},
-    {Coordinate::range, Act::range},
-    {Coordinate::intensity, Act::range},
-    {Coordinate::incidence, Act::range},
-    {Coordinate::time, Act::range},
-    {Coordinate::time, Act::stage_angle},
-    {Coordinate::temperature, Act::range},
-    {Coordinate::beam, Act::variance},
-    {Coordinate::range, Act::variance},
-    {Coordinate::intensity, Act::variance},
-    {Coordinate::time, Act::variance},
-    {Coordinate::incidence, Act::variance},
-    {Coordinate::beam, Act::loss},
-    {Coordinate::range, Act::loss},
-    {Coordinate::time, Act::loss},
-    {Coordinate::beam, Act::stray},
-    {Coordinate::time, Act::stray},
-    {Coordinate::scan_seq, Act::range},
-    {Coordinate::scan_seq, Act::scan_range},
-    {Coordinate::stage, Act::variance},
-    {Coordinate::target, Act::loss},
-    {Coordinate::target, Act::late},
-    {Coordinate::target, Act::early},
-    {Coordinate::beam, Act::intensity},
-    {Coordinate::stage, Act::intensity},
-    {Coordinate::incidence, Act::intensity},
-    {Coordinate::time,
-     Act::intensity}};  // Of range and brightness it would be another law, which has a name.
+    {Coordinate::beam, Act::range},         {Coordinate::beam, Act::beam_angle},
+    {Coordinate::stage, Act::range},        {Coordinate::stage, Act::stage_angle},
+    {Coordinate::range, Act::range},        {Coordinate::intensity, Act::range},
+    {Coordinate::incidence, Act::range},    {Coordinate::time, Act::range},
+    {Coordinate::time, Act::stage_angle},   {Coordinate::temperature, Act::range},
+    {Coordinate::beam, Act::variance},      {Coordinate::range, Act::variance},
+    {Coordinate::intensity, Act::variance}, {Coordinate::time, Act::variance},
+    {Coordinate::incidence, Act::variance}, {Coordinate::beam, Act::loss},
+    {Coordinate::range, Act::loss},         {Coordinate::time, Act::loss},
+    {Coordinate::beam, Act::stray},         {Coordinate::time, Act::stray},
+    {Coordinate::scan_seq, Act::range},     {Coordinate::scan_seq, Act::scan_range},
+    {Coordinate::beam, Act::own_range},     {Coordinate::stage, Act::variance},
+    {Coordinate::target, Act::loss},        {Coordinate::target, Act::late},
+    {Coordinate::target, Act::early},       {Coordinate::beam, Act::intensity},
+    {Coordinate::stage, Act::intensity},    {Coordinate::incidence, Act::intensity},
+    {Coordinate::time, Act::intensity},
+};
 /// Along every target by itself: what a surface does at its place.
 constexpr Act along_targets[] = {Act::intensity, Act::range};
 
 Observable observable_of(Act on) {
-  return on == Act::variance || on == Act::scan_range              ? Observable::range_variance
-         : on == Act::loss                                         ? Observable::dropout
-         : on == Act::intensity                                    ? Observable::intensity
-         : on == Act::stray || on == Act::late || on == Act::early ? Observable::range_distribution
-                                                                   : Observable::range_mean;
+  return on == Act::variance || on == Act::scan_range || on == Act::own_range ? Observable::range_variance
+         : on == Act::loss                                                    ? Observable::dropout
+         : on == Act::intensity                                               ? Observable::intensity
+         : on == Act::stray || on == Act::late || on == Act::early            ? Observable::range_distribution
+                                                                              : Observable::range_mean;
 }
 
 double typical_of(Act on) {
@@ -84,6 +83,7 @@ double typical_of(Act on) {
       return numbers::form_deg * rad_per_deg;
     case Act::variance:
     case Act::scan_range:
+    case Act::own_range:
       return numbers::form_mm2;
     case Act::intensity:
       return numbers::form_log_intensity;
@@ -104,6 +104,8 @@ double Effect::*changed_by(Act on) {
       return &Effect::variance_mm2;
     case Act::scan_range:
       return &Effect::scan_range_variance_mm2;
+    case Act::own_range:
+      return &Effect::own_range_variance_mm2;
     case Act::loss:
       return &Effect::lost;
     case Act::late:
@@ -129,6 +131,8 @@ const char* in_words(Act on) {
       return "samples' variance";
     case Act::scan_range:
       return "variance of the range that a whole scan has in common";
+    case Act::own_range:
+      return "variance of what every beam reads off by its own, in all captures alike,";
     case Act::loss:
       return "share of lost echoes";
     case Act::intensity:
@@ -149,6 +153,8 @@ Axis axis_of_rows(const Scale& scale, const Way& way) {
   Axis axis;
   axis.coordinate = way.coordinate;
   axis.channel = channel_of(way.on);
+  axis.expects_nothing = way.on == Act::scan_range || way.on == Act::own_range ||
+                         (way.coordinate == Coordinate::target && way.target == -1);
   const std::vector<double>& v = scale.sorted();
   axis.low = v.front();
   axis.high = v.back();

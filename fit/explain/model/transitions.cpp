@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <tuple>
 #include <utility>
 
 namespace fit::explain::model {
@@ -139,15 +138,14 @@ std::vector<Transition> transitions(const Reduced& reduced) {
     double least = 1, most = 0;
     int capture = 0;
   };
-  // Of a turning stage every scan by itself: beams that meet an edge meet it at other times, and angles, in
-  // the next one.
-  std::map<std::tuple<bool, int, int>, Beams> by_edge;
+  std::map<std::pair<int, int>, Beams> by_edge;  // capture, edge
   for (const Cell& cell : reduced.cells) {
     const int n = cell.n + cell.stray;
     if (cell.far_share < 0 || cell.edge < 0 || n < 2) continue;
     const Group& group = reduced.groups[static_cast<std::size_t>(cell.group)];
-    const bool turns = reduced.capture_of(group).stage_rate_rad_s != 0;
-    Beams& beams = by_edge[{turns, turns ? cell.group : group.capture, cell.edge}];
+    // Where the stage turns a cell is of several beams, of which an edge parts one from the next.
+    if (is_turning(reduced.capture_of(group))) continue;
+    Beams& beams = by_edge[{group.capture, cell.edge}];
     beams.capture = group.capture;
     if (!(std::abs(beams.at.edge_rad) < std::abs(cell.at.edge_rad))) beams.at = cell.at;
     const double share = share_of(cell, group.sigma_mm);

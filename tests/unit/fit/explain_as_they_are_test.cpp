@@ -19,8 +19,9 @@ using plain_bench::Deviation;
 struct Device {
   std::function<double(double x_mm, double y_mm)> wall_mm = [](double, double) { return 0.0; };
   std::function<double(double stage_rad)> stage_rad = [](double) { return 0.0; };
-  double rho = 0;   ///< Of its noise, from scan to scan.
-  double lost = 0;  ///< Share of echoes.
+  double odd_beams_mm = 0;  ///< Every other beam reads that much long.
+  double rho = 0;           ///< Of its noise, from scan to scan.
+  double lost = 0;          ///< Share of echoes.
 };
 
 /// The room from 16 stage angles that keep no step.
@@ -44,7 +45,8 @@ Explanation explained(const Device& device, long scans) {
                                              met->range_mm * std::sin(bearing));
           range[k] = share(random) < device.lost
                          ? std::uint16_t{0}
-                         : static_cast<std::uint16_t>(std::lround(met->range_mm + wall + noise[k]));
+                         : static_cast<std::uint16_t>(std::lround(met->range_mm + wall + noise[k] +
+                                                                  (k % 2 != 0 ? device.odd_beams_mm : 0)));
         }
       });
   for (int i = 0; i < 16; ++i) {
@@ -110,4 +112,12 @@ TEST_CASE("one echo in a thousand may be lost without anything missing, one in t
   INFO(to_text(few) << to_text(many));
   CHECK(few.verdict == fit::explain::nothing_missing);
   CHECK(many.unknown);
+}
+
+TEST_CASE("beams that read off each by its own are told as that") {
+  const Explanation e = explained({.odd_beams_mm = 2}, 12);
+  INFO(to_text(e));
+  CHECK(e.mechanisms.empty());
+  REQUIRE(e.unknown);
+  CHECK_THAT(e.unknown->describes, Catch::Contains("every beam reads off by its own"));
 }

@@ -232,6 +232,7 @@ std::vector<double> changes_of(const fit::Effect& e) {
           e.scan_angle_variance_rad2,
           e.beam_angle_variance_rad2,
           e.scan_range_variance_mm2,
+          e.own_range_variance_mm2,
           e.stray,
           e.footprint_rad,
           e.output_step_mm,
