@@ -125,12 +125,14 @@ void measure(const Session& session, const Fitted& nothing, const Explored& expl
   out.means.after.log_likelihood =
       out.means.before.log_likelihood + all - hold_out(session, nothing).log_likelihood;
   const auto gain_of = [&](const Term& term) {
-    return all - hold_out(session, without(session, best, *term.kind)).log_likelihood;
+    const Fitted less = without(session, best, *term.kind);
+    return Gain{all - hold_out(session, less).log_likelihood,
+                explored.best.optimum.log_likelihood - less.optimum.log_likelihood};
   };
   for (const Named& named : out.posterior.named) out.gain.push_back(gain_of(named.term));
   for (const Named& form : out.posterior.forms)
     if (!is_of_means(*form.term.kind))
-      out.beside.push_back(described(session, form.term, gain_of(form.term)));
+      out.beside.push_back(described(session, form.term, gain_of(form.term).held_out));
 }
 
 /// The best hypothesis as far as means go; of undecided sets, the best member.

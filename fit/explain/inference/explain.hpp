@@ -7,6 +7,12 @@
 
 namespace fit::explain::inference {
 
+/// Of the log-likelihood of the rows, by one term.
+struct Gain {
+  double held_out = 0;  ///< In captures that took no part in the fit.
+  double fitted = 0;    ///< In those that did: none where only priors ask for it.
+};
+
 /// What the model of docs/method/model.md finds in a session.
 struct Inferred {
   std::shared_ptr<const std::vector<Kind>> kinds;  ///< Which terms point to.
@@ -16,7 +22,7 @@ struct Inferred {
   std::vector<SpreadCurve> curves = {};  ///< Of what is beside the means, where something was found.
   std::vector<Unexplained> beside = {};  ///< Forms beside the means.
   std::vector<Active> of_scans = {};     ///< What the best hypothesis says of scans of a capture.
-  std::vector<double> gain = {};         ///< Held out, of every named one.
+  std::vector<Gain> gain = {};           ///< Of every named one.
   std::vector<std::string> notes = {};   ///< Of channels, on how well they agree.
   struct Restated {
     std::size_t channel;

@@ -68,8 +68,11 @@ void report_named(const Named& named, double gain, const Findings& findings, Exp
   found.probability = named.probability;
   found.parameters = finding.parameters;
   found.says = found.mechanism->says(finding);
-  found.evidence =
-      "On captures that took no part in the fit it raises the log-likelihood by " + rounded(gain, 3) + ".";
+  found.evidence = gain > 0 ? "On captures that took no part in the fit it raises the log-likelihood by " +
+                                  rounded(gain, 3) + "."
+                            : "Captures alone do not show it: without it mount or targets would have to be "
+                              "elsewhere than the bench "
+                              "file says.";
   found.log_likelihood_gain = gain;
   found.rms_before_mm = findings.means.before.rms_mm;
   found.rms_after_mm = findings.means.after.rms_mm;
@@ -130,7 +133,9 @@ bool describes(const Inferred& inferred) {
 }
 
 bool is_confirmed(const Inferred& inferred, std::size_t named) {
-  return inferred.gain[named] > numbers::contradicted_at &&
+  const Gain& gain = inferred.gain[named];
+  const bool captures_ask_for_it = gain.fitted > -numbers::contradicted_at;  // and not the bench file alone
+  return (!captures_ask_for_it || gain.held_out > numbers::contradicted_at) &&
          (describes(inferred) || !is_of_the_means(*inferred.posterior.named[named].term.kind));
 }
 
@@ -155,7 +160,7 @@ void report(const Inferred& inferred, const Findings& findings, Explanation& out
   const Posterior& posterior = inferred.posterior;
   for (std::size_t i = 0; i < posterior.named.size(); ++i) {
     const Named& named = posterior.named[i];
-    if (is_confirmed(inferred, i)) report_named(named, inferred.gain[i], findings, out);
+    if (is_confirmed(inferred, i)) report_named(named, inferred.gain[i].held_out, findings, out);
   }
   for (const Undecided& set : posterior.undecided) report_set(set, findings, out);
   std::ranges::copy(inferred.notes, std::back_inserter(out.notes));
@@ -169,9 +174,9 @@ void add_to_spread(const Inferred& inferred, SpreadResult& spread) {
   for (std::size_t i = 0; i < inferred.posterior.named.size(); ++i) {
     const Term& term = inferred.posterior.named[i].term;
     if (!is_confirmed(inferred, i))
-      spread.unknown.push_back(contradicted(inferred, term, inferred.gain[i]));
+      spread.unknown.push_back(contradicted(inferred, term, inferred.gain[i].held_out));
     else if (!is_of_the_means(*term.kind))
-      spread.accepted.push_back(as_suspect(term, inferred.gain[i]));
+      spread.accepted.push_back(as_suspect(term, inferred.gain[i].held_out));
   }
   for (const Undecided& set : inferred.posterior.undecided) {
     const auto best = std::ranges::find_if(

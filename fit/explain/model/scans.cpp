@@ -118,7 +118,7 @@ void take_off_mean(std::vector<ScanPart>& parts, double fewest, const Key& key) 
 /// What repeats is for terms to explain; the rest says what scans draw at random.
 void take_off_what_repeats(std::vector<ScanPart>& parts, const Faces& faces) {
   if (parts.empty()) return;
-  constexpr double captures = 3, turns = 4;
+  constexpr double captures = 2, turns = 4;
   take_off_mean(parts, captures, [](const ScanPart& p) {
     return std::tuple(p.of_angle, p.in_capture, p.of_angle ? p.at.approach : 0);
   });
