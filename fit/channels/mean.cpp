@@ -46,6 +46,11 @@ class Means final : public model::NormalRows {
       list[i] = log_weights_[i] - 0.5 * list[i] * list[i] / model_.variance_of_mean(i);
     return list;
   }
+  [[nodiscard]] Eigen::VectorXd information(const Eigen::VectorXd&) const override {
+    Eigen::VectorXd list(rows());
+    for (Index i = 0; i < list.size(); ++i) list[i] = 1 / model_.variance_of_mean(i);
+    return list;
+  }
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
     return model_.whitened(std::move(columns));
   }

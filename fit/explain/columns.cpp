@@ -60,8 +60,8 @@ Eigen::VectorXd effect_of(const MeanModel& model, const Term& term) {
 }
 
 double coordinate_at(const MeanModel& model, Coordinate coordinate, Eigen::Index row, int target) {
-  return target < 0 ? value_of(coordinate, model.cell(row), model.group(row))
-                    : model::place_of(coordinate, target, model.cell(row).at);
+  const Circumstances& at = model.cell(row).at;
+  return target < 0 ? model::coordinate_of(coordinate, at) : model::place_of(coordinate, target, at);
 }
 
 std::string place_along(const Bench& bench, int target) {

@@ -27,9 +27,9 @@ Reduced reduce_all(const Together& together, const Progress& progress) {
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     Reduced one = reduce(
         *recordings[i],
-        [&](double share, const char* what) {
+        [&](double share, const std::string& what) {
           if (progress)
-            progress(0.3 * (static_cast<double>(i) + share) / static_cast<double>(recordings.size()), what);
+            progress((static_cast<double>(i) + share) / static_cast<double>(recordings.size()), what);
         },
         together.standing(i));
     if (i == 0)
@@ -142,7 +142,6 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
   explanation.notes.insert(explanation.notes.begin(), together.notes().begin(), together.notes().end());
   if (const std::string note = note_on_clusters(single); !note.empty())
     explanation.notes.insert(explanation.notes.begin(), note);
-  if (progress) progress(1, "done");
   return explanation;
 }
 

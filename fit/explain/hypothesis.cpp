@@ -23,10 +23,6 @@ std::vector<Active> all_at_work(const Bench& bench, const Hypothesis& h) {
   return list;
 }
 
-bool Hypothesis::has(const Term& term) const {
-  return std::ranges::any_of(terms, [&](const Term& t) { return t.same(term); });
-}
-
 std::vector<Active> Hypothesis::active() const {
   std::vector<Active> list;
   for (const Term& term : terms) list.push_back(term.active());
@@ -78,7 +74,7 @@ Base base_columns(const MeanModel& model, const Hypothesis& h) {
   base.all.columns_mm = model.nuisance_columns();
   const Nuisance stated(bench);
   base.all.prior.mean = stated.as_vector() - h.nuisance.as_vector();
-  base.all.prior.sigma = h.bench_u;
+  base.all.prior.sigma = Nuisance::prior_sigma(bench);
   for (const Term& term : known_terms(bench)) {
     TermColumns c = columns_of(model, term);
     for (std::size_t k = 0; k < c.sizes_of.size(); ++k) {

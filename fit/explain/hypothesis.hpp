@@ -9,12 +9,10 @@ namespace fit::explain {
 
 /// One way to explain the means: where things stand, which mechanisms work, which unnamed functions remain.
 struct Hypothesis {
-  explicit Hypothesis(const Bench& bench) : nuisance(bench), bench_u(Nuisance::prior_sigma(bench)) {}
+  explicit Hypothesis(const Bench& bench) : nuisance(bench) {}
   Nuisance nuisance;
-  Eigen::VectorXd bench_u;  ///< Standard uncertainties of mount and targets, the bench file's.
   std::vector<Term> terms;
   std::vector<Shape> shapes;
-  [[nodiscard]] bool has(const Term& term) const;
   [[nodiscard]] std::vector<Active> active() const;
 };
 

@@ -6,6 +6,7 @@
 #include <map>
 #include <stdexcept>
 
+#include "fit/explain/model/term.hpp"
 #include "fit/explain/stated_noise.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/linear_table.hpp"
@@ -17,23 +18,20 @@ constexpr int places_of_table = 60;
 constexpr double widest_gap = 0.1;  // of the span: nothing is known in between
 
 /// What tables do to the mean of a cell, mm.
-double empirical_mm(const std::vector<EmpiricalCorrection>& list, const Reduced& reduced, const Cell& cell,
-                    const Group& group) {
+double empirical_mm(const std::vector<EmpiricalCorrection>& list, const Reduced& reduced, const Cell& cell) {
   double sum = 0;
   for (const EmpiricalCorrection& c : list) {
     const bool along_it = !c.target.empty();
     if (along_it && c.target != reduced.bench.targets[static_cast<std::size_t>(cell.at.target)].name)
       continue;
-    const double v = along_it ? cell.at.along_mm : value_of(c.coordinate, cell, group);
+    const double v = along_it ? cell.at.along_mm : model::coordinate_of(c.coordinate, cell.at);
     if (std::isfinite(v)) sum += c.value_at(v) * lever_of(c.channel, cell.sight);
   }
   return sum;
 }
 
 void add_empirical_mm(const std::vector<EmpiricalCorrection>& list, Reduced& reduced) {
-  for (const Group& group : reduced.groups)
-    for (std::size_t i = group.first_cell; i < group.last_cell; ++i)
-      reduced.cells[i].nominal_mm += empirical_mm(list, reduced, reduced.cells[i], group);
+  for (Cell& cell : reduced.cells) cell.nominal_mm += empirical_mm(list, reduced, cell);
 }
 
 /// Variance of one sample of that cell, mm^2.

@@ -4,6 +4,7 @@
 #include <array>
 #include <functional>
 #include <limits>
+#include <string>
 #include <vector>
 
 #include "fit/explain/lag_bands.hpp"
@@ -134,7 +135,9 @@ struct Standing {
 };
 
 /// Called with the share done, 0..1.
-using Progress = std::function<void(double share, const char* what)>;
+using Progress = std::function<void(double share, const std::string& what)>;
+/// Of work whose end nobody knows, such as a search.
+inline constexpr double unknown_share = -1;
 
 /// Walks the recording once. Cells of captures about nothing in the scene are left out.
 [[nodiscard]] Reduced reduce(const Recording& recording, const Progress& progress,
@@ -191,8 +194,5 @@ void append(Reduced& reduced, const Reduced& other);
   return reflectance_in(reduced.captures[static_cast<std::size_t>(group.capture)],
                         reduced.bench.targets[static_cast<std::size_t>(cell.at.target)]);
 }
-
-/// Value of a coordinate of formats.md, in its file unit.
-[[nodiscard]] double value_of(Coordinate coordinate, const Cell& cell, const Group& group);
 
 }  // namespace fit::explain

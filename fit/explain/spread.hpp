@@ -53,7 +53,6 @@ struct SpreadResult {
   std::vector<Unexplained> unknown;
   MeanNoise noise;
   double sigma_mm = 0;              ///< White noise of one sample, fitted.
-  std::vector<SpreadCurve> curves;  ///< For people: where something was found.
 };
 
 }  // namespace fit::explain

@@ -91,7 +91,7 @@ class Edges {
       if (!nearest) continue;
       Effect effect;
       for (const Active& active : at_work_)
-        if (active.target < 0) effect += active.mechanism->act(cell.at, active.values);
+        if (active.target < 0) effect += effect_of({active}, cell.at);
       Beam beam{&cell,
                 inside,
                 scene.look_at(near_target, group.stage_rad, cell.beam_rad, effect),

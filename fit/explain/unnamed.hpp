@@ -56,7 +56,6 @@ struct Described {
 /// One kind of unnamed function: a sum of basis functions with a normal prior each.
 struct Form {
   std::string id;
-  bool has_a_place = true;      ///< A place or period tells people more than a curve.
   bool is_constant = false;     ///< Needs no coordinate that varies.
   bool scaled = false;          ///< Its functions are of the coordinate scaled to -1 .. 1 over the recording.
   bool of_all_targets = false;  ///< Of the place along every target, a function for each.

@@ -8,7 +8,6 @@ namespace fit::explain::forms {
 Form make_smooth() {
   Form f;
   f.id = "smooth";
-  f.has_a_place = false;
   f.scaled = true;
   f.terms = [](const Shape& s) { return cosines_of(s.length); };
   f.basis = [](const Shape&, double x, int term) { return cosine(x, term); };

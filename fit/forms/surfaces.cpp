@@ -11,7 +11,6 @@ namespace fit::explain::forms {
 Form make_surfaces() {
   Form f;
   f.id = "surfaces";
-  f.has_a_place = false;
   f.of_all_targets = true;
   f.terms = [](const Shape& s) { return static_cast<int>(s.at) * cosines_of(s.length); };
   f.basis = [](const Shape& s, double x, int term) {

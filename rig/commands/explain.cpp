@@ -17,21 +17,25 @@
 namespace rig::commands {
 namespace {
 
-/// One line on the terminal with the share done and the time left; silent when nobody watches.
+/// One line on the terminal with the share done and the time left, or the time so far where nobody knows the
+/// end; silent when nobody watches.
 class ProgressLine {
  public:
-  void operator()(double share, const char* what) {
+  void operator()(double share, const std::string& what) {
     if (!shown_) return;
     const auto now = std::chrono::steady_clock::now();
     if (now - last_ < std::chrono::milliseconds(200)) return;
     last_ = now;
     const double spent = std::chrono::duration<double>(now - start_).count();
-    const double left = share > 0.02 ? spent * (1 - share) / share : 0;
-    std::fprintf(stderr, "\r%3.0f %% %-24s %4.0f s left ", 100 * share, what, left);
+    if (share < 0)
+      std::fprintf(stderr, "\r%-36s %4.0f s so far ", what.c_str(), spent);
+    else
+      std::fprintf(stderr, "\r%3.0f %% %-31s %4.0f s left ", 100 * share, what.c_str(),
+                   share > 0.02 ? spent * (1 - share) / share : 0);
     written_ = true;
   }
   ~ProgressLine() {
-    if (written_) std::fprintf(stderr, "\r%50s\r", "");
+    if (written_) std::fprintf(stderr, "\r%52s\r", "");
   }
 
  private:
@@ -104,7 +108,7 @@ class Explain : public Command {
     try {
       auto explanation = [&] {
         ProgressLine line;
-        const auto shown = [&](double share, const char* what) { line(share, what); };
+        const auto shown = [&](double share, const std::string& what) { line(share, what); };
         return fit::explain::explain(list, shown);
       }();
       for (const std::string& path : predicted_) {
@@ -129,6 +133,7 @@ class Explain : public Command {
     if (!explanation.has_rivals()) return {};
     const fit::Bench& bench = recordings.front()->bench();
     const StageLimits limits = stage_limits(bench);
+    std::fputs("Planning the experiment that would tell them apart ...\n", stderr);
     const auto best = explanation.several_places
                           ? fit::explain::best_experiment_by_hand(recordings, explanation)
                           : fit::explain::best_experiment(

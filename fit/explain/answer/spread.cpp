@@ -35,7 +35,6 @@ void report_spread(const Findings& findings, Explanation& out) {
     out.add_beside_means(found_noise(findings, suspect));
     out.bench.known.push_back({suspect.mechanism->id, suspect.parameters, {}});
   }
-  out.spread_curves = findings.spread.curves;
 }
 
 }  // namespace fit::explain::answer

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "fit/explain/answer/chapters.hpp"
+#include "fit/explain/model/term.hpp"
 
 namespace fit::explain::answer {
 namespace {
@@ -22,7 +23,7 @@ std::optional<Recorded> recorded(const Reduced& reduced, Coordinate coordinate) 
     all.to = std::max(all.to, at);
   };
   for (const Cell& cell : reduced.cells) {
-    const double v = value_of(coordinate, cell, reduced.groups[static_cast<std::size_t>(cell.group)]);
+    const double v = model::coordinate_of(coordinate, cell.at);
     if (std::isfinite(v)) take(v);
   }
   if (coordinate == Coordinate::scan_seq)

@@ -16,7 +16,7 @@ std::vector<Eigen::MatrixXd> Approximation::whitened(std::vector<Eigen::MatrixXd
 }
 
 std::vector<Eigen::MatrixXd> Approximation::whitened_at(std::size_t start) const {
-  const std::vector<Eigen::MatrixXf>& columns = session_->columns_at(*kind_, start);
+  const std::vector<Eigen::MatrixXf>& columns = session_->at_start(*kind_, start).columns;
   std::vector<Eigen::MatrixXd> white(columns.size());
   for (std::size_t c = 0; c < columns.size(); ++c) {
     white[c] = columns[c].cast<double>();
@@ -91,8 +91,9 @@ double Approximation::gain_of_offset(const Term& term, std::optional<std::size_t
   for (std::size_t c = 0; c < session_->channels().size(); ++c) {
     if (!kind_->acts_in[c]) continue;
     const ChannelRows& rows = *session_->channels()[c];
-    const Eigen::VectorXd offset = start ? session_->without_size_at(*kind_, *start)[c].cast<double>().eval()
-                                         : model::effect_without_size(rows, *kind_, term.values);
+    const Eigen::VectorXd offset =
+        start ? session_->at_start(*kind_, *start).without_size[c].cast<double>().eval()
+              : model::effect_without_size(rows, *kind_, term.values);
     if (offset.size() > 0 && !offset.isZero(0))
       sum += rows.log_likelihood(fitted_->optimum.eta[c] + offset) - fitted_->optimum.of_channel[c];
   }

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
+#include <utility>
 
 #include "fit/dense.hpp"
 #include "fit/explain/inference/numbers.hpp"
@@ -46,7 +48,20 @@ enum class For {
   evidence,  ///< Of what is there.
   new_terms  ///< Linearised at as much as the rows are on the whole.
 };
-Scored scored(const Session& session, const Design& design, Optimum& there, For what = For::steps) {
+/// Whitened columns with their squares.
+struct Squared {
+  Eigen::MatrixXd white, square;
+  explicit Squared(Eigen::MatrixXd columns)
+      : white(std::move(columns)), square(Eigen::MatrixXd::Zero(white.cols(), white.cols())) {
+    square.selfadjointView<Eigen::Lower>().rankUpdate(white.transpose());
+    square.triangularView<Eigen::StrictlyUpper>() = square.transpose();
+  }
+};
+/// By channel, of those whose information is the same anywhere.
+using Fixed = std::map<std::size_t, Squared>;
+
+Scored scored(const Session& session, const Design& design, Optimum& there, Fixed& fixed,
+              For what = For::steps) {
   const bool raised = what == For::new_terms;
   const Index k = design.mean.size();
   Scored s{design.mean - there.x, Eigen::MatrixXd::Identity(k, k)};
@@ -59,23 +74,22 @@ Scored scored(const Session& session, const Design& design, Optimum& there, For 
     const Eigen::VectorXd at = raised               ? rows.raised(eta)
                                : what == For::steps ? rows.steady(eta)
                                                     : rows.curved(eta);
-    there.white[c] = rows.whitened(design.parts[c].columns, at);
+    const auto squared = [&] { return Squared(rows.whitened(design.parts[c].columns, at)); };
+    const auto known = fixed.find(c);
+    std::optional<Squared> here;
+    const Squared& columns = known != fixed.end()           ? known->second
+                             : rows.has_fixed_information() ? fixed.emplace(c, squared()).first->second
+                                                            : here.emplace(squared());
     there.white_residual[c] = rows.white_residual(raised ? at : eta);
     if (raised)
       there.white_residual[c] += rows.whitened(at - eta, at);
     else if (at != eta)  // the same score over another root of the information
       there.white_residual[c] = there.white_residual[c].cwiseProduct(
           rows.information(eta).cwiseQuotient(rows.information(at)).cwiseSqrt());
-    const Eigen::VectorXd along = there.white[c].transpose() * there.white_residual[c];
-    Eigen::MatrixXd square = Eigen::MatrixXd::Zero(there.white[c].cols(), there.white[c].cols());
-    square.selfadjointView<Eigen::Lower>().rankUpdate(there.white[c].transpose());
-    square.triangularView<Eigen::StrictlyUpper>() = square.transpose();
+    there.white[c] = columns.white;
     const std::vector<Index>& index = design.parts[c].index;
-    for (std::size_t i = 0; i < index.size(); ++i) {
-      s.gradient[index[i]] += along[static_cast<Index>(i)];
-      for (std::size_t j = 0; j < index.size(); ++j)
-        s.information(index[i], index[j]) += square(static_cast<Index>(i), static_cast<Index>(j));
-    }
+    s.gradient(index) += columns.white.transpose() * there.white_residual[c];
+    s.information(index, index) += columns.square;
   }
   return s;
 }
@@ -117,7 +131,8 @@ Optimum judged_at(const Session& session, const Design& design, const Eigen::Vec
 Optimum climbed(const Session& session, const Design& design, Optimum now) {
   constexpr int most_steps = 16;
   constexpr double settled = 0.01, first_damping = 0.3, most_damping = 1e4;
-  Scored s = scored(session, design, now);
+  Fixed fixed;
+  Scored s = scored(session, design, now, fixed);
   double damping = 0;
   for (int step = 0; step < most_steps; ++step) {
     const Step whole = step_of(s, design, now.x, damping);
@@ -130,7 +145,7 @@ Optimum climbed(const Session& session, const Design& design, Optimum now) {
     if (next.log_posterior < now.log_posterior) break;
     damping = damping > first_damping ? damping / 8 : 0;
     now = std::move(next);
-    s = scored(session, design, now);
+    s = scored(session, design, now, fixed);
   }
   now.factor.compute(s.information);
   return now;
@@ -180,7 +195,8 @@ Optimum optimum_of(const Session& session, const Design& design, const Eigen::Ve
 
 Optimum raised(const Session& session, const Design& design, const Optimum& optimum) {
   Optimum there = optimum;
-  there.factor.compute(scored(session, design, there, For::new_terms).information);
+  Fixed fixed;
+  there.factor.compute(scored(session, design, there, fixed, For::new_terms).information);
   there.root.resize(there.eta.size());
   for (std::size_t c = 0; c < there.eta.size(); ++c) {
     if (!session.channels()[c]) continue;
@@ -306,7 +322,8 @@ Fitted solved(const Session& session, std::vector<Term> terms, const Eigen::Vect
   Fitted result;
   result.design = design_of(session, terms);
   result.optimum = optimum_of(session, with_shapes_held(result.design), start_of(result.design, terms, from));
-  const Scored there = scored(session, result.design, result.optimum, For::evidence);
+  Fixed fixed;
+  const Scored there = scored(session, result.design, result.optimum, fixed, For::evidence);
   result.optimum.factor.compute(there.information);
   const Eigen::VectorXd stepped =
       within_bounds(result.design, result.optimum.x + step_of(there, result.design, result.optimum.x).by);

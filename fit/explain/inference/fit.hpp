@@ -18,7 +18,6 @@ struct Design {
   };
   struct Block {
     Eigen::Index first = 0, sizes = 0, shapes = 0, deviations = 0;
-    [[nodiscard]] Eigen::Index count() const { return sizes + shapes + deviations; }
     [[nodiscard]] Eigen::Index first_shape() const { return first + sizes; }
     [[nodiscard]] Eigen::Index first_deviation() const { return first_shape() + shapes; }
   };

@@ -100,20 +100,18 @@ class Block {
  private:
   void add_means(std::size_t c, const Eigen::VectorXd& x, HeldOutFigures& sum) const {
     const Design::Part& design = f_.design.parts[c];
-    for (std::size_t i = 0; i < parts_[c].rows.size(); ++i) {
-      const Index row = parts_[c].rows[i];
+    const ChannelRows& rows = *session_.channels()[c];
+    const Eigen::VectorXd information = rows.information(f_.optimum.eta[c]);
+    for (const Index row : parts_[c].rows) {
       double eta = design.offset[row];
       Eigen::VectorXd columns = Eigen::VectorXd::Zero(x.size());
       for (std::size_t k = 0; k < design.index.size(); ++k) {
-        eta += design.columns(row, static_cast<Index>(k)) * x[design.index[k]];
-        columns[design.index[k]] = parts_[c].white(static_cast<Index>(i), static_cast<Index>(k));
+        const double column = design.columns(row, static_cast<Index>(k));
+        eta += column * x[design.index[k]];
+        columns[design.index[k]] = column;
       }
-      const double off = session_.channels()[c]->statistic(row) - eta,
-                   weight = std::abs(parts_[c].residual[static_cast<Index>(i)]) > 0
-                                ? parts_[c].residual[static_cast<Index>(i)] /
-                                      (session_.channels()[c]->statistic(row) - f_.optimum.eta[c][row])
-                                : 1,
-                   z = off * weight / std::sqrt(1 + columns.dot(factor_.solve(columns)));
+      const double off = rows.statistic(row) - eta,
+                   z = off / std::sqrt(1 / information[row] + columns.dot(factor_.solve(columns)));
       sum.rms_mm += off * off;  // the sum of squares, until all are in
       sum.coverage += std::abs(z) < 1.96;
       sum.cells += 1;

@@ -51,7 +51,9 @@ std::vector<Candidate> best_of(const std::vector<Candidate>& list, std::size_t n
 
 class Climber {
  public:
-  explicit Climber(Session& session) : session_(session) { best_ = fitted({}); }
+  Climber(Session& session, const Progress& progress) : session_(session), progress_(progress) {
+    best_ = fitted({});
+  }
 
   void climb() {
     constexpr int most_moves = 12;
@@ -116,6 +118,9 @@ class Climber {
   std::optional<Fitted> fit_all(const std::vector<Hypothesis>& list) {
     std::vector<Fitted> fits(list.size());
     on_two_cores(list.size(), [&](std::size_t i) { fits[i] = fit(session_, list[i]); });
+    compared_ += list.size();
+    if (progress_ && !list.empty())
+      progress_(unknown_share, std::to_string(compared_) + " hypotheses compared");
     std::optional<Fitted> best;
     for (Fitted& f : fits) {
       remember(f);
@@ -198,8 +203,10 @@ class Climber {
   [[nodiscard]] std::size_t forms(std::size_t count) const { return asks_forms_ ? count : 0; }
 
   Session& session_;
+  const Progress& progress_;
   std::map<std::vector<const Kind*>, Hypothesis> visited_;
   Fitted best_;
+  std::size_t compared_ = 0;
   bool asks_forms_ = true;
   bool moved_ = false;
 };
@@ -208,7 +215,7 @@ class Climber {
 
 Explored explore(Session& session, const Progress& progress) {
   constexpr int most_linearisations = 3;
-  Climber climber(session);
+  Climber climber(session, progress);
   for (int pass = 0; pass < most_linearisations; ++pass) {
     climber.climb();
     if (pass == 0) {
@@ -216,7 +223,6 @@ Explored explore(Session& session, const Progress& progress) {
       climber.climb();
     }
     if (climber.is_where_it_began()) break;
-    if (progress) progress(0.5 + 0.1 * pass, "comparing mechanisms");
     if (!climber.fit_again() && pass > 0) break;
   }
   return std::move(climber).result();

@@ -46,17 +46,13 @@ class Session {
   [[nodiscard]] const std::vector<Kind>& kinds() const { return *kinds_; }
   /// Terms point to these.
   [[nodiscard]] std::shared_ptr<const std::vector<Kind>> shared_kinds() const { return kinds_; }
-  /// What a kind does to every channel at one of its starts, per coefficient; whitened where the channel's
-  /// information is fixed. Of the first linearisation with this noise; one kind must not be asked for by two
-  /// threads at once.
-  [[nodiscard]] const std::vector<Eigen::MatrixXf>& columns_at(const Kind& kind, std::size_t start) const {
-    return at_start(kind, start).columns;
-  }
-  /// And what it does there whatever its sizes are; empty where that is nothing.
-  [[nodiscard]] const std::vector<Eigen::VectorXf>& without_size_at(const Kind& kind,
-                                                                    std::size_t start) const {
-    return at_start(kind, start).without_size;
-  }
+  /// What a kind does at one of its starts, by channel.
+  struct AtStart {
+    std::vector<Eigen::MatrixXf> columns;       ///< Per coefficient; whitened where the information is fixed.
+    std::vector<Eigen::VectorXf> without_size;  ///< Whatever its sizes are; empty where that is nothing.
+  };
+  /// Of the first linearisation with this noise; one kind must not be asked for by two threads at once.
+  [[nodiscard]] const AtStart& at_start(const Kind& kind, std::size_t start) const;
   /// Mount and targets as the coefficients have them.
   [[nodiscard]] Nuisance nuisance(const Hypothesis& h) const;
   /// First of a channel's base coefficients among those of all.
@@ -72,12 +68,6 @@ class Session {
   std::vector<std::unique_ptr<ChannelRows>> channels_;
   std::vector<Eigen::VectorXd> offsets_;
   std::shared_ptr<const std::vector<Kind>> kinds_;
-  /// By channel.
-  struct AtStart {
-    std::vector<Eigen::MatrixXf> columns;
-    std::vector<Eigen::VectorXf> without_size;
-  };
-  [[nodiscard]] const AtStart& at_start(const Kind& kind, std::size_t start) const;
   mutable std::vector<std::vector<AtStart>> columns_;  ///< By kind and start.
 };
 

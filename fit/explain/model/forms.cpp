@@ -14,26 +14,49 @@ namespace {
 using Eigen::Index;
 
 /// What a form changes.
-enum class Act {
-  range,
-  beam_angle,
-  stage_angle,
-  variance,
-  scan_range,
-  own_range,
-  loss,
-  stray,
-  late,
-  early,
-  intensity
-};
+struct Act {
+  double Effect::*changes;
+  Observable observable;
+  double typical;
+  const char* in_words;
+  explain::Channel channel = explain::Channel::range;  ///< As the rooms that draw forms of means know it.
+  bool expects_nothing = false;                        ///< To be there at all is something.
 
-/// As the rooms that draw forms of means know it.
-explain::Channel channel_of(Act on) {
-  return on == Act::beam_angle    ? explain::Channel::beam_angle
-         : on == Act::stage_angle ? explain::Channel::stage_angle
-                                  : explain::Channel::range;
-}
+  [[nodiscard]] Effect by(double value) const {
+    Effect effect;
+    effect.*changes = value;
+    return effect;
+  }
+};
+constexpr double form_rad = numbers::form_deg * rad_per_deg;
+constexpr Act on_range{&Effect::range_mm, Observable::range_mean, numbers::form_mm, "range"};
+constexpr Act on_beam_angle{&Effect::beam_rad, Observable::range_mean, form_rad, "beam angle",
+                            explain::Channel::beam_angle};
+constexpr Act on_stage_angle{&Effect::stage_rad, Observable::range_mean, form_rad, "stage angle",
+                             explain::Channel::stage_angle};
+constexpr Act on_variance{&Effect::variance_mm2, Observable::range_variance, numbers::form_mm2,
+                          "samples' variance"};
+constexpr Act on_scan_range{&Effect::scan_range_variance_mm2,
+                            Observable::range_variance,
+                            numbers::form_mm2,
+                            "variance of the range that a whole scan has in common",
+                            explain::Channel::range,
+                            true};
+constexpr Act on_own_range{&Effect::own_range_variance_mm2,
+                           Observable::range_variance,
+                           numbers::form_mm2,
+                           "variance of what every beam reads off by its own, in all captures alike,",
+                           explain::Channel::range,
+                           true};
+constexpr Act on_loss{&Effect::lost, Observable::dropout, numbers::form_share, "share of lost echoes"};
+constexpr Act on_stray{&Effect::stray, Observable::range_distribution, numbers::form_share,
+                       "share of samples far off"};
+constexpr Act on_late{&Effect::late, Observable::range_distribution, numbers::form_share,
+                      "share of samples that come late, in a tail beyond what noise and strays make,"};
+constexpr Act on_early{&Effect::early, Observable::range_distribution, numbers::form_share,
+                       "share of samples that come early, in a tail before what noise and strays make,"};
+constexpr Act on_intensity{&Effect::log_intensity, Observable::intensity, numbers::form_log_intensity,
+                           "logarithm of intensity over the bench file's law"};
 
 /// A coordinate along which unnamed physics may act, and on what.
 struct Way {
@@ -46,115 +69,32 @@ struct Way {
 };
 // Of range and brightness another intensity would be another law, which has a name.
 constexpr Way ways[] = {
-    {Coordinate::beam, Act::range},         {Coordinate::beam, Act::beam_angle},
-    {Coordinate::stage, Act::range},        {Coordinate::stage, Act::stage_angle},
-    {Coordinate::range, Act::range},        {Coordinate::intensity, Act::range},
-    {Coordinate::incidence, Act::range},    {Coordinate::time, Act::range},
-    {Coordinate::time, Act::stage_angle},   {Coordinate::temperature, Act::range},
-    {Coordinate::beam, Act::variance},      {Coordinate::range, Act::variance},
-    {Coordinate::intensity, Act::variance}, {Coordinate::time, Act::variance},
-    {Coordinate::incidence, Act::variance}, {Coordinate::beam, Act::loss},
-    {Coordinate::range, Act::loss},         {Coordinate::time, Act::loss},
-    {Coordinate::beam, Act::stray},         {Coordinate::time, Act::stray},
-    {Coordinate::scan_seq, Act::range},     {Coordinate::scan_seq, Act::scan_range},
-    {Coordinate::beam, Act::own_range},     {Coordinate::stage, Act::variance},
-    {Coordinate::target, Act::loss},        {Coordinate::target, Act::late},
-    {Coordinate::target, Act::early},       {Coordinate::beam, Act::intensity},
-    {Coordinate::stage, Act::intensity},    {Coordinate::incidence, Act::intensity},
-    {Coordinate::time, Act::intensity},
+    {Coordinate::beam, on_range},         {Coordinate::beam, on_beam_angle},
+    {Coordinate::stage, on_range},        {Coordinate::stage, on_stage_angle},
+    {Coordinate::range, on_range},        {Coordinate::intensity, on_range},
+    {Coordinate::incidence, on_range},    {Coordinate::time, on_range},
+    {Coordinate::time, on_stage_angle},   {Coordinate::temperature, on_range},
+    {Coordinate::beam, on_variance},      {Coordinate::range, on_variance},
+    {Coordinate::intensity, on_variance}, {Coordinate::time, on_variance},
+    {Coordinate::incidence, on_variance}, {Coordinate::beam, on_loss},
+    {Coordinate::range, on_loss},         {Coordinate::time, on_loss},
+    {Coordinate::beam, on_stray},         {Coordinate::time, on_stray},
+    {Coordinate::scan_seq, on_range},     {Coordinate::scan_seq, on_scan_range},
+    {Coordinate::beam, on_own_range},     {Coordinate::stage, on_variance},
+    {Coordinate::target, on_loss},        {Coordinate::target, on_late},
+    {Coordinate::target, on_early},       {Coordinate::beam, on_intensity},
+    {Coordinate::stage, on_intensity},    {Coordinate::incidence, on_intensity},
+    {Coordinate::time, on_intensity},
 };
 /// Along every target by itself: what a surface does at its place.
-constexpr Act along_targets[] = {Act::intensity, Act::range};
-
-Observable observable_of(Act on) {
-  return on == Act::variance || on == Act::scan_range || on == Act::own_range ? Observable::range_variance
-         : on == Act::loss                                                    ? Observable::dropout
-         : on == Act::intensity                                               ? Observable::intensity
-         : on == Act::stray || on == Act::late || on == Act::early            ? Observable::range_distribution
-                                                                              : Observable::range_mean;
-}
-
-double typical_of(Act on) {
-  switch (on) {
-    case Act::range:
-      return numbers::form_mm;
-    case Act::beam_angle:
-    case Act::stage_angle:
-      return numbers::form_deg * rad_per_deg;
-    case Act::variance:
-    case Act::scan_range:
-    case Act::own_range:
-      return numbers::form_mm2;
-    case Act::intensity:
-      return numbers::form_log_intensity;
-    default:
-      return numbers::form_share;
-  }
-}
-
-double Effect::*changed_by(Act on) {
-  switch (on) {
-    case Act::range:
-      return &Effect::range_mm;
-    case Act::beam_angle:
-      return &Effect::beam_rad;
-    case Act::stage_angle:
-      return &Effect::stage_rad;
-    case Act::variance:
-      return &Effect::variance_mm2;
-    case Act::scan_range:
-      return &Effect::scan_range_variance_mm2;
-    case Act::own_range:
-      return &Effect::own_range_variance_mm2;
-    case Act::loss:
-      return &Effect::lost;
-    case Act::late:
-      return &Effect::late;
-    case Act::early:
-      return &Effect::early;
-    case Act::intensity:
-      return &Effect::log_intensity;
-    default:
-      return &Effect::stray;
-  }
-}
-
-Effect effect_on(Act on, double value) {
-  Effect effect;
-  effect.*changed_by(on) = value;
-  return effect;
-}
-
-const char* in_words(Act on) {
-  switch (on) {
-    case Act::variance:
-      return "samples' variance";
-    case Act::scan_range:
-      return "variance of the range that a whole scan has in common";
-    case Act::own_range:
-      return "variance of what every beam reads off by its own, in all captures alike,";
-    case Act::loss:
-      return "share of lost echoes";
-    case Act::intensity:
-      return "logarithm of intensity over the bench file's law";
-    case Act::stray:
-      return "share of samples far off";
-    case Act::late:
-      return "share of samples that come late, in a tail beyond what noise and strays make,";
-    case Act::early:
-      return "share of samples that come early, in a tail before what noise and strays make,";
-    default:
-      return "range";
-  }
-}
+constexpr Act along_targets[] = {on_intensity, on_range};
 
 Axis axis_of_rows(const Scale& scale, const Way& way) {
   constexpr std::size_t most = 400, parts = 40;
   Axis axis;
   axis.coordinate = way.coordinate;
-  axis.channel = channel_of(way.on);
-  axis.expects_nothing = way.on == Act::scan_range || way.on == Act::own_range ||
-                         (way.coordinate == Coordinate::target && way.target == -1);
+  axis.channel = way.on.channel;
+  axis.expects_nothing = way.on.expects_nothing || (way.coordinate == Coordinate::target && way.target == -1);
   const std::vector<double>& v = scale.sorted();
   axis.low = v.front();
   axis.high = v.back();
@@ -192,7 +132,7 @@ std::shared_ptr<const Mechanism> mechanism_of(const Form& form, const Way& way, 
   auto m = std::make_shared<Mechanism>();
   m->id = form.id + " of " + name_of(way.coordinate);
   m->coordinate = way.coordinate;
-  m->observable = observable_of(way.on);
+  m->observable = way.on.observable;
   m->formula_error = 0;
   const int terms = form.terms(like);
   std::vector<double> shares(static_cast<std::size_t>(terms), 1.0);
@@ -200,7 +140,7 @@ std::shared_ptr<const Mechanism> mechanism_of(const Form& form, const Way& way, 
   const bool only_more = form.is_constant;  // than nothing
   for (int k = 0; k < terms; ++k)
     m->parameters.push_back({.name = "c" + std::to_string(k),
-                             .typical = typical_of(way.on) * shares[static_cast<std::size_t>(k)],
+                             .typical = way.on.typical * shares[static_cast<std::size_t>(k)],
                              .sign = only_more ? 1 : 0});
   for (const char* name : {"at", "length"})
     m->parameters.push_back({.name = name, .role = Parameter::Role::shape, .lower = 0, .upper = 0});
@@ -208,7 +148,7 @@ std::shared_ptr<const Mechanism> mechanism_of(const Form& form, const Way& way, 
     double sum = 0;
     for_each_function(form, way, like, *scale, at, p,
                       [&](int k, double value) { sum += p[static_cast<std::size_t>(k)] * value; });
-    return effect_on(way.on, sum);
+    return way.on.by(sum);
   };
   return m;
 }
@@ -219,13 +159,13 @@ Kind::Functions functions_of(const Form& form, const Way& way, const Shape& like
                                             Eigen::VectorXd& each) {
     for_each_function(form, way, like, *scale, c, values, [&](int k, double value) { each[k] = value; });
   };
-  return {changed_by(way.on), at};
+  return {way.on.changes, at};
 }
 
-bool responds(const ChannelRows& rows, Act on) {
+bool responds(const ChannelRows& rows, const Act& on) {
   const Index step = std::max<Index>(1, rows.rows() / 50);
   for (Index i = 0; i < rows.rows(); i += step)
-    if (rows.response(i, effect_on(on, 1)) != 0) return true;
+    if (rows.response(i, on.by(1)) != 0) return true;
   return false;
 }
 
@@ -247,20 +187,20 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
     for (Shape& shape : form.along(axis)) {
       shape.form = &form;
       shape.coordinate = way.coordinate;
-      shape.channel = channel_of(way.on);
+      shape.channel = way.on.channel;
       shape.target = way.target;
-      shape.size = typical_of(way.on);
+      shape.size = way.on.typical;
       by_terms[form.terms(shape)].push_back(shape);
     }
     for (const auto& [terms, shapes] : by_terms) {
       Kind kind;
       kind.form = shapes.front();
       kind.target = std::max(-1, way.target);
-      kind.observable = observable_of(way.on);
+      kind.observable = way.on.observable;
       kind.mechanism = mechanism_of(form, way, shapes.front(), scale);
       kind.functions = functions_of(form, way, shapes.front(), scale);
       kind.refines = false;
-      kind.acts_on = in_words(way.on);
+      kind.acts_on = way.on.in_words;
       kind.coefficients = coefficients_of(*kind.mechanism, [](std::size_t) { return 1; });
       for (const Shape& shape : shapes) {
         std::vector<double> start;
@@ -287,13 +227,13 @@ void add_forms(const std::vector<ChannelKind>& what,
                const std::vector<std::unique_ptr<ChannelRows>>& channels, std::vector<Kind>& kinds) {
   const std::size_t named = kinds.size();
   for (std::size_t c = 0; c < channels.size(); ++c) {
-    const auto acts_here = [&](Act on) {
-      return channels[c] && what[c].has_forms && what[c].observable == observable_of(on) &&
+    const auto acts_here = [&](const Act& on) {
+      return channels[c] && what[c].has_forms && what[c].observable == on.observable &&
              responds(*channels[c], on) && shows_anything(*channels[c]);
     };
     for (const Way& way : ways)
       if (acts_here(way.on) && channels[c]->sees(way.coordinate)) add_forms_along(way, *channels[c], kinds);
-    for (const Act on : along_targets) {
+    for (const Act& on : along_targets) {
       if (!acts_here(on)) continue;
       std::set<int> targets;  // which share the prior of one
       for (Index i = 0; i < channels[c]->rows(); ++i) targets.insert(channels[c]->at(i).target);
@@ -301,7 +241,8 @@ void add_forms(const std::vector<ChannelKind>& what,
       for (const int target : targets) add_forms_along({Coordinate::target, on, target}, *channels[c], kinds);
       for (std::size_t k = before; k < kinds.size(); ++k)
         kinds[k].log_prior = -std::log(static_cast<double>(targets.size()));
-      if (on == Act::range) add_forms_along({Coordinate::target, on, all_targets}, *channels[c], kinds);
+      if (on.changes == on_range.changes)
+        add_forms_along({Coordinate::target, on, all_targets}, *channels[c], kinds);
     }
   }
   double count = 0;

@@ -227,32 +227,21 @@ Eigen::MatrixXd shape_columns(const Rows& channel, const Term& term) {
 
 double coordinate_of(Coordinate coordinate, const Circumstances& at) {
   switch (coordinate) {
-    case Coordinate::beam:
-      return at.beam_rad * deg_per_rad;
-    case Coordinate::stage:
-      return at.stage_rad * deg_per_rad;
-    case Coordinate::range:
-      return at.range_mm;
-    case Coordinate::intensity:
-      return at.intensity;
-    case Coordinate::incidence:
-      return at.incidence_rad * deg_per_rad;
-    case Coordinate::edge_distance:
-      return at.edge_rad * deg_per_rad;
-    case Coordinate::time:
-      return at.time_s;
-    case Coordinate::temperature:
-      return at.temperature_k;
-    case Coordinate::approach:
-      return at.approach;
-    case Coordinate::stage_rate:
-      return at.stage_rate_rad_s * deg_per_rad;
-    case Coordinate::scan_seq:
-      return at.seq;
-    case Coordinate::target:
-      return at.target;
-    case Coordinate::range_rate:
-      return at.range_mm * std::tan(at.incidence_rad);
+    // clang-format off
+    case Coordinate::beam: return at.beam_rad * deg_per_rad;
+    case Coordinate::stage: return at.stage_rad * deg_per_rad;
+    case Coordinate::range: return at.range_mm;
+    case Coordinate::intensity: return at.intensity;
+    case Coordinate::incidence: return at.incidence_rad * deg_per_rad;
+    case Coordinate::edge_distance: return at.edge_rad * deg_per_rad;
+    case Coordinate::time: return at.time_s;
+    case Coordinate::temperature: return at.temperature_k;
+    case Coordinate::approach: return at.approach;
+    case Coordinate::stage_rate: return at.stage_rate_rad_s * deg_per_rad;
+    case Coordinate::scan_seq: return at.seq;
+    case Coordinate::target: return at.target;
+    case Coordinate::range_rate: return at.range_mm * std::tan(at.incidence_rad);
+    // clang-format on
   }
   return 0;
 }

@@ -37,8 +37,6 @@ class Transition {
   [[nodiscard]] double place_deg(double variance_deg2) const;
 
  private:
-  [[nodiscard]] double profile(std::size_t knot) const;
-
   int capture_;
   Circumstances at_;
   std::vector<Beside> beams_;
