@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <cmath>
 #include <map>
 
@@ -20,7 +21,6 @@ class Beams final : public model::GammaRows {
     constexpr double of_neighbours = 0.5;  // two of them, each with half a weight
     return (1 + of_neighbours) * effect.own_range_variance_mm2;
   }
-  [[nodiscard]] double offset(Eigen::Index row) const override { return of(row).expected; }
 };
 
 /// Sums over the bends of one beam against its neighbours.
@@ -90,9 +90,10 @@ model::ChannelKind make_beams() {
     double excess = 0, freedom = 0;
     for (const auto& [name, beam] : beams) {
       const Bends all = beam.all();
+      const double mean = all.mean();
       const auto angles = static_cast<double>(beam.by_angle.size());
       for (const auto& [angle, bends] : beam.by_angle)
-        excess += angles * std::pow(bends.weight * (bends.mean() - all.mean()), 2) / all.weight;
+        excess += angles * std::pow(bends.weight * (bends.mean() - mean), 2) / all.weight;
       freedom += angles - 1;
     }
     excess /= freedom;

@@ -30,7 +30,6 @@ class Variances final : public model::GammaRows {
     return effect.variance_mm2 +
            of(row).lever2 * (effect.scan_angle_variance_rad2 + effect.beam_angle_variance_rad2);
   }
-  [[nodiscard]] double offset(Eigen::Index row) const override { return of(row).expected; }
   [[nodiscard]] model::Draws draws(Eigen::Index row) const override { return of(row).draws; }
 };
 

@@ -134,7 +134,7 @@ struct Standing {
   std::vector<int> same_as;    ///< For every target; what belongs to a thing goes with it to another place.
 };
 
-/// Called with the share done, 0..1.
+/// Called with the share done, 0..1, or unknown_share.
 using Progress = std::function<void(double share, const std::string& what)>;
 /// Of work whose end nobody knows, such as a search.
 inline constexpr double unknown_share = -1;

@@ -52,7 +52,7 @@ struct SpreadResult {
   std::vector<Suspect> undecided;  ///< Of every set whose members explain about the same, the best.
   std::vector<Unexplained> unknown;
   MeanNoise noise;
-  double sigma_mm = 0;              ///< White noise of one sample, fitted.
+  double sigma_mm = 0;  ///< White noise of one sample, fitted.
 };
 
 }  // namespace fit::explain

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <iterator>
 #include <map>
 
 #include "fit/explain/odds.hpp"
@@ -43,6 +44,8 @@ class Edges {
  public:
   Edges(const Reduced& reduced, const MeanResult& means)
       : reduced_(reduced), means_(means), at_work_(all_at_work(reduced.bench, means.best)) {
+    std::ranges::copy_if(at_work_, std::back_inserter(everywhere_),
+                         [](const Active& active) { return active.target < 0; });
     for (const Group& group : reduced.groups)
       if (group.scans > 2) collect(group);
   }
@@ -89,9 +92,7 @@ class Edges {
                std::abs(wrap_angle(bearing - other.bearing_rad)) * deg_per_rad < std::abs(inside);
       });
       if (!nearest) continue;
-      Effect effect;
-      for (const Active& active : at_work_)
-        if (active.target < 0) effect += effect_of({active}, cell.at);
+      const Effect effect = effect_of(everywhere_, cell.at);
       Beam beam{&cell,
                 inside,
                 scene.look_at(near_target, group.stage_rad, cell.beam_rad, effect),
@@ -138,7 +139,7 @@ class Edges {
 
   const Reduced& reduced_;
   const MeanResult& means_;
-  std::vector<Active> at_work_;
+  std::vector<Active> at_work_, everywhere_;  ///< All, and those that act on no target in particular.
   std::vector<Row> rows_;
 };
 

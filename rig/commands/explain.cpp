@@ -27,7 +27,7 @@ class ProgressLine {
     if (now - last_ < std::chrono::milliseconds(200)) return;
     last_ = now;
     const double spent = std::chrono::duration<double>(now - start_).count();
-    if (share < 0)
+    if (share == fit::explain::unknown_share)
       std::fprintf(stderr, "\r%-36s %4.0f s so far ", what.c_str(), spent);
     else
       std::fprintf(stderr, "\r%3.0f %% %-31s %4.0f s left ", 100 * share, what.c_str(),

@@ -11,9 +11,10 @@
 namespace fit::explain::model {
 
 /// Mean squares: a gamma distribution of shape n/2 around the predictor, a variance to which independent
-/// causes add.
+/// causes add to what is expected.
 class GammaRows : public IndependentRows {
  public:
+  [[nodiscard]] double offset(Eigen::Index row) const override { return of(row).expected; }
   [[nodiscard]] Eigen::VectorXd raised(const Eigen::VectorXd& eta) const override {
     double ratio = 0, all = 0;
     for (Eigen::Index i = 0; i < rows(); ++i) {

@@ -241,7 +241,7 @@ double coordinate_of(Coordinate coordinate, const Circumstances& at) {
     case Coordinate::scan_seq: return at.seq;
     case Coordinate::target: return at.target;
     case Coordinate::range_rate: return at.range_mm * std::tan(at.incidence_rad);
-    // clang-format on
+      // clang-format on
   }
   return 0;
 }
