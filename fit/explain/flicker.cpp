@@ -12,6 +12,7 @@
 
 #include "fit/explain/model/autoregression.hpp"
 #include "fit/explain/model/scans.hpp"
+#include "fit/explain/reduction/whole_scans.hpp"
 #include "fit/median.hpp"
 
 /// Mains-lit lamps, dimmers and switching supplies add a wave of 25 to 200 Hz. Beams of one scan follow each
@@ -361,40 +362,6 @@ Unexplained in_words(const std::vector<Spectrum::Line>& lines, double amplitude_
   return u;
 }
 
-void take_off(const std::map<int, Segment>& segments, double hz, double period_s,
-              std::vector<Sector>& sectors) {
-  std::map<int, Eigen::Vector2d> value;
-  std::map<int, int> first;
-  for (const auto& [group, segment] : segments) value[group] = normal_of(segment, hz, period_s).value();
-  std::map<std::pair<int, int>, std::pair<double, double>> means;  // sum, number
-  const auto wave = [&](const Sector& s) {
-    const int k = s.seq - first.try_emplace(s.group, s.seq).first->second;
-    const auto found = value.find(s.group);
-    if (found == value.end()) return 0.0;
-    const auto& tracks = segments.at(s.group).tracks;
-    // Of its own track, whose stamps are averaged.
-    double offset = s.since_move_s - k * period_s;
-    for (const Track& track : tracks)
-      if (std::abs(track.offset_s - offset) < duration_of(segments.at(s.group)) / 2) offset = track.offset_s;
-    const double at = 2 * pi * hz * (offset + k * period_s);
-    return found->second.dot(Eigen::Vector2d(std::cos(at), std::sin(at)));
-  };
-  std::vector<double> waves;
-  for (const Sector& s : sectors) {
-    waves.push_back(wave(s));
-    auto& [sum, number] = means[{s.group, s.number}];
-    sum += waves.back();
-    number += 1;
-  }
-  for (std::size_t i = 0; i < sectors.size(); ++i) {
-    Sector& s = sectors[i];
-    const auto& [sum, number] = means.at({s.group, s.number});
-    const double mm = waves[i] - sum / number;
-    s.wd -= s.w * mm;
-    s.wdv -= s.wv * mm;
-  }
-}
-
 }  // namespace
 
 namespace {
@@ -442,20 +409,69 @@ static void take_off(double mean_mm, double variance_mm2, Cell& cell) {
         std::max(least_left * cell.variance_mm2, cell.variance_mm2 - variance_mm2 * cell.n / (cell.n - 1.0));
 }
 
+/// Takes off a scan's sectors what the wave adds to their beams, each at its own time. `waves`: of every
+/// group, for a beam at time 0 of its first scan.
+static void take_off(const std::map<int, Complex>& waves, double turn, double period_s, Reduced& reduced) {
+  struct Sums {
+    Complex range = 0, lever = 0;  ///< Over the sector's beams, in the group's first scan.
+    Complex mean = 0;              ///< Of the scans' turns.
+    int scans = 0;
+  };
+  std::map<std::pair<int, int>, Sums> of_sector;
+  std::map<int, int> first_seq;
+  const auto turned = [&](const Sector& s) {
+    return std::polar(1.0, turn * (s.seq - first_seq.at(s.group)) * period_s);
+  };
+  for (const Sector& s : reduced.sectors) {
+    first_seq.try_emplace(s.group, s.seq);
+    const auto wave = waves.find(s.group);
+    if (wave == waves.end()) continue;
+    const auto [found, is_new] = of_sector.try_emplace({s.group, s.number});
+    Sums& sums = found->second;
+    sums.mean += turned(s);
+    ++sums.scans;
+    if (!is_new) continue;
+    const Group& group = reduced.groups[static_cast<std::size_t>(s.group)];
+    double weight = 0;
+    for (std::size_t i = s.first_cell; i < s.last_cell; ++i) {
+      const Cell& cell = reduced.cells[i];
+      if (!reduction::is_informative(cell)) continue;
+      const double q = reduction::weight_in_scan(cell, group, group.scans);
+      const Complex begin = q * wave->second * std::polar(1.0, turn * cell.at.since_move_s);
+      weight += q;
+      sums.range += begin;
+      sums.lever += cell.sight.stage_lever() * begin;
+    }
+    if (!(weight > 0)) continue;
+    sums.range *= s.w / weight;
+    sums.lever *= s.w / weight;
+  }
+  for (Sector& s : reduced.sectors) {
+    const auto found = of_sector.find({s.group, s.number});
+    if (found == of_sector.end()) continue;
+    const Sums& sums = found->second;
+    const Complex since = turned(s) - sums.mean / static_cast<double>(sums.scans);
+    s.wd -= (sums.range * since).real();
+    s.wdv -= (sums.lever * since).real();
+  }
+}
+
 void take_off_flicker(double hz, Reduced& reduced) {
   reduced.wave_hz = hz;
   const auto [period_s, ranges] = Ranges(reduced.groups, reduced.sectors);
   const double turn = 2 * pi * hz;
+  std::map<int, Complex> waves;
   for (const auto& [group, segment] : ranges) {
     const Eigen::Vector2d value =
         normal_of(segment, hz, period_s).value() / shown_share(hz, duration_of(segment));
+    // Its real part with e^(i turn t).
+    const Complex wave = waves[group] = Complex(value[0], -value[1]);
     // Means of the wave, and of its square's double frequency, over the scans, for a beam at time 0.
     Complex mean = 0, twice = 0;
     for (int k = 0; k < segment.scans; ++k) {
       mean += std::polar(1.0 / segment.scans, turn * k * period_s);
       twice += std::polar(1.0 / segment.scans, 2 * turn * k * period_s);
     }
-    const Complex wave(value[0], -value[1]);  // its real part with e^(i turn t)
     const Group& of = reduced.groups[static_cast<std::size_t>(group)];
     for (std::size_t i = of.first_cell; i < of.last_cell; ++i) {
       Cell& cell = reduced.cells[i];
@@ -465,7 +481,7 @@ void take_off_flicker(double hz, Reduced& reduced) {
       take_off(of_mean, of_squares - of_mean * of_mean, cell);
     }
   }
-  take_off(ranges, hz, period_s, reduced.sectors);
+  take_off(waves, turn, period_s, reduced);
 }
 
 }  // namespace fit::explain::mains

@@ -91,6 +91,7 @@ struct Sector {
   std::int64_t turn = 0;    ///< Of the mirror, counted through all captures by the lidar's clock.
   double since_move_s = 0;  ///< Of the sector's middle beam.
   int approach = 0;
+  std::size_t first_cell = 0, last_cell = 0;  ///< Among which its own are.
   double w = 0, wv = 0, wvv = 0, wd = 0, wdv = 0;
 };
 

@@ -29,6 +29,8 @@ void append(Reduced& reduced, const Reduced& other) {
   }
   for (Sector sector : other.sectors) {
     sector.group += groups;
+    sector.first_cell += cells;
+    sector.last_cell += cells;
     reduced.sectors.push_back(sector);
   }
   for (std::size_t i = 0; i < reduced.remainder.size(); ++i) reduced.remainder[i] += other.remainder[i];

@@ -79,9 +79,11 @@ class WholeScans {
       if (!is_informative(cell) || !is_echo(range)) continue;
       const int number = beam / width;
       if (session_.sectors.size() == first_sector || session_.sectors.back().number != number)
-        session_.sectors.push_back(empty_sector(scan, number, width));
+        session_.sectors.push_back(
+            empty_sector(scan, number, width, static_cast<std::size_t>(cell_of_beam_[b])));
       const double q = weight_in_scan(cell, group_, samples_.scans), v = cell.sight.stage_lever(),
                    d = range - cell.mean_mm;
+      session_.sectors.back().last_cell = static_cast<std::size_t>(cell_of_beam_[b]) + 1;
       add_beam(session_.sectors.back(), q, v, d);
       add_beam(whole, q, v, d);
       deviation_[b] = d;
@@ -90,7 +92,7 @@ class WholeScans {
     return whole;
   }
 
-  [[nodiscard]] Sector empty_sector(int scan, int number, int width) const {
+  [[nodiscard]] Sector empty_sector(int scan, int number, int width, std::size_t first_cell) const {
     const auto s = static_cast<std::size_t>(scan);
     const auto middle =
         static_cast<std::size_t>(std::min(samples_.beams - 1, static_cast<int>((number + 0.5) * width)));
@@ -99,6 +101,7 @@ class WholeScans {
     sector.seq = static_cast<int>(samples_.seq[s]);
     sector.turn = samples_.turn[s];
     sector.number = number;
+    sector.first_cell = sector.last_cell = first_cell;
     sector.since_move_s = samples_.since_start_s[s] + samples_.beam_s[middle];
     sector.approach = session_.captures[static_cast<std::size_t>(group_.capture)].approach;
     return sector;
