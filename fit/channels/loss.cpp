@@ -71,7 +71,7 @@ model::ChannelKind make_loss() {
     constexpr int beams = 4;
     constexpr double enough = 50;  // samples: a threshold's flank may be narrower than the next beam's echo
     constexpr double grazing_rad = 75 * rad_per_deg;
-    auto rows = model::pooled_rows(
+    auto rows = model::counted_rows(
         reduced, beams,
         [&](std::size_t i, auto& row) {
           const Cell& cell = reduced.cells[i];

@@ -57,7 +57,7 @@ struct Places {
 std::vector<model::IndependentRows::Row> rows_of(const Reduced& reduced, Side side) {
   constexpr int beams = 8, fewest_scans = 4;
   constexpr double reach_of_edge_rad = 1.2 * rad_per_deg;  // a wide beam meets what stands behind an edge
-  return model::pooled_rows(reduced, beams, [&](std::size_t i, auto& row) {
+  return model::counted_rows(reduced, beams, [&](std::size_t i, auto& row) {
     const Cell& cell = reduced.cells[i];
     if (!cell.smooth || reduced.groups[static_cast<std::size_t>(cell.group)].scans < fewest_scans)
       return false;

@@ -49,22 +49,33 @@ Eigen::VectorXd IndependentRows::white_residual(const Eigen::VectorXd& eta) cons
   return list;
 }
 
-std::vector<IndependentRows::Row> pooled_rows(
-    const Reduced& reduced, int count,
-    const std::function<bool(std::size_t cell, IndependentRows::Row& row)>& take, double enough) {
-  // No more rows than a search has time for.
-  const double cells = static_cast<double>(reduced.cells.size()),
-               most = static_cast<double>(numbers::search_rows);
-  const double by_beams = cells / count, by_samples = static_cast<double>(reduced.samples) / enough;
-  const int times =
-      static_cast<int>(std::ceil(std::max(1.0, std::max(by_beams, std::min(cells, by_samples)) / most)));
-  if (times > 1) enough *= times;
-  const SearchRows search(reduced, false, numbers::search_rows, static_cast<std::size_t>(count));
+namespace {
+
+/// Cells that take part in rows of few cells, though a search has time for few rows.
+std::vector<char> apart(const Reduced& reduced, int within, const TakeCell& take) {
+  const std::size_t cells = reduced.cells.size(), reach = static_cast<std::size_t>(within);
+  std::vector<char> near(cells, 0);
+  for (std::size_t i = 0; i < cells; ++i) {
+    IndependentRows::Row row;
+    if (!take(i, row) || row.y == 0) continue;
+    for (std::size_t k = i - std::min(i, reach); k < std::min(cells, i + reach + 1); ++k) near[k] = 1;
+  }
+  return near;
+}
+
+/// Of how many cells and samples a row is.
+struct RowSize {
+  std::size_t cells;
+  double samples;
+};
+
+std::vector<IndependentRows::Row> rows_of(
+    const Reduced& reduced, const SearchRows& search, const TakeCell& take,
+    const std::function<RowSize(std::size_t cell, std::size_t group)>& size) {
   std::vector<IndependentRows::Row> list;
   for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
     if (!search.take(g)) continue;
     const Group& group = reduced.groups[g];
-    const std::size_t together = search.together(g);
     IndependentRows::Row row;
     std::vector<std::size_t> taken;
     double echoes = 0, lit = 0;
@@ -84,9 +95,12 @@ std::vector<IndependentRows::Row> pooled_rows(
     };
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       const Cell& cell = reduced.cells[i];
-      if (!taken.empty() && (taken.size() == together || row.n >= enough ||
-                             cell.at.target != reduced.cells[taken.back()].at.target))
-        close();
+      if (!taken.empty()) {
+        const RowSize of = size(taken.back(), g), here = size(i, g);
+        if (taken.size() >= of.cells || row.n >= of.samples || here.cells != of.cells ||
+            cell.at.target != reduced.cells[taken.back()].at.target)
+          close();
+      }
       if (!take(i, row)) continue;
       taken.push_back(i);
       row.lever2 += cell.sight.beam_lever() * cell.sight.beam_lever();
@@ -97,6 +111,40 @@ std::vector<IndependentRows::Row> pooled_rows(
     close();
   }
   return list;
+}
+
+/// How many times as many there are as a search has time for.
+double times_too_many(double rows) {
+  return std::ceil(std::max(1.0, rows / static_cast<double>(numbers::search_rows)));
+}
+
+}  // namespace
+
+std::vector<IndependentRows::Row> pooled_rows(const Reduced& reduced, int count, const TakeCell& take) {
+  const SearchRows search(reduced, false, numbers::search_rows, static_cast<std::size_t>(count));
+  return rows_of(reduced, search, take, [&](std::size_t, std::size_t group) {
+    return RowSize{search.together(group), 1e300};
+  });
+}
+
+std::vector<IndependentRows::Row> counted_rows(const Reduced& reduced, int count, const TakeCell& take,
+                                               double enough) {
+  const SearchRows search(reduced, false, numbers::search_rows, static_cast<std::size_t>(count));
+  const double cells = static_cast<double>(reduced.cells.size());
+  const auto rows = [&](double of) {
+    const double share = of / std::max(1.0, cells);
+    return std::max(of / count, std::min(of, share * static_cast<double>(reduced.samples) / enough));
+  };
+  const std::vector<char> near = apart(reduced, count, take);
+  const double too_many = times_too_many(rows(cells)),
+               too_many_near = times_too_many(rows(static_cast<double>(std::ranges::count(near, 1))));
+  const auto few = static_cast<std::size_t>(std::lround(count * too_many_near));
+  return rows_of(reduced, search, take, [&](std::size_t cell, std::size_t group) {
+    const std::size_t together = search.together(group);
+    const bool is_near = near[cell] != 0 && few < together;
+    return is_near ? RowSize{few, enough * too_many_near}
+                   : RowSize{together, too_many > 1 ? enough * too_many : enough};
+  });
 }
 
 }  // namespace fit::explain::model

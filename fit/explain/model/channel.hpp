@@ -189,10 +189,15 @@ class IndependentRows : public ChannelRows {
   Columns base_;
 };
 
-/// Rows of neighbouring cells on the same target: `count` at most, and no more once the row's n is `enough`;
-/// `take` says of each cell whether it counts, and adds it to the row.
-[[nodiscard]] std::vector<IndependentRows::Row> pooled_rows(
-    const Reduced& reduced, int count,
-    const std::function<bool(std::size_t cell, IndependentRows::Row& row)>& take, double enough = 1e300);
+/// Says whether a cell counts, and adds it to the row.
+using TakeCell = std::function<bool(std::size_t cell, IndependentRows::Row& row)>;
+/// Rows of neighbouring cells on the same target, as many together as a search has time for, but at least
+/// `count`.
+[[nodiscard]] std::vector<IndependentRows::Row> pooled_rows(const Reduced& reduced, int count,
+                                                            const TakeCell& take);
+/// The same of counts, with no more cells in a row once it has `enough` samples. Rows are small where
+/// anything happened: of nothing, many cells together say the same as each alone.
+[[nodiscard]] std::vector<IndependentRows::Row> counted_rows(const Reduced& reduced, int count,
+                                                             const TakeCell& take, double enough = 1e300);
 
 }  // namespace fit::explain::model

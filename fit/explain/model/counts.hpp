@@ -17,28 +17,28 @@ class Counts : public IndependentRows {
   [[nodiscard]] double offset(Eigen::Index) const override { return numbers::least_hazard; }
 
   [[nodiscard]] Eigen::VectorXd raised(const Eigen::VectorXd& eta) const override {
-    double happened = 0, all = 1;
-    for (const Row& row : list()) {
-      happened += row.y;
-      all += row.n;
-    }
-    return eta.cwiseMax(std::max(numbers::least_hazard, happened / all));
+    return eta.cwiseMax(std::max(numbers::least_hazard, on_the_whole()));
   }
 
   [[nodiscard]] Eigen::VectorXd possible(Eigen::VectorXd eta) const override {
     return eta.cwiseMax(numbers::least_hazard);
   }
-  /// Where nothing happened, fewer than one event in all of a row's samples cannot be told from none.
+  /// Where nothing happened, fewer than one event in all of a row's samples cannot be told from none; but no
+  /// more is expected than happens on the whole, or steps are too long.
   [[nodiscard]] Eigen::VectorXd steady(Eigen::VectorXd eta) const override {
+    const double whole = std::max(numbers::least_hazard, on_the_whole());
     for (Eigen::Index i = 0; i < rows(); ++i)
-      eta[i] = of(i).y == 0 ? std::max(eta[i], 1 / of(i).n) : hazard_of(eta[i]);
+      eta[i] = of(i).y == 0 ? std::max(eta[i], std::min(whole, 1 / of(i).n)) : hazard_of(eta[i]);
     return eta;
   }
   [[nodiscard]] Eigen::VectorXd curved(Eigen::VectorXd eta) const override {
-    eta = steady(std::move(eta));
     for (Eigen::Index i = 0; i < rows(); ++i) {
+      if (of(i).y == 0) {
+        eta[i] = std::max(eta[i], 1 / of(i).n);
+        continue;
+      }
       const double h = hazard_of(eta[i]), seen = of(i).y / of(i).n;
-      if (h < seen) eta[i] = std::max(1e-12, h * h / seen);
+      eta[i] = h < seen ? std::max(1e-12, h * h / seen) : h;
     }
     return eta;
   }
@@ -62,6 +62,15 @@ class Counts : public IndependentRows {
   }
 
  private:
+  /// Share of all samples to which it happened.
+  [[nodiscard]] double on_the_whole() const {
+    double happened = 0, all = 1;
+    for (const Row& row : list()) {
+      happened += row.y;
+      all += row.n;
+    }
+    return happened / all;
+  }
   static double hazard_of(double eta) { return std::max(numbers::least_hazard, eta); }
 };
 
