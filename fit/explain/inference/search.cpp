@@ -95,6 +95,7 @@ class Climber {
       if (h.log_posterior() > best_.hypothesis.log_posterior() - 2 * numbers::window || h.terms.empty())
         again.push_back(h);
     visited_.clear();
+    screened_.clear();
     std::optional<Fitted> first = fit_all(again);
     best_ = std::move(*first);
     return best_.hypothesis.kinds() != before;
@@ -112,6 +113,15 @@ class Climber {
   void remember(const Fitted& f) {
     const auto [known, is_new] = visited_.try_emplace(f.hypothesis.kinds(), f.hypothesis);
     if (!is_new && known->second.log_posterior() < f.hypothesis.log_posterior()) known->second = f.hypothesis;
+  }
+
+  /// What each kind would add to it, but one.
+  std::vector<Candidate> screened(const Fitted& f, const Kind* but = nullptr) {
+    const auto [known, is_new] = screened_.try_emplace(f.hypothesis.kinds());
+    if (is_new) known->second = screen(session_, f);
+    std::vector<Candidate> list = known->second;
+    std::erase_if(list, [&](const Candidate& candidate) { return candidate.term.kind == but; });
+    return list;
   }
 
   /// The best of them; all are remembered.
@@ -150,7 +160,7 @@ class Climber {
 
   bool add() {
     if (best_.hypothesis.terms.size() >= numbers::most_terms) return false;
-    const std::vector<Candidate> list = screen(session_, best_);
+    const std::vector<Candidate> list = screened(best_);
     if (take_if_better(fit_each(best_.hypothesis, best_of(list, tries, forms(tries / 2))))) return true;
     // The approximation promised too much of the best; others stood in its shadow.
     if (list.empty() || list.front().log_posterior() < numbers::window) return false;
@@ -173,7 +183,7 @@ class Climber {
     bool better = false;
     for (std::size_t t = 0; t < whole.terms.size(); ++t) {
       const Fitted less = fitted(without(whole, t));
-      const auto list = best_of(screen(session_, less, whole.terms[t].kind), tries, forms(tries / 2));
+      const auto list = best_of(screened(less, whole.terms[t].kind), tries, forms(tries / 2));
       const double worth = whole.log_evidence - less.hypothesis.log_evidence;
       better = take_if_better(fit_each(less.hypothesis, list)) || better;
       better = exchange_for_two(less, list, *whole.terms[t].kind, worth) || better;
@@ -194,7 +204,7 @@ class Climber {
       if (candidate.term.kind->is_form() || candidate.log_evidence < good_part * worth) continue;
       ++asked;
       const Fitted first = fitted(with_term(less.hypothesis, candidate.term));
-      const auto more = best_of(screen(session_, first, &instead_of), most, forms(1));
+      const auto more = best_of(screened(first, &instead_of), most, forms(1));
       better = take_if_better(fit_each(first.hypothesis, more)) || better;
     }
     return better;
@@ -205,6 +215,7 @@ class Climber {
   Session& session_;
   const Progress& progress_;
   std::map<std::vector<const Kind*>, Hypothesis> visited_;
+  std::map<std::vector<const Kind*>, std::vector<Candidate>> screened_;
   Fitted best_;
   std::size_t compared_ = 0;
   bool asks_forms_ = true;
