@@ -14,7 +14,27 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::array acts{"range_mm", "beam_angle_deg", "stage_angle_deg", "log_intensity", "far_share"};
+/// What a table is added to.
+struct NamedAct {
+  const char* name;
+  Observable observable;
+  bool geometric;
+  Effect (*by)(double value, const Circumstances& at);
+};
+
+constexpr std::array acts{
+    NamedAct{"range_mm", Observable::range_mean, false,
+             [](double y, const Circumstances&) { return Effect{.range_mm = y}; }},
+    NamedAct{"range_mm_per_m", Observable::range_mean, false,
+             [](double y, const Circumstances& at) { return Effect{.range_mm = y * at.range_mm / 1000}; }},
+    NamedAct{"beam_angle_deg", Observable::range_mean, true,
+             [](double y, const Circumstances&) { return Effect{.beam_rad = y * rad_per_deg}; }},
+    NamedAct{"stage_angle_deg", Observable::range_mean, true,
+             [](double y, const Circumstances&) { return Effect{.stage_rad = y * rad_per_deg}; }},
+    NamedAct{"log_intensity", Observable::intensity, false,
+             [](double y, const Circumstances&) { return Effect{.log_intensity = y}; }},
+    NamedAct{"far_share", Observable::range_mean, false,
+             [](double, const Circumstances&) { return Effect{}; }}};
 
 struct NamedCoordinate {
   const char* name;
@@ -68,10 +88,12 @@ EmpiricalFunction function_of(const json& entry) {
     return list;
   };
   f.at = numbers("at");
-  for (const char* key : acts)
-    if (entry.contains(key)) f.acts_on = key;
+  for (const NamedAct& act : acts)
+    if (entry.contains(act.name)) f.acts_on = act.name;
   if (f.acts_on.empty())
-    refuse("needs one of range_mm, beam_angle_deg, stage_angle_deg, log_intensity: what it is added to");
+    refuse(
+        "needs one of range_mm, range_mm_per_m, beam_angle_deg, stage_angle_deg, log_intensity: what it is "
+        "added to");
   f.value = numbers(f.acts_on.c_str());
   if (f.at.size() != f.value.size() || !std::ranges::is_sorted(f.at))
     refuse("needs as many values as places, and places in rising order");
@@ -119,18 +141,12 @@ Mechanism as_mechanism(const EmpiricalFunction& f, const Bench& bench) {
       refuse("acts on a target \"" + f.target + "\", which is not among the bench's");
     target = static_cast<int>(found - bench.targets.begin());
   }
-  const auto kind = std::ranges::find(acts, f.acts_on) - acts.begin();
-  m.observable = kind == 3 ? Observable::intensity : Observable::range_mean;
-  m.geometric = kind == 1 || kind == 2;
-  m.act = [f, target, kind, of = along.of](const Circumstances& c, std::span<const double>) {
-    Effect e;
-    if (target >= 0 && c.target != target) return e;
-    const double y = f.value_at(of(c));
-    if (kind == 0) e.range_mm = y;
-    if (kind == 1) e.beam_rad = y * rad_per_deg;
-    if (kind == 2) e.stage_rad = y * rad_per_deg;
-    if (kind == 3) e.log_intensity = y;
-    return e;
+  const NamedAct& act = *std::ranges::find(acts, f.acts_on, &NamedAct::name);
+  m.observable = act.observable;
+  m.geometric = act.geometric;
+  m.act = [f, target, by = act.by, of = along.of](const Circumstances& c, std::span<const double>) {
+    if (target >= 0 && c.target != target) return Effect{};
+    return by(f.value_at(of(c)), c);
   };
   m.says = [](const Finding&) { return std::string("It was measured, and has no name."); };
   return m;

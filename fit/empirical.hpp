@@ -18,7 +18,8 @@ struct EmpiricalFunction {
   /// the first capture), `corner_mm` (to the next inner corner), `along_mm` (place on `target`),
   /// `edge_distance_deg` (positive on the nearer surface; for `far_share` only).
   std::string coordinate;
-  /// What it is added to: `range_mm`, `beam_angle_deg`, `stage_angle_deg`, `log_intensity`; or
+  /// What it is added to: `range_mm`, `range_mm_per_m` (times the range), `beam_angle_deg`,
+  /// `stage_angle_deg`, `log_intensity`; or
   /// `far_share`: how much of an echo at an edge comes from the farther surface.
   std::string acts_on;
   std::string target;  ///< The only one it acts on; empty: all.

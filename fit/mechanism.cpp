@@ -76,6 +76,10 @@ Estimate Finding::at(const std::string& name) const {
   return found == parameters.end() ? Estimate{} : found->second;
 }
 
+double Parameter::left_out() const {
+  return role == Role::shape && expected == 0 ? std::clamp(0.0, lower, upper) : expected;
+}
+
 std::vector<double> Mechanism::values(const std::map<std::string, Estimate>& given) const {
   std::vector<double> list;
   for (const Parameter& parameter : parameters) {
@@ -83,9 +87,7 @@ std::vector<double> Mechanism::values(const std::map<std::string, Estimate>& giv
     if (found != given.end())
       list.push_back(found->second.value);
     else
-      list.push_back(parameter.role == Parameter::Role::shape && parameter.expected == 0
-                         ? std::clamp(0.0, parameter.lower, parameter.upper)
-                         : parameter.expected);
+      list.push_back(parameter.left_out());
   }
   return list;
 }

@@ -136,8 +136,14 @@ struct Parameter {
   double own_affair = 0;
   bool any_curve = false;       ///< Size that may be missing apart: as of Mechanism, for what it does alone.
   double lower = 0, upper = 1;  ///< Shape: bounds.
+  /// Shape: what makes the formula more general than the literature's plain one, which has it where it is
+  /// left out. As often as not a device is plain in all of them.
+  bool generalises = false;
   int starts = 8;  ///< Shape: points of the first search, spread by the logarithm if `logarithmic`.
   bool logarithmic = true;
+
+  /// What it is where nobody says so.
+  [[nodiscard]] double left_out() const;
 };
 
 /// A mechanism with its parameters found, as sentences need it.

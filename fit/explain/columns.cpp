@@ -48,10 +48,25 @@ Columns with_standard_prior(Eigen::MatrixXd columns_mm) {
 
 }  // namespace
 
+const ToldChannel& told(Channel channel) {
+  static constexpr std::array all{ToldChannel{"range_mm", "range", " mm", 1, 0.5},
+                                  ToldChannel{"range_mm_per_m", "range's scale", " mm/m", 1000, 100},
+                                  ToldChannel{"beam_angle_deg", "beam angle", " deg", deg_per_rad, 100},
+                                  ToldChannel{"stage_angle_deg", "stage angle", " deg", deg_per_rad, 100}};
+  return all[static_cast<std::size_t>(channel)];
+}
+
 double lever_of(Channel channel, const Sight& sight) {
-  return channel == Channel::range        ? 1
-         : channel == Channel::beam_angle ? sight.beam_lever()
-                                          : sight.stage_lever();
+  switch (channel) {
+    case Channel::range_scale:
+      return sight.range_mm;
+    case Channel::beam_angle:
+      return sight.beam_lever();
+    case Channel::stage_angle:
+      return sight.stage_lever();
+    default:
+      return 1;
+  }
 }
 
 Eigen::VectorXd effect_of(const MeanModel& model, const Term& term) {

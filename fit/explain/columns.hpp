@@ -26,10 +26,18 @@ struct Term {
 /// In the place of a target's number: one after the other, side by side.
 constexpr int all_targets = -2;
 
-/// Where an unnamed function acts.
-enum class Channel { range, beam_angle, stage_angle };
+/// What an unnamed function changes: the range, mm, or its scale, or an angle, rad.
+enum class Channel { range, range_scale, beam_angle, stage_angle };
 
-/// d range / d what the channel changes: 1, or mm per rad.
+/// How files and people are told of it.
+struct ToldChannel {
+  const char *key, *what, *unit;
+  double in_unit;      ///< From the inside's unit to that one.
+  double least_lever;  ///< A mean of less says little about the function.
+};
+[[nodiscard]] const ToldChannel& told(Channel channel);
+
+/// d range / d what the channel changes: 1, the range, or mm per rad.
 [[nodiscard]] double lever_of(Channel channel, const Sight& sight);
 
 /// Columns with priors, and what they mean.

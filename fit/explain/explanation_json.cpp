@@ -54,15 +54,12 @@ json prediction_json(const Prediction& p) {
 }
 
 json correction_json(const EmpiricalCorrection& c) {
+  const ToldChannel& channel = told(c.channel);
   std::vector<double> value = c.value;
-  if (c.channel != Channel::range)
-    for (double& v : value) v *= deg_per_rad;
+  for (double& v : value) v *= channel.in_unit;
   json out = {{"coordinate", c.target.empty() ? name_of(c.coordinate) : "along_mm"},
               {"at", c.at},
-              {c.channel == Channel::range        ? "range_mm"
-               : c.channel == Channel::beam_angle ? "beam_angle_deg"
-                                                  : "stage_angle_deg",
-               value}};
+              {channel.key, value}};
   if (!c.target.empty()) out["target"] = c.target;
   return out;
 }

@@ -20,12 +20,6 @@ constexpr double worth_a_table_mm = 0.02;  // root mean square of what it does
 constexpr int most_tables = 4;
 constexpr double worth_a_table_share = 0.2;  // share of an effect's squares that one more table must tell
 
-const char* acts_on(Channel channel) {
-  return channel == Channel::range        ? "range_mm"
-         : channel == Channel::beam_angle ? "beam_angle_deg"
-                                          : "stage_angle_deg";
-}
-
 /// An effect on the means as a table along one coordinate.
 struct Along {
   std::string coordinate;
@@ -91,6 +85,8 @@ std::vector<Along> all_ways(const MeanModel& model) {
   for (const Coordinate c : {Coordinate::range, Coordinate::intensity, Coordinate::beam, Coordinate::stage,
                              Coordinate::incidence, Coordinate::time, Coordinate::temperature})
     list.push_back(along(model, c, Channel::range));
+  for (const Coordinate c : {Coordinate::beam, Coordinate::time})
+    list.push_back(along(model, c, Channel::range_scale));
   list.push_back(along(model, Coordinate::beam, Channel::beam_angle));
   list.push_back(along(model, Coordinate::stage, Channel::stage_angle));
   list.push_back(along(model, "corner_mm", corner_of, -1));
@@ -101,7 +97,7 @@ std::vector<Along> all_ways(const MeanModel& model) {
 
 /// Table of an effect (mm, row by row); empty when it is not worth one.
 EmpiricalFunction table_of(const MeanModel& model, const VectorXd& effect_mm, const Along& a) {
-  EmpiricalFunction table{a.coordinate, acts_on(a.channel), a.target, {}, {}};
+  EmpiricalFunction table{a.coordinate, told(a.channel).key, a.target, {}, {}};
   std::vector<Eigen::Index> order;
   double squares = 0;
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
@@ -112,7 +108,6 @@ EmpiricalFunction table_of(const MeanModel& model, const VectorXd& effect_mm, co
   if (order.size() < 4 || squares < worth_a_table_mm * worth_a_table_mm * static_cast<double>(order.size()))
     return table;
   std::ranges::sort(order, [&](auto i, auto j) { return a.at[i] < a.at[j]; });
-  const double scale = a.channel == Channel::range ? 1 : deg_per_rad;
   // As many rows in every place, but never two places for one value of the coordinate.
   const std::size_t each = std::max<std::size_t>(1, order.size() / places_of_twin);
   const auto place_of = [&](std::size_t k) { return a.at[order[k]]; };
@@ -126,7 +121,7 @@ EmpiricalFunction table_of(const MeanModel& model, const VectorXd& effect_mm, co
     }
     if (w > 1e-6) {
       table.at.push_back(x / static_cast<double>(to - from));
-      table.value.push_back(scale * y / w);
+      table.value.push_back(told(a.channel).in_unit * y / w);
     }
   }
   if (table.at.size() < 2) table.at.clear(), table.value.clear();
@@ -135,10 +130,10 @@ EmpiricalFunction table_of(const MeanModel& model, const VectorXd& effect_mm, co
 
 VectorXd explained_by(const MeanModel& model, const EmpiricalFunction& table, const Along& a) {
   VectorXd explained = VectorXd::Zero(model.rows());
-  const double scale = a.channel == Channel::range ? 1 : rad_per_deg;
   for (Eigen::Index i = 0; i < model.rows(); ++i)
     if (std::isfinite(a.at[i]))
-      explained[i] = scale * table.value_at(a.at[i]) * lever_of(a.channel, model.cell(i).sight);
+      explained[i] =
+          table.value_at(a.at[i]) / told(a.channel).in_unit * lever_of(a.channel, model.cell(i).sight);
   return explained;
 }
 

@@ -16,13 +16,11 @@ std::vector<Form> all();
 namespace {
 
 Course course_of(const Shape& shape, const MeanModel& model) {
-  const bool angle = shape.channel != Channel::range;
+  const ToldChannel& channel = told(shape.channel);
   Course course;
-  course.what = shape.channel == Channel::range        ? "range"
-                : shape.channel == Channel::beam_angle ? "beam angle"
-                                                       : "stage angle";
-  course.unit = angle ? " deg" : " mm";
-  course.scale = angle ? deg_per_rad : 1;
+  course.what = channel.what;
+  course.unit = channel.unit;
+  course.scale = channel.in_unit;
   course.coordinate =
       shape.target == -1 ? name_of(shape.coordinate) : place_along(model.bench(), shape.target);
   course.unit_of_coordinate = shape.target < 0 ? unit_of(shape.coordinate) : " mm";
@@ -35,7 +33,7 @@ Course course_of(const Shape& shape, const MeanModel& model) {
     course.low = std::min(course.low, v);
     course.high = std::max(course.high, v);
     const double lever = lever_of(shape.channel, model.cell(i).sight);
-    if (std::abs(lever) < (angle ? 100 : 0.5)) continue;  // says little about the function
+    if (std::abs(lever) < channel.least_lever) continue;  // says little about the function
     const double y = effect[i] / lever;
     if (y < course.least) course.least = y, course.least_at = v;
     if (y > course.most) course.most = y, course.most_at = v;

@@ -5,15 +5,15 @@
 
 namespace fit::explain::forms {
 
-// Another value for a while: an event that begins and ends. From `at`, for `length`.
+// Another value for a while, or in a sector: what begins and ends. From `at`, for `length`.
 Form make_span() {
   Form f;
   f.id = "span";
   f.basis = [](const Shape& s, double x, int) { return x > s.at && x < s.at + s.length ? 1.0 : 0.0; };
   f.along = [](const Axis& axis) {
-    constexpr std::size_t most = 24;
     std::vector<Shape> list;
-    if (axis.coordinate != Coordinate::time) return list;
+    if (axis.coordinate != Coordinate::time && axis.coordinate != Coordinate::beam) return list;
+    const std::size_t most = axis.coordinate == Coordinate::time ? 24 : 16;
     std::vector<double> borders;
     const std::size_t step = std::max<std::size_t>(1, (axis.between.size() + most - 1) / most);
     for (std::size_t i = 0; i < axis.between.size(); i += step) borders.push_back(axis.between[i]);

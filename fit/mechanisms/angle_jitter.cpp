@@ -17,6 +17,7 @@ Mechanism make_angle_jitter() {
        .role = Parameter::Role::shape,
        .lower = 0,
        .upper = 1,
+       .generalises = true,
        .starts = 2,
        .logarithmic = false}};
   m.act = [](const Circumstances&, std::span<const double> p) {

@@ -20,6 +20,7 @@ Mechanism make_incidence_bias() {
                    .role = Parameter::Role::shape,
                    .lower = 0,
                    .upper = 1,
+                   .generalises = true,
                    .starts = 3,
                    .logarithmic = false},
                   {.name = "width_at_side",  // D at a beam angle of 90 deg over D ahead
@@ -27,11 +28,13 @@ Mechanism make_incidence_bias() {
                    .expected = 1,
                    .lower = 0.1,
                    .upper = 10,
+                   .generalises = true,
                    .starts = 3},
                   {.name = "stretch",  // (D / p)^2 at 45 deg
                    .role = Parameter::Role::shape,
                    .lower = 0,
                    .upper = 1,
+                   .generalises = true,
                    .starts = 2,
                    .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {

@@ -25,6 +25,7 @@ Mechanism make_local_noise() {
                    .expected = 2,
                    .lower = 1.5,
                    .upper = 8,
+                   .generalises = true,
                    .starts = 2}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double away = widths_from_centre(c, p[1], p[2]);

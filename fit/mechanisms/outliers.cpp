@@ -21,12 +21,14 @@ Mechanism make_outliers() {
        .role = Parameter::Role::shape,
        .lower = 0,
        .upper = 0.1,
+       .generalises = true,
        .starts = 2,
        .logarithmic = false},
       {.name = "with_range",  // the power of the range with which the fraction grows from that at 2 m
        .role = Parameter::Role::shape,
        .lower = 0,
        .upper = 1,
+       .generalises = true,
        .starts = 2,
        .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {

@@ -24,11 +24,13 @@ Mechanism make_range_walk() {
        .expected = 1,
        .lower = 0.35,
        .upper = 1,
+       .generalises = true,
        .starts = 4},
       {.name = "power",  // of 100 counts over the echo's
        .role = Parameter::Role::shape,
        .lower = 0,
        .upper = 3,
+       .generalises = true,
        .starts = 3,
        .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {

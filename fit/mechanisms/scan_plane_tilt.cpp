@@ -24,6 +24,7 @@ Mechanism make_scan_plane_tilt() {
                    .expected = 1,
                    .lower = 0,
                    .upper = 1,
+                   .generalises = true,
                    .starts = 2,
                    .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {

@@ -32,6 +32,7 @@ Mechanism make_settling() {
                    .expected = 1,
                    .lower = 0,
                    .upper = 1,
+                   .generalises = true,
                    .starts = 2,
                    .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {

@@ -52,6 +52,7 @@ Mechanism make_sunlight() {
                    .role = Parameter::Role::shape,
                    .lower = 0,
                    .upper = 4,
+                   .generalises = true,
                    .starts = 2,
                    .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {

@@ -127,7 +127,7 @@ void add_unknown(ArchivedExplanation& out, const json& document) {
     if (const double number = number_of(unknown, key); std::isfinite(number)) *place = number;
   for (const json& part : list_of(document, "empirical_correction")) {
     if (clean_at(part, "coordinate") != out.unknown_coordinate) continue;
-    for (const char* channel : {"range_mm", "beam_angle_deg", "stage_angle_deg"}) {
+    for (const char* channel : {"range_mm", "range_mm_per_m", "beam_angle_deg", "stage_angle_deg"}) {
       out.curve_at = numbers_of(part, "at");
       out.curve = numbers_of(part, channel);
       out.unknown_channel = channel;

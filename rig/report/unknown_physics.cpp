@@ -28,8 +28,10 @@ std::string rounded(double value) {
 std::string size_along(const json& explanation, const std::string& coordinate) {
   for (const json& part : list_of(explanation, "empirical_correction")) {
     if (text_of(part, "coordinate") != coordinate) continue;
-    for (const auto& [key, unit] :
-         {std::pair{"range_mm", " mm"}, {"beam_angle_deg", " deg"}, {"stage_angle_deg", " deg"}}) {
+    for (const auto& [key, unit] : {std::pair{"range_mm", " mm"},
+                                    {"range_mm_per_m", " mm/m"},
+                                    {"beam_angle_deg", " deg"},
+                                    {"stage_angle_deg", " deg"}}) {
       double largest = 0;
       for (const json& value : list_of(part, key))
         if (value.is_number()) largest = std::max(largest, std::abs(value.get<double>()));

@@ -85,7 +85,9 @@ std::vector<Member> rivals_of(const Session& session, const Fitted& best, const 
   for (const Term& own : best.hypothesis.terms)
     if (own.kind != term.kind) less.terms.push_back(own);
   for (const Candidate& candidate : screen(session, fit(session, less), term.kind)) {
-    if (candidate.term.kind->is_form() || !may_be(*candidate.term.kind->mechanism)) continue;
+    if (candidate.term.kind->is_form() || candidate.term.kind->is_same_cause(*term.kind) ||
+        !may_be(*candidate.term.kind->mechanism))
+      continue;
     Hypothesis other = less;
     other.terms.push_back(candidate.term);
     const Hypothesis fitted = fit(session, other).hypothesis;

@@ -273,7 +273,10 @@ class Question : Approximation {
 std::vector<Candidate> screen(const Session& session, const Fitted& fitted, const Kind* but) {
   std::vector<const Kind*> asked;
   for (const Kind& kind : session.kinds())
-    if (!fitted.hypothesis.has(kind) && &kind != but) asked.push_back(&kind);
+    if (&kind != but && std::ranges::none_of(fitted.hypothesis.terms, [&](const Term& term) {
+          return term.kind->is_same_cause(kind);
+        }))
+      asked.push_back(&kind);
   std::ranges::stable_sort(asked, std::greater<>(), [](const Kind* kind) { return kind->starts.size(); });
   std::vector<Question> questions;
   const Optimum around = raised(session, fitted.design, fitted.optimum);

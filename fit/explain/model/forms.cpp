@@ -30,6 +30,8 @@ struct Act {
 };
 constexpr double form_rad = numbers::form_deg * rad_per_deg;
 constexpr Act on_range{&Effect::range_mm, Observable::range_mean, numbers::form_mm, "range"};
+constexpr Act on_scale{&Effect::range_mm, Observable::range_mean, numbers::form_scale, "range's scale",
+                       explain::Channel::range_scale};
 constexpr Act on_beam_angle{&Effect::beam_rad, Observable::range_mean, form_rad, "beam angle",
                             explain::Channel::beam_angle};
 constexpr Act on_stage_angle{&Effect::stage_rad, Observable::range_mean, form_rad, "stage angle",
@@ -69,7 +71,8 @@ struct Way {
 };
 // Of range and brightness another intensity would be another law, which has a name.
 constexpr Way ways[] = {
-    {Coordinate::beam, on_range},         {Coordinate::beam, on_beam_angle},
+    {Coordinate::beam, on_range},         {Coordinate::beam, on_scale},
+    {Coordinate::time, on_scale},         {Coordinate::beam, on_beam_angle},
     {Coordinate::stage, on_range},        {Coordinate::stage, on_stage_angle},
     {Coordinate::range, on_range},        {Coordinate::intensity, on_range},
     {Coordinate::incidence, on_range},    {Coordinate::time, on_range},
@@ -123,7 +126,9 @@ void for_each_function(const Form& form, const Way& way, const Shape& like, cons
   shape.at = values[terms];
   shape.length = values[terms + 1];
   const double x = form.scaled ? scale(v) : v;
-  for (std::size_t k = 0; k < terms; ++k) see(static_cast<int>(k), form.basis(shape, x, static_cast<int>(k)));
+  const double each = like.channel == explain::Channel::range_scale ? at.range_mm : 1;
+  for (std::size_t k = 0; k < terms; ++k)
+    see(static_cast<int>(k), each * form.basis(shape, x, static_cast<int>(k)));
 }
 
 /// A form with so many coefficients as a mechanism: these, its place and its length.

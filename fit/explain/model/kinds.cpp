@@ -49,7 +49,7 @@ std::vector<double> places_of_shape(const Parameter& p) {
 std::vector<std::vector<double>> grid_of(const Kind& kind) {
   std::vector<double> first;
   for (const Parameter& p : kind.mechanism->parameters)
-    first.push_back(p.role == Role::size ? p.typical : p.role == Role::phase ? 0 : p.expected);
+    first.push_back(p.role == Role::size ? p.typical : p.role == Role::phase ? 0 : p.left_out());
   if (kind.size)
     for (std::size_t k = 0; k < first.size(); ++k)
       if (kind.mechanism->parameters[k].role == Role::size && k != kind.size) first[k] = 0;
@@ -204,10 +204,11 @@ Kind kind_without_channels(const Mechanism& m, int target) {
   return kind;
 }
 
-Kind kind_of(const Mechanism& m, int target, const ListOfChannels& channels,
-             std::optional<std::size_t> size) {
+Kind kind_of(const Mechanism& m, int target, const ListOfChannels& channels, std::optional<std::size_t> size,
+             bool is_plain) {
   Kind kind = kind_without_channels(m, target);
   kind.size = size;
+  kind.is_plain = is_plain;
   kind.starts = grid_of(kind);
   if (kind.starts.empty()) return kind;
   kind.coefficients = coefficients_of(m, [&](std::size_t k) { return power_of(kind, k, channels); });
@@ -231,7 +232,9 @@ std::vector<Kind> kinds_of(const Reduced& reduced, const ListOfChannels& channel
       if (!m.corrects_a_statement && bench_knows(reduced.bench, m, target)) continue;
       if (!can_be_local(m, channels)) continue;
       for (const std::optional<std::size_t> size : sizes_of(m))
-        of_it.push_back(kind_of(m, target, channels, size));
+        for (const bool is_plain : {true, false})
+          if (is_plain || std::ranges::any_of(m.parameters, &Parameter::generalises))
+            of_it.push_back(kind_of(m, target, channels, size, is_plain));
     }
     std::erase_if(of_it, [](const Kind& kind) { return kind.starts.empty(); });
     for (Kind& kind : of_it) {

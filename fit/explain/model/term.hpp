@@ -38,9 +38,15 @@ struct Kind {
   std::optional<std::size_t> threshold;  ///< The shape that is looked for between recorded places.
   std::optional<std::size_t> begins;     ///< The shape at which it begins, before that at which it ends.
   bool acts_without_size = false;
-  bool refines = true;  ///< Shapes between those of the grid make sense.
+  bool refines = true;    ///< Shapes between those of the grid make sense.
+  bool is_plain = false;  ///< What makes its formula more general stays where it is left out.
 
   [[nodiscard]] bool is_form() const { return form.has_value(); }
+  /// The same cause, whether plain or not.
+  [[nodiscard]] bool is_same_cause(const Kind& other) const {
+    return this == &other ||
+           (!is_form() && mechanism == other.mechanism && target == other.target && size == other.size);
+  }
 };
 
 /// A kind at values of its parameters.
@@ -86,9 +92,10 @@ void set_coefficients(Term& term, const Eigen::VectorXd& value, const Eigen::Mat
 /// What a mechanism of the catalogue is by itself: no starts, no coefficients.
 [[nodiscard]] Kind kind_without_channels(const Mechanism& mechanism, int target);
 /// A mechanism of the catalogue before a session; no starts if it has too many shapes to be looked for.
+/// `size`: the only one; `is_plain`: with the plain formula.
 [[nodiscard]] Kind kind_of(const Mechanism& mechanism, int target,
                            const std::vector<std::unique_ptr<ChannelRows>>& channels,
-                           std::optional<std::size_t> size = {});
+                           std::optional<std::size_t> size = {}, bool is_plain = false);
 /// All that may be missing from the session: the catalogue less what the bench knows, and forms.
 [[nodiscard]] std::vector<Kind> kinds_of(const Reduced& reduced,
                                          const std::vector<std::unique_ptr<ChannelRows>>& channels);

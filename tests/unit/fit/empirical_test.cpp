@@ -11,21 +11,24 @@ TEST_CASE("what was measured and has no name survives in a bench file and acts")
   fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "targets": [
     {"name": "board", "from_mm": [1000, -200], "to_mm": [1000, 200]}]})");
   fit::add_empirical(bench, {"beam_deg", "range_mm", "", {-10, 0, 10}, {1, 3, -1}});
+  fit::add_empirical(bench, {"beam_deg", "range_mm_per_m", "", {-10, 10}, {2, 2}});
   fit::add_empirical(bench, {"along_mm", "log_intensity", "board", {-100, 100}, {0.2, 0.4}});
   fit::state_merging(bench, 700);
   fit::state_strays(bench, {true, {0.1, 0.5, 0.9}});
   const fit::Bench again = fit::parse_bench(fit::to_json_text(bench));
   const auto list = fit::empirical_mechanisms(again);
-  REQUIRE(list.size() == 2);
+  REQUIRE(list.size() == 3);
   fit::Circumstances at;
   at.beam_rad = 5 * fit::rad_per_deg;
   at.target = 0;
+  at.range_mm = 3000;
   CHECK(list[0].act(at, {}).range_mm == Approx(1));
-  CHECK(list[1].act(at, {}).log_intensity == Approx(0.3));
+  CHECK(list[1].act(at, {}).range_mm == Approx(6));
+  CHECK(list[2].act(at, {}).log_intensity == Approx(0.3));
   at.beam_rad = 40 * fit::rad_per_deg;  // nothing is known there
   at.target = 1;
   CHECK(list[0].act(at, {}).range_mm == 0);
-  CHECK(list[1].act(at, {}).log_intensity == 0);
+  CHECK(list[2].act(at, {}).log_intensity == 0);
   CHECK(fit::described_merging(again) == 700);
   CHECK(fit::described_strays(again)->range_mm(0.25, 1000) == Approx(300));
 }

@@ -73,6 +73,39 @@ TEST_CASE("outliers beside an eccentricity are both named") {
   CHECK(e.mechanisms.size() == 2);
 }
 
+TEST_CASE(
+    "another scale of the range in a sector of the beams is told as that, and nothing is named for it") {
+  const Explanation e = explained(room_of(1), 16, nothing, [](const Sample& sample, std::mt19937&) {
+    const double beam_deg = sample.beam_rad / degree;
+    return sample.range_mm * (beam_deg > 10.5 && beam_deg < 70.5 ? 1.002 : 1);
+  });
+  INFO(to_text(e));
+  CHECK(e.mechanisms.empty());
+  REQUIRE(e.unknown);
+  CHECK(e.unknown->coordinate == fit::Coordinate::beam);
+  CHECK_THAT(e.unknown->describes, Catch::Contains("the range's scale"));
+  REQUIRE_FALSE(e.predictor.empirical.empty());
+  CHECK(e.predictor.empirical.front().channel == fit::explain::Channel::range_scale);
+  CHECK(e.predictor.empirical.front().value_at(40) - e.predictor.empirical.front().value_at(-40) ==
+        Approx(0.002).epsilon(0.15));
+}
+
+TEST_CASE("a plain formula does not pay for what others of its cause may have besides") {
+  // In a corridor echoes get weaker as walls get more slanted: a range walk can do what they do.
+  PlainScene corridor = room_of(1);
+  corridor.walls = {{{-4000, -900}, {4000, -900}},
+                    {{4000, -900}, {4000, 900}},
+                    {{4000, 900}, {-4000, 900}},
+                    {{-4000, 900}, {-4000, -900}}};
+  const unsigned seed = GENERATE(17U, 18U, 19U);
+  const Explanation slanted = explained(corridor, seed, nothing, [](const Sample& sample, std::mt19937&) {
+    return sample.range_mm + 0.3 * std::pow(std::tan(std::min(1.4, std::abs(sample.incidence_rad))), 2);
+  });
+  INFO(to_text(slanted));
+  CHECK(names(slanted, "incidence-bias"));
+  CHECK_FALSE(names(slanted, "range-walk"));
+}
+
 TEST_CASE("noise that grows as an exponential of a weakening echo is that of weak echoes") {
   const Explanation e = explained(
       room_of(1), 13, nothing,
