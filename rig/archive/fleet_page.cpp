@@ -125,7 +125,10 @@ std::string unknown_section(const json& f) {
     Plot plot;
     plot.height_px = 260;
     plot.x_label = coordinate.with_unit();
-    plot.y_label = text_of(shape, "channel") == "range_mm" ? "range (mm)" : "angle (deg)";
+    const std::string channel = text_of(shape, "channel");
+    plot.y_label = channel == "range_mm"         ? "range (mm)"
+                   : channel == "range_mm_per_m" ? "range's scale (mm/m)"
+                                                 : "angle (deg)";
     plot.series.push_back({"mean of the sessions",
                            Series::Style::line,
                            shape.at("at").get<std::vector<double>>(),

@@ -63,6 +63,20 @@ std::string gnuplot_quoted(const std::string& text) {
   return out + "'";
 }
 
+/// In lines of at most so many letters, broken between words.
+std::string gnuplot_quoted(const std::string& text, std::size_t letters) {
+  std::string lines, line;
+  std::istringstream words(text);
+  for (std::string word; words >> word;) {
+    if (!line.empty() && line.size() + 1 + word.size() > letters) {
+      lines += gnuplot_quoted(line) + ".\"\\n\".";
+      line.clear();
+    }
+    line += (line.empty() ? "" : " ") + word;
+  }
+  return lines + gnuplot_quoted(line);
+}
+
 std::string message_svg(const Plot& plot, const std::string& message) {
   std::ostringstream out;
   out << "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"" << plot.width_px << "\" height=\"60\">"
@@ -168,11 +182,13 @@ std::string script_of(const Plot& plot, const std::vector<const Series*>& drawn)
   std::ostringstream out;
   const MapScale map =
       plot.equal_axes ? map_scale(plot, drawn) : MapScale{0, y_tics(plot, drawn), plot.height_px};
+  constexpr int letter_px = 7, beside_label_px = 40;
+  const auto letters = static_cast<std::size_t>(std::max(10, (map.height_px - beside_label_px) / letter_px));
   out.precision(12);
   out << "set terminal svg size " << plot.width_px << ',' << map.height_px
       << " noenhanced font 'sans-serif,13' background '#ffffff'\n"
       << "set encoding utf8\nset title " << gnuplot_quoted(plot.title) << "\nset xlabel "
-      << gnuplot_quoted(plot.x_label) << "\nset ylabel " << gnuplot_quoted(plot.y_label)
+      << gnuplot_quoted(plot.x_label) << "\nset ylabel " << gnuplot_quoted(plot.y_label, letters)
       << "\nset grid linecolor '#dddddd'\nset border 3\nset tics nomirror\n"
       << "set key outside bottom center horizontal height 1.2\nset autoscale noextend\n"
       << "set offsets graph 0.02, graph 0.02, graph 0.05, graph 0.05\n"

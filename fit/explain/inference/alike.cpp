@@ -112,7 +112,8 @@ void join(const std::vector<Member>& rivals, Undecided& set) {
   };
   const double before = held();
   for (const Member& rival : rivals)
-    if (std::ranges::none_of(set.members, [&](const Member& m) { return m.kind == rival.kind; }))
+    if (std::ranges::none_of(set.members,
+                             [&](const Member& m) { return m.kind && m.kind->is_same_cause(*rival.kind); }))
       set.members.push_back(rival);
   const double share = before / held();
   for (Member& member : set.members) member.probability *= share;

@@ -21,6 +21,7 @@ std::map<std::string, Estimate> parameters_of(const Term& term) {
     if (term.kind->size && k != *term.kind->size && p.role == Parameter::Role::size)
       continue;                                     // another kind's
     if (std::abs(term.values[k]) >= 1e9) continue;  // says "always"
+    if (term.kind->is_plain && p.generalises) continue;
     const double u = k < term.sigma.size() ? term.sigma[k] : 0.0;
     map[p.name] = {term.values[k], std::hypot(u, p.own_affair * term.values[k])};
   }
