@@ -23,7 +23,6 @@ Mechanism make_saturation() {
        .expected = 100'000,
        .lower = 20,
        .upper = 100'000,
-       .generalises = true,
        .starts = 14}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     constexpr double width = 60;  // counts over which clipping sets in
