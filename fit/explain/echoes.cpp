@@ -187,30 +187,17 @@ class Description {
   }
   template <typename At>
   void table(Bench& bench, const char* coordinate, VectorXd& rest, const At& at) const {
-    std::vector<std::pair<double, Index>> order;
+    std::vector<WeighedValue> list;
     for (std::size_t i = 0; i < echoes_.size(); ++i)
-      order.emplace_back(at(echoes_[i]), static_cast<Index>(i));
-    std::ranges::sort(order);
+      list.push_back({at(echoes_[i]), rest[static_cast<Index>(i)], std::pow(echoes_[i].sigma, -2)});
     constexpr std::size_t places = 30;
-    const std::size_t each = std::max<std::size_t>(20, order.size() / places);
-    EmpiricalFunction f{coordinate, "log_intensity", "", {}, {}};
-    const auto place_of = [&](std::size_t k) { return order[k].first; };
-    for (const auto& [from, to] : runs_of(order.size(), each, place_of)) {
-      double x = 0, y = 0, w = 0;
-      for (std::size_t k = from; k < to; ++k) {
-        const double weight = std::pow(echoes_[static_cast<std::size_t>(order[k].second)].sigma, -2);
-        x += weight * order[k].first;
-        y += weight * rest[order[k].second];
-        w += weight;
-      }
-      f.at.push_back(x / w);
-      f.value.push_back(y / w);
-    }
-    if (f.at.size() < 3) return;
+    RunMeans means = means_over_runs(std::move(list), std::max<std::size_t>(20, echoes_.size() / places));
+    if (means.at.size() < 3) return;
+    const EmpiricalFunction f{coordinate, "log_intensity", "", std::move(means.at), std::move(means.value)};
     VectorXd left = rest;
-    for (const auto& [x, i] : order) left[i] -= f.value_at(x);
-    const auto count = static_cast<double>(order.size());
-    const double gain = (rest.squaredNorm() - left.squaredNorm()) / count;
+    for (std::size_t i = 0; i < echoes_.size(); ++i)
+      left[static_cast<Index>(i)] -= f.value_at(at(echoes_[i]));
+    const double gain = (rest.squaredNorm() - left.squaredNorm()) / static_cast<double>(echoes_.size());
     if (gain < worth_a_table * worth_a_table) return;
     rest = left;
     add_empirical(bench, f);

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "fit/explain/model/term.hpp"
+#include "fit/explain/runs.hpp"
 #include "fit/explain/stated_noise.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/linear_table.hpp"
@@ -142,39 +143,22 @@ EmpiricalCorrection tabulated(const Shape& shape, const MeanModel& model, int ta
   table.coordinate = shape.coordinate;
   table.channel = shape.channel;
   if (target >= 0) table.target = model.bench().targets[static_cast<std::size_t>(target)].name;
-  const Columns columns = columns_of(model, shape);
-  std::map<double, std::pair<double, double>> places;  // coordinate: value times weight, weight
+  std::vector<WeighedValue> list;
+  const Eigen::VectorXd effect_mm = effect_of(model, shape);
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
-    const double v = coordinate_at(model, shape.coordinate, i, target);
-    const double lever = lever_of(shape.channel, model.cell(i).sight);
-    if (!std::isfinite(v) || std::abs(lever) < 1e-3) continue;
-    double y = 0;
-    for (std::size_t k = 0; k < shape.values.size(); ++k)
-      y += shape.values[k] * columns.columns_mm(i, static_cast<Eigen::Index>(k));
-    auto& [sum, weight] = places[v];
-    sum += y * lever;
-    weight += lever * lever;
+    const double v = coordinate_at(model, shape.coordinate, i, target),
+                 lever = lever_of(shape.channel, model.cell(i).sight);
+    if (std::isfinite(v) && std::abs(lever) > 1e-3) list.push_back({v, effect_mm[i] / lever, lever * lever});
   }
-  const std::size_t each = std::max<std::size_t>(1, places.size() / places_of_table);
-  double v_sum = 0, y_sum = 0, w_sum = 0;
-  std::size_t count = 0;
-  const auto close_run = [&] {
-    if (count == 0) return;
-    table.at.push_back(v_sum / static_cast<double>(count));
-    table.value.push_back(y_sum / w_sum);
-    v_sum = y_sum = w_sum = 0;
-    count = 0;
-  };
-  for (const auto& [v, entry] : places) {
-    v_sum += v;
-    y_sum += entry.first;
-    w_sum += entry.second;
-    if (++count == each) close_run();
-  }
-  close_run();
+  if (list.empty()) return table;
+  const auto [first, last] = std::ranges::minmax(list, {}, &WeighedValue::at);
+  const std::size_t each = list.size() / places_of_table;
+  RunMeans means = means_over_runs(std::move(list), each);
+  table.at = std::move(means.at);
+  table.value = std::move(means.value);
   if (table.at.size() > 1) {  // the outermost runs hold to the ends of what was recorded
-    table.at.front() = places.begin()->first;
-    table.at.back() = places.rbegin()->first;
+    table.at.front() = first.at;
+    table.at.back() = last.at;
   }
   return table;
 }

@@ -98,33 +98,21 @@ std::vector<Along> all_ways(const MeanModel& model) {
 /// Table of an effect (mm, row by row); empty when it is not worth one.
 EmpiricalFunction table_of(const MeanModel& model, const VectorXd& effect_mm, const Along& a) {
   EmpiricalFunction table{a.coordinate, told(a.channel).key, a.target, {}, {}};
-  std::vector<Eigen::Index> order;
-  double squares = 0;
+  std::vector<WeighedValue> list;
+  double squares = 0, count = 0;
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
     if (!std::isfinite(a.at[i])) continue;
-    order.push_back(i);
+    const double lever = lever_of(a.channel, model.cell(i).sight);
+    if (lever != 0) list.push_back({a.at[i], told(a.channel).in_unit * effect_mm[i] / lever, lever * lever});
     squares += effect_mm[i] * effect_mm[i];
+    count += 1;
   }
-  if (order.size() < 4 || squares < worth_a_table_mm * worth_a_table_mm * static_cast<double>(order.size()))
-    return table;
-  std::ranges::sort(order, [&](auto i, auto j) { return a.at[i] < a.at[j]; });
-  // As many rows in every place, but never two places for one value of the coordinate.
-  const std::size_t each = std::max<std::size_t>(1, order.size() / places_of_twin);
-  const auto place_of = [&](std::size_t k) { return a.at[order[k]]; };
-  for (const auto& [from, to] : runs_of(order.size(), each, place_of)) {
-    double x = 0, y = 0, w = 0;
-    for (std::size_t k = from; k < to; ++k) {
-      const double lever = lever_of(a.channel, model.cell(order[k]).sight);
-      x += a.at[order[k]];
-      y += effect_mm[order[k]] * lever;
-      w += lever * lever;
-    }
-    if (w > 1e-6) {
-      table.at.push_back(x / static_cast<double>(to - from));
-      table.value.push_back(told(a.channel).in_unit * y / w);
-    }
-  }
-  if (table.at.size() < 2) table.at.clear(), table.value.clear();
+  if (count < 4 || squares < worth_a_table_mm * worth_a_table_mm * count) return table;
+  const std::size_t each = list.size() / places_of_twin;
+  RunMeans means = means_over_runs(std::move(list), each);
+  if (means.at.size() < 2) return table;
+  table.at = std::move(means.at);
+  table.value = std::move(means.value);
   return table;
 }
 

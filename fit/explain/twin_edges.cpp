@@ -5,6 +5,7 @@
 #include <map>
 
 #include "fit/empirical.hpp"
+#include "fit/explain/runs.hpp"
 #include "fit/explain/seen_edges.hpp"
 #include "fit/explain/twin.hpp"
 
@@ -68,26 +69,15 @@ void describe_edges(const Reduced& reduced, const MeanResult& means, bool mixed,
     const double inside = static_cast<double>(place) * finest_deg;
     return inside >= low - finest_deg && inside <= high + finest_deg;
   };
-  const auto count = static_cast<std::size_t>(
-      std::ranges::count_if(places, [&](const auto& entry) { return within(entry.first); }));
-  const std::size_t each = 1 + count / knots_at_most;
-  double x = 0, y = 0, w = 0;
-  std::size_t taken = 0;
-  const auto close_run = [&] {
-    if (!(w > 0)) return;
-    curve.at.push_back(x / w);
-    curve.value.push_back(std::clamp(y / w, 0.0, 1.0));
-    x = y = w = 0;
-    taken = 0;
-  };
-  for (const auto& [place, entry] : places) {
-    if (!within(place)) continue;
-    x += static_cast<double>(place) * finest_deg * entry.second;
-    y += entry.first;
-    w += entry.second;
-    if (++taken == each) close_run();
-  }
-  close_run();
+  std::vector<WeighedValue> list;
+  for (const auto& [place, entry] : places)
+    if (within(place))
+      list.push_back({static_cast<double>(place) * finest_deg, entry.first / entry.second, entry.second});
+  const std::size_t each = 1 + list.size() / knots_at_most;
+  RunMeans shares = means_over_runs(std::move(list), each);
+  for (double& share : shares.value) share = std::clamp(share, 0.0, 1.0);
+  curve.at = std::move(shares.at);
+  curve.value = std::move(shares.value);
   if (curve.at.size() < 4) return;
   add_empirical(bench, curve);
   if (merged_mm > 0)

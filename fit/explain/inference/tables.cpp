@@ -34,23 +34,16 @@ EmpiricalFunction tabulated(const Session& session, const Kind& kind, std::size_
       on_a_target ? "along_mm" : name_of(coordinate), model::channel_kinds()[channel].table, "", {}, {}};
   if (kind.target >= 0)
     table.target = session.reduced().bench.targets[static_cast<std::size_t>(kind.target)].name;
-  std::vector<std::pair<double, double>> list;
+  std::vector<WeighedValue> list;
   for (Index i = 0; i < rows.rows(); ++i) {
     const double at = model::place_of(coordinate, kind.target, rows.at(i));
     if (std::isfinite(at) && (kind.target < 0 || rows.at(i).target == kind.target))
-      list.emplace_back(at, happens[i]);
+      list.push_back({at, happens[i]});
   }
-  std::ranges::sort(list);
-  const auto place_of = [&](std::size_t k) { return list[k].first; };
-  for (const auto& [from, to] : runs_of(list.size(), 1 + list.size() / places, place_of)) {
-    double x = 0, y = 0;
-    for (std::size_t k = from; k < to; ++k) {
-      x += list[k].first;
-      y += list[k].second;
-    }
-    table.at.push_back(x / static_cast<double>(to - from));
-    table.value.push_back(y / static_cast<double>(to - from));
-  }
+  const std::size_t each = 1 + list.size() / places;
+  RunMeans means = means_over_runs(std::move(list), each);
+  table.at = std::move(means.at);
+  table.value = std::move(means.value);
   return table;
 }
 

@@ -61,6 +61,7 @@ TEST_CASE(
       std::ostringstream text;
       text << '`' << p.name << "` (" << unit_of(p.name) << ')';
       if (p.role == fit::Parameter::Role::size) text << ", usually " << p.typical;
+      if (p.generalises) text << ", plain " << p.left_out();
       CHECK_THAT(entry, Catch::Contains(text.str() + (p.name == m.parameters.back().name ? " " : ";")));
     }
     for (const char* part : {"- Equation: ", "- Literature: ", "- Confused with: "})
