@@ -48,11 +48,11 @@ Columns with_standard_prior(Eigen::MatrixXd columns_mm) {
 
 }  // namespace
 
-const ToldChannel& told(Channel channel) {
-  static constexpr std::array all{ToldChannel{"range_mm", "range", " mm", 1, 0.5},
-                                  ToldChannel{"range_mm_per_m", "range's scale", " mm/m", 1000, 100},
-                                  ToldChannel{"beam_angle_deg", "beam angle", " deg", deg_per_rad, 100},
-                                  ToldChannel{"stage_angle_deg", "stage angle", " deg", deg_per_rad, 100}};
+const ChannelInWords& in_words_of(Channel channel) {
+  static constexpr std::array all{ChannelInWords{"range_mm", "range", " mm", 1, 0.5},
+                                  ChannelInWords{"range_mm_per_m", "range's scale", " mm/m", 1000, 100},
+                                  ChannelInWords{"beam_angle_deg", "beam angle", " deg", deg_per_rad, 100},
+                                  ChannelInWords{"stage_angle_deg", "stage angle", " deg", deg_per_rad, 100}};
   return all[static_cast<std::size_t>(channel)];
 }
 

@@ -30,12 +30,12 @@ constexpr int all_targets = -2;
 enum class Channel { range, range_scale, beam_angle, stage_angle };
 
 /// How files and people are told of it.
-struct ToldChannel {
+struct ChannelInWords {
   const char *key, *what, *unit;
   double in_unit;      ///< From the inside's unit to that one.
   double least_lever;  ///< A mean of less says little about the function.
 };
-[[nodiscard]] const ToldChannel& told(Channel channel);
+[[nodiscard]] const ChannelInWords& in_words_of(Channel channel);
 
 /// d range / d what the channel changes: 1, the range, or mm per rad.
 [[nodiscard]] double lever_of(Channel channel, const Sight& sight);

@@ -54,7 +54,7 @@ json prediction_json(const Prediction& p) {
 }
 
 json correction_json(const EmpiricalCorrection& c) {
-  const ToldChannel& channel = told(c.channel);
+  const ChannelInWords& channel = in_words_of(c.channel);
   std::vector<double> value = c.value;
   for (double& v : value) v *= channel.in_unit;
   json out = {{"coordinate", c.target.empty() ? name_of(c.coordinate) : "along_mm"},

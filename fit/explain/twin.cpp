@@ -97,13 +97,14 @@ std::vector<Along> all_ways(const MeanModel& model) {
 
 /// Table of an effect (mm, row by row); empty when it is not worth one.
 EmpiricalFunction table_of(const MeanModel& model, const VectorXd& effect_mm, const Along& a) {
-  EmpiricalFunction table{a.coordinate, told(a.channel).key, a.target, {}, {}};
+  EmpiricalFunction table{a.coordinate, in_words_of(a.channel).key, a.target, {}, {}};
   std::vector<WeighedValue> list;
   double squares = 0, count = 0;
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
     if (!std::isfinite(a.at[i])) continue;
     const double lever = lever_of(a.channel, model.cell(i).sight);
-    if (lever != 0) list.push_back({a.at[i], told(a.channel).in_unit * effect_mm[i] / lever, lever * lever});
+    if (lever != 0)
+      list.push_back({a.at[i], in_words_of(a.channel).in_unit * effect_mm[i] / lever, lever * lever});
     squares += effect_mm[i] * effect_mm[i];
     count += 1;
   }
@@ -121,7 +122,7 @@ VectorXd explained_by(const MeanModel& model, const EmpiricalFunction& table, co
   for (Eigen::Index i = 0; i < model.rows(); ++i)
     if (std::isfinite(a.at[i]))
       explained[i] =
-          table.value_at(a.at[i]) / told(a.channel).in_unit * lever_of(a.channel, model.cell(i).sight);
+          table.value_at(a.at[i]) / in_words_of(a.channel).in_unit * lever_of(a.channel, model.cell(i).sight);
   return explained;
 }
 

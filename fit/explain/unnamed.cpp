@@ -16,7 +16,7 @@ std::vector<Form> all();
 namespace {
 
 Course course_of(const Shape& shape, const MeanModel& model) {
-  const ToldChannel& channel = told(shape.channel);
+  const ChannelInWords& channel = in_words_of(shape.channel);
   Course course;
   course.what = channel.what;
   course.unit = channel.unit;
