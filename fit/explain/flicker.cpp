@@ -362,10 +362,6 @@ Unexplained in_words(const std::vector<Spectrum::Line>& lines, double amplitude_
   return u;
 }
 
-}  // namespace
-
-namespace {
-
 /// What the sectors' ranges show.
 struct Ranges {
   Ranges(const std::vector<Group>& groups, const std::vector<Sector>& sectors)

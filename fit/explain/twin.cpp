@@ -97,14 +97,14 @@ std::vector<Along> all_ways(const MeanModel& model) {
 
 /// Table of an effect (mm, row by row); empty when it is not worth one.
 EmpiricalFunction table_of(const MeanModel& model, const VectorXd& effect_mm, const Along& a) {
-  EmpiricalFunction table{a.coordinate, in_words_of(a.channel).key, a.target, {}, {}};
+  const ChannelInWords& channel = in_words_of(a.channel);
+  EmpiricalFunction table{a.coordinate, channel.key, a.target, {}, {}};
   std::vector<WeighedValue> list;
   double squares = 0, count = 0;
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
     if (!std::isfinite(a.at[i])) continue;
     const double lever = lever_of(a.channel, model.cell(i).sight);
-    if (lever != 0)
-      list.push_back({a.at[i], in_words_of(a.channel).in_unit * effect_mm[i] / lever, lever * lever});
+    if (lever != 0) list.push_back({a.at[i], channel.in_unit * effect_mm[i] / lever, lever * lever});
     squares += effect_mm[i] * effect_mm[i];
     count += 1;
   }
@@ -119,10 +119,10 @@ EmpiricalFunction table_of(const MeanModel& model, const VectorXd& effect_mm, co
 
 VectorXd explained_by(const MeanModel& model, const EmpiricalFunction& table, const Along& a) {
   VectorXd explained = VectorXd::Zero(model.rows());
+  const double in_unit = in_words_of(a.channel).in_unit;
   for (Eigen::Index i = 0; i < model.rows(); ++i)
     if (std::isfinite(a.at[i]))
-      explained[i] =
-          table.value_at(a.at[i]) / in_words_of(a.channel).in_unit * lever_of(a.channel, model.cell(i).sight);
+      explained[i] = table.value_at(a.at[i]) / in_unit * lever_of(a.channel, model.cell(i).sight);
   return explained;
 }
 

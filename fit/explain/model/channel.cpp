@@ -142,8 +142,7 @@ std::vector<IndependentRows::Row> counted_rows(const Reduced& reduced, int count
   return rows_of(reduced, search, take, [&](std::size_t cell, std::size_t group) {
     const std::size_t together = search.together(group);
     const bool is_near = near[cell] != 0 && few < together;
-    return is_near ? RowSize{few, enough * too_many_near}
-                   : RowSize{together, too_many > 1 ? enough * too_many : enough};
+    return is_near ? RowSize{few, enough * too_many_near} : RowSize{together, enough * too_many};
   });
 }
 
