@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <cmath>
+
 #include "fit/mechanism.hpp"
 
-/// What mechanisms share that act in a sector of beams: its middle, the parameter `centre_deg`, and its
-/// standard width, `width_deg`.
+/// What mechanisms share that act in a sector of beams: its middle, the parameter `centre_deg`, its
+/// standard width, `width_deg`, and how sharply it ends.
 namespace fit {
 
 /// Looked for at so many places around the lidar.
@@ -20,6 +22,22 @@ namespace fit {
 /// How far a beam lies from the middle, in widths of the sector.
 [[nodiscard]] inline double widths_from_centre(const Circumstances& c, double centre_deg, double width_deg) {
   return wrap_angle(c.beam_rad - centre_deg * rad_per_deg) * deg_per_rad / width_deg;
+}
+
+/// How a sector ends: softly, as a bell does (2), or the more sharply the larger it is.
+[[nodiscard]] inline Parameter ends_of_sector(const char* name) {
+  return {.name = name,
+          .role = Parameter::Role::shape,
+          .expected = 2,
+          .lower = 1.5,
+          .upper = 64,
+          .generalises = true,
+          .starts = 2};
+}
+
+/// How much of what is there in the middle there is so many widths away.
+[[nodiscard]] inline double share_of_sector(double widths, double ends) {
+  return std::exp(-std::pow(std::abs(widths), ends) / 2);
 }
 
 /// The beams that lie within so many widths of the middle.

@@ -20,16 +20,9 @@ Mechanism make_local_noise() {
                    .lower = 3,
                    .upper = 20,
                    .starts = 3},
-                  {.name = "exponent",
-                   .role = Parameter::Role::shape,
-                   .expected = 2,
-                   .lower = 1.5,
-                   .upper = 8,
-                   .generalises = true,
-                   .starts = 2}};
+                  ends_of_sector("exponent")};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    const double away = widths_from_centre(c, p[1], p[2]);
-    return Effect{.variance_mm2 = p[0] * p[0] * std::exp(-std::pow(std::abs(away), p[3]) / 2)};
+    return Effect{.variance_mm2 = p[0] * p[0] * share_of_sector(widths_from_centre(c, p[1], p[2]), p[3])};
   };
   m.looks_like = {"sunlight"};  // that neither comes and goes nor drowns an echo
   m.shows = [](const Finding& f, const Recorded&) { return std::vector<Interval>{sector_of(f, 1.2)}; };

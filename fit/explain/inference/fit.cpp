@@ -130,7 +130,7 @@ Optimum judged_at(const Session& session, const Design& design, const Eigen::Vec
 /// Uphill from there by scoring steps.
 Optimum climbed(const Session& session, const Design& design, Optimum now) {
   constexpr int most_steps = 16;
-  constexpr double settled = 0.01, first_damping = 0.3, most_damping = 1e4;
+  constexpr double settled = 1e-4, first_damping = 0.3, most_damping = 1e4;
   Fixed fixed;
   Scored s = scored(session, design, now, fixed);
   double damping = 0;
@@ -240,7 +240,8 @@ Rescaled rescaled(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& fac
                   const Design::Block& block, const Term& term) {
   if (block.sizes == 0) return {};
   const Quadratic q = about(optimum, factor, design, block.first, block.sizes);
-  const OverFactors over = integrate_over_factors(q, *term.kind);
+  constexpr double farthest = 32;  // beyond that, what steps leave undone would grow to evidence
+  const OverFactors over = integrate_over_factors(q, *term.kind, farthest * term.factor);
   return {over.factor, over.log_evidence - integrate(q, prior_of(*term.kind, term.factor)).log_evidence};
 }
 

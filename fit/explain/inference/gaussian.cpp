@@ -90,12 +90,13 @@ double log_possible(const model::Kind& kind, const Eigen::VectorXd& value,
   return sum;
 }
 
-OverFactors integrate_over_factors(const Quadratic& likelihood, const model::Kind& kind) {
+OverFactors integrate_over_factors(const Quadratic& likelihood, const model::Kind& kind, double most_factor) {
   const Index k = likelihood.along.size();
   OverFactors result;
   std::vector<double> logs;
   double most = -1e300;
   for (const Factor& f : factors_of(kind)) {
+    if (f.factor > most_factor && !logs.empty()) continue;
     const Prior sizes = prior_of(kind, f.factor);
     Prior prior{Eigen::VectorXd::Zero(k), Eigen::VectorXd::Ones(k)};
     prior.mean.head(sizes.mean.size()) = sizes.mean;

@@ -41,8 +41,10 @@ struct OverFactors {
   double factor = 1;
   double log_evidence = -1e300;  ///< Integrated over the factor.
 };
-/// The first coefficients are those of the kind, any others have standard normal priors.
-[[nodiscard]] OverFactors integrate_over_factors(const Quadratic& likelihood, const model::Kind& kind);
+/// The first coefficients are those of the kind, any others have standard normal priors. Factors up to
+/// `most_factor`.
+[[nodiscard]] OverFactors integrate_over_factors(const Quadratic& likelihood, const model::Kind& kind,
+                                                 double most_factor = 1e300);
 
 /// Of the matrix that was factored.
 [[nodiscard]] double log_determinant(const Eigen::LLT<Eigen::MatrixXd>& factor);

@@ -99,6 +99,21 @@ TEST_CASE("noise of one capture only, over some beams, is light at these beams a
   CHECK(is_located(e, fit::Coordinate::beam, 30, 60, 8));
 }
 
+TEST_CASE("light that ends sharply is light, and no function is left of its ends") {
+  const auto sharp = [](double beam_deg, double, double) {
+    const bool shines = beam_deg > 20 && beam_deg < 60;
+    return Light{.scatter_mm = shines ? 4.0 : 0, .lost = shines ? 0.03 : 0};
+  };
+  const Explanation e = explained(sharp, 20, 3);
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  const auto& found = e.mechanisms.front();
+  CHECK(found.mechanism->id == "sunlight");
+  CHECK(std::abs(found.parameters.at("centre_deg").value - 40) < 2);
+  CHECK(std::abs(found.parameters.at("width_deg").value - 20) < 3);
+  CHECK_FALSE(e.unknown);
+}
+
 TEST_CASE("noise at all angles for a while is unknown physics at that time, and no noise of the lidar") {
   const Explanation e = explained([](double, double time_s, double) {
     return Light{.scatter_mm = time_s > 255 && time_s < 435 ? 4.0 : 0};

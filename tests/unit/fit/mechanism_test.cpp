@@ -164,9 +164,10 @@ const std::map<std::string, Equation>& equations() {
       {"intensity-noise", {{{"sigma_mm_at_1000_counts", 3}, {"exponent", 1}},
         [](const Beam& x) { return fit::Effect{.variance_mm2 = 9000 / x.I}; }}},
       {"sunlight", {{{"sigma_mm", 6}, {"centre_deg", 20}, {"width_deg", 15}, {"from_s", 500}, {"to_s", 1500},
-                     {"lost", 0.1}, {"exponent", 2}},
+                     {"lost", 0.1}, {"exponent", 2}, {"edge_exponent", 4}},
         [](const Beam& x) {
-          const double light = x.t >= 500 && x.t <= 1500 ? bell(x.a / degree - 20, 15) : 0;
+          const double away = std::remainder(x.a / degree - 20, 360) / 15;
+          const double light = x.t >= 500 && x.t <= 1500 ? std::exp(-away * away * away * away / 2) : 0;
           return fit::Effect{.variance_mm2 = 36e6 * light / x.I / x.I, .lost = 0.1 * light};
         }}},
       {"local-noise", {{{"sigma_mm", 6}, {"centre_deg", 20}, {"width_deg", 15}, {"exponent", 4}},
