@@ -37,7 +37,7 @@ namespace fit {
 
 /// How much of what is there in the middle there is so many widths away.
 [[nodiscard]] inline double share_of_sector(double widths, double ends) {
-  return std::exp(-std::pow(std::abs(widths), ends) / 2);
+  return std::exp(-(ends == 2 ? widths * widths : std::pow(std::abs(widths), ends)) / 2);
 }
 
 /// The beams that lie within so many widths of the middle.

@@ -44,6 +44,8 @@ struct Circumstances {
   Eigen::Vector2d normal = Eigen::Vector2d::UnitX();  ///< Unit normal of the target, away from the axis.
   double cos_incidence = 1;
   double reflectance = 0.5;  ///< Nominal, 0..1.
+
+  friend bool operator==(const Circumstances&, const Circumstances&) = default;
 };
 
 /// Of a target against what is stated: out along its normal, and turned about its middle, counter-clockwise.

@@ -115,46 +115,57 @@ class Description {
     return sum;
   }
 
+  /// The normal equations of one step.
+  struct Normal {
+    MatrixXd square;
+    VectorXd along;
+  };
+  [[nodiscard]] Normal normal_at(const L& start, bool free_overlap, bool free_full) const {
+    const Index n = L::size + gains_.size();
+    Normal normal{MatrixXd::Zero(n, n), VectorXd::Zero(n)};
+    VectorXd row(L::size);
+    for (const Echo& e : echoes_) {
+      const double here = lawful(e, described_.law);
+      row.setZero();
+      for (int k = 0; k < L::size; ++k) {
+        if ((k == L::overlap && !free_overlap) || (k == L::full && !free_full)) continue;
+        L up = described_.law;
+        up.value[static_cast<std::size_t>(k)] += 1e-4;
+        row[k] = (lawful(e, up) - here) / 1e-4;
+      }
+      const Index g = L::size + static_cast<Index>(e.surface);
+      const double r = e.log_counts - here - gains_[static_cast<Index>(e.surface)], z = r / (3 * e.sigma);
+      const double w = 1 / (e.sigma * e.sigma * (1 + z * z));
+      normal.square.topLeftCorner(L::size, L::size) += w * row * row.transpose();
+      normal.square.block(0, g, L::size, 1) += w * row;
+      normal.square(g, g) += w;
+      normal.along.head(L::size) += w * r * row;
+      normal.along[g] += w * r;
+    }
+    normal.square.bottomLeftCorner(gains_.size(), L::size) =
+        normal.square.topRightCorner(L::size, gains_.size()).transpose();
+    for (Index k = 1; k < L::size; ++k) {
+      const auto at = static_cast<std::size_t>(k);
+      normal.square(k, k) += 1;
+      normal.along[k] -= described_.law.value[at] - start.value[at];
+    }
+    for (Index g = L::size; g < n; ++g) {
+      normal.square(g, g) += 1 / (reflectance_doubt * reflectance_doubt);
+      normal.along[g] -= gains_[g - L::size] / (reflectance_doubt * reflectance_doubt);
+    }
+    return normal;
+  }
+
   /// Levenberg-Marquardt; what is not free stays at its start.
   double descend(const L& start, bool free_overlap, bool free_full) {
     described_.law = start;
     gains_.setZero();
-    const Index n = L::size + gains_.size();
     double now = cost(start), damping = 1e-2;
+    Normal normal = normal_at(start, free_overlap, free_full);
     for (int pass = 0; pass < 40; ++pass) {
-      MatrixXd normal = MatrixXd::Zero(n, n);
-      VectorXd rhs = VectorXd::Zero(n), row(L::size);
-      for (const Echo& e : echoes_) {
-        row.setZero();
-        for (int k = 0; k < L::size; ++k) {
-          if ((k == L::overlap && !free_overlap) || (k == L::full && !free_full)) continue;
-          L up = described_.law;
-          up.value[static_cast<std::size_t>(k)] += 1e-4;
-          row[k] = (lawful(e, up) - lawful(e, described_.law)) / 1e-4;
-        }
-        const double r = e.log_counts - predicted(e), z = r / (3 * e.sigma);
-        const double w = 1 / (e.sigma * e.sigma * (1 + z * z));
-        const Index g = L::size + static_cast<Index>(e.surface);
-        normal.topLeftCorner(L::size, L::size) += w * row * row.transpose();
-        normal.block(0, g, L::size, 1) += w * row;
-        normal(g, g) += w;
-        rhs.head(L::size) += w * r * row;
-        rhs[g] += w * r;
-      }
-      normal.bottomLeftCorner(gains_.size(), L::size) =
-          normal.topRightCorner(L::size, gains_.size()).transpose();
-      for (Index k = 1; k < L::size; ++k) {
-        normal(k, k) += 1;
-        rhs[k] -=
-            described_.law.value[static_cast<std::size_t>(k)] - start.value[static_cast<std::size_t>(k)];
-      }
-      for (Index g = L::size; g < n; ++g) {
-        normal(g, g) += 1 / (reflectance_doubt * reflectance_doubt);
-        rhs[g] -= gains_[g - L::size] / (reflectance_doubt * reflectance_doubt);
-      }
-      MatrixXd damped = normal;
+      MatrixXd damped = normal.square;
       damped.diagonal() *= 1 + damping;
-      const VectorXd step = damped.ldlt().solve(rhs);
+      const VectorXd step = damped.ldlt().solve(normal.along);
       const L law = described_.law;
       const VectorXd gains = gains_;
       for (int k = 0; k < L::size; ++k) described_.law.value[static_cast<std::size_t>(k)] += step[k];
@@ -171,6 +182,7 @@ class Description {
       now = next;
       damping = std::max(1e-9, damping / 10);
       if (settled) break;
+      normal = normal_at(start, free_overlap, free_full);
     }
     return now;
   }

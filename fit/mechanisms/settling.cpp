@@ -36,7 +36,8 @@ Mechanism make_settling() {
                    .starts = 2,
                    .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    if (c.approach == 0) return Effect{};
+    constexpr double nothing_left = 14;  // a millionth
+    if (c.approach == 0 || c.since_move_s > nothing_left * p[2]) return Effect{};
     const double at = 2 * pi * p[3] * c.since_move_s + pi / 2 + p[1] * rad_per_deg;
     const double side = 1 + p[4] * (c.approach - 1);
     return Effect{.stage_rad = p[0] * rad_per_deg * side * std::exp(-c.since_move_s / p[2]) * std::sin(at)};

@@ -59,7 +59,9 @@ Mechanism make_sunlight() {
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (c.time_s < p[3] || c.time_s > p[4]) return Effect{};
     const double light = share_of_sector(widths_from_centre(c, p[1], p[2]), p[7]),
-                 weak = std::isfinite(c.intensity) ? std::pow(1000 / std::max(20.0, c.intensity), p[6]) : 1;
+                 weak = p[6] != 0 && std::isfinite(c.intensity)
+                            ? std::pow(1000 / std::max(20.0, c.intensity), p[6])
+                            : 1;
     return Effect{.variance_mm2 = p[0] * p[0] * light * weak, .lost = p[5] * light};
   };
   m.shows = [](const Finding& f, const Recorded&) {

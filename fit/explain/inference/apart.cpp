@@ -25,12 +25,13 @@ Eigen::VectorXd base_predictor(const model::ChannelRows& rows) {
 }
 
 /// What a suspect may do in a channel, whatever its size: as it came out, and as its shapes and formula bend.
-Eigen::MatrixXd all_that(const model::ChannelRows& rows, const model::Term& suspect, bool acts) {
+Eigen::MatrixXd all_that(const model::ChannelRows& rows, const model::Term& suspect,
+                         const Kind::Acting& acts) {
   const model::Columns& base = rows.base();
   const Eigen::MatrixXd nuisances = base.columns * base.prior.sigma.asDiagonal();
   if (!acts) return nuisances;
   constexpr double any_size = 100;  // of a typical one
-  const Eigen::MatrixXd sizes = any_size * model::columns_of(rows, *suspect.kind, suspect.values),
+  const Eigen::MatrixXd sizes = any_size * model::columns_of(rows, *suspect.kind, suspect.values, &acts),
                         shapes = model::shape_columns(rows, suspect),
                         deviations = model::deviation_columns(rows, suspect);
   Eigen::MatrixXd all(rows.rows(), nuisances.cols() + sizes.cols() + shapes.cols() + deviations.cols());

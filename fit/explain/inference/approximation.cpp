@@ -49,7 +49,8 @@ Quadratic Approximation::projected(const std::vector<Eigen::MatrixXd>& columns) 
 std::vector<Eigen::MatrixXd> Approximation::columns_of(const Term& term) const {
   std::vector<Eigen::MatrixXd> columns(session_->channels().size());
   for (std::size_t c = 0; c < columns.size(); ++c)
-    if (kind_->acts_in[c]) columns[c] = model::columns_of(*session_->channels()[c], *kind_, term.values);
+    if (kind_->acts_in[c])
+      columns[c] = model::columns_of(*session_->channels()[c], *kind_, term.values, &kind_->acts_in[c]);
   return columns;
 }
 
@@ -72,7 +73,7 @@ double Approximation::with_everything(const Term& term, bool with_shapes) const 
   for (std::size_t c = 0; c < columns.size(); ++c) {
     if (!kind_->acts_in[c]) continue;
     const ChannelRows& rows = *session_->channels()[c];
-    const Eigen::MatrixXd sizes = model::columns_of(rows, *kind_, term.values),
+    const Eigen::MatrixXd sizes = model::columns_of(rows, *kind_, term.values, &kind_->acts_in[c]),
                           places = with_shapes ? model::shape_columns(rows, term)
                                                : Eigen::MatrixXd(rows.rows(), 0),
                           deviations = model::deviation_columns(rows, term);
@@ -89,7 +90,7 @@ double Approximation::with_everything(const Term& term, bool with_shapes) const 
 double Approximation::gain_of_offset(const Term& term, std::optional<std::size_t> start) const {
   double sum = 0;
   for (std::size_t c = 0; c < session_->channels().size(); ++c) {
-    if (!kind_->acts_in[c]) continue;
+    if (!kind_->acts_in[c].without_size) continue;
     const ChannelRows& rows = *session_->channels()[c];
     const Eigen::VectorXd offset =
         start ? session_->at_start(*kind_, *start).without_size[c].cast<double>().eval()

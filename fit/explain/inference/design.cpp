@@ -76,8 +76,9 @@ void add_term(const Session& session, const Term& term, Design& design) {
   for (std::size_t c = 0; c < session.channels().size(); ++c) {
     if (!kind.acts_in[c]) continue;
     const ChannelRows& rows = *session.channels()[c];
-    add_columns(design, c, block.first, model::columns_of(rows, kind, term.values));
-    if (kind.acts_without_size) design.parts[c].offset += model::effect_without_size(rows, kind, term.values);
+    add_columns(design, c, block.first, model::columns_of(rows, kind, term.values, &kind.acts_in[c]));
+    if (kind.acts_in[c].without_size)
+      design.parts[c].offset += model::effect_without_size(rows, kind, term.values);
     shapes[c] = model::shape_columns(rows, term);
     deviations[c] = model::deviation_columns(rows, term);
     block.shapes = std::max(block.shapes, shapes[c].cols());

@@ -94,10 +94,10 @@ const Session::AtStart& Session::at_start(const Kind& kind, std::size_t start) c
       at.without_size.resize(channels_.size());
       for (std::size_t c = 0; c < channels_.size(); ++c) {
         if (!kind.acts_in[c]) continue;
-        Eigen::MatrixXd columns = model::columns_of(*channels_[c], kind, values);
+        Eigen::MatrixXd columns = model::columns_of(*channels_[c], kind, values, &kind.acts_in[c]);
         if (channels_[c]->has_fixed_information()) columns = channels_[c]->whitened(std::move(columns), {});
         at.columns[c] = columns.cast<float>();
-        if (!kind.acts_without_size) continue;
+        if (!kind.acts_in[c].without_size) continue;
         const Eigen::VectorXd effect = model::effect_without_size(*channels_[c], kind, values);
         if (!effect.isZero(0)) at.without_size[c] = effect.cast<float>();
       }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/term.hpp"
@@ -98,14 +99,36 @@ std::vector<std::optional<std::size_t>> sizes_of(const Mechanism& m) {
   return list;
 }
 
-bool acts_in(const ChannelRows& channel, const Kind& kind) {
-  if (channel.sees_only_combs() && !kind.bins) return false;
-  return channel.sees(kind.mechanism->coordinate) && any_start(kind, [&](const std::vector<double>& values) {
-           return any_row(channel, kind, [&](Index i) {
-             const double r = channel.response(i, kind.mechanism->act(channel.at(i), values));
-             return std::isfinite(r) && std::abs(r) > 1e-9;
-           });
-         });
+/// What of it acts in a channel: each size by itself, and what needs none.
+Kind::Acting acting_in(const ChannelRows& channel, const Kind& kind) {
+  Kind::Acting acting{std::vector<bool>(kind.coefficients.size(), false)};
+  if ((channel.sees_only_combs() && !kind.bins) || !channel.sees(kind.mechanism->coordinate)) return acting;
+  const auto acts = [&](const auto& changed) {
+    return any_start(kind, [&](const std::vector<double>& start) {
+      const std::vector<double> values = changed(start);
+      return any_row(channel, kind, [&](Index i) {
+        const double r = channel.response(i, kind.mechanism->act(channel.at(i), values));
+        return std::isfinite(r) && std::abs(r) > 1e-9;
+      });
+    });
+  };
+  if (!acts(std::identity())) return acting;
+  acting.without_size = !kind.is_form() && acts([&](const auto& start) { return without_size(kind, start); });
+  const bool only_one = acting.sizes.size() == 1 && !acting.without_size;
+  for (std::size_t k = 0; k < acting.sizes.size(); ++k)
+    acting.sizes[k] = only_one || acts([&](const auto& start) {
+                        std::vector<double> values = without_size(kind, start);
+                        const std::size_t size = kind.coefficients[k].parameter;
+                        values[size] = start[size];
+                        return values;
+                      });
+  return acting;
+}
+
+std::vector<Kind::Acting> acting_in(const ListOfChannels& channels, const Kind& kind) {
+  std::vector<Kind::Acting> list;
+  for (const auto& channel : channels) list.push_back(channel ? acting_in(*channel, kind) : Kind::Acting());
+  return list;
 }
 
 /// Whether so much of its coordinate was recorded that what is local there can be told from what is
@@ -142,17 +165,6 @@ int power_of(const Kind& kind, std::size_t k, const ListOfChannels& channels) {
     if (ratio > 0) return ratio > 3 ? 2 : 1;
   }
   return 1;
-}
-
-bool acts_without_size(const Kind& kind, const ListOfChannels& channels) {
-  return any_start(kind, [&](const std::vector<double>& start) {
-    const std::vector<double> values = without_size(kind, start);
-    return std::ranges::any_of(channels, [&](const auto& channel) {
-      return channel && any_row(*channel, kind, [&](Index i) {
-               return std::abs(channel->response(i, kind.mechanism->act(channel->at(i), values))) > 1e-12;
-             });
-    });
-  });
 }
 
 /// Ways in which it acts at one of its starts.
@@ -213,8 +225,8 @@ Kind kind_of(const Mechanism& m, int target, const ListOfChannels& channels, std
   if (kind.starts.empty()) return kind;
   kind.coefficients = coefficients_of(m, [&](std::size_t k) { return power_of(kind, k, channels); });
   if (size) std::erase_if(kind.coefficients, [&](const Coefficient& c) { return c.parameter != *size; });
-  kind.acts_without_size = acts_without_size(kind, channels);
-  for (const auto& channel : channels) kind.acts_in.push_back(channel && acts_in(*channel, kind));
+  kind.acts_in = acting_in(channels, kind);
+  kind.acts_without_size = std::ranges::any_of(kind.acts_in, &Kind::Acting::without_size);
   if (m.formula_error > 0 || m.any_curve || (size && m.parameters[*size].any_curve))
     kind.ways = ways_of(kind, channels);
   return kind;
@@ -245,9 +257,10 @@ std::vector<Kind> kinds_of(const Reduced& reduced, const ListOfChannels& channel
   }
   add_forms(channel_kinds(), channels, kinds);
   for (Kind& kind : kinds)
-    if (kind.is_form())
-      for (const auto& channel : channels) kind.acts_in.push_back(channel && acts_in(*channel, kind));
-  std::erase_if(kinds, [](const Kind& kind) { return std::ranges::none_of(kind.acts_in, std::identity()); });
+    if (kind.is_form()) kind.acts_in = acting_in(channels, kind);
+  std::erase_if(kinds, [](const Kind& kind) {
+    return std::ranges::none_of(kind.acts_in, &Kind::Acting::operator bool);
+  });
   return kinds;
 }
 

@@ -15,11 +15,10 @@ bool acts_there(const Kind& kind, const Circumstances& at) {
   return kind.target < 0 || at.target == kind.target;
 }
 
-/// What a mechanism does at a row; of a comb, on average over the cells that are taken together in it.
-double response_at(const Rows& channel, Index row, const Kind& kind, const std::vector<double>& values) {
+/// What a mechanism does there; of a comb, on average over the cells that are taken together in the row.
+Effect effect_at(const Rows& channel, Index row, const Kind& kind, const std::vector<double>& values) {
   const std::span<const double> ranges_mm = channel.ranges_mm(row);
-  if (!kind.bins || ranges_mm.empty())
-    return channel.response(row, kind.mechanism->act(channel.at(row), values));
+  if (!kind.bins || ranges_mm.empty()) return kind.mechanism->act(channel.at(row), values);
   Circumstances at = channel.at(row);
   Effect mean;  // a comb changes nothing but ranges
   for (const double range_mm : ranges_mm) {
@@ -27,16 +26,20 @@ double response_at(const Rows& channel, Index row, const Kind& kind, const std::
     mean.range_mm += kind.mechanism->act(at, values).range_mm;
   }
   mean.range_mm /= static_cast<double>(ranges_mm.size());
-  return channel.response(row, mean);
+  return mean;
 }
 
 /// The response of every row to a mechanism at values; empty if there is none.
 Eigen::VectorXd response_to(const Rows& channel, const Kind& kind, const std::vector<double>& values) {
   Eigen::VectorXd column = Eigen::VectorXd::Zero(channel.rows());
+  const Circumstances* before = nullptr;  // two statistics of the same scan have the same circumstances
+  Effect effect;
   for (Index i = 0; i < channel.rows(); ++i) {
     const Circumstances& at = channel.at(i);
     if (!acts_there(kind, at)) continue;
-    const double response = response_at(channel, i, kind, values);
+    if (!before || kind.bins || !(at == *before)) effect = effect_at(channel, i, kind, values);
+    before = &at;
+    const double response = channel.response(i, effect);
     if (std::isfinite(response)) column[i] = response;
   }
   return column;
@@ -171,21 +174,25 @@ std::vector<std::size_t> refined_shapes_of(const Kind& kind) {
   return kind.refines ? shapes_of(kind) : std::vector<std::size_t>();
 }
 
-Eigen::MatrixXd columns_of(const Rows& channel, const Kind& kind, const std::vector<double>& values) {
+Eigen::MatrixXd columns_of(const Rows& channel, const Kind& kind, const std::vector<double>& values,
+                           const Kind::Acting* acting) {
   if (kind.functions) return columns_of_form(channel, kind, values);
-  Eigen::MatrixXd columns(channel.rows(), static_cast<Index>(kind.coefficients.size()));
+  Eigen::MatrixXd columns =
+      Eigen::MatrixXd::Zero(channel.rows(), static_cast<Index>(kind.coefficients.size()));
   for (std::size_t k = 0; k < kind.coefficients.size(); ++k) {
+    if (acting && !acting->sizes[k]) continue;
     const Coefficient& c = kind.coefficients[k];
-    const double size = size_at(c, values[c.parameter]);
     auto column = columns.col(static_cast<Index>(k));
-    column = response_to(channel, kind, with_only(kind, values, c, size));
     if (kind.mechanism->displaces) {  // Stands already where it was moved to.
       const double small = size_at(c, 0);
       column = (response_to(channel, kind, with_only(kind, values, c, small)) -
                 response_to(channel, kind, with_only(kind, values, c, -small))) /
                2 / small;
     } else {
-      if (kind.acts_without_size) column -= effect_without_size(channel, kind, values);
+      const double size = size_at(c, values[c.parameter]);
+      column = response_to(channel, kind, with_only(kind, values, c, size));
+      if (acting ? acting->without_size : kind.acts_without_size)
+        column -= effect_without_size(channel, kind, values);
       column /= std::pow(size, c.power);
     }
   }

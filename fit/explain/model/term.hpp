@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <span>
@@ -23,6 +24,15 @@ struct Kind {
 
   std::shared_ptr<const Mechanism> mechanism;
   int target = -1;
+  /// What of it acts in a channel.
+  struct Acting {
+    std::vector<bool> sizes;    ///< By coefficient.
+    bool without_size = false;  ///< Whatever its sizes are.
+
+    /// Anything.
+    explicit operator bool() const { return without_size || std::ranges::count(sizes, true) > 0; }
+  };
+
   std::optional<std::size_t> size;  ///< Of a mechanism whose sizes may be missing apart: the only one.
   std::optional<Shape> form;  ///< What a form is called and drawn by; its place and length are shape values.
   Observable observable = Observable::range_mean;  ///< Of a form: where it acts ...
@@ -32,7 +42,7 @@ struct Kind {
   /// Values of all parameters to begin from: a grid over the shapes, sizes at their typical values.
   std::vector<std::vector<double>> starts;
   std::vector<Coefficient> coefficients;
-  std::vector<bool> acts_in;             ///< Each of the session's channels.
+  std::vector<Acting> acts_in;           ///< Each of the session's channels.
   std::vector<double Effect::*> ways;    ///< In which it acts there.
   std::optional<std::size_t> bins;       ///< The shape of a comb: its starts are proposed by the recording.
   std::optional<std::size_t> threshold;  ///< The shape that is looked for between recorded places.
@@ -74,9 +84,11 @@ void set_coefficients(Term& term, const Eigen::VectorXd& value, const Eigen::Mat
 /// Of these, those that have values between the starts.
 [[nodiscard]] std::vector<std::size_t> refined_shapes_of(const Kind& kind);
 
-/// What a term at values does to a channel, per coefficient; no columns if it does not act there.
+/// What a term at values does to a channel, per coefficient. `acting`: what is known to act there; else all
+/// of it may.
 [[nodiscard]] Eigen::MatrixXd columns_of(const Rows& channel, const Kind& kind,
-                                         const std::vector<double>& values);
+                                         const std::vector<double>& values,
+                                         const Kind::Acting* acting = nullptr);
 /// What it does there whatever its sizes are.
 [[nodiscard]] std::vector<double> without_size(const Kind& kind, std::vector<double> values);
 [[nodiscard]] Eigen::VectorXd effect_without_size(const Rows& channel, const Kind& kind,

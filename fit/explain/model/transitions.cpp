@@ -47,11 +47,15 @@ struct Place {
 };
 Place best_place(const std::vector<Beside>& beams, double width_deg) {
   Place best;
-  const double step = std::clamp(width_deg / 3, 0.01, 0.05), middle = crossing_deg(beams);
-  for (double shift = middle - edge_reach_deg; shift <= middle + edge_reach_deg; shift += step) {
-    const double likelihood = likelihood_of_edge(beams, shift, width_deg);
-    if (likelihood > best.log_likelihood) best = {shift, likelihood};
-  }
+  const auto look = [&](double middle, double reach, double step) {
+    for (double shift = middle - reach; shift <= middle + reach; shift += step) {
+      const double likelihood = likelihood_of_edge(beams, shift, width_deg);
+      if (likelihood > best.log_likelihood) best = {shift, likelihood};
+    }
+  };
+  const double step = std::clamp(width_deg / 3, 0.01, 0.05);  // peaks are about as wide as the beam
+  look(crossing_deg(beams), edge_reach_deg, 3 * step);
+  look(best.shift_deg, 2 * step, step);
   return best;
 }
 
