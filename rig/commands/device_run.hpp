@@ -309,6 +309,8 @@ class DeviceRun {
     if (!failure || isatty(STDERR_FILENO) != 0) {
       std::fputs(summary_text(runner.state(), session, seconds).c_str(), stderr);
     }
+    const std::string& report = runner.state().report;
+    if (!report.empty()) std::fprintf(stderr, "report: %s\n", report.c_str());
     if (failure) std::rethrow_exception(failure);
     if (!met)
       throw MeasurementError("not every limit is met; the list above and the report say which and why.");

@@ -24,11 +24,17 @@ class Counts : public IndependentRows {
     return eta.cwiseMax(numbers::least_hazard);
   }
   /// Where nothing happened, fewer than one event in all of a row's samples cannot be told from none; but no
-  /// more is expected than happens on the whole, or steps are too long.
+  /// more is expected than happens on the whole, or steps are too long. Where more happened than expected,
+  /// the likelihood bends more than on average, near its best by as much as is seen over what is expected.
   [[nodiscard]] Eigen::VectorXd steady(Eigen::VectorXd eta) const override {
+    constexpr double most_bent = 16;
     const double whole = std::max(numbers::least_hazard, on_the_whole());
-    for (Eigen::Index i = 0; i < rows(); ++i)
-      eta[i] = of(i).y == 0 ? std::max(eta[i], std::min(whole, 1 / of(i).n)) : hazard_of(eta[i]);
+    for (Eigen::Index i = 0; i < rows(); ++i) {
+      const double h = hazard_of(eta[i]), seen = of(i).y / of(i).n;
+      eta[i] = of(i).y == 0 ? std::max(eta[i], std::min(whole, 1 / of(i).n))
+               : h < seen   ? h * std::max(h / seen, 1 / most_bent)
+                            : h;
+    }
     return eta;
   }
   [[nodiscard]] Eigen::VectorXd curved(Eigen::VectorXd eta) const override {

@@ -185,6 +185,35 @@ Eigen::MatrixXd of_draws(const Rows& channel, const Term& term) {
   return columns;
 }
 
+/// Of what is local: a smooth function of how far away it is, which ends within three of its widths. A share
+/// of the most that is there, as far away more may be left than the formula says.
+Eigen::MatrixXd of_local(const Rows& channel, const Term& term, std::size_t width) {
+  constexpr int cosines = numbers::smooth_deviations;
+  constexpr double reach = 3;
+  const Mechanism& m = *term.kind->mechanism;
+  const std::vector<double Effect::*>& ways = term.kind->ways;
+  const double middle = term.values[width - 1], end = reach * term.values[width];
+  std::vector<Effect> most(ways.size());
+  for (Index i = 0; i < channel.rows(); ++i) {
+    const Effect e = m.act(channel.at(i), term.values);
+    for (std::size_t w = 0; w < ways.size(); ++w)
+      most[w].*ways[w] = std::max(most[w].*ways[w], std::abs(e.*ways[w]));
+  }
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(channel.rows(), std::ssize(ways) * cosines);
+  for (Index i = 0; i < channel.rows(); ++i) {
+    const double x = (coordinate_of(m.coordinate, channel.at(i)) - middle) / end;
+    if (!(std::abs(x) < 1)) continue;
+    const double share = m.formula_error * std::pow(std::cos(pi / 2 * x), 2);
+    for (std::size_t w = 0; w < ways.size(); ++w) {
+      const double size = share * channel.response(i, most[w]);
+      for (int k = 0; k < cosines; ++k)
+        columns(i, static_cast<Index>(w) * cosines + k) =
+            size * (k == 0 ? 0.5 : std::cos(k * pi * (x + 1) / 2) / (k * k));
+    }
+  }
+  return columns;
+}
+
 /// The formula's own deviations.
 Eigen::MatrixXd of_formula(const Rows& channel, const Term& term) {
   const Kind& kind = *term.kind;
@@ -196,6 +225,7 @@ Eigen::MatrixXd of_formula(const Rows& channel, const Term& term) {
                             (m.parameters.size() == 1 && m.coordinate == Coordinate::target);
   if (m.parameter_of(Parameter::Scale::count)) return harmonics(channel, term);
   if (has_no_curve) return Eigen::MatrixXd(channel.rows(), 0);
+  if (const auto width = m.parameter_of(Parameter::Scale::width)) return of_local(channel, term, *width);
   const Eigen::VectorXd x = scaled(channel, m.coordinate);
   if (m.coordinate == Coordinate::target && m.geometric) return of_corners(channel, term, x);
   const double share = any_curve ? numbers::free_curve_share : m.formula_error;

@@ -114,6 +114,20 @@ TEST_CASE("light that ends sharply is light, and no function is left of its ends
   CHECK_FALSE(e.unknown);
 }
 
+TEST_CASE("light with a profile of its own is light, and nothing else") {
+  // The noise itself, not its variance, is brightest in the middle by a bell.
+  const auto shone = [](double beam_deg, double, double) {
+    const double bell = std::exp(-std::pow((beam_deg + 50) / 25, 2) / 2);
+    return Light{.scatter_mm = 4 * std::sqrt(std::pow(1 + 1.9 * bell, 2) - 1), .lost = 0.03 * bell};
+  };
+  const Explanation e = explained(shone, 20, 5);
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  CHECK(e.mechanisms.front().mechanism->id == "sunlight");
+  CHECK(std::abs(e.mechanisms.front().parameters.at("centre_deg").value + 50) < 3);
+  CHECK_FALSE(e.unknown);
+}
+
 TEST_CASE("noise at all angles for a while is unknown physics at that time, and no noise of the lidar") {
   const Explanation e = explained([](double, double time_s, double) {
     return Light{.scatter_mm = time_s > 255 && time_s < 435 ? 4.0 : 0};
