@@ -36,7 +36,7 @@ namespace fit {
 }
 
 /// How much of what is there in the middle there is so many widths away.
-[[nodiscard]] inline double share_of_sector(double widths, double ends) {
+[[nodiscard]] inline double share_of_sector(double widths, double ends = 2) {
   return std::exp(-(ends == 2 ? widths * widths : std::pow(std::abs(widths), ends)) / 2);
 }
 

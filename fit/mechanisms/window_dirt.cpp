@@ -15,8 +15,8 @@ Mechanism make_window_dirt() {
       centre_of_sector(),
       {.name = "width_deg", .role = Parameter::Role::shape, .lower = 2, .upper = 40, .starts = 4}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    const double away = widths_from_centre(c, p[1], p[2]);
-    return Effect{.log_echo = std::log(std::max(0.02, 1 - p[0] * std::exp(-away * away / 2)))};
+    const double dirt = p[0] * share_of_sector(widths_from_centre(c, p[1], p[2]));
+    return Effect{.log_echo = std::log(std::max(0.02, 1 - dirt))};
   };
   m.shows = [](const Finding& f, const Recorded& r) {
     const Interval dirty = sector_of(f, 1.5);

@@ -110,8 +110,8 @@ Design with_shapes_held(Design design) {
 }
 
 /// Nuisances, sizes and deviations as they are known from fits before, everything else as its prior expects.
-Eigen::VectorXd start_of(const Design& design, const std::vector<Term>& terms, const Eigen::VectorXd& base,
-                         const Fitted* before) {
+Eigen::VectorXd start_of(const Design& design, const std::vector<Term>& terms, const Fitted& before) {
+  const Eigen::VectorXd& base = before.hypothesis.base;
   Eigen::VectorXd x = design.mean;
   x.head(base.size()) = base.cwiseQuotient(design.sigma.head(base.size()));
   for (std::size_t t = 0; t < terms.size(); ++t) {
@@ -119,21 +119,20 @@ Eigen::VectorXd start_of(const Design& design, const std::vector<Term>& terms, c
     if (!terms[t].sigma.empty())  // else nobody has asked for its size
       x.segment(block.first, block.sizes) =
           model::coefficients(terms[t]).cwiseQuotient(design.sigma.segment(block.first, block.sizes));
-    if (before && before->optimum.x.size() == x.size())
+    if (before.optimum.x.size() == x.size())
       x.segment(block.first_deviation(), block.deviations) =
-          before->optimum.x.segment(block.first_deviation(), block.deviations);
+          before.optimum.x.segment(block.first_deviation(), block.deviations);
   }
   return x;
 }
 
 /// One round of a fit: everything linear at its best, and a step of the shapes, whose effect the likelihood
 /// does not count yet.
-Fitted solved(const Session& session, const std::vector<Term>& terms, const Eigen::VectorXd& from,
-              const Fitted* before = nullptr) {
+Fitted solved(const Session& session, const std::vector<Term>& terms, const Fitted& before) {
   Fitted result;
   result.design = design_of(session, terms);
   result.optimum =
-      optimum_of(session, with_shapes_held(result.design), start_of(result.design, terms, from, before));
+      optimum_of(session, with_shapes_held(result.design), start_of(result.design, terms, before));
   const Eigen::VectorXd stepped = curvature_at(session, result.design, result.optimum);
   Hypothesis& h = result.hypothesis;
   for (const Term& term : terms) h.log_prior += term.kind->log_prior;
@@ -177,19 +176,21 @@ Fitted fit(const Session& session, const Hypothesis& hypothesis) {
   std::vector<Term> at = hypothesis.terms;
   for (Term& term : at)
     term.factor = std::max(1.0, term.factor);  // a narrow prior would hold sizes where they are
-  Fitted best = solved(session, at, hypothesis.base);
+  Fitted best;
+  best.hypothesis.base = hypothesis.base;
+  best = solved(session, at, best);
   if (at.empty()) return best;
   // Deviations and factors suit the sizes only now.
   at = part_of_way(at, best.hypothesis.terms, 0);
-  best = solved(session, at, best.hypothesis.base, &best);
+  best = solved(session, at, best);
   for (int round = 1; round < most_rounds; ++round) {
     double share = 1;
     std::vector<Term> there = part_of_way(at, best.hypothesis.terms, share);
-    Fitted next = solved(session, there, best.hypothesis.base, &best);
+    Fitted next = solved(session, there, best);
     while (next.hypothesis.log_evidence < best.hypothesis.log_evidence - settled && share > shortest) {
       share /= 3;
       there = part_of_way(at, best.hypothesis.terms, share);
-      next = solved(session, there, best.hypothesis.base, &best);
+      next = solved(session, there, best);
     }
     const double gain = next.hypothesis.log_evidence - best.hypothesis.log_evidence;
     if (gain < -settled) {  // No step from here: they stay.

@@ -185,8 +185,9 @@ Eigen::MatrixXd of_draws(const Rows& channel, const Term& term) {
   return columns;
 }
 
-/// Of what is local: a smooth function of how far away it is, which ends within three of its widths. A share
-/// of the most that is there, as far away more may be left than the formula says.
+/// Of what is local, whose middle is the parameter before its width: a smooth function of how far away it is,
+/// which ends within three of its widths. A share of the most that is there, as far away more may be left
+/// than the formula says.
 Eigen::MatrixXd of_local(const Rows& channel, const Term& term, std::size_t width) {
   constexpr int cosines = numbers::smooth_deviations;
   constexpr double reach = 3;

@@ -99,6 +99,13 @@ std::vector<std::optional<std::size_t>> sizes_of(const Mechanism& m) {
   return list;
 }
 
+/// With that size as the catalogue has it, and no other.
+std::vector<double> with_one_size(const Kind& kind, const std::vector<double>& start, std::size_t size) {
+  std::vector<double> values = without_size(kind, start);
+  values[size] = kind.mechanism->parameters[size].typical;
+  return values;
+}
+
 /// What of it acts in a channel: each size by itself, and what needs none.
 Kind::Acting acting_in(const ChannelRows& channel, const Kind& kind) {
   Kind::Acting acting{std::vector<bool>(kind.coefficients.size(), false)};
@@ -117,10 +124,7 @@ Kind::Acting acting_in(const ChannelRows& channel, const Kind& kind) {
   const bool only_one = acting.sizes.size() == 1 && !acting.without_size;
   for (std::size_t k = 0; k < acting.sizes.size(); ++k)
     acting.sizes[k] = only_one || acts([&](const auto& start) {
-                        std::vector<double> values = without_size(kind, start);
-                        const std::size_t size = kind.coefficients[k].parameter;
-                        values[size] = start[size];
-                        return values;
+                        return with_one_size(kind, start, kind.coefficients[k].parameter);
                       });
   return acting;
 }
@@ -150,9 +154,9 @@ bool can_be_local(const Mechanism& m, const ListOfChannels& channels) {
 /// The power of a size that the effect goes with: variances go with the square of a deviation.
 int power_of(const Kind& kind, std::size_t k, const ListOfChannels& channels) {
   for (const std::vector<double>& start : kind.starts) {
-    std::vector<double> small = without_size(kind, start), twice = small;
-    small[k] = kind.mechanism->parameters[k].typical;
-    twice[k] = 2 * small[k];
+    const std::vector<double> small = with_one_size(kind, start, k);
+    std::vector<double> twice = small;
+    twice[k] *= 2;
     double ratio = 0;
     for (const auto& channel : channels)
       if (channel && channel->sees(kind.mechanism->coordinate))
