@@ -126,6 +126,16 @@ Eigen::VectorXd start_of(const Design& design, const std::vector<Term>& terms, c
   return x;
 }
 
+/// Whether a term's size is, within its standard uncertainty, what its deviations were taken for shares of.
+bool suits_size(const Optimum& optimum, const Design& design, const Design::Block& block,
+                const Eigen::MatrixXd& covariance, const Term& term) {
+  if (block.deviations == 0) return true;
+  const Eigen::VectorXd was =
+      model::coefficients(term).cwiseQuotient(design.sigma.segment(block.first, block.sizes));
+  const Eigen::VectorXd u = covariance.diagonal().segment(block.first, block.sizes).cwiseSqrt();
+  return ((optimum.x.segment(block.first, block.sizes) - was).array().abs() <= u.array()).all();
+}
+
 /// One round of a fit: everything linear at its best, and a step of the shapes, whose effect the likelihood
 /// does not count yet.
 Fitted solved(const Session& session, const std::vector<Term>& terms, const Fitted& before) {
@@ -148,6 +158,8 @@ Fitted solved(const Session& session, const std::vector<Term>& terms, const Fitt
   const Eigen::LLT<Eigen::MatrixXd> held(known);
   h.log_evidence = log_evidence_of(result.optimum, held, result.design, covariance, terms, h.log_fit, base);
   for (std::size_t t = 0; t < terms.size(); ++t) {
+    result.suits_sizes &=
+        suits_size(result.optimum, result.design, result.design.blocks[t], covariance, terms[t]);
     h.terms.push_back(
         moved(terms[t], result.optimum, stepped, result.design, result.design.blocks[t], covariance));
     h.terms.back().factor =
@@ -187,19 +199,22 @@ Fitted fit(const Session& session, const Hypothesis& hypothesis) {
     double share = 1;
     std::vector<Term> there = part_of_way(at, best.hypothesis.terms, share);
     Fitted next = solved(session, there, best);
-    while (next.hypothesis.log_evidence < best.hypothesis.log_evidence - settled && share > shortest) {
+    // Evidence with deviations that are shares of other sizes is no measure of what follows.
+    while (best.suits_sizes && next.hypothesis.log_evidence < best.hypothesis.log_evidence - settled &&
+           share > shortest) {
       share /= 3;
       there = part_of_way(at, best.hypothesis.terms, share);
       next = solved(session, there, best);
     }
     const double gain = next.hypothesis.log_evidence - best.hypothesis.log_evidence;
-    if (gain < -settled) {  // No step from here: they stay.
+    const bool counts = best.suits_sizes;
+    if (counts && gain < -settled) {  // No step from here: they stay.
       best.hypothesis.terms = part_of_way(at, best.hypothesis.terms, 0);
       break;
     }
     best = std::move(next);
     at = std::move(there);
-    if (gain < settled) break;
+    if (counts && gain < settled) break;
   }
   return best;
 }

@@ -11,6 +11,7 @@ struct Fitted {
   Hypothesis hypothesis;
   Design design;
   Optimum optimum;
+  bool suits_sizes = true;  ///< deviations are shares of the sizes that were found, within their u
 };
 [[nodiscard]] Fitted fit(const Session& session, const Hypothesis& hypothesis);
 

@@ -5,7 +5,11 @@
 #include <random>
 #include <set>
 #include <string>
+#include <string_view>
 
+#include "fit/explain/inference/placement.hpp"
+#include "fit/explain/inference/screen.hpp"
+#include "fit/explain/reduce.hpp"
 #include "noise_findings.hpp"
 #include "synthetic_recording.hpp"
 #include "tests/support/rounds.hpp"
@@ -15,8 +19,9 @@ namespace {
 /// Where a sample falls beside its true range, mm.
 using Noise = std::function<double(double beam_rad, double range_mm, std::mt19937& random)>;
 
-/// What is said of a wall, 1 to 3 m away, seen by 121 beams, whose bench states 5 mm of noise.
-NoiseFindings spread_of(const Noise& noise, unsigned seed) {
+/// A look at a wall, 1 to 3 m away, seen by 121 beams, whose bench states 5 mm of noise.
+template <class Look>
+auto look_at_wall(const Noise& noise, unsigned seed, const Look& look) {
   const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 121, "front_step": 60,
     "step_deg": 1, "scan_hz": 40}, "targets": [{"name": "wall", "from_mm": [1000, -6000], "to_mm": [1000, 6000],
     "u_mm": 1}], "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 5, "u": 0.25}}}]})");
@@ -39,7 +44,11 @@ NoiseFindings spread_of(const Noise& noise, unsigned seed) {
     capture.since_power_on_s = 600 + 30 * i;
     wall.add(capture, 120);
   }
-  return NoiseFindings(wall);
+  return look(wall);
+}
+
+NoiseFindings spread_of(const Noise& noise, unsigned seed) {
+  return look_at_wall(noise, seed, [](const fit::Recording& wall) { return NoiseFindings(wall); });
 }
 
 double normal(std::mt19937& random) { return std::normal_distribution<double>()(random); }
@@ -111,6 +120,36 @@ TEST_CASE("constant noise, even with heavier tails than a normal distribution's,
     CHECK(tailed.undecided.empty());
     for (const auto& s : tailed.accepted) CHECK(s.mechanism->id == "outliers");  // the farthest are
   }
+}
+
+TEST_CASE("a second cause of which hardly anything is left gains no evidence by deviations of its own") {
+  for (unsigned seed = 13; seed < 16; ++seed)
+    for (const double times : {20.0, 200.0}) {
+      fit::explain::Reduced reduced = look_at_wall(
+          with_more([times](double, double) { return times; }), seed, [](const fit::Recording& wall) {
+            return fit::explain::reduce(wall, [](double, const std::string&) {});
+          });
+      const fit::explain::inference::Session session(
+          reduced, {}, fit::explain::inference::fit_placements(reduced, {}).there);
+      // Far below all echoes a threshold makes noise that is nearly the same everywhere.
+      const auto with = [&](const fit::explain::inference::Fitted& before, std::string_view id) {
+        for (const auto& candidate : fit::explain::inference::screen(session, before)) {
+          if (candidate.term.kind->mechanism->id != id) continue;
+          fit::explain::inference::Hypothesis more;
+          more.terms = before.hypothesis.terms;
+          more.terms.push_back(candidate.term);
+          return fit::explain::inference::fit(session, more);
+        }
+        FAIL(id << " is no candidate");
+        return before;
+      };
+      const fit::explain::inference::Fitted nothing = fit::explain::inference::fit(session, {}),
+                                            noise = with(nothing, "range-noise"),
+                                            dropout = with(nothing, "dropout"),
+                                            both = with(dropout, "range-noise");
+      CHECK(both.hypothesis.log_evidence <
+            std::max(noise.hypothesis.log_evidence, dropout.hypothesis.log_evidence) + 2);
+    }
 }
 
 TEST_CASE("a tail of late samples is unknown, and a ghost at one range is not") {
