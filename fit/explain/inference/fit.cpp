@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "fit/dense.hpp"
@@ -126,9 +127,12 @@ Eigen::VectorXd start_of(const Design& design, const std::vector<Term>& terms, c
   return x;
 }
 
-/// Whether a term's size is, within its standard uncertainty, what its deviations were taken for shares of.
+/// Whether a term's size is, within its standard uncertainty, what its deviations were taken for shares of,
+/// and its prior of the factor that suits it, or the next one.
 bool suits_size(const Optimum& optimum, const Design& design, const Design::Block& block,
-                const Eigen::MatrixXd& covariance, const Term& term) {
+                const Eigen::MatrixXd& covariance, const Term& term, double factor) {
+  if (block.sizes > 0 && std::abs(std::log(factor / term.factor)) > 1.5 * numbers::size_factor_log)
+    return false;
   if (block.deviations == 0) return true;
   const Eigen::VectorXd was =
       model::coefficients(term).cwiseQuotient(design.sigma.segment(block.first, block.sizes));
@@ -158,12 +162,12 @@ Fitted solved(const Session& session, const std::vector<Term>& terms, const Fitt
   const Eigen::LLT<Eigen::MatrixXd> held(known);
   h.log_evidence = log_evidence_of(result.optimum, held, result.design, covariance, terms, h.log_fit, base);
   for (std::size_t t = 0; t < terms.size(); ++t) {
+    const Design::Block& block = result.design.blocks[t];
+    h.terms.push_back(moved(terms[t], result.optimum, stepped, result.design, block, covariance));
+    Term& there = h.terms.back();
+    there.factor = rescaled(result.optimum, held, result.design, block, terms[t]).factor;
     result.suits_sizes &=
-        suits_size(result.optimum, result.design, result.design.blocks[t], covariance, terms[t]);
-    h.terms.push_back(
-        moved(terms[t], result.optimum, stepped, result.design, result.design.blocks[t], covariance));
-    h.terms.back().factor =
-        rescaled(result.optimum, held, result.design, result.design.blocks[t], terms[t]).factor;
+        suits_size(result.optimum, result.design, block, covariance, terms[t], there.factor);
   }
   return result;
 }
@@ -195,11 +199,13 @@ Fitted fit(const Session& session, const Hypothesis& hypothesis) {
   // Deviations and factors suit the sizes only now.
   at = part_of_way(at, best.hypothesis.terms, 0);
   best = solved(session, at, best);
+  std::optional<Fitted> suitable;
+  if (best.suits_sizes) suitable = best;
   for (int round = 1; round < most_rounds; ++round) {
     double share = 1;
     std::vector<Term> there = part_of_way(at, best.hypothesis.terms, share);
     Fitted next = solved(session, there, best);
-    // Evidence with deviations that are shares of other sizes is no measure of what follows.
+    // Evidence of priors and deviations of other sizes is no measure of what follows.
     while (best.suits_sizes && next.hypothesis.log_evidence < best.hypothesis.log_evidence - settled &&
            share > shortest) {
       share /= 3;
@@ -214,9 +220,10 @@ Fitted fit(const Session& session, const Hypothesis& hypothesis) {
     }
     best = std::move(next);
     at = std::move(there);
-    if (counts && gain < settled) break;
+    if (best.suits_sizes) suitable = best;
+    if (counts && best.suits_sizes && gain < settled) break;
   }
-  return best;
+  return best.suits_sizes || !suitable ? best : *suitable;
 }
 
 }  // namespace fit::explain::inference

@@ -11,7 +11,8 @@ struct Fitted {
   Hypothesis hypothesis;
   Design design;
   Optimum optimum;
-  bool suits_sizes = true;  ///< deviations are shares of the sizes that were found, within their u
+  /// Priors and deviations are those of the sizes that were found: else its evidence is of another model.
+  bool suits_sizes = true;
 };
 [[nodiscard]] Fitted fit(const Session& session, const Hypothesis& hypothesis);
 
