@@ -16,11 +16,10 @@ using Eigen::Index;
 namespace {
 
 /// What the likelihood says of a block of coefficients with all others integrated, which have their priors.
-Quadratic about(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& factor, const Design& design,
-                Index first, Index count) {
-  const Index k = design.mean.size();
-  const Eigen::MatrixXd covariance =
-      factor.solve(Eigen::MatrixXd::Identity(k, k)).block(first, first, count, count);
+/// `all`: the covariance of all coefficients.
+Quadratic about(const Optimum& optimum, const Eigen::MatrixXd& all, const Design& design, Index first,
+                Index count) {
+  const Eigen::MatrixXd covariance = all.block(first, first, count, count);
   // Less the priors' own information, which is one in these units. Where counts bend the likelihood up, they
   // say nothing of a scale.
   const dense::SymmetricEigen own =
@@ -42,10 +41,10 @@ Quadratic about(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& facto
 struct Rescaled {
   double factor = 1, added = 0;
 };
-Rescaled rescaled(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& factor, const Design& design,
+Rescaled rescaled(const Optimum& optimum, const Eigen::MatrixXd& held, const Design& design,
                   const Design::Block& block, const Term& term) {
   if (block.sizes == 0) return {};
-  const Quadratic q = about(optimum, factor, design, block.first, block.sizes);
+  const Quadratic q = about(optimum, held, design, block.first, block.sizes);
   constexpr double farthest = 32;  // beyond that, what steps leave undone would grow to evidence
   const OverFactors over = integrate_over_factors(q, *term.kind, farthest * term.factor);
   return {over.factor, over.log_evidence - integrate(q, prior_of(*term.kind, term.factor)).log_evidence};
@@ -56,13 +55,13 @@ Rescaled rescaled(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& fac
 /// starts says.
 /// `log_fit`: at the optimum, with the priors of the first `base` coefficients, which are nuisances.
 double log_evidence_of(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& held, const Design& design,
-                       const Eigen::MatrixXd& covariance, const std::vector<Term>& terms, double log_fit,
-                       Index base) {
+                       const Eigen::MatrixXd& covariance, const std::vector<Term>& terms,
+                       const std::vector<Rescaled>& factors, double log_fit, Index base) {
   double sum = optimum.log_posterior - 0.5 * log_determinant(held);
   const double of_uniform = 0.5 * std::log(2 * pi / 12);
   for (std::size_t t = 0; t < terms.size(); ++t) {
     const Design::Block& block = design.blocks[t];
-    sum += rescaled(optimum, held, design, block, terms[t]).added;
+    sum += factors[t].added;
     const Index n = block.shapes, first = block.first_shape();
     const double width = n == 0 ? 0 : 0.5 * std::log(covariance.block(first, first, n, n).determinant());
     sum += std::min(terms[t].by_grid, width + static_cast<double>(n) * of_uniform + terms[t].by_modes);
@@ -110,6 +109,11 @@ Design with_shapes_held(Design design) {
   return design;
 }
 
+/// A term's sizes in units of their prior.
+Eigen::VectorXd sizes_of(const Term& term, const Design& design, const Design::Block& block) {
+  return model::coefficients(term).cwiseQuotient(design.sigma.segment(block.first, block.sizes));
+}
+
 /// Nuisances, sizes and deviations as they are known from fits before, everything else as its prior expects.
 Eigen::VectorXd start_of(const Design& design, const std::vector<Term>& terms, const Fitted& before) {
   const Eigen::VectorXd& base = before.hypothesis.base;
@@ -118,8 +122,7 @@ Eigen::VectorXd start_of(const Design& design, const std::vector<Term>& terms, c
   for (std::size_t t = 0; t < terms.size(); ++t) {
     const Design::Block& block = design.blocks[t];
     if (!terms[t].sigma.empty())  // else nobody has asked for its size
-      x.segment(block.first, block.sizes) =
-          model::coefficients(terms[t]).cwiseQuotient(design.sigma.segment(block.first, block.sizes));
+      x.segment(block.first, block.sizes) = sizes_of(terms[t], design, block);
     if (before.optimum.x.size() == x.size())
       x.segment(block.first_deviation(), block.deviations) =
           before.optimum.x.segment(block.first_deviation(), block.deviations);
@@ -134,10 +137,10 @@ bool suits_size(const Optimum& optimum, const Design& design, const Design::Bloc
   if (block.sizes > 0 && std::abs(std::log(factor / term.factor)) > 1.5 * numbers::size_factor_log)
     return false;
   if (block.deviations == 0) return true;
-  const Eigen::VectorXd was =
-      model::coefficients(term).cwiseQuotient(design.sigma.segment(block.first, block.sizes));
   const Eigen::VectorXd u = covariance.diagonal().segment(block.first, block.sizes).cwiseSqrt();
-  return ((optimum.x.segment(block.first, block.sizes) - was).array().abs() <= u.array()).all();
+  return ((optimum.x.segment(block.first, block.sizes) - sizes_of(term, design, block)).array().abs() <=
+          u.array())
+      .all();
 }
 
 /// One round of a fit: everything linear at its best, and a step of the shapes, whose effect the likelihood
@@ -160,12 +163,18 @@ Fitted solved(const Session& session, const std::vector<Term>& terms, const Fitt
   Eigen::MatrixXd known = result.optimum.factor.reconstructedMatrix();
   hold_shapes(result.design, 1, known);
   const Eigen::LLT<Eigen::MatrixXd> held(known);
-  h.log_evidence = log_evidence_of(result.optimum, held, result.design, covariance, terms, h.log_fit, base);
+  const Eigen::MatrixXd covariance_held = held.solve(Eigen::MatrixXd::Identity(k, k));
+  std::vector<Rescaled> factors;
+  for (std::size_t t = 0; t < terms.size(); ++t)
+    factors.push_back(
+        rescaled(result.optimum, covariance_held, result.design, result.design.blocks[t], terms[t]));
+  h.log_evidence =
+      log_evidence_of(result.optimum, held, result.design, covariance, terms, factors, h.log_fit, base);
   for (std::size_t t = 0; t < terms.size(); ++t) {
     const Design::Block& block = result.design.blocks[t];
     h.terms.push_back(moved(terms[t], result.optimum, stepped, result.design, block, covariance));
     Term& there = h.terms.back();
-    there.factor = rescaled(result.optimum, held, result.design, block, terms[t]).factor;
+    there.factor = factors[t].factor;
     result.suits_sizes &=
         suits_size(result.optimum, result.design, block, covariance, terms[t], there.factor);
   }
@@ -199,8 +208,7 @@ Fitted fit(const Session& session, const Hypothesis& hypothesis) {
   // Deviations and factors suit the sizes only now.
   at = part_of_way(at, best.hypothesis.terms, 0);
   best = solved(session, at, best);
-  std::optional<Fitted> suitable;
-  if (best.suits_sizes) suitable = best;
+  std::optional<Fitted> suitable;  // the last one before others that are not
   for (int round = 1; round < most_rounds; ++round) {
     double share = 1;
     std::vector<Term> there = part_of_way(at, best.hypothesis.terms, share);
@@ -218,12 +226,13 @@ Fitted fit(const Session& session, const Hypothesis& hypothesis) {
       best.hypothesis.terms = part_of_way(at, best.hypothesis.terms, 0);
       break;
     }
+    if (counts && !next.suits_sizes) suitable = std::move(best);
     best = std::move(next);
     at = std::move(there);
-    if (best.suits_sizes) suitable = best;
     if (counts && best.suits_sizes && gain < settled) break;
   }
-  return best.suits_sizes || !suitable ? best : *suitable;
+  if (!best.suits_sizes && suitable) return *std::move(suitable);
+  return best;
 }
 
 }  // namespace fit::explain::inference
