@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 
 #include "fit/mechanism.hpp"
+#include "fit/weakest_echo.hpp"
 
 /// Light from inside the housing that is added to the echo: how far it moves the trigger depends on how
 /// strong the echo is, and the receiver says how.
@@ -21,7 +21,7 @@ namespace fit {
 
 /// 1 at 1000 counts, and where the lidar gives no intensity.
 [[nodiscard]] inline double beside_echo(const Circumstances& c, double by_echo) {
-  return std::isfinite(c.intensity) ? std::pow(std::max(10.0, c.intensity) / 1000, by_echo) : 1;
+  return std::isfinite(c.intensity) ? std::pow(counts_of_echo(c.intensity) / 1000, by_echo) : 1;
 }
 
 }  // namespace fit

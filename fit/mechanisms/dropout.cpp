@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "fit/mechanism.hpp"
+#include "fit/weakest_echo.hpp"
 
 namespace fit::mechanisms {
 
@@ -21,7 +22,7 @@ Mechanism make_dropout() {
       {.name = "intensity_min",
        .role = Parameter::Role::shape,
        .scale = Parameter::Scale::threshold,
-       .lower = 5,
+       .lower = weakest_counts,
        .upper = 1500,
        .starts = 20},
       {.name = "width", .role = Parameter::Role::shape, .lower = 0.05, .upper = 300, .starts = 12},

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-#include <algorithm>
+#include <cmath>
 
 #include "fit/mechanism.hpp"
+#include "fit/weakest_echo.hpp"
 
 namespace fit::mechanisms {
 
@@ -12,7 +13,7 @@ Mechanism make_intensity_noise() {
   m.cause = "weak echoes scatter more";
   m.observable = Observable::range_variance;
   m.coordinate = Coordinate::intensity;
-  m.parameters = {{.name = "sigma_mm_at_1000_counts", .typical = 3, .sign = 1},
+  m.parameters = {{.name = "sigma_mm_at_100_counts", .typical = 5, .sign = 1},
                   {.name = "exponent",
                    .role = Parameter::Role::shape,
                    .lower = 1,
@@ -21,7 +22,7 @@ Mechanism make_intensity_noise() {
                    .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (!std::isfinite(c.intensity)) return Effect{};
-    return Effect{.variance_mm2 = p[0] * p[0] * std::pow(1000 / std::max(20.0, c.intensity), p[1])};
+    return Effect{.variance_mm2 = p[0] * p[0] * std::pow(100 / counts_of_echo(c.intensity), p[1])};
   };
   m.shows = [](const Finding& f, const Recorded& r) {  // down to a quarter of the largest variance
     const double top = r.from * std::pow(4.0, 1 / std::max(1.0, f.at("exponent").value));
@@ -30,8 +31,8 @@ Mechanism make_intensity_noise() {
   };
   m.says = [](const Finding& f) {
     return "Weak echoes scatter more: beside the constant noise there is " +
-           with_uncertainty(f.at("sigma_mm_at_1000_counts"), "mm") +
-           " at 1000 counts, its variance growing with the power " + rounded(f.at("exponent").value, 2) +
+           with_uncertainty(f.at("sigma_mm_at_100_counts"), "mm") +
+           " at 100 counts, its variance growing with the power " + rounded(f.at("exponent").value, 2) +
            " of one over the intensity.";
   };
   m.separate = "change the target's reflectance at a fixed distance";

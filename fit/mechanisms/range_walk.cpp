@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "fit/mechanism.hpp"
+#include "fit/weakest_echo.hpp"
 
 namespace fit::mechanisms {
 
@@ -34,9 +35,8 @@ Mechanism make_range_walk() {
        .starts = 3,
        .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    constexpr double weakest_counts = 10;
     if (!std::isfinite(c.intensity)) return Effect{};
-    const double counts = std::max(weakest_counts, c.intensity);
+    const double counts = counts_of_echo(c.intensity);
     return Effect{.range_mm =
                       p[0] * std::pow(counts / 100, -p[3]) * std::exp(-std::pow(counts / p[1], p[2]))};
   };

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-#include <algorithm>
 #include <cmath>
 
 #include "fit/beam_sector.hpp"
+#include "fit/weakest_echo.hpp"
 
 namespace fit::mechanisms {
 namespace {
@@ -60,7 +60,7 @@ Mechanism make_sunlight() {
     if (c.time_s < p[3] || c.time_s > p[4]) return Effect{};
     const double light = share_of_sector(widths_from_centre(c, p[1], p[2]), p[7]),
                  weak = p[6] != 0 && std::isfinite(c.intensity)
-                            ? std::pow(1000 / std::max(20.0, c.intensity), p[6])
+                            ? std::pow(1000 / counts_of_echo(c.intensity), p[6])
                             : 1;
     return Effect{.variance_mm2 = p[0] * p[0] * light * weak, .lost = p[5] * light};
   };

@@ -205,9 +205,10 @@ Fitted fit(const Session& session, const Hypothesis& hypothesis) {
   best.hypothesis.base = hypothesis.base;
   best = solved(session, at, best);
   if (at.empty()) return best;
-  // Deviations and factors suit the sizes only now.
-  at = part_of_way(at, best.hypothesis.terms, 0);
-  best = solved(session, at, best);
+  if (!best.suits_sizes) {
+    at = part_of_way(at, best.hypothesis.terms, 0);
+    best = solved(session, at, best);
+  }
   std::optional<Fitted> suitable;  // the last one before others that are not
   for (int round = 1; round < most_rounds; ++round) {
     double share = 1;

@@ -85,9 +85,11 @@ class Climber {
   /// Nothing is missing, and the session is linearised there.
   [[nodiscard]] bool is_where_it_began() const { return best_.hypothesis.terms.empty() && !moved_; }
 
-  /// All that counts at the linearisation where the best one predicts. Returns whether another is the best.
+  /// All that counts at the linearisation where the best one predicts. Returns whether the search would still
+  /// find what it found: the best one is the same, and all others lie where they lay below it.
   bool fit_again() {
-    const std::vector<const Kind*> before = best_.hypothesis.kinds();
+    constexpr double hardly = 0.5;  // fits are settled to a fifth of it
+    const Hypothesis before = best_.hypothesis;
     session_.linearise(best_.hypothesis);
     moved_ = true;
     std::vector<Hypothesis> again;
@@ -98,7 +100,12 @@ class Climber {
     screened_.clear();
     std::optional<Fitted> first = fit_all(again);
     best_ = std::move(*first);
-    return best_.hypothesis.kinds() != before;
+    const double best = best_.hypothesis.log_posterior();
+    return best_.hypothesis.kinds() == before.kinds() && std::ranges::all_of(again, [&](const Hypothesis& h) {
+             const double now = visited_.at(h.kinds()).log_posterior() - best,
+                          was = h.log_posterior() - before.log_posterior();
+             return std::max(now, was) < -2 * numbers::window || std::abs(now - was) < hardly;
+           });
   }
 
   Explored result() && { return {std::move(visited_), std::move(best_)}; }
@@ -115,10 +122,16 @@ class Climber {
     if (!is_new && known->second.log_posterior() < f.hypothesis.log_posterior()) known->second = f.hypothesis;
   }
 
+  /// As it was fitted before, or is now.
+  Hypothesis known(const Hypothesis& h) {
+    const auto before = visited_.find(h.kinds());
+    return before != visited_.end() ? before->second : fitted(h).hypothesis;
+  }
+
   /// What each kind would add to it, but one.
-  std::vector<Candidate> screened(const Fitted& f, const Kind* but = nullptr) {
-    const auto [known, is_new] = screened_.try_emplace(f.hypothesis.kinds());
-    if (is_new) known->second = screen(session_, f);
+  std::vector<Candidate> screened(const Hypothesis& h, const Kind* but = nullptr) {
+    const auto [known, is_new] = screened_.try_emplace(h.kinds());
+    if (is_new) known->second = screen(session_, h.kinds() == best_.hypothesis.kinds() ? best_ : fitted(h));
     std::vector<Candidate> list = known->second;
     std::erase_if(list, [&](const Candidate& candidate) { return candidate.term.kind == but; });
     return list;
@@ -160,7 +173,7 @@ class Climber {
 
   bool add() {
     if (best_.hypothesis.terms.size() >= numbers::most_terms) return false;
-    const std::vector<Candidate> list = screened(best_);
+    const std::vector<Candidate> list = screened(best_.hypothesis);
     if (take_if_better(fit_each(best_.hypothesis, best_of(list, tries, forms(tries / 2))))) return true;
     // The approximation promised too much of the best; others stood in its shadow.
     if (list.empty() || list.front().log_posterior() < numbers::window) return false;
@@ -182,30 +195,30 @@ class Climber {
     const Hypothesis whole = best_.hypothesis;
     bool better = false;
     for (std::size_t t = 0; t < whole.terms.size(); ++t) {
-      const Fitted less = fitted(without(whole, t));
+      const Hypothesis less = known(without(whole, t));
       const auto list = best_of(screened(less, whole.terms[t].kind), tries, forms(tries / 2));
-      const double worth = whole.log_evidence - less.hypothesis.log_evidence;
-      better = take_if_better(fit_each(less.hypothesis, list)) || better;
+      const double worth = whole.log_evidence - less.log_evidence;
+      better = take_if_better(fit_each(less, list)) || better;
       better = exchange_for_two(less, list, *whole.terms[t].kind, worth) || better;
     }
     return better;
   }
 
   /// A term may look like two others together: those that do a good part of what it does, with one more.
-  bool exchange_for_two(const Fitted& less, const std::vector<Candidate>& list, const Kind& instead_of,
+  bool exchange_for_two(const Hypothesis& less, const std::vector<Candidate>& list, const Kind& instead_of,
                         double worth) {
     constexpr std::size_t most = 2;
     constexpr double good_part = 0.5;
-    if (less.hypothesis.terms.size() + 2 > numbers::most_terms) return false;
+    if (less.terms.size() + 2 > numbers::most_terms) return false;
     bool better = false;
     std::size_t asked = 0;
     for (const Candidate& candidate : list) {
       if (asked == most) break;
       if (candidate.term.kind->is_form() || candidate.log_evidence < good_part * worth) continue;
       ++asked;
-      const Fitted first = fitted(with_term(less.hypothesis, candidate.term));
+      const Hypothesis first = known(with_term(less, candidate.term));
       const auto more = best_of(screened(first, &instead_of), most, forms(1));
-      better = take_if_better(fit_each(first.hypothesis, more)) || better;
+      better = take_if_better(fit_each(first, more)) || better;
     }
     return better;
   }
@@ -234,7 +247,7 @@ Explored explore(Session& session, const Progress& progress) {
       climber.climb();
     }
     if (climber.is_where_it_began()) break;
-    if (!climber.fit_again() && pass > 0) break;
+    if (climber.fit_again()) break;
   }
   return std::move(climber).result();
 }

@@ -25,7 +25,7 @@ std::map<std::string, std::string> entries() {
 
 /// By what the name says.
 std::string unit_of(const std::string& name) {
-  static const std::pair<const char*, const char*> by_end[] = {{"_mm_at_1000_counts", "mm"},
+  static const std::pair<const char*, const char*> by_end[] = {{"_mm_at_100_counts", "mm"},
                                                                {"_mm_per_100_counts", "mm"},
                                                                {"_mm_per_k", "mm/K"},
                                                                {"_per_k", "1/K"},

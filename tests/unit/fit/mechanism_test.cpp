@@ -161,8 +161,8 @@ const std::map<std::string, Equation>& equations() {
           return fit::Effect{.footprint_rad = 0.2 * degree};
         }}},
       {"range-noise", {{{"sigma_mm", 4}}, [](const Beam&) { return fit::Effect{.variance_mm2 = 16}; }}},
-      {"intensity-noise", {{{"sigma_mm_at_1000_counts", 3}, {"exponent", 1}},
-        [](const Beam& x) { return fit::Effect{.variance_mm2 = 9000 / x.I}; }}},
+      {"intensity-noise", {{{"sigma_mm_at_100_counts", 3}, {"exponent", 1}},
+        [](const Beam& x) { return fit::Effect{.variance_mm2 = 900 / x.I}; }}},
       {"sunlight", {{{"sigma_mm", 6}, {"centre_deg", 20}, {"width_deg", 15}, {"from_s", 500}, {"to_s", 1500},
                      {"lost", 0.1}, {"exponent", 2}, {"edge_exponent", 4}},
         [](const Beam& x) {
