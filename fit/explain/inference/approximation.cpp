@@ -15,35 +15,48 @@ std::vector<Eigen::MatrixXd> Approximation::whitened(std::vector<Eigen::MatrixXd
   return columns;
 }
 
-std::vector<Eigen::MatrixXd> Approximation::whitened_at(std::size_t start) const {
-  const std::vector<Eigen::MatrixXf>& columns = session_->at_start(*kind_, start).columns;
-  std::vector<Eigen::MatrixXd> white(columns.size());
-  for (std::size_t c = 0; c < columns.size(); ++c) {
-    white[c] = columns[c].cast<double>();
-    if (white[c].cols() > 0 && around_->root[c].size() > 0)
-      white[c] = around_->root[c].asDiagonal() * white[c];
+std::vector<Eigen::MatrixXd> Approximation::whitened_at(std::size_t first, std::size_t count) const {
+  std::vector<Eigen::MatrixXd> white(session_->channels().size());
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::vector<Eigen::MatrixXf>& columns = session_->at_start(*kind_, first + i).columns;
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      const Index n = columns[c].cols();
+      if (n == 0) continue;
+      if (i == 0) white[c].resize(columns[c].rows(), static_cast<Index>(count) * n);
+      auto here = white[c].middleCols(static_cast<Index>(i) * n, n);
+      here = columns[c].cast<double>();
+      if (around_->root[c].size() > 0) here.array().colwise() *= around_->root[c].array();
+    }
   }
   return white;
 }
 
-Quadratic Approximation::projected(const std::vector<Eigen::MatrixXd>& columns) const {
+std::vector<Quadratic> Approximation::projected(const std::vector<Eigen::MatrixXd>& columns,
+                                                std::size_t count) const {
+  const auto terms = static_cast<Index>(count);
   Index k = 0;
-  for (const auto& c : columns) k = std::max(k, c.cols());
-  Quadratic q{Eigen::MatrixXd::Zero(k, k), Eigen::VectorXd::Zero(k)};
-  Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(fitted_->design.mean.size(), k);
+  for (const auto& c : columns) k = std::max(k, c.cols() / terms);
+  std::vector<Quadratic> list(count, {Eigen::MatrixXd::Zero(k, k), Eigen::VectorXd::Zero(k)});
+  Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(fitted_->design.mean.size(), terms * k);
   for (std::size_t c = 0; c < columns.size(); ++c) {
     if (columns[c].cols() == 0) continue;
-    const Eigen::MatrixXd& white = columns[c];
-    const Index n = white.cols();
-    q.square.topLeftCorner(n, n).noalias() += white.transpose() * white;
-    q.along.head(n).noalias() += white.transpose() * around_->white_residual[c];
-    const Eigen::MatrixXd with = around_->white[c].transpose() * white;
+    const Index n = columns[c].cols() / terms;
+    const Eigen::MatrixXd with = around_->white[c].transpose() * columns[c];
+    const Eigen::VectorXd along = columns[c].transpose() * around_->white_residual[c];
     const auto& index = fitted_->design.parts[c].index;
-    for (std::size_t i = 0; i < index.size(); ++i)
-      cross.row(index[i]).head(n) += with.row(static_cast<Index>(i));
+    for (Index t = 0; t < terms; ++t) {
+      const auto white = columns[c].middleCols(t * n, n);
+      Quadratic& q = list[static_cast<std::size_t>(t)];
+      q.square.topLeftCorner(n, n).noalias() += white.transpose() * white;
+      q.along.head(n) += along.segment(t * n, n);
+      cross(index, Eigen::seqN(t * k, n)) += with.middleCols(t * n, n);
+    }
   }
-  q.square -= cross.transpose() * around_->factor.solve(cross);
-  return q;
+  const Eigen::MatrixXd solved = around_->factor.solve(cross);
+  for (Index t = 0; t < terms; ++t)
+    list[static_cast<std::size_t>(t)].square -=
+        cross.middleCols(t * k, k).transpose() * solved.middleCols(t * k, k);
+  return list;
 }
 
 std::vector<Eigen::MatrixXd> Approximation::columns_of(const Term& term) const {
@@ -54,15 +67,32 @@ std::vector<Eigen::MatrixXd> Approximation::columns_of(const Term& term) const {
   return columns;
 }
 
-double Approximation::with_sizes(Term& term, std::optional<std::size_t> start) const {
-  const double without_size = kind_->acts_without_size ? gain_of_offset(term, start) : 0;
-  if (kind_->coefficients.empty()) return without_size;
-  const OverFactors over =
-      integrate_over_factors(projected(start ? whitened_at(*start) : whitened(columns_of(term))), *kind_);
+double Approximation::with_sizes(Term& term, const Quadratic& likelihood, double without_size) const {
+  const OverFactors over = integrate_over_factors(likelihood, *kind_);
   if (!over.best.value.allFinite()) return -1e300;
   model::set_coefficients(term, over.best.value, over.best.covariance);
   term.factor = over.factor;
   return without_size + over.log_evidence;
+}
+
+double Approximation::with_sizes(Term& term) const {
+  const double without_size = kind_->acts_without_size ? gain_of_offset(term) : 0;
+  if (kind_->coefficients.empty()) return without_size;
+  return with_sizes(term, projected(whitened(columns_of(term))).front(), without_size);
+}
+
+std::vector<double> Approximation::with_sizes_at_starts(std::vector<Term>& terms) const {
+  constexpr std::size_t together = 16;  // whose columns a cache holds
+  std::vector<double> logs(terms.size(), 0.0);
+  for (std::size_t i = 0; i < terms.size(); ++i)
+    if (kind_->acts_without_size) logs[i] = gain_of_offset(terms[i], i);
+  for (std::size_t first = 0; first < terms.size() && !kind_->coefficients.empty(); first += together) {
+    const std::size_t count = std::min(together, terms.size() - first);
+    const std::vector<Quadratic> each = projected(whitened_at(first, count), count);
+    for (std::size_t i = 0; i < count; ++i)
+      logs[first + i] = with_sizes(terms[first + i], each[i], logs[first + i]);
+  }
+  return logs;
 }
 
 double Approximation::with_everything(const Term& term, bool with_shapes) const {
@@ -81,9 +111,10 @@ double Approximation::with_everything(const Term& term, bool with_shapes) const 
     columns[c].resize(rows.rows(), sizes.cols() + places.cols() + deviations.cols());
     columns[c] << sizes, places, deviations;
   }
-  const double all = without_size +
-                     integrate_over_factors(projected(whitened(std::move(columns))), *kind_).log_evidence +
-                     static_cast<double>(shapes) * 0.5 * std::log(2 * pi / 12);
+  const double all =
+      without_size +
+      integrate_over_factors(projected(whitened(std::move(columns))).front(), *kind_).log_evidence +
+      static_cast<double>(shapes) * 0.5 * std::log(2 * pi / 12);
   return std::isfinite(all) ? all : -1e300;
 }
 

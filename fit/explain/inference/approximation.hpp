@@ -17,9 +17,10 @@ class Approximation {
       : session_(&session), fitted_(&fitted), around_(&around), kind_(&kind) {}
 
  protected:
-  /// Log evidence at those shapes, over all sizes; the term gets the best. `start`: the one that it stands
-  /// at.
-  double with_sizes(Term& term, std::optional<std::size_t> start = {}) const;
+  /// Log evidence at those shapes, over all sizes; the term gets the best.
+  double with_sizes(Term& term) const;
+  /// The same of terms that stand at all of the kind's starts.
+  std::vector<double> with_sizes_at_starts(std::vector<Term>& terms) const;
   /// With the deviations that the formula allows, and the width of its shapes.
   [[nodiscard]] double with_everything(const Term& term, bool with_shapes) const;
 
@@ -46,11 +47,13 @@ class Approximation {
 
  private:
   [[nodiscard]] std::vector<Eigen::MatrixXd> whitened(std::vector<Eigen::MatrixXd> columns) const;
-  /// At one of its starts.
-  [[nodiscard]] std::vector<Eigen::MatrixXd> whitened_at(std::size_t start) const;
-  /// Of whitened columns, with the base and present terms integrated out. Channels may have different numbers
-  /// of them: the first ones are the same coefficients in all.
-  [[nodiscard]] Quadratic projected(const std::vector<Eigen::MatrixXd>& columns) const;
+  /// At so many of its starts, beside each other.
+  [[nodiscard]] std::vector<Eigen::MatrixXd> whitened_at(std::size_t first, std::size_t count) const;
+  /// Of the whitened columns of so many terms beside each other, with the base and present terms integrated
+  /// out. Channels may have different numbers of them: the first ones are the same coefficients in all.
+  [[nodiscard]] std::vector<Quadratic> projected(const std::vector<Eigen::MatrixXd>& columns,
+                                                 std::size_t count = 1) const;
+  double with_sizes(Term& term, const Quadratic& likelihood, double without_size) const;
   [[nodiscard]] std::vector<Eigen::MatrixXd> columns_of(const Term& term) const;
   [[nodiscard]] double gain_of_offset(const Term& term, std::optional<std::size_t> start = {}) const;
   [[nodiscard]] double width_without_sizes(const Term& term) const;

@@ -27,14 +27,14 @@ class Question : Approximation {
 
   /// On the grid of its starts.
   void ask_starts() {
+    std::vector<Term> terms;
+    for (const auto& start : kind_->bins ? proposed() : kind_->starts) terms.push_back(term_at(start));
     std::vector<double> logs;
-    const std::vector<std::vector<double>> starts = kind_->bins ? proposed() : kind_->starts;
-    for (std::size_t i = 0; i < starts.size(); ++i) {
-      Term term = term_at(starts[i]);
-      const double log_evidence = kind_->bins ? with_sizes(term) : with_sizes(term, i);
-      logs.push_back(log_evidence);
-      asked_.push_back({log_evidence, std::move(term)});
-    }
+    if (kind_->bins)
+      for (Term& term : terms) logs.push_back(with_sizes(term));
+    else
+      logs = with_sizes_at_starts(terms);
+    for (std::size_t i = 0; i < terms.size(); ++i) asked_.push_back({logs[i], std::move(terms[i])});
     if (kind_->mechanism->any_curve) keep_places();
     const double places =
         kind_->bins ? kind_->mechanism->parameters[*kind_->bins].starts : static_cast<double>(logs.size());
