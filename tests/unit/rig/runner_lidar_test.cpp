@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include "rig/runner/bench_check.hpp"
 #include "tests/support/runner_rig.hpp"
 
 using Catch::Matchers::Contains;
@@ -116,6 +117,33 @@ TEST_CASE("a lidar whose timer jumps by hours in the middle of a capture is conn
   REQUIRE(captures.size() == 1);
   CHECK(captures[0].stamps.size() == 60);
   CHECK(rig.lidar.connects == 2);
+}
+
+TEST_CASE("a check of the bench tells a lidar's clock that jumps from scans that the network lost") {
+  const auto check = [](Rig& rig) {
+    std::string text;
+    boost::asio::co_spawn(
+        rig.io,
+        rig::check_bench(rig.bench, rig.lidar, rig.stage, rig.world.clock, true,
+                         [&](const rig::CheckLine& line) { text += line.what + ": " + line.says + "\n"; }),
+        [](std::exception_ptr error, const auto&) {
+          if (error) std::rethrow_exception(error);
+        });
+    rig.io.run();
+    return text;
+  };
+  constexpr std::uint64_t gap = 50;
+  Rig jumping("");
+  jumping.lidar.tamper = [&](lidar::Scan& scan) {
+    if (jumping.world.scans >= 20) scan.device_ms += 25 * gap, jumping.lidar.missing = gap;
+  };
+  CHECK_THAT(check(jumping), Contains("lidar's clock: its stamps advanced by 2.2 s while 1 s passed here") &&
+                                 Contains("scan rate: 40 Hz") && !Contains("scans lost"));
+  Rig losing("");
+  losing.lidar.before_scan = [&](std::uint64_t number) {
+    if (number == 20) losing.world.clock.now_us += 25'000 * gap, losing.lidar.missing = gap;
+  };
+  CHECK_THAT(check(losing), Contains("scans lost: 50 beside 40 received") && !Contains("lidar's clock"));
 }
 
 TEST_CASE("a wait lasts as long by the host's clock whatever the lidar's stamps say") {
