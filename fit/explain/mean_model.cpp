@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "fit/explain/stage_stops.hpp"
 #include "fit/median.hpp"
 
 namespace fit::explain {
@@ -109,8 +110,28 @@ MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise) : reduced_(
           weight_[i] * cell(i).sight.stage_lever() * common_[g].angle_sigma;
     if (first < last) shared_.emplace_back(first, std::move(z));
   }
+  if (noise.stop_rad2 > 0) share_stops(std::sqrt(noise.stop_rad2), group_rows);
   white_ = whitened(residual_);
   set_base(Eigen::MatrixXd(rows(), 0), {});
+}
+
+void MeanModel::share_stops(double sigma_rad,
+                            const std::vector<std::pair<Eigen::Index, Eigen::Index>>& group_rows) {
+  const std::vector<Stop> stops = stops_of(*reduced_);
+  Eigen::MatrixXd z = Eigen::MatrixXd::Zero(rows(), 1);
+  for (const Stop& stop : stops)
+    for (std::size_t g = stop.first_group; g < stop.last_group; ++g) {
+      common_[g].stop_sigma = sigma_rad;
+      for (Eigen::Index i = group_rows[g].first; i < group_rows[g].second; ++i)
+        z(i, 0) = weight_[i] * cell(i).sight.stage_lever() * sigma_rad;
+    }
+  for (const model::SharedErrors& errors : shared_)
+    errors.whiten(z);  // what groups share is divided out first
+  for (const Stop& stop : stops) {
+    const Eigen::Index first = group_rows[stop.first_group].first,
+                       last = group_rows[stop.last_group - 1].second;
+    if (first < last) shared_.emplace_back(first, z.middleRows(first, last - first));
+  }
 }
 
 Eigen::MatrixXd MeanModel::whitened(Eigen::MatrixXd white) const {
@@ -122,7 +143,7 @@ Eigen::MatrixXd MeanModel::whitened(Eigen::MatrixXd white) const {
 double MeanModel::variance_of_mean(Eigen::Index row) const {
   const Common& common = common_[static_cast<std::size_t>(cell(row).group)];
   return 1 / (weight_[row] * weight_[row]) + common.range_sigma * common.range_sigma +
-         std::pow(cell(row).sight.stage_lever() * common.angle_sigma, 2);
+         std::pow(cell(row).sight.stage_lever() * std::hypot(common.angle_sigma, common.stop_sigma), 2);
 }
 
 Eigen::MatrixXd MeanModel::nuisance_columns() const {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Dense>
+#include <utility>
 #include <vector>
 
 #include "fit/explain/model/shared_errors.hpp"
@@ -15,6 +16,7 @@ struct MeanNoise {
   double factor = 1;               ///< On the variance of every mean: noise with memory.
   std::vector<double> range_mm2;   ///< Variance of a range common to a group; empty: none.
   std::vector<double> angle_rad2;  ///< Variance of an angle common to a group; empty: none.
+  double stop_rad2 = 0;            ///< Variance of an angle common to a stop of the stage.
   /// Variances of one scan's common range and angle: part of the samples' own spread, and counted above.
   double scan_range_mm2 = 0, scan_angle_rad2 = 0;
   double memory_rho = 0, memory_share = 0;  ///< Of the samples' noise, from scan to scan.
@@ -80,8 +82,9 @@ class MeanModel {
   std::vector<Levers> levers_;
   Eigen::VectorXd weight_, residual_, white_;
   struct Common {
-    double range_sigma = 0, angle_sigma = 0;
+    double range_sigma = 0, angle_sigma = 0, stop_sigma = 0;
   };
+  void share_stops(double sigma_rad, const std::vector<std::pair<Eigen::Index, Eigen::Index>>& group_rows);
   std::vector<Common> common_;
   std::vector<model::SharedErrors> shared_;
   Eigen::MatrixXd base_;  ///< Whitened, scaled by the priors' sigmas.

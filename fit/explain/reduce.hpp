@@ -31,8 +31,10 @@ struct Cell {
   double far_share =
       -1;               ///< Mean place between the two surfaces of a near edge (0 near, 1 far); -1: no edge.
   double other_mm = 0;  ///< Range of the plane on the other side of that edge, along this very beam.
-  double misplaced_mm = 0;  ///< Standard uncertainty of both ranges there, by the bench file.
-  int between = 0;          ///< Samples on neither of them.
+  double misplaced_mm = 0;       ///< Standard uncertainty of both ranges there, by the bench file.
+  int between = 0;               ///< Samples on neither of them.
+  int beside = 0;                ///< Of its samples, those in Reduced::beside, ...
+  std::size_t first_beside = 0;  ///< ... from there on.
   /// Standard uncertainty of the mean beyond its samples' noise: part of the beam may miss its surface.
   double doubt_mm = 0;
   bool smooth = false;  ///< The mean may be compared with a surface: no edge near, not grazing, one echo.
@@ -108,6 +110,7 @@ struct Reduced {
   std::vector<Cell> cells;
   std::vector<Sector> sectors;
   std::vector<float> kept;  ///< Samples that belong to the targets, cell after cell; empty unless asked for.
+  std::vector<float> beside;    ///< Samples of cells beside edges: which surface they met is asked again.
   std::vector<long> remainder;  ///< Counts of (range mod q) = r for q = 2..24, at q * 25 + r.
   /// Samples too far from their target for any noise, the first thousands: in mm, and as a share of the way
   /// to the target.

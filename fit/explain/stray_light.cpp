@@ -423,6 +423,7 @@ void take_off(const StrayLight& light, Reduced& reduced) {
     const double margin =
         (6 * reduced.groups[static_cast<std::size_t>(cell.group)].sigma_mm + 15) / cell.at.gap_mm;
     if (std::abs(pulled) > 0.3 * margin) cell.between = 0;
+    cell.beside = 0;  // its samples are as they came
   }
 }
 

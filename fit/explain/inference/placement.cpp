@@ -5,6 +5,7 @@
 #include <cmath>
 #include <vector>
 
+#include "fit/explain/reduction/edge_shares.hpp"
 #include "fit/median.hpp"
 
 namespace fit::explain::inference {
@@ -79,6 +80,10 @@ class Places {
     return reassign(reduced_, at_.nuisance, all_at_work(reduced_.bench, at_), noise_.footprint_rad,
                     may_leave_out);
   }
+  /// Which surface samples beside edges met.
+  void share_out_edges() {
+    reduction::share_out_again(reduced_, at_.nuisance, all_at_work(reduced_.bench, at_));
+  }
   [[nodiscard]] const explain::Hypothesis& at() const { return at_; }
   void take(const Places& other) { at_ = other.at_; }
 
@@ -125,6 +130,7 @@ Placed fit_placements(Reduced& reduced, const MeanNoise& noise) {
     places.fit();
     most = places.fits_most();
   }
+  if (most) places.share_out_edges();
   return {excess, most ? places.at().nuisance : Nuisance(reduced.bench)};
 }
 

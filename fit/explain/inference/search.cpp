@@ -122,16 +122,16 @@ class Climber {
     if (!is_new && known->second.log_posterior() < f.hypothesis.log_posterior()) known->second = f.hypothesis;
   }
 
-  /// As it was fitted before, or is now.
-  Hypothesis known(const Hypothesis& h) {
-    const auto before = visited_.find(h.kinds());
-    return before != visited_.end() ? before->second : fitted(h).hypothesis;
-  }
-
-  /// What each kind would add to it, but one.
+  /// What each kind would add to it, but one. It is fitted for that, from where it was fitted before, and is
+  /// visited then.
   std::vector<Candidate> screened(const Hypothesis& h, const Kind* but = nullptr) {
     const auto [known, is_new] = screened_.try_emplace(h.kinds());
-    if (is_new) known->second = screen(session_, h.kinds() == best_.hypothesis.kinds() ? best_ : fitted(h));
+    if (is_new && h.kinds() == best_.hypothesis.kinds()) {
+      known->second = screen(session_, best_);
+    } else if (is_new) {
+      const auto before = visited_.find(h.kinds());
+      known->second = screen(session_, fitted(before != visited_.end() ? before->second : h));
+    }
     std::vector<Candidate> list = known->second;
     std::erase_if(list, [&](const Candidate& candidate) { return candidate.term.kind == but; });
     return list;
@@ -195,8 +195,9 @@ class Climber {
     const Hypothesis whole = best_.hypothesis;
     bool better = false;
     for (std::size_t t = 0; t < whole.terms.size(); ++t) {
-      const Hypothesis less = known(without(whole, t));
-      const auto list = best_of(screened(less, whole.terms[t].kind), tries, forms(tries / 2));
+      const Hypothesis shorter = without(whole, t);
+      const auto list = best_of(screened(shorter, whole.terms[t].kind), tries, forms(tries / 2));
+      const Hypothesis less = visited_.at(shorter.kinds());
       const double worth = whole.log_evidence - less.log_evidence;
       better = take_if_better(fit_each(less, list)) || better;
       better = exchange_for_two(less, list, *whole.terms[t].kind, worth) || better;
@@ -216,9 +217,9 @@ class Climber {
       if (asked == most) break;
       if (candidate.term.kind->is_form() || candidate.log_evidence < good_part * worth) continue;
       ++asked;
-      const Hypothesis first = known(with_term(less, candidate.term));
+      const Hypothesis first = with_term(less, candidate.term);
       const auto more = best_of(screened(first, &instead_of), most, forms(1));
-      better = take_if_better(fit_each(first, more)) || better;
+      better = take_if_better(fit_each(visited_.at(first.kinds()), more)) || better;
     }
     return better;
   }

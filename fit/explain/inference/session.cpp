@@ -5,8 +5,10 @@
 #include <cmath>
 
 #include "fit/explain/hypothesis.hpp"
+#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/autoregression.hpp"
 #include "fit/explain/model/scans.hpp"
+#include "fit/explain/stage_stops.hpp"
 
 namespace fit::explain::inference {
 
@@ -51,6 +53,13 @@ MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Ac
   if (noise.scan_angle_rad2 <= 0) noise.angle_rad2.clear();
   if (cells > 0) noise.factor = std::max(noise.factor, 1 + all.memory_share * slowly / cells);
   return noise;
+}
+
+/// Of the stage's angle at every stop, with mount and targets fitted at the present prediction.
+double variance_of_stops(const Reduced& reduced, const MeanNoise& noise) {
+  if (reduced.smooth_cells() == 0) return 0;
+  const Reduced rows = merged(reduced, numbers::search_rows);
+  return variance_of_stops_rad2(rows, model_of(rows, noise, explain::Hypothesis(rows.bench)));
 }
 
 }  // namespace
@@ -137,6 +146,7 @@ void Session::linearise(const Hypothesis& at) {
   model::expect_from_scan_to_scan(reduced_, from_scan_to_scan);
   predict(reduced_, there, at_work, false);
   MeanNoise noise = noise_by(reduced_, noise_, known_, at.terms);
+  noise.stop_rad2 = variance_of_stops(reduced_, noise);
   if (noise != present_noise_)  // otherwise they change by less than a screen asks for
     for (auto& kept : columns_) kept.clear();
   present_noise_ = std::move(noise);

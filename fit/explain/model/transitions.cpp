@@ -6,6 +6,8 @@
 #include <map>
 #include <utility>
 
+#include "fit/explain/stage_stops.hpp"
+
 namespace fit::explain::model {
 namespace {
 
@@ -59,6 +61,31 @@ Place best_place(const std::vector<Beside>& beams, double width_deg) {
   return best;
 }
 
+/// Log-likelihood of beams that wide, the edge's place integrated over: by chance alone a narrow beam seldom
+/// meets an edge that it sees mixed.
+double integrated_over_place(const std::vector<Beside>& beams, double width_deg) {
+  constexpr double widths = 2.7;  // beyond, a beam sees one surface
+  constexpr int points = 8;       // on either side of every beam
+  constexpr double near_deg = 0.6;
+  const double middle = crossing_deg(beams);
+  std::vector<double> at = {middle - edge_reach_deg, middle + edge_reach_deg};
+  for (const Beside& b : beams)
+    for (int i = -points; i <= points; ++i) {
+      const double place = b.inside_deg + i * widths / points * width_deg;
+      // Farther off there are beams on the wrong side.
+      if (std::abs(place - middle) < std::min(edge_reach_deg, near_deg + widths * width_deg))
+        at.push_back(place);
+    }
+  std::ranges::sort(at);
+  std::vector<double> logs;
+  for (const double place : at) logs.push_back(likelihood_of_edge(beams, place, width_deg));
+  const double most = std::ranges::max(logs);
+  double sum = 0;
+  for (std::size_t i = 0; i + 1 < at.size(); ++i)
+    sum += (at[i + 1] - at[i]) * (std::exp(logs[i] - most) + std::exp(logs[i + 1] - most)) / 2;
+  return most + std::log(sum / (2 * edge_reach_deg));
+}
+
 /// Share of the farther surface; none or all where noise and the places of both surfaces leave that open.
 double share_of(const Cell& cell, double sigma_mm) {
   const double doubt = (2 * sigma_mm + std::max(8.0, 3 * cell.misplaced_mm)) / cell.at.gap_mm;
@@ -70,7 +97,7 @@ double share_of(const Cell& cell, double sigma_mm) {
 Transition::Transition(int capture, const Circumstances& at, std::vector<Beside> beams)
     : capture_(capture), at_(at), beams_(std::move(beams)) {
   for (std::size_t k = 0; k < knots; ++k)
-    likelihood_.push_back(best_place(beams_, std::sqrt(variance_of(k))).log_likelihood);
+    likelihood_.push_back(integrated_over_place(beams_, std::sqrt(variance_of(k))));
   for (std::size_t k = 0; k < knots; ++k) {
     const std::size_t below = k == 0 ? 0 : k - 1, above = std::min(knots - 1, k + 1);
     slope_.push_back((likelihood_[above] - likelihood_[below]) / static_cast<double>(above - below));
@@ -134,38 +161,70 @@ double Transition::place_deg(double variance_deg2) const {
   return best_place(beams_, std::sqrt(variance_deg2)).shift_deg;
 }
 
+namespace {
+
+/// Whether stage and targets stand as they did for the group before.
+bool stands_as_before(const Reduced& reduced, std::size_t group) {
+  if (!stands_still(reduced, group)) return false;
+  const CaptureInfo &before = reduced.capture_of(reduced.groups[group - 1]),
+                    &now = reduced.capture_of(reduced.groups[group]);
+  return before.target == now.target && before.target_shift_mm == now.target_shift_mm;
+}
+
+/// Beams at the same angles, whose shares are of all their samples.
+struct Beams {
+  Circumstances at;
+  std::map<double, Beside> list;
+  int capture = 0;
+
+  void add(const Cell& cell, double sigma_mm) {
+    if (list.empty() || std::abs(cell.at.edge_rad) < std::abs(at.edge_rad)) at = cell.at;
+    Beside& beside = list[cell.beam_rad];
+    const double n = cell.n + cell.stray, all = beside.n + n;
+    const auto take = [&](double& mean, double value) { mean += (value - mean) * n / all; };
+    take(beside.inside_deg, cell.at.edge_rad * deg_per_rad);
+    take(beside.far_share, share_of(cell, sigma_mm));
+    beside.n = all;
+    beside.on_neither += cell.between;
+  }
+  [[nodiscard]] std::vector<Beside> counted() const {
+    constexpr double most_samples = 20;  // of one beam, with what its neighbours have in common
+    std::vector<Beside> beams;
+    for (const auto& [angle, beside] : list) {
+      beams.push_back(beside);
+      beams.back().n = std::min(most_samples, beside.n);
+      beams.back().on_neither = std::min(most_samples, beside.on_neither);
+    }
+    return beams;
+  }
+};
+
+}  // namespace
+
 std::vector<Transition> transitions(const Reduced& reduced) {
-  constexpr double most_samples = 20;  // of one beam, with what its neighbours have in common
-  struct Beams {
-    Circumstances at;
-    std::vector<Beside> list;
-    double least = 1, most = 0;
-    int capture = 0;
-  };
-  std::map<std::pair<int, int>, Beams> by_edge;  // capture, edge
-  for (const Cell& cell : reduced.cells) {
-    const int n = cell.n + cell.stray;
-    if (cell.far_share < 0 || cell.edge < 0 || n < 2) continue;
-    const Group& group = reduced.groups[static_cast<std::size_t>(cell.group)];
+  std::map<std::pair<std::size_t, int>, Beams> by_edge;  // first group of a stand, edge
+  std::size_t standing = 0;
+  for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
+    const Group& group = reduced.groups[g];
+    const CaptureInfo& capture = reduced.capture_of(group);
     // Where the stage turns a cell is of several beams, of which an edge parts one from the next.
-    if (is_turning(reduced.capture_of(group))) continue;
-    Beams& beams = by_edge[{group.capture, cell.edge}];
-    beams.capture = group.capture;
-    if (!(std::abs(beams.at.edge_rad) < std::abs(cell.at.edge_rad))) beams.at = cell.at;
-    const double share = share_of(cell, group.sigma_mm);
-    Beside beside;
-    beside.inside_deg = cell.at.edge_rad * deg_per_rad;
-    beside.far_share = share;
-    beside.n = std::min(most_samples, 1.0 * n);
-    beside.on_neither = std::min(most_samples, 1.0 * cell.between);
-    beams.list.push_back(beside);
-    beams.least = std::min(beams.least, share);
-    beams.most = std::max(beams.most, share);
+    if (is_turning(capture)) continue;
+    if (g == 0 || !stands_as_before(reduced, g)) standing = g;
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+      const Cell& cell = reduced.cells[i];
+      if (cell.far_share < 0 || cell.edge < 0 || cell.n + cell.stray < 2) continue;
+      const auto [beams, is_new] = by_edge.try_emplace({standing, cell.edge});
+      if (is_new) beams->second.capture = group.capture;
+      beams->second.add(cell, group.sigma_mm);
+    }
   }
   std::vector<Transition> all;
-  for (auto& [key, beams] : by_edge)
-    if (beams.least < 0.5 && beams.most > 0.5)
-      all.emplace_back(beams.capture, beams.at, std::move(beams.list));
+  for (const auto& [key, beams] : by_edge) {
+    std::vector<Beside> list = beams.counted();
+    const auto [least, most] = std::ranges::minmax(list, {}, &Beside::far_share);
+    if (least.far_share < 0.5 && most.far_share > 0.5)
+      all.emplace_back(beams.capture, beams.at, std::move(list));
+  }
   return all;
 }
 

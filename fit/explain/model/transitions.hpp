@@ -9,10 +9,10 @@
 
 namespace fit::explain::model {
 
-/// The beams beside one edge in one capture, and what they say of the angle over which the farther surface
-/// takes over. The edge's place is a nuisance of each capture, profiled out: whatever moves it (mount,
-/// target, stage, placement) shows as beams that see one surface or the other, never as a beam that sees
-/// both.
+/// The beams beside one edge while stage and targets stood as they were, and what they say of the angle over
+/// which the farther surface takes over. The edge's place is a nuisance of each such stand, integrated over:
+/// whatever moves it (mount, target, stage, placement) shows as beams that see one surface or the other,
+/// never as a beam that sees both.
 class Transition {
  public:
   /// Beams without width, deg^2: shares change from one beam to the next.

@@ -24,9 +24,11 @@ void append(Reduced& reduced, const Reduced& other) {
   }
   for (Cell cell : other.cells) {
     cell.group += groups;
+    cell.first_beside += reduced.beside.size();
     cell.at.temperature_k += warmer_k;
     reduced.cells.push_back(cell);
   }
+  reduced.beside.insert(reduced.beside.end(), other.beside.begin(), other.beside.end());
   for (Sector sector : other.sectors) {
     sector.group += groups;
     sector.first_cell += cells;

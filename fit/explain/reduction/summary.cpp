@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fit/explain/reduction/edge_shares.hpp"
 #include "fit/explain/stated_noise.hpp"
 #include "fit/median.hpp"
 
@@ -57,22 +58,18 @@ void summarise_intensity(const Returned& all, Cell& cell) {
   cell.intensity_sd = std::sqrt(std::max(0.0, squares / (all.lit - 1)));
 }
 
-/// Near an edge: where between the two surfaces the samples lie.
-void note_place_at_edge(const std::vector<double>& ranges_mm, double sigma_mm, Cell& cell) {
+/// Near an edge: where between the two surfaces the samples lie, of which some are kept.
+void note_place_at_edge(const std::vector<double>& ranges_mm, double sigma_mm, Cell& cell, Reduced& session) {
+  constexpr std::size_t kept_at_most = 200;
   if (!(cell.other_mm > 0)) return;
+  cell.first_beside = session.beside.size();
+  const std::size_t every = (ranges_mm.size() + kept_at_most - 1) / kept_at_most;
+  for (std::size_t i = 0; i < ranges_mm.size(); i += every)
+    session.beside.push_back(static_cast<float>(ranges_mm[i]));
+  cell.beside = static_cast<int>(session.beside.size() - cell.first_beside);
   const bool on_near = cell.at.edge_rad > 0;
-  const double near = on_near ? cell.nominal_mm : cell.other_mm,
-               gap = (on_near ? cell.other_mm : cell.nominal_mm) - near;
-  const double off_mm = 6 * sigma_mm + std::max(15.0, 3 * cell.misplaced_mm);
-  if (gap < 2 * off_mm) return;
-  const double margin = off_mm / gap;
-  double sum = 0;
-  for (const double range : ranges_mm) {
-    const double place = (range - near) / gap;
-    sum += std::clamp(place, 0.0, 1.0);
-    if (place > margin && place < 1 - margin) ++cell.between;
-  }
-  cell.far_share = sum / static_cast<double>(ranges_mm.size());
+  share_out(ranges_mm, on_near ? cell.nominal_mm : cell.other_mm, on_near ? cell.other_mm : cell.nominal_mm,
+            sigma_mm, cell);
 }
 
 /// Ranges around their own median: a cut around a prediction, which is off by as much as the mount is
@@ -199,7 +196,7 @@ void summarise(const Setting& setting, const Beams& beams, bool keep_samples, Ce
     return;
   }
   const bool in_clear = cell.smooth && !cell.doubtful;
-  note_place_at_edge(all.ranges_mm, sigma_mm, cell);
+  note_place_at_edge(all.ranges_mm, sigma_mm, cell, session);
   const Core core = core_of(all.ranges_mm);
   const double reach_mm = reach_of(core, all.ranges_mm.size(), sigma_mm, turning);
   average(all.ranges_mm, core.middle_mm, reach_mm, sigma_mm, keep_samples, cell, session);

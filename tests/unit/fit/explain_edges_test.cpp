@@ -148,6 +148,28 @@ TEST_CASE("surfaces that stand elsewhere because all angles are off are no wide 
   CHECK_FALSE(e.unknown);
 }
 
+TEST_CASE("edges seen from many sides by a lidar that stands turned are hard") {
+  const double turned = 1.7 * degree;
+  SyntheticRecording recording = plain_bench::recorded(
+      boards(), 16, [&](double, double, double) { return Deviation{.beam_rad = turned}; });
+  plain_bench::turn_round(recording, boards(), 60, 8);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  CHECK_FALSE(found(e, "mixed-pixel"));
+  CHECK_FALSE(e.unknown);
+}
+
+TEST_CASE("that few edges lie within the scatter of angles says how little they scatter") {
+  SyntheticRecording recording = plain_bench::recorded(boards_in_place(), 17, jitter(0.02));
+  plain_bench::turn_round(recording, boards_in_place(), 60, 20);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  const auto* angles = found(e, "angle-jitter");
+  REQUIRE(angles);
+  CHECK(e.mechanisms.size() == 1);
+  CHECK(angles->parameters.at("sigma_deg").value == Approx(0.02).epsilon(0.2));
+}
+
 TEST_CASE("a few samples between two surfaces do not hide how wide a beam is") {
   const PlainScene scene = boards_in_place();
   std::mt19937 random(3);

@@ -51,6 +51,19 @@ double strays_anywhere(const Sample& sample, std::mt19937& random) {
 
 }  // namespace
 
+TEST_CASE("a stage that stops anywhere within its resolution is as its bench file says") {
+  const PlainScene scene{.walls = plain_bench::furnished};
+  const auto stops = [](double, double, double time_s) {
+    std::mt19937 of_stop(static_cast<unsigned>(time_s / 20));
+    return Deviation{.stage_rad = std::uniform_real_distribution<double>(-0.005, 0.005)(of_stop) * degree};
+  };
+  SyntheticRecording recording = plain_bench::recorded(scene, 21, stops);
+  plain_bench::turn_round(recording, scene, 24, 60);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  CHECK(e.verdict == fit::explain::nothing_missing);
+}
+
 TEST_CASE("samples anywhere between the lidar and its farthest range are outliers, in a room of any shape") {
   const PlainScene scene = GENERATE(
       room_of(1), PlainScene{.walls = plain_bench::l_shaped, .steps = 271, .front_step = 135, .step_deg = 1});

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/reduction/edge_shares.hpp"
+
+#include <span>
+
+#include "fit/explain/reduction/effect_there.hpp"
+
+namespace fit::explain::reduction {
+
+void share_out_again(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>& at_work) {
+  const Nuisance nuisance = displaced(reduced, fitted, at_work);
+  for (const Group& group : reduced.groups) {
+    const Scene scene = reduced.scene_of(group, nuisance);
+    const std::vector<Edge> edges = scene.edges(group.stage_rad);
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+      Cell& cell = reduced.cells[i];
+      if (cell.beside == 0) continue;
+      const auto edge = std::ranges::find(edges, cell.edge, &Edge::id);
+      if (edge == edges.end() || edge->near_target < 0 || edge->far_target < 0) continue;
+      const Effect effect = effect_there(reduced, at_work, cell.at);
+      const auto there_mm = [&](int target) {
+        return scene.look_at(target, group.stage_rad, cell.beam_rad, effect).range_mm + effect.range_mm;
+      };
+      const std::span samples(reduced.beside.data() + cell.first_beside,
+                              static_cast<std::size_t>(cell.beside));
+      share_out(samples, there_mm(edge->near_target), there_mm(edge->far_target), group.sigma_mm, cell);
+      cell.between = static_cast<int>(
+          std::lround(1.0 * cell.between * (cell.n + cell.stray) / static_cast<double>(cell.beside)));
+    }
+  }
+}
+
+}  // namespace fit::explain::reduction
