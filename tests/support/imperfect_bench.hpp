@@ -7,6 +7,7 @@
 #include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <optional>
 #include <random>
 #include <string>
@@ -29,7 +30,9 @@ struct Truth {
   double stage_scale = 0, stage_sine_rad = 0, stage_cosine_rad = 0, backlash_rad = 0;
   double beam_sine_rad = 0, beam_cosine_rad = 0;
   double offset_mm = 0, range_scale = 0, walk_mm = 0, walk_counts = 500;
-  double window_rad = 0.05 * degree;
+  double window_rad =
+      0.05 * degree;         ///< In which a beam wavers at an edge; of a Gaussian response, 98 % of it.
+  bool is_gaussian = false;  ///< Its response; else a straight one.
 
   /// True angle of the stage where it was commanded to `rad`, coming from below.
   [[nodiscard]] double stage(double rad) const {
@@ -67,6 +70,7 @@ inline Truth draw(std::mt19937_64& random, const Expected& expected) {
   truth.beam_cosine_rad = of(0.15 * degree / std::sqrt(2.0));
   truth.offset_mm = of(12), truth.range_scale = of(3e-3), truth.walk_mm = of(25);
   truth.walk_counts = std::exp(std::uniform_real_distribution<double>(std::log(200), std::log(1200))(random));
+  truth.is_gaussian = std::bernoulli_distribution(0.5)(random);
   return truth;
 }
 
@@ -113,13 +117,14 @@ class Bench {
       double range = 0, counts = 0;
     };
     std::vector<std::array<Seen, 2>> seen(beams);  // At either end of the window in which a beam wavers.
-    std::vector<double> share(beams, 1);           // Of the window, before the edge.
+    std::vector<double> share(beams, 1);           // Of the response, before the edge.
+    const double sigma_rad = truth_.window_rad / (2 * 2.326348);
     // A stage stops within half of its resolution.
     std::uniform_real_distribution<double> within(-resolution_rad / 2, resolution_rad / 2);
     const double stage_rad = info.stage_rad + within(random_);
     for (std::size_t k = 0; k < beams; ++k) {
       const double beam_rad = (info.first_step + static_cast<int>(k) - 540) * 0.25 * degree,
-                   half = truth_.window_rad / 2;
+                   half = truth_.is_gaussian ? 4 * sigma_rad : truth_.window_rad / 2;
       const auto first = look(stage_rad, beam_rad, -half), last = look(stage_rad, beam_rad, half);
       const auto middle = look(stage_rad, beam_rad);
       const auto as_seen = [&](const auto& met) { return met ? Seen{met->range_mm, counts(*met)} : Seen{}; };
@@ -134,7 +139,8 @@ class Bench {
         const bool like_first = met.has_value() == first.has_value() && (!met || met->wall == first->wall);
         (like_first ? low : high) = at;
       }
-      share[k] = (low + half) / (2 * half);
+      share[k] = truth_.is_gaussian ? std::erfc(-low / sigma_rad / std::numbers::sqrt2) / 2
+                                    : (low + half) / (2 * half);
     }
     const auto id = store_->begin_capture(info);
     std::normal_distribution<double> noise(0, sigma_mm);

@@ -50,6 +50,9 @@ void judge(Tally& tally, const json& result, const std::string& procedure,
   for (const auto& [name, is] : truth) {
     const json value = value_named(result, name);
     if (!value.contains("U") || !value["U"].is_number()) continue;
+    if (std::getenv("RIG_COVERAGE_BUDGET"))
+      std::printf("%-20s %.5g, truth %.5g, U %.5g\n", name.c_str(), value.at("value").get<double>(), is,
+                  value.at("U").get<double>());
     const double off = std::abs(value.at("value").get<double>() - is) / value.at("U").get<double>();
     auto& [held, stated] = tally.held[procedure + "." + name];
     held += off <= 1, ++stated;
