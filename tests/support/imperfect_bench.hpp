@@ -70,6 +70,7 @@ inline Truth draw(std::mt19937_64& random, const Expected& expected) {
   truth.beam_cosine_rad = of(0.15 * degree / std::sqrt(2.0));
   truth.offset_mm = of(12), truth.range_scale = of(3e-3), truth.walk_mm = of(25);
   truth.walk_counts = std::exp(std::uniform_real_distribution<double>(std::log(200), std::log(1200))(random));
+  truth.window_rad = std::uniform_real_distribution<double>(0.02, 0.08)(random) * degree;
   truth.is_gaussian = std::bernoulli_distribution(0.5)(random);
   return truth;
 }

@@ -64,17 +64,14 @@ Place best_place(const std::vector<Beside>& beams, double width_deg) {
 /// Log-likelihood of beams that wide, the edge's place integrated over: by chance alone a narrow beam seldom
 /// meets an edge that it sees mixed.
 double integrated_over_place(const std::vector<Beside>& beams, double width_deg) {
-  constexpr double widths = 2.7;  // beyond, a beam sees one surface
-  constexpr int points = 8;       // on either side of every beam
-  constexpr double near_deg = 0.6;
-  const double middle = crossing_deg(beams);
-  std::vector<double> at = {middle - edge_reach_deg, middle + edge_reach_deg};
+  constexpr double widths = 2.7;              // beyond, a beam sees one surface
+  constexpr int points = 8;                   // on either side of every beam
+  const double middle = crossing_deg(beams);  // between two beams that may be far apart
+  std::vector<double> at = {middle - edge_reach_deg, middle, middle + edge_reach_deg};
   for (const Beside& b : beams)
     for (int i = -points; i <= points; ++i) {
       const double place = b.inside_deg + i * widths / points * width_deg;
-      // Farther off there are beams on the wrong side.
-      if (std::abs(place - middle) < std::min(edge_reach_deg, near_deg + widths * width_deg))
-        at.push_back(place);
+      if (std::abs(place - middle) < edge_reach_deg) at.push_back(place);
     }
   std::ranges::sort(at);
   std::vector<double> logs;
