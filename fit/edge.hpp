@@ -60,6 +60,10 @@ struct EdgeOptions {
 [[nodiscard]] std::vector<EdgeCrossing> find_edge_crossings(const Recording& recording,
                                                             const EdgeOptions& options = {});
 
+/// Share of samples that see behind, so many windows past the edge: of a straight response, or of a Gaussian
+/// one.
+[[nodiscard]] double share_behind(double windows, bool ramp);
+
 /// Posterior mean and standard deviation of edge and window, by summing the likelihood over edge, window,
 /// shape of the response (ramp, Gaussian) and share of stray samples; flat priors. Every stop is off by an
 /// angle of its own, with equal probability within sqrt(3) `u_stop_rad` (0: exact). `rising`: the share of

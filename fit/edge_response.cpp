@@ -13,17 +13,13 @@ namespace fit {
 namespace {
 
 constexpr std::array<double, 4> strays = {1e-6, 1e-4, 1e-3, 1e-2};
-/// The Gaussian's standard deviation is the window over this: from 1 % to 99 %.
-constexpr double sigmas_of_window = 4.652696;
-
 /// One shape that the response may have; angles in the direction in which the share grows.
 struct Shape {
   double edge = 0, window = 0;
   bool ramp = true;
   /// Share of clean samples that see behind.
   [[nodiscard]] double seen(double along_rad) const {
-    const double x = (along_rad - edge) / window;
-    return ramp ? std::clamp(0.5 + x, 0.0, 1.0) : std::erfc(-x * sigmas_of_window / std::numbers::sqrt2) / 2;
+    return share_behind((along_rad - edge) / window, ramp);
   }
 };
 
@@ -61,15 +57,16 @@ class Cumulative {
 /// What was counted at a stop; what does not depend on the response is computed once.
 class Count {
  public:
-  /// `is_exact`: the stop's angle is known; otherwise integrals over it are asked for.
-  Count(double along_rad, double n, double back, bool is_exact)
+  /// The stop's angle is anywhere within `half_rad` (0: exact).
+  Count(double along_rad, double half_rad, double n, double back)
       : along_rad_(along_rad),
+        half_rad_(half_rad),
         n_(n),
         back_(back),
         log_choose_(std::lgamma(n + 1) - std::lgamma(back + 1) - std::lgamma(n - back + 1)) {
-    if (is_exact) return;
+    if (half_rad == 0) return;
     // Steps are narrower than the binomial probability along them.
-    constexpr double farthest = 5.5;  // standard deviations of a Gaussian response
+    constexpr double farthest = 1.2;  // windows from a Gaussian response's middle
     const auto steps = [&](double per_root, double least) {
       return static_cast<std::size_t>(std::clamp(per_root * std::sqrt(n), least, 20 * least));
     };
@@ -77,35 +74,32 @@ class Count {
       const auto probability = [&](double seen) {
         return std::exp(log_binomial(stray + (1 - 2 * stray) * seen));
       };
-      along_ramp_.emplace_back(-0.5, 0.5, steps(3, 150), [&](double x) { return probability(x + 0.5); });
-      along_gaussian_.emplace_back(-farthest, farthest, steps(9, 300), [&](double z) {
-        return probability(std::erfc(-z / std::numbers::sqrt2) / 2);
-      });
+      for (const bool ramp : {true, false}) {
+        const double end = ramp ? 0.5 : farthest;
+        auto& along = ramp ? along_ramp_ : along_gaussian_;
+        along.emplace_back(-end, end, ramp ? steps(3, 150) : steps(9, 300),
+                           [&](double x) { return probability(share_behind(x, ramp)); });
+      }
     }
   }
 
-  /// Adds the log probabilities for every share of stray samples, of a stop whose angle is exact.
-  void add_exact(const Shape& shape, std::array<double, strays.size()>& sums) const {
-    const double seen = shape.seen(along_rad_);
-    for (std::size_t k = 0; k < strays.size(); ++k)
-      sums[k] += log_binomial(strays[k] + (1 - 2 * strays[k]) * seen);
-  }
-  /// The same of a stop whose angle is anywhere within `half_rad`: the mean of the binomial probability over
-  /// it.
-  void add_within(const Shape& shape, double half_rad, std::array<double, strays.size()>& sums) const {
-    const double scale = shape.ramp ? shape.window : shape.window / sigmas_of_window,
-                 from = (along_rad_ - half_rad - shape.edge) / scale,
-                 to = (along_rad_ + half_rad - shape.edge) / scale;
+  /// Adds the log probabilities for every share of stray samples; their mean where the angle is not exact.
+  void add(const Shape& shape, std::array<double, strays.size()>& sums) const {
     const std::vector<Cumulative>& along = shape.ramp ? along_ramp_ : along_gaussian_;
+    const double seen = along.empty() ? shape.seen(along_rad_) : 0,
+                 from = (along_rad_ - half_rad_ - shape.edge) / shape.window,
+                 to = (along_rad_ + half_rad_ - shape.edge) / shape.window;
     for (std::size_t k = 0; k < strays.size(); ++k)
-      sums[k] += std::log(std::max((along[k].up_to(to) - along[k].up_to(from)) / (to - from), 1e-300));
+      sums[k] += along.empty()
+                     ? log_binomial(strays[k] + (1 - 2 * strays[k]) * seen)
+                     : std::log(std::max((along[k].up_to(to) - along[k].up_to(from)) / (to - from), 1e-300));
   }
   /// Its part of Pearson's chi-square at that response; nothing for a stop that says nothing of it.
-  [[nodiscard]] std::optional<double> pearson(const Shape& shape, double stray, double half_rad) const {
+  [[nodiscard]] std::optional<double> pearson(const Shape& shape, double stray) const {
     const double seen = shape.seen(along_rad_), p = stray + (1 - 2 * stray) * seen;
     if (n_ * p < 3 || n_ * (1 - p) < 3) return std::nullopt;
     const double of_angle =
-        n_ * (shape.seen(along_rad_ + half_rad) - shape.seen(along_rad_ - half_rad)) / std::sqrt(12.0);
+        n_ * (shape.seen(along_rad_ + half_rad_) - shape.seen(along_rad_ - half_rad_)) / std::sqrt(12.0);
     return std::pow(back_ - n_ * p, 2) / (n_ * p * (1 - p) + of_angle * of_angle);
   }
 
@@ -113,24 +107,22 @@ class Count {
   [[nodiscard]] double log_binomial(double share) const {
     return log_choose_ + back_ * std::log(share) + (n_ - back_) * std::log1p(-share);
   }
-  double along_rad_, n_, back_, log_choose_;
+  double along_rad_, half_rad_, n_, back_, log_choose_;
   std::vector<Cumulative> along_ramp_, along_gaussian_;  ///< Probabilities, for every share of stray samples.
 };
 
-std::vector<Count> counts_of(const std::vector<EdgeStop>& stops, bool rising, bool exact) {
+std::vector<Count> counts_of(const std::vector<EdgeStop>& stops, bool rising, double half_rad) {
   std::vector<Count> counts;
   for (const EdgeStop& stop : stops)
-    counts.emplace_back(rising ? stop.stage_rad : -stop.stage_rad, static_cast<double>(stop.n),
-                        static_cast<double>(stop.back), exact);
+    counts.emplace_back(rising ? stop.stage_rad : -stop.stage_rad, half_rad, static_cast<double>(stop.n),
+                        static_cast<double>(stop.back));
   return counts;
 }
 
 /// Log likelihood of a shape for every share of stray samples.
-std::array<double, strays.size()> log_likelihoods(const std::vector<Count>& counts, const Shape& shape,
-                                                  double half_rad) {
+std::array<double, strays.size()> log_likelihoods(const std::vector<Count>& counts, const Shape& shape) {
   std::array<double, strays.size()> sums{};
-  for (const Count& count : counts)
-    half_rad > 0 ? count.add_within(shape, half_rad, sums) : count.add_exact(shape, sums);
+  for (const Count& count : counts) count.add(shape, sums);
   return sums;
 }
 
@@ -166,7 +158,7 @@ double half_of_95_percent(std::span<const double> weights, double from, double s
 }
 
 /// One pass over a grid; shrinks the box to where the posterior is.
-Posterior sum_over(const std::vector<Count>& counts, Box& box, double half_rad, double dispersion) {
+Posterior sum_over(const std::vector<Count>& counts, Box& box, double dispersion) {
   constexpr int cells = 41;
   struct Cell {
     double edge, window, value;
@@ -181,7 +173,7 @@ Posterior sum_over(const std::vector<Count>& counts, Box& box, double half_rad, 
       for (const bool ramp : {true, false}) {
         const Shape shape{box.edge_from + (i + 0.5) / cells * (box.edge_to - box.edge_from),
                           box.window_from + (j + 0.5) / cells * (box.window_to - box.window_from), ramp};
-        const auto likelihoods = log_likelihoods(counts, shape, half_rad);
+        const auto likelihoods = log_likelihoods(counts, shape);
         for (std::size_t k = 0; k < strays.size(); ++k) {
           const double value = likelihoods[k] / dispersion;
           grid.push_back({shape.edge, shape.window, value, ramp, j});
@@ -216,22 +208,22 @@ Posterior sum_over(const std::vector<Count>& counts, Box& box, double half_rad, 
   return out;
 }
 
-Posterior zoom(const std::vector<Count>& counts, Box box, double half_rad, double dispersion) {
-  Posterior posterior = sum_over(counts, box, half_rad, dispersion);
+Posterior zoom(const std::vector<Count>& counts, Box box, double dispersion) {
+  Posterior posterior = sum_over(counts, box, dispersion);
   for (int round = 0; round < 6; ++round) {
     const double width = box.edge_to - box.edge_from, height = box.window_to - box.window_from;
-    posterior = sum_over(counts, box, half_rad, dispersion);
+    posterior = sum_over(counts, box, dispersion);
     if (box.edge_to - box.edge_from > 0.8 * width && box.window_to - box.window_from > 0.8 * height) break;
   }
   return posterior;
 }
 
 /// Pearson's chi-square per degree of freedom at the best response, if chance alone would not make it (1 %).
-double dispersion_at(const std::vector<Count>& counts, const Posterior& at, double half_rad) {
+double dispersion_at(const std::vector<Count>& counts, const Posterior& at) {
   double chi2 = 0;
   int informative = 0;
   for (const Count& count : counts) {
-    const auto part = count.pearson(at.best, at.best_stray, half_rad);
+    const auto part = count.pearson(at.best, at.best_stray);
     if (!part) continue;
     ++informative;
     chi2 += *part;
@@ -242,6 +234,12 @@ double dispersion_at(const std::vector<Count>& counts, const Posterior& at, doub
 }
 
 }  // namespace
+
+double share_behind(double windows, bool ramp) {
+  constexpr double sigmas_of_window = 4.652696;  // of a Gaussian response, from 1 % to 99 %
+  return ramp ? std::clamp(0.5 + windows, 0.0, 1.0)
+              : std::erfc(-windows * sigmas_of_window / std::numbers::sqrt2) / 2;
+}
 
 EdgeResponse fit_edge_response(const std::vector<EdgeStop>& stops, bool rising, double u_stop_rad) {
   double front = -1e9, back = 1e9;
@@ -256,12 +254,11 @@ EdgeResponse fit_edge_response(const std::vector<EdgeStop>& stops, bool rising, 
   // The likelihood decides; the box only has to hold it: a wide Gaussian's tails reach over smooth stops.
   const double low = std::min(front, back) - width, high = std::max(front, back) + width;
   const Box box{low, high, width / 500, 3 * width};
-  const double half_rad = std::numbers::sqrt3 * u_stop_rad;
-  const std::vector<Count> counts = counts_of(stops, rising, half_rad == 0);
-  Posterior posterior = zoom(counts, box, half_rad, 1);
+  const std::vector<Count> counts = counts_of(stops, rising, std::numbers::sqrt3 * u_stop_rad);
+  Posterior posterior = zoom(counts, box, 1);
   EdgeResponse response;
-  response.dispersion = dispersion_at(counts, posterior, half_rad);
-  if (response.dispersion > 1) posterior = zoom(counts, box, half_rad, response.dispersion);
+  response.dispersion = dispersion_at(counts, posterior);
+  if (response.dispersion > 1) posterior = zoom(counts, box, response.dispersion);
   response.edge_rad = {rising ? posterior.edge : -posterior.edge, posterior.u_edge};
   response.window_rad = {posterior.window, posterior.u_window};
   response.ramp_probability = posterior.ramp;

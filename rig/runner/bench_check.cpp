@@ -129,8 +129,7 @@ class Checker {
       say(Verdict::note, "lidar's clock",
           "its stamps advanced by " + rounded(stamps_ms / 1000, 1) + " s while " +
               rounded(passed_ms / 1000, 1) + " s passed here; whether scans were lost is therefore unknown",
-          "Its clock jumped, or the network held scans back. Check again; switch the lidar off and on if "
-          "this "
+          "Its clock jumped, or the network held scans back. Check again; switch the lidar off and on if it "
           "persists.");
     else
       say(lost == 0 ? Verdict::good : Verdict::note, "scans lost",

@@ -57,7 +57,7 @@ MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Ac
 
 /// Of the stage's angle at every stop, with mount and targets fitted at the present prediction.
 double variance_of_stops(const Reduced& reduced, const MeanNoise& noise) {
-  if (reduced.smooth_cells() == 0) return 0;
+  if (reduced.smooth_cells() == 0 || stops_of(reduced).empty()) return 0;
   const Reduced rows = merged(reduced, numbers::search_rows);
   return variance_of_stops_rad2(rows, model_of(rows, noise, explain::Hypothesis(rows.bench)));
 }

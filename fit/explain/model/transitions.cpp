@@ -206,7 +206,7 @@ std::vector<Transition> transitions(const Reduced& reduced) {
     const CaptureInfo& capture = reduced.capture_of(group);
     // Where the stage turns a cell is of several beams, of which an edge parts one from the next.
     if (is_turning(capture)) continue;
-    if (g == 0 || !stands_as_before(reduced, g)) standing = g;
+    if (!stands_as_before(reduced, g)) standing = g;
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       const Cell& cell = reduced.cells[i];
       if (cell.far_share < 0 || cell.edge < 0 || cell.n + cell.stray < 2) continue;

@@ -73,9 +73,7 @@ json response_plot(const fit::EdgeCrossing& crossing) {
   for (int i = -100; i <= 100; ++i) {
     const double along = (crossing.right ? -1 : 1) * i / 50.0;
     line_x.push_back((edge + i / 50.0 * window) * fit::deg_per_rad);
-    line_y.push_back(crossing.response.ramp_probability > 0.5
-                         ? std::clamp(0.5 + along, 0.0, 1.0)
-                         : std::erfc(-along * 4.652696 / std::numbers::sqrt2) / 2);
+    line_y.push_back(fit::share_behind(along, crossing.response.ramp_probability > 0.5));
   }
   add_series(plot, "measured", "errorbars", x, y, u);
   add_series(plot, "response", "line", line_x, line_y);
