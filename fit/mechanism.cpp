@@ -33,6 +33,7 @@ Effect& Effect::operator+=(const Effect& other) {
   late = 1 - (1 - late) * (1 - other.late);
   early = 1 - (1 - early) * (1 - other.early);
   footprint_rad = std::hypot(footprint_rad, other.footprint_rad);
+  light_rad = std::hypot(light_rad, other.light_rad);
   output_step_mm = std::max(output_step_mm, other.output_step_mm);
   log_echo += other.log_echo;
   log_intensity += other.log_intensity;

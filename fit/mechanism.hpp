@@ -69,7 +69,8 @@ struct Effect {
   double lost = 0;                                      ///< Probability of no echo.
   double stray = 0;            ///< Probability of a range that has nothing to do with the target.
   double late = 0, early = 0;  ///< Probability of a range somewhat beyond, or before, what noise makes.
-  double footprint_rad = 0;    ///< Standard width of the beam: an edge mixes front and back.
+  double footprint_rad = 0;    ///< Standard width in which an edge mixes ranges of front and back ...
+  double light_rad = 0;        ///< ... and in which it parts the beam's light between them.
   double output_step_mm = 0;   ///< Results are multiples of this.
   double log_echo = 0;         ///< Added to the logarithm of the echo, before the receiver ...
   double log_intensity = 0;    ///< ... and of the intensity, behind it.

@@ -208,6 +208,17 @@ class ModelEngine : public Engine {
     return random_.uniform() < front_share ? front : back;
   }
 
+  /// What of a beam that wide meets the surface that answers, where the other one answers apart.
+  [[nodiscard]] double light_share(const fit::Hit& hit, double bearing, double width_rad) const {
+    const fit::Edge* edge = fit::nearest_edge(edges_, bearing);
+    if (width_rad <= 0 || !edge || (hit.target != edge->near_target && hit.target != edge->far_target))
+      return 1;
+    if (edge->far_target >= 0 && edge->far_mm - edge->near_mm < merging_mm_) return 1;
+    const double inside = fit::wrap_angle(bearing - edge->bearing_rad) * edge->near_side,
+                 within = hit.target == edge->near_target ? inside : -inside;
+    return 0.5 * std::erfc(-within / width_rad / std::sqrt(2.0));
+  }
+
   [[nodiscard]] double stray_range(double target_mm) {
     if (strays_) return strays_->range_mm(random_.uniform(), target_mm);
     return options_.min_range_mm + (options_.max_range_mm - options_.min_range_mm) * random_.uniform();
@@ -250,7 +261,7 @@ class ModelEngine : public Engine {
     if (range > options_.max_range_mm) return;
     const double unit = e.output_step_mm > 1 ? e.output_step_mm : 1;
     range_mm = static_cast<std::uint32_t>(std::lround(unit * std::floor(range / unit + 0.5)));
-    const double strength = dimmed(counts(hit), dims);
+    const double strength = light_share(hit, bearing, e.light_rad) * dimmed(counts(hit), dims);
     intensity = static_cast<std::uint32_t>(
         std::clamp(std::lround(strength * (1 + relative_noise_ * random_.normal())), 1L, 65000L));
   }

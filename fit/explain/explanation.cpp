@@ -55,8 +55,8 @@ void refuse_nothing_to_compare(const Reduced& reduced) {
 /// What the model takes as known: the noise, how wide beams are at edges, and coarse steps.
 SpreadResult before_the_model(Reduced& reduced) {
   SpreadResult result;
-  const double wide_deg2 = model::pooled_deg2(model::transitions(reduced));
-  if (wide_deg2 > model::Transition::hard_deg2)
+  const double wide_deg2 = model::pooled_deg2(model::widths_of(model::transitions(reduced)));
+  if (wide_deg2 > model::WidthLikelihood::hard_deg2)
     result.noise.footprint_rad = std::sqrt(wide_deg2) * rad_per_deg;
   std::vector<double> sigmas;
   for (const Group& group : reduced.groups) sigmas.push_back(group.sigma_mm);

@@ -17,7 +17,8 @@ struct Beside {
   double inside_deg = 0;  ///< From where the bench has the edge; positive on the nearer surface.
   double far_share = 0, n = 0;
   bool between = false;
-  double on_neither = 0;  ///< Samples between the two surfaces.
+  double on_neither = 0;            ///< Samples between the two surfaces.
+  double counts = 0, u_counts = 0;  ///< Mean intensity where all samples met one surface; 0: not known.
   /// Place of the mean between the planes of the two surfaces, not cut off at them, and its noise.
   double place = 0, u_place = 0;
 };

@@ -14,16 +14,29 @@ Mechanism make_mixed_pixel() {
   m.observable = Observable::range_distribution;
   m.coordinate = Coordinate::edge_distance;
   m.geometric = true;
-  // A receiver that favours the stronger of two echoes changes over in less than the beam's width.
-  m.parameters = {{.name = "width_deg", .typical = 0.2, .sign = 1, .own_affair = 1.5}};
+  // A receiver that favours the first or the stronger of two echoes changes over in less than the beam's
+  // width.
+  m.parameters = {{.name = "width_deg", .typical = 0.2, .sign = 1, .own_affair = 1.5},
+                  {.name = "mixing",  // of the width: in which ranges change over
+                   .role = Parameter::Role::shape,
+                   .expected = 1,
+                   .lower = 0.02,
+                   .upper = 1,
+                   .generalises = true,
+                   .starts = 4}};
   m.act = [](const Circumstances&, std::span<const double> p) {
-    return Effect{.footprint_rad = p[0] * rad_per_deg};
+    return Effect{.footprint_rad = p[0] * p[1] * rad_per_deg, .light_rad = p[0] * rad_per_deg};
   };
   m.shows = [](const Finding& f, const Recorded&) {
     const double reach = std::max(0.03, 1.5 * f.at("width_deg").value);
     return std::vector<Interval>{{Coordinate::edge_distance, -reach, reach}};
   };
   m.says = [](const Finding& f) {
+    const bool is_hard = f.parameters.contains("mixing") && f.at("mixing").value < 0.3;
+    if (is_hard)
+      return "Beside edges echoes are weaker, as a part of the beam goes past: its standard half width is " +
+             with_uncertainty(f.at("width_deg"), "deg") +
+             ". Ranges change over at once: the receiver takes one of both echoes.";
     return "At edges echoes come from the front, from the back or from between: the beam's standard half "
            "width is " +
            with_uncertainty(f.at("width_deg"), "deg") + ".";

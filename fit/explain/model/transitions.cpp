@@ -11,23 +11,6 @@
 namespace fit::explain::model {
 namespace {
 
-constexpr std::size_t knots = 37;
-const double first_log = std::log(Transition::hard_deg2);
-constexpr double apart = 0.3;  // of the variance's logarithm: the widest beam is 0.9 deg
-
-double variance_of(std::size_t knot) { return std::exp(first_log + apart * static_cast<double>(knot)); }
-
-/// Between two knots, as a share of their distance.
-struct Between {
-  std::size_t knot = 0;
-  double share = 0;
-};
-Between place_among_knots(double variance_deg2) {
-  const double at = (std::log(std::max(Transition::hard_deg2, variance_deg2)) - first_log) / apart;
-  const double last = static_cast<double>(knots - 1), within = std::clamp(at, 0.0, last - 1e-9);
-  return {static_cast<std::size_t>(within), within - std::floor(within)};
-}
-
 /// Where the fewest samples are of the wrong surface: mount and target may stand aside.
 double crossing_deg(std::vector<Beside> beams) {
   std::ranges::sort(beams, {}, &Beside::inside_deg);
@@ -92,50 +75,17 @@ double share_of(const Cell& cell, double sigma_mm) {
 }  // namespace
 
 Transition::Transition(int capture, const Circumstances& at, std::vector<Beside> beams)
-    : capture_(capture), at_(at), beams_(std::move(beams)) {
-  for (std::size_t k = 0; k < knots; ++k)
-    likelihood_.push_back(integrated_over_place(beams_, std::sqrt(variance_of(k))));
-  for (std::size_t k = 0; k < knots; ++k) {
-    const std::size_t below = k == 0 ? 0 : k - 1, above = std::min(knots - 1, k + 1);
-    slope_.push_back((likelihood_[above] - likelihood_[below]) / static_cast<double>(above - below));
-  }
-}
+    : capture_(capture), at_(at), beams_(std::move(beams)) {}
 
-// Hermite's cubics, which have no corners for a scoring step to stumble over.
-double Transition::log_likelihood(double variance_deg2) const {
-  const auto [k, s] = place_among_knots(variance_deg2);
-  const double t = 1 - s;
-  return t * t * ((1 + 2 * s) * likelihood_[k] + s * slope_[k]) +
-         s * s * ((1 + 2 * t) * likelihood_[k + 1] - t * slope_[k + 1]);
-}
-
-double Transition::score(double variance_deg2) const {
-  const auto [k, s] = place_among_knots(variance_deg2);
-  const double t = 1 - s, by_knot = 6 * s * t * (likelihood_[k + 1] - likelihood_[k]) +
-                                    t * (1 - 3 * s) * slope_[k] + s * (1 - 3 * t) * slope_[k + 1];
-  return variance_deg2 < hard_deg2 ? 0 : by_knot / apart / variance_deg2;
-}
-
-double Transition::information(double variance_deg2) const {
-  constexpr double hardly_any = 1e-4;
-  const double v = std::max(hard_deg2, variance_deg2);
-  const std::size_t k = std::clamp<std::size_t>(place_among_knots(v).knot, 1, knots - 3);
-  // Over three knots: a profile is a little uneven.
-  const double curvature =
-      (likelihood_[k] + likelihood_[k + 1] - likelihood_[k - 1] - likelihood_[k + 2]) / 2 / (apart * apart);
-  const double slope = score(v) * v, height = std::ranges::max(likelihood_) - log_likelihood(v);
-  return std::max({hardly_any, curvature, slope * slope / (2 * std::max(0.0, height) + 1)}) / (v * v);
-}
-
-double Transition::best_deg2() const {
-  const double most = std::ranges::max(likelihood_);
-  const auto first = std::ranges::find_if(likelihood_, [&](double l) { return l > most - 0.1; });
-  return variance_of(static_cast<std::size_t>(first - likelihood_.begin()));
+WidthLikelihood Transition::width() const {
+  return WidthLikelihood([this](double width_deg) { return integrated_over_place(beams_, width_deg); });
 }
 
 double Transition::between() const {
+  if (std::ranges::none_of(beams_, [](const Beside& b) { return b.on_neither > 0; })) return 0;
   constexpr double least_deg = 0.3;
-  const double reach_deg = std::max(least_deg, 3 * std::sqrt(best_deg2())), edge_deg = place_deg(best_deg2());
+  const double wide_deg2 = width().best_deg2(), edge_deg = place_deg(wide_deg2),
+               reach_deg = std::max(least_deg, 3 * std::sqrt(wide_deg2));
   struct Side {
     double beside = 0;     ///< Between the surfaces, of beams that may meet both ...
     double away = 0;       ///< ... and of others, ...
@@ -154,6 +104,8 @@ double Transition::between() const {
   return sum;
 }
 
+double Transition::crossing_deg() const { return model::crossing_deg(beams_); }
+
 double Transition::place_deg(double variance_deg2) const {
   return best_place(beams_, std::sqrt(variance_deg2)).shift_deg;
 }
@@ -168,10 +120,31 @@ bool stands_as_before(const Reduced& reduced, std::size_t group) {
   return before.target == now.target && before.target_shift_mm == now.target_shift_mm;
 }
 
+/// Intensity of a beam's samples.
+struct Light {
+  double n = 0, counts = 0, variance = 0;
+  bool is_whole = true;  ///< Every cell has one.
+
+  void add(const Cell& cell) {
+    is_whole = is_whole && cell.n > 1 && cell.counts > 0;
+    if (!is_whole) return;
+    counts += (cell.counts - counts) * cell.n / (n + cell.n);
+    variance += (cell.intensity_sd * cell.intensity_sd - variance) * cell.n / (n + cell.n);
+    n += cell.n;
+  }
+  void note(Beside& beside) const {
+    if (!is_whole || beside.on_neither > 0) return;
+    constexpr double rounding = 1.0 / 12;
+    beside.counts = counts;
+    beside.u_counts = std::sqrt(variance / n + rounding);
+  }
+};
+
 /// Beams at the same angles, whose shares are of all their samples.
 struct Beams {
   Circumstances at;
   std::map<double, Beside> list;
+  std::map<double, Light> light;
   int capture = 0;
 
   void add(const Cell& cell, double sigma_mm) {
@@ -183,6 +156,7 @@ struct Beams {
     take(beside.far_share, share_of(cell, sigma_mm));
     beside.n = all;
     beside.on_neither += cell.between;
+    light[cell.beam_rad].add(cell);
   }
   [[nodiscard]] std::vector<Beside> counted() const {
     constexpr double most_samples = 20;  // of one beam, with what its neighbours have in common
@@ -191,6 +165,7 @@ struct Beams {
       beams.push_back(beside);
       beams.back().n = std::min(most_samples, beside.n);
       beams.back().on_neither = std::min(most_samples, beside.on_neither);
+      light.at(angle).note(beams.back());
     }
     return beams;
   }
@@ -225,16 +200,10 @@ std::vector<Transition> transitions(const Reduced& reduced) {
   return all;
 }
 
-double pooled_deg2(const std::vector<Transition>& all) {
-  double best = Transition::hard_deg2, most = -1e300;
-  for (std::size_t k = 0; k < knots; ++k) {
-    double sum = 0;
-    for (const Transition& one : all) sum += one.log_likelihood(variance_of(k));
-    if (sum <= most + 0.1) continue;
-    most = sum;
-    best = variance_of(k);
-  }
-  return best;
+std::vector<WidthRow> widths_of(const std::vector<Transition>& all) {
+  std::vector<WidthRow> rows;
+  for (const Transition& edge : all) rows.push_back({edge.at(), edge.capture(), edge.width()});
+  return rows;
 }
 
 SpreadCurve shares_along(const std::vector<Transition>& all, const Eigen::VectorXd& before_deg2,

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "fit/explain/model/widths.hpp"
 #include "fit/explain/reduce.hpp"
 #include "fit/explain/seen_edges.hpp"
 #include "fit/explain/spread.hpp"
@@ -15,24 +16,18 @@ namespace fit::explain::model {
 /// never as a beam that sees both.
 class Transition {
  public:
-  /// Beams without width, deg^2: shares change from one beam to the next.
-  static constexpr double hard_deg2 = 0.004 * 0.004;
-
   Transition(int capture, const Circumstances& at, std::vector<Beside> beams);
 
   [[nodiscard]] int capture() const { return capture_; }
   [[nodiscard]] const Circumstances& at() const { return at_; }
   [[nodiscard]] const std::vector<Beside>& beams() const { return beams_; }
-  /// Log-likelihood of beams whose angles scatter by that variance, and its derivative.
-  [[nodiscard]] double log_likelihood(double variance_deg2) const;
-  [[nodiscard]] double score(double variance_deg2) const;
-  /// Of the variance: the likelihood's curvature, or that of the parabola of its slope and height.
-  [[nodiscard]] double information(double variance_deg2) const;
-  /// The least variance among the most likely ones.
-  [[nodiscard]] double best_deg2() const;
+  /// By the shares of the farther surface: the standard deviation of the beams' angles.
+  [[nodiscard]] WidthLikelihood width() const;
   /// Samples between the two surfaces, of beams that may meet both; none beside a surface that stands
   /// elsewhere than predicted.
   [[nodiscard]] double between() const;
+  /// Where the fewest samples are of the wrong surface, from where the bench has the edge.
+  [[nodiscard]] double crossing_deg() const;
   /// Where beams that wide have the edge, from where the bench has it.
   [[nodiscard]] double place_deg(double variance_deg2) const;
 
@@ -40,14 +35,13 @@ class Transition {
   int capture_;
   Circumstances at_;
   std::vector<Beside> beams_;
-  std::vector<double> likelihood_, slope_;  ///< Over the logarithm of the variance.
 };
 
 /// All edges of a session with beams on both sides.
 [[nodiscard]] std::vector<Transition> transitions(const Reduced& reduced);
 
-/// The variance that explains most of all of them, deg^2; `hard_deg2` where none has a width.
-[[nodiscard]] double pooled_deg2(const std::vector<Transition>& all);
+/// What they say of the width over which the farther surface takes over.
+[[nodiscard]] std::vector<WidthRow> widths_of(const std::vector<Transition>& all);
 
 /// Shares of the farther surface along the angle from every edge: as recorded, and as beams of those widths
 /// have them.

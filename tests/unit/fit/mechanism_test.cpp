@@ -157,8 +157,8 @@ const std::map<std::string, Equation>& equations() {
       {"target-curvature", {{{"sagitta_mm", 3}},
         [](const Beam& x) { return range(3 * (1 - std::pow(x.along / x.half, 2)) / std::cos(x.i)); }}},
 
-      {"mixed-pixel", {{{"width_deg", 0.2}}, [](const Beam&) {
-          return fit::Effect{.footprint_rad = 0.2 * degree};
+      {"mixed-pixel", {{{"width_deg", 0.2}, {"mixing", 0.25}}, [](const Beam&) {
+          return fit::Effect{.footprint_rad = 0.05 * degree, .light_rad = 0.2 * degree};
         }}},
       {"range-noise", {{{"sigma_mm", 4}}, [](const Beam&) { return fit::Effect{.variance_mm2 = 16}; }}},
       {"intensity-noise", {{{"sigma_mm_at_100_counts", 3}, {"exponent", 1}},
@@ -236,6 +236,7 @@ std::vector<double> changes_of(const fit::Effect& e) {
           e.own_range_variance_mm2,
           e.stray,
           e.footprint_rad,
+          e.light_rad,
           e.output_step_mm,
           e.log_echo,
           e.log_intensity};

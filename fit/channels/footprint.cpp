@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <vector>
+
+#include "fit/explain/model/transitions.hpp"
+
+namespace fit::explain::channels {
+namespace {
+
+using model::Transition;
+
+/// Nearer, and the light of both is one echo.
+constexpr double apart_mm = 500;
+constexpr double reach_deg = 1.2;       ///< Farther away a beam meets one surface alone.
+constexpr double surface_doubt = 0.03;  ///< By which a surface's echo changes within so few degrees.
+constexpr double least_dip = 0.1;
+/// A dark rim, a frame: an edge whose light is another's doing, and so is a single beam's.
+constexpr double odd_edge = 0.1, odd_beam = 0.02, odd_size = 0.7;
+/// Counts are a power of the echo; receivers compress.
+constexpr std::array powers{1.0, 0.7, 0.4};
+
+/// A beam beside an edge: how much of its light is missing.
+struct Dimmed {
+  double inside_deg = 0;  ///< From where surfaces change; positive on the nearer one.
+  int side = 1;           ///< +1: it met the nearer one.
+  double log_share = 0, u = 0;
+  [[nodiscard]] bool shows_dip(double log) const { return log < -std::max(least_dip, 5 * u); }
+};
+
+double normal(double off, double sigma) {
+  return std::exp(-0.5 * std::pow(off / sigma, 2)) / (std::sqrt(2 * pi) * sigma);
+}
+
+/// Beams of one side, against the line through those that meet this surface alone.
+void add_side(const Transition& edge, int side, std::vector<Dimmed>& list) {
+  std::vector<Dimmed> beams;
+  std::vector<double> x, y;
+  const double change = edge.crossing_deg();
+  for (const Beside& b : edge.beams()) {
+    const double inside = b.inside_deg - change;
+    if (b.counts <= 0 || inside * side < 0 || (side > 0 ? b.far_share > 0 : b.far_share < 1)) continue;
+    const double log = std::log(b.counts);
+    if (std::abs(inside) < reach_deg) {
+      beams.push_back({inside, side, log, std::hypot(surface_doubt, b.u_counts / b.counts)});
+    } else {
+      x.push_back(inside);
+      y.push_back(log);
+    }
+  }
+  if (x.size() < 2) return;
+  constexpr std::size_t enough_for_a_slope = 4;
+  const double middle = std::accumulate(x.begin(), x.end(), 0.0) / static_cast<double>(x.size()),
+               mean = std::accumulate(y.begin(), y.end(), 0.0) / static_cast<double>(y.size());
+  double xx = 0, xy = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    xx += (x[i] - middle) * (x[i] - middle);
+    xy += (x[i] - middle) * (y[i] - mean);
+  }
+  const double slope = x.size() < enough_for_a_slope ? 0 : xy / xx;
+  for (Dimmed& b : beams) {
+    b.log_share -= mean + slope * (b.inside_deg - middle);
+    list.push_back(b);
+  }
+}
+
+std::vector<Dimmed> dimmed_beams(const Transition& edge) {
+  std::vector<Dimmed> list;
+  if (edge.at().gap_mm < apart_mm) return list;
+  for (const int side : {-1, 1}) add_side(edge, side, list);
+  if (std::ranges::none_of(list, [](const Dimmed& b) { return b.shows_dip(b.log_share); })) list.clear();
+  return list;
+}
+
+/// Log-likelihood of a beam that wide, given that a dip shows, the edge's place integrated over.
+double log_likelihood(const std::vector<Dimmed>& beams, double width_deg) {
+  constexpr double widths = 2.7, least_share = 0.02;
+  constexpr int points = 5;
+  double before = -reach_deg, behind = reach_deg;  // beams between which surfaces change
+  for (const Dimmed& b : beams) {
+    if (b.side < 0) before = std::max(before, b.inside_deg);
+    if (b.side > 0) behind = std::min(behind, b.inside_deg);
+  }
+  const double from = before - widths * width_deg, to = behind + widths * width_deg;
+  std::vector<double> places{from, to};
+  for (const Dimmed& b : beams)
+    for (int i = -points; i <= points; ++i) {
+      const double place = b.inside_deg + i * widths / points * width_deg;
+      if (place > from && place < to) places.push_back(place);
+    }
+  std::ranges::sort(places);
+  double sum = 0, shown = 0;
+  for (std::size_t k = 0; k < places.size(); ++k) {
+    const double left = k == 0 ? places[k] : places[k - 1],
+                 right = k + 1 == places.size() ? places[k] : places[k + 1], weight = (right - left) / 2;
+    for (const double power : powers) {
+      double likelihood = weight;
+      bool shows = false;
+      for (const Dimmed& b : beams) {
+        const double share =
+                         0.5 * std::erfc(-b.side * (b.inside_deg - places[k]) / width_deg / std::sqrt(2.0)),
+                     log = power * std::log(std::max(least_share, share));
+        shows = shows || b.shows_dip(log);
+        likelihood *=
+            (1 - odd_beam) * normal(b.log_share - log, b.u) + odd_beam * normal(b.log_share, odd_size);
+      }
+      if (!shows) continue;
+      shown += weight;
+      sum += likelihood;
+    }
+  }
+  double odd = odd_edge;
+  for (const Dimmed& b : beams) odd *= normal(b.log_share, odd_size);
+  return std::log(odd + (shown > 0 ? (1 - odd_edge) * sum / shown : 0));
+}
+
+/// Light that is missing beside an edge, where any is: the rest of the beam went past, to the surface behind.
+/// An angle that is drawn anew takes no light away. Receivers whose intensity is no measure of it show
+/// nothing, and that says nothing.
+class Footprints final : public model::WidthRows {
+ public:
+  explicit Footprints(std::vector<model::WidthRow> rows) : WidthRows(std::move(rows)) {}
+  [[nodiscard]] double response(Eigen::Index, const Effect& effect) const override {
+    return effect.light_rad * effect.light_rad * deg_per_rad * deg_per_rad;
+  }
+};
+
+}  // namespace
+
+model::ChannelKind make_footprint() {
+  model::ChannelKind kind;
+  kind.id = "footprint";
+  kind.observable = Observable::intensity;
+  kind.has_forms = false;
+  kind.shows = "beam width by the light that is missing beside edges, where any is";
+  kind.unit = "deg";
+  kind.is_square = true;
+  kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
+    if (!reduced.has_intensity) return nullptr;
+    constexpr std::size_t most_rows = 60;  // computing time
+    const std::vector<Transition> edges = model::transitions(reduced);
+    std::vector<model::WidthRow> rows;
+    const std::size_t every = edges.size() / most_rows + 1;
+    for (std::size_t i = 0; i < edges.size(); i += every) {
+      const std::vector<Dimmed> beams = dimmed_beams(edges[i]);
+      if (!beams.empty())
+        rows.push_back({edges[i].at(), edges[i].capture(), model::WidthLikelihood([&](double width_deg) {
+                          return log_likelihood(beams, width_deg);
+                        })});
+    }
+    if (rows.empty()) return nullptr;
+    return std::make_unique<Footprints>(std::move(rows));
+  };
+  return kind;
+}
+
+}  // namespace fit::explain::channels
