@@ -68,7 +68,7 @@ model::ChannelKind make_fine() {
   kind.has_forms = false;
   kind.rows = [](const Reduced& reduced, const MeanNoise& noise) -> std::unique_ptr<model::ChannelRows> {
     constexpr std::size_t most_cells = 50'000;
-    if (reduced.output_step_mm > 1) return nullptr;  // coarse steps are a comb of their own
+    if (reduced.output_steps.step_mm > 1) return nullptr;  // coarse steps are a comb of their own
     std::vector<std::vector<const Cell*>> runs = taken_together(reduced, numbers::search_rows);
     std::erase_if(runs, [](const auto& run) { return run.size() < 2; });
     if (runs.empty()) return nullptr;

@@ -50,14 +50,14 @@ std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced, const Me
     if (!cell.smooth || cell.n < 3) return false;
     const double f = cell.n - 1;
     row.y = (row.y * row.n + f * cell.variance_mm2 / share_of(cell.n)) / (row.n + f);
-    row.expected = (row.expected * row.n + f * (cell.of_scans_mm2 + cell.of_joining_mm2())) / (row.n + f);
+    const double expected =
+        cell.of_scans_mm2 + cell.of_joining_mm2() + reduced.output_steps.variance_mm2(cell.sight.range_mm);
+    row.expected = (row.expected * row.n + f * expected) / (row.n + f);
     row.n += f;
     kurtosis += f * cell.kurtosis;
     freedom += f;
     return true;
   });
-  // Ranges come in whole millimetres, or in coarser steps.
-  for (auto& row : rows) row.expected += rounding_mm2 * reduced.output_step_mm * reduced.output_step_mm;
   // Samples with tails say less of their variance, and so do those that remember each other.
   const double scatter = freedom > 0 ? std::max(1.0, (kurtosis / freedom - 1) / 2) : 1,
                worth = model::worth_for_variance(noise.memory_rho, noise.memory_share);

@@ -3,59 +3,115 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
+#include <complex>
 #include <optional>
+#include <unsupported/Eigen/FFT>
+#include <vector>
 
 namespace fit::explain {
 namespace {
 
 constexpr const char* rounding = "rounding";
 
-/// What coarse output steps do to means where the noise does not fill them: a wave of one step's length
-/// (Widrow and Kollar, Quantization Noise (2008), ch. 4; higher harmonics fade with the square of their
-/// order).
-Mechanism bias_of_rounding(double step_mm, double sigma_mm) {
+/// A comb of ranges, which are rounded to whole millimetres after it.
+struct Steps {
+  double step_mm = 1, u_mm = 0, first_mm = 0;
+  double gain = 0;  ///< Of the log-likelihood, over any whole number.
+};
+
+Mechanism bias_of_rounding(const OutputSteps& steps) {
   Mechanism m;
   m.id = rounding;
   m.coordinate = Coordinate::range;
   m.formula_error = 0;
-  m.act = [step_mm, sigma_mm](const Circumstances& c, std::span<const double>) {
-    double sum = 0;
-    for (int k = 1; k <= 6; ++k) {
-      const double w = 2 * pi * k / step_mm;
-      const double fades = std::exp(-0.5 * w * w * sigma_mm * sigma_mm);
-      sum += (k % 2 == 1 ? -1 : 1) * fades * step_mm / (pi * k) * std::sin(w * c.range_mm);
-    }
-    return Effect{.range_mm = sum};
+  m.act = [steps](const Circumstances& c, std::span<const double>) {
+    return Effect{.range_mm = steps.bias_mm(c.range_mm)};
   };
   return m;
 }
 
-/// The coarsest step of which nearly all ranges are a multiple, and what that gains over any whole number.
-struct Steps {
-  int step_mm = 1;
-  double gain = 0;
-};
-std::optional<Steps> coarsest(const Reduced& reduced) {
-  constexpr double fewest = 200, nearly_all = 0.97;
-  constexpr double log_of_exception = 5;  // how improbable a range beside the steps is
-  std::optional<Steps> best;
-  for (int q = 2; q <= 24; ++q) {
-    const auto of_step = reduced.remainder.begin() + q * 25;
-    double all = 0;
-    for (auto count = of_step; count != of_step + q; ++count) all += static_cast<double>(*count);
-    const auto most = static_cast<double>(*std::max_element(of_step, of_step + q));
-    if (all < fewest || most < nearly_all * all) continue;
-    best = {q, most * std::log(q) - (all - most) * log_of_exception};
+/// Variance of a sample about its cell's mean, mm^2.
+double scatter_of_samples(const Reduced& reduced, double otherwise_mm2) {
+  double sum = 0, weight = 0;
+  for (const Cell& cell : reduced.cells) {
+    if (!cell.smooth || cell.n < 2) continue;
+    sum += (cell.n - 1) * cell.variance_mm2;
+    weight += cell.n - 1;
   }
-  return best;
+  return weight > 0 ? sum / weight : otherwise_mm2;
+}
+
+/// How strongly ranges repeat along the range: share of the samples in step, by waves per `window` mm.
+constexpr std::size_t window = 1 << 17;
+std::vector<double> coherence(const std::vector<long>& shown, double all) {
+  std::vector<double> counts(window, 0.0);
+  std::ranges::copy(shown, counts.begin());
+  std::vector<std::complex<double>> waves;
+  Eigen::FFT<double> fft;
+  fft.fwd(waves, counts);
+  std::vector<double> shares(window / 2 + 2);  // as far as the finest, and its neighbour
+  for (std::size_t k = 0; k < shares.size(); ++k) shares[k] = std::abs(waves[k]) / all;
+  return shares;
+}
+
+/// The comb of about that step on which most ranges lie; none if some lie beside it.
+std::optional<Steps> comb_near(const std::vector<long>& shown, double step_mm, double all) {
+  constexpr double nearly_all = 0.97, log_of_exception = 5;  // how improbable a range beside the steps is
+  Steps steps{.step_mm = step_mm};
+  double on = 0;
+  for (int pass = 0; pass < 3; ++pass) {
+    std::complex<double> wave = 0;
+    for (std::size_t mm = 0; mm < shown.size(); ++mm)
+      if (shown[mm] > 0)
+        wave += std::polar(static_cast<double>(shown[mm]), 2 * pi * static_cast<double>(mm) / steps.step_mm);
+    steps.first_mm = std::arg(wave) / (2 * pi) * steps.step_mm;
+    // A line through the ranges over the numbers of their steps.
+    double n = 0, k_mean = 0, off_mean = 0, kk = 0, k_off = 0;
+    on = 0;
+    for (std::size_t mm = 0; mm < shown.size(); ++mm) {
+      if (shown[mm] == 0) continue;
+      const auto count = static_cast<double>(shown[mm]);
+      const double k = std::round((static_cast<double>(mm) - steps.first_mm) / steps.step_mm),
+                   off = static_cast<double>(mm) - steps.first_mm - k * steps.step_mm;
+      constexpr double rounded_by_mm = 0.5 + 0.05;
+      if (std::abs(off) < rounded_by_mm) on += count;
+      n += 1;
+      kk += (n - 1) / n * (k - k_mean) * (k - k_mean);
+      k_off += (n - 1) / n * (k - k_mean) * (off - off_mean);
+      k_mean += (k - k_mean) / n;
+      off_mean += (off - off_mean) / n;
+    }
+    if (kk <= 0) return {};
+    steps.step_mm += k_off / kk;
+    steps.u_mm = std::sqrt(rounding_mm2 / kk);
+  }
+  if (on < nearly_all * all) return {};
+  steps.gain = on * std::log(steps.step_mm) - (all - on) * log_of_exception;
+  return steps;
+}
+
+/// The coarsest step of which nearly all ranges are a multiple.
+std::optional<Steps> coarsest(const std::vector<long>& shown) {
+  constexpr double fewest = 200, coarsest_mm = 50, finest_mm = 2, in_step = 0.5;
+  double all = 0;
+  for (const long count : shown) all += static_cast<double>(count);
+  if (all < fewest) return {};
+  const std::vector<double> shares = coherence(shown, all);
+  const auto first = static_cast<std::size_t>(window / coarsest_mm);
+  for (std::size_t k = first; k + 1 < shares.size() && k <= window / finest_mm; ++k) {
+    if (shares[k] < in_step || shares[k] < shares[k - 1] || shares[k] < shares[k + 1]) continue;
+    const std::optional<Steps> steps =
+        comb_near(shown, static_cast<double>(window) / static_cast<double>(k), all);
+    if (steps) return steps;
+  }
+  return {};
 }
 
 }  // namespace
 
 void find_coarse_steps(Reduced& reduced, double sigma_mm, SpreadResult& result) {
-  constexpr double improbable = 10;  // gain: a mechanism and its size, and single samples that decide
-  const std::optional<Steps> found = coarsest(reduced);
+  constexpr double improbable = 15;  // gain: a mechanism, its step, and single samples that decide
+  const std::optional<Steps> found = coarsest(reduced.shown);
   if (!found || found->gain < improbable) return;
   // A parked target without noise repeats itself too: then its spread is far below the step.
   if (sigma_mm < 0.25 * found->step_mm && reduced.cells.size() < 50) return;
@@ -63,10 +119,12 @@ void find_coarse_steps(Reduced& reduced, double sigma_mm, SpreadResult& result) 
   suspect.mechanism = find_mechanism(rounding);
   suspect.gain = found->gain;
   suspect.evidence = suspect.gain - 4;
-  suspect.parameters = {{"step_mm", {static_cast<double>(found->step_mm), 0}}};
+  suspect.parameters = {{"step_mm", {found->step_mm, found->u_mm}}};
   result.accepted.push_back(suspect);
-  reduced.output_step_mm = found->step_mm;
-  reduced.empirical.push_back(bias_of_rounding(reduced.output_step_mm, sigma_mm));
+  OutputSteps& steps = reduced.output_steps;
+  steps = {found->step_mm, found->first_mm};
+  steps.sigma_mm = steps.noise_of(scatter_of_samples(reduced, sigma_mm * sigma_mm));
+  reduced.empirical.push_back(bias_of_rounding(steps));
 }
 
 }  // namespace fit::explain

@@ -30,7 +30,7 @@ Reduced unread(const Recording& recording, const Standing& standing) {
   out.same_as = standing.same_as;
   for (std::size_t t = out.same_as.size(); t < out.bench.targets.size(); ++t)
     out.same_as.push_back(static_cast<int>(t));
-  out.remainder.assign(25 * 25, 0);
+  out.shown.assign(1 << 16, 0);
   out.reference_temperature_c = reference_temperature(out.captures).value_or(0);
   out.has_temperature = temperature_varies(out.captures, out.reference_temperature_c);
   return out;
@@ -74,7 +74,7 @@ class Reducer {
     const std::vector<int> cell_of_beam = add_cells(setting, turning ? turning_beams : 1);
     group.last_cell = out_.cells.size();
     if (!turning && block.scans > 2) summarise_scans(block, cell_of_beam, group, out_);
-    count_remainders(block);
+    count_shown(block);
     out_.groups.push_back(group);
   }
 
@@ -109,12 +109,11 @@ class Reducer {
   }
 
   /// Of ranges as they came: coarse steps show there.
-  void count_remainders(const Samples& block) {
+  void count_shown(const Samples& block) {
     const std::size_t stride = std::max<std::size_t>(1, block.raw.size() / 2000);
     for (std::size_t i = 0; i < block.raw.size(); i += stride) {
       const std::uint16_t r = block.raw[i];
-      if (!is_echo(r)) continue;
-      for (std::size_t q = 2; q <= 24; ++q) ++out_.remainder[q * 25 + r % q];
+      if (is_echo(r)) ++out_.shown[r];
     }
   }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "fit/explain/lag_bands.hpp"
+#include "fit/explain/output_steps.hpp"
 #include "fit/explain/scene.hpp"
 
 namespace fit::explain {
@@ -110,15 +111,15 @@ struct Reduced {
   std::vector<Cell> cells;
   std::vector<Sector> sectors;
   std::vector<float> kept;  ///< Samples that belong to the targets, cell after cell; empty unless asked for.
-  std::vector<float> beside;    ///< Samples of cells beside edges: which surface they met is asked again.
-  std::vector<long> remainder;  ///< Counts of (range mod q) = r for q = 2..24, at q * 25 + r.
+  std::vector<float> beside;  ///< Samples of cells beside edges: which surface they met is asked again.
+  std::vector<long> shown;    ///< How often every whole millimetre was among the samples.
   /// Samples too far from their target for any noise, the first thousands: in mm, and as a share of the way
   /// to the target.
   std::vector<float> strays_mm, strays_of_target;
   long samples = 0;
   double reference_temperature_c = 0;
   bool has_intensity = false, has_temperature = false;
-  double output_step_mm = 1;      ///< In which ranges come.
+  OutputSteps output_steps;       ///< In which ranges come.
   std::optional<double> wave_hz;  ///< What a lamp or a supply does at that frequency was taken off.
   int left_out = 0;               ///< Cells that no mean is taken of.
   int in_clear = 0;               ///< Cells away from edges and corners, square on enough, by the bench file.

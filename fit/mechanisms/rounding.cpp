@@ -13,7 +13,7 @@ Mechanism make_rounding() {
   m.parameters = {{.name = "step_mm", .typical = 4, .sign = 1}};
   m.act = [](const Circumstances&, std::span<const double> p) { return Effect{.output_step_mm = p[0]}; };
   m.says = [](const Finding& f) {
-    return "Distances come only in multiples of " + rounded(f.at("step_mm").value, 2) + " mm.";
+    return "Distances come only in multiples of " + rounded(f.at("step_mm").value, 4) + " mm.";
   };
   m.separate = "look at the histogram of raw distances on a slanted wall";
   return m;

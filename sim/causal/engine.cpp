@@ -150,7 +150,8 @@ class CausalEngine : public Engine {
       Echo echo = neighbours_[static_cast<std::size_t>(other)];
       const double x = side * pitch / world_.receiver.stray_width_rad;
       echo.amplitude *= world_.receiver.stray * std::exp(-x * x);
-      if (echo.amplitude > 0) echoes_.push_back(echo);
+      constexpr double anything = 1e-4;  // of the threshold
+      if (echo.amplitude > anything * world_.receiver.threshold) echoes_.push_back(echo);
     }
     std::ranges::sort(echoes_, {}, &Echo::t_ns);
   }

@@ -34,14 +34,18 @@ double crossing(const Signal& signal, double low, double high, double level) {
   return (low + high) / 2;
 }
 
-/// The summit near `top` by the parabola through three places.
+/// The summit near `top` by parabolas through three places that draw together.
 template <typename Signal>
 void refine(const Signal& signal, double top, double step, double& peak) {
-  const double left = signal(top - step), here = signal(top), right = signal(top + step);
-  const double bend = left - 2 * here + right;
-  if (bend >= 0) return;
-  const double aside = std::clamp(0.5 * (left - right) / bend, -1.0, 1.0);
-  if (std::abs(aside) > 1e-3) peak = std::max(peak, signal(top + aside * step));
+  for (int pass = 0; pass < 3; ++pass, step /= 4) {
+    const double left = signal(top - step), here = signal(top), right = signal(top + step);
+    const double bend = left - 2 * here + right;
+    if (bend >= 0) return;
+    const double aside = std::clamp(0.5 * (left - right) / bend, -1.0, 1.0);
+    if (std::abs(aside) < 1e-3) return;
+    top += aside * step;
+    peak = std::max(peak, signal(top));
+  }
 }
 
 }  // namespace
@@ -123,6 +127,7 @@ bool Receiver::next_event(const Signal& signal, std::span<const Echo> echoes, do
     place = std::min(last, place + step);
     const double here = signal(place);
     if (here < threshold) {
+      refine(signal, top, step / 2, event.peak);
       event.down = place;
       from = place;
       return true;

@@ -417,7 +417,12 @@ double calibrate(const std::shared_ptr<Cause>& shared, Session& session, double 
     const double found = std::log(reached / before) / std::log(strength / old);
     if (std::isfinite(found)) slope = std::clamp(found, 0.3, 3.0);
   }
-  return reached;
+  // What shows as much at any strength is no effect of it, but of how finely the engine computes.
+  constexpr double hardly_any = 1e-3;
+  if (strength > hardly_any) return reached;
+  if (measure(strength / 100) > reached / 2)
+    throw std::runtime_error(cause.id + " does not grow with its strength in the scene " + session.scene);
+  return measure(strength);
 }
 
 }  // namespace challenge

@@ -86,6 +86,25 @@ TEST_CASE("stray light pulls a dark board towards a bright one beside it") {
   CHECK(record(narrow(world, 5), 200).at(-1.5).mean() - clean < -2);
 }
 
+TEST_CASE("stray light that comes long after an echo changes nothing of it") {
+  const std::vector<Board> both{{"near", 900, -500, 2600, 0, 0.5}, {"far", 6000, 0, 6000, 900, 1}};
+  for (const char* timing : {"fraction", "threshold"}) {
+    const auto seen = [timing](const std::vector<Board>& boards) {
+      sim::World world = world_of(boards);
+      world.receiver.timing = timing;
+      world.receiver.stray = 0.003;
+      world.receiver.stray_width_rad = 0.02;
+      return record(narrow(world, 5), 200);
+    };
+    const Recording alone = seen({both.front()}), beside = seen(both);
+    for (double beam = -4; beam < -0.8; beam += 0.25) {
+      INFO(timing << ", beam " << beam);
+      CHECK(beside.at(beam).mean() == Approx(alone.at(beam).mean()).margin(0.2));
+      CHECK(beside.at(beam).intensity == Approx(alone.at(beam).intensity).epsilon(0.003));
+    }
+  }
+}
+
 TEST_CASE("a warming device drifts by the sum of its two exponentials") {
   sim::World world = narrow(wall_at(2000), 1);
   world.heat.rise_fast_k = 8;
