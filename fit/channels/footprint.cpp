@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <utility>
 #include <vector>
 
 #include "fit/explain/model/transitions.hpp"
@@ -27,42 +28,57 @@ struct Dimmed {
   double inside_deg = 0;  ///< From where surfaces change; positive on the nearer one.
   int side = 1;           ///< +1: it met the nearer one.
   double log_share = 0, u = 0;
-  [[nodiscard]] bool shows_dip(double log) const { return log < -std::max(least_dip, 5 * u); }
+  double by_geometry = 0;  ///< What of it incidence and range make.
+
+  [[nodiscard]] bool is_dip(double log) const { return log < -std::max(least_dip, 5 * u); }
 };
 
 double normal(double off, double sigma) {
   return std::exp(-0.5 * std::pow(off / sigma, 2)) / (std::sqrt(2 * pi) * sigma);
 }
 
+/// The mean, and where there are enough also the slope, of y over x.
+struct Along {
+  double middle = 0, mean = 0, slope = 0;
+
+  Along(const std::vector<double>& x, const std::vector<double>& y) {
+    constexpr std::size_t enough_for_a_slope = 4;
+    const auto n = static_cast<double>(x.size());
+    middle = std::accumulate(x.begin(), x.end(), 0.0) / n;
+    mean = std::accumulate(y.begin(), y.end(), 0.0) / n;
+    double xx = 0, xy = 0;
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      xx += (x[i] - middle) * (x[i] - middle);
+      xy += (x[i] - middle) * (y[i] - mean);
+    }
+    if (x.size() >= enough_for_a_slope) slope = xy / xx;
+  }
+  [[nodiscard]] double at(double x) const { return mean + slope * (x - middle); }
+};
+
 /// Beams of one side, against the line through those that meet this surface alone.
 void add_side(const Transition& edge, int side, std::vector<Dimmed>& list) {
-  std::vector<Dimmed> beams;
-  std::vector<double> x, y;
+  constexpr double lambert_doubt = 0.3;  // of what incidence and range make
   const double change = edge.crossing_deg();
+  std::vector<const Beside*> beams;
+  std::vector<double> x, counts, echo;
   for (const Beside& b : edge.beams()) {
     const double inside = b.inside_deg - change;
     if (b.counts <= 0 || inside * side < 0 || (side > 0 ? b.far_share > 0 : b.far_share < 1)) continue;
-    const double log = std::log(b.counts);
     if (std::abs(inside) < reach_deg) {
-      beams.push_back({inside, side, log, std::hypot(surface_doubt, b.u_counts / b.counts)});
-    } else {
-      x.push_back(inside);
-      y.push_back(log);
+      beams.push_back(&b);
+      continue;
     }
+    x.push_back(inside);
+    counts.push_back(std::log(b.counts));
+    echo.push_back(b.log_echo);
   }
   if (x.size() < 2) return;
-  constexpr std::size_t enough_for_a_slope = 4;
-  const double middle = std::accumulate(x.begin(), x.end(), 0.0) / static_cast<double>(x.size()),
-               mean = std::accumulate(y.begin(), y.end(), 0.0) / static_cast<double>(y.size());
-  double xx = 0, xy = 0;
-  for (std::size_t i = 0; i < x.size(); ++i) {
-    xx += (x[i] - middle) * (x[i] - middle);
-    xy += (x[i] - middle) * (y[i] - mean);
-  }
-  const double slope = x.size() < enough_for_a_slope ? 0 : xy / xx;
-  for (Dimmed& b : beams) {
-    b.log_share -= mean + slope * (b.inside_deg - middle);
-    list.push_back(b);
+  const Along usual(x, counts), by_law(x, echo);
+  for (const Beside* b : beams) {
+    const double inside = b->inside_deg - change, geometry = b->log_echo - by_law.at(inside);
+    list.push_back({inside, side, std::log(b->counts) - usual.at(inside),
+                    std::hypot(surface_doubt, b->u_counts / b->counts, lambert_doubt * geometry), geometry});
   }
 }
 
@@ -70,7 +86,9 @@ std::vector<Dimmed> dimmed_beams(const Transition& edge) {
   std::vector<Dimmed> list;
   if (edge.at().gap_mm < apart_mm) return list;
   for (const int side : {-1, 1}) add_side(edge, side, list);
-  if (std::ranges::none_of(list, [](const Dimmed& b) { return b.shows_dip(b.log_share); })) list.clear();
+  if (std::ranges::none_of(
+          list, [](const Dimmed& b) { return b.is_dip(b.log_share - std::min(0.0, b.by_geometry)); }))
+    list.clear();
   return list;
 }
 
@@ -101,8 +119,9 @@ double log_likelihood(const std::vector<Dimmed>& beams, double width_deg) {
       for (const Dimmed& b : beams) {
         const double share =
                          0.5 * std::erfc(-b.side * (b.inside_deg - places[k]) / width_deg / std::sqrt(2.0)),
-                     log = power * std::log(std::max(least_share, share));
-        shows = shows || b.shows_dip(log);
+                     light = power * std::log(std::max(least_share, share)),
+                     log = light + power * b.by_geometry;
+        shows = shows || b.is_dip(light);
         likelihood *=
             (1 - odd_beam) * normal(b.log_share - log, b.u) + odd_beam * normal(b.log_share, odd_size);
       }
@@ -140,15 +159,17 @@ model::ChannelKind make_footprint() {
   kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
     if (!reduced.has_intensity) return nullptr;
     constexpr std::size_t most_rows = 60;  // computing time
-    const std::vector<Transition> edges = model::transitions(reduced);
+    std::vector<std::pair<Transition, std::vector<Dimmed>>> shown;
+    for (Transition& edge : model::transitions(reduced))
+      if (std::vector<Dimmed> beams = dimmed_beams(edge); !beams.empty())
+        shown.emplace_back(std::move(edge), std::move(beams));
     std::vector<model::WidthRow> rows;
-    const std::size_t every = edges.size() / most_rows + 1;
-    for (std::size_t i = 0; i < edges.size(); i += every) {
-      const std::vector<Dimmed> beams = dimmed_beams(edges[i]);
-      if (!beams.empty())
-        rows.push_back({edges[i].at(), edges[i].capture(), model::WidthLikelihood([&](double width_deg) {
-                          return log_likelihood(beams, width_deg);
-                        })});
+    const std::size_t every = shown.size() / most_rows + 1;
+    for (std::size_t i = 0; i < shown.size(); i += every) {
+      const auto& [edge, beams] = shown[i];
+      rows.push_back({edge.at(), edge.capture(), model::WidthLikelihood([&](double width_deg) {
+                        return log_likelihood(beams, width_deg);
+                      })});
     }
     if (rows.empty()) return nullptr;
     return std::make_unique<Footprints>(std::move(rows));

@@ -252,12 +252,25 @@ Reduced pooled(Reduced all) {
   return all;
 }
 
-/// Before one bench that holds every placement by hand.
-Reduced reduced_together(const std::vector<const Recording*>& list) {
+/// As if so many times the scans had been made: the same statistics, of more samples.
+Reduced with_more_scans(Reduced imagined, int times) {
+  for (Cell& cell : imagined.cells) cell.n *= times;
+  for (Group& group : imagined.groups) {
+    group.scans *= times;
+    for (double& sum : group.lagged) sum *= times;
+    group.lagged_squares *= times;
+    group.pairs *= times;
+  }
+  return imagined;
+}
+
+/// Before one bench that holds every placement by hand; the last one's scans count so many times.
+Reduced reduced_together(const std::vector<const Recording*>& list, int times = 1) {
   const Together together(list);
   Reduced all = reduce(*together.recordings().front(), {}, together.standing(0));
   for (std::size_t i = 1; i < list.size(); ++i)
-    append(all, reduce(*together.recordings()[i], {}, together.standing(i)));
+    append(all, with_more_scans(reduce(*together.recordings()[i], {}, together.standing(i)),
+                                i + 1 == list.size() ? times : 1));
   return pooled(std::move(all));
 }
 
@@ -338,7 +351,7 @@ struct Recorded {
   Brightness brightness;
   double sigma_mm;  ///< Of one sample.
   std::vector<Rivalry> rivalries;
-  std::function<Reduced(const Recording& more)> with;
+  std::function<Reduced(const Recording& more, int times)> with;  ///< Its scans made so many times.
 };
 
 /// Those of these that tell any suspects apart beside what is recorded.
@@ -351,9 +364,10 @@ std::vector<Experiment> telling(const std::vector<Experiment>& possible, const E
       if (!worth_imagining(e, explanation)) continue;
       hold_steady(e, explanation);
       if (times == 1 && repeats(e, recorded.captures)) continue;
-      e.scans *= times;
       const Imagined imagined(recorded.bench, e, recorded.brightness, recorded.sigma_mm);
-      if (judge(e, recorded.with(imagined), recorded.rivalries)) list.push_back(std::move(e));
+      const bool separates = judge(e, recorded.with(imagined, times), recorded.rivalries);
+      e.scans *= times;
+      if (separates) list.push_back(std::move(e));
     }
     if (!list.empty()) return list;
   }
@@ -374,9 +388,9 @@ std::vector<Experiment> telling_with_stage(const std::vector<const Recording*>& 
   Reduced so_far = reduce(*recordings.front(), {});
   for (std::size_t i = 1; i < recordings.size(); ++i) append(so_far, reduce(*recordings[i], {}));
   if (so_far.groups.empty()) return {};
-  const auto with = [&so_far](const Recording& more) {
+  const auto with = [&so_far](const Recording& more, int times) {
     Reduced all = so_far;
-    append(all, reduce(more, {}));
+    append(all, with_more_scans(reduce(more, {}), times));
     return pooled(std::move(all));
   };
   return telling(possible_experiments(so_far.bench, travel), explanation,
@@ -393,10 +407,10 @@ std::vector<Experiment> telling_by_hand(const std::vector<const Recording*>& rec
   std::vector<CaptureInfo> captures;
   for (const Recording* recording : recordings)
     captures.insert(captures.end(), recording->captures().begin(), recording->captures().end());
-  const auto with = [&recordings](const Recording& more) {
+  const auto with = [&recordings](const Recording& more, int times) {
     std::vector<const Recording*> list = recordings;
     list.push_back(&more);
-    return reduced_together(list);
+    return reduced_together(list, times);
   };
   return telling(experiments_by_hand(bench, recordings), explanation,
                  {bench, captures, Brightness::of(first), typical_sigma(first),

@@ -19,6 +19,7 @@ struct Beside {
   bool between = false;
   double on_neither = 0;            ///< Samples between the two surfaces.
   double counts = 0, u_counts = 0;  ///< Mean intensity where all samples met one surface; 0: not known.
+  double log_echo = 0;              ///< By geometry alone: cosine of the incidence, inverse square of range.
   /// Place of the mean between the planes of the two surfaces, not cut off at them, and its noise.
   double place = 0, u_place = 0;
 };

@@ -16,7 +16,8 @@ Mechanism make_mixed_pixel() {
   m.geometric = true;
   // A receiver that favours the first or the stronger of two echoes changes over in less than the beam's
   // width.
-  m.parameters = {{.name = "width_deg", .typical = 0.2, .sign = 1, .own_affair = 1.5},
+  // How light is spread over the beam, and how far counts follow it, differ from device to device.
+  m.parameters = {{.name = "width_deg", .typical = 0.2, .sign = 1, .own_affair = 0.5},
                   {.name = "mixing",  // of the width: in which ranges change over
                    .role = Parameter::Role::shape,
                    .expected = 1,

@@ -122,13 +122,16 @@ bool stands_as_before(const Reduced& reduced, std::size_t group) {
 
 /// Intensity of a beam's samples.
 struct Light {
-  double n = 0, counts = 0, variance = 0;
+  double n = 0, counts = 0, variance = 0, log_echo = 0;
   bool is_whole = true;  ///< Every cell has one.
 
   void add(const Cell& cell) {
-    is_whole = is_whole && cell.n > 1 && cell.counts > 0;
+    constexpr double grazing_rad = 70 * rad_per_deg;
+    is_whole = is_whole && cell.n > 1 && cell.counts > 0 && std::abs(cell.sight.incidence_rad) < grazing_rad;
     if (!is_whole) return;
     counts += (cell.counts - counts) * cell.n / (n + cell.n);
+    log_echo += (std::log(cell.at.cos_incidence) - 2 * std::log(cell.sight.range_mm) - log_echo) * cell.n /
+                (n + cell.n);
     variance += (cell.intensity_sd * cell.intensity_sd - variance) * cell.n / (n + cell.n);
     n += cell.n;
   }
@@ -136,6 +139,7 @@ struct Light {
     if (!is_whole || beside.on_neither > 0) return;
     constexpr double rounding = 1.0 / 12;
     beside.counts = counts;
+    beside.log_echo = log_echo;
     beside.u_counts = std::sqrt(variance / n + rounding);
   }
 };

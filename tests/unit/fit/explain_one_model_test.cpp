@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <random>
 
 #include "../../support/imagined_room.hpp"
@@ -7,6 +10,7 @@
 #include "fit/explain/inference/gaussian.hpp"
 #include "fit/explain/model/channel.hpp"
 #include "fit/explain/model/combs.hpp"
+#include "fit/explain/model/widths.hpp"
 
 namespace {
 
@@ -73,7 +77,8 @@ TEST_CASE("one model: every channel's score and information are the slopes of it
   }
   fit::explain::pool_variances(reduced);
   for (const auto& kind : fit::explain::model::channel_kinds()) {
-    if (kind.id == "edge" || kind.id == "blend") continue;  // of edges, which the room has not
+    // Of edges, which the room has not.
+    if (std::ranges::count(std::array{"edge", "blend", "footprint"}, kind.id) > 0) continue;
     const auto rows = kind.rows(reduced, {});
     INFO(kind.id);
     REQUIRE(rows);
@@ -88,6 +93,20 @@ TEST_CASE("one model: every channel's score and information are the slopes of it
     CHECK((white.transpose() * rows->white_residual(eta))(0, 0) == Approx(slope).epsilon(1e-4));
     CHECK(white.squaredNorm() > 0);
   }
+}
+
+TEST_CASE("one model: the score of a width is the slope of its likelihood, which is the one that was given") {
+  const auto given = [](double width_deg) { return -50 * std::pow(std::log(width_deg / 0.2), 2); };
+  const fit::explain::model::WidthLikelihood width(given);
+  for (const double deg : {0.01, 0.05, 0.13, 0.2, 0.31, 0.8}) {
+    const double at = deg * deg, step = 1e-5 * at;
+    INFO(deg);
+    CHECK(width.log_likelihood(at) == Approx(given(deg)).margin(0.1));
+    const double slope = (width.log_likelihood(at + step) - width.log_likelihood(at - step)) / (2 * step);
+    CHECK(width.score(at) == Approx(slope).epsilon(1e-3).margin(1e-3));
+    CHECK(width.information(at) > 0);
+  }
+  CHECK(std::sqrt(width.best_deg2()) == Approx(0.2).epsilon(0.1));
 }
 
 TEST_CASE("one model: nothing is missing where nothing is") {
