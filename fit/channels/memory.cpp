@@ -112,7 +112,7 @@ std::optional<Block> block_of(int capture, int scans, const Summed& one, const M
   const double each = std::max(1.0, one.squares / (one.cells * pairs[1])) /
                       std::max(1.0, of_sums(1, 1) / std::max(1.0, pairs[1]));
   const Eigen::MatrixXd covariance =
-      std::max(1.0, each) * noise.shared * one.cells * (slopes * of_sums * slopes.transpose());
+      std::max(1.0, each) * one.cells * (slopes * of_sums * slopes.transpose());
   const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
   if (factor.info() != Eigen::Success) return {};
   block.root = factor.matrixL().solve(Eigen::MatrixXd::Identity(count, count));

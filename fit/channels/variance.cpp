@@ -58,11 +58,10 @@ std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced, const Me
     freedom += f;
     return true;
   });
-  // Samples with tails say less of their variance, and so do those that remember each other or share their
-  // noise with other beams'.
+  // Samples with tails say less of their variance, and so do those that remember each other.
   const double scatter = freedom > 0 ? std::max(1.0, (kurtosis / freedom - 1) / 2) : 1,
                worth = model::worth_for_variance(noise.memory_rho, noise.memory_share);
-  for (auto& row : rows) row.n *= worth / scatter / noise.shared;
+  for (auto& row : rows) row.n *= worth / scatter;
   return rows;
 }
 

@@ -11,7 +11,6 @@
 #include "fit/explain/coarse_steps.hpp"
 #include "fit/explain/flicker.hpp"
 #include "fit/explain/inference/explain.hpp"
-#include "fit/explain/model/scans.hpp"
 #include "fit/explain/model/transitions.hpp"
 #include "fit/explain/reduction/steady_echoes.hpp"
 #include "fit/explain/single_beams.hpp"
@@ -59,7 +58,6 @@ SpreadResult before_the_model(Reduced& reduced) {
   const double wide_deg2 = model::pooled_deg2(model::widths_of(model::transitions(reduced)));
   if (wide_deg2 > model::WidthLikelihood::hard_deg2)
     result.noise.footprint_rad = std::sqrt(wide_deg2) * rad_per_deg;
-  result.noise.factor = result.noise.shared = model::shared_by_neighbours(reduced);
   std::vector<double> sigmas;
   for (const Group& group : reduced.groups) sigmas.push_back(group.sigma_mm);
   result.sigma_mm = median_of(sigmas);

@@ -14,7 +14,6 @@ namespace fit::explain {
 /// common beyond it.
 struct MeanNoise {
   double factor = 1;               ///< On the variance of every mean: noise with memory.
-  double shared = 1;               ///< Part of that: so many beams share one noise.
   std::vector<double> range_mm2;   ///< Variance of a range common to a group; empty: none.
   std::vector<double> angle_rad2;  ///< Variance of an angle common to a group; empty: none.
   double stop_rad2 = 0;            ///< Variance of an angle common to a stop of the stage.

@@ -6,7 +6,6 @@
 
 #include "fit/angle.hpp"
 #include "fit/explain/answer/chapters.hpp"
-#include "fit/explain/model/scans.hpp"
 
 namespace fit::explain::answer {
 namespace {
@@ -27,11 +26,6 @@ std::string on_left_out(const Reduced& reduced) {
 std::string on_excess(double excess) {
   return "The means of neighbouring beams scatter " + rounded(std::sqrt(excess), 3) +
          " times more than their samples say; everything was weighed accordingly.";
-}
-
-std::string on_shared(double shared) {
-  return "Neighbouring beams share their noise: parts of a scan scatter " + rounded(std::sqrt(shared), 3) +
-         " times more than beams with a noise of their own would; everything was weighed accordingly.";
 }
 
 /// Held-out figures that contradict "nothing is missing": the other stops are too few to learn from them
@@ -66,9 +60,6 @@ void report_doubts(const Findings& findings, Explanation& out) {
   if (reduced.left_out > 0) note(on_left_out(reduced));
   if (placed_by_bench_alone(means, out)) note(on_few_stops);
   if (means.excess > 1) note(on_excess(means.excess));
-  constexpr double worth_saying = 1.2;
-  if (const double shared = model::shared_by_neighbours(reduced); shared > worth_saying)
-    note(on_shared(shared));
   const double grid_deg = reduced.bench.lidar.step_rad * deg_per_rad;
   for (const Suspect& suspect : findings.spread.accepted)
     if (suspect.mechanism->id == "angle-jitter" && is_rounding(suspect.parameters.at("sigma_deg"), grid_deg))

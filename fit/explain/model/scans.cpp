@@ -147,41 +147,8 @@ struct Part {
 
 }  // namespace
 
-double shared_by_neighbours(const Reduced& reduced) {
-  constexpr double enough = 200, fewest_sectors = 4;  // degrees of freedom; of a scan
-  const std::vector<Sector> rest = without_what_repeats(reduced, {});
-  double squares = 0, freedom = 0;
-  int of_group = -1;
-  OwnNoise noise(reduced, Group{});
-  for (std::size_t first = 0, end = 0; first < rest.size(); first = end) {
-    double w = 0, v = 0, vv = 0, d = 0, dv = 0, dd = 0, sectors = 0;
-    for (; end < rest.size() && rest[end].group == rest[first].group && rest[end].seq == rest[first].seq;
-         ++end) {
-      const Sector& s = rest[end];
-      if (!(s.w > 0)) continue;
-      w += s.w;
-      v += s.wv;
-      vv += s.wv * s.wv / s.w;
-      d += s.wd;
-      dv += s.wv * s.wd / s.w;
-      dd += s.wd * s.wd / s.w;
-      sectors += 1;
-    }
-    if (sectors < fewest_sectors) continue;
-    const Group& group = reduced.groups[static_cast<std::size_t>(rest[first].group)];
-    if (rest[first].group != of_group) noise = OwnNoise(reduced, group);
-    of_group = rest[first].group;
-    const double own = vv - v * v / w, along = dv - v * d / w;
-    if (!(noise.of_range > 0) || !(own > 0)) continue;
-    squares += (dd - d * d / w - along * along / own) / noise.of_range;
-    freedom += (sectors - 2) * (1 - 1.0 / group.scans);
-  }
-  return freedom < enough ? 1 : std::max(1.0, squares / freedom);
-}
-
 std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int parts) {
   const Faces faces = faces_of(reduced);
-  const double shared = shared_by_neighbours(reduced);
   std::vector<ScanPart> list;
   std::map<std::tuple<int, int, bool>, int> blocks;
   int of_group = -1;
@@ -215,12 +182,12 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
       one.variance_mm2 = variance;
       list.push_back(one);
     };
-    add(false, part.wv / part.w, part.wd / part.w, shared * noise.of_range / part.w);
+    add(false, part.wv / part.w, part.wd / part.w, noise.of_range / part.w);
     const double own = part.wvv - part.wv * part.wv / part.w;
     if (!(own > 1e-6 * part.wvv)) return;
     // In millimetres at the beams' typical lever, so that both statistics have about the same noise.
     const double lever = std::sqrt(own / part.w);
-    add(true, lever, (part.wdv - part.wv / part.w * part.wd) / own * lever, shared * noise.of_angle / part.w);
+    add(true, lever, (part.wdv - part.wv / part.w * part.wd) / own * lever, noise.of_angle / part.w);
   };
   for (const Sector& s : reduced.sectors) {
     const Group& group = reduced.groups[static_cast<std::size_t>(s.group)];

@@ -24,10 +24,6 @@ struct ScanPart {
   double variance_mm2 = 0;  ///< Of its samples' noise.
 };
 
-/// By how much more than beams with a noise of their own do the parts of a scan scatter about what the whole
-/// scan has in common: neighbours may share their noise (air that shimmers, a receiver that settles).
-[[nodiscard]] double shared_by_neighbours(const Reduced& reduced);
-
 /// Scans of groups of at least so many, each in so many parts (1, 2, 4 or 8). Scans are numbered as mirror
 /// faces repeat: in their capture, or with the mirror through the time between captures, whichever the
 /// recording shows more of.

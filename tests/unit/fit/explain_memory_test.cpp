@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: MIT
-#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
 
 #include "fit/bench.hpp"
-#include "fit/explain/explanation.hpp"
 #include "fit/explain/mean_model.hpp"
 #include "fit/recording.hpp"
 #include "noise_findings.hpp"
-#include "plain_scenes.hpp"
 #include "tests/support/rounds.hpp"
 
 namespace {
@@ -101,27 +98,6 @@ const Found* memory_in(const NoiseFindings& result) {
 }
 
 }  // namespace
-
-TEST_CASE("noise that neighbouring beams share is neither loose angles nor a shape of the walls") {
-  plain_bench::PlainScene stated{.walls = plain_bench::l_shaped}, quieter = stated;
-  quieter.sigma_mm = 3;
-  double shared_mm = 0;
-  const SyntheticRecording drawn = plain_bench::recorded(
-      quieter, 21, [](double, double, double) { return plain_bench::Deviation{}; },
-      [shared_mm](const plain_bench::Sample& sample, std::mt19937& random) mutable {
-        constexpr double alike = 0.85, size_mm = 4;  // with 3 mm of every beam's own: 5 mm
-        shared_mm = alike * shared_mm +
-                    size_mm * std::sqrt(1 - alike * alike) * std::normal_distribution<double>()(random);
-        return sample.range_mm + shared_mm;
-      });
-  SyntheticRecording recording(plain_bench::bench_of(stated), drawn.maker());
-  plain_bench::turn_round(recording, stated, 14, 20);
-  const fit::explain::Explanation e = fit::explain::explain({&recording}, {});
-  INFO(to_text(e));
-  CHECK(e.verdict == fit::explain::nothing_missing);
-  CHECK(std::ranges::any_of(
-      e.notes, [](const std::string& note) { return note.find("share their noise") != std::string::npos; }));
-}
 
 TEST_CASE("noise that fades slowly is seen at shares that neighbouring scans hardly show", "[rounds]") {
   // It lasts 20 scans, and neighbours correlate by less than 0.009, or 0.02.
