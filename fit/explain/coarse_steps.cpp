@@ -19,6 +19,7 @@ struct Steps {
   double gain = 0;  ///< Of the log-likelihood, over any whole number.
 };
 
+/// What coarse steps do to means where the noise does not fill them.
 Mechanism bias_of_rounding(const OutputSteps& steps) {
   Mechanism m;
   m.id = rounding;

@@ -31,8 +31,11 @@ double OutputSteps::bias_mm(double range_mm) const {
 }
 
 double OutputSteps::variance_mm2(double range_mm) const {
+  const double filled_mm2 = rounding_mm2 * step_mm * step_mm;
+  if (sigma_mm > 2 * step_mm)
+    return filled_mm2;  // as of nearly every lidar: every cell asks, and waves are slow
   const double bias = bias_mm(range_mm);
-  double sum = rounding_mm2 * step_mm * step_mm - bias * bias;
+  double sum = filled_mm2 - bias * bias;
   for (int k = 1; k <= harmonics; ++k) {
     const Harmonic h = harmonic(*this, k, range_mm);
     const double of_noise = 4 * sigma_mm * sigma_mm * h.faded, sign = k % 2 == 1 ? -1 : 1;
