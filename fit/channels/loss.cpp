@@ -70,7 +70,7 @@ model::ChannelKind make_loss() {
   kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
     constexpr int beams = 4;
     constexpr double enough = 50;  // samples: a threshold's flank may be narrower than the next beam's echo
-    constexpr double grazing_rad = 75 * rad_per_deg;
+    constexpr double grazing_rad = 85 * rad_per_deg;
     auto rows = model::counted_rows(
         reduced, beams,
         [&](std::size_t i, auto& row) {

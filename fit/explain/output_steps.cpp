@@ -6,56 +6,36 @@
 #include "fit/explain/reduce.hpp"
 
 namespace fit::explain {
-namespace {
 
-/// Of the sawtooth by which rounding is off.
-struct Harmonic {
-  double size_mm, faded, phase_rad;
-};
-constexpr int harmonics = 6;
-Harmonic harmonic(const OutputSteps& steps, int k, double range_mm) {
-  const double w = 2 * pi * k / steps.step_mm;
-  return {(k % 2 == 1 ? -1 : 1) * steps.step_mm / (pi * k),
-          std::exp(-0.5 * w * w * steps.sigma_mm * steps.sigma_mm), w * (range_mm - steps.first_mm)};
-}
-
-}  // namespace
-
-double OutputSteps::bias_mm(double range_mm) const {
-  double sum = 0;
-  for (int k = 1; k <= harmonics; ++k) {
-    const Harmonic h = harmonic(*this, k, range_mm);
-    sum += h.size_mm * h.faded * std::sin(h.phase_rad);
+OutputSteps::Rounded OutputSteps::rounded_at(double range_mm) const {
+  constexpr double filled = 3, reach = 6;  // steps, and standard deviations
+  if (sigma_mm > filled * step_mm) return {0, rounding_mm2 * step_mm * step_mm};
+  const double reach_mm = reach * sigma_mm + step_mm;
+  double mean = 0, square = 0, below = 0;
+  for (double k = std::round((range_mm - reach_mm - first_mm) / step_mm);; ++k) {
+    const double level_mm = std::round(first_mm + k * step_mm) - range_mm,
+                 end_mm = first_mm + (k + 0.5) * step_mm - range_mm;
+    const double up_to = end_mm > reach_mm ? 1 : 0.5 * std::erfc(-end_mm / sigma_mm / std::sqrt(2.0)),
+                 share = up_to - below;
+    mean += share * level_mm;
+    square += share * level_mm * level_mm;
+    if (end_mm > reach_mm) break;
+    below = up_to;
   }
-  return sum;
-}
-
-double OutputSteps::variance_mm2(double range_mm) const {
-  const double filled_mm2 = rounding_mm2 * step_mm * step_mm;
-  if (sigma_mm > 2 * step_mm)
-    return filled_mm2;  // as of nearly every lidar: every cell asks, and waves are slow
-  const double bias = bias_mm(range_mm);
-  double sum = filled_mm2 - bias * bias;
-  for (int k = 1; k <= harmonics; ++k) {
-    const Harmonic h = harmonic(*this, k, range_mm);
-    const double of_noise = 4 * sigma_mm * sigma_mm * h.faded, sign = k % 2 == 1 ? -1 : 1;
-    sum += sign * (of_noise + h.size_mm * h.size_mm * h.faded) * std::cos(h.phase_rad);
-  }
-  return sum;
+  return {mean, square - mean * mean - sigma_mm * sigma_mm};
 }
 
 double OutputSteps::noise_of(double scatter_mm2) const {
   const auto scatter_of = [this](double sigma) {
     const OutputSteps steps{step_mm, first_mm, sigma};
-    double mm2 = sigma * sigma + rounding_mm2 * step_mm * step_mm;
-    for (int k = 1; k <= harmonics; ++k) {
-      const Harmonic h = harmonic(steps, k, 0);
-      mm2 -= std::pow(h.size_mm * h.faded, 2) / 2;
-    }
+    constexpr int places = 200;
+    double mm2 = sigma * sigma;
+    for (int i = 0; i < places; ++i)
+      mm2 += steps.variance_mm2(first_mm + (i + 0.5) * (10 + 1.0 / places) * step_mm) / places;
     return mm2;
   };
-  double low = 0, high = std::sqrt(scatter_mm2);
-  for (int i = 0; i < 40; ++i) {
+  double low = 1e-3 * step_mm, high = std::sqrt(scatter_mm2);
+  for (int i = 0; i < 30; ++i) {
     const double middle = (low + high) / 2;
     (scatter_of(middle) < scatter_mm2 ? low : high) = middle;
   }

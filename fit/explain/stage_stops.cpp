@@ -2,9 +2,11 @@
 #include "fit/explain/stage_stops.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "fit/accuracy.hpp"
+#include "fit/explain/inference/gaussian.hpp"
 #include "fit/explain/mean_model.hpp"
 
 namespace fit::explain {
@@ -23,9 +25,10 @@ std::vector<Seen> seen_at_stops(const Reduced& reduced, const MeanModel& model) 
   std::vector<std::size_t> stop_of(reduced.groups.size(), stops.size());
   std::vector<Seen> list(stops.size());
   for (std::size_t s = 0; s < stops.size(); ++s) {
-    const Group& first = reduced.groups[stops[s].first_group];
-    list[s].stage_rad = first.stage_rad;
-    list[s].time_s = first.time_s;
+    const Group &first = reduced.groups[stops[s].first_group],
+                &last = reduced.groups[stops[s].last_group - 1];
+    list[s].stage_rad = (first.stage_rad + last.stage_rad) / 2;
+    list[s].time_s = (first.time_s + last.time_s) / 2;
     for (std::size_t g = stops[s].first_group; g < stops[s].last_group; ++g) stop_of[g] = s;
   }
   const Eigen::VectorXd residual = model.residual();
@@ -62,29 +65,40 @@ std::vector<Bend> bends_along(std::vector<Seen> list, double Seen::*place) {
   return bends;
 }
 
-/// Its posterior mean.
-double variance_by(const std::vector<Bend>& bends, double most_rad) {
+/// Of that variance of stops. Neighbouring bends have two stops in common: each counts half.
+double log_likelihood(const std::vector<Bend>& bends, double variance) {
+  double sum = 0;
+  for (const Bend& bend : bends) {
+    const double expected = bend.of_noise + bend.of_stops * variance;
+    sum -= (std::log(expected) + bend.square / expected) / 4;
+  }
+  return sum;
+}
+
+/// Its posterior mean, uniform up to `most_rad` before. Both orders are of the same stops; or something that
+/// changes with the other place makes the bends along one of them larger, nobody knows by how much.
+double variance_by(const std::vector<Bend>& in_time, const std::vector<Bend>& along_stage, double most_rad) {
   constexpr int steps = 40;
-  constexpr double shared = 0.5;  // of a bend's weight: neighbouring ones have two stops in common
+  constexpr std::array more{0.25, 1.0, 4.0, 16.0, 64.0, 256.0};
   std::vector<double> logs, variances;
+  const auto disturbed = [&](const std::vector<Bend>& bends, double variance) {
+    std::vector<double> larger;
+    for (const double times : more)
+      larger.push_back(log_likelihood(bends, variance + times * most_rad * most_rad));
+    return inference::log_sum(larger) - std::log(more.size()) - log_likelihood(bends, variance);
+  };
   for (int step = 0; step <= steps; ++step) {
-    const double variance = std::pow(most_rad * step / steps, 2);
-    double log_likelihood = 0;
-    for (const Bend& bend : bends) {
-      const double expected = bend.of_noise + bend.of_stops * variance;
-      log_likelihood -= shared * (std::log(expected) + bend.square / expected) / 2;
+    const double variance = std::pow(most_rad * step / steps, 2),
+                 both = log_likelihood(in_time, variance) + log_likelihood(along_stage, variance);
+    for (const double other : {0.0, disturbed(in_time, variance), disturbed(along_stage, variance)}) {
+      logs.push_back(both / 2 + other / 2);
+      variances.push_back(variance);
     }
-    logs.push_back(log_likelihood);
-    variances.push_back(variance);
   }
-  const double most = std::ranges::max(logs);
-  double sum = 0, weights = 0;
-  for (std::size_t i = 0; i < logs.size(); ++i) {
-    const double weight = std::exp(logs[i] - most);
-    weights += weight;
-    sum += weight * variances[i];
-  }
-  return sum / weights;
+  const double all = inference::log_sum(logs);
+  double mean = 0;
+  for (std::size_t i = 0; i < logs.size(); ++i) mean += std::exp(logs[i] - all) * variances[i];
+  return mean;
 }
 
 }  // namespace
@@ -97,10 +111,14 @@ bool stands_still(const Reduced& reduced, std::size_t group) {
 }
 
 std::vector<Stop> stops_of(const Reduced& reduced) {
+  const auto goes_on = [&](std::size_t g) {
+    if (g == 0) return false;
+    const Group &before = reduced.groups[g - 1], &now = reduced.groups[g];
+    return stands_still(reduced, g) || (before.capture == now.capture && is_turning(reduced.capture_of(now)));
+  };
   std::vector<Stop> stops;
   for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
-    if (is_turning(reduced.capture_of(reduced.groups[g]))) continue;
-    if (stands_still(reduced, g))
+    if (goes_on(g))
       stops.back().last_group = g + 1;
     else
       stops.push_back({g, g + 1});
@@ -114,8 +132,7 @@ double variance_of_stops_rad2(const Reduced& reduced, const MeanModel& model) {
                                      accuracy_of(reduced.bench).stage_position_rad.u);
   const std::vector<Seen> list = seen_at_stops(reduced, model);
   if (list.empty() || !(most_rad > 0)) return 0;
-  return std::min(variance_by(bends_along(list, &Seen::time_s), most_rad),
-                  variance_by(bends_along(list, &Seen::stage_rad), most_rad));
+  return variance_by(bends_along(list, &Seen::time_s), bends_along(list, &Seen::stage_rad), most_rad);
 }
 
 }  // namespace fit::explain

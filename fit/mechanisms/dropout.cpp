@@ -10,7 +10,8 @@ namespace fit::mechanisms {
 // Where a pulse only just reaches it, its flank is flat, and the same noise moves the crossing more: of a
 // Gaussian pulse the variance goes with 1 / ln(I / I_min). Within two widths w of the threshold it grows no
 // more, because noise that would move the crossing further loses the echo: of d normal about (I - I_min) / w,
-// and positive, the variance of sqrt(d) is 0.12 to 0.14 there, a quarter of 1 / 1.9.
+// and positive, the variance of sqrt(d) is 0.12 to 0.14 there, a quarter of 1 / 1.9. A receiver whose noise is
+// more than half its threshold would take noise for echoes: w is no more than that.
 Mechanism make_dropout() {
   Mechanism m;
   m.id = "dropout";
@@ -28,11 +29,12 @@ Mechanism make_dropout() {
       {.name = "width", .role = Parameter::Role::shape, .lower = 0.05, .upper = 300, .starts = 12},
       {.name = "scatter_mm", .typical = 2, .sign = 1}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    constexpr double flattest = 1.9;  // widths
+    constexpr double flattest = 1.9, widest = 0.5;  // widths, and of the threshold
     if (!std::isfinite(c.intensity)) return Effect{};
-    const double above = std::max(std::log(std::max(1.0, c.intensity / p[0])), flattest * p[1] / p[0]);
+    const double width = std::min(p[1], widest * p[0]),
+                 above = std::max(std::log(std::max(1.0, c.intensity / p[0])), flattest * width / p[0]);
     return Effect{.variance_mm2 = p[2] * p[2] / above,
-                  .lost = 0.5 * std::erfc((c.intensity - p[0]) / p[1] / std::sqrt(2.0))};
+                  .lost = 0.5 * std::erfc((c.intensity - p[0]) / width / std::sqrt(2.0))};
   };
   m.shows = [](const Finding& f, const Recorded& r) {
     const double hardly_any = f.at("intensity_min").value + 2 * f.at("width").value;

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <cmath>
+
 #include "fit/angle.hpp"
-#include "fit/explain/scene.hpp"
+#include "fit/explain/reduce.hpp"
 
 namespace fit::explain::reduction {
 
@@ -12,6 +14,10 @@ constexpr double doubt_of_mount = 3;
 
 /// How far along a wall (mm) a beam may be off at that range, in so many standard uncertainties of the mount.
 [[nodiscard]] double sway_mm(const Mount& mount, double range_mm, double uncertainties);
+
+/// How far (rad) the outermost of the beams that a cell has taken together is from their middle: as if they
+/// lay side by side without a gap.
+[[nodiscard]] inline double half_width_rad(const Cell& cell) { return std::sqrt(3.0) * cell.joined_rad; }
 
 /// How near (mm) to a corner of its target a beam that sways so far may come for its mean to be compared.
 [[nodiscard]] double corner_margin_mm(const Sight& sight, double sway_mm);

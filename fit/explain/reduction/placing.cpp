@@ -36,12 +36,12 @@ Circumstances circumstances(const Reduced& session, const Setting& setting, cons
 
 /// Whether the mean may be compared with a surface, or only may not because of what is doubtful.
 void judge_place(const Mount& mount, const Setting& setting, const Beams& beams, Cell& cell) {
-  const double stage_rad = setting.group.stage_rad;
   const Samples& samples = setting.samples;
   const Circumstances& c = cell.at;
-  const double sway = sway_mm(mount, cell.sight.range_mm, doubt_of_mount);
+  const double half_rad = half_width_rad(cell),
+               sway = sway_mm(mount, cell.sight.range_mm, doubt_of_mount) + half_rad * cell.sight.range_mm;
   const bool near_corner = setting.scene.to_joint_mm(cell.sight) < corner_margin_mm(cell.sight, sway);
-  const double from_edge = std::abs(c.edge_rad) - samples.spacing_rad / 2;
+  const double from_edge = std::abs(c.edge_rad) - samples.spacing_rad / 2 - half_rad;
   const bool near_edge = from_edge <= (c.gap_mm > 0 ? edge_margin_rad : brink_margin_rad);
   const bool slanted = std::abs(cell.sight.incidence_rad) >= grazing_rad;
   cell.smooth = !near_edge && !near_corner && !slanted;
@@ -51,10 +51,6 @@ void judge_place(const Mount& mount, const Setting& setting, const Beams& beams,
   // the echo, and a weak echo reads otherwise: such a beam tells of edges, and its mean of no range.
   const bool is_of_edge = from_edge > beside_rad && c.gap_mm == 0;
   if (cell.doubtful && near_edge && !near_corner && is_of_edge) cell.smooth = true;
-  if (beams.count == 1) return;
-  const Sight left = setting.scene.look(stage_rad, beams.from(samples.beam_rad)),
-              right = setting.scene.look(stage_rad, beams.to(samples.beam_rad));
-  if (left.target != right.target) cell.smooth = false;
 }
 
 /// The edge within reach, and the surface on its other side.
@@ -83,12 +79,12 @@ Cell placed(const Reduced& session, const Setting& setting, const Beams& beams) 
   cell.sight = setting.scene.look(setting.group.stage_rad, cell.beam_rad);
   if (cell.sight.target < 0) return cell;
   cell.at = circumstances(session, setting, cell, beams.midway(setting.samples.beam_s));
-  judge_place(mount, setting, beams, cell);
   cell.nominal_mm = cell.sight.range_mm;
   if (beams.count > 1) {
     cell.joined_rad = beams.spread(setting.samples.beam_rad);
     cell.joined_lever_mm = cell.sight.beam_lever();
   }
+  judge_place(mount, setting, beams, cell);
   find_edge(session.bench, setting, cell);
   return cell;
 }

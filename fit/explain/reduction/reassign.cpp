@@ -74,7 +74,9 @@ class Reassignment {
   /// A smooth cell that meets another target or a corner.
   bool leaves_out(Cell& cell, const Met& now) {
     // By geometry alone: how far a mean is off must not decide whether it counts.
-    if (now.sight.target == cell.sight.target && now.joint_mm >= corner_margin_mm(now.sight, 0)) return false;
+    const double aside_mm = reduction::half_width_rad(cell) * now.sight.range_mm;
+    if (now.sight.target == cell.sight.target && now.joint_mm >= corner_margin_mm(now.sight, aside_mm))
+      return false;
     cell.smooth = false;
     cell.doubtful = true;
     ++reduced_.left_out;
@@ -83,7 +85,7 @@ class Reassignment {
 
   /// A doubtful cell that is off by no more than mount and walls may be, away from corners and edges.
   bool takes_in(Cell& cell, const Met& now, const Group& group) {
-    if (now.sight.target < 0 || !is_clear(now, cell.edge)) return false;
+    if (now.sight.target < 0 || !is_clear(now, cell)) return false;
     const double nominal = now.sight.range_mm + now.effect_mm;
     if (std::abs(cell.mean_mm - nominal) > 60 + 5 * group.sigma_mm) return false;
     cell.sight = now.sight;
@@ -96,11 +98,12 @@ class Reassignment {
     return true;
   }
 
-  [[nodiscard]] bool is_clear(const Met& now, int edge) const {
+  [[nodiscard]] bool is_clear(const Met& now, const Cell& cell) const {
     const Mount& mount = reduced_.bench.lidar.mount;
-    const double sway = sway_mm(mount, now.sight.range_mm, doubt_left);
+    const double half_rad = reduction::half_width_rad(cell),
+                 sway = sway_mm(mount, now.sight.range_mm, doubt_left) + half_rad * now.sight.range_mm;
     return now.joint_mm >= corner_margin_mm(now.sight, sway) &&
-           from_edge(edge, now.at) >= edge_margin_rad_ + doubt_left * mount.yaw_rad.u;
+           from_edge(cell.edge, now.at) >= edge_margin_rad_ + half_rad + doubt_left * mount.yaw_rad.u;
   }
 
   /// Bright surfaces seem wider than they are: an edge is where the recording shows it.

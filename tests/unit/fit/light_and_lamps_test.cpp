@@ -214,3 +214,11 @@ TEST_CASE("coarse steps of the range make no noise of a few beams, and hide none
   for (const auto& set : e.undecided_between)
     CHECK((is_light(set) || std::ranges::count(set, "nothing-missing") == 1));
 }
+
+TEST_CASE("noise that is the same everywhere is no threshold's, where no echo is lost") {
+  const Explanation e = explained([](double, double, double) { return Light{.scatter_mm = 14}; }, 40, 5);
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  CHECK(e.mechanisms.front().mechanism->id == "range-noise");
+  CHECK(e.undecided_between.empty());
+}
