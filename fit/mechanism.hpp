@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <functional>
 #include <limits>
 #include <map>
@@ -14,6 +15,9 @@
 #include "fit/estimate.hpp"
 
 namespace fit {
+
+/// Angles at which stray light falls to a half: of the usual receiver, half and twice as far.
+inline constexpr std::array halos_rad{0.35 * rad_per_deg, 0.7 * rad_per_deg, 1.4 * rad_per_deg};
 
 /// Everything about one beam of one scan that a mechanism may depend on. Millimetres, radians, seconds,
 /// kelvin.
@@ -39,8 +43,9 @@ struct Circumstances {
   /// To the next edge with something behind it; positive on the nearer surface.
   double edge_rad = std::numeric_limits<double>::infinity();
   double gap_mm = 0;  ///< Depth of that edge.
-  double pull_mm =
-      0;  ///< Range of the brighter neighbouring surface minus own, weighted by its share of light.
+  /// Range of neighbouring surfaces less the own, weighted by their light over the own and by how much of it
+  /// reaches so far: for stray light that falls to a half at each of `halos_rad`.
+  std::array<double, 3> pull_mm{};
   Eigen::Vector2d normal = Eigen::Vector2d::UnitX();  ///< Unit normal of the target, away from the axis.
   double cos_incidence = 1;
   double reflectance = 0.5;  ///< Nominal, 0..1.

@@ -261,18 +261,19 @@ double Scene::power(const Hit& hit) const {
 
 /// Stray light of neighbouring surfaces within a degree, weighted by its angular distance; a sum over angles,
 /// whatever the beams' spacing (fit/mechanisms/crosstalk.cpp).
-double Scene::pull(const Vector2d& origin, double bearing, const Hit& own) const {
-  constexpr double step = 0.25 * rad_per_deg, halo = 0.7 * rad_per_deg, merged_mm = 500;
-  double sum = 0;
+std::array<double, 3> Scene::pull(const Vector2d& origin, double bearing, const Hit& own) const {
+  constexpr double step = 0.25 * rad_per_deg, merged_mm = 500;
+  std::array<double, 3> sums{};
   for (const int side : {-4, -3, -2, -1, 1, 2, 3, 4}) {
     const double angle = side * step;
     const Hit other = look(origin, bearing + angle);
     if (other.target < 0 || other.target == own.target) continue;
     const double gap = other.range_mm - own.range_mm;
     if (std::abs(gap) > merged_mm) continue;
-    sum += power(other) / power(own) * gap / (1 + angle * angle / (halo * halo));
+    for (std::size_t k = 0; k < sums.size(); ++k)
+      sums[k] += power(other) / power(own) * gap / (1 + std::pow(angle / halos_rad[k], 2));
   }
-  return sum;
+  return sums;
 }
 
 void Scene::describe(const Vector2d& origin, double bearing, const Hit& hit, const std::vector<Edge>& edges,

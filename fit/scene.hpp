@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <limits>
 #include <optional>
 #include <vector>
@@ -97,7 +98,8 @@ class Scene {
   /// All else about it.
   static void fill_in(const Surface& s, const Eigen::Vector2d& origin, const Eigen::Vector2d& ray, Hit& hit);
   [[nodiscard]] double power(const Hit& hit) const;
-  [[nodiscard]] double pull(const Eigen::Vector2d& origin, double bearing, const Hit& own) const;
+  [[nodiscard]] std::array<double, 3> pull(const Eigen::Vector2d& origin, double bearing,
+                                           const Hit& own) const;
 
   std::vector<Surface> surfaces_;
 };

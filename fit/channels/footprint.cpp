@@ -2,11 +2,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 #include <utility>
 #include <vector>
 
 #include "fit/explain/model/transitions.hpp"
+#include "fit/straight_line.hpp"
 
 namespace fit::explain::channels {
 namespace {
@@ -37,31 +37,18 @@ double normal(double off, double sigma) {
   return std::exp(-0.5 * std::pow(off / sigma, 2)) / (std::sqrt(2 * pi) * sigma);
 }
 
-/// The mean, and where there are enough also the slope, of y over x.
-struct Along {
-  double middle = 0, mean = 0, slope = 0;
-
-  Along(const std::vector<double>& x, const std::vector<double>& y) {
-    constexpr std::size_t enough_for_a_slope = 4;
-    const auto n = static_cast<double>(x.size());
-    middle = std::accumulate(x.begin(), x.end(), 0.0) / n;
-    mean = std::accumulate(y.begin(), y.end(), 0.0) / n;
-    double xx = 0, xy = 0;
-    for (std::size_t i = 0; i < x.size(); ++i) {
-      xx += (x[i] - middle) * (x[i] - middle);
-      xy += (x[i] - middle) * (y[i] - mean);
-    }
-    if (x.size() >= enough_for_a_slope) slope = xy / xx;
-  }
-  [[nodiscard]] double at(double x) const { return mean + slope * (x - middle); }
-};
+/// A line, of too few points without a slope.
+double level_at(const StraightLine& line, double x) {
+  constexpr double enough_for_a_slope = 4;
+  return line.points() < enough_for_a_slope ? line.mean() : line.at(x);
+}
 
 /// Beams of one side, against the line through those that meet this surface alone.
 void add_side(const Transition& edge, int side, std::vector<Dimmed>& list) {
   constexpr double lambert_doubt = 0.3;  // of what incidence and range make
   const double change = edge.crossing_deg();
   std::vector<const Beside*> beams;
-  std::vector<double> x, counts, echo;
+  StraightLine usual, by_law;  // log counts along the angle
   for (const Beside& b : edge.beams()) {
     const double inside = b.inside_deg - change;
     if (b.counts <= 0 || inside * side < 0 || (side > 0 ? b.far_share > 0 : b.far_share < 1)) continue;
@@ -69,15 +56,13 @@ void add_side(const Transition& edge, int side, std::vector<Dimmed>& list) {
       beams.push_back(&b);
       continue;
     }
-    x.push_back(inside);
-    counts.push_back(std::log(b.counts));
-    echo.push_back(b.log_echo);
+    usual.add(inside, std::log(b.counts));
+    by_law.add(inside, b.log_echo);
   }
-  if (x.size() < 2) return;
-  const Along usual(x, counts), by_law(x, echo);
+  if (usual.points() < 2) return;
   for (const Beside* b : beams) {
-    const double inside = b->inside_deg - change, geometry = b->log_echo - by_law.at(inside);
-    list.push_back({inside, side, std::log(b->counts) - usual.at(inside),
+    const double inside = b->inside_deg - change, geometry = b->log_echo - level_at(by_law, inside);
+    list.push_back({inside, side, std::log(b->counts) - level_at(usual, inside),
                     std::hypot(surface_doubt, b->u_counts / b->counts, lambert_doubt * geometry), geometry});
   }
 }

@@ -8,6 +8,8 @@
 #include <unsupported/Eigen/FFT>
 #include <vector>
 
+#include "fit/straight_line.hpp"
+
 namespace fit::explain {
 namespace {
 
@@ -67,7 +69,7 @@ std::optional<Steps> comb_near(const std::vector<long>& shown, double step_mm, d
         wave += std::polar(static_cast<double>(shown[mm]), 2 * pi * static_cast<double>(mm) / steps.step_mm);
     steps.first_mm = std::arg(wave) / (2 * pi) * steps.step_mm;
     // A line through the ranges over the numbers of their steps.
-    double n = 0, k_mean = 0, off_mean = 0, kk = 0, k_off = 0;
+    StraightLine line;
     on = 0;
     for (std::size_t mm = 0; mm < shown.size(); ++mm) {
       if (shown[mm] == 0) continue;
@@ -76,15 +78,11 @@ std::optional<Steps> comb_near(const std::vector<long>& shown, double step_mm, d
                    off = static_cast<double>(mm) - steps.first_mm - k * steps.step_mm;
       constexpr double rounded_by_mm = 0.5 + 0.05;
       if (std::abs(off) < rounded_by_mm) on += count;
-      n += 1;
-      kk += (n - 1) / n * (k - k_mean) * (k - k_mean);
-      k_off += (n - 1) / n * (k - k_mean) * (off - off_mean);
-      k_mean += (k - k_mean) / n;
-      off_mean += (off - off_mean) / n;
+      line.add(k, off);
     }
-    if (kk <= 0) return {};
-    steps.step_mm += k_off / kk;
-    steps.u_mm = std::sqrt(rounding_mm2 / kk);
+    if (line.spread() <= 0) return {};
+    steps.step_mm += line.slope();
+    steps.u_mm = std::sqrt(rounding_mm2 / line.spread());
   }
   if (on < nearly_all * all) return {};
   steps.gain = on * std::log(steps.step_mm) - (all - on) * log_of_exception;

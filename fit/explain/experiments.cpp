@@ -111,71 +111,6 @@ Experiment dark(const Bench& bench, const Target& target) {
   return e;
 }
 
-/// Beams that meet the target and what stands beside it from stage angle 0, and how far out it stands.
-CaptureInfo all_along(const Bench& bench, const Target& target, double shift_mm) {
-  constexpr double beside = 4 * rad_per_deg;
-  const auto step_of = [&](const Eigen::Vector2d& end) {
-    const Eigen::Vector2d place = end + shift_mm * target.outward_normal();
-    const double bearing = std::atan2(place.y(), place.x()) - bench.lidar.mount.yaw_rad.value;
-    return bench.lidar.front_step + static_cast<int>(std::lround(wrap_angle(bearing) / bench.lidar.step_rad));
-  };
-  const auto [first, last] = std::minmax({step_of(target.from_mm), step_of(target.to_mm)});
-  const auto margin = static_cast<int>(std::ceil(beside / bench.lidar.step_rad));
-  CaptureInfo c;
-  c.first_step = std::clamp(first - margin, bench.lidar.first_step, bench.lidar.steps - 1);
-  c.last_step = std::clamp(last + margin, bench.lidar.first_step, bench.lidar.steps - 1);
-  c.target = target.name;
-  c.target_shift_mm = shift_mm;
-  return c;
-}
-
-/// How far in front of what is seen beside it a target's nearer end stands; none if nothing is.
-std::optional<double> least_gap_mm(const Bench& bench, const CaptureInfo& standing) {
-  std::optional<double> least;
-  for (const Edge& edge : Scene(bench, Nuisance(bench), standing).edges(0)) {
-    if (bench.targets[static_cast<std::size_t>(edge.id / 2)].name != *standing.target || edge.far_mm <= 0)
-      continue;
-    const double gap = edge.far_mm - edge.near_mm;
-    least = std::min(gap, least.value_or(gap));
-  }
-  return least;
-}
-
-/// Where a target stands so far in front of what is seen beside it, as a shift; none if nowhere.
-std::optional<double> shift_before_background_mm(const Bench& bench, const Target& target, double gap_mm) {
-  constexpr double close_enough_mm = 5, nearest_mm = 300;
-  CaptureInfo standing = all_along(bench, target, 0);
-  for (int pass = 0; pass < 8; ++pass) {
-    const std::optional<double> gap = least_gap_mm(bench, standing);
-    if (!gap || distance_of(target) + standing.target_shift_mm < nearest_mm) return {};
-    if (std::abs(*gap - gap_mm) < close_enough_mm) return std::round(standing.target_shift_mm);
-    standing.target_shift_mm += *gap - gap_mm;
-  }
-  return {};
-}
-
-/// The ends of a target so close before its background that the echoes of both are one: what mixes there is
-/// a wide beam's doing, and the light of the one pulls the other where the beam is past the end. Between
-/// beams, too.
-Experiment ends(const Bench& bench, const Target& target) {
-  Experiment e =
-      experiment(Experiment::Kind::ends,
-                 "The ends of target '" + target.name + "' close before what is seen beside it", 20);
-  for (const double gap_mm : {120.0, 350.0}) {
-    const std::optional<double> shift_mm = shift_before_background_mm(bench, target, gap_mm);
-    if (!shift_mm) continue;
-    for (const double rho : {0.85, 0.25})
-      for (int part = 0; part < 6; ++part) {
-        CaptureInfo c = all_along(bench, target, *shift_mm);
-        c.reflectance = rho;
-        c.stage_rad = part * bench.lidar.step_rad / 6;
-        e.captures.push_back(c);
-      }
-  }
-  number(e, 20, 3600);
-  return e;
-}
-
 Experiment heat(const Bench& bench) {
   Experiment e =
       experiment(Experiment::Kind::heat, "The lidar's housing heated and cooled after warm-up", 40);
@@ -247,7 +182,6 @@ std::vector<Experiment> possible_experiments(const Bench& bench, const StageTrav
       leave_out_hidden(e, bench);
       if (e.captures.size() >= fewest_placements) list.push_back(std::move(e));
     }
-    if (Experiment e = ends(bench, target); !e.captures.empty()) list.push_back(std::move(e));
   }
   list.push_back(heat(bench));
   list.push_back(cold_start(bench));

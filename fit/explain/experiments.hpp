@@ -11,7 +11,7 @@ namespace fit::explain {
 
 /// What the bench can do to separate suspects: a list of captures and what the operator changes between them.
 struct Experiment {
-  enum class Kind { all_round, both_sides, ladder, greys, dark, ends, heat, cold_start, turning };
+  enum class Kind { all_round, both_sides, ladder, greys, dark, heat, cold_start, turning };
   Kind kind = Kind::all_round;
   std::string title;
   std::vector<CaptureInfo> captures;

@@ -55,9 +55,8 @@ void refuse_nothing_to_compare(const Reduced& reduced) {
 /// What the model takes as known: the noise, how wide beams are at edges, and coarse steps.
 SpreadResult before_the_model(Reduced& reduced) {
   SpreadResult result;
-  const double wide_deg2 = model::pooled_deg2(model::widths_of(model::transitions(reduced)));
-  if (wide_deg2 > model::WidthLikelihood::hard_deg2)
-    result.noise.footprint_rad = std::sqrt(wide_deg2) * rad_per_deg;
+  const auto widths = model::widths_of(model::transitions(reduced));
+  if (!widths.empty()) result.noise.footprint_rad = std::sqrt(model::widest_deg2(widths)) * rad_per_deg;
   std::vector<double> sigmas;
   for (const Group& group : reduced.groups) sigmas.push_back(group.sigma_mm);
   result.sigma_mm = median_of(sigmas);
@@ -79,13 +78,8 @@ Searched search(Reduced reduced, const Progress& progress) {
     mains::take_off_flicker(*hz, reduced);
     inferred = inference::infer(reduced, spread.noise, progress);
   }
-  std::optional<StrayLight> light = stray_light(reduced, inferred.means);
-  if (light && !light->or_mixed_pixel) {
-    take_off(*light, reduced);
-    inferred = inference::infer(reduced, spread.noise, progress);
-  }
   MeanResult means = inferred.means;
-  return {{std::move(reduced), std::move(spread), std::move(means), std::move(light)}, std::move(inferred)};
+  return {{std::move(reduced), std::move(spread), std::move(means)}, std::move(inferred)};
 }
 
 /// The findings in words, chapter by chapter.
@@ -100,7 +94,6 @@ Explanation reported(Searched& found) {
   out.left_out = findings.reduced.left_out;
   out.bench = findings.reduced.bench;
   inference::report(found.inferred, findings, out);
-  answer::report_stray_light(findings, out);
   answer::report_spread(findings, out);
   std::ranges::copy(found.inferred.curves, std::back_inserter(out.spread_curves));
   inference::add_to_spread(found.inferred, findings.spread);

@@ -42,11 +42,6 @@ struct Curve {
   std::vector<double> at, before_mm, after_mm, sigma_mm;
 };
 
-/// What beams beside edges leave open: stray light that leaks so much, or a beam of that standard half width.
-struct EdgeSuspects {
-  double leak = 0, width_deg = 0;
-};
-
 /// The answer to "what did the simulation leave out?" (formats.md, `explanation/1`).
 struct Explanation {
   std::string verdict;
@@ -69,7 +64,6 @@ struct Explanation {
   std::vector<Term> suspects;   ///< Members of undecided sets, with their values: for the next experiment.
   std::vector<SeenShape> unnamed_suspects;  ///< Forms that explain nearly as much as one of these.
   std::vector<Suspect> noise_suspects;      ///< The same for noise, lost echoes and intensity.
-  std::optional<EdgeSuspects> edge_suspects;
 
   /// Adds what acts on something other than means, whose figures do not know what it gains.
   void add_beside_means(Found found) {
@@ -78,9 +72,7 @@ struct Explanation {
   }
   [[nodiscard]] std::size_t rivals_in_range() const { return suspects.size() + unnamed_suspects.size(); }
   /// Whether there is something that an experiment could decide.
-  [[nodiscard]] bool has_rivals() const {
-    return rivals_in_range() > 1 || noise_suspects.size() > 1 || edge_suspects;
-  }
+  [[nodiscard]] bool has_rivals() const { return rivals_in_range() > 1 || noise_suspects.size() > 1; }
 };
 
 /// Explains one or several recordings of the same bench together. Throws std::invalid_argument when there is

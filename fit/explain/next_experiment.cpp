@@ -8,7 +8,6 @@
 
 #include "fit/explain/inference/apart.hpp"
 #include "fit/explain/odds.hpp"
-#include "fit/explain/stray_light.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/median.hpp"
 
@@ -107,7 +106,6 @@ void hold_steady(Experiment& e, const Explanation& explanation) {
 /// A turning stage brings errors of its own, and echoes that are as weak as a bench can make them are lost by
 /// every lidar: these are for suspects that show nowhere else.
 bool worth_imagining(const Experiment& e, const Explanation& explanation) {
-  if (e.kind == Experiment::Kind::ends) return explanation.edge_suspects.has_value();
   if (e.kind == Experiment::Kind::dark) return !explanation.noise_suspects.empty();
   return e.kind != Experiment::Kind::turning ||
          std::ranges::any_of(explanation.suspects, [](const Term& term) {
@@ -321,11 +319,6 @@ std::vector<Rivalry> rivalries_of(const Explanation& explanation, const Reduced&
         },
         so_far);
   }
-  if (explanation.edge_suspects)
-    list.emplace_back(
-        std::vector<std::string>{crosstalk, wide_beam},
-        [&explanation](const Reduced& all) { return evidence_between(all, *explanation.edge_suspects); },
-        so_far);
   return list;
 }
 

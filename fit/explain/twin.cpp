@@ -7,11 +7,12 @@
 
 #include "fit/empirical.hpp"
 #include "fit/explain/runs.hpp"
-#include "fit/explain/stray_light.hpp"
 #include "fit/radiometer.hpp"
 
 namespace fit::explain {
 namespace {
+
+constexpr const char* wide_beam = "mixed-pixel";
 
 using Eigen::VectorXd;
 

@@ -247,7 +247,7 @@ std::string put_back(const Experiment& e, const Bench& bench) {
   bool heated = false;
   for (const CaptureInfo& c : e.captures) {
     if (c.target && (e.kind == Experiment::Kind::ladder || e.kind == Experiment::Kind::greys ||
-                     e.kind == Experiment::Kind::dark || e.kind == Experiment::Kind::ends))
+                     e.kind == Experiment::Kind::dark))
       moved.insert(*c.target);
     heated = heated || c.temperature_c.value_or(fit::explain::steady_c) != fit::explain::steady_c;
   }

@@ -120,14 +120,6 @@ std::string steps_text(const Experiment& e, const fit::LidarGeometry& lidar) {
         steps += place_step(c) + "  - capture: {samples: " + samples + ", target: " + yaml_quoted(*c.target) +
                  beams_of(c, lidar) + "}\n";
       break;
-    case Experiment::Kind::ends:
-      for (std::size_t i = 0; i < e.captures.size(); ++i) {
-        const CaptureInfo& c = e.captures[i];
-        if (i == 0 || !fit::explain::stands_alike(e.captures[i - 1], c)) steps += place_step(c);
-        steps += "  - move: {to_deg: " + deg(c.stage_rad) + "}\n  - capture: {samples: " + samples +
-                 ", target: " + yaml_quoted(*c.target) + beams_of(c, lidar) + "}\n";
-      }
-      break;
     case Experiment::Kind::heat:
       steps += "  - move: {to_deg: 0}\n";
       for (const CaptureInfo& c : e.captures)

@@ -9,7 +9,6 @@
 namespace fit::explain::answer {
 
 /// Stray light beside edges.
-void report_stray_light(const Findings& findings, Explanation& out);
 
 /// What the model has no rows for: coarse steps, wide beams.
 void report_spread(const Findings& findings, Explanation& out);

@@ -5,7 +5,6 @@
 
 #include "fit/explain/mean_result.hpp"
 #include "fit/explain/spread.hpp"
-#include "fit/explain/stray_light.hpp"
 
 namespace fit::explain {
 
@@ -14,7 +13,6 @@ struct Findings {
   Reduced reduced;  ///< Predicted at the best hypothesis of the means.
   SpreadResult spread;
   MeanResult means;
-  std::optional<StrayLight> light;
 };
 
 }  // namespace fit::explain

@@ -102,7 +102,7 @@ std::vector<Curve> curves(const MeanModel& before, const MeanModel& after, const
 }  // namespace
 
 void report_where(const Findings& findings, Explanation& out) {
-  const auto& [reduced, spread, means, light] = findings;
+  const auto& [reduced, spread, means] = findings;
   Hypothesis nothing(reduced.bench);
   nothing.nuisance = means.best.nuisance;
   Reduced rows = merged(reduced, rows_for_tables);

@@ -3,6 +3,7 @@
 
 #include "fit/empirical.hpp"
 #include "fit/explain/answer/findings.hpp"
+#include "fit/explain/explanation.hpp"
 #include "fit/explain/inference/posterior.hpp"
 
 namespace fit::explain::inference {

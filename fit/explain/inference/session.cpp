@@ -8,6 +8,7 @@
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/autoregression.hpp"
 #include "fit/explain/model/scans.hpp"
+#include "fit/explain/reduction/edge_shares.hpp"
 #include "fit/explain/stage_stops.hpp"
 
 namespace fit::explain::inference {
@@ -145,6 +146,7 @@ void Session::linearise(const Hypothesis& at) {
   const Nuisance there = nuisance(at);
   model::expect_from_scan_to_scan(reduced_, from_scan_to_scan);
   predict(reduced_, there, at_work, false);
+  reduction::share_out_again(reduced_, there, at_work);
   MeanNoise noise = noise_by(reduced_, noise_, known_, at.terms);
   noise.stop_rad2 = variance_of_stops(reduced_, noise);
   if (noise != present_noise_)  // otherwise they change by less than a screen asks for

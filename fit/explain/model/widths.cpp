@@ -29,6 +29,12 @@ Between place_among_knots(double variance_deg2) {
   return {static_cast<std::size_t>(within), within - std::floor(within)};
 }
 
+double of_all(const std::vector<WidthRow>& rows, std::size_t knot) {
+  double sum = 0;
+  for (const WidthRow& one : rows) sum += one.width.log_likelihood(variance_of(knot));
+  return sum;
+}
+
 }  // namespace
 
 WidthLikelihood::WidthLikelihood(const std::function<double(double width_deg)>& log_likelihood) {
@@ -74,13 +80,20 @@ double WidthLikelihood::best_deg2() const {
 double pooled_deg2(const std::vector<WidthRow>& rows) {
   double best = WidthLikelihood::hard_deg2, most = -1e300;
   for (std::size_t k = 0; k < knots; ++k) {
-    double sum = 0;
-    for (const WidthRow& one : rows) sum += one.width.log_likelihood(variance_of(k));
-    if (sum <= most + 0.1) continue;
-    most = sum;
+    const double all = of_all(rows, k);
+    if (all <= most + 0.1) continue;
+    most = all;
     best = variance_of(k);
   }
   return best;
+}
+
+double widest_deg2(const std::vector<WidthRow>& rows) {
+  constexpr double nearly = 2;
+  const double best = pooled_deg2(rows), most = of_all(rows, place_among_knots(best).knot);
+  std::size_t widest = knots - 1;
+  while (variance_of(widest) > best && of_all(rows, widest) < most - nearly) --widest;
+  return std::max(best, variance_of(widest));
 }
 
 WidthRows::WidthRows(std::vector<WidthRow> rows) : list_(std::move(rows)), raised_(fair_place()) {

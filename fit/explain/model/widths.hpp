@@ -37,6 +37,8 @@ struct WidthRow {
 
 /// The variance that explains most of all of them, deg^2; `hard_deg2` where none has a width.
 [[nodiscard]] double pooled_deg2(const std::vector<WidthRow>& rows);
+/// The largest that explains them nearly as well: two standard uncertainties up.
+[[nodiscard]] double widest_deg2(const std::vector<WidthRow>& rows);
 
 /// A channel of such rows. Its predictor is a variance, deg^2.
 class WidthRows : public ChannelRows {

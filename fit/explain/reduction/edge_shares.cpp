@@ -14,10 +14,14 @@ void share_out_again(Reduced& reduced, const Nuisance& fitted, const std::vector
     const std::vector<Edge> edges = scene.edges(group.stage_rad);
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       Cell& cell = reduced.cells[i];
-      if (cell.beside == 0) continue;
       const auto edge = std::ranges::find(edges, cell.edge, &Edge::id);
-      if (edge == edges.end() || edge->near_target < 0 || edge->far_target < 0) continue;
+      if (edge == edges.end()) continue;
       const Effect effect = effect_there(reduced, at_work, cell.at);
+      const Sight sight = scene.look_at(cell.sight.target, group.stage_rad, cell.beam_rad, effect);
+      if (sight.target != cell.sight.target) continue;
+      scene.describe(sight, edges, cell.at);
+      cell.at.target = reduced.same_as[static_cast<std::size_t>(sight.target)];
+      if (cell.beside == 0 || edge->near_target < 0 || edge->far_target < 0) continue;
       const auto there_mm = [&](int target) {
         return scene.look_at(target, group.stage_rad, cell.beam_rad, effect).range_mm + effect.range_mm;
       };

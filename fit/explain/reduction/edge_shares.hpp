@@ -26,8 +26,8 @@ void share_out(const Ranges& ranges_mm, double near_mm, double far_mm, double si
   cell.far_share = sum / static_cast<double>(ranges_mm.size());
 }
 
-/// The same of all cells beside edges, once mount and targets are fitted: by the bench file both surfaces may
-/// be far from where they are.
+/// The same of all cells beside edges, and how far from the edge they are, once mount and targets are fitted:
+/// by the bench file both surfaces may be far from where they are.
 void share_out_again(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>& at_work);
 
 }  // namespace fit::explain::reduction

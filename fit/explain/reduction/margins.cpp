@@ -20,12 +20,11 @@ double corner_margin_mm(const Sight& sight, double sway_mm) {
   return 8 + 0.003 * sight.range_mm + sway_mm / sight.cos_incidence();
 }
 
-double doubt_at_edge_mm(const Sight& sight, double edge_rad, double gap_mm) {
-  constexpr double usual_width_rad = 0.15 * rad_per_deg;  // standard half width
-  const double widths = std::abs(edge_rad) / usual_width_rad;
+double doubt_at_edge_mm(const Sight& sight, double edge_rad, double gap_mm, double width_rad) {
+  const double widths = std::abs(edge_rad) / width_rad;
   if (!(widths < 8)) return 0;
   const double passes = 0.5 * std::erfc(widths / std::sqrt(2.0)),
-               aside_rad = usual_width_rad * std::exp(-widths * widths / 2) / std::sqrt(2 * pi);
+               aside_rad = width_rad * std::exp(-widths * widths / 2) / std::sqrt(2 * pi);
   return std::hypot(sight.beam_lever() * aside_rad, gap_mm * passes);
 }
 

@@ -28,9 +28,12 @@ constexpr double doubt_of_mount = 3;
 /// Within this of an edge, part of a beam of usual width passes it.
 inline constexpr double beside_rad = 0.5 * rad_per_deg;
 
-/// What the mean of a beam so far from an edge of that depth (0: nothing behind) may be off because part of
-/// it passes the edge: the rest meets the surface aside, and what passes meets the one behind. Standard
-/// uncertainty, mm.
-[[nodiscard]] double doubt_at_edge_mm(const Sight& sight, double edge_rad, double gap_mm);
+/// Standard half width of a beam where no edge shows it.
+inline constexpr double usual_width_rad = 0.15 * rad_per_deg;
+
+/// What the mean of a beam that wide, so far from an edge of that depth (0: nothing behind), may be off
+/// because part of it passes the edge: the rest meets the surface aside, and what passes meets the one
+/// behind. Standard uncertainty, mm.
+[[nodiscard]] double doubt_at_edge_mm(const Sight& sight, double edge_rad, double gap_mm, double width_rad);
 
 }  // namespace fit::explain::reduction

@@ -46,7 +46,7 @@ void judge_place(const Mount& mount, const Setting& setting, const Beams& beams,
   const bool slanted = std::abs(cell.sight.incidence_rad) >= grazing_rad;
   cell.smooth = !near_edge && !near_corner && !slanted;
   cell.doubtful = !cell.smooth && !slanted && beams.count == 1;
-  cell.doubt_mm = doubt_at_edge_mm(cell.sight, from_edge, c.gap_mm);
+  cell.doubt_mm = doubt_at_edge_mm(cell.sight, from_edge, c.gap_mm, usual_width_rad);
   // What passes an edge with nothing behind gives no echo. Before another surface a part of the spot weakens
   // the echo, and a weak echo reads otherwise: such a beam tells of edges, and its mean of no range.
   const bool is_of_edge = from_edge > beside_rad && c.gap_mm == 0;

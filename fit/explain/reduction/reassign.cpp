@@ -33,7 +33,7 @@ class Reassignment {
         at_work_(at_work),
         nuisance_(displaced(reduced, fitted, at_work)),
         seen_(seen_edges(reduced, fitted, at_work)),
-        edge_margin_rad_(std::max(0.6 * rad_per_deg, 3.5 * footprint_rad)),
+        width_rad_(footprint_rad > 0 ? footprint_rad : reduction::usual_width_rad),
         may_leave_out_(may_leave_out) {}
 
   /// Returns how many cells changed.
@@ -61,7 +61,8 @@ class Reassignment {
             .effect_mm = effect.range_mm};
     Circumstances& at = met.at;
     at.corner_mm = at.edge_rad = std::numeric_limits<double>::infinity();
-    at.gap_mm = at.pull_mm = 0;
+    at.gap_mm = 0;
+    at.pull_mm = {};
     const int target = met.sight.target;
     if (target >= 0) {
       scene.describe(met.sight, edges, at);
@@ -91,7 +92,8 @@ class Reassignment {
     cell.sight = now.sight;
     cell.at = now.at;
     cell.nominal_mm = nominal;
-    cell.doubt_mm = reduction::doubt_at_edge_mm(now.sight, from_edge(cell.edge, now.at), now.at.gap_mm);
+    cell.doubt_mm =
+        reduction::doubt_at_edge_mm(now.sight, from_edge(cell.edge, now.at), now.at.gap_mm, width_rad_);
     cell.smooth = true;
     cell.doubtful = false;
     --reduced_.left_out;
@@ -103,22 +105,33 @@ class Reassignment {
     const double half_rad = reduction::half_width_rad(cell),
                  sway = sway_mm(mount, now.sight.range_mm, doubt_left) + half_rad * now.sight.range_mm;
     return now.joint_mm >= corner_margin_mm(now.sight, sway) &&
-           from_edge(cell.edge, now.at) >= edge_margin_rad_ + half_rad + doubt_left * mount.yaw_rad.u;
+           from_edge(cell.edge, now.at) >= half_rad + edge_margin_rad(cell.edge);
+  }
+
+  /// Where the recording shows the edge, or where it may be.
+  [[nodiscard]] double edge_margin_rad(int edge) const {
+    constexpr double seen_rad = 0.25 * rad_per_deg, stated_rad = 0.6 * rad_per_deg, widths = 3.5;
+    const double doubt_rad =
+        is_settled(edge) ? seen_rad : stated_rad + doubt_left * reduced_.bench.lidar.mount.yaw_rad.u;
+    return std::max(doubt_rad, widths * width_rad_);
+  }
+
+  [[nodiscard]] bool is_settled(int edge) const {
+    const auto found = seen_.find(edge);
+    return found != seen_.end() && found->second.settled;
   }
 
   /// Bright surfaces seem wider than they are: an edge is where the recording shows it.
   [[nodiscard]] double from_edge(int edge, const Circumstances& at) const {
-    const auto found = seen_.find(edge);
-    const bool known = found != seen_.end() && found->second.settled;
-    return std::min(std::abs(at.edge_rad),
-                    std::abs(at.edge_rad - (known ? found->second.shift_deg * rad_per_deg : 0)));
+    const double shift_rad = is_settled(edge) ? seen_.at(edge).shift_deg * rad_per_deg : 0;
+    return std::min(std::abs(at.edge_rad), std::abs(at.edge_rad - shift_rad));
   }
 
   Reduced& reduced_;
   const std::vector<Active>& at_work_;
   Nuisance nuisance_;
   std::map<int, SeenEdge> seen_;
-  double edge_margin_rad_;
+  double width_rad_;
   bool may_leave_out_;
 };
 

@@ -6,6 +6,8 @@
 #include <optional>
 #include <vector>
 
+#include "fit/straight_line.hpp"
+
 namespace fit::explain::reduction {
 namespace {
 
@@ -17,27 +19,20 @@ bool has_echo(const Cell& cell) {
 
 /// A line along the beams through the echoes of some cells, at one of them; none if they do not lie on one.
 std::optional<double> line_at(const Cell& middle, std::span<const Cell> cells) {
-  constexpr std::size_t fewest = 5;
+  constexpr double fewest = 5;
   constexpr double beyond_chance = 3;
-  double n = 0, noise = 0, samples = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
+  StraightLine line;
+  double noise = 0, samples = 0;
   for (const Cell& cell : cells) {
     if (!has_echo(cell) || cell.at.target != middle.at.target || cell.group != middle.group) continue;
-    const double along = cell.beam_rad - middle.beam_rad, counts = cell.at.intensity - middle.at.intensity;
-    n += 1;
     samples += cell.n;
     noise += cell.intensity_sd * cell.intensity_sd + rounding;
-    x += along;
-    y += counts;
-    xx += along * along;
-    xy += along * counts;
-    yy += counts * counts;
+    line.add(cell.beam_rad, cell.at.intensity);
   }
-  if (n < fewest) return {};
-  const double spread = xx - x * x / n, slope = (xy - x * y / n) / spread,
-               off = yy - y * y / n - slope * slope * spread, of_mean = (noise / n) / (samples / n);
-  const double freedom = n - 2;
-  if (off / of_mean > freedom + beyond_chance * std::sqrt(2 * freedom)) return {};
-  return middle.at.intensity + (y - slope * x) / n;
+  if (line.points() < fewest) return {};
+  const double of_mean = noise / samples, freedom = line.points() - 2;
+  if (line.off() / of_mean > freedom + beyond_chance * std::sqrt(2 * freedom)) return {};
+  return line.at(middle.beam_rad);
 }
 
 }  // namespace

@@ -8,7 +8,7 @@ TEST_CASE("nothing missing, but held-out figures far beyond the noise: too few s
   fit::explain::Reduced reduced;
   reduced.bench = bench;
   fit::explain::Findings findings{std::move(reduced), fit::explain::SpreadResult(),
-                                  fit::explain::MeanResult(bench), std::nullopt};
+                                  fit::explain::MeanResult(bench)};
   const auto notes = [&findings](double rms_mm, double coverage) {
     findings.means.noise_floor_mm = 0.6;
     findings.means.after.rms_mm = rms_mm, findings.means.after.coverage = coverage;

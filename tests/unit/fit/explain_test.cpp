@@ -279,46 +279,6 @@ TEST_CASE("a curve without a name says the same of another recording, and is tol
   CHECK(next->groups.size() == 2);
 }
 
-TEST_CASE("stray light is told from a wide beam by the ends of a target close before its background") {
-  const auto bench_with = [](const std::string& background) {
-    return fit::parse_bench(R"({"schema": "bench/1", "targets": [{"name": "board", "from_mm": [1400, -500],
-      "to_mm": [1400, 300], "u_mm": 1, "u_deg": 0.1, "reflectance": 0.6})" +
-                            background + "]}");
-  };
-  const fit::Bench bench = bench_with(R"(, {"name": "wall", "from_mm": [2700, -3000], "to_mm": [2700, 3000],
-      "u_mm": 1, "u_deg": 0.1, "reflectance": 0.7})");
-  SyntheticRecording recording(
-      bench, [&](const fit::CaptureInfo& info, std::int64_t, auto& range, auto& intensity) {
-        const fit::explain::Scene scene(bench, fit::explain::Nuisance(bench), info);
-        for (std::size_t k = 0; k < range.size(); ++k) {
-          const double beam = bench.lidar.beam_angle(info.first_step + static_cast<double>(k));
-          range[k] = static_cast<std::uint16_t>(std::lround(scene.look(info.stage_rad, beam).range_mm));
-          intensity[k] = 1000;
-        }
-      });
-  fit::CaptureInfo info;
-  info.first_step = 500;
-  info.last_step = 580;
-  recording.add(info, 10);
-  Explanation e;
-  e.edge_suspects = {.leak = 2e-3, .width_deg = 0.12};
-  const auto next = fit::explain::best_experiment({&recording}, e, {});
-  REQUIRE(next);
-  CHECK(next->kind == fit::explain::Experiment::Kind::ends);
-  CHECK(next->expected > 3);
-  for (const fit::CaptureInfo& capture : next->captures) {
-    const auto edges =
-        fit::explain::Scene(bench, fit::explain::Nuisance(bench), capture).edges(capture.stage_rad);
-    const auto of_board = [](const auto& edge) { return edge.id / 2 == 0; };
-    REQUIRE(std::ranges::count_if(edges, of_board) == 2);
-    for (const auto& edge : edges)
-      if (of_board(edge)) CHECK(std::abs(edge.far_mm - edge.near_mm - 235) < 135);
-  }
-  // Before nothing there is no such place.
-  for (const auto& possible : fit::explain::possible_experiments(bench_with(""), {}))
-    CHECK(possible.kind != fit::explain::Experiment::Kind::ends);
-}
-
 TEST_CASE("a wall that stands turned is told as such, exactly, and nothing else is accused") {
   const double turned_deg = GENERATE(-0.7, 0.6, 1.5);
   ImaginedRoom room;

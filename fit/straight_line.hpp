@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+namespace fit {
+
+/// The straight line of y over x by least squares, point by point.
+class StraightLine {
+ public:
+  void add(double x, double y) {
+    n_ += 1;
+    const double dx = x - x_, dy = y - y_, before = (n_ - 1) / n_;
+    xx_ += before * dx * dx;
+    xy_ += before * dx * dy;
+    yy_ += before * dy * dy;
+    x_ += dx / n_;
+    y_ += dy / n_;
+  }
+  [[nodiscard]] double points() const { return n_; }
+  /// Sum of squares of x about its mean.
+  [[nodiscard]] double spread() const { return xx_; }
+  [[nodiscard]] double mean() const { return y_; }
+  /// Not a number of fewer than two places.
+  [[nodiscard]] double slope() const { return xy_ / xx_; }
+  [[nodiscard]] double at(double x) const { return y_ + slope() * (x - x_); }
+  /// Sum of squares of y about the line.
+  [[nodiscard]] double off() const { return yy_ - slope() * xy_; }
+
+ private:
+  double n_ = 0, x_ = 0, y_ = 0, xx_ = 0, xy_ = 0, yy_ = 0;
+};
+
+}  // namespace fit
