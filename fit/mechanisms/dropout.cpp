@@ -10,8 +10,8 @@ namespace fit::mechanisms {
 // Where a pulse only just reaches it, its flank is flat, and the same noise moves the crossing more: of a
 // Gaussian pulse the variance goes with 1 / ln(I / I_min). Within two widths w of the threshold it grows no
 // more, because noise that would move the crossing further loses the echo: of d normal about (I - I_min) / w,
-// and positive, the variance of sqrt(d) is 0.12 to 0.14 there, a quarter of 1 / 1.9. A receiver whose noise is
-// more than half its threshold would take noise for echoes: w is no more than that.
+// and positive, the variance of sqrt(d) is 0.12 to 0.14 there, a quarter of 1 / 1.9. A receiver whose noise
+// is more than half its threshold would take noise for echoes: w is no more than that.
 Mechanism make_dropout() {
   Mechanism m;
   m.id = "dropout";
