@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "fit/explain/hypothesis.hpp"
 #include "fit/explain/inference/numbers.hpp"
@@ -80,10 +81,15 @@ Session::Session(Reduced& reduced, MeanNoise noise, const Nuisance& there)
 }
 
 void Session::make_channels(const MeanNoise& noise) {
-  channels_.clear();
+  // Hypotheses know which channels there are. One that has no rows any more, as no edge shows at the present
+  // prediction, keeps those it had.
+  auto before = std::exchange(channels_, {});
   offsets_.clear();
   for (const model::ChannelKind& kind : model::channel_kinds()) {
-    channels_.push_back(kind.rows(reduced_, noise));
+    const std::size_t c = channels_.size();
+    auto rows = before.empty() || before[c] ? kind.rows(reduced_, noise) : nullptr;
+    if (!rows && !before.empty()) rows = std::move(before[c]);
+    channels_.push_back(std::move(rows));
     Eigen::VectorXd offset(channels_.back() ? channels_.back()->rows() : 0);
     for (Index i = 0; i < offset.size(); ++i) offset[i] = channels_.back()->offset(i);
     if (!kind.of_predicted)  // else the predictions have it
@@ -113,6 +119,12 @@ const Session::AtStart& Session::at_start(const Kind& kind, std::size_t start) c
       }
     }
   return by_start[start];
+}
+
+std::vector<Index> Session::row_counts() const {
+  std::vector<Index> counts;
+  for (const auto& rows : channels_) counts.push_back(rows ? rows->rows() : 0);
+  return counts;
 }
 
 Index Session::first_base(std::size_t channel) const {
@@ -149,11 +161,14 @@ void Session::linearise(const Hypothesis& at) {
   reduction::share_out_again(reduced_, there, at_work);
   MeanNoise noise = noise_by(reduced_, noise_, known_, at.terms);
   noise.stop_rad2 = variance_of_stops(reduced_, noise);
-  if (noise != present_noise_)  // otherwise they change by less than a screen asks for
-    for (auto& kept : columns_) kept.clear();
+  const std::vector<Index> before = row_counts();
+  const bool is_as_noisy = noise == present_noise_;
   present_noise_ = std::move(noise);
   pool_variances(reduced_, present_noise_);
   make_channels(present_noise_);
+  // Otherwise columns change by less than a screen asks for.
+  if (!is_as_noisy || row_counts() != before)
+    for (auto& kept : columns_) kept.clear();
   // Coefficients count from the bench file, not from where the prediction is.
   const std::size_t mean = mean_channel();
   const Eigen::VectorXd moved = there.as_vector() - Nuisance(reduced_.bench).as_vector();

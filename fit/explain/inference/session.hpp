@@ -60,6 +60,7 @@ class Session {
   [[nodiscard]] Eigen::Index count_base() const { return first_base(channels_.size()); }
 
  private:
+  [[nodiscard]] std::vector<Eigen::Index> row_counts() const;  ///< Of every channel.
   void make_channels(const MeanNoise& noise);
 
   Reduced& reduced_;

@@ -7,6 +7,9 @@
 #include <string>
 
 #include "fit/explain/explanation.hpp"
+#include "fit/explain/inference/fit.hpp"
+#include "fit/explain/inference/placement.hpp"
+#include "fit/explain/inference/screen.hpp"
 #include "fit/explain/model/channel.hpp"
 #include "plain_scenes.hpp"
 
@@ -291,3 +294,29 @@ TEST_CASE("the score of an edge's width is the slope of its likelihood, and hard
 }
 
 }  // namespace
+
+TEST_CASE("a channel whose edges no longer show keeps its rows, and another hypothesis can be fitted") {
+  using namespace fit::explain;
+  const PlainScene scene = boards();
+  SyntheticRecording recording =
+      plain_bench::recorded(scene, 6, [](double, double, double) { return Deviation{}; });
+  plain_bench::turn_round(recording, scene, 6, 10);
+  Reduced reduced = reduce(recording, {});
+  const inference::Placed placed = inference::fit_placements(reduced, {});
+  inference::Session session(reduced, {}, placed.there);
+  const auto& edges = session.channels()[model::channel_of("edge")];
+  REQUIRE(edges);
+  const Eigen::Index rows = edges->rows();
+  const inference::Fitted before = inference::fit(session, {});
+  REQUIRE_FALSE(inference::screen(session, before).empty());
+
+  const bool all = GENERATE(true, false);
+  for (std::size_t i = 0; i < reduced.cells.size(); ++i)
+    if (all || i < reduced.cells.size() / 2) reduced.cells[i].edge = -1;
+  session.linearise(before.hypothesis);
+  REQUIRE(session.channels()[model::channel_of("edge")]);
+  CHECK((session.channels()[model::channel_of("edge")]->rows() == rows) == all);
+  const inference::Fitted after = inference::fit(session, before.hypothesis);
+  CHECK(std::isfinite(after.hypothesis.log_posterior()));
+  CHECK_FALSE(inference::screen(session, after).empty());
+}
