@@ -85,13 +85,14 @@ double variance_by(const std::vector<Bend>& in_time, const std::vector<Bend>& al
     std::vector<double> larger;
     for (const double times : more)
       larger.push_back(log_likelihood(bends, variance + times * most_rad * most_rad));
-    return inference::log_sum(larger) - std::log(more.size()) - log_likelihood(bends, variance);
+    return inference::log_sum(larger) - std::log(more.size());
   };
   for (int step = 0; step <= steps; ++step) {
-    const double variance = std::pow(most_rad * step / steps, 2),
-                 both = log_likelihood(in_time, variance) + log_likelihood(along_stage, variance);
-    for (const double other : {0.0, disturbed(in_time, variance), disturbed(along_stage, variance)}) {
-      logs.push_back(both / 2 + other / 2);
+    const double variance = std::pow(most_rad * step / steps, 2), time = log_likelihood(in_time, variance),
+                 stage = log_likelihood(along_stage, variance);
+    for (const double both :
+         {time + stage, disturbed(in_time, variance) + stage, time + disturbed(along_stage, variance)}) {
+      logs.push_back(both / 2);
       variances.push_back(variance);
     }
   }

@@ -16,8 +16,8 @@ double misplaced_mm(const Bench& bench, const Sight& sight) {
   return std::hypot(across_mm, sight.beam_lever() * std::hypot(mount.yaw_rad.u, target.u_rad));
 }
 
-double corner_margin_mm(const Sight& sight, double sway_mm) {
-  return 8 + 0.003 * sight.range_mm + sway_mm / sight.cos_incidence();
+double corner_margin_mm(const Sight& sight, double sway_mm, double half_rad) {
+  return 8 + 0.003 * sight.range_mm + (sway_mm + half_rad * sight.range_mm) / sight.cos_incidence();
 }
 
 double doubt_at_edge_mm(const Sight& sight, double edge_rad, double gap_mm, double width_rad) {

@@ -19,8 +19,9 @@ constexpr double doubt_of_mount = 3;
 /// lay side by side without a gap.
 [[nodiscard]] inline double half_width_rad(const Cell& cell) { return std::sqrt(3.0) * cell.joined_rad; }
 
-/// How near (mm) to a corner of its target a beam that sways so far may come for its mean to be compared.
-[[nodiscard]] double corner_margin_mm(const Sight& sight, double sway_mm);
+/// How near (mm) to a corner of its target a beam that sways so far, and is so wide to either side, may come
+/// for its mean to be compared.
+[[nodiscard]] double corner_margin_mm(const Sight& sight, double sway_mm, double half_rad);
 
 /// Standard uncertainty of the range at which a beam meets a target, by what the bench file says of both, mm.
 [[nodiscard]] double misplaced_mm(const Bench& bench, const Sight& sight);

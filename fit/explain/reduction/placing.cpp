@@ -38,9 +38,9 @@ Circumstances circumstances(const Reduced& session, const Setting& setting, cons
 void judge_place(const Mount& mount, const Setting& setting, const Beams& beams, Cell& cell) {
   const Samples& samples = setting.samples;
   const Circumstances& c = cell.at;
-  const double half_rad = half_width_rad(cell),
-               sway = sway_mm(mount, cell.sight.range_mm, doubt_of_mount) + half_rad * cell.sight.range_mm;
-  const bool near_corner = setting.scene.to_joint_mm(cell.sight) < corner_margin_mm(cell.sight, sway);
+  const double half_rad = half_width_rad(cell), sway = sway_mm(mount, cell.sight.range_mm, doubt_of_mount);
+  const bool near_corner =
+      setting.scene.to_joint_mm(cell.sight) < corner_margin_mm(cell.sight, sway, half_rad);
   const double from_edge = std::abs(c.edge_rad) - samples.spacing_rad / 2 - half_rad;
   const bool near_edge = from_edge <= (c.gap_mm > 0 ? edge_margin_rad : brink_margin_rad);
   const bool slanted = std::abs(cell.sight.incidence_rad) >= grazing_rad;

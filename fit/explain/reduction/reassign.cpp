@@ -75,8 +75,8 @@ class Reassignment {
   /// A smooth cell that meets another target or a corner.
   bool leaves_out(Cell& cell, const Met& now) {
     // By geometry alone: how far a mean is off must not decide whether it counts.
-    const double aside_mm = reduction::half_width_rad(cell) * now.sight.range_mm;
-    if (now.sight.target == cell.sight.target && now.joint_mm >= corner_margin_mm(now.sight, aside_mm))
+    if (now.sight.target == cell.sight.target &&
+        now.joint_mm >= corner_margin_mm(now.sight, 0, reduction::half_width_rad(cell)))
       return false;
     cell.smooth = false;
     cell.doubtful = true;
@@ -103,8 +103,8 @@ class Reassignment {
   [[nodiscard]] bool is_clear(const Met& now, const Cell& cell) const {
     const Mount& mount = reduced_.bench.lidar.mount;
     const double half_rad = reduction::half_width_rad(cell),
-                 sway = sway_mm(mount, now.sight.range_mm, doubt_left) + half_rad * now.sight.range_mm;
-    return now.joint_mm >= corner_margin_mm(now.sight, sway) &&
+                 sway = sway_mm(mount, now.sight.range_mm, doubt_left);
+    return now.joint_mm >= corner_margin_mm(now.sight, sway, half_rad) &&
            from_edge(cell.edge, now.at) >= half_rad + edge_margin_rad(cell.edge);
   }
 
