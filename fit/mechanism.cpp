@@ -24,6 +24,7 @@ Effect& Effect::operator+=(const Effect& other) {
   beam_angle_variance_rad2 += other.beam_angle_variance_rad2;
   scan_range_variance_mm2 += other.scan_range_variance_mm2;
   own_range_variance_mm2 += other.own_range_variance_mm2;
+  shared_by_neighbours += other.shared_by_neighbours;
   if (other.memory_share > memory_share) {
     memory_share = other.memory_share;
     memory_rho = other.memory_rho;

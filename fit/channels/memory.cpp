@@ -5,6 +5,7 @@
 
 #include "fit/explain/model/autoregression.hpp"
 #include "fit/explain/model/channel.hpp"
+#include "fit/explain/model/neighbours.hpp"
 
 namespace fit::explain::channels {
 namespace {
@@ -90,7 +91,8 @@ std::map<std::pair<int, int>, Summed> by_capture_and_length(const Reduced& reduc
 
 /// Bartlett's covariance of the sums, by the memory that is known so far, carried over to their ratios to the
 /// sum of squares.
-std::optional<Block> block_of(int capture, int scans, const Summed& one, const MeanNoise& noise) {
+std::optional<Block> block_of(int capture, int scans, const Summed& one, const MeanNoise& noise,
+                              double of_neighbours) {
   const LagSums pairs = model::pairs_of(scans), white = model::lagged_of(scans, 0);
   Block block{capture, scans, {}, {}, {}};
   for (std::size_t b = 1; b < lag_bands.size(); ++b)
@@ -108,11 +110,11 @@ std::optional<Block> block_of(int capture, int scans, const Summed& one, const M
     slopes(k, static_cast<Index>(b)) = 1 / one.sums[0];
     slopes(k, 0) = -ratio / one.sums[0];
   }
-  // Beams that differ in noise, and samples that are not normal, make products scatter more.
+  // Beams that differ in noise or share it, and samples that are not normal, make products scatter more.
   const double each = std::max(1.0, one.squares / (one.cells * pairs[1])) /
                       std::max(1.0, of_sums(1, 1) / std::max(1.0, pairs[1]));
   const Eigen::MatrixXd covariance =
-      std::max(1.0, each) * one.cells * (slopes * of_sums * slopes.transpose());
+      std::max({1.0, each, of_neighbours}) * one.cells * (slopes * of_sums * slopes.transpose());
   const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
   if (factor.info() != Eigen::Success) return {};
   block.root = factor.matrixL().solve(Eigen::MatrixXd::Identity(count, count));
@@ -128,8 +130,10 @@ model::ChannelKind make_memory() {
   kind.shows = "correlation";
   kind.rows = [](const Reduced& reduced, const MeanNoise& noise) -> std::unique_ptr<model::ChannelRows> {
     std::vector<Block> blocks;
+    const double of_neighbours = model::inflation_of_squares(reduced);
     for (const auto& [key, one] : by_capture_and_length(reduced))
-      if (auto block = block_of(key.first, key.second, one, noise)) blocks.push_back(std::move(*block));
+      if (auto block = block_of(key.first, key.second, one, noise, of_neighbours))
+        blocks.push_back(std::move(*block));
     if (blocks.empty()) return nullptr;
     return std::make_unique<Memory>(std::move(blocks));
   };

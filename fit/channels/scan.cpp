@@ -7,6 +7,7 @@
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/block_means.hpp"
 #include "fit/explain/model/channel.hpp"
+#include "fit/explain/model/neighbours.hpp"
 #include "fit/explain/model/scans.hpp"
 #include "fit/explain/model/shared_errors.hpp"
 
@@ -143,14 +144,19 @@ model::ChannelKind make_scan() {
   kind.shows = "range of whole scans";
   kind.unit = "mm";
   kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
-    constexpr int fewest_scans = 3;
-    const std::vector<ScanPart> whole = model::scan_parts(reduced, fewest_scans, 1);
+    const double of_neighbours = model::inflation_of_sums(reduced);
+    const auto in_parts = [&](int parts) {
+      constexpr int fewest_scans = 3;
+      std::vector<ScanPart> list = model::scan_parts(reduced, fewest_scans, parts);
+      for (ScanPart& part : list) part.variance_mm2 *= of_neighbours;
+      return list;
+    };
+    const std::vector<ScanPart> whole = in_parts(1);
     if (whole.size() < 10) return nullptr;
     int parts = 1;  // Of a scan, as many as computing time allows.
     while (parts < 8 && 2 * static_cast<std::size_t>(parts) * whole.size() <= 3 * numbers::search_rows)
       parts *= 2;
-    return std::make_unique<Scans>(parts == 1 ? whole : model::scan_parts(reduced, fewest_scans, parts),
-                                   common_of(whole), reduced.wave_hz);
+    return std::make_unique<Scans>(parts == 1 ? whole : in_parts(parts), common_of(whole), reduced.wave_hz);
   };
   return kind;
 }

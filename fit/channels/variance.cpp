@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <cmath>
 #include <map>
 
 #include "fit/explain/model/autoregression.hpp"
 #include "fit/explain/model/gamma.hpp"
+#include "fit/explain/model/neighbours.hpp"
 #include "fit/explain/stated_noise.hpp"
 
 namespace fit::explain::channels {
@@ -58,8 +60,9 @@ std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced, const Me
     freedom += f;
     return true;
   });
-  // Samples with tails say less of their variance, and so do those that remember each other.
-  const double scatter = freedom > 0 ? std::max(1.0, (kurtosis / freedom - 1) / 2) : 1,
+  // Samples with tails say less of their variance, and so do those that remember or share their noise.
+  const double of_tails = freedom > 0 ? (kurtosis / freedom - 1) / 2 : 1,
+               scatter = std::max({1.0, of_tails, model::inflation_of_squares(reduced)}),
                worth = model::worth_for_variance(noise.memory_rho, noise.memory_share);
   for (auto& row : rows) row.n *= worth / scatter;
   return rows;

@@ -77,6 +77,7 @@ Unexplained described(const Session& session, const Term& term, double gain) {
   course.what = term.kind->acts_on;
   course.unit = model::channel_kinds()[c].unit.empty() ? "" : " " + model::channel_kinds()[c].unit;
   if (model::channel_kinds()[c].is_square) course.unit += "^2";
+  if (term.kind->is_share) course.unit.clear();
   const bool on_a_target = shape.target >= 0;
   course.coordinate =
       on_a_target ? place_along(session.reduced().bench, shape.target) : name_of(shape.coordinate);

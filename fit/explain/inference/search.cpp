@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <set>
 
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/inference/two_cores.hpp"
@@ -92,9 +93,13 @@ class Climber {
     const Hypothesis before = best_.hypothesis;
     session_.linearise(best_.hypothesis);
     moved_ = true;
+    // What lacks one of its terms decides whether that stays, however far below it lay before.
+    std::set<std::vector<const Kind*>> decisive;
+    for (std::size_t t = 0; t < before.terms.size(); ++t) decisive.insert(without(before, t).kinds());
     std::vector<Hypothesis> again;
     for (const auto& [kinds, h] : visited_)
-      if (h.log_posterior() > best_.hypothesis.log_posterior() - 2 * numbers::window || h.terms.empty())
+      if (h.log_posterior() > before.log_posterior() - 2 * numbers::window || h.terms.empty() ||
+          decisive.contains(kinds))
         again.push_back(h);
     visited_.clear();
     screened_.clear();

@@ -54,6 +54,7 @@ MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Ac
   if (noise.scan_range_mm2 <= 0) noise.range_mm2.clear();
   if (noise.scan_angle_rad2 <= 0) noise.angle_rad2.clear();
   if (cells > 0) noise.factor = std::max(noise.factor, 1 + all.memory_share * slowly / cells);
+  noise.factor *= 1 + std::max(0.0, all.shared_by_neighbours);
   return noise;
 }
 

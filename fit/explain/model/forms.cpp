@@ -21,6 +21,7 @@ struct Act {
   const char* in_words;
   explain::Channel channel = explain::Channel::range;  ///< As the rooms that draw forms of means know it.
   bool expects_nothing = false;                        ///< To be there at all is something.
+  bool is_share = false;                               ///< Of what is there, without a unit.
 
   [[nodiscard]] Effect by(double value) const {
     Effect effect;
@@ -44,6 +45,14 @@ constexpr Act on_scan_range{&Effect::scan_range_variance_mm2,
                             "variance of the range that a whole scan has in common",
                             explain::Channel::range,
                             true};
+constexpr Act on_shared_noise{&Effect::shared_by_neighbours,
+                              Observable::range_variance,
+                              numbers::form_inflation,
+                              "excess of the scatter of sums over neighbouring beams, which share noise, "
+                              "over that of independent ones",
+                              explain::Channel::range,
+                              true,
+                              true};
 constexpr Act on_own_range{&Effect::own_range_variance_mm2,
                            Observable::range_variance,
                            numbers::form_mm2,
@@ -71,22 +80,39 @@ struct Way {
 };
 // Of range and brightness another intensity would be another law, which has a name.
 constexpr Way ways[] = {
-    {Coordinate::beam, on_range},         {Coordinate::beam, on_scale},
-    {Coordinate::time, on_scale},         {Coordinate::beam, on_beam_angle},
-    {Coordinate::stage, on_range},        {Coordinate::stage, on_stage_angle},
-    {Coordinate::range, on_range},        {Coordinate::intensity, on_range},
-    {Coordinate::incidence, on_range},    {Coordinate::time, on_range},
-    {Coordinate::time, on_stage_angle},   {Coordinate::temperature, on_range},
-    {Coordinate::beam, on_variance},      {Coordinate::range, on_variance},
-    {Coordinate::intensity, on_variance}, {Coordinate::time, on_variance},
-    {Coordinate::incidence, on_variance}, {Coordinate::beam, on_loss},
-    {Coordinate::range, on_loss},         {Coordinate::time, on_loss},
-    {Coordinate::beam, on_stray},         {Coordinate::time, on_stray},
-    {Coordinate::scan_seq, on_range},     {Coordinate::scan_seq, on_scan_range},
-    {Coordinate::beam, on_own_range},     {Coordinate::stage, on_variance},
-    {Coordinate::target, on_loss},        {Coordinate::target, on_late},
-    {Coordinate::target, on_early},       {Coordinate::beam, on_intensity},
-    {Coordinate::stage, on_intensity},    {Coordinate::incidence, on_intensity},
+    {Coordinate::beam, on_range},
+    {Coordinate::beam, on_scale},
+    {Coordinate::time, on_scale},
+    {Coordinate::beam, on_beam_angle},
+    {Coordinate::stage, on_range},
+    {Coordinate::stage, on_stage_angle},
+    {Coordinate::range, on_range},
+    {Coordinate::intensity, on_range},
+    {Coordinate::incidence, on_range},
+    {Coordinate::time, on_range},
+    {Coordinate::time, on_stage_angle},
+    {Coordinate::temperature, on_range},
+    {Coordinate::beam, on_variance},
+    {Coordinate::range, on_variance},
+    {Coordinate::intensity, on_variance},
+    {Coordinate::time, on_variance},
+    {Coordinate::incidence, on_variance},
+    {Coordinate::beam, on_loss},
+    {Coordinate::range, on_loss},
+    {Coordinate::time, on_loss},
+    {Coordinate::beam, on_stray},
+    {Coordinate::time, on_stray},
+    {Coordinate::scan_seq, on_range},
+    {Coordinate::scan_seq, on_scan_range},
+    {Coordinate::scan_seq, on_shared_noise},
+    {Coordinate::beam, on_own_range},
+    {Coordinate::stage, on_variance},
+    {Coordinate::target, on_loss},
+    {Coordinate::target, on_late},
+    {Coordinate::target, on_early},
+    {Coordinate::beam, on_intensity},
+    {Coordinate::stage, on_intensity},
+    {Coordinate::incidence, on_intensity},
     {Coordinate::time, on_intensity},
 };
 /// Along every target by itself: what a surface does at its place.
@@ -206,6 +232,7 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
       kind.functions = functions_of(form, way, shapes.front(), scale);
       kind.refines = false;
       kind.acts_on = way.on.in_words;
+      kind.is_share = way.on.is_share;
       kind.coefficients = coefficients_of(*kind.mechanism, [](std::size_t) { return 1; });
       for (const Shape& shape : shapes) {
         std::vector<double> start;

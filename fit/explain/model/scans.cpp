@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/model/scans.hpp"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -94,38 +95,41 @@ int number_of(std::int64_t scan) {
   return static_cast<int>(scan % any_number_of_faces);
 }
 
-/// Takes off the mean of all that have the same key, each of so many.
+/// Takes off the range and the angle that all scans with the same key have in common, each of so many.
 template <class Key>
-void take_off_mean(std::vector<ScanPart>& parts, double fewest, const Key& key) {
+void take_off_common(std::vector<ScanPart>& parts, double fewest, const Key& key) {
   struct Sums {
-    double mm = 0, weight = 0, number = 0;
+    Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
+    Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+    double scans = 0;
   };
+  const auto unit_of = [](const ScanPart& p) { return Eigen::Vector2d(p.of_angle ? 0 : 1, p.lever_mm); };
   std::map<decltype(key(parts.front())), Sums> sums;
   for (const ScanPart& p : parts) {
     Sums& s = sums[key(p)];
-    s.mm += p.rest_mm / p.variance_mm2;
-    s.weight += 1 / p.variance_mm2;
-    s.number += 1;
+    s.information += unit_of(p) * unit_of(p).transpose() / p.variance_mm2;
+    s.sum += unit_of(p) * p.rest_mm / p.variance_mm2;
+    s.scans += p.of_angle ? 0 : 1;
   }
+  for (auto& [at, s] : sums)
+    s.information = s.information.completeOrthogonalDecomposition().pseudoInverse().eval();
   for (ScanPart& p : parts) {
     const Sums& s = sums.at(key(p));
-    if (s.number < fewest) continue;
-    p.rest_mm -= s.mm / s.weight;
-    p.news *= std::max(0.0, 1 - 1 / (p.variance_mm2 * s.weight));
+    if (s.scans < fewest) continue;
+    const Eigen::Vector2d unit = unit_of(p), weights = s.information * unit;
+    p.rest_mm -= weights.dot(s.sum);
+    p.news *= std::max(0.0, 1 - weights.dot(unit) / p.variance_mm2);
   }
 }
 
 /// What repeats is for terms to explain; the rest says what scans draw at random.
 void take_off_what_repeats(std::vector<ScanPart>& parts, const Faces& faces) {
-  if (parts.empty()) return;
   constexpr double captures = 2, turns = 4;
-  take_off_mean(parts, captures, [](const ScanPart& p) {
-    return std::tuple(p.of_angle, p.in_capture, p.of_angle ? p.at.approach : 0);
-  });
-  take_off_mean(parts, turns, [&](const ScanPart& p) {
+  take_off_common(parts, captures, [](const ScanPart& p) { return std::pair(p.in_capture, p.at.approach); });
+  take_off_common(parts, turns, [&](const ScanPart& p) {
     const int face = static_cast<int>(static_cast<std::size_t>(p.at.seq) % faces.number);
     const bool long_capture = p.scans >= 4 * static_cast<int>(faces.number);
-    return std::tuple(p.of_angle, p.of_angle ? -1 : face, p.of_angle || !long_capture ? -1 : p.capture);
+    return std::pair(face, long_capture ? p.capture : -1);
   });
 }
 

@@ -37,6 +37,7 @@ struct Kind {
   std::optional<Shape> form;  ///< What a form is called and drawn by; its place and length are shape values.
   Observable observable = Observable::range_mean;  ///< Of a form: where it acts ...
   std::string acts_on;                             ///< ... in words.
+  bool is_share = false;                           ///< That is a share of what is there.
   std::optional<Functions> functions;
   double log_prior = 0;  ///< Log of its prior odds.
   /// Values of all parameters to begin from: a grid over the shapes, sizes at their typical values.

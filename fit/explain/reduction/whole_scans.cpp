@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "fit/explain/reduction/lag_products.hpp"
 
@@ -20,19 +21,33 @@ void add_beam(Sector& sums, double weight, double lever, double d) {
   sums.wdv += weight * d * lever;
 }
 
-/// What the beams of one scan have in common: a range, and an angle of the stage.
-struct Common {
-  double range_mm = 0, angle_rad = 0;
-};
-
-Common common_of(const Sector& whole) {
-  const double det = whole.w * whole.wvv - whole.wv * whole.wv;
-  if (whole.w > 8 && det > 1e-6 * whole.w * whole.wvv) {
-    const double angle = (whole.w * whole.wdv - whole.wv * whole.wd) / det;
-    return {(whole.wd - angle * whole.wv) / whole.w, angle};
+/// What the beams of one scan have in common, as far as so many tell: a range, and an angle of the stage.
+class Common {
+ public:
+  explicit Common(const Sector& whole) {
+    const double det = whole.w * whole.wvv - whole.wv * whole.wv;
+    if (whole.w > 8 && det > 1e-6 * whole.w * whole.wvv) {
+      angle_rad_ = (whole.w * whole.wdv - whole.wv * whole.wd) / det;
+      range_mm_ = (whole.wd - angle_rad_ * whole.wv) / whole.w;
+      of_range_ = 1 / whole.w;
+      of_angle_ = whole.w / det;
+      middle_ = whole.wv / whole.w;
+    } else if (whole.w > 3) {
+      range_mm_ = whole.wd / whole.w;
+      of_range_ = 1 / whole.w;
+    }
   }
-  return {whole.w > 3 ? whole.wd / whole.w : 0, 0};
-}
+  [[nodiscard]] double mm(double lever) const { return range_mm_ + angle_rad_ * lever; }
+  /// Of the variance of a beam of that weight, when the common part is taken off.
+  [[nodiscard]] double share_left(double weight, double lever) const {
+    const double off = lever - middle_;
+    return 1 - weight * (of_range_ + of_angle_ * off * off);
+  }
+
+ private:
+  double range_mm_ = 0, angle_rad_ = 0, middle_ = 0;
+  double of_range_ = 0, of_angle_ = 0;  ///< Variances of range and angle, by those of a beam of weight 1.
+};
 
 /// One group's scans, one after the other.
 class WholeScans {
@@ -47,15 +62,28 @@ class WholeScans {
         good_(static_cast<std::size_t>(samples.beams)) {}
 
   void add_scan(int scan) {
+    constexpr double hardly_any = 0.1;  // is left of a beam's variance
+    const std::size_t first_sector = session_.sectors.size();
     const Sector whole = sum_up(scan);
     // Common range and common angle of the scan are taken off before the memory of single beams is judged.
-    const auto [range_mm, angle_rad] = common_of(whole);
+    const Common common(whole);
+    std::size_t sector = first_sector;
+    double squares = 0, count = 0;
     for (std::size_t beam = 0; beam < deviation_.size(); ++beam) {
       if (!good_[beam]) continue;
-      deviation_[beam] -= range_mm + angle_rad * cell_of(beam).sight.stage_lever();
+      const Cell& cell = cell_of(beam);
+      const double lever = cell.sight.stage_lever(), weight = weight_in_scan(cell, group_, samples_.scans),
+                   left = common.share_left(weight, lever);
+      deviation_[beam] -= common.mm(lever);
+      const double square = deviation_[beam] * deviation_[beam];
+      squares += square / std::max(rounding_mm2, cell.variance_mm2);
+      count += left;
+      if (session_.sectors[sector].number != sector_of(beam)) ++sector;
+      session_.sectors[sector].wwdd += weight * weight * square / std::max(hardly_any, left);
       if (scan > 0) ++group_.pairs;
     }
     products_.add(deviation_, group_);
+    add_squares(squares - count, count);
   }
 
  private:
@@ -63,12 +91,21 @@ class WholeScans {
     return session_.cells[static_cast<std::size_t>(cell_of_beam_[beam])];
   }
 
+  /// How the sum of squares of so many degrees of freedom, less their number, goes on from that of the scan
+  /// before.
+  void add_squares(double more, double freedom) {
+    if (squares_before_ && freedom > 0) {
+      group_.square_steps += std::pow(more - *squares_before_, 2) / 2 / (2 * freedom);
+      ++group_.steps;
+    }
+    squares_before_ = freedom > 0 ? std::optional(more) : std::nullopt;
+  }
+
   /// Every beam's deviation from its cell's mean; the sectors of the scan with their sums, and those of the
   /// whole scan.
   Sector sum_up(int scan) {
     std::ranges::fill(deviation_, 0.0);
     std::ranges::fill(good_, 0);
-    const int width = std::max(1, (samples_.beams + sectors_per_scan - 1) / sectors_per_scan);
     const std::size_t first_sector = session_.sectors.size();
     Sector whole;
     for (int beam = 0; beam < samples_.beams; ++beam) {
@@ -77,10 +114,9 @@ class WholeScans {
       const Cell& cell = cell_of(b);
       const double range = samples_.at(scan, beam);
       if (!is_informative(cell) || !is_echo(range)) continue;
-      const int number = beam / width;
+      const int number = sector_of(b);
       if (session_.sectors.size() == first_sector || session_.sectors.back().number != number)
-        session_.sectors.push_back(
-            empty_sector(scan, number, width, static_cast<std::size_t>(cell_of_beam_[b])));
+        session_.sectors.push_back(empty_sector(scan, number, static_cast<std::size_t>(cell_of_beam_[b])));
       const double q = weight_in_scan(cell, group_, samples_.scans), v = cell.sight.stage_lever(),
                    d = range - cell.mean_mm;
       session_.sectors.back().last_cell = static_cast<std::size_t>(cell_of_beam_[b]) + 1;
@@ -92,10 +128,12 @@ class WholeScans {
     return whole;
   }
 
-  [[nodiscard]] Sector empty_sector(int scan, int number, int width, std::size_t first_cell) const {
+  [[nodiscard]] int sector_of(std::size_t beam) const { return static_cast<int>(beam) / beams_per_sector_; }
+
+  [[nodiscard]] Sector empty_sector(int scan, int number, std::size_t first_cell) const {
     const auto s = static_cast<std::size_t>(scan);
-    const auto middle =
-        static_cast<std::size_t>(std::min(samples_.beams - 1, static_cast<int>((number + 0.5) * width)));
+    const auto middle = static_cast<std::size_t>(
+        std::min(samples_.beams - 1, static_cast<int>((number + 0.5) * beams_per_sector_)));
     Sector sector;
     sector.group = static_cast<int>(session_.groups.size());
     sector.seq = static_cast<int>(samples_.seq[s]);
@@ -111,9 +149,11 @@ class WholeScans {
   const std::vector<int>& cell_of_beam_;
   Group& group_;
   Reduced& session_;
+  int beams_per_sector_ = std::max(1, (samples_.beams + sectors_per_scan - 1) / sectors_per_scan);
   LagProducts products_;
   std::vector<double> deviation_;  ///< Of every beam in the present scan, mm.
   std::vector<char> good_;         ///< Whether it has one.
+  std::optional<double> squares_before_;
 };
 
 }  // namespace

@@ -235,6 +235,7 @@ std::vector<double> changes_of(const fit::Effect& e) {
           e.beam_angle_variance_rad2,
           e.scan_range_variance_mm2,
           e.own_range_variance_mm2,
+          e.shared_by_neighbours,
           e.stray,
           e.footprint_rad,
           e.light_rad,

@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/model/neighbours.hpp"
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <map>
+#include <span>
+#include <tuple>
+#include <utility>
+
+namespace fit::explain::model {
+namespace {
+
+constexpr int most_sectors = 8;
+using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, most_sectors, most_sectors>;
+using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, most_sectors, 1>;
+
+/// Variance of a sector's weighted sum over its weight, were beams independent, mm^2.
+using NoiseOfSectors = std::map<std::pair<int, int>, double>;
+
+NoiseOfSectors noise_of_sectors(const std::vector<Sector>& sectors) {
+  std::map<std::pair<int, int>, std::pair<double, double>> sums;  // of group and number
+  for (const Sector& s : sectors) {
+    auto& [square, weight] = sums[{s.group, s.number}];
+    square += s.wwdd;
+    weight += s.w;
+  }
+  NoiseOfSectors noise;
+  for (const auto& [key, sum] : sums)
+    if (sum.second > 0) noise[key] = sum.first / sum.second;
+  return noise;
+}
+
+/// The sectors of one scan less the range and angle they have in common, by weighted least squares.
+struct ScanLeft {
+  Vector rest_mm;
+  double expected_mm2 = 0, freedom = 0;
+
+  ScanLeft(std::span<const Sector> sectors, const NoiseOfSectors& noise) {
+    const auto count = static_cast<Eigen::Index>(sectors.size());
+    Matrix common(count, 2);
+    Vector seen(count), own(count), root(count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const Sector& s = sectors[static_cast<std::size_t>(i)];
+      root[i] = std::sqrt(s.w);
+      common.row(i) << root[i], s.wv / root[i];
+      seen[i] = s.wd / root[i];
+      own[i] = noise.at({s.group, s.number});
+    }
+    const Matrix rest =
+        Matrix::Identity(count, count) - common * common.completeOrthogonalDecomposition().pseudoInverse();
+    rest_mm = (rest * seen).cwiseQuotient(root);
+    expected_mm2 = rest.diagonal().dot(own);
+    freedom = expected_mm2 * expected_mm2 / own.dot(rest.cwiseAbs2() * own);  // Satterthwaite (1946)
+  }
+};
+
+/// What a sector shows at the same number of the scan in all captures: a range, and an angle of the stage.
+struct Repeats {
+  Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  int captures = 0;
+
+  static Eigen::Vector2d per_unit(const Sector& s) { return {1, s.wv / s.w}; }
+  void add(const Sector& s, double mm) {
+    const Eigen::Vector2d unit = per_unit(s);
+    information += s.w * unit * unit.transpose();
+    sum += s.w * mm * unit;
+    ++captures;
+  }
+  [[nodiscard]] bool is_known() const { return captures >= 4; }
+  [[nodiscard]] double mm(const Sector& s) const {
+    return per_unit(s).dot(information.completeOrthogonalDecomposition().solve(sum));
+  }
+  /// Of the variance, when it is taken off.
+  [[nodiscard]] double share_left() const { return 1 - 2.0 / captures; }
+};
+
+/// The mean of a ratio, unless it may be 1 by chance.
+double if_certain(double ratio, double freedom) {
+  return freedom > 0 && ratio > 1 + 3 * std::sqrt(2 / freedom) ? ratio : 1;
+}
+
+}  // namespace
+
+std::vector<SectorScatter> sector_scatter(const Reduced& reduced, int fewest_scans) {
+  constexpr std::size_t fewest_sectors = 4;  // two of which are the scan's own range and angle
+  const std::vector<Sector>& sectors = reduced.sectors;
+  const NoiseOfSectors noise = noise_of_sectors(sectors);
+  struct Scan {
+    std::span<const Sector> sectors;
+    ScanLeft left;
+  };
+  std::vector<Scan> scans;
+  std::map<std::tuple<int, int, int>, Repeats> repeats;
+  const auto key_of = [](const Sector& s) { return std::tuple(s.seq, s.number, s.approach); };
+  for (std::size_t first = 0, last = 0; first < sectors.size(); first = last) {
+    const Sector& s = sectors[first];
+    while (last < sectors.size() && sectors[last].group == s.group && sectors[last].seq == s.seq) ++last;
+    if (reduced.groups[static_cast<std::size_t>(s.group)].scans < fewest_scans ||
+        last - first < fewest_sectors)
+      continue;
+    const std::span<const Sector> of_scan(&s, last - first);
+    Scan scan{of_scan, ScanLeft(of_scan, noise)};
+    if (!(scan.left.freedom > 1)) continue;
+    for (std::size_t i = 0; i < of_scan.size(); ++i)
+      repeats[key_of(of_scan[i])].add(of_scan[i], scan.left.rest_mm[static_cast<Eigen::Index>(i)]);
+    scans.push_back(std::move(scan));
+  }
+  std::map<int, SectorScatter> by_capture;
+  std::map<int, int> scans_of;
+  for (const Scan& scan : scans) {
+    const Sector& s = scan.sectors.front();
+    const Group& group = reduced.groups[static_cast<std::size_t>(s.group)];
+    SectorScatter& sum = by_capture[group.capture];
+    if (sum.n == 0) {
+      sum.capture = group.capture;
+      sum.at.time_s = group.time_s;
+      sum.at.stage_rad = group.stage_rad;
+      sum.at.approach = s.approach;
+      sum.at.since_move_s = s.since_move_s;
+    }
+    for (std::size_t i = 0; i < scan.sectors.size(); ++i) {
+      const Sector& one = scan.sectors[i];
+      const Repeats& again = repeats.at(key_of(one));
+      const double mm =
+          scan.left.rest_mm[static_cast<Eigen::Index>(i)] - (again.is_known() ? again.mm(one) : 0);
+      sum.square_mm2 += one.w * mm * mm;
+    }
+    const Repeats& again = repeats.at(key_of(s));
+    const double share = again.is_known() ? again.share_left() : 1;
+    sum.expected_mm2 += share * scan.left.expected_mm2;
+    sum.n += share * (1 - 1.0 / group.scans) * scan.left.freedom;
+    ++scans_of[group.capture];
+  }
+  std::vector<SectorScatter> list;
+  for (auto& [capture, sum] : by_capture) {
+    if (!(sum.expected_mm2 > 0)) continue;
+    sum.square_mm2 /= scans_of.at(capture);
+    sum.expected_mm2 /= scans_of.at(capture);
+    list.push_back(sum);
+  }
+  return list;
+}
+
+double inflation_of_sums(const Reduced& reduced) {
+  double ratio = 0, n = 0;
+  for (const SectorScatter& s : sector_scatter(reduced, 3)) {
+    ratio += s.n * s.square_mm2 / s.expected_mm2;
+    n += s.n;
+  }
+  return if_certain(ratio / std::max(1.0, n), n);
+}
+
+double inflation_of_squares(const Reduced& reduced) {
+  double ratio = 0, n = 0;
+  for (const Group& group : reduced.groups) {
+    ratio += group.square_steps;
+    n += group.steps;
+  }
+  constexpr double independent = 2.0 / 3;  // of successive differences (von Neumann 1941)
+  return if_certain(ratio / std::max(1.0, n), independent * n);
+}
+
+}  // namespace fit::explain::model

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <vector>
+
+#include "fit/explain/reduce.hpp"
+
+/// Noise that neighbouring beams share, as heat shimmer makes it: sums over many beams scatter more than
+/// those of independent ones, and many beams say less of a variance than their number.
+namespace fit::explain::model {
+
+/// How sectors of the scans of one capture scatter beside the range and the angle that each scan has in
+/// common, and beside what repeats from capture to capture.
+struct SectorScatter {
+  Circumstances at;
+  int capture = 0;
+  double square_mm2 = 0;    ///< Weighted sum of squares over the sectors of a scan, on average ...
+  double expected_mm2 = 0;  ///< ... that of independent beams ...
+  double n = 0;             ///< ... and how many degrees of freedom it has in all scans.
+};
+
+/// Of captures whose groups have at least so many scans.
+[[nodiscard]] std::vector<SectorScatter> sector_scatter(const Reduced& reduced, int fewest_scans);
+
+/// Variance of a sum over a sector by that of independent beams; 1 unless that is certain.
+[[nodiscard]] double inflation_of_sums(const Reduced& reduced);
+/// How many samples say as much of their variance as one independent, normal one; 1 unless that is certain.
+[[nodiscard]] double inflation_of_squares(const Reduced& reduced);
+
+}  // namespace fit::explain::model
