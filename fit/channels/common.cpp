@@ -31,11 +31,12 @@ class CommonOfScans final : public model::GammaRows {
     constexpr double independent = 0.05;  // to which beams side by side are
     model::Columns base;
     add(base, independent, [](const Scatter& s) { return s.of_samples_mm2; });
-    // What neighbours share may reach beyond a sector: whole scans then have more of it.
-    constexpr double beyond = 0.3;
+    // What neighbours share may reach beyond a sector, and where it is more it weighs otherwise in each.
+    constexpr double otherwise = 0.5;
     if (const double shared = shared_in_sectors(); shared > independent)
-      add(base, beyond * shared,
-          [](const Scatter& s) { return s.part == Part::sectors ? 0 : s.of_samples_mm2; });
+      for (const Part part : {Part::range, Part::angle})
+        add(base, otherwise * shared,
+            [part](const Scatter& s) { return s.part == part ? s.of_samples_mm2 : 0; });
     if (had_a_wave) add_rest_of_wave(base);
     set_base(std::move(base));
   }

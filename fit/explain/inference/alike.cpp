@@ -98,6 +98,93 @@ std::vector<Member> rivals_of(const Session& session, const Fitted& best, const 
   return rivals;
 }
 
+/// Whether it is an unnamed function of what the mechanism acts on, and of its coordinate.
+bool is_function_where_acts(const Kind& form, const Kind& mechanism) {
+  return form.is_form() && form.mechanism->coordinate == mechanism.mechanism->coordinate &&
+         std::ranges::count(mechanism.ways, form.functions->changes) > 0;
+}
+
+/// What a term of the best hypothesis does to all channels, by their information there.
+std::vector<Eigen::VectorXd> effect_of(const Fitted& best, const Kind& kind) {
+  std::size_t t = 0;
+  while (best.hypothesis.terms[t].kind != &kind) ++t;
+  const Design::Block& block = best.design.blocks[t];
+  const Eigen::Index end = block.first + block.sizes + block.shapes + block.deviations;
+  std::vector<Eigen::VectorXd> effect;
+  for (std::size_t c = 0; c < best.optimum.white.size(); ++c) {
+    effect.push_back(Eigen::VectorXd::Zero(best.optimum.white[c].rows()));
+    const std::vector<Eigen::Index>& index = best.design.parts[c].index;
+    for (std::size_t k = 0; k < index.size(); ++k)
+      if (index[k] >= block.first && index[k] < end)
+        effect.back() += best.optimum.white[c].col(static_cast<Eigen::Index>(k)) * best.optimum.x[index[k]];
+  }
+  return effect;
+}
+
+/// Log-likelihood that an effect loses where functions of that kind stand for it, nuisances as their priors
+/// allow.
+double loss_as_function(const Session& session, const Fitted& best, const Kind& form,
+                        const std::vector<double>& values, const std::vector<Eigen::VectorXd>& effect) {
+  double loss = 0;
+  for (std::size_t c = 0; c < effect.size(); ++c) {
+    if (effect[c].isZero(0)) continue;
+    Eigen::MatrixXd functions(effect[c].size(), 0);
+    if (form.acts_in[c])
+      functions = session.channels()[c]->whitened(model::columns_of(*session.channels()[c], form, values),
+                                                  best.optimum.eta[c]);
+    const Eigen::Index nuisances = session.channels()[c]->base().prior.mean.size(),
+                       all = functions.cols() + nuisances;
+    Eigen::MatrixXd columns(effect[c].size(), all);
+    columns << functions, best.optimum.white[c].leftCols(nuisances);
+    Eigen::MatrixXd information = columns.transpose() * columns;
+    information.diagonal().tail(nuisances).array() += 1;
+    const Eigen::VectorXd pull = columns.transpose() * effect[c];
+    loss += (effect[c].squaredNorm() - pull.dot(information.ldlt().solve(pull))) / 2;
+  }
+  return loss;
+}
+
+/// Of less than two periods nobody sees that something repeats.
+bool may_not_repeat(const Session& session, const Term& term) {
+  const Mechanism& m = *term.kind->mechanism;
+  const auto period = m.parameter_of(Parameter::Scale::wavelength);
+  const auto& means = session.channels()[model::channel_of("mean")];
+  if (!period || !means) return false;
+  std::vector<double> places;
+  for (Eigen::Index i = 0; i < means->rows(); ++i)
+    if (const double at = model::coordinate_of(m.coordinate, means->at(i)); std::isfinite(at))
+      places.push_back(at);
+  if (places.empty()) return false;
+  std::ranges::sort(places);
+  const auto quantile = [&](double share) {
+    return places[static_cast<std::size_t>(share * static_cast<double>(places.size() - 1))];
+  };
+  return quantile(0.95) - quantile(0.05) < 2 * term.values[*period];
+}
+
+/// Smooth functions of a mechanism's coordinate that may be what it is taken for. Where one stands beside it
+/// its formula does not fit, and functions that do without it as well as the recording tells may; so may any
+/// where it is called a wave that may not repeat.
+std::vector<Member> functions_instead(const Session& session, const Fitted& best, const Named& named) {
+  std::vector<Eigen::VectorXd> effect = effect_of(best, *named.term.kind);
+  const bool may_be_any = may_not_repeat(session, named.term);
+  bool stands_beside = false;
+  for (const Term& own : best.hypothesis.terms) {
+    if (!is_function_where_acts(*own.kind, *named.term.kind)) continue;
+    stands_beside = true;
+    const std::vector<Eigen::VectorXd> of_function = effect_of(best, *own.kind);
+    for (std::size_t c = 0; c < effect.size(); ++c) effect[c] += of_function[c];
+  }
+  if (!stands_beside && !may_be_any) return {};
+  for (const Kind& kind : session.kinds()) {
+    if (!is_function_where_acts(kind, *named.term.kind) || !kind.form->form->scaled) continue;
+    for (const std::vector<double>& values : kind.starts)
+      if (may_be_any || loss_as_function(session, best, kind, values, effect) < numbers::fits_as_well)
+        return {{&kind, named.probability, {.kind = &kind, .values = values, .sigma = {}}}};
+  }
+  return {};
+}
+
 std::vector<std::string> names_of_bench_file(const Term& term) {
   std::vector<std::string> names;
   std::ranges::copy_if(term.kind->mechanism->looks_like, std::back_inserter(names), is_of_bench_file);
@@ -124,8 +211,9 @@ void join(const std::vector<Member>& rivals, Undecided& set) {
 void join_what_looks_alike(const Session& session, const Fitted& best, Posterior& posterior) {
   std::vector<Named> alone;
   for (const Named& named : posterior.named) {
-    const std::vector<Member> rivals =
+    std::vector<Member> rivals =
         rivals_of(session, best, named.term, named.probability, {named.term.kind->mechanism.get()});
+    std::ranges::copy(functions_instead(session, best, named), std::back_inserter(rivals));
     const std::vector<std::string> also = names_of_bench_file(named.term);
     if (rivals.empty() && also.empty()) {
       alone.push_back(named);
