@@ -46,7 +46,8 @@ endif()
 
 # Compiles the files of one folder together, twelve at a time: most of a file's time is reading the same headers and
 # instantiating the same templates. A new file moves only the groups of its own folder. Names in unnamed namespaces
-# are therefore unique within a folder; folders or files that cannot be so are listed after SEPARATE. Folders after LIGHT
+# are therefore unique within a folder, or stand in a namespace of the file's own, as those of tests do; folders or files
+# that cannot be so are listed after SEPARATE. Folders after LIGHT
 # hold code that runs once (commands, pages): the release build compiles them with -O1, at two thirds of the time.
 # (CMake's own UNITY_BUILD writes absolute paths, which keep ccache from sharing between checkouts.)
 option(RIG_UNITY "Compile the files of a folder together, which is quicker from nothing" ON)

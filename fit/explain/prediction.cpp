@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <stdexcept>
 
 #include "fit/explain/model/term.hpp"
@@ -18,17 +19,22 @@ namespace {
 constexpr int places_of_table = 60;
 constexpr double widest_gap = 0.1;  // of the span: nothing is known in between
 
-/// What tables do to the mean of a cell, mm.
+/// What tables do to the mean of a cell, mm. Those of one channel were found together, and may make up for
+/// each other: they act where all of them were seen.
 double empirical_mm(const std::vector<EmpiricalCorrection>& list, const Reduced& reduced, const Cell& cell) {
-  double sum = 0;
+  std::map<Channel, std::optional<double>> sums;
   for (const EmpiricalCorrection& c : list) {
     const bool along_it = !c.target.empty();
     if (along_it && c.target != reduced.bench.targets[static_cast<std::size_t>(cell.at.target)].name)
       continue;
     const double v = along_it ? cell.at.along_mm : model::coordinate_of(c.coordinate, cell.at);
-    if (std::isfinite(v)) sum += c.value_at(v) * lever_of(c.channel, cell.sight);
+    const std::optional<double> value = std::isfinite(v) ? c.value_at(v) : std::nullopt;
+    std::optional<double>& sum = sums.try_emplace(c.channel, 0.0).first->second;
+    sum = sum && value ? std::optional(*sum + *value * lever_of(c.channel, cell.sight)) : std::nullopt;
   }
-  return sum;
+  double all = 0;
+  for (const auto& [channel, sum] : sums) all += sum.value_or(0);
+  return all;
 }
 
 void add_empirical_mm(const std::vector<EmpiricalCorrection>& list, Reduced& reduced) {
@@ -165,12 +171,12 @@ EmpiricalCorrection tabulated(const Shape& shape, const MeanModel& model, int ta
 
 }  // namespace
 
-double EmpiricalCorrection::value_at(double v) const {
-  if (at.empty() || v < at.front() || v > at.back()) return 0;
+std::optional<double> EmpiricalCorrection::value_at(double v) const {
+  if (at.empty() || v < at.front() || v > at.back()) return {};
   const auto next = std::ranges::upper_bound(at, v);
   if (next == at.end()) return value.back();
   const auto i = static_cast<std::size_t>(next - at.begin());
-  if (at[i] - at[i - 1] > widest_gap * (at.back() - at.front())) return 0;
+  if (at[i] - at[i - 1] > widest_gap * (at.back() - at.front())) return {};
   return linear_in(at, value, v);
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,14 +11,14 @@
 namespace fit::explain {
 
 /// An unnamed function as a table: what it does to the range or to an angle along its coordinate (file unit),
-/// or along the target of that name (mm). Outside of what was seen, and in its gaps, it does nothing.
+/// or along the target of that name (mm). Outside of what was seen, and in its gaps, nothing is known.
 struct EmpiricalCorrection {
   Coordinate coordinate = Coordinate::beam;
   Channel channel = Channel::range;
   std::string target;
   std::vector<double> at, value;  ///< mm or rad.
 
-  [[nodiscard]] double value_at(double coordinate_value) const;
+  [[nodiscard]] std::optional<double> value_at(double coordinate_value) const;
 };
 
 /// What a set of recordings taught, in a form that predicts another one.

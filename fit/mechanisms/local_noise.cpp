@@ -18,8 +18,8 @@ Mechanism make_local_noise() {
                    .role = Parameter::Role::shape,
                    .scale = Parameter::Scale::width,
                    .lower = 3,
-                   .upper = 20,
-                   .starts = 3},
+                   .upper = 50,
+                   .starts = 4},
                   ends_of_sector("exponent")};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.variance_mm2 = p[0] * p[0] * share_of_sector(widths_from_centre(c, p[1], p[2]), p[3])};

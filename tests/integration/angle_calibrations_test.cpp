@@ -12,6 +12,7 @@
 #include "tests/support/results.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace angle_calibrations_test {
 namespace {
 
 constexpr double deg = fit::rad_per_deg;
@@ -199,3 +200,5 @@ TEST_CASE("a session without an edge says what is missing") {
   session.follow_edge(560, 8, 100);
   CHECK_THROWS_WITH(session.fit("centre"), Catch::Contains("at least two stage angles"));
 }
+
+}  // namespace angle_calibrations_test

@@ -22,6 +22,8 @@
 #include "tests/support/range_ladder.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace correction_files_test {
+
 using range_ladder::Ladder;
 
 namespace {
@@ -257,3 +259,5 @@ TEST_CASE("a correction for another lidar is not applied by mistake") {
   request.correction.lidar_model = "UTM-30LX";
   CHECK_THROWS_WITH(rig::apply_to_session(request), Catch::Contains("UTM-30LX"));
 }
+
+}  // namespace correction_files_test

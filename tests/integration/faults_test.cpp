@@ -16,6 +16,8 @@
 #include "sim/simple_engine.hpp"
 #include "tests/support/stage_rig.hpp"
 
+namespace faults_test {
+
 using boost::asio::awaitable;
 using Catch::Matchers::Contains;
 
@@ -441,3 +443,5 @@ TEST_CASE("statistics go on across reconnections, and a failure says where and h
   CHECK(bench.client->statistics().reconnects == 1);
   CHECK(bench.client->statistics().failed_connects >= 2);
 }
+
+}  // namespace faults_test

@@ -16,6 +16,8 @@
 #include "rig/errors.hpp"
 #include "rig/live/foxglove_messages.hpp"
 
+namespace foxglove_server_test {
+
 namespace asio = boost::asio;
 namespace websocket = boost::beast::websocket;
 using asio::ip::tcp;
@@ -189,3 +191,5 @@ TEST_CASE("a state of the live page becomes Foxglove's scan in metres and the st
   CHECK(transform["rotation"]["w"].get<double>() == Approx(std::sqrt(0.5)));
   CHECK(beam["range_mm"] == 1401);
 }
+
+}  // namespace foxglove_server_test

@@ -9,6 +9,7 @@
 #include "rig/session/sha256.hpp"
 #include "tests/support/programs.hpp"
 
+namespace investigate_test {
 namespace {
 
 using nlohmann::json;
@@ -186,3 +187,5 @@ TEST_CASE("a program that reads only a prompt's place is operator enough") {
   CHECK(bench.dossier().at("end").at("end") == "nothing-missing");
   CHECK(bench.dossier().at("confirmed") == true);
 }
+
+}  // namespace investigate_test

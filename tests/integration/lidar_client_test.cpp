@@ -10,6 +10,8 @@
 
 #include "tests/support/lidar_bench.hpp"
 
+namespace lidar_client_test {
+
 using Catch::Matchers::Contains;
 namespace asio = boost::asio;
 using asio::awaitable;
@@ -251,3 +253,5 @@ TEST_CASE("clocks are related to well below the stamp's millisecond, wherever th
   bench.run(session);
   INFO(error_us);
 }
+
+}  // namespace lidar_client_test

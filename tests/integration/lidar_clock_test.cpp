@@ -8,6 +8,7 @@
 #include "lidar/reply.hpp"
 #include "tests/support/lidar_bench.hpp"
 
+namespace lidar_clock_test {
 namespace {
 
 std::uint32_t time_in(const std::string& reply) {
@@ -93,3 +94,5 @@ TEST_CASE("host times of a lidar that answers and sends on a 5 ms frame agree wi
     CHECK(one < 100);
   }
 }
+
+}  // namespace lidar_clock_test

@@ -6,6 +6,8 @@
 
 #include "tests/support/faulty_lidar.hpp"
 
+namespace lidar_connect_faults_test {
+
 using Catch::Matchers::Contains;
 using namespace faulty_lidar;
 
@@ -127,3 +129,5 @@ TEST_CASE("a lidar whose answers cannot be read is reported as that") {
         Kind::bad_answer);
   CHECK_THAT(what, Contains("PP is damaged"));
 }
+
+}  // namespace lidar_connect_faults_test

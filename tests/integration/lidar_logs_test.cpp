@@ -19,6 +19,8 @@
 #include "tests/support/lidar_bench.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace lidar_logs_test {
+
 namespace asio = boost::asio;
 using asio::awaitable;
 using asio::ip::tcp;
@@ -200,3 +202,5 @@ TEST_CASE("recorded logs of real lidars, served again, are connected to, dated a
   // Taken for another device, each is told apart.
   CHECK_FALSE(rig::doubts_of_lidar(seen.identity, bench_of(R"({"model": "UST-10LX"})")).empty());
 }
+
+}  // namespace lidar_logs_test

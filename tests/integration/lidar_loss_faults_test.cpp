@@ -7,6 +7,8 @@
 #include "lidar/response.hpp"
 #include "tests/support/faulty_lidar.hpp"
 
+namespace lidar_loss_faults_test {
+
 using Catch::Matchers::Contains;
 using namespace faulty_lidar;
 
@@ -211,3 +213,5 @@ TEST_CASE("a lidar that refuses to measure is reported with its reason") {
   CHECK_THAT(what, Contains("0L") && Contains("error state"));
   CHECK_FALSE(client.streaming());
 }
+
+}  // namespace lidar_loss_faults_test

@@ -7,6 +7,8 @@
 #include "lidar/response.hpp"
 #include "tests/support/faulty_lidar.hpp"
 
+namespace lidar_stream_faults_test {
+
 using Catch::Matchers::Contains;
 using namespace faulty_lidar;
 
@@ -256,3 +258,5 @@ TEST_CASE("a lidar that checks itself is waited for; one that is broken is repor
   CHECK_THAT(what, Contains("51") && Contains("Switch it off and on"));
   CHECK(client.statistics().scans >= 40);
 }
+
+}  // namespace lidar_stream_faults_test

@@ -13,6 +13,8 @@
 #include "rig/errors.hpp"
 #include "rig/live/live_server.hpp"
 
+namespace live_page_test {
+
 namespace asio = boost::asio;
 namespace http = boost::beast::http;
 namespace websocket = boost::beast::websocket;
@@ -131,3 +133,5 @@ TEST_CASE("a browser sees the state change and its button reaches the run") {
   REQUIRE(arrived.wait_for(std::chrono::seconds(10)) == std::future_status::ready);
   CHECK(arrived.get().at("answer") == 1.3);
 }
+
+}  // namespace live_page_test

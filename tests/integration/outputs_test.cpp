@@ -10,6 +10,7 @@
 #include "rig/session/session_store.hpp"
 #include "tests/support/programs.hpp"
 
+namespace outputs_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -201,3 +202,5 @@ TEST_CASE("before a run, a report in the session's place is refused, and what is
   CHECK_THAT(said, Catch::Contains("is it in per cent?") && Catch::Contains("is it in radians?"));
   CHECK(run({"--dry-run", "--yes"})->exit_status() == 2);
 }
+
+}  // namespace outputs_test

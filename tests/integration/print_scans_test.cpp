@@ -6,6 +6,8 @@
 
 #include "tests/support/programs.hpp"
 
+namespace print_scans_test {
+
 using Catch::Matchers::Contains;
 
 TEST_CASE("the example prints scans with this computer's times") {
@@ -42,3 +44,5 @@ TEST_CASE("the example prints scans with this computer's times") {
   CHECK(nobody.exit_status() == 3);
   CHECK_THAT(nobody.errors(), Contains("nothing listens"));
 }
+
+}  // namespace print_scans_test

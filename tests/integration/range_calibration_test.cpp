@@ -13,6 +13,8 @@
 #include "tests/support/range_ladder.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace range_calibration_test {
+
 using namespace range_ladder;
 
 namespace {
@@ -237,3 +239,5 @@ run range-validation.yaml a3.rig --set samples=100 --set correction=correction.j
   CHECK_THAT(run.latest_result("validation").value_or(""), Catch::Contains("spread_20_after_mm"));
   CHECK(nlohmann::json::parse(file_text(place / "apply.json")).at("samples").get<long>() > 1000);
 }
+
+}  // namespace range_calibration_test

@@ -10,6 +10,8 @@
 #include "tests/support/results.hpp"
 #include "tests/support/run_bench.hpp"
 
+namespace run_failures_test {
+
 using Catch::Matchers::Contains;
 using nlohmann::json;
 using run_bench::Bench;
@@ -356,3 +358,5 @@ TEST_CASE("scans with wrong sums are never stored and those lost are reported") 
   CHECK(scans == 2000);
   CHECK(right);
 }
+
+}  // namespace run_failures_test

@@ -9,6 +9,8 @@
 #include "tests/support/results.hpp"
 #include "tests/support/run_bench.hpp"
 
+namespace run_test {
+
 using Catch::Matchers::Contains;
 using nlohmann::json;
 using run_bench::Bench;
@@ -349,3 +351,5 @@ TEST_CASE(
     CHECK_THAT(rig.errors(), Contains("The stage has stopped"));
   }
 }
+
+}  // namespace run_test

@@ -13,6 +13,7 @@
 #include "tests/support/programs.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace several_benches_test {
 namespace {
 
 using Catch::Contains;
@@ -114,3 +115,5 @@ TEST_CASE(
   for (const json& b : after.at("benches")) CHECK(b.at("phase") == "done");
   ::unsetenv("RIG_LOCKS");
 }
+
+}  // namespace several_benches_test

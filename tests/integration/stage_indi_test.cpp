@@ -17,6 +17,7 @@
 
 #include "tests/support/stage_rig.hpp"
 
+namespace stage_indi_test {
 namespace {
 
 const std::string driver_program = "/usr/bin/indi_falcon_rotator";
@@ -169,3 +170,5 @@ TEST_CASE("Debian's INDI driver connects to the simulated Falcon, turns it, stop
   REQUIRE(falcon.rotate("10.5"));
   CHECK(falcon.device->mechanics().position_units(falcon.clock.now_s()) == Approx(10.5 * 400));
 }
+
+}  // namespace stage_indi_test

@@ -16,6 +16,8 @@
 #include "sim/random.hpp"
 #include "tests/support/stage_rig.hpp"
 
+namespace stage_languages_test {
+
 using Catch::Matchers::Contains;
 
 namespace {
@@ -359,3 +361,5 @@ TEST_CASE("a stage that is forgotten while it moves is stopped, and its port is 
   CHECK_FALSE(rig.device->mechanics().moving(rig.clock.now_s()));
   rig.open();
 }
+
+}  // namespace stage_languages_test

@@ -9,6 +9,8 @@
 #include "rig/errors.hpp"
 #include "tests/support/stage_rig.hpp"
 
+namespace stage_zaber_test {
+
 using Catch::Matchers::Contains;
 
 TEST_CASE("a Zaber stage homes, moves to absolute angles and reads back where it is") {
@@ -257,3 +259,5 @@ TEST_CASE("a Zaber that refuses one setting is reported as that, not as another 
   CHECK_THAT(found.why_nobody(),
              Contains("answers in the language zaber") && Contains("units_per_deg") && !Contains("baud"));
 }
+
+}  // namespace stage_zaber_test

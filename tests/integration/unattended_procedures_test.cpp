@@ -10,6 +10,7 @@
 #include "tests/support/programs.hpp"
 #include "tests/support/results.hpp"
 
+namespace unattended_procedures_test {
 namespace {
 
 const std::string procedures = RIG_SOURCE_DIR "/procedures/";
@@ -125,3 +126,5 @@ TEST_CASE("a turning stage distorts scans, and its rate takes the distortion out
   CHECK(bench.value("noise", "noise_median_mm").value == Approx(2).margin(0.3));
   CHECK_THAT(bench.text_of("motion-distortion.html"), Catch::Contains("as seen at rest"));
 }
+
+}  // namespace unattended_procedures_test

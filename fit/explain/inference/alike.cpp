@@ -70,6 +70,25 @@ class MayBe {
   std::map<Coordinate, bool> known_;
 };
 
+/// The log-likelihood that another name for what gains so much may lose: no formula is right to better than
+/// its error.
+double hardly_worse(const Mechanism& mechanism, double gain) {
+  return std::max(numbers::fits_as_well, mechanism.formula_error * mechanism.formula_error * gain);
+}
+
+/// Whether another hypothesis fits as well, all in all and in every channel, as the best one does with a
+/// mechanism.
+bool fits_as_well(const Fitted& other, const Fitted& best, const Fitted& without,
+                  const Mechanism& mechanism) {
+  const auto loses_little = [&](double others, double bests, double withouts) {
+    return others >= bests - hardly_worse(mechanism, bests - withouts);
+  };
+  for (std::size_t c = 0; c < best.optimum.of_channel.size(); ++c)
+    if (!loses_little(other.optimum.of_channel[c], best.optimum.of_channel[c], without.optimum.of_channel[c]))
+      return false;
+  return loses_little(other.hypothesis.log_fit, best.hypothesis.log_fit, without.hypothesis.log_fit);
+}
+
 /// In the place of a term of the best hypothesis, as well as the recording tells: what may be one of those
 /// mechanisms.
 std::vector<Member> rivals_of(const Session& session, const Fitted& best, const Term& term,
@@ -84,16 +103,17 @@ std::vector<Member> rivals_of(const Session& session, const Fitted& best, const 
   Hypothesis less;
   for (const Term& own : best.hypothesis.terms)
     if (own.kind != term.kind) less.terms.push_back(own);
-  for (const Candidate& candidate : screen(session, fit(session, less), term.kind)) {
+  const Fitted without = fit(session, less);
+  for (const Candidate& candidate : screen(session, without, term.kind)) {
     if (candidate.term.kind->is_form() || candidate.term.kind->is_same_cause(*term.kind) ||
         !may_be(*candidate.term.kind->mechanism))
       continue;
     Hypothesis other = less;
     other.terms.push_back(candidate.term);
-    const Hypothesis fitted = fit(session, other).hypothesis;
-    if (fitted.log_fit < best.hypothesis.log_fit - numbers::fits_as_well) continue;
-    const double odds = std::exp(fitted.log_posterior() - best.hypothesis.log_posterior());
-    rivals.push_back({candidate.term.kind, odds * probability, fitted.terms.back()});
+    const Fitted fitted = fit(session, other);
+    if (!fits_as_well(fitted, best, without, *term.kind->mechanism)) continue;
+    const double odds = std::exp(fitted.hypothesis.log_posterior() - best.hypothesis.log_posterior());
+    rivals.push_back({candidate.term.kind, odds * probability, fitted.hypothesis.terms.back()});
   }
   return rivals;
 }
@@ -121,17 +141,30 @@ std::vector<Eigen::VectorXd> effect_of(const Fitted& best, const Kind& kind) {
   return effect;
 }
 
-/// Log-likelihood that an effect loses where functions of that kind stand for it, nuisances as their priors
-/// allow.
+/// What a function that is the same everywhere does to a channel.
+Eigen::VectorXd constant_function(const ChannelRows& rows, double Effect::*changes) {
+  Effect everywhere;
+  everywhere.*changes = 1;
+  Eigen::VectorXd column(rows.rows());
+  for (Eigen::Index i = 0; i < rows.rows(); ++i) column[i] = rows.response(i, everywhere);
+  return column;
+}
+
+/// Log-likelihood that an effect loses where functions of that kind and a constant stand for it, nuisances as
+/// their priors allow.
 double loss_as_function(const Session& session, const Fitted& best, const Kind& form,
                         const std::vector<double>& values, const std::vector<Eigen::VectorXd>& effect) {
   double loss = 0;
   for (std::size_t c = 0; c < effect.size(); ++c) {
     if (effect[c].isZero(0)) continue;
     Eigen::MatrixXd functions(effect[c].size(), 0);
-    if (form.acts_in[c])
-      functions = session.channels()[c]->whitened(model::columns_of(*session.channels()[c], form, values),
-                                                  best.optimum.eta[c]);
+    if (form.acts_in[c]) {
+      const ChannelRows& rows = *session.channels()[c];
+      functions = model::columns_of(rows, form, values);
+      functions.conservativeResize(Eigen::NoChange, functions.cols() + 1);
+      functions.rightCols(1) = constant_function(rows, form.functions->changes);
+      functions = rows.whitened(std::move(functions), best.optimum.eta[c]);
+    }
     const Eigen::Index nuisances = session.channels()[c]->base().prior.mean.size(),
                        all = functions.cols() + nuisances;
     Eigen::MatrixXd columns(effect[c].size(), all);
@@ -176,10 +209,16 @@ std::vector<Member> functions_instead(const Session& session, const Fitted& best
     for (std::size_t c = 0; c < effect.size(); ++c) effect[c] += of_function[c];
   }
   if (!stands_beside && !may_be_any) return {};
+  double gain = 0;
+  for (const Eigen::VectorXd& in_channel : effect_of(best, *named.term.kind))
+    gain += in_channel.squaredNorm() / 2;
   for (const Kind& kind : session.kinds()) {
-    if (!is_function_where_acts(kind, *named.term.kind) || !kind.form->form->scaled) continue;
+    if (!is_function_where_acts(kind, *named.term.kind) ||
+        !(kind.form->form->scaled || kind.form->form->of_all_targets))
+      continue;
     for (const std::vector<double>& values : kind.starts)
-      if (may_be_any || loss_as_function(session, best, kind, values, effect) < numbers::fits_as_well)
+      if (may_be_any || loss_as_function(session, best, kind, values, effect) <
+                            hardly_worse(*named.term.kind->mechanism, gain))
         return {{&kind, named.probability, {.kind = &kind, .values = values, .sigma = {}}}};
   }
   return {};

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/model/neighbours.hpp"
 
-#include <Eigen/Dense>
 #include <cmath>
 #include <map>
 #include <span>
 #include <tuple>
 #include <utility>
+
+#include "fit/explain/model/range_and_angle.hpp"
 
 namespace fit::explain::model {
 namespace {
@@ -38,7 +39,7 @@ struct ScanLeft {
 
   ScanLeft(std::span<const Sector> sectors, const NoiseOfSectors& noise) {
     const auto count = static_cast<Eigen::Index>(sectors.size());
-    Matrix common(count, 2);
+    Eigen::Matrix<double, Eigen::Dynamic, 2, 0, most_sectors, 2> common(count, 2);
     Vector seen(count), own(count), root(count);
     for (Eigen::Index i = 0; i < count; ++i) {
       const Sector& s = sectors[static_cast<std::size_t>(i)];
@@ -47,8 +48,8 @@ struct ScanLeft {
       seen[i] = s.wd / root[i];
       own[i] = noise.at({s.group, s.number});
     }
-    const Matrix rest =
-        Matrix::Identity(count, count) - common * common.completeOrthogonalDecomposition().pseudoInverse();
+    const Matrix rest = Matrix::Identity(count, count) -
+                        common * covariance_of(common.transpose() * common) * common.transpose();
     rest_mm = (rest * seen).cwiseQuotient(root);
     expected_mm2 = rest.diagonal().dot(own);
     freedom = expected_mm2 * expected_mm2 / own.dot(rest.cwiseAbs2() * own);  // Satterthwaite (1946)
@@ -69,9 +70,7 @@ struct Repeats {
     ++captures;
   }
   [[nodiscard]] bool is_known() const { return captures >= 4; }
-  [[nodiscard]] double mm(const Sector& s) const {
-    return per_unit(s).dot(information.completeOrthogonalDecomposition().solve(sum));
-  }
+  [[nodiscard]] double mm(const Sector& s) const { return per_unit(s).dot(covariance_of(information) * sum); }
   /// Of the variance, when it is taken off.
   [[nodiscard]] double share_left() const { return 1 - 2.0 / captures; }
 };

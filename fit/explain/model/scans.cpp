@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/model/scans.hpp"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <map>
 #include <tuple>
 
+#include "fit/explain/model/range_and_angle.hpp"
 #include "fit/explain/reduction/whole_scans.hpp"
 
 namespace fit::explain::model {
@@ -111,12 +111,10 @@ void take_off_common(std::vector<ScanPart>& parts, double fewest, const Key& key
     s.sum += unit_of(p) * p.rest_mm / p.variance_mm2;
     s.scans += p.of_angle ? 0 : 1;
   }
-  for (auto& [at, s] : sums)
-    s.information = s.information.completeOrthogonalDecomposition().pseudoInverse().eval();
   for (ScanPart& p : parts) {
     const Sums& s = sums.at(key(p));
     if (s.scans < fewest) continue;
-    const Eigen::Vector2d unit = unit_of(p), weights = s.information * unit;
+    const Eigen::Vector2d unit = unit_of(p), weights = covariance_of(s.information) * unit;
     p.rest_mm -= weights.dot(s.sum);
     p.news *= std::max(0.0, 1 - weights.dot(unit) / p.variance_mm2);
   }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <random>
 
+namespace beam_statistics_test {
 namespace {
 
 /// The same by the textbook, two passes over one beam's ranges.
@@ -87,3 +88,5 @@ TEST_CASE("statistics of beams do not depend on how far ranges jump, when beams 
     }
   }
 }
+
+}  // namespace beam_statistics_test

@@ -4,6 +4,7 @@
 #include "fit/bench.hpp"
 #include "fit/json_position.hpp"
 
+namespace bench_json_test {
 namespace {
 
 const std::string example = R"j({
@@ -90,3 +91,5 @@ TEST_CASE("a wrong bench file is refused with place, expectation and remedy") {
   CHECK(complaint_of(example_with("\"value\": 1,", "\"value\": \"1\",")).find("must be a number") !=
         std::string::npos);
 }
+
+}  // namespace bench_json_test

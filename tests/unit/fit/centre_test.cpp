@@ -5,6 +5,7 @@
 #include <cmath>
 #include <random>
 
+namespace centre_test {
 namespace {
 
 constexpr double deg = fit::rad_per_deg;
@@ -92,3 +93,5 @@ TEST_CASE("the centre turns with the lidar when points go into the map") {
     CHECK((map - world - Eigen::Vector2d(10, -20)).norm() < 1e-9);
   }
 }
+
+}  // namespace centre_test

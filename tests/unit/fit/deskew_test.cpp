@@ -10,6 +10,7 @@
 #include "synthetic_recording.hpp"
 #include "tests/support/moving_room.hpp"
 
+namespace deskew_test {
 namespace {
 
 using Eigen::Vector2d;
@@ -248,3 +249,5 @@ TEST_CASE("deskewing into the end of a scan is deskewing into its start, seen fr
   const Pose2 a = path.at(sweeps[0].begin_s) * stage.mount, b = path.at(sweeps[0].time_s(1)) * stage.mount;
   for (std::size_t i = 0; i < start.size(); ++i) CHECK((a * start[i] - b * end[i]).norm() < 1e-6);
 }
+
+}  // namespace deskew_test

@@ -7,6 +7,7 @@
 
 #include "tests/support/moving_room.hpp"
 
+namespace drive_test {
 namespace {
 
 using room::deg;
@@ -213,3 +214,5 @@ TEST_CASE("a drive without wheels or without motion is refused in words") {
   CHECK_THROWS_WITH(fit::fit_drive(drive, from_nominal()), Catch::Contains("no wheel angles"));
   CHECK_THROWS_WITH(fit::fit_drive(Drive(resting, 3)), Catch::Contains("nominal wheels"));
 }
+
+}  // namespace drive_test

@@ -7,6 +7,7 @@
 
 #include "synthetic_recording.hpp"
 
+namespace edge_test {
 namespace {
 
 constexpr double deg = fit::rad_per_deg;
@@ -159,3 +160,5 @@ TEST_CASE("a slanted board's drifting range is not taken for jitter") {
   CHECK(crossing.jitter_rad->second / deg < 40.06);
   CHECK(std::abs(crossing.response.edge_rad.value / deg - 40.02) < 3 * crossing.response.edge_rad.u / deg);
 }
+
+}  // namespace edge_test

@@ -5,6 +5,8 @@
 
 #include "fit/radiometer.hpp"
 
+namespace empirical_test {
+
 using Catch::Detail::Approx;
 
 TEST_CASE("what was measured and has no name survives in a bench file and acts") {
@@ -60,3 +62,5 @@ TEST_CASE("the strength of echoes is described in the bench file and read back")
   CHECK(read->gain("board", 0.2) == Approx(1.05));
   CHECK(read->gain("board", 0.4) == 1);
 }
+
+}  // namespace empirical_test

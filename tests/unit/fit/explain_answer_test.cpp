@@ -3,6 +3,8 @@
 
 #include "fit/explain/answer/chapters.hpp"
 
+namespace explain_answer_test {
+
 TEST_CASE("nothing missing, but held-out figures far beyond the noise: too few stops is said") {
   const fit::Bench bench;
   fit::explain::Reduced reduced;
@@ -20,3 +22,5 @@ TEST_CASE("nothing missing, but held-out figures far beyond the noise: too few s
   CHECK_THAT(notes(11.2, 0).front(), Catch::Contains("Record more stage angles"));
   CHECK(notes(0.57, 0.95).empty());
 }
+
+}  // namespace explain_answer_test

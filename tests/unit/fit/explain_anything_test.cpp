@@ -7,6 +7,8 @@
 #include "../../support/session_of_bytes.hpp"
 #include "fit/explain/explanation.hpp"
 
+namespace explain_anything_test {
+
 TEST_CASE("whatever a session holds is explained in figures, or refused") {
   int explained = 0;
   for (unsigned seed = 1; seed <= 30; ++seed) {
@@ -24,3 +26,5 @@ TEST_CASE("whatever a session holds is explained in figures, or refused") {
   }
   CHECK(explained > 10);
 }
+
+}  // namespace explain_anything_test

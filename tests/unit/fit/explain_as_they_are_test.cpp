@@ -10,6 +10,7 @@
 #include "fit/explain/explanation.hpp"
 #include "plain_room.hpp"
 
+namespace explain_as_they_are_test {
 namespace {
 
 using fit::explain::Explanation;
@@ -121,3 +122,5 @@ TEST_CASE("beams that read off each by its own are told as that") {
   REQUIRE(e.unknown);
   CHECK_THAT(e.unknown->describes, Catch::Contains("every beam reads off by its own"));
 }
+
+}  // namespace explain_as_they_are_test

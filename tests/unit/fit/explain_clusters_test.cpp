@@ -8,6 +8,7 @@
 #include "fit/explain/explanation.hpp"
 #include "synthetic_recording.hpp"
 
+namespace explain_clusters_test {
 namespace {
 
 /// A wall seen 60 deg to either side by a lidar with plain noise, which merges steps as SCIP lidars do: the
@@ -73,3 +74,5 @@ TEST_CASE("captures in clusters are told, left out, and blamed on no physics") {
 TEST_CASE("a recording of clusters alone is not explained") {
   CHECK_THROWS_WITH(Wall(3, 0).explained(), Catch::Contains("cluster: 1"));
 }
+
+}  // namespace explain_clusters_test

@@ -7,6 +7,7 @@
 #include "fit/explain/explanation.hpp"
 #include "plain_room.hpp"
 
+namespace explain_eccentricity_test {
 namespace {
 
 using fit::explain::Explanation;
@@ -68,3 +69,5 @@ TEST_CASE("the phase of an axis that runs out points to where the axis is at sta
   CHECK(std::abs(found->values[0] - 2) < 4 * found->sigma[0]);
   CHECK(apart(found->values[1], phase_deg) < 4 * found->sigma[1]);
 }
+
+}  // namespace explain_eccentricity_test

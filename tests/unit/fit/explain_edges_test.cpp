@@ -13,6 +13,7 @@
 #include "fit/explain/model/channel.hpp"
 #include "plain_scenes.hpp"
 
+namespace explain_edges_test {
 namespace {
 
 using fit::explain::Explanation;
@@ -320,3 +321,5 @@ TEST_CASE("a channel whose edges no longer show keeps its rows, and another hypo
   CHECK(std::isfinite(after.hypothesis.log_posterior()));
   CHECK_FALSE(inference::screen(session, after).empty());
 }
+
+}  // namespace explain_edges_test

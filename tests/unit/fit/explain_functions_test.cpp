@@ -7,12 +7,13 @@
 #include "noise_findings.hpp"
 #include "tests/support/imagined_room.hpp"
 
+namespace explain_functions_test {
 namespace {
 
 NoiseFindings found_with(double period_mm) {
   ImaginedRoom room;
   room.sigma_mm = 3;
-  room.scans = 40;
+  room.scans = 16;
   room.stretch = [period_mm](double, double range_mm, double) {
     return 3 * std::sin(2 * fit::pi * range_mm / period_mm + 1);
   };
@@ -39,3 +40,5 @@ TEST_CASE(
       });
   CHECK(may_be_unknown);
 }
+
+}  // namespace explain_functions_test

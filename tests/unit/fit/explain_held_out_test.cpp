@@ -9,6 +9,7 @@
 #include "noise_findings.hpp"
 #include "synthetic_recording.hpp"
 
+namespace explain_held_out_test {
 namespace {
 
 /// Of samples on the lit wall, mm^2.
@@ -85,3 +86,5 @@ TEST_CASE("the scatter of samples is drawn as it was, and as it is explained") {
   CHECK(of_after < points + 4 * std::sqrt(2 * points));
   CHECK(of_before > 2 * of_after);
 }
+
+}  // namespace explain_held_out_test

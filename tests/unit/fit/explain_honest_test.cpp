@@ -11,6 +11,7 @@
 #include "plain_room.hpp"
 #include "plain_scenes.hpp"
 
+namespace explain_honest_test {
 namespace {
 
 using fit::explain::Explanation;
@@ -99,7 +100,8 @@ TEST_CASE(
   CHECK_THAT(e.unknown->describes, Catch::Contains("the range's scale"));
   REQUIRE_FALSE(e.predictor.empirical.empty());
   CHECK(e.predictor.empirical.front().channel == fit::explain::Channel::range_scale);
-  CHECK(e.predictor.empirical.front().value_at(40) - e.predictor.empirical.front().value_at(-40) ==
+  CHECK(e.predictor.empirical.front().value_at(40).value() -
+            e.predictor.empirical.front().value_at(-40).value() ==
         Approx(0.002).epsilon(0.15));
 }
 
@@ -279,3 +281,5 @@ TEST_CASE("a flicker is found and taken off the samples' variance") {
   mains::take_off_flicker(*hz, reduced);
   CHECK(before - mean_variance() == Approx(8 * 8 / 2.0).margin(3));
 }
+
+}  // namespace explain_honest_test

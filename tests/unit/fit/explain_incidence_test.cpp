@@ -8,6 +8,7 @@
 #include "fit/explain/explanation.hpp"
 #include "plain_room.hpp"
 
+namespace explain_incidence_test {
 namespace {
 
 using fit::explain::Explanation;
@@ -103,3 +104,5 @@ TEST_CASE(
   const fit::Estimate side = found.parameters.at("width_at_side");
   CHECK(std::abs(side.value - spot.short_mrad / spot.long_mrad) < 3 * side.u);
 }
+
+}  // namespace explain_incidence_test

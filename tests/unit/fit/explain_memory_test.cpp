@@ -9,6 +9,7 @@
 #include "noise_findings.hpp"
 #include "tests/support/rounds.hpp"
 
+namespace explain_memory_test {
 namespace {
 
 using fit::explain::Found;
@@ -162,3 +163,5 @@ TEST_CASE("ranges that every scan draws anew for all its beams are not said to b
     CHECK_THAT(result.unknown.front().describes, Catch::Contains("range that a whole scan has in common"));
   }
 }
+
+}  // namespace explain_memory_test

@@ -12,6 +12,7 @@
 #include "fit/explain/model/combs.hpp"
 #include "fit/explain/model/widths.hpp"
 
+namespace explain_one_model_test {
 namespace {
 
 using fit::explain::Explanation;
@@ -207,3 +208,5 @@ TEST_CASE("beams of a turning stage taken together do not scatter by what the mo
   CHECK(of_joining / cells > 0.3);  // as much as a beam angle that scatters
   CHECK(seen / cells - of_joining / cells == Approx(fit::explain::rounding_mm2).margin(0.02));
 }
+
+}  // namespace explain_one_model_test

@@ -6,6 +6,7 @@
 #include "fit/explain/explanation.hpp"
 #include "plain_scenes.hpp"
 
+namespace explain_priors_test {
 namespace {
 
 using fit::explain::Explanation;
@@ -78,3 +79,5 @@ TEST_CASE("a ladder of which nothing is missing") {
   INFO(to_text(e));
   CHECK(e.verdict == "nothing-missing");
 }
+
+}  // namespace explain_priors_test

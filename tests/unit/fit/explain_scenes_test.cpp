@@ -6,6 +6,7 @@
 #include "fit/explain/explanation.hpp"
 #include "plain_scenes.hpp"
 
+namespace explain_scenes_test {
 namespace {
 
 using fit::explain::Explanation;
@@ -137,3 +138,5 @@ TEST_CASE("bins of the flight time are found on slanted walls, where neighbours 
   CHECK(e.mechanisms.front().parameters.at("bin_mm").value == Approx(bin_mm).margin(0.001));
   CHECK_FALSE(e.unknown);
 }
+
+}  // namespace explain_scenes_test

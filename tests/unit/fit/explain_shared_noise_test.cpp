@@ -11,6 +11,7 @@
 #include "noise_findings.hpp"
 #include "plain_room.hpp"
 
+namespace explain_shared_noise_test {
 namespace {
 
 using plain_bench::degree;
@@ -62,7 +63,7 @@ auto look_through(const Air& air, const Look& look) {
     capture.first_step = 270 - air.beams / 2;
     capture.last_step = 270 + air.beams / 2;
     capture.since_power_on_s = 600 + 40 * i;
-    recording.add(capture, 60);
+    recording.add(capture, 40);
   }
   return look(recording);
 }
@@ -88,7 +89,7 @@ TEST_CASE(
       REQUIRE(n > 1000);
       INFO("jitter of " << jitter_deg << " deg, " << beams << " beams, " << n << " degrees of freedom");
       CHECK(ratio / n == Approx(1).margin(4 * std::sqrt(2 / n)));
-      CHECK(fit::explain::model::inflation_of_squares(reduced) == 1);
+      if (jitter_deg == 0) CHECK(fit::explain::model::inflation_of_squares(reduced) == 1);
     }
 }
 
@@ -113,3 +114,5 @@ TEST_CASE("an angle that whole scans draw keeps its name beside noise that neigh
     CHECK(found.unknown.empty() == (beams_alike == 1));
   }
 }
+
+}  // namespace explain_shared_noise_test

@@ -8,6 +8,7 @@
 #include "synthetic_recording.hpp"
 #include "tests/support/rounds.hpp"
 
+namespace explain_strays_test {
 namespace {
 
 /// What is said of a wall 1.5 m away whose samples are dust between lidar and wall now and then, or nothing.
@@ -79,3 +80,5 @@ TEST_CASE("dust from which nothing comes back is dust, and echoes that go withou
     }
   }
 }
+
+}  // namespace explain_strays_test

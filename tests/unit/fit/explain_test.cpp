@@ -8,6 +8,7 @@
 #include "fit/explain/next_experiment.hpp"
 #include "fit/explain/reduce.hpp"
 
+namespace explain_test {
 namespace {
 
 using fit::deg_per_rad;
@@ -520,3 +521,5 @@ TEST_CASE("a recording without anything to compare is refused with a reason") {
   SyntheticRecording empty(bench, [](const auto&, auto, auto&, auto&) {});
   CHECK_THROWS_WITH(explain({&empty}, {}), Catch::Contains("no targets"));
 }
+
+}  // namespace explain_test

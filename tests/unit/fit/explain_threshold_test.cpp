@@ -13,6 +13,7 @@
 #include "synthetic_recording.hpp"
 #include "tests/support/rounds.hpp"
 
+namespace explain_threshold_test {
 namespace {
 
 /// A comparator that fires where a Gaussian pulse crosses its threshold, with electronic noise on top.
@@ -128,3 +129,5 @@ TEST_CASE("noise near the threshold follows no power of the echo: the rest of it
   INFO(share << " " << noise);
   CHECK_FALSE(named(result).contains("angle-jitter"));
 }
+
+}  // namespace explain_threshold_test

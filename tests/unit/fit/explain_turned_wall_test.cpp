@@ -6,6 +6,8 @@
 
 #include "fit/explain/scene.hpp"
 
+namespace explain_turned_wall_test {
+
 TEST_CASE("a wall of a room may be turned so far that its corners move by its neighbours' length past them") {
   const fit::Bench bench =
       fit::parse_bench(R"({"schema": "bench/1", "lidar": {"model": "UST-10LX"}, "targets": [
@@ -35,3 +37,5 @@ TEST_CASE("a wall of a room may be turned so far that its corners move by its ne
     }
   }
 }
+
+}  // namespace explain_turned_wall_test

@@ -10,6 +10,7 @@
 #include "synthetic_recording.hpp"
 #include "tests/support/rounds.hpp"
 
+namespace explain_uneven_noise_test {
 namespace {
 
 /// 40 captures of six scans; the stage's angle differs from scan to scan by `jitter_deg`.
@@ -66,3 +67,5 @@ TEST_CASE("beside such noise a stage that jitters is found", "[rounds]") {
     CHECK(jitter->parameters.at("sigma_deg").value == Approx(jitter_deg).margin(0.03));
   }
 }
+
+}  // namespace explain_uneven_noise_test

@@ -14,6 +14,7 @@
 #include "synthetic_recording.hpp"
 #include "tests/support/rounds.hpp"
 
+namespace explain_unnamed_noise_test {
 namespace {
 
 /// Where a sample falls beside its true range, mm.
@@ -171,3 +172,5 @@ TEST_CASE("a tail of late samples is unknown, and a ghost at one range is not") 
   REQUIRE(seen.accepted.size() == 1);
   CHECK(seen.accepted.front().mechanism->id == "outliers");
 }
+
+}  // namespace explain_unnamed_noise_test

@@ -8,6 +8,7 @@
 #include "fit/explain/explanation.hpp"
 #include "synthetic_recording.hpp"
 
+namespace explain_walk_test {
 namespace {
 
 using fit::explain::Explanation;
@@ -102,3 +103,5 @@ TEST_CASE("a place among the echoes at which ranges jump is no walk for certain"
   CHECK((e.unknown || !e.undecided_between.empty()));
   for (const auto& found : e.mechanisms) CHECK(found.probability <= 0.9);
 }
+
+}  // namespace explain_walk_test

@@ -9,6 +9,7 @@
 #include <map>
 #include <random>
 
+namespace family_test {
 namespace {
 
 using fit::CurvePoint;
@@ -342,3 +343,5 @@ TEST_CASE("an ambiguous family is recommended only where all are") {
   table[1].ambiguous = true;
   CHECK(fit::best_of(table)->family == "a");
 }
+
+}  // namespace family_test

@@ -6,6 +6,7 @@
 
 #include "tests/support/moving_room.hpp"
 
+namespace icp_test {
 namespace {
 
 using Eigen::Vector2d;
@@ -157,3 +158,5 @@ TEST_CASE("the nearest point and those within a radius are those that looking at
   }
   CHECK(fit::PointCloud().nearest({0, 0}, 100) == nullptr);
 }
+
+}  // namespace icp_test

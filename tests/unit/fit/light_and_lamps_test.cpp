@@ -10,6 +10,7 @@
 #include "plain_room.hpp"
 #include "tests/support/rounds.hpp"
 
+namespace light_and_lamps_test {
 namespace {
 
 using fit::explain::Explanation;
@@ -222,3 +223,5 @@ TEST_CASE("noise that is the same everywhere is no threshold's, where no echo is
   CHECK(e.mechanisms.front().mechanism->id == "range-noise");
   CHECK(e.undecided_between.empty());
 }
+
+}  // namespace light_and_lamps_test

@@ -7,6 +7,7 @@
 
 #include "fit/mechanism.hpp"
 
+namespace mechanism_catalogue_test {
 namespace {
 
 /// The page's entries by mechanism, each on one line.
@@ -69,3 +70,5 @@ TEST_CASE(
     CHECK_THAT(entry, Catch::Contains("- What separates it: " + m.separate));
   }
 }
+
+}  // namespace mechanism_catalogue_test

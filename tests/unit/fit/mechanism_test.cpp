@@ -11,6 +11,7 @@
 #include "plain_bench.hpp"
 #include "synthetic_recording.hpp"
 
+namespace mechanism_test {
 namespace {
 
 using plain_bench::degree;
@@ -402,3 +403,5 @@ TEST_CASE("ranges predicted with a mechanism are those that its equation makes i
     if (mechanism.id != "crosstalk") CHECK(largest_mm > 0.05);
   }
 }
+
+}  // namespace mechanism_test

@@ -8,6 +8,7 @@
 #include "plain_bench.hpp"
 #include "synthetic_recording.hpp"
 
+namespace mirror_faces_test {
 namespace {
 
 using fit::explain::Explanation;
@@ -117,3 +118,5 @@ TEST_CASE("a stage that swings much is nothing beside it, and drawn along the ti
     CHECK(std::abs(curve.recorded[i] - curve.after[i]) < 5 * curve.sigma[i]);
   }
 }
+
+}  // namespace mirror_faces_test

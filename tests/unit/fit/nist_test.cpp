@@ -8,6 +8,7 @@
 #include "fit/separable.hpp"
 #include "nist_data.hpp"
 
+namespace nist_test {
 namespace {
 
 using Eigen::MatrixXd;
@@ -228,3 +229,5 @@ TEST_CASE("NIST's certified values and standard deviations are reproduced from b
     }
   }
 }
+
+}  // namespace nist_test

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+namespace number_format_test {
+
 TEST_CASE("a value is rounded to the place of its uncertainty's second digit") {
   CHECK(fit::format_value(-1.6342, 0.1234) == "-1.63");
   CHECK(fit::format_uncertainty(0.1234) == "0.12");
@@ -64,3 +66,5 @@ TEST_CASE("the coverage factor agrees with GUM table G.2 at 95.45 percent") {
   CHECK(fit::coverage_factor(50) == Approx(2.05).margin(0.005));
   CHECK(fit::coverage_factor(std::numeric_limits<double>::infinity()) == 2);
 }
+
+}  // namespace number_format_test

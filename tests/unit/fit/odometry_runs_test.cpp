@@ -8,6 +8,7 @@
 
 #include "fit/wheel_time.hpp"
 
+namespace odometry_runs_test {
 namespace {
 
 using fit::Pose2;
@@ -290,3 +291,5 @@ TEST_CASE("a tricycle's wheel, wheelbase and steering zero are found") {
   REQUIRE(ahead.undetermined.size() == 1);
   CHECK_THAT(ahead.undetermined.front(), Catch::Contains("only straight"));
 }
+
+}  // namespace odometry_runs_test

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+namespace odometry_test {
 namespace {
 
 using fit::Pose2;
@@ -154,3 +155,5 @@ TEST_CASE("the published calibrations of a Khepera robot are found again") {
     CHECK(fit.undetermined.empty());
   }
 }
+
+}  // namespace odometry_test

@@ -7,6 +7,8 @@
 
 #include "fit/explain/reduce.hpp"
 
+namespace output_steps_test {
+
 using fit::explain::OutputSteps;
 
 TEST_CASE("means and variances of ranges that come in steps are those of samples drawn and rounded") {
@@ -48,3 +50,5 @@ TEST_CASE("noise that fills whole millimetres leaves a twelfth, and no bias") {
   CHECK(steps.bias_mm(1234.5) == 0);
   CHECK(steps.variance_mm2(1234.5) == fit::explain::rounding_mm2);
 }
+
+}  // namespace output_steps_test

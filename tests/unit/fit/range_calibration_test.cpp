@@ -9,6 +9,8 @@
 #include "fit/selection.hpp"
 #include "fit/validation_measures.hpp"
 
+namespace range_calibration_test {
+
 TEST_CASE("captures are told apart by what was changed: surfaces at one distance, or the distance") {
   std::vector<fit::RangePoint> points;
   for (const double counts : {2400.0, 1800.0, 1200.0, 700.0, 300.0})
@@ -162,3 +164,5 @@ TEST_CASE("A3 on simulated samples improves by more than the paper's 30 to 60 %,
   INFO(before.mean_mm << " -> " << after.mean_mm);
   CHECK(after.mean_mm < 0.72 * before.mean_mm);
 }
+
+}  // namespace range_calibration_test

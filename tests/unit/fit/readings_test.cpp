@@ -6,6 +6,8 @@
 
 #include "../../support/imagined_room.hpp"
 
+namespace readings_test {
+
 TEST_CASE("a few beams of one capture stay apart beside many captures of everything") {
   ImaginedRoom room;
   room.captures = 20;
@@ -26,3 +28,5 @@ TEST_CASE("a few beams of one capture stay apart beside many captures of everyth
   CHECK(readings.size() < most * 6 / 5);  // Rows end where a surface does.
   CHECK(std::ranges::count(readings, room.captures, &fit::explain::model::Reading::capture) == of_few);
 }
+
+}  // namespace readings_test

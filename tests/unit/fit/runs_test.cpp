@@ -3,6 +3,8 @@
 
 #include <catch2/catch.hpp>
 
+namespace runs_test {
+
 using Catch::Detail::Approx;
 using fit::explain::means_over_runs;
 
@@ -19,3 +21,5 @@ TEST_CASE("runs of neighbours are averaged by weight, part no place, and reach t
   CHECK(means_over_runs({}, 3).at.empty());
   CHECK(means_over_runs({{1, 2}, {1, 4}, {2, 8}}, 0).value.size() == 2);
 }
+
+}  // namespace runs_test

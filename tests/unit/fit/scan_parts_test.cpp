@@ -8,6 +8,8 @@
 #include "fit/explain/reduce.hpp"
 #include "plain_room.hpp"
 
+namespace scan_parts_test {
+
 using plain_bench::degree;
 
 TEST_CASE("what repeats is taken off captures of few and of many beams, and leaves both as it says") {
@@ -50,3 +52,5 @@ TEST_CASE("what repeats is taken off captures of few and of many beams, and leav
     CHECK(sums.squares / sums.number == Approx(1).margin(5 * std::sqrt(2 / sums.number)));
   }
 }
+
+}  // namespace scan_parts_test

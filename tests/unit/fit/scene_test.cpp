@@ -10,6 +10,7 @@
 #include "fit/mechanism.hpp"
 #include "plain_bench.hpp"
 
+namespace scene_test {
 namespace {
 
 using Eigen::Vector2d;
@@ -186,3 +187,5 @@ TEST_CASE("a round target keeps its shape in a bench file, and errors say what i
     "radius_mm": 40, "from_mm": [1, 2]}]})"),
                     Catch::Contains("leave one of them out"));
 }
+
+}  // namespace scene_test

@@ -7,6 +7,7 @@
 
 #include "tests/support/moving_room.hpp"
 
+namespace shape_at_rest_test {
 namespace {
 
 using Eigen::Vector2d;
@@ -77,3 +78,5 @@ TEST_CASE("nothing is said of scans that meet no surface of the scene") {
   const std::vector<Vector2d> elsewhere(200, Vector2d(90'000, 90'000));
   CHECK(std::isnan(scene.distance_of(elsewhere, {})));
 }
+
+}  // namespace shape_at_rest_test

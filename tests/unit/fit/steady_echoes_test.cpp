@@ -8,6 +8,7 @@
 
 #include "fit/angle.hpp"
 
+namespace steady_echoes_test {
 namespace {
 
 using fit::explain::Cell;
@@ -71,3 +72,5 @@ TEST_CASE("an echo is no neighbour's that comes from another target or has none 
   CHECK(cells[10].at.intensity == before);
   CHECK(off(cells, counts, 36, 44) < 1);
 }
+
+}  // namespace steady_echoes_test

@@ -7,6 +7,7 @@
 #include "fit/explain/stage_stops.hpp"
 #include "plain_room.hpp"
 
+namespace turning_captures_test {
 namespace {
 
 using fit::explain::Cell;
@@ -68,3 +69,5 @@ TEST_CASE("the stage's error is drawn once for every capture in which it turns")
   CHECK(stops[1].first_group == 20);
   CHECK(stops[1].last_group == 40);
 }
+
+}  // namespace turning_captures_test

@@ -8,6 +8,7 @@
 #include "synthetic_recording.hpp"
 #include "tests/support/moving_room.hpp"
 
+namespace wall_test {
 namespace {
 
 using Eigen::Vector2d;
@@ -191,3 +192,5 @@ TEST_CASE("lines: RANSAC finds the longest, with an uncertainty that covers") {
   CHECK(covered[0] >= 85);
   CHECK(covered[1] >= 85);
 }
+
+}  // namespace wall_test

@@ -6,6 +6,8 @@
 
 #include "tests/support/clock_world.hpp"
 
+namespace clock_estimator_test {
+
 using clock_world::Outcome;
 using clock_world::Scenario;
 using clock_world::Summary;
@@ -254,3 +256,5 @@ TEST_CASE("a host that does not read for seconds is not taken for a lidar with a
     CHECK(one.rms_us < 100);
   }
 }
+
+}  // namespace clock_estimator_test

@@ -8,6 +8,8 @@
 #include "lidar/exchange_round.hpp"
 #include "lidar/least_lateness.hpp"
 
+namespace clock_parts_test {
+
 using lidar::DeviceTimer;
 
 TEST_CASE("a timer's wrap is undone, and an answer that comes late is not taken for one") {
@@ -76,3 +78,5 @@ TEST_CASE("the least lateness is found below exponential delays, within its unce
   }
   CHECK(within >= 170);
 }
+
+}  // namespace clock_parts_test

@@ -5,6 +5,8 @@
 
 #include <catch2/catch.hpp>
 
+namespace encoding_test {
+
 using namespace lidar;
 
 TEST_CASE("the checksum of known lines is what real sensors send") {
@@ -38,3 +40,5 @@ TEST_CASE("every value survives encoding and decoding in any length that can hol
     RC_ASSERT(decode_value(text) == value);
   }));
 }
+
+}  // namespace encoding_test

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+namespace frame_reader_test {
+
 using namespace lidar;
 
 namespace {
@@ -73,3 +75,5 @@ TEST_CASE("an endless frame costs one error and bounded memory, and the frame be
   reader.feed("\nQT\n00P\n\n");
   CHECK(drain(reader) == std::vector<std::string>{"QT|00|"});
 }
+
+}  // namespace frame_reader_test

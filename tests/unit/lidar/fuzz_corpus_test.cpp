@@ -6,6 +6,8 @@
 
 #include "lidar/response.hpp"
 
+namespace fuzz_corpus_test {
+
 using lidar::ScanCommand;
 
 namespace {
@@ -85,3 +87,5 @@ TEST_CASE("seeds of the fuzz targets", "[.corpus]") {
             static_cast<char>(2 * last + (pairs ? 0 : 1)), bytes.substr(bytes.find('\n') + 1));
     }
 }
+
+}  // namespace fuzz_corpus_test

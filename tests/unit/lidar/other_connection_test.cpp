@@ -3,6 +3,8 @@
 
 #include <catch2/catch.hpp>
 
+namespace other_connection_test {
+
 TEST_CASE("another program's connection to the lidar is found in the list of connections") {
   const std::string list =
       "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode\n"
@@ -23,3 +25,5 @@ TEST_CASE("another program's connection to the lidar is found in the list of con
   CHECK_FALSE(lidar::connection_in(list, lidar + 1, 10940, 1));
   CHECK_FALSE(lidar::connection_in("", lidar, 10940, 1));
 }
+
+}  // namespace other_connection_test

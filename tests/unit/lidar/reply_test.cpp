@@ -13,6 +13,8 @@
 #include "lidar/scan_receiver.hpp"
 #include "lidar/status.hpp"
 
+namespace reply_test {
+
 using namespace lidar;
 
 namespace {
@@ -290,3 +292,5 @@ TEST_CASE("clusters keep the smallest range that is no code, with its intensity"
   CHECK(range == std::vector<std::uint32_t>{400, 65533, 300});
   CHECK(intensity == std::vector<std::uint32_t>{3, 4, 7});
 }
+
+}  // namespace reply_test

@@ -5,6 +5,8 @@
 
 #include <catch2/catch.hpp>
 
+namespace request_test {
+
 using namespace lidar;
 
 namespace {
@@ -137,3 +139,5 @@ TEST_CASE("an endless request line costs one error and no memory") {
   REQUIRE(line.has_value());
   CHECK(**line == "VV");
 }
+
+}  // namespace request_test

@@ -4,6 +4,8 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
+namespace scan_grid_test {
+
 TEST_CASE("starts of scans are found within their uncertainty, periods of almost whole milliseconds too") {
   for (const double period_ms : {25.0, 25.00001, 25.0001, 25.001, 25.0123, 24.97, 33.1 + 1.0 / 30, 50.0}) {
     lidar::ScanGrid grid(std::round(period_ms));
@@ -18,3 +20,5 @@ TEST_CASE("starts of scans are found within their uncertainty, periods of almost
     }
   }
 }
+
+}  // namespace scan_grid_test

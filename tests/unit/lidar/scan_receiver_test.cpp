@@ -9,6 +9,8 @@
 #include "lidar/reply.hpp"
 #include "lidar/response.hpp"
 
+namespace scan_receiver_test {
+
 using lidar::Kernel;
 using lidar::Scan;
 using lidar::ScanCommand;
@@ -169,3 +171,5 @@ TEST_CASE("part of a message is not taken") {
   CHECK_FALSE(receiver.take("", scan));
   CHECK_FALSE(ScanReceiver().take(bytes, scan));
 }
+
+}  // namespace scan_receiver_test

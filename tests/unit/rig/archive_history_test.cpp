@@ -16,6 +16,7 @@
 #include "tests/support/calibrations.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace archive_history_test {
 namespace {
 
 using Catch::Contains;
@@ -305,3 +306,5 @@ TEST_CASE(
   (void)rig::issue_report(folder / "now.rig", folder / "plain.html");
   CHECK_THAT(file_text(folder / "plain.html"), !Contains("Previous calibration"));
 }
+
+}  // namespace archive_history_test

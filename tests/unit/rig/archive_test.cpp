@@ -17,6 +17,7 @@
 #include "tests/support/programs.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace archive_test {
 namespace {
 
 using What = rig::ArchiveFinding::What;
@@ -350,3 +351,5 @@ TEST_CASE(
       CHECK(rig::is_clean(text));
   for (const auto& f : findings) CHECK((f.what == What::added || !f.says.empty()));
 }
+
+}  // namespace archive_test

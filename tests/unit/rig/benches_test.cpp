@@ -17,6 +17,7 @@
 #include "tests/support/calibrations.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace benches_test {
 namespace {
 
 using Catch::Contains;
@@ -143,3 +144,5 @@ TEST_CASE(
   CHECK(benches.observe(1601).at("needed") == 0);
   CHECK_THROWS_AS(rig::BenchesState(folder / "nowhere").observe(0), rig::UsageError);
 }
+
+}  // namespace benches_test

@@ -11,6 +11,7 @@
 #include "rig/session/standing.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace certificate_standing_test {
 namespace {
 
 using Catch::Contains;
@@ -244,3 +245,5 @@ TEST_CASE("the Digital Calibration Certificate satisfies PTB's schema") {
   rig::write_report(bare, rig::check_output({file}));
   if (!valid()) FAIL(file_text(folder / "why"));
 }
+
+}  // namespace certificate_standing_test

@@ -16,6 +16,7 @@
 #include "rig/session/session_store.hpp"
 #include "tests/support/programs.hpp"
 
+namespace child_program_test {
 namespace {
 
 using Catch::Matchers::Contains;
@@ -100,3 +101,5 @@ TEST_CASE("a WeasyPrint that hangs is stopped and named, and leaves nothing") {
       Contains("WeasyPrint did not finish within 0.1 s and was stopped") && Contains("write .html"));
   CHECK(std::distance(std::filesystem::directory_iterator(folder.path()), {}) == 2);
 }
+
+}  // namespace child_program_test

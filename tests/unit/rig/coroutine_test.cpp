@@ -13,6 +13,7 @@
 #include <string>
 #include <utility>
 
+namespace coroutine_test {
 namespace {
 
 template <class T>
@@ -108,3 +109,5 @@ TEST_CASE("temporaries of a co_await expression are destroyed once: objects, var
   CHECK(left_alive(variables) == 0);
   CHECK(left_alive(errors) == 0);
 }
+
+}  // namespace coroutine_test

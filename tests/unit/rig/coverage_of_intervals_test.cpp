@@ -9,6 +9,7 @@
 #include "rig/session/standing.hpp"
 #include "tests/support/imperfect_bench.hpp"
 
+namespace coverage_of_intervals_test {
 namespace {
 
 using imperfect::degree;
@@ -287,3 +288,5 @@ TEST_CASE("intervals hold on many benches whose devices are not perfect", "[.][c
     CHECK(!tally.held.empty());
   }
 }
+
+}  // namespace coverage_of_intervals_test

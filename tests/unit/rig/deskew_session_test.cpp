@@ -15,6 +15,7 @@
 #include "tests/support/results.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace deskew_session_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -203,3 +204,5 @@ TEST_CASE("the gain against a reference is covered by k = 2 over seeds") {
   INFO("inside: " << inside << " of " << gains.size());
   CHECK(inside >= 9);
 }
+
+}  // namespace deskew_session_test

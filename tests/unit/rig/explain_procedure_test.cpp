@@ -7,6 +7,7 @@
 #include "rig/procedure/procedure_plan.hpp"
 #include "rig/report/explain_report.hpp"
 
+namespace explain_procedure_test {
 namespace {
 
 fit::Bench bench() {
@@ -70,3 +71,5 @@ TEST_CASE("an explanation becomes a page that needs nothing else") {
   CHECK(html.find("angle of incidence (deg)") != std::string::npos);
   CHECK(html.find("http") == html.find("http://www.w3.org"));
 }
+
+}  // namespace explain_procedure_test

@@ -7,6 +7,8 @@
 #include "rig/session/session_store.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace explain_recordings_test {
+
 TEST_CASE(
     "three real recordings before a wall predict the fourth better than geometry and constant noise do") {
   const std::filesystem::path real =
@@ -46,3 +48,5 @@ TEST_CASE(
   }
   CHECK(gain_per_sample > 0.03);
 }
+
+}  // namespace explain_recordings_test

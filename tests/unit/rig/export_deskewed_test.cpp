@@ -18,6 +18,7 @@
 #include "rig/import/mcap.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace export_deskewed_test {
 namespace {
 
 using Catch::Matchers::Contains;
@@ -272,3 +273,5 @@ TEST_CASE("an odometry's result that leaves a value open, or none at all, is ref
   const std::string session = drive_session(folder, false);
   CHECK_THROWS_WITH(export_as(folder, session, "diff-drive-controller"), Contains("run 'rig fit odometry"));
 }
+
+}  // namespace export_deskewed_test

@@ -16,6 +16,7 @@
 #include "rig/live/session_state.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace export_test {
 namespace {
 
 using Catch::Matchers::Contains;
@@ -340,3 +341,5 @@ TEST_CASE(
   CHECK(near.apply(203, 500).inside());
   CHECK_FALSE(near.apply(1000, 500).inside());
 }
+
+}  // namespace export_test

@@ -7,6 +7,7 @@
 #include "rig/errors.hpp"
 #include "rig/fitting/fitting.hpp"
 
+namespace fit_options_test {
 namespace {
 
 using nlohmann::json;
@@ -82,3 +83,5 @@ TEST_CASE(
             {{option.name, std::visit([](const auto& value) { return json(value); }, *option.otherwise)}}));
     }
 }
+
+}  // namespace fit_options_test

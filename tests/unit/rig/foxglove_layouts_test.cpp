@@ -7,6 +7,7 @@
 #include "rig/live/foxglove_messages.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace foxglove_layouts_test {
 namespace {
 
 using nlohmann::json;
@@ -73,3 +74,5 @@ TEST_CASE("the layout for bags shows topics that rig export writes") {
     CHECK(written.contains(path.substr(0, path.find('.'))));
   }
 }
+
+}  // namespace foxglove_layouts_test

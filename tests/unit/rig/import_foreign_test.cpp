@@ -10,6 +10,7 @@
 #include "rig/session/session_store.hpp"
 #include "tests/support/foreign_recordings.hpp"
 
+namespace import_foreign_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -396,3 +397,5 @@ TEST_CASE("the public logs of a rover and of a robot in motion capture are read 
   CHECK(run.track.size() > 1000);
   CHECK(run.track.back().wheel_left_rad.value() > 10);
 }
+
+}  // namespace import_foreign_test

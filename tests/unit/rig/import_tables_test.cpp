@@ -8,6 +8,7 @@
 #include "rig/session/session_store.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace import_tables_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -229,3 +230,5 @@ TEST_CASE("tables that are none are refused in words") {
   CHECK_THROWS_WITH(import(folder, folder.write("header.csv", "Timestamp,Step 0\n")),
                     Contains("holds no scan"));
 }
+
+}  // namespace import_tables_test

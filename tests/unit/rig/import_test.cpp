@@ -16,6 +16,7 @@
 #include "tests/support/bags.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace import_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -368,3 +369,5 @@ TEST_CASE("seeds of the fuzz corpora are written", "[.corpus]") {
     write("cdr/" + type, bytes);
   }
 }
+
+}  // namespace import_test

@@ -13,6 +13,7 @@
 #include "rig/procedure/procedure_plan.hpp"
 #include "rig/report/dossier_page.hpp"
 
+namespace investigate_test {
 namespace {
 
 using namespace rig;
@@ -268,3 +269,5 @@ TEST_CASE("a dossier claims only what the predicted recording confirmed") {
   CHECK(page.find("The stage has play.") != std::string::npos);
   CHECK(page.find("The prediction was confirmed.") != std::string::npos);
 }
+
+}  // namespace investigate_test

@@ -5,6 +5,7 @@
 
 #include "tests/support/test_folder.hpp"
 
+namespace lidar_identity_test {
 namespace {
 
 using Catch::Matchers::Contains;
@@ -57,3 +58,5 @@ TEST_CASE("a correction belongs to one lidar, and what cannot be known is said")
   CHECK_THAT(rig::match_lidar("", "", identity("{}")).says,
              Contains("neither the correction nor the session"));
 }
+
+}  // namespace lidar_identity_test

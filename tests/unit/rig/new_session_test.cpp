@@ -13,6 +13,7 @@
 #include "rig/session/session_store.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace new_session_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -106,3 +107,5 @@ TEST_CASE("an empty file is nothing to be kept: a new session takes its place") 
   rig::make_session(rig::check_output({folder / "new.rig"}), fill);
   CHECK(SessionStore(folder / "new.rig", SessionStore::Mode::read).get("bench").has_value());
 }
+
+}  // namespace new_session_test

@@ -10,6 +10,7 @@
 #include "tests/support/results.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace noise_test {
 namespace {
 
 constexpr const char* plain_bench = R"({"schema": "bench/1",
@@ -144,3 +145,5 @@ TEST_CASE("noise: a slow drift of a resting lidar's range is not taken for a mot
   session.capture(60, 2000, 5, 0, 0.4);  // 20 mm within 50 s
   CHECK_NOTHROW(noise_of({session.source()}));
 }
+
+}  // namespace noise_test

@@ -9,6 +9,7 @@
 #include "rig/fitting/fitting.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace odometry_fit_test {
 namespace {
 
 using nlohmann::json;
@@ -65,3 +66,5 @@ TEST_CASE("tuples of a tricycle, and such as go back in time, are told apart in 
   CHECK_THROWS_WITH(rig::run_fit("odometry", {{file, nullptr}}, json::object()),
                     Catch::Contains("object 201") && Catch::Contains("t does not grow"));
 }
+
+}  // namespace odometry_fit_test

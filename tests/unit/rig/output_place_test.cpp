@@ -16,6 +16,7 @@
 #include "rig/whole_file.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace output_place_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -190,3 +191,5 @@ TEST_CASE("an output replaces its like only: what a person wrote or what was iss
   }
   CHECK(folder.names().size() == 1);
 }
+
+}  // namespace output_place_test

@@ -4,6 +4,7 @@
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 
+namespace placed_bench_test {
 namespace {
 
 fit::CaptureInfo described(const rig::PlacedBench& bench, const std::string& target,
@@ -57,3 +58,5 @@ TEST_CASE("what is no record of placements changes nothing") {
   CHECK(bench.placements().empty());
   CHECK_FALSE(bench.power_on_us());
 }
+
+}  // namespace placed_bench_test

@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+namespace plot_test {
+
 using rig::Plot;
 using rig::Series;
 
@@ -129,3 +131,5 @@ TEST_CASE("points are drawn in the colour of their series") {
   CHECK(count("stroke='none' fill='rgb(213,  94,   0)' transform=") == 4);
   CHECK(count("currentColor") == 0);
 }
+
+}  // namespace plot_test

@@ -15,6 +15,7 @@
 #include "rig/session/session_store.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace power_loss_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -286,3 +287,5 @@ TEST_CASE("a session with any of its bytes spoilt is read or refused in words, n
   }
   CHECK(refused > 20);
 }
+
+}  // namespace power_loss_test

@@ -8,6 +8,8 @@
 
 #include "rig/procedure/procedure_plan.hpp"
 
+namespace procedure_test {
+
 using Catch::Matchers::Contains;
 using Catch::Matchers::StartsWith;
 using rig::parse_procedure;
@@ -229,3 +231,5 @@ TEST_CASE("a for-each takes its turns from a list, or each value with each") {
   refused("[3, 4]", "an entry of a for-each is written {name: value, ...}");
   refused("[]", "or a list of entries");
 }
+
+}  // namespace procedure_test

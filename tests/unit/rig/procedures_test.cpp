@@ -8,6 +8,7 @@
 #include "rig/procedure/procedure.hpp"
 #include "rig/procedure/procedure_plan.hpp"
 
+namespace procedures_test {
 namespace {
 
 const std::filesystem::path folder = std::filesystem::path(RIG_SOURCE_DIR) / "procedures";
@@ -66,3 +67,5 @@ TEST_CASE("The distance calibration asks for 97 positions of 10,000 samples, hal
   CHECK(scans == 970000);
   CHECK(seconds > 97 * 4999);
 }
+
+}  // namespace procedures_test

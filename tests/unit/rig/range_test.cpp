@@ -12,6 +12,7 @@
 #include "rig/session/session_store.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace range_test {
 namespace {
 
 nlohmann::json value_of(const nlohmann::json& result, const std::string& name) {
@@ -265,3 +266,5 @@ TEST_CASE("a round post is a target for range errors: its nearest point, found b
   }
   CHECK(seen == 4);
 }
+
+}  // namespace range_test

@@ -9,6 +9,8 @@
 #include "rig/session/session_store.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace recorded_drive_test {
+
 namespace fs = std::filesystem;
 
 TEST_CASE("the public recording of a drive calibrates wheels and lidar, as its gyroscope confirms") {
@@ -41,3 +43,5 @@ TEST_CASE("the public recording of a drive calibrates wheels and lidar, as its g
   CHECK(value("left_radius_mm", "u") < 0.5);
   CHECK(value("separation_mm", "u") < 5);
 }
+
+}  // namespace recorded_drive_test

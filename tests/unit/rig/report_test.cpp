@@ -14,6 +14,7 @@
 #include "rig/session/step_in_words.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace report_test {
 namespace {
 
 std::string make_session(const TestFolder& folder) {
@@ -260,3 +261,5 @@ TEST_CASE("an imported session is dated by its recording, never by its import") 
   CHECK(certificate.at("measured_utc") == "2019-02-03T04:05:06Z");
   CHECK(certificate.at("imported_utc") == "2026-05-04T10:00:00Z");
 }
+
+}  // namespace report_test

@@ -13,6 +13,7 @@
 #include "rig/export/exporter.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace ros2_filter_test {
 namespace {
 
 using range_correction_filter::RangeCorrectionFilter;
@@ -132,3 +133,5 @@ TEST_CASE("the example's own test passes with a C++17 compiler and nothing else"
                           .c_str()) == 0);
   CHECK(std::system((program + " > " + (folder / "said")).c_str()) == 0);
 }
+
+}  // namespace ros2_filter_test

@@ -13,6 +13,8 @@
 #include "tests/support/runner_rig.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace run_parts_test {
+
 namespace asio = boost::asio;
 using asio::awaitable;
 using Catch::Matchers::Contains;
@@ -159,3 +161,5 @@ TEST_CASE("echoes are judged by their medians, of beams that had one in half of 
   CHECK(seen.intensity[0] == 500);
   CHECK(std::isnan(seen.range_mm[1]));
 }
+
+}  // namespace run_parts_test

@@ -2,6 +2,8 @@
 #include "rig/runner/bench_check.hpp"
 #include "tests/support/runner_rig.hpp"
 
+namespace runner_lidar_test {
+
 using Catch::Matchers::Contains;
 using nlohmann::json;
 using namespace runner_rig;
@@ -328,3 +330,5 @@ TEST_CASE("a lidar whose first step is not 0 is measured with from that step on"
   REQUIRE(rig.captures().size() == 1);
   CHECK(rig.captures()[0].beams == 682);
 }
+
+}  // namespace runner_lidar_test

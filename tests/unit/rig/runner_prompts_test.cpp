@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "tests/support/runner_rig.hpp"
 
+namespace runner_prompts_test {
+
 using Catch::Matchers::Contains;
 using namespace runner_rig;
 
@@ -259,3 +261,5 @@ TEST_CASE("a repeated turn is measured again and the first measurement is kept u
   CHECK(captures[1].step == "at 1");
   CHECK(captures[2].step == "at 2");
 }
+
+}  // namespace runner_prompts_test

@@ -5,6 +5,8 @@
 #include "rig/session/standing.hpp"
 #include "tests/support/runner_rig.hpp"
 
+namespace runner_results_test {
+
 using Catch::Matchers::Contains;
 using nlohmann::json;
 using namespace runner_rig;
@@ -230,3 +232,5 @@ TEST_CASE("a report does not follow a link out of the session's folder") {
   CHECK_THROWS_WITH(rig.run(), Contains("outside the session's folder"));
   std::filesystem::remove(report);
 }
+
+}  // namespace runner_results_test

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "tests/support/runner_rig.hpp"
 
+namespace runner_resume_test {
+
 using Catch::Matchers::Contains;
 using namespace runner_rig;
 
@@ -74,3 +76,5 @@ TEST_CASE("a resumed run with other variables is refused, and which differ is re
   }
   CHECK_THROWS_WITH(rig.run(), Contains("samples was 7 and is 5 now") && !Contains("far"));
 }
+
+}  // namespace runner_resume_test

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "tests/support/runner_rig.hpp"
 
+namespace runner_stage_test {
+
 using Catch::Matchers::Contains;
 using namespace runner_rig;
 
@@ -144,3 +146,5 @@ TEST_CASE("a stage that is found moving is stopped before anything else") {
   rig.run();
   CHECK(rig.reported("found moving"));
 }
+
+}  // namespace runner_stage_test

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "tests/support/runner_rig.hpp"
 
+namespace runner_test {
+
 using Catch::Matchers::Contains;
 using namespace runner_rig;
 
@@ -93,3 +95,5 @@ TEST_CASE("samples may be spaced out in time") {
   const auto stamps = rig.captures()[0].stamps;
   for (std::size_t i = 1; i < stamps.size(); ++i) CHECK(stamps[i] - stamps[i - 1] == 500);
 }
+
+}  // namespace runner_test

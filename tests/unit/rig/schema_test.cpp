@@ -13,6 +13,7 @@
 #include "fit/bench.hpp"
 #include "fit/correction.hpp"
 
+namespace schema_test {
 namespace {
 
 using nlohmann::json;
@@ -133,3 +134,5 @@ TEST_CASE("The schema and the reader of corrections agree on good and wrong file
     CHECK_THROWS_AS(fit::parse_correction(document.dump()), std::invalid_argument);
   }
 }
+
+}  // namespace schema_test

@@ -5,6 +5,7 @@
 
 #include "rig/runner/runner.hpp"
 
+namespace session_clock_test {
 namespace {
 
 struct Clock final : rig::RunClock {
@@ -52,3 +53,5 @@ TEST_CASE("where the lidar's clock has nothing in common with the computer's, ti
   CHECK(time.place_us(scan_at(3, 0)) == 26'000);
   CHECK(time.place_us(scan_at(28, 0)) == 51'000);
 }
+
+}  // namespace session_clock_test

@@ -15,6 +15,8 @@
 #include "rig/session/sha256.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace session_store_test {
+
 using rig::SessionStore;
 using Mode = rig::SessionStore::Mode;
 
@@ -348,3 +350,5 @@ TEST_CASE("the newest result of a kind is the one that counts") {
   CHECK(newest[0].json == "4");
   CHECK(newest[1].kind == "range");
 }
+
+}  // namespace session_store_test

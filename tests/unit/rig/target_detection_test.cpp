@@ -7,6 +7,8 @@
 
 #include "rig/runner/bench_doubts.hpp"
 
+namespace target_detection_test {
+
 using Catch::Matchers::Contains;
 using Outcome = rig::TargetDetection::Outcome;
 
@@ -130,3 +132,5 @@ TEST_CASE("values of a bench file that are out of all proportion are named, usua
   CHECK_THAT(doubt([](fit::Bench& b) { b.document = R"({"stage": {"limits_deg": [-2.9, 2.9]}})"; }),
              Contains("radians"));
 }
+
+}  // namespace target_detection_test

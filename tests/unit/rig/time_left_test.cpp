@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 
+namespace time_left_test {
 namespace {
 
 using Running = rig::TimeLeft::Running;
@@ -76,3 +77,5 @@ TEST_CASE("durations are reported in their two largest units") {
   CHECK(rig::duration_text(86400 + 3600) == "1 day 1 h");
   CHECK(rig::duration_text(8014.3 * 60) == "5 days 13 h");
 }
+
+}  // namespace time_left_test

@@ -8,6 +8,8 @@
 #include "rig/errors.hpp"
 #include "tests/support/test_folder.hpp"
 
+namespace whole_file_test {
+
 namespace fs = std::filesystem;
 
 TEST_CASE("a file takes its place when it is whole, and the old one stands until then") {
@@ -64,3 +66,5 @@ TEST_CASE("a file takes the place of the one that a link leads to, and the link 
   CHECK(file_text(folder / "old.txt") == "text\nnew");
   CHECK(folder.names().size() == 2);
 }
+
+}  // namespace whole_file_test

@@ -6,6 +6,8 @@
 
 #include "causal_support.hpp"
 
+namespace causal_causes_test {
+
 using namespace causal_test;
 using Catch::Detail::Approx;
 
@@ -232,3 +234,5 @@ TEST_CASE(
   far.receiver.parallax_mm = 60;
   CHECK(record(far, 300).at(0).mean() - alone == Approx(0.15).margin(0.2));
 }
+
+}  // namespace causal_causes_test

@@ -6,6 +6,8 @@
 
 #include "causal_support.hpp"
 
+namespace causal_device_test {
+
 using namespace causal_test;
 using Catch::Detail::Approx;
 
@@ -265,3 +267,5 @@ TEST_CASE("a median over beams makes neighbours alike and takes single grains aw
   const Recording smooth = record(world, 500);
   CHECK(correlation(smooth.at(0).ranges, smooth.at(0.25).ranges) > 0.4);
 }
+
+}  // namespace causal_device_test

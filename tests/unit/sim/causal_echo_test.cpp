@@ -6,6 +6,8 @@
 
 #include "causal_support.hpp"
 
+namespace causal_echo_test {
+
 using namespace causal_test;
 using Catch::Detail::Approx;
 
@@ -224,3 +226,5 @@ TEST_CASE("targets stand where the truth says, tilted and bent") {
   world.targets["wall"].sagitta_mm = 10;
   CHECK(record(world, 200).at(0).mean() - 2000 == Approx(10).margin(0.5));
 }
+
+}  // namespace causal_echo_test

@@ -6,6 +6,8 @@
 
 #include "causal_support.hpp"
 
+namespace causal_stage_test {
+
 using namespace causal_test;
 using Catch::Detail::Approx;
 
@@ -112,3 +114,5 @@ TEST_CASE("the same seed gives the same scans, another one others") {
   CHECK(record(world, 5, 0, 7).at(3).ranges == record(world, 5, 0, 7).at(3).ranges);
   CHECK(record(world, 5, 0, 7).at(3).ranges != record(world, 5, 0, 8).at(3).ranges);
 }
+
+}  // namespace causal_stage_test

@@ -8,6 +8,7 @@
 #include "lidar/reply.hpp"
 #include "tests/support/lidar_bench.hpp"
 
+namespace message_faults_test {
 namespace {
 
 constexpr std::string_view asked = "ME0000108001000;r7";
@@ -92,3 +93,5 @@ TEST_CASE("the line of PP that is missing is the one that was named") {
   CHECK(bed.after("missing-parameter", parameters, 1).find("MODL") == std::string::npos);
   CHECK(bed.after("missing-parameter", parameters, 99) == parameters);
 }
+
+}  // namespace message_faults_test

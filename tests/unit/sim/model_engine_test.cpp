@@ -8,6 +8,8 @@
 #include "fit/mechanism.hpp"
 #include "sim/engine_factory.hpp"
 
+namespace model_engine_test {
+
 using namespace causal_test;
 using Catch::Detail::Approx;
 
@@ -189,3 +191,5 @@ TEST_CASE("the files choose the engine") {
   CHECK(engine_of(bench_of(slant, {known("zero-offset", {{"offset_mm", 3}})})) == "model");
   CHECK_THROWS_WITH(sim::make_simulated_bench({}), Catch::Contains("--bench"));
 }
+
+}  // namespace model_engine_test

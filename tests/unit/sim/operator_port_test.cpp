@@ -6,6 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+namespace operator_port_test {
+
 using nlohmann::json;
 
 TEST_CASE("the operator port places targets, keeps what is not mentioned and refuses what there is not") {
@@ -59,3 +61,5 @@ TEST_CASE("a port that another program holds is named, with a way out") {
                     Catch::Contains("operator's port 127.0.0.1:" + std::to_string(first.port())) &&
                         Catch::Contains("another simulator") && !Catch::Contains("boost"));
 }
+
+}  // namespace operator_port_test

@@ -4,6 +4,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
+namespace simple_engine_test {
 namespace {
 
 fit::Bench edge_bench() {
@@ -140,3 +141,5 @@ TEST_CASE("a beam of a turning stage sees what it would see standing there, in a
     }
   }
 }
+
+}  // namespace simple_engine_test

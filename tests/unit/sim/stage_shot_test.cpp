@@ -4,6 +4,7 @@
 
 #include "sim/stage_device.hpp"
 
+namespace stage_shot_test {
 namespace {
 
 struct Controller {
@@ -192,3 +193,5 @@ TEST_CASE("a SHOT tells the settings that its clients ask for") {
   CHECK(Controller("gsc", 1).say("?:N") == "GSC-01\r\n");
   for (const char* wrong : {"?:S3", "?:X1", "?:DWW", "O:2"}) CHECK(shot.say(wrong) == "NG\r\n");
 }
+
+}  // namespace stage_shot_test

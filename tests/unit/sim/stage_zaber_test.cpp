@@ -4,6 +4,7 @@
 
 #include "sim/stage_device.hpp"
 
+namespace stage_zaber_test {
 namespace {
 
 struct Zaber {
@@ -113,3 +114,5 @@ TEST_CASE("noise on a Zaber's line is discarded with the command it is in") {
   for (const char c : std::string("/1 1 get pos\r\n")) out += zaber.device->receive(std::string(1, c), 0);
   CHECK(out == "@01 1 OK IDLE -- 0\r\n");
 }
+
+}  // namespace stage_zaber_test

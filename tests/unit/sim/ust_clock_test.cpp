@@ -9,6 +9,7 @@
 #include "lidar/reply.hpp"
 #include "tests/support/lidar_bench.hpp"
 
+namespace ust_clock_test {
 namespace {
 
 constexpr double turn_s = 0.025;
@@ -109,3 +110,5 @@ TEST_CASE("turns are found from times, and times from turns, also while the cloc
     CHECK(clock.turn_from(begins_s + 1e-6) == turn + 1);
   }
 }
+
+}  // namespace ust_clock_test

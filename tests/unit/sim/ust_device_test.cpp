@@ -7,6 +7,7 @@
 #include "lidar/reply.hpp"
 #include "sim/simple_engine.hpp"
 
+namespace ust_device_test {
 namespace {
 
 struct Bed {
@@ -165,3 +166,5 @@ TEST_CASE("two RB within a second reboot, one does not") {
   CHECK(bed.status("RB", 3.5) == "00");
   CHECK(bed.device->take_reboot_request());
 }
+
+}  // namespace ust_device_test

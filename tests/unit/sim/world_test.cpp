@@ -8,6 +8,7 @@
 #include "fit/mechanism.hpp"
 #include "sim/engine_factory.hpp"
 
+namespace world_test {
 namespace {
 
 using nlohmann::json;
@@ -114,3 +115,5 @@ TEST_CASE("gear play of a world goes to the stage's simulator") {
   CHECK(world.stage.play_rad == 0);
   CHECK(bench.document.section("stage").at("physics").at("backlash_deg").get<double>() == Approx(0.2));
 }
+
+}  // namespace world_test
