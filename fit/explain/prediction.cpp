@@ -19,22 +19,20 @@ namespace {
 constexpr int places_of_table = 60;
 constexpr double widest_gap = 0.1;  // of the span: nothing is known in between
 
-/// What tables do to the mean of a cell, mm. Those of one channel were found together, and may make up for
-/// each other: they act where all of them were seen.
+/// What tables do to the mean of a cell, mm. They were found together, and may make up for each other: they
+/// act where all of them were seen.
 double empirical_mm(const std::vector<EmpiricalCorrection>& list, const Reduced& reduced, const Cell& cell) {
-  std::map<Channel, std::optional<double>> sums;
+  double sum = 0;
   for (const EmpiricalCorrection& c : list) {
     const bool along_it = !c.target.empty();
     if (along_it && c.target != reduced.bench.targets[static_cast<std::size_t>(cell.at.target)].name)
       continue;
     const double v = along_it ? cell.at.along_mm : model::coordinate_of(c.coordinate, cell.at);
     const std::optional<double> value = std::isfinite(v) ? c.value_at(v) : std::nullopt;
-    std::optional<double>& sum = sums.try_emplace(c.channel, 0.0).first->second;
-    sum = sum && value ? std::optional(*sum + *value * lever_of(c.channel, cell.sight)) : std::nullopt;
+    if (!value) return 0;
+    sum += *value * lever_of(c.channel, cell.sight);
   }
-  double all = 0;
-  for (const auto& [channel, sum] : sums) all += sum.value_or(0);
-  return all;
+  return sum;
 }
 
 void add_empirical_mm(const std::vector<EmpiricalCorrection>& list, Reduced& reduced) {
