@@ -199,6 +199,7 @@ bool may_not_repeat(const Session& session, const Term& term) {
 /// its formula does not fit, and functions that do without it as well as the recording tells may; so may any
 /// where it is called a wave that may not repeat.
 std::vector<Member> functions_instead(const Session& session, const Fitted& best, const Named& named) {
+  if (!best.hypothesis.has(*named.term.kind)) return {};  // named by many others that outweigh the best
   std::vector<Eigen::VectorXd> effect = effect_of(best, *named.term.kind);
   const bool may_be_any = may_not_repeat(session, named.term);
   bool stands_beside = false;
