@@ -48,8 +48,8 @@ constexpr Act on_scan_range{&Effect::scan_range_variance_mm2,
 constexpr Act on_shared_noise{&Effect::shared_by_neighbours,
                               Observable::range_variance,
                               numbers::form_inflation,
-                              "excess of the scatter of sums over neighbouring beams, which share noise, "
-                              "over that of independent ones",
+                              "extra variance of sums over neighbouring beams, which share noise, as a share "
+                              "of what independent noise makes,",
                               explain::Channel::range,
                               true,
                               true};
