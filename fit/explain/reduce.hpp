@@ -84,8 +84,8 @@ struct Group {
   LagSums lagged{};
   double lagged_squares = 0;
   long pairs = 0, cells = 0;
-  /// Sum over scans of half the squared step from scan to scan of the sum of squares of all beams' standardised
-  /// deviations, over its variance for independent normal samples; and how many steps.
+  /// Sum over scans of half the squared step from scan to scan of the sum of squares of all beams'
+  /// standardised deviations, over its variance for independent normal samples; and how many steps.
   double square_steps = 0, steps = 0;
   std::size_t first_cell = 0, last_cell = 0;
 };
@@ -99,8 +99,8 @@ struct Sector {
   int approach = 0;
   std::size_t first_cell = 0, last_cell = 0;  ///< Among which its own are.
   double w = 0, wv = 0, wvv = 0, wd = 0, wdv = 0;
-  double wwdd =
-      0;  ///< Of d less what its whole scan has in common: the variance of wd, were beams independent.
+  /// Of d less what its whole scan has in common: the variance of wd, were beams independent.
+  double wwdd = 0;
 };
 
 /// A mean so far off has nothing to do with the target that the bench file has there.

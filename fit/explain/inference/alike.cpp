@@ -201,6 +201,8 @@ bool may_not_repeat(const Session& session, const Term& term) {
 std::vector<Member> functions_instead(const Session& session, const Fitted& best, const Named& named) {
   if (!best.hypothesis.has(*named.term.kind)) return {};  // named by many others that outweigh the best
   std::vector<Eigen::VectorXd> effect = effect_of(best, *named.term.kind);
+  double gain = 0;
+  for (const Eigen::VectorXd& in_channel : effect) gain += in_channel.squaredNorm() / 2;
   const bool may_be_any = may_not_repeat(session, named.term);
   bool stands_beside = false;
   for (const Term& own : best.hypothesis.terms) {
@@ -210,9 +212,6 @@ std::vector<Member> functions_instead(const Session& session, const Fitted& best
     for (std::size_t c = 0; c < effect.size(); ++c) effect[c] += of_function[c];
   }
   if (!stands_beside && !may_be_any) return {};
-  double gain = 0;
-  for (const Eigen::VectorXd& in_channel : effect_of(best, *named.term.kind))
-    gain += in_channel.squaredNorm() / 2;
   for (const Kind& kind : session.kinds()) {
     if (!is_function_where_acts(kind, *named.term.kind) ||
         !(kind.form->form->scaled || kind.form->form->of_all_targets))

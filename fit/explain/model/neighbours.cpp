@@ -58,19 +58,16 @@ struct ScanLeft {
 
 /// What a sector shows at the same number of the scan in all captures: a range, and an angle of the stage.
 struct Repeats {
-  Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
-  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  RangeAndAngle common;
   int captures = 0;
 
   static Eigen::Vector2d per_unit(const Sector& s) { return {1, s.wv / s.w}; }
   void add(const Sector& s, double mm) {
-    const Eigen::Vector2d unit = per_unit(s);
-    information += s.w * unit * unit.transpose();
-    sum += s.w * mm * unit;
+    common.add(per_unit(s), mm, s.w);
     ++captures;
   }
   [[nodiscard]] bool is_known() const { return captures >= 4; }
-  [[nodiscard]] double mm(const Sector& s) const { return per_unit(s).dot(covariance_of(information) * sum); }
+  [[nodiscard]] double mm(const Sector& s) const { return common.mm(per_unit(s)); }
   /// Of the variance, when it is taken off.
   [[nodiscard]] double share_left() const { return 1 - 2.0 / captures; }
 };

@@ -99,24 +99,21 @@ int number_of(std::int64_t scan) {
 template <class Key>
 void take_off_common(std::vector<ScanPart>& parts, double fewest, const Key& key) {
   struct Sums {
-    Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
-    Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+    RangeAndAngle common;
     double scans = 0;
   };
   const auto unit_of = [](const ScanPart& p) { return Eigen::Vector2d(p.of_angle ? 0 : 1, p.lever_mm); };
   std::map<decltype(key(parts.front())), Sums> sums;
   for (const ScanPart& p : parts) {
     Sums& s = sums[key(p)];
-    s.information += unit_of(p) * unit_of(p).transpose() / p.variance_mm2;
-    s.sum += unit_of(p) * p.rest_mm / p.variance_mm2;
+    s.common.add(unit_of(p), p.rest_mm, 1 / p.variance_mm2);
     s.scans += p.of_angle ? 0 : 1;
   }
   for (ScanPart& p : parts) {
     const Sums& s = sums.at(key(p));
     if (s.scans < fewest) continue;
-    const Eigen::Vector2d unit = unit_of(p), weights = covariance_of(s.information) * unit;
-    p.rest_mm -= weights.dot(s.sum);
-    p.news *= std::max(0.0, 1 - weights.dot(unit) / p.variance_mm2);
+    p.rest_mm -= s.common.mm(unit_of(p));
+    p.news *= s.common.share_left(unit_of(p), 1 / p.variance_mm2);
   }
 }
 

@@ -59,7 +59,11 @@ class WholeScans {
         session_(session),
         products_(static_cast<std::size_t>(samples.beams)),
         deviation_(static_cast<std::size_t>(samples.beams)),
-        good_(static_cast<std::size_t>(samples.beams)) {}
+        good_(static_cast<std::size_t>(samples.beams)),
+        weight_(static_cast<std::size_t>(samples.beams)) {
+    for (std::size_t beam = 0; beam < weight_.size(); ++beam)
+      if (cell_of_beam_[beam] >= 0) weight_[beam] = weight_in_scan(cell_of(beam), group_, samples_.scans);
+  }
 
   void add_scan(int scan) {
     constexpr double hardly_any = 0.1;  // is left of a beam's variance
@@ -72,7 +76,7 @@ class WholeScans {
     for (std::size_t beam = 0; beam < deviation_.size(); ++beam) {
       if (!good_[beam]) continue;
       const Cell& cell = cell_of(beam);
-      const double lever = cell.sight.stage_lever(), weight = weight_in_scan(cell, group_, samples_.scans),
+      const double lever = cell.sight.stage_lever(), weight = weight_[beam],
                    left = common.share_left(weight, lever);
       deviation_[beam] -= common.mm(lever);
       const double square = deviation_[beam] * deviation_[beam];
@@ -117,8 +121,7 @@ class WholeScans {
       const int number = sector_of(b);
       if (session_.sectors.size() == first_sector || session_.sectors.back().number != number)
         session_.sectors.push_back(empty_sector(scan, number, static_cast<std::size_t>(cell_of_beam_[b])));
-      const double q = weight_in_scan(cell, group_, samples_.scans), v = cell.sight.stage_lever(),
-                   d = range - cell.mean_mm;
+      const double q = weight_[b], v = cell.sight.stage_lever(), d = range - cell.mean_mm;
       session_.sectors.back().last_cell = static_cast<std::size_t>(cell_of_beam_[b]) + 1;
       add_beam(session_.sectors.back(), q, v, d);
       add_beam(whole, q, v, d);
@@ -153,6 +156,7 @@ class WholeScans {
   LagProducts products_;
   std::vector<double> deviation_;  ///< Of every beam in the present scan, mm.
   std::vector<char> good_;         ///< Whether it has one.
+  std::vector<double> weight_;     ///< Of every beam, the same in all scans.
   std::optional<double> squares_before_;
 };
 
