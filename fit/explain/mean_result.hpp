@@ -13,6 +13,7 @@ struct HeldOutFigures {
 struct MeanResult {
   explicit MeanResult(const Bench& bench) : best(bench) {}
   Hypothesis best;
+  bool shapes_carry_over = true;  ///< To captures that had no part in them.
   HeldOutFigures before, after;  ///< The log-likelihood is of all channels.
   double noise_floor_mm = 0;
   double excess = 1;  ///< Factor on the variance of the means.

@@ -188,19 +188,27 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadRe
     if (!is_constant_noise(*suspect.mechanism)) p.noise.push_back(suspect);
   for (const Suspect& suspect : spread.undecided)
     if (!is_constant_noise(*suspect.mechanism)) p.noise.push_back(suspect);
-  Hypothesis nothing(reduced.bench);
+  Hypothesis nothing(reduced.bench), found = means.best;
   nothing.nuisance = means.best.nuisance;
-  for (int pass = 0; pass < 2; ++pass) {
-    predict_at(reduced, nothing);
-    const MeanModel model = model_of(reduced, means.noise, nothing);
-    const Eigen::VectorXd now = nothing.nuisance.as_vector();
-    nothing.nuisance.set(now + model.posterior_mean().head(now.size()));
-  }
-  predict_at(reduced, nothing);
+  const auto place = [&](Hypothesis& h) {
+    for (int pass = 0; pass < 2; ++pass) {
+      predict_at(reduced, h);
+      const MeanModel model = model_of(reduced, means.noise, h);
+      const Eigen::VectorXd now = h.nuisance.as_vector();
+      h.nuisance.set(now + model.posterior_mean().head(now.size()));
+    }
+    predict_at(reduced, h);
+  };
+  place(nothing);
   p.constant_before_mm = best_constant(reduced, {});
-  predict_at(reduced, means.best);
+  if (!means.shapes_carry_over) {
+    found.shapes.clear();
+    place(found);
+  } else {
+    predict_at(reduced, found);
+  }
   const MeanModel model(reduced, means.noise);
-  for (const Shape& shape : means.best.shapes)
+  for (const Shape& shape : found.shapes)
     for (const int target : along_targets(shape, model.bench()))
       if (EmpiricalCorrection table = tabulated(shape, model, target); !table.at.empty())
         p.empirical.push_back(std::move(table));

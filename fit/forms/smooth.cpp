@@ -14,8 +14,8 @@ Form make_smooth() {
   f.shares = [](const Shape& s) { return shares_of_cosines(s.length); };
   f.along = [](const Axis& axis) {
     std::vector<Shape> list;
-    for (const double length : {0.5, 0.2, 0.08})
-      if (static_cast<double>(axis.values) > 2 / length) list.push_back({.length = length});
+    for (const double length : {0.25, 0.1})
+      if (static_cast<double>(axis.values) > 1 / length) list.push_back({.length = length});
     return list;
   };
   f.says = [](const Shape&, const Course& c) {

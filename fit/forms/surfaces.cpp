@@ -29,7 +29,7 @@ Form make_surfaces() {
     constexpr int most_terms = 100;
     std::vector<Shape> list;
     const double targets = std::floor(axis.high) + 1;
-    for (const double length : {0.5, 0.2})
+    for (const double length : {0.5, 0.25})
       if (targets * cosines_of(length) <= most_terms) list.push_back({.at = targets, .length = length});
     return list;
   };

@@ -174,6 +174,11 @@ Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progres
   join_what_looks_alike(session, explored.best, out.posterior);
   out.means.noise = session.noise();
   take_means(session, explored.best.hypothesis, out.means);
+  out.means.shapes_carry_over = forms_carry_over(session, explored.best);
+  if (!out.means.shapes_carry_over)
+    out.notes.emplace_back(
+        "Captures do not show that unnamed functions are the same in all of them: predictions of other "
+        "recordings leave them out.");
   const Fitted nothing = fit(session, {});
   measure(session, nothing, explored, out);
   restate(session, nothing, explored.best, out);

@@ -10,6 +10,7 @@ namespace {
 using Eigen::Index;
 
 constexpr int blocks_of_few = 6, most_blocks = 8;
+enum class Few { sectors, captures };  // What is left out of less than six captures.
 
 bool has_beams(const ChannelRows& rows) {
   return rows.rows() > 0 && rows.at(0).beam_rad != rows.at(rows.rows() - 1).beam_rad;
@@ -19,10 +20,11 @@ struct Blocks {
   int count = 0;
   bool few = false;
 
-  explicit Blocks(std::size_t captures)
-      : count(captures < blocks_of_few ? blocks_of_few
-                                       : static_cast<int>(std::min<std::size_t>(most_blocks, captures))),
-        few(captures < blocks_of_few) {}
+  Blocks(std::size_t captures, Few few_leave)
+      : count(static_cast<int>(std::min<std::size_t>(most_blocks, captures))),
+        few(few_leave == Few::sectors && captures < blocks_of_few) {
+    if (few) count = blocks_of_few;
+  }
   [[nodiscard]] int of(const ChannelRows& rows, Index row) const {
     constexpr double sector_deg = 9;
     // What has no beam, such as whole scans, is left out capture by capture, be they few.
@@ -62,10 +64,10 @@ constexpr double as_all_have_them = 1e12;
 /// Predicts one block from all others and adds what comes of it.
 class Block {
  public:
-  Block(const Session& session, const Fitted& fitted, const Eigen::LLT<Eigen::MatrixXd>& all,
-        const Blocks& blocks, int block, bool only_means)
-      : session_(session), f_(fitted), all_(all), rest_(fitted.optimum.factor.reconstructedMatrix()) {
+  Block(const Session& session, const Fitted& fitted, const Blocks& blocks, int block, bool only_means)
+      : session_(session), f_(fitted), rest_(fitted.optimum.factor.reconstructedMatrix()) {
     score_ = Eigen::VectorXd::Zero(rest_.rows());
+    square_ = Eigen::MatrixXd::Zero(rest_.rows(), rest_.rows());
     for (std::size_t c = 0; c < session.channels().size(); ++c) {
       const bool counts = session.channels()[c] && (!only_means || c == model::channel_of("mean"));
       parts_.push_back(counts ? part_of(session, fitted, c, blocks, block) : Part{});
@@ -76,10 +78,12 @@ class Block {
       for (std::size_t i = 0; i < index.size(); ++i) {
         score_[index[i]] += along[static_cast<Index>(i)];
         for (std::size_t j = 0; j < index.size(); ++j)
-          rest_(index[i], index[j]) -= square(static_cast<Index>(i), static_cast<Index>(j));
+          square_(index[i], index[j]) += square(static_cast<Index>(i), static_cast<Index>(j));
       }
     }
+    rest_ -= square_;
     hold_shapes(fitted.design, as_all_have_them, rest_);
+    hold_shapes(fitted.design, 0, square_);
     for (const Design::Block& term : fitted.design.blocks)
       score_.segment(term.first_shape(), term.shapes).setZero();
     factor_.compute(rest_);
@@ -87,8 +91,7 @@ class Block {
 
   void add_to(HeldOutFigures& sum) const {
     const Eigen::VectorXd without = f_.optimum.x - factor_.solve(score_);
-    sum.log_likelihood +=
-        0.5 * (log_determinant(factor_) - log_determinant(all_)) - 0.5 * score_.dot(factor_.solve(score_));
+    sum.log_likelihood += log_density(rest_, without - f_.optimum.x);
     for (std::size_t c = 0; c < parts_.size(); ++c) {
       if (parts_[c].rows.empty()) continue;
       const Eigen::VectorXd logs = session_.channels()[c]->log_likelihoods(f_.optimum.eta[c]);
@@ -97,7 +100,32 @@ class Block {
     }
   }
 
+  /// What the other captures' say on those coefficients adds to the log density: against these being drawn
+  /// anew for this block, by their priors.
+  [[nodiscard]] double gain_of_others(const std::vector<Index>& of) const {
+    const Index n = rest_.rows();
+    const Eigen::VectorXd off = -factor_.solve(score_);
+    const Eigen::MatrixXd covariance = factor_.solve(Eigen::MatrixXd::Identity(n, n));
+    Eigen::MatrixXd anew = covariance;
+    Eigen::VectorXd from = off;
+    for (const Index k : of) {
+      anew.row(k).setZero();
+      anew.col(k).setZero();
+      anew(k, k) = 1;
+      from[k] = -f_.optimum.x[k];
+    }
+    return log_density(rest_, off) - log_density(anew.inverse(), from);
+  }
+
  private:
+  /// Of the block, less that at the best coefficients: those are off by `from` before it is seen, with that
+  /// information.
+  [[nodiscard]] double log_density(const Eigen::MatrixXd& information, const Eigen::VectorXd& from) const {
+    const Eigen::LLT<Eigen::MatrixXd> before(information), after(information + square_);
+    const Eigen::VectorXd score = score_ - square_ * from;
+    return from.dot(score_) - 0.5 * from.dot(square_ * from) + 0.5 * score.dot(after.solve(score)) +
+           0.5 * (log_determinant(before) - log_determinant(after));
+  }
   void add_means(std::size_t c, const Eigen::VectorXd& x, HeldOutFigures& sum) const {
     const Design::Part& design = f_.design.parts[c];
     const ChannelRows& rows = *session_.channels()[c];
@@ -120,26 +148,42 @@ class Block {
 
   const Session& session_;
   const Fitted& f_;
-  const Eigen::LLT<Eigen::MatrixXd>& all_;  ///< Of all rows, shapes held.
   std::vector<Part> parts_;
-  Eigen::MatrixXd rest_;
+  Eigen::MatrixXd rest_, square_;  ///< Information of all others, and of the block.
   Eigen::VectorXd score_;
   Eigen::LLT<Eigen::MatrixXd> factor_;
 };
 
-}  // namespace
-
-HeldOutFigures hold_out(const Session& session, const Fitted& fitted, bool only_means) {
-  const Blocks blocks(session.reduced().captures.size());
+HeldOutFigures predicted(const Session& session, const Fitted& fitted, const Blocks& blocks,
+                         bool only_means) {
   HeldOutFigures sum;
-  Eigen::MatrixXd all = fitted.optimum.factor.reconstructedMatrix();
-  hold_shapes(fitted.design, as_all_have_them, all);
-  const Eigen::LLT<Eigen::MatrixXd> factor(all);
-  for (int b = 0; b < blocks.count; ++b) Block(session, fitted, factor, blocks, b, only_means).add_to(sum);
+  for (int b = 0; b < blocks.count; ++b) Block(session, fitted, blocks, b, only_means).add_to(sum);
   const double cells = std::max(1.0, sum.cells);
   sum.rms_mm = std::sqrt(sum.rms_mm / cells);
   sum.coverage /= cells;
   return sum;
+}
+
+}  // namespace
+
+HeldOutFigures hold_out(const Session& session, const Fitted& fitted, bool only_means) {
+  return predicted(session, fitted, {session.reduced().captures.size(), Few::sectors}, only_means);
+}
+
+bool forms_carry_over(const Session& session, const Fitted& fitted) {
+  const Blocks captures(session.reduced().captures.size(), Few::captures);
+  std::vector<Index> of_forms;
+  for (std::size_t t = 0; t < fitted.design.blocks.size(); ++t) {
+    const Kind& kind = *fitted.hypothesis.terms[t].kind;
+    const Design::Block& block = fitted.design.blocks[t];
+    for (Index k = 0; k < block.sizes && kind.is_form() && moves_means(*kind.mechanism); ++k)
+      of_forms.push_back(block.first + k);
+  }
+  if (captures.count < 2 || of_forms.empty()) return true;
+  double gain = 0;
+  for (int b = 0; b < captures.count; ++b)
+    gain += Block(session, fitted, captures, b, true).gain_of_others(of_forms);
+  return gain > 0;
 }
 
 }  // namespace fit::explain::inference

@@ -11,4 +11,8 @@ namespace fit::explain::inference {
 /// means.
 [[nodiscard]] HeldOutFigures hold_out(const Session& session, const Fitted& fitted, bool only_means = false);
 
+/// Whether unnamed functions of the means predict captures that had no part in them better than the rest of
+/// the hypothesis alone does. True where nothing can say so: one capture, or no such function.
+[[nodiscard]] bool forms_carry_over(const Session& session, const Fitted& fitted);
+
 }  // namespace fit::explain::inference
