@@ -15,8 +15,10 @@ class Strays final : public model::Counts {
  public:
   Strays(std::vector<Row> rows, std::vector<Side> sides, std::vector<double> shares)
       : Counts(std::move(rows)), sides_(std::move(sides)), shares_(std::move(shares)) {
-    model::Columns base;
-    base.columns = Eigen::Map<const Eigen::VectorXd>(shares_.data(), this->Strays::rows());
+    model::Columns base;  // a tail of the noise ends close to the target
+    base.columns.resize(this->Strays::rows(), 1);
+    for (Eigen::Index i = 0; i < this->Strays::rows(); ++i)
+      base.columns(i, 0) = sides_[static_cast<std::size_t>(i)] == Side::far ? 0 : 1;
     base.prior = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Constant(1, numbers::tail_hazard)};
     set_base(std::move(base));
   }

@@ -71,9 +71,9 @@ void pool_variances(Reduced& reduced, const MeanNoise& noise) {
 }
 
 double variance_of_mean(const Cell& cell, const MeanNoise& noise) {
-  const double v = cell.pooled_mm2;
+  const double v = cell.pooled_mm2, doubt_mm = std::max(cell.doubt_mm, cell.mixed_mm);
   return noise.factor * v / cell.n + rounding_variance(std::sqrt(v)) + never_mm * never_mm +
-         cell.doubt_mm * cell.doubt_mm;
+         doubt_mm * doubt_mm;
 }
 
 MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise) : reduced_(&reduced) {

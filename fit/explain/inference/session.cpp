@@ -10,6 +10,7 @@
 #include "fit/explain/model/autoregression.hpp"
 #include "fit/explain/model/scans.hpp"
 #include "fit/explain/reduction/edge_shares.hpp"
+#include "fit/explain/reduction/margins.hpp"
 #include "fit/explain/stage_stops.hpp"
 
 namespace fit::explain::inference {
@@ -41,6 +42,7 @@ MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Ac
   for (const Term& term : terms) all += term.kind->mechanism->act(Circumstances{}, term.values);
   noise.scan_range_mm2 = std::max(0.0, all.scan_range_variance_mm2);
   noise.scan_angle_rad2 = all.scan_angle_variance_rad2;
+  noise.light_rad = std::max(all.footprint_rad, all.light_rad);
   noise.memory_rho = all.memory_rho;
   noise.memory_share = std::clamp(all.memory_share, 0.0, 1.0);
   double slowly = 0, cells = 0;
@@ -166,6 +168,7 @@ void Session::linearise(const Hypothesis& at) {
   const bool is_as_noisy = noise == present_noise_;
   present_noise_ = std::move(noise);
   pool_variances(reduced_, present_noise_);
+  reduction::doubt_wide_beams(reduced_, present_noise_.light_rad);
   make_channels(present_noise_);
   // Otherwise columns change by less than a screen asks for.
   if (!is_as_noisy || row_counts() != before)

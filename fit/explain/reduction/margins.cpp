@@ -28,4 +28,14 @@ double doubt_at_edge_mm(const Sight& sight, double edge_rad, double gap_mm, doub
   return std::hypot(sight.beam_lever() * aside_rad, gap_mm * passes);
 }
 
+void doubt_wide_beams(Reduced& reduced, double width_rad) {
+  for (Cell& cell : reduced.cells) {
+    const double reach_rad = widths_of_beam * width_rad + half_width_rad(cell),
+                 range_mm = cell.sight.range_mm;
+    const bool at_edge = std::abs(cell.at.edge_rad) < reach_rad && cell.at.gap_mm > 0,
+               at_corner = cell.at.corner_mm * cell.sight.cos_incidence() < reach_rad * range_mm;
+    cell.mixed_mm = at_edge ? cell.at.gap_mm : at_corner ? width_rad * range_mm : 0;
+  }
+}
+
 }  // namespace fit::explain::reduction

@@ -32,9 +32,17 @@ inline constexpr double beside_rad = 0.5 * rad_per_deg;
 /// Standard half width of a beam where no edge shows it.
 inline constexpr double usual_width_rad = 0.15 * rad_per_deg;
 
+/// So many standard half widths from an edge no part of a beam that matters passes it.
+inline constexpr double widths_of_beam = 3.5;
+
 /// What the mean of a beam that wide, so far from an edge of that depth (0: nothing behind), may be off
 /// because part of it passes the edge: the rest meets the surface aside, and what passes meets the one
 /// behind. Standard uncertainty, mm.
 [[nodiscard]] double doubt_at_edge_mm(const Sight& sight, double edge_rad, double gap_mm, double width_rad);
+
+/// States of every cell what its mean may be off because a beam of that standard half width meets a second
+/// surface too: beside an edge as much as both are apart, beside an inner corner as much as the beam is wide.
+/// How a receiver mixes both no formula says well enough.
+void doubt_wide_beams(Reduced& reduced, double width_rad);
 
 }  // namespace fit::explain::reduction

@@ -25,8 +25,8 @@ Cell middle_of(const std::vector<const Cell*>& run) {
   return cell;
 }
 
-/// Beside an edge the next beam meets other circumstances.
-bool is_pulled(const Cell& cell) { return cell.at.pull_mm.front() != 0; }
+/// Beside an edge or a corner the next beam meets other circumstances.
+bool is_apart(const Cell& cell) { return cell.at.pull_mm.front() != 0 || cell.mixed_mm > 0; }
 
 /// The cells of one group that are taken together, row by row.
 std::vector<std::vector<const Cell*>> rows_of(const Reduced& reduced, const SearchRows& search,
@@ -39,8 +39,8 @@ std::vector<std::vector<const Cell*>> rows_of(const Reduced& reduced, const Sear
     const Cell& cell = reduced.cells[i];
     if (!cell.smooth) continue;
     if (runs.empty() || runs.back().size() == together ||
-        runs.back().back()->sight.target != cell.sight.target || is_pulled(cell) ||
-        is_pulled(*runs.back().back()))
+        runs.back().back()->sight.target != cell.sight.target || is_apart(cell) ||
+        is_apart(*runs.back().back()))
       runs.emplace_back();
     runs.back().push_back(&cell);
   }

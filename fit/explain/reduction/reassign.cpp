@@ -110,10 +110,10 @@ class Reassignment {
 
   /// Where the recording shows the edge, or where it may be.
   [[nodiscard]] double edge_margin_rad(int edge) const {
-    constexpr double seen_rad = 0.25 * rad_per_deg, stated_rad = 0.6 * rad_per_deg, widths = 3.5;
+    constexpr double seen_rad = 0.25 * rad_per_deg, stated_rad = 0.6 * rad_per_deg;
     const double doubt_rad =
         is_settled(edge) ? seen_rad : stated_rad + doubt_left * reduced_.bench.lidar.mount.yaw_rad.u;
-    return std::max(doubt_rad, widths * width_rad_);
+    return std::max(doubt_rad, reduction::widths_of_beam * width_rad_);
   }
 
   [[nodiscard]] bool is_settled(int edge) const {

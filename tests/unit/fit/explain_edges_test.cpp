@@ -11,6 +11,7 @@
 #include "fit/explain/inference/placement.hpp"
 #include "fit/explain/inference/screen.hpp"
 #include "fit/explain/model/channel.hpp"
+#include "fit/explain/reduction/margins.hpp"
 #include "plain_scenes.hpp"
 
 namespace explain_edges_test {
@@ -320,6 +321,29 @@ TEST_CASE("a channel whose edges no longer show keeps its rows, and another hypo
   const inference::Fitted after = inference::fit(session, before.hypothesis);
   CHECK(std::isfinite(after.hypothesis.log_posterior()));
   CHECK_FALSE(inference::screen(session, after).empty());
+}
+
+TEST_CASE("a mean whose beam meets two surfaces is doubtful as far as they are apart, and alone in its row") {
+  fit::explain::Reduced reduced;
+  const auto cell = [](double edge_deg, double gap_mm, double corner_mm) {
+    fit::explain::Cell c;
+    c.smooth = true;
+    c.at.edge_rad = edge_deg * degree;
+    c.at.gap_mm = gap_mm;
+    c.at.corner_mm = corner_mm;
+    c.sight.range_mm = 2000;
+    return c;
+  };
+  constexpr double far_mm = 1e9;
+  reduced.cells = {cell(0.5, 300, far_mm), cell(-0.5, 300, far_mm), cell(0.8, 300, far_mm),
+                   cell(0.5, 0, far_mm),   cell(5, 300, 20),        cell(5, 300, 30)};
+  fit::explain::reduction::doubt_wide_beams(reduced, 0.2 * degree);
+  std::vector<double> mixed_mm;
+  for (const auto& c : reduced.cells) mixed_mm.push_back(c.mixed_mm);
+  const double wide_mm = 2000 * 0.2 * degree;
+  CHECK(mixed_mm == std::vector<double>{300, 300, 0, 0, wide_mm, 0});
+  fit::explain::reduction::doubt_wide_beams(reduced, 0);
+  for (const auto& c : reduced.cells) CHECK(c.mixed_mm == 0);
 }
 
 }  // namespace explain_edges_test

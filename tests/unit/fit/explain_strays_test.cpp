@@ -63,6 +63,45 @@ TEST_CASE("the fraction of outliers counts those that noise hides, and its uncer
   CHECK(sum / (all - undecided) == Approx(truth).margin(0.0016 / std::sqrt(all)));
 }
 
+/// A wall of which one sample in 10,000 lies off: up to `off_mm` nearer or farther, but no nearer than noise
+/// reaches.
+NoiseFindings wall_with_few_strays(double off_mm, unsigned seed) {
+  const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 101, "front_step": 50,
+    "step_deg": 0.5, "scan_hz": 40}, "targets": [{"name": "wall", "from_mm": [1500, -4000], "to_mm": [1500, 4000],
+    "u_mm": 1}], "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 10, "u": 0.2}}}]})");
+  std::mt19937 random(seed);
+  SyntheticRecording wall(bench, [&](const fit::CaptureInfo&, std::int64_t, std::vector<std::uint16_t>& range,
+                                     std::vector<std::uint16_t>& intensity) {
+    std::normal_distribution<double> noise(0, 10);
+    std::uniform_real_distribution<double> share;
+    for (std::size_t k = 0; k < range.size(); ++k) {
+      double off = noise(random);
+      if (share(random) < 1e-4) off = (share(random) < 0.5 ? -1 : 1) * (130 + share(random) * (off_mm - 130));
+      const double far = 1500 / std::cos((static_cast<double>(k) - 50) * 0.5 * fit::rad_per_deg);
+      range[k] = static_cast<std::uint16_t>(std::lround(far + off));
+      intensity[k] = 500;
+    }
+  });
+  fit::CaptureInfo capture;
+  capture.last_step = 100;
+  for (int i = 0; i < 3; ++i) wall.add(capture, 1000);
+  return NoiseFindings(wall);
+}
+
+TEST_CASE("one stray in 10,000 samples is an outlier far away, and a tail of the noise close to the wall") {
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    const NoiseFindings far = wall_with_few_strays(1300, seed);
+    INFO(far.in_words());
+    REQUIRE(far.accepted.size() == 1);
+    CHECK(far.accepted.front().mechanism->id == "outliers");
+    CHECK(far.accepted.front().parameters.at("fraction").value == Approx(1e-4).margin(5e-5));
+    const NoiseFindings close = wall_with_few_strays(240, seed);
+    INFO(close.in_words());
+    CHECK(std::ranges::none_of(close.accepted,
+                               [](const auto& found) { return found.mechanism->id == "outliers"; }));
+  }
+}
+
 TEST_CASE("dust from which nothing comes back is dust, and echoes that go without it are missing") {
   for (const unsigned seed : {1u, 2u, 3u}) {
     const NoiseFindings few = dusty_wall(0.05, seed, 0.001);
