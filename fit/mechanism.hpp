@@ -46,6 +46,9 @@ struct Circumstances {
   /// Range of neighbouring surfaces less the own, weighted by their light over the own and by how much of it
   /// reaches so far: for stray light that falls to a half at each of `halos_rad`.
   std::array<double, 3> pull_mm{};
+  /// The same of surfaces whose echoes come apart from the own one, as if they were as near as those that
+  /// merge with it.
+  std::array<double, 3> pull_apart_mm{};
   Eigen::Vector2d normal = Eigen::Vector2d::UnitX();  ///< Unit normal of the target, away from the axis.
   double cos_incidence = 1;
   double reflectance = 0.5;  ///< Nominal, 0..1.

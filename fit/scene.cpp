@@ -261,19 +261,19 @@ double Scene::power(const Hit& hit) const {
 
 /// Stray light of neighbouring surfaces within a degree, weighted by its angular distance; a sum over angles,
 /// whatever the beams' spacing (fit/mechanisms/crosstalk.cpp).
-std::array<double, 3> Scene::pull(const Vector2d& origin, double bearing, const Hit& own) const {
+void Scene::describe_pull(const Vector2d& origin, double bearing, const Hit& own, Circumstances& c) const {
   constexpr double step = 0.25 * rad_per_deg, merged_mm = 500;
-  std::array<double, 3> sums{};
+  c.pull_mm = c.pull_apart_mm = {};
   for (const int side : {-4, -3, -2, -1, 1, 2, 3, 4}) {
     const double angle = side * step;
     const Hit other = look(origin, bearing + angle);
     if (other.target < 0 || other.target == own.target) continue;
     const double gap = other.range_mm - own.range_mm;
-    if (std::abs(gap) > merged_mm) continue;
+    std::array<double, 3>& sums = std::abs(gap) > merged_mm ? c.pull_apart_mm : c.pull_mm;
     for (std::size_t k = 0; k < sums.size(); ++k)
-      sums[k] += power(other) / power(own) * gap / (1 + std::pow(angle / halos_rad[k], 2));
+      sums[k] += power(other) / power(own) * std::clamp(gap, -merged_mm, merged_mm) /
+                 (1 + std::pow(angle / halos_rad[k], 2));
   }
-  return sums;
 }
 
 void Scene::describe(const Vector2d& origin, double bearing, const Hit& hit, const std::vector<Edge>& edges,
@@ -293,7 +293,7 @@ void Scene::describe(const Vector2d& origin, double bearing, const Hit& hit, con
   if (!edge) return;
   c.edge_rad = wrap_angle(bearing - edge->bearing_rad) * edge->near_side;
   c.gap_mm = edge->far_mm > 0 ? edge->far_mm - edge->near_mm : 0;
-  if (std::abs(c.edge_rad) < 1.2 * rad_per_deg && c.gap_mm > 0) c.pull_mm = pull(origin, bearing, hit);
+  if (std::abs(c.edge_rad) < 1.2 * rad_per_deg && c.gap_mm > 0) describe_pull(origin, bearing, hit, c);
 }
 
 const Edge* nearest_edge(const std::vector<Edge>& edges, double bearing) {

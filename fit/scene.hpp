@@ -98,8 +98,7 @@ class Scene {
   /// All else about it.
   static void fill_in(const Surface& s, const Eigen::Vector2d& origin, const Eigen::Vector2d& ray, Hit& hit);
   [[nodiscard]] double power(const Hit& hit) const;
-  [[nodiscard]] std::array<double, 3> pull(const Eigen::Vector2d& origin, double bearing,
-                                           const Hit& own) const;
+  void describe_pull(const Eigen::Vector2d& origin, double bearing, const Hit& own, Circumstances& c) const;
 
   std::vector<Surface> surfaces_;
 };

@@ -34,14 +34,15 @@ class Question : Approximation {
       for (Term& term : terms) logs.push_back(with_sizes(term));
     else
       logs = with_sizes_at_starts(terms);
+    // Of a whole number each is asked, with harmonics, which may be the larger part of its effect.
+    const bool whole = !kind_->refines && !is_form();
+    for (std::size_t i = 0; whole && i < terms.size(); ++i) logs[i] = with_everything(terms[i], false);
     for (std::size_t i = 0; i < terms.size(); ++i) asked_.push_back({logs[i], std::move(terms[i])});
     if (kind_->mechanism->any_curve) keep_places();
     const double places =
         kind_->bins ? kind_->mechanism->parameters[*kind_->bins].starts : static_cast<double>(logs.size());
     over_grid_ = log_sum(logs) - std::log(places);
     const auto better = [](const Asked& a, const Asked& b) { return a.log_evidence > b.log_evidence; };
-    // Of a whole number each is asked: the harmonics of one may be the larger part of its effect.
-    const bool whole = !kind_->refines && !is_form();
     const std::size_t kept = whole ? asked_.size() : std::min(modes_refined, asked_.size());
     std::ranges::partial_sort(asked_, asked_.begin() + static_cast<std::ptrdiff_t>(kept), better);
     asked_.resize(kept);

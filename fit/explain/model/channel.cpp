@@ -72,6 +72,8 @@ struct RowSize {
 std::vector<IndependentRows::Row> rows_of(
     const Reduced& reduced, const SearchRows& search, const TakeCell& take,
     const std::function<RowSize(std::size_t cell, std::size_t group)>& size) {
+  constexpr double falls_with =
+      1.5;  // power of the intensity by which variances fall, about: it is their mean
   std::vector<IndependentRows::Row> list;
   for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
     if (!search.take(g)) continue;
@@ -83,7 +85,7 @@ std::vector<IndependentRows::Row> rows_of(
       if (!taken.empty()) {
         const Cell& middle = reduced.cells[taken[taken.size() / 2]];
         row.at = middle.at;
-        if (lit > 0) row.at.intensity = echoes / lit;
+        if (lit > 0) row.at.intensity = std::pow(lit / echoes, 1 / falls_with);
         row.capture = group.capture;
         row.draws = {g, group.scans};
         row.lever2 /= static_cast<double>(taken.size());
@@ -105,7 +107,7 @@ std::vector<IndependentRows::Row> rows_of(
       taken.push_back(i);
       row.lever2 += cell.sight.beam_lever() * cell.sight.beam_lever();
       if (!std::isfinite(cell.at.intensity)) continue;
-      echoes += cell.at.intensity;
+      echoes += std::pow(std::max(1.0, cell.at.intensity), -falls_with);
       lit += 1;
     }
     close();

@@ -67,6 +67,7 @@ class WholeScans {
 
   void add_scan(int scan) {
     constexpr double hardly_any = 0.1;  // is left of a beam's variance
+    constexpr int fewest_echoes = 6;    // of fewer, the inverse of a sample variance has no variance
     const std::size_t first_sector = session_.sectors.size();
     const Sector whole = sum_up(scan);
     // Common range and common angle of the scan are taken off before the memory of single beams is judged.
@@ -80,8 +81,10 @@ class WholeScans {
                    left = common.share_left(weight, lever);
       deviation_[beam] -= common.mm(lever);
       const double square = deviation_[beam] * deviation_[beam];
-      squares += square / std::max(rounding_mm2, cell.variance_mm2);
-      count += left;
+      if (cell.n >= fewest_echoes) {
+        squares += square / std::max(rounding_mm2, cell.variance_mm2);
+        count += left;
+      }
       if (session_.sectors[sector].number != sector_of(beam)) ++sector;
       session_.sectors[sector].wwdd += weight * weight * square / std::max(hardly_any, left);
       if (scan > 0) ++group_.pairs;
@@ -98,7 +101,8 @@ class WholeScans {
   /// How the sum of squares of so many degrees of freedom, less their number, goes on from that of the scan
   /// before.
   void add_squares(double more, double freedom) {
-    if (squares_before_ && freedom > 0) {
+    constexpr double fewest = 1;  // two beams are no more than a range and an angle in common
+    if (squares_before_ && freedom > fewest) {
       group_.square_steps += std::pow(more - *squares_before_, 2) / 2 / (2 * freedom);
       ++group_.steps;
     }

@@ -23,6 +23,7 @@ struct Air {
   double share = 0;       ///< Of the variance.
   double jitter_deg = 0;  ///< Of whole scans.
   int beams = 541;        ///< Around the front.
+  double lost = 0;        ///< Share of echoes.
   unsigned seed = 1;
 };
 
@@ -43,6 +44,7 @@ template <class Look>
 auto look_through(const Air& air, const Look& look) {
   std::mt19937 random(air.seed);
   std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> lot;
   SyntheticRecording recording(
       plain_bench::bench_of_room(R"("steps": 541, "front_step": 270, "step_deg": 0.5)",
                                  R"({"value": 5, "u": 0.25})"),
@@ -54,6 +56,7 @@ auto look_through(const Air& air, const Look& look) {
           const auto met = plain_bench::look(plain_bench::room, {}, capture.stage_rad, beam, {});
           const double noise = std::sqrt(air.share) * shared[k] + std::sqrt(1 - air.share) * normal(random);
           range[k] = static_cast<std::uint16_t>(std::lround(met->range_mm + sigma_mm * noise));
+          if (air.lost > 0 && lot(random) < air.lost) range[k] = 0;
         }
       });
   for (int i = 0; i < 8; ++i) {
@@ -91,6 +94,14 @@ TEST_CASE(
       CHECK(ratio / n == Approx(1).margin(4 * std::sqrt(2 / n)));
       if (jitter_deg == 0) CHECK(fit::explain::model::inflation_of_squares(reduced) == 1);
     }
+}
+
+TEST_CASE("scans of two echoes say nothing of noise that neighbours share") {
+  const fit::explain::Reduced reduced =
+      look_through({.beams = 41, .lost = 0.95, .seed = 5},
+                   [](const fit::Recording& room) { return fit::explain::reduce(room, {}); });
+  CHECK(fit::explain::model::inflation_of_squares(reduced) == 1);
+  CHECK(fit::explain::model::inflation_of_sums(reduced) == 1);
 }
 
 TEST_CASE("noise that neighbouring beams share is no angle of whole scans: it is unknown") {

@@ -68,4 +68,30 @@ TEST_CASE("beside such noise a stage that jitters is found", "[rounds]") {
   }
 }
 
+TEST_CASE("noise that follows weak echoes as stated is not named again where beams lie a degree apart") {
+  const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 121, "front_step": 60,
+    "step_deg": 1, "scan_hz": 40}, "targets": [{"name": "wall", "from_mm": [1500, -6000], "to_mm": [1500, 6000],
+    "u_mm": 1}], "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 3, "u": 0.1}}},
+    {"mechanism": "intensity-noise", "parameters": {"sigma_mm_at_100_counts": 6, "exponent": 2}}]})");
+  std::mt19937 random(4);
+  std::normal_distribution<double> normal;
+  SyntheticRecording wall(bench, [&](const fit::CaptureInfo&, std::int64_t, std::vector<std::uint16_t>& range,
+                                     std::vector<std::uint16_t>& intensity) {
+    for (std::size_t k = 0; k < range.size(); ++k) {
+      const double slant = (static_cast<double>(k) - 60) * fit::rad_per_deg, far = 1500 / std::cos(slant),
+                   counts = 1000 * std::pow(std::cos(slant), 3), sigma = std::hypot(3, 6 * 100 / counts);
+      range[k] = static_cast<std::uint16_t>(std::lround(far + sigma * normal(random)));
+      intensity[k] = static_cast<std::uint16_t>(std::lround(counts));
+    }
+  });
+  fit::CaptureInfo capture;
+  capture.last_step = 120;
+  for (int i = 0; i < 30; ++i) wall.add(capture, 200);
+  const NoiseFindings result(wall);
+  INFO(result.in_words());
+  CHECK(result.accepted.empty());
+  CHECK(result.undecided.empty());
+  CHECK(result.unknown.empty());
+}
+
 }  // namespace explain_uneven_noise_test

@@ -49,6 +49,7 @@ struct Beam {
     c.along_sign = along_grows;
     c.corner_mm = corner;
     c.pull_mm = {pull / 2, pull, 2 * pull};
+    c.pull_apart_mm = {3 * pull / 2, 3 * pull, 6 * pull};
     return c;
   }
 };
@@ -117,8 +118,8 @@ const std::map<std::string, Equation>& equations() {
       {"temperature", {{{"slope_mm_per_k", 0.7}}, [](const Beam& x) { return range(0.7 * x.T); }}},
       {"multipath", {{{"amplitude_mm", 25}, {"reach_mm", 200}, {"gloss", 0}},
                      [](const Beam& x) { return range(25 * std::exp(-x.corner / 200)); }}},
-      {"crosstalk", {{{"leak", 0.02}, {"reach_deg", 0.35 * std::sqrt(2)}},  // midway between two halos
-                     [](const Beam& x) { return range(0.02 * 0.75 * x.pull); }}},
+      {"crosstalk", {{{"leak", 0.02}, {"reach_deg", 0.35 * std::sqrt(2)}, {"apart", 2}},  // midway between two halos
+                     [](const Beam& x) { return range(0.02 * 0.75 * (x.pull + 2 * 3 * x.pull)); }}},
       {"air-index", {{{"index_error", 1e-4}, {"index_error_per_k", 1e-6}},
                      [](const Beam& x) { return range((1e-4 + 1e-6 * x.T) * x.r); }}},
 

@@ -188,4 +188,27 @@ TEST_CASE("a round target keeps its shape in a bench file, and errors say what i
                     Catch::Contains("leave one of them out"));
 }
 
+TEST_CASE("a surface beside a board pulls it when it is near behind, and counts apart when it is far") {
+  for (const double behind_mm : {300.0, 2000.0}) {
+    const std::string wall = std::to_string(1000 + behind_mm);
+    const fit::Scene scene(fit::parse_bench(
+        R"({"schema": "bench/1", "targets": [{"name": "board", "from_mm": [1000, -300], "to_mm": [1000, 0],
+      "reflectance": 0.2}, {"name": "wall", "from_mm": [)" +
+        wall + R"(, -4000], "to_mm": [)" + wall + R"(, 4000], "reflectance": 0.8}]})"));
+    const double bearing = -0.1 * degree;
+    const fit::Hit board = scene.look({0, 0}, bearing);
+    REQUIRE(board.target == 0);
+    fit::Circumstances at;
+    for (int twice = 0; twice < 2; ++twice)  // the second time nothing is left of the first
+      scene.describe({0, 0}, bearing, board, scene.edges({0, 0}), at);
+    // By hand: beams at 0.25 to 1 deg on the one side meet the wall.
+    const double light = 0.8 / 0.2 * std::pow(1000 / (1000 + behind_mm), 2), gap = std::min(behind_mm, 500.0);
+    double pull_mm = 0;
+    for (const double angle : {0.25, 0.5, 0.75, 1.0}) pull_mm += light * gap / (1 + std::pow(angle / 0.7, 2));
+    const bool merges = behind_mm < 500;
+    CHECK(at.pull_mm[1] == Approx(merges ? pull_mm : 0).epsilon(0.01));
+    CHECK(at.pull_apart_mm[1] == Approx(merges ? 0 : pull_mm).epsilon(0.01));
+  }
+}
+
 }  // namespace scene_test
