@@ -96,29 +96,6 @@ class Scans final : public model::NormalRows {
   std::vector<model::SharedErrors> shared_;  ///< Of every scan.
 };
 
-/// By how much whole scans scatter more than their samples say, beside what repeats; more if neighbours in
-/// time are alike, so that what changes slowly is not mistaken for a pattern.
-double dispersion(const std::vector<ScanPart>& scans, bool of_angle) {
-  double squares = 0, count = 0, products = 0, pairs = 0, before = 0;
-  int block = -1;
-  for (const ScanPart& p : scans) {
-    if (p.of_angle != of_angle) continue;
-    const double off = p.rest_mm / std::sqrt(p.variance_mm2);
-    squares += off * off;
-    count += p.news;
-    if (p.block == block) {
-      products += off * before + off * off / p.scans;
-      pairs += 1;
-    }
-    block = p.block;
-    before = off;
-  }
-  if (count < 1) return 1;
-  const double mean = squares / count, correlation = pairs > 0 ? products / pairs / std::max(1e-9, mean) : 0,
-               believed = correlation > 2 / std::sqrt(std::max(1.0, pairs)) ? std::min(0.9, correlation) : 0;
-  return std::max(1.0, mean) * (1 + believed) / (1 - believed);
-}
-
 /// What makes whole scans scatter so much more than their samples.
 Common common_of(const std::vector<ScanPart>& whole) {
   Common common;
@@ -129,7 +106,8 @@ Common common_of(const std::vector<ScanPart>& whole) {
       variance += p.variance_mm2 / (of_angle ? p.lever_mm * p.lever_mm : 1);
       count += 1;
     }
-    const double more = (dispersion(whole, of_angle) - 1) * variance / std::max(1.0, count);
+    const double more =
+        (model::scatter_of_scans(whole, of_angle).in_the_long_run() - 1) * variance / std::max(1.0, count);
     (of_angle ? common.angle_rad : common.range_mm) = std::sqrt(std::max(0.0, more));
   }
   return common;

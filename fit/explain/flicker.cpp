@@ -126,7 +126,7 @@ Normal normal_of(const Segment& segment, double hz, double period_s) {
 /// What frequencies explain, on a grid that divides the scans' repetition alike.
 class Spectrum {
  public:
-  /// `noise`: what of it beams remember from scan to scan is no wave.
+  /// `noise`: what of it beams, or whole scans, remember from scan to scan is no wave.
   Spectrum(const std::map<int, Segment>& segments, double period_s, const MeanNoise& noise)
       : period_s_(period_s), noise_(&noise) {
     // A few dozen segments say whether there is a wave; a session of hours has thousands.
@@ -385,7 +385,13 @@ std::optional<double> flicker(const Reduced& reduced, const MeanNoise& noise,
   // A wave of its own does not keep step with captures or mirror faces: what does is somebody else's.
   const auto [period_s, rest] =
       Ranges(reduced.groups, model::without_what_repeats(reduced, from_scan_to_scan));
-  const Spectrum spectrum(rest, period_s, noise);
+  const model::ScatterOfScans scans = model::scatter_of_scans(model::scan_parts(reduced, 3, 1), false);
+  MeanNoise remembered = noise;
+  if (scans.share > noise.memory_share) {
+    remembered.memory_rho = scans.rho;
+    remembered.memory_share = scans.share;
+  }
+  const Spectrum spectrum(rest, period_s, remembered);
   const std::vector<Spectrum::Line> lines = spectrum.lines();
   if (lines.empty() || lines.front().evidence <= improbable_by_chance) return {};
   const Ranges ranges(reduced.groups, reduced.sectors);

@@ -204,6 +204,50 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
   return list;
 }
 
+ScatterOfScans scatter_of_scans(const std::vector<ScanPart>& scans, bool of_angle) {
+  constexpr int lags = 2;
+  std::array<double, lags> products{}, pairs{}, before{};
+  double squares = 0, count = 0, of_mean = 0, number = 0;
+  int block = -1, in_block = 0;
+  for (const ScanPart& p : scans) {
+    if (p.of_angle != of_angle) continue;
+    const double off = p.rest_mm / std::sqrt(p.variance_mm2);
+    squares += off * off;
+    count += p.news;
+    of_mean += 1.0 / p.scans;
+    number += 1;
+    in_block = p.block == block ? in_block + 1 : 0;
+    block = p.block;
+    for (std::size_t k = 0; k < static_cast<std::size_t>(std::min(lags, in_block)); ++k) {
+      products[k] += off * before[k];
+      pairs[k] += 1;
+    }
+    std::ranges::rotate(before, before.end() - 1);
+    before.front() = off;
+  }
+  if (count < 1) return {};
+  ScatterOfScans scatter{.ratio = std::max(1.0, squares / count)};
+  if (pairs[1] < 1) return scatter;
+  // Less the mean of their block, values are alike by less than they are: by the variance of that mean.
+  constexpr int passes = 6;
+  constexpr double slowest = 0.95;  // what is slower is a drift
+  double long_run = squares / count;
+  for (int pass = 0; pass < passes; ++pass) {
+    const double mean2 = long_run * of_mean / number, square = squares / number + mean2;
+    const auto correlation = [&](std::size_t k) {
+      const double r = (products[k] / pairs[k] + mean2) / std::max(1e-9, square);
+      return r > 2 / std::sqrt(pairs[k]) ? r : 0;  // else it may be chance
+    };
+    const double next = correlation(0);
+    if (next == 0) return scatter;
+    scatter.ratio = std::max(1.0, square);
+    scatter.rho = std::min(slowest, std::max(next, correlation(1) / next));
+    scatter.share = std::min(1.0, next / scatter.rho);
+    long_run = square * scatter.in_the_long_run() / scatter.ratio;
+  }
+  return scatter;
+}
+
 std::vector<Sector> without_what_repeats(const Reduced& reduced, const std::vector<Active>& at_work) {
   const Faces faces = faces_of(reduced);
   std::vector<Sector> rest = reduced.sectors;

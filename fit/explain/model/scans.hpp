@@ -29,6 +29,16 @@ struct ScanPart {
 /// recording shows more of.
 [[nodiscard]] std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int parts);
 
+/// By how much ranges, or angles, of whole scans scatter more than their samples say, beside what repeats.
+struct ScatterOfScans {
+  double ratio = 1;  ///< Of their variance.
+  /// Of that, a share is remembered from scan to scan with that correlation; none unless that is certain.
+  double rho = 0, share = 0;
+  /// As of independent scans whose means over many scatter as much.
+  [[nodiscard]] double in_the_long_run() const { return ratio * (1 + 2 * share * rho / (1 - rho)); }
+};
+[[nodiscard]] ScatterOfScans scatter_of_scans(const std::vector<ScanPart>& scans, bool of_angle);
+
 /// The sectors less what these do from scan to scan, and less what else repeats from capture to capture or
 /// with the mirror's faces.
 [[nodiscard]] std::vector<Sector> without_what_repeats(const Reduced& reduced,

@@ -53,4 +53,37 @@ TEST_CASE("what repeats is taken off captures of few and of many beams, and leav
   }
 }
 
+TEST_CASE("what whole scans remember is told from what each draws anew, and so is how their means scatter") {
+  constexpr int blocks = 150, scans = 60;
+  for (const double rho : {0.0, 0.4, 0.85}) {
+    constexpr double remembered = 0.5;  // variance, beside 1 that is drawn anew
+    std::mt19937 random(7);
+    std::normal_distribution<double> normal;
+    std::vector<fit::explain::model::ScanPart> parts;
+    for (int block = 0; block < blocks; ++block) {
+      std::vector<double> mm;
+      double slow = normal(random), mean = 0;
+      for (int k = 0; k < scans; ++k) {
+        mm.push_back(normal(random) + (rho > 0 ? std::sqrt(remembered) * slow : 0));
+        mean += mm.back() / scans;
+        slow = rho * slow + std::sqrt(1 - rho * rho) * normal(random);
+      }
+      for (const double value : mm) {
+        fit::explain::model::ScanPart part;
+        part.block = block;
+        part.scans = scans;
+        part.rest_mm = value - mean;
+        part.news = 1 - 1.0 / scans;
+        part.variance_mm2 = 1;
+        parts.push_back(part);
+      }
+    }
+    const auto found = fit::explain::model::scatter_of_scans(parts, false);
+    const double truth = rho > 0 ? 1 + remembered * (1 + rho) / (1 - rho) : 1;
+    INFO("rho " << rho << ": found " << found.rho << " of a share of " << found.share);
+    CHECK((found.share > 0) == (rho > 0));
+    CHECK(found.in_the_long_run() == Approx(truth).epsilon(0.25));
+  }
+}
+
 }  // namespace scan_parts_test
