@@ -107,7 +107,7 @@ Common common_of(const std::vector<ScanPart>& whole) {
       count += 1;
     }
     const double more =
-        (model::scatter_of_scans(whole, of_angle).in_the_long_run() - 1) * variance / std::max(1.0, count);
+        (model::scatter_of_scans(whole, of_angle).for_patterns() - 1) * variance / std::max(1.0, count);
     (of_angle ? common.angle_rad : common.range_mm) = std::sqrt(std::max(0.0, more));
   }
   return common;

@@ -34,6 +34,8 @@ struct ScatterOfScans {
   double ratio = 1;  ///< Of their variance.
   /// Of that, a share is remembered from scan to scan with that correlation; none unless that is certain.
   double rho = 0, share = 0;
+  /// As of independent scans in which a pattern of a few scans would hide as well.
+  [[nodiscard]] double for_patterns() const { return ratio * (1 + share * rho) / (1 - share * rho); }
   /// As of independent scans whose means over many scatter as much.
   [[nodiscard]] double in_the_long_run() const { return ratio * (1 + 2 * share * rho / (1 - rho)); }
 };
