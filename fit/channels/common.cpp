@@ -144,11 +144,10 @@ model::ChannelKind make_common() {
   kind.unit = "mm";
   kind.is_square = true;
   kind.rows = [](const Reduced& reduced, const MeanNoise& noise) -> std::unique_ptr<model::ChannelRows> {
-    constexpr int fewest_scans = 3;
     Rows list;
-    add_whole_scans(reduced, fewest_scans, list);
+    add_whole_scans(reduced, model::fewest_in_common, list);
     if (list.rows.empty()) return nullptr;
-    add_sectors(reduced, fewest_scans, list);
+    add_sectors(reduced, model::fewest_in_common, list);
     // Scans that remember the noise of those before say less of how they scatter.
     const double worth = model::worth_for_variance(noise.memory_rho, noise.memory_share);
     for (IndependentRows::Row& row : list.rows) row.n *= worth;

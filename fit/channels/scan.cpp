@@ -100,14 +100,7 @@ class Scans final : public model::NormalRows {
 Common common_of(const std::vector<ScanPart>& whole) {
   Common common;
   for (const bool of_angle : {false, true}) {
-    double variance = 0, count = 0;
-    for (const ScanPart& p : whole) {
-      if (p.of_angle != of_angle) continue;
-      variance += p.variance_mm2 / (of_angle ? p.lever_mm * p.lever_mm : 1);
-      count += 1;
-    }
-    const double more =
-        (model::scatter_of_scans(whole, of_angle).for_patterns() - 1) * variance / std::max(1.0, count);
+    const double more = model::scatter_of_scans(whole, of_angle).for_patterns();
     (of_angle ? common.angle_rad : common.range_mm) = std::sqrt(std::max(0.0, more));
   }
   return common;
@@ -124,8 +117,7 @@ model::ChannelKind make_scan() {
   kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
     const double of_neighbours = model::inflation_of_sums(reduced);
     const auto in_parts = [&](int parts) {
-      constexpr int fewest_scans = 3;
-      std::vector<ScanPart> list = model::scan_parts(reduced, fewest_scans, parts);
+      std::vector<ScanPart> list = model::scan_parts(reduced, model::fewest_in_common, parts);
       for (ScanPart& part : list) part.variance_mm2 *= of_neighbours;
       return list;
     };

@@ -385,7 +385,8 @@ std::optional<double> flicker(const Reduced& reduced, const MeanNoise& noise,
   // A wave of its own does not keep step with captures or mirror faces: what does is somebody else's.
   const auto [period_s, rest] =
       Ranges(reduced.groups, model::without_what_repeats(reduced, from_scan_to_scan));
-  const model::ScatterOfScans scans = model::scatter_of_scans(model::scan_parts(reduced, 3, 1), false);
+  const model::ScatterOfScans scans =
+      model::scatter_of_scans(model::scan_parts(reduced, model::fewest_in_common, 1), false);
   MeanNoise remembered = noise;
   if (scans.share > noise.memory_share) {
     remembered.memory_rho = scans.rho;

@@ -125,4 +125,13 @@ MeanModel model_of(const Reduced& reduced, const MeanNoise& noise, const Hypothe
   return model;
 }
 
+void fit_nuisances(Reduced& reduced, const MeanNoise& noise, int passes, Hypothesis& hypothesis) {
+  for (int pass = 0; pass < passes; ++pass) {
+    predict_at(reduced, hypothesis);
+    const Eigen::VectorXd now = hypothesis.nuisance.as_vector();
+    hypothesis.nuisance.set(now + model_of(reduced, noise, hypothesis).posterior_mean().head(now.size()));
+  }
+  predict_at(reduced, hypothesis);
+}
+
 }  // namespace fit::explain

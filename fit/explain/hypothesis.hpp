@@ -44,4 +44,8 @@ struct Base {
 [[nodiscard]] MeanModel model_of(const Reduced& reduced, const MeanNoise& noise,
                                  const Hypothesis& hypothesis);
 
+/// Mount and targets as the means have them under a hypothesis, so often linearised anew; all is predicted
+/// there.
+void fit_nuisances(Reduced& reduced, const MeanNoise& noise, int passes, Hypothesis& hypothesis);
+
 }  // namespace fit::explain

@@ -190,20 +190,11 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadRe
     if (!is_constant_noise(*suspect.mechanism)) p.noise.push_back(suspect);
   Hypothesis nothing(reduced.bench), found = means.best;
   nothing.nuisance = means.best.nuisance;
-  const auto place = [&](Hypothesis& h) {
-    for (int pass = 0; pass < 2; ++pass) {
-      predict_at(reduced, h);
-      const MeanModel model = model_of(reduced, means.noise, h);
-      const Eigen::VectorXd now = h.nuisance.as_vector();
-      h.nuisance.set(now + model.posterior_mean().head(now.size()));
-    }
-    predict_at(reduced, h);
-  };
-  place(nothing);
+  fit_nuisances(reduced, means.noise, 2, nothing);
   p.constant_before_mm = best_constant(reduced, {});
   if (!means.shapes_carry_over) {
     found.shapes.clear();
-    place(found);
+    fit_nuisances(reduced, means.noise, 2, found);
   } else {
     predict_at(reduced, found);
   }

@@ -64,10 +64,12 @@ constexpr double as_all_have_them = 1e12;
 /// Predicts one block from all others and adds what comes of it.
 class Block {
  public:
-  Block(const Session& session, const Fitted& fitted, const Blocks& blocks, int block, bool only_means)
-      : session_(session), f_(fitted), rest_(fitted.optimum.factor.reconstructedMatrix()) {
-    score_ = Eigen::VectorXd::Zero(rest_.rows());
-    square_ = Eigen::MatrixXd::Zero(rest_.rows(), rest_.rows());
+  Block(const Session& session, const Fitted& fitted, const Eigen::LLT<Eigen::MatrixXd>& all,
+        const Blocks& blocks, int block, bool only_means)
+      : session_(session), f_(fitted), all_(all) {
+    Eigen::MatrixXd rest = fitted.optimum.factor.reconstructedMatrix();
+    score_ = Eigen::VectorXd::Zero(rest.rows());
+    square_ = Eigen::MatrixXd::Zero(rest.rows(), rest.rows());
     for (std::size_t c = 0; c < session.channels().size(); ++c) {
       const bool counts = session.channels()[c] && (!only_means || c == model::channel_of("mean"));
       parts_.push_back(counts ? part_of(session, fitted, c, blocks, block) : Part{});
@@ -81,17 +83,17 @@ class Block {
           square_(index[i], index[j]) += square(static_cast<Index>(i), static_cast<Index>(j));
       }
     }
-    rest_ -= square_;
-    hold_shapes(fitted.design, as_all_have_them, rest_);
+    rest -= square_;
+    hold_shapes(fitted.design, as_all_have_them, rest);
     hold_shapes(fitted.design, 0, square_);
     for (const Design::Block& term : fitted.design.blocks)
       score_.segment(term.first_shape(), term.shapes).setZero();
-    factor_.compute(rest_);
+    factor_.compute(rest);
   }
 
   void add_to(HeldOutFigures& sum) const {
     const Eigen::VectorXd without = f_.optimum.x - factor_.solve(score_);
-    sum.log_likelihood += log_density(rest_, without - f_.optimum.x);
+    sum.log_likelihood += log_density(factor_, all_, without - f_.optimum.x);
     for (std::size_t c = 0; c < parts_.size(); ++c) {
       if (parts_[c].rows.empty()) continue;
       const Eigen::VectorXd logs = session_.channels()[c]->log_likelihoods(f_.optimum.eta[c]);
@@ -103,7 +105,7 @@ class Block {
   /// What the other captures' say on those coefficients adds to the log density: against these being drawn
   /// anew for this block, by their priors.
   [[nodiscard]] double gain_of_others(const std::vector<Index>& of) const {
-    const Index n = rest_.rows();
+    const Index n = score_.size();
     const Eigen::VectorXd off = -factor_.solve(score_);
     const Eigen::MatrixXd covariance = factor_.solve(Eigen::MatrixXd::Identity(n, n));
     Eigen::MatrixXd anew = covariance;
@@ -114,14 +116,17 @@ class Block {
       anew(k, k) = 1;
       from[k] = -f_.optimum.x[k];
     }
-    return log_density(rest_, off) - log_density(anew.inverse(), from);
+    const Eigen::MatrixXd information = anew.inverse();
+    const Eigen::LLT<Eigen::MatrixXd> before(information), after(information + square_);
+    return log_density(factor_, all_, off) - log_density(before, after, from);
   }
 
  private:
-  /// Of the block, less that at the best coefficients: those are off by `from` before it is seen, with that
-  /// information.
-  [[nodiscard]] double log_density(const Eigen::MatrixXd& information, const Eigen::VectorXd& from) const {
-    const Eigen::LLT<Eigen::MatrixXd> before(information), after(information + square_);
+  /// Of the block, less that at the best coefficients: those are off by `from` before it is seen; the
+  /// information on them before and after.
+  [[nodiscard]] double log_density(const Eigen::LLT<Eigen::MatrixXd>& before,
+                                   const Eigen::LLT<Eigen::MatrixXd>& after,
+                                   const Eigen::VectorXd& from) const {
     const Eigen::VectorXd score = score_ - square_ * from;
     return from.dot(score_) - 0.5 * from.dot(square_ * from) + 0.5 * score.dot(after.solve(score)) +
            0.5 * (log_determinant(before) - log_determinant(after));
@@ -148,16 +153,24 @@ class Block {
 
   const Session& session_;
   const Fitted& f_;
+  const Eigen::LLT<Eigen::MatrixXd>& all_;  ///< Of all rows, shapes held.
   std::vector<Part> parts_;
-  Eigen::MatrixXd rest_, square_;  ///< Information of all others, and of the block.
+  Eigen::MatrixXd square_;  ///< Information of the block.
   Eigen::VectorXd score_;
-  Eigen::LLT<Eigen::MatrixXd> factor_;
+  Eigen::LLT<Eigen::MatrixXd> factor_;  ///< Of all others.
 };
+
+Eigen::LLT<Eigen::MatrixXd> factor_of_all(const Fitted& fitted) {
+  Eigen::MatrixXd all = fitted.optimum.factor.reconstructedMatrix();
+  hold_shapes(fitted.design, as_all_have_them, all);
+  return Eigen::LLT<Eigen::MatrixXd>(all);
+}
 
 HeldOutFigures predicted(const Session& session, const Fitted& fitted, const Blocks& blocks,
                          bool only_means) {
   HeldOutFigures sum;
-  for (int b = 0; b < blocks.count; ++b) Block(session, fitted, blocks, b, only_means).add_to(sum);
+  const Eigen::LLT<Eigen::MatrixXd> all = factor_of_all(fitted);
+  for (int b = 0; b < blocks.count; ++b) Block(session, fitted, all, blocks, b, only_means).add_to(sum);
   const double cells = std::max(1.0, sum.cells);
   sum.rms_mm = std::sqrt(sum.rms_mm / cells);
   sum.coverage /= cells;
@@ -181,8 +194,9 @@ bool forms_carry_over(const Session& session, const Fitted& fitted) {
   }
   if (captures.count < 2 || of_forms.empty()) return true;
   double gain = 0;
+  const Eigen::LLT<Eigen::MatrixXd> all = factor_of_all(fitted);
   for (int b = 0; b < captures.count; ++b)
-    gain += Block(session, fitted, captures, b, true).gain_of_others(of_forms);
+    gain += Block(session, fitted, all, captures, b, true).gain_of_others(of_forms);
   return gain > 0;
 }
 

@@ -27,12 +27,7 @@ class Places {
 
   void fit() {
     constexpr int passes = 3;
-    for (int pass = 0; pass < passes; ++pass) {
-      predict_at(reduced_, at_);
-      const Eigen::VectorXd now = at_.nuisance.as_vector();
-      at_.nuisance.set(now + model_of(reduced_, noise_, at_).posterior_mean().head(now.size()));
-    }
-    predict_at(reduced_, at_);
+    fit_nuisances(reduced_, noise_, passes, at_);
   }
   /// Turns the mount to where most beams agree: it may be stated wrong by much more than its uncertainty.
   void turn() {

@@ -38,14 +38,7 @@ std::size_t mean_channel() { return model::channel_of("mean"); }
 /// that scans would draw anew for captures to scatter as much; 0 where neighbours in time are not alike.
 double slow_variance(const std::vector<model::ScanPart>& scans, bool of_angle) {
   const model::ScatterOfScans scatter = model::scatter_of_scans(scans, of_angle);
-  if (scatter.share == 0) return 0;
-  double variance = 0, count = 0;
-  for (const model::ScanPart& p : scans) {
-    if (p.of_angle != of_angle) continue;
-    variance += p.variance_mm2 / (of_angle ? p.lever_mm * p.lever_mm : 1);
-    count += 1;
-  }
-  return (scatter.in_the_long_run() - 1) * variance / count;
+  return scatter.share > 0 ? scatter.in_the_long_run() : 0;
 }
 
 /// How much worse means are known for what a hypothesis says of scans, and for what these show: they draw
@@ -59,8 +52,7 @@ MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Ac
   noise.light_rad = std::max(all.footprint_rad, all.light_rad);
   noise.memory_rho = all.memory_rho;
   noise.memory_share = std::clamp(all.memory_share, 0.0, 1.0);
-  constexpr int fewest_scans = 3;
-  const std::vector<model::ScanPart> scans = model::scan_parts(reduced, fewest_scans, 1);
+  const std::vector<model::ScanPart> scans = model::scan_parts(reduced, model::fewest_in_common, 1);
   const double range_mm2 = std::max(noise.scan_range_mm2, slow_variance(scans, false)),
                angle_rad2 = std::max(noise.scan_angle_rad2, slow_variance(scans, true));
   double slowly = 0, cells = 0;

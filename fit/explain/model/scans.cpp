@@ -207,7 +207,7 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
 ScatterOfScans scatter_of_scans(const std::vector<ScanPart>& scans, bool of_angle) {
   constexpr int lags = 2;
   std::array<double, lags> products{}, pairs{}, before{};
-  double squares = 0, count = 0, of_mean = 0, number = 0;
+  double squares = 0, count = 0, of_mean = 0, number = 0, variance = 0;
   int block = -1, in_block = 0;
   for (const ScanPart& p : scans) {
     if (p.of_angle != of_angle) continue;
@@ -215,6 +215,7 @@ ScatterOfScans scatter_of_scans(const std::vector<ScanPart>& scans, bool of_angl
     squares += off * off;
     count += p.news;
     of_mean += 1.0 / p.scans;
+    variance += p.variance_mm2 / (of_angle ? p.lever_mm * p.lever_mm : 1);
     number += 1;
     in_block = p.block == block ? in_block + 1 : 0;
     block = p.block;
@@ -226,7 +227,9 @@ ScatterOfScans scatter_of_scans(const std::vector<ScanPart>& scans, bool of_angl
     before.front() = off;
   }
   if (count < 1) return {};
-  ScatterOfScans scatter{.ratio = std::max(1.0, squares / count)};
+  ScatterOfScans scatter;
+  scatter.variance = variance / number;
+  scatter.ratio = std::max(1.0, squares / count);
   if (pairs[1] < 1) return scatter;
   // Less the mean of their block, values are alike by less than they are: by the variance of that mean.
   constexpr int passes = 6;
@@ -243,7 +246,7 @@ ScatterOfScans scatter_of_scans(const std::vector<ScanPart>& scans, bool of_angl
     scatter.ratio = std::max(1.0, square);
     scatter.rho = std::min(slowest, std::max(next, correlation(1) / next));
     scatter.share = std::min(1.0, next / scatter.rho);
-    long_run = square * scatter.in_the_long_run() / scatter.ratio;
+    long_run = square * scatter.over_time();
   }
   return scatter;
 }

@@ -24,6 +24,9 @@ struct ScanPart {
   double variance_mm2 = 0;  ///< Of its samples' noise.
 };
 
+/// Groups of fewer scans say nothing of what these have in common.
+inline constexpr int fewest_in_common = 3;
+
 /// Scans of groups of at least so many, each in so many parts (1, 2, 4 or 8). Scans are numbered as mirror
 /// faces repeat: in their capture, or with the mirror through the time between captures, whichever the
 /// recording shows more of.
@@ -31,13 +34,19 @@ struct ScanPart {
 
 /// By how much ranges, or angles, of whole scans scatter more than their samples say, beside what repeats.
 struct ScatterOfScans {
-  double ratio = 1;  ///< Of their variance.
+  double variance = 0;  ///< Of one scan's by its samples, mm^2 or rad^2.
+  double ratio = 1;     ///< By how much it is more.
   /// Of that, a share is remembered from scan to scan with that correlation; none unless that is certain.
   double rho = 0, share = 0;
-  /// As of independent scans in which a pattern of a few scans would hide as well.
-  [[nodiscard]] double for_patterns() const { return ratio * (1 + share * rho) / (1 - share * rho); }
-  /// As of independent scans whose means over many scatter as much.
-  [[nodiscard]] double in_the_long_run() const { return ratio * (1 + 2 * share * rho / (1 - rho)); }
+  /// Variance that independent scans would draw anew for a pattern of a few scans to hide as well.
+  [[nodiscard]] double for_patterns() const { return more(ratio * (1 + share * rho) / (1 - share * rho)); }
+  /// Variance that independent scans would draw anew for their means over many to scatter as much.
+  [[nodiscard]] double in_the_long_run() const { return more(ratio * over_time()); }
+  /// How much more means over many scatter than if no scan were remembered.
+  [[nodiscard]] double over_time() const { return 1 + 2 * share * rho / (1 - rho); }
+
+ private:
+  [[nodiscard]] double more(double than_samples) const { return (than_samples - 1) * variance; }
 };
 [[nodiscard]] ScatterOfScans scatter_of_scans(const std::vector<ScanPart>& scans, bool of_angle);
 

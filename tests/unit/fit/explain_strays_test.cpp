@@ -11,8 +11,10 @@
 namespace explain_strays_test {
 namespace {
 
-/// What is said of a wall 1.5 m away whose samples are dust between lidar and wall now and then, or nothing.
-NoiseFindings dusty_wall(double fraction, unsigned seed, double lost = 0) {
+/// What is said of a wall 1.5 m away that captures of so many scans look at. `range_mm`: of a sample, by
+/// where the wall is and by noise; 0: no echo.
+template <class Range>
+NoiseFindings wall_of(int scans, unsigned seed, const Range& range_mm) {
   const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 101, "front_step": 50,
     "step_deg": 0.5, "scan_hz": 40}, "targets": [{"name": "wall", "from_mm": [1500, -4000], "to_mm": [1500, 4000],
     "u_mm": 1}], "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 10, "u": 0.2}}}]})");
@@ -23,15 +25,31 @@ NoiseFindings dusty_wall(double fraction, unsigned seed, double lost = 0) {
     std::uniform_real_distribution<double> share;
     for (std::size_t k = 0; k < range.size(); ++k) {
       const double far = 1500 / std::cos((static_cast<double>(k) - 50) * 0.5 * fit::rad_per_deg);
-      const double at = share(random) < fraction ? 60 + share(random) * (far - 60) : far + noise(random);
-      range[k] = lost > 0 && share(random) < lost ? 0 : static_cast<std::uint16_t>(std::lround(at));
+      range[k] = static_cast<std::uint16_t>(std::lround(range_mm(
+          far, [&] { return noise(random); }, [&] { return share(random); })));
       intensity[k] = 500;
     }
   });
   fit::CaptureInfo capture;
   capture.last_step = 100;
-  for (int i = 0; i < 3; ++i) wall.add(capture, 100);
+  for (int i = 0; i < 3; ++i) wall.add(capture, scans);
   return NoiseFindings(wall);
+}
+
+/// Its samples are dust between lidar and wall now and then, or nothing.
+NoiseFindings dusty_wall(double fraction, unsigned seed, double lost = 0) {
+  return wall_of(100, seed, [=](double far, const auto& noise, const auto& share) {
+    const double at = share() < fraction ? 60 + share() * (far - 60) : far + noise();
+    return lost > 0 && share() < lost ? 0 : at;
+  });
+}
+
+/// One sample in 10,000 lies off: up to `off_mm` nearer or farther, but no nearer than noise reaches.
+NoiseFindings wall_with_few_strays(double off_mm, unsigned seed) {
+  return wall_of(1000, seed, [=](double far, const auto& noise, const auto& share) {
+    const double off = noise();
+    return far + (share() < 1e-4 ? (share() < 0.5 ? -1 : 1) * (130 + share() * (off_mm - 130)) : off);
+  });
 }
 
 }  // namespace
@@ -61,31 +79,6 @@ TEST_CASE("the fraction of outliers counts those that noise hides, and its uncer
   CHECK(all - undecided >= least_successes(all, 0.98));
   CHECK(covered + undecided >= least_successes(all, 0.95));
   CHECK(sum / (all - undecided) == Approx(truth).margin(0.0016 / std::sqrt(all)));
-}
-
-/// A wall of which one sample in 10,000 lies off: up to `off_mm` nearer or farther, but no nearer than noise
-/// reaches.
-NoiseFindings wall_with_few_strays(double off_mm, unsigned seed) {
-  const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 101, "front_step": 50,
-    "step_deg": 0.5, "scan_hz": 40}, "targets": [{"name": "wall", "from_mm": [1500, -4000], "to_mm": [1500, 4000],
-    "u_mm": 1}], "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 10, "u": 0.2}}}]})");
-  std::mt19937 random(seed);
-  SyntheticRecording wall(bench, [&](const fit::CaptureInfo&, std::int64_t, std::vector<std::uint16_t>& range,
-                                     std::vector<std::uint16_t>& intensity) {
-    std::normal_distribution<double> noise(0, 10);
-    std::uniform_real_distribution<double> share;
-    for (std::size_t k = 0; k < range.size(); ++k) {
-      double off = noise(random);
-      if (share(random) < 1e-4) off = (share(random) < 0.5 ? -1 : 1) * (130 + share(random) * (off_mm - 130));
-      const double far = 1500 / std::cos((static_cast<double>(k) - 50) * 0.5 * fit::rad_per_deg);
-      range[k] = static_cast<std::uint16_t>(std::lround(far + off));
-      intensity[k] = 500;
-    }
-  });
-  fit::CaptureInfo capture;
-  capture.last_step = 100;
-  for (int i = 0; i < 3; ++i) wall.add(capture, 1000);
-  return NoiseFindings(wall);
 }
 
 TEST_CASE("one stray in 10,000 samples is an outlier far away, and a tail of the noise close to the wall") {

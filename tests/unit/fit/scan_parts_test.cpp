@@ -82,7 +82,7 @@ TEST_CASE("what whole scans remember is told from what each draws anew, and so i
     const double truth = rho > 0 ? 1 + remembered * (1 + rho) / (1 - rho) : 1;
     INFO("rho " << rho << ": found " << found.rho << " of a share of " << found.share);
     CHECK((found.share > 0) == (rho > 0));
-    CHECK(found.in_the_long_run() == Approx(truth).epsilon(0.25));
+    CHECK(found.ratio * found.over_time() == Approx(truth).epsilon(0.25));
   }
 }
 
