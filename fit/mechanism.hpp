@@ -16,8 +16,9 @@
 
 namespace fit {
 
-/// Angles at which stray light falls to a half: of the usual receiver, half and twice as far.
-inline constexpr std::array halos_rad{0.35 * rad_per_deg, 0.7 * rad_per_deg, 1.4 * rad_per_deg};
+/// Angles at which stray light falls to a half: of the usual receiver, and of those that differ most. Light
+/// from nearer by is the beam's own.
+inline constexpr std::array halos_rad{0.5 * rad_per_deg, 0.7 * rad_per_deg, 1.4 * rad_per_deg};
 
 /// Everything about one beam of one scan that a mechanism may depend on. Millimetres, radians, seconds,
 /// kelvin.
@@ -43,12 +44,16 @@ struct Circumstances {
   /// To the next edge with something behind it; positive on the nearer surface.
   double edge_rad = std::numeric_limits<double>::infinity();
   double gap_mm = 0;  ///< Depth of that edge.
-  /// Range of neighbouring surfaces less the own, weighted by their light over the own and by how much of it
-  /// reaches so far: for stray light that falls to a half at each of `halos_rad`.
+  bool alone = true;  ///< No edge, corner or other surface within the reach of stray light.
+  /// Range of what lies beside the beam less the own, weighted by their light over the own and by how much of
+  /// it reaches so far: for stray light that falls to a half at each of `halos_rad`.
   std::array<double, 3> pull_mm{};
   /// The same of surfaces whose echoes come apart from the own one, as if they were as near as those that
   /// merge with it.
   std::array<double, 3> pull_apart_mm{};
+  /// By how much more the nearer ones of those that merge pull where the front of an echo is timed: the
+  /// square of the range's difference, at most of 150 mm, over that.
+  std::array<double, 3> pull_front_mm{};
   Eigen::Vector2d normal = Eigen::Vector2d::UnitX();  ///< Unit normal of the target, away from the axis.
   double cos_incidence = 1;
   double reflectance = 0.5;  ///< Nominal, 0..1.

@@ -49,6 +49,27 @@ void set_normal(const Vector2d& normal, const Vector2d& ray, Hit& hit) {
   hit.cosine = std::max(grazing, facing);
 }
 
+constexpr double halo_reach_rad = 1.2 * rad_per_deg;
+
+/// A direction beside a beam, and how much of the light from there reaches its echo (`halos_rad`).
+struct Aside {
+  double angle_rad, cos, sin;
+  std::array<double, 3> weights{};
+};
+
+std::vector<Aside> places_aside() {
+  constexpr double step = 0.25 * rad_per_deg;
+  std::vector<Aside> places;
+  for (const int side : {-4, -3, -2, -1, 1, 2, 3, 4}) {
+    const double angle = side * step;
+    Aside aside{angle, std::cos(angle), std::sin(angle)};
+    for (std::size_t k = 0; k < halos_rad.size(); ++k)
+      aside.weights[k] = std::exp2(-std::pow(angle / halos_rad[k], 2));
+    places.push_back(aside);
+  }
+  return places;
+}
+
 }  // namespace
 
 Scene::Scene(const Bench& bench, const std::vector<Stands>& stands) {
@@ -259,20 +280,41 @@ double Scene::power(const Hit& hit) const {
   return of(hit.target).reflectance * std::cos(hit.incidence_rad) * 1e6 / (hit.range_mm * hit.range_mm);
 }
 
-/// Stray light of neighbouring surfaces within a degree, weighted by its angular distance; a sum over angles,
-/// whatever the beams' spacing (fit/mechanisms/crosstalk.cpp).
+bool Scene::fills(const Vector2d& origin, const Hit& own, double bearing, const Edge* edge) const {
+  const Surface& s = of(own.target);
+  if (s.is_round() || (edge && std::abs(wrap_angle(bearing - edge->bearing_rad)) < halo_reach_rad))
+    return false;
+  return std::ranges::all_of(std::array{-halo_reach_rad, halo_reach_rad}, [&](double aside) {
+    Hit hit;
+    return crosses(s, origin, ray_of(bearing + aside), false, hit);
+  });
+}
+
+/// Stray light from directions within a degree, weighted by its angular distance; a sum over angles, whatever
+/// the beams' spacing (fit/mechanisms/crosstalk.cpp).
 void Scene::describe_pull(const Vector2d& origin, double bearing, const Hit& own, Circumstances& c) const {
-  constexpr double step = 0.25 * rad_per_deg, merged_mm = 500;
-  c.pull_mm = c.pull_apart_mm = {};
-  for (const int side : {-4, -3, -2, -1, 1, 2, 3, 4}) {
-    const double angle = side * step;
-    const Hit other = look(origin, bearing + angle);
-    if (other.target < 0 || other.target == own.target) continue;
-    const double gap = other.range_mm - own.range_mm;
-    std::array<double, 3>& sums = std::abs(gap) > merged_mm ? c.pull_apart_mm : c.pull_mm;
-    for (std::size_t k = 0; k < sums.size(); ++k)
-      sums[k] += power(other) / power(own) * std::clamp(gap, -merged_mm, merged_mm) /
-                 (1 + std::pow(angle / halos_rad[k], 2));
+  constexpr double merged_mm = 500, front_mm = 150;
+  static const std::vector<Aside> asides = places_aside();
+  c.pull_mm = c.pull_apart_mm = c.pull_front_mm = {};
+  for (const Aside& aside : asides) {
+    double range_mm = 0, light = 0;
+    if (c.alone) {  // a plane: range and light in closed form
+      const double nearer = aside.cos - std::tan(own.incidence_rad) * aside.sin;
+      range_mm = own.range_mm / nearer;
+      light = nearer * nearer * nearer;
+    } else {
+      const Hit other = look(origin, bearing + aside.angle_rad);
+      if (other.target < 0) continue;
+      range_mm = other.range_mm;
+      light = power(other) / power(own);
+    }
+    const double gap = range_mm - own.range_mm, near = std::clamp(gap, -front_mm, front_mm);
+    const bool is_apart = std::abs(gap) > merged_mm;
+    for (std::size_t k = 0; k < halos_rad.size(); ++k) {
+      const double share = light * aside.weights[k];
+      (is_apart ? c.pull_apart_mm : c.pull_mm)[k] += share * std::clamp(gap, -merged_mm, merged_mm);
+      if (!is_apart) c.pull_front_mm[k] -= share * near * near / front_mm;
+    }
   }
 }
 
@@ -290,10 +332,12 @@ void Scene::describe(const Vector2d& origin, double bearing, const Hit& hit, con
   c.half_length_mm = of(hit.target).half_mm;
   c.corner_mm = to_corner_mm(hit);
   const Edge* edge = nearest_edge(edges, bearing);
-  if (!edge) return;
-  c.edge_rad = wrap_angle(bearing - edge->bearing_rad) * edge->near_side;
-  c.gap_mm = edge->far_mm > 0 ? edge->far_mm - edge->near_mm : 0;
-  if (std::abs(c.edge_rad) < 1.2 * rad_per_deg && c.gap_mm > 0) describe_pull(origin, bearing, hit, c);
+  if (edge) {
+    c.edge_rad = wrap_angle(bearing - edge->bearing_rad) * edge->near_side;
+    c.gap_mm = edge->far_mm > 0 ? edge->far_mm - edge->near_mm : 0;
+  }
+  c.alone = fills(origin, hit, bearing, edge);
+  describe_pull(origin, bearing, hit, c);
 }
 
 const Edge* nearest_edge(const std::vector<Edge>& edges, double bearing) {

@@ -21,7 +21,7 @@ struct MeanNoise {
   double scan_range_mm2 = 0, scan_angle_rad2 = 0;
   double memory_rho = 0, memory_share = 0;  ///< Of the samples' noise, from scan to scan.
   double footprint_rad = 0;  ///< Standard half width of the beam where edges show it; 0: they do not.
-  double light_rad = 0;      ///< The same, as a hypothesis has it.
+  double spread_rad = 0;     ///< The same and how angles scatter, as a hypothesis has it.
   bool operator==(const MeanNoise&) const = default;
 };
 

@@ -38,7 +38,8 @@ struct Cell {
   std::size_t first_beside = 0;  ///< ... from there on.
   /// Standard uncertainty of the mean beyond its samples' noise: part of the beam may miss its surface.
   double doubt_mm = 0;
-  double mixed_mm = 0;  ///< The same, of a beam as wide as the best hypothesis has it, on two surfaces.
+  double mixed_mm =
+      0;  ///< The same, of samples spread as wide as the best hypothesis has it, on two surfaces.
   bool smooth = false;  ///< The mean may be compared with a surface: no edge near, not grazing, one echo.
   bool doubtful =
       false;  ///< Left out only because mount and walls are not known well enough to say what it meets.

@@ -9,10 +9,10 @@ namespace {
 
 /// For a halo between those that circumstances know.
 double pull_of(const std::array<double, 3>& pull_mm, double reach_deg) {
-  const double last = static_cast<double>(halos_rad.size()) - 1,
-               at = std::clamp(std::log2(reach_deg * rad_per_deg / halos_rad.front()), 0.0, last);
-  const auto k = static_cast<std::size_t>(std::min(at, last - 1));
-  return pull_mm[k] + (at - static_cast<double>(k)) * (pull_mm[k + 1] - pull_mm[k]);
+  const double reach_rad = reach_deg * rad_per_deg;
+  const std::size_t k = reach_rad < halos_rad[1] ? 0 : 1;
+  const double share = std::log(reach_rad / halos_rad[k]) / std::log(halos_rad[k + 1] / halos_rad[k]);
+  return std::lerp(pull_mm[k], pull_mm[k + 1], std::clamp(share, 0.0, 1.0));
 }
 
 }  // namespace
@@ -31,19 +31,23 @@ Mechanism make_crosstalk() {
       {.name = "reach_deg",  // where it falls to a half
        .role = Parameter::Role::shape,
        .expected = 0.7,
-       .lower = 0.35,
+       .lower = 0.5,
        .upper = 1.4,
        .generalises = true,
        .starts = 5},
-      {.name = "apart",  // how strongly echoes pull that come apart, as of a receiver that times light
-       .role = Parameter::Role::shape,  // as a whole: in proportion to surfaces half a metre apart
-       .lower = 0,
-       .upper = 4,
+      // What receivers time, from light as a whole (-1), where what comes apart pulls as well, in proportion
+      // to surfaces half a metre off, to the front of the echo (1), which nearer light brings forward most.
+      {.name = "timing",
+       .role = Parameter::Role::shape,
+       .lower = -1,
+       .upper = 1,
        .generalises = true,
-       .starts = 3,
+       .starts = 5,
        .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    return Effect{.range_mm = p[0] * (pull_of(c.pull_mm, p[1]) + p[2] * pull_of(c.pull_apart_mm, p[1]))};
+    const double beyond =
+        p[2] < 0 ? -4 * p[2] * pull_of(c.pull_apart_mm, p[1]) : p[2] * pull_of(c.pull_front_mm, p[1]);
+    return Effect{.range_mm = p[0] * (pull_of(c.pull_mm, p[1]) + beyond)};
   };
   m.says = [](const Finding& f) {
     return "Dark surfaces beside bright ones are pulled towards them, by up to " +

@@ -49,7 +49,8 @@ MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Ac
   for (const Term& term : terms) all += term.kind->mechanism->act(Circumstances{}, term.values);
   noise.scan_range_mm2 = std::max(0.0, all.scan_range_variance_mm2);
   noise.scan_angle_rad2 = all.scan_angle_variance_rad2;
-  noise.light_rad = std::max(all.footprint_rad, all.light_rad);
+  noise.spread_rad = std::sqrt(std::pow(std::max(all.footprint_rad, all.light_rad), 2) +
+                               all.scan_angle_variance_rad2 + all.beam_angle_variance_rad2);
   noise.memory_rho = all.memory_rho;
   noise.memory_share = std::clamp(all.memory_share, 0.0, 1.0);
   const std::vector<model::ScanPart> scans = model::scan_parts(reduced, model::fewest_in_common, 1);
@@ -178,7 +179,7 @@ void Session::linearise(const Hypothesis& at) {
   const bool is_as_noisy = noise == present_noise_;
   present_noise_ = std::move(noise);
   pool_variances(reduced_, present_noise_);
-  reduction::doubt_wide_beams(reduced_, present_noise_.light_rad);
+  reduction::doubt_wide_beams(reduced_, present_noise_.spread_rad);
   make_channels(present_noise_);
   // Otherwise columns change by less than a screen asks for.
   if (!is_as_noisy || row_counts() != before)

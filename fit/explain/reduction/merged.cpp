@@ -26,9 +26,7 @@ Cell middle_of(const std::vector<const Cell*>& run) {
 }
 
 /// Beside an edge or a corner the next beam meets other circumstances.
-bool is_apart(const Cell& cell) {
-  return cell.at.pull_mm.front() != 0 || cell.at.pull_apart_mm.front() != 0 || cell.mixed_mm > 0;
-}
+bool is_apart(const Cell& cell) { return !cell.at.alone || cell.mixed_mm > 0; }
 
 /// The cells of one group that are taken together, row by row.
 std::vector<std::vector<const Cell*>> rows_of(const Reduced& reduced, const SearchRows& search,

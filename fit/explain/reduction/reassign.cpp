@@ -62,7 +62,7 @@ class Reassignment {
     Circumstances& at = met.at;
     at.corner_mm = at.edge_rad = std::numeric_limits<double>::infinity();
     at.gap_mm = 0;
-    at.pull_mm = at.pull_apart_mm = {};
+    at.pull_mm = at.pull_apart_mm = at.pull_front_mm = {};
     const int target = met.sight.target;
     if (target >= 0) {
       scene.describe(met.sight, edges, at);

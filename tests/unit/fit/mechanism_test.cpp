@@ -27,7 +27,10 @@ struct Beam {
   int approach = 0, seq = 0;
   double along = 0, half = 1000;  ///< Place on the target from its middle; half its length.
   int along_grows = 1;            ///< With the beam angle (1) or against it (-1).
-  double corner = 1e9, pull = 0;  ///< To the inner corner; neighbours' ranges less the own, by their light.
+  double corner = 1e9;            ///< To the inner corner.
+  /// What lies aside, with halos midway between two: ranges less the own by their light, those that come
+  /// apart, and the squares over 150 mm of those that do not.
+  double pull = 0, apart = 0, front = 0;
 
   [[nodiscard]] fit::Circumstances circumstances() const {
     fit::Circumstances c;
@@ -48,8 +51,9 @@ struct Beam {
     c.half_length_mm = half;
     c.along_sign = along_grows;
     c.corner_mm = corner;
-    c.pull_mm = {pull / 2, pull, 2 * pull};
-    c.pull_apart_mm = {3 * pull / 2, 3 * pull, 6 * pull};
+    c.pull_mm = {pull / 2, pull * 2 / 3, pull * 4 / 3};
+    c.pull_apart_mm = {apart / 2, apart * 2 / 3, apart * 4 / 3};
+    c.pull_front_mm = {front / 2, front * 2 / 3, front * 4 / 3};
     return c;
   }
 };
@@ -118,8 +122,8 @@ const std::map<std::string, Equation>& equations() {
       {"temperature", {{{"slope_mm_per_k", 0.7}}, [](const Beam& x) { return range(0.7 * x.T); }}},
       {"multipath", {{{"amplitude_mm", 25}, {"reach_mm", 200}, {"gloss", 0}},
                      [](const Beam& x) { return range(25 * std::exp(-x.corner / 200)); }}},
-      {"crosstalk", {{{"leak", 0.02}, {"reach_deg", 0.35 * std::sqrt(2)}, {"apart", 2}},  // midway between two halos
-                     [](const Beam& x) { return range(0.02 * 0.75 * (x.pull + 2 * 3 * x.pull)); }}},
+      {"crosstalk", {{{"leak", 0.02}, {"reach_deg", 0.7 * std::sqrt(2)}, {"timing", -0.5}},  // midway between two halos
+                     [](const Beam& x) { return range(0.02 * (x.pull + 2 * x.apart)); }}},
       {"air-index", {{{"index_error", 1e-4}, {"index_error_per_k", 1e-6}},
                      [](const Beam& x) { return range((1e-4 + 1e-6 * x.T) * x.r); }}},
 
@@ -267,7 +271,9 @@ std::vector<Beam> all_sorts() {
                     .half = 1000,
                     .along_grows = n % 2 == 0 ? 1 : -1,
                     .corner = 20 + 500 * x,
-                    .pull = 300 * std::sin(5 * x)});
+                    .pull = 300 * std::sin(5 * x),
+                    .apart = 400 * std::sin(3 * x),
+                    .front = -100 * x});
   }
   return list;
 }
@@ -323,6 +329,19 @@ Beam of_cell(const fit::explain::Cell& cell, const fit::CaptureInfo& capture,
   x.half = std::abs(walls[met->wall].to - walls[met->wall].from) / 2;
   // The first wall ends where the second one begins.
   x.corner = met->wall == 0 ? x.half - x.along : met->wall == 1 ? x.half + x.along : 1e9;
+  for (const double aside : {-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0}) {
+    plain_bench::Deviation turned = off;
+    turned.beam_rad += aside * degree;
+    const auto other = plain_bench::look(walls, mount, capture.stage_rad, cell.beam_rad, turned);
+    if (!other) continue;
+    const double halo = (std::exp2(-std::pow(aside / 0.7, 2)) + std::exp2(-std::pow(aside / 1.4, 2))) / 2,
+                 gap = other->range_mm - met->range_mm;
+    REQUIRE(std::abs(gap) < 500);
+    const double light = std::cos(other->incidence_rad) / std::cos(met->incidence_rad) *
+                         std::pow(met->range_mm / other->range_mm, 2);
+    x.pull += light * halo * gap;
+    x.front -= light * halo * std::pow(std::min(std::abs(gap), 150.0), 2) / 150;
+  }
   return x;
 }
 
@@ -400,8 +419,7 @@ TEST_CASE("ranges predicted with a mechanism are those that its equation makes i
       ++compared;
     }
     CHECK(compared > 500);
-    // Stray light and facets show on other beams, and in other scans, than these.
-    if (mechanism.id != "crosstalk") CHECK(largest_mm > 0.05);
+    CHECK(largest_mm > 0.05);
   }
 }
 

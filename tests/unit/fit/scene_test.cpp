@@ -203,11 +203,41 @@ TEST_CASE("a surface beside a board pulls it when it is near behind, and counts 
       scene.describe({0, 0}, bearing, board, scene.edges({0, 0}), at);
     // By hand: beams at 0.25 to 1 deg on the one side meet the wall.
     const double light = 0.8 / 0.2 * std::pow(1000 / (1000 + behind_mm), 2), gap = std::min(behind_mm, 500.0);
-    double pull_mm = 0;
-    for (const double angle : {0.25, 0.5, 0.75, 1.0}) pull_mm += light * gap / (1 + std::pow(angle / 0.7, 2));
+    double reaches = 0;
+    for (const double angle : {0.25, 0.5, 0.75, 1.0}) reaches += std::exp2(-std::pow(angle / 0.7, 2));
     const bool merges = behind_mm < 500;
-    CHECK(at.pull_mm[1] == Approx(merges ? pull_mm : 0).epsilon(0.01));
-    CHECK(at.pull_apart_mm[1] == Approx(merges ? 0 : pull_mm).epsilon(0.01));
+    CHECK_FALSE(at.alone);
+    CHECK(at.pull_mm[1] == Approx(merges ? light * gap * reaches : 0).epsilon(0.01).margin(0.5));
+    CHECK(at.pull_apart_mm[1] == Approx(merges ? 0 : light * gap * reaches).epsilon(0.01));
+    CHECK(at.pull_front_mm[1] == Approx(merges ? -light * 150 * reaches : 0).epsilon(0.01).margin(0.5));
+  }
+}
+
+TEST_CASE("a slanted wall pulls its own beams by what lies beside them, in an inner corner both walls do") {
+  const fit::Scene scene(fit::parse_bench(
+      R"({"schema": "bench/1", "targets": [{"name": "ahead", "from_mm": [2000, -9000], "to_mm": [2000, 3000]},
+      {"name": "left", "from_mm": [2000, 3000], "to_mm": [-2000, 3000]}]})"));
+  const double corner = std::atan2(3000.0, 2000.0);
+  for (const double bearing : {-60 * degree, 0.0, 40 * degree, corner - 0.3 * degree}) {
+    const auto range_mm = [](double b) {
+      return std::min(2000 / std::cos(b), b > 0 ? 3000 / std::sin(b) : 1e9);
+    };
+    const auto light = [&](double b) {
+      return (b < corner ? std::cos(b) : std::sin(b)) / std::pow(range_mm(b), 2);
+    };
+    fit::Circumstances at;
+    scene.describe({0, 0}, bearing, scene.look({0, 0}, bearing), scene.edges({0, 0}), at);
+    CHECK(at.alone == (bearing < 50 * degree));
+    double pull_mm = 0, front_mm = 0;
+    for (const double aside : {-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0}) {
+      const double other = bearing + aside * degree, gap = range_mm(other) - range_mm(bearing);
+      const double share = light(other) / light(bearing) * std::exp2(-std::pow(aside / 0.5, 2));
+      pull_mm += share * gap;
+      front_mm -= share * gap * gap / 150;
+    }
+    CHECK(at.pull_mm[0] == Approx(pull_mm).epsilon(1e-3).margin(1e-9));
+    CHECK(at.pull_front_mm[0] == Approx(front_mm).epsilon(1e-3).margin(1e-9));
+    CHECK(at.pull_apart_mm[0] == 0);
   }
 }
 
