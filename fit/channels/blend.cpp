@@ -8,18 +8,30 @@
 namespace fit::explain::channels {
 namespace {
 
-/// Samples beside an edge that lie between the two surfaces, on neither. Only a beam that meets both at once
-/// does that; receivers that keep two echoes apart never show one, so that none says nothing.
+/// Samples beside an edge that lie between the two surfaces, on neither. Beams that meet both at once do
+/// that, as often as it was seen on the whole, for no width says how often. Strays lie there as often as
+/// anywhere.
 class Blends final : public model::Counts {
  public:
-  explicit Blends(std::vector<Row> rows) : Counts(std::move(rows)) {}
-  [[nodiscard]] double response(Eigen::Index, const Effect& effect) const override {
+  Blends(std::vector<Row> rows, std::vector<double> shares)
+      : Counts(std::move(rows)), shares_(std::move(shares)) {}
+  [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
     constexpr double hardly_wide_rad = 0.01 * rad_per_deg;
-    const double wide = effect.footprint_rad / hardly_wide_rad;
-    return wide * wide + hazard(effect.stray);
+    const double wide = std::min(1.0, effect.footprint_rad / hardly_wide_rad);
+    return wide * wide * hazard(on_the_whole()) +
+           shares_[static_cast<std::size_t>(row)] * hazard(effect.stray);
   }
   [[nodiscard]] double offset(Eigen::Index) const override { return numbers::tail_hazard; }
+
+ private:
+  std::vector<double> shares_;  ///< Of all places where strays may lie.
 };
+
+double room_of_strays_mm(const Reduced& reduced) {
+  if (reduced.strays_mm.empty()) return 1;
+  const auto [nearest, farthest] = std::ranges::minmax(reduced.strays_mm);
+  return std::max(1.0F, farthest - nearest);
+}
 
 }  // namespace
 
@@ -32,18 +44,22 @@ model::ChannelKind make_blend() {
   kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
     if (std::ranges::none_of(reduced.cells, [](const Cell& cell) { return cell.between > 0; }))
       return nullptr;
+    const double room_mm = room_of_strays_mm(reduced);
     std::vector<model::IndependentRows::Row> rows;
+    std::vector<double> shares;
     for (const model::Transition& edge : model::transitions(reduced)) {
-      const double between = edge.between();
-      if (between == 0) continue;
+      const auto [between, samples] = edge.shared();
+      if (samples == 0) continue;
       model::IndependentRows::Row row;
       row.at = edge.at();
       row.capture = edge.capture();
-      row.y = row.n = between;
+      row.y = between;
+      row.n = samples;
       rows.push_back(row);
+      shares.push_back(std::min(1.0, row.at.gap_mm / room_mm));
     }
     if (rows.empty()) return nullptr;
-    return std::make_unique<Blends>(std::move(rows));
+    return std::make_unique<Blends>(std::move(rows), std::move(shares));
   };
   return kind;
 }

@@ -50,6 +50,15 @@ class Counts : public IndependentRows {
   }
 
  protected:
+  /// Share of all samples to which it happened.
+  [[nodiscard]] double on_the_whole() const {
+    double happened = 0, all = 1;
+    for (const Row& row : list()) {
+      happened += row.y;
+      all += row.n;
+    }
+    return happened / all;
+  }
   [[nodiscard]] static double hazard(double probability) {
     return -std::log1p(-std::min(0.9999, std::max(0.0, probability)));
   }
@@ -68,15 +77,6 @@ class Counts : public IndependentRows {
   }
 
  private:
-  /// Share of all samples to which it happened.
-  [[nodiscard]] double on_the_whole() const {
-    double happened = 0, all = 1;
-    for (const Row& row : list()) {
-      happened += row.y;
-      all += row.n;
-    }
-    return happened / all;
-  }
   static double hazard_of(double eta) { return std::max(numbers::least_hazard, eta); }
 };
 

@@ -81,26 +81,29 @@ WidthLikelihood Transition::width() const {
   return WidthLikelihood([this](double width_deg) { return integrated_over_place(beams_, width_deg); });
 }
 
-double Transition::between() const {
-  if (std::ranges::none_of(beams_, [](const Beside& b) { return b.on_neither > 0; })) return 0;
+Transition::Shared Transition::shared() const {
   constexpr double least_deg = 0.3;
   const double wide_deg2 = width().best_deg2(), edge_deg = place_deg(wide_deg2),
                reach_deg = std::max(least_deg, 3 * std::sqrt(wide_deg2));
   struct Side {
-    double beside = 0;     ///< Between the surfaces, of beams that may meet both ...
-    double away = 0;       ///< ... and of others, ...
+    Shared beside;         ///< Of beams that may meet both surfaces ...
+    double away = 0;       ///< ... and between them, of others, ...
     bool is_seen = false;  ///< ... if there are any.
   } sides[2];
   for (const Beside& b : beams_) {
     Side& side = sides[b.inside_deg > edge_deg];
     const bool is_beside = std::abs(b.inside_deg - edge_deg) < reach_deg;
-    (is_beside ? side.beside : side.away) += b.on_neither;
+    (is_beside ? side.beside.between : side.away) += b.on_neither;
+    if (is_beside) side.beside.samples += b.n;
     side.is_seen = side.is_seen || !is_beside;
   }
   // Where beams that see one surface are on neither, it stands elsewhere, and nothing is between.
-  double sum = 0;
-  for (const Side& side : sides)
-    if (side.is_seen && side.away == 0) sum += side.beside;
+  Shared sum;
+  for (const Side& side : sides) {
+    if (!side.is_seen || side.away > 0) continue;
+    sum.between += side.beside.between;
+    sum.samples += side.beside.samples;
+  }
   return sum;
 }
 

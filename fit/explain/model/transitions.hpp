@@ -23,9 +23,13 @@ class Transition {
   [[nodiscard]] const std::vector<Beside>& beams() const { return beams_; }
   /// By the shares of the farther surface: the standard deviation of the beams' angles.
   [[nodiscard]] WidthLikelihood width() const;
-  /// Samples between the two surfaces, of beams that may meet both; none beside a surface that stands
-  /// elsewhere than predicted.
-  [[nodiscard]] double between() const;
+  /// Samples of beams that may meet both surfaces.
+  struct Shared {
+    double between = 0;  ///< On neither, but between them.
+    double samples = 0;  ///< In all.
+  };
+  /// None beside a surface that stands elsewhere than predicted.
+  [[nodiscard]] Shared shared() const;
   /// Where the fewest samples are of the wrong surface, from where the bench has the edge.
   [[nodiscard]] double crossing_deg() const;
   /// Where beams that wide have the edge, from where the bench has it.

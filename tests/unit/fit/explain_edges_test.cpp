@@ -196,6 +196,25 @@ TEST_CASE("few samples between two surfaces are a wide beam's, and neither outli
   CHECK(e.mechanisms.front().mechanism->id == "mixed-pixel");
 }
 
+TEST_CASE("outliers that lie between two surfaces beside an edge are no wide beam's") {
+  const auto anywhere = [](const plain_bench::Sample& sample, std::mt19937& random) {
+    std::uniform_real_distribution<double> draw;
+    return draw(random) < 0.034 ? 60 + 9940 * draw(random) : sample.range_mm;
+  };
+  PlainScene scene = boards_in_place();
+  scene.steps = 271;
+  scene.front_step = 135;
+  scene.step_deg = 1;
+  SyntheticRecording recording = plain_bench::recorded(
+      scene, 19, [](double, double, double) { return Deviation{}; }, anywhere);
+  plain_bench::turn_round(recording, scene, 30, 60);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  CHECK(e.mechanisms.front().mechanism->id == "outliers");
+  CHECK(e.undecided_between.empty());
+}
+
 TEST_CASE("edges of a narrow beam that stand elsewhere than stated are hard") {
   PlainScene scene = boards();
   scene.u_mm = 8;
