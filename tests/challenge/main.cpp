@@ -222,9 +222,18 @@ void conceal(const Wanted& wanted) {
   for (const std::string& kind : wanted.kinds) {
     auto cause = make_concealed(kind);
     cause->draw(session, random);
-    snr[kind] = calibrate(cause, session, wanted.snr);
+    calibrate(cause, session, wanted.snr);
+    causes.push_back(cause);
+  }
+  // What is concealed besides changes how an effect shows: each is as strong as wanted beside the other.
+  for (int round = 0; causes.size() == 2 && round < 2; ++round)
+    for (const std::size_t i : {0, 1})
+      if (causes[i]->stand_beside(session, *causes[1 - i])) calibrate(causes[i], session, wanted.snr);
+  for (const auto& cause : causes) {
+    const std::string& kind = cause->id;
     const Oracle oracle(session, {cause});
     const Oracle::Verdict verdict = oracle.judge({cause});
+    snr[kind] = verdict.snr;
     free_snr[kind] =
         std::sqrt(std::max(0.0, verdict.snr * verdict.snr - verdict.mean)) + verdict.snr_with_free_nuisances;
     for (const auto& [from, to] : oracle.located(verdict, *cause)) {
@@ -240,7 +249,6 @@ void conceal(const Wanted& wanted) {
     parameters[kind] = cause->parameters();
     for (const std::string& other : cause->also_makes()) also.insert(other);
     outside = outside || kind.starts_with("unknown-");
-    causes.push_back(cause);
   }
   if (causes.size() == 2) {
     const Oracle oracle(session, causes);

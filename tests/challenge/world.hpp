@@ -54,7 +54,9 @@ class Cause {
   double strength = 1;
 
   virtual void draw(Session&, Random&) {}
-  virtual void build(Session&) {}                 ///< Called whenever strength has changed.
+  virtual void build(Session&) {}  ///< Called whenever strength has changed.
+  /// Of another that is concealed besides; false: that changes nothing in how it shows.
+  virtual bool stand_beside(Session&, const Cause&) { return false; }
   virtual bool has_size() const { return true; }  ///< False: `strength` does not scale it.
   virtual double largest_strength() const { return 1e9; }
   virtual double stage(const Moment&) const { return 0; }  ///< True minus commanded stage angle, rad.

@@ -49,8 +49,25 @@ void WorldCause::draw(Session& session, Random& random) {
        ++i)
     shape_.wall = (shape_.wall + 1) % session.walls.size();
   for (const Capture& capture : session.captures) rates_.push_back(capture.rate_deg_s);
-  plain_ = Table(session, plain_world(session), kind_.each_scan);
-  if (shows_in_intensity()) plain_light_ = Table(session, plain_world(session), false, true);
+  look_without(session);
+}
+
+json WorldCause::without(const Session& session) const {
+  json world = plain_world(session);
+  world.merge_patch(others_);
+  return world;
+}
+
+void WorldCause::look_without(const Session& session) {
+  plain_ = Table(session, without(session), kind_.each_scan);
+  if (shows_in_intensity()) plain_light_ = Table(session, without(session), false, true);
+}
+
+bool WorldCause::stand_beside(Session& session, const Cause& other) {
+  others_ = dynamic_cast<const WorldCause&>(other).keys();
+  look_without(session);
+  build(session);
+  return true;
 }
 
 void WorldCause::build(Session& session) {
@@ -58,9 +75,9 @@ void WorldCause::build(Session& session) {
   counted_.reset();
   if (id == "motion-skew") {  // its strength is how fast the stage turns
     for (std::size_t i = 0; i < rates_.size(); ++i) session.captures[i].rate_deg_s = rates_[i] * strength;
-    plain_ = Table(session, plain_world(session), true);
+    plain_ = Table(session, without(session), true);
   }
-  const json world = add_to(plain_world(session));
+  const json world = add_to(without(session));
   if (kind_.shifts) with_ = Table(session, world, kind_.each_scan);
   if (shows_in_intensity()) light_ = Table(session, world, false, true);
   if (id == "intensity-noise" || id == "sunlight") probe(session);
@@ -126,13 +143,13 @@ double WorldCause::log_intensity(const Moment& moment) const {
 }
 
 std::optional<double> WorldCause::counts(const Moment& moment) const {
-  if (!counted_) counted_ = Table(*session_, add_to(plain_world(*session_)), false, true);
+  if (!counted_) counted_ = Table(*session_, add_to(without(*session_)), false, true);
   return std::exp(counted_->at(moment));
 }
 
 /// How far noise at the comparator moves the range: by a slightly higher threshold, without compensation.
 void WorldCause::probe(const Session& session) {
-  json low = plain_world(session), high = low;
+  json low = without(session), high = low;
   low["receiver"]["compensation"] = high["receiver"]["compensation"] = 0;
   const double threshold = low["receiver"]["threshold"];
   probe_ = 1e-3 * threshold;

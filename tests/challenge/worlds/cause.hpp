@@ -18,6 +18,7 @@ class WorldCause : public Cause {
 
   void draw(Session& session, Random& random) override;
   void build(Session& session) override;
+  bool stand_beside(Session& session, const Cause& other) override;
 
   bool has_size() const override { return kind_.sized; }
   double largest_strength() const override { return kind_.largest; }
@@ -41,10 +42,14 @@ class WorldCause : public Cause {
   std::optional<double> counts(const Moment& moment) const override;
 
  private:
+  /// The world without the cause.
+  [[nodiscard]] json without(const Session& session) const;
+  void look_without(const Session& session);
   void probe(const Session& session);
 
   const Kind& kind_;
   Shape shape_;
+  json others_ = json::object();  ///< Keys of what is concealed besides.
   const Session* session_ = nullptr;
   std::vector<double> rates_;
   Table plain_, with_, steeper_, plain_light_, light_;
