@@ -280,14 +280,18 @@ double Scene::power(const Hit& hit) const {
   return of(hit.target).reflectance * std::cos(hit.incidence_rad) * 1e6 / (hit.range_mm * hit.range_mm);
 }
 
-bool Scene::fills(const Vector2d& origin, const Hit& own, double bearing, const Edge* edge) const {
+bool Scene::fills(const Hit& own, double bearing, const Edge* edge) const {
   const Surface& s = of(own.target);
   if (s.is_round() || (edge && std::abs(wrap_angle(bearing - edge->bearing_rad)) < halo_reach_rad))
     return false;
-  return std::ranges::all_of(std::array{-halo_reach_rad, halo_reach_rad}, [&](double aside) {
-    Hit hit;
-    return crosses(s, origin, ray_of(bearing + aside), false, hit);
-  });
+  const double slope = std::tan(own.incidence_rad), aside = std::tan(halo_reach_rad);
+  if (std::abs(slope) * aside > 0.9) return false;  // grazing
+  // By the law of sines, from where the beam meets it.
+  const double way_mm = own.range_mm * aside / std::cos(own.incidence_rad),
+               up_mm = way_mm / (1 - slope * aside) * own.along_sign,
+               down_mm = -way_mm / (1 + slope * aside) * own.along_sign;
+  return own.along_mm + std::min(up_mm, down_mm) >= s.from_mm &&
+         own.along_mm + std::max(up_mm, down_mm) <= s.to_mm;
 }
 
 /// Stray light from directions within a degree, weighted by its angular distance; a sum over angles, whatever
@@ -296,10 +300,11 @@ void Scene::describe_pull(const Vector2d& origin, double bearing, const Hit& own
   constexpr double merged_mm = 500, front_mm = 150;
   static const std::vector<Aside> asides = places_aside();
   c.pull_mm = c.pull_apart_mm = c.pull_front_mm = {};
+  const double slope = std::tan(own.incidence_rad);
   for (const Aside& aside : asides) {
     double range_mm = 0, light = 0;
     if (c.alone) {  // a plane: range and light in closed form
-      const double nearer = aside.cos - std::tan(own.incidence_rad) * aside.sin;
+      const double nearer = aside.cos - slope * aside.sin;
       range_mm = own.range_mm / nearer;
       light = nearer * nearer * nearer;
     } else {
@@ -336,7 +341,7 @@ void Scene::describe(const Vector2d& origin, double bearing, const Hit& hit, con
     c.edge_rad = wrap_angle(bearing - edge->bearing_rad) * edge->near_side;
     c.gap_mm = edge->far_mm > 0 ? edge->far_mm - edge->near_mm : 0;
   }
-  c.alone = fills(origin, hit, bearing, edge);
+  c.alone = fills(hit, bearing, edge);
   describe_pull(origin, bearing, hit, c);
 }
 

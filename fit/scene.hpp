@@ -99,8 +99,7 @@ class Scene {
   static void fill_in(const Surface& s, const Eigen::Vector2d& origin, const Eigen::Vector2d& ray, Hit& hit);
   [[nodiscard]] double power(const Hit& hit) const;
   /// Whether that surface is flat and all that stray light comes from.
-  [[nodiscard]] bool fills(const Eigen::Vector2d& origin, const Hit& own, double bearing,
-                           const Edge* edge) const;
+  [[nodiscard]] bool fills(const Hit& own, double bearing, const Edge* edge) const;
   void describe_pull(const Eigen::Vector2d& origin, double bearing, const Hit& own, Circumstances& c) const;
 
   std::vector<Surface> surfaces_;

@@ -14,17 +14,17 @@ namespace {
 class Blends final : public model::Counts {
  public:
   Blends(std::vector<Row> rows, std::vector<double> shares)
-      : Counts(std::move(rows)), shares_(std::move(shares)) {}
+      : Counts(std::move(rows)), shares_(std::move(shares)), blended_(hazard(on_the_whole())) {}
   [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
     constexpr double hardly_wide_rad = 0.01 * rad_per_deg;
     const double wide = std::min(1.0, effect.footprint_rad / hardly_wide_rad);
-    return wide * wide * hazard(on_the_whole()) +
-           shares_[static_cast<std::size_t>(row)] * hazard(effect.stray);
+    return wide * wide * blended_ + shares_[static_cast<std::size_t>(row)] * hazard(effect.stray);
   }
   [[nodiscard]] double offset(Eigen::Index) const override { return numbers::tail_hazard; }
 
  private:
   std::vector<double> shares_;  ///< Of all places where strays may lie.
+  double blended_;              ///< Hazard on the whole.
 };
 
 double room_of_strays_mm(const Reduced& reduced) {

@@ -190,18 +190,26 @@ struct TimeOffset : Cause {  // the stage's stamps come late
   json parameters() const override { return {{"offset_ms", strength * 10}}; }
 };
 
+/// Away from where the bench file has it, as it is off already: the other way would bring it nearer.
+double away(double already) { return already < 0 ? -1 : 1; }
+
 struct TargetOffset : OnOneTarget {  // a board stands elsewhere
-  Displacement displaced(int which) const override {
-    return which == wall ? Displacement{strength * 5, 0} : Displacement{};
+  double out = 1;
+  void draw(Session& session, Random& random) override {
+    OnOneTarget::draw(session, random);
+    out = away(session.truth.offset_mm[static_cast<std::size_t>(wall)]);
   }
-  json parameters() const override { return {{"target", name}, {"offset_mm", 5 * strength}}; }
+  Displacement displaced(int which) const override {
+    return which == wall ? Displacement{out * strength * 5, 0} : Displacement{};
+  }
+  json parameters() const override { return {{"target", name}, {"offset_mm", out * 5 * strength}}; }
 };
 
-struct TargetTilt : TargetOffset {
+struct TargetTilt : OnOneTarget {
   double out = 1;  // 1: counter-clockwise
   void draw(Session& session, Random& random) override {
     OnOneTarget::draw(session, random);
-    out = random.sign();
+    out = away(session.truth.tilt_rad[static_cast<std::size_t>(wall)]);
   }
   double largest_strength() const override { return 40; }
   Displacement displaced(int which) const override {

@@ -21,14 +21,18 @@ Eigen::VectorXd predictor(const Design::Part& part, const Eigen::VectorXd& x) {
   return eta;
 }
 
-/// Log of the posterior density there, up to a constant of the priors.
-void judge_there(const Session& session, const Design& design, Optimum& there) {
-  there.eta.clear();
-  there.of_channel.clear();
+/// Log of the posterior density there, up to a constant of the priors. `before`: anywhere else in the same
+/// design; channels without columns are there as they are here.
+void judge_there(const Session& session, const Design& design, const Optimum* before, Optimum& there) {
   for (std::size_t c = 0; c < design.parts.size(); ++c) {
     const auto& rows = session.channels()[c];
-    there.eta.push_back(rows ? predictor(design.parts[c], there.x) : Eigen::VectorXd());
-    there.of_channel.push_back(rows ? rows->log_likelihood(there.eta[c]) : 0);
+    const bool is_known = before && design.parts[c].index.empty();
+    there.eta.push_back(is_known ? before->eta[c]
+                        : rows   ? predictor(design.parts[c], there.x)
+                                 : Eigen::VectorXd());
+    there.of_channel.push_back(is_known ? before->of_channel[c]
+                               : rows   ? rows->log_likelihood(there.eta[c])
+                                        : 0);
   }
   there.log_likelihood = std::accumulate(there.of_channel.begin(), there.of_channel.end(), 0.0);
   there.log_posterior = there.log_likelihood - 0.5 * (there.x - design.mean).squaredNorm();
@@ -66,7 +70,7 @@ Scored scored(const Session& session, const Design& design, Optimum& there, Fixe
   there.white.assign(design.parts.size(), {});
   there.white_residual.assign(design.parts.size(), {});
   for (std::size_t c = 0; c < design.parts.size(); ++c) {
-    if (!session.channels()[c]) continue;
+    if (!session.channels()[c] || (what == For::steps && design.parts[c].index.empty())) continue;
     const ChannelRows& rows = *session.channels()[c];
     const Eigen::VectorXd eta = raised ? rows.possible(there.eta[c]) : there.eta[c];
     const Eigen::VectorXd at = raised               ? rows.raised(eta)
@@ -118,10 +122,11 @@ Eigen::VectorXd within_bounds(const Design& design, const Eigen::VectorXd& x) {
   return x.cwiseMax(design.lower).cwiseMin(design.upper);
 }
 
-Optimum judged_at(const Session& session, const Design& design, const Eigen::VectorXd& x) {
+Optimum judged_at(const Session& session, const Design& design, const Eigen::VectorXd& x,
+                  const Optimum* before) {
   Optimum there;
   there.x = within_bounds(design, x);
-  judge_there(session, design, there);
+  judge_there(session, design, before, there);
   return there;
 }
 
@@ -135,10 +140,10 @@ Optimum climbed(const Session& session, const Design& design, Optimum now) {
   for (int step = 0; step < most_steps; ++step) {
     const Step whole = step_of(s, design, now.x, damping);
     if (whole.promises < settled) break;
-    Optimum next = judged_at(session, design, now.x + whole.by);
+    Optimum next = judged_at(session, design, now.x + whole.by, &now);
     while (next.log_posterior < now.log_posterior && damping < most_damping) {
       damping = std::max(first_damping, 8 * damping);
-      next = judged_at(session, design, now.x + step_of(s, design, now.x, damping).by);
+      next = judged_at(session, design, now.x + step_of(s, design, now.x, damping).by, &now);
     }
     if (next.log_posterior < now.log_posterior) break;
     damping = damping > first_damping ? damping / 8 : 0;
@@ -171,9 +176,9 @@ std::vector<Index> uneven_sizes(const Session& session, const Design& design) {
 }  // namespace
 
 Optimum optimum_of(const Session& session, const Design& design, const Eigen::VectorXd& start) {
-  Optimum now = judged_at(session, design, design.mean);
+  Optimum now = judged_at(session, design, design.mean, nullptr);
   if (start != design.mean) {
-    Optimum nearer = judged_at(session, design, start);
+    Optimum nearer = judged_at(session, design, start, &now);
     if (nearer.log_posterior > now.log_posterior) now = std::move(nearer);
   }
   now = climbed(session, design, std::move(now));
@@ -183,7 +188,7 @@ Optimum optimum_of(const Session& session, const Design& design, const Eigen::Ve
     for (const double t : times) {
       Eigen::VectorXd x = now.x;
       x[k] *= t;
-      Optimum there = judged_at(session, design, x);
+      Optimum there = judged_at(session, design, x, &now);
       if (there.log_posterior > (higher ? *higher : now).log_posterior + worth_it) higher = std::move(there);
     }
     if (higher) now = climbed(session, design, std::move(*higher));
