@@ -190,9 +190,6 @@ struct TimeOffset : Cause {  // the stage's stamps come late
   json parameters() const override { return {{"offset_ms", strength * 10}}; }
 };
 
-/// Away from where the bench file has it, as it is off already: the other way would bring it nearer.
-double away(double already) { return already < 0 ? -1 : 1; }
-
 struct TargetOffset : OnOneTarget {  // a board stands elsewhere
   double out = 1;
   void draw(Session& session, Random& random) override {

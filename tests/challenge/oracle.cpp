@@ -393,7 +393,7 @@ std::vector<Oracle::Interval> Oracle::located(const Verdict& verdict, const Caus
   return intervals;
 }
 
-double calibrate(const std::shared_ptr<Cause>& shared, Session& session, double snr) {
+void calibrate(const std::shared_ptr<Cause>& shared, Session& session, double snr) {
   Cause& cause = *shared;
   const auto measure = [&](double strength) {
     cause.strength = std::min(strength, cause.largest_strength());
@@ -401,7 +401,7 @@ double calibrate(const std::shared_ptr<Cause>& shared, Session& session, double 
     return Oracle(session, {shared}).judge({shared}).snr;
   };
   double strength = 1, reached = measure(strength), slope = 1;
-  if (!cause.has_size()) return reached;
+  if (!cause.has_size()) return;
   for (int i = 0; i < 14 && std::abs(reached / snr - 1) > 0.02; ++i) {
     if (!(reached > 1e-6)) {
       if (strength > 1e4) throw std::runtime_error(cause.id + " does not show in the scene " + session.scene);
@@ -419,10 +419,10 @@ double calibrate(const std::shared_ptr<Cause>& shared, Session& session, double 
   }
   // What shows as much at any strength is no effect of it, but of how finely the engine computes.
   constexpr double hardly_any = 1e-3;
-  if (strength > hardly_any) return reached;
+  if (strength > hardly_any) return;
   if (measure(strength / 100) > reached / 2)
     throw std::runtime_error(cause.id + " does not grow with its strength in the scene " + session.scene);
-  return measure(strength);
+  measure(strength);
 }
 
 }  // namespace challenge

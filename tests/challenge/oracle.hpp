@@ -76,8 +76,8 @@ class Oracle {
   Eigen::MatrixXd inverse_with_, inverse_without_;
 };
 
-/// Scales the cause until the oracle sees it at `snr`. Returns the signal-to-noise reached (less if the cause
-/// cannot grow any more). Throws std::runtime_error when the session does not show it at all.
-double calibrate(const std::shared_ptr<Cause>& cause, Session& session, double snr);
+/// Scales the cause until the oracle sees it at `snr` (at less if the cause cannot grow any more). Throws
+/// std::runtime_error when the session does not show it at all.
+void calibrate(const std::shared_ptr<Cause>& cause, Session& session, double snr);
 
 }  // namespace challenge

@@ -44,6 +44,9 @@ struct Nuisance {
   std::vector<double> offset_mm, tilt_rad;  ///< One for each wall.
 };
 
+/// Which way takes what is off already farther from where the bench file has it; the other brings it nearer.
+inline double away(double already) { return already < 0 ? -1 : 1; }
+
 /// How a concealed device turns power into counts; drawn anew for every session.
 struct Radiometer {
   double exponent = 0.5, knee = 1;

@@ -21,23 +21,6 @@ Eigen::VectorXd predictor(const Design::Part& part, const Eigen::VectorXd& x) {
   return eta;
 }
 
-/// Log of the posterior density there, up to a constant of the priors. `before`: anywhere else in the same
-/// design; channels without columns are there as they are here.
-void judge_there(const Session& session, const Design& design, const Optimum* before, Optimum& there) {
-  for (std::size_t c = 0; c < design.parts.size(); ++c) {
-    const auto& rows = session.channels()[c];
-    const bool is_known = before && design.parts[c].index.empty();
-    there.eta.push_back(is_known ? before->eta[c]
-                        : rows   ? predictor(design.parts[c], there.x)
-                                 : Eigen::VectorXd());
-    there.of_channel.push_back(is_known ? before->of_channel[c]
-                               : rows   ? rows->log_likelihood(there.eta[c])
-                                        : 0);
-  }
-  there.log_likelihood = std::accumulate(there.of_channel.begin(), there.of_channel.end(), 0.0);
-  there.log_posterior = there.log_likelihood - 0.5 * (there.x - design.mean).squaredNorm();
-}
-
 /// Gradient and information of the posterior there.
 struct Scored {
   Eigen::VectorXd gradient;
@@ -122,11 +105,24 @@ Eigen::VectorXd within_bounds(const Design& design, const Eigen::VectorXd& x) {
   return x.cwiseMax(design.lower).cwiseMin(design.upper);
 }
 
+/// With the log of the posterior density there, up to a constant of the priors. `before`: anywhere else in
+/// the same design, or null; channels without columns are there as they are here.
 Optimum judged_at(const Session& session, const Design& design, const Eigen::VectorXd& x,
                   const Optimum* before) {
   Optimum there;
   there.x = within_bounds(design, x);
-  judge_there(session, design, before, there);
+  for (std::size_t c = 0; c < design.parts.size(); ++c) {
+    if (before && design.parts[c].index.empty()) {
+      there.eta.push_back(before->eta[c]);
+      there.of_channel.push_back(before->of_channel[c]);
+      continue;
+    }
+    const auto& rows = session.channels()[c];
+    there.eta.push_back(rows ? predictor(design.parts[c], there.x) : Eigen::VectorXd());
+    there.of_channel.push_back(rows ? rows->log_likelihood(there.eta[c]) : 0);
+  }
+  there.log_likelihood = std::accumulate(there.of_channel.begin(), there.of_channel.end(), 0.0);
+  there.log_posterior = there.log_likelihood - 0.5 * (there.x - design.mean).squaredNorm();
   return there;
 }
 

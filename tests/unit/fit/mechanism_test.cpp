@@ -374,6 +374,18 @@ TEST_CASE("every mechanism of the catalogue does what its equation in docs/metho
   }
 }
 
+TEST_CASE(
+    "stray light pulls by the front of the echo where receivers time that, and then nothing that comes "
+    "apart") {
+  const fit::Mechanism* crosstalk = fit::find_mechanism("crosstalk");
+  REQUIRE(crosstalk);
+  const std::vector<double> values =
+      values_of(*crosstalk, {{{"leak", 0.02}, {"reach_deg", 0.7 * std::sqrt(2)}, {"timing", 0.5}}, {}});
+  for (const Beam& x : all_sorts())
+    CHECK(crosstalk->act(x.circumstances(), values).range_mm ==
+          Approx(0.02 * (x.pull + 0.5 * x.front)).margin(1e-9));
+}
+
 TEST_CASE("ranges predicted with a mechanism are those that its equation makes in a small scene") {
   const SyntheticRecording recording = small_scene();
   const fit::explain::Nuisance as_stated(recording.bench());

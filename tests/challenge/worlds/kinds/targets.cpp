@@ -6,32 +6,26 @@
 #include "worlds/kind.hpp"
 
 namespace challenge {
-namespace {
-
-/// Away from where the bench file has it, as it is off already: the other way would bring it nearer.
-double farther(double already, double by) { return already < 0 ? -by : by; }
-
-}  // namespace
 
 std::vector<Kind> kinds_of_targets() {
   return {{"target-offset",
            {"room", "boards"},
            [](S x, D d, double s) {
              return of_target(x, d, "offset_mm",
-                              x.truth.offset_mm[d.wall] + farther(x.truth.offset_mm[d.wall], 5 * s));
+                              x.truth.offset_mm[d.wall] + away(x.truth.offset_mm[d.wall]) * 5 * s);
            },
            [](S x, D d, double s) {
-             return json{{"target", name_of(x, d)}, {"offset_mm", farther(x.truth.offset_mm[d.wall], 5 * s)}};
+             return json{{"target", name_of(x, d)}, {"offset_mm", away(x.truth.offset_mm[d.wall]) * 5 * s}};
            },
            12},
           {"target-tilt",
            {"room", "boards"},
            [](S x, D d, double s) {
              return of_target(x, d, "tilt_deg",
-                              x.truth.tilt_rad[d.wall] / degree + farther(x.truth.tilt_rad[d.wall], 0.3 * s));
+                              x.truth.tilt_rad[d.wall] / degree + away(x.truth.tilt_rad[d.wall]) * 0.3 * s);
            },
            [](S x, D d, double s) {
-             return json{{"target", name_of(x, d)}, {"tilt_deg", farther(x.truth.tilt_rad[d.wall], 0.3 * s)}};
+             return json{{"target", name_of(x, d)}, {"tilt_deg", away(x.truth.tilt_rad[d.wall]) * 0.3 * s}};
            },
            4},
           {"target-curvature",
