@@ -151,7 +151,9 @@ model::ChannelKind make_footprint() {
     std::vector<model::WidthRow> rows;
     const std::size_t every = shown.size() / most_rows + 1;
     for (std::size_t i = 0; i < shown.size(); i += every) {
-      const auto& [edge, beams] = shown[i];
+      // Named, as clang 14 takes no structured binding into a lambda.
+      const std::vector<Dimmed>& beams = shown[i].second;
+      const Transition& edge = shown[i].first;
       rows.push_back({edge.at(), edge.capture(), model::WidthLikelihood([&](double width_deg) {
                         return log_likelihood(beams, width_deg);
                       })});

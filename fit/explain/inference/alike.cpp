@@ -25,7 +25,7 @@ Eigen::VectorXd ranks_of(const std::vector<double>& values) {
   std::ranges::sort(sorted);
   Eigen::VectorXd ranks(static_cast<Eigen::Index>(values.size()));
   for (std::size_t i = 0; i < values.size(); ++i) {
-    const auto [first, last] = std::ranges::equal_range(sorted, values[i]);
+    const auto [first, last] = std::equal_range(sorted.begin(), sorted.end(), values[i]);
     const auto below = static_cast<double>(first - sorted.begin()),
                up_to = static_cast<double>(last - sorted.begin());
     ranks[static_cast<Eigen::Index>(i)] = (below + up_to) / static_cast<double>(values.size()) - 1;

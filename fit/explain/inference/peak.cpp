@@ -19,8 +19,7 @@ std::vector<double> places_of(const std::vector<std::vector<double>>& starts, st
   std::vector<double> places;
   for (const auto& start : starts) places.push_back(start[parameter]);
   std::ranges::sort(places);
-  const auto doubled = std::ranges::unique(places);
-  places.erase(doubled.begin(), doubled.end());
+  places.erase(std::unique(places.begin(), places.end()), places.end());
   return places;
 }
 

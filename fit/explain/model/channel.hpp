@@ -171,6 +171,7 @@ class IndependentRows : public ChannelRows {
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd& eta) const override;
   [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override;
   using ChannelRows::information;
+  using ChannelRows::score;
 
  protected:
   explicit IndependentRows(std::vector<Row> rows) : list_(std::move(rows)) {

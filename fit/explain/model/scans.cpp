@@ -223,7 +223,7 @@ ScatterOfScans scatter_of_scans(const std::vector<ScanPart>& scans, bool of_angl
       products[k] += off * before[k];
       pairs[k] += 1;
     }
-    std::ranges::rotate(before, before.end() - 1);
+    std::rotate(before.begin(), before.end() - 1, before.end());
     before.front() = off;
   }
   if (count < 1) return {};
