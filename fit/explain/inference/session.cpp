@@ -34,13 +34,6 @@ bool moves_the_means(const Kind& kind) { return moves_means(*kind.mechanism); }
 
 std::size_t mean_channel() { return model::channel_of("mean"); }
 
-/// What whole scans have in common and remember averages out slowly: the variance of a range, or of an angle,
-/// that scans would draw anew for captures to scatter as much; 0 where neighbours in time are not alike.
-double slow_variance(const std::vector<model::ScanPart>& scans, bool of_angle) {
-  const model::ScatterOfScans scatter = model::scatter_of_scans(scans, of_angle);
-  return scatter.share > 0 ? scatter.in_the_long_run() : 0;
-}
-
 /// How much worse means are known for what a hypothesis says of scans, and for what these show: they draw
 /// errors of their own, and noise with memory averages out slowly.
 MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Active>& known,
@@ -54,18 +47,19 @@ MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Ac
   noise.memory_rho = all.memory_rho;
   noise.memory_share = std::clamp(all.memory_share, 0.0, 1.0);
   const std::vector<model::ScanPart> scans = model::scan_parts(reduced, model::fewest_in_common, 1);
-  const double range_mm2 = std::max(noise.scan_range_mm2, slow_variance(scans, false)),
-               angle_rad2 = std::max(noise.scan_angle_rad2, slow_variance(scans, true));
+  const model::ScatterOfScans ranges = model::scatter_of_scans(scans, false),
+                              angles = model::scatter_of_scans(scans, true);
   double slowly = 0, cells = 0;
   for (const Group& group : reduced.groups) {
-    const double n = std::max(1, group.scans);
-    noise.range_mm2.push_back(range_mm2 / n);
-    noise.angle_rad2.push_back(angle_rad2 / n);
+    const int n = std::max(1, group.scans);
+    noise.range_mm2.push_back(std::max(noise.scan_range_mm2, ranges.for_means(n)) / n);
+    noise.angle_rad2.push_back(std::max(noise.scan_angle_rad2, angles.for_means(n)) / n);
     slowly += static_cast<double>(group.cells) * model::added_to_mean(group.scans, all.memory_rho);
     cells += static_cast<double>(group.cells);
   }
-  if (range_mm2 <= 0) noise.range_mm2.clear();
-  if (angle_rad2 <= 0) noise.angle_rad2.clear();
+  const auto is_none = [](double variance) { return variance <= 0; };
+  if (std::ranges::all_of(noise.range_mm2, is_none)) noise.range_mm2.clear();
+  if (std::ranges::all_of(noise.angle_rad2, is_none)) noise.angle_rad2.clear();
   if (cells > 0) noise.factor = std::max(noise.factor, 1 + all.memory_share * slowly / cells);
   noise.factor *= 1 + std::max(0.0, all.shared_by_neighbours);
   return noise;

@@ -7,6 +7,7 @@
 #include <map>
 #include <tuple>
 
+#include "fit/explain/model/autoregression.hpp"
 #include "fit/explain/model/range_and_angle.hpp"
 #include "fit/explain/reduction/whole_scans.hpp"
 
@@ -204,6 +205,8 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
   return list;
 }
 
+double ScatterOfScans::more_in_means(int scans) const { return 1 + share * added_to_mean(scans, rho); }
+
 ScatterOfScans scatter_of_scans(const std::vector<ScanPart>& scans, bool of_angle) {
   constexpr int lags = 2;
   std::array<double, lags> products{}, pairs{}, before{};
@@ -231,22 +234,26 @@ ScatterOfScans scatter_of_scans(const std::vector<ScanPart>& scans, bool of_angl
   scatter.variance = variance / number;
   scatter.ratio = std::max(1.0, squares / count);
   if (pairs[1] < 1) return scatter;
-  // Less the mean of their block, values are alike by less than they are: by the variance of that mean.
+  // Less the mean of their block, values are alike by less than they are: by the variance of that mean. Of
+  // what is slower than a block little is left, and the correction for it is most of what is seen: whether
+  // scans are alike at all is judged before it.
   constexpr int passes = 6;
   constexpr double slowest = 0.95;  // what is slower is a drift
-  double long_run = squares / count;
+  constexpr double certain = 3;     // standard errors
+  const int in_a_block = static_cast<int>(std::lround(number / of_mean));
+  double mean2 = squares / count * of_mean / number;
+  const auto correlation = [&](std::size_t k) {
+    return (products[k] / pairs[k] + mean2) / std::max(1e-9, squares / number + mean2);
+  };
+  const auto is_certain = [&](std::size_t k) { return correlation(k) > certain / std::sqrt(pairs[k]); };
+  if (!is_certain(0)) return scatter;
+  const bool is_remembered_longer = is_certain(1);
   for (int pass = 0; pass < passes; ++pass) {
-    const double mean2 = long_run * of_mean / number, square = squares / number + mean2;
-    const auto correlation = [&](std::size_t k) {
-      const double r = (products[k] / pairs[k] + mean2) / std::max(1e-9, square);
-      return r > 2 / std::sqrt(pairs[k]) ? r : 0;  // else it may be chance
-    };
-    const double next = correlation(0);
-    if (next == 0) return scatter;
+    const double square = squares / number + mean2, next = correlation(0);
     scatter.ratio = std::max(1.0, square);
-    scatter.rho = std::min(slowest, std::max(next, correlation(1) / next));
+    scatter.rho = std::min(slowest, is_remembered_longer ? std::max(next, correlation(1) / next) : next);
     scatter.share = std::min(1.0, next / scatter.rho);
-    long_run = square * scatter.over_time();
+    mean2 = square * scatter.more_in_means(in_a_block) * of_mean / number;
   }
   return scatter;
 }

@@ -40,10 +40,13 @@ struct ScatterOfScans {
   double rho = 0, share = 0;
   /// Variance that independent scans would draw anew for a pattern of a few scans to hide as well.
   [[nodiscard]] double for_patterns() const { return more(ratio * (1 + share * rho) / (1 - share * rho)); }
-  /// Variance that independent scans would draw anew for their means over many to scatter as much.
-  [[nodiscard]] double in_the_long_run() const { return more(ratio * over_time()); }
-  /// How much more means over many scatter than if no scan were remembered.
-  [[nodiscard]] double over_time() const { return 1 + 2 * share * rho / (1 - rho); }
+  /// Variance that independent scans would draw anew for means over so many to scatter as much; 0 where none
+  /// is remembered.
+  [[nodiscard]] double for_means(int scans) const {
+    return share > 0 ? more(ratio * more_in_means(scans)) : 0;
+  }
+  /// How much more means over so many scatter than if no scan were remembered.
+  [[nodiscard]] double more_in_means(int scans) const;
 
  private:
   [[nodiscard]] double more(double than_samples) const { return (than_samples - 1) * variance; }

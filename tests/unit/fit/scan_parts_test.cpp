@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT
 // What whole scans have in common.
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
+#include <vector>
 
 #include "fit/explain/model/scans.hpp"
 #include "fit/explain/reduce.hpp"
@@ -53,37 +55,60 @@ TEST_CASE("what repeats is taken off captures of few and of many beams, and leav
   }
 }
 
-TEST_CASE("what whole scans remember is told from what each draws anew, and so is how their means scatter") {
-  constexpr int blocks = 150, scans = 60;
-  for (const double rho : {0.0, 0.4, 0.85}) {
-    constexpr double remembered = 0.5;  // variance, beside 1 that is drawn anew
-    std::mt19937 random(7);
-    std::normal_distribution<double> normal;
-    std::vector<fit::explain::model::ScanPart> parts;
-    for (int block = 0; block < blocks; ++block) {
-      std::vector<double> mm;
-      double slow = normal(random), mean = 0;
-      for (int k = 0; k < scans; ++k) {
-        mm.push_back(normal(random) + (rho > 0 ? std::sqrt(remembered) * slow : 0));
-        mean += mm.back() / scans;
-        slow = rho * slow + std::sqrt(1 - rho * rho) * normal(random);
-      }
-      for (const double value : mm) {
-        fit::explain::model::ScanPart part;
-        part.block = block;
-        part.scans = scans;
-        part.rest_mm = value - mean;
-        part.news = 1 - 1.0 / scans;
-        part.variance_mm2 = 1;
-        parts.push_back(part);
-      }
+/// Captures of so many scans whose ranges scatter by 1 mm, and beside it by noise of variance `remembered`
+/// with that correlation from scan to scan. Every capture is less its mean.
+std::vector<fit::explain::model::ScanPart> captures_of(int captures, int scans, double rho, double remembered,
+                                                       std::mt19937& random) {
+  std::normal_distribution<double> normal;
+  std::vector<fit::explain::model::ScanPart> parts;
+  for (int block = 0; block < captures; ++block) {
+    std::vector<double> mm;
+    double slow = normal(random), mean = 0;
+    for (int k = 0; k < scans; ++k) {
+      mm.push_back(normal(random) + std::sqrt(remembered) * slow);
+      mean += mm.back() / scans;
+      slow = rho * slow + std::sqrt(1 - rho * rho) * normal(random);
     }
-    const auto found = fit::explain::model::scatter_of_scans(parts, false);
-    const double truth = rho > 0 ? 1 + remembered * (1 + rho) / (1 - rho) : 1;
+    for (const double value : mm) {
+      fit::explain::model::ScanPart part;
+      part.block = block;
+      part.scans = scans;
+      part.rest_mm = value - mean;
+      part.news = 1 - 1.0 / scans;
+      part.variance_mm2 = 1;
+      parts.push_back(part);
+    }
+  }
+  return parts;
+}
+
+TEST_CASE("what whole scans remember is told from what each draws anew, and so is how their means scatter") {
+  constexpr int scans = 60;
+  for (const double rho : {0.0, 0.4, 0.85}) {
+    const double remembered = rho > 0 ? 0.5 : 0;  // variance, beside 1 that is drawn anew
+    std::mt19937 random(7);
+    const auto found =
+        fit::explain::model::scatter_of_scans(captures_of(150, scans, rho, remembered, random), false);
+    double of_means = 1 + remembered;  // by the variances of sums of so many
+    for (int lag = 1; lag < scans; ++lag)
+      of_means += 2 * remembered * (1 - static_cast<double>(lag) / scans) * std::pow(rho, lag);
     INFO("rho " << rho << ": found " << found.rho << " of a share of " << found.share);
     CHECK((found.share > 0) == (rho > 0));
-    CHECK(found.ratio * found.over_time() == Approx(truth).epsilon(0.25));
+    CHECK(found.ratio * found.more_in_means(scans) == Approx(of_means).epsilon(0.25));
   }
+}
+
+TEST_CASE("captures of few scans that remember nothing are not taken for slow noise") {
+  std::mt19937 random(11);
+  int remembers = 0;
+  double most = 1;
+  for (int session = 0; session < 500; ++session) {
+    const auto found = fit::explain::model::scatter_of_scans(captures_of(52, 12, 0, 0, random), false);
+    remembers += found.share > 0;
+    most = std::max(most, found.more_in_means(12));
+  }
+  CHECK(remembers <= 5);
+  CHECK(most < 2);
 }
 
 }  // namespace scan_parts_test
