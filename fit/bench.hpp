@@ -86,6 +86,9 @@ struct Bench {
 /// Reads a bench file's text (JSON with comments). Throws std::invalid_argument whose message names the place
 /// ("NAME:LINE:COLUMN" or the JSON path), what was expected and what to do. `name` is only used in messages.
 Bench parse_bench(const std::string& text, const std::string& name = "bench");
+/// The same of a file that someone has just written: keys that are given twice, and slips in what only the
+/// certificate prints, are refused as well. Sessions that hold them can still be read.
+Bench parse_bench_file(const std::string& text, const std::string& name = "bench");
 
 /// The bench as JSON text: `document` with targets, mount and known mechanisms brought up to date.
 std::string to_json_text(const Bench& bench);

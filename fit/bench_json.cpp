@@ -3,6 +3,8 @@
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <regex>
+#include <span>
 #include <stdexcept>
 
 #include "fit/bench.hpp"
@@ -268,11 +270,55 @@ json entry_with(const json& list, const char* key, const std::string& name) {
   return json::object();
 }
 
+/// What the certificate prints stays in the document; whoever writes it is told of slips.
+void check_certificate(const Reader& certificate) {
+  static constexpr std::array keys{
+      "environment",      "equipment",  "laboratory",    "address",     "country",
+      "customer_address", "received",   "place",         "customer",    "item",
+      "item_condition",   "item_state", "authorised_by", "traceability"};
+  certificate.must_be_object();
+  certificate.refuse_misspelt(keys);
+  for (const char* text : std::span(keys).subspan(2))
+    if (certificate.has(text)) static_cast<void>(certificate.at(text).string());
+  if (certificate.has("received") &&
+      !std::regex_match(certificate.at("received").string(), std::regex(R"(\d{4}-\d{2}-\d{2})")))
+    certificate.at("received").refuse("must be a date as YYYY-MM-DD");
+  if (certificate.has("item_state") && certificate.at("item_state").string() != "as found" &&
+      certificate.at("item_state").string() != "as left")
+    certificate.at("item_state")
+        .refuse("must be \"as found\" or \"as left\"; without it the item is not adjusted");
+  if (certificate.has("environment")) {
+    const Reader environment = certificate.at("environment");
+    environment.must_be_object();
+    environment.refuse_misspelt(std::array{"temperature_c", "humidity_percent", "illuminance_lux"});
+    const auto check = [&](const char* key, double low, double high) {
+      if (environment.has(key) && !environment.at(key).value().is_string())
+        static_cast<void>(environment.at(key).number_from(low, high));
+    };
+    check("temperature_c", -100, 200);
+    check("humidity_percent", 0, 100);
+    check("illuminance_lux", 0, 1e6);
+  }
+  if (!certificate.has("equipment")) return;
+  const Reader equipment = certificate.at("equipment");
+  equipment.must_be_array();
+  for (std::size_t i = 0; i < equipment.value().size(); ++i) {
+    static constexpr std::array of_item{"name", "serial", "certificate", "due"};
+    equipment.at(i).must_be_object();
+    equipment.at(i).refuse_misspelt(of_item);
+    if (!equipment.at(i).has("name")) equipment.at(i).refuse("needs a \"name\"");
+    for (const char* key : of_item)
+      if (equipment.at(i).has(key)) static_cast<void>(equipment.at(i).at(key).string());
+  }
+}
+
 }  // namespace
 
 Bench parse_bench(const std::string& text, const std::string& name) {
-  const json document = parse_json(
-      text, name, "not JSON here: look for a missing comma, quote or bracket just before this place");
+  const json document = parse_json(text, name,
+                                   "not JSON here: look for a comma, quote or bracket that is missing, or "
+                                   "one too many, just before this place. "
+                                   "A bench file is JSON and begins with {");
   const Reader reader(document, "", text, name);
   reader.must_be_object();
   if (!reader.has("schema")) reader.refuse("not a bench file: the key \"schema\": \"bench/1\" is missing");
@@ -304,6 +350,15 @@ Bench parse_bench(const std::string& text, const std::string& name) {
     known.must_be_array();
     for (std::size_t i = 0; i < known.value().size(); ++i) bench.known.push_back(read_known(known.at(i)));
   }
+  return bench;
+}
+
+Bench parse_bench_file(const std::string& text, const std::string& name) {
+  Bench bench = parse_bench(text, name);
+  refuse_keys_given_twice(text, name);
+  const json document = json::parse(text, nullptr, true, true);
+  if (const Reader reader(document, "", text, name); reader.has("certificate"))
+    check_certificate(reader.at("certificate"));
   return bench;
 }
 

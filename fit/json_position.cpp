@@ -5,6 +5,7 @@
 #include <cctype>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <set>
 #include <stdexcept>
 #include <vector>
 
@@ -27,6 +28,25 @@ class Locator {
       found = at_;
     }
     return found;
+  }
+
+  /// Of the first key that its object has already; npos where there is none.
+  std::size_t find_second_of_its_name() {
+    std::vector<std::set<std::string_view>> open;
+    for (skip_space(); !ended(); skip_space()) {
+      const std::size_t start = at_;
+      const char c = here();
+      if (c == '"') {
+        const std::string_view name = take_string();
+        skip_space();
+        if (here() == ':' && !open.back().insert(name).second) return start;
+        continue;
+      }
+      if (c == '{' || c == '[') open.emplace_back();
+      if (c == '}' || c == ']') open.pop_back();
+      ++at_;
+    }
+    return std::string_view::npos;
   }
 
  private:
@@ -133,11 +153,18 @@ nlohmann::json parse_json(const std::string& text, const std::string& name, cons
   try {
     return nlohmann::json::parse(text, nullptr, true, true);
   } catch (const nlohmann::json::parse_error& error) {
+    if (text.find_first_not_of(" \t\r\n") == std::string::npos)
+      throw std::invalid_argument(name + " is empty");
     const TextPosition at = position_at(text, error.byte > 0 ? error.byte - 1 : 0);
     throw std::invalid_argument(at.in(name) + remedy);
   } catch (const nlohmann::json::exception&) {
     throw std::invalid_argument(name + ": holds a number that is too large for any quantity");
   }
+}
+
+void refuse_keys_given_twice(const std::string& text, const std::string& name) {
+  if (const std::size_t twice = Locator(text).find_second_of_its_name(); twice != std::string_view::npos)
+    throw std::invalid_argument(position_at(text, twice).in(name) + "this key is given twice; remove one");
 }
 
 std::string ending_with_guess(const std::string& meant) {

@@ -28,6 +28,10 @@ struct TextPosition {
 [[nodiscard]] nlohmann::json parse_json(const std::string& text, const std::string& name,
                                         const std::string& remedy);
 
+/// JSON takes the last of them in silence. For text that is known to be well-formed; throws
+/// std::invalid_argument with the place of the second.
+void refuse_keys_given_twice(const std::string& text, const std::string& name);
+
 /// The candidate most like `word` (edit distance), or "" when none is near enough to be a misspelling of it.
 template <class Range>
 [[nodiscard]] std::string nearest_word(std::string_view word, const Range& candidates);

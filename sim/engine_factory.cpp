@@ -21,7 +21,7 @@ fit::Bench read_bench(const std::string& path) {
   const std::string text{std::istreambuf_iterator<char>(in), {}};
   if (!in.is_open())
     throw std::invalid_argument("cannot read the bench file " + path + ": check the name and the permission");
-  return fit::parse_bench(text, path);
+  return fit::parse_bench_file(text, path);
 }
 
 std::string engine_for(const EngineChoice& choice) {

@@ -154,7 +154,8 @@ std::string to_text(const Explanation& e) {
           " mm after, noise floor " + rounded(e.noise_floor_mm, 3) + " mm; 95 % intervals hold " +
           rounded(100 * e.before.coverage, 3) + " % before, " + rounded(100 * e.after.coverage, 3) +
           " % after.\n";
-  if (const double gain = e.after.log_likelihood - e.before.log_likelihood; gain > 0)
+  if (const double gain = e.after.log_likelihood - e.before.log_likelihood;
+      gain > 0 && e.verdict != nothing_missing)
     text += "All that is named raises the log-likelihood of held-out data by " + rounded(gain, 3) + ".\n";
   for (const Prediction& p : e.predictions)
     text += "Predicted, not fitted: " + p.session + ": samples rms " + rounded(p.before.rms_mm, 3) +

@@ -83,6 +83,36 @@ void note_unknown_warmth(const std::vector<const Recording*>& recordings, std::v
         rounded(steady_c, 2) + " \u00b1 " + rounded(2 * u_unread_k, 2) + " deg C.");
 }
 
+bool same(const Estimate& a, const Estimate& b) { return a.value == b.value && a.u == b.u; }
+
+bool same(const KnownMechanism* a, const KnownMechanism* b) {
+  if (!a || !b) return a == b;
+  return a->texts == b->texts &&
+         std::ranges::equal(a->parameters, b->parameters, [](const auto& x, const auto& y) {
+           return x.first == y.first && same(x.second, y.second);
+         });
+}
+
+/// What benches say beside their targets holds for all sessions as the first has it.
+void note_other_benches(const std::vector<const Recording*>& recordings, std::vector<std::string>& notes) {
+  std::set<std::string> differ;
+  const Bench& first = recordings.front()->bench();
+  for (const Recording* recording : recordings) {
+    const Bench& other = recording->bench();
+    const Mount &a = first.lidar.mount, &b = other.lidar.mount;
+    if (!same(a.x_mm, b.x_mm) || !same(a.y_mm, b.y_mm) || !same(a.yaw_rad, b.yaw_rad)) differ.insert("mount");
+    for (const Bench* bench : {&first, &other})
+      for (const KnownMechanism& known : bench->known)
+        if (!same(first.knows(known.mechanism), other.knows(known.mechanism))) differ.insert(known.mechanism);
+  }
+  if (differ.empty()) return;
+  std::string list;
+  for (const std::string& what : differ) list += (list.empty() ? "" : ", ") + what;
+  notes.push_back(
+      "The sessions' bench files do not say the same of: " + list +
+      ". What the first one says holds for all. If they are of different benches, explain each alone.");
+}
+
 bool stands_alike(const Target& a, const Target& b) {
   return a.name == b.name && (a.from_mm - b.from_mm).norm() < 1e-6 && (a.to_mm - b.to_mm).norm() < 1e-6;
 }
@@ -118,6 +148,7 @@ Together::Together(const std::vector<const Recording*>& given) {
   }
   bench_ = recordings.front()->bench();
   note_unknown_warmth(recordings, notes_);
+  note_other_benches(recordings, notes_);
   for (const Recording* recording : recordings)
     refuse_if_another_lidar(bench_.lidar, recording->bench().lidar);
   for (const Recording* recording : recordings)

@@ -72,6 +72,9 @@ const Node* Node::find(const std::string& key) const {
 Node read_document(const std::string& text, const std::string& file) {
   if (text.size() > largest_procedure_bytes)
     throw UsageError(file + " is larger than 1 MB, which no procedure is. Check that it is the right file.");
+  if (text.find("\"bench/1\"") != std::string::npos && text.find_first_not_of(" \t\r\n") == text.find('{'))
+    throw UsageError(
+        file + " is a bench file, not a procedure. Give it with --bench, and a procedure in its place.");
   Node root;
   try {
     root = Copier(file).copy(YAML::Load(text));

@@ -28,6 +28,16 @@ void demand_millimetres(const fit::Bench& bench, const std::string& name) {
       " mm of the stage's axis, where no lidar measures. Lengths are in millimetres; were metres meant?");
 }
 
+using Parse = fit::Bench (*)(const std::string& text, const std::string& name);
+
+fit::Bench understood(Parse parse, const std::string& text, const std::string& name) {
+  try {
+    return parse(text, name);
+  } catch (const std::invalid_argument& error) {
+    throw UsageError(error.what());
+  }
+}
+
 }  // namespace
 
 fit::Bench read_bench_file(const std::string& path) {
@@ -44,7 +54,7 @@ fit::Bench read_bench_file(const std::string& path) {
   if (text.size() > largest_file_bytes)
     throw UsageError(path +
                      " is larger than 16 MB, which no bench file is. Check that it is the right file.");
-  fit::Bench bench = read_bench_text(text, path);
+  fit::Bench bench = understood(fit::parse_bench_file, text, path);
   demand_millimetres(bench, path);
   try {
     fit::demand_catalogued(bench);
@@ -55,11 +65,7 @@ fit::Bench read_bench_file(const std::string& path) {
 }
 
 fit::Bench read_bench_text(const std::string& text, const std::string& name) {
-  try {
-    return fit::parse_bench(text, name);
-  } catch (const std::invalid_argument& error) {
-    throw UsageError(error.what());
-  }
+  return understood(fit::parse_bench, text, name);
 }
 
 StageOptions bench_stage_options(const fit::Bench& bench) {

@@ -112,8 +112,12 @@ std::vector<Member> rivals_of(const Session& session, const Fitted& best, const 
     other.terms.push_back(candidate.term);
     const Fitted fitted = fit(session, other);
     if (!fits_as_well(fitted, best, without, *term.kind->mechanism)) continue;
-    const double odds = std::exp(fitted.hypothesis.log_posterior() - best.hypothesis.log_posterior());
-    rivals.push_back({candidate.term.kind, odds * probability, fitted.hypothesis.terms.back()});
+    // What a formula's error may lose says nothing against it.
+    const double gain = best.hypothesis.log_fit - without.hypothesis.log_fit,
+                 counts = numbers::fits_as_well / hardly_worse(*term.kind->mechanism, gain),
+                 log_odds = counts * (fitted.hypothesis.log_posterior() - best.hypothesis.log_posterior());
+    if (log_odds < -numbers::window) continue;
+    rivals.push_back({candidate.term.kind, std::exp(log_odds) * probability, fitted.hypothesis.terms.back()});
   }
   return rivals;
 }

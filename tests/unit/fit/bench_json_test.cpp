@@ -21,7 +21,7 @@ const std::string example = R"j({
 
 std::string complaint_of(const std::string& text) {
   try {
-    fit::parse_bench(text, "b.json");
+    fit::parse_bench_file(text, "b.json");
   } catch (const std::invalid_argument& error) {
     return error.what();
   }
@@ -90,6 +90,33 @@ TEST_CASE("a wrong bench file is refused with place, expectation and remedy") {
         std::string::npos);
   CHECK(complaint_of(example_with("\"value\": 1,", "\"value\": \"1\",")).find("must be a number") !=
         std::string::npos);
+}
+
+TEST_CASE("slips in what the certificate prints are refused as anywhere in a bench file") {
+  const auto with = [](const std::string& certificate) {
+    return complaint_of(example_with("\"known\":", "\"certificate\": {" + certificate + "}, \"known\":"));
+  };
+  CHECK(with(R"("laboratory": "X", "received": "2026-05-12", "environment": {"temperature_c": 23.5},
+               "equipment": [{"name": "rule", "due": "2027-01"}], "room": "B 12")")
+            .empty());
+  CHECK_THAT(with(R"("labratory": "X")"), Catch::Contains("did you mean \"laboratory\"?"));
+  CHECK_THAT(with(R"("authorized_by": "X")"), Catch::Contains("did you mean \"authorised_by\"?"));
+  CHECK_THAT(with(R"("environment": {"temprature_c": 23})"),
+             Catch::Contains("did you mean \"temperature_c\"?"));
+  CHECK_THAT(with(R"("environment": {"humidity_percent": 450})"), Catch::Contains("between 0.0 and 100.0"));
+  CHECK_THAT(with(R"("equipment": {"name": "rule"})"), Catch::Contains("must be a list"));
+  CHECK_THAT(with(R"("equipment": [{"nam": "rule"}])"), Catch::Contains("did you mean \"name\"?"));
+  CHECK_THAT(with(R"("received": "12.05.2026")"), Catch::Contains("YYYY-MM-DD"));
+  CHECK_THAT(with(R"("laboratory": 7)"), Catch::Contains("must be text"));
+}
+
+TEST_CASE("a key that is given twice, and a file without content, are refused") {
+  CHECK(complaint_of(
+            "{\"schema\": \"bench/1\",\n \"lidar\": {}, // \"lidar\": \n \"lidar\": {\"steps\": 10}}") ==
+        "b.json:3:2: this key is given twice; remove one");
+  CHECK(complaint_of(example_with("\"reflectance\": 0.85", "\"name\": \"x\"")).find("b.json:7:") == 0);
+  CHECK(complaint_of(" \n") == "b.json is empty");
+  CHECK_THAT(complaint_of("targets: []"), Catch::Contains("A bench file is JSON"));
 }
 
 }  // namespace bench_json_test

@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <span>
 
 #include "../../support/imagined_room.hpp"
 #include "fit/explain/explanation.hpp"
@@ -470,7 +471,7 @@ TEST_CASE("the bench file of another room is told as that, first of all") {
   room.captures = 4;
   const SyntheticRecording own = room.record();
   fit::Bench other = own.bench();
-  for (fit::Target& wall : other.targets) wall.from_mm *= 1.4, wall.to_mm *= 1.4;
+  for (fit::Target& wall : std::span(other.targets).subspan(1)) wall.from_mm *= 1.4, wall.to_mm *= 1.4;
   SyntheticRecording recording(other, own.maker());
   for (const fit::CaptureInfo& info : own.captures()) recording.add(info, room.scans);
   const Explanation wrong = explain({&recording}, {}), right = explain({&own}, {});
@@ -496,6 +497,35 @@ TEST_CASE("sessions that do not say how long the lidar had been on are compared 
   CHECK(noted(explain({&first, &second}, {})));
   CHECK_FALSE(noted(explain({&first, &first}, {})));
   CHECK_FALSE(noted(explain({&second}, {})));
+}
+
+TEST_CASE("a recording of which nothing can be compared with the bench has no answer") {
+  ImaginedRoom room;
+  room.captures = 4;
+  const SyntheticRecording own = room.record();
+  fit::Bench other = own.bench();
+  for (fit::Target& wall : other.targets) wall.from_mm *= 3, wall.to_mm *= 3;
+  SyntheticRecording recording(other, own.maker());
+  for (const fit::CaptureInfo& info : own.captures()) recording.add(info, room.scans);
+  CHECK_THROWS_WITH(explain({&recording}, {}), Catch::Contains("can be compared with the bench") &&
+                                                   Catch::Contains("is the bench file of this set-up"));
+}
+
+TEST_CASE("sessions whose bench files say other things are explained with a note") {
+  ImaginedRoom room;
+  room.captures = 4;
+  const SyntheticRecording first = room.record();
+  fit::Bench other = first.bench();
+  other.lidar.mount.x_mm.value += 20;
+  SyntheticRecording second(other, first.maker());
+  for (const fit::CaptureInfo& info : first.captures()) second.add(info, room.scans);
+  const auto noted = [](const Explanation& e) {
+    return std::ranges::any_of(e.notes, [](const std::string& note) {
+      return note.find("do not say the same of: mount.") != std::string::npos;
+    });
+  };
+  CHECK(noted(explain({&first, &second}, {})));
+  CHECK_FALSE(noted(explain({&first, &first}, {})));
 }
 
 TEST_CASE("sessions of two lidars are not explained together") {

@@ -92,6 +92,8 @@ TEST_CASE("a wrong procedure is reported by file, line, column and remedy") {
   CHECK_THAT(refuse("procedure: x\n"), Contains("'steps' is missing"));
   CHECK_THAT(refuse("procedure: x\nsteps: [home, {home: , home: }]\n"), Contains("given twice"));
   CHECK_THAT(refuse("procedure: [\n"), Contains("not YAML"));
+  CHECK_THROWS_WITH(parse_procedure(" {\"schema\": \"bench/1\", // a bench\n \"lidar\": {}}", "b.json"),
+                    Contains("is a bench file"));
   CHECK_THAT(refuse(head + "  - report: {file: ../../etc/passwd}\n"), Contains("inside the output folder"));
   CHECK_THAT(refuse(head + "  - report: {file: /etc/passwd}\n"), Contains("inside the output folder"));
   CHECK_THAT(refuse(head + "  - for-each: {x: []}\n    steps: [home]\n"), Contains("for-each"));

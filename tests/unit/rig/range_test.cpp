@@ -221,6 +221,33 @@ TEST_CASE("a target that steps back beside the square beam is reported, and its 
       for (const auto& row : table.at("rows")) CHECK(std::abs(row.at(2).get<double>()) < 0.5);
 }
 
+TEST_CASE("a flat board is one flat face, whatever noise does to its outermost beam") {
+  const TestFolder place;
+  const std::string file = place / "flat.rig";
+  {
+    rig::SessionStore store(file, rig::SessionStore::Mode::create);
+    store.set("bench", R"({"schema":"bench/1",
+      "lidar":{"model":"UST-10LX","steps":1081,"front_step":540,"step_deg":0.25,"scan_hz":40,
+               "mount":{"x_mm":0,"y_mm":0,"yaw_deg":0}},
+      "targets":[{"name":"board","from_mm":[1400,-200],"to_mm":[1400,200],"u_mm":1,"u_deg":0.5}]})");
+    std::mt19937 random(3);
+    std::normal_distribution<double> noise(0, 8);
+    for (int c = 0; c < 8; ++c) {
+      fit::CaptureInfo info;
+      info.step = "board " + std::to_string(c), info.target = "board";
+      info.first_step = 514, info.last_step = 566;
+      add_capture(store, info, 200, [&](int, int beam) {
+        const double direction = (beam - 540) * 0.25 * fit::rad_per_deg;
+        return Echo{static_cast<std::uint16_t>(std::lround(1400 / std::cos(direction) + noise(random))),
+                    1500};
+      });
+    }
+  }
+  const rig::SessionStore session(file, rig::SessionStore::Mode::read);
+  const nlohmann::json result = rig::run_fit("range", {{file, &session}}, nlohmann::json::object());
+  CHECK_THAT(result.at("notes").dump(), !Catch::Contains("not one flat face"));
+}
+
 TEST_CASE("a round post is a target for range errors: its nearest point, found by its own echoes") {
   // By the tangent from a point to a circle, as on paper: the post stands a little beside where the bench
   // file says.
