@@ -56,6 +56,7 @@ Mechanism make_crosstalk() {
            " of the neighbours' light leaks in.";
   };
   m.separate = "cover the bright surface";
+  m.looks_like = {"incidence-bias"};  // where halos reach no other surface
   return m;
 }
 

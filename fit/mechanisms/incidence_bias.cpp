@@ -52,6 +52,7 @@ Mechanism make_incidence_bias() {
            " at 45 deg of incidence, 2 m ahead, growing with the square of its tangent" +
            (f.at("divergence").value > 0.5 ? " and with the distance, as the beam widens." : ".");
   };
+  m.looks_like = {"crosstalk"};  // of the own surface, from hardly beyond the spot
   m.separate = "tilt the target and compare with a darker target square on";
   return m;
 }

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <map>
 #include <numeric>
+#include <set>
 
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/inference/screen.hpp"
@@ -122,10 +123,9 @@ std::vector<Member> rivals_of(const Session& session, const Fitted& best, const 
   return rivals;
 }
 
-/// Whether it is an unnamed function of what the mechanism acts on, and of its coordinate.
+/// Whether it is an unnamed function of what the mechanism acts on, whatever its coordinate.
 bool is_function_where_acts(const Kind& form, const Kind& mechanism) {
-  return form.is_form() && form.mechanism->coordinate == mechanism.mechanism->coordinate &&
-         std::ranges::count(mechanism.ways, form.functions->changes) > 0;
+  return form.is_form() && std::ranges::count(mechanism.ways, form.functions->changes) > 0;
 }
 
 /// What a term of the best hypothesis does to all channels, by their information there.
@@ -199,25 +199,27 @@ bool may_not_repeat(const Session& session, const Term& term) {
   return quantile(0.95) - quantile(0.05) < 2 * term.values[*period];
 }
 
-/// Smooth functions of a mechanism's coordinate that may be what it is taken for. Where one stands beside it
-/// its formula does not fit, and functions that do without it as well as the recording tells may; so may any
-/// where it is called a wave that may not repeat.
+/// Smooth functions that may be what a mechanism is taken for. Where one stands beside it its formula does
+/// not fit, and functions of that coordinate that do without it as well as the recording tells may; so may
+/// any of the mechanism's own where it is called a wave that may not repeat.
 std::vector<Member> functions_instead(const Session& session, const Fitted& best, const Named& named) {
   if (!best.hypothesis.has(*named.term.kind)) return {};  // named by many others that outweigh the best
   std::vector<Eigen::VectorXd> effect = effect_of(best, *named.term.kind);
   double gain = 0;
   for (const Eigen::VectorXd& in_channel : effect) gain += in_channel.squaredNorm() / 2;
   const bool may_be_any = may_not_repeat(session, named.term);
-  bool stands_beside = false;
+  std::set<Coordinate> coordinates;
+  if (may_be_any) coordinates.insert(named.term.kind->mechanism->coordinate);
   for (const Term& own : best.hypothesis.terms) {
     if (!is_function_where_acts(*own.kind, *named.term.kind)) continue;
-    stands_beside = true;
+    coordinates.insert(own.kind->mechanism->coordinate);
     const std::vector<Eigen::VectorXd> of_function = effect_of(best, *own.kind);
     for (std::size_t c = 0; c < effect.size(); ++c) effect[c] += of_function[c];
   }
-  if (!stands_beside && !may_be_any) return {};
+  if (coordinates.empty()) return {};
   for (const Kind& kind : session.kinds()) {
     if (!is_function_where_acts(kind, *named.term.kind) ||
+        !coordinates.contains(kind.mechanism->coordinate) ||
         !(kind.form->form->scaled || kind.form->form->of_all_targets))
       continue;
     for (const std::vector<double>& values : kind.starts)
