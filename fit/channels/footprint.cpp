@@ -77,47 +77,94 @@ std::vector<Dimmed> dimmed_beams(const Transition& edge) {
   return list;
 }
 
-/// Log-likelihood of a beam that wide, given that a dip shows, the edge's place integrated over.
-double log_likelihood(const std::vector<Dimmed>& beams, double width_deg) {
-  constexpr double widths = 2.7, least_share = 0.02;
+/// Where surfaces may change, close enough for what falls over `width_deg`, with the weight of each place.
+std::vector<std::pair<double, double>> places_of(const std::vector<Dimmed>& beams, double from_deg,
+                                                 double to_deg, double width_deg) {
+  constexpr double widths = 2.7;
   constexpr int points = 5;
+  std::vector<double> places{from_deg, to_deg};
+  for (const Dimmed& b : beams)
+    for (int i = -points; i <= points; ++i) {
+      const double place = b.inside_deg + i * widths / points * width_deg;
+      if (place > from_deg && place < to_deg) places.push_back(place);
+    }
+  std::ranges::sort(places);
+  std::vector<std::pair<double, double>> weighted;
+  for (std::size_t k = 0; k < places.size(); ++k) {
+    const double left = k == 0 ? places[k] : places[k - 1],
+                 right = k + 1 == places.size() ? places[k] : places[k + 1];
+    weighted.emplace_back(places[k], (right - left) / 2);
+  }
+  return weighted;
+}
+
+double likelihood_of(const Dimmed& b, double log_light, double power) {
+  const double log = power * (log_light + b.by_geometry);
+  return (1 - odd_beam) * normal(b.log_share - log, b.u) + odd_beam * normal(b.log_share, odd_size);
+}
+
+/// Likelihood of an edge past which stray light of the nearer surface is an echo by itself: a small share of
+/// the light, which falls to a half within a degree, and says nothing of the beam's width.
+double likelihood_of_halo(const std::vector<Dimmed>& beams) {
+  constexpr std::array leaks{0.003, 0.01, 0.03, 0.1};
+  constexpr std::array compressions{1.0, 0.8, 0.65, 0.5, 0.4};
+  constexpr double farthest_deg = 2 * reach_deg, step_deg = 0.1;
+  double sum = 0;
+  int all = 0;
+  std::vector<double> log_light(beams.size());
+  for (const double half_rad : halos_rad)
+    for (double place = -farthest_deg; place <= farthest_deg; place += step_deg) {
+      const double sigma_deg = half_rad * deg_per_rad / std::sqrt(2 * std::log(2.0));
+      for (std::size_t i = 0; i < beams.size(); ++i) {
+        const double past = place - beams[i].inside_deg;
+        log_light[i] =
+            beams[i].side < 0 || past < 0 ? 0 : std::log(std::erfc(past / sigma_deg / std::sqrt(2.0)));
+      }
+      for (const double leak : leaks)
+        for (const double power : compressions) {
+          double likelihood = 1;
+          for (std::size_t i = 0; i < beams.size(); ++i)
+            likelihood *=
+                likelihood_of(beams[i], log_light[i] < 0 ? std::log(leak) + log_light[i] : 0, power);
+          sum += likelihood;
+          ++all;
+        }
+    }
+  return sum / all;
+}
+
+/// Likelihood of an edge whose light is another's doing.
+double likelihood_of_odd(const std::vector<Dimmed>& beams) {
+  double independent = 1;
+  for (const Dimmed& b : beams) independent *= normal(b.log_share, odd_size);
+  return (independent + likelihood_of_halo(beams)) / 2;
+}
+
+/// Log-likelihood of a beam that wide, given that a dip shows, the edge's place integrated over.
+double log_likelihood(const std::vector<Dimmed>& beams, double of_odd, double width_deg) {
+  constexpr double widths = 2.7, least_share = 0.02;
   double before = -reach_deg, behind = reach_deg;  // beams between which surfaces change
   for (const Dimmed& b : beams) {
     if (b.side < 0) before = std::max(before, b.inside_deg);
     if (b.side > 0) behind = std::min(behind, b.inside_deg);
   }
-  const double from = before - widths * width_deg, to = behind + widths * width_deg;
-  std::vector<double> places{from, to};
-  for (const Dimmed& b : beams)
-    for (int i = -points; i <= points; ++i) {
-      const double place = b.inside_deg + i * widths / points * width_deg;
-      if (place > from && place < to) places.push_back(place);
-    }
-  std::ranges::sort(places);
   double sum = 0, shown = 0;
-  for (std::size_t k = 0; k < places.size(); ++k) {
-    const double left = k == 0 ? places[k] : places[k - 1],
-                 right = k + 1 == places.size() ? places[k] : places[k + 1], weight = (right - left) / 2;
+  for (const auto& [place, weight] :
+       places_of(beams, before - widths * width_deg, behind + widths * width_deg, width_deg))
     for (const double power : powers) {
       double likelihood = weight;
       bool shows = false;
       for (const Dimmed& b : beams) {
-        const double share =
-                         0.5 * std::erfc(-b.side * (b.inside_deg - places[k]) / width_deg / std::sqrt(2.0)),
-                     light = power * std::log(std::max(least_share, share)),
-                     log = light + power * b.by_geometry;
-        shows = shows || b.is_dip(light);
-        likelihood *=
-            (1 - odd_beam) * normal(b.log_share - log, b.u) + odd_beam * normal(b.log_share, odd_size);
+        const double share = 0.5 * std::erfc(-b.side * (b.inside_deg - place) / width_deg / std::sqrt(2.0)),
+                     light = std::log(std::max(least_share, share));
+        shows = shows || b.is_dip(power * light);
+        likelihood *= likelihood_of(b, light, power);
       }
       if (!shows) continue;
       shown += weight;
       sum += likelihood;
     }
-  }
-  double odd = odd_edge;
-  for (const Dimmed& b : beams) odd *= normal(b.log_share, odd_size);
-  return std::log(odd + (shown > 0 ? (1 - odd_edge) * sum / shown : 0));
+  return std::log(odd_edge * of_odd + (shown > 0 ? (1 - odd_edge) * sum / shown : 0));
 }
 
 /// Light that is missing beside an edge, where any is: the rest of the beam went past, to the surface behind.
@@ -154,8 +201,9 @@ model::ChannelKind make_footprint() {
       // Named, as clang 14 takes no structured binding into a lambda.
       const std::vector<Dimmed>& beams = shown[i].second;
       const Transition& edge = shown[i].first;
+      const double of_odd = likelihood_of_odd(beams);
       rows.push_back({edge.at(), edge.capture(), model::WidthLikelihood([&](double width_deg) {
-                        return log_likelihood(beams, width_deg);
+                        return log_likelihood(beams, of_odd, width_deg);
                       })});
     }
     if (rows.empty()) return nullptr;

@@ -177,6 +177,29 @@ TEST_CASE("boards with a dark rim are no wide beam") {
   CHECK_FALSE(found(e, "mixed-pixel"));
 }
 
+TEST_CASE("weak echoes of stray light past the edges of nearer boards are no wide beam") {
+  const PlainScene scene = boards_in_place();
+  const auto with_halo = [scene](double beam_rad, double stage_rad, auto& range, auto& intensity) {
+    constexpr double leak_of_degree = 0.08, half_deg = 0.65, weakest = 0.003, compressed = 0.45;
+    const auto own = look(scene, {}, stage_rad, beam_rad);
+    double light = 0, sum_mm = 0, counts = 0;
+    for (double aside = -1.5; own && aside <= 1.5; aside += 0.05) {
+      const auto met = look(scene, {}, stage_rad, beam_rad + aside * degree);
+      if (!met || met->range_mm > own->range_mm - 500) continue;
+      const double share = 0.05 * leak_of_degree * std::exp2(-std::pow(aside / half_deg, 2.0));
+      light += share, sum_mm += share * met->range_mm;
+      counts = 3e6 * std::cos(met->incidence_rad) / met->range_mm;
+    }
+    if (light < weakest) return;
+    range = static_cast<std::uint16_t>(std::lround(range + sum_mm / light - own->range_mm));
+    intensity = static_cast<std::uint16_t>(std::pow(light, compressed) * counts);
+  };
+  const SyntheticRecording recording = remade(scene, 16, with_halo);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  CHECK_FALSE(found(e, "mixed-pixel"));
+}
+
 TEST_CASE("few samples between two surfaces are a wide beam's, and neither outliers nor loose angles") {
   const PlainScene scene = boards_in_place();
   const auto blended = [&](const plain_bench::Sample& sample, std::mt19937&) {
