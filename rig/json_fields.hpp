@@ -7,12 +7,13 @@
 
 namespace rig {
 
-// Members of documents that others wrote: what is missing or of another kind is not there.
+// Members of documents that others wrote: what is missing, empty or of another kind is not there.
 
 inline std::string text_of(const nlohmann::json& object, const char* key, const std::string& otherwise = "") {
   if (!object.is_object() || !object.contains(key)) return otherwise;
   const nlohmann::json& value = object.at(key);
-  if (value.is_string()) return value.get<std::string>();
+  if (value.is_string())
+    return value.get_ref<const std::string&>().empty() ? otherwise : value.get<std::string>();
   return value.is_null() ? otherwise : value.dump();
 }
 

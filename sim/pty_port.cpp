@@ -72,6 +72,21 @@ class Descriptor {
   int fd_ = -1;
 };
 
+/// A lock of its own kind: the rig takes another one of the port that it has opened (flock).
+bool lock(int fd, int command, struct flock& lock) {
+  lock.l_type = F_WRLCK;
+  lock.l_whence = SEEK_SET;
+  return ::fcntl(fd, command, &lock) == 0;
+}
+
+/// Whether a simulator holds the pseudo-terminal there. One that was killed holds nothing any more, and
+/// something else may have got its number.
+bool is_held(const std::string& path) {
+  const Descriptor fd(::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+  struct flock held {};
+  return fd.get() >= 0 && lock(fd.get(), F_OFD_GETLK, held) && held.l_type != F_UNLCK;
+}
+
 }  // namespace
 
 struct PtyPort::Impl : std::enable_shared_from_this<PtyPort::Impl> {
@@ -126,6 +141,8 @@ void PtyPort::Impl::open() {
   settings.c_cc[VTIME] = 0;
   ::cfsetspeed(&settings, termios_speed(device.baud()));
   if (::tcsetattr(slave.get(), TCSANOW, &settings) != 0) refuse(std::string("cannot set up ") + name.data());
+  struct flock own {};
+  lock(slave.get(), F_OFD_SETLK, own);
   path = name.data();
   master.assign(fd.release());
   ++connection;
@@ -157,6 +174,11 @@ void PtyPort::Impl::make_link() {
     throw std::system_error(
         std::make_error_code(std::errc::file_exists),
         "the stage's link " + options.link + " would replace a file: choose another path");
+  if (fs::is_symlink(there) && fs::read_symlink(link, failed) != path && is_held(options.link))
+    throw std::system_error(
+        std::make_error_code(std::errc::device_or_resource_busy),
+        "the stage's link " + options.link +
+            " leads to the stage of another simulator that is running: choose another path");
   fs::remove(link, failed);
   fs::create_symlink(path, link, failed);
   if (failed) throw std::system_error(failed, "cannot make the stage's link " + options.link);

@@ -28,6 +28,7 @@
 #include "rig/runner/operators.hpp"
 #include "rig/runner/run_view.hpp"
 #include "rig/runner/scip_source.hpp"
+#include "rig/session/database_errors.hpp"
 #include "rig/stage/stage_patience.hpp"
 
 namespace rig::commands {
@@ -101,9 +102,8 @@ class LiveView final : public RunView {
   std::uint64_t messages_ = 0;
 };
 
-/// In a handler: whether the run ended before its first step was done, by what is no fault of the session's
-/// file.
-inline bool is_unbegun(const SessionStore& session) {
+/// In a handler: whether the run was ended by what is no fault of the session's file.
+inline bool is_fault_of_others() {
   try {
     throw;
   } catch (const RunStopped&) {
@@ -112,11 +112,20 @@ inline bool is_unbegun(const SessionStore& session) {
   } catch (...) {
     return false;
   }
+  return true;
+}
+
+/// Removes a session whose first step was not done, which would only be in the way of the next attempt.
+inline bool remove_if_unbegun(std::unique_ptr<SessionStore>& session) {
+  const std::string path = session->path();
   try {
-    return session.progress().empty();
+    if (!session->progress().empty() || session->count_captures() > 0) return false;
   } catch (const std::exception&) {
     return false;
   }
+  session.reset();
+  std::error_code failed;
+  return std::filesystem::remove(path, failed);
 }
 
 /// A procedure on its devices, with all that watches and answers it: what `rig run` and `rig resume` share.
@@ -173,12 +182,13 @@ class DeviceRun {
         out, resumed ? SessionStore::Mode::append : SessionStore::Mode::create);
     try {
       return run_in(*stored, procedure, bench, lidar_address, known_stage);
+    } catch (const SessionDiskError&) {
+      if (resumed || !remove_if_unbegun(stored)) throw;
+      throw MeasurementError("cannot write " + out +
+                             ": the disk is full or fails. Nothing was captured, and nothing is left of the "
+                             "file. Free some space, or choose another disk, and begin again.");
     } catch (...) {
-      if (!resumed && is_unbegun(*stored)) {
-        stored.reset();  // It would only be in the way of the next attempt.
-        std::error_code ignored;
-        std::filesystem::remove(out, ignored);
-      }
+      if (!resumed && is_fault_of_others()) remove_if_unbegun(stored);
       throw;
     }
   }

@@ -47,7 +47,7 @@ class Investigate : public Command {
     command
         ->add_option("--budget-min", options_.budget_min,
                      "Minutes that stage, scans and operator may take together")
-        ->check(CLI::PositiveNumber)
+        ->check(CLI::Range(0.01, 1e5, "MINUTES"))
         ->capture_default_str();
     command->add_flag("--unattended", options_.unattended,
                       "Unattended: no experiment that needs an operator");
@@ -82,6 +82,10 @@ class Investigate : public Command {
           "--bench is missing: the bench file says what stands where. `rig new bench FILE` writes a "
           "commented one.");
     const fit::Bench bench = read_bench_file(bench_);
+    // One that was killed before it began has left its folder at least.
+    if (options_.resume && !std::filesystem::exists(options_.folder))
+      throw UsageError("there is no investigation in " + options_.folder +
+                       " to continue. Check the folder's name; without --resume one is begun.");
     const FolderLock lock(options_.folder);
     const std::unique_ptr<LivePage> page = devices_.page_for_several();
     investigate::Actions actions;

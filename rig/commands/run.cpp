@@ -45,6 +45,29 @@ void check_fits(const std::vector<Step>& steps, const Variables& variables) {
   }
 }
 
+/// The kinds of all calibrations; "" where only the run will know one.
+void add_kinds(const std::vector<Step>& steps, std::set<std::string>& kinds) {
+  for (const Step& step : steps) {
+    add_kinds(step.steps, kinds);
+    if (const Node* kind = step.kind->calibration(step.options))
+      kinds.insert(has_expression(kind->scalar) ? "" : kind->scalar);
+  }
+}
+
+/// A limit on what the procedure never computes is found before its captures, too.
+void check_limits_of(const Procedure& procedure) {
+  std::set<std::string> kinds;
+  add_kinds(procedure.steps, kinds);
+  if (kinds.contains("")) return;
+  for (const Limit& limit : procedure.limits) {
+    if (kinds.contains(limit.kind)) continue;
+    check_fit_at(limit.position, limit.kind, nullptr);
+    throw ProcedureError(limit.position, "no step computes '" + limit.kind + "', so '" + limit.name +
+                                             "' would limit nothing. Add a step 'fit: {kind: " + limit.kind +
+                                             "}', or remove the limit.");
+  }
+}
+
 class Run : public Command {
  public:
   CLI::App* declare(CLI::App& root) override {
@@ -64,6 +87,7 @@ class Run : public Command {
   int run() override {
     const Procedure procedure = read_procedure(find_procedure(procedure_), overrides());
     check_fits(procedure.steps, procedure.variables);
+    check_limits_of(procedure);
     if (out_.empty()) out_ = procedure.name + ".rig";
     demand_place_of_reports(procedure.steps);
     demand_place_to_write();

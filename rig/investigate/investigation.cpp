@@ -193,6 +193,14 @@ void Investigation::begin() {
   if (first.session.needs_operator && state_.unattended)
     throw UsageError(options_.procedure +
                      " needs an operator, and --unattended excludes one. Leave one out.");
+  if (first.session.cost.total() > state_.budget_min)
+    throw UsageError("the first session alone takes " + fit::rounded(first.session.cost.total(), 2) + " min" +
+                     (first.session.cost.hand > 0
+                          ? ", of which an operator's " + fit::rounded(first.session.cost.hand, 2)
+                          : "") +
+                     ", more than the --budget-min of " + fit::rounded(state_.budget_min, 3) +
+                     ". Allow more, give a shorter procedure" +
+                     (first.session.cost.hand > 0 ? ", or leave the operator out (--unattended)." : "."));
   write_file_atomically(file("bench.json"), bench_text_ + "\n");
   state_.rounds.push_back(std::move(first));
   save();

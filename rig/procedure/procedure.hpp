@@ -111,6 +111,7 @@ struct Limit {
   std::optional<double> max_expanded;  ///< Largest expanded uncertainty (k = 2) allowed.
   bool guarded = false;                ///< Guard band as wide as the expanded uncertainty (ILAC-G8:09/2019).
   double guard_band = 0;               ///< Or of this fixed width.
+  FilePosition position = {};          ///< Of what it is about.
 };
 
 /// How the stage is to be moved, unless a step says otherwise.

@@ -29,7 +29,7 @@ const std::vector<Option>& limit_options() {
       {.name = "name", .type = Option::Type::text, .about = "what the report calls it", .required = true},
       {.name = "of",
        .type = Option::Type::text,
-       .about = "the result's value, as KIND.VALUE (centre.x_mm)",
+       .about = "the result's value, as KIND.VALUE (centre.centre_x_mm)",
        .required = true},
       {.name = "min", .about = "smallest allowed value"},
       {.name = "max", .about = "largest allowed value"},
@@ -70,7 +70,8 @@ Limit read_limit(const Node& node, const Variables& variables) {
   const auto dot = of.find('.');
   if (dot == std::string::npos || dot == 0 || dot + 1 == of.size())
     throw ProcedureError(arguments.position_of("of"),
-                         "'of' must be KIND.VALUE, as in centre.x_mm, not '" + of + "'.");
+                         "'of' must be KIND.VALUE, as in centre.centre_x_mm, not '" + of + "'.");
+  limit.position = arguments.position_of("of");
   limit.kind = of.substr(0, dot);
   limit.value = of.substr(dot + 1);
   limit.min = arguments.maybe_number("min");

@@ -20,8 +20,8 @@ std::uint16_t parse_port(const std::string& digits, const std::string& refusal) 
 
 Endpoint parse_endpoint(const std::string& text, const std::string& what, std::uint16_t default_port) {
   const std::string refusal = what + " '" + text +
-                              "' is not an address; write tcp://HOST:PORT, for example " +
-                              "tcp://192.168.0.10:10940.";
+                              "' is not an address; write HOST:PORT, for example 192.168.0.10:" +
+                              std::to_string(default_port > 0 ? default_port : 10940) + ".";
   std::string rest = text;
   if (const auto scheme = rest.find("://"); scheme != std::string::npos) {
     if (rest.substr(0, scheme) != "tcp") throw UsageError(refusal);

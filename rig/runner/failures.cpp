@@ -3,6 +3,7 @@
 
 #include "rig/errors.hpp"
 #include "rig/runner/runner.hpp"
+#include "rig/session/database_errors.hpp"
 #include "rig/stage/stage.hpp"
 
 namespace rig {
@@ -30,6 +31,7 @@ std::exception_ptr with_more_words(const std::exception_ptr& why, const std::str
   if (is_a<StageLost>(why)) return std::make_exception_ptr(StageLost(text));
   if (is_a<StageError>(why)) return std::make_exception_ptr(StageError(text));
   if (is_a<DeviceError>(why)) return std::make_exception_ptr(DeviceError(text));
+  if (is_a<SessionDiskError>(why)) return std::make_exception_ptr(SessionDiskError(text));
   if (is_a<MeasurementError>(why)) return std::make_exception_ptr(MeasurementError(text));
   return why;
 }

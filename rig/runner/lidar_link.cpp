@@ -21,9 +21,9 @@ namespace {
 
 constexpr int failures_without_scan = 3;  // A lidar that reconnects and never measures is lost.
 
-/// A lidar that is switched on with its network switch takes longer than one that comes back.
-constexpr double longest_start_s = 30, first_start_pause_s = 1, longest_start_pause_s = 5;
-constexpr int connect_attempts = 4;  // 0.5, 1, 2, 4 s apart: an UST-10LX is back about 3 s after power-up.
+/// A lidar that is switched on with its network switch takes longer than one alone, which is back after 3 s.
+constexpr double longest_wait_s = 30, longest_pause_s = 5;
+constexpr double first_start_pause_s = 1, first_pause_s = 0.5;
 
 }  // namespace
 
@@ -174,7 +174,7 @@ awaitable<void> LidarLink::connect() {
 awaitable<void> LidarLink::await_first() {
   const std::int64_t begun_us = parts_.clock.host_us();
   bool said_why = false;
-  for (double pause_s = first_start_pause_s;; pause_s = std::min(pause_s + 1, longest_start_pause_s)) {
+  for (double pause_s = first_start_pause_s;; pause_s = std::min(pause_s + 1, longest_pause_s)) {
     std::exception_ptr why;
     try {
       co_await connect();
@@ -183,9 +183,9 @@ awaitable<void> LidarLink::await_first() {
     }
     if (!why) co_return;
     control_.stop_if_aborted();
-    const double left_s = longest_start_s - static_cast<double>(parts_.clock.host_us() - begun_us) / 1e6;
+    const double left_s = longest_wait_s - static_cast<double>(parts_.clock.host_us() - begun_us) / 1e6;
     if (left_s <= 0)
-      throw DeviceError(sentence(why) + " The rig waited " + fit::format_value(longest_start_s, 0) +
+      throw DeviceError(sentence(why) + " The rig waited " + fit::format_value(longest_wait_s, 0) +
                         " s, as long as a lidar takes to start. Nothing was moved.");
     const std::string goes_on = fit::format_value(std::ceil(left_s), 0) + " s; Ctrl-C stops.";
     if (!said_why)
@@ -207,8 +207,9 @@ awaitable<void> LidarLink::reconnect(std::exception_ptr why) {
 }
 
 awaitable<void> LidarLink::connect_again(std::exception_ptr why) {
-  double pause_s = 0.5;
-  for (int attempt = 1; attempt <= connect_attempts; ++attempt, pause_s *= 2) {
+  const std::int64_t begun_us = parts_.clock.host_us();
+  for (double pause_s = first_pause_s, waited_s = 0; waited_s < longest_wait_s;
+       pause_s = std::min(2 * pause_s, longest_pause_s)) {
     control_.stop_if_aborted();
     co_await parts_.clock.sleep(pause_s);
     try {
@@ -222,9 +223,11 @@ awaitable<void> LidarLink::connect_again(std::exception_ptr why) {
       time_.lidar_began_anew();
       co_return;
     }
+    waited_s = static_cast<double>(parts_.clock.host_us() - begun_us) / 1e6;
   }
   control_.stop_if_aborted();
-  throw DeviceError("The lidar was lost and did not come back: " + sentence(why) +
+  throw DeviceError("The lidar was lost and did not come back within " +
+                    fit::format_value(longest_wait_s, 0) + " s: " + sentence(why) +
                     " What was captured is in " + session_.path() +
                     ". Check the lidar's power and cable, then continue with rig resume.");
 }

@@ -130,6 +130,18 @@ TEST_CASE("the dossier and the lines for programs do not share standard output")
 }
 
 TEST_CASE(
+    "an investigation that does not exist is not continued, and a budget that the first session exceeds "
+    "refused") {
+  const InvestigatedBench bench(eccentric);
+  Program missing(bench.command({"--unattended", "--resume"}), bench.folder());
+  CHECK(missing.exit_status() == 2);
+  CHECK(missing.errors().find("there is no investigation in") != std::string::npos);
+  Program short_of_time(bench.command({"--unattended", "--budget-min", "0.05"}), bench.folder());
+  CHECK(short_of_time.exit_status() == 2);
+  CHECK(short_of_time.errors().find("more than the --budget-min of 0.05") != std::string::npos);
+}
+
+TEST_CASE(
     "an investigation that is killed between any two of its steps, and within a session, goes on where it "
     "was") {
   const InvestigatedBench bench(eccentric);
@@ -137,8 +149,9 @@ TEST_CASE(
   int killed = 0;
   for (int life = 1;; ++life) {
     REQUIRE(life < 40);
-    Program rig(bench.command({"--unattended", "--budget-min", "10", "--json-log", "--resume"}),
-                bench.folder());
+    std::vector<std::string> options{"--unattended", "--budget-min", "10", "--json-log"};
+    if (life > 1) options.emplace_back("--resume");
+    Program rig(bench.command(options), bench.folder());
     bool ended = true;
     int words = 0, progress = 0;
     while (const auto line = rig.line(std::chrono::seconds(120))) {

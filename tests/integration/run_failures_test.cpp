@@ -4,6 +4,8 @@
 #include <boost/asio/io_context.hpp>
 #include <catch2/catch.hpp>
 #include <cstdlib>
+#include <fstream>
+#include <map>
 
 #include "rig/session/session_store.hpp"
 #include "tests/support/programs.hpp"
@@ -250,6 +252,42 @@ TEST_CASE("a limit that is not met is exit status 1 with the limit in the summar
   Program rig(bench.command(bench.folder / "p.yaml"), bench.folder);
   CHECK(rig.exit_status() == 1);
   CHECK_THAT(rig.errors(), Contains("fail") && Contains("Noise") && Contains("not every limit is met"));
+}
+
+TEST_CASE("a limit on what no step computes is refused where it stands, before anything moves") {
+  Bench bench;
+  for (const auto& [of, says] :
+       std::map<std::string, std::string>{{"centre.centre_x_mm", "no step computes 'centre'"},
+                                          {"center.centre_x_mm", "did you mean 'centre'"}}) {
+    bench.write("p.yaml",
+                "procedure: test\nsteps:\n  - home\n  - capture: {samples: 5}\n  - fit: {kind: noise}\n"
+                "limits:\n  - {name: Centre, of: " +
+                    of + ", max: 1}\n");
+    Program rig(bench.command(bench.folder / "p.yaml"), bench.folder);
+    CHECK(rig.exit_status() == 2);
+    CHECK_THAT(rig.errors(), Contains("p.yaml:7:24: ") && Contains(says));
+    CHECK(!std::filesystem::exists(bench.folder / "out.rig"));
+  }
+}
+
+TEST_CASE("a second simulator does not take the first one's link, and takes that of one that was killed") {
+  const TestFolder folder;
+  std::ofstream(folder / "bench.json") << R"({"schema": "bench/1"})";
+  const std::vector<std::string> command = {RIG_BIN_DIR "/rig-sim", "--bench", folder / "bench.json",
+                                            "--lidar-port",         "0",       "--stage-link",
+                                            folder / "stage"};
+  Program first(command, folder);
+  REQUIRE(first.line(std::chrono::seconds(30)));
+  const auto stage = std::filesystem::read_symlink(folder / "stage");
+  Program second(command, folder);
+  CHECK(second.exit_status() != 0);
+  CHECK_THAT(second.errors(), Contains("another simulator"));
+  CHECK(std::filesystem::read_symlink(folder / "stage") == stage);
+  first.signal(SIGKILL);
+  static_cast<void>(first.exit_status());
+  Program third(command, folder);
+  CHECK(third.line(std::chrono::seconds(30)));
+  CHECK(std::filesystem::exists(folder / "stage"));
 }
 
 TEST_CASE("a procedure can write a report nowhere but beside its session") {

@@ -28,6 +28,9 @@ class SqliteArchive final : public ArchiveDatabase {
       }
       database_->exec("PRAGMA trusted_schema = OFF");
     } catch (const SQLite::Exception& error) {
+      if (!std::filesystem::exists(path))
+        throw UsageError(path + " cannot be made: " + error.what() +
+                         ". Check that its folder exists and may be written.");
       throw UsageError(
           path + " cannot be opened as an archive's index: " + error.what() +
           ". If it is damaged, remove it: `rig archive add FOLDER` rebuilds it from the sessions.");

@@ -96,9 +96,11 @@ TEST_CASE("slips in what the certificate prints are refused as anywhere in a ben
   const auto with = [](const std::string& certificate) {
     return complaint_of(example_with("\"known\":", "\"certificate\": {" + certificate + "}, \"known\":"));
   };
-  CHECK(with(R"("laboratory": "X", "received": "2026-05-12", "environment": {"temperature_c": 23.5},
+  CHECK(
+      with(
+          R"("laboratory": "X", "received": "2026-05-12", "item_state": "", "environment": {"temperature_c": 23.5},
                "equipment": [{"name": "rule", "due": "2027-01"}], "room": "B 12")")
-            .empty());
+          .empty());
   CHECK_THAT(with(R"("labratory": "X")"), Catch::Contains("did you mean \"laboratory\"?"));
   CHECK_THAT(with(R"("authorized_by": "X")"), Catch::Contains("did you mean \"authorised_by\"?"));
   CHECK_THAT(with(R"("environment": {"temprature_c": 23})"),
@@ -107,6 +109,7 @@ TEST_CASE("slips in what the certificate prints are refused as anywhere in a ben
   CHECK_THAT(with(R"("equipment": {"name": "rule"})"), Catch::Contains("must be a list"));
   CHECK_THAT(with(R"("equipment": [{"nam": "rule"}])"), Catch::Contains("did you mean \"name\"?"));
   CHECK_THAT(with(R"("received": "12.05.2026")"), Catch::Contains("YYYY-MM-DD"));
+  CHECK(with(R"("received": "")").empty());
   CHECK_THAT(with(R"("laboratory": 7)"), Catch::Contains("must be text"));
 }
 
