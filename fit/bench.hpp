@@ -17,6 +17,7 @@ namespace fit {
 /// Where the lidar's optical centre sits on the stage: its origin at stage angle 0 and its yaw.
 struct Mount {
   Estimate x_mm{0}, y_mm{0}, yaw_rad{0};
+  friend bool operator==(const Mount&, const Mount&) = default;
 };
 
 /// The lidar's scan pattern. Beam k points to `beam_angle(k)` in the lidar's frame, counter-clockwise.
@@ -65,6 +66,7 @@ struct KnownMechanism {
   std::string mechanism;
   std::map<std::string, Estimate> parameters;
   std::map<std::string, std::string> texts;
+  friend bool operator==(const KnownMechanism&, const KnownMechanism&) = default;
 };
 
 /// What the operator knows of the set-up: the prior of every fit and the scene of the simulator

@@ -29,6 +29,7 @@ struct Dimmed {
   int side = 1;           ///< +1: it met the nearer one.
   double log_share = 0, u = 0;
   double by_geometry = 0;  ///< What of it incidence and range make.
+  double odd = 0;          ///< Its likelihood where something else dims the beam.
 
   [[nodiscard]] bool is_dip(double log) const { return log < -std::max(least_dip, 5 * u); }
 };
@@ -62,8 +63,10 @@ void add_side(const Transition& edge, int side, std::vector<Dimmed>& list) {
   if (usual.points() < 2) return;
   for (const Beside* b : beams) {
     const double inside = b->inside_deg - change, geometry = b->log_echo - level_at(by_law, inside);
-    list.push_back({inside, side, std::log(b->counts) - level_at(usual, inside),
-                    std::hypot(surface_doubt, b->u_counts / b->counts, lambert_doubt * geometry), geometry});
+    const double log_share = std::log(b->counts) - level_at(usual, inside);
+    list.push_back({inside, side, log_share,
+                    std::hypot(surface_doubt, b->u_counts / b->counts, lambert_doubt * geometry), geometry,
+                    normal(log_share, odd_size)});
   }
 }
 
@@ -77,16 +80,21 @@ std::vector<Dimmed> dimmed_beams(const Transition& edge) {
   return list;
 }
 
-/// Where surfaces may change, close enough for what falls over `width_deg`, with the weight of each place.
-std::vector<std::pair<double, double>> places_of(const std::vector<Dimmed>& beams, double from_deg,
-                                                 double to_deg, double width_deg) {
+/// Where surfaces may change, close enough for beams that wide, with the weight of each place.
+std::vector<std::pair<double, double>> places_of(const std::vector<Dimmed>& beams, double width_deg) {
   constexpr double widths = 2.7;
   constexpr int points = 5;
-  std::vector<double> places{from_deg, to_deg};
+  double before = -reach_deg, behind = reach_deg;  // beams between which surfaces change
+  for (const Dimmed& b : beams) {
+    if (b.side < 0) before = std::max(before, b.inside_deg);
+    if (b.side > 0) behind = std::min(behind, b.inside_deg);
+  }
+  const double from = before - widths * width_deg, to = behind + widths * width_deg;
+  std::vector<double> places{from, to};
   for (const Dimmed& b : beams)
     for (int i = -points; i <= points; ++i) {
       const double place = b.inside_deg + i * widths / points * width_deg;
-      if (place > from_deg && place < to_deg) places.push_back(place);
+      if (place > from && place < to) places.push_back(place);
     }
   std::ranges::sort(places);
   std::vector<std::pair<double, double>> weighted;
@@ -100,7 +108,7 @@ std::vector<std::pair<double, double>> places_of(const std::vector<Dimmed>& beam
 
 double likelihood_of(const Dimmed& b, double log_light, double power) {
   const double log = power * (log_light + b.by_geometry);
-  return (1 - odd_beam) * normal(b.log_share - log, b.u) + odd_beam * normal(b.log_share, odd_size);
+  return (1 - odd_beam) * normal(b.log_share - log, b.u) + odd_beam * b.odd;
 }
 
 /// Likelihood of an edge past which stray light of the nearer surface is an echo by itself: a small share of
@@ -112,9 +120,9 @@ double likelihood_of_halo(const std::vector<Dimmed>& beams) {
   double sum = 0;
   int all = 0;
   std::vector<double> log_light(beams.size());
-  for (const double half_rad : halos_rad)
+  for (const double half_rad : halos_rad) {
+    const double sigma_deg = half_rad * deg_per_rad / std::sqrt(2 * std::log(2.0));
     for (double place = -farthest_deg; place <= farthest_deg; place += step_deg) {
-      const double sigma_deg = half_rad * deg_per_rad / std::sqrt(2 * std::log(2.0));
       for (std::size_t i = 0; i < beams.size(); ++i) {
         const double past = place - beams[i].inside_deg;
         log_light[i] =
@@ -130,27 +138,22 @@ double likelihood_of_halo(const std::vector<Dimmed>& beams) {
           ++all;
         }
     }
+  }
   return sum / all;
 }
 
 /// Likelihood of an edge whose light is another's doing.
 double likelihood_of_odd(const std::vector<Dimmed>& beams) {
   double independent = 1;
-  for (const Dimmed& b : beams) independent *= normal(b.log_share, odd_size);
+  for (const Dimmed& b : beams) independent *= b.odd;
   return (independent + likelihood_of_halo(beams)) / 2;
 }
 
 /// Log-likelihood of a beam that wide, given that a dip shows, the edge's place integrated over.
 double log_likelihood(const std::vector<Dimmed>& beams, double of_odd, double width_deg) {
-  constexpr double widths = 2.7, least_share = 0.02;
-  double before = -reach_deg, behind = reach_deg;  // beams between which surfaces change
-  for (const Dimmed& b : beams) {
-    if (b.side < 0) before = std::max(before, b.inside_deg);
-    if (b.side > 0) behind = std::min(behind, b.inside_deg);
-  }
+  constexpr double least_share = 0.02;
   double sum = 0, shown = 0;
-  for (const auto& [place, weight] :
-       places_of(beams, before - widths * width_deg, behind + widths * width_deg, width_deg))
+  for (const auto& [place, weight] : places_of(beams, width_deg))
     for (const double power : powers) {
       double likelihood = weight;
       bool shows = false;

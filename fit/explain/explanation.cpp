@@ -52,18 +52,6 @@ void refuse_nothing_to_compare(const Reduced& reduced) {
         "the scans");
 }
 
-/// Once everything is where it fits best.
-void refuse_nothing_that_fits(const Reduced& reduced) {
-  if (reduced.smooth_cells() > 0) return;
-  throw std::invalid_argument(
-      "none of the " + std::to_string(reduced.cells.size()) +
-      " cells of the recording can be compared with the bench" +
-      (reduced.astray > 0 ? ": " + std::to_string(reduced.astray) + " lie more than " +
-                                rounded(astray_mm, 3) + " mm off its targets"
-                          : "") +
-      ". Check that it is the bench file of this set-up, and that beams meet targets away from edges");
-}
-
 /// What the model takes as known: the noise, how wide beams are at edges, and coarse steps.
 SpreadResult before_the_model(Reduced& reduced) {
   SpreadResult result;
@@ -139,7 +127,6 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
   reduction::steady_echoes(reduced);
   Searched found = search(std::move(reduced), progress);
   Findings& findings = found.findings;
-  refuse_nothing_that_fits(findings.reduced);
   Explanation explanation = reported(found);
   complete_twin(findings.reduced, findings.means, explanation);
   explanation.predictor = predictor_of(findings.reduced, findings.means, findings.spread);

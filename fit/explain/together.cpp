@@ -83,27 +83,18 @@ void note_unknown_warmth(const std::vector<const Recording*>& recordings, std::v
         rounded(steady_c, 2) + " \u00b1 " + rounded(2 * u_unread_k, 2) + " deg C.");
 }
 
-bool same(const Estimate& a, const Estimate& b) { return a.value == b.value && a.u == b.u; }
-
-bool same(const KnownMechanism* a, const KnownMechanism* b) {
-  if (!a || !b) return a == b;
-  return a->texts == b->texts &&
-         std::ranges::equal(a->parameters, b->parameters, [](const auto& x, const auto& y) {
-           return x.first == y.first && same(x.second, y.second);
-         });
-}
-
 /// What benches say beside their targets holds for all sessions as the first has it.
 void note_other_benches(const std::vector<const Recording*>& recordings, std::vector<std::string>& notes) {
   std::set<std::string> differ;
   const Bench& first = recordings.front()->bench();
   for (const Recording* recording : recordings) {
     const Bench& other = recording->bench();
-    const Mount &a = first.lidar.mount, &b = other.lidar.mount;
-    if (!same(a.x_mm, b.x_mm) || !same(a.y_mm, b.y_mm) || !same(a.yaw_rad, b.yaw_rad)) differ.insert("mount");
+    if (first.lidar.mount != other.lidar.mount) differ.insert("mount");
     for (const Bench* bench : {&first, &other})
-      for (const KnownMechanism& known : bench->known)
-        if (!same(first.knows(known.mechanism), other.knows(known.mechanism))) differ.insert(known.mechanism);
+      for (const KnownMechanism& known : bench->known) {
+        const KnownMechanism *here = first.knows(known.mechanism), *there = other.knows(known.mechanism);
+        if (!here || !there || *here != *there) differ.insert(known.mechanism);
+      }
   }
   if (differ.empty()) return;
   std::string list;

@@ -2,6 +2,8 @@
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <set>
+#include <string>
 
 #include "rig/commands/device_run.hpp"
 #include "rig/runner/bench_doubts.hpp"

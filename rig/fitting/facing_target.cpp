@@ -30,11 +30,12 @@ std::optional<Face> face_of(const std::vector<Vector2d>& seen, const FacingTarge
   const Vector2d along(-board.normal.y(), board.normal.x());
   std::map<long, std::vector<double>> bins;
   for (const Vector2d& p : seen) bins[std::lround(along.dot(p) / bin_mm)].push_back(board.normal.dot(p));
+  if (bins.empty()) return std::nullopt;
   // Noise carries a few samples of the outermost beams farther out, the longest alone.
   constexpr double own_beam = 0.25;  // of the usual number in a bin
   std::vector<double> counts;
   for (const auto& [place, depths] : bins) counts.push_back(static_cast<double>(depths.size()));
-  const double fewest = bins.empty() ? 0 : own_beam * fit::median_of(counts);
+  const double fewest = own_beam * fit::median_of(counts);
   std::erase_if(bins, [&](const auto& bin) { return static_cast<double>(bin.second.size()) < fewest; });
   struct Bin {
     double at_mm, depth_mm;
@@ -47,7 +48,6 @@ std::optional<Face> face_of(const std::vector<Vector2d>& seen, const FacingTarge
     for (double& depth : depths) depth = std::abs(depth - middle);
     if (depths.size() >= 5) scatter.push_back(1.4826 * fit::median_of(depths));
   }
-  if (profile.empty()) return std::nullopt;
   const double step_mm = std::max(least_step_mm, 2 * fit::median_of(scatter));
   const auto nearest = static_cast<std::size_t>(
       std::ranges::min_element(profile, {}, [](const Bin& b) { return std::abs(b.at_mm); }) -

@@ -53,6 +53,11 @@ bool has_data(const std::string& path) {
   return !missing && size > 0;
 }
 
+std::string in_words(const Cost& cost) {
+  return fit::rounded(cost.total(), 2) + " min" +
+         (cost.hand > 0 ? ", of which an operator's " + fit::rounded(cost.hand, 2) : "");
+}
+
 Conclusions conclusions_of(const Explanation& found) {
   Conclusions conclusions;
   using Verdict = Conclusions::Verdict;
@@ -194,10 +199,7 @@ void Investigation::begin() {
     throw UsageError(options_.procedure +
                      " needs an operator, and --unattended excludes one. Leave one out.");
   if (first.session.cost.total() > state_.budget_min)
-    throw UsageError("the first session alone takes " + fit::rounded(first.session.cost.total(), 2) + " min" +
-                     (first.session.cost.hand > 0
-                          ? ", of which an operator's " + fit::rounded(first.session.cost.hand, 2)
-                          : "") +
+    throw UsageError("the first session alone takes " + in_words(first.session.cost) +
                      ", more than the --budget-min of " + fit::rounded(state_.budget_min, 3) +
                      ". Allow more, give a shorter procedure" +
                      (first.session.cost.hand > 0 ? ", or leave the operator out (--unattended)." : "."));
@@ -213,9 +215,7 @@ Procedure Investigation::procedure_of(const Session& session) const {
 void Investigation::record(Session& session) {
   if (session.recorded) return;
   const std::string path = file(session.name + ".rig");
-  actions_.say(
-      session.name + ": " + session.title + " (" + fit::rounded(session.cost.total(), 2) + " min" +
-      (session.cost.hand > 0 ? ", of which an operator's " + fit::rounded(session.cost.hand, 2) : "") + ")");
+  actions_.say(session.name + ": " + session.title + " (" + in_words(session.cost) + ")");
   publish();
   try {
     actions_.record(procedure_of(session), path, has_data(path));

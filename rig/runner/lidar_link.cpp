@@ -25,6 +25,10 @@ constexpr int failures_without_scan = 3;  // A lidar that reconnects and never m
 constexpr double longest_wait_s = 30, longest_pause_s = 5;
 constexpr double first_start_pause_s = 1, first_pause_s = 0.5;
 
+double seconds_since(std::int64_t begun_us, const RunClock& clock) {
+  return static_cast<double>(clock.host_us() - begun_us) / 1e6;
+}
+
 }  // namespace
 
 LidarLink::LidarLink(RunnerParts& parts, const fit::Bench& bench, SessionStore& session, SessionClock& time,
@@ -183,7 +187,7 @@ awaitable<void> LidarLink::await_first() {
     }
     if (!why) co_return;
     control_.stop_if_aborted();
-    const double left_s = longest_wait_s - static_cast<double>(parts_.clock.host_us() - begun_us) / 1e6;
+    const double left_s = longest_wait_s - seconds_since(begun_us, parts_.clock);
     if (left_s <= 0)
       throw DeviceError(sentence(why) + " The rig waited " + fit::format_value(longest_wait_s, 0) +
                         " s, as long as a lidar takes to start. Nothing was moved.");
@@ -223,7 +227,7 @@ awaitable<void> LidarLink::connect_again(std::exception_ptr why) {
       time_.lidar_began_anew();
       co_return;
     }
-    waited_s = static_cast<double>(parts_.clock.host_us() - begun_us) / 1e6;
+    waited_s = seconds_since(begun_us, parts_.clock);
   }
   control_.stop_if_aborted();
   throw DeviceError("The lidar was lost and did not come back within " +

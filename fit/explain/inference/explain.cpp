@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
+#include <string>
 
 #include "fit/explain/inference/alike.hpp"
 #include "fit/explain/inference/curves.hpp"
@@ -149,6 +151,18 @@ void take_means(const Session& session, const Hypothesis& best, MeanResult& mean
   }
 }
 
+/// Once everything is where it fits best.
+void refuse_nothing_that_fits(const Reduced& reduced) {
+  if (reduced.smooth_cells() > 0) return;
+  throw std::invalid_argument(
+      "none of the " + std::to_string(reduced.cells.size()) +
+      " cells of the recording can be compared with the bench" +
+      (reduced.astray > 0 ? ": " + std::to_string(reduced.astray) + " lie more than " +
+                                rounded(astray_mm, 3) + " mm off its targets"
+                          : "") +
+      ". Check that it is the bench file of this set-up, and that beams meet targets away from edges");
+}
+
 }  // namespace
 
 Shape as_shape(const Term& term) {
@@ -164,6 +178,7 @@ Shape as_shape(const Term& term) {
 Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progress) {
   Inferred out{.kinds = nullptr, .posterior = {}, .means = MeanResult(reduced.bench)};
   const Placed placed = fit_placements(reduced, noise);
+  refuse_nothing_that_fits(reduced);
   out.means.excess = placed.excess;
   out.means.noise = noise;
   out.means.noise.factor *= out.means.excess;

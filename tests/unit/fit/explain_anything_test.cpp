@@ -11,7 +11,7 @@ namespace explain_anything_test {
 
 TEST_CASE("whatever a session holds is explained in figures, or refused") {
   int explained = 0;
-  for (unsigned seed = 1; seed <= 40; ++seed) {
+  for (unsigned seed = 1; seed <= 80; ++seed) {
     std::mt19937 random(seed);
     std::vector<std::uint8_t> bytes(160);
     for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random());
@@ -24,7 +24,7 @@ TEST_CASE("whatever a session holds is explained in figures, or refused") {
     } catch (const std::invalid_argument&) {
     }
   }
-  CHECK(explained > 4);  // The targets of most stand nowhere near what the bytes make a lidar see.
+  CHECK(explained > 10);
 }
 
 }  // namespace explain_anything_test

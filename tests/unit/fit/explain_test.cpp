@@ -466,14 +466,25 @@ TEST_CASE("temperatures of sessions count from a housing that is not heated wher
   CHECK(all.cells.back().at.temperature_k == 38 - fit::explain::steady_c);
 }
 
+/// What was recorded, with another bench file.
+SyntheticRecording with_bench(const fit::Bench& bench, const SyntheticRecording& recorded, long scans) {
+  SyntheticRecording recording(bench, recorded.maker());
+  for (const fit::CaptureInfo& info : recorded.captures()) recording.add(info, scans);
+  return recording;
+}
+
+bool has_note(const Explanation& e, const std::string& text) {
+  return std::ranges::any_of(e.notes,
+                             [&](const std::string& note) { return note.find(text) != std::string::npos; });
+}
+
 TEST_CASE("the bench file of another room is told as that, first of all") {
   ImaginedRoom room;
   room.captures = 4;
   const SyntheticRecording own = room.record();
   fit::Bench other = own.bench();
   for (fit::Target& wall : std::span(other.targets).subspan(1)) wall.from_mm *= 1.4, wall.to_mm *= 1.4;
-  SyntheticRecording recording(other, own.maker());
-  for (const fit::CaptureInfo& info : own.captures()) recording.add(info, room.scans);
+  const SyntheticRecording recording = with_bench(other, own, room.scans);
   const Explanation wrong = explain({&recording}, {}), right = explain({&own}, {});
   REQUIRE_FALSE(wrong.notes.empty());
   CHECK_THAT(wrong.notes.front(), Catch::Contains("is it the bench file of this set-up?"));
@@ -489,11 +500,7 @@ TEST_CASE("sessions that do not say how long the lidar had been on are compared 
     info.since_power_on_s.reset();
     second.add(info, room.scans);
   }
-  const auto noted = [](const Explanation& e) {
-    return std::ranges::any_of(e.notes, [](const std::string& note) {
-      return note.find("how long the lidar had been on") != std::string::npos;
-    });
-  };
+  const auto noted = [](const Explanation& e) { return has_note(e, "how long the lidar had been on"); };
   CHECK(noted(explain({&first, &second}, {})));
   CHECK_FALSE(noted(explain({&first, &first}, {})));
   CHECK_FALSE(noted(explain({&second}, {})));
@@ -505,8 +512,7 @@ TEST_CASE("a recording of which nothing can be compared with the bench has no an
   const SyntheticRecording own = room.record();
   fit::Bench other = own.bench();
   for (fit::Target& wall : other.targets) wall.from_mm *= 3, wall.to_mm *= 3;
-  SyntheticRecording recording(other, own.maker());
-  for (const fit::CaptureInfo& info : own.captures()) recording.add(info, room.scans);
+  const SyntheticRecording recording = with_bench(other, own, room.scans);
   CHECK_THROWS_WITH(explain({&recording}, {}), Catch::Contains("can be compared with the bench") &&
                                                    Catch::Contains("is the bench file of this set-up"));
 }
@@ -517,13 +523,8 @@ TEST_CASE("sessions whose bench files say other things are explained with a note
   const SyntheticRecording first = room.record();
   fit::Bench other = first.bench();
   other.lidar.mount.x_mm.value += 20;
-  SyntheticRecording second(other, first.maker());
-  for (const fit::CaptureInfo& info : first.captures()) second.add(info, room.scans);
-  const auto noted = [](const Explanation& e) {
-    return std::ranges::any_of(e.notes, [](const std::string& note) {
-      return note.find("do not say the same of: mount.") != std::string::npos;
-    });
-  };
+  const SyntheticRecording second = with_bench(other, first, room.scans);
+  const auto noted = [](const Explanation& e) { return has_note(e, "do not say the same of: mount."); };
   CHECK(noted(explain({&first, &second}, {})));
   CHECK_FALSE(noted(explain({&first, &first}, {})));
 }

@@ -27,6 +27,14 @@ struct Echo {
   std::uint16_t range_mm, intensity;
 };
 
+/// A UST-10LX so mounted, before one target.
+void set_bench(rig::SessionStore& store, const std::string& mount, const std::string& target) {
+  store.set("bench", R"({"schema":"bench/1",
+      "lidar":{"model":"UST-10LX","steps":1081,"front_step":540,"step_deg":0.25,"scan_hz":40,
+               "mount":)" +
+                         mount + R"(},"targets":[)" + target + "]}");
+}
+
 /// A capture of so many scans, 25 ms apart; `echo(scan, step)` says what each of its beams reports.
 template <class Reports>
 void add_capture(rig::SessionStore& store, const fit::CaptureInfo& info, int scans, Reports echo) {
@@ -99,10 +107,8 @@ TEST_CASE("the five families stand in the paper's order, each with coefficients 
   const auto file_of = [&](const std::string& name, bool odd) {
     const std::string file = place / name;
     rig::SessionStore store(file, rig::SessionStore::Mode::create);
-    store.set("bench", R"({"schema":"bench/1",
-      "lidar":{"model":"UST-10LX","steps":1081,"front_step":540,"step_deg":0.25,"scan_hz":40,
-               "mount":{"x_mm":0,"y_mm":0,"yaw_deg":0}},
-      "targets":[{"name":"sample","from_mm":[200,-100],"to_mm":[200,100],"u_mm":0.3,"u_deg":0.1}]})");
+    set_bench(store, R"({"x_mm":0,"y_mm":0,"yaw_deg":0})",
+              R"({"name":"sample","from_mm":[200,-100],"to_mm":[200,100],"u_mm":0.3,"u_deg":0.1})");
     for (std::size_t c = odd ? 1 : 0; c < counts.size(); c += 2) {
       fit::CaptureInfo info;
       info.step = "capture " + std::to_string(counts[c]), info.target = "sample";
@@ -158,10 +164,8 @@ TEST_CASE("where the lidar sits on its stage is part of a range error's uncertai
   const std::string file = place / "board.rig";
   {
     rig::SessionStore store(file, rig::SessionStore::Mode::create);
-    store.set("bench", R"({"schema":"bench/1",
-      "lidar":{"model":"UST-10LX","steps":1081,"front_step":540,"step_deg":0.25,"scan_hz":40,
-               "mount":{"x_mm":{"value":0,"u":15},"y_mm":{"value":0,"u":40},"yaw_deg":0}},
-      "targets":[{"name":"board","from_mm":[1400,-200],"to_mm":[1400,200],"u_mm":2,"u_deg":0.1}]})");
+    set_bench(store, R"({"x_mm":{"value":0,"u":15},"y_mm":{"value":0,"u":40},"yaw_deg":0})",
+              R"({"name":"board","from_mm":[1400,-200],"to_mm":[1400,200],"u_mm":2,"u_deg":0.1})");
     fit::CaptureInfo info;
     info.step = "capture 2[beam_deg=0]", info.target = "board";
     info.first_step = info.last_step = 540;
@@ -184,10 +188,8 @@ TEST_CASE("a target that steps back beside the square beam is reported, and its 
   const std::string file = place / "stepped.rig";
   {
     rig::SessionStore store(file, rig::SessionStore::Mode::create);
-    store.set("bench", R"({"schema":"bench/1",
-      "lidar":{"model":"UST-10LX","steps":1081,"front_step":540,"step_deg":0.25,"scan_hz":40,
-               "mount":{"x_mm":0,"y_mm":0,"yaw_deg":0}},
-      "targets":[{"name":"wall","from_mm":[1000,-600],"to_mm":[1000,600],"u_mm":1,"u_deg":5}]})");
+    set_bench(store, R"({"x_mm":0,"y_mm":0,"yaw_deg":0})",
+              R"({"name":"wall","from_mm":[1000,-600],"to_mm":[1000,600],"u_mm":1,"u_deg":5})");
     std::mt19937 random(3);
     std::normal_distribution<double> noise(0, 6);
     for (int c = 0; c < 4; ++c) {
@@ -226,10 +228,8 @@ TEST_CASE("a flat board is one flat face, whatever noise does to its outermost b
   const std::string file = place / "flat.rig";
   {
     rig::SessionStore store(file, rig::SessionStore::Mode::create);
-    store.set("bench", R"({"schema":"bench/1",
-      "lidar":{"model":"UST-10LX","steps":1081,"front_step":540,"step_deg":0.25,"scan_hz":40,
-               "mount":{"x_mm":0,"y_mm":0,"yaw_deg":0}},
-      "targets":[{"name":"board","from_mm":[1400,-200],"to_mm":[1400,200],"u_mm":1,"u_deg":0.5}]})");
+    set_bench(store, R"({"x_mm":0,"y_mm":0,"yaw_deg":0})",
+              R"({"name":"board","from_mm":[1400,-200],"to_mm":[1400,200],"u_mm":1,"u_deg":0.5})");
     std::mt19937 random(3);
     std::normal_distribution<double> noise(0, 8);
     for (int c = 0; c < 8; ++c) {
@@ -256,10 +256,9 @@ TEST_CASE("a round post is a target for range errors: its nearest point, found b
   const std::string file = place / "post.rig";
   {
     rig::SessionStore store(file, rig::SessionStore::Mode::create);
-    store.set("bench", R"({"schema":"bench/1",
-      "lidar":{"model":"UST-10LX","steps":1081,"front_step":540,"step_deg":0.25,"scan_hz":40,
-               "mount":{"x_mm":{"value":12,"u":0.2},"y_mm":{"value":0,"u":0.2},"yaw_deg":{"value":0,"u":0.2}}},
-      "targets":[{"name":"post","centre_mm":[1500,0],"radius_mm":60,"u_mm":1,"u_radius_mm":0.1}]})");
+    set_bench(store,
+              R"({"x_mm":{"value":12,"u":0.2},"y_mm":{"value":0,"u":0.2},"yaw_deg":{"value":0,"u":0.2}})",
+              R"({"name":"post","centre_mm":[1500,0],"radius_mm":60,"u_mm":1,"u_radius_mm":0.1})");
     std::mt19937 chance(11);
     std::normal_distribution<double> noise(0, 6);
     for (const double shift_mm : {0.0, 500.0, 1000.0, 1500.0}) {
