@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <set>
 #include <string>
 
 #include "rig/commands/device_run.hpp"
@@ -47,26 +47,35 @@ void check_fits(const std::vector<Step>& steps, const Variables& variables) {
   }
 }
 
-/// The kinds of all calibrations; "" where only the run will know one.
-void add_kinds(const std::vector<Step>& steps, std::set<std::string>& kinds) {
+/// The calibrations of the steps; false if only the run will know one of them.
+bool add_kinds(const std::vector<Step>& steps, std::vector<std::string>& kinds) {
+  bool all_known = true;
   for (const Step& step : steps) {
-    add_kinds(step.steps, kinds);
-    if (const Node* kind = step.kind->calibration(step.options))
-      kinds.insert(has_expression(kind->scalar) ? "" : kind->scalar);
+    if (!add_kinds(step.steps, kinds)) all_known = false;
+    const Node* kind = step.kind->calibration(step.options);
+    if (!kind) continue;
+    if (has_expression(kind->scalar)) all_known = false;
+    kinds.push_back(kind->scalar);
   }
+  return all_known;
 }
 
-/// A limit on what the procedure never computes is found before its captures, too.
-void check_limits_of(const Procedure& procedure) {
-  std::set<std::string> kinds;
-  add_kinds(procedure.steps, kinds);
-  if (kinds.contains("")) return;
+/// A limit on what no result of the run can have would leave it undecided after hours.
+void check_limits_before_run(const Procedure& procedure) {
+  std::vector<std::string> kinds;
+  const bool all_known = add_kinds(procedure.steps, kinds);
   for (const Limit& limit : procedure.limits) {
-    if (kinds.contains(limit.kind)) continue;
-    check_fit_at(limit.position, limit.kind, nullptr);
-    throw ProcedureError(limit.position, "no step computes '" + limit.kind + "', so '" + limit.name +
-                                             "' would limit nothing. Add a step 'fit: {kind: " + limit.kind +
-                                             "}', or remove the limit.");
+    try {
+      check_value(limit.kind, limit.value);
+    } catch (const UsageError& error) {
+      throw ProcedureError(limit.position, error.what());
+    }
+    if (all_known && std::ranges::find(kinds, limit.kind) == kinds.end())
+      throw ProcedureError(limit.position,
+                           "the limit '" + limit.name + "' is on a result of '" + limit.kind +
+                               "', which no step of the procedure computes. Add the step `fit: "
+                               "{kind: " +
+                               limit.kind + "}`, or leave the limit out.");
   }
 }
 
@@ -89,7 +98,7 @@ class Run : public Command {
   int run() override {
     const Procedure procedure = read_procedure(find_procedure(procedure_), overrides());
     check_fits(procedure.steps, procedure.variables);
-    check_limits_of(procedure);
+    check_limits_before_run(procedure);
     if (out_.empty()) out_ = procedure.name + ".rig";
     demand_place_of_reports(procedure.steps);
     demand_place_to_write();

@@ -40,6 +40,17 @@ void refuse_clusters(const std::string& kind, const std::vector<FitSource>& sour
   }
 }
 
+/// Whether a calibration that states the value `name` may give `value`.
+bool stands_for(const std::string& name, const std::string& value) {
+  const auto star = name.find('*');
+  if (star == std::string::npos) return name == value;
+  const std::string before = name.substr(0, star), after = name.substr(star + 1);
+  if (value.size() <= before.size() + after.size() || !value.starts_with(before) || !value.ends_with(after))
+    return false;
+  return value.substr(star, value.size() - before.size() - after.size()).find_first_not_of("0123456789") ==
+         std::string::npos;
+}
+
 std::string padded(const std::string& text, std::size_t width) {
   return text + std::string(width > text.size() ? width - text.size() : 0, ' ');
 }
@@ -68,6 +79,15 @@ const Fitting& fitting_of(const std::string& kind) {
 
 void check_fit(const std::string& kind, const nlohmann::json& options) {
   (void)FitOptions(kind, fitting_of(kind).options(), options);
+}
+
+void check_value(const std::string& kind, const std::string& value) {
+  const std::vector<std::string> names = fitting_of(kind).values();
+  if (std::ranges::any_of(names, [&](const std::string& name) { return stands_for(name, value); })) return;
+  std::string all;
+  for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
+  throw UsageError("the calibration '" + kind + "' gives no value '" + value + "'" +
+                   fit::ending_with_guess(fit::nearest_word(value, names)) + " There are: " + all);
 }
 
 const std::vector<std::unique_ptr<Fitting>>& all_fittings() {

@@ -25,6 +25,8 @@ class Fitting {
   [[nodiscard]] virtual std::string kind() const = 0;
   /// One line for --help.
   [[nodiscard]] virtual std::string describes() const = 0;
+  /// The names of all values that its results may have, for limits; '*' stands for a whole number.
+  [[nodiscard]] virtual std::vector<std::string> values() const = 0;
   /// Every option it knows; run() is given no other.
   [[nodiscard]] virtual std::vector<FitOption> options() const { return {}; }
   /// True if files that are not sessions are welcome too.
@@ -46,6 +48,9 @@ class Fitting {
 
 /// Throws the UsageError of run_fit() without running anything. Options of the value null are not known yet.
 void check_fit(const std::string& kind, const nlohmann::json& options);
+
+/// Throws UsageError for an unknown kind, and for a value that no result of the kind has.
+void check_value(const std::string& kind, const std::string& value);
 
 /// Runs the calibration of that kind with options (an object, or null). Throws UsageError for an unknown kind
 /// and for what FitOptions refuses.

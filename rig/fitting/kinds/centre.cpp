@@ -52,6 +52,9 @@ class Centre : public Fitting {
   std::string describes() const override {
     return "where the stage's axis is in the lidar's frame, from one edge seen from several angles";
   }
+  std::vector<std::string> values() const override {
+    return {"centre_x_mm", "centre_y_mm", "centre_distance_mm", "positions"};
+  }
   std::vector<FitOption> options() const override {
     auto all = edge_options();
     all.push_back({.name = "worst_edge_deg",

@@ -14,6 +14,12 @@ class Deskew : public Fitting {
   std::string describes() const override {
     return "motion distortion, before and after its correction, against the scene at rest";
   }
+  std::vector<std::string> values() const override {
+    return {"thickness_raw_mm",  "thickness_odometry_mm", "thickness_rigid_mm",   "thickness_fused_mm",
+            "time_offset_ms",    "shape_at_rest_mm",      "shape_turning_mm",     "shape_by_stage_mm",
+            "shape_fused_mm",    "reference_before_mm",   "reference_by_path_mm", "reference_fused_mm",
+            "reference_gain_mm", "reference_at_rest_mm"};
+  }
   bool accepts_clusters() const override { return true; }
   std::vector<FitOption> options() const override {
     return {

@@ -174,6 +174,9 @@ class Noise : public Fitting {
   std::string describes() const override {
     return "standard deviation, correlation and dropouts of every capture";
   }
+  std::vector<std::string> values() const override {
+    return {"noise_median_mm", "scan_correlation", "dropout_share"};
+  }
 
   json run(const std::vector<FitSource>& sources, const FitOptions&) const override {
     demand_one_scope(sources);

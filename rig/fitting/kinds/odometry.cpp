@@ -48,6 +48,14 @@ class Odometry : public Fitting {
   std::string describes() const override {
     return "wheel radii, wheel separation and the lidar's pose on the robot, from wheels and scans";
   }
+  std::vector<std::string> values() const override {
+    std::vector<std::string> names;
+    for (const fit::Steering& steering : fit::all_steerings())
+      for (const auto& parameter : parameters_of(steering))
+        if (std::ranges::find(names, parameter.name) == names.end()) names.push_back(parameter.name);
+    names.push_back("time_offset_ms");
+    return names;
+  }
   bool accepts_files() const override { return true; }
   bool accepts_clusters() const override { return true; }
   std::vector<FitOption> options() const override {

@@ -48,6 +48,10 @@ class Range : public Fitting {
   std::string describes() const override {
     return "range error against echo strength and distance, and the correction that follows";
   }
+  std::vector<std::string> values() const override {
+    return {"error_at_*_mm", "rms_error_before_mm",  "rms_error_after_mm",  "held_out_error_mm",
+            "largest_u_mm",  "scatter_intensity_mm", "scatter_distance_mm", "zero_mm"};
+  }
   std::vector<FitOption> options() const override {
     std::vector<std::string> families;
     for (const fit::Family& family : fit::all_families())

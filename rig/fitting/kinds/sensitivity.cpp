@@ -156,6 +156,9 @@ class Sensitivity : public Fitting {
     return "angular sensitivity: the edge transition width, within which a beam sees sometimes one surface, "
            "sometimes the other";
   }
+  std::vector<std::string> values() const override {
+    return {"window_deg", "window_counted_deg", "edge_deg", "backlash_deg", "gap_mm"};
+  }
   std::vector<FitOption> options() const override { return edge_options(); }
 
   json run(const std::vector<FitSource>& sources, const FitOptions& options) const override {

@@ -57,6 +57,11 @@ class Validation : public Fitting {
   std::string describes() const override {
     return "a range correction judged on flat samples and on a scene seen from two stage angles";
   }
+  std::vector<std::string> values() const override {
+    return {"spread_20_before_mm", "spread_20_after_mm", "spread_20_improvement_percent",
+            "spread_5_before_mm",  "spread_5_after_mm",  "spread_5_improvement_percent",
+            "scene_before_mm",     "scene_after_mm",     "scene_improvement_percent"};
+  }
   std::vector<FitOption> options() const override {
     using Type = FitOption::Type;
     return {{.name = "correction",

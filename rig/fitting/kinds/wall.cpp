@@ -329,6 +329,11 @@ class Wall : public Fitting {
   std::string describes() const override {
     return "mounting angle and offset of the lidar, from a right-angled corner seen while the stage turns";
   }
+  std::vector<std::string> values() const override {
+    return {"mounting_angle_deg", "radius_mm", "direction_deg", "mount_x_mm", "mount_y_mm",
+            "mount_yaw_deg",      "front_mm",  "side_mm",       "corner_deg", "stage_scale_error_percent",
+            "range_noise_mm"};
+  }
   std::vector<FitOption> options() const override {
     using Type = FitOption::Type;
     return {{.name = "front", .type = Type::text, .about = "board in front; without it, the bench's first"},

@@ -63,6 +63,35 @@ TEST_CASE("what only a run will know is not judged before it, its name is") {
   CHECK_THROWS_AS(rig::check_fit("wall", {{"tolerance_mm", "20"}}), rig::UsageError);
 }
 
+TEST_CASE("a value that no result of a calibration has is refused with what was meant") {
+  CHECK_NOTHROW(rig::check_value("centre", "centre_x_mm"));
+  CHECK_NOTHROW(rig::check_value("odometry", "wheelbase_mm"));
+  CHECK_NOTHROW(rig::check_value("range", "error_at_500_mm"));
+  const auto refused = [](const char* kind, const char* value, const char* words) {
+    INFO(kind << "." << value);
+    CHECK_THROWS_WITH(rig::check_value(kind, value), Catch::Contains(words));
+    CHECK_THROWS_AS(rig::check_value(kind, value), rig::UsageError);
+  };
+  refused("noize", "noise_median_mm", "there is no calibration 'noize'; did you mean 'noise'?");
+  refused("noise", "noise_meadian_mm", "gives no value 'noise_meadian_mm'; did you mean 'noise_median_mm'?");
+  refused("centre", "x_mm", "There are: centre_x_mm, centre_y_mm");
+  refused("range", "error_at_half_mm", "error_at_*_mm");
+  refused("range", "error_at__mm", "error_at_*_mm");
+}
+
+TEST_CASE("every value of every calibration stands in the docs") {
+  std::stringstream docs;
+  docs << std::ifstream(std::string(RIG_SOURCE_DIR) + "/docs/operate/calibrations.md").rdbuf();
+  for (const auto& fitting : rig::all_fittings()) {
+    CHECK_FALSE(fitting->values().empty());
+    for (std::string name : fitting->values()) {
+      INFO(fitting->kind() << " " << name);
+      if (const auto star = name.find('*'); star != name.npos) name.replace(star, 1, "500");
+      CHECK_THAT(docs.str(), Catch::Contains("`" + name + "`"));
+    }
+  }
+}
+
 TEST_CASE(
     "every option of every calibration has a meaning, a unit where its name has one, and a line in the "
     "docs") {
