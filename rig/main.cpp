@@ -25,12 +25,21 @@ void report(const std::exception& error) {
   std::fprintf(stderr, "rig: %s\n", words.c_str());
 }
 
-/// What to say of a first word that is no subcommand; empty if it is one, or an option. The parser's own
-/// words are that a subcommand is missing.
-std::string unknown_command(int argc, char** argv, const std::vector<CLI::App*>& commands) {
+/// What to say of a first word that is neither a subcommand nor an option; empty if it is one. The parser's
+/// own words are that a subcommand is missing.
+std::string unknown_first_word(int argc, char** argv, const CLI::App& app,
+                               const std::vector<CLI::App*>& commands) {
   const std::string word = argc > 1 ? argv[1] : "";
-  if (word.empty() || word.front() == '-') return "";
+  if (word.empty()) return "";
   std::vector<std::string> names;
+  if (word.front() == '-') {
+    const std::string name = word.substr(0, word.find('='));
+    if (app.get_option_no_throw(name) != nullptr) return "";
+    for (const CLI::Option* option : app.get_options()) names.push_back(option->get_name());
+    return "rig has no option '" + name + "' of its own" +
+           fit::ending_with_guess(fit::nearest_word(name, names)) +
+           " `rig --help` lists them; those of a subcommand follow its name.";
+  }
   for (const CLI::App* command : commands) names.push_back(command->get_name());
   if (std::find(names.begin(), names.end(), word) != names.end()) return "";
   return "there is no subcommand '" + word + "'" + fit::ending_with_guess(fit::nearest_word(word, names)) +
@@ -81,7 +90,7 @@ int main(int argc, char** argv) {
   auto commands = rig::commands::all();
   std::vector<CLI::App*> declared;
   for (const auto& command : commands) declared.push_back(command->declare(app));
-  if (const std::string wrong = unknown_command(argc, argv, declared); !wrong.empty()) {
+  if (const std::string wrong = unknown_first_word(argc, argv, app, declared); !wrong.empty()) {
     std::fprintf(stderr, "rig: %s\n", wrong.c_str());
     return 2;
   }

@@ -49,6 +49,8 @@ TEST_CASE("a word that is no subcommand is named, with the one that was meant") 
 TEST_CASE("a mistyped option, a forgotten value and an argument too many are named") {
   TestFolder folder;
   const std::vector<std::pair<std::vector<std::string>, std::string>> wrong = {
+      {{"--versio"}, "rig has no option '--versio' of its own; did you mean '--version'?"},
+      {{"--bench=b.json", "run", "p.yaml"}, "those of a subcommand follow its name"},
       {{"run", "p.yaml", "--bnech", "b.json"}, "rig run has no option '--bnech'; did you mean '--bench'?"},
       {{"run", "p.yaml", "--banch=b.json"}, "rig run has no option '--banch'; did you mean '--bench'?"},
       {{"run", "p.yaml", "--bench", "--out", "a.rig"},

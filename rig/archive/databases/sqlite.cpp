@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // A file beside the sessions: needs no server, and is read from read-only media too.
 #include <SQLiteCpp/SQLiteCpp.h>
+#include <sqlite3.h>
 
 #include <filesystem>
 #include <unordered_map>
@@ -13,6 +14,22 @@ namespace rig {
 namespace {
 
 constexpr int patience_ms = 10'000;  // Another `rig archive add` is at work: it takes seconds.
+
+/// What to do about it; empty where the database's own words must do.
+std::string advice_on(const SQLite::Exception& error) {
+  switch (error.getErrorCode()) {
+    case SQLITE_CANTOPEN:
+    case SQLITE_READONLY:
+    case SQLITE_PERM:
+      return ". Check that its folder exists, and that you may write the folder and the file.";
+    case SQLITE_NOTADB:
+    case SQLITE_CORRUPT:
+      return ". It is damaged or no index: move it away, and `rig archive add FOLDER` rebuilds it from the "
+             "sessions.";
+    default:
+      return "";
+  }
+}
 
 class SqliteArchive final : public ArchiveDatabase {
  public:
@@ -28,12 +45,7 @@ class SqliteArchive final : public ArchiveDatabase {
       }
       database_->exec("PRAGMA trusted_schema = OFF");
     } catch (const SQLite::Exception& error) {
-      if (!std::filesystem::exists(path))
-        throw UsageError(path + " cannot be made: " + error.what() +
-                         ". Check that its folder exists and may be written.");
-      throw UsageError(
-          path + " cannot be opened as an archive's index: " + error.what() +
-          ". If it is damaged, remove it: `rig archive add FOLDER` rebuilds it from the sessions.");
+      throw UsageError(path + " cannot be opened as an archive's index: " + error.what() + advice_on(error));
     }
   }
 
@@ -56,7 +68,7 @@ class SqliteArchive final : public ArchiveDatabase {
       prepared.reset();
       return rows;
     } catch (const SQLite::Exception& error) {
-      throw MeasurementError("the archive's index " + path_ + ": " + error.what());
+      throw MeasurementError("the archive's index " + path_ + ": " + error.what() + advice_on(error));
     }
   }
 

@@ -125,6 +125,16 @@ void same_record(const rig::SessionRecord& a, const rig::SessionRecord& b) {
 
 }  // namespace
 
+TEST_CASE("archive: an index that cannot be made is not said to be damaged, and one that is damaged is") {
+  const TestFolder folder;
+  CHECK_THROWS_WITH(
+      rig::ArchiveIndex(folder / "missing" + "/index.sqlite", true),
+      Catch::Contains("Check that its folder exists, and that you may write") && !Catch::Contains("damaged"));
+  std::ofstream(folder / "index.sqlite") << std::string(4096, 'x');
+  CHECK_THROWS_WITH(rig::ArchiveIndex(folder / "index.sqlite", true),
+                    Catch::Contains("It is damaged or no index: move it away"));
+}
+
 TEST_CASE("archive: an index gives back what the session says, whatever database holds it") {
   const TestFolder folder;
   with_everything().write(folder / "2026/a.rig");

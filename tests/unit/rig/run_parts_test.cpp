@@ -8,6 +8,7 @@
 
 #include "rig/runner/answer_desk.hpp"
 #include "rig/runner/echoes.hpp"
+#include "rig/runner/endpoint.hpp"
 #include "rig/runner/run_control.hpp"
 #include "rig/runner/run_progress.hpp"
 #include "tests/support/runner_rig.hpp"
@@ -50,6 +51,14 @@ struct SilentOperator : rig::Operator {
 };
 
 }  // namespace
+
+TEST_CASE("an address that is none is refused with the form that its option takes") {
+  CHECK_THROWS_WITH(rig::parse_endpoint("foo:x", "--lidar", 10940),
+                    Contains("--lidar 'foo:x' is not an address; write HOST:PORT"));
+  CHECK_THROWS_WITH(rig::parse_endpoint("foo", "--operator", 0),
+                    Contains("--operator 'foo' is not an address; write HOST:PORT, for example 192.168.0.10:10940"));
+  CHECK(rig::parse_endpoint("127.0.0.1:4000", "--operator", 0).port == 4000);
+}
 
 TEST_CASE("what is recorded of a run is there again, and a step is forgotten with its parts") {
   NewSession session;
