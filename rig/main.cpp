@@ -3,6 +3,7 @@
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -75,6 +76,30 @@ std::string unexpected_word(const std::vector<CLI::App*>& commands) {
   return "";
 }
 
+/// Says of the sessions that are named which have a log beside them, and in the end which are one file again.
+class LogNotes {
+ public:
+  LogNotes(int argc, char** argv) {
+    for (int i = 2; i < argc; ++i)
+      if (const std::string words = rig::words_about_log(argv[i]); !words.empty()) {
+        std::fprintf(stderr, "note: %s\n", words.c_str());
+        named_.emplace_back(argv[i]);
+      }
+  }
+  ~LogNotes() {
+    std::error_code ignored;
+    for (const std::string& session : named_)
+      if (std::filesystem::exists(session, ignored) && rig::words_about_log(session).empty())
+        std::fprintf(stderr, "note: %s is one file again: nothing else need be copied with it.\n",
+                     session.c_str());
+  }
+  LogNotes(const LogNotes&) = delete;
+  LogNotes& operator=(const LogNotes&) = delete;
+
+ private:
+  std::vector<std::string> named_;
+};
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -104,9 +129,7 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
-  for (int i = 2; i < argc; ++i)
-    if (const std::string words = rig::words_about_log(argv[i]); !words.empty())
-      std::fprintf(stderr, "note: %s\n", words.c_str());
+  const LogNotes notes(argc, argv);
   try {
     for (std::size_t i = 0; i < commands.size(); ++i)
       if (declared[i]->parsed()) return commands[i]->run();

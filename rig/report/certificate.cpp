@@ -48,8 +48,9 @@ json references(const fit::Bench& bench, const json& stated) {
                        {"expanded_angle", stated_uncertainty(2 * target.u_rad * fit::deg_per_rad, "deg")},
                        {"reflectance", reflectance}});
   }
+  const std::string traceability = text_of(stated, "traceability");  // Empty as `rig new bench` writes it.
   return {{"targets", targets},
-          {"traceability", text_of(stated, "traceability", "not stated")},
+          {"traceability", traceability.empty() ? "not stated" : traceability},
           {"stage_resolution", fit::format_value(bench.stage_resolution_rad * fit::deg_per_rad, 0) + " deg"}};
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include <sys/resource.h>
+#include <sys/wait.h>
 
 #include <catch2/catch.hpp>
 #include <filesystem>
@@ -95,6 +96,28 @@ TEST_CASE("a full disk is told alike by whatever writes a file, and leaves nothi
     CHECK_THAT(program.errors(), Catch::Contains("cannot write " + output) && Catch::Contains("disk"));
     CHECK(!fs::exists(output));
   }
+}
+
+TEST_CASE("a session whose run was killed is said to have a log, and to be one file again once it is") {
+  const TestFolder folder;
+  const std::string session = recording_in(folder, "in.rig");
+  const pid_t child = fork();
+  if (child == 0) {
+    rig::SessionStore store(session, rig::SessionStore::Mode::append);
+    store.set("name", "killed");
+    raise(SIGKILL);
+  }
+  REQUIRE(waitpid(child, nullptr, 0) == child);
+  REQUIRE(fs::exists(session + "-wal"));
+  const Words words = rig_command({"report", session, "-o", folder / "page.html"});
+  Program first(words, folder);
+  CHECK(first.exit_status() == 0);
+  CHECK_THAT(first.errors(), Catch::Contains("has a log beside it") &&
+                                 Catch::Contains("note: " + session + " is one file again"));
+  CHECK_FALSE(fs::exists(session + "-wal"));
+  Program second(words, folder);
+  CHECK(second.exit_status() == 0);
+  CHECK_THAT(second.errors(), !Catch::Contains("note: "));
 }
 
 TEST_CASE("with --json - standard output holds the document alone") {

@@ -82,6 +82,21 @@ TEST_CASE("the certificate names its references, when it was issued, and the uni
   CHECK_THAT(html, !Catch::Contains("-0.00<"));
 }
 
+TEST_CASE("a traceability that the bench file leaves empty is not stated") {
+  const TestFolder folder;
+  const std::string session = make_session(folder), page = folder / "c.html";
+  for (const char* stated : {R"({"traceability":""})", "{}"}) {
+    {
+      rig::SessionStore store(session, rig::SessionStore::Mode::append);
+      store.set("bench", R"({"schema":"bench/1","targets":[{"name":"board","from_mm":[1400,-200],
+        "to_mm":[1400,200]}],"certificate":)" +
+                             std::string(stated) + "}");
+    }
+    rig::write_report(session, rig::check_output({page}));
+    CHECK_THAT(file_text(page), Catch::Contains("Metrological traceability: not stated."));
+  }
+}
+
 TEST_CASE("long tables stand in an annex, compact, and in front where they are") {
   const TestFolder folder;
   const std::string session = make_session(folder), page = folder / "c.html";
