@@ -74,8 +74,8 @@ double share_of(const Cell& cell, double sigma_mm) {
 
 }  // namespace
 
-Transition::Transition(int capture, const Circumstances& at, std::vector<Beside> beams)
-    : capture_(capture), at_(at), beams_(std::move(beams)) {}
+Transition::Transition(int capture, int edge, const Circumstances& at, std::vector<Beside> beams)
+    : capture_(capture), edge_(edge), at_(at), beams_(std::move(beams)) {}
 
 WidthLikelihood Transition::width() const {
   return WidthLikelihood([this](double width_deg) { return integrated_over_place(beams_, width_deg); });
@@ -202,7 +202,7 @@ std::vector<Transition> transitions(const Reduced& reduced) {
     std::vector<Beside> list = beams.counted();
     const auto [least, most] = std::ranges::minmax(list, {}, &Beside::far_share);
     if (least.far_share < 0.5 && most.far_share > 0.5)
-      all.emplace_back(beams.capture, beams.at, std::move(list));
+      all.emplace_back(beams.capture, key.second, beams.at, std::move(list));
   }
   return all;
 }

@@ -16,9 +16,11 @@ namespace fit::explain::model {
 /// never as a beam that sees both.
 class Transition {
  public:
-  Transition(int capture, const Circumstances& at, std::vector<Beside> beams);
+  Transition(int capture, int edge, const Circumstances& at, std::vector<Beside> beams);
 
   [[nodiscard]] int capture() const { return capture_; }
+  /// Its id (scene.hpp).
+  [[nodiscard]] int edge() const { return edge_; }
   [[nodiscard]] const Circumstances& at() const { return at_; }
   [[nodiscard]] const std::vector<Beside>& beams() const { return beams_; }
   /// By the shares of the farther surface: the standard deviation of the beams' angles.
@@ -36,7 +38,7 @@ class Transition {
   [[nodiscard]] double place_deg(double variance_deg2) const;
 
  private:
-  int capture_;
+  int capture_, edge_;
   Circumstances at_;
   std::vector<Beside> beams_;
 };
