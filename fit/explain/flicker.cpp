@@ -28,6 +28,7 @@ constexpr double least_hz = 25, most_hz = 200;
 struct Track {
   double offset_s = 0;     ///< Of its beams, from the scan's beginning.
   double information = 0;  ///< Of one value.
+  double lever_mm = 0;     ///< d value / d stage angle, per rad.
   std::vector<int> scan;
   std::vector<double> value;  ///< Less their mean.
 };
@@ -36,6 +37,32 @@ struct Track {
 struct Segment {
   std::vector<Track> tracks;
   int scans = 0;
+
+  /// A wave of that frequency in every track at the scan's beginning, less what a range and an angle of the
+  /// whole scan, which each may draw at random, explain of it. Of fewer tracks nothing would remain.
+  [[nodiscard]] std::vector<Complex> begins(double hz) const {
+    constexpr std::size_t fewest = 5;
+    std::vector<Complex> wave;
+    for (const Track& track : tracks) wave.push_back(std::polar(1.0, 2 * pi * hz * track.offset_s));
+    if (tracks.size() < fewest) return wave;
+    Eigen::Matrix2d square = Eigen::Matrix2d::Zero();
+    Eigen::Vector2cd along = Eigen::Vector2cd::Zero();
+    for (std::size_t t = 0; t < tracks.size(); ++t) {
+      const Eigen::Vector2d x = in_common(tracks[t]);
+      square += tracks[t].information * x * x.transpose();
+      along += tracks[t].information * x * wave[t];
+    }
+    square += 1e-9 * square.trace() * Eigen::Matrix2d::Identity();  // levers may all be alike
+    const Eigen::Vector2cd common = square.inverse() * along;
+    for (std::size_t t = 0; t < tracks.size(); ++t)
+      wave[t] -=
+          in_common(tracks[t]).dot(common.real()) + Complex(0, 1) * in_common(tracks[t]).dot(common.imag());
+    return wave;
+  }
+
+ private:
+  /// Scaled alike: levers are of metres.
+  static Eigen::Vector2d in_common(const Track& track) { return {1.0, track.lever_mm / 1000}; }
 };
 
 /// A wave's sine and cosine in one segment, or what is known of them.
@@ -84,6 +111,7 @@ std::map<int, Segment> segments_of(const std::vector<Sector>& sectors, double pe
     const auto [value, information] = value_of(s);
     if (!(information > 0)) continue;
     Track& track = tracks[{s.group, s.number}];
+    track.lever_mm += s.wv / s.w;
     track.scan.push_back(k);
     track.value.push_back(value);
     track.information += information;
@@ -98,6 +126,7 @@ std::map<int, Segment> segments_of(const std::vector<Sector>& sectors, double pe
     for (double& v : track.value) v -= mean;
     track.information /= n;
     track.offset_s /= n;
+    track.lever_mm /= n;
     Segment& segment = segments[key.first];
     segment.scans = std::max(segment.scans, track.scan.back() + 1);
     segment.tracks.push_back(std::move(track));
@@ -108,12 +137,14 @@ std::map<int, Segment> segments_of(const std::vector<Sector>& sectors, double pe
 /// What one segment says of a wave of that frequency.
 Normal normal_of(const Segment& segment, double hz, double period_s) {
   Normal sum;
-  for (const Track& track : segment.tracks) {
+  const std::vector<Complex> begins = segment.begins(hz);
+  for (std::size_t t = 0; t < segment.tracks.size(); ++t) {
+    const Track& track = segment.tracks[t];
     Eigen::Vector2d mean = Eigen::Vector2d::Zero();
     const auto n = static_cast<double>(track.scan.size());
     for (std::size_t i = 0; i < track.scan.size(); ++i) {
-      const double at = 2 * pi * hz * (track.offset_s + track.scan[i] * period_s);
-      const Eigen::Vector2d x(std::cos(at), std::sin(at));
+      const Complex at = begins[t] * std::polar(1.0, 2 * pi * hz * track.scan[i] * period_s);
+      const Eigen::Vector2d x(at.real(), at.imag());
       sum.square += track.information * x * x.transpose();
       sum.along += track.information * track.value[i] * x;
       mean += x / n;
@@ -223,18 +254,18 @@ class Spectrum {
   [[nodiscard]] Normal normal_at(std::size_t segment, int order, int point) const {
     Normal normal;
     const auto j = static_cast<std::size_t>(point);
-    const double hz = hz_of(order, point);
+    const std::vector<Complex> begins = segments_[segment]->begins(hz_of(order, point));
     for (std::size_t t = 0; t < sums_[segment].size(); ++t) {
       const Track& track = segments_[segment]->tracks[t];
       const Sums& s = sums_[segment][t];
-      const Complex begin = std::polar(1.0, 2 * pi * hz * track.offset_s);
+      const Complex begin = begins[t];
       const Complex along = begin * s.values[j], mean = begin * s.ones[j],
                     twice = begin * begin * s.doubled[j];
       const auto n = static_cast<double>(track.scan.size());
       const double w = track.information, cross = w * (twice.imag() / 2 - mean.real() * mean.imag() / n);
       normal.along += w * Eigen::Vector2d(along.real(), along.imag());
-      normal.square(0, 0) += w * ((n + twice.real()) / 2 - mean.real() * mean.real() / n);
-      normal.square(1, 1) += w * ((n - twice.real()) / 2 - mean.imag() * mean.imag() / n);
+      normal.square(0, 0) += w * ((std::norm(begin) * n + twice.real()) / 2 - mean.real() * mean.real() / n);
+      normal.square(1, 1) += w * ((std::norm(begin) * n - twice.real()) / 2 - mean.imag() * mean.imag() / n);
       normal.square(0, 1) += cross;
       normal.square(1, 0) += cross;
     }

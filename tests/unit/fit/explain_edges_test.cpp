@@ -78,6 +78,18 @@ TEST_CASE("how much angles happen to scatter in a few scans is no course of the 
   CHECK(sigma.u > 0.4 / std::sqrt(2.0 * 24 * 7) / 2);  // of so many scans, however many beams
 }
 
+TEST_CASE("angles drawn anew for every scan shift a corridor's walls to and fro, and are no lamp") {
+  for (const unsigned seed : {21U, 22U}) {
+    const PlainScene scene{.walls = plain_bench::corridor, .steps = 271, .front_step = 135, .step_deg = 1};
+    SyntheticRecording recording = plain_bench::recorded(scene, seed, jitter(0.03));
+    plain_bench::turn_round(recording, scene, 16, 150);
+    const Explanation e = fit::explain::explain({&recording}, {});
+    INFO(to_text(e));
+    CHECK(found(e, "angle-jitter"));
+    CHECK_FALSE(e.unknown);
+  }
+}
+
 TEST_CASE("a beam that meets either surface beside an edge, and no noisier wall, is a wide one") {
   const PlainScene scene = boards_in_place();
   std::mt19937 random(7);

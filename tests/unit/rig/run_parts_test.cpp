@@ -55,8 +55,9 @@ struct SilentOperator : rig::Operator {
 TEST_CASE("an address that is none is refused with the form that its option takes") {
   CHECK_THROWS_WITH(rig::parse_endpoint("foo:x", "--lidar", 10940),
                     Contains("--lidar 'foo:x' is not an address; write HOST:PORT"));
-  CHECK_THROWS_WITH(rig::parse_endpoint("foo", "--operator", 0),
-                    Contains("--operator 'foo' is not an address; write HOST:PORT, for example 192.168.0.10:10940"));
+  CHECK_THROWS_WITH(
+      rig::parse_endpoint("foo", "--operator", 0),
+      Contains("--operator 'foo' is not an address; write HOST:PORT, for example 192.168.0.10:10940"));
   CHECK(rig::parse_endpoint("127.0.0.1:4000", "--operator", 0).port == 4000);
 }
 
