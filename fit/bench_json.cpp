@@ -91,10 +91,16 @@ class Reader {
     return value_.get<std::string>();
   }
 
-  /// A bare number (known exactly) or {"value": v, "u": u}.
+  /// A bare number (known exactly) or {"value": v, "u": u}, and nothing else: an uncertainty under another
+  /// name would be none.
   [[nodiscard]] Estimate estimate() const {
     if (!value_.is_object()) return number();
-    refuse_misspelt(std::array{"value", "u"});
+    for (const auto& [key, ignored] : value_.items())
+      if (key != "value" && key != "u")
+        at(key.c_str())
+            .refuse(
+                "is no part of a value with its uncertainty; write {\"value\": ..., \"u\": ...}, u being the "
+                "standard uncertainty in the same unit");
     const double u = has("u") ? at("u").number() : 0;
     if (u < 0) at("u").refuse("is a standard uncertainty and cannot be negative");
     return {at("value").number(), u};

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <tuple>
 
 #include "fit/accuracy.hpp"
 #include "fit/distributions.hpp"
@@ -61,6 +62,8 @@ class Histogram {
   long n_ = 0;
 };
 
+constexpr double same_angle_rad = 1e-7;
+
 struct BeamStop {
   std::size_t capture;
   double stage_rad;
@@ -87,7 +90,9 @@ bool leaves(long outside, long n, double expected, double chance) {
          chance;
 }
 
-using BeamStops = std::map<std::pair<int, int>, std::vector<BeamStop>>;  // By beam and approach.
+/// By beam, approach, and where the target stood, in whole micrometres: stops of different places show no
+/// edge.
+using BeamStops = std::map<std::tuple<int, int, long>, std::vector<BeamStop>>;
 
 BeamStops collect(const Recording& recording, const EdgeOptions& options) {
   BeamStops beams;
@@ -107,7 +112,7 @@ BeamStops collect(const Recording& recording, const EdgeOptions& options) {
       BeamStop stop{i, stage, std::move(histograms[k])};
       stop.median_mm = stop.histogram.median();
       stop.sigma_mm = stop.histogram.robust_sigma(stop.median_mm);
-      beams[{step, capture.approach}].push_back(std::move(stop));
+      beams[{step, capture.approach, std::lround(1000 * capture.target_shift_mm)}].push_back(std::move(stop));
     }
   }
   for (auto& [key, stops] : beams)
@@ -218,7 +223,7 @@ void trim(EdgeCrossing& crossing, const EdgeOptions& options) {
   double least = 1e9;
   for (std::size_t i = 1; i < stops.size(); ++i)
     if (stops[i].stage_rad > first - 1e-3 && stops[i].stage_rad < last + 1e-3 &&
-        stops[i].stage_rad - stops[i - 1].stage_rad > 1e-7)
+        stops[i].stage_rad - stops[i - 1].stage_rad > same_angle_rad)
       least = std::min(least, stops[i].stage_rad - stops[i - 1].stage_rad);
   crossing.step_rad = least < 1e9 ? least : 0;
   for (const EdgeStop& stop : stops) {
@@ -250,14 +255,15 @@ std::vector<EdgeCrossing> find_edge_crossings(const Recording& recording, const 
     const std::vector<std::size_t> calm = calm_stops(stops);
     for (std::size_t c = 0; c + 1 < calm.size(); ++c) {
       const BeamStop &before = stops[calm[c]], &after = stops[calm[c + 1]];
-      if (!is_step(before, after) || after.stage_rad - before.stage_rad > options.reach_rad) continue;
+      const double apart_rad = after.stage_rad - before.stage_rad;  // At one angle the scene has changed.
+      if (!is_step(before, after) || apart_rad > options.reach_rad || apart_rad < same_angle_rad) continue;
       Passage passage{stops, calm[c], calm[c + 1], before.median_mm, after.median_mm};
       if (options.right && *options.right == passage.rising()) continue;
       widen(passage, options.reach_rad);
       EdgeCrossing crossing = crossing_of(passage, options);
-      crossing.step = key.first;
-      crossing.beam_rad = bench.lidar.beam_angle(key.first);
-      crossing.approach = key.second;
+      crossing.step = std::get<0>(key);
+      crossing.beam_rad = bench.lidar.beam_angle(crossing.step);
+      crossing.approach = std::get<1>(key);
       trim(crossing, options);
       const double width = bracket(crossing);
       if (width > options.least_gap_rad || width < 0) continue;

@@ -27,7 +27,7 @@ std::vector<CurvePoint> curve(const std::vector<RangePoint>& points, bool RangeP
 
 /// Scatter of the points themselves; where too few show it, what the bench says of the placement.
 double scatter_of(const std::vector<CurvePoint>& points, double placement_u_mm) {
-  return points.size() < 7 ? placement_u_mm : extra_scatter(points);
+  return std::ssize(points) < fewest_that_scatter ? placement_u_mm : extra_scatter(points);
 }
 
 /// The distance experiment with one surface: where several stood at one distance, those of the strongest
@@ -264,12 +264,16 @@ void combine(RangeCalibration& out, const std::vector<RangePoint>& points, const
   } else if (families.distance) {
     out.joint = single(*families.distance, CorrectionTerm::Argument::range);
     out.held_out_mm = families.distance->held_out;
-    out.identifiability.emplace_back(
-        "only one surface was measured, and its echo's intensity changes with distance: how much of the "
-        "error is due "
-        "to distance and how much to intensity cannot be determined, and the curve holds for such a surface "
-        "only. "
-        "Measure several surfaces at one distance (procedure range-intensity) as well");
+    const bool no_intensity =
+        std::ranges::all_of(points, [](const RangePoint& p) { return p.intensity <= 0; });
+    out.identifiability.push_back(
+        std::string(
+            no_intensity
+                ? "no intensity was recorded, and echoes weaken with distance: how much of the error "
+                : "only one surface was measured, and its echo's intensity changes with distance: how "
+                  "much of the error ") +
+        "is due to distance and how much to intensity cannot be determined, and the curve holds for such a "
+        "surface only. Measure several surfaces at one distance (procedure range-intensity) as well");
   } else {
     out.why_not =
         std::ranges::any_of(points, [](const RangePoint& p) { return p.for_intensity || p.for_distance; })

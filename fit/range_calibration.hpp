@@ -28,6 +28,9 @@ struct RangePoint {
 /// nearest to that of the next distance. `least` is below 4 only in tests.
 void sort_into_experiments(std::vector<RangePoint>& points);
 
+/// Of fewer captures the scatter between them is not seen: the bench file's placement stands for it.
+inline constexpr long fewest_that_scatter = 7;
+
 struct RangeOptions {
   std::string intensity_family, distance_family;  ///< Empty: what predicts best.
   double reference_intensity = 0;                 ///< 0: the largest of A1.

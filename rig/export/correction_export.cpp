@@ -86,6 +86,10 @@ std::string headline(const Correction& c, const char* begin) {
   if (c.intensity)
     out += next + (c.range ? "and from " : "Calibrated from ") + rounded(c.intensity->from) + " to " +
            rounded(c.intensity->to) + " counts of intensity.";
+  if (c.validity.beam_deg)
+    out += next + "Measured with the beams from " + fit::format_value(c.validity.beam_deg->from, 0.01) +
+           " to " + fit::format_value(c.validity.beam_deg->to, 0.01) +
+           " deg; that it holds for others is assumed (rig fit validation tests it).";
   for (const std::string& note : c.notes) out += next + "Warning: " + in_comment(note);
   out += next + "The error is positive where the lidar measures too far: corrected = measured - error.";
   out += next + example(c);

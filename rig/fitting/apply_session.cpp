@@ -8,6 +8,9 @@
 #include <cstring>
 #include <vector>
 
+#include "fit/angle.hpp"
+#include "fit/number_format.hpp"
+#include "fit/recording.hpp"
 #include "rig/errors.hpp"
 #include "rig/session/lidar_identity.hpp"
 #include "rig/session/new_session.hpp"
@@ -18,6 +21,27 @@ namespace rig {
 namespace {
 
 constexpr std::uint16_t first_error_code = 65500;
+
+/// Says how many beams point elsewhere than those that the correction was measured with; empty if none does.
+std::string beams_outside(const SessionStore& session, const fit::Correction& correction) {
+  if (!correction.validity.beam_deg) return "";
+  const auto [from, to] = *correction.validity.beam_deg;
+  const auto recording = session.recording();
+  long all = 0, outside = 0;
+  for (const fit::CaptureInfo& capture : recording->captures()) {
+    const std::optional<fit::ScanGeometry> none;
+    const fit::BeamAngles angles(recording->bench().lidar, capture, none);
+    for (int k = 0; k < capture.beams(); ++k, ++all) {
+      const double deg = angles.at_rad(static_cast<std::size_t>(k)) * fit::deg_per_rad;
+      outside += deg < from || deg > to;
+    }
+  }
+  if (outside == 0) return "";
+  return fit::format_value(100.0 * static_cast<double>(outside) / static_cast<double>(all), 1) +
+         " % of the beams point elsewhere than those with which the correction was measured (" +
+         fit::format_value(from, 0.01) + " to " + fit::format_value(to, 0.01) +
+         " deg): that it holds for them is assumed. `rig fit validation` tests it";
+}
 
 /// Refuses what must not be corrected; returns what the operator should know all the same.
 std::vector<std::string> check(const ApplyRequest& request) {
@@ -33,6 +57,8 @@ std::vector<std::string> check(const ApplyRequest& request) {
   if (!match.says.empty()) warnings.push_back(match.says + ".");
   for (const std::string& note : request.correction.notes)
     warnings.push_back("the correction warns: " + note);
+  if (const std::string beams = beams_outside(session, request.correction); !beams.empty())
+    warnings.push_back(beams);
   return warnings;
 }
 
@@ -71,6 +97,7 @@ class Applying {
       ++report_.scans;
     }
     target.exec("DELETE FROM result");
+    target.exec("DELETE FROM session WHERE key = 'certificates'");  // They are of the ranges as measured.
     transaction.commit();
     report_.mean_error_mm = report_.samples ? sum_ / static_cast<double>(report_.samples) : 0;
     return report_;

@@ -25,6 +25,9 @@ class RunControl {
   /// Throws RunStopped, which says how to go on; `made_safe`: what the end of the run gave.
   void stop_if_aborted(const std::string& made_safe = "") const;
 
+  /// Where the captures are, and how to resume; empty if there are none.
+  [[nodiscard]] std::string how_to_go_on() const;
+
   boost::asio::awaitable<void> until_aborted();
   /// Until resume() or abort().
   boost::asio::awaitable<void> until_resumed();

@@ -214,6 +214,8 @@ void Runner::Impl::conclude() {
   }
   finish_session();
   if (failure) failure = with_more_words(failure, made_safe);
+  if (failure && words_of(failure).find("rig resume") == std::string::npos)
+    failure = with_more_words(failure, control.how_to_go_on());
   if (failure || control.aborted())
     state().ended = control.aborted() ? "Stopped by the operator. " + made_safe : words_of(failure);
   state().phase = stopped   ? RunState::Phase::aborted

@@ -7,6 +7,7 @@
 
 #include "rig/json_fields.hpp"
 #include "rig/session/lidar_identity.hpp"
+#include "rig/session/session_dates.hpp"
 
 namespace rig {
 namespace {
@@ -31,7 +32,33 @@ std::string not_stated(const SessionStore& session) {
   return out;
 }
 
-void judge_result(const json& result, std::vector<std::string>& reasons) {
+/// A date as YYYY-MM-DD; empty if it begins otherwise.
+std::string date_in(const std::string& text) {
+  constexpr std::size_t length = 10;
+  const std::string date = text.substr(0, length);
+  const bool is_date = date.size() == length && date[4] == '-' && date[7] == '-' &&
+                       std::ranges::count_if(date, [](unsigned char c) { return std::isdigit(c) != 0; }) == 8;
+  return is_date ? date : "";
+}
+
+/// Dates of the certificate that the measurement contradicts.
+void judge_dates(const SessionStore& session, std::vector<std::string>& reasons) {
+  const std::string measured = date_in(dates_of(session).measured_utc);
+  if (measured.empty()) return;
+  const json stated = object_in(session.get("bench")).value("certificate", json::object());
+  for (const json& item : list_of(stated, "equipment"))
+    if (const std::string due = date_in(text_of(item, "due")); !due.empty() && due < measured)
+      reasons.push_back("The calibration of '" + text_of(item, "name", "equipment") + "' was due on " + due +
+                        ", before the measurement on " + measured + ".");
+  if (const std::string received = date_in(text_of(stated, "received")); received > measured)
+    reasons.push_back("The bench file states that the item was received on " + received +
+                      ", after it was measured on " + measured + ".");
+}
+
+}  // namespace
+
+std::vector<std::string> doubts_of(const json& result) {
+  std::vector<std::string> reasons;
   for (const json& value : list_of(result, "values"))
     if (value.is_object() && value.contains("U") &&
         (value["U"].is_null() || !value.contains("value") || value["value"].is_null()))
@@ -42,9 +69,8 @@ void judge_result(const json& result, std::vector<std::string>& reasons) {
   for (const json& comparison : list_of(result, "comparisons"))
     if (comparison.is_object() && comparison.contains("far_apart") && comparison["far_apart"] == true)
       reasons.push_back("Two methods do not agree. " + text_of(comparison, "says") + ".");
+  return reasons;
 }
-
-}  // namespace
 
 bool says_simulated(const std::string& answers) {
   std::string lower = answers;
@@ -78,6 +104,11 @@ Standing standing_of(const SessionStore& session) {
     out.reasons.emplace_back("The lidar is not identified: the session has no serial number.");
   if (const std::string missing = not_stated(session); !missing.empty())
     out.reasons.push_back("The bench file does not state: " + missing + ".");
+  if (session.get("correction"))
+    out.reasons.emplace_back(
+        "The ranges were corrected by rig apply: what is reported is what the correction leaves, not the "
+        "lidar's error.");
+  judge_dates(session, out.reasons);
   if (const std::string how = unfinished(session); !how.empty())
     out.reasons.push_back("The procedure ended before its last step: " + how);
   for (const SessionStore::Result& result : session.latest_results()) {
@@ -87,7 +118,7 @@ Standing standing_of(const SessionStore& session) {
         out.reasons.emplace_back(
             "The recording shows an effect that neither the values nor their uncertainties contain.");
     } else if (result.kind != "limits") {
-      judge_result(document, out.reasons);
+      std::ranges::move(doubts_of(document), std::back_inserter(out.reasons));
     }
   }
   return out;

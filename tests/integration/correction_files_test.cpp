@@ -11,6 +11,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <set>
 #include <sstream>
 
 #include "fit/correction.hpp"
@@ -202,16 +203,21 @@ TEST_CASE("a look-up table interpolates to the correction, and ROS 2 parameters 
   std::getline(table, line);
   CHECK(line == "range_mm,intensity,corrected_mm,u_mm");
   long rows = 0;
+  std::set<double> ranges, intensities;  // A grid: every value of the one beside every value of the other.
   while (std::getline(table, line)) {
     std::istringstream cells(line);
     double range = 0, counts = 0, corrected = 0, u = 0;
     char comma = 0;
     REQUIRE(cells >> range >> comma >> counts >> comma >> corrected >> comma >> u);
+    ranges.insert(range);
+    intensities.insert(counts);
     if (++rows % 97 != 0) continue;
     CHECK(c.apply(range, counts).range_mm == Approx(corrected).margin(1e-9));
     CHECK(c.u(range, counts) == Approx(u).epsilon(1e-6));
   }
   CHECK(rows == 201 * 101);
+  CHECK(ranges.size() == 201);
+  CHECK(intensities.size() == 101);
 
   const YAML::Node node = YAML::LoadFile(export_as(
       place, c, "ros2-parameters", "correction.yaml"))["/**"]["ros__parameters"]["range_correction"];
@@ -255,6 +261,11 @@ TEST_CASE("a correction for another lidar is not applied by mistake") {
   const auto report = rig::apply_to_session(request);
   REQUIRE(report.warnings.size() == 1);
   CHECK_THAT(report.warnings.front(), Catch::Contains("the correction does not say which lidar it is of"));
+  fs::remove(request.output.path());
+  request.correction.validity.beam_deg = fit::Validity::Interval{170, 180};
+  CHECK_THAT(
+      rig::apply_to_session(request).warnings.back(),
+      Catch::Contains("100.0 % of the beams point elsewhere than those with which the correction was"));
   fs::remove(request.output.path());
   request.correction.lidar_model = "UTM-30LX";
   CHECK_THROWS_WITH(rig::apply_to_session(request), Catch::Contains("UTM-30LX"));

@@ -164,11 +164,14 @@ TEST_CASE(
   const TestFolder folder;
   const std::string session = recording_in(folder, "in.rig"), bench = folder / "a.bench.json";
   std::ofstream(bench) << R"({"schema": "bench/1"})";
+  const std::string copy = folder / "copy.rig";
+  std::filesystem::copy_file(session, copy);
   for (const auto& [words, expected] : std::vector<std::pair<Words, std::string>>{
            {{"explain", session, "--bench", session}, "is a session, not a bench file"},
            {{"explain", session, session}, "is given twice: what it holds would count twice"},
            {{"explain", session, "--predict", "./in.rig"}, "are one file"},
            {{"fit", "noise", session, session}, "is given twice"},
+           {{"fit", "noise", session, copy}, "holds the same recording as"},
            {{"explain", bench}, "is a text file, not a session file"},
            {{"report", bench}, "is a text file, not a session file"}}) {
     CAPTURE(words);

@@ -53,6 +53,8 @@ std::string ros2_parameters(const CorrectionExport& what) {
   std::vector<double> flat;
   for (Eigen::Index i = 0; i < c.factor.rows(); ++i)
     for (Eigen::Index j = 0; j < c.factor.cols(); ++j) flat.push_back(c.factor(i, j));
+  out +=
+      "      # Covariance = F F', F row by row; its rows: zero_mm, coefficients of intensity, of distance.\n";
   out += "      covariance_factor_columns: " + std::to_string(c.factor.cols()) +
          "\n      covariance_factor: [" + list(flat) + "]\n";
   out += "      centre_calibrated: " + std::string(what.centre ? "true" : "false") + "\n      centre_mm: [" +

@@ -30,6 +30,8 @@ std::vector<fit::RangePoint> points_of(const RangeSource& source, bool robust) {
   return out;
 }
 
+std::string counts_in_words(double counts) { return fit::format_fixed(counts, 0) + " counts"; }
+
 /// The captures whose errors stand in front: all of a few, of many some that lie evenly from the nearest to
 /// the farthest.
 std::vector<RangeCapture> spread_over_distance(std::vector<RangeCapture> captures) {
@@ -92,7 +94,7 @@ class Range : public Fitting {
     auto points = points_of(source, selection == "robust");
     fit::RangeCalibration calibration = fit::calibrate_range(points, how);
     fit::sort_into_experiments(points);
-    json out = new_result("range", method());
+    json out = new_result("range", method(selection == "robust"));
     out["tables"].push_back(captures_table(source));
     add_values(out, source, points, calibration, selection == "robust");
     if (!calibration.intensity_table.empty() || !calibration.distance_table.empty())
@@ -105,6 +107,7 @@ class Range : public Fitting {
     if (!calibration.joint) out["plots"].push_back(points_plot(points, nullptr, false));
     out["tables"].push_back(robust_table(source));
     out["tables"].push_back(selection_table(source));
+    note_correction(out, sources);
     for (const std::string& note : source.notes) out["notes"].push_back(note);
     for (const std::string& contradiction : source.contradictions)
       out["contradictions"].push_back(contradiction);
@@ -115,17 +118,31 @@ class Range : public Fitting {
   }
 
  private:
-  static std::string method() {
+  /// What a correction leaves is no error of the lidar, and nothing to correct robots by.
+  static void note_correction(json& out, const std::vector<FitSource>& sources) {
+    for (const FitSource& source : sources) {
+      if (!source.session->get("correction")) continue;
+      out["notes"].push_back(
+          "The ranges of " + source.path +
+          " were corrected by `rig apply`: these errors are what the correction leaves, not "
+          "the lidar's, and no correction is made from them.");
+      if (out.contains("data")) out["data"].erase("correction");
+      out["use"] = json::array();
+    }
+  }
+
+  static std::string method(bool robust) {
     return "Range calibration after Zhao et al., experiments A1 and A2: error of the beam square on a flat "
-           "target at "
-           "known distances. Abnormal values and impulse noise are removed and the samples of the most "
-           "frequent "
-           "intensity averaged; Huber's mean of all samples is given for comparison. Families of curves are "
-           "fitted "
-           "by "
-           "separable least squares from many starts and sorted by their error at blocks of points that were "
-           "held "
-           "out. Intensity and distance errors are then fitted together.";
+           "target at known distances. " +
+           std::string(robust ? "Huber's mean of all samples is used; the paper's, of the samples of the "
+                                "most frequent intensity without abnormal values and impulse noise, is given "
+                                "for comparison and in the paper's own tables. "
+                              : "Abnormal values and impulse noise are removed and the samples of the most "
+                                "frequent intensity averaged; Huber's mean of all samples is given for "
+                                "comparison. ") +
+           "Families of curves are fitted by separable least squares from many starts and sorted by their "
+           "error at blocks of points that were held out. Intensity and distance errors are then fitted "
+           "together.";
   }
 
   static void add_values(json& out, const RangeSource& source, const std::vector<fit::RangePoint>& points,
@@ -136,8 +153,8 @@ class Range : public Fitting {
       const fit::RangePoint p = c.point(selected);
       if (!named.insert(std::lround(p.true_mm)).second) continue;
       UncertaintyBudget budget("error_at_" + fit::format_fixed(p.true_mm, 0) + "_mm",
-                               "Range error at " + fit::format_fixed(p.true_mm, 0) + " mm, " +
-                                   fit::format_fixed(p.intensity, 0) + " counts",
+                               "Range error at " + fit::format_fixed(p.true_mm, 0) + " mm" +
+                                   (p.intensity > 0 ? ", " + counts_in_words(p.intensity) : ""),
                                "mm");
       budget.add({.source = "mean of the samples",
                   .kind = 'A',
@@ -168,8 +185,11 @@ class Range : public Fitting {
     }
     const auto scatter = [&](long captures, double u, const std::string& experiment) {
       if (captures > 0)
-        out["values"].push_back(
-            plain_value("scatter_" + experiment + "_mm", "Scatter between captures, " + experiment, u, "mm"));
+        out["values"].push_back(plain_value(
+            "scatter_" + experiment + "_mm",
+            "Scatter between captures, " + experiment +
+                (captures < fit::fewest_that_scatter ? ", as the bench file states the placement" : ""),
+            u, "mm"));
     };
     scatter(calibration.points_intensity, calibration.scatter_intensity_mm, "intensity");
     scatter(calibration.points_distance, calibration.scatter_distance_mm, "distance");
@@ -246,17 +266,38 @@ class Range : public Fitting {
     }
   }
 
-  /// A capture far from the curve through all others: its target stood elsewhere.
+  /// A capture far from the curve through all others: its target stood elsewhere. Of a few captures, which
+  /// bend the curve to themselves, it is told of all of them.
   static void flag_misplaced(json& out, const RangeSource& source, const std::vector<fit::RangePoint>& points,
                              const Correction& correction) {
     std::vector<double> sizes;
-    for (const fit::RangePoint& p : points)
+    double squares = 0, stated_mm = 0;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const fit::RangePoint& p = points[i];
       sizes.push_back(std::abs(correction.apply(p.measured_mm, p.intensity).range_mm - p.true_mm));
+      squares += sizes[i] * sizes[i];
+      stated_mm = std::max(stated_mm, std::hypot(p.u_mm, source.captures[i].u_placement_mm));
+    }
+    constexpr double standard_uncertainties = 6, least_reported_mm = 1;
+    if (std::ssize(points) < fit::fewest_that_scatter) {
+      const double rms_mm = std::sqrt(squares / static_cast<double>(std::max<std::size_t>(1, points.size())));
+      if (rms_mm > standard_uncertainties * stated_mm + least_reported_mm)
+        out["contradictions"].push_back(
+            "the captures lie " + fit::format_fixed(rms_mm, 1) +
+            " mm (RMS) from the best curve through them, though the bench file knows their distances to u "
+            "= " +
+            fit::format_value(stated_mm, stated_mm) +
+            " mm: a target stood elsewhere than stated, or the error follows no such curve. Measure the "
+            "distances again, and add some");
+      return;
+    }
     std::vector<double> sorted = sizes;
     std::ranges::nth_element(sorted, sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2));
     const double spread = 1.4826 * sorted[sorted.size() / 2];
-    for (std::size_t i = 0; i < points.size() && points.size() >= 7; ++i) {
-      const double gate = 6 * std::hypot(spread, points[i].u_mm, source.captures[i].u_placement_mm) + 1;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const double gate =
+          standard_uncertainties * std::hypot(spread, points[i].u_mm, source.captures[i].u_placement_mm) +
+          least_reported_mm;
       if (sizes[i] > gate)
         out["contradictions"].push_back(source.captures[i].label + " lies " + fit::format_fixed(sizes[i], 1) +
                                         " mm from the curve through the others: its target stood elsewhere");
@@ -267,8 +308,9 @@ class Range : public Fitting {
     const double measured_mm = std::round(point.measured_mm), counts = std::round(point.intensity);
     return "The error is positive where the lidar measures too far, and is subtracted: corrected = "
            "measured - error. Example: " +
-           fit::format_fixed(measured_mm, 0) + " mm measured with " + fit::format_fixed(counts, 0) +
-           " counts become " + fit::format_fixed(correction.apply(measured_mm, counts).range_mm, 2) +
+           fit::format_fixed(measured_mm, 0) + " mm measured" +
+           (counts > 0 ? " with " + counts_in_words(counts) : "") + " become " +
+           fit::format_fixed(correction.apply(measured_mm, counts).range_mm, 2) +
            " mm, U = " + fit::format_fixed(2 * correction.u(measured_mm, counts), 2) +
            " mm (k = 2, of the correction; a single range has its own noise in addition). `rig export` "
            "writes "

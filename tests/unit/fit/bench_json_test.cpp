@@ -90,6 +90,10 @@ TEST_CASE("a wrong bench file is refused with place, expectation and remedy") {
         std::string::npos);
   CHECK(complaint_of(example_with("\"value\": 1,", "\"value\": \"1\",")).find("must be a number") !=
         std::string::npos);
+  // Under another name the uncertainty would be none.
+  for (const char* name : {"u_mm", "U", "sigma", "uncertainty"})
+    CHECK(complaint_of(example_with("\"value\": 1, \"u\"", std::string("\"value\": 1, \"") + name + "\""))
+              .find("u being the standard uncertainty") != std::string::npos);
 }
 
 TEST_CASE("slips in what the certificate prints are refused as anywhere in a bench file") {

@@ -108,6 +108,25 @@ TEST_CASE("what cannot be certified is a report that says why on top") {
     });
     expected = "does not state: its address, customer, traceability of the references, who authorises it";
   }
+  SECTION("references whose calibration had run out") {
+    with(session, [](auto& store) {
+      std::string bench = store.get("bench").value();
+      store.set("bench", bench.replace(bench.find("2027-01-01"), 10, "2026-01-01"));
+    });
+    expected =
+        "The calibration of &apos;rail&apos; was due on 2026-01-01, before the measurement on 2026-05-04";
+  }
+  SECTION("an item that was received after it was measured") {
+    with(session, [](auto& store) {
+      std::string bench = store.get("bench").value();
+      store.set("bench", bench.replace(bench.find("2026-05-01"), 10, "2031-05-01"));
+    });
+    expected = "was received on 2031-05-01, after it was measured on 2026-05-04";
+  }
+  SECTION("ranges that were corrected") {
+    with(session, [](auto& store) { store.set("correction", "{}"); });
+    expected = "what is reported is what the correction leaves";
+  }
   SECTION("an unfinished procedure") {
     with(session, [](auto& store) { store.set("ended", "stopped by the operator"); });
     expected = "ended before its last step: stopped by the operator";

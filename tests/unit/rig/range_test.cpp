@@ -183,6 +183,46 @@ TEST_CASE("where the lidar sits on its stage is part of a range error's uncertai
   CHECK_THAT(result.at("notes").dump(), Catch::Contains("calibrate it first"));
 }
 
+/// A wall measured at these places, in a session whose bench file has it at others.
+void set_ladder(const std::string& file, const std::vector<double>& stated_mm,
+                const std::vector<double>& true_mm) {
+  rig::SessionStore store(file, rig::SessionStore::Mode::create);
+  set_bench(store, R"({"x_mm":0,"y_mm":0,"yaw_deg":0})",
+            R"({"name":"wall","from_mm":[500,-300],"to_mm":[500,300],"u_mm":1,"u_deg":0.1})");
+  for (std::size_t i = 0; i < stated_mm.size(); ++i) {
+    fit::CaptureInfo info;
+    info.step = "wall " + std::to_string(i), info.target = "wall", info.target_shift_mm = stated_mm[i] - 500;
+    info.first_step = 536, info.last_step = 544;
+    const auto mm = static_cast<std::uint16_t>(std::lround(true_mm[i] * 1.004 + 6));
+    add_capture(store, info, 100, [&](int scan, int) {
+      return Echo{static_cast<std::uint16_t>(mm + scan % 3 - 1), static_cast<std::uint16_t>(2e6 / mm)};
+    });
+  }
+}
+
+TEST_CASE("of a few distances one that is wrong is told, on the terminal before any figure") {
+  const TestFolder place;
+  const auto fitted = [&](const std::string& file, double fourth_mm) {
+    set_ladder(file, {500, 700, 1000, 1600, 2000, 3000}, {500, 700, 1000, fourth_mm, 2000, 3000});
+    const rig::SessionStore session(file, rig::SessionStore::Mode::read);
+    return rig::run_fit("range", {{file, &session}}, nlohmann::json::object());
+  };
+  const nlohmann::json right = fitted(place / "right.rig", 1600), wrong = fitted(place / "wrong.rig", 1500);
+  CHECK(right.value("contradictions", nlohmann::json::array()).empty());
+  CHECK_THAT(wrong.at("contradictions").dump(), Catch::Contains("a target stood elsewhere than stated"));
+  const std::string text = rig::to_text(wrong);
+  CHECK(text.find("DOUBTFUL: ") < text.find("Range error at"));
+}
+
+TEST_CASE("a target that is moved while the stage stands shows no edge") {
+  const TestFolder place;
+  const std::string file = place / "ladder.rig";
+  set_ladder(file, {500, 700, 1000, 1600}, {500, 700, 1000, 1600});
+  const rig::SessionStore session(file, rig::SessionStore::Mode::read);
+  CHECK_THROWS_WITH(rig::run_fit("sensitivity", {{file, &session}}, nlohmann::json::object()),
+                    Catch::Contains("no beam passes an edge"));
+}
+
 TEST_CASE("a target that steps back beside the square beam is reported, and its face alone is used") {
   const TestFolder place;
   const std::string file = place / "stepped.rig";
