@@ -4,9 +4,11 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -117,12 +119,49 @@ void write_imu(const std::string& path, const SessionWriter& written) {
   transaction.commit();
 }
 
+bool same_bytes(const fs::path& a, const fs::path& b) {
+  std::error_code ignored;
+  if (fs::file_size(a, ignored) != fs::file_size(b, ignored)) return false;
+  std::ifstream first(a, std::ios::binary), second(b, std::ios::binary);
+  return first && second &&
+         std::equal(std::istreambuf_iterator<char>(first), {}, std::istreambuf_iterator<char>(second), {});
+}
+
+/// Files or folders (bags) that are one, or copies of one another.
+bool same_recording(const fs::path& a, const fs::path& b) {
+  std::error_code ignored;
+  if (fs::equivalent(a, b, ignored)) return true;
+  if (fs::is_regular_file(a, ignored) && fs::is_regular_file(b, ignored)) return same_bytes(a, b);
+  if (!fs::is_directory(a, ignored) || !fs::is_directory(b, ignored)) return false;
+  std::size_t files = 0;
+  for (const auto& entry : fs::directory_iterator(a, ignored)) {
+    const fs::path other = b / entry.path().filename();
+    if (!fs::is_regular_file(entry.path(), ignored)) continue;
+    if (!fs::is_regular_file(other, ignored) || !same_bytes(entry.path(), other)) return false;
+    ++files;
+  }
+  return files > 0;
+}
+
+/// The same evidence given twice would count twice.
+void refuse_copies(const std::vector<std::string>& files) {
+  for (std::size_t i = 0; i < files.size(); ++i)
+    for (std::size_t k = 0; k < i; ++k)
+      if (same_recording(files[k], files[i]))
+        throw UsageError(files[i] + " is the same recording as " + files[k] +
+                         (files[i] == files[k] ? "" : ", byte for byte") +
+                         ", so its evidence would count twice. Give every recording once.");
+}
+
 /// Refuses files of which nothing can be made.
 std::vector<FirstScan> preview(const ImportRequest& request) {
   std::vector<FirstScan> previews;
+  std::vector<bool> tables;
   for (const auto& file : request.files) {
     previews.emplace_back();
-    importer_for(file, request.options)->read(file, request.options, previews.back());
+    const auto importer = importer_for(file, request.options);
+    tables.push_back(importer->takes_columns());
+    importer->read(file, request.options, previews.back());
   }
   const bool wheels = std::ranges::any_of(previews, &FirstScan::has_wheels);
   const bool any_scans = std::ranges::any_of(previews, &FirstScan::found);
@@ -137,7 +176,10 @@ std::vector<FirstScan> preview(const ImportRequest& request) {
                              " holds poses and no scan, so there is nothing to import alone." + why +
                              " Give the file with the scans too.");
     throw MeasurementError(request.files[i] + " holds no scan, so there is nothing to import." + why +
-                           " Check the recording, or name the topic with --topic.");
+                           (!tables[i] ? " Check the recording, or name the topic with --topic."
+                            : why.find("--columns") != why.npos
+                                ? ""
+                                : " Check its rows, and the names of its columns (--columns)."));
   }
   return previews;
 }
@@ -189,8 +231,20 @@ void write_keys(SessionStore& store, const ImportRequest& request, const Session
   }
 }
 
+/// A session whose bench does not read would be refused by every command.
+void refuse_unreadable(const std::string& bench) {
+  try {
+    (void)fit::parse_bench(bench);
+  } catch (const std::invalid_argument& error) {
+    throw MeasurementError(std::string("The recording makes a bench that cannot be: ") + error.what() +
+                           ". Check the units of times and angles (--columns), --scan-hz, --step-deg and "
+                           "--true-mm.");
+  }
+}
+
 /// Looks at every file before the first scan is written.
 ImportReport import_into(const std::string& unfinished, const ImportRequest& request) {
+  refuse_copies(request.files);
   const auto previews = preview(request);
   ImportReport report;
   std::vector<std::string> with_scans;
@@ -229,7 +283,10 @@ ImportReport import_into(const std::string& unfinished, const ImportRequest& req
   }
   writer.end();
   if (with_scans.empty()) writer.note("It holds no scans: wheels and poses alone were imported.");
-  store->set("bench", request.bench ? *request.bench : bench_document(request, writer, distances).dump(2));
+  const std::string bench_text =
+      request.bench ? *request.bench : bench_document(request, writer, distances).dump(2);
+  refuse_unreadable(bench_text);
+  store->set("bench", bench_text);
   write_keys(*store, request, writer);
   store->finish();
   store.reset();
@@ -266,6 +323,12 @@ std::string other_use(const std::string& path, std::span<const std::uint8_t> fir
   if (text.find("\"bench/1\"") != text.npos) return " is a bench file: give it with --bench.";
   if (path.ends_with(".rig") && text.starts_with("SQLite format 3"))
     return " is a session already: `rig fit`, `rig deskew` and `rig explain` read it as it is.";
+  // Of letters and digits UTF-16 has every other byte zero, its byte order mark apart.
+  const bool pairs =
+      text.size() > 3 && std::isprint(first[0]) && !first[1] && std::isprint(first[2]) && !first[3];
+  if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF") || pairs)
+    return std::string(" is text in the encoding UTF-16: convert it to UTF-8 first (iconv -f ") +
+           (pairs ? "UTF-16LE" : "UTF-16") + " -t UTF-8 FILE > NEW.csv, or save it as CSV in UTF-8).";
   if (text.starts_with("\x1f\x8b") || path.ends_with(".gz") || path.ends_with(".zip"))
     return " is compressed: unpack it first (gunzip, unzip).";
   return "";

@@ -45,6 +45,8 @@ class ImportSink {
   virtual void property(const std::string& key, const std::string& value) = 0;
   /// A sentence for the operator: something was damaged, left out or assumed.
   virtual void note(const std::string& text) = 0;
+  /// A sentence on what cannot be, with what to do: a reason to refuse the file.
+  virtual void doubt(const std::string& text) { note(text); }
   /// False when the sink has seen enough; importers then stop early.
   [[nodiscard]] virtual bool wants_more() const = 0;
 };

@@ -61,7 +61,9 @@ class SessionWriter : public ImportSink {
     if (info) capture_ = store_.begin_capture(*info);
   }
   void end_file(std::optional<double> true_mm) {
-    for (const auto& doubt : plausibility_.doubts(true_mm)) this->doubt(file_ + ": " + doubt);
+    if (const auto why = plausibility_.impossible()) throw MeasurementError(file_ + ": " + *why);
+    for (const auto& doubt : plausibility_.doubts(true_mm)) this->doubt(doubt);
+    for (const auto& note : plausibility_.notes()) this->note(note);
     if (const auto hz = plausibility_.stamped_hz(); hz && timed_ == 0) stamped_hz_ = hz;
     if (capture_) {
       store_.commit_capture(*capture_);
@@ -73,9 +75,9 @@ class SessionWriter : public ImportSink {
   void end() {
     if (report_.scans == 0 || report_.poses == 0) return;
     if (first_pose_us_ > last_scan_us_ || last_pose_us_ < first_scan_us_)
-      doubt("The wheels or poses (" + seconds(first_pose_us_) + " to " + seconds(last_pose_us_) +
-            " s after the first scan) and the scans (until " + seconds(last_scan_us_) +
-            " s) do not overlap in time: they need one clock.");
+      refuse_or_note("The wheels or poses (" + seconds(first_pose_us_) + " to " + seconds(last_pose_us_) +
+                     " s after the first scan) and the scans (until " + seconds(last_scan_us_) +
+                     " s) do not overlap in time: they need one clock.");
   }
 
   void scan(const ImportedScan& given) override {
@@ -111,6 +113,7 @@ class SessionWriter : public ImportSink {
 
   void pose(std::int64_t stamp_ns, const std::string&, const std::string& frame,
             const fit::TrackPose& pose) override {
+    plausibility_.pose(stamp_ns, pose);
     fit::TrackPose placed = pose;
     placed.host_us = host_us(stamp_ns);
     store_.add_pose(placed);
@@ -136,6 +139,8 @@ class SessionWriter : public ImportSink {
     report_.notes.push_back(full);
     store_.add_event(0, "warning", full);
   }
+
+  void doubt(const std::string& text) override { refuse_or_note(file_ + ": " + text); }
 
   bool wants_more() const override { return true; }
 
@@ -186,7 +191,7 @@ class SessionWriter : public ImportSink {
   }
   static std::string seconds(std::int64_t us) { return fit::format_fixed(1e-6 * static_cast<double>(us), 1); }
 
-  void doubt(const std::string& text) {
+  void refuse_or_note(const std::string& text) {
     if (!request_.accept_doubts)
       throw MeasurementError(text + " Or import it as it is with --accept-doubts.");
     note("not plausible, and imported all the same: " + text);

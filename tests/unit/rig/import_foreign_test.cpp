@@ -327,11 +327,12 @@ TEST_CASE("a rover's log of BreezySLAM gives scans and wheels") {
 
 TEST_CASE(
     "every text format that is cut or damaged anywhere is read as far as it goes, or refused in words") {
-  rig::ImportOptions options;
-  options.first_deg = -90, options.step_deg = 5, options.ticks_a_turn = 100;
+  rig::ImportOptions tables;
+  tables.first_deg = -90, tables.step_deg = 5, tables.ticks_a_turn = 2000;
   for (const char* name : {"wide.csv", "echo.csv", "points.csv", "cartesian.tsv", "degrees.csv", "ticks.csv",
                            "old.clf", "new.log", "rover.dat"}) {
     INFO(name);
+    const rig::ImportOptions options = name == std::string("rover.dat") ? rig::ImportOptions{} : tables;
     const std::size_t size = file_text(recordings().file(name)).size();
     int read = 0;
     for (std::size_t run = 1; run < 16; ++run)

@@ -281,7 +281,7 @@ TEST_CASE("distances are found in file and folder names") {
 
 TEST_CASE("true distances put a target and its shifts into the session") {
   const TestFolder folder;
-  const auto a = folder.write("a.mcap", robot_mcap("")), b = folder.write("b.mcap", robot_mcap(""));
+  const auto a = folder.write("a.mcap", robot_mcap("")), b = folder.write("b.mcap", robot_mcap("lz4"));
   auto asked = request({a, b}, folder / "out.rig");
   asked.true_mm = {2000, 2750};
   asked.true_u_mm = 2;
