@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
 // One row a moment: wheels, poses, or both.
+#include <array>
+
 #include "rig/import/table_rows.hpp"
 #include "rig/import/wheel_counter.hpp"
 
@@ -9,7 +11,7 @@ namespace {
 class LogRows : public Rows {
  public:
   explicit LogRows(const Table& table)
-      : table_(table),
+      : Rows(table),
         time_(table, table.find(Holds::time)),
         x_(table.find(Holds::x)),
         y_(table.find(Holds::y)),
@@ -36,10 +38,14 @@ class LogRows : public Rows {
     const auto x = table_.scaled(cells, x_), y = table_.scaled(cells, y_),
                heading = table_.scaled(cells, heading_);
     const auto left = table_.scaled(cells, left_), right = table_.scaled(cells, right_);
-    // Exports of several things in one table leave cells empty; a row that tells neither is cut.
+    // Exports of several things in one table leave cells empty, also all of ours.
+    if (stamp && std::ranges::all_of(std::array{x_, y_, heading_, left_, right_},
+                                     [&](int index) { return is_empty(cells, index); }))
+      return;
     const bool wheels = left && right, placed = x && y && (heading || heading_ < 0);
+    ++rows_;
     if (!stamp || (!wheels && !placed)) {
-      ++faulty_;
+      leave_out(stamp ? "neither both wheels nor a pose" : "the time is no number");
       return;
     }
     fit::TrackPose pose;
@@ -60,10 +66,14 @@ class LogRows : public Rows {
       table_.sink.note("The encoders' counts overflowed " +
                        std::to_string(left_counter_.overflows() + right_counter_.overflows()) +
                        " times (16 bits): they were unwrapped.");
-    table_.faulty_rows(faulty_);
+    report_left_out(rows_);
   }
 
  private:
+  static bool is_empty(const Cells& cells, int index) {
+    return index < 0 || (static_cast<std::size_t>(index) < cells.size() &&
+                         trimmed(cells[static_cast<std::size_t>(index)]).empty());
+  }
   [[nodiscard]] WheelCounter counter(int index) const {
     if (index < 0) return WheelCounter(1, false);
     const TableColumn& column = table_.column(index);
@@ -73,15 +83,19 @@ class LogRows : public Rows {
           "it counts the wheels in ticks and does not say how many make one turn.",
           "Give --ticks-a-turn, the gear included: 64 counts a turn of the motor and a gear of 43.7 are "
           "2796.8; or name columns left_rad,right_rad with --columns.");
+    if (*table_.options.ticks_a_turn < 1)
+      throw UsageError(
+          "--ticks-a-turn " + fit::format_fixed(*table_.options.ticks_a_turn, 3) +
+          " is less than one count in a turn of the wheel, which no encoder has. Give the counts "
+          "in one turn, the gear included.");
     return WheelCounter(*table_.options.ticks_a_turn, column.increment);
   }
 
-  const Table& table_;
   Times time_;
   int x_, y_, heading_, left_, right_;
   WheelCounter left_counter_, right_counter_;
   std::optional<double> last_;
-  std::uint64_t faulty_ = 0, backwards_ = 0;
+  std::uint64_t rows_ = 0, backwards_ = 0;
 };
 
 }  // namespace

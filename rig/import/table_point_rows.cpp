@@ -9,7 +9,7 @@ namespace {
 class PointRows : public Rows {
  public:
   explicit PointRows(const Table& table)
-      : table_(table),
+      : Rows(table),
         time_(table, table.find(Holds::time)),
         lengths_(table, "scan,angle_deg,range_m"),
         scan_(table.find(Holds::scan)),
@@ -27,21 +27,27 @@ class PointRows : public Rows {
     const auto scan = Table::cell(cells, scan_);
     const double capture = Table::cell(cells, capture_).value_or(0);
     const auto stamp = time_.present() ? time_.ns(cells) : std::optional<double>();
-    std::optional<double> angle, range;
-    if (!point(cells, angle, range) || (scan_ >= 0 && !scan) || (time_.present() && !stamp)) {
-      ++faulty_;
+    ++rows_;
+    std::optional<double> angle, range_mm;
+    std::string fault = point_of(cells, angle, range_mm);
+    if (scan_ >= 0 && !scan) fault = "the scan's number is no number";
+    if (time_.present() && !stamp) fault = "the time is no number";
+    if (!fault.empty()) {
+      leave_out(fault);
       return;
     }
     if (angle) largest_angle_ = std::max(largest_angle_, std::abs(*angle));
     const bool other = scan_ >= 0 ? scan != last_scan_ || capture != last_capture_
                                   : (time_.present() && stamp != last_stamp_) || (angle && goes_back(*angle));
     if (other) flush();
-    if (points_ == 0) stamp_ = stamp;
+    if (points_ == 0) stamp_ = stamp, first_line_ = table_.line;
     ++points_;
     last_scan_ = scan, last_capture_ = capture, last_stamp_ = stamp;
     if (!angle || angles_.size() >= most_values) return;
     angles_.push_back(*angle);
-    ranges_.push_back(range_of(range));
+    ranges_.push_back(cartesian_ ? range_cells_.range(range_mm)
+                                 : range_cells_.range(cells[static_cast<std::size_t>(range_)],
+                                                      table_.column(range_), table_.line));
     if (intensity_column_ >= 0) intensities_.push_back(intensity_of(Table::cell(cells, intensity_column_)));
   }
 
@@ -58,7 +64,8 @@ class PointRows : public Rows {
                        "directions, at most " +
                        fit::format_fixed(farthest_rad_ * fit::deg_per_rad, 2) +
                        " deg off. --first-deg and --step-deg name other directions.");
-    table_.faulty_rows(faulty_);
+    range_cells_.report(table_.sink, table_.decimal_comma);
+    report_left_out(rows_);
   }
 
  private:
@@ -72,22 +79,30 @@ class PointRows : public Rows {
     return std::abs(step) > quarter ||
            (angles_.size() >= least_points && step * scan < 0 && std::abs(step) > std::abs(scan) / 2);
   }
-  /// False for a row that is none; an angle of nothing for a point without an echo.
-  bool point(const Cells& cells, std::optional<double>& angle, std::optional<double>& range) {
+  /// What is wrong with a row, or ""; an angle of nothing for a point without an echo.
+  std::string point_of(const Cells& cells, std::optional<double>& angle, std::optional<double>& range_mm) {
+    if (static_cast<int>(cells.size()) <= (cartesian_ ? std::max(x_, y_) : std::max(angle_, range_)))
+      return "too few values";
     if (!cartesian_) {
       const auto raw = Table::cell(cells, range_);
       if (raw && !length_unit_known_) lengths_.check(*raw);
       angle = table_.scaled(cells, angle_);
-      range = table_.scaled(cells, range_);
-      return angle.has_value() && static_cast<std::size_t>(range_) < cells.size();
+      if (!angle) return "the angle is no number";
+      if (table_.column(angle_).unit_known && std::abs(*angle) > 4 * fit::pi)
+        return "the angle is beyond two turns, as if its unit or the columns were others";
+      return "";
     }
     const auto x = table_.scaled(cells, x_), y = table_.scaled(cells, y_);
-    const bool there = std::max(x_, y_) < static_cast<int>(cells.size());
-    if (!x || !y || (*x == 0 && *y == 0)) return there;  // "nan nan" and "0 0": no echo
+    if (!x || !y) {  // "nan nan" is no echo, other words are counted.
+      const int index = x ? y_ : x_;
+      range_cells_.range(cells[static_cast<std::size_t>(index)], table_.column(index), table_.line);
+      return "";
+    }
+    if (*x == 0 && *y == 0) return "";
     if (!length_unit_known_) lengths_.check(std::hypot(*x, *y));
     angle = std::atan2(*y, *x);
-    range = std::hypot(*x, *y);
-    return true;
+    range_mm = std::hypot(*x, *y);
+    return "";
   }
 
   /// Whether the angles are radians or degrees must be stated where their size leaves it open.
@@ -110,7 +125,7 @@ class PointRows : public Rows {
       check_angles();
       place();
     } else if (points_ > 0) {
-      ++faulty_;
+      leave_out("a scan of fewer than two points", first_line_, points_);
     }
     angles_.clear(), ranges_.clear(), intensities_.clear();
     points_ = 0;
@@ -126,7 +141,7 @@ class PointRows : public Rows {
           fit::ScanGeometry{*options.first_deg * fit::rad_per_deg, *options.step_deg * fit::rad_per_deg, {}};
     const auto grid = beam_grid(angles_, known);
     if (!grid || grid->doubled * 20 > angles_.size() || grid->beams > 20 * angles_.size() + 100) {
-      ++faulty_;
+      leave_out("a scan whose angles lie on no even grid", first_line_, points_);
       return;
     }
     ++scans_;
@@ -147,14 +162,14 @@ class PointRows : public Rows {
               intensity_);
   }
 
-  const Table& table_;
   Times time_;
   Lengths lengths_;
+  RangeCells range_cells_;
   int scan_, capture_, angle_, range_, x_, y_, intensity_column_;
   bool cartesian_ = false, length_unit_known_ = false, angle_checked_ = false, in_degrees_ = false;
   std::optional<double> last_scan_, last_stamp_, stamp_;
   double last_capture_ = 0, farthest_rad_ = 0, largest_angle_ = 0;
-  std::uint64_t points_ = 0, scans_ = 0, single_ = 0, uneven_ = 0, faulty_ = 0;
+  std::uint64_t points_ = 0, scans_ = 0, single_ = 0, uneven_ = 0, rows_ = 0, first_line_ = 0;
   std::vector<double> angles_;
   std::vector<std::uint16_t> ranges_, intensities_, range_mm_, intensity_;
 };

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -17,6 +18,7 @@
 #include "rig/errors.hpp"
 #include "rig/import/importer.hpp"
 #include "rig/import/table_columns.hpp"
+#include "rig/import/table_range_cells.hpp"
 #include "rig/text_lines.hpp"
 
 namespace rig::table_rows {
@@ -33,6 +35,8 @@ struct Table {
   ImportSink& sink;
   std::vector<TableColumn> columns;
   bool with_header = false;
+  bool decimal_comma = false;  ///< Commas in numbers were replaced by points.
+  std::uint64_t line = 0;      ///< Of the row that is read, from 1.
 
   [[nodiscard]] int find(Holds holds) const {
     int found = -1;
@@ -59,10 +63,6 @@ struct Table {
     sink.note("The table holds no times: its scans were taken " +
               fit::format_fixed(1000 / options.scan_hz.value_or(40), 1) +
               " ms apart. --scan-hz names another rate.");
-  }
-  void faulty_rows(std::uint64_t count) const {
-    if (count > 0)
-      sink.note(std::to_string(count) + " rows or scans were truncated or implausible and left out.");
   }
 };
 
@@ -131,9 +131,55 @@ class Lengths {
 /// Makes something of a table's rows.
 class Rows {
  public:
+  explicit Rows(const Table& table) : table_(table) {}
   virtual ~Rows() = default;
+  Rows(const Rows&) = delete;
+  Rows& operator=(const Rows&) = delete;
   virtual void row(const Cells& cells) = 0;
   virtual void end() = 0;
+  /// Counts rows that are not used, by the reason (as "too few values"), and remembers where the first
+  /// stands.
+  void leave_out(const std::string& why, std::uint64_t first_line, std::uint64_t rows = 1) {
+    LeftOut& left_out = left_out_[why];
+    if (left_out.rows == 0) left_out.first_line = first_line;
+    left_out.rows += rows;
+  }
+  void leave_out(const std::string& why) { leave_out(why, table_.line); }
+  /// In place of row().
+  void leave_out_long_row() {
+    leave_out("more values than columns");
+    ++long_rows_;
+  }
+
+ protected:
+  /// At the end. Where most rows are lost, the columns are not what they are said to be.
+  void report_left_out(std::uint64_t rows) const {
+    if (left_out_.empty()) return;
+    rows += long_rows_;
+    std::uint64_t count = 0;
+    std::string reasons;
+    for (const auto& [why, left_out] : left_out_) {
+      count += left_out.rows;
+      reasons += (reasons.empty() ? "" : "; ") + why + " (" + std::to_string(left_out.rows) +
+                 ", the first in line " + std::to_string(left_out.first_line) + ")";
+    }
+    const std::string said = std::to_string(count) + " of " + std::to_string(rows) +
+                             " rows were truncated or implausible and left out: " + reasons + ".";
+    if (2 * count > rows)
+      table_.sink.doubt(said +
+                        " Check the names, units and order of the columns, or give them with --columns.");
+    else
+      table_.sink.note(said);
+  }
+
+  const Table& table_;
+
+ private:
+  struct LeftOut {
+    std::uint64_t rows = 0, first_line = 0;
+  };
+  std::map<std::string, LeftOut> left_out_;
+  std::uint64_t long_rows_ = 0;
 };
 
 inline void set_scan_time(fit::ScanGeometry& geometry, std::size_t beams, double scan_hz) {

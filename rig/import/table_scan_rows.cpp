@@ -5,31 +5,38 @@
 namespace rig::table_rows {
 namespace {
 
+/// Lidars report three echoes a step at most; more columns of one name are steps.
+constexpr std::size_t most_echoes = 8;
+
 class ScanRows : public Rows {
  public:
   explicit ScanRows(const Table& table)
-      : table_(table), time_(table, table.find(Holds::time)), lengths_(table, "time_s,range_m*360") {
+      : Rows(table), time_(table, table.find(Holds::time)), lengths_(table, "time_s,range_m*360") {
     choose_columns();
   }
 
   void row(const Cells& cells) override {
     ++rows_;
     const std::size_t last = ranges_.empty() ? 0 : ranges_.back();
-    if (ranges_.empty() || cells.size() <= last || ranges_.size() > most_values) {
-      ++faulty_;
+    if (ranges_.empty() || ranges_.size() > most_values) {
+      leave_out("no columns of ranges");
+      return;
+    }
+    if (cells.size() <= last) {
+      leave_out("fewer than " + std::to_string(last + 1) + " values");
       return;
     }
     std::optional<double> stamp = time_.present() ? time_.ns(cells) : std::optional<double>();
     if (time_.present() && !stamp) {
-      ++faulty_;
+      leave_out("the time is no number");
       return;
     }
     const fit::ScanGeometry geometry = geometry_of(cells);
     range_mm_.clear(), intensity_.clear();
     for (const std::size_t i : ranges_) {
-      const auto value = number_in(cells[i]);
-      if (!units_known_ && value) lengths_.check(*value);
-      range_mm_.push_back(range_of(value ? std::optional(*value * table_.columns[i].scale) : std::nullopt));
+      if (!units_known_)
+        if (const auto value = number_in(cells[i])) lengths_.check(*value);
+      range_mm_.push_back(range_cells_.range(cells[i], table_.columns[i], table_.line));
     }
     if (!units_known_) lengths_.decide();
     for (const std::size_t i : intensities_)
@@ -43,7 +50,8 @@ class ScanRows : public Rows {
   void end() override {
     if (!time_.present() && rows_ > 1) table_.invented_times();
     if (several_) table_.sink.note("The table holds several echoes a step: the first was used.");
-    table_.faulty_rows(faulty_);
+    range_cells_.report(table_.sink, table_.decimal_comma);
+    report_left_out(rows_);
   }
 
  private:
@@ -52,13 +60,21 @@ class ScanRows : public Rows {
   void choose_columns() {
     const auto& columns = table_.columns;
     const bool named = std::ranges::any_of(columns, [](const auto& c) { return c.holds == Holds::range; });
+    std::size_t echoes = 1;
     for (std::size_t i = 0; i < columns.size(); ++i) {
       if (columns[i].holds == Holds::intensity) intensities_.push_back(i);
       if (columns[i].holds != (named ? Holds::range : Holds::unknown) || columns[i].name.empty()) continue;
       if (table_.with_header && !ranges_.empty() && columns[ranges_.back()].name == columns[i].name) {
         several_ = true;
+        if (++echoes > most_echoes)
+          table_.ask(
+              "its header names more than " + std::to_string(most_echoes) + " columns '" + columns[i].name +
+                  "' one after the other, which are too many for echoes of one step.",
+              "Give --columns with NAME* for all that remain (--columns time_s,range_mm*), or number the "
+              "names: range0_mm,range1_mm,...");
         continue;
       }
+      echoes = 1;
       ranges_.push_back(i);
       units_known_ = units_known_ && columns[i].unit_known;
     }
@@ -116,13 +132,13 @@ class ScanRows : public Rows {
     return geometry;
   }
 
-  const Table& table_;
   Times time_;
   Lengths lengths_;
+  RangeCells range_cells_;
   std::vector<std::size_t> ranges_, intensities_;
   bool several_ = false, units_known_ = true;
   std::optional<fit::ScanGeometry> geometry_;
-  std::uint64_t rows_ = 0, faulty_ = 0;
+  std::uint64_t rows_ = 0;
   std::vector<std::uint16_t> range_mm_, intensity_;
 };
 

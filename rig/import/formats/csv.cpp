@@ -20,8 +20,23 @@ char separator_of(std::string_view line) {
   return ' ';
 }
 
+/// The pieces between separators; one in quotation marks may hold separators.
+Cells quoted_cells(std::string_view line, char separator) {
+  Cells cells;
+  for (const std::string_view piece : split(line, separator)) {
+    const bool open = !cells.empty() && std::ranges::count(cells.back(), '"') % 2 == 1;
+    if (open)
+      cells.back() = std::string_view(
+          cells.back().data(), static_cast<std::size_t>(piece.data() + piece.size() - cells.back().data()));
+    else
+      cells.push_back(piece);
+  }
+  return cells;
+}
+
 Cells cells_of(std::string_view line, char separator) {
-  if (separator != ' ') return split(line, separator);
+  if (separator != ' ')
+    return line.find('"') == line.npos ? split(line, separator) : quoted_cells(line, separator);
   Cells cells;
   for (const std::string_view cell : split(trimmed(line), ' ')) {
     if (cell.empty()) continue;
@@ -60,26 +75,38 @@ class TableReader {
     std::string line;
     bool too_long = false;
     while (table_.sink.wants_more() && next_line(in, line, too_long)) {
+      if (++table_.line == 1 && line.starts_with("\xEF\xBB\xBF"))
+        line.erase(0, 3);  // a UTF-8 byte order mark
+      if (!rows_) refuse_old_line_ends(line);
       if (trimmed(line).empty() || line.front() == '#') {
         if (!rows_ && !line.empty()) comment_ = line;
         continue;
       }
       if (first_) separator_ = separator_of(line);
-      if (separator_ == ';' || separator_ == '\t') std::ranges::replace(line, ',', '.');
+      if ((separator_ == ';' || separator_ == '\t') && line.find(',') != line.npos) {
+        std::ranges::replace(line, ',', '.');
+        table_.decimal_comma = true;
+      }
       if (rows_ && line == header_) continue;  // of the next of several files, one after the other
       take(line);
     }
+    if (too_long) refuse_old_line_ends(line);
     if (too_long)
       throw UsageError(table_.path +
                        " has a line of more than four million characters: it is not a table of scans.");
     if (rows_) rows_->end();
+    if (!rows_ && headers_ > 1) refuse_words();
   }
 
  private:
   void take(const std::string& line) {
-    const Cells cells = cells_of(line, separator_);
+    Cells cells = cells_of(line, separator_);
     if (cells.empty()) return;
     const bool number = number_in(cells.front()).has_value() || trimmed(cells.front()) == "nan";
+    if (!rows_ && !number && ++headers_ == 2) {
+      word_ = std::string(trimmed(cells.front()));
+      word_line_ = table_.line;
+    }
     if (first_ && !number) {
       table_.with_header = true;
       header_ = line;
@@ -89,9 +116,40 @@ class TableReader {
       refuse_intensities(cells);
     } else {
       if (!rows_) begin(cells);
-      rows_->row(cells);
+      // An empty last cell.
+      if (separator_ != ' ' && line.back() == separator_ && cells.size() < table_.columns.size())
+        cells.emplace_back();
+      if (has_more_than_columns(cells))
+        rows_->leave_out_long_row();
+      else
+        rows_->row(cells);
     }
     first_ = false;
+  }
+
+  /// Separators at the end of a line make no columns.
+  [[nodiscard]] bool has_more_than_columns(const Cells& cells) const {
+    const std::size_t columns = table_.columns.size();
+    return cells.size() > columns &&
+           std::any_of(cells.begin() + static_cast<std::ptrdiff_t>(columns), cells.end(),
+                       [](std::string_view cell) { return !trimmed(cell).empty(); });
+  }
+
+  void refuse_old_line_ends(const std::string& line) const {
+    if (const auto text = trimmed(line); text.find('\r') != text.npos)
+      throw UsageError(table_.path +
+                       " ends its lines with CR alone, as old systems did. Write them anew: tr '\\r' '\\n' "
+                       "< FILE > NEW.csv");
+  }
+
+  /// Nothing but headers: the first value of every row is no number.
+  void refuse_words() const {
+    const bool date = word_.size() >= 10 && word_[4] == '-' && word_[7] == '-';
+    table_.ask("line " + std::to_string(word_line_) + " begins with '" + word_ +
+                   "', which is no number, and no line below begins with one.",
+               date ? "Dates are not read: write times as numbers, e.g. seconds in a column time_s."
+                    : "Every row begins with a number; check what parts the columns (comma, semicolon, "
+                      "tabulator or blanks).");
   }
 
   void begin(const Cells& cells) {
@@ -112,7 +170,21 @@ class TableReader {
       if (cells.size() > 2 && number_in(cells[0]).value_or(0) >= 65536)
         table_.columns[0] = column_of("Timestamp");
     }
+    if (has_more_than_columns(cells)) refuse_left_over(cells.size());
+    if (headers_ > most_headers)
+      table_.sink.note("The first row of numbers is line " + std::to_string(table_.line) +
+                       ": the lines before it were passed over.");
     rows_ = rows_for(table_);
+  }
+
+  [[noreturn]] void refuse_left_over(std::size_t cells) const {
+    const bool named = !table_.options.columns.empty();
+    table_.ask(
+        (named ? "--columns names " : "its header names ") + std::to_string(table_.columns.size()) +
+            " columns, but line " + std::to_string(table_.line) + " holds " + std::to_string(cells) +
+            " values.",
+        std::string("Name every column with --columns: NAME* means all that remain, '-' passes over one.") +
+            (separator_ == ',' ? " Where the comma is the decimal sign, part the columns with ';'." : ""));
   }
 
   /// numpy.savetxt and many loggers write the names behind a '#'.
@@ -133,7 +205,9 @@ class TableReader {
   Table table_;
   char separator_ = ',';
   bool first_ = true;
-  std::string comment_, header_;
+  std::string comment_, header_, word_;
+  static constexpr std::uint64_t most_headers = 2;  // as UrgBenri writes
+  std::uint64_t headers_ = 0, word_line_ = 0;       ///< Lines before the first row; the second of them.
   std::unique_ptr<Rows> rows_;
 };
 

@@ -182,7 +182,7 @@ TEST_CASE("a row of a table that ends before its time is left out") {
   REQUIRE(in.scans.size() == 2);
   CHECK(in.scans[1].range_mm == std::vector<std::uint16_t>{502, 602});
   CHECK(in.scans[1].host_us == 50'000);
-  CHECK_THAT(in.notes, Contains("1 rows or scans were truncated"));
+  CHECK_THAT(in.notes, Contains("1 of 3 rows were truncated"));
 }
 
 TEST_CASE("names with their units in brackets are one name each, separated by blanks too") {
@@ -208,7 +208,8 @@ TEST_CASE("zeros that damage a table cost the rows they stand in") {
   text[text.find("0,7,1007") + 2] = '\0';
   const auto imported = import(folder, folder.write("points.csv", text));
   CHECK(imported.scans.size() == 4);
-  CHECK_THAT(imported.notes, Contains("1 rows or scans were truncated or implausible"));
+  CHECK_THAT(imported.notes,
+             Contains("1 of 120 rows were truncated or implausible") && Contains("first in line 9"));
   CHECK_THROWS_WITH(import(folder, folder.write("binary.csv", std::string(400, '\0') + text)),
                     Contains("does not read"));
 }
