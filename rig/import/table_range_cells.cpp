@@ -100,14 +100,13 @@ void RangeCells::report(ImportSink& sink, bool decimal_comma) const {
                " % of its ranges that are not empty (" + std::to_string(dropped) + " of " +
                std::to_string(given_) + ") are no numbers or lie beyond a lidar's reach (20 mm to 65 m)" +
                (first.line > 0 ? ", as " + quoted(first) : "") +
-               ": the unit or the columns are others. Name them with --columns, e.g. --columns "
-               "time_s,range_m*360.");
+               ": the unit or the columns are others. Name them with --columns (range_m, x_mm ...).");
     return;
   }
   if (largest_mm_ <= least_largest_mm)
     sink.doubt("Its largest range is " + fit::format_fixed(largest_mm_, 1) +
-               " mm, which is no room to measure: the unit is likely another. Name it with --columns, e.g. "
-               "--columns time_s,range_m*360.");
+               " mm, which is no room to measure: the unit is likely another. Name it with --columns "
+               "(range_m, x_m ...).");
   if (words_ == 0) return;
   const std::string said = std::to_string(words_) + " of " + std::to_string(given_) +
                            " ranges that are not empty are no numbers and read as no echo; the first is " +
