@@ -7,6 +7,7 @@
 
 #include "rig/commands/device_run.hpp"
 #include "rig/runner/bench_doubts.hpp"
+#include "rig/runner/bench_file.hpp"
 
 namespace rig::commands {
 namespace {
@@ -105,6 +106,7 @@ class Run : public Command {
     const fit::Bench bench = known_bench();
     const auto plan =
         unroll(procedure, bench);  // What the bench forbids is found before anything is touched.
+    (void)bench_stage_options(bench);  // What it refuses is refused before a dry run says that all is well.
     if (dry_run_) {
       std::fputs(dry_run_text(procedure, bench, plan).c_str(), stdout);
       return list_doubts(bench);

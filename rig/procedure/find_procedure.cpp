@@ -27,10 +27,12 @@ std::string find_procedure(const std::string& path_or_name) {
   }
   std::ranges::sort(names);
   names.erase(std::unique(names.begin(), names.end()), names.end());
-  throw UsageError(
-      "there is no procedure '" + path_or_name + "'" +
-      fit::ending_with_guess(did_you_mean(path_or_name, names)) +
-      (names.empty() ? " Give the path of a procedure file." : " Ready ones: " + listed(names) + "."));
+  throw UsageError("there is no procedure '" + path_or_name + "'" +
+                   fit::ending_with_guess(did_you_mean(path_or_name, names)) +
+                   (names.empty() ? " Ready ones are looked for in ./procedures and beside the program (" +
+                                        program.parent_path().string() +
+                                        "), and none is there. Give the path of a procedure file."
+                                  : " Ready ones: " + listed(names) + "."));
 }
 
 }  // namespace rig

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "rig/procedure/procedure_plan.hpp"
+#include "rig/runner/bench_file.hpp"
 #include "rig/runner/target_detection.hpp"
 
 namespace rig {
@@ -14,6 +15,7 @@ constexpr double usual_nearest_mm = 50, usual_farthest_mm = 60'000, narrowest_mm
 constexpr double largest_mount_mm = 1000, largest_u_mm = 300, largest_u_deg = 20;
 constexpr double slowest_hz = 1, fastest_hz = 200, whole_turn_deg = 360.5;
 constexpr double narrowest_limits_deg = 7, slowest_deg_s = 0.05, fastest_deg_s = 2000;
+constexpr double widest_tolerance_deg = 0.5;
 constexpr double coarsest_deg = 2, largest_reflectance = 5, worst_error_mm = 500;
 
 std::string mm(double value) { return rounded_text(value, 1) + " mm"; }
@@ -77,6 +79,10 @@ void of_stage(Doubts& doubts, const fit::Bench& bench) {
   const double resolution_deg = bench.stage_resolution_rad * fit::deg_per_rad;
   doubts.unless(resolution_deg <= coarsest_deg,
                 "stage.resolution_deg is " + rounded_text(resolution_deg, 3) + ": 0.001 to 0.1 is usual.");
+  const double tolerance_deg = bench_stage_options(bench).tolerance_deg;
+  doubts.unless(tolerance_deg <= widest_tolerance_deg,
+                "stage.tolerance_deg is " + to_text(tolerance_deg) +
+                    ": a stage that loses steps is noticed only beyond that; 0.02 is usual.");
 }
 
 }  // namespace

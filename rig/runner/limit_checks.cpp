@@ -6,29 +6,29 @@
 #include "fit/number_format.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/runner/runner.hpp"
+#include "rig/session/standing.hpp"
 
 namespace rig {
 namespace {
 
 using nlohmann::json;
 
+/// The newest result of the limit's kind; null if there is none.
+json result_of(const SessionStore& session, const Limit& limit) {
+  return json::parse(session.latest_result(limit.kind).value_or("null"), nullptr, false);
+}
+
 /// The entry VALUE of a result's `values` list (results.md), or null.
-json value_of(const SessionStore& session, const Limit& limit) {
-  const auto text = session.latest_result(limit.kind);
-  if (!text) return nullptr;
-  const json result = json::parse(*text, nullptr, false);
-  if (!result.is_object() || !result.contains("values") || !result["values"].is_array()) return nullptr;
-  for (const json& value : result["values"])
+json value_of(const json& result, const Limit& limit) {
+  for (const json& value : list_of(result, "values"))
     if (value.is_object() && value.value("name", "") == limit.value) return value;
   return nullptr;
 }
 
 /// What there is instead, for a misspelt limit.
-std::string names_in(const SessionStore& session, const std::string& kind) {
-  const json result = json::parse(session.latest_result(kind).value_or("null"), nullptr, false);
-  if (!result.is_object() || !result.contains("values") || !result["values"].is_array()) return "";
+std::string names_in(const json& result) {
   std::string names;
-  for (const json& value : result["values"])
+  for (const json& value : list_of(result, "values"))
     if (value.is_object()) names += (names.empty() ? "; there are " : ", ") + value.value("name", "");
   return names;
 }
@@ -80,17 +80,21 @@ json check(const Limit& limit, const SessionStore& session) {
   if (limit.min) result["min"] = *limit.min;
   if (limit.max) result["max"] = *limit.max;
   if (limit.max_expanded) result["max_U"] = *limit.max_expanded;
-  const json value = value_of(session, limit);
+  const json found = result_of(session, limit), value = value_of(found, limit);
   const double number = number_of(value, "value");
   if (!std::isfinite(number)) {
     result["verdict"] = "inconclusive";
-    result["reason"] = "no result " + limit.kind + "." + limit.value + names_in(session, limit.kind);
+    result["reason"] = "no result " + limit.kind + "." + limit.value + names_in(found);
     result["text"] = result["reason"];
     return result;
   }
   const double expanded = expanded_of(value);
   const std::string unit = value.contains("unit") && value["unit"].is_string() ? value["unit"] : json("");
-  const auto [verdict, reason] = judge(limit, number, expanded, unit);
+  auto [verdict, reason] = judge(limit, number, expanded, unit);
+  if (const std::vector<std::string> doubts = doubts_of(found); verdict == "pass" && !doubts.empty()) {
+    verdict = "inconclusive";
+    reason = "the result is in doubt: " + doubts.front();
+  }
   result["value"] = number;
   if (std::isfinite(expanded)) result["U"] = expanded;
   result["unit"] = unit;

@@ -32,6 +32,15 @@ std::string not_stated(const SessionStore& session) {
   return out;
 }
 
+/// Values that are not known.
+void judge_values(const json& result, std::vector<std::string>& reasons) {
+  for (const json& value : list_of(result, "values"))
+    if (value.is_object() && value.contains("U") &&
+        (value["U"].is_null() || !value.contains("value") || value["value"].is_null()))
+      reasons.push_back("'" + text_of(value, "label", text_of(value, "name")) +
+                        "' has no finite value or uncertainty.");
+}
+
 /// A date as YYYY-MM-DD; empty if it begins otherwise.
 std::string date_in(const std::string& text) {
   constexpr std::size_t length = 10;
@@ -59,11 +68,6 @@ void judge_dates(const SessionStore& session, std::vector<std::string>& reasons)
 
 std::vector<std::string> doubts_of(const json& result) {
   std::vector<std::string> reasons;
-  for (const json& value : list_of(result, "values"))
-    if (value.is_object() && value.contains("U") &&
-        (value["U"].is_null() || !value.contains("value") || value["value"].is_null()))
-      reasons.push_back("'" + text_of(value, "label", text_of(value, "name")) +
-                        "' has no finite value or uncertainty.");
   for (const json& contradiction : list_of(result, "contradictions"))
     if (contradiction.is_string()) reasons.push_back(contradiction.get<std::string>());
   for (const json& comparison : list_of(result, "comparisons"))
@@ -118,6 +122,7 @@ Standing standing_of(const SessionStore& session) {
         out.reasons.emplace_back(
             "The recording shows an effect that neither the values nor their uncertainties contain.");
     } else if (result.kind != "limits") {
+      judge_values(document, out.reasons);
       std::ranges::move(doubts_of(document), std::back_inserter(out.reasons));
     }
   }

@@ -23,8 +23,7 @@ struct Standing {
 /// What the key `ended` says while nothing but reports is left to do.
 inline constexpr const char* ended_but_for_reports = "all but its reports";
 
-/// What speaks against a result: values without a finite uncertainty, contradictions, methods that do not
-/// agree. Whole sentences.
+/// What speaks against a result as a whole: contradictions, and methods that do not agree. Whole sentences.
 [[nodiscard]] std::vector<std::string> doubts_of(const nlohmann::json& result);
 
 /// From the newest results (their values, `contradictions` and `comparisons`), the identification of lidar

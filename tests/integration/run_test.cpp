@@ -289,6 +289,21 @@ TEST_CASE("a full disk ends the run with all that was captured and with room it 
   CHECK(measured(bench.folder / "out.rig") == undisturbed);
 }
 
+TEST_CASE("a disk that is full before the first capture leaves no session in the way of the next attempt") {
+  Bench bench;
+  const std::string steps = "  - home\n  - capture: {samples: 5}\n";
+  bench.before = [] {
+    const rlimit limit{20'000, RLIM_INFINITY};
+    ::setrlimit(RLIMIT_FSIZE, &limit);
+  };
+  CHECK(bench.run(steps) != 0);
+  INFO(bench.said);
+  CHECK_THAT(bench.said, Contains("full"));
+  CHECK_FALSE(std::filesystem::exists(bench.folder / "out.rig"));
+  bench.before = [] {};
+  CHECK(bench.run(steps) == 0);
+}
+
 TEST_CASE("a run that is killed while the stage turns leaves the stage standing") {
   Bench bench({"--speed", "real"});
   bench.write("p.yaml",

@@ -155,6 +155,25 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("a limit is not met by a result that contradicts itself or the bench file") {
+  const Rig rig("  - home\n");
+  rig::SessionStore session(rig.file, rig::SessionStore::Mode::create);
+  rig::Limit limit;
+  limit.name = "width", limit.kind = "sensitivity", limit.value = "window_deg", limit.max = 0.1;
+  const auto verdict_with = [&](const char* more) {
+    session.add_result(
+        "sensitivity",
+        std::string(R"({"values":[{"name":"window_deg","value":0.009,"u":0.01,"unit":"deg"}])") + more + "}");
+    const json check = rig::check_limits({limit}, session)["checks"][0];
+    return check["verdict"].get<std::string>() + ": " + check["reason"].get<std::string>();
+  };
+  CHECK(verdict_with("") == "pass: ");
+  CHECK(verdict_with(R"(,"comparisons":[{"far_apart":true,"says":"Width: 0.05 and 0.009"}])") ==
+        "inconclusive: the result is in doubt: Two methods do not agree. Width: 0.05 and 0.009.");
+  CHECK(verdict_with(R"(,"contradictions":["The edge is elsewhere."])") ==
+        "inconclusive: the result is in doubt: The edge is elsewhere.");
+}
+
 TEST_CASE("who watches a session sees the procedure's steps, and limits with figures and verdict") {
   Rig rig("  - home\n  - capture: {samples: 5}\n  - fit: {kind: noise}\n  - wait: {seconds: 1}\n",
           "limits:\n  - {name: noise, of: noise.sigma, max: 5}\n");

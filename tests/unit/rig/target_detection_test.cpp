@@ -131,6 +131,8 @@ TEST_CASE("values of a bench file that are out of all proportion are named, usua
   CHECK_THAT(doubt([](fit::Bench& b) { b.lidar.scan_hz = 0.025; }), Contains("scan_hz"));
   CHECK_THAT(doubt([](fit::Bench& b) { b.document = R"({"stage": {"limits_deg": [-2.9, 2.9]}})"; }),
              Contains("radians"));
+  CHECK_THAT(doubt([](fit::Bench& b) { b.document = R"({"stage": {"tolerance_deg": 20}})"; }),
+             Contains("loses steps"));
 }
 
 }  // namespace target_detection_test
