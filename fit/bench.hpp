@@ -82,6 +82,7 @@ struct Bench {
   BenchDocument document;
 
   [[nodiscard]] const Target* target(const std::string& name) const;
+  [[nodiscard]] const Target& target_at(int index) const { return targets[static_cast<std::size_t>(index)]; }
   [[nodiscard]] const KnownMechanism* knows(const std::string& mechanism) const;
 };
 

@@ -23,7 +23,7 @@ class CommonOfScans final : public model::GammaRows {
   CommonOfScans(std::vector<Row> rows, std::vector<Part> parts, bool had_a_wave)
       : GammaRows(std::move(rows), 1e-6), parts_(std::move(parts)) {
     constexpr double independent = 0.05;  // to which beams side by side are
-    model::Columns base;
+    Columns base;
     add(base, independent, [this](Eigen::Index row) { return of(row).expected; });
     // What neighbours share may reach beyond a sector, and where it is more it weighs otherwise in each.
     constexpr double otherwise = 0.5;
@@ -44,14 +44,10 @@ class CommonOfScans final : public model::GammaRows {
   [[nodiscard]] Part part_of(Eigen::Index row) const { return parts_[static_cast<std::size_t>(row)]; }
 
   template <class Value>
-  void add(model::Columns& base, double sigma, const Value& value) const {
-    const Eigen::Index k = base.columns.cols();
-    base.columns.conservativeResize(rows(), k + 1);
-    for (Eigen::Index i = 0; i < rows(); ++i) base.columns(i, k) = value(i);
-    base.prior.mean.conservativeResize(k + 1);
-    base.prior.sigma.conservativeResize(k + 1);
-    base.prior.mean[k] = 0;
-    base.prior.sigma[k] = sigma;
+  void add(Columns& base, double sigma, const Value& value) const {
+    Eigen::VectorXd column(rows());
+    for (Eigen::Index i = 0; i < rows(); ++i) column[i] = value(i);
+    base.append(column, {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Constant(1, sigma)});
   }
 
   /// By how much sectors scatter more than beams of independent noise.
@@ -67,7 +63,7 @@ class CommonOfScans final : public model::GammaRows {
 
   /// A wave that was taken off leaves something in all of them: it is as large as noise, and depends on no
   /// lever.
-  void add_rest_of_wave(model::Columns& base) const {
+  void add_rest_of_wave(Columns& base) const {
     for (const Part part : {Part::range, Part::angle, Part::sectors}) {
       double sum = 0, count = 0;
       for (Eigen::Index i = 0; i < rows(); ++i) {

@@ -21,7 +21,7 @@ class Fine final : public model::NormalRows {
       for (const Cell* cell : run) {
         block.push_back(rows());
         at_.push_back(cell->at);
-        capture_.push_back(reduced.groups[static_cast<std::size_t>(cell->group)].capture);
+        capture_.push_back(reduced.group_of(*cell).capture);
         off_.push_back(cell->mean_mm - cell->nominal_mm);
         weight.push_back(1 / std::sqrt(variance_of_mean(*cell, noise)));
       }

@@ -129,14 +129,8 @@ class Echoes final : public model::NormalRows {
     return values;
   }
   void add(const MatrixXd& columns, double sigma) {
-    model::Columns& base = nuisances();
-    const Index had = base.columns.cols(), more = columns.cols();
-    base.columns.conservativeResize(rows(), had + more);
-    base.columns.rightCols(more) = columns;
-    base.prior.mean.conservativeResize(had + more);
-    base.prior.sigma.conservativeResize(had + more);
-    base.prior.mean.tail(more).setZero();
-    base.prior.sigma.tail(more).setConstant(std::max(1e-9, sigma));
+    const Index more = columns.cols();
+    nuisances().append(columns, {VectorXd::Zero(more), VectorXd::Constant(more, std::max(1e-9, sigma))});
   }
   void add(const std::function<double(const Reading&)>& of_reading, double sigma) {
     add(MatrixXd(column(of_reading)), sigma);

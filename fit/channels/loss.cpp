@@ -48,9 +48,8 @@ class ExpectedEcho {
 
  private:
   [[nodiscard]] Eigen::Vector4d powers(const model::IndependentRows::Row& row) const {
-    const double reflectance =
-        reflectance_in(reduced_.captures[static_cast<std::size_t>(row.capture)],
-                       reduced_.bench.targets[static_cast<std::size_t>(row.at.target)]);
+    const double reflectance = reflectance_in(reduced_.captures[static_cast<std::size_t>(row.capture)],
+                                              reduced_.bench.target_at(row.at.target));
     return {1, std::log(std::max(1.0, row.at.range_mm) / 1000),
             std::log(std::max(0.05, row.at.cos_incidence)), std::log(std::max(0.001, reflectance))};
   }

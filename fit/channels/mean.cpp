@@ -23,8 +23,7 @@ class Means final : public model::NormalRows {
     log_weights_.resize(model_.rows());
     for (Index i = 0; i < model_.rows(); ++i)
       log_weights_[i] = -std::log(std::sqrt(2 * pi * model_.variance_of_mean(i)));
-    explain::Columns base = base_columns(model_, Hypothesis(own_.bench)).all;
-    nuisances() = {std::move(base.columns_mm), std::move(base.prior)};
+    nuisances() = base_columns(model_, Hypothesis(own_.bench)).all;
     set_log_scale(log_weights_.sum());
   }
 

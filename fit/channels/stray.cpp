@@ -15,7 +15,7 @@ class Strays final : public model::Counts {
  public:
   Strays(std::vector<Row> rows, std::vector<Side> sides, std::vector<double> shares)
       : Counts(std::move(rows)), sides_(std::move(sides)), shares_(std::move(shares)) {
-    model::Columns base;  // a tail of the noise ends close to the target
+    Columns base;  // a tail of the noise ends close to the target
     base.columns.resize(this->Strays::rows(), 1);
     for (Eigen::Index i = 0; i < this->Strays::rows(); ++i)
       base.columns(i, 0) = sides_[static_cast<std::size_t>(i)] == Side::far ? 0 : 1;
@@ -61,13 +61,12 @@ std::vector<model::IndependentRows::Row> rows_of(const Reduced& reduced, Side si
   constexpr double reach_of_edge_rad = 1.2 * rad_per_deg;  // a wide beam meets what stands behind an edge
   return model::counted_rows(reduced, beams, [&](std::size_t i, auto& row) {
     const Cell& cell = reduced.cells[i];
-    if (!cell.smooth || reduced.groups[static_cast<std::size_t>(cell.group)].scans < fewest_scans)
-      return false;
+    if (!cell.smooth || reduced.group_of(cell).scans < fewest_scans) return false;
     if (cell.at.gap_mm != 0 && std::abs(cell.at.edge_rad) < reach_of_edge_rad) return false;
     row.y += side == Side::far    ? cell.far - cell.late - cell.early
              : side == Side::late ? cell.late
                                   : cell.early;
-    row.expected = reduced.groups[static_cast<std::size_t>(cell.group)].sigma_mm;
+    row.expected = reduced.group_of(cell).sigma_mm;
     row.n += cell.n + cell.stray;
     return true;
   });

@@ -20,7 +20,7 @@ class Variances final : public model::GammaRows {
   Variances(std::vector<Row> rows, const Bench& bench) : GammaRows(std::move(rows), rounding_mm2 / 2) {
     constexpr double best_known = 0.02;  // no noise is constant to better than that share
     const Estimate stated = stated_noise(bench);
-    model::Columns base;
+    Columns base;
     base.columns = Eigen::MatrixXd::Ones(this->Variances::rows(), 1);
     base.prior.mean = Eigen::VectorXd::Constant(1, stated.value * stated.value);
     base.prior.sigma =

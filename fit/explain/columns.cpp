@@ -81,7 +81,7 @@ double coordinate_at(const MeanModel& model, Coordinate coordinate, Eigen::Index
 
 std::string place_along(const Bench& bench, int target) {
   if (target == all_targets) return "the place along it";
-  return "the place along target '" + bench.targets[static_cast<std::size_t>(target)].name + "'";
+  return "the place along target '" + bench.target_at(target).name + "'";
 }
 
 Eigen::VectorXd scaled_coordinate(const MeanModel& model, Coordinate coordinate, int target) {
@@ -95,21 +95,6 @@ Eigen::VectorXd scaled_coordinate(const MeanModel& model, Coordinate coordinate,
   const model::Scale scale(std::move(values), model::Scale::may_crowd(coordinate));
   for (double& v : x) v = std::isfinite(v) ? scale(v) : 0;
   return x;
-}
-
-void add(Columns& all, const Columns& more) {
-  const Eigen::Index had = all.columns_mm.cols(), plus = more.columns_mm.cols();
-  if (plus == 0) return;
-  if (had == 0) {
-    all = more;
-    return;
-  }
-  all.columns_mm.conservativeResize(Eigen::NoChange, had + plus);
-  all.columns_mm.rightCols(plus) = more.columns_mm;
-  all.prior.mean.conservativeResize(had + plus);
-  all.prior.mean.tail(plus) = more.prior.mean;
-  all.prior.sigma.conservativeResize(had + plus);
-  all.prior.sigma.tail(plus) = more.prior.sigma;
 }
 
 TermColumns columns_of(const MeanModel& model, const Term& term) {

@@ -40,12 +40,6 @@ struct ChannelInWords {
 /// d range / d what the channel changes: 1, the range, or mm per rad.
 [[nodiscard]] double lever_of(Channel channel, const Sight& sight);
 
-/// Columns with priors, and what they mean.
-struct Columns {
-  Eigen::MatrixXd columns_mm;
-  Prior prior;
-};
-
 /// What a term does to every mean to first order, mm; 0 where it says nothing.
 [[nodiscard]] Eigen::VectorXd effect_of(const MeanModel& model, const Term& term);
 
@@ -67,8 +61,5 @@ struct TermColumns {
                                                 int target = -1);
 /// What a place along a target is called.
 [[nodiscard]] std::string place_along(const Bench& bench, int target);
-
-/// Joins columns side by side.
-void add(Columns& all, const Columns& more);
 
 }  // namespace fit::explain

@@ -59,7 +59,7 @@ class Description {
     return c.smooth && c.n > 0 && c.stray == 0 && std::isfinite(c.at.intensity) && c.at.intensity >= 3;
   }
   void add(const Cell& c) {
-    const Target& target = reduced_.bench.targets[static_cast<std::size_t>(c.at.target)];
+    const Target& target = reduced_.bench.target_at(c.at.target);
     Echo e;
     e.cell = &c;
     e.reflectance = reflectance_of(reduced_, c);

@@ -157,13 +157,8 @@ void leave_out_hidden(Experiment& experiment, const Bench& bench) {
     if (!c.target) return false;
     const double middle = bench.lidar.beam_angle((c.first_step + c.last_step) / 2.0);
     const Sight sight = Scene(bench, Nuisance(bench), c).look(c.stage_rad, middle);
-    return sight.target < 0 || bench.targets[static_cast<std::size_t>(sight.target)].name != *c.target;
+    return sight.target < 0 || bench.target_at(sight.target).name != *c.target;
   });
-}
-
-bool stands_alike(const CaptureInfo& one, const CaptureInfo& other) {
-  return one.target == other.target && one.target_shift_mm == other.target_shift_mm &&
-         one.reflectance == other.reflectance;
 }
 
 std::vector<Experiment> possible_experiments(const Bench& bench, const StageTravel& travel) {
@@ -221,6 +216,14 @@ std::vector<Experiment> experiments_by_hand(const Bench& bench, const std::vecto
   return list;
 }
 
+namespace {
+
+/// Whether a target stands as it did in another capture.
+bool stands_alike(const CaptureInfo& one, const CaptureInfo& other) {
+  return one.target == other.target && one.target_shift_mm == other.target_shift_mm &&
+         one.reflectance == other.reflectance;
+}
+
 std::size_t placements(const Experiment& e) {
   if (e.by_hand) return e.captures.size();
   std::size_t count = 0;
@@ -228,6 +231,8 @@ std::size_t placements(const Experiment& e) {
     if (e.captures[i].target && (i == 0 || !stands_alike(e.captures[i - 1], e.captures[i]))) ++count;
   return count;
 }
+
+}  // namespace
 
 double work_s(const Experiment& e) {
   constexpr double by_hand_s = 300, cooling_s = 7200;

@@ -49,9 +49,6 @@ void leave_out_hidden(Experiment& experiment, const Bench& bench);
 /// Beams that meet the target's middle from stage angle 0.
 [[nodiscard]] CaptureInfo aimed_at(const Bench& bench, const Target& target);
 
-/// Whether a target stands as it did in another capture.
-[[nodiscard]] bool stands_alike(const CaptureInfo& one, const CaptureInfo& other);
-
 /// Seconds of somebody's day that it takes.
 [[nodiscard]] double work_s(const Experiment& experiment);
 

@@ -16,7 +16,6 @@
 #include "fit/explain/single_beams.hpp"
 #include "fit/explain/together.hpp"
 #include "fit/explain/twin.hpp"
-#include "fit/median.hpp"
 
 namespace fit::explain {
 namespace {
@@ -57,9 +56,7 @@ SpreadResult before_the_model(Reduced& reduced) {
   SpreadResult result;
   const auto widths = model::widths_of(model::transitions(reduced));
   if (!widths.empty()) result.noise.footprint_rad = std::sqrt(model::widest_deg2(widths)) * rad_per_deg;
-  std::vector<double> sigmas;
-  for (const Group& group : reduced.groups) sigmas.push_back(group.sigma_mm);
-  result.sigma_mm = median_of(sigmas);
+  result.sigma_mm = reduced.typical_sigma_mm();
   find_coarse_steps(reduced, result.sigma_mm, result);
   return result;
 }

@@ -50,7 +50,6 @@ std::vector<TrackPose> in_order(std::vector<TrackPose> track) {
 struct Line {
   Eigen::Vector2d middle, along;
   double off_mm = 0;  ///< Largest distance of a point.
-  std::size_t farthest = 0;
 };
 
 Line line_through(const std::vector<Eigen::Vector2d>& points, std::size_t first, std::size_t last) {
@@ -66,10 +65,7 @@ Line line_through(const std::vector<Eigen::Vector2d>& points, std::size_t first,
   if (line.along.dot(points[last - 1] - points[first]) < 0) line.along = -line.along;
   for (std::size_t i = first; i < last; ++i) {
     const Eigen::Vector2d d = points[i] - line.middle;
-    const double off = std::abs(d.x() * line.along.y() - d.y() * line.along.x());
-    if (off <= line.off_mm) continue;
-    line.off_mm = off;
-    line.farthest = i;
+    line.off_mm = std::max(line.off_mm, std::abs(d.x() * line.along.y() - d.y() * line.along.x()));
   }
   return line;
 }

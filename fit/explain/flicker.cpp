@@ -237,13 +237,12 @@ class Spectrum {
     for (std::size_t j = 0; j < n; ++j) turn[j] = std::polar(1.0, 2 * pi * static_cast<double>(j) / points_);
     auto& sums = sums_.emplace_back();
     for (const Track& track : segment.tracks) {
-      Sums s{std::vector<Complex>(n), std::vector<Complex>(n), std::vector<Complex>(n)};
+      Sums s{std::vector<Complex>(n), std::vector<Complex>(n)};
       for (std::size_t i = 0; i < track.scan.size(); ++i) {
         const auto k = static_cast<std::size_t>(track.scan[i]);
         for (std::size_t j = 0, at = 0; j < n; ++j, at = (at + k) % n) {
           s.values[j] += track.value[i] * turn[at];
           s.ones[j] += turn[at];
-          s.doubled[j] += turn[2 * at % n];
         }
       }
       sums.push_back(std::move(s));
@@ -260,7 +259,7 @@ class Spectrum {
       const Sums& s = sums_[segment][t];
       const Complex begin = begins[t];
       const Complex along = begin * s.values[j], mean = begin * s.ones[j],
-                    twice = begin * begin * s.doubled[j];
+                    twice = begin * begin * s.ones[2 * j % s.ones.size()];
       const auto n = static_cast<double>(track.scan.size());
       const double w = track.information, cross = w * (twice.imag() / 2 - mean.real() * mean.imag() / n);
       normal.along += w * Eigen::Vector2d(along.real(), along.imag());
@@ -324,7 +323,7 @@ class Spectrum {
   }
 
   struct Sums {
-    std::vector<Complex> values, ones, doubled;
+    std::vector<Complex> values, ones;
   };
   double period_s_;
   const MeanNoise* noise_;
@@ -387,7 +386,6 @@ Unexplained in_words(const std::vector<Spectrum::Line>& lines, double amplitude_
   u.from = first.time_s;
   u.to = last.time_s;
   u.gain = lines.front().gain;
-  u.evidence = lines.front().evidence;
   u.describes =
       "ranges swing by " + rounded(amplitude_mm, 2) + " mm " + frequencies_in_words(lines, u_hz, period_s);
   return u;
@@ -465,7 +463,7 @@ static void take_off(const std::map<int, Complex>& waves, double turn, double pe
     sums.mean += turned(s);
     ++sums.scans;
     if (!is_new) continue;
-    const Group& group = reduced.groups[static_cast<std::size_t>(s.group)];
+    const Group& group = reduced.group_of(s);
     double weight = 0;
     for (std::size_t i = s.first_cell; i < s.last_cell; ++i) {
       const Cell& cell = reduced.cells[i];

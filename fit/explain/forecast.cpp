@@ -33,7 +33,7 @@ class Unmade final : public Recording {
           scene.look(info.stage_rad, bench_.lidar.beam_angle(info.step_of(static_cast<int>(b))));
       if (sight.target < 0) continue;
       range[b] = static_cast<std::uint16_t>(std::clamp(std::round(sight.range_mm), 30.0, 60000.0));
-      const Target& target = bench_.targets[static_cast<std::size_t>(sight.target)];
+      const Target& target = bench_.target_at(sight.target);
       intensity[b] = static_cast<std::uint16_t>(std::clamp(
           law_.counts(reflectance_in(info, target), sight.cos_incidence(), sight.range_mm), 1.0, 60000.0));
     }
@@ -202,7 +202,7 @@ ForecastScore score(const Forecast& forecast, const Bench& twin, const Recording
   ForecastScore out;
   double squares = 0, means = 0, expected = 0, within = 0, means_within = 0;
   for (const Cell& cell : reduced.cells) {
-    const int capture = reduced.groups[static_cast<std::size_t>(cell.group)].capture;
+    const int capture = reduced.group_of(cell).capture;
     const auto found = predicted_at.find(place_of(capture, cell.beam_rad));
     if (found == predicted_at.end() || cell.n < 1 || !cell.smooth) continue;
     const Foreseen& beam = *found->second;

@@ -71,7 +71,7 @@ std::vector<Term> known_terms(const Bench& bench) {
 Base base_columns(const MeanModel& model, const Hypothesis& h) {
   Base base;
   const Bench& bench = model.bench();
-  base.all.columns_mm = model.nuisance_columns();
+  base.all.columns = model.nuisance_columns();
   const Nuisance stated(bench);
   base.all.prior.mean = stated.as_vector() - h.nuisance.as_vector();
   base.all.prior.sigma = Nuisance::prior_sigma(bench);
@@ -85,8 +85,8 @@ Base base_columns(const MeanModel& model, const Hypothesis& h) {
       c.sizes.prior.mean[static_cast<Eigen::Index>(k)] = 0;
       c.sizes.prior.sigma[static_cast<Eigen::Index>(k)] = std::max(1e-12, 1.5 * u);
     }
-    add(base.all, c.sizes);
-    add(base.all, c.deviations);
+    base.all.append(c.sizes);
+    base.all.append(c.deviations);
   }
   for (const Term& term : h.terms) {
     TermColumns c = columns_of(model, term);
@@ -97,17 +97,17 @@ Base base_columns(const MeanModel& model, const Hypothesis& h) {
       ratio = std::max(ratio, 1.2 * std::abs(c.at[k] - prior.mean[k]) / prior.sigma[k]);
     prior.mean -= c.at;
     prior.sigma *= ratio;
-    base.term_first.push_back(base.all.columns_mm.cols());
-    base.term_count.push_back(c.sizes.columns_mm.cols() + c.shapes.columns_mm.cols());
-    add(base.all, c.sizes);
-    add(base.all, c.shapes);
-    add(base.all, c.deviations);
+    base.term_first.push_back(base.all.columns.cols());
+    base.term_count.push_back(c.sizes.columns.cols() + c.shapes.columns.cols());
+    base.all.append(c.sizes);
+    base.all.append(c.shapes);
+    base.all.append(c.deviations);
   }
   for (const Shape& shape : h.shapes) {
-    base.shape_first.push_back(base.all.columns_mm.cols());
-    add(base.all, columns_of(model, shape));
+    base.shape_first.push_back(base.all.columns.cols());
+    base.all.append(columns_of(model, shape));
   }
-  base.shape_first.push_back(base.all.columns_mm.cols());
+  base.shape_first.push_back(base.all.columns.cols());
   return base;
 }
 
@@ -115,13 +115,13 @@ Eigen::VectorXd bend_of(const Base& base, const Eigen::VectorXd& coefficients, s
   const Eigen::Index from = base.term_first[term] + base.term_count[term],
                      to = term + 1 < base.term_first.size() ? base.term_first[term + 1]
                                                             : base.shape_first.front();
-  return base.all.columns_mm.middleCols(from, to - from) * coefficients.segment(from, to - from);
+  return base.all.columns.middleCols(from, to - from) * coefficients.segment(from, to - from);
 }
 
 MeanModel model_of(const Reduced& reduced, const MeanNoise& noise, const Hypothesis& h) {
   MeanModel model(reduced, noise);
   Base base = base_columns(model, h);
-  model.set_base(std::move(base.all.columns_mm), base.all.prior);
+  model.set_base(std::move(base.all.columns), base.all.prior);
   return model;
 }
 

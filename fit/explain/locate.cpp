@@ -1,44 +1,61 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cmath>
+#include <span>
+#include <utility>
 
 #include "fit/explain/explanation.hpp"
+#include "fit/explain/extent.hpp"
 
 namespace fit::explain {
 namespace {
 
 constexpr int bins = 30;
 
-struct Span {
-  double low = 1e300, high = -1e300;
-  [[nodiscard]] double width() const { return (high - low) / bins; }
-  [[nodiscard]] int bin(double v) const {
-    return std::clamp(static_cast<int>((v - low) / std::max(1e-12, width())), 0, bins - 1);
+/// Equal parts of a coordinate, and which of them every mean is in; -1: none.
+struct Bins {
+  Bins(const MeanModel& model, Coordinate along) : coordinate(along) {
+    std::vector<double> at;
+    for (Eigen::Index i = 0; i < model.rows(); ++i)
+      all.add(at.emplace_back(coordinate_at(model, coordinate, i)));
+    for (const double v : at) of_row.push_back(std::isfinite(v) ? bin(v) : -1);
   }
+  [[nodiscard]] bool varies() const { return all.high > all.low; }
+  [[nodiscard]] double width() const { return all.length() / bins; }
+  [[nodiscard]] int bin(double v) const {
+    return std::clamp(static_cast<int>((v - all.low) / std::max(1e-12, width())), 0, bins - 1);
+  }
+  /// Of something over the means in every bin.
+  template <class Of>
+  [[nodiscard]] std::vector<double> sums(const Of& of) const {
+    std::vector<double> list(bins, 0.0);
+    for (std::size_t i = 0; i < of_row.size(); ++i)
+      if (of_row[i] >= 0) list[static_cast<std::size_t>(of_row[i])] += of(static_cast<Eigen::Index>(i));
+    return list;
+  }
+  /// Of a value for every bin, those in the interval.
+  [[nodiscard]] std::span<const double> in(const Located& l, const std::vector<double>& values) const {
+    const int first = bin(l.from + 1e-9), last = bin(l.to - 1e-9);
+    return std::span(values).subspan(static_cast<std::size_t>(first),
+                                     static_cast<std::size_t>(std::max(0, last + 1 - first)));
+  }
+
+  Coordinate coordinate;
+  Extent all;
+  std::vector<int> of_row;
 };
 
-Span span_of(const MeanModel& model, Coordinate coordinate) {
-  Span span;
-  for (Eigen::Index i = 0; i < model.rows(); ++i) {
-    const double v = coordinate_at(model, coordinate, i);
-    if (!std::isfinite(v)) continue;
-    span.low = std::min(span.low, v);
-    span.high = std::max(span.high, v);
-  }
-  return span;
-}
-
 /// Neighbouring marked bins form one interval; a gap of one bin is bridged.
-std::vector<Located> intervals(const Span& span, const std::vector<bool>& marked, Coordinate coordinate) {
+std::vector<Located> intervals(const Bins& parts, const std::vector<bool>& marked) {
   std::vector<Located> list;
   int last = -10;
   for (int b = 0; b < bins; ++b) {
     if (!marked[static_cast<std::size_t>(b)]) continue;
-    const double from = span.low + b * span.width();
+    const double from = parts.all.low + b * parts.width();
     if (b - last <= 2 && !list.empty())
-      list.back().to = from + span.width();
+      list.back().to = from + parts.width();
     else
-      list.push_back({coordinate, from, from + span.width(), Observable::range_mean, 1});
+      list.push_back({parts.coordinate, from, from + parts.width(), Observable::range_mean, 1});
     last = b;
   }
   return list;
@@ -46,80 +63,59 @@ std::vector<Located> intervals(const Span& span, const std::vector<bool>& marked
 
 double two_sided(double z) { return std::max(1e-300, std::erfc(std::abs(z) / std::sqrt(2.0))); }
 
+/// Sums over bins, by the means' weights.
+std::vector<double> weighted(const Bins& parts, const MeanModel& model, const Eigen::VectorXd& of) {
+  return parts.sums(
+      [&](Eigen::Index i) { return 1 / (model.sigma_of_mean(i) * model.sigma_of_mean(i)) * of[i]; });
+}
+
 }  // namespace
 
 std::vector<Located> locate_effect(const MeanModel& model, const Eigen::VectorXd& effect_mm,
                                    Coordinate coordinate) {
-  const Span span = span_of(model, coordinate);
+  const Bins parts(model, coordinate);
   const Eigen::VectorXd left = model.remainder(effect_mm);
-  std::vector<double> information(bins, 0.0);
-  for (Eigen::Index i = 0; i < model.rows(); ++i) {
-    const double v = coordinate_at(model, coordinate, i);
-    if (!std::isfinite(v)) continue;
-    information[static_cast<std::size_t>(span.bin(v))] += std::pow(left[i] / model.sigma_of_mean(i), 2);
-  }
-  const double most = *std::ranges::max_element(information);
-  std::vector<bool> marked(bins, false);
-  for (std::size_t b = 0; b < bins; ++b) marked[b] = most > 0 && information[b] >= most / 4;
-  auto list = intervals(span, marked, coordinate);
+  const std::vector<double> information =
+      parts.sums([&](Eigen::Index i) { return std::pow(left[i] / model.sigma_of_mean(i), 2); });
+  const double most = std::ranges::max(information);
+  std::vector<bool> marked;
+  for (const double one : information) marked.push_back(most > 0 && one >= most / 4);
+  auto list = intervals(parts, marked);
   for (Located& l : list) {
     double sum = 0;
-    for (int b = span.bin(l.from + 1e-9); b <= span.bin(l.to - 1e-9); ++b)
-      sum += information[static_cast<std::size_t>(b)];
+    for (const double one : parts.in(l, information)) sum += one;
     l.p_value = two_sided(std::sqrt(sum));
   }
   return list;
 }
 
 std::vector<Located> locate_residuals(const MeanModel& model, double false_discoveries) {
-  const Eigen::VectorXd residual = model.residual();
-  struct Test {
-    Coordinate coordinate;
-    int bin;
-    double p;
-  };
-  std::vector<Test> tests;
-  std::vector<std::pair<Coordinate, Span>> spans;
+  const Eigen::VectorXd residual = model.residual(), ones = Eigen::VectorXd::Ones(model.rows());
+  std::vector<std::pair<Bins, std::vector<double>>> tested;  // with p of every bin; 1: no means
+  std::vector<double> sorted;
   for (const Coordinate coordinate :
        {Coordinate::beam, Coordinate::stage, Coordinate::range, Coordinate::intensity, Coordinate::incidence,
         Coordinate::time, Coordinate::temperature, Coordinate::stage_rate}) {
-    const Span span = span_of(model, coordinate);
-    if (!(span.high > span.low)) continue;
-    std::vector<double> sum(bins, 0.0), weight(bins, 0.0);
-    for (Eigen::Index i = 0; i < model.rows(); ++i) {
-      const double v = coordinate_at(model, coordinate, i);
-      if (!std::isfinite(v)) continue;
-      const auto b = static_cast<std::size_t>(span.bin(v));
-      const double w = 1 / (model.sigma_of_mean(i) * model.sigma_of_mean(i));
-      sum[b] += w * residual[i];
-      weight[b] += w;
-    }
-    spans.emplace_back(coordinate, span);
-    for (int b = 0; b < bins; ++b) {
-      const auto k = static_cast<std::size_t>(b);
-      if (weight[k] > 0) tests.push_back({coordinate, b, two_sided(sum[k] / std::sqrt(weight[k]))});
-    }
+    Bins parts(model, coordinate);
+    if (!parts.varies()) continue;
+    const std::vector<double> sum = weighted(parts, model, residual), weight = weighted(parts, model, ones);
+    std::vector<double> p(bins, 1.0);
+    for (std::size_t b = 0; b < bins; ++b)
+      if (weight[b] > 0) sorted.push_back(p[b] = two_sided(sum[b] / std::sqrt(weight[b])));
+    tested.emplace_back(std::move(parts), std::move(p));
   }
   // Benjamini and Hochberg (1995): the largest p below its line, and all smaller ones.
-  std::vector<double> sorted;
-  for (const Test& t : tests) sorted.push_back(t.p);
   std::ranges::sort(sorted);
   double threshold = 0;
   for (std::size_t i = 0; i < sorted.size(); ++i)
     if (sorted[i] <= false_discoveries * static_cast<double>(i + 1) / static_cast<double>(sorted.size()))
       threshold = sorted[i];
   std::vector<Located> list;
-  for (const auto& [coordinate, span] : spans) {
-    std::vector<bool> marked(bins, false);
-    std::vector<double> p(bins, 1.0);
-    for (const Test& t : tests) {
-      if (t.coordinate != coordinate) continue;
-      marked[static_cast<std::size_t>(t.bin)] = t.p <= threshold;
-      p[static_cast<std::size_t>(t.bin)] = t.p;
-    }
-    for (Located l : intervals(span, marked, coordinate)) {
-      for (int b = span.bin(l.from + 1e-9); b <= span.bin(l.to - 1e-9); ++b)
-        l.p_value = std::min(l.p_value, p[static_cast<std::size_t>(b)]);
+  for (const auto& [parts, p] : tested) {
+    std::vector<bool> marked;
+    for (const double one : p) marked.push_back(one <= threshold);
+    for (Located l : intervals(parts, marked)) {
+      for (const double one : parts.in(l, p)) l.p_value = std::min(l.p_value, one);
       list.push_back(l);
     }
   }
@@ -129,22 +125,15 @@ std::vector<Located> locate_residuals(const MeanModel& model, double false_disco
 Curve curve_of(const MeanModel& before, const MeanModel& after, Coordinate coordinate) {
   Curve curve;
   curve.coordinate = coordinate;
-  const Span span = span_of(before, coordinate);
-  if (!(span.high > span.low)) return curve;
-  const Eigen::VectorXd first = before.residual(), last = after.residual();
-  std::vector<double> sum(bins, 0.0), less(bins, 0.0), weight(bins, 0.0);
-  for (Eigen::Index i = 0; i < std::min(before.rows(), after.rows()); ++i) {
-    const double v = coordinate_at(before, coordinate, i);
-    if (!std::isfinite(v)) continue;
-    const auto b = static_cast<std::size_t>(span.bin(v));
-    const double w = 1 / (before.sigma_of_mean(i) * before.sigma_of_mean(i));
-    sum[b] += w * first[i];
-    less[b] += w * last[i];
-    weight[b] += w;
-  }
+  Bins parts(before, coordinate);
+  if (!parts.varies()) return curve;
+  parts.of_row.resize(static_cast<std::size_t>(std::min(before.rows(), after.rows())));
+  const std::vector<double> sum = weighted(parts, before, before.residual()),
+                            less = weighted(parts, before, after.residual()),
+                            weight = weighted(parts, before, Eigen::VectorXd::Ones(before.rows()));
   for (std::size_t b = 0; b < bins; ++b) {
     if (weight[b] <= 0) continue;
-    curve.at.push_back(span.low + (static_cast<double>(b) + 0.5) * span.width());
+    curve.at.push_back(parts.all.low + (static_cast<double>(b) + 0.5) * parts.width());
     curve.before_mm.push_back(sum[b] / weight[b]);
     curve.after_mm.push_back(less[b] / weight[b]);
     curve.sigma_mm.push_back(1 / std::sqrt(weight[b]));

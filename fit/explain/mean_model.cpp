@@ -27,6 +27,17 @@ double own_variance(const Cell& cell, const MeanNoise& noise) {
 
 }  // namespace
 
+void Columns::append(const Eigen::MatrixXd& more, const Prior& prior_of_more) {
+  const Eigen::Index had = columns.cols(), plus = more.cols();
+  if (plus == 0) return;
+  columns.conservativeResize(more.rows(), had + plus);
+  columns.rightCols(plus) = more;
+  prior.mean.conservativeResize(had + plus);
+  prior.mean.tail(plus) = prior_of_more.mean;
+  prior.sigma.conservativeResize(had + plus);
+  prior.sigma.tail(plus) = prior_of_more.sigma;
+}
+
 void pool_variances(Reduced& reduced, const MeanNoise& noise) {
   // What a handful of samples is helped by: their own scans, or the whole session.
   struct Sum {

@@ -30,6 +30,17 @@ struct Prior {
   Eigen::VectorXd mean, sigma;
 };
 
+/// Columns of coefficients with such priors: of means in mm, of a channel in the unit of its linear
+/// predictor.
+struct Columns {
+  Eigen::MatrixXd columns;
+  Prior prior;
+
+  /// Joins them side by side.
+  void append(const Eigen::MatrixXd& more, const Prior& prior_of_more);
+  void append(const Columns& more) { append(more.columns, more.prior); }
+};
+
 /// Of a cell's mean by itself, mm^2, without what its group has in common.
 [[nodiscard]] double variance_of_mean(const Cell& cell, const MeanNoise& noise);
 
@@ -44,9 +55,7 @@ class MeanModel {
   [[nodiscard]] const Cell& cell(Eigen::Index row) const {
     return reduced_->cells[row_[static_cast<std::size_t>(row)]];
   }
-  [[nodiscard]] const Group& group(Eigen::Index row) const {
-    return reduced_->groups[static_cast<std::size_t>(cell(row).group)];
-  }
+  [[nodiscard]] const Group& group(Eigen::Index row) const { return reduced_->group_of(cell(row)); }
   /// Change of the row's range that an effect makes to first order, mm.
   [[nodiscard]] double shift(Eigen::Index row, const Effect& effect) const {
     const Levers& l = levers_[static_cast<std::size_t>(row)];

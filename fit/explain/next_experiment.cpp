@@ -7,14 +7,13 @@
 #include <random>
 
 #include "fit/explain/inference/apart.hpp"
-#include "fit/explain/odds.hpp"
 #include "fit/explain/together.hpp"
-#include "fit/median.hpp"
 
 namespace fit::explain {
 namespace {
 
-constexpr double worth_doing = 3;  // expected log odds below which an experiment separates nothing
+constexpr double worth_doing = 3;     // expected log odds below which an experiment separates nothing
+constexpr double close_behind = 3.5;  // log odds within which suspects are not told apart
 
 /// Counts against echo power as the session shows them: log I = a + b log power.
 struct Brightness {
@@ -25,7 +24,7 @@ struct Brightness {
     double n = 0, x = 0, y = 0, xx = 0, xy = 0;
     for (const Cell& cell : reduced.cells) {
       if (!cell.smooth || !(cell.at.intensity > 1)) continue;
-      const CaptureInfo& info = reduced.capture_of(reduced.groups[static_cast<std::size_t>(cell.group)]);
+      const CaptureInfo& info = reduced.capture_of(cell);
       const double lx = std::log(echo_power(info, reduced.bench, cell.sight)),
                    ly = std::log(cell.at.intensity);
       n += 1;
@@ -149,8 +148,8 @@ Suspected suspected(const Term& term) {
             TermColumns c = columns_of(model, term);
             c.sizes.prior.mean.setZero();
             c.sizes.prior.sigma *= 10;
-            add(c.sizes, c.shapes);
-            add(c.sizes, c.deviations);
+            c.sizes.append(c.shapes);
+            c.sizes.append(c.deviations);
             return c.sizes;
           }};
 }
@@ -194,11 +193,11 @@ Eigen::MatrixXd evidence_between(const Reduced& all, const std::vector<Suspected
   Eigen::MatrixXd evidence = Eigen::MatrixXd::Zero(count, count);
   for (Eigen::Index rival = 0; rival < count; ++rival) {
     Columns base;
-    base.columns_mm = model.nuisance_columns();
-    base.prior.mean = Eigen::VectorXd::Zero(base.columns_mm.cols());
+    base.columns = model.nuisance_columns();
+    base.prior.mean = Eigen::VectorXd::Zero(base.columns.cols());
     base.prior.sigma = Nuisance::prior_sigma(all.bench);
-    add(base, suspects[static_cast<std::size_t>(rival)].columns(model));
-    model.set_base(base.columns_mm, {Eigen::VectorXd::Zero(base.columns_mm.cols()), base.prior.sigma});
+    base.append(suspects[static_cast<std::size_t>(rival)].columns(model));
+    model.set_base(base.columns, {Eigen::VectorXd::Zero(base.columns.cols()), base.prior.sigma});
     for (Eigen::Index truth = 0; truth < count; ++truth) {
       if (truth == rival) continue;
       const Eigen::VectorXd left =
@@ -283,7 +282,7 @@ class Rivalry {
     // their formulas can bend more than the small changes that are imagined, and promises are cut down by as
     // much.
     believed_ = between(so_far).unaryExpr(
-        [](double apart) { return apart > odds::close_behind ? odds::close_behind / apart : 1.0; });
+        [](double apart) { return apart > close_behind ? close_behind / apart : 1.0; });
   }
   void judge(Experiment& e, const Reduced& all) const {
     explain::judge(e, between(all).cwiseProduct(believed_), ids_);
@@ -329,12 +328,6 @@ bool judge(Experiment& e, const Reduced& all, const std::vector<Rivalry>& rivalr
   e.groups.clear();
   for (const Rivalry& rivalry : rivalries) rivalry.judge(e, all);
   return e.expected < 1e300;
-}
-
-double typical_sigma(const Reduced& reduced) {
-  std::vector<double> sigmas;
-  for (const Group& g : reduced.groups) sigmas.push_back(g.sigma_mm);
-  return median_of(sigmas);
 }
 
 /// What is recorded so far, and how another recording would join it.
@@ -387,7 +380,7 @@ std::vector<Experiment> telling_with_stage(const std::vector<const Recording*>& 
     return pooled(std::move(all));
   };
   return telling(possible_experiments(so_far.bench, travel), explanation,
-                 {so_far.bench, so_far.captures, Brightness::of(so_far), typical_sigma(so_far),
+                 {so_far.bench, so_far.captures, Brightness::of(so_far), so_far.typical_sigma_mm(),
                   rivalries_of(explanation, pooled(so_far)), with});
 }
 
@@ -406,7 +399,7 @@ std::vector<Experiment> telling_by_hand(const std::vector<const Recording*>& rec
     return reduced_together(list, times);
   };
   return telling(experiments_by_hand(bench, recordings), explanation,
-                 {bench, captures, Brightness::of(first), typical_sigma(first),
+                 {bench, captures, Brightness::of(first), first.typical_sigma_mm(),
                   rivalries_of(explanation, reduced_together(recordings)), with});
 }
 

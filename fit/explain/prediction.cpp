@@ -25,8 +25,7 @@ double empirical_mm(const std::vector<EmpiricalCorrection>& list, const Reduced&
   double sum = 0;
   for (const EmpiricalCorrection& c : list) {
     const bool along_it = !c.target.empty();
-    if (along_it && c.target != reduced.bench.targets[static_cast<std::size_t>(cell.at.target)].name)
-      continue;
+    if (along_it && c.target != reduced.bench.target_at(cell.at.target).name) continue;
     const double v = along_it ? cell.at.along_mm : model::coordinate_of(c.coordinate, cell.at);
     const std::optional<double> value = std::isfinite(v) ? c.value_at(v) : std::nullopt;
     if (!value) return 0;
@@ -146,7 +145,7 @@ EmpiricalCorrection tabulated(const Shape& shape, const MeanModel& model, int ta
   EmpiricalCorrection table;
   table.coordinate = shape.coordinate;
   table.channel = shape.channel;
-  if (target >= 0) table.target = model.bench().targets[static_cast<std::size_t>(target)].name;
+  if (target >= 0) table.target = model.bench().target_at(target).name;
   std::vector<WeighedValue> list;
   const Eigen::VectorXd effect_mm = effect_of(model, shape);
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
@@ -181,9 +180,7 @@ std::optional<double> EmpiricalCorrection::value_at(double v) const {
 Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadResult& spread) {
   Predictor p;
   for (const Term& term : means.best.terms)
-    p.terms.push_back({term, term.target < 0
-                                 ? std::string()
-                                 : reduced.bench.targets[static_cast<std::size_t>(term.target)].name});
+    p.terms.push_back({term, term.target < 0 ? std::string() : reduced.bench.target_at(term.target).name});
   for (const Suspect& suspect : spread.accepted)
     if (!is_constant_noise(*suspect.mechanism)) p.noise.push_back(suspect);
   for (const Suspect& suspect : spread.undecided)

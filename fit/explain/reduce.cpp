@@ -32,7 +32,6 @@ Reduced unread(const Recording& recording, const Standing& standing) {
     out.same_as.push_back(static_cast<int>(t));
   out.shown.assign(1 << 16, 0);
   out.reference_temperature_c = reference_temperature(out.captures).value_or(0);
-  out.has_temperature = temperature_varies(out.captures, out.reference_temperature_c);
   return out;
 }
 

@@ -125,7 +125,7 @@ struct Reduced {
   std::vector<float> strays_mm, strays_of_target;
   long samples = 0;
   double reference_temperature_c = 0;
-  bool has_intensity = false, has_temperature = false;
+  bool has_intensity = false;
   OutputSteps output_steps;       ///< In which ranges come.
   std::optional<double> wave_hz;  ///< What a lamp or a supply does at that frequency was taken off.
   int left_out = 0;               ///< Cells that no mean is taken of.
@@ -133,8 +133,16 @@ struct Reduced {
   int astray = 0;                 ///< Of these, those more than `astray_mm` off their target.
 
   [[nodiscard]] std::size_t smooth_cells() const;
+  /// Of one sample, the groups' median.
+  [[nodiscard]] double typical_sigma_mm() const;
   [[nodiscard]] const CaptureInfo& capture_of(const Group& group) const {
     return captures[static_cast<std::size_t>(group.capture)];
+  }
+  [[nodiscard]] const CaptureInfo& capture_of(const Cell& cell) const { return capture_of(group_of(cell)); }
+  /// Of a cell or a sector.
+  template <class Part>
+  [[nodiscard]] const Group& group_of(const Part& part) const {
+    return groups[static_cast<std::size_t>(part.group)];
   }
   /// The targets as they stand in the group's capture.
   [[nodiscard]] Scene scene_of(const Group& group, const Nuisance& nuisance) const;
@@ -202,9 +210,7 @@ void append(Reduced& reduced, const Reduced& other);
 
 /// Nominal reflectance of what a cell's beam meets, 0..1.
 [[nodiscard]] inline double reflectance_of(const Reduced& reduced, const Cell& cell) {
-  const Group& group = reduced.groups[static_cast<std::size_t>(cell.group)];
-  return reflectance_in(reduced.captures[static_cast<std::size_t>(group.capture)],
-                        reduced.bench.targets[static_cast<std::size_t>(cell.at.target)]);
+  return reflectance_in(reduced.capture_of(cell), reduced.bench.target_at(cell.at.target));
 }
 
 }  // namespace fit::explain

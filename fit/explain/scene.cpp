@@ -34,7 +34,7 @@ double reflectance_in(const CaptureInfo& capture, const Target& target) {
 }
 
 double echo_power(const CaptureInfo& capture, const Bench& bench, const Sight& sight) {
-  const Target& target = bench.targets[static_cast<std::size_t>(sight.target)];
+  const Target& target = bench.target_at(sight.target);
   return reflectance_in(capture, target) * sight.cos_incidence() * 1e6 / (sight.range_mm * sight.range_mm);
 }
 
@@ -102,8 +102,7 @@ Eigen::VectorXd Nuisance::prior_sigma(const Bench& bench) {
   Eigen::VectorXd v(static_cast<Eigen::Index>(freedoms.size()));
   for (std::size_t i = 0; i < freedoms.size(); ++i) {
     const Freedom& freedom = freedoms[i];
-    const Target* target =
-        freedom.target < 0 ? nullptr : &bench.targets[static_cast<std::size_t>(freedom.target)];
+    const Target* target = freedom.target < 0 ? nullptr : &bench.target_at(freedom.target);
     const Mount& mount = bench.lidar.mount;
     double& u = v[static_cast<Eigen::Index>(i)];
     switch (freedom.of) {

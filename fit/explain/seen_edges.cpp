@@ -45,7 +45,6 @@ void place(SeenEdge& edge) {
     if (top <= best + 0.5) continue;
     best = top;
     edge.shift_deg = (first + last) / 2;
-    edge.width_deg = width;
   }
   edge.settled = std::abs(edge.shift_deg) < edge_reach_deg - 0.05;
 }
@@ -82,7 +81,7 @@ std::map<int, SeenEdge> seen_edges(const Reduced& reduced, const Nuisance& fitte
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       const Cell& cell = reduced.cells[i];
       if (cell.far_share < 0 || cell.edge < 0 || cell.n + cell.stray < 2) continue;
-      const Target& target = reduced.bench.targets[static_cast<std::size_t>(cell.edge / 2)];
+      const Target& target = reduced.bench.target_at(cell.edge / 2);
       if (info.target && *info.target == target.name && info.target_shift_mm != 0) continue;
       const auto edge = std::ranges::find(in_sight, cell.edge, &Edge::id);
       if (edge == in_sight.end() || edge->far_mm <= 0) continue;

@@ -34,7 +34,7 @@ struct SeenEdge {
   Eigen::Vector2d from = Eigen::Vector2d::Zero();  ///< Where it is seen from ...
   double bearing_rad = 0;                          ///< ... in which direction, ...
   int near_side = 1;
-  double shift_deg = 0, width_deg = 0;
+  double shift_deg = 0;
   bool settled = false;
 };
 

@@ -23,7 +23,7 @@ struct Unexplained {
   Observable observable = Observable::range_mean;
   Coordinate coordinate = Coordinate::beam;
   std::string describes;
-  double gain = 0, evidence = 0;
+  double gain = 0;
   double from = 0, to = 0;
 };
 

@@ -26,12 +26,11 @@ class Together {
   Together(const Together&) = delete;
   Together& operator=(const Together&) = delete;
 
-  [[nodiscard]] const Bench& bench() const { return bench_; }
-  /// In the order given, all with bench().
+  /// In the order given, all with the one bench.
   [[nodiscard]] const std::vector<const Recording*>& recordings() const { return list_; }
   /// What stands where in one recording.
   [[nodiscard]] const Standing& standing(std::size_t recording) const { return standing_[recording]; }
-  /// How many of bench()'s first targets make up the scene of the first capture.
+  /// How many of its first targets make up the scene of the first capture.
   [[nodiscard]] std::size_t first_scene() const { return first_scene_; }
   /// Sentences for the operator.
   [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }

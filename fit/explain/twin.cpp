@@ -40,7 +40,7 @@ Along along(const MeanModel& model, Coordinate coordinate, Channel channel) {
 
 Along along(const MeanModel& model, const std::string& name, double (*of)(const Cell&), int target) {
   Along a{name, Channel::range, "", VectorXd(model.rows())};
-  if (target >= 0) a.target = model.bench().targets[static_cast<std::size_t>(target)].name;
+  if (target >= 0) a.target = model.bench().target_at(target).name;
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
     const Cell& cell = model.cell(i);
     a.at[i] = target < 0 || cell.at.target == target ? of(cell) : std::nan("");
@@ -188,13 +188,12 @@ void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& out) 
   MeanModel model(rows, means.noise);
   Base base = base_columns(model, means.best);
   hold_what_is_stated(base);
-  model.set_base(base.all.columns_mm, base.all.prior);
+  model.set_base(base.all.columns, base.all.prior);
   const VectorXd x = model.posterior_mean();
   const auto named = [&](const Term& term) {
     return std::ranges::any_of(out.mechanisms, [&](const Found& f) {
       return f.mechanism == term.mechanism &&
-             (term.target < 0 ||
-              f.target == reduced.bench.targets[static_cast<std::size_t>(term.target)].name);
+             (term.target < 0 || f.target == reduced.bench.target_at(term.target).name);
     });
   };
   for (std::size_t t = 0; t < means.best.terms.size(); ++t) {
@@ -208,7 +207,7 @@ void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& out) 
   }
   for (std::size_t s = 0; s < means.best.shapes.size(); ++s) {
     const Eigen::Index from = base.shape_first[s], count = base.shape_first[s + 1] - from;
-    const VectorXd effect = base.all.columns_mm.middleCols(from, count) * x.segment(from, count);
+    const VectorXd effect = base.all.columns.middleCols(from, count) * x.segment(from, count);
     const Shape& shape = means.best.shapes[s];
     for (const int target : along_targets(shape, out.bench))
       add_empirical(out.bench, table_of(model, effect,

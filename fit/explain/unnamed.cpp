@@ -24,19 +24,14 @@ Course course_of(const Shape& shape, const MeanModel& model) {
   course.coordinate =
       shape.target == -1 ? name_of(shape.coordinate) : place_along(model.bench(), shape.target);
   course.unit_of_coordinate = shape.target < 0 ? unit_of(shape.coordinate) : " mm";
-  course.low = course.least = 1e300;
-  course.high = course.most = -1e300;
   const Eigen::VectorXd effect = effect_of(model, shape);
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
     const double v = coordinate_at(model, shape.coordinate, i, shape.target);
     if (!std::isfinite(v)) continue;
-    course.low = std::min(course.low, v);
-    course.high = std::max(course.high, v);
+    course.add(v);
     const double lever = lever_of(shape.channel, model.cell(i).sight);
     if (std::abs(lever) < channel.least_lever) continue;  // says little about the function
-    const double y = effect[i] / lever;
-    if (y < course.least) course.least = y, course.least_at = v;
-    if (y > course.most) course.most = y, course.most_at = v;
+    course.add_value(v, effect[i] / lever);
   }
   return course;
 }
@@ -47,8 +42,6 @@ const std::vector<Form>& all_forms() {
   static const std::vector<Form> list = forms::all();
   return list;
 }
-
-const Form* find_form(const std::string& id) { return find_by_id(all_forms(), id); }
 
 std::vector<int> along_targets(const Shape& shape, const Bench& bench) {
   if (shape.target != all_targets) return {shape.target};
@@ -63,12 +56,12 @@ Columns columns_of(const MeanModel& model, const Shape& shape) {
   Eigen::VectorXd x;
   if (form.scaled) x = scaled_coordinate(model, shape.coordinate, shape.target);
   Columns c;
-  c.columns_mm.resize(n, terms);
+  c.columns.resize(n, terms);
   for (Eigen::Index i = 0; i < n; ++i) {
     const double v = coordinate_at(model, shape.coordinate, i, shape.target),
                  lever = lever_of(shape.channel, model.cell(i).sight);
     for (Eigen::Index k = 0; k < terms; ++k)
-      c.columns_mm(i, k) =
+      c.columns(i, k) =
           std::isfinite(v) ? lever * form.basis(shape, form.scaled ? x[i] : v, static_cast<int>(k)) : 0;
   }
   c.prior.mean = Eigen::VectorXd::Zero(terms);
@@ -81,7 +74,7 @@ Columns columns_of(const MeanModel& model, const Shape& shape) {
 }
 
 Eigen::VectorXd effect_of(const MeanModel& model, const Shape& shape) {
-  return columns_of(model, shape).columns_mm *
+  return columns_of(model, shape).columns *
          Eigen::Map<const Eigen::VectorXd>(shape.values.data(),
                                            static_cast<Eigen::Index>(shape.values.size()));
 }
@@ -119,14 +112,10 @@ Columns columns_of(const MeanModel& model, const SeenShape& seen) {
   Shape shape = seen.shape;
   if (!seen.at.empty()) {
     const double then = seen.at.back() - seen.at.front();
-    double low = seen.at.front(), high = seen.at.back();
-    for (Eigen::Index i = 0; i < model.rows(); ++i) {
-      const double at = coordinate_at(model, shape.coordinate, i, shape.target);
-      if (!std::isfinite(at)) continue;
-      low = std::min(low, at);
-      high = std::max(high, at);
-    }
-    shape.length *= then / std::max(1e-9, high - low);
+    Extent now{seen.at.front(), seen.at.back()};
+    for (Eigen::Index i = 0; i < model.rows(); ++i)
+      now.add(coordinate_at(model, shape.coordinate, i, shape.target));
+    shape.length *= then / std::max(1e-9, now.length());
   }
   return columns_of(model, shape);
 }

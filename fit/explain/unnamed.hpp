@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "fit/explain/columns.hpp"
+#include "fit/explain/extent.hpp"
 
 namespace fit::explain {
 
@@ -40,12 +41,16 @@ struct Axis {
   std::vector<double> between;   ///< Places that halve, quarter, ... its cells; between two values each.
 };
 
-/// What a fitted function does over the coordinate, for people; `what` is "range" or an angle.
-struct Course {
+/// What a fitted function does over the coordinate's extent, for people; `what` is "range" or an angle.
+struct Course : Extent {
   std::string what, unit, coordinate, unit_of_coordinate;
-  double scale = 1;          ///< From the coefficients' unit to `unit`.
-  double low = 0, high = 0;  ///< The coordinate's ends.
-  double least = 0, most = 0, least_at = 0, most_at = 0;
+  double scale = 1;  ///< From the coefficients' unit to `unit`.
+  double least = 1e300, most = -1e300, least_at = 0, most_at = 0;
+
+  void add_value(double at, double value) {
+    if (value < least) least = value, least_at = at;
+    if (value > most) most = value, most_at = at;
+  }
 };
 
 struct Described {
@@ -71,7 +76,6 @@ struct Form {
 
 /// All forms there are, one file each in fit/forms.
 [[nodiscard]] const std::vector<Form>& all_forms();
-[[nodiscard]] const Form* find_form(const std::string& id);
 
 /// The targets along which it acts, one by one; -1 where it is of no target's place.
 [[nodiscard]] std::vector<int> along_targets(const Shape& shape, const Bench& bench);

@@ -38,7 +38,7 @@ std::string in_words(const Freedom& freedom, const Bench& bench) {
                      : freedom.of == Freedom::Of::aside  ? "offset aside"
                      : freedom.of == Freedom::Of::radius ? "radius"
                                                          : "offset";
-  return "Target '" + bench.targets[static_cast<std::size_t>(freedom.target)].name + "' " + what;
+  return "Target '" + bench.target_at(freedom.target).name + "' " + what;
 }
 
 }  // namespace

@@ -8,8 +8,6 @@
 /// with their entries in the bench, undecided sets, what is unknown, places, notes.
 namespace fit::explain::answer {
 
-/// Stray light beside edges.
-
 /// What the model has no rows for: coarse steps, wide beams.
 void report_spread(const Findings& findings, Explanation& out);
 

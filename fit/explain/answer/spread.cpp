@@ -4,10 +4,13 @@
 #include <string>
 
 #include "fit/explain/answer/chapters.hpp"
-#include "fit/explain/odds.hpp"
 
 namespace fit::explain::answer {
 namespace {
+
+/// Log odds against one mechanism of the catalogue, asked for by itself: against any one of all, where
+/// whoever asks suspects something.
+constexpr double against_any = 4.0 - 1.8;
 
 Found found_noise(const Findings& findings, const Suspect& suspect) {
   Finding finding;
@@ -15,7 +18,7 @@ Found found_noise(const Findings& findings, const Suspect& suspect) {
   Found found;
   found.mechanism = suspect.mechanism;
   found.parameters = suspect.parameters;
-  found.probability = std::min(0.999, 1 / (1 + std::exp(odds::against_any - suspect.evidence)));
+  found.probability = std::min(0.999, 1 / (1 + std::exp(against_any - suspect.evidence)));
   found.says = suspect.mechanism->says(finding);
   // What Akaike expects of other captures.
   found.log_likelihood_gain = suspect.gain - static_cast<double>(suspect.parameters.size());

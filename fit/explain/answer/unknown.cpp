@@ -20,7 +20,6 @@ Unexplained of_shapes(const Findings& findings) {
   u.to = shape.target < 0 ? first.to : shape.target;
   for (std::size_t i = 1; i < means.best.shapes.size(); ++i)
     u.describes += "; and " + describe(means.best.shapes[i], model).text;
-  u.evidence = means.after.log_likelihood - means.before.log_likelihood;
   return u;
 }
 

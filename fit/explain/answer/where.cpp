@@ -17,19 +17,12 @@ double p_value(double evidence) { return std::exp(-std::clamp(evidence, 0.0, 600
 
 /// What was recorded of a coordinate, if anything.
 std::optional<Recorded> recorded(const Reduced& reduced, Coordinate coordinate) {
-  Recorded all{1e300, -1e300, reduced.bench.lidar.scan_hz};
-  const auto take = [&](double at) {
-    all.from = std::min(all.from, at);
-    all.to = std::max(all.to, at);
-  };
-  for (const Cell& cell : reduced.cells) {
-    const double v = model::coordinate_of(coordinate, cell.at);
-    if (std::isfinite(v)) take(v);
-  }
+  Extent all;
+  for (const Cell& cell : reduced.cells) all.add(model::coordinate_of(coordinate, cell.at));
   if (coordinate == Coordinate::scan_seq)
-    for (const Sector& s : reduced.sectors) take(1.0 * s.seq);
-  if (!(all.to >= all.from)) return {};
-  return all;
+    for (const Sector& s : reduced.sectors) all.add(s.seq);
+  if (!(all.high >= all.low)) return {};
+  return Recorded{all.low, all.high, reduced.bench.lidar.scan_hz};
 }
 
 std::vector<Located> located(const Suspect& suspect, const Reduced& reduced) {

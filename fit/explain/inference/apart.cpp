@@ -27,7 +27,7 @@ Eigen::VectorXd base_predictor(const model::ChannelRows& rows) {
 /// What a suspect may do in a channel, whatever its size: as it came out, and as its shapes and formula bend.
 Eigen::MatrixXd all_that(const model::ChannelRows& rows, const model::Term& suspect,
                          const model::Kind::Acting& acts) {
-  const model::Columns& base = rows.base();
+  const Columns& base = rows.base();
   const Eigen::MatrixXd nuisances = base.columns * base.prior.sigma.asDiagonal();
   if (!acts) return nuisances;
   constexpr double any_size = 100;  // of a typical one

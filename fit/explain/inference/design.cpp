@@ -41,7 +41,7 @@ void add_base(const Session& session, Design& design) {
   for (std::size_t c = 0; c < session.channels().size(); ++c) {
     design.parts[c].offset = session.offset(c);
     if (!session.channels()[c]) continue;
-    const model::Columns& base = session.channels()[c]->base();
+    const Columns& base = session.channels()[c]->base();
     design.parts[c].columns.resize(session.channels()[c]->rows(), 0);
     const Index first = design.mean.size();
     add_coefficients(design, base.prior);

@@ -19,8 +19,6 @@ namespace {
 
 using Eigen::Index;
 
-bool is_of_means(const Kind& kind) { return moves_means(*kind.mechanism); }
-
 /// As the rooms that draw, predict and plan know it.
 explain::Term as_term(const Term& term) {
   return {term.kind->mechanism.get(), term.kind->target, term.values, term.sigma};
@@ -84,16 +82,11 @@ Unexplained described(const Session& session, const Term& term, double gain) {
   course.coordinate =
       on_a_target ? place_along(session.reduced().bench, shape.target) : name_of(shape.coordinate);
   course.unit_of_coordinate = on_a_target ? " mm" : unit_of(shape.coordinate);
-  course.low = course.least = 1e300;
-  course.high = course.most = -1e300;
   for (Index i = 0; i < rows.rows(); ++i) {
-    const double at = model::place_of(shape.coordinate, shape.target, rows.at(i)),
-                 y = rows.response(i, term.kind->mechanism->act(rows.at(i), term.values));
+    const double at = model::place_of(shape.coordinate, shape.target, rows.at(i));
     if (!std::isfinite(at)) continue;
-    course.low = std::min(course.low, at);
-    course.high = std::max(course.high, at);
-    if (y < course.least) course.least = y, course.least_at = at;
-    if (y > course.most) course.most = y, course.most_at = at;
+    course.add(at);
+    course.add_value(at, rows.response(i, term.kind->mechanism->act(rows.at(i), term.values)));
   }
   const Described says = shape.form->says(shape, course);
   Unexplained u;
@@ -134,7 +127,7 @@ void measure(const Session& session, const Fitted& nothing, const Explored& expl
   };
   for (const Named& named : out.posterior.named) out.gain.push_back(gain_of(named.term));
   for (const Named& form : out.posterior.forms)
-    if (!is_of_means(*form.term.kind))
+    if (!form.term.kind->moves_means())
       out.beside.push_back(described(session, form.term, gain_of(form.term).held_out));
 }
 
@@ -142,7 +135,7 @@ void measure(const Session& session, const Fitted& nothing, const Explored& expl
 void take_means(const Session& session, const Hypothesis& best, MeanResult& means) {
   means.best.nuisance = session.nuisance(best);
   for (const Term& term : best.terms) {
-    if (!is_of_means(*term.kind)) continue;
+    if (!term.kind->moves_means()) continue;
     if (term.kind->is_form()) {
       means.best.shapes.push_back(as_shape(term));
       continue;

@@ -153,7 +153,6 @@ Fitted solved(const Session& session, const std::vector<Term>& terms, const Fitt
   const Eigen::VectorXd stepped = curvature_at(session, result.design, result.optimum);
   Hypothesis& h = result.hypothesis;
   for (const Term& term : terms) h.log_prior += term.kind->log_prior;
-  h.eta = result.optimum.eta;
   const Index base = session.count_base();
   const Eigen::VectorXd strain = result.optimum.x.head(base) - result.design.mean.head(base);
   h.log_fit = result.optimum.log_likelihood - 0.5 * strain.squaredNorm();

@@ -189,7 +189,7 @@ bool forms_carry_over(const Session& session, const Fitted& fitted) {
   for (std::size_t t = 0; t < fitted.design.blocks.size(); ++t) {
     const Kind& kind = *fitted.hypothesis.terms[t].kind;
     const Design::Block& block = fitted.design.blocks[t];
-    for (Index k = 0; k < block.sizes && kind.is_form() && moves_means(*kind.mechanism); ++k)
+    for (Index k = 0; k < block.sizes && kind.is_form() && kind.moves_means(); ++k)
       of_forms.push_back(block.first + k);
   }
   if (captures.count < 2 || of_forms.empty()) return true;

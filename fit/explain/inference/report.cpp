@@ -12,8 +12,6 @@
 namespace fit::explain::inference {
 namespace {
 
-bool is_of_the_means(const Kind& kind) { return moves_means(*kind.mechanism); }
-
 std::map<std::string, Estimate> parameters_of(const Term& term) {
   std::map<std::string, Estimate> map;
   for (std::size_t k = 0; k < term.values.size(); ++k) {
@@ -40,8 +38,7 @@ Suspect as_suspect(const Term& term, double gain = 0) {
 Finding finding_of(const Term& term, const Reduced& reduced) {
   Finding f;
   f.parameters = parameters_of(term);
-  if (term.kind->target >= 0)
-    f.target = reduced.bench.targets[static_cast<std::size_t>(term.kind->target)].name;
+  if (term.kind->target >= 0) f.target = reduced.bench.target_at(term.kind->target).name;
   for (const Cell& cell : reduced.cells) {
     if (!cell.smooth || (term.kind->target >= 0 && term.kind->target != cell.at.target)) continue;
     const double mm = cell.sight.shift(term.kind->mechanism->act(cell.at, term.values));
@@ -114,10 +111,10 @@ void report_set(const Undecided& set, const Findings& findings, Explanation& out
     odds += (odds.empty() ? "" : ", ") + name_of(member) + " " + rounded(member.probability, 2);
     if (!member.kind) continue;
     if (member.kind->is_form()) {
-      if (is_of_the_means(*member.kind))
+      if (member.kind->moves_means())
         out.unnamed_suspects.push_back(
             seen(as_shape(member.term), MeanModel(findings.reduced, findings.means.noise)));
-    } else if (is_of_the_means(*member.kind)) {
+    } else if (member.kind->moves_means()) {
       out.suspects.push_back(
           {member.kind->mechanism.get(), member.kind->target, member.term.values, member.term.sigma});
     } else if (names > 1) {  // else there is nobody to tell it from
@@ -137,7 +134,7 @@ bool is_confirmed(const Inferred& inferred, std::size_t named) {
   const Gain& gain = inferred.gain[named];
   const bool captures_ask_for_it = gain.fitted > -numbers::contradicted_at;  // and not the bench file alone
   return (!captures_ask_for_it || gain.held_out > numbers::contradicted_at) &&
-         (describes(inferred) || !is_of_the_means(*inferred.posterior.named[named].term.kind));
+         (describes(inferred) || !inferred.posterior.named[named].term.kind->moves_means());
 }
 
 /// A mechanism that captures contradict to which it was not fitted is no explanation, nor is any where the
@@ -176,13 +173,13 @@ void add_to_spread(const Inferred& inferred, SpreadResult& spread) {
     const Term& term = inferred.posterior.named[i].term;
     if (!is_confirmed(inferred, i))
       spread.unknown.push_back(contradicted(inferred, term, inferred.gain[i].held_out));
-    else if (!is_of_the_means(*term.kind))
+    else if (!term.kind->moves_means())
       spread.accepted.push_back(as_suspect(term, inferred.gain[i].held_out));
   }
   for (const Undecided& set : inferred.posterior.undecided) {
     const auto best = std::ranges::find_if(
         set.members, [](const auto& member) { return member.kind && !member.kind->is_form(); });
-    if (best != set.members.end() && !is_of_the_means(*best->kind))
+    if (best != set.members.end() && !best->kind->moves_means())
       spread.undecided.push_back(as_suspect(best->term));
   }
   std::ranges::copy(inferred.beside, std::back_inserter(spread.unknown));

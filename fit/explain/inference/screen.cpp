@@ -215,11 +215,9 @@ class Question : Approximation {
     while (!kind_->acts_in[c]) ++c;
     const ChannelRows& rows = *session_->channels()[c];
     const Eigen::VectorXd score = rows.score(around_->eta[c]);
-    model::Scores scores;
-    for (Index i = 0; i < rows.rows(); ++i) {
-      scores.place.push_back(model::coordinate_of(kind_->mechanism->coordinate, rows.at(i)));
-      scores.score.push_back(score[i]);
-    }
+    std::vector<model::RowScore> scores;
+    for (Index i = 0; i < rows.rows(); ++i)
+      scores.push_back({model::coordinate_of(kind_->mechanism->coordinate, rows.at(i)), score[i], 0});
     std::vector<std::vector<double>> starts;
     for (const double bin : model::bins_in(scores, kind_->mechanism->parameters[*kind_->bins])) {
       starts.push_back(kind_->starts.front());

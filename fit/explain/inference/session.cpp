@@ -30,8 +30,6 @@ std::vector<const Kind*> Hypothesis::kinds() const {
 
 namespace {
 
-bool moves_the_means(const Kind& kind) { return moves_means(*kind.mechanism); }
-
 std::size_t mean_channel() { return model::channel_of("mean"); }
 
 /// How much worse means are known for what a hypothesis says of scans, and for what these show: they draw
@@ -155,7 +153,7 @@ void Session::linearise(const Hypothesis& at) {
   for (const Active& known : known_)
     if (moves_means(*known.mechanism)) at_work.push_back(known);
   for (const Term& term : at.terms)
-    if (moves_the_means(*term.kind))
+    if (term.kind->moves_means())
       at_work.push_back({term.kind->mechanism.get(), term.values, term.kind->target});
   std::vector<Active> from_scan_to_scan;
   for (const Active& known : known_)
@@ -184,7 +182,7 @@ void Session::linearise(const Hypothesis& at) {
   if (channels_[mean]) offsets_[mean] -= channels_[mean]->base().columns.leftCols(moved.size()) * moved;
   for (std::size_t c = 0; c < channels_.size(); ++c)
     for (const Term& term : at.terms)
-      if (model::channel_kinds()[c].of_predicted && channels_[c] && moves_the_means(*term.kind) &&
+      if (model::channel_kinds()[c].of_predicted && channels_[c] && term.kind->moves_means() &&
           !term.kind->coefficients.empty() && (c == mean || term.kind->acts_in[c]))
         offsets_[c] -= model::columns_of(*channels_[c], *term.kind, term.values) * model::coefficients(term);
 }

@@ -18,8 +18,7 @@ struct Hypothesis {
   std::vector<Term> terms;
   Eigen::VectorXd base;  ///< Nuisances of all channels, one after the other.
   double log_evidence = -1e300, log_prior = 0;
-  double log_fit = -1e300;           ///< Log-likelihood, with what the bench file says of the nuisances.
-  std::vector<Eigen::VectorXd> eta;  ///< The fitted predictor of every channel.
+  double log_fit = -1e300;  ///< Log-likelihood, with what the bench file says of the nuisances.
 
   [[nodiscard]] double log_posterior() const { return log_evidence + log_prior; }
   [[nodiscard]] bool has(const Kind& kind) const;
@@ -36,7 +35,6 @@ class Session {
   void linearise(const Hypothesis& at);
 
   [[nodiscard]] const Reduced& reduced() const { return reduced_; }
-  [[nodiscard]] Reduced& reduced() { return reduced_; }
   /// Of the means, at the present linearisation.
   [[nodiscard]] const MeanNoise& noise() const { return present_noise_; }
   /// In the order of model::channel_kinds(); null where the session has no rows.

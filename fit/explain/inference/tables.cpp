@@ -32,8 +32,7 @@ EmpiricalFunction tabulated(const Session& session, const Kind& kind, std::size_
   const bool on_a_target = coordinate == Coordinate::target && kind.target >= 0;
   EmpiricalFunction table{
       on_a_target ? "along_mm" : name_of(coordinate), model::channel_kinds()[channel].table, "", {}, {}};
-  if (kind.target >= 0)
-    table.target = session.reduced().bench.targets[static_cast<std::size_t>(kind.target)].name;
+  if (kind.target >= 0) table.target = session.reduced().bench.target_at(kind.target).name;
   std::vector<WeighedValue> list;
   for (Index i = 0; i < rows.rows(); ++i) {
     const double at = model::place_of(coordinate, kind.target, rows.at(i));

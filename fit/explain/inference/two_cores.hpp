@@ -3,26 +3,17 @@
 
 #include <atomic>
 #include <cstddef>
-#include <exception>
-#include <thread>
+#include <functional>
+#include <future>
 
 namespace fit::explain::inference {
 
 /// Does both, at the same time. What either throws is the caller's, as if there were one thread.
 template <typename One, typename Other>
 void at_the_same_time(const One& one, const Other& other) {
-  std::exception_ptr failed;
-  {
-    const std::jthread second([&] {
-      try {
-        other();
-      } catch (...) {
-        failed = std::current_exception();
-      }
-    });
-    one();
-  }
-  if (failed) std::rethrow_exception(failed);
+  auto second = std::async(std::launch::async, std::cref(other));
+  one();
+  second.get();
 }
 
 /// Does `work(i)` for every i < count, on whichever core is free: what takes longest should come first.

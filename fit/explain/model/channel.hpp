@@ -15,12 +15,6 @@
 /// The statistical model of docs/method/model.md: rows in channels, and what acts on them.
 namespace fit::explain::model {
 
-/// Columns of coefficients with independent normal priors, in the unit of a channel's linear predictor.
-struct Columns {
-  Eigen::MatrixXd columns;
-  Prior prior;
-};
-
 /// Scans whose random angles and ranges all beams share.
 struct Draws {
   std::size_t group = 0;

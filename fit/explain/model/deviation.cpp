@@ -17,18 +17,16 @@ using Eigen::Index;
 Eigen::VectorXd scaled(const Rows& channel, Coordinate coordinate) {
   constexpr double reach_of_corners_mm = 300;
   Eigen::VectorXd x(channel.rows());
-  double low = 1e300, high = -1e300;
+  Extent all;
   for (Index i = 0; i < x.size(); ++i) {
     const Circumstances& at = channel.at(i);
     x[i] = coordinate == Coordinate::target ? std::exp(-std::min(1e4, at.corner_mm) / reach_of_corners_mm)
            : coordinate == Coordinate::intensity
                ? std::log(std::max(1.0, at.intensity))  // as pulses on a threshold have it
                : coordinate_of(coordinate, at);
-    if (!std::isfinite(x[i])) continue;
-    low = std::min(low, x[i]);
-    high = std::max(high, x[i]);
+    all.add(x[i]);
   }
-  for (double& v : x) v = std::isfinite(v) && high > low ? 2 * (v - low) / (high - low) - 1 : 0;
+  for (double& v : x) v = std::isfinite(v) && all.length() > 0 ? 2 * (v - all.low) / all.length() - 1 : 0;
   return x;
 }
 
@@ -89,14 +87,20 @@ Eigen::MatrixXd of_unread(const Rows& channel, const Term& term, Eigen::MatrixXd
   return columns;
 }
 
-/// A wave may swell and shift along its coordinate, and hold a second harmonic.
-Eigen::MatrixXd of_wave(const Rows& channel, const Term& term, const Eigen::VectorXd& x, double share) {
-  const Effect typical = typical_of(channel, term);
-  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(channel.rows(), 6);
+/// Its values with all phases a quarter of a turn ahead.
+std::vector<double> quarter_ahead(const Term& term) {
   std::vector<double> ahead = term.values;
   const auto& parameters = term.kind->mechanism->parameters;
   for (std::size_t k = 0; k < ahead.size(); ++k)
     if (parameters[k].role == Parameter::Role::phase) ahead[k] += 90;
+  return ahead;
+}
+
+/// A wave may swell and shift along its coordinate, and hold a second harmonic.
+Eigen::MatrixXd of_wave(const Rows& channel, const Term& term, const Eigen::VectorXd& x, double share) {
+  const Effect typical = typical_of(channel, term);
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(channel.rows(), 6);
+  const std::vector<double> ahead = quarter_ahead(term);
   for (Index i = 0; i < channel.rows(); ++i) {
     const Circumstances& at = channel.at(i);
     const Effect e = term.kind->mechanism->act(at, term.values), q = term.kind->mechanism->act(at, ahead);
@@ -133,10 +137,7 @@ Eigen::MatrixXd of_corners(const Rows& channel, const Term& term, const Eigen::V
 /// Whatever repeats after a whole number of scans: the harmonics of its wave.
 Eigen::MatrixXd harmonics(const Rows& channel, const Term& term) {
   constexpr int last = 4;
-  std::vector<double> ahead = term.values;
-  const auto& parameters = term.kind->mechanism->parameters;
-  for (std::size_t k = 0; k < ahead.size(); ++k)
-    if (parameters[k].role == Parameter::Role::phase) ahead[k] += 90;
+  const std::vector<double> ahead = quarter_ahead(term);
   Eigen::MatrixXd columns(channel.rows(), 2 * (last - 1));
   for (Index i = 0; i < channel.rows(); ++i)
     for (int k = 2; k <= last; ++k) {

@@ -21,7 +21,7 @@ bool bench_knows(const Bench& bench, const Mechanism& m, int target) {
     if (known.mechanism != m.id) return false;
     const auto of = known.texts.find("target");
     if (of == known.texts.end()) return !m.one_target;
-    return target >= 0 && of->second == bench.targets[static_cast<std::size_t>(target)].name;
+    return target >= 0 && of->second == bench.target_at(target).name;
   });
 }
 
@@ -140,15 +140,11 @@ std::vector<Kind::Acting> acting_in(const ListOfChannels& channels, const Kind& 
 bool can_be_local(const Mechanism& m, const ListOfChannels& channels) {
   const auto width = m.parameter_of(Parameter::Scale::width);
   if (!width) return true;
-  double low = 1e300, high = -1e300;
+  Extent recorded;
   for (const auto& channel : channels)
-    for (Index i = 0; channel && i < channel->rows(); ++i) {
-      const double at = coordinate_of(m.coordinate, channel->at(i));
-      if (!std::isfinite(at)) continue;
-      low = std::min(low, at);
-      high = std::max(high, at);
-    }
-  return high - low > 2 * m.parameters[*width].lower;
+    for (Index i = 0; channel && i < channel->rows(); ++i)
+      recorded.add(coordinate_of(m.coordinate, channel->at(i)));
+  return recorded.length() > 2 * m.parameters[*width].lower;
 }
 
 /// The power of a size that the effect goes with: variances go with the square of a deviation.

@@ -25,7 +25,7 @@ double displaced_rad(const Cell& cell, bool near_threshold) {
 bool may_be_a_slit(const Reduced& reduced, std::size_t index) {
   const Cell& cell = reduced.cells[index];
   if (cell.n > 0) return false;
-  const Group& group = reduced.groups[static_cast<std::size_t>(cell.group)];
+  const Group& group = reduced.group_of(cell);
   const Cell *below = nullptr, *above = nullptr;  // the nearest that see something
   for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
     const Cell& other = reduced.cells[i];
@@ -56,7 +56,7 @@ bool may_miss_its_target(const Reduced& reduced, std::size_t index, bool near_th
   const bool near = to_edge < doubt_rad;
   if (!near && (cell.n > 0 || to_edge > displaced)) return false;
   const double from = near ? blur_rad : 0, to = near ? 2 * blur_rad : displaced;
-  const Group& group = reduced.groups[static_cast<std::size_t>(cell.group)];
+  const Group& group = reduced.group_of(cell);
   const auto sees_it = [&](const Cell& other) {
     return other.sight.target == cell.sight.target && 2 * other.n > other.n + other.stray + other.lost;
   };

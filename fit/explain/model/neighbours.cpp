@@ -93,9 +93,7 @@ std::vector<SectorScatter> sector_scatter(const Reduced& reduced, int fewest_sca
   for (std::size_t first = 0, last = 0; first < sectors.size(); first = last) {
     const Sector& s = sectors[first];
     while (last < sectors.size() && sectors[last].group == s.group && sectors[last].seq == s.seq) ++last;
-    if (reduced.groups[static_cast<std::size_t>(s.group)].scans < fewest_scans ||
-        last - first < fewest_sectors)
-      continue;
+    if (reduced.group_of(s).scans < fewest_scans || last - first < fewest_sectors) continue;
     const std::span<const Sector> of_scan(&s, last - first);
     Scan scan{of_scan, ScanLeft(of_scan, noise)};
     if (!(scan.left.freedom > 1)) continue;
@@ -107,7 +105,7 @@ std::vector<SectorScatter> sector_scatter(const Reduced& reduced, int fewest_sca
   std::map<int, int> scans_of;
   for (const Scan& scan : scans) {
     const Sector& s = scan.sectors.front();
-    const Group& group = reduced.groups[static_cast<std::size_t>(s.group)];
+    const Group& group = reduced.group_of(s);
     SectorScatter& sum = by_capture[group.capture];
     if (sum.n == 0) {
       sum.capture = group.capture;

@@ -72,7 +72,7 @@ Reading reading_of(const Reduced& reduced, const std::vector<const Cell*>& cells
   Reading reading;
   reading.at = middle.at;
   reading.at.reflectance = reflectance_of(reduced, middle);
-  reading.capture = reduced.groups[static_cast<std::size_t>(middle.group)].capture;
+  reading.capture = reduced.group_of(middle).capture;
   const auto by_law = [&](const Cell& c) {
     return law.log_counts(reading.at.reflectance, c.at.cos_incidence, c.at.range_mm);
   };

@@ -72,8 +72,7 @@ Faces faces_of(const Reduced& reduced) {
       std::array<double, most_faces> along{}, weight{};
       for (std::size_t i = 0; i < reduced.sectors.size(); ++i) {
         const Sector& s = reduced.sectors[i];
-        const double sigma = reduced.groups[static_cast<std::size_t>(s.group)].sigma_mm,
-                     precision = 1 / (sigma * sigma + rounding_mm2);
+        const double sigma = reduced.group_of(s).sigma_mm, precision = 1 / (sigma * sigma + rounding_mm2);
         const auto face = static_cast<std::size_t>(numberings[way][i]) % faces;
         along[face] += s.wd * precision;
         weight[face] += s.w * precision;
@@ -157,7 +156,7 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
   const auto close = [&] {
     if (!part.first || !(part.w > 0)) return;
     const Sector& s = *part.first;
-    const Group& group = reduced.groups[static_cast<std::size_t>(s.group)];
+    const Group& group = reduced.group_of(s);
     if (s.group != of_group) noise = OwnNoise(reduced, group);
     of_group = s.group;
     if (!(noise.of_range > 0) || !(noise.of_angle > 0)) return;
@@ -190,7 +189,7 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
     add(true, lever, (part.wdv - part.wv / part.w * part.wd) / own * lever, noise.of_angle / part.w);
   };
   for (const Sector& s : reduced.sectors) {
-    const Group& group = reduced.groups[static_cast<std::size_t>(s.group)];
+    const Group& group = reduced.group_of(s);
     if (group.scans < fewest_scans) continue;
     const bool goes_on = part.first && part.first->group == s.group && part.first->seq == s.seq &&
                          part.first->number * parts / sectors_of_scan == s.number * parts / sectors_of_scan;

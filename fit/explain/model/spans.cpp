@@ -44,11 +44,9 @@ constexpr std::size_t kept = 6;
 /// The best of them, that one first.
 template <class Found>
 std::vector<Found> best_of(std::vector<std::pair<double, Found>> tried) {
-  const std::size_t count = std::min(kept, tried.size());
-  std::ranges::partial_sort(tried, tried.begin() + static_cast<std::ptrdiff_t>(count), std::greater<>(),
-                            [](const auto& one) { return one.first; });
+  keep_best(kept, tried, [](const auto& one) { return one.first; });
   std::vector<Found> list;
-  for (std::size_t i = 0; i < count; ++i) list.push_back(tried[i].second);
+  for (const auto& [gain, one] : tried) list.push_back(one);
   return list;
 }
 

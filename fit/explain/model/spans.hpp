@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
+#include <functional>
 #include <vector>
 
 namespace fit::explain::model {
@@ -10,6 +12,15 @@ namespace fit::explain::model {
 struct RowScore {
   double place = 0, score = 0, information = 0;
 };
+
+/// Leaves the largest few of a list by that measure, the largest first.
+template <class Item, class Measure>
+void keep_best(std::size_t most, std::vector<Item>& list, Measure measure) {
+  const std::size_t count = std::min(most, list.size());
+  std::ranges::partial_sort(list, list.begin() + static_cast<std::ptrdiff_t>(count), std::greater<>(),
+                            measure);
+  list.resize(count);
+}
 
 /// From one place of a coordinate to another.
 struct Span {

@@ -85,12 +85,9 @@ Eigen::MatrixXd columns_of_form(const Rows& channel, const Kind& kind, const std
 
 /// Of the logarithm of a bin, before its comb is another one: a quarter of a bin over the ranges seen.
 double step_of_comb(const Rows& channel, double bin_mm) {
-  double low = 1e300, high = -1e300;
-  for (Index i = 0; i < channel.rows(); ++i) {
-    low = std::min(low, channel.at(i).range_mm);
-    high = std::max(high, channel.at(i).range_mm);
-  }
-  return 0.25 * bin_mm / std::max(bin_mm, high - low);
+  Extent ranges;
+  for (Index i = 0; i < channel.rows(); ++i) ranges.add(channel.at(i).range_mm);
+  return 0.25 * bin_mm / std::max(bin_mm, ranges.length());
 }
 
 }  // namespace

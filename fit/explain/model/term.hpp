@@ -7,9 +7,9 @@
 #include <span>
 #include <vector>
 
+#include "fit/explain/hypothesis.hpp"
 #include "fit/explain/model/channel.hpp"
 #include "fit/explain/model/coefficient.hpp"
-#include "fit/explain/unnamed.hpp"
 
 namespace fit::explain::model {
 
@@ -53,6 +53,7 @@ struct Kind {
   bool is_plain = false;  ///< What makes its formula more general stays where it is left out.
 
   [[nodiscard]] bool is_form() const { return form.has_value(); }
+  [[nodiscard]] bool moves_means() const { return explain::moves_means(*mechanism); }
   /// The same cause, whether plain or not.
   [[nodiscard]] bool is_same_cause(const Kind& other) const {
     return this == &other ||

@@ -4,15 +4,13 @@
 
 namespace fit::explain {
 
-using reduction::reference_temperature, reduction::temperature_varies;
-
 void append(Reduced& reduced, const Reduced& other) {
   const auto captures = static_cast<int>(reduced.captures.size()),
              groups = static_cast<int>(reduced.groups.size());
   const std::size_t cells = reduced.cells.size();
   reduced.captures.insert(reduced.captures.end(), other.captures.begin(), other.captures.end());
   const double mine_c = reduced.reference_temperature_c;
-  reduced.reference_temperature_c = reference_temperature(reduced.captures).value_or(0);
+  reduced.reference_temperature_c = reduction::reference_temperature(reduced.captures).value_or(0);
   for (Cell& cell : reduced.cells) cell.at.temperature_k += mine_c - reduced.reference_temperature_c;
   const double warmer_k = other.reference_temperature_c - reduced.reference_temperature_c;
   reduced.absent.insert(reduced.absent.end(), other.absent.begin(), other.absent.end());
@@ -41,7 +39,6 @@ void append(Reduced& reduced, const Reduced& other) {
                                   other.strays_of_target.end());
   reduced.samples += other.samples;
   reduced.has_intensity = reduced.has_intensity || other.has_intensity;
-  reduced.has_temperature = temperature_varies(reduced.captures, reduced.reference_temperature_c);
   reduced.left_out += other.left_out;
   reduced.in_clear += other.in_clear;
   reduced.astray += other.astray;

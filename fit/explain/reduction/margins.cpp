@@ -11,7 +11,7 @@ double sway_mm(const Mount& mount, double range_mm, double uncertainties) {
 
 double misplaced_mm(const Bench& bench, const Sight& sight) {
   const Mount& mount = bench.lidar.mount;
-  const Target& target = bench.targets[static_cast<std::size_t>(sight.target)];
+  const Target& target = bench.target_at(sight.target);
   const double across_mm = std::hypot(mount.x_mm.u, mount.y_mm.u, target.u_mm) / sight.cos_incidence();
   return std::hypot(across_mm, sight.beam_lever() * std::hypot(mount.yaw_rad.u, target.u_rad));
 }

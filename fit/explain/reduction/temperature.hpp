@@ -20,7 +20,5 @@ namespace fit::explain::reduction {
 /// From which temperatures count, deg C: the first that anybody read; where nobody did in some of the
 /// captures, that of a housing that is not heated. Empty without any thermometer.
 [[nodiscard]] std::optional<double> reference_temperature(const std::vector<CaptureInfo>& captures);
-/// Whether any thermometer showed more than it does by chance.
-[[nodiscard]] bool temperature_varies(const std::vector<CaptureInfo>& captures, double reference_c);
 
 }  // namespace fit::explain::reduction

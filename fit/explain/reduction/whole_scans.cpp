@@ -148,7 +148,7 @@ class WholeScans {
     sector.number = number;
     sector.first_cell = sector.last_cell = first_cell;
     sector.since_move_s = samples_.since_start_s[s] + samples_.beam_s[middle];
-    sector.approach = session_.captures[static_cast<std::size_t>(group_.capture)].approach;
+    sector.approach = session_.capture_of(group_).approach;
     return sector;
   }
 

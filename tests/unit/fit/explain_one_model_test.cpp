@@ -161,16 +161,15 @@ TEST_CASE("one model: of tens of thousands of combs the one in the recording is 
   std::mt19937 random(5);
   std::uniform_real_distribution<double> place(800, 5000);
   std::normal_distribution<double> noise(0, 3);
-  fit::explain::model::Scores scores;
+  std::vector<fit::explain::model::RowScore> rows;
   for (int i = 0; i < 3000; ++i) {
     const double at = place(random);
-    scores.place.push_back(at);
-    scores.score.push_back(7.3 * std::round(at / 7.3) - at + noise(random));
+    rows.push_back({at, 7.3 * std::round(at / 7.3) - at + noise(random), 0});
   }
   fit::Parameter bins;
   bins.lower = 0.25;
   bins.upper = 40;
-  const std::vector<double> proposed = fit::explain::model::bins_in(scores, bins);
+  const std::vector<double> proposed = fit::explain::model::bins_in(rows, bins);
   REQUIRE_FALSE(proposed.empty());
   CHECK(proposed.front() == Approx(7.3).epsilon(2e-4));
 }
