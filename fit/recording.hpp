@@ -100,4 +100,19 @@ class Recording {
   [[nodiscard]] virtual const std::vector<TrackPose>& track() const = 0;
 };
 
+/// All that another recording says, which it borrows: what differs from it in one respect derives from this.
+class Forwarded : public Recording {
+ public:
+  explicit Forwarded(const Recording& of) : of_(of) {}
+  [[nodiscard]] const Bench& bench() const override { return of_.bench(); }
+  [[nodiscard]] const std::vector<CaptureInfo>& captures() const override { return of_.captures(); }
+  void for_each_scan(std::size_t index, const std::function<void(const ScanView&)>& visit) const override {
+    of_.for_each_scan(index, visit);
+  }
+  [[nodiscard]] const std::vector<TrackPose>& track() const override { return of_.track(); }
+
+ private:
+  const Recording& of_;
+};
+
 }  // namespace fit

@@ -129,8 +129,7 @@ class Echoes final : public model::NormalRows {
     return values;
   }
   void add(const MatrixXd& columns, double sigma) {
-    const Index more = columns.cols();
-    nuisances().append(columns, {VectorXd::Zero(more), VectorXd::Constant(more, std::max(1e-9, sigma))});
+    nuisances().append(columns, Prior::around_zero(columns.cols(), std::max(1e-9, sigma)));
   }
   void add(const std::function<double(const Reading&)>& of_reading, double sigma) {
     add(MatrixXd(column(of_reading)), sigma);

@@ -19,7 +19,7 @@ class Strays final : public model::Counts {
     base.columns.resize(this->Strays::rows(), 1);
     for (Eigen::Index i = 0; i < this->Strays::rows(); ++i)
       base.columns(i, 0) = sides_[static_cast<std::size_t>(i)] == Side::far ? 0 : 1;
-    base.prior = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Constant(1, numbers::tail_hazard)};
+    base.prior = Prior::around_zero(1, numbers::tail_hazard);
     set_base(std::move(base));
   }
   [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {

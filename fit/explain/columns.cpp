@@ -41,9 +41,8 @@ std::vector<double Effect::*> ways_of(const MeanModel& model, const Term& term) 
   return list;
 }
 
-Columns with_standard_prior(Eigen::MatrixXd columns_mm) {
-  const Eigen::Index count = columns_mm.cols();
-  return {std::move(columns_mm), {Eigen::VectorXd::Zero(count), Eigen::VectorXd::Ones(count)}};
+Columns with_standard_prior(const Eigen::MatrixXd& columns_mm) {
+  return {columns_mm, Prior::around_zero(columns_mm.cols())};
 }
 
 }  // namespace

@@ -72,43 +72,31 @@ Experiment from_both_sides(Experiment e, const Bench& bench, double from_deg, do
 
 double distance_of(const Target& target) { return std::abs(target.from_mm.dot(target.outward_normal())); }
 
-/// One more capture of a target that was moved and covered.
-void add_placement(Experiment& e, const Bench& bench, const Target& target, double shift_mm, double rho) {
-  CaptureInfo c = aimed_at(bench, target);
-  c.target_shift_mm = shift_mm;
-  c.reflectance = rho;
-  e.captures.push_back(c);
-}
-
-Experiment ladder(const Bench& bench, const Target& target) {
-  Experiment e = experiment(Experiment::Kind::ladder,
-                            "Target '" + target.name + "' at many distances, bright and dark", 60);
+/// One target that is moved and covered.
+std::vector<Experiment> with_placements(const Bench& bench, const Target& target) {
+  using Kind = Experiment::Kind;
+  std::vector<Experiment> list;
+  const auto begin = [&](Kind kind, const std::string& how) {
+    list.push_back(experiment(kind, "Target '" + target.name + "' " + how, 60));
+  };
+  const auto place = [&](double shift_mm, double rho) {
+    CaptureInfo& c = list.back().captures.emplace_back(aimed_at(bench, target));
+    c.target_shift_mm = shift_mm;
+    c.reflectance = rho;
+  };
+  const double nominal = distance_of(target);
+  begin(Kind::ladder, "at many distances, bright and dark");
   for (const double rho : {0.85, 0.4, 0.12})
     for (const double away_mm : {300, 450, 650, 900, 1250, 1700, 2300, 3100, 4200, 5700, 7700})
-      add_placement(e, bench, target, away_mm - distance_of(target), rho);
-  number(e, 20, 3600);
-  return e;
-}
-
-Experiment greys(const Bench& bench, const Target& target) {
-  Experiment e =
-      experiment(Experiment::Kind::greys, "Target '" + target.name + "' in many greys at two distances", 60);
+      place(away_mm - nominal, rho);
+  begin(Kind::greys, "in many greys at two distances");
   for (const double shift_mm : {0.0, 1000.0})
-    for (const double rho : {0.9, 0.5, 0.28, 0.16, 0.09, 0.05})
-      add_placement(e, bench, target, shift_mm, rho);
-  number(e, 20, 3600);
-  return e;
-}
-
-/// The weakest echoes that a bench can make.
-Experiment dark(const Bench& bench, const Target& target) {
-  Experiment e =
-      experiment(Experiment::Kind::dark, "Target '" + target.name + "' in dark greys, far away", 60);
+    for (const double rho : {0.9, 0.5, 0.28, 0.16, 0.09, 0.05}) place(shift_mm, rho);
+  begin(Kind::dark, "in dark greys, far away");  // the weakest echoes that a bench can make
   for (const double away_mm : {2300, 4200, 6500, 9800})
-    for (const double rho : {0.2, 0.1, 0.05, 0.02})
-      add_placement(e, bench, target, away_mm - distance_of(target), rho);
-  number(e, 20, 3600);
-  return e;
+    for (const double rho : {0.2, 0.1, 0.05, 0.02}) place(away_mm - nominal, rho);
+  for (Experiment& e : list) number(e, 20, 3600);
+  return list;
 }
 
 Experiment heat(const Bench& bench) {
@@ -173,7 +161,7 @@ std::vector<Experiment> possible_experiments(const Bench& bench, const StageTrav
                       bench, std::max(-8.0, from), std::min(8.0, to), 0.37, 6));
   for (const Target& target : bench.targets) {
     if (!is_movable(target)) continue;
-    for (Experiment e : {ladder(bench, target), greys(bench, target), dark(bench, target)}) {
+    for (Experiment& e : with_placements(bench, target)) {
       leave_out_hidden(e, bench);
       if (e.captures.size() >= fewest_placements) list.push_back(std::move(e));
     }

@@ -75,8 +75,7 @@ Searched search(Reduced reduced, const Progress& progress) {
     mains::take_off_flicker(*hz, reduced);
     inferred = inference::infer(reduced, spread.noise, progress);
   }
-  MeanResult means = inferred.means;
-  return {{std::move(reduced), std::move(spread), std::move(means)}, std::move(inferred)};
+  return {{std::move(reduced), std::move(spread), inferred.means}, std::move(inferred)};
 }
 
 /// The findings in words, chapter by chapter.

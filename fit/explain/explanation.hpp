@@ -26,11 +26,9 @@ struct Located {
 };
 
 /// One mechanism that is part of the explanation.
-struct Found {
+struct Found : Finding {
   const Mechanism* mechanism = nullptr;
-  std::string target;  ///< Of a mechanism that acts on one target.
   double probability = 0;
-  std::map<std::string, Estimate> parameters;
   std::string says, evidence;
   double log_likelihood_gain = 0, rms_before_mm = 0, rms_after_mm = 0;
   bool gain_is_expected = false;  ///< Not measured on data that it was not fitted to.

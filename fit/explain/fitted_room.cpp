@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 
 #include "fit/explain/scene.hpp"
@@ -72,7 +73,7 @@ Line line_through(const std::vector<Eigen::Vector2d>& points, std::size_t first,
 
 /// Splits a run of neighbouring points where it bends, and keeps what is flat and long.
 void split(const std::vector<Eigen::Vector2d>& points, std::size_t first, std::size_t last,
-           std::vector<std::pair<Eigen::Vector2d, Eigen::Vector2d>>& walls) {
+           std::vector<Target>& walls) {
   if (last < first + beams_of_wall) return;
   const Line line = line_through(points, first, last);
   if (line.off_mm > flat_mm) {
@@ -92,7 +93,23 @@ void split(const std::vector<Eigen::Vector2d>& points, std::size_t first, std::s
   const double from = line.along.dot(points[first] - line.middle),
                to = line.along.dot(points[last - 1] - line.middle);
   if (to - from < wall_mm) return;
-  walls.emplace_back(line.middle + from * line.along, line.middle + to * line.along);
+  Target& wall = walls.emplace_back();
+  wall.from_mm = line.middle + from * line.along;
+  wall.to_mm = line.middle + to * line.along;
+  wall.u_mm = 20;  // fitted anew with every suspect
+  wall.u_rad = 2 * rad_per_deg;
+}
+
+/// The median range of a direction; none of an edge, a person, a curtain: nothing that stands still.
+std::optional<double> steady_range(std::vector<float> values) {
+  const auto place = [&](std::size_t number) { return values.begin() + static_cast<std::ptrdiff_t>(number); };
+  const auto middle = place(values.size() / 2), most = place(values.size() * 3 / 4);
+  std::ranges::nth_element(values, middle);
+  const float range = *middle;
+  for (float& v : values) v = std::abs(v - range);
+  std::ranges::nth_element(values, most);
+  return *most > unsteady_mm + unsteady_share * static_cast<double>(range) ? std::nullopt
+                                                                           : std::optional<double>(range);
 }
 
 }  // namespace
@@ -167,12 +184,10 @@ void FittedRoom::walk(const Standstill& standstill, const std::function<void(con
   });
 }
 
-std::vector<Target> FittedRoom::walls_of(const Standstill& standstill) const {
+std::vector<std::vector<float>> FittedRoom::ranges_of(const Standstill& standstill) const {
   const CaptureInfo& info = own_.captures()[standstill.capture];
-  const LidarGeometry& lidar = bench_.lidar;
-  // Median range of every direction.
   std::vector<std::vector<float>> ranges;
-  double spacing = lidar.step_rad * info.cluster;
+  double spacing = bench_.lidar.step_rad * info.cluster;
   walk(standstill, [&](const ScanView& scan) {
     if (ranges.empty()) {
       if (scan.geometry) spacing = std::abs(scan.geometry->step_rad);
@@ -182,58 +197,54 @@ std::vector<Target> FittedRoom::walls_of(const Standstill& standstill) const {
     for (std::size_t k = 0; k < scan.range_mm.size(); ++k) {
       const double angle = scan.geometry
                                ? scan.geometry->first_rad + static_cast<double>(k) * scan.geometry->step_rad
-                               : lidar.beam_angle(info.step_of(static_cast<int>(k)));
+                               : bench_.lidar.beam_angle(info.step_of(static_cast<int>(k)));
       const auto at = static_cast<std::size_t>((wrap_angle(angle) + pi) / spacing) % ranges.size();
       if (scan.range_mm[k] >= 22) ranges[at].push_back(scan.range_mm[k]);
     }
   });
-  std::vector<Eigen::Vector2d> points;
-  std::vector<double> distances;
-  std::vector<std::pair<Eigen::Vector2d, Eigen::Vector2d>> found;
+  return ranges;
+}
+
+std::vector<Target> FittedRoom::walls_of(const Standstill& standstill) const {
+  const CaptureInfo& info = own_.captures()[standstill.capture];
+  const Mount& mount = bench_.lidar.mount;
+  const std::vector<std::vector<float>> ranges = ranges_of(standstill);
+  const auto is_seen = [&](std::size_t direction) {
+    return static_cast<int>(ranges[direction].size()) * 2 >= standstill.scans;
+  };
   const double c = std::cos(info.stage_rad), s = std::sin(info.stage_rad);
-  const Eigen::Vector2d origin(c * lidar.mount.x_mm.value - s * lidar.mount.y_mm.value,
-                               s * lidar.mount.x_mm.value + c * lidar.mount.y_mm.value);
+  const Eigen::Vector2d origin(c * mount.x_mm.value - s * mount.y_mm.value,
+                               s * mount.x_mm.value + c * mount.y_mm.value);
+  std::vector<Target> walls;
+  std::vector<Eigen::Vector2d> points;
+  double before = 0;  // the range of the last one
   const auto finish = [&] {
-    split(points, 0, points.size(), found);
+    split(points, 0, points.size(), walls);
     points.clear();
-    distances.clear();
   };
   // Twice around from a gap, so that a wall where the circle is cut is seen whole once.
   std::size_t gap = 0;
-  while (gap < ranges.size() && static_cast<int>(ranges[gap].size()) * 2 >= standstill.scans) ++gap;
+  while (gap < ranges.size() && is_seen(gap)) ++gap;
+  const double spacing = 2 * pi / static_cast<double>(ranges.size());
   for (std::size_t step = 0; step < ranges.size(); ++step) {
     const std::size_t i = (gap + step) % ranges.size();
-    if (static_cast<int>(ranges[i].size()) * 2 < standstill.scans) {
+    if (!is_seen(i)) {
       // One lost direction does not end a wall, a sector does.
-      const std::size_t next = (i + 1) % ranges.size();
-      if (static_cast<int>(ranges[next].size()) * 2 < standstill.scans) finish();
+      if (!is_seen((i + 1) % ranges.size())) finish();
       continue;
     }
-    auto& values = ranges[i];
-    std::ranges::nth_element(values, values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2));
-    const double range = values[values.size() / 2];
-    for (float& v : values) v = std::abs(v - static_cast<float>(range));
-    std::ranges::nth_element(values, values.begin() + static_cast<std::ptrdiff_t>(values.size() * 3 / 4));
-    if (values[values.size() * 3 / 4] > unsteady_mm + unsteady_share * range) {
-      finish();  // an edge, a person, a curtain: nothing that stands still
+    const std::optional<double> range = steady_range(ranges[i]);
+    if (!range) {
+      finish();
       continue;
     }
     const double bearing =
-        info.stage_rad + lidar.mount.yaw_rad.value + (static_cast<double>(i) + 0.5) * spacing - pi;
-    if (!distances.empty() && std::abs(range - distances.back()) > jump_share * range + 20) finish();
-    points.emplace_back(origin + range * Eigen::Vector2d(std::cos(bearing), std::sin(bearing)));
-    distances.push_back(range);
+        info.stage_rad + mount.yaw_rad.value + (static_cast<double>(i) + 0.5) * spacing - pi;
+    if (!points.empty() && std::abs(*range - before) > jump_share * *range + 20) finish();
+    points.emplace_back(origin + *range * Eigen::Vector2d(std::cos(bearing), std::sin(bearing)));
+    before = *range;
   }
   finish();
-  std::vector<Target> walls;
-  for (const auto& [from, to] : found) {
-    Target wall;
-    wall.from_mm = from;
-    wall.to_mm = to;
-    wall.u_mm = 20;  // fitted anew with every suspect
-    wall.u_rad = 2 * rad_per_deg;
-    walls.push_back(wall);
-  }
   return walls;
 }
 

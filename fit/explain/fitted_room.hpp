@@ -41,6 +41,8 @@ class FittedRoom : public Recording {
     int scans = 0;
   };
   [[nodiscard]] std::vector<Standstill> standstills() const;
+  /// By direction, all round.
+  [[nodiscard]] std::vector<std::vector<float>> ranges_of(const Standstill& standstill) const;
   [[nodiscard]] std::vector<Target> walls_of(const Standstill& standstill) const;
   void walk(const Standstill& standstill, const std::function<void(const ScanView&)>& visit) const;
 

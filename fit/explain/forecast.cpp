@@ -145,19 +145,13 @@ Eigen::MatrixXd left_open(const Bench& twin, const Known& known, const Eigen::Ve
 }
 
 /// The twin with the recording's circumstances.
-class SeenByTwin final : public Recording {
+class SeenByTwin final : public Forwarded {
  public:
-  SeenByTwin(const Bench& twin, const Recording& recording) : twin_(twin), recording_(recording) {}
+  SeenByTwin(const Bench& twin, const Recording& recording) : Forwarded(recording), twin_(twin) {}
   const Bench& bench() const override { return twin_; }
-  const std::vector<CaptureInfo>& captures() const override { return recording_.captures(); }
-  const std::vector<TrackPose>& track() const override { return recording_.track(); }
-  void for_each_scan(std::size_t index, const std::function<void(const ScanView&)>& visit) const override {
-    recording_.for_each_scan(index, visit);
-  }
 
  private:
   const Bench& twin_;
-  const Recording& recording_;
 };
 
 long place_of(int capture, double beam_rad) {

@@ -68,14 +68,16 @@ std::vector<Term> known_terms(const Bench& bench) {
   return list;
 }
 
+Columns nuisance_columns(const MeanModel& model, const Nuisance& there) {
+  const Nuisance stated(model.bench());
+  return {model.nuisance_columns(),
+          {stated.as_vector() - there.as_vector(), Nuisance::prior_sigma(model.bench())}};
+}
+
 Base base_columns(const MeanModel& model, const Hypothesis& h) {
   Base base;
-  const Bench& bench = model.bench();
-  base.all.columns = model.nuisance_columns();
-  const Nuisance stated(bench);
-  base.all.prior.mean = stated.as_vector() - h.nuisance.as_vector();
-  base.all.prior.sigma = Nuisance::prior_sigma(bench);
-  for (const Term& term : known_terms(bench)) {
+  base.all = nuisance_columns(model, h.nuisance);
+  for (const Term& term : known_terms(model.bench())) {
     TermColumns c = columns_of(model, term);
     for (std::size_t k = 0; k < c.sizes_of.size(); ++k) {
       const std::size_t p = c.sizes_of[k].parameter;

@@ -30,6 +30,9 @@ struct Hypothesis {
 /// Predicts every cell under a hypothesis, with what the bench already knows at work.
 void predict_at(Reduced& reduced, const Hypothesis& hypothesis, bool may_leave_out = false);
 
+/// Columns of mount and targets at the present prediction, which has them there.
+[[nodiscard]] Columns nuisance_columns(const MeanModel& model, const Nuisance& there);
+
 /// Columns of mount, targets, known and new mechanisms and forms, at the present prediction.
 struct Base {
   Columns all;

@@ -27,15 +27,18 @@ double own_variance(const Cell& cell, const MeanNoise& noise) {
 
 }  // namespace
 
+void Prior::append(const Prior& more) {
+  mean.conservativeResize(mean.size() + more.mean.size());
+  mean.tail(more.mean.size()) = more.mean;
+  sigma.conservativeResize(sigma.size() + more.sigma.size());
+  sigma.tail(more.sigma.size()) = more.sigma;
+}
+
 void Columns::append(const Eigen::MatrixXd& more, const Prior& prior_of_more) {
-  const Eigen::Index had = columns.cols(), plus = more.cols();
-  if (plus == 0) return;
-  columns.conservativeResize(more.rows(), had + plus);
-  columns.rightCols(plus) = more;
-  prior.mean.conservativeResize(had + plus);
-  prior.mean.tail(plus) = prior_of_more.mean;
-  prior.sigma.conservativeResize(had + plus);
-  prior.sigma.tail(plus) = prior_of_more.sigma;
+  if (more.cols() == 0) return;
+  columns.conservativeResize(more.rows(), columns.cols() + more.cols());
+  columns.rightCols(more.cols()) = more;
+  prior.append(prior_of_more);
 }
 
 void pool_variances(Reduced& reduced, const MeanNoise& noise) {

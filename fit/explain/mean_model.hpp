@@ -28,6 +28,11 @@ struct MeanNoise {
 /// A prior for coefficients: independent normal ones.
 struct Prior {
   Eigen::VectorXd mean, sigma;
+
+  [[nodiscard]] static Prior around_zero(Eigen::Index count, double of_each = 1) {
+    return {Eigen::VectorXd::Zero(count), Eigen::VectorXd::Constant(count, of_each)};
+  }
+  void append(const Prior& more);
 };
 
 /// Columns of coefficients with such priors: of means in mm, of a channel in the unit of its linear

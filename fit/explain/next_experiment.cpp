@@ -192,10 +192,7 @@ Eigen::MatrixXd evidence_between(const Reduced& all, const std::vector<Suspected
   const auto count = static_cast<Eigen::Index>(suspects.size());
   Eigen::MatrixXd evidence = Eigen::MatrixXd::Zero(count, count);
   for (Eigen::Index rival = 0; rival < count; ++rival) {
-    Columns base;
-    base.columns = model.nuisance_columns();
-    base.prior.mean = Eigen::VectorXd::Zero(base.columns.cols());
-    base.prior.sigma = Nuisance::prior_sigma(all.bench);
+    Columns base = nuisance_columns(model, Nuisance(all.bench));
     base.append(suspects[static_cast<std::size_t>(rival)].columns(model));
     model.set_base(base.columns, {Eigen::VectorXd::Zero(base.columns.cols()), base.prior.sigma});
     for (Eigen::Index truth = 0; truth < count; ++truth) {

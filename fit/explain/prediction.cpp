@@ -114,31 +114,35 @@ void place_and_predict(Reduced& reduced, const Predictor& what, bool found) {
       cell.pooled_mm2 = found ? sample_variance(what.noise, what.constant_after_mm, cell)
                               : std::pow(what.constant_before_mm, 2);
     MeanModel model(reduced, {});
-    Prior prior;
-    prior.mean = Nuisance(reduced.bench).as_vector() - h.nuisance.as_vector();
-    prior.sigma = Nuisance::prior_sigma(reduced.bench);
-    model.set_base(model.nuisance_columns(), prior);
+    const Columns places = nuisance_columns(model, h.nuisance);
+    model.set_base(places.columns, places.prior);
     h.nuisance.set(h.nuisance.as_vector() + model.posterior_mean());
   }
   at_present();
 }
 
-/// Sums over the samples of one cell.
+/// Sums over samples and, of `means`, over cells.
 struct Score {
-  double squares = 0, log_likelihood = 0, within = 0;
-};
+  double squares = 0, means = 0, log_likelihood = 0, within = 0;
 
-Score score(const Reduced& reduced, const Cell& cell, double variance) {
-  Score sum;
-  for (int k = 0; k < cell.n; ++k) {
-    const double d =
-        static_cast<double>(reduced.kept[cell.first_kept + static_cast<std::size_t>(k)]) - cell.nominal_mm;
-    sum.squares += d * d;
-    sum.log_likelihood += -0.5 * (d * d / variance + std::log(2 * pi * variance));
-    sum.within += std::erf(std::abs(d) / std::sqrt(2 * variance)) < 0.95;
+  /// Of a cell's samples, each of that variance; returns their log-likelihood.
+  double add(const Reduced& reduced, const Cell& cell, double variance) {
+    double of_cell = 0;
+    for (std::size_t k = 0; k < static_cast<std::size_t>(cell.n); ++k) {
+      const double d = static_cast<double>(reduced.kept[cell.first_kept + k]) - cell.nominal_mm;
+      squares += d * d;
+      of_cell += -0.5 * (d * d / variance + std::log(2 * pi * variance));
+      within += std::erf(std::abs(d) / std::sqrt(2 * variance)) < 0.95;
+    }
+    means += std::pow(cell.mean_mm - cell.nominal_mm, 2);
+    log_likelihood += of_cell;
+    return of_cell;
   }
-  return sum;
-}
+  [[nodiscard]] PredictedFigures of(double samples, double cells) const {
+    return {std::sqrt(squares / samples), std::sqrt(means / cells), log_likelihood / samples,
+            within / samples};
+  }
+};
 
 /// An unnamed function as it came out, along that target if it is one's.
 EmpiricalCorrection tabulated(const Shape& shape, const MeanModel& model, int target) {
@@ -217,23 +221,15 @@ Prediction predict_recording(const Predictor& predictor, const Recording& record
   place_and_predict(after, predictor, true);
   Prediction out;
   Score first, last;
-  double means_before = 0, means_after = 0, gains = 0, gains2 = 0;
+  double gains = 0, gains2 = 0;
   for (std::size_t i = 0; i < before.cells.size(); ++i) {
     const Cell &a = before.cells[i], &b = after.cells[i];
     if (!a.smooth || !b.smooth || a.n < 1) continue;
     const double v_before = predictor.constant_before_mm * predictor.constant_before_mm;
     const double v_after = sample_variance(predictor.noise, predictor.constant_after_mm, b);
-    const Score one = score(before, a, v_before), two = score(after, b, v_after);
-    first.squares += one.squares;
-    first.log_likelihood += one.log_likelihood;
-    first.within += one.within;
-    last.squares += two.squares;
-    last.log_likelihood += two.log_likelihood;
-    last.within += two.within;
-    means_before += std::pow(a.mean_mm - a.nominal_mm, 2);
-    means_after += std::pow(b.mean_mm - b.nominal_mm, 2);
-    gains += two.log_likelihood - one.log_likelihood;
-    gains2 += std::pow(two.log_likelihood - one.log_likelihood, 2);
+    const double gain = last.add(after, b, v_after) - first.add(before, a, v_before);
+    gains += gain;
+    gains2 += gain * gain;
     out.samples += a.n;
     ++out.cells;
     out.shown.push_back({b.at.incidence_rad * deg_per_rad, b.at.range_mm, b.beam_rad * deg_per_rad,
@@ -244,10 +240,8 @@ Prediction predict_recording(const Predictor& predictor, const Recording& record
     throw std::invalid_argument(
         "every beam of the recording to be predicted is near an edge, or grazing. Describe wider targets");
   const auto n = static_cast<double>(out.samples), cells = static_cast<double>(out.cells);
-  out.before = {std::sqrt(first.squares / n), std::sqrt(means_before / cells), first.log_likelihood / n,
-                first.within / n};
-  out.after = {std::sqrt(last.squares / n), std::sqrt(means_after / cells), last.log_likelihood / n,
-               last.within / n};
+  out.before = first.of(n, cells);
+  out.after = last.of(n, cells);
   out.gain = gains;
   out.u_gain = std::sqrt(std::max(0.0, gains2 - gains * gains / cells));
   return out;

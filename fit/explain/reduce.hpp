@@ -92,15 +92,36 @@ struct Group {
   std::size_t first_cell = 0, last_cell = 0;
 };
 
-/// One sector of one scan: sums over its cells of w = 1, v (mm per rad of stage angle) and d, the deviation
-/// of the sample from its cell's mean. Whatever a whole scan has in common is in here.
-struct Sector {
+/// Sums over beams of their weight w, v (mm per rad of stage angle) and d, by how much one deviates, mm.
+struct WeightedSums {
+  double w = 0, wv = 0, wvv = 0, wd = 0, wdv = 0;
+
+  void add(double weight, double v, double d) {
+    *this += {weight, weight * v, weight * v * v, weight * d, weight * d * v};
+  }
+  WeightedSums& operator+=(const WeightedSums& more) {
+    w += more.w;
+    wv += more.wv;
+    wvv += more.wvv;
+    wd += more.wd;
+    wdv += more.wdv;
+    return *this;
+  }
+  /// Less a range and an angle that all of them have in common.
+  void take_off(double range_mm, double angle_rad) {
+    wd -= range_mm * w + angle_rad * wv;
+    wdv -= range_mm * wv + angle_rad * wvv;
+  }
+};
+
+/// One sector of one scan: what the samples of its cells deviate by from the cells' means. Whatever a whole
+/// scan has in common is in here.
+struct Sector : WeightedSums {
   int group = 0, seq = 0, number = 0;
   std::int64_t turn = 0;    ///< Of the mirror, counted through all captures by the lidar's clock.
   double since_move_s = 0;  ///< Of the sector's middle beam.
   int approach = 0;
   std::size_t first_cell = 0, last_cell = 0;  ///< Among which its own are.
-  double w = 0, wv = 0, wvv = 0, wd = 0, wdv = 0;
   /// Of d less what its whole scan has in common: the variance of wd, were beams independent.
   double wwdd = 0;
 };

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 namespace fit::explain {
@@ -15,7 +16,36 @@ Eigen::Vector2d turned(const Eigen::Vector2d& v, double angle) {
 
 Eigen::Vector2d quarter(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
 
+/// What the numbers of the mount and of targets are, in the order of Freedom::Of.
+struct MountRow {
+  const char* in_words;
+  double Nuisance::*value;
+  Estimate Mount::*stated;
+};
+constexpr MountRow mount_rows[] = {{"x", &Nuisance::x_mm, &Mount::x_mm},
+                                   {"y", &Nuisance::y_mm, &Mount::y_mm},
+                                   {"yaw", &Nuisance::yaw_rad, &Mount::yaw_rad}};
+const MountRow& mount_row(const Freedom& freedom) { return mount_rows[static_cast<std::size_t>(freedom.of)]; }
+
+struct TargetRow {
+  const char* in_words;
+  std::vector<double> Nuisance::*value;
+  double Target::*u;  ///< Null: of the round shape.
+  double Hit::*per;
+};
+constexpr TargetRow target_rows[] = {{"offset", &Nuisance::offset_mm, &Target::u_mm, &Hit::per_out},
+                                     {"orientation", &Nuisance::turn_rad, &Target::u_rad, &Hit::per_turn},
+                                     {"offset aside", &Nuisance::aside_mm, &Target::u_mm, &Hit::per_aside},
+                                     {"radius", &Nuisance::thicker_mm, nullptr, &Hit::per_thicker}};
+const TargetRow& target_row(const Freedom& freedom) {
+  return target_rows[static_cast<std::size_t>(freedom.of) - std::size(mount_rows)];
+}
+
 }  // namespace
+
+const char* Freedom::in_words() const {
+  return target < 0 ? mount_row(*this).in_words : target_row(*this).in_words;
+}
 
 Effect effect_of(const std::vector<Active>& at_work, const Circumstances& at) {
   Effect sum;
@@ -65,24 +95,8 @@ Nuisance::Nuisance(const Bench& bench)
       freedoms_(freedoms_of(bench)) {}
 
 double& Nuisance::value(const Freedom& freedom) {
-  const auto target = static_cast<std::size_t>(std::max(0, freedom.target));
-  switch (freedom.of) {
-    case Freedom::Of::mount_x:
-      return x_mm;
-    case Freedom::Of::mount_y:
-      return y_mm;
-    case Freedom::Of::mount_yaw:
-      return yaw_rad;
-    case Freedom::Of::offset:
-      return offset_mm[target];
-    case Freedom::Of::turn:
-      return turn_rad[target];
-    case Freedom::Of::aside:
-      return aside_mm[target];
-    case Freedom::Of::radius:
-      break;
-  }
-  return thicker_mm[target];
+  return freedom.target < 0 ? this->*mount_row(freedom).value
+                            : (this->*target_row(freedom).value)[static_cast<std::size_t>(freedom.target)];
 }
 
 Eigen::VectorXd Nuisance::as_vector() const {
@@ -102,54 +116,28 @@ Eigen::VectorXd Nuisance::prior_sigma(const Bench& bench) {
   Eigen::VectorXd v(static_cast<Eigen::Index>(freedoms.size()));
   for (std::size_t i = 0; i < freedoms.size(); ++i) {
     const Freedom& freedom = freedoms[i];
-    const Target* target = freedom.target < 0 ? nullptr : &bench.target_at(freedom.target);
-    const Mount& mount = bench.lidar.mount;
     double& u = v[static_cast<Eigen::Index>(i)];
-    switch (freedom.of) {
-      case Freedom::Of::mount_x:
-        u = mount.x_mm.u;
-        break;
-      case Freedom::Of::mount_y:
-        u = mount.y_mm.u;
-        break;
-      case Freedom::Of::mount_yaw:
-        u = mount.yaw_rad.u;
-        break;
-      case Freedom::Of::offset:
-      case Freedom::Of::aside:
-        u = target->u_mm;
-        break;
-      case Freedom::Of::turn:
-        u = target->u_rad;
-        break;
-      case Freedom::Of::radius:
-        u = target->round->u_radius_mm;
-        break;
+    if (freedom.target < 0) {
+      u = (bench.lidar.mount.*mount_row(freedom).stated).u;
+      continue;
     }
+    const Target& target = bench.target_at(freedom.target);
+    u = freedom.of == Freedom::Of::radius ? target.round->u_radius_mm : target.*target_row(freedom).u;
   }
   return v;
 }
 
 double Sight::per(const Freedom& freedom, double stage_rad) const {
-  if (freedom.target >= 0 && freedom.target != target) return 0;
+  if (freedom.target >= 0) return freedom.target == target ? this->*target_row(freedom).per : 0;
   const double c = std::cos(stage_rad), s = std::sin(stage_rad);
   switch (freedom.of) {
     case Freedom::Of::mount_x:
       return -(normal.x() * c + normal.y() * s) / cosine;
     case Freedom::Of::mount_y:
       return -(-normal.x() * s + normal.y() * c) / cosine;
-    case Freedom::Of::mount_yaw:
+    default:
       return beam_lever_mm;
-    case Freedom::Of::offset:
-      return per_out;
-    case Freedom::Of::turn:
-      return per_turn;
-    case Freedom::Of::aside:
-      return per_aside;
-    case Freedom::Of::radius:
-      break;
   }
-  return per_thicker;
 }
 
 double Sight::shift(const Effect& effect) const {

@@ -18,6 +18,7 @@ struct Freedom {
   int target = -1;  ///< -1: of the mount.
 
   [[nodiscard]] bool is_angle() const { return of == Of::mount_yaw || of == Of::turn; }
+  [[nodiscard]] const char* in_words() const;
 };
 /// Mount x, y, yaw; then for every target in its order: of a flat one its offset along the outward normal and
 /// its turn about its middle; of a round one its offset outward, aside (counter-clockwise), and its radius.

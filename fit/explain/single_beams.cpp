@@ -18,7 +18,7 @@ std::size_t left_out(const std::vector<SingleBeams>& recordings) {
 
 }  // namespace
 
-SingleBeams::SingleBeams(const Recording& recording) : recording_(recording) {
+SingleBeams::SingleBeams(const Recording& recording) : Forwarded(recording) {
   const std::vector<CaptureInfo>& all = recording.captures();
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (all[i].cluster > 1) continue;

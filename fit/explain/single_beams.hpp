@@ -12,22 +12,19 @@ namespace fit::explain {
 /// A recording without the captures in which the lidar merged neighbouring steps (SCIP's cluster count). Of a
 /// cluster it sends the nearest range: the smallest of several noisy readings, across a slanted wall the near
 /// end's. That is shorter than any single beam's, by no physics that could be missing, and scatters less.
-class SingleBeams : public Recording {
+class SingleBeams : public Forwarded {
  public:
   /// Borrows the recording.
   explicit SingleBeams(const Recording& recording);
 
-  [[nodiscard]] const Bench& bench() const override { return recording_.bench(); }
   [[nodiscard]] const std::vector<CaptureInfo>& captures() const override { return captures_; }
   void for_each_scan(std::size_t index, const std::function<void(const ScanView&)>& visit) const override {
-    recording_.for_each_scan(kept_[index], visit);
+    Forwarded::for_each_scan(kept_[index], visit);
   }
-  [[nodiscard]] const std::vector<TrackPose>& track() const override { return recording_.track(); }
   /// How many captures were left out.
-  [[nodiscard]] std::size_t left_out() const { return recording_.captures().size() - captures_.size(); }
+  [[nodiscard]] std::size_t left_out() const { return Forwarded::captures().size() - captures_.size(); }
 
  private:
-  const Recording& recording_;
   std::vector<CaptureInfo> captures_;
   std::vector<std::size_t> kept_;  ///< Their indices in the recording.
 };

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <set>
 #include <stdexcept>
 
 #include "fit/explain/fitted_room.hpp"
@@ -14,22 +13,23 @@
 namespace fit::explain {
 
 /// One recording before the common bench.
-class Together::Placed : public Recording {
+class Together::Placed : public Forwarded {
  public:
-  Placed(const Recording& own, const Bench& bench) : own_(own), bench_(bench), captures_(own.captures()) {}
+  /// `room_seen`: the recording itself, if its bench knows no targets; else null.
+  Placed(const Recording& own, const FittedRoom* room_seen, const Bench& bench)
+      : Forwarded(own), moved_captures(own.captures()), room(room_seen), bench_(bench) {}
 
   [[nodiscard]] const Bench& bench() const override { return bench_; }
-  [[nodiscard]] const std::vector<CaptureInfo>& captures() const override { return captures_; }
-  void for_each_scan(std::size_t index, const std::function<void(const ScanView&)>& visit) const override {
-    own_.for_each_scan(index, visit);
-  }
-  [[nodiscard]] const std::vector<TrackPose>& track() const override { return own_.track(); }
-  [[nodiscard]] std::vector<CaptureInfo>& mutable_captures() { return captures_; }
+  [[nodiscard]] const std::vector<CaptureInfo>& captures() const override { return moved_captures; }
+  [[nodiscard]] const Bench& own_bench() const { return Forwarded::bench(); }
+
+  std::vector<CaptureInfo> moved_captures;
+  const FittedRoom* room;
+  std::set<std::string> standing;                 ///< Targets that every capture sees.
+  std::map<std::string, std::string> joint_name;  ///< Of its own targets.
 
  private:
-  const Recording& own_;
   const Bench& bench_;
-  std::vector<CaptureInfo> captures_;
 };
 
 namespace {
@@ -124,98 +124,105 @@ std::string name_of_place(const Bench& bench, const Target& target, double shift
 Together::Together(const std::vector<const Recording*>& given) {
   if (given.empty()) return;
   std::vector<const Recording*> recordings;
-  std::vector<const FittedRoom*> rooms;  // of those without targets
   for (const Recording* recording : given) {
-    rooms.push_back(nullptr);
+    const FittedRoom* room = nullptr;
     if (recording->bench().targets.empty()) {
-      rooms_.push_back(std::make_unique<FittedRoom>(*recording));
-      rooms.back() = rooms_.back().get();
-      notes_.push_back(rooms_.back()->note());
-      recordings.push_back(rooms_.back().get());
-      continue;
+      room = rooms_.emplace_back(std::make_unique<FittedRoom>(*recording)).get();
+      notes_.push_back(room->note());
+    } else {
+      refuse_if_carried(*recording);
     }
-    refuse_if_carried(*recording);
-    recordings.push_back(recording);
+    recordings.push_back(room ? room : recording);
+    placed_.push_back(std::make_unique<Placed>(*recordings.back(), room, bench_));
   }
   bench_ = recordings.front()->bench();
+  first_scene_ = bench_.targets.size();
+  if (const FittedRoom* room = placed_.front()->room) first_scene_ -= room->absent().front().size();
   note_unknown_warmth(recordings, notes_);
   note_other_benches(recordings, notes_);
   for (const Recording* recording : recordings)
     refuse_if_another_lidar(bench_.lidar, recording->bench().lidar);
-  for (const Recording* recording : recordings)
-    placed_.push_back(std::make_unique<Placed>(*recording, bench_));
-  std::vector<std::set<std::string>> standing(recordings.size());  // what every capture of a session sees
-  std::set<std::string> placed_anew;
+  join_targets();
+  part_placements();
+  for (const auto& placed : placed_) {
+    standing_.push_back(standing_of(*placed));
+    list_.push_back(placed.get());
+  }
+}
+
+int Together::index_of(const std::string& target) const {
+  return static_cast<int>(bench_.target(target) - bench_.targets.data());
+}
+
+void Together::join_targets() {
   std::map<std::string, int> first_of_its_kind;
-  std::vector<std::map<std::string, std::string>> joint_name(recordings.size());
-  std::vector<int> same_as;
-  for (std::size_t r = 0; r < recordings.size(); ++r) {
-    const Bench& own = recordings[r]->bench();
-    for (const Target& target : own.targets) {
+  for (const auto& placed : placed_) {
+    for (const Target& target : placed->own_bench().targets) {
       std::string name = target.name;
-      const bool known =
-          r == 0 || (!rooms[r] && std::ranges::any_of(bench_.targets, [&](const Target& other) {
-            return stands_alike(target, other);
-          }));
+      const bool known = placed == placed_.front() ||
+                         (!placed->room && std::ranges::any_of(bench_.targets, [&](const Target& other) {
+                           return stands_alike(target, other);
+                         }));
       if (!known) {
         Target more = target;
         more.name = name = unused_name(bench_, target.name);
         bench_.targets.push_back(more);
       }
-      const auto at = static_cast<std::size_t>(bench_.target(name) - bench_.targets.data());
-      for (std::size_t t = same_as.size(); t < bench_.targets.size(); ++t)
-        same_as.push_back(static_cast<int>(t));
-      if (is_placed_anew(own, target.name))
-        same_as[at] = first_of_its_kind.try_emplace(target.name, static_cast<int>(at)).first->second;
-      standing[r].insert(name);
-      joint_name[r][target.name] = name;
-      if (is_placed_anew(own, target.name)) placed_anew.insert(name);
-      for (CaptureInfo& capture : placed_[r]->mutable_captures())
+      for (std::size_t t = same_as_.size(); t < bench_.targets.size(); ++t)
+        same_as_.push_back(static_cast<int>(t));
+      if (is_placed_anew(placed->own_bench(), target.name)) {
+        const int at = index_of(name);
+        same_as_[static_cast<std::size_t>(at)] = first_of_its_kind.try_emplace(target.name, at).first->second;
+        placed_anew_.insert(name);
+      }
+      placed->standing.insert(name);
+      placed->joint_name[target.name] = name;
+      for (CaptureInfo& capture : placed->moved_captures)
         if (capture.target == target.name) capture.target = name;
     }
   }
-  first_scene_ = recordings.front()->bench().targets.size();
-  if (rooms.front()) first_scene_ -= rooms.front()->absent().front().size();
-  // Every placement by hand is a target of its own, which stands in for the first.
-  for (std::size_t r = 0; r < recordings.size(); ++r) {
+}
+
+void Together::part_placements() {
+  for (const auto& placed : placed_) {
     std::map<std::pair<std::string, double>, std::string> places;
-    for (CaptureInfo& capture : placed_[r]->mutable_captures()) {
+    for (CaptureInfo& capture : placed->moved_captures) {
       const Target* target = capture.target ? bench_.target(*capture.target) : nullptr;
-      if (!target || !placed_anew.contains(target->name)) continue;
+      if (!target || !placed_anew_.contains(target->name)) continue;
       const Target first = *target;
       auto [place, is_new] = places.try_emplace({first.name, capture.target_shift_mm});
       if (is_new) {
         place->second = name_of_place(bench_, first, capture.target_shift_mm);
         Target copy = first;
         copy.name = place->second;
-        same_as.push_back(same_as[static_cast<std::size_t>(target - bench_.targets.data())]);
+        same_as_.push_back(same_as_[static_cast<std::size_t>(index_of(first.name))]);
         bench_.targets.push_back(copy);
       }
       capture.target = place->second;
     }
   }
-  for (std::size_t r = 0; r < recordings.size(); ++r) {
-    Standing stands;
-    stands.same_as = same_as;
-    for (std::size_t c = 0; c < placed_[r]->captures().size(); ++c) {
-      const CaptureInfo& capture = placed_[r]->captures()[c];
-      Absent absent;
-      if (rooms[r])
-        for (const std::string& wall : rooms[r]->absent()[c])
-          absent.insert(static_cast<int>(bench_.target(joint_name[r].at(wall)) - bench_.targets.data()));
-      for (std::size_t t = 0; t < bench_.targets.size(); ++t) {
-        const std::string& name = bench_.targets[t].name;
-        const bool stood_in_for = capture.target && *capture.target != name && placed_anew.contains(name) &&
-                                  capture.target->starts_with(name + " at ");
-        if (capture.target != name && (stood_in_for || !standing[r].contains(name)))
-          absent.insert(static_cast<int>(t));
-      }
-      several_places_ = several_places_ || !absent.empty();
-      stands.absent.push_back(std::move(absent));
+}
+
+Standing Together::standing_of(const Placed& placed) {
+  Standing stands;
+  stands.same_as = same_as_;
+  for (std::size_t c = 0; c < placed.captures().size(); ++c) {
+    const CaptureInfo& capture = placed.captures()[c];
+    Absent absent;
+    if (placed.room)
+      for (const std::string& wall : placed.room->absent()[c])
+        absent.insert(index_of(placed.joint_name.at(wall)));
+    for (std::size_t t = 0; t < bench_.targets.size(); ++t) {
+      const std::string& name = bench_.targets[t].name;
+      const bool stood_in_for = capture.target && *capture.target != name && placed_anew_.contains(name) &&
+                                capture.target->starts_with(name + " at ");
+      if (capture.target != name && (stood_in_for || !placed.standing.contains(name)))
+        absent.insert(static_cast<int>(t));
     }
-    standing_.push_back(std::move(stands));
-    list_.push_back(placed_[r].get());
+    several_places_ = several_places_ || !absent.empty();
+    stands.absent.push_back(std::move(absent));
   }
+  return stands;
 }
 
 Together::~Together() = default;

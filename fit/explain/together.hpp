@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -39,7 +40,16 @@ class Together {
 
  private:
   class Placed;
+  [[nodiscard]] int index_of(const std::string& target) const;
+  /// Adds the targets of all recordings that do not stand there already.
+  void join_targets();
+  /// Every placement by hand is a target of its own, which stands in for the first.
+  void part_placements();
+  [[nodiscard]] Standing standing_of(const Placed& placed);
+
   Bench bench_;
+  std::set<std::string> placed_anew_;  ///< Its targets that are put up by hand.
+  std::vector<int> same_as_;
   bool several_places_ = false;
   std::size_t first_scene_ = 0;
   std::vector<std::string> notes_;

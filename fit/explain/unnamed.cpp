@@ -64,8 +64,7 @@ Columns columns_of(const MeanModel& model, const Shape& shape) {
       c.columns(i, k) =
           std::isfinite(v) ? lever * form.basis(shape, form.scaled ? x[i] : v, static_cast<int>(k)) : 0;
   }
-  c.prior.mean = Eigen::VectorXd::Zero(terms);
-  c.prior.sigma = Eigen::VectorXd::Constant(terms, shape.size);
+  c.prior = Prior::around_zero(terms, shape.size);
   if (form.shares) {
     const std::vector<double> shares = form.shares(shape);
     for (Eigen::Index k = 0; k < terms; ++k) c.prior.sigma[k] *= shares[static_cast<std::size_t>(k)];

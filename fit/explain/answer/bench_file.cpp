@@ -24,21 +24,9 @@ struct Stated {
 };
 
 std::string in_words(const Freedom& freedom, const Bench& bench) {
-  switch (freedom.of) {
-    case Freedom::Of::mount_x:
-      return "The lidar's mount x";
-    case Freedom::Of::mount_y:
-      return "The lidar's mount y";
-    case Freedom::Of::mount_yaw:
-      return "The lidar's mount yaw";
-    default:
-      break;
-  }
-  const char* what = freedom.of == Freedom::Of::turn     ? "orientation"
-                     : freedom.of == Freedom::Of::aside  ? "offset aside"
-                     : freedom.of == Freedom::Of::radius ? "radius"
-                                                         : "offset";
-  return "Target '" + bench.target_at(freedom.target).name + "' " + what;
+  return (freedom.target < 0 ? "The lidar's mount "
+                             : "Target '" + bench.target_at(freedom.target).name + "' ") +
+         freedom.in_words();
 }
 
 }  // namespace

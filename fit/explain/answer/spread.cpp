@@ -13,13 +13,11 @@ namespace {
 constexpr double against_any = 4.0 - 1.8;
 
 Found found_noise(const Findings& findings, const Suspect& suspect) {
-  Finding finding;
-  finding.parameters = suspect.parameters;
   Found found;
   found.mechanism = suspect.mechanism;
   found.parameters = suspect.parameters;
   found.probability = std::min(0.999, 1 / (1 + std::exp(against_any - suspect.evidence)));
-  found.says = suspect.mechanism->says(finding);
+  found.says = suspect.mechanism->says(found);
   // What Akaike expects of other captures.
   found.log_likelihood_gain = suspect.gain - static_cast<double>(suspect.parameters.size());
   found.gain_is_expected = true;

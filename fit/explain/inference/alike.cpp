@@ -133,14 +133,10 @@ std::vector<Eigen::VectorXd> effect_of(const Fitted& best, const Kind& kind) {
   std::size_t t = 0;
   while (best.hypothesis.terms[t].kind != &kind) ++t;
   const Design::Block& block = best.design.blocks[t];
-  const Eigen::Index end = block.first + block.sizes + block.shapes + block.deviations;
   std::vector<Eigen::VectorXd> effect;
   for (std::size_t c = 0; c < best.optimum.white.size(); ++c) {
     effect.push_back(Eigen::VectorXd::Zero(best.optimum.white[c].rows()));
-    const std::vector<Eigen::Index>& index = best.design.parts[c].index;
-    for (std::size_t k = 0; k < index.size(); ++k)
-      if (index[k] >= block.first && index[k] < end)
-        effect.back() += best.optimum.white[c].col(static_cast<Eigen::Index>(k)) * best.optimum.x[index[k]];
+    best.design.parts[c].add(best.optimum.white[c], best.optimum.x, effect.back(), block.first, block.end());
   }
   return effect;
 }

@@ -69,9 +69,6 @@ void add_term(const Session& session, const Term& term, Design& design) {
   block.sizes = design.mean.size() - block.first;
   for (Index k = 0; k < block.sizes; ++k)
     if (kind.coefficients[static_cast<std::size_t>(k)].sign > 0) design.lower[block.first + k] = 0;
-  const auto standard = [](Index count) {
-    return Prior{Eigen::VectorXd::Zero(count), Eigen::VectorXd::Ones(count)};
-  };
   std::vector<Eigen::MatrixXd> shapes(session.channels().size()), deviations(session.channels().size());
   for (std::size_t c = 0; c < session.channels().size(); ++c) {
     if (!kind.acts_in[c]) continue;
@@ -84,9 +81,9 @@ void add_term(const Session& session, const Term& term, Design& design) {
     block.shapes = std::max(block.shapes, shapes[c].cols());
     block.deviations = std::max(block.deviations, deviations[c].cols());
   }
-  add_coefficients(design, standard(block.shapes));
+  add_coefficients(design, Prior::around_zero(block.shapes));
   bound_shapes(term, design.mean.size() - block.shapes, design);
-  add_coefficients(design, standard(block.deviations));
+  add_coefficients(design, Prior::around_zero(block.deviations));
   for (std::size_t c = 0; c < session.channels().size(); ++c) {
     add_columns(design, c, block.first_shape(), shapes[c]);
     add_columns(design, c, block.first_shape() + block.shapes, deviations[c]);
@@ -95,6 +92,12 @@ void add_term(const Session& session, const Term& term, Design& design) {
 }
 
 }  // namespace
+
+void Design::Part::add(const Eigen::MatrixXd& by, const Eigen::VectorXd& x, Eigen::VectorXd& sum, Index first,
+                       Index last) const {
+  for (std::size_t k = 0; k < index.size(); ++k)
+    if (index[k] >= first && index[k] < last) sum += by.col(static_cast<Index>(k)) * x[index[k]];
+}
 
 void hold_shapes(const Design& design, double known, Eigen::MatrixXd& information) {
   for (const Design::Block& block : design.blocks)

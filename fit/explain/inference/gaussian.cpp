@@ -97,10 +97,8 @@ OverFactors integrate_over_factors(const Quadratic& likelihood, const model::Kin
   double most = -1e300;
   for (const Factor& f : factors_of(kind)) {
     if (f.factor > most_factor && !logs.empty()) continue;
-    const Prior sizes = prior_of(kind, f.factor);
-    Prior prior{Eigen::VectorXd::Zero(k), Eigen::VectorXd::Ones(k)};
-    prior.mean.head(sizes.mean.size()) = sizes.mean;
-    prior.sigma.head(sizes.sigma.size()) = sizes.sigma;
+    Prior prior = prior_of(kind, f.factor);
+    prior.append(Prior::around_zero(k - prior.mean.size()));
     Integral one = integrate(likelihood, prior);
     one.log_evidence += f.log_weight + log_possible(kind, one.value, one.covariance);
     logs.push_back(one.log_evidence);

@@ -47,14 +47,8 @@ Part part_of(const Session& session, const Fitted& f, std::size_t c, const Block
   Part part;
   for (Index i = 0; i < rows.rows(); ++i)
     if (blocks.of(rows, i) == block) part.rows.push_back(i);
-  const auto count = static_cast<Index>(part.rows.size());
-  part.white.resize(count, f.optimum.white[c].cols());
-  part.residual.resize(count);
-  for (Index i = 0; i < count; ++i) {
-    const Index row = part.rows[static_cast<std::size_t>(i)];
-    part.white.row(i) = f.optimum.white[c].row(row);
-    part.residual[i] = f.optimum.white_residual[c][row];
-  }
+  part.white = f.optimum.white[c](part.rows, Eigen::all);
+  part.residual = f.optimum.white_residual[c](part.rows);
   return part;
 }
 
@@ -74,14 +68,9 @@ class Block {
       const bool counts = session.channels()[c] && (!only_means || c == model::channel_of("mean"));
       parts_.push_back(counts ? part_of(session, fitted, c, blocks, block) : Part{});
       if (parts_[c].rows.empty()) continue;
-      const Eigen::MatrixXd square = parts_[c].white.transpose() * parts_[c].white;
-      const Eigen::VectorXd along = parts_[c].white.transpose() * parts_[c].residual;
       const auto& index = fitted.design.parts[c].index;
-      for (std::size_t i = 0; i < index.size(); ++i) {
-        score_[index[i]] += along[static_cast<Index>(i)];
-        for (std::size_t j = 0; j < index.size(); ++j)
-          square_(index[i], index[j]) += square(static_cast<Index>(i), static_cast<Index>(j));
-      }
+      score_(index) += parts_[c].white.transpose() * parts_[c].residual;
+      square_(index, index) += parts_[c].white.transpose() * parts_[c].white;
     }
     rest -= square_;
     hold_shapes(fitted.design, as_all_have_them, rest);

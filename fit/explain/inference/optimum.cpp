@@ -16,8 +16,7 @@ namespace {
 
 Eigen::VectorXd predictor(const Design::Part& part, const Eigen::VectorXd& x) {
   Eigen::VectorXd eta = part.offset;
-  for (std::size_t k = 0; k < part.index.size(); ++k)
-    eta += part.columns.col(static_cast<Index>(k)) * x[part.index[k]];
+  part.add(part.columns, x, eta);
   return eta;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <limits>
 #include <vector>
 
 #include "fit/explain/inference/session.hpp"
@@ -14,11 +15,16 @@ struct Design {
     Eigen::MatrixXd columns;
     std::vector<Eigen::Index> index;  ///< Of each column's coefficient.
     Eigen::VectorXd offset;           ///< Of the predictor where all coefficients are zero.
+
+    /// Adds what coefficients do, of these from one on and before another; by its columns, or whitened ones.
+    void add(const Eigen::MatrixXd& by, const Eigen::VectorXd& x, Eigen::VectorXd& sum,
+             Eigen::Index first = 0, Eigen::Index last = std::numeric_limits<Eigen::Index>::max()) const;
   };
   struct Block {
     Eigen::Index first = 0, sizes = 0, shapes = 0, deviations = 0;
     [[nodiscard]] Eigen::Index first_shape() const { return first + sizes; }
     [[nodiscard]] Eigen::Index first_deviation() const { return first_shape() + shapes; }
+    [[nodiscard]] Eigen::Index end() const { return first_deviation() + deviations; }
   };
   std::vector<Part> parts;  ///< By channel.
   Eigen::VectorXd mean, sigma;

@@ -35,16 +35,17 @@ Suspect as_suspect(const Term& term, double gain = 0) {
   return suspect;
 }
 
-Finding finding_of(const Term& term, const Reduced& reduced) {
-  Finding f;
+Found found_of(const Term& term, const Reduced& reduced) {
+  Found f;
+  f.mechanism = term.kind->mechanism.get();
   f.parameters = parameters_of(term);
   if (term.kind->target >= 0) f.target = reduced.bench.target_at(term.kind->target).name;
   for (const Cell& cell : reduced.cells) {
     if (!cell.smooth || (term.kind->target >= 0 && term.kind->target != cell.at.target)) continue;
-    const double mm = cell.sight.shift(term.kind->mechanism->act(cell.at, term.values));
+    const double mm = cell.sight.shift(f.mechanism->act(cell.at, term.values));
     if (!(std::abs(mm) > std::abs(f.largest_mm))) continue;
     f.largest_mm = mm;
-    f.largest_at = model::coordinate_of(term.kind->mechanism->coordinate, cell.at);
+    f.largest_at = model::coordinate_of(f.mechanism->coordinate, cell.at);
   }
   return f;
 }
@@ -52,20 +53,14 @@ Finding finding_of(const Term& term, const Reduced& reduced) {
 /// One more size of a mechanism that is told already.
 void add_size(const Found& more, Found& found) {
   found.parameters.insert(more.parameters.begin(), more.parameters.end());
-  Finding all;
-  all.parameters = found.parameters;
-  all.target = found.target;
-  found.says = found.mechanism->says(all);
+  found.largest_mm = found.largest_at = 0;  // that was of one size alone
+  found.says = found.mechanism->says(found);
 }
 
 void report_named(const Named& named, double gain, const Findings& findings, Explanation& out) {
-  const Finding finding = finding_of(named.term, findings.reduced);
-  Found found;
-  found.mechanism = named.term.kind->mechanism.get();
-  found.target = finding.target;
+  Found found = found_of(named.term, findings.reduced);
   found.probability = named.probability;
-  found.parameters = finding.parameters;
-  found.says = found.mechanism->says(finding);
+  found.says = found.mechanism->says(found);
   found.evidence = gain > 0 ? "On captures that took no part in the fit it raises the log-likelihood by " +
                                   rounded(gain, 3) + "."
                             : "Captures alone do not show it: without it mount or targets would have to be "

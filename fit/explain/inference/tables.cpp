@@ -15,11 +15,8 @@ using Eigen::Index;
 Eigen::VectorXd bend_of(const Fitted& f, std::size_t term, std::size_t channel) {
   const Design::Block& block = f.design.blocks[term];
   const Design::Part& part = f.design.parts[channel];
-  const Index first = block.first_deviation(), last = first + block.deviations;
   Eigen::VectorXd bend = Eigen::VectorXd::Zero(part.columns.rows());
-  for (std::size_t k = 0; k < part.index.size(); ++k)
-    if (part.index[k] >= first && part.index[k] < last)
-      bend += part.columns.col(static_cast<Index>(k)) * f.optimum.x[part.index[k]];
+  part.add(part.columns, f.optimum.x, bend, block.first_deviation(), block.end());
   return bend;
 }
 

@@ -129,17 +129,13 @@ void take_off_what_repeats(std::vector<ScanPart>& parts, const Faces& faces) {
 }
 
 /// Sums of the sectors of one part of one scan.
-struct Part {
+struct Part : WeightedSums {
   const Sector* first = nullptr;
-  double w = 0, wv = 0, wvv = 0, wd = 0, wdv = 0, since_move_s = 0;
+  double since_move_s = 0;
 
-  void add(const Sector& s) {
+  void add_sector(const Sector& s) {
     if (!first) first = &s;
-    w += s.w;
-    wv += s.wv;
-    wvv += s.wvv;
-    wd += s.wd;
-    wdv += s.wdv;
+    *this += s;
     since_move_s += s.w * s.since_move_s;
   }
 };
@@ -197,7 +193,7 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
       close();
       part = {};
     }
-    part.add(s);
+    part.add_sector(s);
   }
   close();
   take_off_what_repeats(list, faces);
@@ -267,8 +263,7 @@ std::vector<Sector> without_what_repeats(const Reduced& reduced, const std::vect
     at.approach = s.approach;
     at.since_move_s = s.since_move_s;
     const Effect effect = effect_of(at_work, at);
-    s.wd -= effect.range_mm * s.w + effect.stage_rad * s.wv;
-    s.wdv -= effect.range_mm * s.wv + effect.stage_rad * s.wvv;
+    s.take_off(effect.range_mm, effect.stage_rad);
   }
   const auto take_off = [&](double fewest, const auto& key) {
     struct Sums {
@@ -283,9 +278,7 @@ std::vector<Sector> without_what_repeats(const Reduced& reduced, const std::vect
     }
     for (std::size_t i = 0; i < rest.size(); ++i) {
       const Sums& s = sums.at(key(i));
-      if (s.number < fewest || !(s.w > 0)) continue;
-      rest[i].wdv -= s.wd / s.w * rest[i].wv;
-      rest[i].wd -= s.wd / s.w * rest[i].w;
+      if (s.number >= fewest && s.w > 0) rest[i].take_off(s.wd / s.w, 0);
     }
   };
   take_off(3, [&](std::size_t i) { return std::tuple(rest[i].seq, rest[i].number, rest[i].approach); });

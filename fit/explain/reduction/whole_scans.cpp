@@ -12,19 +12,10 @@ namespace {
 
 constexpr int sectors_per_scan = 8;
 
-/// The beam deviates by d (mm) and counts so much.
-void add_beam(Sector& sums, double weight, double lever, double d) {
-  sums.w += weight;
-  sums.wv += weight * lever;
-  sums.wvv += weight * lever * lever;
-  sums.wd += weight * d;
-  sums.wdv += weight * d * lever;
-}
-
 /// What the beams of one scan have in common, as far as so many tell: a range, and an angle of the stage.
 class Common {
  public:
-  explicit Common(const Sector& whole) {
+  explicit Common(const WeightedSums& whole) {
     const double det = whole.w * whole.wvv - whole.wv * whole.wv;
     if (whole.w > 8 && det > 1e-6 * whole.w * whole.wvv) {
       angle_rad_ = (whole.w * whole.wdv - whole.wv * whole.wd) / det;
@@ -69,7 +60,7 @@ class WholeScans {
     constexpr double hardly_any = 0.1;  // is left of a beam's variance
     constexpr int fewest_echoes = 6;    // of fewer, the inverse of a sample variance has no variance
     const std::size_t first_sector = session_.sectors.size();
-    const Sector whole = sum_up(scan);
+    const WeightedSums whole = sum_up(scan);
     // Common range and common angle of the scan are taken off before the memory of single beams is judged.
     const Common common(whole);
     std::size_t sector = first_sector;
@@ -111,11 +102,11 @@ class WholeScans {
 
   /// Every beam's deviation from its cell's mean; the sectors of the scan with their sums, and those of the
   /// whole scan.
-  Sector sum_up(int scan) {
+  WeightedSums sum_up(int scan) {
     std::ranges::fill(deviation_, 0.0);
     std::ranges::fill(good_, 0);
     const std::size_t first_sector = session_.sectors.size();
-    Sector whole;
+    WeightedSums whole;
     for (int beam = 0; beam < samples_.beams; ++beam) {
       const auto b = static_cast<std::size_t>(beam);
       if (cell_of_beam_[b] < 0) continue;
@@ -127,8 +118,8 @@ class WholeScans {
         session_.sectors.push_back(empty_sector(scan, number, static_cast<std::size_t>(cell_of_beam_[b])));
       const double q = weight_[b], v = cell.sight.stage_lever(), d = range - cell.mean_mm;
       session_.sectors.back().last_cell = static_cast<std::size_t>(cell_of_beam_[b]) + 1;
-      add_beam(session_.sectors.back(), q, v, d);
-      add_beam(whole, q, v, d);
+      session_.sectors.back().add(q, v, d);
+      whole.add(q, v, d);
       deviation_[b] = d;
       good_[b] = 1;
     }

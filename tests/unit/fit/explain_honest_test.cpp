@@ -207,7 +207,7 @@ TEST_CASE("a recording without intensities is predicted by what was learnt with 
   plain_bench::turn_round(recording, scene);
   const Explanation e = fit::explain::explain({&recording}, {});
   INFO(to_text(e));
-  class Dark : public Forwarded {
+  class Dark : public fit::Forwarded {
    public:
     using Forwarded::Forwarded;
     void for_each_scan(std::size_t index,

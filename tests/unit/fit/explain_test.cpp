@@ -185,7 +185,7 @@ TEST_CASE("what was found, taken into the bench, leaves nothing to explain") {
   const SyntheticRecording recording = room.record();
   const Explanation first = explain({&recording}, {});
   REQUIRE(first.bench.knows("encoder-eccentricity"));
-  class Again : public Forwarded {
+  class Again : public fit::Forwarded {
    public:
     Again(const fit::Recording& of, const fit::Bench& bench) : Forwarded(of), bench_(bench) {}
     const fit::Bench& bench() const override { return bench_; }
@@ -548,7 +548,7 @@ TEST_CASE("numbers in sentences have as many digits as said, and no powers of te
 }
 
 TEST_CASE("intensities that some scans of a capture lack are not read") {
-  class Dim : public Forwarded {
+  class Dim : public fit::Forwarded {
    public:
     using Forwarded::Forwarded;
     void for_each_scan(std::size_t i, const std::function<void(const fit::ScanView&)>& v) const override {

@@ -6,22 +6,6 @@
 
 #include "fit/recording.hpp"
 
-/// All that another recording says: what differs from it in one respect derives from this.
-class Forwarded : public fit::Recording {
- public:
-  explicit Forwarded(const fit::Recording& of) : of_(of) {}
-  const fit::Bench& bench() const override { return of_.bench(); }
-  const std::vector<fit::CaptureInfo>& captures() const override { return of_.captures(); }
-  const std::vector<fit::TrackPose>& track() const override { return of_.track(); }
-  void for_each_scan(std::size_t index,
-                     const std::function<void(const fit::ScanView&)>& visit) const override {
-    of_.for_each_scan(index, visit);
-  }
-
- private:
-  const fit::Recording& of_;
-};
-
 /// A recording made scan by scan by a function: nothing is kept, so long recordings cost no memory.
 class SyntheticRecording : public fit::Recording {
  public:
