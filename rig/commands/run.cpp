@@ -105,7 +105,7 @@ class Run : public Command {
     demand_place_to_write();
     const fit::Bench bench = known_bench();
     const auto plan =
-        unroll(procedure, bench);  // What the bench forbids is found before anything is touched.
+        unroll(procedure, bench);      // What the bench forbids is found before anything is touched.
     (void)bench_stage_options(bench);  // What it refuses is refused before a dry run says that all is well.
     if (dry_run_) {
       std::fputs(dry_run_text(procedure, bench, plan).c_str(), stdout);
