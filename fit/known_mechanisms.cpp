@@ -30,10 +30,23 @@ void demand_parameters(const KnownMechanism& known, const Mechanism& mechanism) 
   }
 }
 
+/// A mechanism of a target that is not there would act nowhere.
+void demand_target(const KnownMechanism& known, const Bench& bench) {
+  const auto named = known.texts.find("target");
+  if (named == known.texts.end()) return;
+  std::set<std::string> names;
+  for (const Target& target : bench.targets) names.insert(target.name);
+  if (names.contains(named->second)) return;
+  throw std::invalid_argument("the bench's " + known.mechanism + " is of the target \"" + named->second +
+                              "\", which the bench does not have" +
+                              ending_with_guess(nearest_word(named->second, names)));
+}
+
 }  // namespace
 
 void demand_catalogued(const Bench& bench) {
   for (const KnownMechanism& known : bench.known) {
+    demand_target(known, bench);
     if (const Mechanism* mechanism = find_mechanism(known.mechanism)) {
       demand_parameters(known, *mechanism);
       continue;

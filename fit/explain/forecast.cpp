@@ -66,19 +66,11 @@ struct Known {
   std::vector<Doubtful> doubtful;
 
   explicit Known(const Bench& bench) {
-    for (const KnownMechanism& known : bench.known) {
-      const Mechanism* mechanism = find_mechanism(known.mechanism);
-      if (!mechanism) continue;
-      Active active{mechanism, mechanism->values(known.parameters), -1};
-      if (const auto text = known.texts.find("target"); text != known.texts.end())
-        for (std::size_t t = 0; t < bench.targets.size(); ++t)
-          if (bench.targets[t].name == text->second) active.target = static_cast<int>(t);
-      for (std::size_t p = 0; p < mechanism->parameters.size(); ++p) {
-        const auto stated = known.parameters.find(mechanism->parameters[p].name);
-        if (stated != known.parameters.end() && stated->second.u > 0 && !mechanism->displaces)
-          doubtful.push_back({at_work.size(), p, stated->second.u});
-      }
-      at_work.push_back(std::move(active));
+    for (const Term& known : all_known(bench)) {
+      for (std::size_t p = 0; p < known.sigma.size(); ++p)
+        if (known.sigma[p] > 0 && !known.mechanism->displaces)
+          doubtful.push_back({at_work.size(), p, known.sigma[p]});
+      at_work.push_back(known.active());
     }
   }
 

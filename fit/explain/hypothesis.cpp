@@ -29,8 +29,6 @@ std::vector<Active> Hypothesis::active() const {
   return list;
 }
 
-namespace {
-
 std::vector<Term> all_known(const Bench& bench) {
   std::vector<Term> list;
   for (const KnownMechanism& known : bench.known) {
@@ -52,8 +50,6 @@ std::vector<Term> all_known(const Bench& bench) {
   }
   return list;
 }
-
-}  // namespace
 
 std::vector<Active> known_effects(const Bench& bench) {
   std::vector<Active> list;

@@ -19,7 +19,9 @@ struct Hypothesis {
 /// Whether a mechanism moves the means of captures: what differs within one is seen in its scans.
 [[nodiscard]] bool moves_means(const Mechanism& mechanism);
 
-/// Terms for the mechanisms that the bench already knows, with their uncertainties.
+/// All mechanisms that the bench knows, with their uncertainties; none of a target that it does not have.
+[[nodiscard]] std::vector<Term> all_known(const Bench& bench);
+/// Those of them that move means.
 [[nodiscard]] std::vector<Term> known_terms(const Bench& bench);
 /// All that the bench knows to be at work, but its constant noise.
 [[nodiscard]] std::vector<Active> known_effects(const Bench& bench);

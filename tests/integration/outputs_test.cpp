@@ -189,7 +189,9 @@ TEST_CASE("a mechanism or a parameter by a wrong name in a bench file is refused
   const Words check = {"check", "--lidar", "tcp://127.0.0.5:1", "--stage", "serial:none", "--bench", bench};
   for (const auto& [known, expected] : std::vector<std::pair<std::string, std::string>>{
            {R"({"mechanism": "range-nois", "parameters": {"sigma_mm": 8}})", "did you mean 'range-noise'?"},
-           {R"({"mechanism": "range-noise", "parameters": {"sigma_m": 8}})", "it has sigma_mm"}}) {
+           {R"({"mechanism": "range-noise", "parameters": {"sigma_m": 8}})", "it has sigma_mm"},
+           {R"({"mechanism": "subsurface", "parameters": {"offset_mm": 2, "target": "bord"}})",
+            "the target \"bord\", which the bench does not have"}}) {
     std::ofstream(bench) << R"({"schema": "bench/1", "known": [)" << known << "]}";
     for (const Words& words : std::vector<Words>{{"run", procedure, "--dry-run", "--bench", bench},
                                                  {"explain", session, "--bench", bench},
