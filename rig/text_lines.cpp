@@ -65,6 +65,12 @@ std::uint16_t intensity_of(std::optional<double> counts) {
   return static_cast<std::uint16_t>(std::lround(std::clamp(counts.value_or(0), 0.0, 65535.0)));
 }
 
+std::string listed(const std::vector<std::string>& words) {
+  std::string text;
+  for (const auto& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text;
+}
+
 std::string duration_text(double seconds) {
   struct Unit {
     long seconds;

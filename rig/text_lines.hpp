@@ -27,6 +27,9 @@ bool next_line(std::istream& in, std::string& line, bool& too_long, std::size_t 
 [[nodiscard]] std::uint16_t range_of(std::optional<double> mm);
 [[nodiscard]] std::uint16_t intensity_of(std::optional<double> counts);
 
+/// Words with commas between.
+[[nodiscard]] std::string listed(const std::vector<std::string>& words);
+
 /// A duration in its two largest units: "32 s", "2 min 3 s", "1 h 2 min", "5 days 13 h". Below zero it is "0
 /// s".
 [[nodiscard]] std::string duration_text(double seconds);

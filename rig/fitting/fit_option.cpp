@@ -9,18 +9,13 @@
 #include "fit/json_position.hpp"
 #include "fit/number_format.hpp"
 #include "rig/errors.hpp"
+#include "rig/text_lines.hpp"
 
 namespace rig {
 namespace {
 
 using nlohmann::json;
 using Type = FitOption::Type;
-
-std::string list_of(const std::vector<std::string>& words) {
-  std::string out;
-  for (const std::string& word : words) out += (out.empty() ? "" : ", ") + word;
-  return out;
-}
 
 std::string number_text(double value) { return fit::format_value(value, 0); }
 
@@ -67,7 +62,7 @@ std::optional<FitValue> value_of(const FitOption& option, const json& value) {
   for (const FitOption& option : declared) known.push_back(option.name);
   throw UsageError("the calibration '" + kind + "' has no option '" + name + "'" +
                    fit::ending_with_guess(fit::nearest_word(name, known)) +
-                   " It has: " + (known.empty() ? "none" : list_of(known)));
+                   " It has: " + (known.empty() ? "none" : listed(known)));
 }
 
 [[noreturn]] void refuse_value(const std::string& kind, const FitOption& option, const json& value) {
@@ -137,7 +132,7 @@ std::string expectation(const FitOption& option) {
     case Type::text:
       return "a text";
     case Type::choice:
-      return "one of " + list_of(option.choices);
+      return "one of " + listed(option.choices);
     case Type::number:
     case Type::integer:
       break;

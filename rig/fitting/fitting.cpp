@@ -13,6 +13,7 @@
 #include "rig/errors.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/session/standing.hpp"
+#include "rig/text_lines.hpp"
 
 namespace rig {
 
@@ -85,10 +86,8 @@ void check_fit(const std::string& kind, const nlohmann::json& options) {
 void check_value(const std::string& kind, const std::string& value) {
   const std::vector<std::string> names = fitting_of(kind).values();
   if (std::ranges::any_of(names, [&](const std::string& name) { return stands_for(name, value); })) return;
-  std::string all;
-  for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
   throw UsageError("the calibration '" + kind + "' gives no value '" + value + "'" +
-                   fit::ending_with_guess(fit::nearest_word(value, names)) + " There are: " + all);
+                   fit::ending_with_guess(fit::nearest_word(value, names)) + " There are: " + listed(names));
 }
 
 const std::vector<std::unique_ptr<Fitting>>& all_fittings() {

@@ -48,12 +48,6 @@ std::string origin_of(const Node& node) {
 
 }  // namespace
 
-std::string listed(const std::vector<std::string>& words) {
-  std::string text;
-  for (const auto& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
-}
-
 void refuse_key(const Node& key, const std::string& of, const std::vector<std::string>& known) {
   const std::string meant = did_you_mean(key.scalar, known);
   throw ProcedureError(key.position, of + " has no option '" + key.scalar + "'; " +

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "rig/procedure/procedure.hpp"
+#include "rig/text_lines.hpp"
 
 namespace rig {
 
@@ -22,7 +23,5 @@ void check_in_range(const Node& node, const Option& option, double number);
 
 /// The value of what is written, its expressions evaluated.
 [[nodiscard]] Value evaluated(const Node& node, const Variables& variables);
-/// "a, b, c".
-[[nodiscard]] std::string listed(const std::vector<std::string>& words);
 
 }  // namespace rig

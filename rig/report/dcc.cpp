@@ -9,6 +9,7 @@
 #include "fit/number_format.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/report/html_text.hpp"
+#include "rig/session/session_dates.hpp"
 
 namespace rig {
 namespace {
@@ -72,11 +73,6 @@ std::string d_si_unit(const std::string& unit) {
 
 std::string date_of(const std::string& utc) { return utc.size() >= 10 ? utc.substr(0, 10) : "1970-01-01"; }
 
-bool is_date(const std::string& text) {
-  return text.size() == 10 && text[4] == '-' && text[7] == '-' &&
-         std::isdigit(static_cast<unsigned char>(text[9]));
-}
-
 std::string country_of(const json& laboratory) {
   const std::string stated = text_of(laboratory, "country");
   return stated.size() == 2 && std::isupper(static_cast<unsigned char>(stated[0])) &&
@@ -123,7 +119,8 @@ void core_data(Xml& xml, const json& certificate, const json& laboratory) {
     xml.element("dcc:identifications", [&] {
       identification(xml, "calibrationLaboratory", text_of(certificate, "sha256"), "SHA-256 of the data");
     });
-    if (const std::string received = text_of(laboratory, "received"); is_date(received))
+    if (const std::string received = text_of(laboratory, "received");
+        !received.empty() && received == date_in(received))
       xml.leaf("dcc:receiptDate", received);
     const std::string measured =
         date_of(text_of(certificate, "measured_utc", text_of(certificate, "created_utc")));

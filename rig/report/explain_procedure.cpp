@@ -145,8 +145,8 @@ std::string promise_of(const Experiment& e) {
   std::vector<std::string> groups, together;
   for (const auto& group : e.groups) {
     const std::vector<std::string> names = fit::explain::suspects_in_words(group);
-    groups.push_back(listed(names, "or"));
-    if (names.size() > 1) together.push_back(listed(names));
+    groups.push_back(fit::explain::listed(names, "or"));
+    if (names.size() > 1) together.push_back(fit::explain::listed(names));
   }
   constexpr double million_to_one = 13.8;
   const std::string odds =
@@ -156,8 +156,8 @@ std::string promise_of(const Experiment& e) {
   if (e.groups.size() == 1)
     return "Narrows down which of " + together.front() + " it is, " + odds +
            " between two of them if what was found so far is right.";
-  return "Tells apart " + listed(groups) + ", " + odds + " if what was found so far is right." +
-         (together.empty() ? "" : " It does not separate " + listed(together) + ".");
+  return "Tells apart " + fit::explain::listed(groups) + ", " + odds + " if what was found so far is right." +
+         (together.empty() ? "" : " It does not separate " + fit::explain::listed(together) + ".");
 }
 
 std::string procedure_text(const Experiment& e, const fit::Bench& bench) {

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "rig/session/session_dates.hpp"
 
+#include <algorithm>
+#include <cctype>
+
 namespace rig {
 
 SessionDates dates_of(const SessionStore& session) {
@@ -8,6 +11,14 @@ SessionDates dates_of(const SessionStore& session) {
   if (session.get("kind") != "import") return {created, "", ""};
   const std::string utc = session.get("recorded_utc").value_or("");
   return {utc, utc.empty() ? session.get("recorded_local").value_or("") : "", created};
+}
+
+std::string date_in(const std::string& text) {
+  constexpr std::size_t length = 10;
+  const std::string date = text.substr(0, length);
+  const bool is_date = date.size() == length && date[4] == '-' && date[7] == '-' &&
+                       std::ranges::count_if(date, [](unsigned char c) { return std::isdigit(c) != 0; }) == 8;
+  return is_date ? date : "";
 }
 
 std::string SessionDates::measured() const {

@@ -19,4 +19,7 @@ struct SessionDates {
 };
 [[nodiscard]] SessionDates dates_of(const SessionStore& session);
 
+/// The date YYYY-MM-DD with which a text begins; empty if it begins otherwise.
+[[nodiscard]] std::string date_in(const std::string& text);
+
 }  // namespace rig

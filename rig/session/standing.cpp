@@ -41,15 +41,6 @@ void judge_values(const json& result, std::vector<std::string>& reasons) {
                         "' has no finite value or uncertainty.");
 }
 
-/// A date as YYYY-MM-DD; empty if it begins otherwise.
-std::string date_in(const std::string& text) {
-  constexpr std::size_t length = 10;
-  const std::string date = text.substr(0, length);
-  const bool is_date = date.size() == length && date[4] == '-' && date[7] == '-' &&
-                       std::ranges::count_if(date, [](unsigned char c) { return std::isdigit(c) != 0; }) == 8;
-  return is_date ? date : "";
-}
-
 /// Dates of the certificate that the measurement contradicts.
 void judge_dates(const SessionStore& session, std::vector<std::string>& reasons) {
   const std::string measured = date_in(dates_of(session).measured_utc);

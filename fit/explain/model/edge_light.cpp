@@ -75,30 +75,42 @@ struct PlaceGrid {
   [[nodiscard]] double at(std::size_t i) const { return from + static_cast<double>(i) * step; }
 };
 
-/// Sums over normal weights around every place.
-Logs smoothed(const Logs& values, double sigma_deg, double step_deg) {
-  constexpr double widths = 3;
-  const int reach = static_cast<int>(widths * sigma_deg / step_deg), count = static_cast<int>(values.size());
-  Logs weights, sums(values.size());
-  for (int k = -reach; k <= reach; ++k)
-    weights.push_back(std::exp(-0.5 * std::pow(k * step_deg / sigma_deg, 2)));
-  const double all = std::accumulate(weights.begin(), weights.end(), 0.0);
-  for (int i = 0; i < count; ++i)
-    for (int k = std::max(-reach, -i); k <= std::min(reach, count - 1 - i); ++k)
-      sums[static_cast<std::size_t>(i)] +=
-          weights[static_cast<std::size_t>(k + reach)] / all * values[static_cast<std::size_t>(i + k)];
-  return sums;
-}
+/// Normal weights of neighbouring places, the sum of which is 1.
+class Kernel {
+ public:
+  Kernel(double sigma_deg, double step_deg) : reach_(static_cast<int>(widths * sigma_deg / step_deg)) {
+    for (int k = -reach_; k <= reach_; ++k)
+      weights_.push_back(std::exp(-0.5 * std::pow(k * step_deg / sigma_deg, 2)));
+    const double all = std::accumulate(weights_.begin(), weights_.end(), 0.0);
+    for (double& weight : weights_) weight /= all;
+  }
+  /// The weighted sum around every place.
+  [[nodiscard]] Logs smoothed(const Logs& values) const {
+    const int count = static_cast<int>(values.size());
+    Logs sums(values.size());
+    for (int i = 0; i < count; ++i)
+      for (int k = std::max(-reach_, -i); k <= std::min(reach_, count - 1 - i); ++k)
+        sums[static_cast<std::size_t>(i)] +=
+            weights_[static_cast<std::size_t>(k + reach_)] * values[static_cast<std::size_t>(i + k)];
+    return sums;
+  }
+
+ private:
+  static constexpr double widths = 3;
+  int reach_;
+  Logs weights_;
+};
 
 /// An edge stands in all captures at one place against the bench file's, which is integrated over; stage and
 /// fit may have each of them elsewhere by a normal error of unknown size, and now and then by anything; or
 /// its light is another's doing. The first capture is given that it shows a dip.
 template <class LogLight>
 Logs logs_of(const std::vector<Dimming>& dimmings, const Profile<LogLight>& profile) {
-  constexpr std::array scatter_deg{0.003, 0.015, 0.06};
+  const std::array scatter{Kernel(0.003, profile.step_deg), Kernel(0.015, profile.step_deg),
+                           Kernel(0.06, profile.step_deg)};
   constexpr double elsewhere = 0.05;
   const PlaceGrid places(dimmings.front(), profile.beyond_deg, profile.step_deg);
-  std::array<Logs, scatter_deg.size()> weights;
+  std::array<Logs, scatter.size()> weights;
   weights.fill(Logs(places.count, 1.0));
   Logs logs;
   double before = 0, shown = 0;
@@ -122,7 +134,7 @@ Logs logs_of(const std::vector<Dimming>& dimmings, const Profile<LogLight>& prof
     for (const Dimmed& b : dimmings[k]) otherwise *= odd_likelihood(b);
     double now = 0;
     for (std::size_t s = 0; s < weights.size(); ++s) {
-      const Logs near = smoothed(here, scatter_deg[s], profile.step_deg);
+      const Logs near = scatter[s].smoothed(here);
       for (std::size_t i = 0; i < places.count; ++i)
         now += weights[s][i] *= (1 - elsewhere) * near[i] + elsewhere * (anywhere + otherwise) / 2;
     }
