@@ -6,9 +6,12 @@ namespace fit::mechanisms {
 // A slanted wall stretches the pulse (Soudarissanane et al. 2009); even in the incidence angle. The footprint
 // is as deep as it is wide times the tangent: D tan i. D grows with the range as far as the beam diverges,
 // and a spot that is not round turns with the mirror: of 16 x 2.5 mrad (UST-10LX manual) the long side lies
-// in the scan plane ahead, the short one at 90 deg. The echo is the pulse and this depth in quadrature, and
-// the trigger moves with its length p: sqrt(p^2 + (D tan i)^2) - p, a square while D tan i is shorter than
-// the pulse, and a line beyond.
+// in the scan plane ahead, the short one at 90 deg. The echo is the pulse and this depth in quadrature:
+// s = sqrt(1 + (D tan i / p)^2) times as long as the pulse, p, and as many times weaker. A Gaussian one
+// crosses a threshold T of its peak P at s sqrt(2 ln(P / (T s))) before its middle (the waveform of Laconte
+// et al. 2019): with L = 1 / ln(P / T), the trigger moves by p (s sqrt(1 - L ln s) - 1). That is a square
+// while D tan i is shorter than the pulse, and a line beyond, which bends back where the echo nears the
+// threshold.
 Mechanism make_incidence_bias() {
   Mechanism m;
   m.id = "incidence-bias";
@@ -36,14 +39,24 @@ Mechanism make_incidence_bias() {
                    .upper = 1,
                    .generalises = true,
                    .starts = 2,
+                   .logarithmic = false},
+                  {.name = "trigger",  // L = 1 / ln(P / T)
+                   .role = Parameter::Role::shape,
+                   .lower = 0,
+                   .upper = 1,
+                   .generalises = true,
+                   .starts = 2,
                    .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     constexpr double reference_mm = 2000;
     const double slope = std::tan(std::min(std::abs(c.incidence_rad), 85 * rad_per_deg)),
                  far = 1 - p[1] + p[1] * std::pow(c.range_mm / reference_mm, 2),
                  turned = std::pow(std::cos(c.beam_rad), 2) + std::pow(p[2] * std::sin(c.beam_rad), 2),
-                 depth2 = far * turned * slope * slope;
-    return Effect{.range_mm = p[0] * depth2 * 2 / (1 + std::sqrt(1 + p[3] * depth2))};
+                 depth2 = far * turned * slope * slope, length = std::sqrt(1 + p[3] * depth2),
+                 lost = std::min(1.0, p[4] * std::log(length)), front = std::sqrt(1 - lost),
+                 // (length - 1) and lost over the stretch, with their limits without any
+        longer = depth2 / (1 + length), later = p[3] > 0 ? lost / p[3] : p[4] * depth2 / 2;
+    return Effect{.range_mm = p[0] * (longer * front - later / (1 + front)) / (0.5 - p[4] / 4)};
   };
   m.says = [](const Finding& f) {
     const Estimate a = f.at("amplitude_mm");

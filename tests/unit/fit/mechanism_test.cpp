@@ -110,13 +110,21 @@ const std::map<std::string, Equation>& equations() {
         [](const Beam& x) {
           return range(30 * std::exp(-x.r / 500) * bell(x.a / degree - 20, 15) * 1000 / x.I);
         }}},
-      {"incidence-bias", {{{"amplitude_mm", 4}, {"divergence", 0.3}, {"width_at_side", 0.2}, {"stretch", 0.4}},
-        [](const Beam& x) {  // pulse 1, spot sqrt(0.4) deep at 45 deg: 4 mm are half of that squared
+      {"incidence-bias", {{{"amplitude_mm", 4}, {"divergence", 0.3}, {"width_at_side", 0.2}, {"stretch", 0.4},
+                          {"trigger", 0.5}},
+        [](const Beam& x) {  // pulse 1, spot sqrt(0.4) deep at 45 deg, threshold at exp(-2) of the peak
           const double wide2 = (0.7 + 0.3 * x.r / 2000 * x.r / 2000) *
                                std::norm(Point(std::cos(x.a), 0.2 * std::sin(x.a)));
-          return range(4 / 0.2 * (std::hypot(1, std::sqrt(0.4 * wide2) * std::tan(x.i)) - 1));
+          const auto front = [](double deep) {  // 1 / length: the peak that light of one pulse reaches
+            const double length = std::hypot(1, deep);
+            return length * std::sqrt(2 * std::log(std::exp(2) / length));
+          };
+          const double of_square = 0.75;  // d front / d deep^2 where it is shallow, where front is 2
+          return range(4 / 0.4 * (front(std::sqrt(0.4 * wide2) * std::tan(x.i)) - 2) / of_square);
         }}},
-      {"subsurface", {{{"depth_mm", 8}}, [](const Beam&) { return range(8); }}},
+      {"subsurface", {{{"depth_mm", 8}, {"at_grazing", 1.2}}, [](const Beam& x) {
+          return range(8 * std::exp(std::log(1.2) * std::sin(x.i) * std::sin(x.i)));
+        }}},
       {"warm-up", {{{"amplitude_mm", 10}, {"tau_s", 600}},
                    [](const Beam& x) { return range(10 * (1 - std::exp(-x.t / 600))); }}},
       {"temperature", {{{"slope_mm_per_k", 0.7}}, [](const Beam& x) { return range(0.7 * x.T); }}},

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -16,16 +17,26 @@ inline const std::vector<Wall> room{{{2600, -1900}, {2300, 3100}},
                                     {{-1700, 3100}, {-1700, -1900}},
                                     {{-1700, -1900}, {2600, -1900}}};
 
-/// The room in a bench file; `lidar` are the fields of the lidar besides its rate, `sigma_mm` its known
+/// Four walls in a bench file; `lidar` are the fields of the lidar besides its rate, `sigma_mm` its known
 /// noise.
+inline fit::Bench bench_of_walls(const std::vector<Wall>& walls, const std::string& lidar,
+                                 const std::string& sigma_mm) {
+  std::string targets;
+  const std::vector<std::string> names{"east", "north", "west", "south"};
+  const auto place = [](Point at) {
+    return "[" + std::to_string(std::lround(at.real())) + ", " + std::to_string(std::lround(at.imag())) + "]";
+  };
+  for (std::size_t i = 0; i < names.size(); ++i)
+    targets += std::string(i == 0 ? "" : ", ") + R"({"name": ")" + names[i] + R"(", "from_mm": )" +
+               place(walls.at(i).from) + R"(, "to_mm": )" + place(walls.at(i).to) +
+               R"(, "u_mm": 1.5, "u_deg": 0.1})";
+  return fit::parse_bench(
+      R"({"schema": "bench/1", "lidar": {"scan_hz": 40, )" + lidar + R"(}, "targets": [)" + targets +
+      R"(], "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": )" + sigma_mm + "}}]}");
+}
+
 inline fit::Bench bench_of_room(const std::string& lidar, const std::string& sigma_mm) {
-  return fit::parse_bench(R"({"schema": "bench/1", "lidar": {"scan_hz": 40, )" + lidar + R"(}, "targets": [
-    {"name": "east", "from_mm": [2600, -1900], "to_mm": [2300, 3100], "u_mm": 1.5, "u_deg": 0.1},
-    {"name": "north", "from_mm": [2300, 3100], "to_mm": [-1700, 3100], "u_mm": 1.5, "u_deg": 0.1},
-    {"name": "west", "from_mm": [-1700, 3100], "to_mm": [-1700, -1900], "u_mm": 1.5, "u_deg": 0.1},
-    {"name": "south", "from_mm": [-1700, -1900], "to_mm": [2600, -1900], "u_mm": 1.5, "u_deg": 0.1}],
-    "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": )" +
-                          sigma_mm + "}}]}");
+  return bench_of_walls(room, lidar, sigma_mm);
 }
 
 /// 16 stops in one turn, of 271 beams and 12 scans each.
