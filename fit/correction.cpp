@@ -91,8 +91,11 @@ class CorrectionReader {
       fail(key, "must be a number");
     return found->get<double>();
   }
-  [[nodiscard]] double number_or(const std::string& key, double otherwise) const {
-    return object_.contains(key) ? number(key) : otherwise;
+  /// Of a value; nothing where it is left out.
+  [[nodiscard]] double uncertainty(const std::string& key) const {
+    const double u = object_.contains(key) ? number(key) : 0;
+    if (u < 0) fail(key, "is an uncertainty, which is not negative");
+    return u;
   }
   [[nodiscard]] std::string text_or(const std::string& key, const std::string& otherwise) const {
     const auto found = object_.find(key);
@@ -318,8 +321,8 @@ Correction parse_correction(const std::string& text, const std::string& name) {
   const CorrectionReader reference(reader.member("reference", false), name + "/reference");
   c.reference_mm = reference.number("range_mm"), c.reference_intensity = reference.number("intensity");
   const CorrectionReader zero(reader.member("zero_mm", false), name + "/zero_mm");
-  c.zero_mm = {zero.number("value"), zero.number_or("u", 0)};
-  c.common_u_mm = reader.number_or("common_u_mm", 0);
+  c.zero_mm = {zero.number("value"), zero.uncertainty("u")};
+  c.common_u_mm = reader.uncertainty("common_u_mm");
   if (reader.has("validity"))
     c.validity = read_validity(CorrectionReader(reader.member("validity", false), name + "/validity"));
   if (reader.has("measured")) {

@@ -350,24 +350,6 @@ std::optional<OpenInterval> most_open_interval(const std::vector<FamilyFit>& tab
   return open;
 }
 
-double extra_scatter(std::span<const CurvePoint> points) {
-  std::vector<CurvePoint> sorted(points.begin(), points.end());
-  std::ranges::sort(sorted, {}, &CurvePoint::x);
-  std::vector<double> excess;
-  for (std::size_t i = 1; i + 1 < sorted.size(); ++i) {
-    const CurvePoint &a = sorted[i - 1], &b = sorted[i], &c = sorted[i + 1];
-    if (c.x <= a.x) continue;
-    const double w = (b.x - a.x) / (c.x - a.x);
-    const double deviation = b.y - (1 - w) * a.y - w * c.y;
-    const double own = b.u * b.u + std::pow((1 - w) * a.u, 2) + std::pow(w * c.u, 2);
-    const double parts = 1 + (1 - w) * (1 - w) + w * w;
-    excess.push_back((deviation * deviation - own) / parts);
-  }
-  if (excess.size() < 5) return 0;
-  const double mean = std::accumulate(excess.begin(), excess.end(), 0.0) / static_cast<double>(excess.size());
-  return std::sqrt(std::max(0.0, mean));
-}
-
 std::string substitute(const std::string& expression, const std::vector<std::string>& names,
                        const std::function<std::string(std::size_t)>& replacement) {
   std::string out;

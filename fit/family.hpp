@@ -148,10 +148,6 @@ struct OpenInterval {
                                                              const FamilyFit& chosen,
                                                              std::span<const CurvePoint> points);
 
-/// Scatter of the points beyond their own uncertainties (placement of targets, say): from the deviation of
-/// each point from the line through its two neighbours, so that no curve is assumed. 0 when there is none.
-[[nodiscard]] double extra_scatter(std::span<const CurvePoint> points);
-
 /// Largest possible change of the curve at x when each coefficient is printed with so many significant
 /// digits (half a unit of the last one, all against you). Source A, equation 14: 9 to 183 mm with four
 /// digits.

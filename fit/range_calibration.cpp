@@ -8,6 +8,7 @@
 #include <map>
 #include <numeric>
 
+#include "fit/extra_scatter.hpp"
 #include "fit/joint_range.hpp"
 #include "fit/number_format.hpp"
 

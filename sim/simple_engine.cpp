@@ -84,6 +84,7 @@ void SimpleEngine::set_scene(const SceneState& scene) {
 
 void SimpleEngine::build_walls() {
   walls_.clear();
+  posts_.clear();
   for (const fit::Target& target : bench_.targets) {
     const auto change = changes_.find(target.name);
     Eigen::Vector2d shift = Eigen::Vector2d::Zero();
@@ -92,18 +93,21 @@ void SimpleEngine::build_walls() {
       shift = target.outward_normal() * change->second.target_shift_mm;
       if (change->second.reflectance >= 0) reflectance = change->second.reflectance;
     }
+    const double brightness = reflectance * (1 + std::pow(200 * per_falloff_, 2));
+    if (target.round) {
+      posts_.push_back({target.round->centre_mm + shift, target.round->radius_mm, brightness});
+      continue;
+    }
     const Eigen::Vector2d along = target.to_mm - target.from_mm;
-    const double at_reference = 1 / (1 + std::pow(200 * per_falloff_, 2));
-    walls_.push_back(
-        {target.from_mm + shift, along, along.norm(), reflectance / along.norm() / at_reference});
+    walls_.push_back({target.from_mm + shift, along, along.norm(), brightness / along.norm()});
   }
   prepared_for_ = std::numeric_limits<double>::quiet_NaN();
 }
 
-SimpleEngine::Hit SimpleEngine::cast(const Eigen::Vector2d& origin, double direction, int* wall) const {
+SimpleEngine::Hit SimpleEngine::cast(const Eigen::Vector2d& origin, double direction, int* surface) const {
   const Eigen::Vector2d ray = direction_vector(direction);
-  double nearest = std::numeric_limits<double>::infinity();
-  int found = -1;
+  double nearest = std::numeric_limits<double>::infinity(), brightness = 0, facing_it = 0;
+  *surface = -1;
   for (std::size_t i = 0; i < walls_.size(); ++i) {
     const double facing = determinant(ray, walls_[i].along);
     if (std::abs(facing) < 1e-12) continue;
@@ -111,19 +115,27 @@ SimpleEngine::Hit SimpleEngine::cast(const Eigen::Vector2d& origin, double direc
     const double range = determinant(to_wall, walls_[i].along) / facing,
                  place = determinant(to_wall, ray) / facing;
     if (range > 0 && range < nearest && place >= 0 && place <= 1) {
-      nearest = range;
-      found = static_cast<int>(i);
+      nearest = range, brightness = walls_[i].brightness, facing_it = facing;
+      *surface = static_cast<int>(i);
     }
   }
-  if (wall) *wall = found;
-  if (found < 0) return {};
-  const Wall& met = walls_[static_cast<std::size_t>(found)];
-  return hit(met, nearest, determinant(ray, met.along));
+  for (std::size_t i = 0; i < posts_.size(); ++i) {
+    const Eigen::Vector2d to_centre = posts_[i].centre - origin;
+    const double aside = determinant(ray, to_centre) / posts_[i].radius_mm;
+    if (std::abs(aside) >= 1) continue;
+    const double cos_incidence = std::sqrt(1 - aside * aside),
+                 range = ray.dot(to_centre) - posts_[i].radius_mm * cos_incidence;
+    if (range > 0 && range < nearest) {
+      nearest = range, brightness = posts_[i].brightness, facing_it = cos_incidence;
+      *surface = static_cast<int>(walls_.size() + i);
+    }
+  }
+  return *surface < 0 ? Hit{} : hit(brightness, nearest, facing_it);
 }
 
-SimpleEngine::Hit SimpleEngine::hit(const Wall& wall, double range_mm, double facing) const {
+SimpleEngine::Hit SimpleEngine::hit(double brightness, double range_mm, double facing) const {
   const double over_falloff = range_mm * per_falloff_;
-  const double echo = std::abs(facing) * wall.brightness / (1 + over_falloff * over_falloff);
+  const double echo = std::abs(facing) * brightness / (1 + over_falloff * over_falloff);
   return {static_cast<float>(range_mm),
           static_cast<float>(options_.intensity_at_reference * std::min(echo, 1.0))};
 }
@@ -239,11 +251,19 @@ void SimpleEngine::find_candidates(const Fan& fan) {
   candidates_.clear();
   for (const Wall& wall : walls_)
     if (aspect(fan, wall).may_meet()) candidates_.push_back(&wall);
+  post_near_ = std::ranges::any_of(posts_, [&](const Post& post) { return may_meet(fan, post); });
+}
+
+bool SimpleEngine::may_meet(const Fan& fan, const Post& post) {
+  const Eigen::Vector2d to_centre = post.centre - fan.origin;
+  return std::abs(determinant(fan.ray, to_centre)) <=
+         post.radius_mm + fan.shift_mm + fan.spread_rad * (to_centre.lpNorm<1>() + fan.shift_mm);
 }
 
 /// What all rays of the fan see alike, from the middle one; nothing when they do not, or it takes a closer
 /// look to tell.
 std::optional<SimpleEngine::Hit> SimpleEngine::trace_away_from_edges(const Fan& fan) const {
+  if (post_near_) return std::nullopt;
   const Wall* met = nullptr;
   Aspect of_met{};
   for (const Wall* wall : candidates_) {
@@ -254,7 +274,7 @@ std::optional<SimpleEngine::Hit> SimpleEngine::trace_away_from_edges(const Fan& 
     of_met = now;
   }
   if (!met) return Hit{};
-  return hit(*met, of_met.depth / of_met.facing, of_met.facing);
+  return hit(met->brightness, of_met.depth / of_met.facing, of_met.facing);
 }
 
 /// Every beam is fired from where the stage is at that beam's own time. Few walls are near the direction of a

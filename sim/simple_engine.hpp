@@ -28,9 +28,9 @@ struct SimpleOptions {
          max_range_mm = 30000;  ///< Nearer: code 4; farther or no target: code 65533 (manual, table 3).
 };
 
-/// Planar scene, one ray a beam, Gaussian noise, 1 mm steps; at edges a beam sees one surface or the other at
-/// random within the window. What does not change between scans is computed once per stage angle, so a
-/// standing stage costs only the noise.
+/// Planar scene of flat and round targets, one ray a beam, Gaussian noise, 1 mm steps; at edges a beam sees
+/// one surface or the other at random within the window. What does not change between scans is computed once
+/// per stage angle, so a standing stage costs only the noise.
 class SimpleEngine : public Engine {
  public:
   SimpleEngine(fit::Bench bench, SimpleOptions options, std::uint64_t seed);
@@ -44,6 +44,12 @@ class SimpleEngine : public Engine {
     Eigen::Vector2d from, along;  ///< Start, and the vector to the other end.
     double length;
     double brightness;  ///< Echo near by, over the cross product of ray and `along`; 1: the full intensity.
+  };
+  /// A round target.
+  struct Post {
+    Eigen::Vector2d centre;
+    double radius_mm;
+    double brightness;  ///< Echo near by, over the cosine of incidence.
   };
   struct Hit {
     float range_mm = 0, intensity = 0;  ///< 0: nothing there.
@@ -69,8 +75,10 @@ class SimpleEngine : public Engine {
     [[nodiscard]] bool all_behind(const Aspect& other) const;
   };
   [[nodiscard]] static Aspect aspect(const Fan& fan, const Wall& wall);
-  [[nodiscard]] Hit hit(const Wall& wall, double range_mm, double facing) const;
-  [[nodiscard]] Hit cast(const Eigen::Vector2d& origin, double direction, int* wall = nullptr) const;
+  [[nodiscard]] Hit hit(double brightness, double range_mm, double facing) const;
+  /// `surface`: which was met, -1 for none; walls first, then posts.
+  [[nodiscard]] Hit cast(const Eigen::Vector2d& origin, double direction, int* surface) const;
+  [[nodiscard]] static bool may_meet(const Fan& fan, const Post& post);
   [[nodiscard]] BeamHits trace(const Eigen::Vector2d& origin, double direction) const;
   [[nodiscard]] std::optional<Hit> trace_away_from_edges(const Fan& fan) const;
   void find_candidates(const Fan& fan);
@@ -86,9 +94,11 @@ class SimpleEngine : public Engine {
   double per_falloff_;
   std::map<std::string, SceneState> changes_;
   std::vector<Wall> walls_;
+  std::vector<Post> posts_;
   std::vector<BeamHits> beam_hits_;
   std::vector<Eigen::Vector2d> beam_rays_;  ///< In the stage's frame.
-  std::vector<const Wall*> candidates_;     ///< Walls that the next few beams may meet.
+  std::vector<const Wall*> candidates_;     ///< Walls that the next few beams may meet ...
+  bool post_near_ = false;                  ///< ... and whether a post is among what they may.
   double prepared_for_ = std::numeric_limits<double>::quiet_NaN();
 };
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "sim/causal/scene.hpp"
 
+#include <Eigen/Geometry>
 #include <cmath>
+#include <limits>
 
 namespace sim::causal {
 
@@ -19,8 +21,36 @@ void Scene::set(const SceneState& state) {
   build();
 }
 
+/// Flat pieces of a round target, which are as far from its middle as the round is on average; from its far
+/// side round to it again.
+std::vector<Eigen::Vector2d> Scene::corners_of(const fit::RoundShape& round, const Eigen::Vector2d& outward) {
+  constexpr int pieces = 128;  // within 1e-4 of the radius
+  constexpr double half = fit::pi / pieces;
+  const double corner_mm = round.radius_mm / (1 - half * half / 3);
+  std::vector<Eigen::Vector2d> corners;
+  for (int k = 0; k <= pieces; ++k)
+    corners.emplace_back(round.centre_mm + corner_mm * (Eigen::Rotation2Dd(2 * half * k) * outward));
+  return corners;
+}
+
+void Scene::add_pieces(const std::vector<Eigen::Vector2d>& corners, double start_mm, std::size_t material) {
+  for (std::size_t k = 0; k + 1 < corners.size(); ++k) {
+    Surface surface;
+    surface.from = corners[k];
+    surface.length = (corners[k + 1] - corners[k]).norm();
+    surface.along = (corners[k + 1] - corners[k]) / surface.length;
+    surface.normal = Eigen::Vector2d(-surface.along.y(), surface.along.x());
+    surface.offset = surface.normal.dot(surface.from);
+    surface.start_mm = start_mm;
+    surface.material = material;
+    surfaces_.push_back(surface);
+    start_mm += surface.length;
+  }
+}
+
 void Scene::build() {
   surfaces_.clear();
+  bodies_.clear();
   materials_.clear();
   for (std::size_t i = 0; i < world_.bench.targets.size(); ++i) {
     const fit::Target& stated = world_.bench.targets[i];
@@ -33,46 +63,47 @@ void Scene::build() {
                           truth.specular_width_rad, truth.stripes,
                           Pulse(world_.pulse.shape, world_.pulse.rise_ns, truth.depth_mm / light_mm_per_ns)});
 
-    const Eigen::Vector2d outward = stated.outward_normal();
-    const Eigen::Vector2d chord = stated.to_mm - stated.from_mm;
-    const double length = chord.norm(), angle = std::atan2(chord.y(), chord.x()) + truth.tilt_rad;
-    const Eigen::Vector2d along(std::cos(angle), std::sin(angle));
-    const Eigen::Vector2d middle =
-        (stated.from_mm + stated.to_mm) / 2 + (shift_[i] + truth.offset_mm) * outward;
-    const int pieces = truth.sagitta_mm == 0 ? 1 : 16;
-    const auto bent = [&](double x) -> Eigen::Vector2d {
-      const double u = 2 * x / length;
-      return middle + x * along + truth.sagitta_mm * (1 - u * u) * outward;
-    };
-    for (int piece = 0; piece < pieces; ++piece) {
-      const double x0 = -length / 2 + length * piece / pieces,
-                   x1 = -length / 2 + length * (piece + 1) / pieces;
-      Surface surface;
-      surface.from = bent(x0);
-      const Eigen::Vector2d to = bent(x1);
-      surface.length = (to - surface.from).norm();
-      surface.along = (to - surface.from) / surface.length;
-      surface.normal = Eigen::Vector2d(-surface.along.y(), surface.along.x());
-      surface.offset = surface.normal.dot(surface.from);
-      surface.start_mm = x0;
-      surface.material = i;
-      surfaces_.push_back(surface);
+    const Eigen::Vector2d outward = stated.outward_normal(), moved = (shift_[i] + truth.offset_mm) * outward;
+    Body body{surfaces_.size(), 0, (stated.from_mm + stated.to_mm) / 2 + moved,
+              std::numeric_limits<double>::infinity()};
+    if (stated.round) {
+      body.middle = stated.round->centre_mm + moved;
+      body.reach_mm = 1.01 * stated.round->radius_mm;
+      add_pieces(corners_of({body.middle, stated.round->radius_mm}, outward),
+                 -fit::pi * stated.round->radius_mm, i);
+    } else {
+      const Eigen::Vector2d chord = stated.to_mm - stated.from_mm;
+      const double length = chord.norm(), angle = std::atan2(chord.y(), chord.x()) + truth.tilt_rad;
+      const Eigen::Vector2d along(std::cos(angle), std::sin(angle));
+      const int pieces = truth.sagitta_mm == 0 ? 1 : 16;
+      std::vector<Eigen::Vector2d> corners;
+      for (int piece = 0; piece <= pieces; ++piece) {
+        const double u = 2.0 * piece / pieces - 1;
+        corners.emplace_back(body.middle + u * length / 2 * along + truth.sagitta_mm * (1 - u * u) * outward);
+      }
+      add_pieces(corners, -length / 2, i);
     }
+    body.last = surfaces_.size();
+    bodies_.push_back(body);
   }
 }
 
 Hit Scene::trace(const Eigen::Vector2d& origin, const Eigen::Vector2d& ray, int except) const {
   Hit hit;
-  for (std::size_t i = 0; i < surfaces_.size(); ++i) {
-    const Surface& surface = surfaces_[i];
-    const double facing = surface.normal.dot(ray);
-    const double ahead = surface.offset - surface.normal.dot(origin);
-    if (ahead * facing <= 0 || static_cast<int>(i) == except) continue;
-    const double range = ahead / facing;
-    if (range >= hit.range) continue;
-    const double place = surface.along.dot(origin + range * ray - surface.from);
-    if (place < 0 || place > surface.length) continue;
-    hit = {static_cast<int>(i), range};
+  for (const Body& body : bodies_) {
+    const Eigen::Vector2d to_middle = body.middle - origin;
+    if (std::abs(ray.x() * to_middle.y() - ray.y() * to_middle.x()) > body.reach_mm) continue;
+    for (std::size_t i = body.first; i < body.last; ++i) {
+      const Surface& surface = surfaces_[i];
+      const double facing = surface.normal.dot(ray);
+      const double ahead = surface.offset - surface.normal.dot(origin);
+      if (ahead * facing <= 0 || static_cast<int>(i) == except) continue;
+      const double range = ahead / facing;
+      if (range >= hit.range) continue;
+      const double place = surface.along.dot(origin + range * ray - surface.from);
+      if (place < 0 || place > surface.length) continue;
+      hit = {static_cast<int>(i), range};
+    }
   }
   return hit;
 }

@@ -33,7 +33,7 @@ struct Hit {
   double range = 1e30;
 };
 
-/// The targets as they stand: moved, tilted, bent (in flat pieces) and made of something.
+/// The targets as they stand: moved, tilted, bent or round (in flat pieces) and made of something.
 class Scene {
  public:
   explicit Scene(const World& world);
@@ -49,10 +49,20 @@ class Scene {
   [[nodiscard]] double reflectance(const Surface& surface, double place) const;
 
  private:
+  /// The pieces of a target, all of which lie within `reach_mm` of `middle`.
+  struct Body {
+    std::size_t first, last;
+    Eigen::Vector2d middle;
+    double reach_mm;
+  };
+  static std::vector<Eigen::Vector2d> corners_of(const fit::RoundShape& round,
+                                                 const Eigen::Vector2d& outward);
+  void add_pieces(const std::vector<Eigen::Vector2d>& corners, double start_mm, std::size_t material);
   void build();
 
   World world_;
   std::vector<Surface> surfaces_;
+  std::vector<Body> bodies_;
   std::vector<Material> materials_;
   std::vector<double> shift_, reflectance_;
 };

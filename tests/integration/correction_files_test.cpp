@@ -114,6 +114,8 @@ TEST_CASE("corrections survive being written, and damaged ones are refused with 
                     Catch::Contains("/schema: must be \"correction/1\""));
   CHECK_THROWS_WITH(fit::parse_correction(broken("\"line\"", "\"lime\"")),
                     Catch::Contains("there is no equation 'lime'"));
+  CHECK_THROWS_WITH(fit::parse_correction(broken("\"common_u_mm\": ", "\"common_u_mm\": -")),
+                    Catch::Contains("/common_u_mm: is an uncertainty, which is not negative"));
   CHECK_THROWS_WITH(fit::parse_correction("{\n  nonsense"), Catch::Contains("correction:2:"));
   CHECK_THROWS_WITH(fit::parse_correction(broken("\"terms\"", "\"term\"")),
                     Catch::Contains("/terms: must be a list"));

@@ -9,6 +9,8 @@
 #include <map>
 #include <random>
 
+#include "fit/extra_scatter.hpp"
+
 namespace family_test {
 namespace {
 
@@ -312,6 +314,26 @@ TEST_CASE("scatter beyond the points' own uncertainty is measured without a curv
   for (int i = 2; i <= 98; ++i)
     points.push_back({100.0 * i, published_distance_error(100.0 * i) + 2 * normal(random), 0.1});
   CHECK(fit::extra_scatter(points) == Approx(2).epsilon(0.3));
+}
+
+TEST_CASE("a bent curve known at few places is no scatter, and scatter beside it is found") {
+  std::mt19937_64 random(7);
+  std::normal_distribution<double> normal;
+  const auto bent = [](double counts) { return (-100 + 0.326 * counts) * std::exp(-0.0015975 * counts); };
+  double alone = 0, beside = 0;
+  constexpr int times = 40;
+  for (int time = 0; time < times; ++time) {
+    std::vector<CurvePoint> exact, scattered;
+    for (int i = 0; i < 12; ++i) {
+      const double counts = 210 + 190 * i, error = bent(counts) + 0.05 * normal(random);
+      exact.push_back({counts, error, 0.05});
+      scattered.push_back({counts, error + 2 * normal(random), 0.05});
+    }
+    alone += fit::extra_scatter(exact) / times;
+    beside += std::pow(fit::extra_scatter(scattered), 2) / times;
+  }
+  CHECK(alone < 0.05);
+  CHECK(std::sqrt(beside) == Approx(2).epsilon(0.25));
 }
 
 TEST_CASE("residuals with structure are a lack of fit, noise alone is not") {

@@ -53,6 +53,39 @@ TEST_CASE("the simulated range is the distance along the beam from the optical c
   }
 }
 
+TEST_CASE("a round target is as far away as its circle is, dims towards its sides and moves as it is told") {
+  fit::Bench bench = edge_bench();
+  fit::Target post;
+  post.name = "post";
+  post.set_round({{600, 800}, 150});  // its middle is 1000 mm away, in direction atan2(800, 600)
+  post.reflectance = 0.8;
+  bench.targets.push_back(post);
+  bench.lidar.mount = {fit::Estimate{0}, fit::Estimate{0}, fit::Estimate{0}};
+  sim::SimpleOptions options = quiet();
+  options.edge_window_rad = 0;
+  sim::SimpleEngine engine(bench, options, 1);
+  for (const double shift : {0.0, 200.0}) {
+    engine.set_scene({"post", shift, 0.8});
+    const Scan scan(engine);
+    for (const double off_deg : {-8.0, -4.0, 0.0, 2.0, 6.0}) {
+      const double towards_deg = std::atan2(800, 600) * fit::deg_per_rad;
+      const auto step = static_cast<std::size_t>(540 + std::lround((towards_deg + off_deg) * 4));
+      const double off = (static_cast<double>(step) - 540) / 4 * fit::rad_per_deg - std::atan2(800, 600);
+      const double aside = (1000 + shift) * std::sin(off);
+      INFO("shifted by " << shift << " mm, " << off_deg << " deg aside");
+      if (std::abs(aside) > 150) {
+        CHECK((scan.range[step] > 2300 || scan.range[step] == 65533));  // what is behind it
+        continue;
+      }
+      CHECK(scan.range[step] ==
+            Approx((1000 + shift) * std::cos(off) - std::sqrt(150 * 150 - aside * aside)).margin(0.51));
+      const auto middle = static_cast<std::size_t>(540 + std::lround(towards_deg * 4));
+      CHECK(scan.intensity[step] ==
+            Approx(scan.intensity[middle] * std::sqrt(1 - std::pow(aside / 150, 2))).epsilon(0.03));
+    }
+  }
+}
+
 TEST_CASE("a beam with nothing before it reports no echo") {
   sim::SimpleEngine engine(edge_bench(), quiet(), 1);
   CHECK(Scan(engine).range[0] == 65533);
@@ -126,6 +159,7 @@ TEST_CASE("a beam of a turning stage sees what it would see standing there, in a
                 {"name": "west", "from_mm": [-2500, 2200], "to_mm": [-2500, -2000]},
                 {"name": "board", "from_mm": [1400, 500], "to_mm": [1400, 0]},
                 {"name": "crossing", "from_mm": [1300, 100], "to_mm": [2000, 700]},
+                {"name": "post", "centre_mm": [900, -500], "radius_mm": 120},
                 {"name": "near", "from_mm": [-40, 30], "to_mm": [40, 40]}]})j");
   sim::SimpleOptions options = quiet();
   options.edge_window_rad = 0;  // otherwise chance decides at edges
