@@ -124,9 +124,20 @@ std::optional<RansacCircle> find_circle(std::span<const Vector2d> points, double
     left = std::move(inside);
   }
   if (left.size() < 3) return std::nullopt;
-  std::vector<Vector2d> kept;
-  for (const std::size_t i : left) kept.push_back(points[i]);
-  return RansacCircle{fit_circle(kept), left};
+  // Three points fix their circle badly: whoever lies near it is no fair choice before the fit has settled.
+  constexpr int most_rounds = 20;
+  RansacCircle found{{}, left};
+  for (int round = 0; round < most_rounds; ++round) {
+    std::vector<Vector2d> kept;
+    for (const std::size_t i : found.inliers) kept.push_back(points[i]);
+    found.fit = fit_circle(kept);
+    std::vector<std::size_t> near;
+    for (std::size_t i = 0; i < points.size(); ++i)
+      if (found.fit.circle.distance_of(points[i]) <= second_tolerance) near.push_back(i);
+    if (near.size() < 3 || near == found.inliers) break;
+    found.inliers = std::move(near);
+  }
+  return found;
 }
 
 }  // namespace fit

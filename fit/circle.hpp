@@ -34,8 +34,9 @@ CircleFit fit_circle_algebraic(std::span<const Eigen::Vector2d> points);
 /// least three points not on a line.
 CircleFit fit_circle(std::span<const Eigen::Vector2d> points);
 
-/// RANSAC from three points with `first_tolerance`, again among its inliers with `second_tolerance`, then
-/// fit_circle on those (the way of the patent on right-angle wall calibration, source C).
+/// RANSAC from three points with `first_tolerance`, again among its inliers with `second_tolerance` (the way
+/// of the patent on right-angle wall calibration, source C), then fit_circle on all within that of its own
+/// circle.
 struct RansacCircle {
   CircleFit fit;
   std::vector<std::size_t> inliers;

@@ -198,6 +198,7 @@ void take_off(const WallModel& model, std::vector<Station>& stations) {
       const WallDeviation off = model.deviation(station, beam, each);
       station.off_rad = off.stage_rad;
       beam.off_mm = off.range_mm;
+      beam.off_rad = off.beam_rad;
       beam.range -= off.range_mm;
       beam.angle += off.beam_rad;
     }

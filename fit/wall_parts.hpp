@@ -13,7 +13,7 @@ namespace fit::wall_parts {
 /// The mean range of one beam over the scans of a capture, and the wall it sees.
 struct WallBeam {
   double angle = 0, range = 0, scans = 0, counts = 0;
-  double off_mm = 0;  ///< Deviation of the range, once it was found.
+  double off_mm = 0, off_rad = 0;  ///< Deviations of range and angle, once they were found and taken off.
   int wall = -1;
   [[nodiscard]] Eigen::Vector2d point() const { return {range * std::cos(angle), range * std::sin(angle)}; }
 };

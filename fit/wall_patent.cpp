@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <functional>
+#include <map>
 #include <numeric>
 
 #include "fit/angle.hpp"
@@ -49,42 +50,90 @@ Vector2d position_from(const WallInBench* walls, double corner, double front_mm,
   return normals.inverse() * Vector2d(-front_mm, -side_mm);
 }
 
-/// Direction of the offset: the phase at which the positions run round the circle's centre.
-Estimate phase_of(const Circle& circle, const std::vector<Vector2d>& points,
-                  const std::vector<double>& stages, const std::vector<std::size_t>& inliers, double rms) {
-  double c = 0, s = 0;
-  for (const std::size_t i : inliers) {
-    const Vector2d arm = points[i] - circle.centre;
-    const double angle = std::atan2(arm.y(), arm.x()) - stages[i];
-    c += std::cos(angle), s += std::sin(angle);
+/// Positions of the lidar, each with the stage angle and the capture that it comes from.
+struct Positions {
+  std::vector<Vector2d> at;
+  std::vector<double> stages;
+  std::vector<std::size_t> captures;
+
+  void add(const Vector2d& position, double stage_rad, std::size_t capture) {
+    at.push_back(position), stages.push_back(stage_rad), captures.push_back(capture);
   }
-  const double n = std::max<double>(1, static_cast<double>(inliers.size()));
-  return {std::atan2(s, c), rms / (std::max(1e-9, circle.radius) * std::sqrt(n))};
+};
+
+/// What the positions of a capture share counts once for all of them: the sandwich over captures, as of the
+/// joint fit. Scores are what a position's residual adds to the gradient, by capture.
+template <class Vector>
+auto between_captures(const std::map<std::size_t, Vector>& scores) {
+  const auto captures = static_cast<double>(scores.size());
+  Eigen::Matrix<double, Vector::RowsAtCompileTime, Vector::RowsAtCompileTime> sum;
+  sum.setZero();
+  for (const auto& [capture, score] : scores) sum += score * score.transpose();
+  return (sum * (captures > 1 ? captures / (captures - 1) : 1)).eval();
+}
+
+double u_of_radius(const CircleFit& fit, const Positions& positions,
+                   const std::vector<std::size_t>& inliers) {
+  std::map<std::size_t, Eigen::Vector3d> scores;
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  for (const std::size_t i : inliers) {
+    const Vector2d arm = positions.at[i] - fit.circle.centre;
+    Eigen::Vector3d slope;
+    slope << arm.normalized(), 1;
+    information += slope * slope.transpose();
+    scores.try_emplace(positions.captures[i], Eigen::Vector3d::Zero()).first->second +=
+        slope * (arm.norm() - fit.circle.radius);
+  }
+  const Eigen::Matrix3d inverse = information.inverse();
+  const double shared = (inverse * between_captures(scores) * inverse)(2, 2);
+  return std::sqrt(std::isfinite(shared) ? std::max(fit.covariance(2, 2), shared) : fit.covariance(2, 2));
+}
+
+/// Direction of the offset: the phase at which the positions run round the circle's centre.
+Estimate phase_of(const CircleFit& fit, const Positions& positions, const std::vector<std::size_t>& inliers) {
+  const auto phase = [&](std::size_t i) {
+    const Vector2d arm = positions.at[i] - fit.circle.centre;
+    return std::atan2(arm.y(), arm.x()) - positions.stages[i];
+  };
+  double c = 0, s = 0;
+  for (const std::size_t i : inliers) c += std::cos(phase(i)), s += std::sin(phase(i));
+  const double mean = std::atan2(s, c), n = std::max<double>(1, static_cast<double>(inliers.size()));
+  std::map<std::size_t, Eigen::Matrix<double, 1, 1>> scores;
+  for (const std::size_t i : inliers)
+    scores.try_emplace(positions.captures[i], Eigen::Matrix<double, 1, 1>::Zero()).first->second[0] +=
+        std::sin(phase(i) - mean) / n;
+  const double by_noise = fit.rms / (std::max(1e-9, fit.circle.radius) * std::sqrt(n));
+  return {mean, std::max(by_noise, std::sqrt(between_captures(scores)(0, 0)))};
 }
 
 /// Both circles through the positions: the geometric one after RANSAC, and the algebraic one through the
 /// same.
-void add_circles(const std::string& way, const std::vector<Vector2d>& points,
-                 const std::vector<double>& stages, bool algebraic_too, WallFit& fit) {
-  WallCircle geometric{way, std::nullopt, {}, {}, points.size(), 0};
-  const auto found = find_circle(points, 20, 10, 2000);
-  if (found) {
-    geometric.circle = found->fit;
-    geometric.inliers = found->inliers.size();
-    geometric.radius_mm = {found->fit.circle.radius, std::sqrt(found->fit.covariance(2, 2))};
-    geometric.direction_rad = phase_of(found->fit.circle, points, stages, found->inliers, found->fit.rms);
-  }
+void add_circles(const std::string& way, const Positions& positions, WallFit& fit) {
+  WallCircle geometric{way + ", geometric circle", std::nullopt, {}, {}, positions.at.size(), 0};
+  const auto found = find_circle(positions.at, 20, 10, 2000);
+  const auto complete = [&](WallCircle& to, const CircleFit& circle) {
+    to.circle = circle;
+    to.inliers = found->inliers.size();
+    to.radius_mm = {circle.circle.radius, u_of_radius(circle, positions, found->inliers)};
+    to.direction_rad = phase_of(circle, positions, found->inliers);
+  };
+  if (found) complete(geometric, found->fit);
   fit.ways.push_back(geometric);
-  if (!found || !algebraic_too) return;
+  if (!found) return;
   std::vector<Vector2d> kept;
-  for (const std::size_t i : found->inliers) kept.push_back(points[i]);
+  for (const std::size_t i : found->inliers) kept.push_back(positions.at[i]);
   WallCircle algebraic = geometric;
   algebraic.way = way + ", algebraic circle";
-  algebraic.circle = fit_circle_algebraic(kept);
-  algebraic.radius_mm = {algebraic.circle->circle.radius, std::sqrt(algebraic.circle->covariance(2, 2))};
-  algebraic.direction_rad =
-      phase_of(algebraic.circle->circle, points, stages, found->inliers, algebraic.circle->rms);
+  complete(algebraic, fit_circle_algebraic(kept));
   fit.ways.push_back(algebraic);
+}
+
+/// A capture as it was measured: without what was taken off.
+Station as_measured(const Station& station) {
+  Station raw;
+  raw.stage_rad = station.stage_rad, raw.approach = station.approach, raw.beams = station.beams;
+  for (WallBeam& beam : raw.beams) beam.range += beam.off_mm, beam.angle -= beam.off_rad;
+  return raw;
 }
 
 /// The stage angle at which the front wall is nearest, as the patent reads the direction of the offset.
@@ -124,31 +173,32 @@ void patent_angle(WallFit& fit) {
 
 void fit_patent(const std::vector<Station>& stations, WallFit& fit) {
   const double yaw = fit.joint[0];
-  std::vector<double> stages, single_stages;
+  Positions both, single;
   for (std::size_t i = 0; i < stations.size(); ++i) {
-    const Station& station = stations[i];
-    const auto observation = [&](const std::function<double(std::size_t)>& range) {
-      return observation_of(station, i, fit.walls, yaw, range);
+    const Station &station = stations[i], raw = as_measured(station);
+    const auto mean_of = [&](const Station& of) {
+      return observation_of(of, i, fit.walls, yaw, [&](std::size_t k) { return of.beams[k].range; });
     };
-    fit.means.push_back(observation([&](std::size_t k) { return station.beams[k].range; }));
+    fit.means.push_back(mean_of(station));
+    fit.measured.push_back(mean_of(raw));
+    const double stage = station.stage_rad + station.off_rad;
     for (const auto& scan : station.scans) {
-      const WallObservation now = observation(
-          [&](std::size_t k) { return k < scan.size() ? double(scan[k]) - station.beams[k].off_mm : 0; });
-      if (now.walls[0] && now.walls[1]) {
-        fit.trajectory.push_back(position_from(fit.walls, fit.joint[5], now.walls[0]->line.distance_mm,
-                                               now.walls[1]->line.distance_mm));
-        stages.push_back(station.stage_rad + station.off_rad);
-      }
-      if (now.square_range_mm[0] > 0 && now.square_range_mm[1] > 0) {
-        fit.single_beam.push_back(
-            position_from(fit.walls, fit.joint[5], now.square_range_mm[0], now.square_range_mm[1]));
-        single_stages.push_back(station.stage_rad + station.off_rad);
-      }
+      const WallObservation now = observation_of(station, i, fit.walls, yaw, [&](std::size_t k) {
+        return k < scan.size() ? double(scan[k]) - station.beams[k].off_mm : 0;
+      });
+      if (now.walls[0] && now.walls[1])
+        both.add(position_from(fit.walls, fit.joint[5], now.walls[0]->line.distance_mm,
+                               now.walls[1]->line.distance_mm),
+                 stage, i);
+      if (now.square_range_mm[0] > 0 && now.square_range_mm[1] > 0)
+        single.add(position_from(fit.walls, fit.joint[5], now.square_range_mm[0], now.square_range_mm[1]),
+                   stage, i);
     }
   }
   patent_angle(fit);
-  add_circles("both walls in every scan, geometric circle", fit.trajectory, stages, true, fit);
-  add_circles("patent: one square beam a wall, geometric circle", fit.single_beam, single_stages, true, fit);
+  add_circles("both walls in every scan", both, fit);
+  add_circles("patent: one square beam a wall", single, fit);
+  fit.trajectory = std::move(both.at), fit.single_beam = std::move(single.at);
   add_nearest_angle(fit);
 }
 

@@ -145,7 +145,9 @@ std::string promise_of(const Experiment& e) {
   std::vector<std::string> groups, together;
   for (const auto& group : e.groups) {
     const std::vector<std::string> names = fit::explain::suspects_in_words(group);
-    groups.push_back(fit::explain::listed(names, "or"));
+    if (const std::string words = fit::explain::listed(names, "or");
+        std::ranges::find(groups, words) == groups.end())
+      groups.push_back(words);  // several may be physics without a name
     if (names.size() > 1) together.push_back(fit::explain::listed(names));
   }
   constexpr double million_to_one = 13.8;

@@ -58,7 +58,16 @@ fit::Target PlacedBench::as_placed(const fit::Target& target) const {
   return placed;
 }
 
+std::vector<std::string> PlacedBench::moved_beside(const std::optional<std::string>& target) const {
+  std::vector<std::string> moved;
+  for (const auto& [name, placement] : placements_)
+    if (name != target && placement.shift_mm.value_or(0) != 0) moved.push_back(name);
+  return moved;
+}
+
 void PlacedBench::describe(fit::CaptureInfo& capture) const {
+  if (const auto moved = moved_beside({}); !capture.target && moved.size() == 1)
+    capture.target = moved.front();
   if (capture.target)
     if (const auto placed = placements_.find(*capture.target); placed != placements_.end()) {
       capture.target_shift_mm = placed->second.shift_mm.value_or(0);

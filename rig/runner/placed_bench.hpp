@@ -6,6 +6,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "fit/recording.hpp"
 #include "rig/procedure/step.hpp"
@@ -29,8 +30,12 @@ class PlacedBench {
   [[nodiscard]] std::optional<std::int64_t> power_on_us() const { return power_on_us_; }
   /// A target of the bench file where the prompts so far have put it.
   [[nodiscard]] fit::Target as_placed(const fit::Target& target) const;
-  /// Completes a capture's circumstances, for its own target and moment.
+  /// Completes a capture's circumstances, for its own target and moment. A capture about no target is about
+  /// the only one that was moved, whose place it then records.
   void describe(fit::CaptureInfo& capture) const;
+  /// Targets that stand elsewhere than the bench file has them, which a capture about `target` does not
+  /// record.
+  [[nodiscard]] std::vector<std::string> moved_beside(const std::optional<std::string>& target) const;
 
  private:
   std::map<std::string, Placement> placements_;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "rig/runner/runner_impl.hpp"
 #include "rig/runner/scan_gate.hpp"
+#include "rig/text_lines.hpp"
 
 namespace rig {
 
@@ -11,10 +12,23 @@ fit::CaptureInfo Runner::Impl::info_of(const CaptureRequest& request) {
   stage.describe(info);
   info.target = request.target;
   placed.describe(info);
+  warn_of_moved(placed.moved_beside(info.target));
   info.first_step = request.first_step;
   info.last_step = request.last_step;
   info.cluster = request.cluster;
   return info;
+}
+
+/// Whoever explains the session takes what a capture does not record as the bench file has it.
+void Runner::Impl::warn_of_moved(const std::vector<std::string>& targets) {
+  if (targets == warned_of_moved) return;
+  warned_of_moved = targets;
+  if (targets.empty()) return;
+  note("warning",
+       "A capture records the place of one target; elsewhere than the bench file says stands as well: " +
+           listed(targets) +
+           ". What the lidar sees of it, `rig explain` takes for misplaced. Put it "
+           "back, or name it as the capture's `target`.");
 }
 
 awaitable<std::int64_t> Runner::Impl::capture(CaptureRequest request) {

@@ -44,6 +44,7 @@ struct Runner::Impl final : StepContext {
   std::vector<PlannedStep> plan;
   Variables variables;
   PlacedBench placed;
+  std::vector<std::string> warned_of_moved;  ///< Targets of the last warning.
 
   SessionClock time;
   RunControl control;
@@ -129,6 +130,7 @@ struct Runner::Impl final : StepContext {
   // Captures (runner_capture.cpp)
 
   fit::CaptureInfo info_of(const CaptureRequest& request);
+  void warn_of_moved(const std::vector<std::string>& targets);
   awaitable<std::int64_t> capture(CaptureRequest request) override;
   /// What was measured before an interruption is kept, marked short, until a full capture replaces it.
   void keep_short(std::int64_t id, const CaptureRequest& request, long got);

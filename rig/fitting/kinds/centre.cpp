@@ -78,11 +78,12 @@ class Centre : public Fitting {
     auto positions = positions_of(source, right, options.number("worst_edge_deg") * fit::rad_per_deg);
     if (positions.size() < 2)
       throw MeasurementError(
-          "the rotation centre needs one edge seen from at least two stage angles (four "
+          "the rotation centre needs one edge seen from at least two stage angles that are 5 deg apart (four "
           "are better); the session has " +
-          std::to_string(positions.size()) + " with the edge found to 0.01 deg among " +
+          std::to_string(positions.size()) + " with the edge found to " +
+          fit::format_exactly(options.number("worst_edge_deg")) + " deg among " +
           std::to_string(source.crossings.size()) +
-          " crossings. Run find-edge at more stage angles, or give --option "
+          " crossings. Run find-edge with beams that are farther apart (beam_deg), or give --option "
           "worst_edge_deg=...");
     const fit::DeviceAccuracy accuracy = fit::accuracy_of(source.recordings.front()->bench());
     const double u_stage =

@@ -108,7 +108,8 @@ class Validation : public Fitting {
       out["notes"].push_back(
           "No correction was given (option correction=FILE): figures are of the uncorrected ranges only.");
     add_spreads(out, surfaces, correction ? &*correction : nullptr);
-    out["notes"].push_back("The rotation centre is " + centre.source + ".");
+    out["notes"].push_back("The rotation centre is " + centre.source + "." +
+                           doubt_about(centre, sources.front().session->recording()->bench().lidar.mount));
     add_scene(out, surfaces, correction ? &*correction : nullptr, centre.at_mm);
     if (out["values"].empty())
       throw MeasurementError(
@@ -159,6 +160,17 @@ class Validation : public Fitting {
       throw UsageError("the options 'centre_x_mm' and 'centre_y_mm' belong together; give both");
     if (x) out = {{*x, *y}, true, "that of the options centre_x_mm and centre_y_mm"};
     return out;
+  }
+
+  /// A centre of another bench moves the scenes apart that it should bring together.
+  static std::string doubt_about(const Centre& centre, const fit::Mount& mount) {
+    constexpr double hardly_mm = 1, beyond_chance = 4;
+    const double off_mm = (centre.at_mm - centre_of_mount(mount).at_mm).norm(),
+                 u_mm = std::hypot(mount.x_mm.u, mount.y_mm.u);
+    if (!centre.measured || !(off_mm > hardly_mm + beyond_chance * u_mm)) return "";
+    return " It lies " + fit::format_fixed(off_mm, 1) +
+           " mm from where the bench file's mount has it: one of them is wrong, or the centre is of another "
+           "bench.";
   }
 
   static Centre centre_of_mount(const fit::Mount& mount) {

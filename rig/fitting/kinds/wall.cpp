@@ -173,13 +173,8 @@ void compare_simpler(json& out, const fit::WallFit& fit) {
                     "deg");
   for (const fit::WallCircle& way : fit.ways)
     if (way.circle && way.way.starts_with("both walls") && way.way.ends_with("geometric circle"))
-      // Positions of one capture share its errors.
-      compare_methods(
-          out, "Distance of the lidar from the axis", {"from all beams together", fit.radius_mm},
-          {"from a circle through its positions",
-           {way.radius_mm.value,
-            std::hypot(way.radius_mm.u, way.circle->rms / std::sqrt(static_cast<double>(fit.means.size())))}},
-          "mm");
+      compare_methods(out, "Distance of the lidar from the axis", {"from all beams together", fit.radius_mm},
+                      {"from a circle through its positions", way.radius_mm}, "mm");
 }
 
 /// A wall that does not stand where the bench file says.
@@ -229,7 +224,7 @@ void add_ways(json& out, const fit::WallFit& fit) {
 
 void add_observations(json& out, const fit::WallFit& fit) {
   json rows = json::array();
-  for (const fit::WallObservation& observation : fit.means) {
+  for (const fit::WallObservation& observation : fit.measured) {
     json row = {observation.stage_rad * fit::deg_per_rad};
     for (const auto& wall : observation.walls) {
       row.push_back(wall ? json(wall->line.normal_rad * fit::deg_per_rad) : json(nullptr));

@@ -59,4 +59,31 @@ TEST_CASE("what is no record of placements changes nothing") {
   CHECK_FALSE(bench.power_on_us());
 }
 
+TEST_CASE("a target that was moved is not forgotten by captures that name none") {
+  rig::PlacedBench bench;
+  const auto put = [&](const std::string& target, double shift_mm) {
+    rig::Placement placement;
+    placement.target = target, placement.shift_mm = shift_mm;
+    bench.place(placement, 0);
+  };
+  const auto of_none = [&] {
+    fit::CaptureInfo capture;
+    bench.describe(capture);
+    return capture;
+  };
+  put("left", 0);
+  CHECK_FALSE(of_none().target);
+  put("left", 100);
+  CHECK(of_none().target == "left");
+  CHECK(of_none().target_shift_mm == 100);
+  CHECK(bench.moved_beside("left").empty());
+  CHECK(bench.moved_beside("front") == std::vector<std::string>{"left"});
+  put("front", -20);
+  CHECK_FALSE(of_none().target);  // one of two cannot be recorded
+  CHECK(bench.moved_beside(std::nullopt) == std::vector<std::string>{"front", "left"});
+  CHECK(bench.moved_beside("front") == std::vector<std::string>{"left"});
+  put("left", 0);
+  CHECK(of_none().target == "front");
+}
+
 }  // namespace placed_bench_test
