@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "rig/whole_file.hpp"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -39,14 +42,31 @@ void write_beside(const std::string& path, const std::function<void(const std::s
       throw UsageError("cannot write " + path +
                        ": the file that was prepared for it has disappeared. Try again.");
     refuse_other_kind(place, kind_of_file(part));
+    sync_file(part);
   } catch (...) {
     std::filesystem::remove(part, ignored);
     throw;
   }
   std::filesystem::rename(part, place, failed);
-  if (!failed) return;
+  if (!failed) return sync_folder(place);
   std::filesystem::remove(part, ignored);
   throw UsageError("cannot write " + path + ": " + why_not_written(path, failed.value()));
+}
+
+void sync_file(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const bool failed = fd < 0 || ::fsync(fd) != 0;
+  const int error = errno;
+  if (fd >= 0) ::close(fd);
+  if (failed) throw MeasurementError("cannot write " + path + ": " + why_not_written(path, error));
+}
+
+void sync_folder(const std::string& path) {
+  const auto folder = std::filesystem::absolute(path).parent_path();
+  const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) return;
+  ::fsync(fd);
+  ::close(fd);
 }
 
 void write_text(const std::string& part, const std::string& text) {

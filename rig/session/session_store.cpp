@@ -18,6 +18,7 @@
 #include "rig/session/session_schema.hpp"
 #include "rig/session/session_store_impl.hpp"
 #include "rig/session/stored_recording.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig {
 
