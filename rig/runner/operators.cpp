@@ -47,7 +47,8 @@ class RealClock final : public RunClock {
   }
   awaitable<void> sleep(double seconds) override {
     asio::steady_timer timer(co_await asio::this_coro::executor);
-    timer.expires_after(std::chrono::microseconds(std::llround(seconds * 1e6)));
+    constexpr double longest_s = 1e9;  // 30 years; the timer's nanoseconds overflow at 290.
+    timer.expires_after(std::chrono::microseconds(std::llround(std::clamp(seconds, 0.0, longest_s) * 1e6)));
     co_await timer.async_wait(use_awaitable);
   }
 };
