@@ -10,6 +10,7 @@
 #include <fstream>
 #include <system_error>
 
+#include "rig/descriptor.hpp"
 #include "rig/errors.hpp"
 #include "rig/output_place.hpp"
 
@@ -54,19 +55,15 @@ void write_beside(const std::string& path, const std::function<void(const std::s
 }
 
 void sync_file(const std::string& path) {
-  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  const bool failed = fd < 0 || ::fsync(fd) != 0;
-  const int error = errno;
-  if (fd >= 0) ::close(fd);
-  if (failed) throw MeasurementError("cannot write " + path + ": " + why_not_written(path, error));
+  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!file || ::fsync(file.get()) != 0)
+    throw MeasurementError("cannot write " + path + ": " + why_not_written(path, errno));
 }
 
 void sync_folder(const std::string& path) {
   const auto folder = std::filesystem::absolute(path).parent_path();
-  const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (fd < 0) return;
-  ::fsync(fd);
-  ::close(fd);
+  const Descriptor opened(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (opened) ::fsync(opened.get());  // Some file systems know no such thing of a folder.
 }
 
 void write_text(const std::string& part, const std::string& text) {
