@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <charconv>
 #include <cmath>
 #include <ctime>
 #include <limits>
@@ -104,10 +103,7 @@ const std::string points_definition =
 
 /// Nanoseconds of the Unix epoch at which what the session holds was measured; 0 when it does not say.
 std::int64_t begin_ns(const SessionStore& session) {
-  const std::string epoch_us = session.get("epoch_unix_us").value_or("");
-  std::int64_t unix_us = 0;
-  if (std::from_chars(epoch_us.data(), epoch_us.data() + epoch_us.size(), unix_us).ec == std::errc{})
-    return unix_us * 1000;
+  if (const auto unix_us = epoch_unix_us(session)) return *unix_us * 1000;
   const std::string text = dates_of(session).measured_utc;
   std::tm utc{};
   if (!strptime(text.c_str(), "%Y-%m-%dT%H:%M:%S", &utc)) return 0;
