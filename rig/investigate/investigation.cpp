@@ -21,6 +21,7 @@
 #include "rig/report/explain_procedure.hpp"
 #include "rig/report/pdf.hpp"
 #include "rig/runner/runner.hpp"
+#include "rig/session/session_file.hpp"
 #include "rig/session/session_store.hpp"
 #include "rig/session/sha256.hpp"
 #include "rig/whole_file.hpp"
@@ -38,20 +39,8 @@ constexpr const char* twin_file = "twin.bench.json";
 constexpr int most_rounds = 10, most_refuted = 2;
 constexpr double last_session_min = 8;  // kept back for the predicted session
 
-std::string sha256_of(const std::string& text) {
-  Sha256 hash;
-  hash.feed(text);
-  return hash.hex();
-}
-
 std::string text_of(const json& document) {
   return document.dump(1, ' ', false, json::error_handler_t::replace) + "\n";
-}
-
-bool has_data(const std::string& path) {
-  std::error_code missing;
-  const auto size = fs::file_size(path, missing);
-  return !missing && size > 0;
 }
 
 /// Whether an investigation gives one of its files that name.
