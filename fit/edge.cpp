@@ -8,6 +8,7 @@
 
 #include "fit/accuracy.hpp"
 #include "fit/distributions.hpp"
+#include "fit/echo.hpp"
 
 namespace fit {
 namespace {
@@ -103,7 +104,8 @@ BeamStops collect(const Recording& recording, const EdgeOptions& options) {
     std::vector<Histogram> histograms(static_cast<std::size_t>(capture.beams()));
     recording.for_each_scan(i, [&](const ScanView& scan) {
       for (std::size_t k = 0; k < std::min(histograms.size(), scan.range_mm.size()); ++k)
-        histograms[k].add(scan.range_mm[k] == 0 || scan.range_mm[k] >= 65500 ? no_echo_mm : scan.range_mm[k]);
+        histograms[k].add(
+            scan.range_mm[k] == 0 || scan.range_mm[k] >= first_error_code_mm ? no_echo_mm : scan.range_mm[k]);
     });
     const double stage = capture.stage_readback_rad.value_or(capture.stage_rad);
     for (std::size_t k = 0; k < histograms.size(); ++k) {

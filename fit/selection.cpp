@@ -8,15 +8,15 @@
 #include <map>
 #include <numeric>
 
+#include "fit/echo.hpp"
 #include "fit/median.hpp"
 
 namespace fit {
 namespace {
 
 constexpr double sd_of_mad = 1.4826;  // For a normal distribution.
-constexpr std::uint16_t first_error_code = 65500;
 
-bool is_echo(const Sample& sample) { return sample.range_mm > 0 && sample.range_mm < first_error_code; }
+bool is_echo(const Sample& sample) { return sample.range_mm > 0 && sample.range_mm < first_error_code_mm; }
 
 struct Location {
   double median = 0, sigma = 0;

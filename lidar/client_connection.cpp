@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // Connecting: from an address to a lidar that is identified and silent.
-#include <boost/asio/connect.hpp>
 #include <cstdio>
 
 #include "lidar/client_impl.hpp"
@@ -38,16 +37,30 @@ awaitable<tcp::resolver::results_type> Client::Impl::resolve(steady_clock::time_
                                   "). Check its spelling, or give the numeric IP address");
 }
 
+/// Tries one address after the other, each for its share of the time that is left. Returns why the last one
+/// failed.
+awaitable<error_code> Client::Impl::connect_to_any(tcp::resolver::results_type found) {
+  const auto until = steady_clock::now() + options.connect_timeout;
+  error_code failed = asio::error::not_found, ignored;
+  auto left = static_cast<int>(found.size());
+  for (const auto& entry : found) {
+    socket.close(ignored);
+    const auto now = steady_clock::now();
+    watchdog->guard(socket, now + (until - now) / left--);
+    co_await socket.async_connect(entry.endpoint(), redirect_error(use_awaitable, failed));
+    watchdog->relax();
+    if (!failed) break;
+    if (failed == asio::error::operation_aborted && !watchdog->expired)
+      throw boost::system::system_error(failed);
+  }
+  co_return failed;
+}
+
 awaitable<void> Client::Impl::open() {
   close();
-  error_code failed;
   const tcp::resolver::results_type found = co_await resolve(steady_clock::now() + options.connect_timeout);
   socket = tcp::socket(executor);
-  watchdog->guard(socket, steady_clock::now() + options.connect_timeout);
-  co_await asio::async_connect(socket, found, redirect_error(use_awaitable, failed));
-  watchdog->relax();
-  if (failed == asio::error::operation_aborted && !watchdog->expired)
-    throw boost::system::system_error(failed);
+  const error_code failed = co_await connect_to_any(found);
   if (failed == asio::error::connection_refused)
     fail(Kind::cannot_connect,
          "nothing listens at " + address() + " (" + failed.message() + "), though " + host +
@@ -82,12 +95,13 @@ awaitable<bool> Client::Impl::falls_silent(steady_clock::time_point until) {
 /// (urg_stamped #103, #112).
 awaitable<void> Client::Impl::end_stream() {
   const auto until = steady_clock::now() + options.stop_timeout;
+  const unsigned damaged_before = damaged_answers;
   bool acknowledged = false;
   while (steady_clock::now() < until) {
     const std::optional<Answer> answer = co_await exchange(Request(Command::quit));
-    if (!answer && damaged_answers >= attempts)
+    if (!answer && damaged_answers - damaged_before >= attempts)
       fail(Kind::bad_answer, "the lidar at " + address() + " answers QT with wrong checksums, " +
-                                 std::to_string(damaged_answers) +
+                                 std::to_string(damaged_answers - damaged_before) +
                                  " times. Check the network cable; reconnecting may help");
     if (!answer) continue;
     acknowledged = true;

@@ -107,6 +107,7 @@ struct Client::Impl {
   awaitable<std::optional<Answer>> exchange(Request wanted);
   awaitable<std::string> ask(Request request_);
   awaitable<void> open();
+  awaitable<error_code> connect_to_any(tcp::resolver::results_type found);
   awaitable<tcp::resolver::results_type> resolve(steady_clock::time_point until);
   awaitable<bool> falls_silent(steady_clock::time_point until);
   awaitable<void> end_stream();

@@ -34,6 +34,8 @@ bool has_the_mark(const std::string& path) {
   return id == session_application_id;
 }
 
+const std::string part_ending = ".part";
+
 /// How pages begin that say what they are.
 constexpr std::string_view page_mark = "<meta name=\"generator\" content=\"rig ";
 
@@ -150,7 +152,15 @@ std::string end_of_link(const std::string& path) {
   return real.empty() ? path : real.string();
 }
 
-std::string part_of(const std::string& path) { return path + ".part" + std::to_string(::getpid()); }
+std::string part_of(const std::string& path) { return path + part_ending + std::to_string(::getpid()); }
+
+std::string whole_of_part(const std::string& part) {
+  const auto at = part.rfind(part_ending);
+  if (at == std::string::npos) return "";
+  const std::string number = part.substr(at + part_ending.size());
+  const bool made_here = !number.empty() && number.find_first_not_of("0123456789") == std::string::npos;
+  return made_here ? part.substr(0, at) : "";
+}
 
 std::string why_not_written(const std::string& path, int error) {
   const std::string folder = folder_of(path);

@@ -67,6 +67,8 @@ void refuse_other_kind(const std::string& path, const std::string& kind);
 
 /// A name beside `path`, for what is not whole yet.
 [[nodiscard]] std::string part_of(const std::string& path);
+/// The name that `part` was to get, if part_of() of any program made it; empty if it did not.
+[[nodiscard]] std::string whole_of_part(const std::string& part);
 
 /// Why `path` cannot be written, by the system's error number: a sentence and a remedy.
 [[nodiscard]] std::string why_not_written(const std::string& path, int error);

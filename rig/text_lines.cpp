@@ -6,7 +6,14 @@
 #include <charconv>
 #include <cmath>
 
+#include "fit/echo.hpp"
+
 namespace rig {
+namespace {
+
+constexpr double first_distance_mm = 20;  // Lidars write codes below it.
+
+}  // namespace
 
 bool next_line(std::istream& in, std::string& line, bool& too_long, std::size_t longest) {
   line.clear();
@@ -57,12 +64,14 @@ std::optional<double> number_in(std::string_view text) {
 }
 
 std::uint16_t range_of(std::optional<double> mm) {
-  if (!mm || *mm < 20 || *mm >= 65533) return 0;
-  return static_cast<std::uint16_t>(std::lround(*mm));
+  if (!mm || !(*mm >= first_distance_mm) || *mm > 1e6) return 0;
+  const long whole = std::lround(*mm);
+  return whole < fit::first_error_code_mm ? static_cast<std::uint16_t>(whole) : std::uint16_t{0};
 }
 
 std::uint16_t intensity_of(std::optional<double> counts) {
-  return static_cast<std::uint16_t>(std::lround(std::clamp(counts.value_or(0), 0.0, 65535.0)));
+  if (!counts || !(*counts > 0)) return 0;
+  return static_cast<std::uint16_t>(std::lround(std::min(*counts, 65535.0)));
 }
 
 std::string listed(const std::vector<std::string>& words) {

@@ -22,9 +22,10 @@ bool next_line(std::istream& in, std::string& line, bool& too_long, std::size_t 
 /// The whole piece as a finite number, or nothing.
 [[nodiscard]] std::optional<double> number_in(std::string_view text);
 
-/// A range in millimetres as sessions hold it: 0 for codes (below 20), what is too far, and what is no
-/// number.
+/// A range in millimetres as sessions hold it: 0 for codes (below 20, and from fit::first_error_code_mm on),
+/// what is too far, and what is no number. Every importer's ranges come from here.
 [[nodiscard]] std::uint16_t range_of(std::optional<double> mm);
+/// An intensity as sessions hold it, in the lidar's counts: 0 for what is no number.
 [[nodiscard]] std::uint16_t intensity_of(std::optional<double> counts);
 
 /// Words with commas between.

@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: MIT
 #include "rig/whole_file.hpp"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <system_error>
 
+#include "rig/descriptor.hpp"
 #include "rig/errors.hpp"
 #include "rig/output_place.hpp"
 
@@ -39,14 +43,27 @@ void write_beside(const std::string& path, const std::function<void(const std::s
       throw UsageError("cannot write " + path +
                        ": the file that was prepared for it has disappeared. Try again.");
     refuse_other_kind(place, kind_of_file(part));
+    sync_file(part);
   } catch (...) {
     std::filesystem::remove(part, ignored);
     throw;
   }
   std::filesystem::rename(part, place, failed);
-  if (!failed) return;
+  if (!failed) return sync_folder(place);
   std::filesystem::remove(part, ignored);
   throw UsageError("cannot write " + path + ": " + why_not_written(path, failed.value()));
+}
+
+void sync_file(const std::string& path) {
+  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!file || ::fsync(file.get()) != 0)
+    throw MeasurementError("cannot write " + path + ": " + why_not_written(path, errno));
+}
+
+void sync_folder(const std::string& path) {
+  const auto folder = std::filesystem::absolute(path).parent_path();
+  const Descriptor opened(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (opened) ::fsync(opened.get());  // Some file systems know no such thing of a folder.
 }
 
 void write_text(const std::string& part, const std::string& text) {

@@ -13,6 +13,12 @@ struct DiskFailure : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// Has what was written to `path` reach the disk. Throws MeasurementError, with the remedy, if it does not.
+void sync_file(const std::string& path);
+
+/// A name is on the disk only when its folder is: flushes the folder of `path`.
+void sync_folder(const std::string& path);
+
 /// Has `write` write a part beside `path`, which takes its place when it is whole: a reader never sees half
 /// of it. If that fails, nothing is left of it. Throws what `write` throws, and UsageError if `path` cannot
 /// be written, is not a regular file, or is a recording or another kind of file (output_place.hpp).

@@ -7,6 +7,7 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/read_until.hpp>
 #include <boost/asio/redirect_error.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/asio/use_awaitable.hpp>
 #include <boost/asio/write.hpp>
 #include <list>
@@ -66,7 +67,11 @@ awaitable<void> OperatorPort::Impl::accept() {
     error_code failed;
     tcp::socket socket = co_await acceptor.async_accept(redirect_error(use_awaitable, failed));
     if (!acceptor.is_open()) co_return;
-    if (failed) continue;
+    if (failed) {  // Out of descriptors, say: it would fail again at once.
+      asio::steady_timer soon(acceptor.get_executor(), std::chrono::milliseconds(100));
+      co_await soon.async_wait(redirect_error(use_awaitable, failed));
+      continue;
+    }
     const auto client = std::make_shared<tcp::socket>(std::move(socket));
     clients.remove_if([](const std::weak_ptr<tcp::socket>& old) { return old.expired(); });
     clients.push_back(client);

@@ -7,8 +7,10 @@
 #include <cmath>
 #include <numeric>
 #include <set>
+#include <utility>
 
 #include "fit/number_format.hpp"
+#include "rig/archive/middle.hpp"
 
 namespace rig {
 namespace {
@@ -68,11 +70,7 @@ Repeatability repeatability_of(std::vector<double> differences) {
   out.differences = differences.size();
   if (differences.empty()) return out;
   for (double& d : differences) d = std::abs(d);
-  std::ranges::sort(differences);
-  const std::size_t half = differences.size() / 2;
-  const double median =
-      differences.size() % 2 == 1 ? differences[half] : (differences[half - 1] + differences[half]) / 2;
-  out.sigma = median / median_of_half_normal;
+  out.sigma = middle_of(std::move(differences)) / median_of_half_normal;
   return out;
 }
 

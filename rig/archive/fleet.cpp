@@ -9,6 +9,7 @@
 
 #include "fit/number_format.hpp"
 #include "rig/archive/history.hpp"
+#include "rig/archive/middle.hpp"
 #include "rig/archive/swapped.hpp"
 #include "rig/archive/unknown_shapes.hpp"
 
@@ -18,10 +19,6 @@ namespace {
 using nlohmann::json;
 
 constexpr double false_drifts = 0.01;  // Of those that are reported.
-
-double median_of_sorted(const std::vector<double>& v) {
-  return v.size() % 2 == 1 ? v[v.size() / 2] : (v[v.size() / 2 - 1] + v[v.size() / 2]) / 2;
-}
 
 /// Years since the first calibration of the lidar in the archive, in whole ones: 0 is the first year.
 std::map<const SessionRecord*, int> ages_of(std::span<const SessionRecord> archive) {
@@ -55,7 +52,7 @@ json sizes_json(const Named& named) {
                      {"model", group.first},
                      {"age_years", group.second},
                      {"sessions", sorted.size()},
-                     {"median", median_of_sorted(sorted)},
+                     {"median", middle_of(sorted)},
                      {"least", sorted.front()},
                      {"most", sorted.back()}});
     }
@@ -144,12 +141,10 @@ CommonDrift common_of(std::vector<double> slopes) {
   CommonDrift out;
   out.lidars = slopes.size();
   if (slopes.size() < 5) return out;
-  std::ranges::sort(slopes);
-  out.per_year = median_of_sorted(slopes);
+  out.per_year = middle_of(slopes);
   std::vector<double> away;
   for (const double s : slopes) away.push_back(std::abs(s - out.per_year));
-  std::ranges::sort(away);
-  out.u = 1.2533 * 1.4826 * median_of_sorted(away) / std::sqrt(static_cast<double>(slopes.size()));
+  out.u = 1.2533 * 1.4826 * middle_of(away) / std::sqrt(static_cast<double>(slopes.size()));
   return out;
 }
 

@@ -139,12 +139,6 @@ void add_unknown(ArchivedExplanation& out, const json& document) {
   out.unknown_channel.clear();
 }
 
-std::string sha256_of(const std::string& text) {
-  Sha256 hash;
-  hash.feed(text);
-  return hash.hex();
-}
-
 /// What stands of the procedure, without the values that this run gave its variables.
 void add_procedure(SessionRecord& record, const SessionStore& session) {
   record.kind = clean(session.get("kind").value_or(""));

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <set>
 
+#include "rig/archive/middle.hpp"
+
 namespace rig {
 namespace {
 
@@ -15,20 +17,12 @@ constexpr double far_nearer = 20;      // The other lidar must be e^10 times as 
 constexpr double tells_devices_apart = 2;
 constexpr double sure_of_line = 0.01;
 
-double median_of(std::vector<double> v) {
-  if (v.empty()) return std::nan("");
-  const auto half = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
-  std::ranges::nth_element(v, half);
-  if (v.size() % 2 == 1) return *half;
-  return (*half + *std::max_element(v.begin(), half)) / 2;
-}
-
 /// Half the width that holds the middle two thirds, which a few strange values do not widen.
 double spread_of(const std::vector<double>& v) {
-  const double middle = median_of(v);
+  const double middle = middle_of(v);
   std::vector<double> away;
   for (const double x : v) away.push_back(std::abs(x - middle));
-  return 1.4826 * median_of(away);
+  return 1.4826 * middle_of(away);
 }
 
 /// What a lidar's other calibrations say of one more, with the variance of that in units of the
@@ -56,7 +50,7 @@ struct Values {
     const auto n = static_cast<double>(kept.size());
     const Drift drift = drift_of(years, kept, repeat.sigma, repeat.degrees_of_freedom());
     if (kept.size() < 4 || drift.p_value > sure_of_line)
-      return {median_of(kept), 1 + median_is_wider / n, true};
+      return {middle_of(kept), 1 + median_is_wider / n, true};
     double mean = 0, tt = 0;
     for (const double t : years) mean += t / n;
     for (const double t : years) tt += (t - mean) * (t - mean);
@@ -91,7 +85,7 @@ std::map<std::string, Model> models_of(std::span<const QuantityHistory> historie
   for (auto& [name, model] : models)
     std::erase_if(model.quantities, [](const auto& item) {
       std::vector<double> centres;
-      for (const auto& [serial, values] : item.second.of_serial) centres.push_back(median_of(values.all));
+      for (const auto& [serial, values] : item.second.of_serial) centres.push_back(middle_of(values.all));
       return !(spread_of(centres) > tells_devices_apart * item.second.repeat.sigma);
     });
   return models;

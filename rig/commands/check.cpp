@@ -12,6 +12,7 @@
 #include "rig/runner/bench_check.hpp"
 #include "rig/runner/bench_file.hpp"
 #include "rig/runner/device_lock.hpp"
+#include "rig/runner/failures.hpp"
 #include "rig/runner/operators.hpp"
 #include "rig/runner/scip_source.hpp"
 #include "rig/stage/stage_patience.hpp"
@@ -75,7 +76,10 @@ class Check : public Command {
                      signals.cancel();
                    }));
     io.run();
-    if (stopped) throw MeasurementError("Stopped by the operator.");
+    if (stopped) failure = std::make_exception_ptr(MeasurementError("Stopped by the operator."));
+    if (unstopped_)
+      failure = failure ? with_more_words(failure, "The stage could not be stopped: " + sentence(unstopped_))
+                        : unstopped_;
     json_.write(document(failure));
     if (failure) std::rethrow_exception(failure);
     if (std::ranges::any_of(lines_,
@@ -101,7 +105,11 @@ class Check : public Command {
       failure = std::current_exception();
     }
     co_await asio::this_coro::reset_cancellation_state(asio::disable_cancellation());
-    co_await stage->stop();
+    try {
+      co_await stage->stop();
+    } catch (...) {
+      unstopped_ = std::current_exception();
+    }
     if (failure) std::rethrow_exception(failure);
   }
 
@@ -125,6 +133,7 @@ class Check : public Command {
   JsonOutput json_;
   bool stay_still_ = false;
   std::vector<CheckLine> lines_;
+  std::exception_ptr unstopped_;  ///< Why the stage could not be stopped in the end.
 };
 
 }  // namespace

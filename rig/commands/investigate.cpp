@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include <fcntl.h>
 #include <sys/file.h>
-#include <unistd.h>
 
 #include <cstdio>
 #include <filesystem>
 
 #include "rig/commands/device_run.hpp"
 #include "rig/commands/json_output.hpp"
+#include "rig/descriptor.hpp"
 #include "rig/investigate/dossier_document.hpp"
 #include "rig/investigate/investigation.hpp"
 
@@ -17,21 +17,21 @@ namespace {
 /// No two programs investigate in one folder.
 class FolderLock {
  public:
-  explicit FolderLock(const std::string& folder) {
-    std::error_code ignored;
-    std::filesystem::create_directories(folder, ignored);
-    fd_ = ::open((std::filesystem::path(folder) / ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-    if (fd_ < 0) throw UsageError("cannot write into " + folder + ". Name another folder with --out.");
-    if (::flock(fd_, LOCK_EX | LOCK_NB) != 0)
+  explicit FolderLock(const std::string& folder) : file_(open_in(folder)) {
+    if (!file_) throw UsageError("cannot write into " + folder + ". Name another folder with --out.");
+    if (::flock(file_.get(), LOCK_EX | LOCK_NB) != 0)
       throw UsageError("another program is investigating in " + folder +
                        ". Wait until it ends, or name another folder.");
   }
-  ~FolderLock() { ::close(fd_); }
-  FolderLock(const FolderLock&) = delete;
-  FolderLock& operator=(const FolderLock&) = delete;
 
  private:
-  int fd_ = -1;
+  static int open_in(const std::string& folder) {
+    std::error_code ignored;
+    std::filesystem::create_directories(folder, ignored);
+    return ::open((std::filesystem::path(folder) / ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+  }
+
+  Descriptor file_;
 };
 
 class Investigate : public Command {

@@ -38,10 +38,11 @@ class Report : public Command {
         check_outputs({{output_, page.filename().string()}, json_.output()}, {session_}).front();
     const nlohmann::json previous = archive_.given() ? previous_in_archive() : nullptr;
     if (json_.wanted()) {
-      const nlohmann::json certificate =
-          make_certificate(SessionStore(session_, SessionStore::Mode::read), session_, previous);
+      const SessionStore session(session_, SessionStore::Mode::read);
+      const nlohmann::json certificate = make_certificate(session, session_, previous);
       refuse_other_certificate(json_.output().path, certificate);
       json_.write(certificate);
+      if (!no_store_) remember(register_with(session, certificate, json_.output().path));
     }
     if (output_.empty()) return 0;
     const IssuedReport issued = issue_report(session_, output.path(), previous);

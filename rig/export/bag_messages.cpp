@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <charconv>
 #include <cmath>
 #include <ctime>
 #include <limits>
@@ -12,6 +11,7 @@
 #include <optional>
 #include <vector>
 
+#include "fit/echo.hpp"
 #include "rig/session/deskewed_scans.hpp"
 #include "rig/session/session_dates.hpp"
 
@@ -103,10 +103,7 @@ const std::string points_definition =
 
 /// Nanoseconds of the Unix epoch at which what the session holds was measured; 0 when it does not say.
 std::int64_t begin_ns(const SessionStore& session) {
-  const std::string epoch_us = session.get("epoch_unix_us").value_or("");
-  std::int64_t unix_us = 0;
-  if (std::from_chars(epoch_us.data(), epoch_us.data() + epoch_us.size(), unix_us).ec == std::errc{})
-    return unix_us * 1000;
+  if (const auto unix_us = epoch_unix_us(session)) return *unix_us * 1000;
   const std::string text = dates_of(session).measured_utc;
   std::tm utc{};
   if (!strptime(text.c_str(), "%Y-%m-%dT%H:%M:%S", &utc)) return 0;
@@ -115,16 +112,21 @@ std::int64_t begin_ns(const SessionStore& session) {
 
 std::string laser_scan(const fit::LidarGeometry& lidar, const fit::CaptureInfo& capture,
                        const fit::ScanView& scan, std::uint64_t time_ns) {
-  const double period = scan.geometry && scan.geometry->scan_s ? *scan.geometry->scan_s : 1 / lidar.scan_hz;
   const fit::BeamAngles angles(lidar, capture, scan.geometry);
   const double first = angles.first_rad(), step = angles.step_rad();
-  const double last = first + step * (static_cast<double>(scan.range_mm.size()) - 1);
+  const auto beams = static_cast<double>(scan.range_mm.size());
+  const double last = first + step * (beams - 1);
+  // An imported scan knows how long its beams took, of which the turn may be only a part.
+  const double part_of_turn = std::abs(step) / (2 * fit::pi);
+  const bool own_time = scan.geometry && scan.geometry->scan_s && beams > 0 && part_of_turn > 0;
+  const double turn_s = own_time ? *scan.geometry->scan_s / (part_of_turn * beams) : 1 / lidar.scan_hz;
   std::vector<float> ranges, intensities(scan.intensity.begin(), scan.intensity.end());
   for (const std::uint16_t range : scan.range_mm)  // REP 117: no echo is +infinity
     ranges.push_back(range ? static_cast<float>(range) * 1e-3F : std::numeric_limits<float>::infinity());
   CdrWriter out;
   out.header(time_ns, "laser");
-  for (const double value : {first, last, step, std::abs(step) / (2 * fit::pi) * period, period, 0.02, 60.0})
+  constexpr double nearest_m = 0.02, farthest_m = fit::first_error_code_mm * 1e-3;
+  for (const double value : {first, last, step, part_of_turn * turn_s, turn_s, nearest_m, farthest_m})
     out.add(static_cast<float>(value));
   return out.sequence(ranges).sequence(intensities).bytes();
 }

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "fit/angle.hpp"
+#include "fit/echo.hpp"
 #include "fit/number_format.hpp"
 #include "fit/recording.hpp"
 #include "rig/errors.hpp"
@@ -19,8 +20,6 @@
 
 namespace rig {
 namespace {
-
-constexpr std::uint16_t first_error_code = 65500;
 
 /// Says how many beams point elsewhere than those that the correction was measured with; empty if none does.
 std::string beams_outside(const SessionStore& session, const fit::Correction& correction) {
@@ -106,7 +105,7 @@ class Applying {
  private:
   void correct(std::vector<std::uint16_t>& range, const std::vector<std::uint16_t>& intensity) {
     for (std::size_t k = 0; k < range.size(); ++k) {
-      if (range[k] == 0 || range[k] >= first_error_code) {
+      if (range[k] == 0 || range[k] >= fit::first_error_code_mm) {
         ++report_.without_echo;
         continue;
       }
@@ -118,7 +117,7 @@ class Applying {
       const bool drop = request_.drop_outside && !corrected.inside();
       range[k] = drop ? std::uint16_t{0}
                       : static_cast<std::uint16_t>(
-                            std::lround(std::clamp(corrected.range_mm, 1.0, first_error_code - 1.0)));
+                            std::lround(std::clamp(corrected.range_mm, 1.0, fit::first_error_code_mm - 1.0)));
     }
   }
 

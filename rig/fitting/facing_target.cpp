@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "fit/echo.hpp"
 #include "fit/median.hpp"
 #include "fit/number_format.hpp"
 
@@ -244,7 +245,8 @@ SeenNormal seen_normal(const fit::Recording& recording, std::size_t index, const
     step_rad = std::abs(angles.step_rad());
     for (std::size_t k = 0; k < scan.range_mm.size(); ++k) {
       const Echo echo{angles.at_rad(k), static_cast<double>(scan.range_mm[k])};
-      if (echo.range_mm == 0 || echo.range_mm >= 65500 || !board.meets(echo.direction_rad)) continue;
+      if (echo.range_mm == 0 || echo.range_mm >= fit::first_error_code_mm || !board.meets(echo.direction_rad))
+        continue;
       // Something else stands in front, or nothing: not the target.
       const double off_mm = board.radius_mm > 0 ? echo.range_mm - board.distance_mm -
                                                       board.excess_mm(echo.direction_rad - board.normal_rad)

@@ -8,6 +8,7 @@
 #include <map>
 #include <optional>
 
+#include "rig/crc32.hpp"
 #include "rig/errors.hpp"
 #include "rig/import/decompress.hpp"
 
@@ -231,16 +232,6 @@ class Reader {
   McapSummary summary_;
 };
 
-constexpr std::array<std::uint32_t, 256> crc_table() {
-  std::array<std::uint32_t, 256> table{};
-  for (std::uint32_t i = 0; i < 256; ++i) {
-    std::uint32_t value = i;
-    for (int bit = 0; bit < 8; ++bit) value = (value & 1) ? 0xEDB88320u ^ (value >> 1) : value >> 1;
-    table[i] = value;
-  }
-  return table;
-}
-
 }  // namespace
 
 McapSummary read_mcap(std::istream& in, const std::function<bool(const McapMessage&)>& visit) {
@@ -249,13 +240,6 @@ McapSummary read_mcap(std::istream& in, const std::function<bool(const McapMessa
 
 bool is_mcap(std::span<const std::uint8_t> first_bytes) {
   return first_bytes.size() >= magic.size() && std::equal(magic.begin(), magic.end(), first_bytes.begin());
-}
-
-std::uint32_t crc32(std::span<const std::uint8_t> bytes) {
-  static constexpr auto table = crc_table();
-  std::uint32_t value = 0xFFFFFFFFu;
-  for (const std::uint8_t byte : bytes) value = table[(value ^ byte) & 0xFF] ^ (value >> 8);
-  return ~value;
 }
 
 }  // namespace rig

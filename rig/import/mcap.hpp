@@ -37,7 +37,4 @@ McapSummary read_mcap(std::istream& in, const std::function<bool(const McapMessa
 
 [[nodiscard]] bool is_mcap(std::span<const std::uint8_t> first_bytes);
 
-/// CRC-32 as in zlib, of MCAP's chunks.
-[[nodiscard]] std::uint32_t crc32(std::span<const std::uint8_t> bytes);
-
 }  // namespace rig

@@ -5,11 +5,13 @@
 #include <cmath>
 #include <limits>
 
+#include "fit/echo.hpp"
+#include "rig/text_lines.hpp"
+
 namespace rig {
 namespace {
 
 constexpr std::size_t most_beams = 100'000;
-constexpr double largest_range_mm = 65535;  // what a session's uint16 can hold
 
 constexpr std::size_t most_frames = 1000, most_moves = 5'000'000;
 
@@ -45,11 +47,6 @@ std::string short_type(const std::string& type) {
 
 bool same_topic(const std::string& topic, const std::string& wanted) {
   return topic == wanted || topic == "/" + wanted;
-}
-
-std::uint16_t to_count(float value) {
-  if (!(value > 0)) return 0;
-  return static_cast<std::uint16_t>(std::lround(std::min(value, 65535.0f)));
 }
 
 /// The wheel's place in the list of joints: the name the operator gave, or the first that says its side.
@@ -156,13 +153,13 @@ void RosMessages::laser_scan(const std::string& topic, std::int64_t log_time_ns,
   if (std::isfinite(sweep_s) && sweep_s > 0 && sweep_s < 100) scan.geometry.scan_s = sweep_s;
   range_mm_.clear();
   for (const float range_m : ranges) {
-    const double mm = std::isfinite(range_m) && range_m > 0 ? std::round(range_m * 1000.0) : 0;
-    too_far_ += mm > largest_range_mm ? 1 : 0;
-    range_mm_.push_back(mm > largest_range_mm ? std::uint16_t{0} : static_cast<std::uint16_t>(mm));
+    const double mm = range_m * 1000.0;
+    too_far_ += std::isfinite(mm) && mm >= fit::first_error_code_mm ? 1 : 0;
+    range_mm_.push_back(range_of(mm));
   }
   intensity_.clear();
   if (intensities.size() == ranges.size())
-    std::transform(intensities.begin(), intensities.end(), std::back_inserter(intensity_), to_count);
+    for (const float level : intensities) intensity_.push_back(intensity_of(level));
   scan.range_mm = range_mm_;
   scan.intensity = intensity_;
   sink_.scan(scan);
@@ -286,7 +283,7 @@ void RosMessages::finish() {
                " messages carry no time of their own; the recorder's time was used, which jitters.");
   if (too_far_ > 0)
     sink_.note(std::to_string(too_far_) +
-               " ranges beyond 65.535 m were treated as no echo: a session cannot hold them.");
+               " ranges of 65.5 m or more were treated as no echo: a session cannot hold them.");
   if (messages_ == 0) {
     sink_.note("The bag holds no messages.");
   } else if (!taken_.count(Kind::scan)) {

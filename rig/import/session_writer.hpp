@@ -103,7 +103,6 @@ class SessionWriter : public ImportSink {
     most_beams_ = std::max(most_beams_, scan.range_mm.size());
     step_sum_ += scan.geometry.step_rad;
     first_sum_ += scan.geometry.first_rad;
-    with_intensity_ += scan.intensity.empty() ? 0 : 1;
     const double swept_rad = std::abs(scan.geometry.step_rad) * static_cast<double>(scan.range_mm.size());
     if (scan.geometry.scan_s && *scan.geometry.scan_s > 0 && swept_rad > 0) {
       turn_s_sum_ += *scan.geometry.scan_s * 2 * fit::pi / swept_rad;
@@ -210,7 +209,7 @@ class SessionWriter : public ImportSink {
                last_pose_us_ = -std::numeric_limits<std::int64_t>::max();
   std::size_t most_beams_ = 0;
   double step_sum_ = 0, first_sum_ = 0, turn_s_sum_ = 0;
-  std::uint64_t timed_ = 0, with_intensity_ = 0;
+  std::uint64_t timed_ = 0;
   std::map<std::string, ImportedTransform> transforms_;
   std::map<std::string, std::string> properties_;
   std::vector<Heading> imu_;

@@ -108,7 +108,6 @@ class Lengths {
     if (raw <= 0 || std::isnan(raw)) return;
     ++seen_;
     largest_ = std::max(largest_, raw);
-    fractions_ = fractions_ || raw != std::floor(raw);
   }
   /// At the end of a scan.
   void decide() {
@@ -125,7 +124,7 @@ class Lengths {
   std::string_view example_;
   std::uint64_t seen_ = 0;
   double largest_ = 0;
-  bool fractions_ = false, decided_ = false;
+  bool decided_ = false;
 };
 
 /// Makes something of a table's rows.

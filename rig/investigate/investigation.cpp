@@ -16,10 +16,12 @@
 #include "rig/investigate/one_clock.hpp"
 #include "rig/investigate/prediction_file.hpp"
 #include "rig/investigate/text_file.hpp"
+#include "rig/output_place.hpp"
 #include "rig/report/dossier_page.hpp"
 #include "rig/report/explain_procedure.hpp"
 #include "rig/report/pdf.hpp"
 #include "rig/runner/runner.hpp"
+#include "rig/session/session_file.hpp"
 #include "rig/session/session_store.hpp"
 #include "rig/session/sha256.hpp"
 #include "rig/whole_file.hpp"
@@ -37,20 +39,34 @@ constexpr const char* twin_file = "twin.bench.json";
 constexpr int most_rounds = 10, most_refuted = 2;
 constexpr double last_session_min = 8;  // kept back for the predicted session
 
-std::string sha256_of(const std::string& text) {
-  Sha256 hash;
-  hash.feed(text);
-  return hash.hex();
-}
-
 std::string text_of(const json& document) {
   return document.dump(1, ' ', false, json::error_handler_t::replace) + "\n";
 }
 
-bool has_data(const std::string& path) {
-  std::error_code missing;
-  const auto size = fs::file_size(path, missing);
-  return !missing && size > 0;
+/// Whether an investigation gives one of its files that name.
+bool is_own_file(const std::string& name) {
+  for (const char* one :
+       {state_file, prediction_file, twin_file, "bench.json", "dossier.json", "dossier.html", "dossier.pdf"})
+    if (name == one) return true;
+  const auto dash = name.find('-'), dot = name.find('.');
+  if (dash == std::string::npos || dot == std::string::npos || dot <= dash + 1) return false;
+  const std::string kind = name.substr(0, dash), ending = name.substr(dot);
+  return (kind == "round" || kind == "last") && (ending == ".yaml" || ending == ".explanation.json") &&
+         name.find_first_not_of("0123456789", dash + 1) == dot;
+}
+
+/// Removes what a killed program left half-written. Whatever else lies in the folder is not ours.
+void remove_parts(const std::string& folder) {
+  std::error_code ignored;
+  std::vector<fs::path> parts;
+  for (const auto& each : fs::directory_iterator(folder, ignored)) {
+    const std::string name = each.path().filename().string();
+    const std::string page = ".html";  // What a PDF was being printed from (rig/report/pdf.cpp).
+    if (is_own_file(whole_of_part(name)) ||
+        (name.ends_with(page) && is_own_file(whole_of_part(name.substr(0, name.size() - page.size())))))
+      parts.push_back(each.path());
+  }
+  for (const fs::path& part : parts) fs::remove(part, ignored);
 }
 
 std::string in_words(const Cost& cost) {
@@ -116,10 +132,6 @@ Investigation::Investigation(const fit::Bench& bench, Options options, Actions a
       options_(std::move(options)),
       actions_(std::move(actions)) {
   const std::string state = file(state_file);
-  std::error_code ignored;
-  for (const auto& each :
-       fs::directory_iterator(options_.folder, ignored))  // What a killed program left half-written.
-    if (each.path().filename().string().find(".part") != std::string::npos) fs::remove(each.path(), ignored);
   if (has_data(state)) {
     if (!options_.resume)
       throw UsageError(options_.folder +
@@ -128,6 +140,7 @@ Investigation::Investigation(const fit::Bench& bench, Options options, Actions a
     if (state_.bench_sha256 != sha256_of(bench_text_))
       throw UsageError("the bench file differs from the one that the investigation in " + options_.folder +
                        " was begun with. Give that one, or begin a new investigation in another folder.");
+    remove_parts(options_.folder);
     return;
   }
   std::error_code failed;

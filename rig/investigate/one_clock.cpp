@@ -2,7 +2,8 @@
 #include "rig/investigate/one_clock.hpp"
 
 #include <cmath>
-#include <cstdlib>
+
+#include "rig/session/session_dates.hpp"
 
 namespace rig::investigate {
 namespace {
@@ -43,11 +44,6 @@ struct Moment {
   std::int64_t device_ms = 0, session_us = 0, computer_us = 0;
 };
 
-std::int64_t epoch_us(const SessionStore& session) {
-  const auto text = session.get("epoch_unix_us");
-  return text ? std::strtoll(text->c_str(), nullptr, 10) : 0;
-}
-
 Moment moment_of(const fit::Recording& recording, std::size_t capture, bool last, std::int64_t epoch) {
   Moment m;
   bool seen = false;
@@ -78,7 +74,7 @@ std::vector<std::unique_ptr<fit::Recording>> on_one_clock(
   std::optional<Moment> before;  // The last scan so far; its session_us on the common clock.
   for (const auto& session : sessions) {
     auto recording = session->recording(bench);
-    const std::int64_t epoch = epoch_us(*session);
+    const std::int64_t epoch = epoch_unix_us(*session).value_or(0);
     const std::size_t count = recording->captures().size();
     if (count > 0) {
       const Moment first = moment_of(*recording, 0, false, epoch);

@@ -9,6 +9,7 @@
 
 #include "fit/number_format.hpp"
 #include "rig/json_fields.hpp"
+#include "rig/session/step_in_words.hpp"
 
 namespace rig {
 namespace {
@@ -77,9 +78,6 @@ json captured_steps(const fit::Recording& recording) {
       steps.push_back({{"text", capture.step}, {"state", "recorded"}});
   return steps;
 }
-
-/// Of a step's key, which names the turns of its loops as well.
-std::string number_of_step(const std::string& key) { return key.substr(0, key.find('[')); }
 
 /// The steps of the procedure, some before and some after the first that is not recorded; those of the
 /// captures where no procedure ran.

@@ -63,6 +63,7 @@ class Unroller {
     Plan plan = plan_;
     plan.seconds = plan.travel_deg = 0;
     plan.captures = plan.scans = 0;
+    plan.at_least = false;
     plan.says.clear();
     Variables visible = plan_.variables;
     for (const auto& [name, value] : loop) visible[name] = value;
@@ -74,6 +75,7 @@ class Unroller {
     planned.travel_deg = plan.travel_deg;
     planned.captures = plan.captures;
     planned.scans = plan.scans;
+    planned.at_least = plan.at_least;
     planned_.push_back(std::move(planned));
     plan_ = std::move(plan);
   }
@@ -139,9 +141,11 @@ std::string dry_run_text(const Procedure& procedure, const fit::Bench& bench,
   std::string text = procedure.title + " (" + procedure.file + ")\n";
   double seconds = 0, travel_deg = 0;
   long captures = 0, scans = 0;
+  bool at_least = false;
   for (std::size_t i = 0; i < plan.size(); ++i) {
     const PlannedStep& step = plan[i];
     seconds += step.seconds, travel_deg += step.travel_deg, captures += step.captures, scans += step.scans;
+    at_least = at_least || step.at_least;
     char line[64];
     std::snprintf(line, sizeof line, "%4zu  %-12s ", i + 1, duration_text(step.seconds).c_str());
     text +=
@@ -150,8 +154,9 @@ std::string dry_run_text(const Procedure& procedure, const fit::Bench& bench,
   char travel[40];
   std::snprintf(travel, sizeof travel, "%.1f", travel_deg);
   text += "\n" + std::to_string(plan.size()) + " steps, " + grouped(captures) + " captures, " +
-          grouped(scans) + " scans, travel " + travel + " deg, about " + duration_text(seconds) + " at " +
-          to_text(bench.lidar.scan_hz) + " scans/s.\n";
+          grouped(scans) + " scans, travel " + travel + " deg, " + (at_least ? "at least " : "about ") +
+          duration_text(seconds) + " at " + to_text(bench.lidar.scan_hz) + " scans/s.\n";
+  if (at_least) text += "The run may take longer: some steps depend on values that only it will know.\n";
   const StageLimits limits = stage_limits(bench);
   text += limits.min_deg > -1e8 ? "Soft limits of the stage: " + to_text(limits.min_deg) + " to " +
                                       to_text(limits.max_deg) + " deg; every known target lies within.\n"

@@ -19,6 +19,7 @@ struct PlannedStep {
   std::string says;
   double seconds = 0, travel_deg = 0;
   long captures = 0, scans = 0;
+  bool at_least = false;  ///< The run may take longer and capture more: it depends on what it finds.
 };
 
 /// Unrolls the loops and walks through every step without devices: all that the bench file and the soft

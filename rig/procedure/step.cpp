@@ -125,6 +125,7 @@ void Plan::move_to(double target_deg, const FilePosition& written_at, int approa
                          "allow it with 'stage: {unhomed: true}'.");
   if (std::isnan(target_deg)) {
     seconds += move_overhead_s + 2 / limits.speed_deg_s;
+    stage_deg = target_deg;
     return;
   }
   if (target_deg < limits.min_deg - 1e-9 || target_deg > limits.max_deg + 1e-9)
@@ -145,6 +146,10 @@ void Plan::capture(long samples, double spacing_s) {
   scans += samples;
   const double period_s = 1 / bench->lidar.scan_hz;
   seconds += static_cast<double>(samples) * std::max(period_s, spacing_s) + capture_overhead_s;
+}
+
+void Plan::depends_on(const Arguments& arguments, std::initializer_list<const char*> options) {
+  for (const char* option : options) at_least = at_least || std::isnan(arguments.number_or(option, 0));
 }
 
 std::vector<Option> capture_options() {

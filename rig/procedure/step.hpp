@@ -3,6 +3,7 @@
 
 #include <boost/asio/awaitable.hpp>
 #include <functional>
+#include <initializer_list>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -19,6 +20,8 @@ namespace rig {
 struct StageLimits {
   double min_deg = -1e9, max_deg = 1e9;  ///< Soft limits (`limits_deg`); nothing moves beyond them.
   double speed_deg_s = 20;               ///< For estimates only (`speed_deg_s`).
+  [[nodiscard]] bool has_min() const { return min_deg > -1e8; }
+  [[nodiscard]] bool has_max() const { return max_deg < 1e8; }
 };
 
 /// What changed on the bench, in the words of a prompt's `place`. Machine-readable, so that a simulated bench
@@ -42,12 +45,15 @@ struct Plan {
   // The step being planned fills in:
   double seconds = 0, travel_deg = 0;
   long captures = 0, scans = 0;
-  std::string says;  ///< One line for the dry run.
+  bool at_least = false;  ///< What only the run will know adds to these.
+  std::string says;       ///< One line for the dry run.
 
   /// Accounts for a move; throws ProcedureError at `written_at` when it breaks a soft limit or homing was
   /// forgotten.
   void move_to(double target_deg, const FilePosition& written_at, int approach);
   void capture(long samples, double spacing_s);
+  /// The estimate is a lower bound if the run alone will know one of these options.
+  void depends_on(const Arguments& arguments, std::initializer_list<const char*> options);
 };
 
 /// What to capture. Beams are steps of the lidar.

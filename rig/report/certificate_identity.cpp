@@ -7,8 +7,10 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
-#include <regex>
+#include <optional>
+#include <string_view>
 #include <vector>
 
 #include "fit/number_format.hpp"
@@ -31,29 +33,54 @@ std::string join_nonempty(const std::vector<std::string>& parts, const std::stri
   return out;
 }
 
+/// What follows the first of these words that begins a line. Procedures may be a stranger's and of any
+/// length, for which a regular expression needs too much stack.
+std::optional<std::string_view> after_line_start(std::string_view text, std::string_view word) {
+  for (std::size_t at = text.find(word); at != std::string_view::npos; at = text.find(word, at + 1))
+    if (at == 0 || text[at - 1] == '\n') return text.substr(at + word.size());
+  return std::nullopt;
+}
+
+/// The variables that the procedure states on one line, as written.
+std::map<std::string, std::string> stated_variables(std::string_view procedure) {
+  std::map<std::string, std::string> all;
+  const auto rest = after_line_start(procedure, "variables:");
+  const std::size_t open = rest ? rest->find_first_not_of(" \t\r\n") : std::string_view::npos;
+  if (open == std::string_view::npos || (*rest)[open] != '{') return all;
+  const std::size_t close = rest->find('}', open);
+  if (close == std::string_view::npos) return all;
+  const std::string_view block = rest->substr(open + 1, close - open - 1);
+  for (const std::string_view entry : split(block, ',')) {
+    const std::size_t colon = entry.find(':');
+    if (colon == std::string_view::npos) continue;
+    const std::string_view blanks = " \t\r\n";
+    std::string_view name = entry.substr(0, colon);
+    name.remove_prefix(std::min(name.size(), name.find_first_not_of(blanks)));
+    std::string_view value = entry.substr(colon + 1);
+    while (!value.empty() && blanks.find(value.back()) != std::string_view::npos) value.remove_suffix(1);
+    all.emplace(name, trimmed(value));
+  }
+  return all;
+}
+
 /// Variables that the run was given other values than the procedure's.
 std::string changed_variables(const SessionStore& session) {
   const json used = json_or_empty(session.get("variables"));
   const std::string text = session.get("procedure").value_or("");
-  std::smatch block;
-  if (!used.is_object() || used.empty() ||
-      !std::regex_search(text, block, std::regex(R"((?:^|\n)variables:\s*\{([^}]*)\})")))
-    return "";
-  const std::string stated = block[1].str();
+  const auto stated = stated_variables(text);
+  if (!used.is_object() || used.empty() || stated.empty()) return "";
   std::string out;
   for (const auto& [name, value] : used.items()) {
-    std::smatch was;
-    if (!std::regex_search(stated, was,
-                           std::regex("(?:^|,)\\s*" + name + ":\\s*\"?([^,\"]*?)\"?\\s*(?:,|$)")))
-      continue;
+    const auto found = stated.find(name);
+    if (found == stated.end()) continue;
+    const std::string& was = found->second;
     const std::string is = value.is_string() ? value.get<std::string>() : value.dump();
-    char* end = nullptr;
-    const double number = std::strtod(was[1].str().c_str(), &end);
-    const bool same = value.is_number() ? number == value.get<double>() : was[1].str() == is;
+    const bool same =
+        value.is_number() ? std::strtod(was.c_str(), nullptr) == value.get<double>() : was == is;
     if (!same)
       out += (out.empty() ? "" : ", ") + name + " = " +
-             (value.is_number() ? fit::format_value(value.get<double>(), 0) : is) +
-             " (procedure: " + was[1].str() + ")";
+             (value.is_number() ? fit::format_value(value.get<double>(), 0) : is) + " (procedure: " + was +
+             ")";
   }
   return out.empty() ? "none" : out;
 }
@@ -96,11 +123,14 @@ std::string procedure_in_words(const SessionStore& session) {
   if (text.size() < 20) return name;
   Sha256 hash;
   hash.feed(text);
-  std::smatch version;
-  const bool has_version =
-      std::regex_search(text, version, std::regex(R"((?:^|\n)version:\s*["']?([^"'\n#]+))"));
+  std::string version;
+  if (const auto rest = after_line_start(text, "version:")) {
+    const std::size_t from = rest->find_first_not_of(" \t\r\n\"'");
+    if (from != std::string_view::npos)
+      version = trimmed(rest->substr(from, rest->find_first_of("\"'\n#", from) - from));
+  }
   return join_nonempty(
-      {name, has_version ? "version " + version[1].str() : "", "SHA-256 " + hash.hex().substr(0, 16)}, ", ");
+      {name, version.empty() ? "" : "version " + version, "SHA-256 " + hash.hex().substr(0, 16)}, ", ");
 }
 
 json identification(const SessionStore& session, const json& bench, const std::string& session_file) {

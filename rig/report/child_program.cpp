@@ -14,6 +14,8 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "rig/descriptor.hpp"
+
 namespace rig {
 namespace {
 
@@ -25,25 +27,8 @@ constexpr std::size_t most_output = 64u << 20;
 // Where the kernel tells no end of a process (pidfd_open, Linux 5.3), it is asked so often.
 constexpr int ask_every_ms = 10;
 
-/// A descriptor that closes itself.
-class Descriptor {
- public:
-  explicit Descriptor(int fd) : fd_(fd) {}
-  ~Descriptor() { close(); }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  operator int() const { return fd_; }
-  void close() {
-    if (fd_ >= 0) ::close(fd_);
-    fd_ = -1;
-  }
-
- private:
-  int fd_;
-};
-
 /// What the child does between fork and exec: calls that are safe there only.
-[[noreturn]] void become(char* const* arguments, int output, pid_t parent) {
+[[noreturn]] void become(char* const* arguments, char* const* environment, int output, pid_t parent) {
   ::setpgid(0, 0);
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (::getppid() != parent) ::_exit(1);  // It ended before that was asked for.
@@ -51,7 +36,7 @@ class Descriptor {
   ::dup2(nothing, STDIN_FILENO);
   ::dup2(output, STDOUT_FILENO);
   ::dup2(nothing, STDERR_FILENO);
-  ::execvp(arguments[0], arguments);
+  ::execvpe(arguments[0], arguments, environment);
   ::_exit(no_such_program);
 }
 
@@ -59,9 +44,14 @@ pid_t start(const std::vector<std::string>& arguments, int output) {
   std::vector<char*> words;
   for (const std::string& argument : arguments) words.push_back(const_cast<char*>(argument.c_str()));
   words.push_back(nullptr);
-  ::setenv("SOURCE_DATE_EPOCH", "0", 0);
+  // Not by setenv: other threads may read the environment meanwhile.
+  std::string same_dates = "SOURCE_DATE_EPOCH=0";
+  std::vector<char*> environment;
+  for (char** setting = ::environ; *setting != nullptr; ++setting) environment.push_back(*setting);
+  if (std::getenv("SOURCE_DATE_EPOCH") == nullptr) environment.push_back(same_dates.data());
+  environment.push_back(nullptr);
   const pid_t parent = ::getpid(), child = ::fork();
-  if (child == 0) become(words.data(), output, parent);
+  if (child == 0) become(words.data(), environment.data(), output, parent);
   if (child > 0) ::setpgid(child, child);  // Whoever is first: it must hold before the group is killed.
   return child;
 }
@@ -92,8 +82,8 @@ class Watch {
   bool has_ended() { return ::waitpid(child_, &status_, WNOHANG) == child_; }
 
   void wait(long left_ms) {
-    std::array<pollfd, 2> of = {{{ended_, POLLIN, 0}, {open_ ? output_ : -1, POLLIN, 0}}};
-    const auto longest = static_cast<int>(std::min<long>(left_ms, ended_ >= 0 ? 60'000 : ask_every_ms));
+    std::array<pollfd, 2> of = {{{ended_.get(), POLLIN, 0}, {open_ ? output_ : -1, POLLIN, 0}}};
+    const auto longest = static_cast<int>(std::min<long>(left_ms, ended_ ? 60'000 : ask_every_ms));
     if (::poll(of.data(), of.size(), longest) > 0 && of[1].revents != 0) read_once();
   }
 
@@ -132,11 +122,11 @@ ChildResult run_child(const std::vector<std::string>& arguments, milliseconds lo
   if (::pipe2(pipe.data(), O_CLOEXEC) != 0) return {};
   const Descriptor from_child(pipe[0]);
   Descriptor to_us(pipe[1]);
-  ::fcntl(from_child, F_SETFL, O_NONBLOCK);
-  const pid_t child = start(arguments, to_us);
+  ::fcntl(from_child.get(), F_SETFL, O_NONBLOCK);
+  const pid_t child = start(arguments, to_us.get());
   to_us.close();
   if (child < 0) return {};
-  return Watch(child, from_child, longest).to_its_end();
+  return Watch(child, from_child.get(), longest).to_its_end();
 }
 
 std::string hung_in_words(const std::string& program, milliseconds longest) {

@@ -41,7 +41,7 @@ Issue issue_of(const SessionStore& session, const std::string& first_number, con
 
 std::string register_with(const SessionStore& session, const json& certificate, const std::string& file) {
   json all = issued(session);
-  const std::string name = name_of(file);
+  const std::string name = file == "-" ? "standard output" : name_of(file);
   for (json& earlier : all) {
     if (text_of(earlier, "number") != text_of(certificate, "number")) continue;
     for (const json& known : list_of(earlier, "files"))

@@ -309,8 +309,11 @@ std::string to_svg(const Plot& plot, std::chrono::milliseconds longest) {
   }
   if (drawn.empty()) return message_svg(plot, "nothing to draw");
   const TemporaryFile script;
-  if (script.descriptor < 0) return message_svg(plot, "no room for a temporary file, picture left out");
-  std::ofstream(script.path) << script_of(plot, drawn);
+  std::ofstream written(script.path);
+  written << script_of(plot, drawn);
+  written.close();  // gnuplot would draw a part of it without a word.
+  if (script.descriptor < 0 || !written)
+    return message_svg(plot, "no room for a temporary file, picture left out");
   ChildResult drawing = run_child({"gnuplot", script.path}, longest);
   if (drawing.end == ChildResult::End::hung)
     return message_svg(plot, hung_in_words("gnuplot", longest) + ", picture left out");

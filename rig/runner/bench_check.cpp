@@ -57,7 +57,7 @@ class Checker {
       co_await check_target(target, stay_still);
     }
     if (!stay_still) {
-      co_await stage_.move_to(0);
+      co_await stage_.move_to(rest_deg());
     }
     co_return lines_;
   }
@@ -162,13 +162,14 @@ class Checker {
   }
 
   awaitable<void> travel() {
-    const double first_deg = std::max(limits_.min_deg, -180.0), last_deg = std::min(limits_.max_deg, 180.0);
+    const double first_deg = std::clamp(-180.0, limits_.min_deg, limits_.max_deg);
+    const double last_deg = std::clamp(180.0, limits_.min_deg, limits_.max_deg);
     double worst_deg = 0;
-    for (const double target_deg : {first_deg, last_deg, 0.0}) {
+    for (const double target_deg : {first_deg, last_deg, rest_deg()}) {
       const double arrived_deg = co_await stage_.move_to(target_deg);
       worst_deg = std::max(worst_deg, std::abs(arrived_deg - target_deg));
     }
-    at_deg_ = 0;
+    at_deg_ = rest_deg();
     say(worst_deg <= stage_tolerance_deg ? Verdict::good : Verdict::bad, "full turn",
         to_text(first_deg) + " to " + to_text(last_deg) + " deg, read-back within " + rounded(worst_deg, 4) +
             " deg",
@@ -222,12 +223,18 @@ class Checker {
         "Echoes are weak: clean the window, use lighter targets, or go nearer.");
   }
 
+  /// Zero, or what the limits allow next to it.
+  [[nodiscard]] double rest_deg() const { return std::clamp(0.0, limits_.min_deg, limits_.max_deg); }
+
   /// The stage's angle at which beam 0 looks at the middle of the target, if the limits allow it.
   double facing_deg(const fit::Target& target) const {
     const Eigen::Vector2d middle = (target.from_mm + target.to_mm) / 2;
-    const double wanted =
+    const double wanted_rad =
         fit::wrap_angle(std::atan2(middle.y(), middle.x()) - bench_.lidar.mount.yaw_rad.value);
-    return std::clamp(std::round(wanted * fit::deg_per_rad), limits_.min_deg, limits_.max_deg);
+    const double wanted_deg = std::round(wanted_rad * fit::deg_per_rad);
+    for (const double same_deg : {wanted_deg, wanted_deg + 360, wanted_deg - 360})
+      if (same_deg >= limits_.min_deg && same_deg <= limits_.max_deg) return same_deg;
+    return std::clamp(wanted_deg, limits_.min_deg, limits_.max_deg);
   }
 
   awaitable<void> check_target(fit::Target target, bool stay_still) {

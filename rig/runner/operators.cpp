@@ -47,7 +47,8 @@ class RealClock final : public RunClock {
   }
   awaitable<void> sleep(double seconds) override {
     asio::steady_timer timer(co_await asio::this_coro::executor);
-    timer.expires_after(std::chrono::microseconds(std::llround(seconds * 1e6)));
+    constexpr double longest_s = 1e9;  // 30 years; the timer's nanoseconds overflow at 290.
+    timer.expires_after(std::chrono::microseconds(std::llround(std::clamp(seconds, 0.0, longest_s) * 1e6)));
     co_await timer.async_wait(use_awaitable);
   }
 };
@@ -71,7 +72,9 @@ class BenchOperator final : public Operator {
 
   awaitable<Answer> ask(Prompt prompt) override {
     if (!prompt.place) co_return Answer{};
-    auto asking = exchange(json{{"place", to_json(*prompt.place)}}.dump() + "\n");
+    std::string line = json{{"place", to_json(*prompt.place)}}.dump() + "\n", answer;
+    std::exception_ptr why;
+    auto asking = exchange_quietly(std::move(line), answer, why);
     auto late = deadline();
     const auto outcome = co_await (std::move(asking) || std::move(late));
     if (outcome.index() == 1) {
@@ -80,7 +83,8 @@ class BenchOperator final : public Operator {
                         " did not answer within 5 s. Nothing was placed. Start rig-sim again and continue "
                         "with rig resume.");
     }
-    const json said = json::parse(std::get<0>(outcome), nullptr, false);
+    if (why) std::rethrow_exception(why);
+    const json said = json::parse(answer, nullptr, false);
     if (!said.is_object() || !said.value("ok", false))
       throw MeasurementError("The simulated bench cannot do '" + prompt.title + "': " +
                              (said.is_object()
@@ -103,6 +107,15 @@ class BenchOperator final : public Operator {
     asio::steady_timer timer(co_await asio::this_coro::executor);
     timer.expires_after(bench_deadline);
     co_await timer.async_wait(use_awaitable);
+  }
+
+  /// exchange() with its failure as a value: `||` goes on waiting when one side throws.
+  awaitable<void> exchange_quietly(std::string line, std::string& answer, std::exception_ptr& why) {
+    try {
+      answer = co_await exchange(std::move(line));
+    } catch (...) {
+      why = std::current_exception();
+    }
   }
 
   awaitable<std::string> exchange(std::string line) {

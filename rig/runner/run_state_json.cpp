@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rig/runner/runner.hpp"
+#include "rig/session/step_in_words.hpp"
 
 namespace rig {
 namespace {
@@ -33,10 +34,9 @@ json results_json(const std::string& checks_text) {
   return results;
 }
 
-/// As in the procedure's file: "4.1".
 std::string number_of_step(const RunState& state, std::size_t step) {
-  const std::string key = step < state.step_keys.size() ? state.step_keys[step] : std::to_string(step + 1);
-  return key.substr(0, key.find('['));
+  return rig::number_of_step(step < state.step_keys.size() ? state.step_keys[step]
+                                                           : std::to_string(step + 1));
 }
 
 /// A window around the running step: a procedure may have thousands.

@@ -7,6 +7,7 @@
 
 #include "rig/runner/device_lock.hpp"
 #include "rig/runner/runner_impl.hpp"
+#include "rig/session/session_dates.hpp"
 
 namespace rig {
 namespace {
@@ -45,7 +46,15 @@ Runner::Impl::Impl(Procedure procedure_, fit::Bench bench_, SessionStore& sessio
             control) {
   state().procedure = procedure.title;
   check_same_procedure();
-  if (const auto epoch = session.get("epoch_unix_us")) time.go_on_from(std::stoll(*epoch));
+  if (const auto epoch = session.get("epoch_unix_us")) {
+    const auto begun_us = epoch_unix_us(session);
+    if (!begun_us)
+      throw UsageError(
+          session.path() + " is damaged: it says '" + *epoch +
+          "' of when it began, so that nothing can be added at the right time. Nothing was moved. "
+          "Begin a new session.");
+    time.go_on_from(*begun_us);
+  }
 }
 
 awaitable<void> Runner::Impl::prepare() {

@@ -150,9 +150,9 @@ struct Runner::Impl final : StepContext {
   /// caller if another attempt is of no use.
   awaitable<void> recover_turn(std::exception_ptr why, int attempt);
   /// The next scan, or the stage stopped after `seconds`, when it comes to its soft limit, and an error.
+  /// Infinity: it has no limit to come to.
   awaitable<lidar::Scan> next_scan_before_limit(double seconds);
   awaitable<void> read_quietly(lidar::Scan& scan, std::exception_ptr& why);
-  awaitable<void> stop_stage_after(double seconds);
   awaitable<void> track_stage(Track& track);
   std::int64_t store_turning(const CaptureRequest& request, const TurningScans& turned,
                              const std::string& mark);

@@ -127,7 +127,7 @@ awaitable<void> Runner::Impl::wait(double seconds) {
       if (++begun_again > waits_begun_again)
         throw DeviceError(
             "The lidar restarted " + std::to_string(begun_again) +
-            " times during the warm-up. Check its power supply and its cable, then continue with --resume.");
+            " times during the wait. Check its power supply and its cable, then continue with rig resume.");
       note("warning", "the wait of " + to_text(seconds) + " s begins again, " +
                           rounded_text(static_cast<double>(host_us - *begun_us) / 1e6, 0) +
                           " s after it began: the lidar may have cooled");

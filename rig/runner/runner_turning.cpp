@@ -78,7 +78,8 @@ awaitable<void> Runner::Impl::fill_turning(const CaptureRequest& request, Turnin
   const auto lost_before = parts.lidar.lost(), rejected_before = parts.lidar.rejected();
   const std::int64_t begun_us = parts.clock.host_us();
   const std::int64_t ready_us = begun_us + static_cast<std::int64_t>(1e6 * turn_run_up_s);
-  const double longest_s = stage.room_deg(*request.rate_deg_s) / std::abs(*request.rate_deg_s);
+  const double longest_s =
+      stage.room_deg(*request.rate_deg_s) / std::abs(*request.rate_deg_s);  // or infinity
   co_await lidar_link.start(stream_for(request, 0));
   while (turned.scans.size() < static_cast<std::size_t>(request.samples)) {
     control.stop_if_aborted();
@@ -103,13 +104,22 @@ awaitable<void> Runner::Impl::fill_turning(const CaptureRequest& request, Turnin
 awaitable<lidar::Scan> Runner::Impl::next_scan_before_limit(double seconds) {
   std::exception_ptr why;
   lidar::Scan scan;
-  auto reading = read_quietly(scan, why);
-  auto stopping = stop_stage_after(seconds);
-  const auto first = co_await (std::move(reading) || std::move(stopping));
-  if (first.index() == 1)
+  bool at_limit = seconds <= 0;
+  if (!std::isfinite(seconds)) {
+    scan = co_await parts.lidar.next();
+  } else if (!at_limit) {
+    auto reading = read_quietly(scan, why);
+    auto turning = parts.clock.sleep(seconds);
+    const auto first = co_await (std::move(reading) || std::move(turning));
+    at_limit = first.index() == 1;
+  }
+  if (at_limit) {
+    // Only now: beside the reading, the next scan would call the stop off half-way.
+    co_await stage.stop_turning();
     throw MeasurementError(
         "The turning stage reached its soft limit before the lidar had sent all requested scans, and was "
         "stopped. Find out what delayed the scans (the session's events), then continue with rig resume.");
+  }
   if (why) std::rethrow_exception(why);
   co_return scan;
 }
@@ -120,13 +130,6 @@ awaitable<void> Runner::Impl::read_quietly(lidar::Scan& scan, std::exception_ptr
   } catch (...) {
     why = std::current_exception();
   }
-}
-
-awaitable<void> Runner::Impl::stop_stage_after(double seconds) {
-  if (seconds > 0) {
-    co_await parts.clock.sleep(seconds);
-  }
-  co_await parts.stage.stop();
 }
 
 awaitable<void> Runner::Impl::track_stage(Track& track) {

@@ -13,7 +13,8 @@
 
 namespace rig {
 
-constexpr int refusals_in_a_row = 400;    // Ten seconds of scans that do not belong to the capture.
+// Scans that do not belong to the capture: ten seconds of them at 40 Hz, longer where the stream skips some.
+constexpr int refusals_in_a_row = 400;
 constexpr double longest_gap_ms = 3.6e6;  // No stream is silent so long: a stamp beyond it is wrong.
 
 /// Decides for every scan of a stream whether it belongs to the capture.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "rig/runner/failures.hpp"
 
@@ -13,6 +14,8 @@ using boost::asio::awaitable;
 std::string in_deg(double deg) { return rounded_text(deg, 4) + " deg"; }
 
 double StageMotion::room_deg(double rate_deg_s) const {
+  if (!(rate_deg_s > 0 ? limits_.has_max() : limits_.has_min()))
+    return std::numeric_limits<double>::infinity();
   return rate_deg_s > 0 ? limits_.max_deg - position_deg_ : position_deg_ - limits_.min_deg;
 }
 

@@ -34,7 +34,7 @@ class StageMotion {
   /// Host time since which it stands; 0 if it never settled.
   [[nodiscard]] std::int64_t settled_us() const { return settled_us_; }
   [[nodiscard]] const StageLimits& limits() const { return limits_; }
-  /// Degrees to the soft limit that it turns towards.
+  /// Degrees to the soft limit that it turns towards; infinity if it has none.
   [[nodiscard]] double room_deg(double rate_deg_s) const;
   /// Puts its angles into a capture's circumstances.
   void describe(fit::CaptureInfo& capture) const;

@@ -11,6 +11,7 @@
 #include "rig/errors.hpp"
 #include "rig/session/database_errors.hpp"
 #include "rig/session/session_file.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig {
 namespace {
@@ -28,14 +29,6 @@ void demand_free(const std::string& path) {
 void remove_database(const std::string& path) {
   std::error_code ignored;
   for (const char* ending : {"", "-wal", "-shm", "-journal"}) fs::remove(path + ending, ignored);
-}
-
-void sync_file(const std::string& path) {
-  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  const bool failed = fd < 0 || ::fsync(fd) != 0;
-  const int error = errno;
-  if (fd >= 0) ::close(fd);
-  if (failed) throw MeasurementError("cannot write " + path + ": " + why_not_written(path, error));
 }
 
 /// Gives the file its name unless another has it. Returns 0 or the system's error number.

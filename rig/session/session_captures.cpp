@@ -8,6 +8,7 @@
 #include "rig/errors.hpp"
 #include "rig/session/database_errors.hpp"
 #include "rig/session/row_values.hpp"
+#include "rig/session/session_schema.hpp"
 #include "rig/session/session_store_impl.hpp"
 #include "rig/session/stored_recording.hpp"
 
@@ -121,6 +122,7 @@ void SessionStore::Impl::require_transaction() {
 
 void SessionStore::Impl::rollback() {
   open_capture.reset();
+  poses_written = events_written = 0;
   if (insert_scan) insert_scan->reset();
   if (insert_geometry) insert_geometry->reset();
   // A full disk makes SQLite roll back by itself; a second ROLLBACK would then be an error.
@@ -128,18 +130,35 @@ void SessionStore::Impl::rollback() {
 }
 
 void SessionStore::Impl::write_poses() {
-  if (poses.empty()) return;
+  if (poses_written == poses.size()) return;
   SQLite::Statement insert(*database, "INSERT INTO pose VALUES(?, ?, ?, ?, ?, ?, ?)");
-  for (const auto& pose : poses) insert_pose(insert, pose);
+  for (; poses_written < poses.size(); ++poses_written) insert_pose(insert, poses[poses_written]);
+}
+
+void SessionStore::Impl::write_waiting() {
+  write_poses();
+  write_events();
+  for (const auto& [key, value] : waiting_keys) put_key(*database, key, value);
+}
+
+void SessionStore::Impl::forget_written() {
   poses.clear();
+  waiting_events.clear();
+  waiting_keys.clear();
+  poses_written = events_written = 0;
 }
 
 void SessionStore::Impl::flush() {
-  if (poses.empty() && waiting_events.empty()) return;
+  if (poses.empty() && waiting_events.empty() && waiting_keys.empty()) return;
   SQLite::Transaction transaction(*database, SQLite::TransactionBehavior::IMMEDIATE);
-  write_poses();
-  write_events();
-  transaction.commit();
+  try {
+    write_waiting();
+    transaction.commit();
+  } catch (...) {
+    poses_written = events_written = 0;
+    throw;
+  }
+  forget_written();
 }
 
 std::int64_t SessionStore::begin_capture(const fit::CaptureInfo& info) {
@@ -155,23 +174,24 @@ void SessionStore::add_scan(std::int64_t capture, const fit::ScanView& scan) {
 void SessionStore::commit_capture(std::int64_t capture) {
   impl_->require_open(capture);
   guarded(impl_->path, [&] {
-    impl_->write_poses();
-    impl_->write_events();
     impl_->insert_scan->reset();
     impl_->insert_geometry->reset();
     try {
+      impl_->write_waiting();
       impl_->database->exec("COMMIT");
     } catch (...) {
       impl_->rollback();
       throw;
     }
     impl_->open_capture.reset();
+    impl_->forget_written();
     impl_->empty_log();
     impl_->demand_name();
   });
 }
 
 void SessionStore::abandon_capture(std::int64_t capture) {
+  if (!impl_->open_capture) return;  // A commit that failed has given it up already.
   impl_->require_open(capture);
   guarded(impl_->path, [&] {
     impl_->rollback();
@@ -187,7 +207,7 @@ void SessionStore::mark_short(std::int64_t capture) {
 
 void SessionStore::add_pose(const fit::TrackPose& pose) {
   impl_->poses.push_back(pose);
-  if (impl_->poses.size() < poses_per_transaction) return;
+  if (impl_->poses.size() - impl_->poses_written < poses_per_transaction) return;
   guarded(impl_->path, [&] {
     if (impl_->open_capture)
       impl_->write_poses();

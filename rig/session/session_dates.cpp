@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <charconv>
 
 namespace rig {
 
@@ -11,6 +12,14 @@ SessionDates dates_of(const SessionStore& session) {
   if (session.get("kind") != "import") return {created, "", ""};
   const std::string utc = session.get("recorded_utc").value_or("");
   return {utc, utc.empty() ? session.get("recorded_local").value_or("") : "", created};
+}
+
+std::optional<std::int64_t> epoch_unix_us(const SessionStore& session) {
+  const std::string text = session.get("epoch_unix_us").value_or("");
+  std::int64_t unix_us = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), unix_us);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return unix_us;
 }
 
 std::string date_in(const std::string& text) {

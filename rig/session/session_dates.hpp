@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <string>
 
 #include "rig/session/session_store.hpp"
@@ -18,6 +20,10 @@ struct SessionDates {
   [[nodiscard]] std::string measured() const;
 };
 [[nodiscard]] SessionDates dates_of(const SessionStore& session);
+
+/// The system's time, in microseconds of Unix, at which the session's host time is 0. Nothing where the
+/// session does not say it, or not as a number.
+[[nodiscard]] std::optional<std::int64_t> epoch_unix_us(const SessionStore& session);
 
 /// The date YYYY-MM-DD with which a text begins; empty if it begins otherwise.
 [[nodiscard]] std::string date_in(const std::string& text);

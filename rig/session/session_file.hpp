@@ -24,9 +24,6 @@ class WriterLock {
   int fd_;
 };
 
-/// A name is on the disk only when its folder is: flushes the folder of `path`.
-void sync_folder(const std::string& path);
-
 /// Whether there is a file of more than no bytes.
 [[nodiscard]] bool has_data(const std::string& path);
 

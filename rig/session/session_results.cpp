@@ -41,8 +41,8 @@ std::vector<SessionStore::Result> SessionStore::latest_results() const {
 }
 
 void SessionStore::Impl::write_events() {
-  for (const auto& event : waiting_events) write_event(event);
-  waiting_events.clear();
+  for (; events_written < waiting_events.size(); ++events_written)
+    write_event(waiting_events[events_written]);
 }
 
 void SessionStore::Impl::write_event(const Event& event) {

@@ -18,6 +18,7 @@
 #include "rig/session/session_schema.hpp"
 #include "rig/session/session_store_impl.hpp"
 #include "rig/session/stored_recording.hpp"
+#include "rig/whole_file.hpp"
 
 namespace rig {
 
@@ -154,10 +155,16 @@ SessionStore::~SessionStore() = default;
 const std::string& SessionStore::path() const { return impl_->path; }
 
 void SessionStore::set(const std::string& key, const std::string& value) {
+  if (impl_->open_capture) {
+    impl_->waiting_keys[key] = value;
+    return;
+  }
   guarded(impl_->path, [&] { put_key(*impl_->database, key, value); });
 }
 
 std::optional<std::string> SessionStore::get(const std::string& key) const {
+  if (const auto waiting = impl_->waiting_keys.find(key); waiting != impl_->waiting_keys.end())
+    return waiting->second;
   return guarded(impl_->path, [&]() -> std::optional<std::string> {
     SQLite::Statement statement(*impl_->database, "SELECT value FROM session WHERE key = ?");
     statement.bind(1, key);

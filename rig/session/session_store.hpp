@@ -46,7 +46,7 @@ class SessionStore {
   void commit_capture(std::int64_t capture);
   /// Says of the open capture that it holds fewer scans than were asked for: its step's name gets " (short)".
   void mark_short(std::int64_t capture);
-  /// Forgets a capture that was begun and not committed.
+  /// Forgets a capture that was begun and not committed. After a commit that failed there is nothing to do.
   void abandon_capture(std::int64_t capture);
 
   /// Saves everything as `FILE.rig.rescued` and throws MeasurementError if another program removed or

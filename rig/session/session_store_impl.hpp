@@ -3,6 +3,7 @@
 
 #include <SQLiteCpp/SQLiteCpp.h>
 
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -27,8 +28,12 @@ struct SessionStore::Impl {
   std::optional<std::int64_t> open_capture;
   int open_capture_beams = 0;
   bool rescued = false;  // Once is enough: what follows is the end of the run.
+  // What waits for the end of a capture, and how much of it the open transaction holds: until that is
+  // committed, all of it may have to be written again.
   std::vector<fit::TrackPose> poses;
   std::vector<Event> waiting_events;
+  std::map<std::string, std::string> waiting_keys;
+  std::size_t poses_written = 0, events_written = 0;
   std::vector<std::uint16_t> swapped;
 
   Impl(std::string path, Mode mode);
@@ -62,6 +67,10 @@ struct SessionStore::Impl {
   void require_transaction();
   void rollback();
   void write_poses();
+  /// All that waits, into the open transaction.
+  void write_waiting();
+  /// After its commit.
+  void forget_written();
   /// Writes what waited for the end of a capture.
   void flush();
 

@@ -32,4 +32,11 @@ class Sha256 {
   std::uint64_t total_bytes_ = 0;
 };
 
+/// Of one text, as 64 hexadecimal digits.
+[[nodiscard]] inline std::string sha256_of(std::string_view text) {
+  Sha256 hash;
+  hash.feed(text);
+  return hash.hex();
+}
+
 }  // namespace rig

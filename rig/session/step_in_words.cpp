@@ -34,6 +34,9 @@ std::string turn_in_words(const std::string& turn) {
 std::string step_in_words(const std::string& step) {
   static const std::regex planned(R"(([a-z-]+) (\d+(?:\.\d+)*)((?:\[[^\[\]]*\])*)( \(short\))?)");
   static const std::regex turn(R"(\[([^\[\]]*)\])");
+  // The library's search needs stack for every character, and a stranger's session may have any name.
+  constexpr std::size_t longest = 500;
+  if (step.size() > longest) return step;
   std::smatch parts;
   if (!std::regex_match(step, parts, planned)) return step;
   std::string words = (parts[1] == "capture" ? "" : parts[1].str() + ", ") + "step " + parts[2].str();

@@ -10,4 +10,9 @@ namespace rig {
 /// it is.
 [[nodiscard]] std::string step_in_words(const std::string& step);
 
+/// A step's number in its procedure's file ("4.1"), of its key, which names the turns of its loops as well.
+[[nodiscard]] inline std::string number_of_step(const std::string& key) {
+  return key.substr(0, key.find('['));
+}
+
 }  // namespace rig

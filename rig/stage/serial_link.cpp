@@ -21,6 +21,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "rig/descriptor.hpp"
 #include "rig/errors.hpp"
 
 namespace rig {
@@ -86,25 +87,6 @@ const std::string opened_before = "Where the stage stands is not known: if it st
       throw StageError(port + " cannot be opened: " + std::strerror(error) + ". " + meaning);
   }
 }
-
-class Descriptor {
- public:
-  explicit Descriptor(int fd) : fd_(fd) {}
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  ~Descriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  [[nodiscard]] int get() const { return fd_; }
-  int release() {
-    const int fd = fd_;
-    fd_ = -1;
-    return fd;
-  }
-
- private:
-  int fd_;
-};
 
 struct PortCloser {
   void operator()(sp_port* port) const {

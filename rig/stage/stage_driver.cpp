@@ -77,8 +77,8 @@ struct StageDriver::Heartbeat : std::enable_shared_from_this<StageDriver::Heartb
 
 class StageDriver::Turn {
  public:
-  explicit Turn(Line& line) : line_(&line) { line.taken = true; }
-  Turn(Turn&& other) noexcept : line_(std::exchange(other.line_, nullptr)) {}
+  explicit Turn(std::shared_ptr<Line> line) : line_(std::move(line)) { line_->taken = true; }
+  Turn(Turn&& other) noexcept : line_(std::move(other.line_)) {}
   Turn& operator=(Turn&&) = delete;
   ~Turn() {
     if (line_ == nullptr) return;
@@ -87,7 +87,23 @@ class StageDriver::Turn {
   }
 
  private:
-  Line* line_;
+  std::shared_ptr<Line> line_;
+};
+
+/// A timer among those that wait for the line. It lies in a coroutine, which may be destroyed while it waits,
+/// and after the driver, too.
+class StageDriver::Place {
+ public:
+  Place(std::shared_ptr<Line> line, asio::steady_timer& timer) : line_(std::move(line)), timer_(&timer) {
+    line_->waiting.push_back(timer_);
+  }
+  ~Place() { std::erase(line_->waiting, timer_); }
+  Place(const Place&) = delete;
+  Place& operator=(const Place&) = delete;
+
+ private:
+  std::shared_ptr<Line> line_;
+  asio::steady_timer* timer_;
 };
 
 StageDriver::StageDriver(asio::any_io_executor executor, StageOptions options,
@@ -96,7 +112,7 @@ StageDriver::StageDriver(asio::any_io_executor executor, StageOptions options,
       options_(std::move(options)),
       link_(std::move(link)),
       protocol_(std::move(protocol)),
-      line_(std::make_unique<Line>()),
+      line_(std::make_shared<Line>()),
       heartbeat_(std::make_shared<Heartbeat>(executor_)) {}
 
 /// Whoever forgets the stage must not leave it moving.
@@ -113,13 +129,12 @@ awaitable<StageDriver::Turn> StageDriver::take_turn(std::size_t stops) {
     if (Clock::now() > end)
       throw StageError("the stage's serial line stayed busy. Nothing was sent; try again.");
     asio::steady_timer timer(executor_, end);
-    line_->waiting.push_back(&timer);
+    const Place place(line_, timer);
     boost::system::error_code woken;
     co_await timer.async_wait(asio::redirect_error(asio::use_awaitable, woken));
-    std::erase(line_->waiting, &timer);
   }
   demand_not_stopped(stops);
-  co_return Turn(*line_);
+  co_return Turn(line_);
 }
 
 awaitable<void> StageDriver::pause(double seconds) const {

@@ -31,6 +31,7 @@ class StageDriver : public Stage {
   struct Line;       ///< Who uses the line, and who waits for it.
   struct Heartbeat;  ///< Tells the guard that this program is alive while the stage moves.
   class Turn;        ///< The right to use it.
+  class Place;       ///< Among those who wait.
 
   awaitable<Turn> take_turn(std::size_t stops);
   awaitable<void> stop_once();
@@ -52,7 +53,7 @@ class StageDriver : public Stage {
   std::unique_ptr<SerialLink> link_;
   std::unique_ptr<StageProtocol> protocol_;
   StageIdentity identity_;
-  std::unique_ptr<Line> line_;
+  std::shared_ptr<Line> line_;
   std::shared_ptr<Heartbeat> heartbeat_;
   std::size_t stops_ = 0;      ///< Counts stop(): whoever began before the last one gives up.
   bool found_moving_ = false;  ///< By start(); told once, by status().

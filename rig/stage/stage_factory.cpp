@@ -21,7 +21,7 @@ using boost::asio::awaitable;
 using nlohmann::json;
 
 namespace stages {
-std::vector<StageLanguage> all();  // Generated from the files in stages/.
+std::vector<StageLanguage> all();  // Generated from the files in languages/.
 }
 
 namespace {

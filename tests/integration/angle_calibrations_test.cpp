@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <random>
 
 #include "fit/angle.hpp"
@@ -30,10 +31,23 @@ constexpr const char* bench_text = R"({
 
 class Session {
  public:
-  Session(const std::string& name, unsigned seed, double window_deg = 0.05)
+  enum class Bench {
+    as_stated,
+    imperfect  ///< As far as its file's uncertainties say: the board's place, and every stop of the stage.
+  };
+
+  Session(const std::string& name, unsigned seed, Bench kind = Bench::as_stated)
       : path_(folder_ / (name + std::to_string(seed) + ".rig")) {
+    constexpr double window_deg = 0.05;
     fit::Bench truth = fit::parse_bench(bench_text);
     truth.lidar.mount = {{1.63}, {12.65}, {0}};
+    if (kind == Bench::imperfect) {
+      rounding_.emplace(seed);
+      fit::Target& board = truth.targets[0];
+      std::normal_distribution<double> shift_mm(0, 1), turn_deg(0, 0.1);
+      const double shift = shift_mm(*rounding_), turned = std::tan(turn_deg(*rounding_) * deg);
+      for (Eigen::Vector2d* end : {&board.from_mm, &board.to_mm}) end->x() += shift - turned * end->y();
+    }
     sim::SimpleOptions options;
     options.edge_window_rad = window_deg * deg;
     engine_ = std::make_unique<sim::SimpleEngine>(truth, options, seed);
@@ -50,12 +64,15 @@ class Session {
     info.target = "board";
     info.first_step = first_step, info.last_step = last_step;
     const auto id = store_->begin_capture(info);
+    const double stands_deg =
+        stage_deg + off_deg +
+        (rounding_ ? std::uniform_real_distribution<double>(-0.005, 0.005)(*rounding_) : 0);
     std::vector<std::uint32_t> range(1081), intensity(1081);
     for (long seq = 0; seq < scans; ++seq) {
       engine_->scan(
           static_cast<double>(seq) * 0.025,
           [&](double) {
-            return sim::StageMoment{(stage_deg + off_deg) * deg, 0};
+            return sim::StageMoment{stands_deg * deg, 0};
           },
           range, intensity);
       std::vector<std::uint16_t> r, i;
@@ -97,6 +114,7 @@ class Session {
   TestFolder folder_;
   std::string path_;
   std::unique_ptr<sim::SimpleEngine> engine_;
+  std::optional<std::mt19937> rounding_;
   std::unique_ptr<rig::SessionStore> store_;
 };
 
@@ -152,28 +170,47 @@ TEST_CASE("rotation centre: four positions give it within its stated uncertainty
   CHECK(result.at("tables").at(2).at("rows").size() == 7);  // Six pairs and the paper's mean of three.
 }
 
-TEST_CASE("rotation centre and window: k = 2 covers the truth 90 to 99 % of the time over 50 seeds") {
-  int x_inside = 0, y_inside = 0, window_inside = 0;
+namespace {
+
+/// Errors in units of their standard uncertainty. Uncertainties that are too small or too large show: of
+/// normal errors 95 % are below 2, and their mean is 0.80.
+struct Errors {
+  int below_2 = 0, count = 0;
+  double sum = 0;
+  void add(const fit::Estimate& found, double truth) {
+    const double error = std::abs(found.value - truth) / found.u;
+    below_2 += error < 2;
+    ++count;
+    sum += error;
+  }
+  [[nodiscard]] double mean() const { return sum / count; }
+};
+
+}  // namespace
+
+TEST_CASE("rotation centre and window: over 50 seeds errors are about as large as their uncertainties say") {
+  Errors in_x, in_y, in_window;
   constexpr unsigned seeds = 50;
   for (unsigned seed = 1; seed <= seeds; ++seed) {
-    Session session("coverage", seed);
+    Session session("coverage", seed, Session::Bench::imperfect);
     measure_centre(session, 100, 300);
     const auto centre = session.fit("centre"), sensitivity = session.fit("sensitivity");
-    const fit::Estimate x = value_of(centre, "centre_x_mm"), y = value_of(centre, "centre_y_mm");
-    const fit::Estimate window = value_of(sensitivity, "window_deg");
-    x_inside += std::abs(x.value + 1.63) < 2 * x.u;
-    y_inside += std::abs(y.value + 12.65) < 2 * y.u;
-    window_inside += std::abs(window.value - 0.05) < 2 * window.u;
+    in_x.add(value_of(centre, "centre_x_mm"), -1.63);
+    in_y.add(value_of(centre, "centre_y_mm"), -12.65);
+    in_window.add(value_of(sensitivity, "window_deg"), 0.05);
   }
-  WARN("covered: x " << x_inside << ", y " << y_inside << ", window " << window_inside << " of " << seeds);
-  // 50 draws of 95 % lie within 44 .. 50 in 99 % of all cases.
-  CHECK(x_inside >= 44);
-  CHECK(y_inside >= 44);
-  CHECK(window_inside >= 44);
+  for (const Errors& errors : {in_x, in_y, in_window}) {
+    WARN("covered: " << errors.below_2 << " of " << seeds << ", mean of |error|/u " << errors.mean());
+    // 50 draws of 95 % lie within 44 .. 50 in 99 % of all cases; from above only their size can be judged.
+    // The centre's x is stated about twice as uncertain as it is here.
+    CHECK(errors.below_2 >= 44);
+    CHECK(errors.mean() > 0.35);
+    CHECK(errors.mean() < 1.1);
+  }
 }
 
-TEST_CASE("backlash: k = 2 covers the truth 90 to 99 % of the time over 50 seeds") {
-  int inside = 0;
+TEST_CASE("backlash: over 50 seeds errors are about as large as their uncertainties say") {
+  Errors errors;
   constexpr unsigned seeds = 50;
   for (unsigned seed = 1; seed <= seeds; ++seed) {
     std::mt19937 random(seed);
@@ -186,11 +223,12 @@ TEST_CASE("backlash: k = 2 covers the truth 90 to 99 % of the time over 50 seeds
       session.off_deg = -approach * play / 2 + rounding_deg(random);
       session.follow_edge(560, 9, 100);
     }
-    const fit::Estimate found = value_of(session.fit("sensitivity"), "backlash_deg");
-    inside += std::abs(found.value - play) < 2 * found.u;
+    errors.add(value_of(session.fit("sensitivity"), "backlash_deg"), play);
   }
-  WARN("covered: backlash " << inside << " of " << seeds);
-  CHECK(inside >= 44);
+  WARN("covered: backlash " << errors.below_2 << " of " << seeds << ", mean of |error|/u " << errors.mean());
+  CHECK(errors.below_2 >= 44);
+  CHECK(errors.mean() > 0.5);
+  CHECK(errors.mean() < 1.1);
 }
 
 TEST_CASE("a session without an edge says what is missing") {

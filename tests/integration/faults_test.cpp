@@ -173,13 +173,17 @@ TEST_CASE("stages without checksums are where they say as well, after every faul
   const std::string language = GENERATE("shot", "gsc", "falcon");
   FaultyBench bench(1, language);
   double target_deg = 0;
+  std::size_t faults = 0;
   for (const std::string& name : fault_names()) {
     INFO(language << ": " << name);
     if (!name.starts_with("stage") || name == "stage lose-position") continue;
     bench.faults->add(quick(name));
+    ++faults;
     target_deg = target_deg > 5 ? -5 : target_deg + 1;
     bench.run(bench.reach(target_deg));
   }
+  CHECK(faults > 5);
+  CHECK(bench.faults->count() == faults);
 }
 
 TEST_CASE("a fault in the middle of a stream or of a move is survived as well") {
@@ -197,6 +201,7 @@ TEST_CASE("a fault in the middle of a stream or of a move is survived as well") 
     bench.faults->add("at=" + std::to_string(bench.clock.now_s() + 0.2) + " " + name);
     bench.run(bench.reach(target_deg = -target_deg));
   }
+  CHECK(bench.faults->count() == 11);
 }
 
 TEST_CASE("random faults are the same with the same seed, and happen at their rate") {

@@ -115,6 +115,31 @@ TEST_CASE("an address that nobody has, and a name that nobody knows, are reporte
   }
 }
 
+TEST_CASE("answers that were damaged at first do not count against a later stop") {
+  Bench bench;
+  int damaged_parameters = 0, damaged_stops = 0;
+  bool stopping = false;
+  sim::ScipServer::Fault fault;
+  fault.to_host = [&](std::string bytes, bool&) {
+    const bool hit = (bytes.starts_with("PP") && damaged_parameters < 2 && ++damaged_parameters) ||
+                     (bytes.starts_with("QT") && stopping && damaged_stops < 2 && ++damaged_stops);
+    if (hit) bytes[bytes.find('\n') + 1] ^= 1;  // Of the status.
+    return bytes;
+  };
+  bench.server.set_fault(fault);
+  lidar::Client client = bench.client();
+  auto session = [&]() -> awaitable<void> {
+    co_await client.connect();
+    co_await client.start(lidar::StreamRequest());
+    co_await client.next();
+    stopping = true;
+    co_await client.stop();
+  };
+  CHECK_NOTHROW(bench.run(session));
+  CHECK(damaged_parameters == 2);
+  CHECK(damaged_stops == 2);
+}
+
 TEST_CASE("a lidar whose answers cannot be read is reported as that") {
   Bench bench;
   sim::ScipServer::Fault fault;

@@ -2,6 +2,7 @@
 // What goes wrong at a bench, as the operator of `rig run` meets it: each names the fault and its remedy, and
 // ends with its own exit status.
 #include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
 #include <catch2/catch.hpp>
 #include <cstdlib>
 #include <fstream>
@@ -360,6 +361,38 @@ TEST_CASE("the bench is walked through and what is wrong with it is reported") {
                 bench.folder);
   CHECK(found.exit_status() == 0);
   CHECK_THAT(found.errors(), Contains("UST-10LX") && Contains("zaber"));
+}
+
+TEST_CASE("a check that Ctrl-C ends says so when the stage could not be stopped, in its document too") {
+  Bench bench({"--speed", "real"});
+  Program check({RIG_BIN_DIR "/rig", "check", "--bench", bench.folder / "bench.json", "--lidar",
+                 bench.sim->lidar(), "--stage", bench.sim->stage(), "--json", bench.folder / "check.json"},
+                bench.folder);
+  while (check.errors().find("units/deg") == std::string::npos)
+    REQUIRE_FALSE(check.ends_within(std::chrono::milliseconds(20)));
+  (void)bench.sim->ask({{"fault", "stage dead s=60"}});
+  check.signal(SIGINT);
+  CHECK(check.exit_status() == 1);
+  CHECK_THAT(check.errors(), Contains("Stopped by the operator. The stage could not be stopped: "));
+  const json document = json::parse(file_text(bench.folder / "check.json"));
+  CHECK_FALSE(document.at("lines").empty());
+  CHECK_THAT(document.at("error").get<std::string>(),
+             Contains("Stopped by the operator. The stage could not be stopped: "));
+}
+
+TEST_CASE("an operator's port at which nothing listens is reported at once, as that") {
+  Bench bench;
+  boost::asio::io_context io;
+  boost::asio::ip::tcp::acceptor closed(io, {boost::asio::ip::make_address("127.0.0.1"), 0});
+  const std::string port = std::to_string(closed.local_endpoint().port());
+  closed.close();
+  bench.write("p.yaml", "procedure: test\nsteps:\n  - prompt: {title: x, place: {target: board}}\n");
+  Program rig({RIG_BIN_DIR "/rig", "run", bench.folder / "p.yaml", "--lidar", bench.sim->lidar(), "--stage",
+               bench.sim->stage(), "--bench", bench.folder / "bench.json", "--operator",
+               "tcp://127.0.0.1:" + port, "--out", bench.folder / "out.rig"},
+              bench.folder);
+  CHECK(rig.exit_status() == 3);
+  CHECK_THAT(rig.errors(), Contains("cannot be used (Connection refused)") && Contains("Nothing was placed"));
 }
 
 TEST_CASE("what `rig new` writes runs as it stands") {

@@ -90,9 +90,7 @@ TEST_CASE("stop goes before a waiting move, which then says that it was stopped"
   });
   while (!rig.run(rig.stage->status()).moving) {
   }
-  const auto begun = std::chrono::steady_clock::now();
   rig.run(rig.stage->stop());
-  CHECK(std::chrono::steady_clock::now() - begun < std::chrono::seconds(1));
   rig.pump(is_over);
   CHECK_THAT(why, Contains("was stopped"));
   CHECK_FALSE(rig.device->mechanics().moving(rig.clock.now_s()));

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "rig/crc32.hpp"
 #include "rig/import/mcap.hpp"
 
 // Small ROS 2 bags made by the tests themselves.

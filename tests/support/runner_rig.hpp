@@ -31,9 +31,11 @@ class FakeClock final : public rig::RunClock {
  public:
   std::int64_t now_us = 100'000'000;
   bool is_real = false;  ///< The computer's clocks.
+  std::function<void(double seconds)> when_asleep = [](double) {};
   std::int64_t host_us() const override { return is_real ? real->host_us() : now_us; }
   std::int64_t unix_us() const override { return is_real ? real->unix_us() : 1'700'000'000'000'000 + now_us; }
   boost::asio::awaitable<void> sleep(double seconds) override {
+    when_asleep(seconds);
     for (int i = 0; i < 10; ++i) co_await yield();  // What happens at once happens before.
     now_us += std::llround(seconds * 1e6);
   }
@@ -193,11 +195,12 @@ class FakeStage final : public rig::Stage {
   }
   boost::asio::awaitable<void> stop() override {
     ++stops;
-    co_await yield();
+    for (int i = 0; i < yields_at_stop; ++i) co_await yield();
     if (lost_for_good) throw rig::StageLost("the stage does not answer.");
     moving = false;
   }
   bool lost_for_good = false;
+  int yields_at_stop = 1;
   boost::asio::awaitable<void> reopen() override {
     ++reopens;
     co_await yield();

@@ -6,9 +6,11 @@
 #include <cstring>
 #include <fstream>
 #include <map>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "rig/crc32.hpp"
 #include "rig/errors.hpp"
 #include "rig/export/bag_messages.hpp"
 #include "rig/export/exporter.hpp"
@@ -39,19 +41,8 @@ Bytes record(std::uint8_t opcode, const Bytes& content) {
   return out + content;
 }
 
-std::uint32_t crc32_of(const Bytes& bytes) {
-  static const std::array<std::uint32_t, 256> table = [] {
-    std::array<std::uint32_t, 256> t{};
-    for (std::uint32_t i = 0; i < 256; ++i) {
-      std::uint32_t c = i;
-      for (int k = 0; k < 8; ++k) c = c & 1 ? 0xEDB88320u ^ (c >> 1) : c >> 1;
-      t[i] = c;
-    }
-    return t;
-  }();
-  std::uint32_t crc = 0xFFFFFFFFu;
-  for (const char c : bytes) crc = table[(crc ^ static_cast<std::uint8_t>(c)) & 0xFF] ^ (crc >> 8);
-  return ~crc;
+std::span<const std::uint8_t> octets(const Bytes& bytes) {
+  return {reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()};
 }
 
 /// An indexed MCAP file with one zstd-compressed chunk for about a megabyte of messages.
@@ -137,7 +128,7 @@ class McapWriter : public BagSink {
     put(content, chunk_first_);
     put(content, chunk_last_);
     put(content, static_cast<std::uint64_t>(chunk_.size()));
-    put(content, crc32_of(chunk_));
+    put(content, crc32(octets(chunk_)));
     put_text(content, "zstd");
     put(content, static_cast<std::uint64_t>(packed.size()));
     const std::uint64_t chunk_start = at_;

@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: MIT
+#include <stdlib.h>
 #include <unistd.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <filesystem>
 #include <memory>
 
 #include "rig/errors.hpp"
 #include "rig/import/decompress.hpp"
 #include "rig/import/importer.hpp"
+#include "rig/output_place.hpp"
 
 namespace rig::importers {
 namespace {
@@ -17,12 +20,16 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view packed_suffix = ".zstd";
 
-/// A name beside the system's temporary files that goes away with the object.
+/// A new file beside the system's temporary files that goes away with the object.
 class TemporaryFile {
  public:
-  explicit TemporaryFile(const std::string& suffix)
-      : path_((fs::temp_directory_path() / ("rig-import-" + std::to_string(::getpid()) + "-" + suffix))
-                  .string()) {}
+  /// `ending` says what it will hold. Throws UsageError when it cannot be made.
+  explicit TemporaryFile(const std::string& ending)
+      : path_((fs::temp_directory_path() / "rig-import-XXXXXX").string() + ending) {
+    const int made = ::mkstemps(path_.data(), static_cast<int>(ending.size()));
+    if (made < 0) throw UsageError("cannot write " + path_ + ": " + why_not_written(path_, errno));
+    ::close(made);
+  }
   ~TemporaryFile() {
     std::error_code ignored;
     fs::remove(path_, ignored);
@@ -52,10 +59,11 @@ std::vector<fs::path> bag_files(const fs::path& folder, ImportSink& sink) {
       for (const auto& name : root["rosbag2_bagfile_information"]["relative_file_paths"]) {
         // Only what lies in the folder: a bag from elsewhere must not name files of this machine.
         const fs::path inside = fs::path(name.as<std::string>()).filename();
-        if (fs::exists(folder / inside))
+        if (is_bag_file(inside) && fs::is_regular_file(folder / inside))
           files.push_back(folder / inside);
         else
-          sink.note("metadata.yaml names " + inside.string() + ", which is not in the folder.");
+          sink.note("metadata.yaml names '" + name.as<std::string>() +
+                    "', which is no bag file in the folder.");
       }
     } catch (const YAML::Exception& error) {
       sink.note(std::string("metadata.yaml cannot be read (") + error.what() +
@@ -77,7 +85,7 @@ std::vector<fs::path> bag_files(const fs::path& folder, ImportSink& sink) {
 void read_one(const fs::path& file, const ImportOptions& options, ImportSink& sink) {
   const std::string path = file.string();
   if (!path.ends_with(packed_suffix)) return importer_for(path)->read(path, options, sink);
-  const TemporaryFile unpacked(file.stem().string());
+  const TemporaryFile unpacked("-" + file.stem().string());
   if (!decompress_zstd_file(path, unpacked.path()))
     sink.note(path + " is cut off: what came before the cut was kept.");
   importer_for(unpacked.path())->read(unpacked.path(), options, sink);

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -11,13 +12,13 @@
 
 #include "rig/errors.hpp"
 #include "rig/import/importer.hpp"
+#include "rig/text_lines.hpp"
 
 namespace rig::importers {
 namespace {
 
 constexpr std::size_t longest_line = 1 << 20;
 constexpr std::size_t most_beams = 100'000;
-constexpr double largest_range_m = 65.535;
 
 struct Pose {
   double x_m = 0, y_m = 0, heading_rad = 0;
@@ -168,7 +169,7 @@ class CarmenReader {
     const double first = stated == resolution_rad_.end()
                              ? -fit::pi / 2
                              : -step * std::floor(static_cast<double>(ranges.size()) / 2);
-    scan(time_s, kind, first, step, ranges, largest_range_m, {});
+    scan(time_s, kind, first, step, ranges, std::numeric_limits<double>::infinity(), {});
   }
 
   void laser(Words& words, const std::string& kind) {
@@ -194,7 +195,7 @@ class CarmenReader {
       place(lidar, robot);
       track(time_s, robot);
     }
-    scan(time_s, kind, first, step, ranges, std::min(farthest_m, largest_range_m), remissions);
+    scan(time_s, kind, first, step, ranges, farthest_m, remissions);
   }
 
   void track(double time_s, const Pose& pose) {
@@ -229,12 +230,10 @@ class CarmenReader {
     last_s_ = time_s, last_source_ = source;
     range_mm_.clear();
     for (const double range : ranges)
-      range_mm_.push_back(
-          range > 0 && range < farthest_m ? static_cast<std::uint16_t>(std::lround(range * 1000)) : 0);
+      range_mm_.push_back(range_of(range < farthest_m ? std::optional(range * 1000) : std::nullopt));
     intensity_.clear();
     if (remissions.size() == ranges.size())
-      for (const double value : remissions)
-        intensity_.push_back(static_cast<std::uint16_t>(std::clamp(value, 0.0, 65535.0)));
+      for (const double value : remissions) intensity_.push_back(intensity_of(value));
     ImportedScan result;
     result.stamp_ns = nanoseconds(time_s);
     result.source = source;

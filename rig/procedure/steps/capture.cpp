@@ -27,6 +27,7 @@ class Capture final : public StepKind {
   void plan(const Arguments& arguments, Plan& plan) const override {
     const auto request = capture_request(arguments, *plan.bench, arguments.integer_or("samples", 1));
     plan.capture(request.samples, request.spacing_s);
+    plan.depends_on(arguments, {"samples", "spacing_s"});
     plan.says = "capture " + std::to_string(request.samples) + " scans" +
                 (request.spacing_s > 0 ? ", " + to_text(request.spacing_s) + " s apart" : "") +
                 (request.target ? " of " + *request.target : "");

@@ -95,6 +95,8 @@ Eigen::Vector2d edge_of(const fit::Target& target, bool right) {
   return (turn > 0) == right ? target.from_mm : target.to_mm;
 }
 
+constexpr double usual_search_deg = 1.5;
+
 Settings settings_of(const Arguments& arguments, const fit::Bench& bench, int approach) {
   Settings settings;
   settings.target = *capture_request(arguments, bench, 1).target;
@@ -104,11 +106,14 @@ Settings settings_of(const Arguments& arguments, const fit::Bench& bench, int ap
   settings.step_deg = arguments.number_or("step_deg", 0.01);
   settings.spread = arguments.integer_or("spread", 8);
   settings.approach = approach_of(arguments, approach);
-  const double beam_deg = arguments.number("beam_deg"), search_deg = arguments.number_or("search_deg", 1.5);
+  const double beam_deg = arguments.number("beam_deg"),
+               search_deg = arguments.number_or("search_deg", usual_search_deg);
   const fit::LidarGeometry& lidar = bench.lidar;
-  settings.beam =
-      static_cast<int>(std::lround(lidar.front_step + beam_deg * fit::rad_per_deg / lidar.step_rad));
-  if (!std::isnan(beam_deg) && (settings.beam < lidar.first_step || settings.beam >= lidar.steps))
+  const bool knows_beam = !std::isnan(beam_deg);
+  settings.beam = lidar.front_step;
+  if (knows_beam)
+    settings.beam += static_cast<int>(std::lround(beam_deg * fit::rad_per_deg / lidar.step_rad));
+  if (knows_beam && (settings.beam < lidar.first_step || settings.beam >= lidar.steps))
     throw ProcedureError(arguments.position_of("beam_deg"),
                          "the lidar has no beam at " + to_text(beam_deg) + " deg.");
   const fit::Target* target = bench.target(settings.target);
@@ -118,6 +123,7 @@ Settings settings_of(const Arguments& arguments, const fit::Bench& bench, int ap
   double expected_deg =
       stage_angle_of(edge_of(*target, settings.right), lidar.beam_angle(settings.beam), lidar.mount) *
       fit::deg_per_rad;
+  if (!knows_beam) expected_deg = NAN;
   if (arguments.has("near_deg")) expected_deg = arguments.number("near_deg");
   const auto on_grid = [&](double deg) { return std::round(deg / settings.step_deg) * settings.step_deg; };
   settings.from_deg = on_grid(expected_deg - search_deg);
@@ -296,16 +302,19 @@ class FindEdge final : public StepKind {
     for (const double angle : {settings.to_deg, settings.from_deg})
       plan.move_to(angle, arguments.position(), settings.approach);
     constexpr int usual_stops = 16;
+    const double found_deg = settings.to_deg - settings.from_deg;
+    const double width_deg = std::isnan(found_deg) ? 2 * usual_search_deg : found_deg;
     for (int i = 0; i < usual_stops; ++i) {
       plan.capture(settings.samples, 0);
-      plan.seconds += 0.5 + (settings.to_deg - settings.from_deg) / 8 / plan.limits.speed_deg_s;
+      plan.seconds += 0.5 + width_deg / 8 / plan.limits.speed_deg_s;
     }
+    plan.depends_on(arguments, {"near_deg", "beam_deg", "search_deg", "step_deg", "samples"});
     const double middle = (settings.from_deg + settings.to_deg) / 2;
     plan.stage_deg = middle;
     plan.says = "find the " + std::string(settings.right ? "right" : "left") + " edge of " + settings.target +
-                " with beam " + arguments.text_or("beam_deg", "?") + " deg, near " + rounded_text(middle, 2) +
-                " deg, about " + std::to_string(usual_stops) + " stops of " +
-                std::to_string(settings.samples) + " scans";
+                " with beam " + arguments.text_or("beam_deg", "?") + " deg, " +
+                (std::isnan(middle) ? "" : "near " + rounded_text(middle, 2) + " deg, ") + "about " +
+                std::to_string(usual_stops) + " stops of " + std::to_string(settings.samples) + " scans";
   }
   awaitable<void> run(const Arguments& arguments, StepContext& context) const override {
     const Settings settings = settings_of(arguments, context.bench(), context.rules().approach);

@@ -4,7 +4,7 @@
 namespace rig::steps {
 namespace {
 
-/// The runner unrolls it; this file only says that it exists.
+/// unroll() (procedure_plan.hpp) repeats its steps; this file only says that it exists.
 class ForEach final : public StepKind {
  public:
   std::string name() const override { return "for-each"; }

@@ -48,11 +48,12 @@ class Sweep final : public StepKind {
       plan.move_to(stops.at(i), arguments.position(), approach);
       plan.capture(request.samples, request.spacing_s);
     }
+    plan.depends_on(arguments, {"start_deg", "stop_deg", "step_deg", "samples", "spacing_s"});
     plan.says =
         "sweep " +
-        (std::isnan(stops.from_deg) ? std::to_string(stops.count) + " stops"
-                                    : to_text(stops.at(0)) + " to " + to_text(stops.at(stops.count - 1)) +
-                                          " deg, " + std::to_string(stops.count) + " stops") +
+        (std::isnan(stops.at(0)) ? std::to_string(stops.count) + " stops"
+                                 : to_text(stops.at(0)) + " to " + to_text(stops.at(stops.count - 1)) +
+                                       " deg, " + std::to_string(stops.count) + " stops") +
         " of " + std::to_string(request.samples) + " scans";
   }
   awaitable<void> run(const Arguments& arguments, StepContext& context) const override {
@@ -77,8 +78,9 @@ class Sweep final : public StepKind {
     stops.from_deg = arguments.number("start_deg");
     const double to = arguments.number("stop_deg");
     stops.step_deg = std::copysign(arguments.number_or("step_deg", 0.01), to - stops.from_deg);
-    if (std::isnan(stops.from_deg) || std::isnan(to)) {
-      stops.count = 30;  // A guess for the dry run; the run itself knows.
+    if (std::isnan(stops.from_deg + to + stops.step_deg)) {
+      stops.step_deg = NAN;  // Nor is it known where they are.
+      stops.count = 30;      // A guess for the dry run; the run itself knows.
       return stops;
     }
     const double count = std::floor((to - stops.from_deg) / stops.step_deg + 1e-6) + 1;

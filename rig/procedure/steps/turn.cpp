@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <cmath>
 
 #include "rig/procedure/step.hpp"
@@ -35,32 +36,42 @@ class Turn final : public StepKind {
   }
   void plan(const Arguments& arguments, Plan& plan) const override {
     const double rate = arguments.number("rate_deg_s"), from = arguments.number("from_deg");
-    if (rate == 0)
-      throw ProcedureError(arguments.position_of("rate_deg_s"), "a rate of 0 is a 'capture', not a 'turn'.");
+    demand_turning(arguments);
     const int samples = arguments.integer_or("samples", 1);
-    (void)capture_request(arguments, *plan.bench, samples);
+    const CaptureRequest request = capture_request(arguments, *plan.bench, samples);
     plan.move_to(from, arguments.position_of("from_deg"), rate > 0 ? 1 : -1);
-    const double end = from + rate * (samples / plan.bench->lidar.scan_hz + 1);
+    // std::max ignores a spacing that is not known yet.
+    const double lasts_s = samples * std::max(1 / plan.bench->lidar.scan_hz, request.spacing_s) + 1;
+    const double end = from + rate * lasts_s;
     if (end < plan.limits.min_deg || end > plan.limits.max_deg)
       throw ProcedureError(arguments.position(),
                            "turning would end near " + to_text(std::round(end)) +
                                " deg, beyond the stage's soft limits " + to_text(plan.limits.min_deg) +
                                " to " + to_text(plan.limits.max_deg) +
                                " deg; take fewer samples, a lower rate or another start.");
-    plan.capture(samples, 0);
+    plan.capture(samples, request.spacing_s);
+    plan.depends_on(arguments, {"rate_deg_s", "samples", "spacing_s"});
     plan.seconds += 1;
-    plan.travel_deg += std::abs(end - from);
+    plan.travel_deg += std::isnan(rate) ? 0 : std::abs(rate * lasts_s);
     plan.stage_deg = NAN;
-    plan.says = "turn at " + to_text(rate) + " deg/s from " + to_text(from) + " deg, " +
-                std::to_string(samples) + " scans";
+    const auto known = [](double value) { return std::isnan(value) ? "?" : to_text(value); };
+    plan.says = "turn at " + known(rate) + " deg/s from " + known(from) + " deg, " + std::to_string(samples) +
+                " scans";
   }
   awaitable<void> run(const Arguments& arguments, StepContext& context) const override {
+    demand_turning(arguments);  // The rate may be a value that only the run knows.
     CaptureRequest request = capture_request(arguments, context.bench(), arguments.integer_or("samples", 1));
     request.name = context.name();
     request.key = context.key() + "/capture";
     request.rate_deg_s = arguments.number("rate_deg_s");
     co_await context.capture_turning(request, arguments.number("from_deg"),
                                      arguments.position_of("from_deg"));
+  }
+
+ private:
+  static void demand_turning(const Arguments& arguments) {
+    if (arguments.number("rate_deg_s") == 0)
+      throw ProcedureError(arguments.position_of("rate_deg_s"), "a rate of 0 is a 'capture', not a 'turn'.");
   }
 };
 

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+#include <cmath>
+
 #include "rig/procedure/step.hpp"
 
 namespace rig::steps {
@@ -20,8 +22,11 @@ class Wait final : public StepKind {
   void plan(const Arguments& arguments, Plan& plan) const override {
     if (arguments.has("seconds") == arguments.has("minutes"))
       throw ProcedureError(arguments.position(), "'wait' needs one of seconds and minutes.");
-    plan.seconds += seconds(arguments);
-    plan.says = "wait " + to_text(seconds(arguments)) + " s";
+    const double planned_s = seconds(arguments);
+    plan.depends_on(arguments, {"seconds", "minutes"});
+    plan.seconds += std::isnan(planned_s) ? 0 : planned_s;
+    plan.says =
+        std::isnan(planned_s) ? "wait as long as an earlier step says" : "wait " + to_text(planned_s) + " s";
   }
   awaitable<void> run(const Arguments& arguments, StepContext& context) const override {
     co_await context.wait(seconds(arguments));

@@ -9,6 +9,7 @@
 #include "rig/report/report.hpp"
 #include "rig/session/session_store.hpp"
 #include "rig/session/standing.hpp"
+#include "tests/support/programs.hpp"
 #include "tests/support/test_folder.hpp"
 
 namespace certificate_standing_test {
@@ -225,6 +226,46 @@ TEST_CASE(
   CHECK(beside != page);
   CHECK_THAT(file_text(page), Contains("Calibration certificate"));
   CHECK(folder.names().count("centre.html") == 1);
+}
+
+TEST_CASE("a procedure of any length is read for its version and its variables") {
+  const TestFolder folder;
+  const std::string session = certified(folder);
+  with(session, [](auto& store) {
+    const std::string endless(1'000'000, 'x');
+    store.set("procedure", "procedure: centre\nabout: " + endless + "\nversion: '" + endless +
+                               "'\nvariables: {a: " + endless + ", samples: 10000}\nsteps: [home]\n");
+  });
+  const std::string page = page_of(folder, session);
+  CHECK_THAT(page, Contains("version xxxx") && Contains("samples = 100 (procedure: 10000)"));
+}
+
+TEST_CASE("a certificate that goes to a program is registered as any other, unless the session is to stay") {
+  const TestFolder folder;
+  const std::string session = certified(folder);
+  const auto registered = [&] {
+    const rig::SessionStore store(session, rig::SessionStore::Mode::read);
+    return nlohmann::json::parse(store.get("certificates").value_or("[]"));
+  };
+  const auto run = [&](std::vector<std::string> options) {
+    std::vector<std::string> words = {RIG_BIN_DIR "/rig", "report", session, "--json"};
+    words.insert(words.end(), options.begin(), options.end());
+    Program report(words, folder);
+    std::string output;
+    while (const auto line = report.line()) output += *line;
+    const int status = report.exit_status();
+    INFO(report.errors());
+    CHECK(status == 0);
+    return output;
+  };
+  (void)run({"-", "--no-store"});
+  CHECK(registered().empty());
+  const auto certificate = nlohmann::json::parse(run({"-"}));
+  REQUIRE(registered().size() == 1);
+  CHECK(registered()[0].at("number") == certificate.at("number"));
+  (void)run({folder / "c.json"});
+  REQUIRE(registered().size() == 1);
+  CHECK(registered()[0].at("files") == nlohmann::json({"standard output", "c.json"}));
 }
 
 TEST_CASE("the Digital Calibration Certificate satisfies PTB's schema") {

@@ -48,6 +48,11 @@ class HangingProgram {
 
 }  // namespace
 
+TEST_CASE("a child's documents carry no date, and nothing of ours changes for that") {
+  CHECK(shell("echo $SOURCE_DATE_EPOCH").output == "0\n");
+  CHECK(std::getenv("SOURCE_DATE_EPOCH") == nullptr);
+}
+
 TEST_CASE("a child's output comes whole, and how it ended is reported") {
   const auto much = shell("yes 1234567 | head -n 40000");
   CHECK(much.end == End::done);

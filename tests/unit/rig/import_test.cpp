@@ -10,9 +10,11 @@
 #include <sstream>
 
 #include "rig/errors.hpp"
+#include "rig/export/exporter.hpp"
 #include "rig/import/cdr.hpp"
 #include "rig/import/import_session.hpp"
 #include "rig/session/session_store.hpp"
+#include "rig/text_lines.hpp"
 #include "tests/support/bags.hpp"
 #include "tests/support/test_folder.hpp"
 
@@ -143,7 +145,7 @@ TEST_CASE("a robot's MCAP bag becomes a session, whatever its compression") {
     const auto report = rig::import_session(request({bag}, folder / "out.rig"));
     CHECK(report.scans == 2);
     CHECK(report.poses == 2);
-    CHECK_THAT(all(report.notes), Contains("/scan_back was left out") && Contains("65.535 m"));
+    CHECK_THAT(all(report.notes), Contains("/scan_back was left out") && Contains("65.5 m"));
     check_robot_session(folder / "out.rig");
   }
 }
@@ -169,6 +171,70 @@ TEST_CASE("a bag folder is read in the order of its metadata, and without metada
                "rosbag2_bagfile_information:\n  version: 5\n  relative_file_paths:\n    - bag_0.mcap\n");
   rig::import_session(request({folder / "bag"}, folder / "listed.rig"));
   check_robot_session(folder / "listed.rig");
+}
+
+TEST_CASE("a bag folder's metadata names nothing but bag files in the folder") {
+  const TestFolder folder;
+  fs::create_directories(folder / "bag/inner.mcap");
+  folder.write("bag/bag_0.mcap", robot_mcap("zstd"));
+  folder.write("outside.mcap", robot_mcap(""));
+  folder.write("bag/metadata.yaml",
+               "rosbag2_bagfile_information:\n  relative_file_paths: ['', '.', '..', 'bag/', './', "
+               "inner.mcap, metadata.yaml, '../outside.mcap', bag_0.mcap]\n");
+  const auto report = rig::import_session(request({folder / "bag"}, folder / "out.rig"));
+  check_robot_session(folder / "out.rig");
+  for (const char* named : {"''", "'.'", "'..'", "'bag/'", "'inner.mcap'", "'../outside.mcap'"})
+    CHECK_THAT(all(report.notes), Contains(std::string(named) + ", which is no bag file in the folder"));
+}
+
+TEST_CASE("a range is a range, whoever wrote it down") {
+  const auto in_bag = [](float range_m, float level) {
+    return std::pair(rig::range_of(range_m * 1000.0), rig::intensity_of(level));
+  };
+  CHECK(in_bag(4.0F, 100.4F) == std::pair<std::uint16_t, std::uint16_t>(4000, 100));
+  CHECK(in_bag(65.4994F, 1e9F) == std::pair<std::uint16_t, std::uint16_t>(65499, 65535));
+  for (const float none : {0.0F, 0.019F, 65.4996F, 65.533F, 1e30F, -1.0F, NAN, INFINITY})
+    CHECK(in_bag(none, NAN) == std::pair<std::uint16_t, std::uint16_t>(0, 0));
+  const TestFolder folder;
+  bags::McapWriter bag;
+  for (int i = 0; i < 3; ++i)
+    bag.add({"/scan", "sensor_msgs/msg/LaserScan", t0 + 25'000'000 * i,
+             bags::laser_scan(t0 + 25'000'000 * i, {0.005F, 1, 65.533F, 2}, {NAN, 1, 2, 3})});
+  rig::import_session(request({folder.write("codes.mcap", bag.finish())}, folder / "out.rig"));
+  const rig::SessionStore session(folder / "out.rig", rig::SessionStore::Mode::read);
+  session.recording()->for_each_scan(0, [](const fit::ScanView& scan) {
+    CHECK(std::vector<std::uint16_t>(scan.range_mm.begin(), scan.range_mm.end()) ==
+          std::vector<std::uint16_t>{0, 1000, 0, 2000});
+    CHECK(scan.intensity[0] == 0);
+  });
+}
+
+TEST_CASE("a bag that is imported and exported again has the times of the lidar") {
+  const TestFolder folder;
+  bags::McapWriter bag;
+  for (int i = 0; i < 3; ++i)
+    bag.add({"/scan", "sensor_msgs/msg/LaserScan", t0 + 25'000'000 * i,
+             bags::laser_scan(t0 + 25'000'000 * i, {1, 1, 1, 1}, {})});
+  rig::import_session(request({folder.write("first.mcap", bag.finish())}, folder / "out.rig"));
+  const rig::SessionStore session(folder / "out.rig", rig::SessionStore::Mode::read);
+  const std::string again = folder / "again.mcap";
+  rig::run_export("mcap", {folder / "out.rig", &session}, rig::check_output({again}));
+  std::ifstream file(again, std::ios::binary);
+  int scans = 0;
+  rig::read_mcap(file, [&](const rig::McapMessage& message) {
+    if (message.type != "sensor_msgs/msg/LaserScan") return true;
+    ++scans;
+    rig::CdrReader in(message.data);
+    in.skip<std::uint32_t>(2);
+    (void)in.text();
+    in.skip<float>(3);
+    CHECK(in.value<float>() == Approx(0.001));                       // from beam to beam
+    CHECK(in.value<float>() == Approx(0.001 * 2 * fit::pi / 0.25));  // of a turn
+    CHECK(in.value<float>() == Approx(0.02));
+    CHECK(in.value<float>() == Approx(65.5));
+    return true;
+  });
+  CHECK(scans == 3);
 }
 
 TEST_CASE("a bag file that was packed whole is unpacked on the way") {

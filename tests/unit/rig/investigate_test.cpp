@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -7,11 +9,14 @@
 #include "rig/investigate/cost.hpp"
 #include "rig/investigate/decision.hpp"
 #include "rig/investigate/dossier_document.hpp"
+#include "rig/investigate/investigation.hpp"
 #include "rig/investigate/one_clock.hpp"
 #include "rig/investigate/session_plan.hpp"
 #include "rig/investigate/state.hpp"
 #include "rig/procedure/procedure_plan.hpp"
 #include "rig/report/dossier_page.hpp"
+#include "rig/session/sha256.hpp"
+#include "tests/support/test_folder.hpp"
 
 namespace investigate_test {
 namespace {
@@ -46,7 +51,37 @@ std::vector<PlannedStep> planned(const std::string& text) {
   return unroll(kept.back(), room());
 }
 
+/// What an investigation in `folder` asks of others, none of which is expected.
+Investigation investigation_in(const TestFolder& folder, bool resume) {
+  Options options;
+  options.folder = folder / ".";
+  options.resume = resume;
+  return {room(), options, {}};
+}
+
 }  // namespace
+
+TEST_CASE("an investigation removes its own half-written files, and nobody else's") {
+  const TestFolder folder;
+  const std::vector<std::string> own = {"bench.json.part12", "round-1.yaml.part7",
+                                        "last-2.explanation.json.part3", "dossier.pdf.part9.html"},
+                                 others = {"video.mp4.part", "thesis.part2", "round-one.yaml.part7",
+                                           "round-1.yaml.part7.bak", "bench.json.particle"};
+  for (const auto* names : {&own, &others})
+    for (const std::string& name : *names) std::ofstream(folder / name) << "x";
+  (void)investigation_in(folder, false);  // Nothing is known yet of whose folder it is.
+  CHECK(folder.names().size() == own.size() + others.size());
+  State begun;
+  Sha256 hash;
+  hash.feed(fit::to_json_text(room()));
+  begun.bench_sha256 = hash.hex();
+  std::ofstream(folder / "investigation.json") << to_json(begun).dump();
+  CHECK_THROWS_AS(investigation_in(folder, false), UsageError);
+  CHECK(folder.names().size() == 1 + own.size() + others.size());
+  (void)investigation_in(folder, true);
+  CHECK(folder.names().size() == 1 + others.size());
+  for (const std::string& name : others) CHECK(std::filesystem::exists(folder / name));
+}
 
 TEST_CASE("an investigation does next what tells most per minute, not what tells most") {
   const std::vector<Possible> experiments = {possible("a long ladder", 1.0, 100),

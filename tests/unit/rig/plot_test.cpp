@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "rig/report/plot.hpp"
 
+#include <sys/resource.h>
+
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <csignal>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -24,6 +27,20 @@ TEST_CASE("a plot is one SVG element with its labels, the same bytes each time")
   CHECK(svg.find("currentColor") == std::string::npos);
   CHECK(svg.find("stage angle (deg)") != std::string::npos);
   CHECK(svg == rig::to_svg(plot));
+}
+
+TEST_CASE("a disk that takes a part of a picture's points only is told, and no part of a picture drawn") {
+  Plot plot{"Walk", "x", "y", {{"mean", Series::Style::points, {}, {}, {}}}};
+  for (int i = 0; i < 2000; ++i) plot.series[0].x.push_back(i), plot.series[0].y.push_back(i);
+  const auto before = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit whole{}, full{};
+  ::getrlimit(RLIMIT_FSIZE, &whole);
+  full = whole, full.rlim_cur = 8192;
+  ::setrlimit(RLIMIT_FSIZE, &full);
+  const std::string svg = rig::to_svg(plot);
+  ::setrlimit(RLIMIT_FSIZE, &whole);
+  std::signal(SIGXFSZ, before);
+  CHECK(svg.find("no room for a temporary file, picture left out") != std::string::npos);
 }
 
 TEST_CASE("hostile text in a plot stays text") {

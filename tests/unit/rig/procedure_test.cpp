@@ -166,6 +166,41 @@ TEST_CASE("the dry run tells steps, travel, time and limits") {
   CHECK_THAT(text, Contains("-170 to 170"));
 }
 
+TEST_CASE("what only the run will know makes the estimate a lower bound, and no nonsense") {
+  const std::string ask = "  - home\n  - prompt: {title: x, ask: {name: later}}\n";
+  const auto estimate = [&](const std::string& step) {
+    const auto procedure = parse_procedure(head + ask + step, "p.yaml");
+    const auto plan = rig::unroll(procedure, bench());
+    for (const auto& each : plan) {
+      CHECK(std::isfinite(each.seconds));
+      CHECK(std::isfinite(each.travel_deg));
+    }
+    CHECK(plan.back().at_least);
+    return rig::dry_run_text(procedure, bench(), plan);
+  };
+  for (const std::string step :
+       {"wait: {seconds: '${later}'}", "capture: {samples: 5, spacing_s: '${later}'}",
+        "capture: {samples: '${later}'}", "turn: {rate_deg_s: '${later}', from_deg: 0, samples: 50}",
+        "turn: {rate_deg_s: 1, from_deg: '${later}', samples: 50, spacing_s: '${later}'}",
+        "find-edge: {target: board, beam_deg: 0, near_deg: '${later}'}",
+        "find-edge: {target: board, beam_deg: '${later}'}",
+        "sweep: {start_deg: 0, stop_deg: '${later}', samples: 5}",
+        "sweep: {start_deg: 0, stop_deg: 1, step_deg: '${later}', samples: 5}"}) {
+    CAPTURE(step);
+    CHECK_THAT(estimate("  - " + step + "\n"), Contains("at least ") && !Contains("nan"));
+  }
+  const auto known = parse_procedure(head + "  - wait: {seconds: 5}\n", "p.yaml");
+  CHECK_THAT(rig::dry_run_text(known, bench(), rig::unroll(known, bench())), Contains("about "));
+}
+
+TEST_CASE("a turn is planned with the spacing of its samples") {
+  const auto plan = planned("  - home\n  - turn: {rate_deg_s: 1, from_deg: 0, samples: 100, spacing_s: 1}\n");
+  CHECK(plan.back().seconds > 100);
+  CHECK(plan.back().travel_deg == Approx(101).margin(0.01));
+  CHECK_THROWS_WITH(planned("  - home\n  - turn: {rate_deg_s: 2, from_deg: 0, samples: 100, spacing_s: 1}\n"),
+                    Contains("turning would end near 202 deg"));
+}
+
 TEST_CASE("command-line variables replace the file's and nothing else") {
   const std::string text =
       "procedure: x\nvariables: {samples: 10000}\nsteps:\n  - capture: {samples: '${samples}'}\n";

@@ -136,6 +136,9 @@ TEST_CASE("steps and coordinates are written in words for those who read a certi
   CHECK(rig::step_in_words("") == "");
   for (const char* foreign : {"lidar_calibration_0.5m", "capture", "capture 3.2[", "[beam_deg=2]"})
     CHECK(rig::step_in_words(foreign) == foreign);
+  std::string endless = "capture 3";
+  for (int i = 0; i < 300'000; ++i) endless += "[a=1]";
+  CHECK(rig::step_in_words(endless) == endless);
   CHECK(rig::coordinate_in_words("beam_deg").with_unit() == "beam angle (deg)");
   CHECK(rig::coordinate_in_words("approach").with_unit() == "sign of the last move");
   CHECK(rig::coordinate_in_words("new_one").with_unit() == "new_one");

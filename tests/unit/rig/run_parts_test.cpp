@@ -9,6 +9,7 @@
 #include "rig/runner/answer_desk.hpp"
 #include "rig/runner/echoes.hpp"
 #include "rig/runner/endpoint.hpp"
+#include "rig/runner/gate.hpp"
 #include "rig/runner/run_control.hpp"
 #include "rig/runner/run_progress.hpp"
 #include "tests/support/runner_rig.hpp"
@@ -51,6 +52,23 @@ struct SilentOperator : rig::Operator {
 };
 
 }  // namespace
+
+TEST_CASE("a gate that is opened after whoever waited is gone, and a waiter that outlives it, harm nothing") {
+  rig::Gate gate;
+  {
+    boost::asio::io_context io;
+    boost::asio::co_spawn(io, gate.wait(), boost::asio::detached);
+    io.poll();
+  }
+  gate.open();
+  CHECK(gate.is_open());
+  boost::asio::io_context io;
+  {
+    rig::Gate shorter;
+    boost::asio::co_spawn(io, shorter.wait(), boost::asio::detached);
+    io.poll();
+  }
+}
 
 TEST_CASE("an address that is none is refused with the form that its option takes") {
   CHECK_THROWS_WITH(rig::parse_endpoint("foo:x", "--lidar", 10940),

@@ -121,6 +121,27 @@ TEST_CASE("a lidar whose timer jumps by hours in the middle of a capture is conn
   CHECK(rig.lidar.connects == 2);
 }
 
+TEST_CASE("a check of the bench stays within soft limits that exclude zero or are not about it") {
+  for (const auto& [limits, facing] : std::vector<std::pair<std::pair<double, double>, double>>{
+           {{10, 170}, 90}, {{0, 350}, 270}, {{-350, 0}, -90}}) {
+    Rig rig("");
+    CAPTURE(limits.first, limits.second);
+    fit::Target& target = rig.bench.targets[0];
+    const double side = facing == 90 ? 1 : -1;
+    target.from_mm = {-200, side * 1400}, target.to_mm = {200, side * 1400};
+    rig.bench.document = nlohmann::json{{"stage", {{"limits_deg", {limits.first, limits.second}}}}}.dump();
+    boost::asio::co_spawn(rig.io,
+                          rig::check_bench(rig.bench, rig.lidar, rig.stage, rig.world.clock, false,
+                                           [](const rig::CheckLine&) {}),
+                          [](std::exception_ptr error, const auto&) {
+                            if (error) std::rethrow_exception(error);
+                          });
+    rig.io.run();
+    for (const double deg : rig.stage.moves) CHECK((deg >= limits.first && deg <= limits.second));
+    CHECK(std::ranges::count(rig.stage.moves, facing) == 1);
+  }
+}
+
 TEST_CASE("a check of the bench tells a lidar's clock that jumps from scans that the network lost") {
   const auto check = [](Rig& rig) {
     std::string text;

@@ -6,6 +6,16 @@ namespace runner_resume_test {
 using Catch::Matchers::Contains;
 using namespace runner_rig;
 
+TEST_CASE("a session that says no moment at which it began is not added to") {
+  Rig rig("  - home\n  - capture: {samples: 50}\n");
+  rig.lidar.before_scan = [&](std::uint64_t number) { rig.lidar.dead = number >= 40; };
+  CHECK_THROWS(rig.run());
+  rig.lidar.dead = false;
+  rig.lidar.before_scan = [](std::uint64_t) {};
+  rig::SessionStore(rig.file, rig::SessionStore::Mode::append).set("epoch_unix_us", "12 o'clock");
+  CHECK_THROWS_WITH(rig.run(), Contains("'12 o'clock'") && Contains("Begin a new session"));
+}
+
 TEST_CASE("a lidar that stays away ends the run safely, and a resumed run replaces the short capture") {
   Rig rig("  - home\n  - capture: {samples: 50}\n  - capture: {samples: 5}\n");
   rig.lidar.before_scan = [&](std::uint64_t number) { rig.lidar.dead = number >= 40; };

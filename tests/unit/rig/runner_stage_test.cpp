@@ -25,6 +25,50 @@ TEST_CASE("a turning stage is stopped at its soft limit even if the lidar says n
   CHECK_FALSE(rig.stage.moving);
 }
 
+TEST_CASE("a turning stage is stopped at its soft limit while scans keep coming") {
+  Rig rig("  - home\n  - turn: {rate_deg_s: 20, from_deg: 100, samples: 60}\n");
+  rig.stage.yields_at_stop = 50;  // At 9600 baud a stop takes longer than a scan.
+  rig.lidar.before_scan = [&](std::uint64_t) {
+    if (rig.stage.moving) rig.world.clock.now_us += 75'000;  // Scans come at a quarter of the rate.
+  };
+  CHECK_THROWS_WITH(rig.run(), Contains("soft limit"));
+  CHECK_FALSE(rig.stage.moving);
+  const auto captures = rig.captures();
+  REQUIRE(captures.size() == 1);
+  CHECK_THAT(captures[0].step, Contains("(short)"));
+  CHECK(captures[0].stamps.size() < 36);  // 70 deg at 20 deg/s, ten scans a second
+}
+
+TEST_CASE("a stage without soft limits turns for as long as the scans take") {
+  Rig rig("  - home\n  - turn: {rate_deg_s: 0.08, from_deg: 0, samples: 40}\n");
+  rig.bench.document = R"({"stage": {"speed_deg_s": 20}})";
+  rig.world.clock.is_real = false;
+  double longest_s = 0;
+  rig.world.clock.when_asleep = [&](double seconds) { longest_s = std::max(longest_s, seconds); };
+  CHECK(rig.run());
+  CHECK(longest_s < 1e6);
+  REQUIRE(rig.captures().size() == 1);
+  CHECK(rig.captures()[0].stamps.size() == 40);
+}
+
+TEST_CASE("a clock sleeps for as long as is asked, however long that is") {
+  boost::asio::io_context io{1};
+  const auto clock = rig::make_real_clock();
+  bool woken = false;
+  for (const double seconds : {1e10, 1.8e10, 1e300})
+    boost::asio::co_spawn(io, clock->sleep(seconds), [&](std::exception_ptr) { woken = true; });
+  for (int i = 0; i < 100; ++i) io.poll();
+  CHECK_FALSE(woken);
+}
+
+TEST_CASE("a rate of turning that turns out to be 0 is refused where it is written") {
+  Rig rig(
+      "  - home\n  - prompt: {title: x, ask: {name: rate, default: 0}}\n"
+      "  - turn: {rate_deg_s: '${rate}', from_deg: 0, samples: 5}\n");
+  CHECK_THROWS_WITH(rig.run(), Contains("a rate of 0 is a 'capture'") && Contains("test.yaml:5"));
+  CHECK_FALSE(rig.stage.moving);
+}
+
 TEST_CASE(
     "a procedure with turns is refused before anything is measured where the clocks have nothing in common") {
   Rig rig("  - home\n  - capture: {samples: 5}\n  - turn: {rate_deg_s: 4, from_deg: 0, samples: 60}\n");

@@ -2,6 +2,7 @@
 #include "rig/session/session_store.hpp"
 
 #include <SQLiteCpp/SQLiteCpp.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 
 #include <catch2/catch.hpp>
@@ -161,6 +162,50 @@ TEST_CASE("an abandoned capture leaves nothing but its events") {
   CHECK(store.progress().empty());
   REQUIRE(store.events().size() == 1);
   CHECK(store.events()[0].text == "lidar lost");
+}
+
+TEST_CASE("a commit that the disk refuses costs the capture, and neither events nor poses nor keys") {
+  const TestFolder folder;
+  const std::string file = folder / "run.rig";
+  {
+    SessionStore store(file, Mode::create);
+    store.set("lidar_restarts", "[]");
+    const auto id = store.begin_capture(small_capture());
+    for (int i = 0; i < 1000; ++i) store.add_scan(id, scan_of(i, {1, 2, 3}));
+    store.add_event(1, "error", "lidar lost");
+    store.set("lidar_restarts", "[1]");
+    CHECK(store.get("lidar_restarts") == "[1]");
+    for (int i = 0; i < 5000; ++i) {  // More than are written at a time.
+      fit::TrackPose pose;
+      pose.host_us = i;
+      store.add_pose(pose);
+    }
+    const auto before = std::signal(SIGXFSZ, SIG_IGN);
+    rlimit whole{}, full{};
+    ::getrlimit(RLIMIT_FSIZE, &whole);
+    full = whole, full.rlim_cur = 4096;
+    ::setrlimit(RLIMIT_FSIZE, &full);
+    CHECK_THROWS(store.commit_capture(id));
+    ::setrlimit(RLIMIT_FSIZE, &whole);
+    std::signal(SIGXFSZ, before);
+    CHECK_NOTHROW(store.abandon_capture(id));
+    store.finish();
+  }
+  const SessionStore store(file, Mode::read);
+  CHECK(store.captures().empty());
+  CHECK(store.events().size() == 1);
+  CHECK(store.get("lidar_restarts") == "[1]");
+  CHECK(store.recording(plain_bench())->track().size() == 5000);
+}
+
+TEST_CASE("a key that is set while a capture is written outlives its end") {
+  const TestFolder folder;
+  SessionStore store(folder / "run.rig", Mode::create);
+  const auto id = store.begin_capture(small_capture());
+  store.set("lidar_accepted", "yes");
+  store.abandon_capture(id);
+  const SessionStore beside(folder / "run.rig", Mode::read);
+  CHECK(beside.get("lidar_accepted") == "yes");
 }
 
 TEST_CASE("a reader beside the writer sees only captures that are committed") {

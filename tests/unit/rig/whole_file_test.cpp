@@ -1,9 +1,14 @@
 // SPDX-License-Identifier: MIT
 #include "rig/whole_file.hpp"
 
+#include <sys/syscall.h>
+#include <unistd.h>
+
 #include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
+#include <string>
+#include <vector>
 
 #include "rig/errors.hpp"
 #include "tests/support/test_folder.hpp"
@@ -11,6 +16,38 @@
 namespace whole_file_test {
 
 namespace fs = std::filesystem;
+
+/// What was flushed to the disk while it is watched, by the names that it had then.
+struct Flushed {
+  bool watched = false;
+  std::vector<std::string> names;
+};
+Flushed flushed;
+
+}  // namespace whole_file_test
+
+/// In place of the system's: what reached the disk cannot be seen from outside.
+extern "C" int fsync(int fd) {
+  using whole_file_test::flushed;
+  if (flushed.watched) {
+    std::error_code ignored;
+    flushed.names.push_back(std::filesystem::read_symlink("/proc/self/fd/" + std::to_string(fd), ignored));
+  }
+  return static_cast<int>(::syscall(SYS_fsync, fd));
+}
+
+namespace whole_file_test {
+
+TEST_CASE("a file is on the disk before it takes its place, and then its folder") {
+  const TestFolder folder;
+  const std::string path = folder / "made.txt";
+  flushed = {true, {}};
+  rig::write_file_atomically(path, "text");
+  flushed.watched = false;
+  REQUIRE(flushed.names.size() == 2);
+  CHECK(flushed.names[0].starts_with(path + ".part"));
+  CHECK(flushed.names[1] == folder.path());
+}
 
 TEST_CASE("a file takes its place when it is whole, and the old one stands until then") {
   const TestFolder folder;
