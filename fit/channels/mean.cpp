@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "fit/explain/hypothesis.hpp"
 #include "fit/explain/inference/numbers.hpp"
@@ -9,6 +11,26 @@ namespace fit::explain::channels {
 namespace {
 
 using Eigen::Index;
+
+/// No surface is even: cosines along every target that is seen, out along its normal.
+Columns of_uneven_surfaces(const MeanModel& model) {
+  constexpr Index cosines = numbers::uneven_cosines;
+  std::map<int, Index> first;
+  for (Index i = 0; i < model.rows(); ++i)
+    first.try_emplace(model.cell(i).at.target, cosines * std::ssize(first));
+  Columns out{Eigen::MatrixXd::Zero(model.rows(), cosines * std::ssize(first)),
+              Prior::around_zero(cosines * std::ssize(first))};
+  for (Index k = 0; k < out.prior.sigma.size(); ++k)
+    out.prior.sigma[k] = numbers::uneven_mm / static_cast<double>(k % cosines + 1);
+  for (Index i = 0; i < model.rows(); ++i) {
+    const Circumstances& at = model.cell(i).at;
+    const double along = std::clamp(at.along_mm / at.half_length_mm, -1.0, 1.0);
+    for (Index k = 0; k < cosines; ++k)
+      out.columns(i, first.at(at.target) + k) =
+          std::cos(static_cast<double>(k + 1) * pi * (along + 1) / 2) / std::max(0.05, at.cos_incidence);
+  }
+  return out;
+}
 
 /// Means of cells: normal around the predicted range, what a group has in common included.
 class Means final : public model::NormalRows {
@@ -24,6 +46,7 @@ class Means final : public model::NormalRows {
     for (Index i = 0; i < model_.rows(); ++i)
       log_weights_[i] = -std::log(std::sqrt(2 * pi * model_.variance_of_mean(i)));
     nuisances() = base_columns(model_, Hypothesis(own_.bench)).all;
+    nuisances().append(of_uneven_surfaces(model_));
     set_log_scale(log_weights_.sum());
   }
 

@@ -7,7 +7,8 @@ namespace fit::mechanisms {
 
 // Bins of the time-to-digital converter (65 ps = 9.7 mm, 10 ps = 1.5 mm): the range is rounded before noise
 // is added, so that means show bins far below the noise and below the output's step. `starts` counts the bins
-// that can be told apart over a few metres.
+// that can be told apart over a few metres. The counter's zero need not be the scale's: the zero is set
+// afterwards.
 Mechanism make_time_quantisation() {
   Mechanism m;
   m.id = "time-quantisation";
@@ -20,10 +21,18 @@ Mechanism make_time_quantisation() {
                    .scale = Parameter::Scale::bin,
                    .lower = 0.25,
                    .upper = 40,
-                   .starts = 80000}};
+                   .starts = 80000},
+                  {.name = "zero",  // of the counter before that of the scale, in bins
+                   .role = Parameter::Role::shape,
+                   .lower = 0,
+                   .upper = 1,
+                   .generalises = true,
+                   .starts = 4,
+                   .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    const auto bins = static_cast<double>(static_cast<std::int64_t>(c.range_mm / p[1] + 0.5));
-    return Effect{.range_mm = p[0] * (p[1] * bins - c.range_mm)};
+    const double counted = c.range_mm / p[1] + p[2],
+                 bins = static_cast<double>(static_cast<std::int64_t>(counted + 0.5));
+    return Effect{.range_mm = p[0] * p[1] * (bins - counted)};
   };
   m.says = [](const Finding& f) {
     return "Distances come in bins of " + with_uncertainty(f.at("bin_mm"), "mm") +

@@ -184,8 +184,11 @@ bool forms_carry_over(const Session& session, const Fitted& fitted) {
   if (captures.count < 2 || of_forms.empty()) return true;
   double gain = 0;
   const Eigen::LLT<Eigen::MatrixXd> all = factor_of_all(fitted);
-  for (int b = 0; b < captures.count; ++b)
-    gain += Block(session, fitted, all, captures, b, true).gain_of_others(of_forms);
+  for (int b = 0; b < captures.count; ++b) {
+    const double of_this = Block(session, fitted, all, captures, b, true).gain_of_others(of_forms);
+    if (of_this < numbers::contradicted_at) return false;
+    gain += of_this;
+  }
   return gain > 0;
 }
 

@@ -13,6 +13,8 @@ constexpr double forms_expected = 0.1;     ///< Missing outside of it.
 constexpr double size_factor_log = 1.15;   ///< Scale of the logarithm of a prior size's factor.
 constexpr double free_curve_share = 0.5;  ///< By which a curve of which only the coordinate is certain bends.
 constexpr int smooth_deviations = 6;      ///< Cosines by which a formula may bend along its coordinate.
+constexpr double uneven_mm = 0.1;  ///< By which a good board bends along it, and by a half, a third ...
+constexpr int uneven_cosines = 4;  ///< ... in shorter waves.
 constexpr double named_at = 0.9, set_holds = 0.95;
 constexpr double window = 12;              ///< Log odds to the best within which a hypothesis counts.
 constexpr double worth_fitting = -3;       ///< Log odds by the score test.

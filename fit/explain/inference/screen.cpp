@@ -39,8 +39,7 @@ class Question : Approximation {
     for (std::size_t i = 0; whole && i < terms.size(); ++i) logs[i] = with_everything(terms[i], false);
     for (std::size_t i = 0; i < terms.size(); ++i) asked_.push_back({logs[i], std::move(terms[i])});
     if (kind_->mechanism->any_curve) keep_places();
-    const double places =
-        kind_->bins ? kind_->mechanism->parameters[*kind_->bins].starts : static_cast<double>(logs.size());
+    const double places = kind_->bins ? combs() : static_cast<double>(logs.size());
     over_grid_ = log_sum(logs) - std::log(places);
     const auto better = [](const Asked& a, const Asked& b) { return a.log_evidence > b.log_evidence; };
     const std::size_t kept = whole ? asked_.size() : std::min(modes_refined, asked_.size());
@@ -219,11 +218,21 @@ class Question : Approximation {
     for (Index i = 0; i < rows.rows(); ++i)
       scores.push_back({model::coordinate_of(kind_->mechanism->coordinate, rows.at(i)), score[i], 0});
     std::vector<std::vector<double>> starts;
-    for (const double bin : model::bins_in(scores, kind_->mechanism->parameters[*kind_->bins])) {
+    const std::size_t bin = *kind_->bins, zero = bin + 1;
+    for (const model::Comb& comb :
+         model::combs_in(scores, kind_->mechanism->parameters[bin], !kind_->is_plain)) {
       starts.push_back(kind_->starts.front());
-      starts.back()[*kind_->bins] = bin;
+      starts.back()[bin] = comb.bin;
+      starts.back()[zero] = comb.zero;
     }
     return starts.empty() ? kind_->starts : starts;
+  }
+
+  /// As many as can be told apart.
+  [[nodiscard]] double combs() const {
+    const auto& parameters = kind_->mechanism->parameters;
+    return parameters[*kind_->bins].starts *
+           static_cast<double>(kind_->is_plain ? 1 : parameters[*kind_->bins + 1].starts);
   }
 
   [[nodiscard]] Term term_at(const std::vector<double>& values) const {

@@ -14,7 +14,7 @@ namespace fit::explain::model {
 namespace {
 
 struct Line {
-  double strength = 0, frequency = 0;
+  double strength = 0, frequency = 0, zero = 0;
 };
 
 Extent extent_of(const std::vector<RowScore>& rows) {
@@ -24,7 +24,7 @@ Extent extent_of(const std::vector<RowScore>& rows) {
 }
 
 /// The strongest lines of the score's spectrum along the coordinate that rounding to a multiple may make.
-std::vector<Line> lines_of(const std::vector<RowScore>& rows, const Parameter& bins) {
+std::vector<Line> lines_of(const std::vector<RowScore>& rows, const Parameter& bins, bool any_zero) {
   constexpr std::size_t kept = 40;
   constexpr double places_of_shortest = 4, finer = 4;
   constexpr std::size_t longest_grid = 1 << 20;
@@ -43,34 +43,55 @@ std::vector<Line> lines_of(const std::vector<RowScore>& rows, const Parameter& b
     const double frequency = static_cast<double>(k) / (static_cast<double>(size) * step);
     if (frequency < 1 / bins.upper || frequency > 1 / bins.lower) continue;
     // Rounding reads short just above a multiple: minus a sine.
-    lines.push_back({std::imag(spectrum[k] * std::polar(1.0, -2 * pi * frequency * places.low)), frequency});
+    const std::complex<double> line =
+        spectrum[k] * std::polar(1.0, -2 * pi * frequency * places.low) / std::complex<double>(0, 1);
+    if (any_zero)
+      lines.push_back({std::abs(line), frequency, std::arg(line) / (2 * pi)});
+    else
+      lines.push_back({std::real(line), frequency});
   }
   keep_best(kept, lines, &Line::strength);
   return lines;
 }
 
-double along_comb(const std::vector<RowScore>& rows, double bin) {
+double along_comb(const std::vector<RowScore>& rows, const Comb& comb) {
   double sum = 0;
-  for (const RowScore& row : rows) sum += row.score * (bin * std::round(row.place / bin) - row.place);
-  return sum / bin;
+  for (const RowScore& row : rows) {
+    const double counted = row.place / comb.bin + comb.zero;
+    sum += row.score * (std::round(counted) - counted);
+  }
+  return sum;
 }
 
 }  // namespace
 
-std::vector<double> bins_in(const std::vector<RowScore>& rows, const Parameter& bins) {
+std::vector<Comb> combs_in(const std::vector<RowScore>& rows, const Parameter& bins, bool any_zero) {
   constexpr std::size_t kept = 6;
+  constexpr int zeros_aside = 2;
+  constexpr double zero_step = 1.0 / 16;
   if (rows.size() < kept) return {};
   const Extent places = extent_of(rows);
-  const double within_a_line = 1 / (16 * (places.length() + bins.upper));
-  std::vector<std::pair<double, double>> tried;
-  for (const Line& line : lines_of(rows, bins))
+  const double within_a_line = 1 / (16 * (places.length() + bins.upper)),
+               middle = (places.low + places.high) / 2;
+  std::vector<std::pair<double, Comb>> tried;
+  for (const Line& line : lines_of(rows, bins, any_zero))
     for (int k = -2; k <= 2; ++k) {
       const double bin = std::clamp(1 / (line.frequency + k * within_a_line), bins.lower, bins.upper);
-      tried.emplace_back(along_comb(rows, bin), bin);
+      if (!any_zero) {
+        tried.emplace_back(along_comb(rows, {bin, 0}), Comb{bin, 0});
+        continue;
+      }
+      // Another bin about the same teeth in the middle.
+      const double as_there = line.zero + middle * (line.frequency - 1 / bin);
+      for (int j = -zeros_aside; j <= zeros_aside; ++j) {
+        const double zero = as_there + j * zero_step;
+        const Comb comb{bin, zero - std::floor(zero)};
+        tried.emplace_back(along_comb(rows, comb), comb);
+      }
     }
-  keep_best(kept, tried, std::identity());
-  std::vector<double> list;
-  for (const auto& [sum, bin] : tried) list.push_back(bin);
+  keep_best(kept, tried, [](const auto& one) { return one.first; });
+  std::vector<Comb> list;
+  for (const auto& [sum, comb] : tried) list.push_back(comb);
   return list;
 }
 

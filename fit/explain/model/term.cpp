@@ -216,7 +216,10 @@ Eigen::MatrixXd shape_columns(const Rows& channel, const Term& term) {
   Eigen::MatrixXd columns(channel.rows(), static_cast<Index>(shapes.size()));
   for (std::size_t j = 0; j < shapes.size(); ++j) {
     const Parameter& p = term.kind->mechanism->parameters[shapes[j]];
-    const double step = term.kind->bins == shapes[j] ? step_of_comb(channel, term.values[shapes[j]]) : 1e-3;
+    constexpr double small = 1e-3, of_zero = 0.125;
+    const double step = term.kind->bins == shapes[j] ? step_of_comb(channel, term.values[shapes[j]])
+                        : term.kind->bins            ? of_zero
+                                                     : small;
     std::vector<double> above = term.values, below = term.values;
     double &a = above[shapes[j]], &b = below[shapes[j]];
     const double span = p.logarithmic ? std::log(p.upper / p.lower) : p.upper - p.lower;

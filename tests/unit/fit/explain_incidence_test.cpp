@@ -107,7 +107,9 @@ TEST_CASE(
   if (!e.undecided_between.empty()) {
     // On a wall, stray light from farther aside than a narrow spot reaches is a wider spot.
     CHECK(spot.long_mrad == 3);
-    CHECK(e.undecided_between == std::vector<std::vector<std::string>>{{"incidence-bias", "crosstalk"}});
+    std::vector<std::vector<std::string>> sets = e.undecided_between;
+    for (auto& set : sets) std::ranges::sort(set);
+    CHECK(sets == std::vector<std::vector<std::string>>{{"crosstalk", "incidence-bias"}});
     return;
   }
   REQUIRE(e.mechanisms.size() == 1);
@@ -124,7 +126,9 @@ TEST_CASE("where a corridor's far walls hardly reach a threshold, what their sla
   INFO(to_text(e));
   CHECK_FALSE(e.unknown);
   if (e.mechanisms.empty()) {  // stray light from farther aside than the spot reaches is a wider spot
-    CHECK(e.undecided_between == std::vector<std::vector<std::string>>{{"incidence-bias", "crosstalk"}});
+    std::vector<std::vector<std::string>> sets = e.undecided_between;
+    for (auto& set : sets) std::ranges::sort(set);
+    CHECK(sets == std::vector<std::vector<std::string>>{{"crosstalk", "incidence-bias"}});
     return;
   }
   CHECK(e.undecided_between.empty());

@@ -162,16 +162,20 @@ TEST_CASE("one model: of tens of thousands of combs the one in the recording is 
   std::uniform_real_distribution<double> place(800, 5000);
   std::normal_distribution<double> noise(0, 3);
   std::vector<fit::explain::model::RowScore> rows;
+  const double zero = GENERATE(0, 0.4);
   for (int i = 0; i < 3000; ++i) {
-    const double at = place(random);
-    rows.push_back({at, 7.3 * std::round(at / 7.3) - at + noise(random), 0});
+    const double at = place(random), counted = at / 7.3 + zero;
+    rows.push_back({at, 7.3 * (std::round(counted) - counted) + noise(random), 0});
   }
   fit::Parameter bins;
   bins.lower = 0.25;
   bins.upper = 40;
-  const std::vector<double> proposed = fit::explain::model::bins_in(rows, bins);
+  const auto proposed = fit::explain::model::combs_in(rows, bins, zero > 0);
   REQUIRE_FALSE(proposed.empty());
-  CHECK(proposed.front() == Approx(7.3).epsilon(2e-4));
+  CHECK(proposed.front().bin == Approx(7.3).epsilon(2e-4));
+  const double middle = 2900, teeth = middle / proposed.front().bin + proposed.front().zero,
+               truth = middle / 7.3 + zero;
+  CHECK(std::abs(teeth - truth - std::round(teeth - truth)) < 0.1);
 }
 
 TEST_CASE("beams of a turning stage taken together do not scatter by what the mount is off") {
