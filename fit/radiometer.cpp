@@ -179,4 +179,10 @@ Estimate in_file_unit(L::Coefficient coefficient, const Estimate& e) {
   return {std::exp(e.value), std::exp(e.value) * e.u};
 }
 
+IntensityLaw law_of_bench(const Bench& bench) {
+  if (const auto claim = claimed_intensity(bench)) return claim->law;
+  if (const auto described = described_intensity(bench)) return described->law;
+  return {};
+}
+
 }  // namespace fit

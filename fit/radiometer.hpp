@@ -73,6 +73,8 @@ struct DescribedIntensity {
   [[nodiscard]] double gain(const std::string& target, double reflectance) const;
 };
 [[nodiscard]] std::optional<DescribedIntensity> described_intensity(const Bench& bench);
+/// The law that a bench file claims, else the one it describes, else a plain receiver's.
+[[nodiscard]] IntensityLaw law_of_bench(const Bench& bench);
 void describe_intensity(Bench& bench, const DescribedIntensity& intensity);
 
 /// The coefficient as files name it, and its value and uncertainty in the file's unit.

@@ -56,7 +56,7 @@ class Description {
     gains_ = VectorXd::Zero(static_cast<Index>(surfaces_.size()));
   }
   static bool is_usable(const Cell& c) {
-    return c.smooth && c.n > 0 && c.stray == 0 && std::isfinite(c.at.intensity) && c.at.intensity >= 3;
+    return c.smooth && c.n > 0 && c.stray == 0 && std::isfinite(c.counts) && c.at.intensity >= 3;
   }
   void add(const Cell& c) {
     const Target& target = reduced_.bench.target_at(c.at.target);

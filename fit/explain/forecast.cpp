@@ -20,7 +20,7 @@ constexpr double k_95 = 1.959964;  // of a normal distribution
 class Unmade final : public Recording {
  public:
   Unmade(const Bench& bench, const std::vector<CaptureInfo>& captures)
-      : bench_(bench), captures_(captures), law_(law_of(bench)) {}
+      : bench_(bench), captures_(captures), law_(law_of_bench(bench)) {}
   const Bench& bench() const override { return bench_; }
   const std::vector<CaptureInfo>& captures() const override { return captures_; }
   const std::vector<TrackPose>& track() const override { return track_; }
@@ -45,11 +45,6 @@ class Unmade final : public Recording {
   }
 
  private:
-  static IntensityLaw law_of(const Bench& bench) {
-    if (const auto claim = claimed_intensity(bench)) return claim->law;
-    if (const auto described = described_intensity(bench)) return described->law;
-    return {};
-  }
   const Bench& bench_;
   const std::vector<CaptureInfo>& captures_;
   IntensityLaw law_;

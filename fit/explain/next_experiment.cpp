@@ -23,7 +23,7 @@ struct Brightness {
     Brightness b;
     double n = 0, x = 0, y = 0, xx = 0, xy = 0;
     for (const Cell& cell : reduced.cells) {
-      if (!cell.smooth || !(cell.at.intensity > 1)) continue;
+      if (!cell.smooth || !(cell.counts > 1)) continue;
       const CaptureInfo& info = reduced.capture_of(cell);
       const double lx = std::log(echo_power(info, reduced.bench, cell.sight)),
                    ly = std::log(cell.at.intensity);

@@ -10,6 +10,7 @@
 #include "fit/explain/reduction/summary.hpp"
 #include "fit/explain/reduction/temperature.hpp"
 #include "fit/explain/reduction/whole_scans.hpp"
+#include "fit/radiometer.hpp"
 
 namespace fit::explain {
 namespace {
@@ -123,6 +124,18 @@ class Reducer {
   TurnCounter turns_;
 };
 
+/// Where a recording holds no intensities, what follows the echo is compared with the one that reflectance,
+/// distance and incidence make.
+void expect_echoes(Reduced& session) {
+  session.echoes_expected =
+      std::ranges::none_of(session.cells, [](const Cell& cell) { return std::isfinite(cell.counts); });
+  if (!session.echoes_expected) return;
+  const IntensityLaw law = law_of_bench(session.bench);
+  for (Cell& cell : session.cells)
+    cell.at.intensity =
+        law.counts(reflectance_of(session, cell), cell.sight.cos_incidence(), cell.sight.range_mm);
+}
+
 }  // namespace
 
 Reduced reduce(const Recording& recording, const Progress& progress, const Standing& standing,
@@ -134,6 +147,7 @@ Reduced reduce(const Recording& recording, const Progress& progress, const Stand
     if (progress && i % 8 == 0)
       progress(static_cast<double>(i) / static_cast<double>(out.captures.size()), "reading");
   }
+  expect_echoes(out);
   return out;
 }
 

@@ -149,6 +149,8 @@ struct Reduced {
   bool has_intensity = false;
   OutputSteps output_steps;       ///< In which ranges come.
   std::optional<double> wave_hz;  ///< What a lamp or a supply does at that frequency was taken off.
+  /// No intensity was recorded: cells have the echo that the bench file lets expect in its place.
+  bool echoes_expected = false;
   int left_out = 0;               ///< Cells that no mean is taken of.
   int in_clear = 0;               ///< Cells away from edges and corners, square on enough, by the bench file.
   int astray = 0;                 ///< Of these, those more than `astray_mm` off their target.
