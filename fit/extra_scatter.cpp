@@ -30,8 +30,8 @@ double extra_scatter(std::span<const CurvePoint> points) {
   constexpr std::size_t fewest = 5;  // comparisons
   std::vector<CurvePoint> sorted(points.begin(), points.end());
   std::ranges::stable_sort(sorted, {}, &CurvePoint::x);
-  const auto repeated = std::ranges::unique(sorted, {}, &CurvePoint::x);
-  sorted.erase(repeated.begin(), repeated.end());
+  const auto same_place = [](const CurvePoint& a, const CurvePoint& b) { return a.x == b.x; };
+  sorted.erase(std::unique(sorted.begin(), sorted.end(), same_place), sorted.end());
   for (const std::size_t reach : {std::size_t{3}, std::size_t{2}, std::size_t{1}}) {
     if (sorted.size() < 2 * reach + fewest) continue;
     std::vector<double> excess;
