@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fit/explain/inference/numbers.hpp"
+
 namespace fit::explain::inference {
 namespace {
 

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "fit/angle.hpp"
+#include "fit/number_format.hpp"
 #include "fit/range_calibration.hpp"
 #include "fit/validation_measures.hpp"
 #include "rig/errors.hpp"
