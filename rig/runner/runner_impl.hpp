@@ -34,7 +34,7 @@ using nlohmann::json;
 json json_of(const Value& value);
 Value value_of(const json& stored);
 struct TurningScans;
-struct Track;
+class TurnTrack;
 
 struct Runner::Impl final : StepContext {
   Procedure procedure;
@@ -153,7 +153,7 @@ struct Runner::Impl final : StepContext {
   /// Infinity: it has no limit to come to.
   awaitable<lidar::Scan> next_scan_before_limit(double seconds);
   awaitable<void> read_quietly(lidar::Scan& scan, std::exception_ptr& why);
-  awaitable<void> track_stage(Track& track);
+  awaitable<void> track_stage(TurnTrack& track);
   std::int64_t store_turning(const CaptureRequest& request, const TurningScans& turned,
                              const std::string& mark);
   void keep_short_turning(const CaptureRequest& request, const TurningScans& turned);

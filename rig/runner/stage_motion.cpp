@@ -169,7 +169,15 @@ awaitable<double> StageMotion::turned_to() {
     throw MeasurementError("The turning stage passed its soft limits at " + in_deg(now.position_deg) +
                            " and was stopped. Lower the rate or the number of samples.");
   stands_at(now.position_deg);
-  co_return now.position_deg;
+  if (now.moving) co_return now.position_deg;
+  const double to_limit_deg =
+      std::min(limits_.max_deg - now.position_deg, now.position_deg - limits_.min_deg);
+  if (to_limit_deg <= rules_.tolerance_deg)
+    throw MeasurementError("The turning stage came to its soft limit at " + in_deg(now.position_deg) +
+                           " and stands there. Lower the rate or the number of samples.");
+  throw UnsteadyTurn("the stage stopped at " + in_deg(now.position_deg) + " although it should turn on" +
+                     (now.warnings.empty() ? "" : " (it says: " + now.warnings.front() + ")") +
+                     ". Check that nothing blocks it, its power, and that nobody pressed its stop.");
 }
 
 awaitable<void> StageMotion::stop_turning_once() {

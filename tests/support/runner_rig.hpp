@@ -161,6 +161,9 @@ class FakeStage final : public rig::Stage {
       homed = false;
       throw rig::StageLost("the stage does not answer.");
     }
+    if (moving && rate_deg_s != 0)
+      bench_.stage_deg =
+          began_deg + turns_at * rate_deg_s * 1e-6 * static_cast<double>(bench_.clock.now_us - began_us);
     rig::StageStatus status;
     status.position_deg = bench_.stage_deg, status.homed = homed, status.moving = moving;
     co_return status;
@@ -187,9 +190,13 @@ class FakeStage final : public rig::Stage {
     bench_.stage_deg = target_deg;
     co_return target_deg + readback_error_deg;
   }
-  double rate_deg_s = 0;
+  double rate_deg_s = 0, began_deg = 0, turns_at = 1;  ///< A share of the commanded rate.
+  int turns = 0;
+  std::int64_t began_us = 0;
   boost::asio::awaitable<void> turn(double rate) override {
+    ++turns;
     moving = true;
+    began_deg = bench_.stage_deg, began_us = bench_.clock.now_us;
     rate_deg_s = rate;
     co_await yield();
   }
