@@ -109,6 +109,7 @@ struct Client::Impl {
   awaitable<void> open();
   awaitable<error_code> connect_to_any(tcp::resolver::results_type found);
   awaitable<tcp::resolver::results_type> resolve(steady_clock::time_point until);
+  [[nodiscard]] steady_clock::duration silence() const;
   awaitable<bool> falls_silent(steady_clock::time_point until);
   awaitable<void> end_stream();
   awaitable<void> leave_time_adjust();
