@@ -56,10 +56,12 @@ class StageMotion {
   boost::asio::awaitable<double> turned_to();
   /// A link that was lost is opened anew.
   boost::asio::awaitable<void> stop_turning();
-  /// After a failure: the link, its standstill and its reference are restored, as far as that succeeds.
+  /// After a failure: the link, its standstill and its reference are restored, as far as that succeeds. A
+  /// lost link is waited for; throws StageError when it does not come back.
   boost::asio::awaitable<void> recover(int attempt, bool link_lost);
 
  private:
+  boost::asio::awaitable<void> reopen();
   void check_soft_limits(double target_deg, const FilePosition& written_at) const;
   boost::asio::awaitable<void> home_once(bool again);
   boost::asio::awaitable<void> stop_turning_once();

@@ -146,12 +146,13 @@ class FakeStage final : public rig::Stage {
   std::vector<double> moves;
   bool homed = false, moving = false;
   int stops = 0, homings = 0, reopens = 0;
+  std::string serial;
   double readback_error_deg = 0;
   int loses_link_at_move = -1;  ///< Counted from 0.
 
   boost::asio::awaitable<rig::StageIdentity> identify() override {
     rig::StageIdentity who;
-    who.language = "zaber", who.model = "test";
+    who.language = "zaber", who.model = "test", who.serial = serial;
     co_return who;
   }
   bool loses_link_at_status = false;
@@ -208,9 +209,11 @@ class FakeStage final : public rig::Stage {
   }
   bool lost_for_good = false;
   int yields_at_stop = 1;
+  std::function<bool()> is_plugged_in = [] { return true; };
   boost::asio::awaitable<void> reopen() override {
     ++reopens;
     co_await yield();
+    if (!is_plugged_in()) throw rig::StageError("the stage's port is not there.");
   }
 
  private:

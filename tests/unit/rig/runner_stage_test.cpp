@@ -237,6 +237,25 @@ TEST_CASE("a stage that lost its link is opened again, homed again, and reached 
   for (const auto& capture : rig.captures()) CHECK(capture.approach == 1);
 }
 
+TEST_CASE("a stage whose port is gone is waited for as long as a lidar, and no longer") {
+  Rig rig("  - home\n  - move: {to_deg: 10}\n  - capture: {samples: 5}\n");
+  rig.stage.loses_link_at_move = 0;
+  std::int64_t lost_us = 0;
+  rig.stage.is_plugged_in = [&] {
+    if (lost_us == 0) lost_us = rig.world.clock.now_us;
+    return rig.world.clock.now_us >= lost_us + 20'000'000;
+  };
+  CHECK(rig.run());
+  CHECK(rig.reported("waiting for the stage"));
+  CHECK(rig.stage.homings == 2);
+  Rig gone("  - home\n  - move: {to_deg: 10}\n  - capture: {samples: 5}\n");
+  gone.stage.loses_link_at_move = 0;
+  gone.stage.is_plugged_in = [] { return false; };
+  const std::int64_t begun_us = gone.world.clock.now_us;
+  CHECK_THROWS_WITH(gone.run(), Contains("port is not there") && Contains("waited 30 s"));
+  CHECK(gone.world.clock.now_us < begun_us + 40'000'000);
+}
+
 TEST_CASE("a stage that is found moving is stopped before anything else") {
   Rig rig("  - home\n  - capture: {samples: 5}\n");
   rig.stage.moving = true;
