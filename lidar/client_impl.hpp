@@ -71,6 +71,7 @@ struct Client::Impl {
   int repeated_in_a_row = 0;
   std::uint64_t last_scan_ms = 0;
   bool scan_seen = false;
+  std::optional<std::uint32_t> last_stamp;  ///< Of a scan, as it came, on whatever connection.
   unsigned damaged_answers = 0;  ///< To our own requests, on this connection.
   std::string last_stray;        ///< First line and status of what came in the stream's place.
   unsigned attempts_failed = 0;  ///< To connect, in a row.
