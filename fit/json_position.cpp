@@ -9,6 +9,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "fit/utf8.hpp"
+
 namespace fit {
 namespace {
 
@@ -155,6 +157,8 @@ nlohmann::json parse_json(const std::string& text, const std::string& name, cons
   } catch (const nlohmann::json::parse_error& error) {
     if (text.find_first_not_of(" \t\r\n") == std::string::npos)
       throw std::invalid_argument(name + " is empty");
+    if (const std::size_t foreign = first_beyond_utf8(text); foreign != std::string::npos)
+      throw std::invalid_argument(position_at(text, foreign).in(name) + utf8_remedy);
     const TextPosition at = position_at(text, error.byte > 0 ? error.byte - 1 : 0);
     throw std::invalid_argument(at.in(name) + remedy);
   } catch (const nlohmann::json::exception&) {

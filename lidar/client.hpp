@@ -63,8 +63,9 @@ struct Options {
   std::chrono::milliseconds scan_timeout{2000};  ///< Longest silence while streaming.
   std::chrono::milliseconds stop_timeout{
       10000};  ///< For QT to be acknowledged and the stream to end, backed up or not.
-  std::chrono::milliseconds quiet{60};  ///< Silence that counts as the stream's end: over two scan periods.
-  int max_bad_scans = 20;               ///< So many damaged scans in a row end next() with bad_answer.
+  std::chrono::milliseconds quiet{
+      60};  ///< Least silence that counts as the stream's end; more where scans come more rarely.
+  int max_bad_scans = 20;  ///< So many damaged scans in a row end next() with bad_answer.
 
   Options() {
   }  // NOLINT: a user-provided constructor keeps g++ 12 from destroying temporaries twice in co_await.
@@ -117,7 +118,8 @@ class Client {
   /// Takes back a scan that is done with, so that one of the next need not ask for memory: for who reads many
   /// a second.
   void reuse(Scan scan);
-  /// QT until it is acknowledged and the stream is silent. Does nothing when nothing streams.
+  /// QT until it is acknowledged and the stream is silent. Does nothing when nothing streams. A lidar that
+  /// refuses QT may still have its laser on: that is an error, silent or not.
   boost::asio::awaitable<void> stop();
   /// TM0, TM1 with unique strings, TM2: how the clocks stand. Not while streaming (stops the stream).
   boost::asio::awaitable<ClockEstimate> synchronise();

@@ -4,6 +4,7 @@
 
 #include "lidar/client_impl.hpp"
 #include "lidar/other_connection.hpp"
+#include "lidar/status.hpp"
 
 namespace lidar {
 
@@ -79,12 +80,20 @@ awaitable<void> Client::Impl::open() {
   connected = true;
 }
 
+/// Longer than the pause between two scans of the present stream.
+steady_clock::duration Client::Impl::silence() const {
+  constexpr double periods = 2.2;
+  const std::chrono::duration<double> between(periods * identity.scan_period_s * (request.skip + 1));
+  return std::max<steady_clock::duration>(options.quiet,
+                                          std::chrono::duration_cast<steady_clock::duration>(between));
+}
+
 /// Reads and forgets whatever comes until nothing has come for a while: the rest of a stream. False when it
 /// goes on to `until`.
 awaitable<bool> Client::Impl::falls_silent(steady_clock::time_point until) {
   while (steady_clock::now() < until) {
     const bool arrived =
-        co_await fill(std::min(steady_clock::now() + options.quiet, until), "waiting for the stream's end");
+        co_await fill(std::min(steady_clock::now() + silence(), until), "waiting for the stream's end");
     reader.clear();
     if (!arrived) co_return true;
   }
@@ -96,20 +105,34 @@ awaitable<bool> Client::Impl::falls_silent(steady_clock::time_point until) {
 awaitable<void> Client::Impl::end_stream() {
   const auto until = steady_clock::now() + options.stop_timeout;
   const unsigned damaged_before = damaged_answers;
+  const bool measured = streaming;
   bool acknowledged = false;
+  std::string refusal;
+  const Request quit(Command::quit);
   while (steady_clock::now() < until) {
-    const std::optional<Answer> answer = co_await exchange(Request(Command::quit));
+    const std::optional<Answer> answer = co_await exchange(quit);
     if (!answer && damaged_answers - damaged_before >= attempts)
       fail(Kind::bad_answer, "the lidar at " + address() + " answers QT with wrong checksums, " +
                                  std::to_string(damaged_answers - damaged_before) +
                                  " times. Check the network cable; reconnecting may help");
     if (!answer) continue;
-    acknowledged = true;
-    auto waiting = falls_silent(std::min(until, steady_clock::now() + options.reply_timeout));
+    const StatusKind kind = kind_of(answer->status, quit);
+    const bool refused = kind != StatusKind::done && kind != StatusKind::already;
+    if (refused)
+      refusal = "status " + answer->status + ": " + std::string(meaning_of(answer->status, quit));
+    else
+      acknowledged = true;
+    const auto longest = std::max<steady_clock::duration>(options.reply_timeout, 2 * silence());
+    auto waiting = falls_silent(std::min(until, steady_clock::now() + longest));
     if (!co_await std::move(waiting)) continue;
+    // Refused and silent is as good before anything was measured: in time-adjust mode the laser is off.
+    if (refused && measured) continue;
     streaming = false;
     co_return;
   }
+  if (!acknowledged && !refusal.empty())
+    fail(Kind::refused, "the lidar at " + address() + " refuses to stop measuring (" + refusal +
+                            "). Its laser may be on. Switch it off and on");
   fail(Kind::no_answer,
        "the lidar at " + address() +
            (acknowledged ? " keeps sending although it was ordered to stop. Switch it off and on"
@@ -137,7 +160,7 @@ awaitable<void> Client::Impl::wake() {
     co_await end_stream();
     co_return;
   } catch (const LidarError& error) {
-    if (error.kind() != Kind::no_answer || !connected) throw;
+    if ((error.kind() != Kind::no_answer && error.kind() != Kind::refused) || !connected) throw;
     why = std::current_exception();
   }
   const std::optional<Answer> answer = co_await exchange(Request(Command::reset));

@@ -71,6 +71,7 @@ struct Client::Impl {
   int repeated_in_a_row = 0;
   std::uint64_t last_scan_ms = 0;
   bool scan_seen = false;
+  std::optional<std::uint32_t> last_stamp;  ///< Of a scan, as it came, on whatever connection.
   unsigned damaged_answers = 0;  ///< To our own requests, on this connection.
   std::string last_stray;        ///< First line and status of what came in the stream's place.
   unsigned attempts_failed = 0;  ///< To connect, in a row.
@@ -109,6 +110,7 @@ struct Client::Impl {
   awaitable<void> open();
   awaitable<error_code> connect_to_any(tcp::resolver::results_type found);
   awaitable<tcp::resolver::results_type> resolve(steady_clock::time_point until);
+  [[nodiscard]] steady_clock::duration silence() const;
   awaitable<bool> falls_silent(steady_clock::time_point until);
   awaitable<void> end_stream();
   awaitable<void> leave_time_adjust();

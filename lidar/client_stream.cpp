@@ -156,6 +156,12 @@ bool Client::Impl::place_in_time(Scan& scan, std::uint32_t stamp) {
   scan.first_step = request.first_step;
   scan.last_step = request.last_step;
   scan.cluster = request.cluster;
+  // Not even of another connection: a timer that stands still would else be taken for one that restarted.
+  if (last_stamp == stamp) {
+    count_repetition();
+    return false;
+  }
+  last_stamp = stamp;
   scan.device_ms = clock.unwrap(stamp, static_cast<double>(arrived_us));
   if (scan_seen && scan.device_ms <= last_scan_ms) {
     count_repetition();

@@ -50,6 +50,12 @@ DeviceTimer::Reading DeviceTimer::unwrap(std::uint32_t stamp_ms, double host_us,
     // does a new connection bring answers of an old one.
     if (!newly_connected && forward > timer_mask / 2 && back < late_answer_ms && back <= timer_ms_)
       return {base_ms_ + timer_ms_ - back, false};
+    // A timer that started again shows another number than the last, but for one in 16 million: this one
+    // stands still, which the scans that follow show as well. It is judged anew when it moves.
+    if (newly_connected && forward == 0) {
+      newly_connected_ = true;
+      return {base_ms_ + timer_ms_, false};
+    }
     if (const std::uint64_t turned = forward_through_silence(forward, passed_ms, follows_host); turned > 0) {
       timer_ms_ += turned;
     } else if (cannot_have_run_on(forward, passed_ms, newly_connected, follows_host)) {

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "fit/utf8.hpp"
 #include "rig/errors.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/session/lidar_identity.hpp"
@@ -47,26 +48,11 @@ json document_in(const std::string& text) {
   return value.is_discarded() ? json() : value;
 }
 
-/// Length of the character of UTF-8 (RFC 3629) that begins there; 0: none does.
-std::size_t character_at(const std::string& text, std::size_t at) {
-  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(i < text.size() ? text[i] : 0); };
-  const unsigned char first = byte(at);
-  if (first < 0x80) return 1;
-  const std::size_t length = first >= 0xF0 ? 4 : first >= 0xE0 ? 3 : 2;
-  if (first < 0xC2 || first > 0xF4) return 0;
-  for (std::size_t i = 1; i < length; ++i)
-    if ((byte(at + i) & 0xC0) != 0x80) return 0;
-  const unsigned char second = byte(at + 1);
-  const bool overlong = (first == 0xE0 && second < 0xA0) || (first == 0xF0 && second < 0x90);
-  const bool outside = (first == 0xED && second > 0x9F) || (first == 0xF4 && second > 0x8F);
-  return overlong || outside ? 0 : length;
-}
-
 /// Text as an index may hold it: UTF-8 without control characters, not too long.
 std::string clean(const std::string& text) {
   std::string out;
   for (std::size_t i = 0; i < text.size() && out.size() < longest_text;) {
-    const std::size_t length = character_at(text, i);
+    const std::size_t length = fit::utf8_length(text, i);
     const auto c = static_cast<unsigned char>(text[i]);
     if (length == 0 || c < 0x20 || c == 0x7F)
       out += c == '\n' || c == '\t' ? ' ' : '?';

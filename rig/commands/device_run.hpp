@@ -29,6 +29,7 @@
 #include "rig/runner/run_view.hpp"
 #include "rig/runner/scip_source.hpp"
 #include "rig/session/database_errors.hpp"
+#include "rig/session/session_file.hpp"
 #include "rig/stage/stage_patience.hpp"
 
 namespace rig::commands {
@@ -128,6 +129,43 @@ inline bool remove_if_unbegun(std::unique_ptr<SessionStore>& session) {
   return std::filesystem::remove(path, failed);
 }
 
+/// Removes a session in which no run ever did anything: its program was killed at once. Whatever else is
+/// there stays.
+inline void remove_empty_session(const std::string& path) {
+  std::error_code failed;
+  if (!std::filesystem::is_regular_file(path, failed) || !is_recording(path) || is_being_written(path))
+    return;
+  try {
+    const SessionStore session(path, SessionStore::Mode::read);
+    if (!session.progress().empty() || session.count_captures() > 0 || !session.latest_results().empty())
+      return;
+  } catch (const std::exception&) {
+    return;  // It is refused by who is to write it, with the reason.
+  }
+  for (const char* ending : {"", "-wal", "-shm", "-journal"}) std::filesystem::remove(path + ending, failed);
+}
+
+/// Ctrl-C, and being asked to end, from before there is a session to after its end.
+class Interruption {
+ public:
+  explicit Interruption(asio::io_context& io)
+      : signals_(io, SIGINT, SIGTERM, SIGHUP), obey_([&io] { io.stop(); }) {
+    signals_.async_wait([this](const boost::system::error_code& error, int) {
+      if (error) return;
+      came_ = true;
+      obey_();
+    });
+  }
+  [[nodiscard]] bool came() const { return came_; }
+  void obey_by(std::function<void()> what) { obey_ = std::move(what); }
+  void over() { signals_.cancel(); }
+
+ private:
+  asio::signal_set signals_;
+  std::function<void()> obey_;
+  bool came_ = false;
+};
+
 /// A procedure on its devices, with all that watches and answers it: what `rig run` and `rig resume` share.
 class DeviceRun {
  public:
@@ -178,10 +216,13 @@ class DeviceRun {
     std::signal(SIGPIPE, SIG_IGN);
     const Endpoint lidar_address = parse_endpoint(lidar, "--lidar", scip_port);
     const StageOptions known_stage = bench_stage_options(bench);
+    asio::io_context io(1);
+    Interruption interruption(io);
+    if (!resumed) remove_empty_session(out);
     auto stored = std::make_unique<SessionStore>(
         out, resumed ? SessionStore::Mode::append : SessionStore::Mode::create);
     try {
-      return run_in(*stored, procedure, bench, lidar_address, known_stage);
+      return run_in(io, interruption, *stored, procedure, bench, lidar_address, known_stage);
     } catch (const SessionDiskError&) {
       if (resumed || !remove_if_unbegun(stored)) throw;
       throw MeasurementError("cannot write " + out +
@@ -196,9 +237,9 @@ class DeviceRun {
  private:
   static constexpr std::uint16_t scip_port = 10940;
 
-  int run_in(SessionStore& session, const Procedure& procedure, const fit::Bench& bench,
-             const Endpoint& lidar_address, const StageOptions& known_stage) {
-    asio::io_context io(1);
+  int run_in(asio::io_context& io, Interruption& interruption, SessionStore& session,
+             const Procedure& procedure, const fit::Bench& bench, const Endpoint& lidar_address,
+             const StageOptions& known_stage) {
     // Before the lidar is spoken to: who connects to one that is measuring stops it.
     DeviceLocks locks("session " + std::filesystem::absolute(session.path()).string());
     locks.lock("lidar", lidar_address.host + ":" + std::to_string(lidar_address.port));
@@ -209,22 +250,14 @@ class DeviceRun {
     const auto started = steady_clock::now();
     std::unique_ptr<Stage> opened_stage;
     std::exception_ptr failure;
-    bool stopped = false;
-    {
-      // Only to open the stage: the runner owns Ctrl-C afterwards.
-      asio::signal_set signals(io, SIGINT, SIGTERM, SIGHUP);
-      signals.async_wait([&](const boost::system::error_code& error, int) {
-        if (!error) stopped = true, io.stop();
-      });
-      auto opening = open_stage_patiently(io.get_executor(), stage, known_stage);
-      asio::co_spawn(io, std::move(opening), [&](std::exception_ptr why, std::unique_ptr<Stage> opened) {
-        failure = why;
-        opened_stage = std::move(opened);
-        io.stop();
-      });
-      io.run();
-    }
-    if (stopped || (!failure && !opened_stage))
+    auto opening = open_stage_patiently(io.get_executor(), stage, known_stage);
+    asio::co_spawn(io, std::move(opening), [&](std::exception_ptr why, std::unique_ptr<Stage> opened) {
+      failure = why;
+      opened_stage = std::move(opened);
+      io.stop();
+    });
+    io.run();
+    if (interruption.came() || (!failure && !opened_stage))
       throw RunStopped("Stopped by the operator before anything moved.");
     if (failure) std::rethrow_exception(failure);
     io.restart();
@@ -238,7 +271,7 @@ class DeviceRun {
     RunnerParts parts{*source, *opened_stage, *clock,       *person, fit_function(),
                       write,   accept_lidar_, doubts_bench, &locks};
     Runner runner(procedure, bench, session, parts);
-    return conduct(io, runner, bench, session, started);
+    return conduct(io, interruption, runner, bench, session, started);
   }
 
   /// What `rig resume` goes on with.
@@ -261,8 +294,8 @@ class DeviceRun {
     };
   }
 
-  int conduct(asio::io_context& io, Runner& runner, const fit::Bench& bench, SessionStore& session,
-              steady_clock::time_point started) {
+  int conduct(asio::io_context& io, Interruption& interruption, Runner& runner, const fit::Bench& bench,
+              SessionStore& session, steady_clock::time_point started) {
     const auto procedure_folder =
         std::filesystem::path(session.get("procedure_file").value_or(procedure_file_)).parent_path();
     std::unique_ptr<LiveServer> live;
@@ -295,9 +328,7 @@ class DeviceRun {
     if (json_log_) views.push_back(make_json_log(stdout));
     for (const auto& view : views) runner.observe([&view](const RunState& state) { view->show(state); });
 
-    asio::signal_set signals(io, SIGINT, SIGTERM, SIGHUP);
-    signals.async_wait([&runner](const boost::system::error_code& error, int) {
-      if (error) return;
+    interruption.obey_by([&runner] {
       std::signal(SIGINT, SIG_DFL);  // A second Ctrl-C ends the program at once.
       runner.abort();
     });
@@ -307,7 +338,7 @@ class DeviceRun {
     asio::co_spawn(io, std::move(running), [&](std::exception_ptr why, bool limits_met) {
       failure = why;
       met = limits_met;
-      signals.cancel();
+      interruption.over();
       const auto end = [&io] { io.stop(); };
       const auto end_foxglove = [&foxglove, end] { foxglove ? foxglove->finish(end) : end(); };
       live ? live->finish(end_foxglove) : end_foxglove();

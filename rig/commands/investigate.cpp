@@ -90,7 +90,13 @@ class Investigate : public Command {
     const std::unique_ptr<LivePage> page = devices_.page_for_several();
     investigate::Actions actions;
     actions.record = [&](const Procedure& procedure, const std::string& session, bool resumed) {
-      devices_.run(procedure, bench, session, resumed);
+      try {
+        devices_.run(procedure, bench, session, resumed);
+      } catch (const RunStopped& why) {
+        throw RunStopped(going_on_here(why.what(), session));
+      } catch (const DeviceError& why) {
+        throw DeviceError(going_on_here(why.what(), session));
+      }
     };
     actions.explain = [](const std::vector<const fit::Recording*>& recordings) {
       return fit::explain::explain(recordings, {});
@@ -119,6 +125,18 @@ class Investigate : public Command {
   }
 
  private:
+  /// What a run says of how to go on, for one that is part of an investigation.
+  [[nodiscard]] std::string going_on_here(std::string words, const std::string& session) const {
+    const std::string command = "rig investigate " + options_.procedure +
+                                (options_.procedure.empty() ? "" : " ") + "--out " + options_.folder +
+                                " --resume --lidar " + devices_.lidar + " --stage " + devices_.stage;
+    for (const std::string& of_one : {"rig resume " + session, std::string("rig resume")})
+      for (auto at = words.find(of_one); at != std::string::npos;
+           at = words.find(of_one, at + command.size()))
+        words.replace(at, of_one.size(), command);
+    return words;
+  }
+
   std::string bench_;
   investigate::Options options_;
   JsonOutput json_;

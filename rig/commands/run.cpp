@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "fit/utf8.hpp"
 #include "rig/commands/device_run.hpp"
 #include "rig/runner/bench_doubts.hpp"
 #include "rig/runner/bench_file.hpp"
@@ -118,6 +119,11 @@ class Run : public Command {
   Variables overrides() const {
     Variables values;
     for (const std::string& setting : settings_) {
+      if (fit::first_beyond_utf8(setting) != std::string::npos)
+        throw UsageError(
+            "--set " + fit::as_utf8(setting) +
+            ": it has a letter that is not in the encoding UTF-8. Set the terminal to UTF-8, or write "
+            "the value without that letter.");
       const auto equals = setting.find('=');
       if (equals == std::string::npos || equals == 0)
         throw UsageError("--set " + setting +

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <fstream>
 
+#include "rig/output_place.hpp"
 #include "rig/procedure/option_check.hpp"
 #include "rig/procedure/procedure_document.hpp"
 #include "rig/procedure/procedure_head.hpp"
@@ -62,6 +63,8 @@ Procedure parse_procedure(const std::string& text, const std::string& file, cons
 }
 
 Procedure read_procedure(const std::string& path, const Variables& overrides) {
+  if (is_recording(path))
+    throw UsageError(path + " is a session, not a procedure. To continue its run: rig resume " + path + ".");
   std::ifstream in(path, std::ios::binary);
   if (!in) throw UsageError(path + ": cannot be read. Check the name and its permissions.");
   std::string text(largest_procedure_bytes + 1, '\0');

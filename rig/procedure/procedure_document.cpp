@@ -5,6 +5,9 @@
 
 #include <set>
 
+#include "fit/json_position.hpp"
+#include "fit/utf8.hpp"
+
 namespace rig {
 namespace {
 
@@ -75,6 +78,10 @@ Node read_document(const std::string& text, const std::string& file) {
   if (text.find("\"bench/1\"") != std::string::npos && text.find_first_not_of(" \t\r\n") == text.find('{'))
     throw UsageError(
         file + " is a bench file, not a procedure. Give it with --bench, and a procedure in its place.");
+  if (const std::size_t foreign = fit::first_beyond_utf8(text); foreign != std::string::npos) {
+    const fit::TextPosition at = fit::position_at(text, foreign);
+    throw ProcedureError({file, at.line, at.column}, std::string(fit::utf8_remedy) + ".");
+  }
   Node root;
   try {
     root = Copier(file).copy(YAML::Load(text));

@@ -22,7 +22,8 @@ using Verdict = CheckLine::Verdict;
 constexpr int scans_of_rate = 40, scans_of_medians = 20;
 constexpr double stage_tolerance_deg = 0.02;
 constexpr double weak_intensity = 200;
-constexpr double longest_hold_up_ms = 300;  // of a scan, by a network or a computer that is busy
+constexpr double least_share_of_noise = 0.1;  // of the stated one; less is no lidar of that kind
+constexpr double longest_hold_up_ms = 300;    // of a scan, by a network or a computer that is busy
 
 std::string rounded(double value, int digits = 0) { return rounded_text(value, digits); }
 
@@ -53,6 +54,7 @@ class Checker {
     }
     const BeamMedians seen = co_await measure_beams();
     check_echoes(seen);
+    check_noise();
     for (const fit::Target& target : bench_.targets) {
       co_await check_target(target, stay_still);
     }
@@ -106,21 +108,38 @@ class Checker {
     return text.empty() ? "answers in SCIP" : text;
   }
 
+  static bool are_alike(const std::vector<double>& gaps_ms) {
+    const double usual_ms = fit::median_or_nan(gaps_ms);
+    const auto alike = std::ranges::count_if(
+        gaps_ms, [&](double gap_ms) { return std::abs(gap_ms - usual_ms) <= 0.1 * usual_ms + 1; });
+    return 10 * static_cast<std::size_t>(alike) >= 9 * gaps_ms.size();
+  }
+
   awaitable<void> check_rate() {
     co_await lidar_.start(whole_scan(bench_.lidar));
     const std::uint64_t lost_before = lidar_.lost();
     double stamps_ms = 0, passed_ms = 0;
+    std::vector<double> gaps_ms;
+    std::uint64_t before_ms = 0;
     for (int i = 0; i < scans_of_rate; ++i) {
       const lidar::Scan scan = co_await lidar_.next();
+      if (i > 0) gaps_ms.push_back(static_cast<double>(scan.device_ms) - static_cast<double>(before_ms));
+      before_ms = scan.device_ms;
       const double sign = i == 0 ? -1 : i == scans_of_rate - 1 ? 1 : 0;
       stamps_ms += sign * static_cast<double>(scan.device_ms);
       passed_ms += sign * static_cast<double>(clock_.host_us()) / 1000;
     }
     co_await lidar_.stop();
-    const std::uint64_t lost = lidar_.lost() - lost_before;
+    const std::uint64_t counted = lidar_.lost() - lost_before;
+    // Scans are counted as lost by the period that the lidar states. A network loses some now and then; where
+    // every gap is alike and longer than stated, that is the lidar's rate.
+    const double stated_ms = stamps_ms / static_cast<double>(gaps_ms.size() + counted);
+    const bool slower = are_alike(gaps_ms) && fit::median_or_nan(gaps_ms) > 1.5 * stated_ms;
+    const std::uint64_t lost = slower ? 0 : counted;
     const double hz = 1000.0 * (scans_of_rate - 1 + static_cast<double>(lost)) / stamps_ms;
     say(std::abs(hz / bench_.lidar.scan_hz - 1) < 0.02 ? Verdict::good : Verdict::bad, "scan rate",
-        rounded(hz, 2) + " Hz, the bench file says " + to_text(bench_.lidar.scan_hz) + " Hz",
+        rounded(hz, 2) + " Hz, the bench file says " + to_text(bench_.lidar.scan_hz) + " Hz" +
+            (slower ? "; the lidar says another rate of itself than its stamps show" : ""),
         "Correct lidar.scan_hz in the bench file, or the lidar's motor setting.");
     // Scans are counted as lost by the lidar's stamps. A clock that jumps leaves a gap where nothing is
     // missing. A simulator faster than real time needs less than what came would take, too.
@@ -179,6 +198,7 @@ class Checker {
   awaitable<BeamMedians> measure_beams() {
     const auto beams = static_cast<std::size_t>(bench_.lidar.steps);
     std::vector<std::vector<double>> ranges(beams), levels(beams);
+    spreads_mm_.clear();
     co_await lidar_.start(whole_scan(bench_.lidar));
     for (int i = 0; i <= scans_of_medians; ++i) {
       const lidar::Scan scan = co_await lidar_.next();
@@ -194,6 +214,7 @@ class Checker {
     BeamMedians seen;
     for (std::size_t k = 0; k < beams; ++k) {
       const bool sure = ranges[k].size() * 2 > scans_of_medians;
+      if (sure) spreads_mm_.push_back(spread_of(ranges[k]));
       seen.range_mm.push_back(sure ? fit::median_or_nan(ranges[k])
                                    : std::numeric_limits<double>::quiet_NaN());
       seen.intensity.push_back(sure && !levels[k].empty() ? fit::median_or_nan(levels[k])
@@ -221,6 +242,34 @@ class Checker {
     say(level >= weak_intensity ? Verdict::good : Verdict::note, "intensity",
         levels.empty() ? "none" : "median " + rounded(level),
         "Echoes are weak: clean the window, use lighter targets, or go nearer.");
+  }
+
+  static double spread_of(const std::vector<double>& values) {
+    const double n = static_cast<double>(values.size());
+    double mean = 0, squares = 0;
+    for (const double value : values) mean += value / n;
+    for (const double value : values) squares += (value - mean) * (value - mean);
+    return n > 1 ? std::sqrt(squares / (n - 1)) : 0;
+  }
+
+  /// Ranges that do not vary are no measurement, whatever else looks right.
+  void check_noise() {
+    if (spreads_mm_.empty()) return;
+    const std::string remedy =
+        "Frozen or simulated data look like this: switch the lidar off and on, and move something before it.";
+    if (std::ranges::all_of(spreads_mm_, [](double mm) { return mm == 0; }))
+      return say(Verdict::note, "noise",
+                 "none: every beam gives the same range in " + std::to_string(scans_of_medians) + " scans",
+                 remedy);
+    const double usual_mm = fit::median_or_nan(spreads_mm_);
+    for (const fit::KnownMechanism& known : bench_.known) {
+      const auto sigma = known.parameters.find("sigma_mm");
+      if (known.mechanism != "range-noise" || sigma == known.parameters.end()) continue;
+      if (usual_mm < least_share_of_noise * sigma->second.value)
+        say(Verdict::note, "noise",
+            rounded(usual_mm, 2) + " mm, the bench file says " + to_text(sigma->second.value) + " mm",
+            remedy);
+    }
   }
 
   /// Zero, or what the limits allow next to it.
@@ -272,6 +321,7 @@ class Checker {
   std::function<void(const CheckLine&)> report_;
   StageLimits limits_;
   double at_deg_ = 0;
+  std::vector<double> spreads_mm_;  ///< Of the beams with echoes, when last measured.
   std::vector<CheckLine> lines_;
 };
 

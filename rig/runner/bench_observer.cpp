@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "fit/median.hpp"
 #include "rig/runner/echoes.hpp"
@@ -37,6 +38,7 @@ double largest_deviation_from_line(const std::vector<double>& x, const std::vect
 CaptureRequest beams_of(const Expectation& expected, const fit::LidarGeometry& lidar) {
   CaptureRequest request;
   if (expected.of_target) {
+    request.first_step = lidar.first_step;
     request.last_step = lidar.steps - 1;
     return request;
   }
@@ -85,7 +87,17 @@ awaitable<Observation> BenchObserver::observe(Expectation expected) {
 }
 
 Observation BenchObserver::judge(const Expectation& expected, int first_step, const BeamMedians& seen) const {
-  if (expected.of_target) return judge_target(expected, seen);
+  if (expected.of_target) {
+    // Targets are looked for by the lidar's own step numbers, which do not all begin at 0.
+    BeamMedians from_zero;
+    for (auto [values, all] :
+         {std::pair(&seen.range_mm, &from_zero.range_mm), std::pair(&seen.intensity, &from_zero.intensity)}) {
+      all->assign(static_cast<std::size_t>(std::max(0, first_step)),
+                  std::numeric_limits<double>::quiet_NaN());
+      all->insert(all->end(), values->begin(), values->end());
+    }
+    return judge_target(expected, from_zero);
+  }
   std::vector<double> medians, x, y;
   for (std::size_t i = 0; i < seen.range_mm.size(); ++i) {
     if (!std::isfinite(seen.range_mm[i])) continue;

@@ -93,7 +93,7 @@ awaitable<lidar::Scan> LidarLink::next(LidarStream stream, ScanGate* gate, int& 
       co_return scan;
     }
     control_.stop_if_aborted();
-    if (++failures > failures_without_scan) std::rethrow_exception(why);
+    if (is_a<UsageError>(why) || ++failures > failures_without_scan) std::rethrow_exception(why);
     co_await reconnect(why);
   }
 }

@@ -66,6 +66,9 @@ class LidarLink {
   /// is reconnected unless that happened too often (`failures`) since the caller last got what it wanted.
   boost::asio::awaitable<lidar::Scan> next(LidarStream stream, ScanGate* gate, int& failures);
   void show(const lidar::Scan& scan);
+  /// Reports and stores that its clock started again before this scan, if it did: for scans that did not come
+  /// from next().
+  void report_clock_restart(const lidar::Scan& scan);
 
   /// What its driver counted in this run, as an event and under "lidar_statistics".
   void record_statistics();
@@ -77,8 +80,6 @@ class LidarLink {
   /// Throws if it is not what the bench file describes, or reports a fault and the operator has not decided
   /// to use it all the same.
   void judge(const nlohmann::json& identity);
-  /// Reports and stores that its clock started again before this scan, if it did.
-  void report_clock_restart(const lidar::Scan& scan);
 
   RunnerParts& parts_;
   LidarSource& lidar_;

@@ -32,6 +32,7 @@ class LidarSource {
   /// as well as after connecting: in the meantime both crystals went their own way, milliseconds in a few
   /// minutes. A device that cannot compare is dated as before. Throws DeviceError when the lidar is lost.
   virtual awaitable<void> synchronise() = 0;
+  /// Throws UsageError for steps that the lidar does not have, DeviceError when it is lost or refuses.
   virtual awaitable<void> start(LidarStream stream) = 0;
   /// The next scan with good checksums; has a deadline of its own. Throws DeviceError or a system error when
   /// the lidar is lost.

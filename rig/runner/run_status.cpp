@@ -3,6 +3,8 @@
 
 #include <filesystem>
 
+#include "fit/utf8.hpp"
+
 namespace rig {
 namespace {
 
@@ -61,7 +63,8 @@ void RunStatus::note(const std::string& level, const std::string& text) {
 }
 
 void RunStatus::announce(const std::string& level, const std::string& text) {
-  state_.messages.push_back({time_.now_us(), level, text});
+  // Messages quote what devices say, and become JSON.
+  state_.messages.push_back({time_.now_us(), level, fit::as_utf8(text)});
   ++state_.messages_total;
   if (state_.messages.size() > messages_kept) state_.messages.erase(state_.messages.begin());
   changed();

@@ -10,6 +10,7 @@
 
 #include "fit/number_format.hpp"
 #include "rig/json_fields.hpp"
+#include "rig/session/standing.hpp"
 
 namespace rig {
 namespace {
@@ -241,8 +242,13 @@ std::string summary_text(const RunState& state, const SessionStore& session, dou
                      ", refused: " + std::to_string(state.scans_rejected) +
                      ", reconnections: " + std::to_string(state.reconnects) + "\n";
   std::vector<SummaryLine> values;
-  for (const auto& result : session.latest_results())
-    if (result.kind != "limits") add_values(values, result.kind, json::parse(result.json, nullptr, false));
+  for (const auto& result : session.latest_results()) {
+    if (result.kind == "limits") continue;
+    const json found = json::parse(result.json, nullptr, false);
+    for (const std::string& doubt : doubts_of(found))
+      text += "DOUBTFUL: " + result.kind + ": " + doubt + "\n";
+    add_values(values, result.kind, found);
+  }
   if (!values.empty())
     text += "Results (± is the expanded uncertainty; k = 2 unless stated):\n" + in_columns(values);
   const json checks = json::parse(state.checks_text, nullptr, false);

@@ -5,6 +5,7 @@
 #include <boost/asio/experimental/awaitable_operators.hpp>
 #include <filesystem>
 
+#include "rig/json_fields.hpp"
 #include "rig/runner/device_lock.hpp"
 #include "rig/runner/runner_impl.hpp"
 #include "rig/session/session_dates.hpp"
@@ -13,6 +14,8 @@ namespace rig {
 namespace {
 
 using namespace asio::experimental::awaitable_operators;
+
+const std::string stage_stands = "The stage has stopped.";
 
 /// Where the lidar's clock is not the host's: before anything is measured, since such a run could not be
 /// ended.
@@ -66,6 +69,7 @@ awaitable<void> Runner::Impl::prepare() {
   const StageIdentity found = co_await parts.stage.identify();
   // A simulated stage has the serial number of all of them.
   if (parts.locks && !lidar_link.simulated()) parts.locks->lock_stage(found.model, found.serial);
+  demand_same_stage(found);
   session.set("stage", json{{"language", found.language},
                             {"model", found.model},
                             {"serial", found.serial},
@@ -76,6 +80,21 @@ awaitable<void> Runner::Impl::prepare() {
   co_await lidar_link.compare_clocks();
   if (time.follows_lidar()) refuse_turns(plan, progress);
   co_await place_again();
+}
+
+void Runner::Impl::demand_same_stage(const StageIdentity& found) const {
+  const json known = json::parse(session.get("stage").value_or("null"), nullptr, false);
+  if (!known.is_object()) return;
+  const std::string model = text_of(known, "model"), serial = text_of(known, "serial");
+  if (model == found.model && serial == found.serial) return;
+  const auto named = [](const std::string& model_, const std::string& serial_) {
+    return model_ + (serial_.empty() ? "" : " " + serial_);
+  };
+  throw DeviceError(
+      "This is another stage (" + named(found.model, found.serial) +
+      ") than the one the session was begun with (" + named(model, serial) +
+      "), whose zero and scale are its own. Nothing was moved. Connect that one, or begin a new "
+      "session.");
 }
 
 void Runner::Impl::take_over(std::size_t index) {
@@ -186,7 +205,7 @@ awaitable<void> Runner::Impl::stop_stage_when_aborted() {
 awaitable<void> Runner::Impl::make_safe() {
   try {
     co_await parts.stage.stop();
-    made_safe = "The stage has stopped.";
+    made_safe = stage_stands;
   } catch (const std::exception&) {
     safe_problems += "The stage could not be stopped: check it.";
   }
@@ -222,6 +241,10 @@ void Runner::Impl::conclude() {
     // The session cannot be written any more; the failure that follows says why.
   }
   finish_session();
+  // A stage's fault may have said it already.
+  const bool said = failure && words_of(failure).find(stage_stands) != std::string::npos;
+  if (said && made_safe.starts_with(stage_stands)) made_safe.erase(0, stage_stands.size());
+  if (made_safe.starts_with(" ")) made_safe.erase(0, 1);
   if (failure) failure = with_more_words(failure, made_safe);
   if (failure && words_of(failure).find("rig resume") == std::string::npos)
     failure = with_more_words(failure, control.how_to_go_on());

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
+
 #include "rig/runner/runner_impl.hpp"
 #include "rig/runner/scan_gate.hpp"
 #include "rig/text_lines.hpp"
@@ -96,6 +98,8 @@ awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& reques
   const bool counts = plan[current].captures <= 1;  // Else the step counts its stops.
   const auto lost_before = parts.lidar.lost(), rejected_before = parts.lidar.rejected();
   int failures = 0;
+  std::vector<std::uint16_t> first_mm;
+  bool all_alike = true;
   while (got < request.samples) {
     lidar::Scan scan = co_await lidar_link.next(stream_for(request, skip), &gate, failures);
     if (!gate.takes(scan, time.follows_lidar() ? 0 : stage.settled_us())) {
@@ -106,6 +110,8 @@ awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& reques
     }
     failures = 0;
     store(id, got, scan);
+    if (got == 0) first_mm = scan.range_mm;
+    all_alike = all_alike && scan.range_mm == first_mm;
     ++got;
     if (counts) status.counted(got, request.samples, "scans");
     if (!counts && request.samples >= 200 && got % 40 == 0)
@@ -115,6 +121,19 @@ awaitable<void> Runner::Impl::fill(std::int64_t id, const CaptureRequest& reques
     parts.lidar.reuse(std::move(scan));
   }
   report_losses(request, parts.lidar.lost() - lost_before, parts.lidar.rejected() - rejected_before);
+  if (all_alike) warn_of_frozen_scans(request, first_mm);
+}
+
+void Runner::Impl::warn_of_frozen_scans(const CaptureRequest& request,
+                                        const std::vector<std::uint16_t>& scan_mm) {
+  // A few beams on a quiet lidar may agree by chance.
+  constexpr int fewest_scans = 10, fewest_echoes = 100;
+  const auto echoes = std::ranges::count_if(scan_mm, [](std::uint16_t mm) { return mm != 0; });
+  if (request.samples < fewest_scans || echoes < fewest_echoes || std::exchange(warned_of_frozen, true))
+    return;
+  note("warning", request.name + ": all " + grouped(request.samples) +
+                      " scans are identical in every beam, which no measurement is. The data are frozen or "
+                      "simulated: switch the lidar off and on, and look at its scans with `rig check`.");
 }
 
 void Runner::Impl::store(std::int64_t id, long seq, const lidar::Scan& scan) {

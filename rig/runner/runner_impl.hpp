@@ -34,7 +34,7 @@ using nlohmann::json;
 json json_of(const Value& value);
 Value value_of(const json& stored);
 struct TurningScans;
-struct Track;
+class TurnTrack;
 
 struct Runner::Impl final : StepContext {
   Procedure procedure;
@@ -90,6 +90,8 @@ struct Runner::Impl final : StepContext {
 
   /// Both devices connected, and the stage found standing.
   awaitable<void> prepare();
+  /// As for the lidar. Throws DeviceError when the session was begun with another one.
+  void demand_same_stage(const StageIdentity& found) const;
   /// Takes over what a step gave that an earlier run recorded.
   void take_over(std::size_t index);
   bool in_skipped_turn(std::size_t index) const;
@@ -137,6 +139,9 @@ struct Runner::Impl final : StepContext {
   void replace_short_one(const CaptureRequest& request);
   awaitable<void> fill(std::int64_t id, const CaptureRequest& request, long& got);
   void store(std::int64_t id, long seq, const lidar::Scan& scan);
+  /// Once a run. `scan_mm`: what all scans of a capture are.
+  void warn_of_frozen_scans(const CaptureRequest& request, const std::vector<std::uint16_t>& scan_mm);
+  bool warned_of_frozen = false;
   void report_losses(const CaptureRequest& request, std::uint64_t lost, std::uint64_t rejected);
 
   // Captures while the stage turns (runner_turning.cpp)
@@ -153,7 +158,7 @@ struct Runner::Impl final : StepContext {
   /// Infinity: it has no limit to come to.
   awaitable<lidar::Scan> next_scan_before_limit(double seconds);
   awaitable<void> read_quietly(lidar::Scan& scan, std::exception_ptr& why);
-  awaitable<void> track_stage(Track& track);
+  awaitable<void> track_stage(TurnTrack& track);
   std::int64_t store_turning(const CaptureRequest& request, const TurningScans& turned,
                              const std::string& mark);
   void keep_short_turning(const CaptureRequest& request, const TurningScans& turned);

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <span>
 
 #include "fit/number_format.hpp"
@@ -9,6 +10,20 @@ namespace rig {
 namespace {
 
 constexpr int attempts_of_nobody = 3;  // A simulated bench that placed it wrongly three times will not learn.
+
+/// For a number with a decimal comma or a unit: the same as the rig reads it.
+std::string how_to_write(const Answer& answer) {
+  const auto* text = answer.value ? std::get_if<std::string>(&*answer.value) : nullptr;
+  if (!text) return "";
+  std::string plain = *text;
+  std::ranges::replace(plain, ',', '.');
+  const std::string number = plain.substr(0, plain.find_first_not_of("+-.0123456789"));
+  const std::string rest = plain.substr(number.size());
+  const Value value = value_of_text(number);
+  const bool is_unit = std::ranges::none_of(rest, [](char c) { return c == '.' || (c >= '0' && c <= '9'); });
+  if (!is_unit || !std::holds_alternative<double>(value)) return "";
+  return ": write " + number + ", with a decimal point and without a unit";
+}
 
 /// Why an answer is none to the prompt's question; empty if it is one. What was not answered takes the
 /// question's own.
@@ -23,7 +38,7 @@ std::string wrong_answer(const Prompt& prompt, Answer& answer) {
       (question.max ? (question.min ? " and" : " of") + (" at most " + to_text(*question.max)) : "");
   const std::string with_max =
       question.max ? fit::with_unit(to_text(*question.max), question.unit) : std::string();
-  if (!number) return "the answer must be " + wanted + ".";
+  if (!number) return "the answer must be " + wanted + how_to_write(answer) + ".";
   if ((question.min && *number < *question.min) || (question.max && *number > *question.max))
     return fit::with_unit(to_text(*number), question.unit) +
            (question.min && question.max ? " is outside " + to_text(*question.min) + " to " + with_max

@@ -4,6 +4,7 @@
 
 #include "rig/runner/runner_impl.hpp"
 #include "rig/runner/scan_gate.hpp"
+#include "rig/runner/turn_track.hpp"
 
 namespace rig {
 namespace {
@@ -44,7 +45,8 @@ awaitable<std::int64_t> Runner::Impl::capture_turning(CaptureRequest request, do
       why = std::current_exception();
     }
     if (why) {
-      keep_short_turning(request, turned);
+      // Whose angles nobody knows are no measurement, not even a short one.
+      if (!is_a<UnsteadyTurn>(why)) keep_short_turning(request, turned);
       std::rethrow_exception(why);
     }
   }
@@ -98,6 +100,12 @@ awaitable<void> Runner::Impl::fill_turning(const CaptureRequest& request, Turnin
     }
   }
   co_await track_stage(turned.track);
+  const std::string disturbance =
+      turned.track.disturbance(*request.rate_deg_s, known_bench.stage_resolution_rad * fit::deg_per_rad);
+  if (!disturbance.empty())
+    throw UnsteadyTurn(disturbance +
+                       ". Check that nothing blocks it, that it carries its load at this rate, and that it "
+                       "reaches the rate within half a second.");
   report_losses(request, parts.lidar.lost() - lost_before, parts.lidar.rejected() - rejected_before);
 }
 
@@ -121,6 +129,7 @@ awaitable<lidar::Scan> Runner::Impl::next_scan_before_limit(double seconds) {
         "stopped. Find out what delayed the scans (the session's events), then continue with rig resume.");
   }
   if (why) std::rethrow_exception(why);
+  lidar_link.report_clock_restart(scan);
   co_return scan;
 }
 
@@ -132,11 +141,12 @@ awaitable<void> Runner::Impl::read_quietly(lidar::Scan& scan, std::exception_ptr
   }
 }
 
-awaitable<void> Runner::Impl::track_stage(Track& track) {
+awaitable<void> Runner::Impl::track_stage(TurnTrack& track) {
   const std::int64_t before_us = parts.clock.host_us();
   const double deg = co_await stage.turned_to();
-  const std::int64_t middle_us = time.at_us((before_us + parts.clock.host_us()) / 2);
-  track.add(static_cast<double>(middle_us) / 1e6, deg);
+  const std::int64_t after_us = parts.clock.host_us();
+  const std::int64_t middle_us = time.at_us((before_us + after_us) / 2);
+  track.add(static_cast<double>(middle_us) / 1e6, deg, static_cast<double>(after_us - before_us) / 2e6);
   fit::TrackPose pose;
   pose.host_us = middle_us;
   pose.stage_rad = deg * fit::rad_per_deg;
@@ -149,7 +159,7 @@ std::int64_t Runner::Impl::store_turning(const CaptureRequest& request, const Tu
   fit::CaptureInfo info = info_of(request);
   info.started_us = time.place_us(scans.front());
   placed.describe(info);
-  const auto [start_deg, rate_deg_s] = track.at_and_rate(static_cast<double>(info.started_us) / 1e6);
+  const auto [start_deg, rate_deg_s] = track.line_at(static_cast<double>(info.started_us) / 1e6);
   info.stage_rad = start_deg * fit::rad_per_deg;
   info.stage_readback_rad.reset();
   info.approach = rate_deg_s > 0 ? 1 : -1;
@@ -172,7 +182,7 @@ std::int64_t Runner::Impl::store_turning(const CaptureRequest& request, const Tu
 
 void Runner::Impl::keep_short_turning(const CaptureRequest& request, const TurningScans& turned) {
   const std::vector<lidar::Scan>& scans = turned.scans;
-  if (scans.empty() || turned.track.time_s.size() < 2) return;
+  if (scans.empty() || turned.track.size() < 2) return;
   try {
     (void)store_turning(request, turned, "/short");
     note("warning", request.name + " is short: " + grouped(static_cast<long>(scans.size())) + " of " +

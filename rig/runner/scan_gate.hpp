@@ -78,30 +78,4 @@ LidarStream stream_for(const CaptureRequest& request, int skip);
 /// All steps of the bench's lidar.
 LidarStream whole_scan(const fit::LidarGeometry& lidar);
 
-/// Least-squares line through stage positions against time.
-struct Track {
-  std::vector<double> time_s, angle_deg;
-  void add(double s, double deg) {
-    time_s.push_back(s);
-    angle_deg.push_back(deg);
-  }
-  [[nodiscard]] std::pair<double, double> at_and_rate(double s) const {
-    const double n = static_cast<double>(time_s.size());
-    double mean_t = 0, mean_a = 0, tt = 0, ta = 0;
-    for (std::size_t i = 0; i < time_s.size(); ++i) mean_t += time_s[i] / n, mean_a += angle_deg[i] / n;
-    for (std::size_t i = 0; i < time_s.size(); ++i) {
-      tt += (time_s[i] - mean_t) * (time_s[i] - mean_t);
-      ta += (time_s[i] - mean_t) * (angle_deg[i] - mean_a);
-    }
-    const double rate = tt > 0 ? ta / tt : 0;
-    return {mean_a + rate * (s - mean_t), rate};
-  }
-};
-
-/// What came in while the stage turned.
-struct TurningScans {
-  std::vector<lidar::Scan> scans;
-  Track track;
-};
-
 }  // namespace rig

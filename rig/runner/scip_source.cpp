@@ -41,6 +41,7 @@ class ScipSource final : public LidarSource {
       // A lidar that does not know ME measures distances all the same.
       unknown =
           error.kind() == lidar::LidarError::Kind::unknown_command && stream.intensity && sends_intensities_;
+      if (error.kind() == lidar::LidarError::Kind::wrong_use) throw UsageError(error.what());
       if (!unknown) throw DeviceError(error.what());
     }
     if (!unknown) co_return;
@@ -100,6 +101,8 @@ class ScipSource final : public LidarSource {
       co_return co_await std::move(work);
     } catch (const lidar::LidarError& error) {
       if (error.kind() == lidar::LidarError::Kind::cannot_connect) throw LidarAbsent(error.what());
+      // It is there and was asked for what it does not have: connecting again changes nothing.
+      if (error.kind() == lidar::LidarError::Kind::wrong_use) throw UsageError(error.what());
       throw DeviceError(error.what());
     }
   }

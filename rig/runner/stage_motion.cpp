@@ -11,6 +11,14 @@ namespace rig {
 
 using boost::asio::awaitable;
 
+namespace {
+
+// As long as a lidar is waited for: both hang on the same plug, and a USB adapter takes seconds to return.
+constexpr double longest_absence_s = 30;
+constexpr double first_reopen_pause_s = 0.5, longest_reopen_pause_s = 5;
+
+}  // namespace
+
 std::string in_deg(double deg) { return rounded_text(deg, 4) + " deg"; }
 
 double StageMotion::room_deg(double rate_deg_s) const {
@@ -139,10 +147,8 @@ awaitable<void> StageMotion::recover(int attempt, bool link_lost) {
   co_await clock_.sleep(0.5 * attempt);
   approach_ = 0;
   std::exception_ptr why;
+  if (link_lost) co_await reopen();
   try {
-    if (link_lost) {
-      co_await stage_.reopen();
-    }
     co_await stage_.stop();
     const StageStatus now = co_await stage_.status();
     stands_at(now.position_deg);
@@ -157,6 +163,30 @@ awaitable<void> StageMotion::recover(int attempt, bool link_lost) {
   if (why) status_.note("warning", "stage: " + words_of(why));
 }
 
+awaitable<void> StageMotion::reopen() {
+  const std::int64_t begun_us = clock_.host_us();
+  for (double pause_s = first_reopen_pause_s;; pause_s = std::min(2 * pause_s, longest_reopen_pause_s)) {
+    std::exception_ptr why;
+    try {
+      co_await stage_.reopen();
+      co_return;
+    } catch (...) {
+      why = std::current_exception();
+    }
+    control_.stop_if_aborted();
+    if (!is_stage_error(why)) std::rethrow_exception(why);
+    // A port that returns may at first be forbidden, or held by what greets new devices.
+    const double left_s = longest_absence_s - static_cast<double>(clock_.host_us() - begun_us) / 1e6;
+    if (left_s <= 0)
+      throw StageError(sentence(why) + " The rig waited " + rounded_text(longest_absence_s, 0) +
+                       " s for it.");
+    if (pause_s == first_reopen_pause_s)
+      status_.note("warning", "waiting for the stage: " + sentence(why) + " The rig keeps trying for " +
+                                  rounded_text(longest_absence_s, 0) + " s; Ctrl-C stops.");
+    co_await clock_.sleep(std::min(pause_s, left_s));
+  }
+}
+
 awaitable<void> StageMotion::turn(double rate_deg_s) {
   control_.stop_if_aborted();
   status_.doing("turning at " + to_text(rate_deg_s) + " deg/s");
@@ -169,7 +199,15 @@ awaitable<double> StageMotion::turned_to() {
     throw MeasurementError("The turning stage passed its soft limits at " + in_deg(now.position_deg) +
                            " and was stopped. Lower the rate or the number of samples.");
   stands_at(now.position_deg);
-  co_return now.position_deg;
+  if (now.moving) co_return now.position_deg;
+  const double to_limit_deg =
+      std::min(limits_.max_deg - now.position_deg, now.position_deg - limits_.min_deg);
+  if (to_limit_deg <= rules_.tolerance_deg)
+    throw MeasurementError("The turning stage came to its soft limit at " + in_deg(now.position_deg) +
+                           " and stands there. Lower the rate or the number of samples.");
+  throw UnsteadyTurn("the stage stopped at " + in_deg(now.position_deg) + " although it should turn on" +
+                     (now.warnings.empty() ? "" : " (it says: " + now.warnings.front() + ")") +
+                     ". Check that nothing blocks it, its power, and that nobody pressed its stop.");
 }
 
 awaitable<void> StageMotion::stop_turning_once() {

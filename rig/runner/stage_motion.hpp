@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string>
 
+#include "rig/errors.hpp"
 #include "rig/procedure/step.hpp"
 #include "rig/runner/run_control.hpp"
 #include "rig/runner/run_status.hpp"
@@ -13,6 +14,11 @@
 namespace rig {
 
 constexpr int stage_attempts = 3;  // Of a move, a homing, a turn.
+
+/// The stage did not turn as it was told to: scans taken meanwhile have no known angles.
+class UnsteadyTurn : public StageError {
+  using StageError::StageError;
+};
 
 /// With its unit, to a ten-thousandth: finer than any stage here reads back.
 [[nodiscard]] std::string in_deg(double deg);
@@ -45,14 +51,17 @@ class StageMotion {
   /// As StepContext::move_to.
   boost::asio::awaitable<double> move_to(double target_deg, int approach, const FilePosition& written_at);
   boost::asio::awaitable<void> turn(double rate_deg_s);
-  /// While it turns: where it is. Throws MeasurementError beyond the soft limits.
+  /// While it turns: where it is. Throws MeasurementError beyond the soft limits or when it stands at one,
+  /// and UnsteadyTurn when it stands elsewhere.
   boost::asio::awaitable<double> turned_to();
   /// A link that was lost is opened anew.
   boost::asio::awaitable<void> stop_turning();
-  /// After a failure: the link, its standstill and its reference are restored, as far as that succeeds.
+  /// After a failure: the link, its standstill and its reference are restored, as far as that succeeds. A
+  /// lost link is waited for; throws StageError when it does not come back.
   boost::asio::awaitable<void> recover(int attempt, bool link_lost);
 
  private:
+  boost::asio::awaitable<void> reopen();
   void check_soft_limits(double target_deg, const FilePosition& written_at) const;
   boost::asio::awaitable<void> home_once(bool again);
   boost::asio::awaitable<void> stop_turning_once();

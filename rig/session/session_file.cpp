@@ -32,8 +32,8 @@ void demand_readable(const std::string& path) {
   if (::stat(path.c_str(), &found) != 0)
     throw UsageError(path + ": no such session file. Check the name and the folder.");
   if (S_ISDIR(found.st_mode)) throw UsageError(path + " is a folder, not a session file.");
-  if (S_ISREG(found.st_mode) && found.st_size == 0 && !has_data(path + "-wal") &&
-      !has_data(path + "-journal"))
+  if (!S_ISREG(found.st_mode)) throw UsageError(path + " is not a regular file, and so no session.");
+  if (found.st_size == 0 && !has_data(path + "-wal") && !has_data(path + "-journal"))
     throw UsageError(path + " is empty: there is no session in it.");
   if (::access(path.c_str(), R_OK) != 0)
     throw UsageError(path + " cannot be read: permission denied. Check the file's permissions.");

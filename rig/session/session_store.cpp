@@ -214,7 +214,10 @@ std::unique_ptr<fit::Recording> SessionStore::recording(const std::optional<fit:
 
 bool is_session_file(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
-  if (!file) throw UsageError("cannot open " + path + ": check the name and the permission");
+  if (!file && ::access(path.c_str(), F_OK) != 0)
+    throw UsageError(path + ": no such " + (path.ends_with(".rig") ? "session " : "") +
+                     "file. Check the name and the folder.");
+  if (!file) throw UsageError(path + " cannot be read: permission denied. Check the file's permissions.");
   std::string head(15, '\0');
   file.read(head.data(), static_cast<std::streamsize>(head.size()));
   return head == "SQLite format 3" || path.ends_with(".rig");

@@ -47,6 +47,13 @@ std::string in_deg(double deg) { return text_of(deg) + " deg"; }
 
 }  // namespace
 
+StageIdentity printable(StageIdentity identity) {
+  for (std::string* text : {&identity.model, &identity.serial, &identity.firmware})
+    std::ranges::replace_if(
+        *text, [](char c) { return c < ' ' || c > '~'; }, '?');
+  return identity;
+}
+
 struct StageDriver::Line {
   bool taken = false;
   std::vector<asio::steady_timer*> waiting;
@@ -199,7 +206,7 @@ awaitable<void> StageDriver::demand_homed(std::size_t stops) {
 
 awaitable<void> StageDriver::start() {
   link_->discard();
-  identity_ = co_await protocol_->identify();
+  identity_ = co_await who();
   heartbeat_->guard = std::make_unique<StageGuard>(link_->descriptor(), protocol_->stop_for_good());
   const StageReading reading = co_await protocol_->read();
   // Somebody left it turning: a procedure must not begin on a moving stage.
@@ -211,9 +218,11 @@ awaitable<void> StageDriver::start() {
   speed_deg_s_ = options_.speed_deg_s;
 }
 
+awaitable<StageIdentity> StageDriver::who() { co_return printable(co_await protocol_->identify()); }
+
 awaitable<StageIdentity> StageDriver::identify() {
   const Turn turn = co_await take_turn(stops_);
-  identity_ = co_await protocol_->identify();
+  identity_ = co_await who();
   co_return identity_;
 }
 
@@ -392,7 +401,7 @@ awaitable<void> StageDriver::reopen() {
     heartbeat_->guard.reset();  // It holds the old port, and the lock on it.
     link_->reopen();
     protocol_->link_was_lost();
-    const StageIdentity now = co_await protocol_->identify();
+    const StageIdentity now = co_await who();
     if (now.serial != identity_.serial || now.model != identity_.model)
       throw StageError("another stage answers on " + link_->path() + " (" + now.model + " " + now.serial +
                        " instead of " + identity_.model + " " + identity_.serial +

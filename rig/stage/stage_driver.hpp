@@ -34,6 +34,7 @@ class StageDriver : public Stage {
   class Place;       ///< Among those who wait.
 
   awaitable<Turn> take_turn(std::size_t stops);
+  awaitable<StageIdentity> who();
   awaitable<void> stop_once();
   awaitable<void> pause(double seconds) const;
   awaitable<StageReading> read(std::size_t stops);

@@ -190,14 +190,14 @@ std::unique_ptr<SerialLink> open_link(const boost::asio::any_io_executor& execut
 
 /// Who answers in this dialect. Throws when the port itself fails.
 awaitable<StageProbe> who_answers(boost::asio::any_io_executor executor, PortUrl port,
-                                  const StageLanguage& language, std::string dialect) {
+                                  const StageLanguage& language, std::string dialect, double reply_s) {
   StageProbe answers;
-  port.options.reply_s = probe_reply_s;
+  port.options.reply_s = reply_s;
   const auto link = open_link(executor, port, language);
   port.options.language.clear();  // What is only guessed must prove itself.
   const auto protocol = language.create(dialect, *link, port.options);
   try {
-    answers.identity = co_await protocol->identify();
+    answers.identity = printable(co_await protocol->identify());
   } catch (const StageRefusal& refusal) {  // Who refuses in words speaks the language.
     answers.heard = link->heard();
     answers.baud = link->baud();
@@ -210,13 +210,14 @@ awaitable<StageProbe> who_answers(boost::asio::any_io_executor executor, PortUrl
 }
 
 /// The dialect spoken at the port, with who speaks it.
-awaitable<StageProbe> find_speaker(boost::asio::any_io_executor executor, PortUrl port) {
+awaitable<StageProbe> find_quick_speaker(boost::asio::any_io_executor executor, PortUrl port,
+                                         double reply_s) {
   StageProbe all_answers;
   auto all = stages::all();
   std::ranges::stable_sort(all, std::greater(), &StageLanguage::baud);  // Fast lines are asked sooner.
   for (const StageLanguage& language : all) {
     for (const std::string& dialect : language.names) {
-      StageProbe answers = co_await who_answers(executor, port, language, dialect);
+      StageProbe answers = co_await who_answers(executor, port, language, dialect, reply_s);
       const bool says_more =
           all_answers.refused.empty() && (!answers.refused.empty() || all_answers.heard.empty());
       if (answers.identity || says_more) all_answers = answers;
@@ -226,18 +227,31 @@ awaitable<StageProbe> find_speaker(boost::asio::any_io_executor executor, PortUr
   co_return all_answers;
 }
 
+/// As above. A stage that is said to be slow is asked again with the patience that it needs.
+awaitable<StageProbe> find_speaker(boost::asio::any_io_executor executor, PortUrl port) {
+  auto searching = find_quick_speaker(executor, port, probe_reply_s);
+  StageProbe found = co_await std::move(searching);
+  if (found.identity || port.options.reply_s <= StageOptions().reply_s) co_return found;
+  auto searching_on = find_quick_speaker(executor, port, port.options.reply_s);
+  co_return co_await std::move(searching_on);
+}
+
 }  // namespace
 
 std::string StageProbe::why_nobody() const {
   if (!refused.empty()) return refused;
   const std::string languages = " in a language that the rig speaks (" + known_languages() + "). ";
+  const std::string slow =
+      " While it searches, the rig waits " + json(probe_reply_s).dump() +
+      " s for an answer: for a slower stage state its `language` in the bench file, and `reply_s`.";
   if (heard.empty())
     return "nothing answers" + languages +
-           "Check that the stage is switched on, its baud rate, and the `language` in the bench file.";
+           "Check that the stage is switched on, its baud rate, and the `language` in the bench file." + slow;
   return "something answers, but not" + languages + "It said " + shown_bytes(heard) + " at " +
          std::to_string(baud) +
          " baud. The usual causes are another baud rate (`baud` in the bench file, or in the stage's address "
-         "as in serial:/dev/ttyUSB0?baud=115200) and another device on this port.";
+         "as in serial:/dev/ttyUSB0?baud=115200) and another device on this port." +
+         slow;
 }
 
 StageOptions stage_options(const json& stage) {

@@ -29,6 +29,10 @@ class StageRefusal : public StageError {
   using StageError::StageError;
 };
 
+/// With '?' for bytes that are no plain letters. Lines without checksums may be spoilt, and these texts
+/// become JSON and words on a terminal.
+[[nodiscard]] StageIdentity printable(StageIdentity identity);
+
 /// One language: what is said to a controller, and how its answers are read. It knows device units only, one
 /// command at a time, and starts motions without waiting for their end; StageDriver does the rest, alike for
 /// all languages.

@@ -119,6 +119,25 @@ TEST_CASE("hidden physics is named without an operator, and a recording that was
   CHECK(again.errors().find("--resume") != std::string::npos);
 }
 
+TEST_CASE(
+    "an investigation that Ctrl-C ends says how to continue it, not how to continue one session of it") {
+  const InvestigatedBench bench("");
+  Program rig(bench.command({"--unattended", "--json-log"}), bench.folder());
+  bool measures = false;
+  while (!measures) {
+    const auto line = rig.line();
+    REQUIRE(line);
+    const json what = json::parse(*line);
+    measures = what.at("type") == "progress" && what.at("step").get<int>() >= 3;
+  }
+  rig.signal(SIGINT);
+  CHECK(rig.exit_status() == 1);
+  CHECK_THAT(rig.errors(),
+             Catch::Matchers::Contains("rig investigate --out " +
+                                       bench.out("").substr(0, bench.out("").size() - 1) + " --resume") &&
+                 !Catch::Matchers::Contains("rig resume"));
+}
+
 TEST_CASE("the dossier and the lines for programs do not share standard output") {
   const TestFolder folder;
   Program rig({RIG_BIN_DIR "/rig", "investigate", "--out", folder / "out", "--unattended", "--json", "-",

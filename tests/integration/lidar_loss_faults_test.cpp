@@ -68,6 +68,63 @@ TEST_CASE("a reset by the network is reported as a lost connection") {
   CHECK_FALSE(client.connected());
 }
 
+TEST_CASE("a lidar that refuses QT is not taken for one whose laser is off") {
+  sim::UstDevice device = lidar_bench::device();
+  const bool streams_on = GENERATE(true, false);
+  Listener listener([&](tcp::socket& socket) -> awaitable<void> {
+    const std::string line = co_await answer_until(socket, device, "ME");
+    co_await write(socket, device.handle(line, 1));
+    bool goes_on = true;
+    while (goes_on) {
+      const std::string quit = co_await answer_until(socket, device, "QT");
+      std::string answer = lidar::build_status_response(quit, "10");
+      for (int i = 0; streams_on && i < 3; ++i) device.append_next_scan(answer);
+      goes_on = !quit.empty() && co_await write(socket, answer);
+    }
+  });
+  lidar::Client client = listener.client(impatient());
+  std::string what;
+  auto session = [&]() -> awaitable<void> {
+    co_await client.connect();
+    const lidar::StreamRequest all;
+    co_await client.start(all);
+    co_await client.stop();
+  };
+  CHECK(kind_of_failure([&] { listener.run(session); }, &what) == Kind::refused);
+  CHECK_THAT(what, Contains("laser may be on") && Contains("status 10"));
+}
+
+TEST_CASE("a lidar whose stamps stand still is said to do that, on every connection, and not to restart") {
+  Bench bench;
+  std::string stamp;
+  faulty_lidar::set_fault(bench, [&](std::string message) {
+    const std::size_t begin = message.find("99b\n") + 4, end = message.find('\n', begin);
+    if (stamp.empty()) stamp = message.substr(begin, end - begin);
+    return message.replace(begin, end - begin, stamp);
+  });
+  lidar::Client client = bench.client(impatient());
+  std::vector<std::string> reported;
+  auto session = [&]() -> awaitable<void> {
+    const lidar::StreamRequest all;
+    co_await client.connect();
+    for (int connection = 0; connection < 3; ++connection) {
+      if (connection > 0) co_await client.reconnect();
+      co_await client.synchronise();
+      co_await client.start(all);
+      try {
+        while (true) co_await client.next();
+      } catch (const lidar::LidarError& error) {
+        reported.push_back(error.what());
+      }
+    }
+  };
+  bench.run(session);
+  REQUIRE(reported.size() == 3);
+  for (const std::string& what : reported) CHECK_THAT(what, Contains("do not advance"));
+  CHECK(client.clock().resets == 0);
+  CHECK(client.statistics().scans == 1);
+}
+
 TEST_CASE("a device that streams to whoever connects, and ignores the first QT, is brought to rest") {
   sim::UstDevice device = lidar_bench::device();
   int ignored = 0;

@@ -71,6 +71,40 @@ TEST_CASE("a lidar that is switched on after its run was started is waited for")
   CHECK(measured(bench.folder / "out.rig").size() == 1);
 }
 
+TEST_CASE("a run replaces a session in which nothing was ever done, and no other") {
+  Bench bench;
+  const std::string out = bench.folder / "out.rig";
+  { const rig::SessionStore killed_at_once(out, rig::SessionStore::Mode::create); }
+  CHECK(bench.run("  - home\n  - capture: {samples: 5}\n") == 0);
+  CHECK(measured(out).size() == 1);
+  CHECK(bench.run("  - home\n  - capture: {samples: 5}\n") == 2);
+  CHECK_THAT(bench.said, Contains("exists already"));
+  CHECK(measured(out).size() == 1);
+}
+
+TEST_CASE("what is no procedure or no session is said to be that, with what to do") {
+  const Bench bench;
+  const std::string out = bench.folder / "out.rig";
+  { const rig::SessionStore session(out, rig::SessionStore::Mode::create); }
+  const auto said = [&](std::vector<std::string> words) {
+    words.insert(words.begin(), RIG_BIN_DIR "/rig");
+    Program rig(words, bench.folder);
+    CHECK(rig.exit_status() == 2);
+    return rig.errors();
+  };
+  CHECK_THAT(said({"run", out, "--bench", "bench.json"}),
+             Contains("is a session, not a procedure") && Contains("rig resume"));
+  CHECK_THAT(said({"resume", "/dev/zero"}), Contains("not a regular file"));
+  CHECK_THAT(said({"fit", "noise", "none.rig"}), Contains("none.rig: no such session file"));
+  bench.write("latin.yaml",
+              "procedure: test\n# Pr\xFC"
+              "fung\nsteps:\n  - home\n");
+  CHECK_THAT(said({"run", "latin.yaml", "--bench", "bench.json"}),
+             Contains("latin.yaml:2:5") && Contains("iconv"));
+  bench.write("p.yaml", "procedure: test\nvariables: {who: x}\nsteps:\n  - home\n");
+  CHECK_THAT(said({"run", "p.yaml", "--bench", "bench.json", "--set", "who=M\xFCller"}), Contains("UTF-8"));
+}
+
 TEST_CASE("a lidar's address whose name is not known ends the run at once") {
   Bench bench;
   bench.lidar = "tcp://no-such-host.invalid";

@@ -224,6 +224,39 @@ TEST_CASE("what is no answer in the stage's language is shown, with baud rate an
   CHECK_THROWS_WITH(rig.run(rig.stage->status()), Contains("did not answer"));
 }
 
+TEST_CASE("a noise byte in a stage's name is asked away, and never becomes its name") {
+  StageRig rig("shot");
+  rig.options.language = GENERATE("shot", "");
+  rig.switch_on();
+  bool spoilt = false;
+  rig.port->set_line_fault([&](sim::PtyPort::Direction direction, const std::string& bytes) {
+    sim::PtyPort::Passage passage(bytes);
+    const bool is_name = direction == sim::PtyPort::Direction::to_client && bytes.starts_with("SHOT");
+    if (is_name && !std::exchange(spoilt, true)) passage.bytes.insert(2, "\xFE");
+    return passage;
+  });
+  rig.open();
+  CHECK(spoilt);
+  const std::string model = rig.run(rig.stage->identify()).model;
+  CHECK(model.starts_with("SHOT"));
+  CHECK(std::ranges::all_of(model, [](char c) { return c >= ' ' && c <= '~'; }));
+}
+
+TEST_CASE("a slow stage is found by who states how slow it is, and the search says what it waits for") {
+  StageRig rig("zaber");
+  rig.options.language = "";
+  rig.switch_on();
+  rig.port->set_line_fault([](sim::PtyPort::Direction direction, const std::string& bytes) {
+    sim::PtyPort::Passage passage(bytes);
+    if (direction == sim::PtyPort::Direction::to_client) passage.delay_s = 0.2;
+    return passage;
+  });
+  CHECK_THROWS_WITH(rig.open(), Contains("waits 0.15 s") && Contains("`reply_s`"));
+  rig.options.reply_s = 0.8;
+  rig.open();
+  CHECK(rig.run(rig.stage->identify()).language == "zaber");
+}
+
 TEST_CASE("a stage that is asked in another language than its own says nothing: the told language is named") {
   StageRig rig("gsc");  // It answers nothing that it does not know.
   rig.options.language = "zaber";

@@ -146,12 +146,13 @@ class FakeStage final : public rig::Stage {
   std::vector<double> moves;
   bool homed = false, moving = false;
   int stops = 0, homings = 0, reopens = 0;
+  std::string serial;
   double readback_error_deg = 0;
   int loses_link_at_move = -1;  ///< Counted from 0.
 
   boost::asio::awaitable<rig::StageIdentity> identify() override {
     rig::StageIdentity who;
-    who.language = "zaber", who.model = "test";
+    who.language = "zaber", who.model = "test", who.serial = serial;
     co_return who;
   }
   bool loses_link_at_status = false;
@@ -161,6 +162,9 @@ class FakeStage final : public rig::Stage {
       homed = false;
       throw rig::StageLost("the stage does not answer.");
     }
+    if (moving && rate_deg_s != 0)
+      bench_.stage_deg =
+          began_deg + turns_at * rate_deg_s * 1e-6 * static_cast<double>(bench_.clock.now_us - began_us);
     rig::StageStatus status;
     status.position_deg = bench_.stage_deg, status.homed = homed, status.moving = moving;
     co_return status;
@@ -187,9 +191,13 @@ class FakeStage final : public rig::Stage {
     bench_.stage_deg = target_deg;
     co_return target_deg + readback_error_deg;
   }
-  double rate_deg_s = 0;
+  double rate_deg_s = 0, began_deg = 0, turns_at = 1;  ///< A share of the commanded rate.
+  int turns = 0;
+  std::int64_t began_us = 0;
   boost::asio::awaitable<void> turn(double rate) override {
+    ++turns;
     moving = true;
+    began_deg = bench_.stage_deg, began_us = bench_.clock.now_us;
     rate_deg_s = rate;
     co_await yield();
   }
@@ -201,9 +209,11 @@ class FakeStage final : public rig::Stage {
   }
   bool lost_for_good = false;
   int yields_at_stop = 1;
+  std::function<bool()> is_plugged_in = [] { return true; };
   boost::asio::awaitable<void> reopen() override {
     ++reopens;
     co_await yield();
+    if (!is_plugged_in()) throw rig::StageError("the stage's port is not there.");
   }
 
  private:

@@ -108,14 +108,20 @@ awaitable<ShotStatus> ShotProtocol::status() {
           axis() + ").");
 }
 
-/// Nothing if it does not know the question.
+/// Nothing if it does not know the question. Without a checksum, a text is believed when it is said twice.
 awaitable<std::optional<std::string>> ShotProtocol::ask_text(std::string question) {
-  for (int attempt = 0; attempt + 1 < shot_attempts; ++attempt) {
+  const auto is_printable = [](char c) { return c >= ' ' && c <= '~'; };
+  std::optional<std::string> before;
+  for (int attempt = 0, silences = 0; attempt < 2 * shot_attempts; ++attempt) {
     const auto due = co_await send(question);
     const std::optional<std::string> line = co_await link_.read_line(due);
     if (line && shot_acknowledgement(*line)) co_return std::nullopt;
-    if (line) co_return line;
-    link_.forget_answers();
+    if (line && line == before) co_return line;
+    if (line && std::ranges::all_of(*line, is_printable)) before = line;
+    if (!line) {
+      link_.forget_answers();
+      if (++silences + 1 == shot_attempts) co_return std::nullopt;
+    }
   }
   co_return std::nullopt;
 }

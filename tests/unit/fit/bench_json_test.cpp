@@ -117,6 +117,12 @@ TEST_CASE("slips in what the certificate prints are refused as anywhere in a ben
   CHECK_THAT(with(R"("laboratory": 7)"), Catch::Contains("must be text"));
 }
 
+TEST_CASE("a bench file in another encoding than UTF-8 is refused with the place and the remedy") {
+  CHECK_THROWS_WITH(fit::parse_bench("{\"schema\": \"bench/1\",\n \"note\": \"M\xFCller\"}", "b.json"),
+                    Catch::Matchers::StartsWith("b.json:2:12: ") && Catch::Matchers::Contains("UTF-8") &&
+                        Catch::Matchers::Contains("iconv"));
+}
+
 TEST_CASE("a key that is given twice, and a file without content, are refused") {
   CHECK(complaint_of(
             "{\"schema\": \"bench/1\",\n \"lidar\": {}, // \"lidar\": \n \"lidar\": {\"steps\": 10}}") ==

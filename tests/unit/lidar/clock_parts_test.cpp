@@ -35,6 +35,19 @@ TEST_CASE("a timer that starts again goes on by the host's clock, on a base of i
   CHECK(timer.unwrap(125, 3.025e6, true).ms == 5'003'025);
 }
 
+TEST_CASE("a timer that stands still has not started again, until it moves from where it stood") {
+  DeviceTimer timer;
+  timer.unwrap(50'000, 0, true);
+  for (const double host_us : {8e6, 9e6}) {
+    timer.begin_connection();
+    const auto still = timer.unwrap(50'000, host_us, true);
+    CHECK_FALSE(still.started_again);
+    CHECK(still.ms == 50'000);
+  }
+  CHECK(timer.resets() == 0);
+  CHECK(timer.unwrap(50'025, 20e6, true).started_again);
+}
+
 TEST_CASE("hours of silence hide whole turns of the timer") {
   DeviceTimer timer;
   timer.unwrap(1000, 0, true);

@@ -169,6 +169,26 @@ TEST_CASE("a check of the bench tells a lidar's clock that jumps from scans that
   CHECK_THAT(check(losing), Contains("scans lost: 50 beside 40 received") && !Contains("lidar's clock"));
 }
 
+TEST_CASE("a check of the bench takes a lidar at its stamps and not at the rate that it states") {
+  Rig rig("");
+  rig.lidar.before_scan = [&](std::uint64_t) {
+    rig.world.clock.now_us += 75'000;  // 10 Hz, where 40 Hz are stated: three scans seem lost each time.
+    rig.lidar.missing += 3;
+  };
+  std::string bad;
+  boost::asio::co_spawn(rig.io,
+                        rig::check_bench(rig.bench, rig.lidar, rig.stage, rig.world.clock, true,
+                                         [&](const rig::CheckLine& line) {
+                                           if (line.verdict == rig::CheckLine::Verdict::bad)
+                                             bad += line.what + ": " + line.says + "\n";
+                                         }),
+                        [](std::exception_ptr error, const auto&) {
+                          if (error) std::rethrow_exception(error);
+                        });
+  rig.io.run();
+  CHECK_THAT(bad, Contains("scan rate: 10 Hz, the bench file says 40 Hz"));
+}
+
 TEST_CASE("a wait lasts as long by the host's clock whatever the lidar's stamps say") {
   Rig rig("  - home\n  - wait: {seconds: 60}\n  - capture: {samples: 5}\n");
   rig.lidar.tamper = [&](lidar::Scan& scan) {
@@ -350,6 +370,72 @@ TEST_CASE("a lidar whose first step is not 0 is measured with from that step on"
   CHECK(rig.run());
   REQUIRE(rig.captures().size() == 1);
   CHECK(rig.captures()[0].beams == 682);
+}
+
+TEST_CASE("a target is looked for by a lidar whose first step is not 0 with the beams that it has") {
+  Rig rig(
+      "  - home\n  - prompt: {title: Place it, place: {target: board, shift_mm: 0}}\n"
+      "  - capture: {samples: 5, target: board}\n");
+  rig.bench.lidar.steps = 726, rig.bench.lidar.first_step = 44, rig.bench.lidar.front_step = 384;
+  rig.bench.lidar.step_rad = 2 * fit::pi / 1024;
+  bool asked_below = false;
+  rig.lidar.tamper = [&](lidar::Scan& scan) {
+    asked_below |= scan.first_step < 44;
+    // Only the beams that meet the board see it, so that one beside them would not do.
+    for (int step = scan.first_step; step <= scan.last_step; ++step)
+      if (std::abs(step - 384) > 30) scan.range_mm[static_cast<std::size_t>(step - scan.first_step)] = 3000;
+  };
+  CHECK(rig.run());
+  CHECK_FALSE(asked_below);
+  CHECK(rig.captures().size() == 1);
+}
+
+TEST_CASE("scans that are identical in every beam are measured, with a warning, once a run") {
+  Rig frozen("  - home\n  - capture: {samples: 10}\n  - capture: {samples: 10}\n");
+  CHECK(frozen.run());
+  CHECK(frozen.times_reported("identical in every beam") == 1);
+  Rig alive("  - home\n  - capture: {samples: 10}\n");
+  alive.lidar.tamper = [&](lidar::Scan& scan) { scan.range_mm[500] += alive.world.scans % 2; };
+  CHECK(alive.run());
+  CHECK_FALSE(alive.reported("identical in every beam"));
+}
+
+TEST_CASE("a check of the bench notes ranges that do not vary, or far less than stated") {
+  const auto notes = [](Rig& rig) {
+    rig.bench.known = {{"range-noise", {{"sigma_mm", {8, 0}}}, {}}};
+    std::string text;
+    boost::asio::co_spawn(rig.io,
+                          rig::check_bench(rig.bench, rig.lidar, rig.stage, rig.world.clock, true,
+                                           [&](const rig::CheckLine& line) {
+                                             if (line.verdict == rig::CheckLine::Verdict::note)
+                                               text += line.what + ": " + line.says + "\n";
+                                           }),
+                          [](std::exception_ptr error, const auto&) {
+                            if (error) std::rethrow_exception(error);
+                          });
+    rig.io.run();
+    return text;
+  };
+  Rig frozen("");
+  CHECK_THAT(notes(frozen), Contains("noise: none: every beam gives the same range"));
+  Rig tame("");
+  tame.lidar.tamper = [&](lidar::Scan& scan) { scan.range_mm[500] += tame.world.scans % 2; };
+  CHECK_THAT(notes(tame), Contains("noise: 0 mm, the bench file says 8 mm"));
+  Rig alive("");
+  alive.lidar.tamper = [&](lidar::Scan& scan) {
+    for (std::size_t i = 0; i < scan.range_mm.size(); ++i)
+      scan.range_mm[i] += static_cast<std::uint16_t>(7 * (alive.world.scans + i) % 20);
+  };
+  CHECK_THAT(notes(alive), !Contains("noise:"));
+}
+
+TEST_CASE("steps that a lidar does not have are no loss of it") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n");
+  rig.lidar.before_scan = [&](std::uint64_t number) {
+    if (number > 20) throw rig::UsageError("this lidar has steps 44 to 725.");
+  };
+  CHECK_THROWS_AS(rig.run(), rig::UsageError);
+  CHECK(rig.lidar.connects == 1);
 }
 
 }  // namespace runner_lidar_test

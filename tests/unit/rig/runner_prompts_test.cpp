@@ -159,6 +159,24 @@ TEST_CASE("an answer out of its range is reported with the range") {
   CHECK(refused == std::vector<std::string>{"", "900 mm is outside 150 to 400 mm."});
 }
 
+TEST_CASE("a number with a decimal comma or a unit is refused with the number as it should be written") {
+  Rig rig("  - home\n  - prompt: {title: Measure it, ask: {name: rail, unit: mm}}\n");
+  std::vector<std::string> refused;
+  const std::vector<std::string> typed = {"1300,5", "1300.5 mm", "1,300.5", "twelve"};
+  rig.person.nobody = false;
+  rig.person.answers = [&](const rig::Prompt& prompt) {
+    refused.push_back(prompt.refusal);
+    rig::Answer answer;
+    answer.value = 1.0;
+    if (refused.size() <= typed.size()) answer.value = typed[refused.size() - 1];
+    return answer;
+  };
+  CHECK(rig.run());
+  const std::string plain = "the answer must be a number in mm";
+  const std::string hint = plain + ": write 1300.5, with a decimal point and without a unit.";
+  CHECK(refused == std::vector<std::string>{"", hint, hint, plain + ".", plain + "."});
+}
+
 TEST_CASE("captures know how long the lidar has been on once a prompt has said so, in a resumed run too") {
   Rig rig(
       "  - home\n  - capture: {samples: 5}\n"

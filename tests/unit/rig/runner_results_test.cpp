@@ -2,6 +2,7 @@
 #include <future>
 
 #include "rig/live/session_state.hpp"
+#include "rig/runner/run_view.hpp"
 #include "rig/session/standing.hpp"
 #include "tests/support/runner_rig.hpp"
 
@@ -172,6 +173,21 @@ TEST_CASE("a limit is not met by a result that contradicts itself or the bench f
         "inconclusive: the result is in doubt: Two methods do not agree. Width: 0.05 and 0.009.");
   CHECK(verdict_with(R"(,"contradictions":["The edge is elsewhere."])") ==
         "inconclusive: the result is in doubt: The edge is elsewhere.");
+}
+
+TEST_CASE("a run says that a result is in doubt, when it comes and at the end") {
+  Rig rig("  - home\n  - fit: {kind: noise}\n");
+  rig.fitted = {{"values", nlohmann::json::array()}, {"contradictions", {"The board is elsewhere."}}};
+  std::string summary;
+  rig.prepare = [&](rig::Runner& runner) {
+    rig.when_ended = [&] {
+      const rig::SessionStore session(rig.file, rig::SessionStore::Mode::read);
+      summary = rig::summary_text(runner.state(), session, 1);
+    };
+  };
+  CHECK(rig.run());
+  CHECK(rig.reported("DOUBTFUL: noise: The board is elsewhere."));
+  CHECK_THAT(summary, Contains("DOUBTFUL: noise: The board is elsewhere."));
 }
 
 TEST_CASE("who watches a session sees the procedure's steps, and limits with figures and verdict") {

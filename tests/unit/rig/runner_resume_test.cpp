@@ -70,6 +70,21 @@ TEST_CASE("a resumed run says how many captures are done, which step is next and
   CHECK(rig.reported("resumed: all 6 captures and all 5 steps are done already"));
 }
 
+TEST_CASE("a resumed run refuses another stage, before it is moved") {
+  Rig rig("  - home\n  - capture: {samples: 5}\n  - capture: {samples: 5}\n");
+  rig.stage.serial = "1";
+  rig.lidar.before_scan = [&](std::uint64_t number) { rig.lidar.dead = number >= 25; };
+  CHECK_THROWS(rig.run());
+  rig.lidar.dead = false;
+  rig.lidar.before_scan = [](std::uint64_t) {};
+  rig.stage.serial = "2";
+  rig.stage.homed = false;
+  CHECK_THROWS_WITH(rig.run(), Contains("another stage (test 2)") && Contains("(test 1)"));
+  CHECK_FALSE(rig.stage.homed);
+  rig.stage.serial = "1";
+  CHECK(rig.run());
+}
+
 TEST_CASE("a resumed run refuses another procedure") {
   Rig rig("  - home\n  - capture: {samples: 5}\n");
   rig.run();

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include "rig/runner/turn_track.hpp"
 #include "tests/support/runner_rig.hpp"
 
 namespace runner_stage_test {
@@ -112,6 +113,58 @@ TEST_CASE("a turn during which the lidar is lost for a while is begun anew and i
   CHECK(rig.reported("repeated from its start"));
 }
 
+TEST_CASE("a turn in which the stage stops, or turns at another rate, is begun anew, and never recorded") {
+  const std::string steps = "  - home\n  - turn: {rate_deg_s: 15, from_deg: -40, samples: 80}\n";
+  Rig stopped(steps);
+  stopped.lidar.before_scan = [&](std::uint64_t number) {
+    if (number == 72) stopped.stage.moving = false;
+  };
+  CHECK(stopped.run());
+  CHECK(stopped.stage.turns == 2);
+  CHECK(stopped.reported("stopped at"));
+  REQUIRE(stopped.captures().size() == 1);
+  CHECK(stopped.captures()[0].stamps.size() == 80);
+
+  Rig slow(steps);
+  slow.stage.turns_at = 8. / 15;
+  CHECK_THROWS_WITH(slow.run(), Contains("turned at 8.0 deg/s instead of 15.0 deg/s"));
+  CHECK(slow.stage.turns == 3);
+  CHECK_FALSE(slow.stage.moving);
+  CHECK(slow.captures().empty());
+
+  // One that goes on saying that it moves.
+  Rig stuck(steps);
+  stuck.lidar.before_scan = [&](std::uint64_t number) {
+    if (number == 72) stuck.stage.turns_at = 0, stuck.stage.began_deg = stuck.world.stage_deg;
+    if (stuck.stage.turns == 2) stuck.stage.turns_at = 1;
+  };
+  CHECK(stuck.run());
+  CHECK(stuck.reported("off a straight line"));
+  REQUIRE(stuck.captures().size() == 1);
+  CHECK_THAT(stuck.captures()[0].step, !Contains("short"));
+}
+
+TEST_CASE("late answers of a turning stage are no disturbance, and count for little") {
+  rig::TurnTrack track;
+  for (int i = 0; i < 20; ++i) track.add(0.1 * i, 1.5 * i, 0.005);
+  track.add(2.5, 30.5, 0.5);  // Answered a second after it was asked.
+  CHECK(track.disturbance(15, 0.01).empty());
+  CHECK_THAT(track.line_at(1).at_deg, Catch::Matchers::WithinAbs(15, 0.01));
+  track.add(2.1, 30.5, 0.005);
+  CHECK_THAT(track.disturbance(15, 0.01), Contains("off a straight line"));
+}
+
+TEST_CASE("a lidar that restarts while the stage turns is reported and recorded") {
+  Rig rig("  - home\n  - turn: {rate_deg_s: 4, from_deg: 0, samples: 60}\n");
+  rig.lidar.before_scan = [&](std::uint64_t number) {
+    if (number == 60) rig.lidar.restarts = 1;
+  };
+  CHECK(rig.run());
+  CHECK(rig.times_reported("its power was cut") == 1);
+  const rig::SessionStore session(rig.file, rig::SessionStore::Mode::read);
+  CHECK(nlohmann::json::parse(session.get("lidar_restarts").value_or("[]")).size() == 1);
+}
+
 TEST_CASE("a turn during which the stage falls silent is begun anew, homed if it has to be") {
   Rig rig("  - home\n  - turn: {rate_deg_s: 4, from_deg: 0, samples: 60}\n");
   rig.lidar.before_scan = [&](std::uint64_t number) {
@@ -182,6 +235,25 @@ TEST_CASE("a stage that lost its link is opened again, homed again, and reached 
   CHECK(rig.stage.homings == 2);
   REQUIRE(rig.captures().size() == 5);
   for (const auto& capture : rig.captures()) CHECK(capture.approach == 1);
+}
+
+TEST_CASE("a stage whose port is gone is waited for as long as a lidar, and no longer") {
+  Rig rig("  - home\n  - move: {to_deg: 10}\n  - capture: {samples: 5}\n");
+  rig.stage.loses_link_at_move = 0;
+  std::int64_t lost_us = 0;
+  rig.stage.is_plugged_in = [&] {
+    if (lost_us == 0) lost_us = rig.world.clock.now_us;
+    return rig.world.clock.now_us >= lost_us + 20'000'000;
+  };
+  CHECK(rig.run());
+  CHECK(rig.reported("waiting for the stage"));
+  CHECK(rig.stage.homings == 2);
+  Rig gone("  - home\n  - move: {to_deg: 10}\n  - capture: {samples: 5}\n");
+  gone.stage.loses_link_at_move = 0;
+  gone.stage.is_plugged_in = [] { return false; };
+  const std::int64_t begun_us = gone.world.clock.now_us;
+  CHECK_THROWS_WITH(gone.run(), Contains("port is not there") && Contains("waited 30 s"));
+  CHECK(gone.world.clock.now_us < begun_us + 40'000'000);
 }
 
 TEST_CASE("a stage that is found moving is stopped before anything else") {
