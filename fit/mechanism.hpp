@@ -134,10 +134,10 @@ struct Parameter {
     width,       ///< The extent of what is local. Where less than the least was recorded, it is not local.
     decay,       ///< Over which the effect fades by 1/e. At its bounds it is no fading any more.
     wavelength,  ///< Of a sine. Where only regular places were recorded, several look alike.
-    gear,  ///< Of a sine that gears make, in degrees of a turn: a short one is a turn by a whole number.
-    bin,   ///< To multiples of which the coordinate is rounded. No two that differ by much look alike. The
-          ///< next parameter is how many of them are added before, 0 to 1.
-    count,      ///< A whole number: there is nothing between its starts.
+    gear,   ///< Of a sine that gears make, in degrees of a turn: a short one is a turn by a whole number.
+    bin,    ///< To multiples of which the coordinate is rounded. No two that differ by much look alike. The
+            ///< next parameter is how many of them are added before, 0 to 1.
+    count,  ///< A whole number: there is nothing between its starts.
     threshold,  ///< Of the coordinate, below which something happens at once: looked for between recorded
                 ///< places.
     from,  ///< The time at which it begins, s since power-on; the next parameter is the one at which it ends.

@@ -72,8 +72,8 @@ struct WallFit {
   std::size_t beams = 0;      ///< Means of beams used.
   Estimate patent_angle_rad;  ///< Mean slope of the front wall over the repeats at stage angle 0.
   std::size_t repeats = 0;
-  std::vector<WallCircle> ways;        ///< Both walls in every scan (geometric, algebraic), single beam.
-  std::vector<WallObservation> means;  ///< One a capture, deviations taken off.
+  std::vector<WallCircle> ways;           ///< Both walls in every scan (geometric, algebraic), single beam.
+  std::vector<WallObservation> means;     ///< One a capture, deviations taken off.
   std::vector<WallObservation> measured;  ///< The same as it was measured.
   std::vector<Eigen::Vector2d> trajectory,
       single_beam;  ///< In the wall frame: minus the distances from the walls.

@@ -72,9 +72,9 @@ struct Client::Impl {
   std::uint64_t last_scan_ms = 0;
   bool scan_seen = false;
   std::optional<std::uint32_t> last_stamp;  ///< Of a scan, as it came, on whatever connection.
-  unsigned damaged_answers = 0;  ///< To our own requests, on this connection.
-  std::string last_stray;        ///< First line and status of what came in the stream's place.
-  unsigned attempts_failed = 0;  ///< To connect, in a row.
+  unsigned damaged_answers = 0;             ///< To our own requests, on this connection.
+  std::string last_stray;                   ///< First line and status of what came in the stream's place.
+  unsigned attempts_failed = 0;             ///< To connect, in a row.
   steady_clock::time_point first_attempt{};
   std::int64_t arrived_us = 0;  ///< When the bytes of the present frame were read.
 
