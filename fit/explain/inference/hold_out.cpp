@@ -177,14 +177,15 @@ HeldOutFigures hold_out(const Session& session, const Fitted& fitted, bool only_
 bool forms_carry_over(const Session& session, const Fitted& fitted) {
   const Blocks captures(session.reduced().captures.size(), Few::captures);
   std::vector<Index> of_forms;
+  double gain = 0;
   for (std::size_t t = 0; t < fitted.design.blocks.size(); ++t) {
     const Kind& kind = *fitted.hypothesis.terms[t].kind;
     const Design::Block& block = fitted.design.blocks[t];
-    for (Index k = 0; k < block.sizes && kind.is_form() && kind.moves_means(); ++k)
-      of_forms.push_back(block.first + k);
+    if (!kind.is_form() || !kind.moves_means()) continue;
+    gain += kind.log_prior;  // chosen among many for what all captures show
+    for (Index k = 0; k < block.sizes; ++k) of_forms.push_back(block.first + k);
   }
   if (captures.count < 2 || of_forms.empty()) return true;
-  double gain = 0;
   const Eigen::LLT<Eigen::MatrixXd> all = factor_of_all(fitted);
   for (int b = 0; b < captures.count; ++b) {
     const double of_this = Block(session, fitted, all, captures, b, true).gain_of_others(of_forms);
