@@ -127,9 +127,7 @@ class Reducer {
 /// Where a recording holds no intensities, what follows the echo is compared with the one that reflectance,
 /// distance and incidence make.
 void expect_echoes(Reduced& session) {
-  session.echoes_expected =
-      std::ranges::none_of(session.cells, [](const Cell& cell) { return std::isfinite(cell.counts); });
-  if (!session.echoes_expected) return;
+  if (session.has_intensity) return;
   const IntensityLaw law = law_of_bench(session.bench);
   for (Cell& cell : session.cells)
     cell.at.intensity =

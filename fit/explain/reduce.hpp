@@ -146,11 +146,9 @@ struct Reduced {
   std::vector<float> strays_mm, strays_of_target;
   long samples = 0;
   double reference_temperature_c = 0;
-  bool has_intensity = false;
+  bool has_intensity = false;     ///< Otherwise cells have the echo that the bench file lets expect.
   OutputSteps output_steps;       ///< In which ranges come.
   std::optional<double> wave_hz;  ///< What a lamp or a supply does at that frequency was taken off.
-  /// No intensity was recorded: cells have the echo that the bench file lets expect in its place.
-  bool echoes_expected = false;
   int left_out = 0;               ///< Cells that no mean is taken of.
   int in_clear = 0;               ///< Cells away from edges and corners, square on enough, by the bench file.
   int astray = 0;                 ///< Of these, those more than `astray_mm` off their target.

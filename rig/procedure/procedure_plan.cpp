@@ -158,9 +158,9 @@ std::string dry_run_text(const Procedure& procedure, const fit::Bench& bench,
           duration_text(seconds) + " at " + to_text(bench.lidar.scan_hz) + " scans/s.\n";
   if (at_least) text += "The run may take longer: some steps depend on values that only it will know.\n";
   const StageLimits limits = stage_limits(bench);
-  text += limits.min_deg > -1e8 ? "Soft limits of the stage: " + to_text(limits.min_deg) + " to " +
-                                      to_text(limits.max_deg) + " deg; every known target lies within.\n"
-                                : "The bench file gives no soft limits (stage.limits_deg).\n";
+  text += limits.has_min() ? "Soft limits of the stage: " + to_text(limits.min_deg) + " to " +
+                                 to_text(limits.max_deg) + " deg; every known target lies within.\n"
+                           : "The bench file gives no soft limits (stage.limits_deg).\n";
   if (!procedure.limits.empty()) text += "Acceptance limits:\n";
   for (const Limit& limit : procedure.limits) text += limit_text(limit);
   return text;

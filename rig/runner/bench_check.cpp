@@ -166,7 +166,7 @@ class Checker {
     for (const auto& warning : status.warnings)
       if (status.homed)
         say(Verdict::note, "stage says", warning, "See docs/operate/stages.md, or the controller's manual.");
-    if (limits_.min_deg < -1e8)
+    if (!limits_.has_min())
       say(Verdict::note, "soft limits", "none in the bench file",
           "Write stage.limits_deg, so that no cable is torn.");
     if (stay_still) {

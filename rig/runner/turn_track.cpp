@@ -48,9 +48,11 @@ TurnTrack::Line TurnTrack::line_at(double s) const {
 std::string TurnTrack::disturbance(double commanded_deg_s, double resolution_deg) const {
   if (poses_.size() < 2) return "";
   const double speed = std::abs(commanded_deg_s), base_deg = unevenness_deg + 2 * resolution_deg;
+  const double first_s = poses_.front().s;
+  const Line line = line_at(first_s);
   double off_deg = 0, beyond = 0, widest_deg = 0;
   for (const Pose& pose : poses_) {
-    const double away_deg = std::abs(pose.deg - line_at(pose.s).at_deg);
+    const double away_deg = std::abs(pose.deg - line.at_deg - line.rate_deg_s * (pose.s - first_s));
     const double allowed_deg = base_deg + speed * (pose.half_s + answer_delay_s);
     // A single late answer says little of the rate.
     widest_deg = std::max(widest_deg, base_deg + speed * (std::min(pose.half_s, 0.1) + answer_delay_s));
@@ -58,11 +60,10 @@ std::string TurnTrack::disturbance(double commanded_deg_s, double resolution_deg
   }
   if (beyond > 1)
     return "the stage did not turn evenly: its positions are up to " + deg(off_deg) + " off a straight line";
-  const double lasted_s = poses_.back().s - poses_.front().s;
-  const double rate_deg_s = line_at(poses_.front().s).rate_deg_s;
+  const double lasted_s = poses_.back().s - first_s;
   const double allowed_deg_s = rate_share * speed + 2 * widest_deg / std::max(lasted_s, 1e-6);
-  if (std::abs(rate_deg_s - commanded_deg_s) > allowed_deg_s)
-    return "the stage turned at " + fit::format_value(rate_deg_s, 2) + " deg/s instead of " +
+  if (std::abs(line.rate_deg_s - commanded_deg_s) > allowed_deg_s)
+    return "the stage turned at " + fit::format_value(line.rate_deg_s, 2) + " deg/s instead of " +
            fit::format_value(commanded_deg_s, 2) + " deg/s";
   return "";
 }

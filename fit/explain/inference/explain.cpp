@@ -172,7 +172,7 @@ Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progres
   Inferred out{.kinds = nullptr, .posterior = {}, .means = MeanResult(reduced.bench)};
   const Placed placed = fit_placements(reduced, noise);
   refuse_nothing_that_fits(reduced);
-  if (reduced.echoes_expected)
+  if (!reduced.has_intensity)
     out.notes.emplace_back(
         "No intensities were recorded. What follows the echo is compared with the one that reflectances, "
         "distances and incidence make by the bench file's law of intensity, or a plain receiver's.");
