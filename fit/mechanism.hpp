@@ -142,6 +142,8 @@ struct Parameter {
                 ///< places.
     from,  ///< The time at which it begins, s since power-on; the next parameter is the one at which it ends.
            ///< As often as not it acts always, which is what they are expected to say.
+    moment,  ///< A time at which something changes for good, s since power-on: looked for between all that
+             ///< were recorded.
   };
   std::string name;
   Role role = Role::size;

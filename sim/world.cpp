@@ -134,6 +134,12 @@ void read_target(Section& s, TargetTruth& target) {
     stripe.number("reflectance", read.reflectance, 1, 0, 5);
     target.stripes.push_back(read);
   });
+  s.section("moved", [&](Section& moved) {
+    moved.number("from_s", target.moved.from_s);
+    moved.number("to_s", target.moved.to_s);
+    moved.number("offset_mm", target.moved.offset_mm);
+    moved.number("turn_deg", target.moved.turn_rad, deg, -45, 45);
+  });
 }
 
 void read_truth(Section& s, World& world) {
@@ -145,6 +151,12 @@ void read_truth(Section& s, World& world) {
   optional("mount_x_mm", world.mount_x_mm, 1);
   optional("mount_y_mm", world.mount_y_mm, 1);
   optional("mount_yaw_deg", world.mount_yaw_rad, deg);
+  s.section("knock", [&](Section& knock) {
+    knock.number("from_s", world.knock.from_s);
+    knock.number("x_mm", world.knock.x_mm);
+    knock.number("y_mm", world.knock.y_mm);
+    knock.number("yaw_deg", world.knock.yaw_rad, deg, -180, 180);
+  });
   if (const json* targets = s.find("targets")) {
     if (!targets->is_object())
       s.refuse(s.pointer() + "/targets", "must be an object: name -> how it really is");

@@ -29,6 +29,10 @@ struct TargetTruth {
     double from_mm = 0, to_mm = 0, reflectance = 0;
   };
   std::vector<Stripe> stripes;  ///< Places along the target, from its middle.
+  /// Pushed after that time since power-on, and put back after the other.
+  struct Move {
+    double from_s = 0, to_s = 1e9, offset_mm = 0, turn_rad = 0;
+  } moved;
 };
 
 /// Everything that makes up a device and its room, as causes. The defaults are a good device without faults.
@@ -37,6 +41,10 @@ struct World {
   fit::Bench bench;  ///< What the operator knows.
 
   std::optional<double> mount_x_mm, mount_y_mm, mount_yaw_rad;  ///< True values; absent: as the bench says.
+  /// The lidar is knocked about on the stage, so long after power-on.
+  struct Knock {
+    double from_s = 0, x_mm = 0, y_mm = 0, yaw_rad = 0;
+  } knock;
   std::map<std::string, TargetTruth> targets;
 
   struct Beam {

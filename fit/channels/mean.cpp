@@ -2,10 +2,13 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 
 #include "fit/explain/hypothesis.hpp"
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/channel.hpp"
+#include "fit/explain/model/rough_surfaces.hpp"
+#include "fit/explain/model/shared_errors.hpp"
 
 namespace fit::explain::channels {
 namespace {
@@ -32,6 +35,17 @@ Columns of_uneven_surfaces(const MeanModel& model) {
   return out;
 }
 
+/// Where every row lies on its target.
+std::vector<model::RoughSurfaces::Place> places_of(const MeanModel& model) {
+  std::vector<model::RoughSurfaces::Place> places;
+  for (Index i = 0; i < model.rows(); ++i) {
+    const Circumstances& at = model.cell(i).at;
+    places.push_back(
+        {at.target, at.along_mm, 1 / (std::max(0.05, at.cos_incidence) * model.sigma_of_mean(i))});
+  }
+  return places;
+}
+
 /// Means of cells: normal around the predicted range, what a group has in common included.
 class Means final : public model::NormalRows {
  public:
@@ -47,6 +61,7 @@ class Means final : public model::NormalRows {
       log_weights_[i] = -std::log(std::sqrt(2 * pi * model_.variance_of_mean(i)));
     nuisances() = base_columns(model_, Hypothesis(own_.bench)).all;
     nuisances().append(of_uneven_surfaces(model_));
+    add_rough_surfaces(true);
     set_log_scale(log_weights_.sum());
   }
 
@@ -63,10 +78,7 @@ class Means final : public model::NormalRows {
   }
   [[nodiscard]] double statistic(Index row) const override { return model_.raw_residual()[row]; }
   [[nodiscard]] Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const override {
-    Eigen::VectorXd list = model_.raw_residual() - eta;
-    for (Index i = 0; i < list.size(); ++i)
-      list[i] = log_weights_[i] - 0.5 * list[i] * list[i] / model_.variance_of_mean(i);
-    return list;
+    return log_weights_ - 0.5 * white_residual(eta).cwiseAbs2();
   }
   [[nodiscard]] Eigen::VectorXd information(const Eigen::VectorXd&) const override {
     Eigen::VectorXd list(rows());
@@ -74,18 +86,39 @@ class Means final : public model::NormalRows {
     return list;
   }
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
-    return model_.whitened(std::move(columns));
+    if (!rough_) return model_.whitened(std::move(columns));
+    Eigen::MatrixXd white = model_.divided_by_own_noise(std::move(columns));
+    rough_->whiten(white);
+    if (shared_) shared_->whiten(white);
+    return white;
   }
   [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override {
-    return model_.whitened(model_.raw_residual() - eta);
+    return whitened(model_.raw_residual() - eta, {});
   }
 
  private:
+  /// Places go across groups: with errors that groups share besides, these are divided out behind them, all
+  /// at once. Where they are too many for that, they go first, and nothing is said of places.
+  void add_rough_surfaces(bool is_settled) {
+    constexpr Index most_shared = 100;
+    Eigen::MatrixXd shared = model_.shared_errors();
+    if (shared.cols() > most_shared) return;
+    const auto places = places_of(model_);
+    rough_.emplace(places, is_settled
+                               ? model::likeliest_step_mm(places, model_.whitened(model_.raw_residual()))
+                               : numbers::rough_mm);
+    rough_->whiten(shared);
+    if (shared.cols() > 0) shared_.emplace(0, std::move(shared));
+    log_weights_.array() -= rough_->log_determinant() / (2 * static_cast<double>(model_.rows()));
+  }
+
   Reduced own_;  ///< Neighbouring cells of a large session together.
   MeanModel model_;
   std::vector<double> ranges_mm_;  ///< Of the cells of all rows.
   std::vector<std::size_t> first_range_;
   Eigen::VectorXd log_weights_;
+  std::optional<model::RoughSurfaces> rough_;
+  std::optional<model::SharedErrors> shared_;  ///< Behind rough surfaces.
 };
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include "fit/explain/flicker.hpp"
 #include "fit/explain/inference/explain.hpp"
 #include "fit/explain/model/transitions.hpp"
+#include "fit/explain/reduction/dead_beams.hpp"
 #include "fit/explain/reduction/steady_echoes.hpp"
 #include "fit/explain/single_beams.hpp"
 #include "fit/explain/together.hpp"
@@ -49,6 +50,18 @@ void refuse_nothing_to_compare(const Reduced& reduced) {
     throw std::invalid_argument(
         "no beam of the recording meets a target of the bench. Check the targets' places and the frames of "
         "the scans");
+}
+
+std::string note_on_dead_beams(const reduction::Sectors& dead) {
+  if (dead.empty()) return {};
+  std::vector<std::string> sectors;
+  for (const auto& [from, to] : dead)
+    sectors.push_back(from == to ? rounded(from * deg_per_rad, 5) + " deg"
+                                 : "from " + rounded(from * deg_per_rad, 5) + " to " +
+                                       rounded(to * deg_per_rad, 5) + " deg");
+  return "Beams at " + listed(sectors) +
+         " return nothing in any capture, while those beside them see the same surface. They were left out: "
+         "they are dead, or something stands before the window.";
 }
 
 /// What the model takes as known: the noise, how wide beams are at edges, and coarse steps.
@@ -120,6 +133,7 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
   const Together together(looked_at);
   Reduced reduced = reduce_all(together, progress);
   refuse_nothing_to_compare(reduced);
+  const reduction::Sectors dead = reduction::leave_out_dead_beams(reduced);
   reduction::steady_echoes(reduced);
   Searched found = search(std::move(reduced), progress);
   Findings& findings = found.findings;
@@ -129,8 +143,8 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
   explanation.several_places = together.in_several_places();
   explanation.bench.targets.resize(together.first_scene());
   explanation.notes.insert(explanation.notes.begin(), together.notes().begin(), together.notes().end());
-  if (const std::string note = note_on_clusters(single); !note.empty())
-    explanation.notes.insert(explanation.notes.begin(), note);
+  for (const std::string& note : {note_on_clusters(single), note_on_dead_beams(dead)})
+    if (!note.empty()) explanation.notes.insert(explanation.notes.begin(), note);
   return explanation;
 }
 

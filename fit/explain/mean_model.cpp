@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "fit/explain/stage_stops.hpp"
@@ -136,6 +137,7 @@ void MeanModel::share_stops(double sigma_rad,
   for (const Stop& stop : stops)
     for (std::size_t g = stop.first_group; g < stop.last_group; ++g) {
       common_[g].stop_sigma = sigma_rad;
+      common_[g].stop = static_cast<int>(&stop - stops.data());
       for (Eigen::Index i = group_rows[g].first; i < group_rows[g].second; ++i)
         z(i, 0) = weight_[i] * cell(i).sight.stage_lever() * sigma_rad;
     }
@@ -148,8 +150,36 @@ void MeanModel::share_stops(double sigma_rad,
   }
 }
 
+Eigen::MatrixXd MeanModel::divided_by_own_noise(Eigen::MatrixXd columns) const {
+  columns.array().colwise() *= weight_.array();
+  return columns;
+}
+
+Eigen::MatrixXd MeanModel::shared_errors() const {
+  const double counts = 0.01;  // of the information on it
+  enum Of { range, angle, stop };
+  std::map<std::pair<Of, int>, Eigen::VectorXd> columns;
+  const auto add = [&](Of of, int which, Eigen::Index row, double sigma) {
+    if (sigma == 0) return;
+    const auto column = columns.try_emplace({of, which}, Eigen::VectorXd::Zero(rows())).first;
+    column->second[row] = weight_[row] * sigma;
+  };
+  for (Eigen::Index i = 0; i < rows(); ++i) {
+    const Common& common = common_[static_cast<std::size_t>(cell(i).group)];
+    const double lever = cell(i).sight.stage_lever();
+    add(range, cell(i).group, i, common.range_sigma);
+    add(angle, cell(i).group, i, lever * common.angle_sigma);
+    add(stop, common.stop, i, lever * common.stop_sigma);
+  }
+  std::erase_if(columns, [&](const auto& column) { return column.second.squaredNorm() < counts; });
+  Eigen::MatrixXd all(rows(), static_cast<Eigen::Index>(columns.size()));
+  Eigen::Index k = 0;
+  for (const auto& [of, column] : columns) all.col(k++) = column;
+  return all;
+}
+
 Eigen::MatrixXd MeanModel::whitened(Eigen::MatrixXd white) const {
-  white.array().colwise() *= weight_.array();
+  white = divided_by_own_noise(std::move(white));
   for (const model::SharedErrors& errors : shared_) errors.whiten(white);
   return white;
 }

@@ -22,6 +22,7 @@ struct MeanNoise {
   double memory_rho = 0, memory_share = 0;  ///< Of the samples' noise, from scan to scan.
   double footprint_rad = 0;  ///< Standard half width of the beam where edges show it; 0: they do not.
   double spread_rad = 0;     ///< The same and how angles scatter, as a hypothesis has it.
+  bool is_settled = false;   ///< What was predicted is the best known: what is left over is noise.
   bool operator==(const MeanNoise&) const = default;
 };
 
@@ -70,6 +71,11 @@ class MeanModel {
   [[nodiscard]] double sigma_of_mean(Eigen::Index row) const { return 1 / weight_[row]; }
   /// With what its group has in common, mm^2.
   [[nodiscard]] double variance_of_mean(Eigen::Index row) const;
+  /// Divides by what every mean has of noise of its own.
+  [[nodiscard]] Eigen::MatrixXd divided_by_own_noise(Eigen::MatrixXd columns_mm) const;
+  /// One column for each error that a group or a stop shares and that counts beside the rows' own noise: its
+  /// standard deviation in units of that.
+  [[nodiscard]] Eigen::MatrixXd shared_errors() const;
   /// Divides by the noise of the means, correlations included.
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns_mm) const;
   /// d range / d nuisance parameter.
@@ -98,6 +104,7 @@ class MeanModel {
   Eigen::VectorXd weight_, residual_, white_;
   struct Common {
     double range_sigma = 0, angle_sigma = 0, stop_sigma = 0;
+    int stop = -1;
   };
   void share_stops(double sigma_rad, const std::vector<std::pair<Eigen::Index, Eigen::Index>>& group_rows);
   std::vector<Common> common_;

@@ -39,8 +39,8 @@ void add_empirical_mm(const std::vector<EmpiricalCorrection>& list, Reduced& red
 }
 
 /// Variance of one sample of that cell, mm^2.
-double sample_variance(const std::vector<Suspect>& noise, double constant_mm, const Cell& cell) {
-  double sum = constant_mm * constant_mm;
+double sample_variance(const std::vector<Suspect>& noise, double constant_mm2, const Cell& cell) {
+  double sum = constant_mm2;
   for (const Suspect& suspect : noise) {
     const Effect effect = suspect.mechanism->act(cell.at, suspect.mechanism->values(suspect.parameters));
     const double more =
@@ -52,43 +52,108 @@ double sample_variance(const std::vector<Suspect>& noise, double constant_mm, co
   return sum;
 }
 
-/// Constant noise (mm) beside `noise` that makes the samples most likely: where the mean of
-/// (d^2 - v) / v^2 is zero. What the means are off by counts as noise.
-double best_constant(const Reduced& reduced, const std::vector<Suspect>& noise) {
-  struct Part {
-    double n, square, other;
-  };
-  std::vector<Part> parts;
-  double all = 0, samples = 0;
+/// Squares of a cell's samples about what was predicted, and the variance that is known of each.
+struct Part {
+  double n, square, other;
+};
+using Parts = std::vector<Part>;
+
+/// Of the cells that can be predicted, by capture.
+std::map<int, Parts> parts_of(const Reduced& reduced, const std::vector<Suspect>& noise) {
+  std::map<int, Parts> of_capture;
   for (const Cell& cell : reduced.cells) {
     if (!cell.smooth || cell.n < 1) continue;
     const double off = cell.mean_mm - cell.nominal_mm;
-    const double square = cell.variance_mm2 * (cell.n - 1) / cell.n + off * off;
-    parts.push_back({static_cast<double>(cell.n), square, sample_variance(noise, 0, cell)});
-    all += cell.n * square;
-    samples += cell.n;
+    of_capture[reduced.group_of(cell).capture].push_back(
+        {static_cast<double>(cell.n), cell.variance_mm2 * (cell.n - 1) / cell.n + off * off,
+         sample_variance(noise, 0, cell)});
   }
-  if (samples < 1) {
-    const double stated_mm = stated_noise(reduced.bench).value;
-    return stated_mm > 0 ? stated_mm : unstated_noise_mm;
-  }
-  const auto slope = [&](double constant2) {
+  return of_capture;
+}
+
+/// Logarithm of the constant variance beside the known ones, mm^2, that is the most probable of these
+/// samples, normal before with that mean and `precision` (0: anything). What the means are off by counts as
+/// noise.
+double best_log_constant(const Parts& parts, double mean = 0, double precision = 0) {
+  double all = 0, samples = 0;
+  for (const Part& part : parts) all += part.n * part.square, samples += part.n;
+  const auto slope = [&](double log_constant) {
     double sum = 0;
-    for (const Part& p : parts) {
-      const double v = p.other + constant2;
-      sum += p.n * (p.square - v) / (v * v);
+    for (const Part& part : parts) {
+      const double v = part.other + std::exp(log_constant);
+      sum += part.n * (part.square - v) / (v * v);
     }
-    return sum;
+    return sum * std::exp(log_constant) / 2 - precision * (log_constant - mean);
   };
-  constexpr double least2 = rounding_mm2;
-  double low = least2, high = std::max(2 * least2, 4 * all / samples);
-  if (slope(low) <= 0) return std::sqrt(low);
+  double low = std::log(rounding_mm2), high = std::log(std::max(2 * rounding_mm2, 4 * all / samples));
+  if (slope(low) <= 0) return low;
   for (int pass = 0; pass < 60; ++pass) {
-    const double middle = std::sqrt(low * high);
+    const double middle = (low + high) / 2;
     (slope(middle) > 0 ? low : high) = middle;
   }
-  return std::sqrt(low);
+  return low;
 }
+
+/// Fisher information of the samples on that logarithm.
+double information_on(const Parts& parts, double log_constant) {
+  const double constant = std::exp(log_constant);
+  double sum = 0;
+  for (const Part& part : parts) sum += part.n / 2 * std::pow(constant / (part.other + constant), 2);
+  return sum;
+}
+
+/// The captures' constant noise as a random effect. Its variance is DerSimonian and Laird's (1986): what the
+/// captures' logarithms scatter by beyond their uncertainties.
+ConstantNoise constant_noise_of(const Reduced& reduced, const std::vector<Suspect>& noise) {
+  const std::map<int, Parts> of_capture = parts_of(reduced, noise);
+  if (of_capture.empty()) {
+    const double stated_mm = stated_noise(reduced.bench).value;
+    return {stated_mm > 0 ? stated_mm : unstated_noise_mm};
+  }
+  Parts all;
+  std::vector<std::pair<double, double>> known;  // logarithm, its variance
+  for (const auto& [capture, parts] : of_capture) {
+    all.insert(all.end(), parts.begin(), parts.end());
+    const double log_constant = best_log_constant(parts);
+    known.emplace_back(log_constant, 1 / information_on(parts, log_constant));
+  }
+  struct Mean {
+    double value = 0, weights = 0, squares = 0;
+  };
+  const auto mean_with = [&](double tau2) {
+    Mean mean;
+    for (const auto& [log_constant, variance] : known) {
+      const double w = 1 / (variance + tau2);
+      mean.value += w * log_constant, mean.weights += w, mean.squares += w * w;
+    }
+    mean.value /= mean.weights;
+    return mean;
+  };
+  const Mean fixed = mean_with(0);
+  double q = 0;
+  for (const auto& [log_constant, variance] : known) q += std::pow(log_constant - fixed.value, 2) / variance;
+  const double freedom = static_cast<double>(known.size()) - 1,
+               tau2 = freedom < 1 ? 0 : (q - freedom) / (fixed.weights - fixed.squares / fixed.weights);
+  if (!(tau2 > 0)) return {std::exp(best_log_constant(all) / 2)};
+  const Mean mean = mean_with(tau2);
+  return {std::exp(mean.value / 2), std::sqrt(tau2 + 1 / mean.weights)};
+}
+
+/// Constant variance of a capture as its own samples and all others have it, mm^2; and what the
+/// log-likelihood at that value is more than the integral over all values (Laplace).
+struct OfCapture {
+  double variance_mm2 = 0, log_occam = 0;
+
+  OfCapture() = default;
+  OfCapture(const ConstantNoise& constant, const Parts& parts) : variance_mm2(constant.mm * constant.mm) {
+    if (constant.log_spread == 0) return;
+    const double mean = 2 * std::log(constant.mm), precision = 1 / std::pow(constant.log_spread, 2);
+    const double best = best_log_constant(parts, mean, precision);
+    variance_mm2 = std::exp(best);
+    log_occam = precision * std::pow(best - mean, 2) / 2 +
+                std::log((information_on(parts, best) + precision) / precision) / 2;
+  }
+};
 
 /// Predicts all cells with given mechanisms and places mount and targets so that they fit best.
 void place_and_predict(Reduced& reduced, const Predictor& what, bool found) {
@@ -111,14 +176,21 @@ void place_and_predict(Reduced& reduced, const Predictor& what, bool found) {
   for (int pass = 0; pass < 4; ++pass) {
     at_present();
     for (Cell& cell : reduced.cells)
-      cell.pooled_mm2 = found ? sample_variance(what.noise, what.constant_after_mm, cell)
-                              : std::pow(what.constant_before_mm, 2);
+      cell.pooled_mm2 = found ? sample_variance(what.noise, std::pow(what.constant_after.mm, 2), cell)
+                              : std::pow(what.constant_before.mm, 2);
     MeanModel model(reduced, {});
     const Columns places = nuisance_columns(model, h.nuisance);
     model.set_base(places.columns, places.prior);
     h.nuisance.set(h.nuisance.as_vector() + model.posterior_mean());
   }
   at_present();
+}
+
+std::map<int, OfCapture> noise_of_captures(const Reduced& reduced, const ConstantNoise& constant,
+                                           const std::vector<Suspect>& noise) {
+  std::map<int, OfCapture> list;
+  for (const auto& [capture, parts] : parts_of(reduced, noise)) list[capture] = OfCapture(constant, parts);
+  return list;
 }
 
 /// Sums over samples and, of `means`, over cells.
@@ -192,7 +264,7 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadRe
   Hypothesis nothing(reduced.bench), found = means.best;
   nothing.nuisance = means.best.nuisance;
   fit_nuisances(reduced, means.noise, 2, nothing);
-  p.constant_before_mm = best_constant(reduced, {});
+  p.constant_before = constant_noise_of(reduced, {});
   if (!means.shapes_carry_over) {
     found.shapes.clear();
     fit_nuisances(reduced, means.noise, 2, found);
@@ -205,7 +277,7 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadRe
       if (EmpiricalCorrection table = tabulated(shape, model, target); !table.at.empty())
         p.empirical.push_back(std::move(table));
   add_empirical_mm(p.empirical, reduced);
-  p.constant_after_mm = best_constant(reduced, p.noise);
+  p.constant_after = constant_noise_of(reduced, p.noise);
   predict_at(reduced, means.best);
   return p;
 }
@@ -220,13 +292,16 @@ Prediction predict_recording(const Predictor& predictor, const Recording& record
   place_and_predict(before, predictor, false);
   place_and_predict(after, predictor, true);
   Prediction out;
+  const auto noise_before = noise_of_captures(before, predictor.constant_before, {}),
+             noise_after = noise_of_captures(after, predictor.constant_after, predictor.noise);
   Score first, last;
   double gains = 0, gains2 = 0;
   for (std::size_t i = 0; i < before.cells.size(); ++i) {
     const Cell &a = before.cells[i], &b = after.cells[i];
     if (!a.smooth || !b.smooth || a.n < 1) continue;
-    const double v_before = predictor.constant_before_mm * predictor.constant_before_mm;
-    const double v_after = sample_variance(predictor.noise, predictor.constant_after_mm, b);
+    const int capture = before.group_of(a).capture;
+    const double v_before = noise_before.at(capture).variance_mm2,
+                 v_after = sample_variance(predictor.noise, noise_after.at(capture).variance_mm2, b);
     const double gain = last.add(after, b, v_after) - first.add(before, a, v_before);
     gains += gain;
     gains2 += gain * gain;
@@ -240,10 +315,17 @@ Prediction predict_recording(const Predictor& predictor, const Recording& record
     throw std::invalid_argument(
         "every beam of the recording to be predicted is near an edge, or grazing. Describe wider targets");
   const auto n = static_cast<double>(out.samples), cells = static_cast<double>(out.cells);
+  const double u_gain2 = gains2 - gains * gains / cells;
+  for (const auto& [capture, noise] : noise_before) {
+    const double after_occam = noise_after.at(capture).log_occam;
+    first.log_likelihood -= noise.log_occam;
+    last.log_likelihood -= after_occam;
+    gains += noise.log_occam - after_occam;
+  }
   out.before = first.of(n, cells);
   out.after = last.of(n, cells);
   out.gain = gains;
-  out.u_gain = std::sqrt(std::max(0.0, gains2 - gains * gains / cells));
+  out.u_gain = std::sqrt(std::max(0.0, u_gain2));
   return out;
 }
 

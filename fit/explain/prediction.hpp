@@ -21,6 +21,13 @@ struct EmpiricalCorrection {
   [[nodiscard]] std::optional<double> value_at(double coordinate_value) const;
 };
 
+/// Constant noise of a sample. Every capture draws its variance log-normally about this one, as those that
+/// were seen differ by more than their samples explain: a random effect of captures.
+struct ConstantNoise {
+  double mm = 0;          ///< The middle one.
+  double log_spread = 0;  ///< Standard deviation of a new capture's log of the variance.
+};
+
 /// What a set of recordings taught, in a form that predicts another one.
 struct Predictor {
   struct Taught {
@@ -30,8 +37,8 @@ struct Predictor {
   std::vector<Taught> terms;  ///< The best of every set.
   std::vector<EmpiricalCorrection> empirical;
   std::vector<Suspect> noise;     ///< Accepted noise mechanisms; the best of an undecided set.
-  double constant_before_mm = 0;  ///< Best constant noise of a sample with geometry alone ...
-  double constant_after_mm = 0;   ///< ... and beside what was found.
+  ConstantNoise constant_before;  ///< With geometry alone ...
+  ConstantNoise constant_after;   ///< ... and beside what was found.
 };
 
 /// Mean and noise of samples that were never fitted, under one description.
@@ -49,7 +56,8 @@ struct PredictedCell {
 };
 
 /// A recording that took no part in the fit, predicted with geometry and constant noise (before) and with
-/// what was found (after). Only where its own targets and mount stand is fitted to it, in both alike.
+/// what was found (after). What is drawn anew for it is fitted to it, in both alike: where its own targets
+/// and mount stand, and how much constant noise its captures have, as captures were seen to differ.
 struct Prediction {
   std::string session;
   long samples = 0;

@@ -48,6 +48,13 @@ class CausalEngine : public Engine {
   void scan(double scan_s, const std::function<StageMoment(double)>& stage_at,
             std::span<std::uint32_t> range_mm, std::span<std::uint32_t> intensity) override {
     heat_.advance(scan_s - on_since_s_, room_c_);
+    scene_.at(scan_s - on_since_s_);
+    if (!is_knocked_ && scan_s - on_since_s_ >= world_.knock.from_s) {
+      is_knocked_ = true;
+      mount_ += Eigen::Vector2d(world_.knock.x_mm, world_.knock.y_mm);
+      yaw_ += world_.knock.yaw_rad;
+      turned_to_ = std::nan("");  // the origin is asked for anew
+    }
     rotor_.turn(scans_++);
     begin(scan_s, stage_at);
     if (world_.receiver.stray > 0) survey(range_mm.size());
@@ -272,6 +279,7 @@ class CausalEngine : public Engine {
   Turntable turntable_;
   PolarRandom random_;
   Eigen::Vector2d mount_;
+  bool is_knocked_ = false;
   double yaw_;
   std::vector<double> memory_, jitter_state_;
   double wander_, jitter_ = 0;

@@ -8,7 +8,10 @@
 namespace sim::causal {
 
 Scene::Scene(const World& world)
-    : world_(world), shift_(world.bench.targets.size(), 0), reflectance_(world.bench.targets.size(), -1) {
+    : world_(world),
+      shift_(world.bench.targets.size(), 0),
+      reflectance_(world.bench.targets.size(), -1),
+      moved_(world.bench.targets.size()) {
   build();
 }
 
@@ -48,6 +51,18 @@ void Scene::add_pieces(const std::vector<Eigen::Vector2d>& corners, double start
   }
 }
 
+void Scene::at(double since_power_on_s) {
+  std::vector<bool> moved;
+  for (const fit::Target& target : world_.bench.targets) {
+    const auto truth = world_.targets.find(target.name);
+    moved.push_back(truth != world_.targets.end() && since_power_on_s >= truth->second.moved.from_s &&
+                    since_power_on_s <= truth->second.moved.to_s);
+  }
+  if (moved == moved_) return;
+  moved_ = std::move(moved);
+  build();
+}
+
 void Scene::build() {
   surfaces_.clear();
   bodies_.clear();
@@ -55,7 +70,11 @@ void Scene::build() {
   for (std::size_t i = 0; i < world_.bench.targets.size(); ++i) {
     const fit::Target& stated = world_.bench.targets[i];
     const auto found = world_.targets.find(stated.name);
-    const TargetTruth truth = found == world_.targets.end() ? TargetTruth{} : found->second;
+    TargetTruth truth = found == world_.targets.end() ? TargetTruth{} : found->second;
+    if (moved_[i]) {
+      truth.offset_mm += truth.moved.offset_mm;
+      truth.tilt_rad += truth.moved.turn_rad;
+    }
     double reflectance = stated.reflectance.value_or(0.5);
     if (truth.reflectance >= 0) reflectance = truth.reflectance;
     if (reflectance_[i] >= 0) reflectance = reflectance_[i];

@@ -39,6 +39,8 @@ class Scene {
   explicit Scene(const World& world);
 
   void set(const SceneState& state);
+  /// Targets as they stand so long after power-on.
+  void at(double since_power_on_s);
   [[nodiscard]] const std::vector<Surface>& surfaces() const { return surfaces_; }
   [[nodiscard]] const Material& material(const Surface& surface) const {
     return materials_[surface.material];
@@ -65,6 +67,7 @@ class Scene {
   std::vector<Body> bodies_;
   std::vector<Material> materials_;
   std::vector<double> shift_, reflectance_;
+  std::vector<bool> moved_;
 };
 
 }  // namespace sim::causal

@@ -153,9 +153,14 @@ class Question : Approximation {
     for (Asked& one : asked_) one = {one.log_evidence - half, std::move(one.term), half};
     std::vector<double> logs{over_grid_ - half};
     const double places = std::log(static_cast<double>(kind_->starts.size()));
+    const bool either_sign = std::ranges::any_of(kind_->coefficients, [&](const auto& c) {
+      return kind_->mechanism->parameters[c.parameter].sign == 0;
+    });
     for (const Asked& always : std::vector(asked_)) {
-      const model::Spans spans = model::spans_in(scores_along(
-          Coordinate::time, [&](const ChannelRows& rows) { return effect_of_typical(rows, always.term); }));
+      const model::Spans spans = model::spans_in(
+          scores_along(Coordinate::time,
+                       [&](const ChannelRows& rows) { return effect_of_typical(rows, always.term); }),
+          either_sign);
       const double price = half + std::log(std::max<double>(1, static_cast<double>(spans.possible)));
       for (const model::Span& span : spans.likeliest) {
         Asked within{0, always.term, price};

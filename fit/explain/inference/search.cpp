@@ -198,6 +198,7 @@ class Climber {
 
   bool exchange() {
     const Hypothesis whole = best_.hypothesis;
+    if (whole.terms.size() > numbers::exchanged_terms) return false;
     bool better = false;
     for (std::size_t t = 0; t < whole.terms.size(); ++t) {
       const Hypothesis shorter = without(whole, t);

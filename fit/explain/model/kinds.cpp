@@ -4,6 +4,7 @@
 #include <functional>
 
 #include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/model/spans.hpp"
 #include "fit/explain/model/term.hpp"
 #include "fit/explain/stated_noise.hpp"
 
@@ -47,7 +48,17 @@ std::vector<double> places_of_shape(const Parameter& p) {
   return list;
 }
 
-std::vector<std::vector<double>> grid_of(const Kind& kind) {
+/// Between recorded times, where most time was between them.
+std::vector<double> moments_in(const ListOfChannels& channels) {
+  constexpr std::size_t most_moments = 60;
+  std::vector<double> times;
+  for (const auto& channel : channels)
+    for (Index i = 0; channel && channel->sees(Coordinate::time) && i < channel->rows(); ++i)
+      times.push_back(channel->at(i).time_s);
+  return places_between(std::move(times), most_moments);
+}
+
+std::vector<std::vector<double>> grid_of(const Kind& kind, const ListOfChannels& channels) {
   std::vector<double> first;
   for (const Parameter& p : kind.mechanism->parameters)
     first.push_back(p.role == Role::size ? p.typical : p.role == Role::phase ? 0 : p.left_out());
@@ -57,8 +68,9 @@ std::vector<std::vector<double>> grid_of(const Kind& kind) {
   std::vector<std::vector<double>> grid{first};
   for (const std::size_t k : shapes_of(kind)) {
     const Parameter& p = kind.mechanism->parameters[k];
-    const std::vector<double> places =
-        k == kind.bins ? std::vector{std::sqrt(p.lower * p.upper)} : places_of_shape(p);
+    const std::vector<double> places = k == kind.bins     ? std::vector{std::sqrt(p.lower * p.upper)}
+                                       : k == kind.moment ? moments_in(channels)
+                                                          : places_of_shape(p);
     if (grid.size() * places.size() > most_starts) return {};
     std::vector<std::vector<double>> finer;
     for (const auto& values : grid)
@@ -212,7 +224,8 @@ Kind kind_without_channels(const Mechanism& m, int target) {
   kind.bins = m.parameter_of(Parameter::Scale::bin);
   kind.threshold = m.parameter_of(Parameter::Scale::threshold);
   kind.begins = m.parameter_of(Parameter::Scale::from);
-  kind.refines = !m.parameter_of(Parameter::Scale::count);
+  kind.moment = m.parameter_of(Parameter::Scale::moment);
+  kind.refines = !kind.moment && !m.parameter_of(Parameter::Scale::count);
   return kind;
 }
 
@@ -221,7 +234,7 @@ Kind kind_of(const Mechanism& m, int target, const ListOfChannels& channels, std
   Kind kind = kind_without_channels(m, target);
   kind.size = size;
   kind.is_plain = is_plain;
-  kind.starts = grid_of(kind);
+  kind.starts = grid_of(kind, channels);
   if (kind.starts.empty()) return kind;
   kind.coefficients = coefficients_of(m, [&](std::size_t k) { return power_of(kind, k, channels); });
   if (size) std::erase_if(kind.coefficients, [&](const Coefficient& c) { return c.parameter != *size; });

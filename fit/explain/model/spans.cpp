@@ -35,8 +35,8 @@ std::vector<Border> borders_of(std::vector<RowScore> rows, std::size_t most_plac
   return borders;
 }
 
-double gain_of(double score, double information) {
-  return score > 0 && information > 0 ? score * score / information : 0;
+double gain_of(double score, double information, bool either_sign = false) {
+  return (score > 0 || either_sign) && information > 0 ? score * score / information : 0;
 }
 
 constexpr std::size_t kept = 6;
@@ -52,7 +52,16 @@ std::vector<Found> best_of(std::vector<std::pair<double, Found>> tried) {
 
 }  // namespace
 
-Spans spans_in(std::vector<RowScore> rows) {
+std::vector<double> places_between(std::vector<double> places, std::size_t most) {
+  std::vector<RowScore> rows;
+  for (const double place : places) rows.push_back({place, 0, 0});
+  std::vector<double> list;
+  for (const Border& border : borders_of(std::move(rows), most)) list.push_back(border.place);
+  if (list.size() < 3) return {};
+  return {list.begin() + 1, list.end() - 1};
+}
+
+Spans spans_in(std::vector<RowScore> rows, bool either_sign) {
   constexpr std::size_t most_places = 60;
   const std::vector<Border> borders = borders_of(std::move(rows), most_places);
   Spans spans;
@@ -60,9 +69,9 @@ Spans spans_in(std::vector<RowScore> rows) {
   for (std::size_t i = 0; i < borders.size(); ++i)
     for (std::size_t j = i + 1; j < borders.size(); ++j) {
       if (i == 0 && j + 1 == borders.size()) continue;
-      tried.push_back(
-          {gain_of(borders[j].score - borders[i].score, borders[j].information - borders[i].information),
-           {borders[i].place, borders[j].place}});
+      tried.push_back({gain_of(borders[j].score - borders[i].score,
+                               borders[j].information - borders[i].information, either_sign),
+                       {borders[i].place, borders[j].place}});
     }
   spans.possible = tried.size();
   spans.likeliest = best_of(std::move(tried));

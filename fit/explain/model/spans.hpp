@@ -35,7 +35,11 @@ struct Spans {
 
 /// Spans that begin and end between recorded places (of very many places, between groups of neighbours) and
 /// leave some of them out, the likeliest few by the score test of an effect within the span and none outside.
-[[nodiscard]] Spans spans_in(std::vector<RowScore> rows);
+[[nodiscard]] Spans spans_in(std::vector<RowScore> rows, bool either_sign);
+
+/// Between recorded places, where they are farthest apart, that many at most; not before the first nor behind
+/// the last.
+[[nodiscard]] std::vector<double> places_between(std::vector<double> places, std::size_t most);
 
 /// Places between recorded ones below which, and above which not, an effect may be: the likeliest few by the
 /// same test.

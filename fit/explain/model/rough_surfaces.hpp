@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <Eigen/Dense>
+#include <vector>
+
+namespace fit::explain::model {
+
+/// Small bumps of targets, seen from wherever their place is seen: a random effect of places. A tree of
+/// stretches along every target stands for a random walk, whose variance grows with the distance: every
+/// stretch lies off by an amount of its own, out along the normal, and its parts by amounts of theirs.
+class RoughSurfaces {
+ public:
+  struct Place {
+    int target = 0;
+    double along_mm = 0;
+    double slope = 0;  ///< What a mm out along the normal does to the row, whose own noise is one.
+  };
+  /// One place for each row. `step_mm`: standard deviation of the difference of two places a metre apart.
+  RoughSurfaces(const std::vector<Place>& places, double step_mm);
+
+  /// Rows of unit noise divided by the square root of the covariance. Disjoint stretches are divided out one
+  /// after the other, the finest first: every coarser one holds whole finer ones.
+  void whiten(Eigen::MatrixXd& columns) const;
+  [[nodiscard]] double log_determinant() const { return log_determinant_; }
+
+ private:
+  struct Stretch {
+    std::size_t first, last;  ///< Of `rows_` and `z_`.
+    double shrink;            ///< (1 - 1 / sqrt(1 + z'z)) / z'z.
+  };
+  void whiten(Eigen::Ref<Eigen::VectorXd> column) const;
+
+  std::vector<Stretch> stretches_;
+  std::vector<Eigen::Index> rows_;
+  std::vector<double> z_;
+  double log_determinant_ = 0;
+};
+
+/// The step over a metre at which residuals of unit noise are the most likely, by a prior around what a good
+/// board has; never less than a tenth of that.
+[[nodiscard]] double likeliest_step_mm(const std::vector<RoughSurfaces::Place>& places,
+                                       const Eigen::VectorXd& residual);
+
+}  // namespace fit::explain::model

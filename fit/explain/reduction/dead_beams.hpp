@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <vector>
+
+#include "fit/explain/reduce.hpp"
+
+namespace fit::explain::reduction {
+
+/// Sectors of beams, first and last angle (rad).
+using Sectors = std::vector<std::pair<double, double>>;
+
+/// Takes the beams out that return nothing in any capture, though beams on both sides of them see the very
+/// surface on which they fall: a dead pixel or something before the window, and no loss of weak echoes.
+/// Returns where they are.
+Sectors leave_out_dead_beams(Reduced& reduced);
+
+}  // namespace fit::explain::reduction

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+
+#include "fit/mechanism.hpp"
+
+namespace fit::mechanisms {
+
+// A target was pushed, or its stand gave way, while the session was recorded; and perhaps it was put back.
+Mechanism make_target_moved() {
+  constexpr double ever_s = 1e9;
+  Mechanism m;
+  m.id = "target-moved";
+  m.cause = "a target was moved while the session was recorded";
+  m.coordinate = Coordinate::time;
+  m.one_target = true;
+  m.geometric = true;
+  m.formula_error = 0.01;
+  m.parameters = {{.name = "offset_mm", .typical = 5},
+                  {.name = "turn_deg", .typical = 0.5},
+                  {.name = "from_s",
+                   .role = Parameter::Role::shape,
+                   .scale = Parameter::Scale::from,
+                   .expected = -ever_s,
+                   .logarithmic = false},
+                  {.name = "to_s", .role = Parameter::Role::shape, .expected = ever_s, .logarithmic = false}};
+  m.act = [](const Circumstances& c, std::span<const double> p) {
+    if (c.time_s < p[2] || c.time_s > p[3]) return Effect{};
+    const double out_mm = p[0] - c.along_sign * c.along_mm * p[1] * rad_per_deg;
+    return Effect{.range_mm = out_mm / std::max(0.05, c.cos_incidence)};
+  };
+  m.says = [](const Finding& f) {
+    return "While the session was recorded, target '" + f.target + "' was moved along its normal by " +
+           with_uncertainty(f.at("offset_mm"), "mm") + " and turned by " +
+           with_uncertainty(f.at("turn_deg"), "deg") + ". Fasten it, and record the session again.";
+  };
+  m.separate = "look at the first stop again: a target that was moved is elsewhere than it was";
+  return m;
+}
+
+}  // namespace fit::mechanisms
