@@ -212,8 +212,9 @@ struct Mechanism {
   /// What the bench file states under this name is a law, and this is what is wrong with it: it may be
   /// missing all the same.
   bool corrects_a_statement = false;
-  bool sizes_apart = false;  ///< Each size may be missing without the others.
-  bool geometric = false;    ///< Works through angles or places, not through the measured distance itself.
+  bool sizes_apart = false;       ///< Each size may be missing without the others.
+  bool only_for_a_while = false;  ///< What acts all the time is another mechanism.
+  bool geometric = false;  ///< Works through angles or places, not through the measured distance itself.
   /// Values in the order of `parameters`.
   std::function<Effect(const Circumstances&, std::span<const double> values)> act;
   /// Of a mechanism that is nothing but another place of its target, whose effect is not proportional to its

@@ -61,7 +61,7 @@ class Means final : public model::NormalRows {
       log_weights_[i] = -std::log(std::sqrt(2 * pi * model_.variance_of_mean(i)));
     nuisances() = base_columns(model_, Hypothesis(own_.bench)).all;
     nuisances().append(of_uneven_surfaces(model_));
-    add_rough_surfaces(true);
+    add_rough_surfaces();
     set_log_scale(log_weights_.sum());
   }
 
@@ -99,14 +99,12 @@ class Means final : public model::NormalRows {
  private:
   /// Places go across groups: with errors that groups share besides, these are divided out behind them, all
   /// at once. Where they are too many for that, they go first, and nothing is said of places.
-  void add_rough_surfaces(bool is_settled) {
+  void add_rough_surfaces() {
     constexpr Index most_shared = 100;
     Eigen::MatrixXd shared = model_.shared_errors();
     if (shared.cols() > most_shared) return;
     const auto places = places_of(model_);
-    rough_.emplace(places, is_settled
-                               ? model::likeliest_step_mm(places, model_.whitened(model_.raw_residual()))
-                               : numbers::rough_mm);
+    rough_.emplace(places, model::likeliest_step_mm(places, model_.whitened(model_.raw_residual())));
     rough_->whiten(shared);
     if (shared.cols() > 0) shared_.emplace(0, std::move(shared));
     log_weights_.array() -= rough_->log_determinant() / (2 * static_cast<double>(model_.rows()));

@@ -22,7 +22,6 @@ struct MeanNoise {
   double memory_rho = 0, memory_share = 0;  ///< Of the samples' noise, from scan to scan.
   double footprint_rad = 0;  ///< Standard half width of the beam where edges show it; 0: they do not.
   double spread_rad = 0;     ///< The same and how angles scatter, as a hypothesis has it.
-  bool is_settled = false;   ///< What was predicted is the best known: what is left over is noise.
   bool operator==(const MeanNoise&) const = default;
 };
 

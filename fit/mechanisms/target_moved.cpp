@@ -14,6 +14,7 @@ Mechanism make_target_moved() {
   m.coordinate = Coordinate::time;
   m.one_target = true;
   m.geometric = true;
+  m.only_for_a_while = true;
   m.formula_error = 0.01;
   m.parameters = {{.name = "offset_mm", .typical = 5},
                   {.name = "turn_deg", .typical = 0.5},

@@ -27,9 +27,14 @@ explain::Term as_term(const Term& term) {
 double noise_floor(const Reduced& reduced, const MeanNoise& noise) {
   const Reduced rows = merged(reduced, numbers::search_rows);  // as the channel has them
   const MeanModel model(rows, noise);
-  double sum = 0;
-  for (Index i = 0; i < model.rows(); ++i) sum += model.variance_of_mean(i);
-  return std::sqrt(sum / std::max<double>(1, static_cast<double>(model.rows())));
+  double sum = 0, count = 0;
+  for (Index i = 0; i < model.rows(); ++i) {
+    const Cell& cell = model.cell(i);
+    if (cell.doubt_mm > 0 || cell.mixed_mm > 0) continue;  // what an edge leaves open is no noise
+    sum += model.variance_of_mean(i);
+    ++count;
+  }
+  return std::sqrt(sum / std::max(1.0, count));
 }
 
 /// The constant variance is the first coefficient of its channel; a mechanism that adds to it is the same.

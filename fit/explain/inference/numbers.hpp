@@ -16,7 +16,7 @@ constexpr int smooth_deviations = 6;      ///< Cosines by which a formula may be
 constexpr double uneven_mm = 0.1;  ///< By which a good board bends along it, and by a half, a third ...
 constexpr int uneven_cosines = 4;  ///< ... in shorter waves.
 constexpr double rough_mm = 0.15,  ///< By which places a metre apart of a good board differ ...
-    rough_within = 2;              ///< ... and a factor by which boards do.
+    rough_within = 3;              ///< ... and a factor by which boards do.
 constexpr double named_at = 0.9, set_holds = 0.95;
 constexpr double window = 12;           ///< Log odds to the best within which a hypothesis counts.
 constexpr double worth_fitting = -3;    ///< Log odds by the score test.

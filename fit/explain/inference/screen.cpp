@@ -147,11 +147,13 @@ class Question : Approximation {
     for (const auto& [place, one] : best) places_.push_back(*one);
   }
 
-  /// Half of the prior is for always, the other for all spans of time alike.
+  /// Half of the prior is for always, if that may be, the other for all spans of time alike.
   void add_spans() {
-    const double half = std::log(2.0);
-    for (Asked& one : asked_) one = {one.log_evidence - half, std::move(one.term), half};
-    std::vector<double> logs{over_grid_ - half};
+    const bool may_be_always = !kind_->mechanism->only_for_a_while;
+    const double half = may_be_always ? std::log(2.0) : 0;
+    for (Asked& one : asked_)
+      one = {may_be_always ? one.log_evidence - half : -1e300, std::move(one.term), half};
+    std::vector<double> logs{may_be_always ? over_grid_ - half : -1e300};
     const double places = std::log(static_cast<double>(kind_->starts.size()));
     const bool either_sign = std::ranges::any_of(kind_->coefficients, [&](const auto& c) {
       return kind_->mechanism->parameters[c.parameter].sign == 0;
@@ -175,7 +177,7 @@ class Question : Approximation {
     const Term always = asked_.front().term;
     std::ranges::sort(asked_, std::greater<>(), &Asked::log_evidence);
     asked_.resize(std::min(modes_refined, asked_.size()));
-    if (asked_.front().price > half) best_.always = always;
+    if (may_be_always && asked_.front().price > half) best_.always = always;
   }
 
   /// With sizes as the catalogue has them.

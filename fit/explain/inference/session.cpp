@@ -167,7 +167,6 @@ void Session::linearise(const Hypothesis& at) {
   reduction::share_out_again(reduced_, there, at_work);
   MeanNoise noise = noise_by(reduced_, noise_, known_, at.terms);
   noise.stop_rad2 = variance_of_stops(reduced_, noise);
-  noise.is_settled = !at.terms.empty();
   const std::vector<Index> before = row_counts();
   const bool is_as_noisy = noise == present_noise_;
   present_noise_ = std::move(noise);

@@ -61,7 +61,9 @@ void RoughSurfaces::whiten(Eigen::MatrixXd& columns) const {
 
 double likeliest_step_mm(const std::vector<RoughSurfaces::Place>& places, const Eigen::VectorXd& residual) {
   double best_mm = numbers::rough_mm, most = -1e300;
-  for (double step_mm = best_mm / 8; step_mm < 20 * best_mm; step_mm *= std::sqrt(2.0)) {
+  constexpr double within = numbers::rough_within * numbers::rough_within;
+  for (double step_mm = numbers::rough_mm / within; step_mm < 1.1 * within * numbers::rough_mm;
+       step_mm *= std::sqrt(2.0)) {
     const RoughSurfaces surfaces(places, step_mm);
     Eigen::MatrixXd white = residual;
     surfaces.whiten(white);

@@ -38,7 +38,7 @@ class RoughSurfaces {
 };
 
 /// The step over a metre at which residuals of unit noise are the most likely, by a prior around what a good
-/// board has; never less than a tenth of that.
+/// board has, within two of its standard deviations: what is left over may be something else's.
 [[nodiscard]] double likeliest_step_mm(const std::vector<RoughSurfaces::Place>& places,
                                        const Eigen::VectorXd& residual);
 

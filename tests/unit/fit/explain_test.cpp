@@ -119,7 +119,7 @@ TEST_CASE(
   const bool alike = GENERATE(true, false);
   std::vector<std::unique_ptr<WallByHand>> walls;
   for (const int number : {0, 1, 2, 3}) {
-    const double phase = alike ? 0 : 2.5 * number;
+    const double phase = alike ? 0 : std::vector{0.3, 2.2, 5.1, 3.4}[static_cast<std::size_t>(number)];
     walls.push_back(std::make_unique<WallByHand>(
         std::vector{503, 996, 1504, 750}[static_cast<std::size_t>(number)], 0.005 * number, 0, 1 + number,
         [phase](double beam) {
