@@ -72,10 +72,19 @@ Mechanism make_sunlight() {
     return places;
   };
   m.says = [](const Finding& f) {
-    return "Around " + with_uncertainty(f.at("centre_deg"), "deg") + " (within " +
-           rounded(f.at("width_deg").value, 2) + " deg) the range scatters by " +
-           with_uncertainty(f.at("sigma_mm"), "mm") + " more" + on_weak_echoes(f) + times(f) +
-           ": light falls in there.";
+    const Estimate sigma = f.at("sigma_mm"), lost = f.at("lost");
+    const std::string where = "Around " + with_uncertainty(f.at("centre_deg"), "deg") + " (within " +
+                              rounded(f.at("width_deg").value, 2) + " deg) ",
+                      losses =
+                          with_uncertainty({100 * lost.value, 100 * lost.u}, "%") + " of the echoes are lost",
+                      scatter = "the range scatters by " + with_uncertainty(sigma, "mm") + " more" +
+                                on_weak_echoes(f);
+    const bool scatters = sigma.value > sigma.u, loses = lost.value > 2 * lost.u;
+    return where +
+           (scatters && loses ? scatter + ", and " + losses
+            : loses           ? losses
+                              : scatter) +
+           times(f) + ": light falls in there.";
   };
   m.separate = "close the blinds; turn the stage and see whether the noise stays in the room";
   return m;

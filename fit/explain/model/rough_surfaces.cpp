@@ -38,7 +38,12 @@ RoughSurfaces::RoughSurfaces(const std::vector<Place>& places, double step_mm) {
         z_.push_back(z(row, 0));
         square += z(row, 0) * z(row, 0);
       }
-      if (square <= 0) continue;
+      constexpr double hardly = 0.01;  // of a row's own noise
+      if (square < hardly) {
+        rows_.resize(first);
+        z_.resize(first);
+        continue;
+      }
       added.push_back({first, rows_.size(), (1 - 1 / std::sqrt(1 + square)) / square});
       log_determinant_ += std::log(1 + square);
     }
