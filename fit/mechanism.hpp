@@ -230,6 +230,10 @@ struct Mechanism {
   std::string separate;
 
   [[nodiscard]] std::vector<double> values(const std::map<std::string, Estimate>& parameters) const;
+  /// Whether it is an accident of the session that was recorded, and no trait of lidar or bench.
+  [[nodiscard]] bool happened_once() const {
+    return only_for_a_while || parameter_of(Parameter::Scale::moment).has_value();
+  }
   /// Index of the parameter that measures such a scale, if there is one.
   [[nodiscard]] std::optional<std::size_t> parameter_of(Parameter::Scale scale) const;
 };

@@ -24,6 +24,7 @@ Mechanism make_mount_moved() {
     return Effect{.beam_rad = p[2] * rad_per_deg,
                   .origin_mm = {cos * p[0] - sin * p[1], sin * p[0] + cos * p[1]}};
   };
+  m.looks_like = {"target-moved", "warm-up"};  // before one target
   m.shows = [](const Finding& f, const Recorded& r) {
     return std::vector<Interval>{{Coordinate::time, f.at("from_s").value, r.to}};
   };

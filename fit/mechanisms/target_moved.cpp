@@ -29,6 +29,7 @@ Mechanism make_target_moved() {
     const double out_mm = p[0] - c.along_sign * c.along_mm * p[1] * rad_per_deg;
     return Effect{.range_mm = out_mm / std::max(0.05, c.cos_incidence)};
   };
+  m.looks_like = {"mount-moved", "warm-up"};  // where there is no other
   m.says = [](const Finding& f) {
     return "While the session was recorded, target '" + f.target + "' was moved along its normal by " +
            with_uncertainty(f.at("offset_mm"), "mm") + " and turned by " +

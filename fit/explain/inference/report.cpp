@@ -109,6 +109,8 @@ void report_set(const Undecided& set, const Findings& findings, Explanation& out
       if (member.kind->moves_means())
         out.unnamed_suspects.push_back(
             seen(as_shape(member.term), MeanModel(findings.reduced, findings.means.noise)));
+    } else if (member.kind->mechanism->happened_once()) {
+      continue;  // no experiment repeats it
     } else if (member.kind->moves_means()) {
       out.suspects.push_back(
           {member.kind->mechanism.get(), member.kind->target, member.term.values, member.term.sigma});
