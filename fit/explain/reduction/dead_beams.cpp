@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/reduction/dead_beams.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <span>
