@@ -58,7 +58,7 @@ TEST_CASE("noise that differs from beam to beam is nothing that whole scans have
 
 TEST_CASE("beside such noise a stage that jitters is found", "[rounds]") {
   constexpr double jitter_deg = 0.1;
-  for (unsigned seed = 1; seed <= rounds(10); ++seed) {
+  for (unsigned seed = 1; seed <= rounds(5); ++seed) {
     const NoiseFindings result = spread_of(jitter_deg, seed);
     INFO("seed " << seed << ": " << result.in_words());
     const auto jitter = std::ranges::find_if(
