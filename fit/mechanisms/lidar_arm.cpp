@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/mechanism.hpp"
+#include "fit/on_stage.hpp"
 
 namespace fit::mechanisms {
 
@@ -14,8 +14,7 @@ Mechanism make_lidar_arm() {
   m.formula_error = 0.01;
   m.parameters = {{.name = "x_mm", .typical = 15}, {.name = "y_mm", .typical = 15}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    const double cos = std::cos(c.stage_rad), sin = std::sin(c.stage_rad);
-    return Effect{.origin_mm = {cos * p[0] - sin * p[1], sin * p[0] + cos * p[1]}};
+    return Effect{.origin_mm = on_stage_mm(c, p[0], p[1])};
   };
   m.looks_like = {"stage-eccentricity", mount_offset};
   m.says = [](const Finding& f) {

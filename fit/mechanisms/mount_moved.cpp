@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include <cmath>
-
-#include "fit/mechanism.hpp"
+#include "fit/on_stage.hpp"
 
 namespace fit::mechanisms {
 
@@ -20,9 +18,7 @@ Mechanism make_mount_moved() {
       {.name = "from_s", .role = Parameter::Role::shape, .scale = Parameter::Scale::moment, .upper = 1e8}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (c.time_s < p[3]) return Effect{};
-    const double cos = std::cos(c.stage_rad), sin = std::sin(c.stage_rad);
-    return Effect{.beam_rad = p[2] * rad_per_deg,
-                  .origin_mm = {cos * p[0] - sin * p[1], sin * p[0] + cos * p[1]}};
+    return Effect{.beam_rad = p[2] * rad_per_deg, .origin_mm = on_stage_mm(c, p[0], p[1])};
   };
   m.looks_like = {"target-moved", "warm-up"};  // before one target
   m.shows = [](const Finding& f, const Recorded& r) {

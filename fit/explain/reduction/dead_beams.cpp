@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 #include <span>
 
 namespace fit::explain::reduction {
@@ -16,19 +17,16 @@ bool is_silent(const Cell& cell) { return cell.lost > 0 && cell.n + cell.stray =
 bool answers(const Cell& cell) { return cell.n > cell.lost; }
 
 /// Beams that are silent in all cells that they have.
-std::map<long, bool> silent_beams(const std::vector<Cell>& cells) {
-  std::map<long, bool> silent;
-  for (const Cell& cell : cells) {
-    const auto [known, is_new] = silent.try_emplace(beam_of(cell), true);
-    known->second = known->second && is_silent(cell);
-  }
-  std::erase_if(silent, [](const auto& beam) { return !beam.second; });
+std::set<long> silent_beams(const std::vector<Cell>& cells) {
+  std::set<long> silent, others;
+  for (const Cell& cell : cells) (is_silent(cell) ? silent : others).insert(beam_of(cell));
+  std::erase_if(silent, [&](long beam) { return others.contains(beam); });
   return silent;
 }
 
 /// Of one group's cells, in the order of their beams: those silent ones whose next others on both sides
 /// answer from the same surface.
-void add_witnessed(std::span<const Cell> cells, const std::map<long, bool>& silent,
+void add_witnessed(std::span<const Cell> cells, const std::set<long>& silent,
                    std::map<long, double>& witnessed) {
   for (std::size_t i = 0; i < cells.size(); ++i) {
     if (!silent.contains(beam_of(cells[i]))) continue;
@@ -48,7 +46,7 @@ void add_witnessed(std::span<const Cell> cells, const std::map<long, bool>& sile
 }  // namespace
 
 Sectors leave_out_dead_beams(Reduced& reduced) {
-  const std::map<long, bool> silent = silent_beams(reduced.cells);
+  const std::set<long> silent = silent_beams(reduced.cells);
   std::map<long, double> dead;
   if (!silent.empty())
     for (const Group& group : reduced.groups)
