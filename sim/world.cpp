@@ -227,6 +227,7 @@ void read_optics(Section& top, World& w) {
       d.number("centre_deg", dirt.centre_rad, deg);
       d.positive("width_deg", dirt.width_rad, deg);
       d.number("loss", dirt.loss, 1, 0, 1);
+      d.number("there", dirt.there, 1, 0, 1);
       w.housing.dirt.push_back(dirt);
     });
   });

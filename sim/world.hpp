@@ -101,6 +101,7 @@ struct World {
     double glint_centre_rad = 0, glint_width_rad = 0.3;
     struct Dirt {
       double centre_rad = 0, width_rad = 0.1, loss = 0;
+      double there = 1;  ///< Share of measurements in which it is: a thread that flutters.
     };
     std::vector<Dirt> dirt;
   } housing;

@@ -104,7 +104,7 @@ class Means final : public model::NormalRows {
     Eigen::MatrixXd shared = model_.shared_errors();
     if (shared.cols() > most_shared) return;
     const auto places = places_of(model_);
-    rough_.emplace(places, model::likeliest_step_mm(places, model_.whitened(model_.raw_residual())));
+    rough_ = model::likeliest_surfaces(places, model_.whitened(model_.raw_residual()));
     rough_->whiten(shared);
     if (shared.cols() > 0) shared_.emplace(0, std::move(shared));
     log_weights_.array() -= rough_->log_determinant() / (2 * static_cast<double>(model_.rows()));

@@ -25,6 +25,7 @@ Mechanism make_angle_jitter() {
     return Effect{.scan_angle_variance_rad2 = variance * (1 - p[1]),
                   .beam_angle_variance_rad2 = variance * p[1]};
   };
+  m.looks_like = {"incidence-noise"};                // where every beam draws its own; edges tell
   m.shows = [](const Finding&, const Recorded& r) {  // where the range changes with the angle
     return std::vector<Interval>{{Coordinate::range_rate, r.from, r.from / 2},
                                  {Coordinate::range_rate, r.to / 2, r.to}};

@@ -64,7 +64,7 @@ Mechanism make_sunlight() {
                             : 1;
     return Effect{.variance_mm2 = p[0] * p[0] * light * weak, .lost = p[5] * light};
   };
-  m.looks_like = {"local-noise"};  // of which nothing comes and goes, and no echo is lost
+  m.looks_like = {"local-noise", "local-loss"};  // of which nothing comes and goes, one of both shows
   m.shows = [](const Finding& f, const Recorded&) {
     std::vector<Interval> places{sector_of(f, 1.2)};
     if (f.parameters.contains("from_s"))

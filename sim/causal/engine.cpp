@@ -126,6 +126,7 @@ class CausalEngine : public Engine {
     beam.rise = direction.rise;
     if (world_.stage.wobble_rad != 0) beam.rise += turntable_.rise(table, beam.bearing);
     for (const World::Housing::Dirt& dirt : world_.housing.dirt) {
+      if (dirt.there < 1 && random_.uniform() >= dirt.there) continue;
       const double x = (beam.device - dirt.centre_rad) / dirt.width_rad;
       beam.loss = 1 - (1 - beam.loss) * (1 - dirt.loss * std::exp(-x * x));
     }

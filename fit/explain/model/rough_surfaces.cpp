@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <utility>
 
 #include "fit/explain/inference/numbers.hpp"
 
@@ -17,12 +18,22 @@ constexpr std::array lengths_mm{60.0, 120.0, 240.0, 480.0};
 
 }  // namespace
 
-RoughSurfaces::RoughSurfaces(const std::vector<Place>& places, double step_mm) {
+std::vector<RoughSurfaces::Level> RoughSurfaces::tree_of(const std::vector<Place>& places) {
+  std::vector<Level> tree;
   for (const double length_mm : lengths_mm) {
     std::map<std::pair<int, int>, std::vector<Index>> parts;
     for (std::size_t i = 0; i < places.size(); ++i)
       parts[{places[i].target, static_cast<int>(std::floor(places[i].along_mm / length_mm))}].push_back(
           static_cast<Index>(i));
+    Level& level = tree.emplace_back(length_mm);
+    for (auto& [part, rows] : parts) level.stretches.push_back(std::move(rows));
+  }
+  return tree;
+}
+
+RoughSurfaces::RoughSurfaces(const std::vector<Place>& places, const std::vector<Level>& tree,
+                             double step_mm) {
+  for (const auto& [length_mm, stretches] : tree) {
     // Means of neighbouring stretches of a random walk differ by 2/3 of what it walks along one: with what
     // the parts of both add, by 8/3 of a stretch's own variance.
     const double sigma_mm = step_mm * std::sqrt(length_mm / 1000 / 4);
@@ -30,7 +41,7 @@ RoughSurfaces::RoughSurfaces(const std::vector<Place>& places, double step_mm) {
     for (Index i = 0; i < z.rows(); ++i) z(i, 0) = sigma_mm * places[static_cast<std::size_t>(i)].slope;
     whiten(z);
     std::vector<Stretch> added;
-    for (const auto& [part, rows] : parts) {
+    for (const std::vector<Index>& rows : stretches) {
       const std::size_t first = rows_.size();
       double square = 0;
       for (const Index row : rows) {
@@ -64,21 +75,24 @@ void RoughSurfaces::whiten(Eigen::MatrixXd& columns) const {
   for (Index k = 0; k < columns.cols(); ++k) whiten(columns.col(k));
 }
 
-double likeliest_step_mm(const std::vector<RoughSurfaces::Place>& places, const Eigen::VectorXd& residual) {
-  double best_mm = numbers::rough_mm, most = -1e300;
+RoughSurfaces likeliest_surfaces(const std::vector<RoughSurfaces::Place>& places,
+                                 const Eigen::VectorXd& residual) {
+  const std::vector<RoughSurfaces::Level> tree = RoughSurfaces::tree_of(places);
+  RoughSurfaces best(places, tree, numbers::rough_mm);
+  double most = -1e300;
   constexpr double within = numbers::rough_within * numbers::rough_within;
   for (double step_mm = numbers::rough_mm / within; step_mm < 1.1 * within * numbers::rough_mm;
        step_mm *= std::sqrt(2.0)) {
-    const RoughSurfaces surfaces(places, step_mm);
+    RoughSurfaces surfaces(places, tree, step_mm);
     Eigen::MatrixXd white = residual;
     surfaces.whiten(white);
     const double off = std::log(step_mm / numbers::rough_mm) / std::log(numbers::rough_within),
                  log_posterior = -0.5 * (white.squaredNorm() + surfaces.log_determinant() + off * off);
     if (log_posterior <= most) continue;
     most = log_posterior;
-    best_mm = step_mm;
+    best = std::move(surfaces);
   }
-  return best_mm;
+  return best;
 }
 
 }  // namespace fit::explain::model

@@ -16,8 +16,16 @@ class RoughSurfaces {
     double along_mm = 0;
     double slope = 0;  ///< What a mm out along the normal does to the row, whose own noise is one.
   };
-  /// One place for each row. `step_mm`: standard deviation of the difference of two places a metre apart.
-  RoughSurfaces(const std::vector<Place>& places, double step_mm);
+  /// The rows on every stretch of one length.
+  struct Level {
+    double length_mm = 0;
+    std::vector<std::vector<Eigen::Index>> stretches;
+  };
+  /// Of all lengths, the shortest first. One place for each row.
+  [[nodiscard]] static std::vector<Level> tree_of(const std::vector<Place>& places);
+
+  /// `step_mm`: standard deviation of the difference of two places a metre apart.
+  RoughSurfaces(const std::vector<Place>& places, const std::vector<Level>& tree, double step_mm);
 
   /// Rows of unit noise divided by the square root of the covariance. Disjoint stretches are divided out one
   /// after the other, the finest first: every coarser one holds whole finer ones.
@@ -37,9 +45,9 @@ class RoughSurfaces {
   double log_determinant_ = 0;
 };
 
-/// The step over a metre at which residuals of unit noise are the most likely, by a prior around what a good
-/// board has, within two of its standard deviations: what is left over may be something else's.
-[[nodiscard]] double likeliest_step_mm(const std::vector<RoughSurfaces::Place>& places,
-                                       const Eigen::VectorXd& residual);
+/// Surfaces with which residuals of unit noise are the most likely, by a prior around what a good board has,
+/// within two of its standard deviations: what is left over may be something else's.
+[[nodiscard]] RoughSurfaces likeliest_surfaces(const std::vector<RoughSurfaces::Place>& places,
+                                               const Eigen::VectorXd& residual);
 
 }  // namespace fit::explain::model

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <functional>
 #include <random>
+#include <string>
+#include <vector>
 
 #include "fit/explain/explanation.hpp"
 #include "plain_room.hpp"
@@ -21,6 +23,7 @@ struct Light {
   double range_mm = 0;    ///< Added to it.
   double scatter_mm = 0;  ///< Its own noise besides the lidar's.
   double lost = 0;        ///< Probability of no echo.
+  double slant_mm = 0;    ///< Noise of surfaces at 45 deg and 1 m, by range and tangent of the incidence.
 };
 
 /// At a beam angle (deg), a time since power-on and the time of the beam itself (s).
@@ -42,7 +45,8 @@ Explanation explained(const OfLight& light, int scans = 10, unsigned seed = 1, d
       const double time_s = *capture.since_power_on_s + 0.025 * static_cast<double>(seq);
       const auto met = plain_bench::look(plain_bench::room, {0, 0, 10}, capture.stage_rad, beam_deg * degree);
       const Light is = light(beam_deg, time_s, time_s + (beam_deg + 135) / 14400);
-      const double mm = met->range_mm + is.range_mm + std::hypot(4, is.scatter_mm) * normal(random);
+      const double slant_mm = is.slant_mm * std::tan(met->incidence_rad) * met->range_mm / 1000,
+                   mm = met->range_mm + is.range_mm + std::hypot(4, is.scatter_mm, slant_mm) * normal(random);
       const bool seen = chance(random) >= is.lost;
       range[k] = seen ? static_cast<std::uint16_t>(std::lround(step_mm * std::round(mm / step_mm)))
                       : std::uint16_t{0};
@@ -178,6 +182,34 @@ TEST_CASE("a lamp's flicker is unknown physics with its frequency, and nothing e
       CHECK(found_hz == Approx(hz).margin(scans == 24 ? 0.5 : 1.5));
     }
   CHECK(named <= 1);  // of eight, by chance
+}
+
+/// What is named, or the only set.
+std::vector<std::string> told(const Explanation& e) {
+  std::vector<std::string> names;
+  for (const auto& found : e.mechanisms) names.push_back(found.mechanism->id);
+  if (names.empty() && e.undecided_between.size() == 1) names = e.undecided_between.front();
+  return names;
+}
+
+TEST_CASE("beams that lose echoes, and scatter as all others do, are not called light for sure") {
+  const Explanation e = explained([](double beam_deg, double, double) {
+    return Light{.lost = 0.04 * std::exp(-std::pow((beam_deg + 40) / 12, 2) / 2)};
+  });
+  INFO(to_text(e));
+  const std::vector<std::string> names = told(e);
+  REQUIRE(std::ranges::count(names, "local-loss") == 1);
+  CHECK((names.size() == 1 || names.front() == "local-loss"));
+  CHECK_FALSE(e.unknown);
+}
+
+TEST_CASE("slanted surfaces that scatter more without an edge in sight: echo and angle are not told apart") {
+  const Explanation e = explained([](double, double, double) { return Light{.slant_mm = 2}; });
+  INFO(to_text(e));
+  const std::vector<std::string> names = told(e);
+  CHECK(std::ranges::count(names, "incidence-noise") == 1);
+  CHECK((names.size() == 1 || std::ranges::count(names, "angle-jitter") == 1));
+  CHECK(std::ranges::count(names, "nothing-missing") == 0);
 }
 
 TEST_CASE("without light nothing is reported") {

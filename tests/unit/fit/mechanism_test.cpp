@@ -202,6 +202,13 @@ const std::map<std::string, Equation>& equations() {
           const double away = std::remainder(x.a / degree - 20, 360) / 15;
           return fit::Effect{.variance_mm2 = 36 * std::exp(-away * away * away * away / 2)};
         }}},
+      {"local-loss", {{{"lost", 0.1}, {"centre_deg", 20}, {"width_deg", 15}, {"exponent", 4}},
+        [](const Beam& x) {
+          const double away = std::remainder(x.a / degree - 20, 360) / 15;
+          return fit::Effect{.lost = 0.1 * std::exp(-away * away * away * away / 2)};
+        }}},
+      {"incidence-noise", {{{"sigma_mm", 3}, {"range_exponent", 1}},
+        [](const Beam& x) { return fit::Effect{.variance_mm2 = 9 * std::pow(std::tan(x.i), 2) * x.r / 1000}; }}},
       {"correlated-noise", {{{"rho", 0.7}, {"share", 0.4}},
         [](const Beam&) { return fit::Effect{.memory_rho = 0.7, .memory_share = 0.4}; }}},
       {"rounding", {{{"step_mm", 5}}, [](const Beam&) { return fit::Effect{.output_step_mm = 5}; }}},
