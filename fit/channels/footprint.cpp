@@ -40,13 +40,26 @@ struct EdgeInCaptures {
   std::vector<Dimming> beams;
 };
 
-/// Calls for every beam of one side whose samples all met that surface.
+/// The target that most beams meet so close to an edge, on one side of it; -1: there are none.
+int target_beside(const Transition& edge, int side) {
+  std::map<int, int> beams;
+  for (const Beside& b : edge.beams())
+    if (const double inside = side * (b.inside_deg - edge.crossing_deg());
+        inside > 0 && inside < model::light_reach_deg)
+      ++beams[b.target];
+  const auto most = std::ranges::max_element(beams, {}, [](const auto& one) { return one.second; });
+  return most == beams.end() ? -1 : most->first;
+}
+
+/// Calls for every beam of one side whose samples all met the surface that ends there, or stands behind it.
 template <class Call>
 void of_side(const Transition& edge, int side, const Call& call) {
   const double change = edge.crossing_deg();
+  const int target = target_beside(edge, side);
   for (const Beside& b : edge.beams()) {
     const double inside = b.inside_deg - change;
-    if (b.counts > 0 && inside * side > 0 && (side > 0 ? b.far_share <= 0 : b.far_share >= 1))
+    if (b.counts > 0 && b.target == target && inside * side > 0 &&
+        (side > 0 ? b.far_share <= 0 : b.far_share >= 1))
       call(b, inside);
   }
 }

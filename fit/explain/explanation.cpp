@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -62,6 +63,21 @@ std::string note_on_dead_beams(const reduction::Sectors& dead) {
   return "Beams at " + listed(sectors) +
          " return nothing in any capture, while those beside them see the same surface. They were left out: "
          "they are dead, or something stands before the window.";
+}
+
+std::string note_on_passers(const Reduced& reduced) {
+  if (reduced.passers.empty()) return {};
+  std::set<int> captures;
+  for (const Passer& one : reduced.passers)
+    captures.insert(reduced.groups[static_cast<std::size_t>(one.group)].capture);
+  const auto most = std::ranges::max_element(reduced.passers, {}, &Passer::scans);
+  const Group& group = reduced.groups[static_cast<std::size_t>(most->group)];
+  return "Something stood before the targets in some scans of " + std::to_string(captures.size()) +
+         (captures.size() == 1 ? " capture" : " captures") + ": a person, a door. In capture " +
+         std::to_string(group.capture + 1) + " it was in " + std::to_string(most->scans) + " of " +
+         std::to_string(group.scans) + " scans, between the beams at " +
+         rounded(most->from_rad * deg_per_rad, 4) + " and " + rounded(most->to_rad * deg_per_rad, 4) +
+         " deg. What it hid was left out.";
 }
 
 /// What the model takes as known: the noise, how wide beams are at edges, and coarse steps.
@@ -143,7 +159,8 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
   explanation.several_places = together.in_several_places();
   explanation.bench.targets.resize(together.first_scene());
   explanation.notes.insert(explanation.notes.begin(), together.notes().begin(), together.notes().end());
-  for (const std::string& note : {note_on_clusters(single), note_on_dead_beams(dead)})
+  for (const std::string& note :
+       {note_on_clusters(single), note_on_dead_beams(dead), note_on_passers(findings.reduced)})
     if (!note.empty()) explanation.notes.insert(explanation.notes.begin(), note);
   return explanation;
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "fit/empirical.hpp"
+#include "fit/explain/reduction/passers.hpp"
 #include "fit/explain/reduction/placing.hpp"
 #include "fit/explain/reduction/samples.hpp"
 #include "fit/explain/reduction/summary.hpp"
@@ -67,6 +68,10 @@ class Reducer {
     Group group = group_of(block, capture);
     const Scene scene = out_.scene_of(group, as_stated_);
     bring_to_middle(block, scene, group.stage_rad);
+    if (auto passer = leave_out_passers(block, scene, group.stage_rad)) {
+      passer->group = static_cast<int>(out_.groups.size());
+      out_.passers.push_back(*passer);
+    }
     group.sigma_mm = typical_spread(block, out_.bench);
     const CaptureInfo& info = out_.captures[capture];
     const Setting setting{info, group, block, scene, scene.edges(group.stage_rad)};

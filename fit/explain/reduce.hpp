@@ -126,6 +126,13 @@ struct Sector : WeightedSums {
   double wwdd = 0;
 };
 
+/// Something that stood before the targets in some scans of a group, at beams between these.
+struct Passer {
+  int group = 0;
+  double from_rad = 0, to_rad = 0;
+  int scans = 0;
+};
+
 /// A mean so far off has nothing to do with the target that the bench file has there.
 constexpr double astray_mm = 400;
 
@@ -144,6 +151,7 @@ struct Reduced {
   /// Samples too far from their target for any noise, the first thousands: in mm, and as a share of the way
   /// to the target.
   std::vector<float> strays_mm, strays_of_target;
+  std::vector<Passer> passers;  ///< Whose samples were left out.
   long samples = 0;
   double reference_temperature_c = 0;
   bool has_intensity = false;     ///< Otherwise cells have the echo that the bench file lets expect.

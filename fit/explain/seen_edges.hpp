@@ -22,6 +22,7 @@ struct Beside {
   double log_echo = 0;              ///< By geometry alone: cosine of the incidence, inverse square of range.
   /// Place of the mean between the planes of the two surfaces, not cut off at them, and its noise.
   double place = 0, u_place = 0;
+  int target = -1;  ///< That it meets where mount and targets are as predicted.
 };
 
 /// Log-likelihood of shares of the farther surface, which takes over there within that standard width.

@@ -6,6 +6,7 @@
 #include <map>
 #include <utility>
 
+#include "fit/explain/reduction/margins.hpp"
 #include "fit/explain/stage_stops.hpp"
 
 namespace fit::explain::model {
@@ -126,11 +127,14 @@ bool stands_as_before(const Reduced& reduced, std::size_t group) {
 /// Intensity of a beam's samples.
 struct Light {
   double n = 0, counts = 0, variance = 0, log_echo = 0;
-  bool is_whole = true;  ///< Every cell has one.
+  bool is_whole = true;  ///< Every cell has one, of a surface that is sure.
 
-  void add(const Cell& cell) {
+  void add(const Cell& cell, const Mount& mount) {
     constexpr double grazing_rad = 70 * rad_per_deg;
-    is_whole = is_whole && cell.n > 1 && cell.counts > 0 && std::abs(cell.sight.incidence_rad) < grazing_rad;
+    const double sway_mm = reduction::sway_mm(mount, cell.sight.range_mm, reduction::doubt_of_mount);
+    is_whole = is_whole && cell.n > 1 && cell.counts > 0 &&
+               std::abs(cell.sight.incidence_rad) < grazing_rad &&
+               cell.at.corner_mm > reduction::corner_margin_mm(cell.sight, sway_mm, 0);
     if (!is_whole) return;
     counts += (cell.counts - counts) * cell.n / (n + cell.n);
     log_echo += (std::log(cell.at.cos_incidence) - 2 * std::log(cell.sight.range_mm) - log_echo) * cell.n /
@@ -154,7 +158,7 @@ struct Beams {
   std::map<double, Light> light;
   int capture = 0;
 
-  void add(const Cell& cell, double sigma_mm) {
+  void add(const Cell& cell, double sigma_mm, const Mount& mount) {
     if (list.empty() || std::abs(cell.at.edge_rad) < std::abs(at.edge_rad)) at = cell.at;
     Beside& beside = list[cell.beam_rad];
     const double n = cell.n + cell.stray, all = beside.n + n;
@@ -163,7 +167,8 @@ struct Beams {
     take(beside.far_share, share_of(cell, sigma_mm));
     beside.n = all;
     beside.on_neither += cell.between;
-    light[cell.beam_rad].add(cell);
+    beside.target = cell.sight.target;
+    light[cell.beam_rad].add(cell, mount);
   }
   [[nodiscard]] std::vector<Beside> counted() const {
     constexpr double most_samples = 20;  // of one beam, with what its neighbours have in common
@@ -194,7 +199,7 @@ std::vector<Transition> transitions(const Reduced& reduced) {
       if (cell.far_share < 0 || cell.edge < 0 || cell.n + cell.stray < 2) continue;
       const auto [beams, is_new] = by_edge.try_emplace({standing, cell.edge});
       if (is_new) beams->second.capture = group.capture;
-      beams->second.add(cell, group.sigma_mm);
+      beams->second.add(cell, group.sigma_mm, reduced.bench.lidar.mount);
     }
   }
   std::vector<Transition> all;

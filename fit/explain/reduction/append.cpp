@@ -33,6 +33,10 @@ void append(Reduced& reduced, const Reduced& other) {
     sector.last_cell += cells;
     reduced.sectors.push_back(sector);
   }
+  for (Passer passer : other.passers) {
+    passer.group += groups;
+    reduced.passers.push_back(passer);
+  }
   for (std::size_t mm = 0; mm < reduced.shown.size(); ++mm) reduced.shown[mm] += other.shown[mm];
   reduced.strays_mm.insert(reduced.strays_mm.end(), other.strays_mm.begin(), other.strays_mm.end());
   reduced.strays_of_target.insert(reduced.strays_of_target.end(), other.strays_of_target.begin(),
