@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <optional>
 
@@ -71,7 +72,7 @@ class Memory final : public model::NormalRows {
 
   std::vector<Block> blocks_;
   std::vector<Place> rows_;
-  Circumstances anywhere_;
+  Circumstances anywhere_{.time_s = std::numeric_limits<double>::quiet_NaN()};
 };
 
 std::map<std::pair<int, int>, Summed> by_capture_and_length(const Reduced& reduced) {

@@ -40,8 +40,9 @@ Reduced unread(const Recording& recording, const Standing& standing) {
 /// Reads one capture's scans into blocks and reduces each.
 class Reducer {
  public:
-  Reducer(const Recording& recording, Reduced& out, bool keep_samples)
+  Reducer(const Recording& recording, const Standing& standing, Reduced& out, bool keep_samples)
       : recording_(recording),
+        standing_(standing),
         out_(out),
         as_stated_(recording.bench()),
         keep_samples_(keep_samples),
@@ -68,11 +69,13 @@ class Reducer {
     Group group = group_of(block, capture);
     const Scene scene = out_.scene_of(group, as_stated_);
     bring_to_middle(block, scene, group.stage_rad);
-    if (auto passer = leave_out_passers(block, scene, group.stage_rad)) {
-      passer->group = static_cast<int>(out_.groups.size());
-      out_.passers.push_back(*passer);
-    }
+    if (const auto hidden = standing_.hidden.find(group.capture); hidden != standing_.hidden.end())
+      for (const auto& [from_rad, to_rad] : hidden->second) block.do_not_look(from_rad, to_rad);
     group.sigma_mm = typical_spread(block, out_.bench);
+    for (Passer& one : passers_in(block, scene, group.stage_rad, group.sigma_mm)) {
+      one.capture = group.capture;
+      out_.passers.push_back(one);
+    }
     const CaptureInfo& info = out_.captures[capture];
     const Setting setting{info, group, block, scene, scene.edges(group.stage_rad)};
     const bool turning = is_turning(info);
@@ -123,6 +126,7 @@ class Reducer {
   }
 
   const Recording& recording_;
+  const Standing& standing_;
   Reduced& out_;
   Nuisance as_stated_;
   bool keep_samples_;
@@ -144,7 +148,7 @@ void expect_echoes(Reduced& session) {
 Reduced reduce(const Recording& recording, const Progress& progress, const Standing& standing,
                bool keep_samples) {
   Reduced out = unread(recording, standing);
-  Reducer reducer(recording, out, keep_samples);
+  Reducer reducer(recording, standing, out, keep_samples);
   for (std::size_t i = 0; i < out.captures.size(); ++i) {
     reducer.capture(i);
     if (progress && i % 8 == 0)

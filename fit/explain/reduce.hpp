@@ -4,7 +4,9 @@
 #include <array>
 #include <functional>
 #include <limits>
+#include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "fit/explain/lag_bands.hpp"
@@ -126,11 +128,10 @@ struct Sector : WeightedSums {
   double wwdd = 0;
 };
 
-/// Something that stood before the targets in some scans of a group, at beams between these.
+/// Something that stood before the targets in scans of a capture, at beams between these.
 struct Passer {
-  int group = 0;
+  int capture = 0;
   double from_rad = 0, to_rad = 0;
-  int scans = 0;
 };
 
 /// A mean so far off has nothing to do with the target that the bench file has there.
@@ -151,7 +152,7 @@ struct Reduced {
   /// Samples too far from their target for any noise, the first thousands: in mm, and as a share of the way
   /// to the target.
   std::vector<float> strays_mm, strays_of_target;
-  std::vector<Passer> passers;  ///< Whose samples were left out.
+  std::vector<Passer> passers;  ///< Seen in some scans of a capture.
   long samples = 0;
   double reference_temperature_c = 0;
   bool has_intensity = false;     ///< Otherwise cells have the echo that the bench file lets expect.
@@ -181,6 +182,8 @@ struct Reduced {
 struct Standing {
   std::vector<Absent> absent;  ///< For every capture.
   std::vector<int> same_as;    ///< For every target; what belongs to a thing goes with it to another place.
+  /// For every capture, between which beams, rad, something else hides all that the bench describes.
+  std::map<int, std::vector<std::pair<double, double>>> hidden;
 };
 
 /// Called with the share done, 0..1, or unknown_share.

@@ -12,9 +12,9 @@ Mechanism make_mount_moved() {
   m.geometric = true;
   m.formula_error = 0.01;
   m.parameters = {
-      {.name = "x_mm", .typical = 3},
-      {.name = "y_mm", .typical = 3},
-      {.name = "yaw_deg", .typical = 0.3},
+      {.name = "x_mm", .typical = 3, .largest = 100},
+      {.name = "y_mm", .typical = 3, .largest = 100},
+      {.name = "yaw_deg", .typical = 0.3, .largest = 20},
       {.name = "from_s", .role = Parameter::Role::shape, .scale = Parameter::Scale::moment, .upper = 1e8}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (c.time_s < p[3]) return Effect{};

@@ -16,8 +16,8 @@ Mechanism make_target_moved() {
   m.geometric = true;
   m.only_for_a_while = true;
   m.formula_error = 0.01;
-  m.parameters = {{.name = "offset_mm", .typical = 5},
-                  {.name = "turn_deg", .typical = 0.5},
+  m.parameters = {{.name = "offset_mm", .typical = 5, .largest = 300},
+                  {.name = "turn_deg", .typical = 0.5, .largest = 20},
                   {.name = "from_s",
                    .role = Parameter::Role::shape,
                    .scale = Parameter::Scale::from,

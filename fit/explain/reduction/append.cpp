@@ -34,7 +34,7 @@ void append(Reduced& reduced, const Reduced& other) {
     reduced.sectors.push_back(sector);
   }
   for (Passer passer : other.passers) {
-    passer.group += groups;
+    passer.capture += captures;
     reduced.passers.push_back(passer);
   }
   for (std::size_t mm = 0; mm < reduced.shown.size(); ++mm) reduced.shown[mm] += other.shown[mm];

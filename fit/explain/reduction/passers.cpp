@@ -3,61 +3,122 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
+#include <map>
+#include <span>
 #include <utility>
 #include <vector>
+
+#include "fit/explain/reduction/margins.hpp"
 
 namespace fit::explain::reduction {
 namespace {
 
 constexpr int fewest_beams = 5;   // side by side: less may be dust, or an edge
 constexpr double rough_mm = 150;  // one thing: no farther apart than this are neighbours
+constexpr double before_mm = 100, before_sigma = 12;
 
-/// Where a scan's beams meet something before their targets: first beam and the one behind the last.
-std::vector<std::pair<int, int>> things_before(const Samples& samples, int scan,
-                                               const std::vector<double>& targets_mm) {
-  const auto is_before = [&](int beam) {
-    const double range_mm = samples.at(scan, beam);
-    return is_echo(range_mm) && range_mm < targets_mm[static_cast<std::size_t>(beam)] - astray_mm;
-  };
+/// The farthest that every beam sees of what may be its target; 0 where there is none.
+std::vector<double> farthest_of_targets(const Samples& samples, const Scene& scene, double stage_rad) {
+  std::vector<double> farthest_mm(samples.beam_rad.size(), 0.0);
+  for (int beam = 0; beam < samples.beams; ++beam) {
+    const Sight sight = scene.look(stage_rad, samples.beam_rad[static_cast<std::size_t>(beam)]);
+    if (sight.target < 0) continue;
+    double& farthest = farthest_mm[static_cast<std::size_t>(beam)];
+    for (int scan = 0; scan < samples.scans; ++scan)
+      if (const double range_mm = samples.at(scan, beam); range_mm < sight.range_mm + astray_mm)
+        farthest = std::max(farthest, range_mm);
+  }
+  return farthest_mm;
+}
+
+double nearer_mm(double sigma_mm) { return std::max(before_mm, before_sigma * sigma_mm); }
+
+/// Runs of neighbours, of so many, that are before their targets: the first and the one behind the last, with
+/// those beside them, which meet it in part.
+template <class IsBefore, class Range>
+std::vector<std::pair<int, int>> things_before(int count, const IsBefore& is_before, const Range& range_mm) {
+  constexpr int beside = 2;
   std::vector<std::pair<int, int>> things;
-  for (int first = 0, end = 0; first < samples.beams; first = std::max(end, first + 1)) {
-    for (end = first; end < samples.beams && is_before(end); ++end)
-      if (end > first && std::abs(samples.at(scan, end) - samples.at(scan, end - 1)) > rough_mm) break;
-    if (end - first >= fewest_beams) things.emplace_back(first, end);
+  for (int first = 0, end = 0; first < count; first = std::max(end, first + 1)) {
+    for (end = first; end < count && is_before(end); ++end)
+      if (end > first && std::abs(range_mm(end) - range_mm(end - 1)) > rough_mm) break;
+    if (end - first >= fewest_beams)
+      things.emplace_back(std::max(0, first - beside), std::min(count, end + beside));
   }
   return things;
 }
 
+/// One more scan in which something stood at these beams, where another may have had it, too.
+void join(Passer one, std::vector<Passer>& passers) {
+  constexpr double beside_rad = 2 * rad_per_deg;
+  std::erase_if(passers, [&](const Passer& other) {
+    if (other.from_rad > one.to_rad + beside_rad || other.to_rad < one.from_rad - beside_rad) return false;
+    one = {0, std::min(one.from_rad, other.from_rad), std::max(one.to_rad, other.to_rad)};
+    return true;
+  });
+  passers.push_back(one);
+}
+
+/// What the cells of one target are, over all captures.
+struct Seen {
+  int all = 0, nearer = 0;
+};
+
 }  // namespace
 
-std::optional<Passer> leave_out_passers(Samples& samples, const Scene& scene, double stage_rad) {
-  if (samples.scans < 2) return {};
-  std::vector<double> targets_mm;
-  for (const double beam_rad : samples.beam_rad) {
-    const Sight sight = scene.look(stage_rad, beam_rad);
-    targets_mm.push_back(sight.target < 0 ? 0 : sight.range_mm);
+std::vector<Passer> passers_in(const Samples& samples, const Scene& scene, double stage_rad,
+                               double sigma_mm) {
+  std::vector<Passer> passers;
+  if (samples.scans < 2) return passers;
+  const std::vector<double> farthest_mm = farthest_of_targets(samples, scene, stage_rad);
+  for (int scan = 0; scan < samples.scans; ++scan) {
+    const auto range_mm = [&](int beam) { return samples.at(scan, beam); };
+    const auto is_before = [&](int beam) {
+      return is_echo(range_mm(beam)) &&
+             range_mm(beam) < farthest_mm[static_cast<std::size_t>(beam)] - nearer_mm(sigma_mm);
+    };
+    for (const auto& [first, end] : things_before(samples.beams, is_before, range_mm))
+      join({0, samples.beam_rad[static_cast<std::size_t>(first)],
+            samples.beam_rad[static_cast<std::size_t>(end - 1)]},
+           passers);
   }
-  std::vector<std::vector<int>> scans_of_beam(targets_mm.size());
-  for (int scan = 0; scan < samples.scans; ++scan)
-    for (const auto& [first, end] : things_before(samples, scan, targets_mm))
-      for (int beam = first; beam < end; ++beam)
-        scans_of_beam[static_cast<std::size_t>(beam)].push_back(scan);
-  std::optional<Passer> passer;
-  std::set<int> in_scans;
-  for (int beam = 0; beam < samples.beams; ++beam) {
-    const std::vector<int>& scans = scans_of_beam[static_cast<std::size_t>(beam)];
-    if (scans.empty() || std::ssize(scans) == samples.scans) continue;
-    const double beam_rad = samples.beam_rad[static_cast<std::size_t>(beam)];
-    if (!passer) passer.emplace(Passer{.from_rad = beam_rad});
-    passer->to_rad = beam_rad;
-    for (const int scan : scans) {
-      samples.range[samples.index(scan, beam)] = not_looked;
-      in_scans.insert(scan);
-    }
+  return passers;
+}
+
+std::vector<Passer> standing_things(const Reduced& reduced) {
+  const auto off_mm = [&](const Cell& cell) {
+    constexpr double uncertainties = 3;
+    const double doubt_mm =
+        nearer_mm(reduced.group_of(cell).sigma_mm) + uncertainties * misplaced_mm(reduced.bench, cell.sight);
+    const double off = cell.mean_mm - cell.nominal_mm;
+    return cell.n == 0 || std::abs(off) < doubt_mm ? 0 : off;
+  };
+  std::map<int, Seen> of_target;
+  for (const Cell& cell : reduced.cells) {
+    Seen& seen = of_target[cell.at.target];
+    ++seen.all;
+    seen.nearer += off_mm(cell) < 0;
   }
-  if (passer) passer->scans = static_cast<int>(in_scans.size());
-  return passer;
+  constexpr int few = 4;  // a quarter
+  std::vector<Passer> list;
+  for (const Group& group : reduced.groups) {
+    const auto cells =
+        std::span<const Cell>(reduced.cells).subspan(group.first_cell, group.last_cell - group.first_cell);
+    const auto at = [&](int i) -> const Cell& { return cells[static_cast<std::size_t>(i)]; };
+    const auto is_before = [&](int i) {
+      const Seen& seen = of_target.at(at(i).at.target);
+      return off_mm(at(i)) < 0 && few * seen.nearer < seen.all;
+    };
+    const auto things =
+        things_before(static_cast<int>(cells.size()), is_before, [&](int i) { return at(i).mean_mm; });
+    const auto farther = std::ranges::count_if(cells, [&](const Cell& cell) { return off_mm(cell) > 0; });
+    long hidden = 0;
+    for (const auto& [first, end] : things) hidden += end - first;
+    if (few * farther > hidden) continue;
+    for (const auto& [first, end] : things)
+      list.push_back({group.capture, at(first).beam_rad, at(end - 1).beam_rad});
+  }
+  return list;
 }
 
 }  // namespace fit::explain::reduction

@@ -1,15 +1,22 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include <optional>
+#include <vector>
 
+#include "fit/explain/reduce.hpp"
 #include "fit/explain/reduction/samples.hpp"
 
 namespace fit::explain::reduction {
 
-/// Takes off the scans what a solid thing hid that stood before the targets in some of them: a person, a
-/// door. Neighbouring beams see it side by side in one scan, as no stray sample of theirs does. What stands
-/// there in all scans is left, as the bench file may be wrong. Returns where it was, if anywhere.
-[[nodiscard]] std::optional<Passer> leave_out_passers(Samples& samples, const Scene& scene, double stage_rad);
+/// Where a solid thing stood before the targets in some scans: a person, a door. Neighbouring beams see it
+/// side by side in one scan, nearer than they do in others, as no stray sample of theirs does. `sigma_mm`: of
+/// a sample.
+[[nodiscard]] std::vector<Passer> passers_in(const Samples& samples, const Scene& scene, double stage_rad,
+                                             double sigma_mm);
+
+/// Where such a thing stood in all scans of a group: nearer than the bench file's uncertainties allow, though
+/// most of what is seen of its target fits, and hardly anything there is farther. Otherwise the bench file is
+/// wrong.
+[[nodiscard]] std::vector<Passer> standing_things(const Reduced& reduced);
 
 }  // namespace fit::explain::reduction

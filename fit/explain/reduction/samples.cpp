@@ -55,6 +55,12 @@ bool Samples::add(const ScanView& scan, const CaptureInfo& capture, TurnCounter&
   return true;
 }
 
+void Samples::do_not_look(double from_rad, double to_rad) {
+  for (int beam = 0; beam < beams; ++beam)
+    if (const double rad = beam_rad[static_cast<std::size_t>(beam)]; rad >= from_rad && rad <= to_rad)
+      for (int scan = 0; scan < scans; ++scan) range[index(scan, beam)] = not_looked;
+}
+
 bool Samples::add_by_step(const ScanView& scan) {
   if (beams <= 0 || spacing_rad > 0 || static_cast<int>(scan.range_mm.size()) < beams) return false;
   range.insert(range.end(), scan.range_mm.begin(), scan.range_mm.begin() + beams);

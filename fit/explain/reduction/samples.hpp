@@ -35,6 +35,8 @@ struct Samples {
   }
   [[nodiscard]] double at(int scan, int beam) const { return range[index(scan, beam)]; }
 
+  /// As if no beam had looked between these angles.
+  void do_not_look(double from_rad, double to_rad);
   /// Joins one more scan of the capture; one that does not fit the columns is left out, and the answer false.
   bool add(const ScanView& scan, const CaptureInfo& capture, TurnCounter& turns);
 

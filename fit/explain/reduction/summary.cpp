@@ -192,7 +192,7 @@ void summarise(const Setting& setting, const Beams& beams, bool keep_samples, Ce
     session.has_intensity = true;
   }
   if (all.ranges_mm.empty()) {
-    cell.smooth = false;
+    cell.smooth = cell.doubtful = false;
     return;
   }
   const bool in_clear = cell.smooth && !cell.doubtful;
