@@ -11,6 +11,7 @@
 #include "fit/explain/inference/hold_out.hpp"
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/inference/placement.hpp"
+#include "fit/explain/inference/search.hpp"
 #include "fit/explain/inference/tables.hpp"
 #include "fit/explain/stated_noise.hpp"
 
@@ -161,6 +162,21 @@ void refuse_nothing_that_fits(const Reduced& reduced) {
       ". Check that it is the bench file of this set-up, and that beams meet targets away from edges");
 }
 
+/// Where most beams agree that mount and targets are, if not all the time, then with the one thing more that
+/// explains the most: what was moved meanwhile leaves most beams off, and others meet what nobody expects.
+Placed place(Reduced& reduced, const MeanNoise& noise, const Progress& progress) {
+  Placed placed = fit_placements(reduced, noise);
+  refuse_nothing_that_fits(reduced);
+  if (placed.fits_most) return placed;
+  MeanNoise wider = noise;
+  wider.factor *= placed.excess;
+  Session session(reduced, wider, placed.there);
+  std::vector<explain::Term> moved;
+  for (const Term& term : best_of_one(session, progress).terms)
+    if (term.kind->moves_means() && !term.kind->is_form()) moved.push_back(as_term(term));
+  return moved.empty() ? placed : fit_placements(reduced, noise, moved);
+}
+
 }  // namespace
 
 Shape as_shape(const Term& term) {
@@ -175,8 +191,7 @@ Shape as_shape(const Term& term) {
 
 Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progress) {
   Inferred out{.kinds = nullptr, .posterior = {}, .means = MeanResult(reduced.bench)};
-  const Placed placed = fit_placements(reduced, noise);
-  refuse_nothing_that_fits(reduced);
+  const Placed placed = place(reduced, noise, progress);
   if (!reduced.has_intensity)
     out.notes.emplace_back(
         "No intensities were recorded. What follows the echo is compared with the one that reflectances, "

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "fit/explain/reduction/edge_shares.hpp"
@@ -23,7 +24,10 @@ double excess_of(const Reduced& reduced, const MeanNoise& noise, const explain::
 /// Mount and targets where the means have them.
 class Places {
  public:
-  Places(Reduced& reduced, const MeanNoise& noise) : reduced_(reduced), noise_(noise), at_(reduced.bench) {}
+  Places(Reduced& reduced, const MeanNoise& noise, std::vector<explain::Term> at_work = {})
+      : reduced_(reduced), noise_(noise), at_(reduced.bench) {
+    at_.terms = std::move(at_work);
+  }
 
   void fit() {
     constexpr int passes = 3;
@@ -34,7 +38,7 @@ class Places {
     constexpr std::size_t rows = 1500;
     constexpr double farthest_rad = 20 * rad_per_deg, step_rad = rad_per_deg;
     Reduced few = merged(reduced_, rows);
-    Places there(few, noise_);
+    Places there(few, noise_, at_.terms);
     const double stated = at_.nuisance.yaw_rad;
     double least = 1e300;
     for (double by = -farthest_rad; by <= farthest_rad; by += step_rad) {
@@ -71,9 +75,8 @@ class Places {
     return median_of(deviations()) < 1.4 * median_of_chance;
   }
   /// Returns how many cells changed.
-  int reassigned(bool may_leave_out) {
-    return reassign(reduced_, at_.nuisance, all_at_work(reduced_.bench, at_), noise_.footprint_rad,
-                    may_leave_out);
+  int reassigned() {
+    return reassign(reduced_, at_.nuisance, all_at_work(reduced_.bench, at_), noise_.footprint_rad, true);
   }
   /// Which surface samples beside edges met.
   void share_out_edges() {
@@ -100,18 +103,20 @@ class Places {
 
 }  // namespace
 
-Placed fit_placements(Reduced& reduced, const MeanNoise& noise) {
+Placed fit_placements(Reduced& reduced, const MeanNoise& noise, const std::vector<explain::Term>& at_work) {
   constexpr int most_passes = 4;
   pool_variances(reduced, noise);
-  predict_at(reduced, explain::Hypothesis(reduced.bench), true);
-  const double excess = excess_of(reduced, noise, explain::Hypothesis(reduced.bench));
+  explain::Hypothesis stated(reduced.bench);
+  stated.terms = at_work;
+  predict_at(reduced, stated, true);
+  const double excess = excess_of(reduced, noise, stated);
   MeanNoise wider = noise;
   wider.factor *= excess;
-  Places places(reduced, wider);
+  Places places(reduced, wider, at_work);
   places.fit();
   bool most = places.fits_most();
   if (!most) {
-    Places trimmed(reduced, wider);  // from where the bench file has them
+    Places trimmed(reduced, wider, at_work);  // from where the bench file has them
     trimmed.turn();
     trimmed.fit_trimmed();
     if (trimmed.fits_most()) {
@@ -119,14 +124,19 @@ Placed fit_placements(Reduced& reduced, const MeanNoise& noise) {
       most = true;
     }
   }
-  for (int pass = 0; pass < most_passes; ++pass) {
-    if (places.reassigned(most) == 0) break;
+  for (int pass = 0; most && pass < most_passes; ++pass) {
+    if (places.reassigned() == 0) break;
     pool_variances(reduced, wider);
     places.fit();
     most = places.fits_most();
   }
-  if (most) places.share_out_edges();
-  return {excess, most ? places.at().nuisance : Nuisance(reduced.bench)};
+  if (most) {
+    places.share_out_edges();
+    return {excess, true, places.at().nuisance};
+  }
+  // Nobody knows what beams meet but by the bench file.
+  predict_at(reduced, stated, true);
+  return {excess, false, stated.nuisance};
 }
 
 }  // namespace fit::explain::inference

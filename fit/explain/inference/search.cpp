@@ -62,6 +62,9 @@ class Climber {
       if (!add() && !drop() && !exchange()) return;
   }
 
+  /// One term is added, if any improves.
+  void step() { add(); }
+
   /// A form may stand where two mechanisms belong, of which neither shows by itself: from what is named, on
   /// with mechanisms alone.
   void climb_without_forms() {
@@ -243,6 +246,12 @@ class Climber {
 };
 
 }  // namespace
+
+Hypothesis best_of_one(Session& session, const Progress& progress) {
+  Climber climber(session, progress);
+  climber.step();
+  return std::move(climber).result().best.hypothesis;
+}
 
 Explored explore(Session& session, const Progress& progress) {
   constexpr int most_linearisations = 3;

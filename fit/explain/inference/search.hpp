@@ -14,6 +14,9 @@ struct Explored {
   Fitted best;
 };
 
+/// The best hypothesis of no more than one term.
+[[nodiscard]] Hypothesis best_of_one(Session& session, const Progress& progress);
+
 /// Adds, drops and exchanges terms until nothing improves. The session is left linearised at the best.
 [[nodiscard]] Explored explore(Session& session, const Progress& progress);
 
