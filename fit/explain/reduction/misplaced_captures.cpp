@@ -26,38 +26,53 @@ class Stop {
       if (reduced.cells[i].n > 0) cells_.push_back(&reduced.cells[i]);
   }
   [[nodiscard]] bool says_enough() const { return std::ssize(cells_) >= 20; }
-  /// The share of beams that meet something about as far away as they measure.
-  [[nodiscard]] double share_that_fits(double stage_rad, double target_shift_mm) const {
+  /// How its beams fit what they would meet from there.
+  struct Fit {
+    double share = 0;   ///< Of those that are about as far away as they measure.
+    double misfit = 0;  ///< On average, of what is allowed at most.
+  };
+  [[nodiscard]] Fit fit_at(double stage_rad, double target_shift_mm) const {
+    constexpr double usual_mm = 60, uncertainties = 3;
     CaptureInfo there = reduced_.capture_of(group_);
     there.target_shift_mm = target_shift_mm;
     const Scene scene(reduced_.bench, as_stated_, there,
                       reduced_.absent[static_cast<std::size_t>(group_.capture)]);
-    const auto fits = [&](const Cell* cell) {
-      constexpr double usual_mm = 60, uncertainties = 3;
+    Fit fit;
+    const double each = 1 / static_cast<double>(cells_.size());
+    for (const Cell* cell : cells_) {
       const Sight sight = scene.look(stage_rad, cell->beam_rad);
-      return sight.target >= 0 && std::abs(cell->mean_mm - sight.range_mm) <
-                                      usual_mm + uncertainties * misplaced_mm(reduced_.bench, sight);
-    };
-    return static_cast<double>(std::ranges::count_if(cells_, fits)) / static_cast<double>(cells_.size());
+      const double off = sight.target < 0
+                             ? 1
+                             : std::abs(cell->mean_mm - sight.range_mm) /
+                                   (usual_mm + uncertainties * misplaced_mm(reduced_.bench, sight));
+      fit.misfit += each * std::min(1.0, off);
+      if (off < 1) fit.share += each;
+    }
+    return fit;
   }
   [[nodiscard]] double share_that_fits() const {
-    return share_that_fits(group_.stage_rad, reduced_.capture_of(group_).target_shift_mm);
+    return fit_at(group_.stage_rad, reduced_.capture_of(group_).target_shift_mm).share;
   }
-  /// Where most beams fit, if there is such a place.
-  [[nodiscard]] std::optional<MisplacedCapture> elsewhere(const std::set<double>& shifts_mm) const {
+  /// Where it fits best, if most beams do: where other captures were taken, or anywhere on the stage.
+  [[nodiscard]] std::optional<MisplacedCapture> elsewhere(const std::set<double>& stages_rad,
+                                                          const std::set<double>& shifts_mm) const {
     const double shift_mm = reduced_.capture_of(group_).target_shift_mm;
     MisplacedCapture best{group_.capture, group_.stage_rad, shift_mm};
-    double share = 0;
+    Fit best_fit{0, 1};
     const auto look = [&](double stage_rad, double target_shift_mm) {
-      const double fits = share_that_fits(stage_rad, target_shift_mm);
-      if (fits <= share) return;
-      share = fits;
+      const Fit there = fit_at(stage_rad, target_shift_mm);
+      if (there.misfit >= best_fit.misfit) return;
+      best_fit = there;
       best = {group_.capture, stage_rad, target_shift_mm};
     };
     for (const double other_mm : shifts_mm) look(group_.stage_rad, other_mm);
     for (double by_rad = 0; by_rad < 2 * pi; by_rad += step_rad)
       look(wrap_angle(group_.stage_rad + by_rad), shift_mm);
-    if (share < most) return {};
+    // As near the angle of another capture as steps and mount leave open, it is that.
+    const double open_rad = 1.5 * step_rad + 3 * reduced_.bench.lidar.mount.yaw_rad.u;
+    for (const double other_rad : stages_rad)
+      if (std::abs(wrap_angle(other_rad - best.stage_rad)) < open_rad) best.stage_rad = other_rad;
+    if (best_fit.share < most) return {};
     return best;
   }
 
@@ -73,10 +88,11 @@ class Stop {
 std::vector<MisplacedCapture> misplaced_captures(const Reduced& reduced) {
   std::vector<double> shares;
   std::vector<Stop> do_not_fit;
-  std::set<double> shifts_mm;
+  std::set<double> stages_rad, shifts_mm;
   int before = -1;
   for (const Group& group : reduced.groups) {
     const CaptureInfo& capture = reduced.capture_of(group);
+    stages_rad.insert(group.stage_rad);
     shifts_mm.insert(capture.target_shift_mm);
     if (group.capture == before || is_turning(capture)) continue;
     before = group.capture;
@@ -88,7 +104,7 @@ std::vector<MisplacedCapture> misplaced_captures(const Reduced& reduced) {
   std::vector<MisplacedCapture> misplaced;
   if (shares.empty() || median_of(shares) < most) return misplaced;
   for (const Stop& stop : do_not_fit)
-    if (const auto found = stop.elsewhere(shifts_mm)) misplaced.push_back(*found);
+    if (const auto found = stop.elsewhere(stages_rad, shifts_mm)) misplaced.push_back(*found);
   return misplaced;
 }
 

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <array>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <functional>
+#include <optional>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "fit/explain/explanation.hpp"
+#include "fit/explain/inference/placement.hpp"
+#include "fit/explain/inference/session.hpp"
+#include "plain_room.hpp"
+#include "plain_scenes.hpp"
+
+/// Benches in which somebody walks about, mistypes, or knocks against something.
+namespace explain_careless_test {
+namespace {
+
+using fit::explain::Explanation;
+using plain_bench::degree;
+
+/// Stops of a stage; what a recording says of them, and where it really stood.
+struct Stop {
+  double stated_deg, true_deg;
+};
+
+/// Something that moves between lidar and walls: how far it is at that bearing (deg) in that scan, mm; or
+/// nothing.
+using Thing =
+    std::function<std::optional<double>(int stop, std::int64_t seq, double bearing_deg, double wall_mm)>;
+
+const char* const geometry =
+    R"("steps": 361, "front_step": 180, "step_deg": 0.75, "mount": {"x_mm": {"value": 0, "u": 3},
+    "y_mm": {"value": 0, "u": 3}, "yaw_deg": {"value": 10, "u": 0.3}})";
+
+std::vector<Stop> stops_all_round(int count) {
+  std::vector<Stop> stops;
+  for (int i = 0; i < count; ++i) {
+    const double deg = std::remainder(i * 360.0 / count, 360.0);
+    stops.push_back({deg, deg});
+  }
+  return stops;
+}
+
+SyntheticRecording recorded(const std::vector<Stop>& stops, int scans, const Thing& thing, unsigned seed) {
+  SyntheticRecording recording(
+      plain_bench::bench_of_room(geometry, R"({"value": 4, "u": 0.4})"),
+      [stops, thing, seed](const fit::CaptureInfo& capture, std::int64_t seq, auto& range, auto& counts) {
+        const auto stop = static_cast<std::size_t>(capture.id - 1);
+        std::mt19937 random(seed + 1000 * static_cast<unsigned>(100 * stop + static_cast<std::size_t>(seq)));
+        std::normal_distribution<double> normal;
+        for (std::size_t k = 0; k < range.size(); ++k) {
+          const double beam_deg = (static_cast<double>(k) - 180) * 0.75, stage_deg = stops[stop].true_deg;
+          const auto met =
+              plain_bench::look(plain_bench::room, {0, 0, 10}, stage_deg * degree, beam_deg * degree);
+          double mm = met->range_mm;
+          if (thing)
+            mm = thing(static_cast<int>(stop), seq, std::remainder(beam_deg + 10 + stage_deg, 360.0), mm)
+                     .value_or(mm);
+          range[k] = static_cast<std::uint16_t>(std::lround(mm + 4 * normal(random)));
+          counts[k] = static_cast<std::uint16_t>(3e6 * std::cos(met->incidence_rad) / met->range_mm);
+        }
+      });
+  for (std::size_t i = 0; i < stops.size(); ++i) {
+    fit::CaptureInfo capture;
+    capture.stage_rad = stops[i].stated_deg * degree;
+    capture.approach = 1;
+    capture.since_power_on_s = 1500 + 40.0 * static_cast<double>(i);
+    capture.last_step = 360;
+    recording.add(capture, scans);
+  }
+  return recording;
+}
+
+bool notes(const Explanation& e, const std::string& text) {
+  return std::ranges::any_of(e.notes,
+                             [&](const std::string& note) { return note.find(text) != std::string::npos; });
+}
+
+}  // namespace
+
+TEST_CASE("somebody who stands before a wall for a while is told, and is no physics of the lidar") {
+  const double before_mm = GENERATE(300.0, 1000.0);
+  // A body that steps aside in one stop, and stays all the time in the next.
+  const Thing body = [before_mm](int stop, std::int64_t seq, double bearing_deg,
+                                 double wall_mm) -> std::optional<double> {
+    if (stop != 4 && stop != 5) return {};
+    const double aside_deg = bearing_deg - 100 - (stop == 4 ? 1.5 * static_cast<double>(seq) : 0);
+    if (std::abs(aside_deg) > 6 || (stop == 4 && seq > 6)) return {};
+    return wall_mm - before_mm + 3 * aside_deg * aside_deg;
+  };
+  const SyntheticRecording recording = recorded(stops_all_round(12), 10, body, 1);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  CHECK(e.verdict == "nothing-missing");
+  CHECK(notes(e, "Something stood before the targets in 2 captures"));
+}
+
+TEST_CASE("a board before a room's corner, where one wall is darker than the next, is no wide beam") {
+  // Beams without any width: behind the board's edge lie 2 deg of a dark wall, then the corner.
+  plain_bench::PlainScene scene{.walls = plain_bench::room, .step_deg = 0.25};
+  scene.steps = 1081;
+  scene.front_step = 540;
+  scene.walls.push_back({{1321, 1148}, {1092, 1368}});
+  SyntheticRecording dark =
+      plain_bench::recorded(scene, 5, [](double, double, double) { return plain_bench::Deviation{}; });
+  SyntheticRecording recording(
+      dark.bench(), [&](const fit::CaptureInfo& capture, std::int64_t seq, auto& range, auto& counts) {
+        dark.maker()(capture, seq, range, counts);
+        for (std::size_t k = 0; k < range.size(); ++k) {
+          const auto met =
+              plain_bench::look(scene, {}, capture.stage_rad, (static_cast<double>(k) - 540) * 0.25 * degree);
+          constexpr std::array reflectance{0.25, 0.9, 0.5, 0.5, 0.6};
+          if (met) counts[k] = static_cast<std::uint16_t>(counts[k] * reflectance.at(met->wall));
+        }
+      });
+  plain_bench::turn_round(recording, scene);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  CHECK(e.verdict == "nothing-missing");
+}
+
+TEST_CASE("two captures that were exchanged are told and left out") {
+  std::vector<Stop> stops = stops_all_round(12);
+  std::swap(stops[3].stated_deg, stops[5].stated_deg);
+  const SyntheticRecording recording = recorded(stops, 10, {}, 2);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  CHECK(e.verdict == "nothing-missing");
+  CHECK(notes(e, "capture 4 fits with the stage at 90 deg, not at 150"));
+  CHECK(notes(e, "capture 6 fits with the stage at 150 deg, not at 90"));
+}
+
+TEST_CASE("a stage that slips by a degree half way moves nothing else") {
+  std::vector<Stop> stops = stops_all_round(16);
+  for (std::size_t i = 8; i < stops.size(); ++i) stops[i].true_deg += 1;
+  const SyntheticRecording recording = recorded(stops, 10, {}, 3);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  // By a lidar that turned on the stage, or the stage itself.
+  const bool by_mount = e.mechanisms.size() == 1 && e.mechanisms.front().mechanism->id == "mount-moved" &&
+                        !e.unknown,
+             by_stage = e.mechanisms.empty() && e.unknown &&
+                        e.unknown->describes.starts_with("the stage angle steps by 1 deg at time_s = 18");
+  CHECK((by_mount || by_stage));
+}
+
+TEST_CASE("a knock is looked for while the session was recorded") {
+  const SyntheticRecording recording = recorded(stops_all_round(8), 10, {}, 4);
+  fit::explain::Reduced reduced = fit::explain::reduce(recording, {});
+  const auto placed = fit::explain::inference::fit_placements(reduced, {});
+  const fit::explain::inference::Session session(reduced, {}, placed.there);
+  const auto kind = std::ranges::find_if(session.kinds(),
+                                         [](const auto& one) { return one.mechanism->id == "mount-moved"; });
+  REQUIRE(kind != session.kinds().end());
+  for (const auto& values : kind->starts) {
+    CHECK(values.back() > 1500);
+    CHECK(values.back() < 1500 + 40.0 * 7 + 1);
+  }
+}
+
+}  // namespace explain_careless_test
