@@ -164,6 +164,7 @@ void Session::linearise(const Hypothesis& at) {
   const Nuisance there = nuisance(at);
   model::expect_from_scan_to_scan(reduced_, from_scan_to_scan);
   predict(reduced_, there, at_work, false);
+  if (!at.terms.empty()) reassign(reduced_, there, at_work, noise_.footprint_rad, true);
   reduction::share_out_again(reduced_, there, at_work);
   MeanNoise noise = noise_by(reduced_, noise_, known_, at.terms);
   noise.stop_rad2 = variance_of_stops(reduced_, noise);

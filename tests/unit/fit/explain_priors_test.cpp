@@ -71,7 +71,8 @@ TEST_CASE("a scale of the range is not taken for a mount and a board far from wh
     CHECK(e.mechanisms.front().mechanism->id == "range-scale");
   }
   CHECK(e.before.rms_mm > 3 * e.after.rms_mm);  // nothing was bent to take its place
-  if (per_m > 0) CHECK(e.left_out < static_cast<int>(e.cells) / 10);
+  // A board that is merely far has no more beams beside its ends than one that stands as it should.
+  if (per_m > 0) CHECK(e.left_out <= explained_ladder(400, 19, 480, 7, [](double) { return 0.0; }).left_out);
 }
 
 TEST_CASE("a ladder of which nothing is missing") {
