@@ -185,7 +185,7 @@ TEST_CASE("a lamp's flicker is unknown physics with its frequency, and nothing e
 }
 
 /// What is named, or the only set.
-std::vector<std::string> told(const Explanation& e) {
+std::vector<std::string> reported(const Explanation& e) {
   std::vector<std::string> names;
   for (const auto& found : e.mechanisms) names.push_back(found.mechanism->id);
   if (names.empty() && e.undecided_between.size() == 1) names = e.undecided_between.front();
@@ -197,7 +197,7 @@ TEST_CASE("beams that lose echoes, and scatter as all others do, are not called 
     return Light{.lost = 0.04 * std::exp(-std::pow((beam_deg + 40) / 12, 2) / 2)};
   });
   INFO(to_text(e));
-  const std::vector<std::string> names = told(e);
+  const std::vector<std::string> names = reported(e);
   REQUIRE(std::ranges::count(names, "local-loss") == 1);
   CHECK((names.size() == 1 || names.front() == "local-loss"));
   CHECK_FALSE(e.unknown);
@@ -206,7 +206,7 @@ TEST_CASE("beams that lose echoes, and scatter as all others do, are not called 
 TEST_CASE("slanted surfaces that scatter more without an edge in sight: echo and angle are not told apart") {
   const Explanation e = explained([](double, double, double) { return Light{.slant_mm = 2}; });
   INFO(to_text(e));
-  const std::vector<std::string> names = told(e);
+  const std::vector<std::string> names = reported(e);
   CHECK(std::ranges::count(names, "incidence-noise") == 1);
   CHECK((names.size() == 1 || std::ranges::count(names, "angle-jitter") == 1));
   CHECK(std::ranges::count(names, "nothing-missing") == 0);

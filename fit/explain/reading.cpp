@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/reading.hpp"
+
+#include <algorithm>
+#include <iterator>
+#include <set>
+#include <stdexcept>
+#include <utility>
+
+#include "fit/explain/reduction/dead_beams.hpp"
+#include "fit/explain/reduction/misplaced_captures.hpp"
+#include "fit/explain/reduction/passers.hpp"
+#include "fit/explain/reduction/steady_echoes.hpp"
+#include "fit/explain/single_beams.hpp"
+
+namespace fit::explain {
+namespace {
+
+/// `passers`: what stood before the targets, in all recordings.
+Reduced reduce_all(const Together& together, const std::vector<Passer>& passers, const Progress& progress) {
+  const auto& recordings = together.recordings();
+  Reduced all;
+  for (std::size_t i = 0; i < recordings.size(); ++i) {
+    Standing standing = together.standing(i);
+    const auto before = static_cast<int>(all.captures.size()),
+               here = static_cast<int>(recordings[i]->captures().size());
+    for (const Passer& one : passers)
+      if (const int capture = one.capture - before; capture >= 0 && capture < here)
+        standing.hidden[capture].emplace_back(one.from_rad, one.to_rad);
+    const auto report = [&](double share, const std::string& what) {
+      if (progress) progress((static_cast<double>(i) + share) / static_cast<double>(recordings.size()), what);
+    };
+    Reduced one = reduce(*recordings[i], report, standing);
+    if (i == 0)
+      all = std::move(one);
+    else
+      append(all, one);
+  }
+  return all;
+}
+
+void refuse_nothing_to_compare(const Reduced& reduced) {
+  if (reduced.bench.targets.empty())
+    throw std::invalid_argument(
+        "the bench has no targets, so there is nothing to compare the recording with. Describe the walls or "
+        "boards "
+        "under 'targets' and give the bench with --bench");
+  if (reduced.cells.empty())
+    throw std::invalid_argument(
+        "no beam of the recording meets a target of the bench. Check the targets' places and the frames of "
+        "the scans");
+}
+
+std::vector<const Recording*> pointers_to(const std::vector<SelectedCaptures>& recordings) {
+  std::vector<const Recording*> list;
+  for (const SelectedCaptures& one : recordings) list.push_back(&one);
+  return list;
+}
+
+using Misplaced = std::vector<reduction::MisplacedCapture>;
+
+/// The recordings without captures that were not taken from where they say; indices count through all.
+std::vector<SelectedCaptures> without(const Misplaced& misplaced,
+                                      const std::vector<SelectedCaptures>& recordings) {
+  std::set<std::size_t> indices;
+  for (const auto& one : misplaced) indices.insert(static_cast<std::size_t>(one.capture));
+  std::vector<SelectedCaptures> list;
+  std::size_t before = 0;
+  for (const SelectedCaptures& recording : recordings) {
+    list.emplace_back(recording, [&](std::size_t i) { return !indices.contains(before + i); });
+    before += recording.captures().size();
+  }
+  return list;
+}
+
+std::string note_on(const Misplaced& misplaced, const Reduced& reduced) {
+  std::vector<std::string> list;
+  for (const auto& [capture, stage_rad, shift_mm] : misplaced) {
+    const CaptureInfo& stated = reduced.captures[static_cast<std::size_t>(capture)];
+    const std::string which = "capture " + std::to_string(stated.id) + " fits with ";
+    list.push_back(stage_rad != stated.stage_rad
+                       ? which + "the stage at " + rounded(stage_rad * deg_per_rad, 3) + " deg, not at " +
+                             rounded(stated.stage_rad * deg_per_rad, 4)
+                       : which + "the target moved by " + rounded(shift_mm, 4) + " mm, not by " +
+                             rounded(stated.target_shift_mm, 4));
+  }
+  if (list.empty()) return {};
+  return "What is recorded of where things stood is wrong: " + listed(list) +
+         (list.size() == 1 ? ". It was left out; correct it, or record it again."
+                           : ". They were left out; correct them, or record them again.");
+}
+
+std::string note_on_dead_beams(const reduction::Sectors& dead) {
+  if (dead.empty()) return {};
+  std::vector<std::string> sectors;
+  for (const auto& [from, to] : dead)
+    sectors.push_back(from == to ? rounded(from * deg_per_rad, 5) + " deg"
+                                 : "from " + rounded(from * deg_per_rad, 5) + " to " +
+                                       rounded(to * deg_per_rad, 5) + " deg");
+  return "Beams at " + listed(sectors) +
+         " return nothing in any capture, while those beside them see the same surface. They were left out: "
+         "they are dead, or something stands before the window.";
+}
+
+std::string note_on(const std::vector<Passer>& passers, const std::vector<CaptureInfo>& captures) {
+  if (passers.empty()) return {};
+  std::set<int> in;
+  for (const Passer& one : passers) in.insert(one.capture);
+  const auto widest =
+      std::ranges::max_element(passers, {}, [](const Passer& one) { return one.to_rad - one.from_rad; });
+  return "Something stood before the targets in " + std::to_string(in.size()) +
+         (in.size() == 1 ? " capture" : " captures") + ": a person, a door. In capture " +
+         std::to_string(captures[static_cast<std::size_t>(widest->capture)].id) + " it hid beams between " +
+         rounded(widest->from_rad * deg_per_rad, 4) + " and " + rounded(widest->to_rad * deg_per_rad, 4) +
+         " deg. What it hid was left out.";
+}
+
+}  // namespace
+
+std::vector<Passer> Reading::read(const Progress& progress) {
+  together_ = std::make_unique<Together>(pointers_to(kept_));
+  reduced_ = reduce_all(*together_, {}, progress);
+  refuse_nothing_to_compare(reduced_);
+  std::vector<Passer> passers = reduced_.passers;
+  std::ranges::copy(reduction::standing_things(reduced_), std::back_inserter(passers));
+  if (passers.empty()) return passers;
+  reduced_ = {};  // both would be too much memory
+  reduced_ = reduce_all(*together_, passers, progress);
+  return passers;
+}
+
+Reading::Reading(const std::vector<const Recording*>& recordings, const Progress& progress)
+    : single_(single_beams(recordings)), kept_(without({}, single_)) {
+  std::vector<Passer> passers = read(progress);
+  const Misplaced misplaced = reduction::misplaced_captures(reduced_);
+  const std::string note_on_places = note_on(misplaced, reduced_);
+  if (!misplaced.empty()) {
+    kept_ = without(misplaced, single_);
+    passers = read(progress);
+  }
+  const std::string note_on_things = note_on(passers, reduced_.captures);
+  const reduction::Sectors dead = reduction::leave_out_dead_beams(reduced_);
+  reduction::steady_echoes(reduced_);
+  for (const std::string& note :
+       {note_on_places, note_on_things, note_on_dead_beams(dead), note_on_clusters(single_)})
+    if (!note.empty()) notes_.push_back(note);
+  notes_.insert(notes_.end(), together_->notes().begin(), together_->notes().end());
+}
+
+}  // namespace fit::explain
