@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "fit/explain/explanation.hpp"
 #include "fit/explain/reduction/dead_beams.hpp"
 #include "fit/explain/reduction/misplaced_captures.hpp"
 #include "fit/explain/reduction/passers.hpp"
