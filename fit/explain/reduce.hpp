@@ -212,6 +212,10 @@ void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
 int reassign(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
              double footprint_rad, bool may_leave_out);
 
+/// States of cells that count and meet another target there than their own by how much both are apart. They
+/// are seen on their own target's plane, and stay rows of it.
+void doubt_other_targets(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work);
+
 /// How a search takes a large session, so that about so many rows remain: as many of every
 /// group, or all that it has. So many neighbouring cells come together; where that would be too wide for the
 /// middle one to stand for them all, an even choice of the groups with as many cells counts.

@@ -164,7 +164,6 @@ void Session::linearise(const Hypothesis& at) {
   const Nuisance there = nuisance(at);
   model::expect_from_scan_to_scan(reduced_, from_scan_to_scan);
   predict(reduced_, there, at_work, false);
-  if (!at.terms.empty()) reassign(reduced_, there, at_work, noise_.footprint_rad, true);
   reduction::share_out_again(reduced_, there, at_work);
   MeanNoise noise = noise_by(reduced_, noise_, known_, at.terms);
   noise.stop_rad2 = variance_of_stops(reduced_, noise);
@@ -173,6 +172,7 @@ void Session::linearise(const Hypothesis& at) {
   present_noise_ = std::move(noise);
   pool_variances(reduced_, present_noise_);
   reduction::doubt_wide_beams(reduced_, present_noise_.spread_rad);
+  doubt_other_targets(reduced_, there, at_work);
   make_channels(present_noise_);
   // Otherwise columns change by less than a screen asks for.
   if (!is_as_noisy || row_counts() != before)

@@ -142,4 +142,19 @@ int reassign(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>
   return Reassignment(reduced, fitted, at_work, footprint_rad, may_leave_out).run();
 }
 
+void doubt_other_targets(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work) {
+  const Nuisance there = displaced(reduced, nuisance, at_work);
+  for (const Group& group : reduced.groups) {
+    const Scene scene = reduced.scene_of(group, there);
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+      Cell& cell = reduced.cells[i];
+      if (!cell.smooth) continue;
+      const Sight met =
+          scene.look(group.stage_rad, cell.beam_rad, reduction::effect_there(reduced, at_work, cell.at));
+      if (met.target < 0 || met.target == cell.sight.target) continue;
+      cell.mixed_mm = std::max(cell.mixed_mm, std::abs(met.range_mm - cell.sight.range_mm));
+    }
+  }
+}
+
 }  // namespace fit::explain
