@@ -426,6 +426,7 @@ std::optional<double> flicker(const Reduced& reduced, const MeanNoise& noise,
   if (lines.empty() || lines.front().evidence <= improbable_by_chance) return {};
   const Ranges ranges(reduced.groups, reduced.sectors);
   const double amplitude_mm = std::sqrt(square_amplitude(ranges.segments, lines.front(), period_s));
+  if (!(amplitude_mm > 0)) return {};  // no more than noise makes
   result.unknown.push_back(
       in_words(lines, amplitude_mm, reduced.groups, spectrum.uncertainty_hz(lines.front()), period_s));
   return lines.front().hz;
